@@ -1,0 +1,47 @@
+# The two commands of the README, and the chores. Everything runs in .venv, which each target makes.
+PYTHON ?= python3
+VENV   ?= .venv
+BIN    := $(VENV)/bin
+INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint requirements.lock
+# Machine code is made once here (about ten seconds), not in the first campaign.
+WARM := $(BIN)/python -c 'from daemon.run import warm_up; warm_up()'
+
+.PHONY: demo test bench lint format lock clean
+
+demo: $(VENV)/.installed          ## run the main job: a campaign with moving doors, judged
+	@$(BIN)/scenario demo
+
+test: $(VENV)/.installed-test     ## lint, types, import contracts and every test
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+	$(BIN)/lint-imports --no-cache
+	$(BIN)/pytest
+
+bench: $(VENV)/.installed-test    ## measure, side by side in one process
+	$(BIN)/python -m tests.benchmarks
+
+format: $(VENV)/.installed-test   ## rewrite sources the way lint wants them
+	$(BIN)/ruff check --fix .
+	$(BIN)/ruff format .
+
+lock:                             ## renew requirements.lock from pyproject.toml
+	$(PYTHON) -m venv --clear $(VENV)-lock
+	$(VENV)-lock/bin/python -m pip install --quiet --editable '.[test]'
+	$(VENV)-lock/bin/python -m pip freeze --exclude-editable > requirements.lock
+	rm -rf $(VENV)-lock
+
+clean:                            ## forget the virtual environment
+	rm -rf $(VENV)
+
+$(VENV)/.installed: pyproject.toml requirements.lock
+	$(PYTHON) -m venv $(VENV)
+	$(INSTALL) --editable .
+	@$(WARM)
+	@touch $@
+
+$(VENV)/.installed-test: pyproject.toml requirements.lock
+	$(PYTHON) -m venv $(VENV)
+	$(INSTALL) --editable '.[test]'
+	@$(WARM)
+	@touch $@
