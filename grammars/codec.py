@@ -1,0 +1,64 @@
+"""One way between value types and JSON: canonical bytes, validated reading, digests.
+
+Reading validates (missing fields and wrong types are refused) because JSON arrives from files
+and from the network; nothing is ever evaluated or unpickled.
+"""
+
+from __future__ import annotations
+
+import functools
+import hashlib
+from collections.abc import Hashable
+from typing import Any, TypeVar, cast
+
+from pydantic import TypeAdapter
+
+T = TypeVar("T")
+
+
+@functools.cache
+def _cached_adapter(kind: Hashable) -> TypeAdapter[Any]:
+    return TypeAdapter(cast(Any, kind))
+
+
+def _adapter(kind: Any) -> TypeAdapter[Any]:
+    return _cached_adapter(kind)
+
+
+def to_json(value: Any, kind: Any = None) -> bytes:
+    """Serialise a value type; equal values give equal bytes (fields in declaration order).
+
+    ``kind`` names the type when it is not the class of ``value`` (``tuple[Waypoint, ...]``).
+    """
+    return _adapter(kind or type(value)).dump_json(value)
+
+
+def to_plain(value: Any, kind: Any = None) -> Any:
+    """Return ``value`` as dicts, lists, strings and numbers, ready for any JSON writer."""
+    return _adapter(kind or type(value)).dump_python(value, mode="json")
+
+
+def from_json(kind: type[T], data: bytes | str) -> T:
+    """Read a value type back from JSON.
+
+    Raises :class:`pydantic.ValidationError` (a ``ValueError``) when the text is not such a value.
+    """
+    value: T = _adapter(kind).validate_json(data)
+    return value
+
+
+def from_plain(kind: type[T], data: Any) -> T:
+    """Build a value type from dicts, lists, strings and numbers; raises ``ValidationError``."""
+    value: T = _adapter(kind).validate_python(data)
+    return value
+
+
+def digest(value: Any) -> str:
+    """Return the SHA-256 of the canonical JSON of ``value`` as 64 hexadecimal digits."""
+    return hashlib.sha256(to_json(value)).hexdigest()
+
+
+def warm_up(*kinds: Any) -> None:
+    """Build the validators of ``kinds`` now, for processes that fork before they use them."""
+    for kind in kinds:
+        _adapter(kind)

@@ -1,0 +1,83 @@
+"""The extension for VS Code as one file: a .vsix is a zip archive with a manifest."""
+
+from __future__ import annotations
+
+import io
+import json
+import zipfile
+from importlib.resources import files
+from importlib.resources.abc import Traversable
+from typing import Final
+from xml.sax.saxutils import escape, quoteattr
+
+_CONTENT_TYPES: Final = """\
+<?xml version="1.0" encoding="utf-8"?>
+<Types xmlns="http://schemas.openxmlformats.org/package/2006/content-types">
+  <Default Extension=".json" ContentType="application/json"/>
+  <Default Extension=".js" ContentType="application/javascript"/>
+  <Default Extension=".md" ContentType="text/markdown"/>
+  <Default Extension=".vsixmanifest" ContentType="text/xml"/>
+</Types>
+"""
+
+_MANIFEST: Final = """\
+<?xml version="1.0" encoding="utf-8"?>
+<PackageManifest Version="2.0.0" xmlns="http://schemas.microsoft.com/developer/vsx-schema/2011">
+  <Metadata>
+    <Identity Language="en-US" Id={name} Version={version} Publisher={publisher}/>
+    <DisplayName>{title}</DisplayName>
+    <Description xml:space="preserve">{about}</Description>
+    <Categories>{categories}</Categories>
+    <Properties>
+      <Property Id="Microsoft.VisualStudio.Code.Engine" Value={engine}/>
+    </Properties>
+  </Metadata>
+  <Installation>
+    <InstallationTarget Id="Microsoft.VisualStudio.Code"/>
+  </Installation>
+  <Dependencies/>
+  <Assets>
+    <Asset Type="Microsoft.VisualStudio.Code.Manifest"
+           Path="extension/package.json" Addressable="true"/>
+    <Asset Type="Microsoft.VisualStudio.Services.Content.Details"
+           Path="extension/README.md" Addressable="true"/>
+  </Assets>
+</PackageManifest>
+"""
+
+_LONG_AGO: Final = (1980, 1, 1, 0, 0, 0)
+"""The earliest time a zip archive can hold: the same files give the same bytes."""
+
+
+def pack_extension() -> bytes:
+    """Return the extension as the bytes of a .vsix file, schemas included."""
+    here = files("grammars.editor")
+    contents = _tree(here / "vscode", "extension") | _tree(here / "schemas", "extension/schemas")
+    contents["extension.vsixmanifest"] = _manifest((here / "vscode" / "package.json").read_text())
+    contents["[Content_Types].xml"] = _CONTENT_TYPES.encode()
+    buffer = io.BytesIO()
+    with zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED) as archive:
+        for name, data in sorted(contents.items()):
+            archive.writestr(zipfile.ZipInfo(name, _LONG_AGO), data, zipfile.ZIP_DEFLATED)
+    return buffer.getvalue()
+
+
+def _tree(folder: Traversable, name: str) -> dict[str, bytes]:
+    found: dict[str, bytes] = {}
+    for item in folder.iterdir():
+        inside = f"{name}/{item.name}"
+        found |= _tree(item, inside) if item.is_dir() else {inside: item.read_bytes()}
+    return found
+
+
+def _manifest(package: str) -> bytes:
+    about = json.loads(package)
+    return _MANIFEST.format(
+        name=quoteattr(about["name"]),
+        version=quoteattr(about["version"]),
+        publisher=quoteattr(about["publisher"]),
+        engine=quoteattr(about["engines"]["vscode"]),
+        title=escape(about["displayName"]),
+        about=escape(about["description"]),
+        categories=escape(",".join(about["categories"])),
+    ).encode()

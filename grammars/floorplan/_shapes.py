@@ -1,0 +1,200 @@
+"""Local outlines of spaces, features and openings.
+
+Rings are those of the FloorPlan language: rectangles clockwise from the left-top corner, centred
+on their frame; circles as 40-gons, clockwise from the top, so that walls grow outwards.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Final
+
+import numpy as np
+
+from grammars.floorplan._source import Findings, Node, with_article
+from grammars.floorplan._values import Quantities
+from grammars.floorplan.model import Point3
+from grammars.values import Floats, Point2, Ring
+
+CIRCLE_CORNERS: Final = 40
+SAME_POINT: Final = 1e-9
+"""Corners closer than this [m] are one corner."""
+_SPIKE: Final = 1e-9
+
+
+def rectangle(width: float, length: float) -> Ring:
+    """Return the ring of a rectangle, clockwise from its left-top corner [m]."""
+    x, y = width / 2, length / 2
+    return ((-x, y), (x, y), (x, -y), (-x, -y))
+
+
+def circle(radius: float) -> Ring:
+    """Return the regular 40-gon of a circle, clockwise from its top [m]."""
+    angles = [math.tau * k / CIRCLE_CORNERS for k in range(CIRCLE_CORNERS)]
+    return tuple((radius * math.sin(a), radius * math.cos(a)) for a in angles)
+
+
+def signed_area(ring: Ring) -> float:
+    """Return the area inside a ring [m²], negative when it runs clockwise (shoelace formula)."""
+    pairs = zip(ring, ring[1:] + ring[:1], strict=True)
+    return sum(p[0] * q[1] - q[0] * p[1] for p, q in pairs) / 2
+
+
+def floor_outline(shape: Node, quantities: Quantities, findings: Findings) -> Ring | None:
+    """Return the ring of a space or feature, or ``None`` when it was refused."""
+    if type(shape).__name__ != "Polygon":
+        return _regular(shape, "length", quantities, findings)
+    points = _points(shape, quantities, findings)
+    if points is None:
+        return None
+    for point, node in zip(points, shape.points, strict=True):
+        if len(point) == 3 and point[2] != 0.0:
+            findings.error(node.coordinates[2], "the outline lies on the floor: z must be 0")
+            return None
+    ring: Ring = tuple((p[0], p[1]) for p in points)
+    kept = _corners(ring, shape, findings)
+    return None if kept is None else tuple(ring[k] for k in kept)
+
+
+def wall_outline(
+    shape: Node, quantities: Quantities, findings: Findings
+) -> tuple[Point3, ...] | None:
+    """Return the ring of an opening in its frame (x along the wall, z up), or ``None``."""
+    if type(shape).__name__ != "Polygon":
+        ring = _regular(shape, "height", quantities, findings)
+        return None if ring is None else tuple((x, 0.0, z) for x, z in ring)
+    points = _points(shape, quantities, findings)
+    if points is None:
+        return None
+    if points and all(len(point) == 2 for point in points):
+        findings.warn(
+            shape,
+            "points of an opening are (x, y, z); the second number is taken as z",
+            "write (x, 0 m, z)",
+        )
+        solid: list[Point3] = [(p[0], 0.0, p[1]) for p in points]
+    else:
+        solid = [(p[0], p[1], p[2] if len(p) == 3 else 0.0) for p in points]
+    kept = _corners([(p[0], p[2]) for p in solid], shape, findings)
+    return None if kept is None else tuple(solid[k] for k in kept)
+
+
+def _regular(shape: Node, second: str, quantities: Quantities, findings: Findings) -> Ring | None:
+    if type(shape).__name__ == "Circle":
+        radius = _positive(shape.radius, "the radius of a circle", quantities, findings)
+        return None if radius is None else circle(radius)
+    other = "height" if second == "length" else "length"
+    width = _positive(shape.width, "the width of a rectangle", quantities, findings)
+    node = getattr(shape, second)
+    if node is None:
+        what = "opening" if second == "height" else "space or feature"
+        findings.error(
+            shape,
+            f"the rectangle of {with_article(what)} has a {second}, not a {other}",
+            f"write Rectangle width=…, {second}=…",
+        )
+        return None
+    size = _positive(node, f"the {second} of a rectangle", quantities, findings)
+    return None if width is None or size is None else rectangle(width, size)
+
+
+def _positive(node: Node, what: str, quantities: Quantities, findings: Findings) -> float | None:
+    value = quantities.length(node)
+    if value is not None and value <= 0.0:
+        findings.error(node, f"{what} must be positive, not {value:g} m")
+        return None
+    return value
+
+
+def _points(
+    shape: Node, quantities: Quantities, findings: Findings
+) -> list[tuple[float, ...]] | None:
+    points: list[tuple[float, ...]] = []
+    broken = False
+    for node in shape.points:
+        values = [quantities.length(c) for c in node.coordinates]
+        if not 2 <= len(values) <= 3:
+            findings.error(node, f"a point has 2 or 3 coordinates, not {len(values)}")
+            broken = True
+        known = tuple(v for v in values if v is not None)
+        broken = broken or len(known) < len(values)
+        points.append(known)
+    return None if broken else points
+
+
+def _corners(points: Sequence[Point2], shape: Node, findings: Findings) -> tuple[int, ...] | None:
+    """Return which points are corners of a simple polygon, or ``None`` if it is none."""
+    kept = _without_repeats(points)
+    ring = tuple(points[k] for k in kept)
+    if len(set(ring)) < 3:
+        findings.error(shape, f"a polygon needs 3 different points, not {len(set(ring))}")
+        return None
+    if len(ring) < len(points):
+        findings.warn(
+            shape,
+            "repeated points of the polygon are left out",
+            "walls are counted without them; do not repeat the first point at the end",
+        )
+    problem = _spike(ring) or _crossing(np.array(ring))
+    if problem:
+        findings.error(shape, problem)
+        return None
+    return kept
+
+
+def _without_repeats(points: Sequence[Point2]) -> tuple[int, ...]:
+    kept: list[int] = []
+    for k, point in enumerate(points):
+        if not kept or math.dist(point, points[kept[-1]]) > SAME_POINT:
+            kept.append(k)
+    while len(kept) > 1 and math.dist(points[kept[0]], points[kept[-1]]) <= SAME_POINT:
+        kept.pop()
+    return tuple(kept)
+
+
+def _spike(ring: Ring) -> str:
+    """Say where the outline turns back on itself, if it does: no mitre exists there."""
+    corners = np.array(ring)
+    edges = np.roll(corners, -1, axis=0) - corners
+    edges /= np.hypot(edges[:, 0], edges[:, 1])[:, None]
+    turn = (edges * np.roll(edges, 1, axis=0)).sum(axis=1)
+    worst = int(turn.argmin())
+    if 1.0 + turn[worst] > _SPIKE:
+        return ""
+    x, y = ring[worst]
+    return f"the outline turns back on itself at point {worst} ({x:g}, {y:g})"
+
+
+def _crossing(corners: Floats) -> str:
+    """Say which two edges cross or touch, if any (all pairs that are not neighbours)."""
+    ends = np.roll(corners, -1, axis=0)
+    count = len(corners)
+    for i in range(count - 2):
+        last = count - 1 if i == 0 else count
+        touching = _edges_meet(corners[i], ends[i], corners[i + 2 : last], ends[i + 2 : last])
+        if touching.size:
+            return f"the outline crosses or touches itself: edges {i} and {i + 2 + touching[0]}"
+    return ""
+
+
+def _edges_meet(
+    a: Floats, b: Floats, c: Floats, d: Floats
+) -> np.ndarray[tuple[int], np.dtype[np.intp]]:
+    """Return the indices of the segments c-d that come within SAME_POINT of segment a-b."""
+
+    def side(p: Floats, q: Floats, r: Floats) -> Floats:
+        along = q - p
+        offset = r - p
+        distance: Floats = along[..., 0] * offset[..., 1] - along[..., 1] * offset[..., 0]
+        return distance / np.hypot(along[..., 0], along[..., 1])
+
+    def apart(first: Floats, second: Floats) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
+        return (np.minimum(first, second) > SAME_POINT) | (np.maximum(first, second) < -SAME_POINT)
+
+    boxes = (
+        (np.minimum(c, d) > np.maximum(a, b) + SAME_POINT)
+        | (np.maximum(c, d) < np.minimum(a, b) - SAME_POINT)
+    ).any(axis=1)
+    separated = boxes | apart(side(a, b, c), side(a, b, d)) | apart(side(c, d, a), side(c, d, b))
+    return np.flatnonzero(~separated)

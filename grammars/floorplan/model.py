@@ -1,0 +1,145 @@
+"""What a ``.fpm`` file means: world-frame geometry of spaces, walls, features and openings.
+
+Frames follow the FloorPlan language: a wall's frame sits on the middle of its inner edge, x along
+the edge, y through the thickness (outwards for clockwise rooms), z up. Metres and radians.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Literal, TypeAlias
+
+from grammars.diagnostics import Diagnostic, Where
+from grammars.values import Point2, Pose2, Ring
+
+Point3: TypeAlias = tuple[float, float, float]
+NOWHERE = Where("<unknown>")
+
+
+@dataclass(frozen=True, slots=True)
+class Placement:
+    """How an element was placed: its outline in its own frame, and that frame against another.
+
+    ``of`` and ``wrt`` are published frame identifiers; ``of`` is a frame of the element itself (a
+    space may be placed by one of its walls). ``offset`` is the transform ``of`` -> ``wrt``, its yaw
+    not wrapped. ``outline`` lies at z = 0 for what stands on the floor; that of an opening is its
+    near ring before it is lifted and tilted.
+    """
+
+    of: str
+    wrt: str
+    offset: Pose2
+    outline: tuple[Point3, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Wall:
+    """One edge of a space's outline, thickened; ``footprint`` is uncut, as the language defines.
+
+    ``footprint`` corners: outer start, outer end, inner end, inner start.
+    """
+
+    space: str
+    index: int
+    frame: Pose2
+    length: float
+    thickness: float
+    height: float
+    footprint: Ring
+
+    @property
+    def id(self) -> str:
+        """The published identifier, ``<space>-wall-<index>``."""
+        return f"{self.space}-wall-{self.index}"
+
+
+@dataclass(frozen=True, slots=True)
+class Space:
+    """A room, corridor or hall with its walls; ``outline`` is the clear floor area."""
+
+    name: str
+    frame: Pose2
+    outline: Ring
+    walls: tuple[Wall, ...]
+    where: Where = field(default=NOWHERE, compare=False)
+    placement: Placement | None = field(default=None, compare=False)
+
+
+@dataclass(frozen=True, slots=True)
+class Feature:
+    """A column or divider standing on the floor; ``space`` is empty for a top-level feature.
+
+    ``id`` is unique in the plan: the plain name where that is unique, else ``<space>-<name>``.
+    """
+
+    kind: Literal["column", "divider"]
+    id: str
+    name: str
+    space: str
+    frame: Pose2
+    footprint: Ring
+    height: float
+    where: Where = field(default=NOWHERE, compare=False)
+    placement: Placement | None = field(default=None, compare=False)
+
+
+@dataclass(frozen=True, slots=True)
+class Opening:
+    """An entryway or window: a prism cut through one or two walls.
+
+    ``frame`` is the opening's frame projected on the floor (x along the first wall, y through
+    it); ``z`` its height above the floor and ``tilt`` its rotation about y. ``near`` and ``far``
+    are the world-frame rings of the prism, ``footprint`` its outline seen from above.
+    """
+
+    kind: Literal["entryway", "window"]
+    id: str
+    name: str
+    walls: tuple[str, ...]
+    frame: Pose2
+    z: float
+    tilt: float
+    depth: float
+    near: tuple[Point3, ...]
+    far: tuple[Point3, ...]
+    footprint: Ring
+    where: Where = field(default=NOWHERE, compare=False)
+    placement: Placement | None = field(default=None, compare=False)
+
+    @property
+    def z_min(self) -> float:
+        """Lowest point of the opening above the floor [m]."""
+        return min(p[2] for p in self.near)
+
+    @property
+    def z_max(self) -> float:
+        """Highest point of the opening above the floor [m]."""
+        return max(p[2] for p in self.near)
+
+    @property
+    def width(self) -> float:
+        """Extent along the wall [m]."""
+        local = [self.frame.inverse().apply((p[0], p[1]))[0] for p in self.near]
+        return max(local) - min(local)
+
+    @property
+    def centre(self) -> Point2:
+        """Centre of the footprint in the world frame."""
+        n = len(self.footprint)
+        return (sum(p[0] for p in self.footprint) / n, sum(p[1] for p in self.footprint) / n)
+
+
+@dataclass(frozen=True, slots=True)
+class FloorPlan:
+    """A whole plan in one world frame, elements in source order."""
+
+    name: str
+    spaces: tuple[Space, ...]
+    features: tuple[Feature, ...]
+    openings: tuple[Opening, ...]
+    warnings: tuple[Diagnostic, ...] = field(default=(), compare=False)
+
+    @property
+    def walls(self) -> tuple[Wall, ...]:
+        """Every wall of every space, in source order."""
+        return tuple(wall for space in self.spaces for wall in space.walls)

@@ -1,0 +1,27 @@
+"""The occupancy grid a navigation stack gets as its map (ROS ``nav_msgs/OccupancyGrid``)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+
+FREE: Final = 0
+OCCUPIED: Final = 100
+UNKNOWN: Final = -1
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class OccupancyGrid:
+    """Cells of ``resolution`` metres in the map frame.
+
+    ``cells`` has shape (rows, columns), int8: 0 free, 100 occupied, -1 unknown. Row 0 is the
+    lowest y; the lower-left corner of cell (0, 0) lies at (``x``, ``y``) in metres.
+    """
+
+    resolution: float
+    x: float
+    y: float
+    cells: npt.NDArray[np.int8]

@@ -1,0 +1,62 @@
+"""Plane geometry values shared by every room: SI units, radians, frames per REP 103."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+
+Point2: TypeAlias = tuple[float, float]
+Ring: TypeAlias = tuple[Point2, ...]
+"""A polygon outline: corners in order, the first one not repeated [m]."""
+
+Floats: TypeAlias = npt.NDArray[np.float64]
+
+
+def wrap_angle(angle: float) -> float:
+    """Map an angle [rad] to the half-open interval (-pi, pi]."""
+    wrapped = math.remainder(angle, math.tau)
+    return math.pi if wrapped == -math.pi else wrapped
+
+
+@dataclass(frozen=True, slots=True)
+class Pose2:
+    """A pose in the plane, read as the transform child frame -> parent frame.
+
+    ``x`` and ``y`` in metres, ``yaw`` in radians counter-clockwise (REP 103).
+    """
+
+    x: float = 0.0
+    y: float = 0.0
+    yaw: float = 0.0
+
+    def __matmul__(self, other: Pose2) -> Pose2:
+        """Compose transforms: ``world_from_a @ a_from_b`` is ``world_from_b``."""
+        x, y = self.apply((other.x, other.y))
+        return Pose2(x, y, wrap_angle(self.yaw + other.yaw))
+
+    def inverse(self) -> Pose2:
+        """Return the transform parent frame -> child frame."""
+        c, s = math.cos(self.yaw), math.sin(self.yaw)
+        return Pose2(-c * self.x - s * self.y, s * self.x - c * self.y, wrap_angle(-self.yaw))
+
+    def apply(self, point: Point2) -> Point2:
+        """Return ``point`` (child frame) in the parent frame."""
+        c, s = math.cos(self.yaw), math.sin(self.yaw)
+        return (self.x + c * point[0] - s * point[1], self.y + s * point[0] + c * point[1])
+
+    def apply_ring(self, ring: Ring) -> Ring:
+        """Return the corners of ``ring`` (child frame) in the parent frame."""
+        return tuple(self.apply(corner) for corner in ring)
+
+
+@dataclass(frozen=True, slots=True)
+class Twist2:
+    """A velocity in the plane, in the body frame: ``vx``, ``vy`` [m/s], ``wz`` [rad/s]."""
+
+    vx: float = 0.0
+    vy: float = 0.0
+    wz: float = 0.0

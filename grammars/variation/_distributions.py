@@ -1,0 +1,163 @@
+"""Distributions: one value from a random stream, at a quantile, or a few levels of a design.
+
+Lists and plain normals draw what the published tool draws from the same
+:class:`numpy.random.RandomState`; ranges and truncated normals are our additions and take one
+number of the stream each.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from statistics import NormalDist
+from typing import TYPE_CHECKING, Final, TypeAlias
+
+if TYPE_CHECKING:
+    import numpy as np
+
+_COARSE: Final = 4
+"""Decimals of drawn lengths and angles, unless the distribution is narrower than 0.01."""
+_TAIL: Final = 1e-9
+"""Share of a normal distribution that its limits must at least leave."""
+
+
+@dataclass(frozen=True, slots=True)
+class Choice:
+    """One of ``values``; ``weights`` sum to 1, or are empty when all are equally likely."""
+
+    values: tuple[float, ...]
+    weights: tuple[float, ...] = ()
+
+    def draw(self, stream: np.random.RandomState) -> float:
+        """Return the value drawn next from ``stream``."""
+        if self.weights:
+            return float(stream.choice(self.values, 1, p=self.weights)[0])
+        return self.values[stream.randint(0, len(self.values))]
+
+    def at(self, quantile: float) -> float:
+        """Return the value below which a share ``quantile`` in [0, 1) of the values lies."""
+        if not self.weights:
+            return self.values[min(int(quantile * len(self.values)), len(self.values) - 1)]
+        reached = 0.0
+        for value, weight in zip(self.values, self.weights, strict=True):
+            reached += weight
+            if quantile < reached:
+                return value
+        return self.values[-1]
+
+    def levels(self, count: int) -> tuple[float, ...]:
+        """Return every value that may be drawn, once each."""
+        weights = self.weights or (1.0,) * len(self.values)
+        drawn = [v for v, w in zip(self.values, weights, strict=True) if w > 0.0]
+        return tuple(dict.fromkeys(drawn))
+
+
+@dataclass(frozen=True, slots=True)
+class Range:
+    """Any value between ``low`` and ``high``, all equally likely."""
+
+    low: float
+    high: float
+
+    def draw(self, stream: np.random.RandomState) -> float:
+        """Return the value drawn next from ``stream``."""
+        return self.at(float(stream.random_sample()))
+
+    def at(self, quantile: float) -> float:
+        """Return the value below which a share ``quantile`` of the values lies."""
+        value = self.low + quantile * (self.high - self.low)
+        rounded = round(value, _decimals(self.high - self.low))
+        return min(max(rounded, self.low), self.high)
+
+    def levels(self, count: int) -> tuple[float, ...]:
+        """Return ``count`` values, evenly spaced from ``low`` to ``high``; one is the middle."""
+        shares = _evenly(count)
+        return tuple(dict.fromkeys(self.at(share) for share in shares))
+
+
+@dataclass(frozen=True, slots=True)
+class Normal:
+    """A normal distribution, cut off below ``low`` and above ``high``."""
+
+    mean: float
+    std: float
+    low: float = -math.inf
+    high: float = math.inf
+
+    def draw(self, stream: np.random.RandomState) -> float:
+        """Return the value drawn next from ``stream``, rounded to 2 decimals when not cut off."""
+        if self._is_cut:
+            return self.at(float(stream.random_sample()))
+        return round(float(stream.normal(self.mean, self.std)), 2)
+
+    def at(self, quantile: float) -> float:
+        """Return the value below which a share ``quantile`` of the values lies."""
+        if self.std == 0.0:
+            return self.mean
+        if not self._is_cut:
+            return round(self._quantile(quantile, 0.0, 1.0), 2)
+        # Above the mean shares are close to 1 and differ little: count them from the other end.
+        mirrored = self.low > self.mean
+        ends = self._shares()
+        share = 1.0 - quantile if mirrored else quantile
+        value = self._quantile(share, *ends)
+        value = 2 * self.mean - value if mirrored else value
+        decimals = _decimals(min(self.std, self.high - self.low))
+        return min(max(round(value, decimals), self.low), self.high)
+
+    def levels(self, count: int) -> tuple[float, ...]:
+        """Return the medians of ``count`` equally likely parts."""
+        return tuple(dict.fromkeys(self.at((k + 0.5) / count) for k in range(count)))
+
+    @property
+    def _is_cut(self) -> bool:
+        return math.isfinite(self.low) or math.isfinite(self.high)
+
+    def _shares(self) -> tuple[float, float]:
+        """Return the shares of the values below both limits, mirrored when above the mean."""
+        normal = NormalDist(self.mean, self.std)
+        if self.low > self.mean:
+            return normal.cdf(2 * self.mean - self.high), normal.cdf(2 * self.mean - self.low)
+        return normal.cdf(self.low), normal.cdf(self.high)
+
+    def _quantile(self, quantile: float, lower: float, upper: float) -> float:
+        share = lower + quantile * (upper - lower)
+        inside = min(max(share, 1e-300), 1.0 - 2**-53)
+        return NormalDist(self.mean, self.std).inv_cdf(inside)
+
+    @property
+    def share_left(self) -> float:
+        """The share of the uncut distribution between the limits."""
+        if self.std == 0.0:
+            return float(self.low <= self.mean <= self.high)
+        lower, upper = self._shares()
+        return upper - lower
+
+    @property
+    def is_drawable(self) -> bool:
+        """Whether the limits leave enough of the distribution to draw from."""
+        return self.share_left > _TAIL
+
+
+Distribution: TypeAlias = Choice | Range | Normal
+
+
+def numbers_of(distribution: Distribution) -> Sequence[float]:
+    """Return every number written in a distribution but its weights."""
+    match distribution:
+        case Choice(values):
+            return values
+        case Range(low, high):
+            return (low, high)
+        case Normal(mean, std, low, high):
+            return tuple(v for v in (mean, std, low, high) if math.isfinite(v))
+
+
+def _decimals(scale: float) -> int:
+    """Return how many decimals leave a hundred different values within ``scale``."""
+    return max(_COARSE, 2 - math.floor(math.log10(scale)))
+
+
+def _evenly(count: int) -> list[float]:
+    return [0.5] if count == 1 else [k / (count - 1) for k in range(count)]

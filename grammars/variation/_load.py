@@ -1,0 +1,272 @@
+"""From a variation file to what it means."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Final
+
+from grammars.diagnostics import Diagnostic, InputError, Where, did_you_mean
+from grammars.floorplan import parse_floorplan
+from grammars.floorplan._source import Findings, Node, Source, with_article
+from grammars.variation._arithmetic import Arithmetic, joined_dimension
+from grammars.variation._chances import Distributions
+from grammars.variation._expressions import (
+    ANGLE,
+    LENGTH,
+    PLAIN,
+    UNITS,
+    Dimension,
+    Expression,
+    Number,
+    Requirement,
+    Shared,
+    dimension_name,
+    parts,
+)
+from grammars.variation._model import Assignment, Draw, Variation
+from grammars.variation._plan import Element, PlanText, Slot
+from grammars.variation._syntax import parse
+from grammars.variation._targets import Targets
+
+_NEED: Final = {"length": LENGTH, "angle": ANGLE}
+
+
+def load_variation(path: str | Path, *, shared_defaults: bool = False) -> Variation:
+    """Read a ``.variation`` file (UTF-8) and the plan it imports.
+
+    Varying an inherited wall thickness or height overrides it for that space alone;
+    ``shared_defaults`` changes the plan's ``Defaults`` instead, as the published tool does.
+    Raises :class:`InputError` with everything that is wrong with either file.
+    """
+    return parse_variation(
+        read_text(Path(path), "variation"),
+        str(path),
+        Path(path).parent,
+        shared_defaults=shared_defaults,
+    )
+
+
+def parse_variation(
+    text: str, file: str, folder: Path, *, shared_defaults: bool = False
+) -> Variation:
+    """Compile the text of a variation; its plan is looked for from ``folder``.
+
+    Raises :class:`InputError` with everything that is wrong with it or its plan.
+    """
+    source = Source(text, file)
+    tree = parse(source)
+    findings = Findings(source)
+    plan_file = _imported(tree, folder, findings)
+    plan_text = read_text(plan_file, "plan")
+    compiled = parse_floorplan(plan_text, str(plan_file))
+    plan = PlanText(plan_text, str(plan_file))
+    targets = Targets(plan, findings, shared_defaults)
+    reader = _Reader(source, findings, targets)
+    for node in tree.statements:
+        reader.read(node)
+    reader.finish(tree)
+    return Variation(
+        file=file,
+        plan_file=plan_file,
+        plan_text=plan,
+        source=compiled,
+        draws=tuple(reader.draws),
+        assignments=tuple(reader.assignments),
+        requirements=tuple(reader.requirements),
+        reported=tuple(reader.reported),
+        warnings=(*compiled.warnings, *findings.warnings),
+    )
+
+
+def read_text(path: Path, what: str) -> str:
+    """Return a text as it is, line ends included; raises :class:`InputError`."""
+    try:
+        text = path.read_bytes().decode("utf-8-sig")
+    except OSError as error:
+        reason = error.strerror or str(error)
+        raise InputError(
+            Diagnostic(Where(str(path)), f"cannot read the {what}: {reason}")
+        ) from error
+    except ValueError as error:
+        message = f"the {what} is not UTF-8 text"
+        raise InputError(Diagnostic(Where(str(path)), message, "save it as UTF-8")) from error
+    lone = "\r" in text.replace("\r\n", "")
+    return text.replace("\r\n", "\n").replace("\r", "\n") if lone else text
+
+
+def _imported(tree: Node, folder: Path, findings: Findings) -> Path:
+    """Return the plan's path; nothing else can be checked without it."""
+    imports = [node for node in tree.statements if type(node).__name__ == "Import"]
+    example = 'write first: import "plan.fpm"'
+    if not imports:
+        raise InputError(Diagnostic(findings.source.where(0), "imports no plan", example))
+    if imports[0] is not tree.statements[0]:
+        findings.error(imports[0], "the import comes first", example)
+    for node in imports[1:]:
+        findings.error(node, "a variation varies one plan", "write one file per plan")
+    name: str = imports[0].file[1:-1]
+    path = folder / name
+    try:
+        exists = path.is_file()
+        beside = sorted(p.name for p in folder.glob("*.fpm"))
+    except (OSError, ValueError):
+        exists, beside = False, []
+    if not exists:
+        findings.error(imports[0], f'there is no plan "{name}"', did_you_mean(name, beside))
+    if not exists or "\0" in name:
+        raise InputError(findings.errors)
+    return path
+
+
+@dataclass(slots=True)
+class _Reader:
+    """Reads statement by statement; draws keep the order they are written in."""
+
+    source: Source
+    findings: Findings
+    targets: Targets
+    draws: list[Draw] = field(default_factory=list)
+    assignments: list[Assignment] = field(default_factory=list)
+    requirements: list[Requirement] = field(default_factory=list)
+    reported: list[str] = field(default_factory=list)
+    _shared: dict[str, Dimension] = field(default_factory=dict)
+    _lets: dict[str, Node] = field(default_factory=dict)
+    _used: set[str] = field(default_factory=set)
+    _varied: dict[tuple[int, str], tuple[str, Node]] = field(default_factory=dict)
+
+    def read(self, node: Node) -> None:
+        """Read one statement."""
+        match type(node).__name__:
+            case "Let":
+                self._let(node)
+            case "Require":
+                self._require(node)
+            case "Block":
+                self._block(node)
+            case "Single":
+                slot = self.targets.variable(node.target)
+                self._assign(node, slot, node.value)
+
+    def finish(self, tree: Node) -> None:
+        """Report what shows only at the end; raises :class:`InputError` for everything found."""
+        for name, node in self._lets.items():
+            if name not in self._used and not self.findings.errors:
+                self.findings.warn(node, f'the draw "{name}" is never used')
+        if not self.assignments and not self.findings.errors:
+            self.findings.error(tree, "nothing is varied", 'add "NAME: uniform([1.0, 2.0])"')
+        self.findings.refuse_if_errors()
+
+    def _let(self, node: Node) -> None:
+        name = node.name
+        if name in self._lets:
+            line = self.source.at(self._lets[name]).line
+            self.findings.error(node, f'the draw "{name}" is already named in line {line}')
+            return
+        if name in self.targets.plan.variables or name in self.targets.plan.elements:
+            self.findings.error(node, f'"{name}" is already the name of something in the plan')
+            return
+        self._lets[name] = node
+        if type(node.value).__name__ == "Sum":
+            hint = f"let {name} = uniform(0.8 m .. 1.2 m)"
+            self.findings.error(node, "let names a distribution", hint)
+            self._shared[name] = PLAIN
+            return
+        read = Distributions(self.findings).read(node.value)
+        unit = "" if read is None else read[1]
+        self._shared[name] = UNITS[unit][1] if unit else PLAIN
+        if read is not None:
+            self.draws.append(Draw(name, *read, self.source.at(node)))
+            self.reported.append(name)
+
+    def _block(self, node: Node) -> None:
+        if not node.attributes:
+            hint = "write what to vary between the braces"
+            self.findings.error(node, f'nothing of "{".".join(node.target.parts)}" is varied', hint)
+        element = self.targets.element(node.target)
+        for attribute in node.attributes:
+            path = ".".join(attribute.path.parts)
+            slot = None
+            if element is not None:
+                slot = self.targets.attribute(attribute, element, path)
+                self._check_gap(attribute, element, path)
+            self._assign(attribute, slot, attribute.value)
+
+    def _check_gap(self, node: Node, element: Element, path: str) -> None:
+        if path != "location.translation.y" or element.kind != "space":
+            return
+        if any(part.key == "spaced" for part in element.node.parts):
+            message = f'"{element.address}" is spaced: its y translation cannot be varied'
+            self.findings.error(node, message, "vary the wall thickness, or take out spaced")
+
+    def _assign(self, node: Node, slot: Slot | None, value: Node) -> None:
+        """Read the value of an attribute or variable; ``slot`` is missing when it was refused."""
+        where = self.source.at(node)
+        if slot is not None and self._is_twice(node, slot):
+            return
+        if type(value).__name__ == "Sum":
+            typed = self._arithmetic(draws_only=True).read(value)
+            if typed is None:
+                return
+            self._use(typed[0])
+            if slot is not None and self._fits(node, slot, typed[1], typed[0] == Number(0.0)):
+                source = typed[0].name if isinstance(typed[0], Shared) else typed[0]
+                self.assignments.append(Assignment(slot, source, typed[1], where))
+                self.reported.append(slot.name)
+            return
+        read = Distributions(self.findings).read(value)
+        if read is None or slot is None:
+            return
+        distribution, unit = read
+        dimension = UNITS[unit][1] if unit else PLAIN
+        if self._fits(node, slot, dimension, False):
+            self.draws.append(Draw(slot.name, distribution, unit, where))
+            self.assignments.append(Assignment(slot, slot.name, dimension, where))
+            self.reported.append(slot.name)
+
+    def _arithmetic(self, *, draws_only: bool = False) -> Arithmetic:
+        return Arithmetic(self.findings, self.targets, self._shared, draws_only)
+
+    def _use(self, expression: Expression) -> None:
+        for part in parts(expression):
+            if isinstance(part, Shared):
+                self._used.add(part.name)
+
+    def _is_twice(self, node: Node, slot: Slot) -> bool:
+        """Report a slot that is varied already; other spaces may share it on purpose."""
+        before = self._varied.get(slot.key)
+        self._varied[slot.key] = (slot.name, node)
+        if before is None:
+            return False
+        name, line = before[0], self.source.at(before[1]).line
+        if name == slot.name:
+            self.findings.error(node, f"{slot.name} is already varied in line {line}")
+            return True
+        message = f"{slot.name} and {name} (line {line}) are one shared default: this one counts"
+        self.findings.warn(node, message)
+        return False
+
+    def _fits(self, node: Node, slot: Slot, dimension: Dimension, zero: bool) -> bool:
+        if dimension in (PLAIN, _NEED[slot.kind]) or zero:
+            return True
+        given = dimension_name(dimension)
+        hint = "lengths are in m" if slot.kind == "length" else "angles are in deg or rad"
+        self.findings.error(node, f"{slot.name} is {with_article(slot.kind)}, not {given}", hint)
+        return False
+
+    def _require(self, node: Node) -> None:
+        left = self._arithmetic().read(node.left)
+        right = self._arithmetic().read(node.right)
+        if left is None or right is None:
+            return
+        self._use(left[0])
+        self._use(right[0])
+        if joined_dimension(left, right) is None:
+            message = f"{dimension_name(left[1])} is compared with {dimension_name(right[1])}"
+            hint = "write its unit: 45 deg" if ANGLE in (left[1], right[1]) else ""
+            self.findings.error(node, message, hint)
+            return
+        written = self.source.text[node._tx_position : node._tx_position_end]
+        text = " ".join(written.split())
+        where = self.source.at(node)
+        self.requirements.append(Requirement(left[0], node.comparison, right[0], text, where))

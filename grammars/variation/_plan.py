@@ -1,0 +1,265 @@
+"""The plan that is varied: its elements by address, its attributes as places in its text."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Final, Literal, TypeAlias
+
+from grammars.floorplan._source import Node, Source
+from grammars.floorplan._syntax import parse
+from grammars.variation._syntax import without_comments
+
+Kind: TypeAlias = Literal["length", "angle"]
+Span: TypeAlias = tuple[int, int]
+
+UNIT_KIND: Final[Mapping[str, Kind]] = {"m": "length", "rad": "angle", "deg": "angle"}
+TO_SI: Final = {"m": 1.0, "rad": 1.0, "deg": math.pi / 180.0}
+_REAL: Final = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?")
+_STEP: Final = "    "
+_DEFAULT_UNIT: Final[Mapping[Kind, str]] = {"length": "m", "angle": "rad"}
+_WALL: Final = {"defaults.wall.thickness": "thickness", "defaults.wall.height": "height"}
+_AXES: Final = {
+    "floor": {"translation": "xy", "rotation": "z"},
+    "wall": {"translation": "xz", "rotation": "y"},
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Gap:
+    """A place where something new may be written: ``header``, then items joined by ``joiner``.
+
+    Gaps of one ``offset`` are filled in the order of ``rank``.
+    """
+
+    offset: int
+    rank: int
+    header: str
+    joiner: str
+
+
+@dataclass(frozen=True, slots=True)
+class Reference:
+    """A use of a variable, perhaps with a minus in front."""
+
+    variable: str
+    sign: float
+
+
+@dataclass(frozen=True, slots=True)
+class Slot:
+    """An attribute or variable as a place in the text of the plan.
+
+    ``number`` is where the number (or the reference to a variable) stands, ``unit_at`` where its
+    unit does; both are ``None`` when nothing is written there yet, then ``label`` and the number
+    go into ``gap``. ``unit`` is the one that a number without a unit takes. ``value`` is what the
+    plan says now, in metres or radians.
+    """
+
+    name: str
+    kind: Kind
+    unit: str
+    value: float | Reference
+    number: Span | None = None
+    unit_at: Span | None = None
+    gap: Gap | None = None
+    label: str = ""
+
+    @property
+    def key(self) -> tuple[int, str]:
+        """Identity: slots that share a place in the text are one slot."""
+        if self.number is not None:
+            return (self.number[0], "")
+        assert self.gap is not None
+        return (self.gap.offset, self.label)
+
+
+@dataclass(frozen=True, slots=True)
+class Element:
+    """A space, feature or opening: ``address`` as written in variations, ``kind`` in lower case."""
+
+    address: str
+    kind: str
+    node: Node
+
+    @property
+    def is_opening(self) -> bool:
+        """Whether it hangs in a wall."""
+        return self.kind in ("entryway", "window")
+
+    def paths(self) -> list[str]:
+        """Return every path that can be varied."""
+        axes = _AXES["wall" if self.is_opening else "floor"]
+        location = [f"location.{part}.{axis}" for part in axes for axis in axes[part]]
+        shape = [f"shape.{size}" for size in _sizes(self.node.shape)]
+        if self.kind == "space":
+            return [*shape, *location, *_WALL]
+        return [*shape, *location] if self.is_opening else ["height", *shape, *location]
+
+
+def _sizes(shape: Node) -> dict[str, Node]:
+    match type(shape).__name__:
+        case "Circle":
+            return {"radius": shape.radius}
+        case "Rectangle":
+            second = "length" if shape.length is not None else "height"
+            return {"width": shape.width, second: getattr(shape, second)}
+    return {}
+
+
+class PlanText:
+    """A plan as text; raises :class:`InputError` when it cannot be parsed.
+
+    ``elements`` maps addresses to everything that has the address (a space and an opening may
+    share a name), ``variables`` names to slots.
+    """
+
+    def __init__(self, text: str, file: str) -> None:
+        self.text = text
+        self.source = Source(text, file)
+        self.bare = without_comments(text)
+        self.newline = "\r\n" if "\r\n" in text else "\n"
+        self.tree = parse(self.source)
+        self.elements: dict[str, list[Element]] = {}
+        self.variables: dict[str, Slot] = {}
+        self._defaults: Node = None
+        for node in self.tree.statements:
+            self._add(node)
+
+    @property
+    def name(self) -> str:
+        """The name of the plan."""
+        return str(self.tree.name)
+
+    @property
+    def name_at(self) -> Span:
+        """Where the name of the plan stands."""
+        colon = self.bare.index(":", self.tree._tx_position)
+        start = self.bare.index(self.name, colon)
+        return start, start + len(self.name)
+
+    def _add(self, node: Node) -> None:
+        match type(node).__name__:
+            case "Defaults":
+                self._defaults = node
+            case "Variable":
+                self.variables[node.name] = self._variable(node)
+            case "Space":
+                self._add_element(node.name, "space", node)
+                for feature in node.features:
+                    self._add_element(f"{node.name}.{feature.name}", feature.kind.lower(), feature)
+            case _:
+                self._add_element(node.name, node.kind.lower(), node)
+
+    def _add_element(self, address: str, kind: str, node: Node) -> None:
+        self.elements.setdefault(address, []).append(Element(address, kind, node))
+
+    def _variable(self, node: Node) -> Slot:
+        sign = self.bare.index("=", node._tx_position)
+        found = _REAL.search(self.bare, sign)
+        assert found is not None
+        end = node._tx_position_end
+        value = float(node.number) * TO_SI[node.unit]
+        unit_at = (end - len(node.unit), end)
+        return Slot(node.name, UNIT_KIND[node.unit], node.unit, value, found.span(), unit_at)
+
+    def slot(self, element: Element, path: str, *, shared_defaults: bool = False) -> Slot | None:
+        """Return the place of an attribute, or ``None`` when the element has no such path.
+
+        ``shared_defaults`` makes inherited wall dimensions mean the plan's ``Defaults``.
+        """
+        if path not in element.paths():
+            return None
+        name = f"{element.address}.{path}"
+        if path in _WALL:
+            return self._wall_slot(element, name, _WALL[path], shared_defaults)
+        if path.startswith("location."):
+            _, part, axis = path.split(".")
+            return self._component_slot(element, name, part, axis)
+        node = element.node.height if path == "height" else _sizes(element.node.shape)[path[6:]]
+        return self._quantity(name, node, "length")
+
+    def _quantity(self, name: str, node: Node, kind: Kind) -> Slot:
+        start, end = node._tx_position, node._tx_position_end
+        if node.variable:
+            unit = self.variables[node.variable].unit
+            reference = Reference(node.variable, -1.0 if node.negated else 1.0)
+            return Slot(name, kind, unit, reference, (start, end))
+        found = _REAL.match(self.bare, start)
+        assert found is not None
+        unit = node.unit or _DEFAULT_UNIT[kind]
+        unit_at = (end - len(node.unit), end) if node.unit else None
+        return Slot(name, kind, unit, float(node.number) * TO_SI[unit], found.span(), unit_at)
+
+    def _component_slot(self, element: Element, name: str, part: str, axis: str) -> Slot:
+        kind: Kind = "length" if part == "translation" else "angle"
+        parts = {node.key: node for node in element.node.parts}
+        vector = parts.get(part)
+        for component in vector.components if vector else ():
+            if component.axis == axis:
+                return self._quantity(name, component.value, kind)
+        if vector is None:
+            references = [parts[key] for key in ("wrt", "of", "in") if key in parts]
+            anchor = max(references, key=lambda node: node._tx_position)
+            if part == "rotation" and "translation" in parts:
+                anchor = parts["translation"]
+            gap = self._gap_after(anchor, 0 if part == "translation" else 1, f"{part}: ", ", ")
+        else:
+            header = ", " if vector.components else " "
+            gap = Gap(vector._tx_position_end, 0, header, ", ")
+        return Slot(name, kind, _DEFAULT_UNIT[kind], 0.0, gap=gap, label=f"{axis}: ")
+
+    def _wall_slot(self, element: Element, name: str, key: str, shared_defaults: bool) -> Slot:
+        own = {d.key: d.value for d in element.node.dimensions}
+        if key in own:
+            return self._quantity(name, own[key], "length")
+        shared = {d.key: d.value for d in self._defaults.dimensions}
+        inherited = self._quantity(name, shared[key], "length")
+        if shared_defaults:
+            return inherited
+        gap = self._walls_gap(element)
+        return Slot(name, "length", "m", inherited.value, gap=gap, label=f"{key}: ")
+
+    def _walls_gap(self, element: Element) -> Gap:
+        """Return the place for wall dimensions of a space that inherits some or all of them."""
+        node = element.node
+        if node.dimensions:
+            last = node.dimensions[-1]
+            around = self._gap_after(last, 2, "", " ")
+            return Gap(around.offset, 2, around.header, around.header)
+        end = node.features[0]._tx_position if node.features else node._tx_position_end
+        block = re.compile(r"walls\s*:").search(self.bare, node.parts[-1]._tx_position_end, end)
+        if block:
+            return Gap(block.end(), 2, " ", " ")
+        location = re.compile(r"location\s*:")
+        found = location.search(self.bare, node.shape._tx_position_end)
+        assert found is not None
+        around = self._gap_after(node.parts[-1], 2, "", "")
+        if not around.header.strip(" "):
+            return Gap(around.offset, 2, " walls: ", " ")
+        lead = self.newline + self._indent(found.start())
+        return Gap(around.offset, 2, f"{lead}walls:{lead}{_STEP}", f"{lead}{_STEP}")
+
+    def _gap_after(self, node: Node, rank: int, header: str, joiner: str) -> Gap:
+        """Return a gap on a new line after a node, or behind it when more stands on its line."""
+        end = node._tx_position_end
+        stop = self.text.find("\n", end)
+        stop = len(self.text) if stop < 0 else stop
+        if self.bare[end:stop].strip():
+            return Gap(end, rank, f" {header}", joiner)
+        if self.text[end:stop].endswith("\r"):
+            stop -= 1
+        indent = self._indent(node._tx_position)
+        begin = self.bare.rfind("\n", 0, node._tx_position) + 1
+        if self.bare[begin : node._tx_position].strip():
+            indent += _STEP
+        return Gap(stop, rank, f"{self.newline}{indent}{header}", joiner)
+
+    def _indent(self, offset: int) -> str:
+        """Return the blanks that the line of ``offset`` starts with."""
+        begin = self.text.rfind("\n", 0, offset) + 1
+        found = re.compile(r"[ \t]*").match(self.text, begin)
+        assert found is not None
+        return found[0]

@@ -1,0 +1,181 @@
+"""Sampling: from a variation to plans that hold everything required of them."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+
+from grammars.diagnostics import Diagnostic, InputError, Severity, Where
+from grammars.floorplan import FloorPlan
+from grammars.variation._designs import (
+    METHODS,
+    MOST,
+    Method,
+    Point,
+    grid,
+    halton,
+    latin_hypercube,
+    pairwise,
+)
+from grammars.variation._load import load_variation
+from grammars.variation._model import Variant, Variation
+from grammars.variation._soundness import defects
+from grammars.variation._trial import Rejections, Trials
+
+LAST_SEED: Final = 2**32 - 1
+_MISSES_PER_TRY: Final = 20
+
+
+def sample(
+    variation: Variation,
+    n: int | None = None,
+    *,
+    seed: int,
+    method: Method = "random",
+    levels: int = 3,
+    tries: int = 200,
+    check: float | None = None,
+    suffix: bool = False,
+) -> tuple[Variant, ...]:
+    """Return variants of a plan; variant ``k`` has the seed ``seed + k``.
+
+    ``random`` draws every distribution in file order from
+    ``numpy.random.RandomState(seed + k)``, as the published tool does. When a draw is rejected
+    (a ``require`` does not hold, the plan cannot be compiled or is unsound) the next one is taken
+    from the same stream, at most ``tries`` times, so a variant depends on its own seed only.
+
+    The other methods are designs over all variants; ``seed`` scrambles ``halton`` and ``lhs``.
+    ``grid`` takes every combination, ``pairwise`` enough of them to meet every pair, of ``levels``
+    values per range or normal distribution and of all listed values; for these two ``n`` is only
+    an upper bound. Rejected points of ``grid`` and ``lhs`` are left out, ``halton`` goes on to the
+    next point, ``pairwise`` takes others.
+
+    ``check`` is the radius [m] of a robot that must reach every space of a sound plan; ``None``
+    leaves soundness unchecked. ``suffix`` writes the seed into the plan's name.
+
+    Raises :class:`InputError` when nothing fulfils the requirements, saying which of them
+    rejected how often, or when a design has more than ``n`` points; :class:`ValueError` for
+    arguments out of range.
+    """
+    if method not in METHODS:
+        raise ValueError(f"method must be one of {', '.join(METHODS)}")
+    if n is None and method not in ("grid", "pairwise"):
+        raise ValueError(f"{method} needs a number of variants")
+    if n is not None and not 1 <= n <= MOST:
+        raise ValueError(f"the number of variants is between 1 and {MOST}")
+    if not 1 <= levels <= 100 or not 1 <= tries <= 1_000_000:
+        raise ValueError("levels are between 1 and 100, tries between 1 and 1000000")
+    if check is not None and not 0.0 < check < math.inf:
+        raise ValueError("the radius must be positive")
+    if not 0 <= seed <= LAST_SEED - (n or 1) + 1:
+        raise ValueError(f"seeds are between 0 and {LAST_SEED}")
+    trials = Trials(variation, method, seed, check, suffix)
+    if method == "random":
+        assert n is not None
+        return tuple(_drawn(trials, seed + k, tries) for k in range(n))
+    return _designed(trials, method, n, levels, tries)
+
+
+def floorplan_variants(
+    path: str | Path,
+    n: int | None = None,
+    *,
+    seed: int,
+    method: Method = "random",
+    check: float | None = None,
+) -> tuple[tuple[str, FloorPlan], ...]:
+    """Return the variants a file describes as compiled plans, each named ``<plan>_<seed>``.
+
+    For campaigns: nothing is written, and every plan carries its own name. Raises
+    :class:`InputError` like :func:`load_variation` and :func:`sample`.
+    """
+    variation = load_variation(path)
+    variants = sample(variation, n, seed=seed, method=method, check=check, suffix=True)
+    return tuple((variant.name, variant.plan) for variant in variants)
+
+
+def source_defects(variation: Variation, radius: float) -> tuple[Diagnostic, ...]:
+    """Return as warnings what is unsound in the plan itself; variants may keep it."""
+    return tuple(
+        Diagnostic(d.where, d.message, "its variants may keep this", Severity.WARNING)
+        for d in defects(variation.source, radius).values()
+        if d.extent > d.slack
+    )
+
+
+def _drawn(trials: Trials, seed: int, tries: int) -> Variant:
+    """Return the first variant of a seed's stream that nothing rejects."""
+    stream = np.random.RandomState(seed)
+    rejected = Rejections()
+    for attempt in range(1, tries + 1):
+        point = [draw.distribution.draw(stream) for draw in trials.variation.draws]
+        variant = trials.variant(point, seed, rejected, attempt)
+        if variant is not None:
+            return variant
+    message = f"seed {seed}: none of {tries} draws fulfils everything required"
+    raise rejected.error(Where(trials.variation.file), message)
+
+
+def _designed(
+    trials: Trials, method: Method, n: int | None, levels: int, tries: int
+) -> tuple[Variant, ...]:
+    """Return the variants of a design; point ``k`` has the seed ``seed + k``, rejected or not."""
+    where = Where(trials.variation.file)
+    rejected = Rejections()
+    wanted = n if method == "halton" else None
+    found: list[Variant] = []
+    seen = 0
+    for k, point in enumerate(_points(trials, method, n, levels, tries, rejected)):
+        seen = k + 1
+        variant = trials.variant(point, trials.seed + k, rejected)
+        found.extend([] if variant is None else [variant])
+        if wanted is not None and len(found) == wanted:
+            return tuple(found)
+        if n is not None and len(found) > n:
+            message = f"the {method} design has more than {n} variants"
+            hint = "allow more, lower the levels, or take random, halton or lhs"
+            raise InputError(Diagnostic(where, message, hint))
+    if not found or wanted is not None:
+        short = f"{len(found)} of {seen} points fulfil" if seen else "no point fulfils"
+        raise rejected.error(where, f"{method} design: {short} everything required")
+    return tuple(found)
+
+
+def _points(
+    trials: Trials, method: Method, n: int | None, levels: int, tries: int, rejected: Rejections
+) -> Iterator[Point]:
+    where = Where(trials.variation.file)
+    distributions = [draw.distribution for draw in trials.variation.draws]
+    if method == "grid":
+        return grid(distributions, levels, where)
+    if method == "pairwise":
+        accepted = _bounded(trials, _MISSES_PER_TRY * tries, rejected)
+        return pairwise(distributions, levels, accepted, where)
+    assert n is not None
+    if method == "lhs":
+        return latin_hypercube(distributions, n, trials.seed)
+    return itertools.islice(halton(distributions, trials.seed), n * tries)
+
+
+def _bounded(trials: Trials, misses: int, rejected: Rejections) -> Callable[[Point], bool]:
+    """Return whether a point will do, asking once for each and giving up after ``misses``.
+
+    The search for pairs may ask for every combination there is when none of them will do.
+    """
+    known: dict[Point, bool] = {}
+    left = itertools.count(misses - 1, -1)
+
+    def accepted(point: Point) -> bool:
+        if point not in known:
+            known[point] = trials.variant(point, trials.seed, rejected) is not None
+            if not known[point] and next(left) == 0:
+                message = f"pairwise design: given up after {misses} points were rejected"
+                raise rejected.error(Where(trials.variation.file), message)
+        return known[point]
+
+    return accepted

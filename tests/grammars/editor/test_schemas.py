@@ -1,0 +1,206 @@
+"""The published JSON Schemas are those of the models, and agree with them on what people write."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from jsonschema import Draft202012Validator
+
+import grammars.editor
+from daemon.campaign.layers import Library
+from daemon.campaign.text import Reference, read_campaign
+from grammars.diagnostics import InputError, Where
+from grammars.documents import load_yaml, parse_yaml
+from grammars.files import load_mission, load_robot
+from grammars.oracle import load_oracles
+from scenario_tui.cli._schemas import FileKind, schema_text
+
+SCHEMAS = Path(grammars.editor.__file__).parent / "schemas"
+MODELINE = re.compile(r"# yaml-language-server: \$schema=(\S+)")
+
+
+def validator(kind: str) -> Draft202012Validator:
+    schema = json.loads((SCHEMAS / f"{kind}.schema.json").read_text(encoding="utf-8"))
+    Draft202012Validator.check_schema(schema)
+    return Draft202012Validator(schema)
+
+
+def problems(kind: str, text: str) -> list[str]:
+    """Return where each problem stands, as a path."""
+    data = parse_yaml(text, "file.yaml").data
+    return [error.json_path for error in validator(kind).iter_errors(data)]
+
+
+def files(campaigns: Path) -> list[Path]:
+    found = sorted(campaigns.glob("*/*.yaml"))
+    assert len(found) >= 9
+    return found
+
+
+@pytest.mark.parametrize("kind", list(FileKind))
+def test_the_published_schema_is_that_of_the_models(kind: FileKind) -> None:
+    published = (SCHEMAS / kind.file).read_text(encoding="utf-8")
+    assert published == schema_text(kind), (
+        "the models have changed: scenario schema -o grammars/editor/schemas"
+    )
+
+
+def test_no_schema_is_published_that_nothing_makes() -> None:
+    assert {p.name for p in SCHEMAS.iterdir()} == {kind.file for kind in FileKind}
+
+
+def test_every_shipped_file_names_its_schema_and_follows_it(campaigns: Path) -> None:
+    for path in files(campaigns):
+        first = path.read_text(encoding="utf-8").partition("\n")[0]
+        named = MODELINE.fullmatch(first)
+        assert named, f"{path} names no schema in its first line"
+        schema = (path.parent / named[1]).resolve()
+        assert schema.parent == SCHEMAS.resolve()
+        errors = validator(schema.name.partition(".")[0]).iter_errors(load_yaml(path).data)
+        assert [f"{path}: {e.json_path}: {e.message}" for e in errors] == []
+
+
+def test_every_key_is_described(campaigns: Path) -> None:
+    for kind in ("campaign", "robot", "sut"):
+        schema = validator(kind).schema
+        bodies = [schema, *schema["$defs"].values()]
+        for body in bodies:
+            for key, value in body["properties"].items():
+                assert "description" in value or "$ref" in value, (kind, key)
+        assert all(body["description"] for body in bodies)
+
+
+CAMPAIGN = """\
+campaign: mine
+limit: 3 min
+robot: courier
+oracles: [navigation]
+matrix: {sut: pilot}
+map: {resolution: 5 cm, doors: initial}
+scenarios:
+  one:
+    floorplan: flat
+    behaviours: [doors_open, doors_face: {near: 1.0 m}]
+    mission: courier
+    oracles: [reached]
+    vary: {floorplan: flats, cover: grid}
+  two: {like: one, behaviours+: more, limit: 90 s}
+"""
+ROBOT = """\
+robot: box
+footprint: {corners: [[0.3 m, 0.2 m], [-0.3 m, 0.2 m], [0 m, -20 cm]]}
+height: 0.3 m
+mass: 150 kg
+drive: {kind: differential, max_vx: 1 m/s, max_wz: 60 deg/s, max_ax: 1 m/s^2,
+        max_az: 2 rad/s^2, max_force: 300 N, max_torque: 100 N m}
+laser: {mount: {x: 0.3 m, yaw: -90 deg}, z: 0.3 m, angle_min: -90 deg, angle_max: 90 deg,
+        rays: 150, range_min: 0 m, range_max: 5.6 m, rate: 10 Hz, dropout: 5 %}
+odometry: {rate: 20 Hz, translation: 0.01 m/m^0.5}
+"""
+MISSION = """\
+mission: round
+start: {x: 0, y: 1.5 m}
+waypoints:
+  - {x: 1.0, y: 2.0, yaw: 90 deg}
+  - {id: home, x: 10 cm, y: -2, yaw: 1.57}
+"""
+SUT = "sut: mine\nkind: pilot\nparameters: {max_speed: 0.4, localisation: noisy-ground-truth}\n"
+ORACLES = "near: min(clearance)\nin-time: always(elapsed <= 2 min) when speed > 0.1 m/s\n"
+GOOD = {"campaign": CAMPAIGN, "robot": ROBOT, "mission": MISSION, "sut": SUT, "oracles": ORACLES}
+
+
+@pytest.mark.parametrize("kind", GOOD)
+def test_what_may_be_written_is_accepted(kind: str) -> None:
+    assert problems(kind, GOOD[kind]) == []
+
+
+MISTAKES = [
+    ("campaign", "limit: 3 min", "limit: 3", "$.limit"),
+    ("campaign", "limit: 3 min", "limit: 3 m", "$.limit"),
+    ("campaign", "limit: 3 min", "limit: 0 min", "$.limit"),
+    ("campaign", "limit: 3 min\n", "", "$"),
+    ("campaign", "robot: courier", "robots: courier", "$"),
+    ("campaign", "robot: courier", "robot: [courier]", "$.robot"),
+    ("campaign", "doors: initial", "doors: some", "$.map.doors"),
+    ("campaign", "5 cm", "0.05", "$.map.resolution"),
+    ("campaign", "cover: grid", "cover: halton", "$.scenarios.one.vary"),
+    ("campaign", "    mission: courier", "    misson: courier", "$.scenarios.one"),
+    ("campaign", "  two:", "  my two:", "$.scenarios"),
+    ("campaign", "behaviours+:", "objects+:", "$.scenarios.two"),
+    ("robot", "mass: 150 kg", "mass: 150", "$.mass"),
+    ("robot", "mass: 150 kg", "mass: -150 kg", "$.mass"),
+    ("robot", "max_wz: 60 deg/s", "max_wz: 1 m/s", "$.drive.max_wz"),
+    ("robot", "kind: differential", "kind: ackermann", "$.drive.kind"),
+    ("robot", "{corners:", "{length: 1 m, corners: [], corner:", "$.footprint"),
+    ("robot", "-20 cm", "-20", "$.footprint.corners[2][1]"),
+    ("robot", "rays: 150", "rays: 150.5", "$.laser.rays"),
+    ("mission", "y: 2.0,", "", "$.waypoints[0]"),
+    ("mission", "yaw: 90 deg", "yaw: 90 m", "$.waypoints[0].yaw"),
+    ("mission", "id: home", "name: home", "$.waypoints[1]"),
+    ("sut", "max_speed: 0.4", "max_speed: 0.4 m/s", "$.parameters.max_speed"),
+    ("sut", "max_speed: 0.4", "maxspeed: 0.4", "$.parameters"),
+    ("sut", "kind: pilot", "kind: idle", "$.parameters"),
+    ("oracles", "min(clearance)", "minimum(clearance)", "$.near"),
+    ("oracles", "min(clearance)", "0.3 m", "$.near"),
+    ("oracles", "min(clearance)", "3", "$.near"),
+    ("oracles", "in-time:", "in time:", "$"),
+]
+
+
+@pytest.mark.parametrize(("kind", "right", "wrong", "place"), MISTAKES)
+def test_a_usual_mistake_is_refused_where_it_stands(
+    kind: str, right: str, wrong: str, place: str
+) -> None:
+    assert right in GOOD[kind]
+    assert place in problems(kind, GOOD[kind].replace(right, wrong, 1))
+
+
+@pytest.mark.parametrize("kind", GOOD)
+def test_readers_take_what_schemas_accept(kind: str, tmp_path: Path) -> None:
+    read(kind, GOOD[kind], tmp_path)
+
+
+@pytest.mark.parametrize(("kind", "right", "wrong", "place"), MISTAKES)
+def test_readers_refuse_what_schemas_refuse(
+    kind: str, right: str, wrong: str, place: str, tmp_path: Path
+) -> None:
+    with pytest.raises(InputError):
+        read(kind, GOOD[kind].replace(right, wrong, 1), tmp_path)
+
+
+def read(kind: str, text: str, folder: Path) -> None:
+    """Read a file as the program does; a campaign without its layers."""
+    path = folder / f"mine.{kind}.yaml"
+    path.write_text(text, encoding="utf-8")
+    if kind == "campaign":
+        read_campaign(load_yaml(path))
+    elif kind == "sut":
+        Library(folder).sut(Reference(path.name, {}, Where("", 1, 1)))
+    else:
+        {"robot": load_robot, "mission": load_mission, "oracles": load_oracles}[kind](path)
+
+
+def test_systems_that_plug_in_have_parameters_of_their_own() -> None:
+    assert problems("sut", "sut: nav\nkind: nav2\nparameters: {anything: [1, 2]}") == []
+
+
+def _patterns(node: Any) -> Iterator[str]:
+    if isinstance(node, dict):
+        if isinstance(node.get("pattern"), str):
+            yield node["pattern"]
+        yield from node.get("patternProperties", ())
+    for child in (
+        node.values() if isinstance(node, dict) else node if isinstance(node, list) else ()
+    ):
+        yield from _patterns(child)
+
+
+@pytest.mark.parametrize("kind", list(FileKind))
+def test_expressions_keep_to_what_javascript_understands(kind: FileKind) -> None:
+    for pattern in _patterns(validator(kind.value).schema):
+        assert not re.search(r"\(\?[^:=!]|[*+?}]\+|\\[^\w.+*^$?()\[\]{}|/\\]", pattern), pattern

@@ -1,0 +1,209 @@
+"""The floor plans that come with the campaigns."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import pytest
+import shapely
+
+from grammars.floorplan import FloorPlan, frame_of, load_floorplan
+from grammars.values import Point2, Pose2
+
+# Ortega et al. 2024: doors of the experiments as found in their worlds (x, y, yaw of the door in
+# the world) and in a wall frame of the floor plan (wall, x, y, quarter turns).
+LEFT, END, RIGHT, EXTRA = (
+    "left_long_corridor-wall-",
+    "left_corridor_extra_end-wall-3",
+    "right_long_corridor-wall-3",
+    "right_corridor_extra_space-wall-1",
+)
+DOORS = [
+    ((-6.473425, 18.693726, 2.530727), (LEFT + "1", 20.53, 0.10, -1)),
+    ((-7.018322, 17.915532, -0.610865), (LEFT + "1", 21.48, 0.10, 1)),
+    ((-3.031966, 23.608638, 2.530727), (LEFT + "1", 14.53, 0.10, -1)),
+    ((2.732477, 31.841116, -0.610865), (LEFT + "1", 4.48, 0.10, 1)),
+    ((17.186603, 52.483748, -0.610865), (LEFT + "1", -20.72, 0.10, 1)),
+    ((21.172959, 58.176855, 2.530727), (LEFT + "1", -27.67, 0.10, -1)),
+    ((6.747512, 37.575181, -0.610865), (LEFT + "1", -2.52, 0.10, 1)),
+    ((1.304867, 34.073722, -0.610865), (LEFT + "3", -3.47, 0.10, -1)),
+    ((-1.591694, 29.937004, 2.530727), (LEFT + "3", -8.52, 0.10, 1)),
+    ((-5.033153, 25.022092, 2.530727), (LEFT + "3", -14.52, 0.10, 1)),
+    ((-8.474612, 20.107180, 2.530727), (LEFT + "3", -20.52, 0.10, 1)),
+    ((5.291223, 39.766829, 2.530727), (LEFT + "3", 3.48, 0.10, 1)),
+    ((11.361650, 50.946861, -0.610865), (END, -6.38, 0.07, -1)),
+    ((17.510389, 59.728171, -0.610865), (END, 4.34, 0.07, -1)),
+    ((46.355758, 37.723680, -0.610865), (RIGHT, 25.36, 1.17, -1)),
+    ((47.124350, 38.821344, -0.610865), (RIGHT, 26.70, 1.17, -1)),
+    ((51.116230, 37.112689, 2.530727), (EXTRA, -2.04, -0.67, -1)),
+    ((50.347637, 36.015025, 2.530727), (EXTRA, -0.70, -0.67, -1)),
+]
+DOORWAYS = {
+    (LEFT + "1", 21.48): "left_corridor_doorway_11",
+    (LEFT + "1", 4.48): "left_corridor_doorway_14",
+    (LEFT + "1", -2.52): "left_corridor_doorway_15",
+    (LEFT + "1", -20.72): "left_corridor_doorway_16",
+    (LEFT + "3", -3.47): "left_corridor_doorway_4",
+    (LEFT + "3", -20.52): "left_corridor_doorway_1",
+    (LEFT + "3", 3.48): "left_corridor_doorway_5",
+    (END, -6.38): "classroom_c069_door_2",
+    (END, 4.34): "classroom_c069_door_1",
+    (RIGHT, 25.36): "classroom_c022_door_1",
+    (RIGHT, 26.70): "classroom_c022_door_2",
+    (EXTRA, -2.04): "classroom_c025_door_2",
+    (EXTRA, -0.70): "classroom_c025_door_1",
+}
+CORRIDOR = [(-12.16, 11.97), (-12.86, 12.46), (20.76, 60.46), (21.45, 59.97)]
+ROOMS = [
+    (52.8256, 32.5629), (11.7211, 53.5011),
+    (49.54, 33.41), (52.75, 38.00), (57.34, 34.78), (54.12, 30.20),
+    (10.32, 51.16), (5.73, 54.38), (13.53, 65.52), (18.12, 62.31),
+]  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def building(campaigns: Path) -> FloorPlan:
+    return load_floorplan(campaigns / "ortega2024" / "building_c.fpm")
+
+
+@pytest.fixture(scope="module")
+def flat(campaigns: Path) -> FloorPlan:
+    return load_floorplan(campaigns / "demo" / "flat.fpm")
+
+
+def clear_floor(plan: FloorPlan) -> shapely.Geometry:
+    """Where a robot can be: spaces and doorways less walls and features."""
+    open_to = shapely.union_all(
+        [shapely.Polygon(s.outline) for s in plan.spaces]
+        + [shapely.Polygon(o.footprint).buffer(1e-6) for o in plan.openings if o.kind == "entryway"]
+    )
+    walls = {
+        wall.id: shapely.Polygon(wall.footprint).difference(
+            shapely.union_all(
+                [
+                    shapely.Polygon(o.footprint).buffer(1e-6)
+                    for o in plan.openings
+                    if o.kind == "entryway" and wall.id in o.walls
+                ]
+            )
+        )
+        for wall in plan.walls
+    }
+    solid = [*walls.values(), *(shapely.Polygon(f.footprint) for f in plan.features)]
+    return open_to.difference(shapely.union_all(solid))
+
+
+def component(floor: shapely.Geometry, point: Point2, radius: float) -> shapely.Geometry:
+    """Return the floor a disc of ``radius`` can reach from ``point`` with its centre."""
+    reachable = floor.buffer(-radius)
+    (part,) = (p for p in shapely.get_parts(reachable) if p.contains(shapely.Point(point)))
+    return part
+
+
+@pytest.mark.parametrize(("world", "local"), DOORS)
+def test_doors_of_the_experiments_stand_where_they_stood(
+    building: FloorPlan, world: tuple[float, ...], local: tuple[str, float, float, int]
+) -> None:
+    wall, x, y, quarters = local
+    pose = frame_of(building, f"{wall}-frame") @ Pose2(x, y, quarters * math.pi / 2)
+    assert (pose.x, pose.y, pose.yaw) == pytest.approx(world, abs=1e-6)
+
+
+@pytest.mark.parametrize(("place", "name"), DOORWAYS.items())
+def test_doors_of_the_experiments_stand_in_their_doorways(
+    building: FloorPlan, place: tuple[str, float], name: str
+) -> None:
+    (local,) = (local for _, local in DOORS if (local[0], local[1]) == place)
+    pose = frame_of(building, f"{local[0]}-frame") @ Pose2(
+        local[1], local[2], local[3] * math.pi / 2
+    )
+    leaf = shapely.Polygon(
+        pose.apply_ring(((-0.025, 0.035), (-0.025, 0.965), (0.025, 0.965), (0.025, 0.035)))
+    )
+    (doorway,) = (o for o in building.openings if o.name == name)
+    assert shapely.Polygon(doorway.footprint).contains(leaf)
+
+
+def test_building_c_has_its_corridor_doorways(building: FloorPlan) -> None:
+    names = {o.name for o in building.openings if o.name.startswith("left_corridor_doorway_")}
+    assert names == {f"left_corridor_doorway_{n}" for n in (1, 2, 3, 4, 5, 11, 12, 14, 15, 16, 17)}
+
+
+@pytest.mark.parametrize(("start", "goals"), [((0.0, 0.0), CORRIDOR), ((44.4, 43.85), ROOMS)])
+def test_every_waypoint_can_be_reached_in_building_c(
+    building: FloorPlan, start: Point2, goals: list[Point2]
+) -> None:
+    reachable = component(clear_floor(building), start, 0.42)
+    assert [p for p in goals if not reachable.contains(shapely.Point(p))] == []
+
+
+def test_building_c_is_closed_but_for_the_corridor_doorways(building: FloorPlan) -> None:
+    """Doors 1-11 lead out of the plan; with those doorways shut, one closed floor remains."""
+    shut = [o for o in building.openings if o.name.startswith("left_corridor_doorway_")]
+    walls = [shapely.Polygon(w.footprint) for w in building.walls]
+    hull = shapely.union_all(
+        [*walls, *(shapely.Polygon(s.outline) for s in building.spaces)]
+    ).buffer(1e-6)
+    floor = clear_floor(building).difference(
+        shapely.union_all([shapely.Polygon(o.footprint).buffer(1e-3) for o in shut])
+    )
+    inside = component(floor, (0.0, 0.0), 0.2)
+    assert inside.distance(hull.boundary) > 0.2
+
+
+def test_building_c_warns_only_of_the_room_that_reaches_into_the_corridor(
+    building: FloorPlan,
+) -> None:
+    assert len(building.warnings) == 2
+    assert all(
+        '"classroom_c025" and "right_corridor_extra_space"' in w.message for w in building.warnings
+    )
+
+
+def test_building_c_agrees_with_the_published_plan(
+    building: FloorPlan, reference_data: Path
+) -> None:
+    published = load_floorplan(reference_data / "floorplans" / "brsu_building_c_with_doorways.fpm")
+    theirs = {wall.id: wall for wall in published.walls}
+    moved = (
+        "classroom_c022",
+        "classroom_c025",
+        "diagonal_corridor_center",
+        "right_corridor_extra_end",
+    )
+    for wall in building.walls:
+        if wall.space not in moved:
+            twin = theirs[wall.id]
+            assert (wall.frame.x, wall.frame.y) == pytest.approx(
+                (twin.frame.x, twin.frame.y), abs=1e-6
+            )
+            assert abs(math.remainder(wall.frame.yaw - twin.frame.yaw, math.tau)) < 1e-6
+            assert (wall.length, wall.thickness) == pytest.approx((twin.length, twin.thickness))
+    columns = {f.id: f.frame for f in published.features}
+    for feature in building.features:
+        twin_frame = columns[feature.id]
+        assert (feature.frame.x, feature.frame.y) == pytest.approx(
+            (twin_frame.x, twin_frame.y), abs=1e-6
+        )
+    doorways = {o.name: o.centre for o in published.openings}
+    for opening in building.openings:
+        if opening.name.startswith(("left_corridor_doorway", "classroom_c069")):
+            assert opening.centre == pytest.approx(doorways[opening.name], abs=1e-6)
+
+
+def test_the_flat_is_flawless(flat: FloorPlan) -> None:
+    assert flat.warnings == ()
+    assert [s.name for s in flat.spaces] == ["hall", "living_room", "bedroom", "kitchen"]
+    widths = {o.name: o.width for o in flat.openings if o.kind == "entryway"}
+    assert widths == pytest.approx(
+        {"living_room_doorway": 1.2, "bedroom_doorway": 0.95, "kitchen_doorway": 0.95}
+    )
+    bounds = shapely.union_all([shapely.Polygon(s.outline) for s in flat.spaces]).bounds
+    assert (bounds[2] - bounds[0], bounds[3] - bounds[1]) == pytest.approx((9.0, 7.0))
+
+
+def test_a_robot_can_visit_every_room_of_the_flat(flat: FloorPlan) -> None:
+    reachable = component(clear_floor(flat), (0.0, 0.0), 0.42)
+    for space in flat.spaces:
+        assert reachable.intersection(shapely.Polygon(space.outline)).area > 1.0

@@ -1,0 +1,301 @@
+"""What a plan means: geometry of small plans worked out by hand."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import pytest
+
+from grammars.diagnostics import InputError
+from grammars.floorplan import FloorPlan, frame_of, frames, load_floorplan, parse_floorplan
+from grammars.values import Pose2
+
+HEAD = """Floor plan: demo
+Defaults:
+    walls:
+        thickness: 0.2 m
+        height: 2.4 m
+"""
+CELL = """Space cell:
+    shape: Rectangle width=2.0 m, length=2.0 m
+    location:
+        wrt: world
+        of: this
+        translation: x: 3.0 m, y: 1.0 m
+"""
+
+
+def room(location: str, shape: str = "Rectangle width=2 m, length=1 m", rest: str = "") -> str:
+    return f"Space room: shape: {shape} location: {location} {rest}\n"
+
+
+def plan(*elements: str) -> FloorPlan:
+    return parse_floorplan(HEAD + CELL + "\n".join(elements), "demo.fpm")
+
+
+def messages(found: FloorPlan) -> list[str]:
+    return [warning.message for warning in found.warnings]
+
+
+def close(values: object) -> object:
+    return pytest.approx(values, abs=1e-9)
+
+
+def test_a_rectangle_is_clockwise_from_its_left_top_corner() -> None:
+    (cell,) = plan().spaces
+    assert list(cell.outline) == [close(p) for p in [(2, 2), (4, 2), (4, 0), (2, 0)]]
+    assert cell.where.line == 6
+
+
+def test_wall_frames_sit_on_the_inner_edges_and_look_outwards() -> None:
+    (cell,) = plan().spaces
+    poses = [(w.frame.x, w.frame.y, abs(w.frame.yaw)) for w in cell.walls]
+    half = math.pi / 2
+    assert poses == [close(p) for p in [(3, 2, 0), (4, 1, half), (3, 0, math.pi), (2, 1, half)]]
+    assert cell.walls[1].frame.yaw == close(-half)
+    assert [w.id for w in cell.walls] == [f"cell-wall-{i}" for i in range(4)]
+
+
+def test_walls_grow_outwards_to_mitred_corners() -> None:
+    (cell,) = plan().spaces
+    assert list(cell.walls[0].footprint) == [
+        close(p) for p in [(1.8, 2.2), (4.2, 2.2), (4, 2), (2, 2)]
+    ]
+    assert list(cell.walls[1].footprint) == [
+        close(p) for p in [(4.2, 2.2), (4.2, -0.2), (4, 0), (4, 2)]
+    ]
+    assert (cell.walls[0].thickness, cell.walls[0].height, cell.walls[0].length) == (0.2, 2.4, 2.0)
+
+
+def test_a_door_is_cut_from_the_inner_face_outwards() -> None:
+    found = plan(
+        "Entryway door: shape: Rectangle width=0.9 m, height=2.0 m "
+        "location: in: cell.walls[0] translation: x: 0.3 m, z: 1.0 m"
+    )
+    (door,) = found.openings
+    corners = [(2.85, 2, 2), (3.75, 2, 2), (3.75, 2, 0), (2.85, 2, 0)]
+    assert list(door.near) == [close(p) for p in corners]
+    assert list(door.far) == [close((x, 2.2, z)) for x, _, z in corners]
+    assert (door.kind, door.walls, door.depth) == ("entryway", ("cell-wall-0",), 0.2)
+    assert (door.width, door.z_min, door.z_max) == (close(0.9), close(0.0), close(2.0))
+    assert door.centre == close((3.3, 2.1))
+    assert not found.warnings
+
+
+def test_a_tilted_window_turns_clockwise_seen_from_inside() -> None:
+    found = plan(
+        "Window w: shape: Rectangle width=1.0 m, height=0.5 m "
+        "location: in: cell.walls[0] translation: z: 1.5 m rotation: y: 90 deg"
+    )
+    (window,) = found.openings
+    assert window.near[1] == close((3.25, 2.0, 1.0))
+    assert (window.width, window.z_min, window.z_max) == (close(0.5), close(1.0), close(2.0))
+
+
+def test_a_polygonal_opening_has_points_in_its_wall() -> None:
+    text = "Window w: shape: Polygon points: [{}] location: in: cell.walls[0] translation: z: 1 m"
+    solid = plan(text.format("(-0.5 m, 0 m, 0 m), (0.5 m, 0 m, 0 m), (0 m, 0 m, 0.8 m)"))
+    flat = plan(text.format("(-0.5 m, 0 m), (0.5 m, 0 m), (0 m, 0.8 m)"))
+    assert solid.openings == flat.openings
+    assert solid.openings[0].z_max == close(1.8)
+    assert "second number is taken as z" in messages(flat)[0]
+
+
+def test_an_aligned_room_lies_on_the_other_side_of_the_wall() -> None:
+    found = plan(room("wrt: cell.walls[0] of: this.walls[2] translation: x: 0.5 m spaced"))
+    placed = found.spaces[1]
+    assert (placed.frame.x, placed.frame.y) == close((3.5, 2 + 0.4 + 0.5))
+    assert abs(placed.frame.yaw) == close(0.0)
+    assert placed.walls[2].footprint[0] == close((placed.frame.x + 1.2, placed.frame.y - 0.7))
+
+
+def test_a_room_that_is_not_aligned_lies_on_the_same_side() -> None:
+    found = plan(room("wrt: cell.walls[0] of: this.walls[2] not aligned"))
+    assert (found.spaces[1].frame.x, found.spaces[1].frame.y) == close((3.0, 1.5))
+    assert abs(found.spaces[1].frame.yaw) == close(math.pi)
+
+
+def test_rotation_adds_to_alignment_or_stands_alone() -> None:
+    turned = plan(room("wrt: cell.walls[0] of: this.walls[2] rotation: z: 10 deg"))
+    alone = plan(room("wrt: cell.walls[0] of: this.walls[2] rotation: z: 10 deg not aligned"))
+    walls = (turned.spaces[1].walls[2], alone.spaces[1].walls[2])
+    assert [abs(w.frame.yaw) for w in walls] == close([math.radians(170), math.radians(10)])
+
+
+def test_spaced_uses_the_thickness_of_both_walls() -> None:
+    found = plan(
+        room("wrt: cell.walls[1] of: this.walls[3] spaced", rest="walls: thickness: 0.5 m")
+    )
+    assert found.spaces[1].outline[0] == close((4.7, 1.5))
+
+
+def test_rooms_can_be_placed_against_rooms_defined_later() -> None:
+    found = parse_floorplan(HEAD + room("wrt: cell of: this.walls[1] translation: y: 5 m") + CELL)
+    assert (found.spaces[0].frame.x, found.spaces[0].frame.y) == close((3.0, 5.0))
+
+
+def test_features_stand_against_their_space_its_walls_or_other_spaces() -> None:
+    column = "Column {}: shape: Rectangle width=0.4 m, length=0.2 m height: 1 m location: {}"
+    found = plan(
+        "features: ",
+        column.format("a", "translation: x: 0.5 m wrt: this rotation: z: 90 deg "),
+        column.format("b", "wrt: this.walls[1] translation: y: -0.1 m "),
+        room("wrt: cell of: this translation: x: 9 m"),
+        column.format("c", "wrt: room.walls[0] "),
+    )
+    a, b, c = found.features
+    assert (a.frame.x, a.frame.y, a.frame.yaw) == close((3.5, 1.0, math.pi / 2))
+    assert (b.frame.x, b.frame.y) == close((3.9, 1.0))
+    assert (c.frame.x, c.frame.y, c.space) == (close(12.0), close(1.5), "")
+    assert a.footprint[0] == close((3.4, 0.8))
+
+
+def test_a_circle_is_a_clockwise_polygon_of_40_corners() -> None:
+    found = plan(room("wrt: world of: this", "Circle radius=1.5 m"))
+    outline = found.spaces[1].outline
+    assert len(found.spaces[1].walls) == 40
+    assert outline[0] == close((0.0, 1.5))
+    assert outline[10] == close((1.5, 0.0))
+
+
+def test_walls_may_be_split_in_line() -> None:
+    shape = "Polygon points: [(0 m, 0 m), (0 m, 1 m), (0 m, 2 m), (2 m, 2 m), (2 m, 0 m)]"
+    walls = plan(room("wrt: world of: this translation: x: 9 m", shape)).spaces[1].walls
+    assert walls[0].footprint[1] == close((8.8, 1.0))
+
+
+def test_values_come_from_variables_units_and_signs() -> None:
+    text = HEAD.replace("0.2 m", "-t") + (
+        "var t = -0.3 m var a = 0.5 rad var m = 4 m "
+        "Space s: shape: Rectangle width=m, length=2 location: "
+        "wrt: world of: this translation: x: - m, y: 1e0 m rotation: z: -a"
+    )
+    (space,) = parse_floorplan(text).spaces
+    assert space.walls[0].thickness == 0.3
+    assert (space.frame.x, space.frame.y, space.frame.yaw) == close((-4.0, 1.0, -0.5))
+    assert space.walls[0].length == close(4.0)
+
+
+def test_layout_comments_and_keywords_as_names_mean_nothing() -> None:
+    text = (
+        "Floor plan:features// x\nSpace Space:shape:Rectangle width=1,length=1 "
+        "location:spaced//\r\nof:this wrt:worldly.walls[ 0 ]\twalls:height:2 m thickness:1 m "
+        "Space worldly : shape : Rectangle width = 1 , length = 1 location : wrt : world of : this "
+        "walls : thickness : 1 height : 2 Entryway this: shape: Rectangle width=1, height=1 "
+        "location: rotation: translation: z: 0.5 in : Space . walls [0] and worldly.walls[1]"
+    )
+    found = parse_floorplan(text)
+    assert [s.name for s in found.spaces] == ["Space", "worldly"]
+    assert found.openings[0].walls == ("Space-wall-0", "worldly-wall-1")
+
+
+def test_names_are_resolved_by_kind() -> None:
+    found = parse_floorplan(
+        "Floor plan: cell\nDefaults: walls: thickness: cell height: 2 m\nvar cell = 0.1 m\n"
+        + CELL
+        + "Entryway cell: shape: Rectangle width=1 m, height=2 m location: in: cell.walls[0]"
+    )
+    assert found.openings[0].walls == ("cell-wall-0",)
+
+
+def test_equal_feature_names_in_two_spaces_get_scoped_ids() -> None:
+    column = "features: Column c: shape: Circle radius=0.1 m height: 1 m location: wrt: this "
+    found = plan(column, room("wrt: cell of: this translation: x: 5 m", rest=column))
+    assert [f.id for f in found.features] == ["cell-c", "room-c"]
+    assert [f.name for f in found.features] == ["c", "c"]
+    assert frame_of(found, "column-room-c-frame") == Pose2(8.0, 1.0, 0.0)
+    assert sum("several spaces" in m for m in messages(found)) == 2
+
+
+def test_every_element_publishes_its_frame() -> None:
+    found = plan(
+        "features: Divider d: shape: Circle radius=0.1 m height: 1 m location: wrt: this ",
+        "Window w: shape: Circle radius=0.1 m location: in: cell.walls[1] translation: z: 1 m",
+        "Entryway e: shape: Rectangle width=1 m, height=2 m location: in: cell.walls[0] "
+        "translation: z: 1 m",
+    )
+    assert list(frames(found)) == [
+        "world-frame",
+        "cell-frame",
+        *(f"cell-wall-{i}-frame" for i in range(4)),
+        "divider-d-frame",
+        "window-w-frame",
+        "entryway-e-frame",
+    ]
+    assert frame_of(found, "cell-wall-1-frame") == found.walls[1].frame
+    with pytest.raises(KeyError):
+        frame_of(found, "cell-wall-4-frame")
+
+
+def test_a_plan_is_loaded_from_its_file(tmp_path: Path) -> None:
+    path = tmp_path / "café.fpm"
+    path.write_bytes(b"\xef\xbb\xbf" + (HEAD + CELL).replace("\n", "\r\n").encode())
+    assert load_floorplan(path) == plan()
+    assert load_floorplan(str(path)).spaces[0].where.file == str(path)
+
+
+def test_a_file_that_cannot_be_read_is_reported(tmp_path: Path) -> None:
+    (tmp_path / "latin.fpm").write_bytes("Floor plan: büro".encode("latin-1"))
+    for name, message in [
+        ("none.fpm", "cannot read"),
+        (".", "cannot read"),
+        ("latin.fpm", "UTF-8"),
+    ]:
+        with pytest.raises(InputError, match=message):
+            load_floorplan(tmp_path / name)
+
+
+SQUARE = "Polygon points: [(0 m, 0 m), (1 m, 0 m), (1 m, 1 m), (0 m, 1 m){}]"
+DOOR = "Entryway e: shape: Rectangle width=1 m, height=2 m location: in: {}"
+
+
+@pytest.mark.parametrize(
+    ("elements", "message"),
+    [
+        ([room("wrt: world of: this translation: x: 9 m", SQUARE.format(""))], "counter-clockwise"),
+        ([room("wrt: world of: this", SQUARE.format(", (0 m, 0 m)"))], "repeated points"),
+        ([room("wrt: cell of: this")], '"room" and "cell" overlap (2.00 m²)'),
+        ([room("wrt: cell.walls[0] of: this.walls[2]")], "0 m apart, 0.4 m thick together"),
+        ([room("wrt: cell of: this spaced translation: x: 5 m")], '"spaced" has no effect'),
+        ([room("wrt: world of: this not aligned")], '"not aligned" has no effect'),
+        ([room("wrt: cell.walls[-1] of: this translation: x: 9 m")], "-1 counts from the end"),
+        ([room("wrt: world of: this rotation: z: 90")], "90 without a unit means radians"),
+        ([room("wrt: world of: this translation: x: 9 m", rest="walls: height: 0 m")], "no wall"),
+        ([room("wrt: world of: this").replace("room", "this")], "cannot be referred to"),
+        ([DOOR.format("cell.walls[0] translation: x: 0.6 m, z: 1 m")], "beyond the end of cell-w"),
+        ([DOOR.format("cell.walls[0] translation: z: 2 m")], "reaches above cell-wall-0"),
+        ([DOOR.format("cell.walls[0]")], "below the floor (z = -1 m)"),
+        ([DOOR.format("cell.walls[0] and cell.walls[1]")], "do not face each other"),
+        (
+            [room("wrt: cell.walls[0] of: this.walls[2] translation: y: 1 m"),
+             DOOR.format("cell.walls[0] and room.walls[2]")],
+            "do not touch: 1.000 m between",
+        ),
+        (
+            ["features: Column c: shape: Circle radius=0.1 m height: 0 m "
+             "location: wrt: this translation: x: 3 m"],
+            "stands outside",
+        ),
+    ],
+)  # fmt: skip
+def test_what_is_suspicious_is_accepted_with_a_warning(elements: list[str], message: str) -> None:
+    found = plan(*elements)
+    assert any(message in warning for warning in messages(found))
+    assert all(w.where.file == "demo.fpm" and w.where.line >= 6 for w in found.warnings)
+
+
+def test_touching_rooms_and_fitting_doors_raise_no_warning() -> None:
+    found = plan(
+        room("wrt: cell.walls[0] of: this.walls[2] spaced"),
+        DOOR.format("cell.walls[0] and room.walls[2] translation: x: -0.4 m, z: 1 m"),
+    )
+    assert found.warnings == ()
+    assert found.openings[0].depth == close(0.4)
+
+
+def test_variables_defined_twice_matter_only_when_used() -> None:
+    text = HEAD + "var a = 1 m\nvar a = 2 m\n" + CELL
+    assert "already defined in line 6" in parse_floorplan(text).warnings[0].message
+    with pytest.raises(InputError, match="not unique: defined in lines 6 and 7"):
+        parse_floorplan(text.replace("3.0 m", "a"))

@@ -1,0 +1,264 @@
+"""Properties that hold for every plan: walls, placements, and how bad input is answered."""
+
+from __future__ import annotations
+
+import math
+import random
+import re
+
+import numpy as np
+import pytest
+import shapely
+from hypothesis import HealthCheck, assume, given, settings
+from hypothesis import strategies as st
+
+from grammars.diagnostics import InputError
+from grammars.floorplan import FloorPlan, parse_floorplan
+from grammars.values import Floats, Point2, Pose2, Ring
+
+LENGTHS = st.floats(0.5, 20.0).map(lambda v: round(v, 3))
+OFFSETS = st.floats(-20.0, 20.0).map(lambda v: round(v, 3))
+ANGLES = st.floats(-math.pi, math.pi).map(lambda v: round(v, 4))
+THICKNESS = st.floats(0.05, 0.8).map(lambda v: round(v, 3))
+
+
+def polygon(ring: Ring) -> str:
+    return "Polygon points: [" + ", ".join(f"({x!r} m, {y!r} m)" for x, y in ring) + "]"
+
+
+def one_room(ring: Ring, thickness: float, pose: Pose2) -> FloorPlan:
+    return parse_floorplan(
+        f"Floor plan: p Space s: shape: {polygon(ring)} location: wrt: world of: this "
+        f"translation: x: {pose.x!r}, y: {pose.y!r} rotation: z: {pose.yaw!r} rad "
+        f"walls: thickness: {thickness!r} m height: 2 m"
+    )
+
+
+@st.composite
+def convex_rings(draw: st.DrawFn) -> Ring:
+    """Corners on an ellipse, clockwise, none closer than half a metre to the next."""
+    count = draw(st.integers(3, 9))
+    shares = draw(st.lists(st.floats(0.4, 1.0), min_size=count, max_size=count))
+    angles = -math.tau * np.cumsum(shares) / sum(shares)
+    width, length = draw(st.floats(2.0, 9.0)), draw(st.floats(2.0, 9.0))
+    return tuple((width * math.cos(a), length * math.sin(a)) for a in angles)
+
+
+poses = st.builds(Pose2, OFFSETS, OFFSETS, ANGLES)
+
+
+@settings(deadline=None)
+@given(convex_rings(), THICKNESS, poses)
+def test_walls_of_a_convex_room_fill_the_mitred_offset(
+    ring: Ring, thickness: float, pose: Pose2
+) -> None:
+    plan = one_room(ring, thickness, pose)
+    walls = [shapely.Polygon(wall.footprint) for wall in plan.walls]
+    floor = shapely.Polygon(plan.spaces[0].outline)
+    offset = floor.buffer(thickness, join_style="mitre", mitre_limit=1e6)
+    built = shapely.union_all([floor, *walls])
+    assert offset.symmetric_difference(built).area < 1e-6
+    assert sum(wall.area for wall in walls) == pytest.approx(offset.area - floor.area)
+
+
+@settings(deadline=None)
+@given(convex_rings(), THICKNESS, poses)
+def test_a_wall_is_a_trapezoid_in_its_own_frame(ring: Ring, thickness: float, pose: Pose2) -> None:
+    for wall in one_room(ring, thickness, pose).walls:
+        outer_start, outer_end, end, start = wall.frame.inverse().apply_ring(wall.footprint)
+        assert start == pytest.approx((-wall.length / 2, 0.0), abs=1e-9)
+        assert end == pytest.approx((wall.length / 2, 0.0), abs=1e-9)
+        assert (outer_start[1], outer_end[1]) == pytest.approx((thickness, thickness))
+
+
+@settings(deadline=None)
+@given(convex_rings(), THICKNESS, poses)
+def test_a_plan_moves_rigidly_with_its_anchor(ring: Ring, thickness: float, pose: Pose2) -> None:
+    still, moved = one_room(ring, thickness, Pose2()), one_room(ring, thickness, pose)
+    for before, after in zip(still.walls, moved.walls, strict=True):
+        expected = np.array(pose.apply_ring(before.footprint))
+        assert np.allclose(after.footprint, expected, atol=1e-9)
+
+
+def matrix(x: float, y: float, yaw: float) -> Floats:
+    c, s = math.cos(yaw), math.sin(yaw)
+    return np.array([[c, -s, x], [s, c, y], [0.0, 0.0, 1.0]])
+
+
+def wall_matrix(width: float, length: float, wall: int) -> Floats:
+    middles = [(0.0, length / 2), (width / 2, 0.0), (0.0, -length / 2), (-width / 2, 0.0)]
+    return matrix(*middles[wall], [0.0, -math.pi / 2, math.pi, math.pi / 2][wall])
+
+
+@settings(deadline=None)
+@given(
+    st.tuples(LENGTHS, LENGTHS, THICKNESS, st.integers(0, 3)),
+    st.tuples(LENGTHS, LENGTHS, THICKNESS, st.integers(0, 3)),
+    poses,
+    st.tuples(OFFSETS, OFFSETS, ANGLES),
+    st.booleans(),
+    st.booleans(),
+)
+def test_a_placement_is_the_product_of_its_transforms(
+    first: tuple[float, float, float, int],
+    second: tuple[float, float, float, int],
+    pose: Pose2,
+    offset: tuple[float, float, float],
+    spaced: bool,
+    aligned: bool,
+) -> None:
+    x, y, yaw = offset[0], 0.0 if spaced else offset[1], offset[2]
+    rooms = [
+        f"Space {name}: shape: Rectangle width={w!r}, length={h!r} location: {{}} "
+        f"walls: thickness: {t!r} height: 2 "
+        for name, (w, h, t, _) in (("a", first), ("b", second))
+    ]
+    flags = ("spaced " if spaced else "") + ("" if aligned else "not aligned")
+    text = "Floor plan: p " + rooms[0].format(
+        f"wrt: world of: this translation: x: {pose.x!r}, y: {pose.y!r} "
+        f"rotation: z: {pose.yaw!r} rad"
+    )
+    text += rooms[1].format(
+        f"wrt: a.walls[{first[3]}] of: this.walls[{second[3]}] "
+        f"translation: x: {x!r}, y: {y!r} rotation: z: {yaw!r} rad {flags}"
+    )
+    frame = parse_floorplan(text).spaces[1].frame
+    gap = y + (first[2] + second[2] if spaced else 0.0)
+    expected = (
+        matrix(pose.x, pose.y, pose.yaw)
+        @ wall_matrix(first[0], first[1], first[3])
+        @ matrix(x, gap, yaw + (math.pi if aligned else 0.0))
+        @ np.linalg.inv(wall_matrix(second[0], second[1], second[3]))
+    )
+    assert np.allclose(matrix(frame.x, frame.y, frame.yaw), expected, atol=1e-9)
+
+
+@settings(deadline=None)
+@given(LENGTHS, LENGTHS, THICKNESS, THICKNESS, OFFSETS, st.integers(0, 3), st.integers(0, 3))
+def test_spaced_rooms_touch_and_never_overlap(
+    width: float, length: float, thin: float, thick: float, x: float, one: int, other: int
+) -> None:
+    room = " Space {}: shape: Rectangle width={}, length={} location: {} walls: thickness: {}"
+    facing = f"wrt: a.walls[{one}] of: this.walls[{other}] spaced translation: x: {x!r}"
+    plan = parse_floorplan(
+        "Floor plan: p Defaults: walls: height: 2 m"
+        + room.format("a", width, length, "wrt: world of: this", thin)
+        + room.format("b", length, 3, facing, thick)
+    )
+    a, b = (
+        shapely.union_all([shapely.Polygon(w.footprint) for w in space.walls])
+        for space in plan.spaces
+    )
+    assert a.intersection(b).area < 1e-6
+    relative = plan.spaces[0].walls[one].frame.inverse() @ plan.spaces[1].walls[other].frame
+    assert (relative.x, relative.y) == pytest.approx((x, thin + thick), abs=1e-9)
+
+
+SEED = """// a comment
+Floor plan: seed
+    Defaults:
+        walls:
+            thickness: t
+            height: 2.5 m
+    var t = 0.2 m
+    var turn = 30.0 deg
+    Space hall:
+        shape: Polygon points:[(0 m, 0 m), (0 m, 4 m), (5.5 m, 4 m, 0 m), (5.5 m, 0 m)]
+        location:
+            wrt: world
+            of: this
+            translation: x: 1.0 m, y: -2.0 m
+            rotation: z: turn
+        features:
+            Column pillar:
+                shape: Circle radius=0.2 m
+                height: 2.5 m
+                location:
+                    wrt: this.walls[1]
+                    translation: y: -t
+    Space room:
+        shape: Rectangle width=3.0 m, length=4.0 m
+        location:
+            wrt: hall.walls[2]
+            of: this.walls[0]
+            spaced
+            not aligned
+        walls:
+            thickness: 0.3 m
+    Entryway door:
+        shape: Rectangle width=0.9 m, height=2.0 m
+        location:
+            in: hall.walls[2] and room.walls[0]
+            translation: x: 0.4 m, z: 1.0 m
+            rotation: y: 0.0 deg
+    Window pane:
+        shape: Polygon points: [(0 m, 0 m), (1 m, 1 m), (1 m, 0 m)]
+        location: in: hall.walls[0]
+"""
+TOKENS = re.findall(r"\w+(?:\.\w+)?|\s+|[^\w\s]", SEED)
+STRAYS = [
+    "this", "world", "walls", "[", "]", ":", ",", "-", "1e300", "-7", "0 m", "90", "@", "\0",
+    "ü", "//", "\n", "m", "deg", "Space", "Entryway x:", "var", "spaced", "hall", "(", ")",
+    "1e-320", "99999999999999999999", "\N{ARABIC-INDIC DIGIT THREE}", "\u2028", "\r", "Defaults:",
+]  # fmt: skip
+
+
+def answers(text: str) -> None:
+    """A text is either a finite plan or refused with places and messages; nothing else."""
+    try:
+        plan = parse_floorplan(text, "fuzz.fpm")
+    except InputError as refused:
+        assert refused.diagnostics
+        lines = text.count("\n") + 1
+        for diagnostic in refused.diagnostics:
+            assert diagnostic.message
+            assert 1 <= diagnostic.where.line <= lines
+            assert diagnostic.where.column >= 1
+        return
+    corners: list[Point2] = [corner for wall in plan.walls for corner in wall.footprint]
+    corners += [corner for feature in plan.features for corner in feature.footprint]
+    corners += [corner for opening in plan.openings for corner in opening.footprint]
+    assert np.isfinite(corners).all()
+
+
+def test_the_seed_of_the_mutations_is_a_plan() -> None:
+    assert len(parse_floorplan(SEED).spaces) == 2
+
+
+@settings(max_examples=300, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@given(st.randoms(use_true_random=False), st.integers(1, 4))
+def test_a_damaged_plan_is_answered_never_crashed_on(rng: random.Random, damages: int) -> None:
+    tokens = list(TOKENS)
+    for _ in range(damages):
+        at, other = rng.randrange(len(tokens)), rng.randrange(len(tokens))
+        action = rng.randrange(5)
+        if action == 0:
+            del tokens[at]
+        elif action == 1:
+            tokens.insert(at, rng.choice(STRAYS))
+        elif action == 2:
+            tokens[at] = rng.choice(STRAYS)
+        elif action == 3:
+            tokens[at], tokens[other] = tokens[other], tokens[at]
+        else:
+            tokens[at:at] = tokens[min(at, other) : min(at, other) + rng.randrange(40)]
+    answers("".join(tokens))
+
+
+@settings(max_examples=100, deadline=None)
+@given(st.text(max_size=60), st.integers(0, len(SEED)))
+def test_any_text_in_a_plan_is_answered(text: str, at: int) -> None:
+    assume("\n" not in text)
+    answers(SEED[:at] + text + SEED[at:])
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.lists(st.tuples(st.integers(0, 4), st.integers(0, 4)), min_size=1, max_size=8))
+def test_any_polygon_is_a_room_or_refused(points: list[Point2]) -> None:
+    text = f"Floor plan: p Space s: shape: {polygon(tuple(points))} location: wrt: world of: this "
+    answers(text + "walls: thickness: 0.1 height: 2")
+    try:
+        plan = parse_floorplan(text + "walls: thickness: 0.1 height: 2")
+    except InputError:
+        return
+    assert shapely.Polygon(plan.spaces[0].outline).is_valid

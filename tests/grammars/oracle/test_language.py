@@ -1,0 +1,266 @@
+"""The oracle language: what can be said, and what is answered to what cannot."""
+
+from __future__ import annotations
+
+import re
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from grammars.diagnostics import Diagnostic, InputError, Where
+from grammars.oracle import (
+    SIGNALS,
+    Amount,
+    Comparison,
+    Expression,
+    Logic,
+    Number,
+    Oracle,
+    Signal,
+    Statistic,
+    Temporal,
+    kind_of,
+    margin_kind,
+    parse_oracle,
+    render,
+)
+
+HERE = Where("navigation.oracles.yaml", 4, 12)
+
+
+def parse(text: str) -> Oracle:
+    return parse_oracle("it", text, HERE)
+
+
+def refusal(text: str) -> Diagnostic:
+    with pytest.raises(InputError) as caught:
+        parse(text)
+    assert len(caught.value.diagnostics) == 1
+    return caught.value.diagnostics[0]
+
+
+def predicate(text: str) -> Expression:
+    judgement = parse(f"always({text})").judgement
+    assert isinstance(judgement, Temporal)
+    return judgement.predicate
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "reached(mission, 0.25 m)",
+        "always(loc.error <= 0.35 m)",
+        "fraction(loc.inside_2sigma) >= 95 %",
+        "never(clearance(0.35 m, 0.20 m) <= 0 m)",
+        "always(clearance(0.55 m, 0.433 m) >= 0 m)",
+        "time(clearance(0.55 m, 0.433 m) < 0 m)",
+    ],
+)
+def test_every_oracle_of_the_paper_can_be_said(text: str) -> None:
+    assert parse(text).text == text
+
+
+def test_a_comparison_knows_its_sides_and_si_values() -> None:
+    judgement = parse("always(loc.error <= 35 cm)").judgement
+    assert isinstance(judgement, Temporal)
+    compared = judgement.predicate
+    assert isinstance(compared, Comparison)
+    assert (compared.operator, compared.left) == ("<=", Signal("loc.error", (), 7))
+    assert isinstance(compared.right, Number)
+    assert compared.right.value == pytest.approx(0.35)
+
+
+def test_percent_means_what_people_write() -> None:
+    judgement = parse("fraction(contact) <= 95 %").judgement
+    assert isinstance(judgement, Amount)
+    assert judgement.limit is not None
+    assert judgement.limit.number.value == 0.95
+
+
+@pytest.mark.parametrize("operator", ["fraction", "time", "longest", "count"])
+def test_an_amount_without_a_limit_is_a_measure(operator: str) -> None:
+    assert parse(f"{operator}(contact)").is_measure
+
+
+@pytest.mark.parametrize("operator", ["max", "min", "mean", "final", "p95"])
+def test_a_statistic_is_a_measure_until_it_has_a_limit(operator: str) -> None:
+    assert parse(f"{operator}(speed)").is_measure
+    assert not parse(f"{operator}(speed) <= 1 m/s").is_measure
+
+
+def test_limits_can_be_negative() -> None:
+    judgement = parse("min(clearance) >= -2 cm").judgement
+    assert isinstance(judgement, Statistic)
+    assert judgement.limit is not None
+    assert judgement.limit.number.value == pytest.approx(-0.02)
+
+
+def test_a_window_and_a_guard_belong_to_the_oracle() -> None:
+    oracle = parse("eventually within 2 min (mission.reached >= 3) when not contact")
+    assert isinstance(oracle.judgement, Temporal)
+    assert oracle.judgement.within is not None
+    assert oracle.judgement.within.value == 120.0
+    assert oracle.guard is not None
+    assert render(oracle.guard) == "not contact"
+
+
+def test_and_binds_tighter_than_or() -> None:
+    parsed = predicate("contact or contact and loc.inside_2sigma")
+    assert isinstance(parsed, Logic)
+    assert parsed.operator == "or"
+    assert render(parsed) == "contact or (contact and loc.inside_2sigma)"
+
+
+def test_products_bind_tighter_than_sums_and_group_from_the_left() -> None:
+    parsed = predicate("speed - speed - 2 * speed > 0 m/s")
+    assert isinstance(parsed, Comparison)
+    assert render(parsed.left) == "(speed - speed) - (2 * speed)"
+
+
+def test_arithmetic_carries_units() -> None:
+    oracle = parse("max(speed * 2 s + loc.error) <= 3 m")
+    assert isinstance(oracle.judgement, Statistic)
+    kind = kind_of(oracle.judgement.signal)
+    assert kind is not None
+    assert kind.unit == "m"
+
+
+def test_a_unit_ends_where_a_signal_begins() -> None:
+    oracle = parse("max(0.5 m/loc.error)")
+    assert isinstance(oracle.judgement, Statistic)
+    assert render(oracle.judgement.signal) == "0.5 m / loc.error"
+
+
+def test_names_may_contain_hyphens() -> None:
+    oracle = parse("min(door-17.distance)")
+    assert isinstance(oracle.judgement, Statistic)
+    assert oracle.judgement.signal == Signal("door-17.distance", (), 4)
+
+
+def test_a_mix_of_quantities_has_no_single_unit() -> None:
+    same = margin_kind(predicate("loc.error < 1 m and clearance > 0 m"))
+    assert same is not None
+    assert same.unit == "m"
+    assert margin_kind(predicate("loc.error < 1 m and speed < 1 m/s")) is None
+    assert margin_kind(predicate("loc.error < 1 m and not contact")) is None
+
+
+@pytest.mark.parametrize(
+    ("text", "message", "hint"),
+    [
+        ("always(loc.error <= 0.35 s)", "compares m with s", ""),
+        ("always(loc.error <= 0.35)", "compares m with a number without unit", "in m"),
+        ("always(clearance >= 0)", "compares m with a number without unit", "in m"),
+        ("always(loc.eror <= 1 m)", 'unknown signal "loc.eror"', '"loc.error"'),
+        ("min(door-17.angel)", 'unknown signal "door-17.angel"', '"door-17.angle"'),
+        ("alway(contact)", '"alway" does not begin an oracle', '"always"'),
+        ("", "this does not begin an oracle", "always("),
+        ("never(contact", "ends too early", ""),
+        ("never(contact) now", 'cannot read on at "now"', ""),
+        ("always(0 m < clearance <= 3 m)", "cannot be chained", ""),
+        ("always(speed)", "a quantity [m/s], not something true or false", "<= 1 m/s"),
+        ("always(mission.reached)", "a quantity [1]", "<= 1"),
+        ("never(contact > 0)", "true or false, not a quantity", ""),
+        ("max(contact)", "true or false, not a quantity", ""),
+        ("fraction(contact) >= 3 s", "compares a number without unit with s", ""),
+        ("longest(contact) <= 3", "compares s with a number without unit", ""),
+        ("always(loc.error == 0.1 m)", "only counts can be equal", "<= or >="),
+        ("time(contact) == 3 s", "only counts can be equal", ""),
+        ("max(speed + loc.error)", "adds m/s and m", ""),
+        ("max(speed - 1)", "subtracts m/s and a number without unit", ""),
+        ("always(loc.error <= 3 foo)", '"foo" is not a unit', ""),
+        ("always(clearance(0.5 m) > 0 m)", "takes 2 arguments, 1 given", ""),
+        ("always(clearance(0.5 m, 1) > 0 m)", 'but "1" has no unit', ""),
+        ("always(clearance(0.5 m, 1 s) > 0 m)", 'but "1 s" is in s', ""),
+        ("always(clearance(0.5 m, speed) > 0 m)", "are constants", ""),
+        ("max(speed(1 m))", "speed takes no arguments", ""),
+        ("reached(mission, 0.25)", "has no unit", ""),
+        ("reached(mission, 0 m)", "more than 0 m", ""),
+        ("always within 3 m (contact)", '"within" takes a time', ""),
+        ("max(loc.error-loc.sigma.x)", "unknown signal", "loc.error - loc.sigma.x"),
+        ("never(contact) when speed", "a quantity [m/s]", ""),
+    ],
+)
+def test_what_cannot_be_meant_is_refused_with_advice(text: str, message: str, hint: str) -> None:
+    found = refusal(text)
+    assert message in found.message
+    assert hint in found.hint
+
+
+def test_a_finding_points_at_the_offending_part() -> None:
+    text = "always(loc.error <= 0.35 s)"
+    assert refusal(text).where == Where(HERE.file, 4, 12 + text.index("0.35"))
+
+
+def test_findings_in_judgement_and_guard_are_reported_together() -> None:
+    with pytest.raises(InputError) as caught:
+        parse("always(loc.eror <= 1 m) when sped > 1 m/s")
+    assert [d.message for d in caught.value.diagnostics] == [
+        'unknown signal "loc.eror"',
+        'unknown signal "sped"',
+    ]
+
+
+LENGTHS = st.sampled_from(["loc.error", "clearance", "0.5 m", "clearance(0.3 m, 0.2 m)"])
+
+
+def sums(leaves: st.SearchStrategy[str]) -> st.SearchStrategy[str]:
+    return st.recursive(
+        leaves,
+        lambda inner: st.one_of(
+            st.tuples(inner, st.sampled_from("+-"), inner).map(lambda t: f"({' '.join(t)})"),
+            inner.map(lambda text: f"abs({text})"),
+            inner.map(lambda text: f"-{text}"),
+            inner.map(lambda text: f"2 * {text}"),
+        ),
+        max_leaves=4,
+    )
+
+
+COMPARISONS = st.tuples(sums(LENGTHS), st.sampled_from(["<", "<=", ">", ">="]), sums(LENGTHS)).map(
+    " ".join
+)
+PREDICATES = st.recursive(
+    COMPARISONS | st.just("contact"),
+    lambda inner: st.one_of(
+        st.tuples(inner, st.sampled_from(["and", "or"]), inner).map(lambda t: f"({' '.join(t)})"),
+        inner.map(lambda text: f"not ({text})"),
+    ),
+    max_leaves=5,
+)
+
+
+@settings(deadline=None)
+@given(PREDICATES)
+def test_rendering_a_predicate_says_the_same(text: str) -> None:
+    rendered = render(predicate(text))
+    assert render(predicate(rendered)) == rendered
+
+
+@settings(deadline=None)
+@given(st.text(alphabet="always(loc.error)<=0 %ms-+*/whenot5,", max_size=40))
+def test_any_text_is_either_an_oracle_or_an_input_error(text: str) -> None:
+    try:
+        parse(text)
+    except InputError as error:
+        assert error.diagnostics
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        f"never({'(' * 400}contact{')' * 400})",
+        f"never({'(' * 17}contact{')' * 17})",
+        f"max({'-' * 900}speed)",
+        f"never({'not ' * 900}contact)",
+        f"max({'speed + ' * 400}speed)",
+    ],
+)
+def test_monsters_are_refused_instead_of_exhausting_the_parser(text: str) -> None:
+    assert re.search("nest|longer", refusal(text).message)
+
+
+def test_every_declared_signal_can_be_used() -> None:
+    for name, kind in SIGNALS.items():
+        parse(f"never({name})" if kind.dimension is None else f"max({name})")

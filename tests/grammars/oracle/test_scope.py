@@ -1,0 +1,79 @@
+"""Binding to a scene: the doors an oracle speaks of must be there."""
+
+from __future__ import annotations
+
+import pytest
+
+from grammars.diagnostics import Where
+from grammars.mission import Mission, Waypoint
+from grammars.oracle import check_scene, object_signals, parse_oracle, signals_of
+from grammars.scene import Joint, Link, Scene, SceneObject
+from grammars.values import Pose2
+
+
+def leaf(name: str) -> Link:
+    return Link(name, (((0.0, 0.0), (1.0, 0.0), (1.0, 0.1)),), 10.0, 0.0, 2.0)
+
+
+def hinge(name: str, child: str, kind: str = "revolute") -> Joint:
+    return Joint(name, kind, "world", child, (0.0, 0.0), (1.0, 0.0), -2.0, 2.0)  # type: ignore[arg-type]
+
+
+def thing(name: str, *joints: Joint) -> SceneObject:
+    links = tuple(leaf(joint.child) for joint in joints)
+    return SceneObject(name, "thing", Pose2(), links, joints, (0.0,) * len(joints))
+
+
+SCENE = Scene(
+    "hall",
+    (),
+    (),
+    (),
+    (
+        thing("door-17", hinge("hinge", "leaf")),
+        thing("gate", hinge("left", "a", "prismatic"), hinge("right", "b", "prismatic")),
+    ),
+)
+SOMEWHERE = Mission("m", Pose2(), (Waypoint("a", 1.0, 0.0),))
+
+
+def findings(text: str, mission: Mission = SOMEWHERE) -> list[str]:
+    oracle = parse_oracle("it", text, Where("o.yaml", 1, 1))
+    return [str(d) for d in check_scene(oracle, SCENE, mission)]
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "door-17.angle",
+        "door-17.hinge.angle",
+        "door-17.distance",
+        "gate.left.position",
+        "gate.right.distance",
+    ],
+)
+def test_joints_have_signals(name: str) -> None:
+    assert name in object_signals(SCENE)
+    assert findings(f"max({name})") == []
+
+
+def test_an_unknown_door_is_found_before_any_run() -> None:
+    (found,) = findings("always(loc.error < 1 m) when door-71.distance < 1.3 m")
+    assert found.startswith('o.yaml:1:30: no "door-71.distance" in scene "hall"')
+    assert 'did you mean "door-17.distance"?' in found
+
+
+@pytest.mark.parametrize("name", ["gate.position", "gate.left.angle", "door-17.position"])
+def test_a_joint_is_asked_for_what_it_has(name: str) -> None:
+    assert len(findings(f"max({name})")) == 1
+
+
+def test_reaching_an_empty_mission_is_no_requirement() -> None:
+    assert findings("reached(mission, 1 m)") == []
+    assert len(findings("reached(mission, 1 m)", Mission("none", Pose2(), ()))) == 1
+
+
+def test_signals_are_listed_wherever_they_stand() -> None:
+    text = "always(abs(loc.error.x) < 1 m or not contact) when speed / elapsed > 0 m/s^2"
+    oracle = parse_oracle("it", text, Where("o.yaml"))
+    assert [s.name for s in signals_of(oracle)] == ["loc.error.x", "contact", "speed", "elapsed"]

@@ -1,0 +1,66 @@
+"""Whatever is written, a person gets diagnostics and never a raw exception."""
+
+from __future__ import annotations
+
+import re
+
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from grammars.diagnostics import InputError
+from grammars.scenery import configure, parse_scenery
+from tests.grammars.scenery.samples import PEOPLE_AND_ALL as EVERYTHING
+
+TOKENS = re.findall(r"\w+|[^\w\s]", EVERYTHING)
+
+
+def read(text: str) -> None:
+    try:
+        layer = parse_scenery(text, "fuzz.scenery")
+    except InputError as error:
+        assert error.diagnostics
+        assert all(d.message and d.where.file == "fuzz.scenery" for d in error.diagnostics)
+    else:
+        assert layer.name == "fuzz"
+
+
+@given(st.text(max_size=200))
+@settings(max_examples=70, deadline=None)
+def test_any_text(text: str) -> None:
+    read(text)
+
+
+@given(st.lists(st.sampled_from(TOKENS), max_size=40))
+@settings(max_examples=70, deadline=None)
+def test_any_sequence_of_known_words(words: list[str]) -> None:
+    read(" ".join(words))
+
+
+@given(st.integers(0, len(EVERYTHING) - 1), st.integers(0, 12), st.text(max_size=3))
+@settings(max_examples=70, deadline=None)
+def test_a_small_change_somewhere(position: int, length: int, replacement: str) -> None:
+    read(EVERYTHING[:position] + replacement + EVERYTHING[position + length :])
+
+
+@given(st.integers(0, len(TOKENS) - 1), st.sampled_from([*TOKENS, "1e999 m", "-5 m", "0 rad"]))
+@settings(max_examples=70, deadline=None)
+def test_one_word_replaced_by_another(index: int, word: str) -> None:
+    read(" ".join([*TOKENS[:index], word, *TOKENS[index + 1 :]]))
+
+
+@given(
+    st.dictionaries(
+        st.sampled_from(["main_doors", "near", "swing", "other"]),
+        st.recursive(
+            st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=8),
+            lambda inner: st.lists(inner, max_size=3),
+        ),
+    )
+)
+@settings(max_examples=70, deadline=None)
+def test_any_override(overrides: dict[str, object]) -> None:
+    layer = parse_scenery(EVERYTHING, "fuzz.scenery")
+    try:
+        configure(layer, overrides)
+    except InputError as error:
+        assert error.diagnostics

@@ -1,0 +1,310 @@
+"""Sentences become concrete behaviours; chance is drawn here, reproducibly."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from grammars.behaviour import Hold, Jump, KeyFrame, KeyFrames, Servo, Spring, Trigger
+from grammars.composition import compile_scene, resolve_behaviours
+from grammars.diagnostics import InputError
+from tests.grammars.plans import behaviours_of, layer, resolved, scene_with, two_rooms
+
+DOORS = """
+a is a hinged_door at kitchen_doorway, x -0.475 m, y 0.2 m, turned -90 deg
+b is a hinged_door in way_out, hinge left, opening inwards
+c is a slider at hall
+"""
+TOGGLE = (
+    "every hinged_door toggles between closed and open every 30 s from 90 s until 720 s, "
+    "with probability 0.5, up to 10 s late in steps of 1 s, by jump"
+)
+
+
+def told(*sentences: str) -> str:
+    with pytest.raises(InputError) as caught:
+        behaviours_of(DOORS, *sentences)
+    return str(caught.value)
+
+
+def test_a_door_stays_where_it_is_told() -> None:
+    assert behaviours_of(DOORS, "a stays open\nc stays at 20 cm") == (
+        Hold("a.hinge", 1.7),
+        Hold("c.rail", 0.2),
+    )
+
+
+def test_a_mirrored_door_turns_the_other_way() -> None:
+    assert behaviours_of(DOORS, "b stays at 1.4 rad") == (Hold("b.hinge", -1.4),)
+
+
+def test_a_door_moves_at_given_times() -> None:
+    text = "parameter pace = 90 deg/s\na moves to closed at 0 s, to open at 1 min, by servo at pace"
+    assert behaviours_of(DOORS, text) == (
+        KeyFrames(
+            "a.hinge", (KeyFrame(0.0, 0.0), KeyFrame(60.0, 1.7)), Servo(math.pi / 2, Servo().effort)
+        ),
+    )
+
+
+def test_a_state_of_several_joints_moves_them_all() -> None:
+    lift = "l is a lift_door in kitchen_doorway"
+    assert behaviours_of(lift, "l stays open") == (Hold("l.left", 0.5), Hold("l.right", 0.5))
+    assert behaviours_of(lift, "l.right stays open") == (Hold("l.right", 0.5),)
+    assert behaviours_of(lift, "l.right stays at 1 cm") == (Hold("l.right", 0.01),)
+
+
+def test_a_door_reacts_to_the_robot() -> None:
+    text = (
+        "a goes from ajar to closed when the robot's footprint is within 1.3 m of its doorway, "
+        "again beyond 2 m, by spring of 0.5 N m/rad damped by 0.1 N m s/rad"
+    )
+    assert behaviours_of(DOORS, text) == (
+        Trigger(
+            "a.hinge",
+            pytest.approx(math.pi / 6),
+            0.0,
+            1.3,
+            Spring(0.5, 0.1),
+            "doorway",
+            "footprint",
+            2.0,
+        ),
+    )
+
+
+def test_chance_is_drawn_into_key_frames() -> None:
+    drawn = behaviours_of(DOORS, TOGGLE)
+    assert [b.joint for b in drawn] == ["a.hinge", "b.hinge"]
+    for behaviour in drawn:
+        assert isinstance(behaviour, KeyFrames)
+        assert behaviour.motion == Jump()
+        first, *rest = behaviour.frames
+        assert first == KeyFrame(0.0, 0.0)
+        assert 5 <= len(rest) <= 18
+        for i, frame in enumerate(rest):
+            late = (frame.time - 90.0) % 30.0
+            assert late in range(10)
+            assert 90.0 <= frame.time <= 729.0
+            assert abs(frame.position) == (1.7 if i % 2 == 0 else 0.0)
+
+
+def test_the_seed_decides_and_every_door_has_its_own_chance() -> None:
+    once, again = behaviours_of(DOORS, TOGGLE, seed=3), behaviours_of(DOORS, TOGGLE, seed=3)
+    other = behaviours_of(DOORS, TOGGLE, seed=4)
+    assert once == again
+    assert once != other
+    a, b = once
+    assert isinstance(a, KeyFrames)
+    assert isinstance(b, KeyFrames)
+    assert [f.time for f in a.frames] != [f.time for f in b.frames]
+
+
+def test_the_draw_of_a_seed_never_changes() -> None:
+    (a, _) = behaviours_of(DOORS, TOGGLE, seed=2024)
+    assert isinstance(a, KeyFrames)
+    assert [f.time for f in a.frames] == RECORDED
+
+
+RECORDED = [0.0, 306.0, 665.0, 697.0]
+
+
+def test_another_door_changes_no_other_draw() -> None:
+    more = "z is a hinged_door at kitchen\n" + DOORS + "y is a hinged_door at hall, y 1 m\n"
+    drawn = {b.joint: b for b in behaviours_of(more, TOGGLE)}
+    assert all(drawn[b.joint] == b for b in behaviours_of(DOORS, TOGGLE))
+
+
+def test_probability_and_lateness_do_not_disturb_each_other() -> None:
+    never = TOGGLE.replace("0.5", "0 %")
+    always = TOGGLE.replace("0.5", "100 %")
+    (a, _) = behaviours_of(DOORS, never)
+    assert isinstance(a, KeyFrames)
+    assert a.frames == (KeyFrame(0.0, 0.0),)
+    (a, _) = behaviours_of(DOORS, always)
+    assert isinstance(a, KeyFrames)
+    assert len(a.frames) == 1 + 22
+
+
+@given(st.integers(0, 2**63), st.floats(1, 60), st.floats(0, 1), st.floats(0, 100))
+@settings(max_examples=25, deadline=None)
+def test_drawn_frames_are_in_order_and_within_the_run(
+    seed: int, period: float, share: float, since: float
+) -> None:
+    text = (
+        f"a toggles between ajar and open every {period:.6f} s from {since:.6f} s "
+        f"with probability {share:.6f}, up to {period * 0.99:.6f} s late"
+    )
+    (a,) = behaviours_of(DOORS, text, seed=seed, limit=300.0)
+    assert isinstance(a, KeyFrames)
+    times = [f.time for f in a.frames]
+    assert times == sorted(set(times))
+    assert times[0] == 0.0
+    assert times[-1] <= 300.0
+
+
+def test_later_layers_win_and_say_so() -> None:
+    doors, first, second = (
+        layer(DOORS, "doors"),
+        layer("every hinged_door stays open", "first", models=False),
+        layer("a stays closed", "second", models=False),
+    )
+    scene = compile_scene(two_rooms(), [doors])
+    result = resolved(scene, [doors, first, second])
+    assert result.behaviours == (Hold("a.hinge", 0.0), Hold("b.hinge", -1.7))
+    assert [str(d) for d in result.overridden] == [
+        "second.scenery:1:1: warning: a.hinge follows this sentence, "
+        "not the one at first.scenery:1:1"
+    ]
+    assert {joint: where.file for joint, where in result.places} == {
+        "a.hinge": "second.scenery",
+        "b.hinge": "first.scenery",
+    }
+
+
+def test_two_sentences_of_one_layer_about_one_joint_are_refused() -> None:
+    message = told("every hinged_door stays open\na stays closed")
+    assert message == (
+        "layer_0.scenery:2:1: a.hinge already has a behaviour in this layer\n"
+        "    the other one: layer_0.scenery:1:1; leave one out (every … except …)"
+    )
+    assert len(behaviours_of(DOORS, "every hinged_door except a stays open\na stays closed")) == 2
+
+
+def test_groups_reach_across_layers_and_a_campaign_may_change_them() -> None:
+    doors = layer(DOORS + "group front: a", "doors")
+    sentence = layer(
+        "group chosen: every front\nparameter near = 1 m\n"
+        "all chosen go from open to closed when the robot is within near of their leaf",
+        "react",
+        models=False,
+    )
+    scene = compile_scene(two_rooms(), [doors])
+    assert [b.joint for b in resolved(scene, [doors, sentence]).behaviours] == ["a.hinge"]
+    changed = resolve_behaviours(
+        scene,
+        [doors, sentence],
+        seed=np.random.SeedSequence(1),
+        limit=10.0,
+        overrides={"react": {"chosen": ["b"], "near": "50 cm"}},
+    )
+    (b,) = changed.behaviours
+    assert isinstance(b, Trigger)
+    assert (b.joint, b.distance, b.of) == ("b.hinge", 0.5, "leaf")
+
+
+MESSAGES = {
+    "d stays open": 'there is no object "d"\n    known here: a, b, c',
+    "every dor stays open": 'there is no group or object model "dor"',
+    "a stays opn": 'a: hinged_door has no state "opn"\n    did you mean "open"?',
+    "a stays at 2.5 rad": "2.5 rad is outside the limits of a.hinge",
+    "a stays at 1 m": "an angle is needed here, 1 m is a length",
+    "c stays at 1 rad": "a length is needed here, 1 rad is an angle",
+    "a goes from open to closed when the robot is within near of its leaf": (
+        'there is no parameter "near"\n    declare it: parameter near = …'
+    ),
+    "parameter near = 3 s\na goes from open to closed when the robot is within near of its leaf": (
+        "a length is needed here, 3 s is a time"
+    ),
+    "c goes from open to closed when the robot is within 1 m of its doorway": (
+        "c does not stand in a doorway\n    measure from its hinge or leaf"
+    ),
+    "a goes from open to closed when the robot is within 2 m of its leaf, again beyond 1 m": (
+        "it would be ready again at 1 m, inside of 2 m"
+    ),
+    "a moves to open at 5 s, to closed at 4 s": "4 s is not after 5 s\n    put them in order",
+    "a moves to open at -5 s": "-5 s is before the start of the run",
+    "a moves to open at 5 s by servo at 1 m/s": "an angular speed is needed here",
+    "a moves to open at 5 s by servo at 0 rad/s": "this must be greater than 0",
+    "c moves to open at 5 s by spring of 1 N m/rad": "stiffness is needed here",
+    "a toggles between closed and open every 0 s": "the period is greater than 0 s",
+    "a toggles between closed and open every 10 s, up to 20 s late": (
+        "a change may come later than the next one"
+    ),
+    "a toggles between closed and open every 1 ms": "that makes more than 100000 draws",
+    "group g: every h\ngroup h: every g\nevery g stays open": 'group "g" contains itself',
+}
+
+
+@pytest.mark.parametrize("text", MESSAGES)
+def test_what_makes_no_sense_is_explained(text: str) -> None:
+    assert told(text).split(": ", 1)[1].startswith(MESSAGES[text])
+
+
+def test_an_unknown_layer_in_the_overrides_is_reported() -> None:
+    with pytest.raises(InputError, match='there is no layer "dors"\n    did you mean "doors"'):
+        resolve_behaviours(
+            scene_with(DOORS),
+            [layer(DOORS, "doors")],
+            seed=np.random.SeedSequence(1),
+            limit=1.0,
+            overrides={"dors": {}},
+        )
+
+
+def test_what_belongs_to_the_scene_is_not_lost_in_a_behaviour_layer() -> None:
+    scene = scene_with(DOORS)
+    late = layer("a starts open\nb is frozen", "late", models=False)
+    with pytest.raises(InputError) as caught:
+        resolved(scene, [layer(DOORS), late])
+    assert str(caught.value) == (
+        "late.scenery:1:1: a is not so in the scene\n"
+        "    name this layer among the objects, not only among the behaviours\n"
+        "late.scenery:2:1: b is not so in the scene\n"
+        "    name this layer among the objects, not only among the behaviours"
+    )
+    more = layer("d is a slider at hall", "late", models=False)
+    with pytest.raises(InputError, match=r"late.scenery:1:1: d does not stand in the scene"):
+        resolved(scene, [layer(DOORS), more])
+    together = [layer(DOORS), late]
+    assert resolved(compile_scene(two_rooms(), together), together).behaviours == ()
+
+
+def test_the_first_draw_comes_after_one_period_unless_something_else_is_said() -> None:
+    (a,) = behaviours_of(
+        DOORS, "a toggles between closed and open every 20 s, with probability 100 %", limit=60.0
+    )
+    assert isinstance(a, KeyFrames)
+    assert [f.time for f in a.frames] == [0.0, 20.0, 40.0, 60.0]
+
+
+def test_a_group_of_one_name_in_two_layers_must_not_be_guessed() -> None:
+    layers = [
+        layer(DOORS, "doors"),
+        layer("group some: a", "one", models=False),
+        layer("group some: b", "two", models=False),
+        layer("every some stays open", "three", models=False),
+    ]
+    scene = compile_scene(two_rooms(), layers)
+    with pytest.raises(InputError) as caught:
+        resolved(scene, layers)
+    assert str(caught.value) == (
+        'three.scenery:1:7: "some" may mean several groups\n    one.scenery:1:1 and two.scenery:1:1'
+    )
+    own = [*layers[:3], layer("group some: c\nevery some stays open", "three", models=False)]
+    assert [b.joint for b in resolved(scene, own).behaviours] == ["c.rail"]
+
+
+def test_groups_leave_out_their_exceptions_and_name_joints_of_their_members() -> None:
+    text = "group most: every hinged_door except b\nevery most.hinge stays open"
+    assert behaviours_of(DOORS, text) == (Hold("a.hinge", 1.7),)
+    assert "b has no joint" in told("group g: a, b\nevery g.rail stays closed").replace(
+        "a has", "b has"
+    )
+
+
+def test_a_servo_and_a_spring_may_take_parameters() -> None:
+    text = (
+        "parameter pull = 2 N m/rad\nparameter loss = 1 N m s/rad\nparameter pace = 1 rad/s\n"
+        "parameter push = 9 N m\n"
+        "a moves to open at 1 s by spring of pull damped by loss\n"
+        "b moves to open at 1 s by servo at pace with push"
+    )
+    a, b = behaviours_of(DOORS, text)
+    assert isinstance(a, KeyFrames)
+    assert isinstance(b, KeyFrames)
+    assert (a.motion, b.motion) == (Spring(2.0, 1.0), Servo(1.0, 9.0))

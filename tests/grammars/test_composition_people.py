@@ -1,0 +1,238 @@
+"""Movers, reactions and waiting times become concrete when layers meet a scene."""
+
+from __future__ import annotations
+
+import itertools
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from grammars import codec
+from grammars.behaviour import (
+    Behaviour,
+    JointActs,
+    KeyFrames,
+    LegBegins,
+    Reaction,
+    Walk,
+    WaypointReached,
+)
+from grammars.composition import compile_scene
+from grammars.composition.chance import Pauses, draw_pauses
+from grammars.diagnostics import InputError
+from grammars.kinematics import link_poses
+from tests.grammars.plans import behaviours_of, layer, resolved, scene_with, two_rooms
+from tests.grammars.scenery.samples import PEOPLE
+
+DOORS = """
+a is a hinged_door in kitchen_doorway, hinge right, opening into kitchen
+b is a hinged_door in way_out, hinge left, opening inwards
+"""
+OBJECTS = DOORS + PEOPLE[: PEOPLE.index("visitor walks")]
+
+
+def one(*sentences: str) -> Behaviour:
+    (behaviour,) = behaviours_of(OBJECTS, *sentences)
+    return behaviour
+
+
+def told(*sentences: str) -> str:
+    with pytest.raises(InputError) as caught:
+        behaviours_of(OBJECTS, *sentences)
+    return str(caught.value)
+
+
+def test_routes_are_put_into_the_world() -> None:
+    walk = one("visitor walks along (1 m, 0 m), (1 m, 1 m) of hall, (0 m, 0 m) of kitchen.pillar")
+    assert isinstance(walk, Walk)
+    assert walk.route[:2] == ((1.0, 0.0), (1.0, 1.0))
+    pillar = two_rooms().features[0].frame
+    assert walk.route[2] == pytest.approx((pillar.x, pillar.y), abs=1e-9)
+    assert (walk.speed, walk.acceleration, walk.manner) == (1.0, 1.0, "once")
+
+
+def test_a_fixed_facing_is_meant_in_the_frame_of_the_last_point() -> None:
+    walk = one("visitor walks along (0 m, 0 m), (1 m, 0 m) of hall.walls[1], facing 90 deg")
+    assert isinstance(walk, Walk)
+    frame = two_rooms().spaces[0].walls[1].frame
+    assert math.remainder(walk.yaw - frame.yaw - math.pi / 2, math.tau) == pytest.approx(0.0)
+
+
+def test_frames_are_kept_only_where_something_walks() -> None:
+    assert scene_with(DOORS).frames == ()
+    frames = dict(scene_with(OBJECTS).frames)
+    assert {"hall", "hall.walls[3]", "kitchen.pillar", "kitchen_doorway"} <= set(frames)
+
+
+def test_a_later_layer_gives_another_walk() -> None:
+    layers = [
+        layer(OBJECTS),
+        layer("visitor walks along (0 m, 0 m), (1 m, 0 m)", "first", models=False),
+        layer("visitor walks along (0 m, 0 m), (0 m, 1 m)", "second", models=False),
+    ]
+    result = resolved(compile_scene(two_rooms(), layers), layers)
+    (walk,) = result.behaviours
+    assert isinstance(walk, Walk)
+    assert walk.route[1] == (0.0, 1.0)
+    (warning,) = result.overridden
+    assert str(warning).startswith("second.scenery:1:1: warning: visitor follows this sentence")
+    assert "first.scenery:1:1" in str(warning)
+    assert [name for name, _ in result.places] == ["visitor.x", "visitor.y", "visitor.yaw"]
+
+
+def test_two_walks_of_one_layer_conflict_and_both_places_are_named() -> None:
+    text = told(
+        "visitor walks along (0 m, 0 m), (1 m, 0 m)\nvisitor walks along (0 m, 0 m), (2 m, 0 m)"
+    )
+    assert text.startswith("layer_0.scenery:2:1: visitor already has a behaviour in this layer")
+    assert "layer_0.scenery:1:1" in text
+
+
+def test_walks_survive_the_way_through_json() -> None:
+    kinds = tuple[Behaviour, ...]
+    behaviours = behaviours_of(
+        OBJECTS,
+        "visitor walks along (0 m, 0 m), (1 m, 0 m), when leg 1 begins, yielding within 1 m\n"
+        "a goes from open to closed when visitor starts to move",
+    )
+    assert codec.from_plain(kinds, codec.to_plain(behaviours, kinds)) == behaviours  # type: ignore[arg-type]
+
+
+def test_events_become_concrete() -> None:
+    leg = one("a goes from open to closed when leg 2 begins, after 2 s")
+    assert isinstance(leg, Reaction)
+    assert (leg.joint, leg.event, leg.delay) == ("a.hinge", LegBegins(2), 2.0)
+    assert abs(leg.start) == pytest.approx(1.7)
+    reached = one("b goes from open to closed when waypoint home is reached")
+    assert isinstance(reached, Reaction)
+    assert reached.event == WaypointReached("home")
+    fires = one("b goes from open to closed when a fires")
+    assert isinstance(fires, Reaction)
+    assert fires.event == JointActs(("a.hinge",), "fires")
+    moves = one("b goes from open to closed when visitor starts to move")
+    assert isinstance(moves, Reaction)
+    assert moves.event == JointActs(("visitor.x", "visitor.y", "visitor.yaw"), "moves")
+
+
+def test_a_mirrored_door_reacts_the_other_way() -> None:
+    one_side, other = (
+        behaviours_of(
+            f"d is a hinged_door in kitchen_doorway, hinge {side}, opening into kitchen",
+            "d goes from open to closed when leg 1 begins",
+        )[0]
+        for side in ("left", "right")
+    )
+    assert isinstance(one_side, Reaction)
+    assert isinstance(other, Reaction)
+    assert one_side.start == -other.start
+
+
+MESSAGES = {
+    "a walks along (0 m, 0 m), (1 m, 0 m)": "a cannot walk: hinged_door is an object, not a mover",
+    "visitor.x walks along (0 m, 0 m), (1 m, 0 m)": "visitor walks as a whole",
+    "visitor walks along (0 m, 0 m), (0 m, 0 m)": "two points of the route are the same",
+    "visitor walks along (0 m, 0 m), (1 m, 0 m), round": "a round needs three points or more",
+    "visitor walks along (0 m, 0 m), (1 m, 0 m), pausing 2 s": "a walk done once ends at its end",
+    "visitor walks along (0 m, 0 m), (1 m, 0 m) of hal": 'there is no frame "hal"',
+    "visitor walks along (0 m, 0 m), (1 m, 0 m), at 0 m/s": "this must be greater than 0",
+    "visitor walks along (0 m, 0 m), (1 m, 0 m), from -1 s": "times of a walk are never negative",
+    "visitor.x stays at 1 m": "visitor is a mover: it walks, or stands where it is placed",
+    "visitor stays at 1 m": "visitor has no joint that could move",
+    "a goes from open to closed when c fires": 'there is no object "c"',
+    "a goes from open to closed when table_1 fires": "table_1 has no joint that moves",
+    "a toggles between open and closed after uniform 9 s to 3 s": "the longest wait is less",
+    "a toggles between open and closed after exponential mean 0 s": "it waits longer than 0 s",
+    "a toggles between open and closed after exponential mean 1 ms": "more than 100000 draws",
+}
+
+
+@pytest.mark.parametrize("sentence", MESSAGES)
+def test_messages_say_what_is_wrong(sentence: str) -> None:
+    assert MESSAGES[sentence] in told(sentence)
+
+
+def test_furniture_stands_where_it_is_said_to() -> None:
+    (table,) = [o for o in scene_with(OBJECTS).objects if o.name == "table_1"]
+    kitchen = two_rooms().spaces[1].frame
+    assert (table.pose.x, table.pose.y) == pytest.approx((kitchen.x + 1.0, kitchen.y + 0.5))
+    poses = link_poses(table, table.initial)
+    assert poses["foot"] == poses["top"] == table.pose
+
+
+@pytest.mark.parametrize(
+    ("place", "why"),
+    [
+        (
+            "in kitchen_doorway, x 1 m",
+            "meant in a space, kitchen_doorway is an opening",
+        ),
+        ("in kichen, x 1 m", 'there is no space "kichen"'),
+        ("in kitchen", "it is a space: write at kitchen, or in kitchen, x"),
+    ],
+)
+def test_what_is_not_a_space_has_no_inside(place: str, why: str) -> None:
+    with pytest.raises(InputError, match=why):
+        scene_with(f"{PEOPLE[: PEOPLE.index('visitor is')]} t is a table {place}")
+
+
+def test_a_door_with_a_handle_still_fits_its_doorway() -> None:
+    handled = """
+    object office_door
+        link post   box 4 cm x 4 cm                   from 0 m to 1.9 m, mass 50 kg
+        link leaf   box 4 cm x 88 cm at (0 m, 47 cm)  from 0 m to 1.9 m, mass 15 kg
+        link handle box 12 cm x 10 cm at (0 m, 80 cm) from 1 m to 1.05 m, mass 500 g
+        joint grip  fixed from leaf to handle
+        joint hinge revolute from post to leaf at (-2 cm, 2.5 cm), between 0 deg and 110 deg
+        state open: hinge 90 deg
+    d is a office_door in kitchen_doorway, hinge left, opening into kitchen, starts open
+    """
+    (door,) = scene_with(handled).objects
+    poses = link_poses(door, door.initial)
+    assert poses["handle"] == poses["leaf"] != poses["post"]
+    assert abs(door.initial[1]) == pytest.approx(math.pi / 2)
+
+
+def test_waiting_times_follow_their_distribution() -> None:
+    for kind, second, mean, spread in (
+        ("uniform", 40.0, 25.0, 30.0 / math.sqrt(12)),
+        ("exponential", 0.0, 10.0, 10.0),
+        ("normal", 2.0, 10.0, 2.0),
+    ):
+        pauses = Pauses(kind, 10.0, second, 5.0, 30_000.0)  # type: ignore[arg-type]
+        frames = draw_pauses(pauses, np.random.SeedSequence(1), 0.0, 1.0)
+        waits = np.diff([5.0, *(frame.time for frame in frames[1:])])
+        assert np.mean(waits) == pytest.approx(mean, rel=0.1)
+        assert np.std(waits) == pytest.approx(spread, rel=0.1)
+        assert [f.position for f in frames[:4]] == [0.0, 1.0, 0.0, 1.0]
+
+
+@given(
+    st.sampled_from(
+        ["uniform 0 s to 2 s", "exponential with mean 1 s", "normal mean 1 s and deviation 3 s"]
+    ),
+    st.integers(0, 2**32),
+)
+@settings(max_examples=30, deadline=None)
+def test_changes_are_in_order_and_end_with_the_run(words: str, seed: int) -> None:
+    (frames,) = behaviours_of(
+        DOORS, f"a toggles between closed and open after {words} from 3 s until 50 s",
+        seed=seed, limit=40.0,
+    )  # fmt: skip
+    assert isinstance(frames, KeyFrames)
+    times = [frame.time for frame in frames.frames]
+    assert times[0] == 0.0
+    assert all(3.0 <= time <= 40.0 for time in times[1:])
+    assert all(b - a >= 0.009 for a, b in itertools.pairwise(times))
+
+
+def test_a_draw_depends_on_the_name_of_the_joint_alone() -> None:
+    words = "after exponential with mean 9 s"
+    (alone,) = behaviours_of(DOORS, f"a toggles between closed and open {words}")
+    both = behaviours_of(DOORS, f"every hinged_door toggles between closed and open {words}")
+    assert alone == both[0]
+    assert isinstance(both[0], KeyFrames)
+    assert isinstance(both[1], KeyFrames)
+    assert [f.time for f in both[0].frames] != [f.time for f in both[1].frames]

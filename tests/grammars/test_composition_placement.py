@@ -1,0 +1,204 @@
+"""Objects stand where the layers say, and open to the side they say."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+from shapely.geometry import Point, Polygon
+
+from grammars.composition import compile_scene
+from grammars.diagnostics import InputError
+from grammars.kinematics import link_poses
+from grammars.scene import Scene, SceneObject
+from grammars.values import Point2, Pose2
+from tests.grammars.plans import layer, scene_with, two_rooms
+
+
+def outline(body: SceneObject, link: str, *positions: float) -> Polygon:
+    pose = link_poses(body, positions)[link]
+    shape = next(part for part in body.links if part.name == link)
+    return Polygon(pose.apply_ring(shape.polygons[0]))
+
+
+def the_door(text: str) -> SceneObject:
+    return scene_with(text).objects[0]
+
+
+def room_of(scene: Scene, point: Point2) -> str:
+    return next((r.name for r in scene.regions if Polygon(r.outline).covers(Point(point))), "")
+
+
+def told(text: str) -> str:
+    with pytest.raises(InputError) as caught:
+        scene_with(text)
+    return str(caught.value).split(": ", 1)[1]
+
+
+def test_an_object_stands_in_the_frame_of_a_wall() -> None:
+    # wall 1 of the hall is the east one: its frame at (5, 0) looks down (-y)
+    door = the_door("d is a hinged_door at hall.walls[1], x 1 m, y 0.1 m, turned 90 deg")
+    assert door.pose == Pose2(5.1, -1.0, 0.0)
+
+
+def test_an_object_stands_in_any_frame() -> None:
+    for frame, expected in {
+        "world": (0.0, 0.0),
+        "kitchen": (0.0, 3.9),
+        "kitchen.pillar": (1.0, 4.4),
+        "pillar": (1.0, 4.4),
+        "kitchen_doorway": (0.5, 2.0),
+    }.items():
+        pose = the_door(f"d is a hinged_door at {frame}").pose
+        assert (pose.x, pose.y) == pytest.approx(expected)
+
+
+@pytest.mark.parametrize("side", ["left", "right"])
+@pytest.mark.parametrize("towards", ["inwards", "outwards", "into hall", "into kitchen"])
+def test_a_hinged_door_fits_its_doorway_and_opens_to_the_side_it_should(
+    side: str, towards: str
+) -> None:
+    scene = scene_with(f"d is a hinged_door in kitchen_doorway, hinge {side}, opening {towards}")
+    door = scene.objects[0]
+    joint = door.joints[0]
+    wide_open = joint.upper if not door.mirrored else joint.lower
+    closed = outline(door, "leaf", 0.0)
+    passage = Polygon(scene.doorways[0].footprint)
+    assert passage.buffer(1e-6).covers(closed)
+    assert door.doorway == "kitchen_doorway"
+    # seen from the hall, looking north, left is west: the doorway reaches from x 0 to x 1
+    hinge = door.pose.apply(joint.anchor)
+    assert hinge[0] < 0.1 if side == "left" else hinge[0] > 0.9
+    tip = outline(door, "leaf", wide_open * 0.7).centroid
+    expected = "hall" if towards in ("inwards", "into hall") else "kitchen"
+    assert room_of(scene, (tip.x, tip.y)) == expected
+
+
+def test_left_and_right_may_be_seen_from_the_other_room() -> None:
+    text = "d is a hinged_door in kitchen_doorway, hinge {} seen from {}, opening into hall"
+    assert the_door(text.format("left", "kitchen")) == the_door(text.format("right", "hall"))
+
+
+def test_a_recessed_door_stands_deeper_in_the_wall() -> None:
+    text = "d is a hinged_door in kitchen_doorway, hinge left, opening inwards"
+    flush, deep = the_door(text), the_door(text + ", recessed 12 cm")
+    assert outline(flush, "leaf", 0.0).bounds[1] == pytest.approx(2.0)
+    assert outline(deep, "leaf", 0.0).bounds[1] == pytest.approx(2.12)
+
+
+@pytest.mark.parametrize("side", ["left", "right"])
+@pytest.mark.parametrize(("on", "y"), [("on the inside", 2.0), ("on the side of kitchen", 2.4)])
+def test_a_slider_hangs_on_its_side_of_the_wall(side: str, on: str, y: float) -> None:
+    scene = scene_with(f"d is a slider in kitchen_doorway, sliding {side}, {on}")
+    panel = outline(scene.objects[0], "panel", 0.0)
+    opened = outline(scene.objects[0], "panel", 1.0)
+    assert panel.bounds[0] < 0.0 < 1.0 < panel.bounds[2]
+    assert panel.distance(Point(0.5, y)) == pytest.approx(0.01, abs=1e-6)
+    assert (opened.centroid.x < panel.centroid.x) == (side == "left")
+
+
+def test_a_double_slider_stands_in_the_middle_of_its_doorway() -> None:
+    lift = the_door("d is a lift_door in kitchen_doorway")
+    assert (lift.pose.x, lift.pose.y) == pytest.approx((0.5, 2.2))
+    assert lift.doorway == "kitchen_doorway"
+    assert lift.initial == (0.0, 0.0)
+
+
+def test_objects_start_closed_unless_something_else_is_said() -> None:
+    place = "at kitchen_doorway"
+    assert the_door(f"d is a hinged_door {place}").initial == (0.0,)
+    assert the_door(f"d is a hinged_door {place}, starts open").initial == (1.7,)
+    assert the_door(f"d is a hinged_door {place}, starts 30 deg").initial == (
+        pytest.approx(math.pi / 6),
+    )
+    mirrored = the_door("d is a hinged_door in kitchen_doorway, hinge left, opening inwards")
+    started = the_door(
+        "d is a hinged_door in kitchen_doorway, hinge left, opening inwards, starts open"
+    )
+    assert mirrored.mirrored
+    assert started.initial == (-1.7,)
+    assert (started.joints[0].lower, started.joints[0].upper) == (-2.0, 0.0)
+
+
+def test_a_second_layer_changes_how_a_door_starts_without_touching_the_first() -> None:
+    doors = layer("d is a hinged_door at kitchen_doorway\ne is a hinged_door at hall")
+    more = layer("every hinged_door starts ajar\nd is frozen", "more", models=False)
+    d, e = compile_scene(two_rooms(), [doors, more]).objects
+    assert (d.initial, e.initial) == ((pytest.approx(math.pi / 6),), (pytest.approx(math.pi / 6),))
+    assert (d.frozen, e.frozen) == (True, False)
+
+
+def test_a_door_placed_by_hand_knows_its_doorway() -> None:
+    beside = "d is a hinged_door at kitchen_doorway, x {} m, y 0.2 m, turned -90 deg"
+    assert the_door(beside.format("-0.475")).doorway == "kitchen_doorway"
+    assert the_door(beside.format("2")).doorway == ""
+
+
+MESSAGES = {
+    "d is a hinged_dor at hall": (
+        'd: there is no object model "hinged_dor"\n    did you mean "hinged_door"?'
+    ),
+    "d is a hinged_door at hal": (
+        'there is no space, opening or feature "hal" in the floor plan\n    did you mean "hall"?'
+    ),
+    "d is a hinged_door at hall.walls[4]": "there is no hall.walls[4]\n    it has walls 0 to 3",
+    "d is a hinged_door at hall.pilar": 'there is no feature in hall "pilar" in the floor plan',
+    "d is a hinged_door in hall_window, hinge left, opening inwards": (
+        'there is no entryway "hall_window" in the floor plan\n    it is a window'
+    ),
+    "d is a hinged_door in kitchen_doorway": (
+        "d: on which side is the hinge?\n"
+        "    add hinge left or hinge right, and opening inwards or outwards"
+    ),
+    "d is a hinged_door in way_out, hinge left, opening into kitchen": (
+        "way_out does not lead to kitchen\n    it leads to hall"
+    ),
+    "d is a slider in kitchen_doorway, hinge left, opening inwards": (
+        "d: hinge left is for doors with one leaf on one hinge"
+    ),
+    "d is a lift_door in kitchen_doorway, sliding left": (
+        "d: sliding left is for doors with one sliding leaf"
+    ),
+    "d is a hinged_door at hall, starts opened": (
+        'd: hinged_door has no state "opened"\n    did you mean "open"?'
+    ),
+    "d is a hinged_door at hall, starts 3 rad": (
+        "3 rad is outside the limits of d.hinge\n    between 0 rad and 2 rad"
+    ),
+    "d is a hinged_door at hall, starts 1 m": "an angle is needed here, 1 m is a length",
+    "d is a lift_door at hall, starts 0.1 m": (
+        "d has several joints\n    write d.left, or a state"
+    ),
+    "d is a hinged_door at hall\ngroup g: d\ng is frozen": '"g" is a group\n    write every g',
+    "d is a hinged_door at hall\nevery d is frozen": '"d" is one object\n    leave out every',
+    "d is a hinged_door at hall\nd.hing starts open": (
+        'd has no joint "hing"\n    did you mean "hinge"?'
+    ),
+}
+
+
+@pytest.mark.parametrize("text", MESSAGES)
+def test_what_cannot_be_placed_is_explained(text: str) -> None:
+    assert told(text).startswith(MESSAGES[text])
+
+
+def test_a_door_wider_than_its_doorway_is_refused() -> None:
+    narrow = two_rooms(("width=1 m, height=2 m", "width=0.9 m, height=2 m"))
+    door = layer("d is a hinged_door in kitchen_doorway, hinge left, opening inwards")
+    with pytest.raises(InputError, match="d is 0.990 m wide, kitchen_doorway only 0.900 m"):
+        compile_scene(narrow, [door])
+
+
+def test_the_same_name_in_two_layers_is_reported_with_both_places() -> None:
+    first = layer("d is a hinged_door at hall", "first")
+    second = layer("d is a hinged_door at kitchen", "second", models=False)
+    with pytest.raises(InputError) as caught:
+        compile_scene(two_rooms(), [first, second])
+    assert str(caught.value).startswith('second.scenery:1:1: there are two objects called "d"')
+    assert "first.scenery:" in str(caught.value)
+
+
+def test_every_object_that_cannot_be_placed_is_reported() -> None:
+    with pytest.raises(InputError) as caught:
+        scene_with("d is a hinged_door at nowhere\ne is a hinged_door in nothing")
+    assert len(caught.value.diagnostics) == 2

@@ -1,0 +1,121 @@
+from pathlib import Path
+from typing import Annotated, Literal
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from pydantic import Field
+
+from grammars.diagnostics import InputError
+from grammars.documents import Length, Written, load_yaml, parse_yaml, read_model
+
+
+class Room(Written):
+    name: str
+    width: Length
+    doors: list[dict[str, Length]] = []
+
+
+class House(Written):
+    rooms: dict[str, Room] = Field(min_length=1)
+    owner: Room | None = None
+
+
+def problems(text: str) -> list[str]:
+    with pytest.raises(InputError) as caught:
+        read_model(parse_yaml(text, "house.yaml"), House)
+    return [str(d) for d in caught.value.diagnostics]
+
+
+def test_a_good_file_becomes_a_model() -> None:
+    house = read_model(parse_yaml("rooms:\n  a: {name: kitchen, width: 300 cm}\n", "h.yaml"), House)
+    assert house.rooms["a"].width == pytest.approx(3.0)
+
+
+def test_all_findings_come_at_once_each_with_its_place() -> None:
+    found = problems("rooms:\n  a:\n    name: [1]\n    widht: 3 m\n")
+    assert [f.splitlines()[0] for f in found] == [
+        "house.yaml:3:5: name: must be text",
+        'house.yaml:2:3: key "width" is missing',
+        'house.yaml:4:5: unknown key "widht"',
+    ]
+    assert 'did you mean "width"?' in found[2]
+
+
+def test_a_quantity_of_the_wrong_kind_is_explained() -> None:
+    assert problems("rooms: {a: {name: x, width: 3 s}}") == [
+        'house.yaml:1:22: width: "3 s" is in s, expected a length such as "0.5 m"'
+    ]
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("a: 1\nb: 2\na: 3\n", "h.yaml:3:1: the same key is written twice"),
+        ("a: >= 80 %\n", "h.yaml:1:5: is not valid YAML: a value starts with > or |"),
+        ("a: @x\n", "put quotes around"),
+        ("a:\n\tb: 1\n", "indent with spaces"),
+        ("a: [1,\n", "ends in the middle"),
+        ("a: &x 1\nb: *x\n", "h.yaml:2:4: YAML aliases"),
+        ("3.10: x\n", 'write it as "3.1" in quotes'),
+        ("a: " + 5000 * "[", "h.yaml:1:53: is nested deeper than 50 levels"),
+        ("\x00", "h.yaml: is not valid YAML"),
+    ],
+)
+def test_broken_yaml_names_line_and_column(text: str, message: str) -> None:
+    with pytest.raises(InputError) as caught:
+        parse_yaml(text, "h.yaml")
+    assert message in str(caught.value)
+
+
+def test_words_stay_words_as_yaml_1_2_has_it() -> None:
+    assert parse_yaml("on: yes\nno: off\n", "h.yaml").data == {"on": "yes", "no": "off"}
+
+
+def test_tags_never_construct_objects() -> None:
+    data = parse_yaml("a: !!python/object/apply:os.getcwd []\n", "h.yaml").data
+    assert data == {"a": []}
+
+
+def test_a_missing_file_suggests_its_neighbour(tmp_path: Path) -> None:
+    (tmp_path / "campaign.yaml").write_text("a: 1")
+    with pytest.raises(InputError, match='did you mean "campaign.yaml"'):
+        load_yaml(tmp_path / "campain.yaml")
+
+
+def test_a_folder_and_a_binary_file_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="is a folder"):
+        load_yaml(tmp_path)
+    (tmp_path / "x.yaml").write_bytes(b"a: \xff\xfe")
+    with pytest.raises(InputError, match="not UTF-8"):
+        load_yaml(tmp_path / "x.yaml")
+
+
+@given(st.text(alphabet=st.sampled_from("ab:-[]{},'\"\n\t #&*!|>@%01.~?"), max_size=40))
+def test_no_text_raises_anything_but_input_errors(text: str) -> None:
+    try:
+        parse_yaml(text, "fuzz.yaml")
+    except InputError as error:
+        assert error.diagnostics
+
+
+class Named(Written):
+    name: str = Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]{0,9}$")
+    ids: dict[Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]*$")], int] = {}
+    mood: Literal["calm", "rude"] = "calm"
+    some: list[int] = Field(default=[1], min_length=1)
+
+
+def test_findings_are_told_in_the_words_of_the_file() -> None:
+    text = "name: ü\nids: {a b: 1, c: 1.5}\nmood: sad\nsome: []\n"
+    with pytest.raises(InputError) as caught:
+        read_model(parse_yaml(text, "h.yaml"), Named)
+    assert [str(d) for d in caught.value.diagnostics] == [
+        'h.yaml:1:1: name: must be letters (a to z), digits, ".", "_" and "-", 10 at most, '
+        "and begin with a letter or digit",
+        'h.yaml:2:7: a b: must be letters (a to z), digits, "_" and "-", '
+        "and begin with a letter or digit",
+        "h.yaml:2:15: c: must be a whole number",
+        "h.yaml:3:1: mood: must be 'calm' or 'rude'",
+        "h.yaml:4:1: some: must have 1 or more",
+    ]

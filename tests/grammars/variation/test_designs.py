@@ -1,0 +1,137 @@
+"""Designs besides random: what they cover, and what becomes of points that are rejected."""
+
+from __future__ import annotations
+
+import sys
+from itertools import combinations, product
+from pathlib import Path
+
+import pytest
+
+from grammars.diagnostics import InputError
+from grammars.variation import Variation, sample
+from grammars.variation._designs import halton, latin_hypercube
+from grammars.variation._distributions import Normal, Range
+from tests.grammars.variation.plans import numbers, vary
+
+FOUR = """
+    gap: uniform([0.8, 0.9, 1.0])
+    turn: uniform(0 .. 90)
+    room: { shape.width: normal(mean=3, std=0.5)
+            location.translation.x: uniform([-0.5, 0, 0.5]) }
+"""
+
+
+@pytest.fixture
+def variation(tmp_path: Path) -> Variation:
+    return vary(tmp_path, FOUR)
+
+
+def rows(
+    variation: Variation, method: str, n: int | None = None, **options: int
+) -> list[tuple[float, ...]]:
+    variants = sample(variation, n, seed=1, method=method, **options)
+    return [tuple(numbers(v).values()) for v in variants]
+
+
+def test_the_grid_is_every_combination_once(variation: Variation) -> None:
+    found = rows(variation, "grid", levels=2)
+    gaps, turns, shifts = (0.8, 0.9, 1.0), (0.0, 90.0), (-0.5, 0.0, 0.5)
+    widths = sorted({row[2] for row in found})
+    assert len(widths) == 2
+    assert sum(widths) == pytest.approx(6.0)
+    assert found == list(product(gaps, turns, widths, shifts))
+
+
+def test_pairwise_meets_every_pair_in_few_points(variation: Variation) -> None:
+    found = rows(variation, "pairwise")
+    levels = [sorted({row[k] for row in found}) for k in range(4)]
+    for (i, one), (j, other) in combinations(enumerate(levels), 2):
+        assert {(row[i], row[j]) for row in found} == set(product(one, other))
+    assert len(found) < 81 / 3
+
+
+def test_pairwise_goes_around_what_is_rejected(tmp_path: Path) -> None:
+    rule = "require gap + room.location.translation.x / 10 != 0.85"
+    found = rows(vary(tmp_path, FOUR + rule), "pairwise")
+    assert (0.8, 0.5) not in {(row[0], row[3]) for row in found}
+    pairs = {(row[0], row[1]) for row in found}
+    assert len(pairs) == 9
+
+
+def test_pairwise_gives_up_on_what_is_always_rejected(tmp_path: Path) -> None:
+    many = "let {0} = uniform([1, 2, 3, 4, 5]) "
+    statements = "".join(many.format(name) for name in "abcdefgh")
+    statements += "gap: a require a + b + c + d + e + f + g + h > 100"
+    with pytest.raises(InputError, match="given up after 100 points") as caught:
+        sample(vary(tmp_path, statements), seed=0, method="pairwise", tries=5)
+    assert "rejected 100 times: require" in caught.value.diagnostics[1].message
+
+
+def test_a_design_of_one_draw_is_its_levels(tmp_path: Path) -> None:
+    alone = vary(tmp_path, "gap: uniform([0.8, 0.9, 0.8])")
+    assert rows(alone, "pairwise") == rows(alone, "grid") == [(0.8,), (0.9,)]
+
+
+def test_halton_and_latin_hypercubes_fill_every_range_evenly() -> None:
+    axes = [Range(0.0, 8.0), Range(-1.0, 1.0), Normal(0.0, 1.0)]
+    points = list(latin_hypercube(axes, 8, seed=3))
+    assert sorted(int(p[0]) for p in points) == list(range(8))
+    assert sorted(int((p[1] + 1) * 4) for p in points) == list(range(8))
+    stream = halton(axes, seed=3)
+    first = [next(stream) for _ in range(64)]
+    counts = [sum(k <= p[0] < k + 1 for p in first) for k in range(8)]
+    assert counts == [8] * 8
+    assert -0.3 < sum(p[2] for p in first) / 64 < 0.3
+
+
+def test_points_that_are_rejected_leave_their_seeds_out(tmp_path: Path) -> None:
+    variation = vary(tmp_path, "gap: uniform([0.8, 0.9, 1.0]) require gap != 0.9 m")
+    variants = sample(variation, seed=10, method="grid")
+    assert [(v.seed, numbers(v)["gap"]) for v in variants] == [(10, 0.8), (12, 1.0)]
+
+
+def test_halton_goes_on_until_it_has_enough(tmp_path: Path) -> None:
+    variation = vary(tmp_path, "gap: uniform(0.5 .. 1.5) require gap > 1 m")
+    variants = sample(variation, 6, seed=0, method="halton")
+    assert len(variants) == 6
+    assert all(numbers(v)["gap"] > 1 for v in variants)
+
+
+def test_the_header_says_which_design_it_was(variation: Variation) -> None:
+    variants = sample(variation, 3, seed=5, method="lhs")
+    assert [v.text.splitlines()[1] for v in variants] == [
+        f"// Seed: {5 + k}, lhs design 5" for k in range(3)
+    ]
+
+
+@pytest.mark.parametrize("method", ["random", "grid", "halton", "lhs", "pairwise"])
+def test_a_design_nothing_is_left_of_says_why(tmp_path: Path, method: str) -> None:
+    variation = vary(tmp_path, "gap: uniform(0.5 .. 1.5) turn: uniform([1, 2]) require gap > 2")
+    with pytest.raises(InputError) as caught:
+        sample(variation, 20, seed=0, method=method, tries=5)
+    assert any("rejected" in d.message and "gap > 2" in d.message for d in caught.value.diagnostics)
+
+
+def test_a_design_with_more_points_than_wanted_is_refused(variation: Variation) -> None:
+    with pytest.raises(InputError, match="the grid design has more than 20 variants"):
+        sample(variation, 20, seed=0, method="grid")
+    with pytest.raises(InputError, match="more than 5 variants"):
+        sample(variation, 5, seed=0, method="pairwise")
+
+
+def test_an_enormous_grid_is_refused(tmp_path: Path) -> None:
+    statements = "gap: uniform(0.8 .. 1) turn: uniform(0 .. 1) reach: uniform(-2 .. -1)"
+    with pytest.raises(InputError, match="1,000,000 points"):
+        sample(vary(tmp_path, statements), seed=0, method="grid", levels=100)
+
+
+@pytest.mark.parametrize(
+    ("method", "package"), [("lhs", "scipy.stats"), ("pairwise", "allpairspy")]
+)
+def test_a_missing_package_is_named_with_its_extra(
+    variation: Variation, method: str, package: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, package, None)
+    with pytest.raises(InputError, match=r"scenario-tui\[sampling\]"):
+        sample(variation, 5, seed=0, method=method)
