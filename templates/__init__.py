@@ -1,0 +1,1 @@
+"""Artefacts made from scenes and campaigns: :mod:`templates.artefacts` lists and makes them."""

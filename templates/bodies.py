@@ -1,0 +1,267 @@
+"""Scene objects as rigid bodies of a 3D simulator: shapes, inertia, joints.
+
+A link's frame stands in its centre of mass with the axes of its object, so joints and inertia
+need no rotation, and a joint's pose in the child's frame means the same in every version of SDF.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+from grammars.kinematics import WORLD, link_poses
+from grammars.scene import Joint, Link, SceneObject
+from grammars.values import Point2, Pose2, Ring
+from templates.world import driven
+
+
+@dataclass(frozen=True, slots=True)
+class Box:
+    """A box: ``pose`` x, y, z [m], roll, pitch, yaw [rad] in the link's frame, ``size`` [m]."""
+
+    pose: tuple[float, ...]
+    size: tuple[float, float, float]
+
+
+@dataclass(frozen=True, slots=True)
+class Prism:
+    """A convex polygon ``points`` [m] extruded upwards by ``height`` [m] from ``pose``."""
+
+    pose: tuple[float, ...]
+    points: Ring
+    height: float
+
+
+@dataclass(frozen=True, slots=True)
+class BodyLink:
+    """A rigid body; ``inertia`` ixx, iyy, izz, ixy [kg m^2] about its own frame."""
+
+    name: str
+    pose: tuple[float, ...]
+    mass: float
+    inertia: tuple[float, float, float, float]
+    boxes: tuple[Box, ...]
+    prisms: tuple[Prism, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class BodyJoint:
+    """A joint; ``pose`` is in the frame of the child, ``moment`` [kg m^2 or kg] what it moves."""
+
+    name: str
+    of: str
+    kind: str
+    parent: str
+    child: str
+    pose: tuple[float, ...]
+    axis: tuple[float, float, float]
+    lower: float
+    upper: float
+    friction: float
+    damping: float
+    stiffness: float
+    rest: float
+    moment: float
+
+
+@dataclass(frozen=True, slots=True)
+class Body:
+    """A model of a simulator. What can never move has no joints and is ``static``."""
+
+    links: tuple[BodyLink, ...]
+    joints: tuple[BodyJoint, ...]
+    static: bool
+
+    def joint_name(self, scene_name: str) -> str:
+        """Return what the joint called so in the scene's object is called here."""
+        return next(joint.name for joint in self.joints if joint.of == scene_name)
+
+
+def body_of(thing: SceneObject) -> Body:
+    """Return ``thing`` as a body, joints at zero; frozen objects as they stand, without joints.
+
+    Links without a joint get one that fixes them to the world, as in the scene. Links without a
+    shape are left out: what they carry stands where it starts, fixed to the world too.
+    """
+    solid = tuple(link for link in thing.links if link.polygons)
+    moving = () if thing.frozen else driven(thing)
+    positions = [
+        0.0 if joint in moving else initial
+        for joint, initial in zip(thing.joints, thing.initial, strict=True)
+    ]
+    # At the origin, so that equal objects are equal to the last digit wherever they stand.
+    placed = link_poses(replace(thing, pose=Pose2()), positions)
+    names = _link_names(solid)
+    links = tuple(_link(link, placed[link.name], names[link.name]) for link in solid)
+    if not moving:
+        return Body(links, (), True)
+    by_name = {link.name: made for link, made in zip(solid, links, strict=True)}
+    taken = set(names.values())
+    joints = [_joint(joint, by_name, names, taken, placed[joint.child]) for joint in moving]
+    above = {joint.child: joint for joint in thing.joints}
+    hung = {joint.child for joint in moving}
+    resting = [link.name for link in solid if link.name not in hung]
+    fixed = [_fixed(name, _bearer(above.get(name), names), names, taken) for name in resting]
+    return Body(links, (*fixed, *joints), False)
+
+
+def _bearer(joint: Joint | None, names: dict[str, str]) -> str:
+    """Return what a link that does not move is fixed to."""
+    return names.get(joint.parent, WORLD) if joint else WORLD
+
+
+def _link_names(links: Sequence[Link]) -> dict[str, str]:
+    """Return names SDF accepts: ``world`` and ``__names__`` are reserved there."""
+    names: dict[str, str] = {}
+    for link in links:
+        reserved = link.name == WORLD or (link.name[:2] == link.name[-2:] == "__")
+        names[link.name] = _free(
+            f"{link.name}-link" if reserved else link.name, set(names.values())
+        )
+    return names
+
+
+def _free(name: str, taken: set[str]) -> str:
+    while name in taken:
+        name += "-"
+    taken.add(name)
+    return name
+
+
+def _link(link: Link, moved: Pose2, name: str) -> BodyLink:
+    rings = [moved.apply_ring(ring) for ring in link.polygons]
+    moments = [_moments(ring) for ring in rings]
+    area = sum(m.area for m in moments)
+    x = sum(m.area * m.x for m in moments) / area
+    y = sum(m.area * m.y for m in moments) / area
+    height = link.z_max - link.z_min
+    z = (link.z_min + link.z_max) / 2.0
+    density = link.mass / area
+    upright = link.mass * height * height / 12.0
+    along_x = density * sum(m.xx + m.area * (m.x - x) ** 2 for m in moments)
+    along_y = density * sum(m.yy + m.area * (m.y - y) ** 2 for m in moments)
+    product = density * sum(m.xy + m.area * (m.x - x) * (m.y - y) for m in moments)
+    boxes, prisms = [], []
+    for ring in rings:
+        local = tuple((px - x, py - y) for px, py in ring)
+        box = _box(local, height)
+        if box is not None:
+            boxes.append(box)
+        else:
+            prisms.append(Prism((0.0, 0.0, -height / 2.0, 0.0, 0.0, 0.0), local, height))
+    return BodyLink(
+        name,
+        (x, y, z, 0.0, 0.0, 0.0),
+        link.mass,
+        (along_y + upright, along_x + upright, along_x + along_y, -product),
+        tuple(boxes),
+        tuple(prisms),
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class _Moments:
+    """Area [m^2], centroid [m] and central second moments [m^4] of a polygon."""
+
+    area: float
+    x: float
+    y: float
+    xx: float
+    yy: float
+    xy: float
+
+
+def _moments(ring: Ring) -> _Moments:
+    """Green's theorem, about the first corner to keep digits far from the origin."""
+    x0, y0 = ring[0]
+    points = [(x - x0, y - y0) for x, y in ring]
+    area = x = y = xx = yy = xy = 0.0
+    for (ax, ay), (bx, by) in zip(points, points[1:] + points[:1], strict=True):
+        cross = ax * by - bx * ay
+        area += cross / 2.0
+        x += (ax + bx) * cross / 6.0
+        y += (ay + by) * cross / 6.0
+        xx += (ax * ax + ax * bx + bx * bx) * cross / 12.0
+        yy += (ay * ay + ay * by + by * by) * cross / 12.0
+        xy += (ax * by + 2.0 * ax * ay + 2.0 * bx * by + bx * ay) * cross / 24.0
+    x, y = x / area, y / area
+    sign = math.copysign(1.0, area)
+    return _Moments(
+        abs(area),
+        x + x0,
+        y + y0,
+        sign * (xx - area * x * x),
+        sign * (yy - area * y * y),
+        sign * (xy - area * x * y),
+    )
+
+
+def _box(ring: Ring, height: float) -> Box | None:
+    """Return a rectangle as a box, anything else as nothing."""
+    if len(ring) != 4:
+        return None
+    (ax, ay), (bx, by), (cx, cy), (dx, dy) = ring
+    skew = math.hypot(ax + cx - bx - dx, ay + cy - by - dy)
+    dot = (bx - ax) * (cx - bx) + (by - ay) * (cy - by)
+    if skew > 1e-8 or abs(dot) > 1e-8:
+        return None
+    yaw = math.atan2(by - ay, bx - ax)
+    size = (math.hypot(bx - ax, by - ay), math.hypot(cx - bx, cy - by), height)
+    # A quarter turn swaps length and width; axis-parallel boxes then have no turn at all.
+    turns = round(yaw / (math.pi / 2.0))
+    yaw -= turns * math.pi / 2.0
+    size = (size[1], size[0], height) if turns % 2 else size
+    return Box(((ax + cx) / 2.0, (ay + cy) / 2.0, 0.0, 0.0, 0.0, _clean(yaw)), size)
+
+
+def _clean(angle: float) -> float:
+    return 0.0 if abs(angle) < 1e-12 else angle
+
+
+def _joint(
+    joint: Joint,
+    links: dict[str, BodyLink],
+    names: dict[str, str],
+    taken: set[str],
+    placed: Pose2,
+) -> BodyJoint:
+    """Return a joint that moves; ``placed`` is where the joints that do not put its child."""
+    child = links[joint.child]
+    turns = joint.kind == "revolute"
+    anchor = placed.apply(joint.anchor) if turns else (child.pose[0], child.pose[1])
+    x, y = anchor[0] - child.pose[0], anchor[1] - child.pose[1]
+    axis = Pose2(0.0, 0.0, placed.yaw).apply(joint.axis)
+    return BodyJoint(
+        _free(joint.name, taken),
+        joint.name,
+        joint.kind,
+        WORLD if joint.parent == WORLD else names[joint.parent],
+        child.name,
+        (x, y, 0.0, 0.0, 0.0, 0.0),
+        (0.0, 0.0, 1.0) if turns else (*axis, 0.0),
+        joint.lower,
+        joint.upper,
+        joint.friction,
+        joint.damping,
+        joint.stiffness,
+        joint.rest,
+        child.inertia[2] + child.mass * _squared((x, y)) if turns else child.mass,
+    )
+
+
+def _squared(arm: Point2) -> float:
+    return arm[0] ** 2 + arm[1] ** 2
+
+
+def _fixed(name: str, bearer: str, names: dict[str, str], taken: set[str]) -> BodyJoint:
+    return BodyJoint(
+        _free(f"{names[name]}-to-{bearer}", taken),
+        "",
+        "fixed",
+        bearer,
+        names[name],
+        (0.0,) * 6,
+        (0.0, 0.0, 1.0),
+        *(0.0,) * 7,
+    )

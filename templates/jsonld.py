@@ -1,0 +1,46 @@
+"""Composable JSON-LD: a floor plan in the six published files and in one, scenery layers."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from grammars.floorplan import FloorPlan
+from grammars.metamodel import composed_document, documents, scenery_document
+from grammars.scenery import SceneryLayer
+from templates.naming import file_name
+
+
+def write_jsonld(
+    plan: FloorPlan, folder: Path, layers: Sequence[SceneryLayer] = ()
+) -> tuple[Path, ...]:
+    """Write a plan and scenery layers to ``folder``; return the paths of what was written.
+
+    ``skeleton.json``, ``shape.json``, ``polyhedron.json``, ``spatial_relations.json``,
+    ``coordinate.json`` and ``floorplan.json`` as the published tools read them from a folder, and
+    the same nodes in one file, ``<plan>.jsonld``, which a campaign can name. Each layer is
+    ``<layer>.scenery.jsonld``. Raises :class:`InputError` for objects that cannot be placed.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    written = [
+        _write(document, folder / f"{name}.json") for name, document in documents(plan).items()
+    ]
+    written.append(_write(composed_document(plan), folder / f"{file_name(plan.name)}.jsonld"))
+    for layer in layers:
+        path = folder / f"{file_name(layer.name)}.scenery.jsonld"
+        written.append(_write(scenery_document(layer, plan, layers), path))
+    return tuple(written)
+
+
+def _write(document: dict[str, Any], path: Path) -> Path:
+    """Write a document, one node a line."""
+    nodes = ",\n".join(f"  {_dump(node)}" for node in document["@graph"])
+    head = f'{{\n"@context": {_dump(document["@context"])},\n"@graph": [\n'
+    path.write_text(f"{head}{nodes}\n]\n}}\n", encoding="utf-8", newline="\n")
+    return path
+
+
+def _dump(value: Any) -> str:
+    return json.dumps(value, ensure_ascii=False, allow_nan=False)

@@ -1,0 +1,124 @@
+"""The mission on the page: the way in order, numbered waypoints, the robot where it starts."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from typing import Final
+
+from grammars.mission import Mission
+from grammars.robot import Robot
+from grammars.values import Point2
+from templates.picture._figure import Disc, Item, Shape, Words
+from templates.picture._labels import LETTER, Labels
+from templates.picture._page import FLOOR, ROBOT, ROUTE, Page
+
+_RADIUS: Final = 10.0
+_NEAR: Final = 2.0 * _RADIUS
+_NUMBER: Final = 11.0
+
+
+def way(mission: Mission, page: Page) -> list[Item]:
+    """Return straight lines from the start from waypoint to waypoint, with arrow heads."""
+    points = [(mission.start.x, mission.start.y), *((w.x, w.y) for w in mission.waypoints)]
+    items: list[Item] = []
+    for a, b in itertools.pairwise(map(page.point, points)):
+        length = math.dist(a, b)
+        items.append(Shape(((a, b),), line=ROUTE, width=1.8, dash=(7.0, 5.0), open=True))
+        if length > 4.0 * _RADIUS:
+            items.append(_arrow(a, b, length))
+    return items
+
+
+def waypoints(mission: Mission, page: Page) -> list[Item]:
+    """Return the waypoints with their places in the order, those of one place together."""
+    places: list[tuple[Point2, list[int]]] = []
+    for number, waypoint in enumerate(mission.waypoints, start=1):
+        at = page.point((waypoint.x, waypoint.y))
+        for place, numbers in places:
+            if math.dist(at, place) < 1.0:
+                numbers.append(number)
+                break
+        else:
+            places.append((at, [number]))
+    shown: list[Point2] = []
+    items: list[Item] = [
+        _look(page.point((waypoint.x, waypoint.y)), waypoint.yaw)
+        for waypoint in mission.waypoints
+        if waypoint.yaw is not None
+    ]
+    for at, numbers in places:
+        spot = _beside(at, shown)
+        shown.append(spot)
+        if spot != at:
+            items.append(Disc(at, 3.0, ROUTE))
+            items.append(Shape(((at, spot),), line=ROUTE, width=1.0, open=True))
+        text = ", ".join(map(str, numbers))
+        radius = _RADIUS + 2.6 * (len(text) - 1)
+        items.append(Disc(spot, radius, ROUTE, FLOOR, 2.0))
+        items.append(Words(spot, text, _NUMBER, FLOOR, bold=True, centred=True))
+    return items
+
+
+def robot(mission: Mission, machine: Robot | None, page: Page) -> list[Item]:
+    """Return the footprint of the robot at its start and an arrow the way it looks."""
+    start = mission.start
+    items: list[Item] = []
+    reach = 0.35
+    if machine is not None:
+        ring = page.ring(start.apply_ring(machine.footprint))
+        items.append(Shape((ring,), fill=ROBOT, line=FLOOR, width=1.5))
+        reach = max(max(x for x, _ in machine.footprint), 0.1)
+    length = max(reach, 16.0 / page.scale)
+    nose, left, right = (
+        page.point(start.apply(p))
+        for p in ((length, 0.0), (-0.35 * length, 0.55 * length), (-0.35 * length, -0.55 * length))
+    )
+    if machine is None or reach * page.scale < 16.0:
+        items.append(Shape(((nose, left, right),), fill=ROBOT, line=FLOOR, width=1.5))
+    else:
+        items.append(Shape(((nose, left, right),), fill=FLOOR, opacity=0.85))
+    return items
+
+
+def start_label(mission: Mission, machine: Robot | None, page: Page, labels: Labels) -> list[Item]:
+    """Return the name of the robot, beside where it starts."""
+    x, y = page.point((mission.start.x, mission.start.y))
+    text = f"start, {machine.name}" if machine else "start"
+    corners = machine.footprint if machine else ((0.35, 0.35),)
+    reach = max(max(math.hypot(*c) for c in corners) * page.scale, 16.0)
+    wide, high = reach + LETTER * 12.0 * len(text) / 2.0 + 4.0, reach + 11.0
+    spots = [(x, y + high), (x, y - high), (x + wide, y), (x - wide, y)]
+    words = Words((x, y), text, 12.0, ROBOT, bold=True, halo=FLOOR, centred=True)
+    return [labels.place(words, [(round(a, 2), round(b, 2)) for a, b in spots])]
+
+
+def _beside(at: Point2, shown: list[Point2]) -> Point2:
+    """Return the nearest spot around ``at`` where no other number is."""
+    for ring in range(4):
+        for step in range(8 if ring else 1):
+            angle = step * math.tau / 8.0
+            spot = (
+                round(at[0] + ring * _NEAR * math.cos(angle), 2),
+                round(at[1] + ring * _NEAR * math.sin(angle), 2),
+            )
+            if all(math.dist(spot, other) > _NEAR + 2.0 for other in shown):
+                return spot
+    return at
+
+
+def _arrow(a: Point2, b: Point2, length: float) -> Shape:
+    ux, uy = (b[0] - a[0]) / length, (b[1] - a[1]) / length
+    x, y = (a[0] + b[0]) / 2.0 + 6.0 * ux, (a[1] + b[1]) / 2.0 + 6.0 * uy
+    tail = (x - 12.0 * ux, y - 12.0 * uy)
+    ring = (
+        (x, y),
+        (tail[0] - 5.0 * uy, tail[1] + 5.0 * ux),
+        (tail[0] + 5.0 * uy, tail[1] - 5.0 * ux),
+    )
+    return Shape((tuple((round(px, 2), round(py, 2)) for px, py in ring),), fill=ROUTE)
+
+
+def _look(at: Point2, yaw: float) -> Shape:
+    end = (at[0] + 2.1 * _RADIUS * math.cos(yaw), at[1] - 2.1 * _RADIUS * math.sin(yaw))
+    return Shape(((at, (round(end[0], 2), round(end[1], 2))),), line=ROUTE, width=3.0, open=True)

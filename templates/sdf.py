@@ -1,0 +1,193 @@
+"""Gazebo worlds and models in SDF: for gz-sim and ROS 2, and for Gazebo Classic and ROS 1.
+
+Both kinds of world share the models. What doors do is said with the plugins of the floor plan
+tools (secorolab/floorplan-gazebo-plugins) in their present form and in that of 2024; where these
+cannot say all of a behaviour, a note tells what is lost.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+from grammars.behaviour import Behaviour, Hold, Jump, KeyFrames, Servo, Spring, Trigger
+from grammars.scene import Scene, SceneObject
+from templates.bodies import Body, BodyJoint, body_of
+from templates.keyframes import frames_file, said
+from templates.naming import file_name
+from templates.world import Draw, Job
+
+_BANDWIDTH: Final = 20.0
+"""How fast a position controller follows [rad/s]: critically damped, stable at steps of 3 ms."""
+_GROUND: Final = "ground_plane"
+
+
+@dataclass(frozen=True, slots=True)
+class Instance:
+    """An object in a world: its model, its pose x, y, z, roll, pitch, yaw, what its joints do."""
+
+    name: str
+    model: str
+    static: bool
+    pose: tuple[float, ...]
+    acts: tuple[dict[str, Any], ...]
+
+
+def models_of(scene: Scene, taken: set[str]) -> dict[str, tuple[str, Body]]:
+    """Return for every object its model's name and body; equal bodies share one model.
+
+    ``taken`` are names models must not have.
+    """
+    names: dict[tuple[str, Body], str] = {}
+    used = set(taken)
+    found: dict[str, tuple[str, Body]] = {}
+    for thing in scene.objects:
+        body = body_of(thing)
+        key = (thing.model, body)
+        if key not in names:
+            wanted = file_name(thing.model + ("_mirrored" if thing.mirrored else ""))
+            wanted += "_static" if thing.frozen and thing.joints else ""
+            names[key] = _free(wanted, used)
+        found[thing.name] = (names[key], body)
+    return found
+
+
+def world_file(job: Job, draw: Draw, *, classic: bool) -> str:
+    """Return a world's file, relative to the folder of the world."""
+    stem = f"{job.name}-{draw.name}" if draw.name else job.name
+    return f"gazebo/worlds/{stem}.{'world' if classic else 'sdf'}"
+
+
+def write_sdf(job: Job) -> tuple[Path, ...]:
+    """Write the models and, for every draw of behaviours, a world for each Gazebo."""
+    scene = job.world.scene
+    models = models_of(scene, {job.building, _GROUND})
+    written = _write_building(job)
+    for name, body in dict(models.values()).items():
+        written += [_render(job, f"gazebo/models/{name}/model.sdf", name=name, body=body)]
+        about = f"{name}, an object of {scene.name}"
+        written += [_render(job, f"gazebo/models/{name}/model.config", name=name, about=about)]
+    for draw in job.world.draws:
+        for classic in (False, True):
+            path = job.path(*world_file(job, draw, classic=classic).split("/"))
+            text = job.templates.render(
+                "gazebo_classic.world.j2" if classic else "gazebo.sdf.j2",
+                name=path.stem,
+                building=job.building,
+                building_instance=_free(job.building, {o.name for o in scene.objects}),
+                ground=_free(_GROUND, {job.building, *(o.name for o in scene.objects)}),
+                instances=_instances(job, models, draw, classic),
+            )
+            written.append(job.write(path, text))
+    job.notes.extend(dict.fromkeys(_losses(job)))
+    return tuple(written)
+
+
+def _write_building(job: Job) -> list[Path]:
+    from templates.mesh import wall_mesh, write_stl
+
+    name = job.building
+    folder = f"gazebo/models/{name}"
+    written: list[Path] = []
+    if job.world.scene.solids:
+        stl = job.path(*folder.split("/"), "meshes", f"{name}.stl")
+        walls = job.once("mesh", lambda: wall_mesh(job.world.scene))
+        written.append(write_stl(walls, stl))
+    mesh = f"model://{name}/meshes/{name}.stl" if written else ""
+    path = job.path(*folder.split("/"), "model.sdf")
+    text = job.templates.render("building_model.sdf.j2", name=name, mesh=mesh)
+    about = f"walls and columns of {job.world.scene.name}"
+    config = _render(job, f"{folder}/model.config", name=name, about=about)
+    return [*written, job.write(path, text), config]
+
+
+def _render(job: Job, path: str, **values: Any) -> Path:
+    template = "model.config.j2" if path.endswith(".config") else "object_model.sdf.j2"
+    return job.write(job.path(*path.split("/")), job.templates.render(template, **values))
+
+
+def _instances(
+    job: Job, models: dict[str, tuple[str, Body]], draw: Draw, classic: bool
+) -> list[Instance]:
+    acts = said(job.world.scene, draw.behaviours)
+    target = job.world.robot.name if job.world.robot else "robot"
+    found = []
+    for thing in job.world.scene.objects:
+        model, body = models[thing.name]
+        pose = (thing.pose.x, thing.pose.y, 0.0, 0.0, 0.0, thing.pose.yaw)
+        described = tuple(
+            _act(thing, joint, acts[f"{thing.name}.{joint.of}"], draw, classic) | {"target": target}
+            for joint in body.joints
+            if f"{thing.name}.{joint.of}" in acts
+        )
+        found.append(Instance(thing.name, model, body.static, pose, described))
+    return found
+
+
+def _act(
+    thing: SceneObject, joint: BodyJoint, act: Behaviour, draw: Draw, classic: bool
+) -> dict[str, Any]:
+    """Return what a template needs to say about one joint, by the tags of the plugins."""
+    several = len(thing.joints) > 1
+    values: dict[str, Any] = {
+        "kind": act.kind,
+        "joint": joint.name,
+        "suffix": f"_{joint.name}" if several else "",
+        "topic": f"{thing.name}_{joint.name}_controller" if several else f"{thing.name}_controller",
+    }
+    match act:
+        case Hold():
+            values |= {"position": act.position} | _gains(joint, Servo())
+        case KeyFrames():
+            values |= {"uri": frames_file(thing, joint.of, draw, era=classic)}
+        case Trigger():
+            values |= {"start": act.start, "end": act.end, "distance": act.distance}
+            values |= _gains(joint, act.motion)
+    return values
+
+
+def _gains(joint: BodyJoint, motion: Servo | Spring | Jump) -> dict[str, float]:
+    """Return gains of a position controller that moves the joint as the motion says."""
+    if isinstance(motion, Spring):
+        return {"p": motion.stiffness, "d": motion.damping, "effort": 1000.0}
+    effort = motion.effort if isinstance(motion, Servo) else 1000.0
+    moment = joint.moment
+    return {"p": moment * _BANDWIDTH**2, "d": 2.0 * moment * _BANDWIDTH, "effort": effort}
+
+
+def _losses(job: Job) -> Iterator[str]:
+    """Say what the published plugins cannot do."""
+    for draw in job.world.draws:
+        for behaviour in draw.behaviours:
+            if behaviour.kind == "reaction":
+                yield f"{behaviour.joint}: no plugin waits for events, it stays where it starts"
+            elif behaviour.kind == "walk":
+                yield f"{behaviour.object}: no plugin walks, it stands where it starts"
+        for joint, act in said(job.world.scene, draw.behaviours).items():
+            if isinstance(act, KeyFrames) and not isinstance(act.motion, Jump):
+                yield f"{joint}: the plugin for key frames jumps, it knows no {act.motion.kind}"
+            if not isinstance(act, Trigger):
+                continue
+            if (act.of, act.to) != ("hinge", "base"):
+                yield (
+                    f"{joint}: the trigger plugin measures from the foot of the object to the "
+                    f"base of the robot, not from the {act.of} to its {act.to}"
+                )
+            if act.rearm is not None:
+                yield f"{joint}: the trigger plugin fires once, it does not rearm"
+            if act.motion != Spring(0.5, 0.0):
+                yield (
+                    f"{joint}: the trigger plugin of 2024 pulls with a spring of 0.5 N m/rad, "
+                    f"whatever the {act.motion.kind} of the layer says"
+                )
+
+
+def _free(name: str, taken: set[str]) -> str:
+    """Return ``name``, or the first of ``name_2``, ``name_3``, … that is not taken; take it."""
+    free, number = name, 2
+    while free in taken:
+        free, number = f"{name}_{number}", number + 1
+    taken.add(free)
+    return free

@@ -1,0 +1,170 @@
+"""What artefacts are made from: one world, what happens in it, and how to write it down."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Final, Literal, TypeVar
+
+from grammars.behaviour import Behaviour, Hold, KeyFrames, Trigger
+from grammars.floorplan import FloorPlan
+from grammars.kinematics import WORLD, link_poses
+from grammars.mission import Mission
+from grammars.robot import Robot
+from grammars.scene import Joint, Scene, SceneObject
+from grammars.scenery import SceneryLayer
+from grammars.values import Pose2
+from templates.naming import file_name
+from templates.rendering import Templates
+
+T = TypeVar("T")
+DEFAULT_LASER_HEIGHT: Final = 0.3
+DEFAULT_RESOLUTION: Final = 0.05
+
+
+@dataclass(frozen=True, slots=True)
+class Draw:
+    """The behaviours of some repeats; ``name`` is empty when all repeats have the same."""
+
+    name: str
+    behaviours: tuple[Behaviour, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class World:
+    """A scene and, when it comes from a campaign, mission, robot and behaviours.
+
+    ``states`` are named joint states of the objects: joint positions [rad or m] by scene-wide
+    joint name. ``layers`` are the scenery layers the scene was composed of, in order.
+    ``sources`` are the files all of it was written in. ``resolution`` [m] is that of
+    the campaign's maps.
+    """
+
+    name: str
+    scene: Scene
+    plan: FloorPlan | None = None
+    mission: Mission | None = None
+    robot: Robot | None = None
+    draws: tuple[Draw, ...] = (Draw("", ()),)
+    states: tuple[tuple[str, tuple[tuple[str, float], ...]], ...] = ()
+    sources: tuple[Path, ...] = ()
+    resolution: float = DEFAULT_RESOLUTION
+    layers: tuple[SceneryLayer, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Settings:
+    """What people may choose about artefacts.
+
+    ``laser_height`` [m] defaults to the robot's laser, ``resolution`` [m] to the campaign's.
+    Waypoints keep ``distance`` [m] from the walls, begin with number ``first``, run ``forward``
+    through the corners of a space or backward, end where they began when ``closed``, and look
+    along the way or (``zero``) east. ``timestamp`` (ISO 8601) is put into the provenance, which
+    otherwise has none.
+    """
+
+    laser_height: float | None = None
+    resolution: float | None = None
+    distance: float = 0.7
+    first: int = 0
+    forward: bool = True
+    closed: bool = False
+    yaw: Literal["zero", "path"] = "zero"
+    timestamp: str = ""
+
+
+@dataclass(slots=True)
+class Job:
+    """One export of one world into ``folder``: what the makers of artefacts are given.
+
+    ``made`` collects the files by kind, ``notes`` what could not be said in a format.
+    """
+
+    world: World
+    folder: Path
+    settings: Settings = field(default_factory=Settings)
+    templates: Templates = field(default_factory=Templates)
+    made: dict[str, tuple[Path, ...]] = field(default_factory=dict)
+    notes: list[str] = field(default_factory=list)
+    _shared: dict[str, Any] = field(default_factory=dict)
+
+    def once(self, name: str, make: Callable[[], T]) -> T:
+        """Return what ``make`` returned the first time: several kinds may need the same."""
+        if name not in self._shared:
+            self._shared[name] = make()
+        shared: T = self._shared[name]
+        return shared
+
+    @property
+    def name(self) -> str:
+        """The world's name as a file name."""
+        return file_name(self.world.name)
+
+    @property
+    def building(self) -> str:
+        """The floor plan's name as a file name."""
+        return file_name(self.world.scene.name)
+
+    @property
+    def laser_height(self) -> float:
+        """Height of the laser plane [m]."""
+        if self.settings.laser_height is not None:
+            return self.settings.laser_height
+        robot = self.world.robot
+        return robot.laser.z if robot else DEFAULT_LASER_HEIGHT
+
+    @property
+    def resolution(self) -> float:
+        """Size of a cell of the maps [m]."""
+        return self.settings.resolution or self.world.resolution
+
+    def path(self, *parts: str) -> Path:
+        """Return a file in the folder, whose own folder exists afterwards."""
+        path = self.folder.joinpath(*parts)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        return path
+
+    def write(self, path: Path, text: str) -> Path:
+        """Write ``text`` with one kind of line end on every machine."""
+        path.write_text(text, encoding="utf-8", newline="\n")
+        return path
+
+
+def start_positions(scene: Scene, behaviours: Sequence[Behaviour]) -> dict[str, float]:
+    """Return where every joint of ``scene`` is at time 0 [rad or m], by scene-wide name."""
+    start = {
+        f"{thing.name}.{joint.name}": position
+        for thing in scene.objects
+        for joint, position in zip(thing.joints, thing.initial, strict=True)
+    }
+    for behaviour in behaviours:
+        match behaviour:
+            case Hold():
+                start[behaviour.joint] = behaviour.position
+            case Trigger():
+                start[behaviour.joint] = behaviour.start
+            case KeyFrames() if behaviour.frames and behaviour.frames[0].time <= 0.0:
+                start[behaviour.joint] = behaviour.frames[0].position
+            case _ if behaviour.kind == "reaction":
+                start[behaviour.joint] = behaviour.start
+    return start
+
+
+def driven(thing: SceneObject) -> tuple[Joint, ...]:
+    """Return the joints that move one part of an object against another or against the world.
+
+    Others only carry: fixed ones, and those of chains of links without a shape, on which people
+    and other movers walk.
+    """
+    shapes = {link.name for link in thing.links if link.polygons} | {WORLD}
+    return tuple(
+        joint
+        for joint in thing.joints
+        if {joint.parent, joint.child} <= shapes and not joint.lower == joint.upper == 0.0
+    )
+
+
+def poses_at(thing: SceneObject, positions: Mapping[str, float]) -> dict[str, Pose2]:
+    """Return the pose of each link for joint positions by scene-wide name."""
+    return link_poses(thing, [positions[f"{thing.name}.{joint.name}"] for joint in thing.joints])

@@ -1,0 +1,320 @@
+from __future__ import annotations
+
+import hashlib
+import json
+from pathlib import Path
+from xml.etree import ElementTree
+
+import pytest
+from PIL import Image
+from rdflib import Graph, Namespace
+from rdflib.namespace import PROV, RDF, RDFS
+from ruamel.yaml import YAML
+
+from grammars.behaviour import Jump, LegBegins, Reaction, Walk
+from grammars.diagnostics import InputError
+from grammars.floorplan import load_floorplan
+from templates.artefacts import KINDS, export
+from templates.naming import file_name
+from templates.picture._png import SCALE
+from templates.rendering import OURS, Templates, number
+from templates.world import Draw, Settings
+from tests.templates.test_bodies import walker
+from tests.templates.worlds import BEHAVIOURS, mission, robot, scene, world
+
+SPDX = Namespace("http://spdx.org/rdf/terms#")
+HOSTILE = '<b onload="x">&\u0007 ../../etc/..'
+
+
+def digests(folder: Path) -> dict[str, str]:
+    return {
+        path.relative_to(folder).as_posix(): hashlib.sha256(path.read_bytes()).hexdigest()
+        for path in sorted(folder.rglob("*"))
+        if path.is_file()
+    }
+
+
+def test_all_is_every_single_one(tmp_path: Path, campaigns: Path) -> None:
+    plan = load_floorplan(campaigns / "demo" / "flat.fpm")
+    whole = world(plan=plan)
+    done = export(whole, ["all"], tmp_path / "all")
+    assert list(done.made) == list(KINDS)
+    assert {path for path in (tmp_path / "all").rglob("*") if path.is_file()} == set(done.paths)
+    for kind in KINDS:
+        export(whole, [kind], tmp_path / "single")
+    single, together = digests(tmp_path / "single"), digests(tmp_path / "all")
+    told = (tmp_path / "single" / "errand.prov.jsonld").read_text()
+    assert all(f'"title": "{name}"' in told for name in single if "prov" not in name)
+    # Alone, provenance tells of files, not of the kinds they were made for.
+    assert single.pop("errand.prov.jsonld") != together.pop("errand.prov.jsonld")
+    assert single == together
+
+
+def test_the_same_world_gives_the_same_bytes(tmp_path: Path) -> None:
+    export(world(), ["all"], tmp_path / "a")
+    export(world(), ["all"], tmp_path / "b")
+    assert digests(tmp_path / "a") == digests(tmp_path / "b")
+
+
+def test_kinds_are_refused_or_left_out_where_they_do_not_fit(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="geojson cannot be made of errand"):
+        export(world(), ["map", "geojson"], tmp_path)
+    with pytest.raises(InputError, match="keyframes cannot be made"):
+        export(world(mission=None), ["keyframes"], tmp_path)
+    with pytest.raises(InputError, match='did you mean "picture"'):
+        export(world(), ["pictures"], tmp_path)
+    assert "geojson" not in export(world(), ["all"], tmp_path).made
+
+
+def test_maps_show_the_doors_in_every_state(tmp_path: Path) -> None:
+    states = (("open", (("entrance.hinge", 1.9),)), ("shut", (("entrance.hinge", 0.0),)))
+    export(world(states=states), ["map"], tmp_path)
+    images = {p.stem: p.read_bytes() for p in (tmp_path / "maps").glob("*.pgm")}
+    assert set(images) == {"rooms", "rooms-start", "rooms-open", "rooms-shut"}
+    assert len(set(images.values())) == 4
+    for path in (tmp_path / "maps").glob("*.yaml"):
+        assert YAML(typ="safe").load(path.read_text())["image"] == f"{path.stem}.pgm"
+
+
+def test_launch_files_point_at_files_that_are_there(tmp_path: Path) -> None:
+    export(world(), ["all"], tmp_path)
+    for name, marker in (("errand.launch", "$(arg root)/"), ("errand.launch.xml", "$(var root)/")):
+        root = ElementTree.parse(tmp_path / "launch" / name).getroot()
+        arguments = {arg.get("name"): arg.get("default") or "" for arg in root.findall("arg")}
+        assert [arguments[n] for n in ("x", "y", "yaw")] == ["0.4", "0.3", "0.7"]
+        named = [arguments["world"], arguments["map"]]
+        named += [e.get("file") or "" for e in root.findall("rosparam")]
+        for path in named:
+            assert path.startswith(marker)
+            assert (tmp_path / path.removeprefix(marker)).is_file()
+
+
+def test_the_layout_shows_topics_that_traces_have(tmp_path: Path) -> None:
+    from daemon.trace.messages import TOPICS
+
+    export(world(), ["foxglove"], tmp_path)
+    layout = json.loads((tmp_path / "errand.foxglove.json").read_text())
+    known = {topic.name for topic in TOPICS}
+    panels = layout["configById"]
+    shown = set(panels["3D!top"]["topics"]) | {panels["RosOut!events"]["topicToRender"]}
+    plotted = [path["value"] for panel in panels.values() for path in panel.get("paths", ())]
+    shown |= {value.split(".")[0] for value in plotted}
+    assert shown <= known
+    assert sum(value.startswith("/joint_states") for value in plotted) == 4
+
+    def leaves(node: object) -> list[str]:
+        if isinstance(node, dict):
+            return leaves(node["first"]) + leaves(node["second"])
+        return [str(node)]
+
+    assert sorted(leaves(layout["layout"])) == sorted(panels)
+
+
+@pytest.mark.filterwarnings("ignore:ConjunctiveGraph is deprecated:DeprecationWarning")
+def test_provenance_is_prov_o_with_the_hash_of_every_file(tmp_path: Path) -> None:
+    source = tmp_path / "plan.fpm"
+    source.write_text("Floor plan: x\n")
+    out = tmp_path / "out"
+    done = export(
+        world(sources=(source,)), ["all"], out, settings=Settings(timestamp="2026-01-31T12:00:00")
+    )
+    graph = Graph().parse(out / "errand.prov.jsonld", format="json-ld")
+    made = [path for kind, paths in done.made.items() if kind != "prov" for path in paths]
+    hashes = {str(h) for h in graph.objects(None, SPDX.checksumValue)}
+    for path in (*made, source):
+        assert hashlib.sha256(path.read_bytes()).hexdigest() in hashes, path
+    outputs = set(graph.subjects(PROV.wasGeneratedBy))
+    assert len(outputs) == len(made)
+    for output in outputs:
+        activity = graph.value(output, PROV.wasGeneratedBy)
+        assert (activity, RDF.type, PROV.Activity) in graph
+        assert graph.value(output, PROV.generatedAtTime)
+        for agent in graph.objects(activity, PROV.wasAssociatedWith):
+            assert (agent, RDF.type, PROV.SoftwareAgent) in graph
+    parameters = {
+        str(graph.value(node, RDFS.label)): value.toPython()
+        for node, value in graph.subject_objects(PROV.value)
+    }
+    assert parameters["distance"] == 0.7
+    assert parameters["laser_height"] == 0.25
+    assert parameters["closed"] is False
+    assert str(tmp_path) not in (out / "errand.prov.jsonld").read_text()
+
+
+def test_sources_of_the_same_name_are_told_apart(tmp_path: Path) -> None:
+    files = [tmp_path / folder / "cart.yaml" for folder in ("robots", "suts")]
+    for file in files:
+        file.parent.mkdir()
+        file.write_text(file.parent.name)
+    export(world(sources=tuple(files)), ["prov"], tmp_path / "out")
+    text = (tmp_path / "out" / "errand.prov.jsonld").read_text()
+    assert all(f'"id": "here:source/{f.parent.name}/cart.yaml"' in text for f in files)
+
+
+def test_provenance_alone_tells_what_earlier_exports_left(tmp_path: Path) -> None:
+    export(world(), ["tasks", "picture"], tmp_path)
+    (tmp_path / "notes.txt").write_text("mine")
+    export(world(), ["prov"], tmp_path)
+    text = (tmp_path / "errand.prov.jsonld").read_text()
+    assert "errand.svg" in text
+    assert "tasks/era/left_task.yaml" in text
+    assert "notes.txt" not in text
+
+
+def test_pictures_have_everything_in_them(tmp_path: Path) -> None:
+    export(world(), ["picture"], tmp_path)
+    root = ElementTree.parse(tmp_path / "errand.svg").getroot()
+    texts = ["".join(e.itertext()) for e in root.iter("{http://www.w3.org/2000/svg}text")]
+    for text in ("errand", "left", "right", "entrance", "slider", "1, 3", "2", "start, cart"):
+        assert text in texts
+    assert any(text.endswith(" m") for text in texts)
+    groups = {e.get("id") for e in root.iter("{http://www.w3.org/2000/svg}g")}
+    assert {"walls", "swings", "doors", "way", "waypoints", "robot", "scale"} <= groups
+    with Image.open(tmp_path / "errand.png") as image:
+        box = [float(v) for v in (root.get("viewBox") or "").split()]
+        assert image.size == pytest.approx((SCALE * box[2], SCALE * box[3]), abs=1)
+        colours = image.convert("RGB").getcolors(1 << 24)
+    shown = {colour for _, colour in colours or ()}
+    wall, door, route, cart = (
+        (0x3B, 0x40, 0x48),
+        (0xC8, 0x55, 0x3D),
+        (0x22, 0x63, 0x8F),
+        (0x2F, 0x9E, 0x6E),
+    )
+    assert {wall, door, route, cart} <= shown
+
+
+def test_a_picture_of_a_bare_plan_needs_no_mission(tmp_path: Path) -> None:
+    export(world(mission=None, robot=None, draws=(Draw("", ()),)), ["picture"], tmp_path)
+    assert (tmp_path / "errand.png").stat().st_size > 1000
+
+
+def test_movers_and_events_are_drawn_and_what_gazebo_lacks_is_said(tmp_path: Path) -> None:
+    import dataclasses
+
+    crowd = dataclasses.replace(scene(), objects=(*scene().objects, walker()))
+    acts = (
+        Walk("walker", ((1.0, 0.3), (1.8, 0.3), (1.8, 1.7)), speed=1.0),
+        Reaction("entrance.hinge", 0.9, 0.0, LegBegins(2), Jump()),
+    )
+    done = export(world("errand", Draw("", acts), scene=crowd), ["all"], tmp_path)
+    assert "walker: no plugin walks, it stands where it starts" in done.notes
+    assert "entrance.hinge: no plugin waits for events, it stays where it starts" in done.notes
+    frames = json.loads((tmp_path / "keyframes/entrance.json").read_text())["keyframes"]
+    assert frames == [{"position": 0.9, "time": 0.0}]
+    svg = (tmp_path / "errand.svg").read_text()
+    assert '<g id="walks">' in svg
+    assert ">walker</text>" in svg
+
+
+def test_hostile_names_stay_text_and_inside_the_folder(tmp_path: Path) -> None:
+    import dataclasses
+
+    named = dataclasses.replace(scene(), name=HOSTILE)
+    evil = world(HOSTILE, scene=named, mission=mission(HOSTILE))
+    done = export(evil, ["all"], tmp_path / "out")
+    for path in done.paths:
+        assert path.resolve().is_relative_to((tmp_path / "out").resolve())
+        if path.suffix in (".sdf", ".world", ".svg", ".launch", ".xml", ".config"):
+            ElementTree.parse(path)
+    svg = next(path for path in done.paths if path.suffix == ".svg").read_text()
+    assert "<b onload" not in svg
+    task = next((tmp_path / "out/tasks/mission").iterdir())
+    assert YAML(typ="safe").load(task.read_text())["task"][0]["name"] == HOSTILE
+
+
+@pytest.mark.parametrize(
+    "name", ["", ".", "..", "../x", "a/b", "a\\b", ".hidden", "x" * 300, "ß", "a b", "a\0b"]
+)
+def test_unsafe_names_become_safe_and_stay_different(name: str) -> None:
+    safe = file_name(name)
+    assert safe == Path(safe).name
+    assert len(safe) <= 100
+    assert not safe.startswith(".")
+    assert safe != file_name(name + "-")
+    assert file_name("hall_2.a-b") == "hall_2.a-b"
+
+
+def test_people_put_their_own_templates_before_ours(tmp_path: Path) -> None:
+    own = tmp_path / "own"
+    own.mkdir()
+    (own / "era_task.yaml.j2").write_text(
+        "# by me\n{% for s in waypoints %}{{ s.x }}\n{% endfor %}"
+    )
+    (own / "era_tusk.yaml.j2").write_text("")
+    templates = Templates(own)
+    export(world(), ["tasks"], tmp_path / "out", templates=templates)
+    assert (tmp_path / "out/tasks/era/left_task.yaml").read_text().startswith("# by me\n1.3")
+    assert "left-point" in (tmp_path / "out/tasks/left_route.yaml").read_text()
+    (warning,) = templates.unused()
+    assert warning.hint == 'did you mean "era_task.yaml.j2"?'
+
+
+@pytest.mark.parametrize(
+    ("text", "line", "words"),
+    [
+        ("a\n{{ nothing_like_it }}\n", 2, "nothing_like_it"),
+        ("a\n\n{% for x in %}\n", 3, "not a template"),
+        ("{{ name.pop() }}", 1, "cannot be filled"),
+    ],
+)
+def test_a_broken_template_is_its_authors_error(
+    tmp_path: Path, text: str, line: int, words: str
+) -> None:
+    file = tmp_path / "model.config.j2"
+    file.write_text(text)
+    with pytest.raises(InputError, match=words) as caught:
+        export(world(), ["sdf"], tmp_path / "out", templates=Templates(tmp_path))
+    where = caught.value.diagnostics[0].where
+    assert (where.file, where.line) == (str(file), line)
+
+
+def test_every_template_of_ours_is_used() -> None:
+    used = set(OURS.glob("*.j2"))
+    assert len(used) == 12
+    sources = "".join(p.read_text() for p in OURS.parent.rglob("*.py"))
+    sources += "".join(p.read_text() for p in used)
+    assert all(f'"{path.name}"' in sources for path in used)
+
+
+def test_the_manual_names_every_kind_and_template() -> None:
+    manual = (OURS.parents[1] / "docs" / "artefacts.md").read_text()
+    assert all(f"| `{kind}` |" in manual for kind in KINDS)
+    assert all(f"`{path.name}`" in manual for path in OURS.glob("*.j2"))
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [
+        (0.0, "0"),
+        (-0.0, "0"),
+        (-1e-12, "0"),
+        (1e20, "1" + "0" * 20),
+        (0.1 + 0.2, "0.3"),
+        (100.0, "100"),
+    ],
+)
+def test_numbers_are_plain(value: float, text: str) -> None:
+    assert number(value) == text
+
+
+def test_what_is_no_number_is_refused() -> None:
+    with pytest.raises(ValueError, match="no number"):
+        number(float("nan"))
+
+
+def test_heights_and_resolutions_come_from_the_robot_and_the_campaign(tmp_path: Path) -> None:
+    export(world(resolution=0.1), ["map"], tmp_path)
+    text = (tmp_path / "maps/rooms.yaml").read_text()
+    assert "resolution: 0.1\n" in text
+    assert f"laser at {robot().laser.z:g} m" in text
+    export(world(), ["map"], tmp_path, settings=Settings(laser_height=1.0, resolution=0.2))
+    text = (tmp_path / "maps/rooms.yaml").read_text()
+    assert "resolution: 0.2\n" in text
+    assert "laser at 1 m" in text
+
+
+def test_draws_may_share_everything(tmp_path: Path) -> None:
+    several = world("errand", Draw("repeat-0", BEHAVIOURS), Draw("repeat-1", ()))
+    done = export(several, ["sdf", "keyframes"], tmp_path)
+    assert len(done.paths) == len(set(done.paths))

@@ -1,0 +1,94 @@
+"""Maps of the campaigns' buildings with their doors, as a robot would use them."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+
+from grammars.composition import compile_scene
+from grammars.floorplan import load_floorplan
+from grammars.grid import FREE, OCCUPIED, OccupancyGrid
+from grammars.scene import Scene
+from grammars.scenery import load_scenery
+from grammars.values import Point2
+from templates.occupancy import occupancy_grid
+
+
+@pytest.fixture(scope="module")
+def building(campaigns: Path) -> Scene:
+    folder = campaigns / "ortega2024"
+    return compile_scene(
+        load_floorplan(folder / "building_c.fpm"), [load_scenery(folder / "doors.scenery")]
+    )
+
+
+@pytest.fixture(scope="module")
+def flat(campaigns: Path) -> Scene:
+    folder = campaigns / "demo"
+    return compile_scene(
+        load_floorplan(folder / "flat.fpm"), [load_scenery(folder / "doors.scenery")]
+    )
+
+
+def cell(grid: OccupancyGrid, point: Point2) -> tuple[int, int]:
+    return (
+        math.floor((point[1] - grid.y) / grid.resolution),
+        math.floor((point[0] - grid.x) / grid.resolution),
+    )
+
+
+def flooded(grid: OccupancyGrid, start: Point2) -> npt.NDArray[np.bool_]:
+    """Return the cells connected to ``start`` (by their sides) that are not occupied."""
+    passable = grid.cells != OCCUPIED
+    reached = np.zeros_like(passable)
+    front = [cell(grid, start)]
+    while front:
+        row, column = front.pop()
+        inside = 0 <= row < passable.shape[0] and 0 <= column < passable.shape[1]
+        if inside and passable[row, column] and not reached[row, column]:
+            reached[row, column] = True
+            front += [(row + 1, column), (row - 1, column), (row, column + 1), (row, column - 1)]
+    return reached
+
+
+def test_closed_corridor_doors_keep_the_robot_inside_building_c(building: Scene) -> None:
+    ajar = {f"door_{n}.hinge": 1.4 for n in range(12, 18)}
+    grid = occupancy_grid(building, laser_height=0.3, resolution=0.1, joints=ajar)
+    reached = flooded(grid, (0.0, 0.0))
+    assert (grid.cells[reached] == FREE).all()
+    goals = [(-12.16, 11.97), (21.45, 59.97), (44.4, 43.85), (52.83, 32.56), (11.72, 53.5)]
+    assert all(reached[cell(grid, goal)] for goal in goals)
+
+
+def test_closed_classroom_doors_keep_the_robot_out(building: Scene) -> None:
+    grid = occupancy_grid(building, laser_height=0.3, resolution=0.1, joints={})
+    reached = flooded(grid, (0.0, 0.0))
+    assert reached[cell(grid, (20.76, 60.46))]
+    for room in [(44.4, 43.85), (52.83, 32.56), (11.72, 53.5)]:
+        assert grid.cells[cell(grid, room)] == FREE
+        assert not reached[cell(grid, room)]
+
+
+def test_without_doors_every_doorway_of_building_c_is_open(building: Scene) -> None:
+    grid = occupancy_grid(building, laser_height=0.3)
+    middles = {d.name: np.mean(d.footprint, axis=0) for d in building.doorways}
+    assert [n for n, (x, y) in middles.items() if grid.cells[cell(grid, (x, y))] != FREE] == []
+
+
+def test_doors_of_the_flat_open_their_rooms(flat: Scene) -> None:
+    shut = flooded(occupancy_grid(flat, laser_height=0.2, joints={}), (0.0, 0.0))
+    opened = {
+        f"{thing.name}.{joint.name}": max(joint.lower, joint.upper, key=abs)
+        for thing in flat.objects
+        for joint in thing.joints
+    }
+    grid = occupancy_grid(flat, laser_height=0.2, joints=opened)
+    ajar = flooded(grid, (0.0, 0.0))
+    rooms = {"living_room": (1.0, 3.0), "bedroom": (6.0, 3.0), "kitchen": (1.0, -2.0)}
+    assert all(grid.cells[cell(grid, point)] == FREE for point in rooms.values())
+    assert not any(shut[cell(grid, point)] for point in rooms.values())
+    assert all(ajar[cell(grid, point)] for point in rooms.values())

@@ -1,0 +1,41 @@
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+from grammars.behaviour import Hold, Jump, KeyFrame, KeyFrames
+from templates.keyframes import said, write_keyframes
+from templates.world import Draw
+from tests.templates.worlds import BEHAVIOURS, job, scene
+
+
+def frames(path: Path) -> list[dict[str, float]]:
+    found: list[dict[str, float]] = json.loads(path.read_text())["keyframes"]
+    return found
+
+
+def test_both_forms_say_the_same(tmp_path: Path) -> None:
+    write_keyframes(job(tmp_path, "errand", Draw("", BEHAVIOURS)))
+    now, era = (
+        frames(tmp_path / "keyframes/slider.json"),
+        frames(tmp_path / "keyframes/era/slider.json"),
+    )
+    assert now == [
+        {"position": 0.25, "time": 0.0},
+        {"position": 1.0, "time": 5.0},
+        {"position": 0.0, "time": 9.5},
+    ]
+    assert [f["pose"] for f in era] == [f["position"] for f in now]
+    assert [f["time"] for f in era] == [f["time"] for f in now]
+
+
+def test_frames_are_sorted_and_a_first_one_is_kept() -> None:
+    act = KeyFrames("slider.rail", (KeyFrame(4.0, 1.0), KeyFrame(0.0, 0.5)), Jump())
+    found = said(scene(), (act,))["slider.rail"]
+    assert isinstance(found, KeyFrames)
+    assert [(f.time, f.position) for f in found.frames] == [(0.0, 0.5), (4.0, 1.0)]
+
+
+def test_only_joints_that_can_move_do_something() -> None:
+    found = said(scene(), (Hold("entrance.hinge", 1.0),))
+    assert list(found) == ["entrance.hinge", "other.hinge", "slider.rail"]

@@ -1,0 +1,220 @@
+"""The map of a scene and its files."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+import shapely
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from PIL import Image
+from ruamel.yaml import YAML
+
+from grammars.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
+from grammars.scene import Doorway, Joint, Link, Region, Scene, SceneObject, Solid
+from grammars.values import Point2, Pose2, Ring
+from templates.occupancy import occupancy_grid, write_map
+
+HERE = Pose2()
+COORDINATES = st.floats(-3.0, 3.0).map(lambda v: round(v, 3))
+
+
+def box(x0: float, y0: float, x1: float, y1: float) -> Ring:
+    return ((x0, y1), (x1, y1), (x1, y0), (x0, y0))
+
+
+def wall(ring: Ring, z_min: float = 0.0, z_max: float = 2.5) -> Solid:
+    return Solid("wall", "wall", ring, z_min, z_max)
+
+
+def two_rooms(pose: Pose2 = HERE, objects: tuple[SceneObject, ...] = ()) -> Scene:
+    """Two rooms, 2 m by 2 m, a 1 m doorway in the wall between them, a window on the left."""
+    solids = [
+        wall(box(2.0, 0.0, 2.2, 0.5)),
+        wall(box(2.0, 1.5, 2.2, 2.0)),
+        wall(box(2.0, 0.5, 2.2, 1.5), 2.0, 2.5),
+        wall(box(-0.2, -0.2, 4.4, 0.0)),
+        wall(box(-0.2, 2.0, 4.4, 2.2)),
+        wall(box(4.2, 0.0, 4.4, 2.0)),
+        wall(box(-0.2, 0.0, 0.0, 2.0), 0.0, 0.9),
+        wall(box(-0.2, 0.0, 0.0, 2.0), 1.6, 2.5),
+    ]
+    moved = tuple(
+        Solid(s.owner, s.kind, pose.apply_ring(s.polygon), s.z_min, s.z_max) for s in solids
+    )
+    rooms = {"left": box(0.0, 0.0, 2.0, 2.0), "right": box(2.2, 0.0, 4.2, 2.0)}
+    regions = tuple(Region(name, pose.apply_ring(ring)) for name, ring in rooms.items())
+    opening = pose.apply_ring(box(2.0, 0.5, 2.2, 1.5))
+    doorway = Doorway("doorway", pose, opening, 1.0, 0.0, 2.0)
+    return Scene("rooms", regions, (doorway,), moved, objects)
+
+
+def door(thickness: float = 0.05) -> SceneObject:
+    leaf = Link("leaf", (box(0.0, -thickness / 2, 1.0, thickness / 2),), 20.0, 0.01, 1.99)
+    hinge = Joint("hinge", "revolute", "world", "leaf", (0.0, 0.0), (1.0, 0.0), 0.0, 3.0)
+    return SceneObject("door", "door", Pose2(2.1, 0.5, math.pi / 2), (leaf,), (hinge,), (0.0,))
+
+
+def at(grid: OccupancyGrid, point: Point2) -> int:
+    row = math.floor((point[1] - grid.y) / grid.resolution)
+    column = math.floor((point[0] - grid.x) / grid.resolution)
+    return int(grid.cells[row, column])
+
+
+@pytest.mark.parametrize("yaw", [0.0, 0.6, 2.4, -2.0])
+@pytest.mark.parametrize(("x", "y"), [(0.0, 0.0), (50.0, 40.0), (-50.0, 40.0), (-50.013, -40.021)])
+def test_a_map_is_right_wherever_the_building_stands(x: float, y: float, yaw: float) -> None:
+    pose = Pose2(x, y, yaw)
+    grid = occupancy_grid(two_rooms(pose), laser_height=0.3)
+    expected = {
+        (1.0, 1.0): FREE,
+        (3.0, 1.0): FREE,
+        (2.1, 1.0): FREE,
+        (2.1, 0.25): OCCUPIED,
+        (-0.1, 1.0): OCCUPIED,
+        (4.3, 1.0): OCCUPIED,
+        (5.0, 1.0): UNKNOWN,
+        (1.0, -0.8): UNKNOWN,
+    }
+    assert {p: at(grid, pose.apply(p)) for p in expected} == expected
+
+
+def test_walls_on_the_grid_take_exactly_their_cells() -> None:
+    grid = occupancy_grid(two_rooms(), laser_height=0.3, resolution=0.1, margin=0.5)
+    assert (grid.x, grid.y) == pytest.approx((-0.7, -0.7))
+    assert grid.cells.shape == (34, 56)
+    assert np.count_nonzero(grid.cells == OCCUPIED) == (46 * 4 + 20 * 2 * 2 + 5 * 2 * 2)
+    assert np.count_nonzero(grid.cells == FREE) == 2 * 400 + 20
+    assert grid.cells.dtype == np.int8
+
+
+@pytest.mark.parametrize(
+    ("height", "window", "doorway"),
+    [(0.3, OCCUPIED, FREE), (1.2, UNKNOWN, FREE), (2.2, OCCUPIED, OCCUPIED)],
+)
+def test_the_map_shows_what_the_laser_height_meets(
+    height: float, window: int, doorway: int
+) -> None:
+    grid = occupancy_grid(two_rooms(), laser_height=height)
+    assert at(grid, (-0.1, 1.0)) == window
+    assert at(grid, (2.1, 1.0)) == doorway
+
+
+def test_objects_are_drawn_only_when_asked_for() -> None:
+    scene = two_rooms(objects=(door(),))
+    assert at(occupancy_grid(scene, laser_height=0.3), (2.1, 1.0)) == FREE
+    assert at(occupancy_grid(scene, laser_height=0.3, joints={}), (2.1, 1.0)) == OCCUPIED
+    assert at(occupancy_grid(scene, laser_height=2.2, joints={}), (1.0, 1.0)) == FREE
+
+
+def test_an_open_door_leaves_the_doorway_free() -> None:
+    scene = two_rooms(objects=(door(),))
+    grid = occupancy_grid(scene, laser_height=0.3, joints={"door.hinge": math.pi / 2})
+    assert at(grid, (2.15, 1.0)) == FREE
+    assert at(grid, (1.6, 0.5)) == OCCUPIED
+
+
+@settings(deadline=None)
+@given(st.floats(0.0, 3.0), st.floats(0.001, 0.05))
+def test_a_thin_leaf_is_an_unbroken_line(angle: float, thickness: float) -> None:
+    scene = two_rooms(objects=(door(thickness),))
+    grid = occupancy_grid(scene, laser_height=0.3, joints={"door.hinge": angle})
+    direction = math.pi / 2 + angle
+    for step in np.linspace(0.01, 0.99, 200):
+        point = (2.1 + step * math.cos(direction), 0.5 + step * math.sin(direction))
+        assert at(grid, point) == OCCUPIED
+
+
+@settings(deadline=None)
+@given(
+    st.lists(st.tuples(COORDINATES, COORDINATES), min_size=3, max_size=8, unique=True),
+    st.floats(0.08, 0.5),
+)
+def test_cells_agree_with_polygon_clipping(points: list[Point2], resolution: float) -> None:
+    hull = shapely.convex_hull(shapely.MultiPoint(points))
+    if hull.geom_type != "Polygon" or hull.area < 0.01:
+        return
+    ring = tuple(hull.exterior.coords[:-1])
+    scene = Scene("s", (Region("floor", box(-4.0, -4.0, 4.0, 4.0)),), (), (wall(ring),))
+    grid = occupancy_grid(scene, laser_height=0.3, resolution=resolution, margin=0.0)
+    rows, columns = np.indices(grid.cells.shape)
+    x, y = grid.x + columns * resolution, grid.y + rows * resolution
+    share = shapely.area(
+        shapely.intersection(shapely.box(x, y, x + resolution, y + resolution), hull)
+    )
+    occupied = grid.cells == OCCUPIED
+    assert occupied[share > 1e-5 * resolution].all()
+    assert not occupied[
+        shapely.distance(shapely.box(x, y, x + resolution, y + resolution), hull) > 1e-5
+    ].any()
+
+
+@settings(deadline=None)
+@given(st.integers(3, 9), st.floats(0.0, 6.0), st.floats(-0.5, 0.5), st.floats(-0.5, 0.5))
+def test_a_star_shaped_room_is_free_where_cell_centres_lie_in_it(
+    tips: int, turn: float, x: float, y: float
+) -> None:
+    radius = (2.0, 0.7)
+    outline = tuple(
+        (
+            x + radius[k % 2] * math.sin(turn + math.pi * k / tips),
+            y + radius[k % 2] * math.cos(turn + math.pi * k / tips),
+        )
+        for k in range(2 * tips)
+    )
+    grid = occupancy_grid(Scene("s", (Region("star", outline),), (), ()), laser_height=0.3)
+    rows, columns = np.indices(grid.cells.shape)
+    centres = shapely.points(grid.x + (columns + 0.5) * 0.05, grid.y + (rows + 0.5) * 0.05)
+    star = shapely.Polygon(outline)
+    certain = shapely.distance(centres, star.exterior) > 1e-5
+    inside = shapely.contains(star, centres)
+    assert ((grid.cells == FREE) == inside)[certain].all()
+
+
+def test_the_files_read_back_as_written(tmp_path: Path) -> None:
+    grid = occupancy_grid(two_rooms(Pose2(-30.0, 7.0, 0.3)), laser_height=0.3)
+    image, meta = write_map(grid, tmp_path / "two.rooms", laser_height=0.3)
+    assert (image.name, meta.name) == ("two.rooms.pgm", "two.rooms.yaml")
+    assert image.read_bytes().startswith(b"P5\n")
+    read = YAML(typ="safe").load(meta)
+    grey = np.flipud(np.asarray(Image.open(tmp_path / read["image"])))
+    occupancy = (255 - grey.astype(float)) / 255
+    cells = np.where(
+        occupancy > read["occupied_thresh"],
+        OCCUPIED,
+        np.where(occupancy < read["free_thresh"], FREE, UNKNOWN),
+    )
+    assert (cells == grid.cells).all()
+    assert read["origin"] == [grid.x, grid.y, 0.0]
+    assert (read["resolution"], read["negate"]) == (0.05, 0)
+
+
+def test_equal_scenes_give_equal_files(tmp_path: Path) -> None:
+    def bytes_of(stem: str) -> list[bytes]:
+        grid = occupancy_grid(two_rooms(), laser_height=0.3)
+        (tmp_path / stem).mkdir()
+        return [p.read_bytes() for p in write_map(grid, tmp_path / stem / "map", laser_height=0.3)]
+
+    assert bytes_of("a") == bytes_of("b")
+
+
+@pytest.mark.parametrize(
+    ("keywords", "message"),
+    [
+        ({"resolution": 0.0}, "must be positive"),
+        ({"resolution": math.nan}, "must be positive"),
+        ({"margin": -1.0}, "not negative"),
+        ({"joints": {"door.hing": 1.0}}, 'did you mean "door.hinge"'),
+    ],
+)
+def test_nonsense_is_refused(keywords: dict[str, object], message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        occupancy_grid(two_rooms(objects=(door(),)), laser_height=0.3, **keywords)  # type: ignore[arg-type]
+
+
+def test_an_empty_scene_has_no_map() -> None:
+    with pytest.raises(ValueError, match="neither regions nor solids"):
+        occupancy_grid(Scene("void", (), (), ()), laser_height=0.3)
