@@ -1,0 +1,1 @@
+"""The batch daemon: from campaign files to recorded, judged runs."""

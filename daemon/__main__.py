@@ -1,0 +1,88 @@
+"""``python -m daemon serve|worker``: the processes behind the ``scenario`` command."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+
+from daemon.errors import (
+    EXIT_ALREADY_RUNNING,
+    EXIT_BROKEN,
+    EXIT_FAILED,
+    AlreadyRunning,
+    DaemonError,
+    WorkerBroken,
+)
+from daemon.executor import DEFAULT_EXECUTOR, Limits
+from daemon.protocol import DEFAULT_ENDPOINT
+
+
+def main() -> int:
+    """Parse the command line and run the chosen process."""
+    options = _parser().parse_args()
+    try:
+        options.run(options)
+    except DaemonError as error:
+        print(error, file=sys.stderr)
+        if isinstance(error, AlreadyRunning):
+            return EXIT_ALREADY_RUNNING
+        return EXIT_BROKEN if isinstance(error, WorkerBroken) else EXIT_FAILED
+    return 0
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(prog="python -m daemon")
+    commands = parser.add_subparsers(required=True)
+    serve = commands.add_parser("serve", help="run the daemon")
+    serve.set_defaults(run=_serve)
+    serve.add_argument("--state", type=Path, required=True)
+    serve.add_argument("--listen", default=DEFAULT_ENDPOINT)
+    serve.add_argument("--lease", type=float, default=30.0)
+    serve.add_argument("--grace", type=float, default=5.0)
+    serve.add_argument("--attempts", type=int, default=3)
+    serve.add_argument("--patience", type=float, default=20.0)
+    worker = commands.add_parser("worker", help="run a worker")
+    worker.set_defaults(run=_work)
+    worker.add_argument("--connect", required=True)
+    worker.add_argument("--state", type=Path)
+    worker.add_argument("--parent", type=int, default=0)
+    for command in (serve, worker):
+        command.add_argument("--slots", type=int)
+        command.add_argument("--executor", default=DEFAULT_EXECUTOR)
+        command.add_argument("--tether", action="store_true")
+        command.add_argument("--wall", type=float, default=Limits().wall)
+        command.add_argument("--memory", type=int, default=Limits().memory)
+    return parser
+
+
+def _serve(options: argparse.Namespace) -> None:
+    from daemon.server import Settings, serve
+
+    serve(
+        options.state,
+        listen=options.listen,
+        slots=options.slots,
+        settings=Settings(options.lease, options.grace, options.attempts, options.patience),
+        executor=options.executor,
+        limits=Limits(options.wall, options.memory),
+        tether=options.tether,
+    )
+
+
+def _work(options: argparse.Namespace) -> None:
+    from daemon.worker import work
+
+    work(
+        options.connect,
+        slots=options.slots,
+        state=options.state,
+        executor=options.executor,
+        limits=Limits(options.wall, options.memory),
+        parent=options.parent,
+        tether=options.tether,
+    )
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,58 @@
+"""Every run of a campaign, specified."""
+
+from __future__ import annotations
+
+import hashlib
+import secrets
+from collections.abc import Iterator
+
+import numpy as np
+
+from daemon.campaign.load import Campaign, repeat_seed
+from daemon.protocol import Submission
+from daemon.spec import OracleText, RunSpec
+
+
+def expand(campaign: Campaign, *, fresh: bool = False) -> Submission:
+    """Return every run of the campaign, scenario by scenario, SUT by SUT, repeat by repeat.
+
+    The campaign's id is its name and a digest of all its runs, so that submitting the same
+    campaign twice is submitting it once; ``fresh`` asks for a new id, to run everything again.
+    """
+    specs = tuple(_specs(campaign))
+    scenes = {cell.scene.digest: cell.scene for cell in campaign.cells}
+    if fresh:
+        identity = secrets.token_hex(4)
+    else:
+        identity = hashlib.sha256("".join(s.digest for s in specs).encode()).hexdigest()[:8]
+    return Submission(
+        campaign=f"{campaign.name}-{identity}",
+        name=campaign.name,
+        about=campaign.about,
+        source=campaign.source,
+        runs=specs,
+        scenes=tuple(scenes.values()),
+    )
+
+
+def _specs(campaign: Campaign) -> Iterator[RunSpec]:
+    for cell in campaign.cells:
+        digest = cell.scene.digest
+        oracles = tuple(OracleText(o.name, o.text) for o in cell.oracles)
+        for sut in cell.suts:
+            for repeat, behaviours in enumerate(cell.behaviours):
+                seed = repeat_seed(campaign.seed, repeat).generate_state(1, np.uint64)
+                yield RunSpec(
+                    campaign=campaign.name,
+                    scenario=cell.name,
+                    sut=sut,
+                    repeat=repeat,
+                    scene=digest,
+                    robot=cell.robot,
+                    mission=cell.mission,
+                    behaviours=behaviours,
+                    oracles=oracles,
+                    map=cell.map,
+                    seed=int(seed[0]),
+                    limit=cell.limit,
+                )

@@ -1,0 +1,197 @@
+"""From names in a campaign file to loaded layers: where they are looked for, read once each."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import partial
+from pathlib import Path
+from typing import Any, Final, TypeVar
+
+from pydantic import Field
+
+from daemon.campaign.text import Reference, Vary
+from daemon.spec import SutReference
+from daemon.suts import make_sut, sut_kinds
+from grammars.diagnostics import Diagnostic, InputError, did_you_mean
+from grammars.documents import Document, Written, load_yaml, read_model
+from grammars.files import load_mission, load_robot
+from grammars.floorplan import load_floorplan
+from grammars.floorplan.model import FloorPlan
+from grammars.metamodel import load_floorplan_jsonld, load_scenery_jsonld
+from grammars.mission import Mission
+from grammars.oracle import Oracle, load_oracles
+from grammars.robot import Robot
+from grammars.scenery import SceneryLayer, load_scenery
+from grammars.variation import floorplan_variants
+
+T = TypeVar("T")
+
+
+@dataclass(frozen=True, slots=True)
+class Kind:
+    """A kind of layer: what people call it, its file endings, the folder it may share."""
+
+    title: str
+    endings: tuple[str, ...]
+    folder: str
+
+
+FLOORPLAN: Final = Kind("floor plan", (".fpm", ".jsonld"), "floorplans")
+VARIATION: Final = Kind("variation", (".variation",), "floorplans")
+SCENERY: Final = Kind("scenery", (".scenery", ".jsonld"), "scenery")
+MISSION: Final = Kind("mission", (".mission.yaml", ".yaml"), "missions")
+ROBOT: Final = Kind("robot", (".yaml",), "robots")
+SUT: Final = Kind("system under test", (".yaml",), "suts")
+ORACLES: Final = Kind("oracles", (".oracles.yaml", ".yaml"), "oracles")
+
+
+def find_layer(folder: Path, reference: Reference, kind: Kind) -> Path:
+    """Return the file a reference names.
+
+    A name is looked for beside the campaign file, then in the kind's folder there
+    (``robots/robile.yaml``), then in that folder one level up; a path is taken from the campaign
+    file's folder. Raises :class:`InputError` with the names that exist.
+    """
+    name = reference.name
+    if "/" in name or name.endswith(kind.endings):
+        path = folder / name
+        if path.is_file():
+            return path
+        raise InputError(Diagnostic(reference.where, f'no file "{name}" for the {kind.title}'))
+    places = (folder, folder / kind.folder, folder / ".." / kind.folder)
+    for place in places:
+        for ending in kind.endings:
+            if (place / f"{name}{ending}").is_file():
+                return place / f"{name}{ending}"
+    known = [n for place in places for n in _names_in(place, kind)]
+    raise InputError(
+        Diagnostic(
+            reference.where,
+            f'no {kind.title} "{name}": there is no {name}{kind.endings[0]} '
+            f"beside the campaign nor in {kind.folder}/",
+            did_you_mean(name, known),
+        )
+    )
+
+
+def _names_in(place: Path, kind: Kind) -> list[str]:
+    if not place.is_dir():
+        return []
+    ending = kind.endings[0]
+    names = [p.name.removesuffix(ending) for p in place.iterdir() if p.name.endswith(ending)]
+    return [name for name in names if "." not in name]
+
+
+class SutText(Written):
+    """The keys of a file that describes a system under test."""
+
+    sut: str = Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]{0,59}$")
+    """Name of this system under test, as verdicts show it."""
+    about: str = ""
+    """One line for people."""
+    kind: str
+    """What is run: a kind that ships here, or one plugged in as "scenario.suts"."""
+    parameters: dict[str, Any] = Field(default_factory=dict)
+    """What differs from the defaults of the kind."""
+
+
+@dataclass(slots=True)
+class Library:
+    """The layers of one campaign, each file read once, findings kept."""
+
+    folder: Path
+    warnings: list[Diagnostic] = field(default_factory=list)
+    _loaded: dict[tuple[str, Path], Any] = field(default_factory=dict)
+
+    def floorplan(self, reference: Reference) -> FloorPlan:
+        """Load a floor plan; its warnings are kept once."""
+        path = find_layer(self.folder, reference, FLOORPLAN)
+        return self._once("floor plan", path, self._load_floorplan)
+
+    def variants(self, vary: Vary, radius: float) -> tuple[tuple[str, FloorPlan], ...]:
+        """Draw the variants of a floor plan that a robot of ``radius`` [m] can drive through."""
+        path = find_layer(self.folder, vary.floorplan, VARIATION)
+        draw = partial(
+            floorplan_variants, n=vary.samples, seed=vary.seed, method=vary.cover, check=radius
+        )
+        return self._once(
+            f"variants {vary.samples} {vary.cover} {vary.seed} {radius!r}", path, draw
+        )
+
+    def scenery(self, reference: Reference) -> SceneryLayer:
+        """Load a scenery layer: objects, places or behaviours."""
+        path = find_layer(self.folder, reference, SCENERY)
+        return self._once("scenery", path, self._load_scenery)
+
+    def mission(self, reference: Reference) -> tuple[Mission, Document]:
+        """Load a mission and the document it stands in."""
+        return self._once("mission", find_layer(self.folder, reference, MISSION), load_mission)
+
+    def robot(self, reference: Reference) -> Robot:
+        """Load a robot description."""
+        return self._once("robot", find_layer(self.folder, reference, ROBOT), load_robot)
+
+    def oracles(self, references: tuple[Reference, ...]) -> dict[str, Oracle]:
+        """Load oracle layers; a name in two layers is taken from the later one."""
+        found: dict[str, Oracle] = {}
+        for reference in references:
+            path = find_layer(self.folder, reference, ORACLES)
+            found |= self._once("oracles", path, load_oracles)
+        return found
+
+    def sut(self, reference: Reference) -> SutReference:
+        """Load a SUT file, or take a kind by its name with default parameters."""
+        try:
+            path = find_layer(self.folder, reference, SUT)
+        except InputError:
+            if reference.name not in sut_kinds():
+                raise
+            return self._once("sut", Path(reference.name), partial(_default_sut, reference))
+        return self._once("sut", path, _load_sut)
+
+    def _load_floorplan(self, path: Path) -> FloorPlan:
+        load = load_floorplan_jsonld if path.suffix == ".jsonld" else load_floorplan
+        plan = load(path)
+        self.warnings.extend(plan.warnings)
+        return plan
+
+    def _load_scenery(self, path: Path) -> SceneryLayer:
+        if path.suffix == ".jsonld":
+            return load_scenery_jsonld(path, self.warnings)
+        return load_scenery(path)
+
+    def _once(self, kind: str, path: Path, load: Callable[[Path], T]) -> T:
+        """Load a file the first time it is named."""
+        key = (kind, path)
+        if key not in self._loaded:
+            self._loaded[key] = load(path)
+        loaded: T = self._loaded[key]
+        return loaded
+
+
+def _default_sut(reference: Reference, _: Path) -> SutReference:
+    try:
+        make_sut(reference.name, {})
+    except ValueError as error:
+        raise InputError(Diagnostic(reference.where, str(error))) from error
+    return SutReference(reference.name, reference.name, {})
+
+
+def _load_sut(path: Path) -> SutReference:
+    document = load_yaml(path)
+    text = read_model(document, SutText)
+    try:
+        make_sut(text.kind, text.parameters)
+    except ValueError as error:
+        raise InputError(_place(document, str(error))) from error
+    return SutReference(text.sut, text.kind, text.parameters)
+
+
+def _place(document: Document, message: str) -> Diagnostic:
+    """Put a parameter complaint where the parameter it names stands."""
+    parameters = document.data.get("parameters") or {}
+    for name in parameters:
+        if f'"{name}"' in message or message.startswith(f"{name}:"):
+            return Diagnostic(document.where(("parameters", name)), message)
+    return Diagnostic(document.where(("parameters" if parameters else "kind",)), message)

@@ -1,0 +1,136 @@
+"""The process of one run: fresh, niced, limited, and gone with its worker.
+
+It reads ``grant.json`` and the scene, executes the run, and leaves ``trace.mcap`` and, last,
+``result.json`` in its attempt's folder: where there is a result, the trace is complete. What it
+prints, and where it was when it crashed, goes to ``output.txt``.
+"""
+
+from __future__ import annotations
+
+import faulthandler
+import os
+import resource
+import select
+import signal
+import sys
+import threading
+import time
+import traceback
+from dataclasses import dataclass
+from multiprocessing import parent_process
+from multiprocessing.connection import Connection, wait
+from pathlib import Path
+from typing import Final, NoReturn
+
+from daemon.messages import Grant
+from daemon.places import sync_directory, write_atomically
+from daemon.protocol import Live
+from daemon.spec import RunResult, Snapshot
+from grammars import codec
+from grammars.scene import Scene
+
+GRANT: Final = "grant.json"
+TRACE: Final = "trace.mcap"
+OUTPUT: Final = "output.txt"
+RESULT: Final = "result.json"
+
+LIVE: Final = b"L"
+FAILED: Final = b"F"
+READY: Final = b"R"
+
+_NICENESS: Final = 10
+_LIVE_PERIOD: Final = 0.2
+
+
+@dataclass(frozen=True, slots=True)
+class Task:
+    """What a child is told: its attempt's folder, the scene's file, memory limit [B] or 0."""
+
+    folder: Path
+    scene: Path
+    memory: int
+
+
+def probe(wire: Connection) -> None:
+    """Report whether runs can be executed at all: nothing, or what is wrong."""
+    from daemon import preload
+
+    wire.send_bytes(FAILED + preload.problem.encode() if preload.problem else READY)
+
+
+def main(task: Task, wire: Connection) -> None:
+    """Execute one run; exits with 0 when there is a result."""
+    from daemon import preload
+
+    _settle(task)
+    try:
+        if preload.execute is None:
+            raise ImportError(preload.problem)
+        grant = codec.from_json(Grant, (task.folder / GRANT).read_bytes())
+        scene = codec.from_json(Scene, task.scene.read_bytes())
+        trace = task.folder / TRACE
+        result: RunResult = preload.execute(
+            grant.spec, scene, trace_path=trace, on_progress=_Reporter(grant.run, wire)
+        )
+        _keep(result, trace, task.folder)
+    except Exception:
+        # No verdict comes of this: the worker gives the run back with these words.
+        wire.send_bytes(FAILED + traceback.format_exc().encode())
+        _leave(1)
+    _leave(0)
+
+
+def _leave(code: int) -> NoReturn:
+    """End without waiting for whatever threads the system under test has left running."""
+    sys.stdout.flush()
+    sys.stderr.flush()
+    os._exit(code)
+
+
+def _keep(result: RunResult, trace: Path, folder: Path) -> None:
+    if not trace.is_file():
+        raise FileNotFoundError(f"the run left no trace at {trace.name}")
+    data = codec.to_json(result)
+    codec.from_json(RunResult, data)  # raises for what JSON cannot carry, a NaN say
+    sync_directory(folder)
+    write_atomically(folder / RESULT, data)
+
+
+def _settle(task: Task) -> None:
+    output = os.open(task.folder / OUTPUT, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o600)
+    os.dup2(output, 1)
+    os.dup2(output, 2)
+    os.close(output)
+    faulthandler.enable()
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    os.setpriority(os.PRIO_PROCESS, 0, max(_NICENESS, os.getpriority(os.PRIO_PROCESS, 0)))
+    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+    if task.memory:
+        resource.setrlimit(resource.RLIMIT_AS, (task.memory, task.memory))
+    threading.Thread(target=_die_with_worker, daemon=True).start()
+
+
+def _die_with_worker() -> None:
+    worker = parent_process()
+    if worker is not None:
+        wait([worker.sentinel])
+        os._exit(1)
+
+
+class _Reporter:
+    """Sends snapshots to the worker, at most five a second, and never waits for it."""
+
+    def __init__(self, run: str, wire: Connection) -> None:
+        self._run = run
+        self._wire = wire
+        self._next = 0.0
+
+    def __call__(self, snapshot: Snapshot) -> None:
+        now = time.monotonic()
+        if now < self._next:
+            return
+        self._next = now + _LIVE_PERIOD
+        message = LIVE + codec.to_json(Live(self._run, snapshot))
+        # A pipe that is ready takes PIPE_BUF bytes, the length prefix included, without blocking.
+        if len(message) + 8 <= select.PIPE_BUF and select.select([], [self._wire], [], 0)[1]:
+            self._wire.send_bytes(message)

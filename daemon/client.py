@@ -1,0 +1,228 @@
+"""The client: everything people can ask the daemon, for the command line and the dashboard."""
+
+from __future__ import annotations
+
+import threading
+from collections import deque
+from collections.abc import Callable
+from types import TracebackType
+from typing import Any, Final, Generic, TypeVar
+
+import zenoh
+
+from daemon import bus
+from daemon.messages import (
+    EVENTS,
+    LIVE,
+    Named,
+    Nothing,
+    Number,
+    RetryRequest,
+    RunQuery,
+    Verb,
+)
+from daemon.protocol import (
+    CampaignRow,
+    Event,
+    Live,
+    Overview,
+    Receipt,
+    RunDetail,
+    RunPage,
+    Submission,
+    WorkerRow,
+)
+from grammars import codec
+from grammars.scene import Scene
+
+T = TypeVar("T")
+
+_EVENTS_KEPT: Final = 4096
+_LIVE_KEPT: Final = 256
+_BULK_TIMEOUT: Final = 60.0
+
+
+class _Feed(threading.Thread, Generic[T]):
+    """One key's samples, passed on in order; the oldest are dropped when calls take long."""
+
+    def __init__(
+        self, session: zenoh.Session, key: str, kept: int, kind: type[T], call: Callable[[T], None]
+    ) -> None:
+        super().__init__(name=f"listens to {key}", daemon=True)
+        self._kind = kind
+        self._call = call
+        self._waiting: deque[bytes] = deque(maxlen=kept)
+        self._arrived = threading.Condition()
+        self._closing = False
+        self._subscriber = session.declare_subscriber(key, self._receive)
+        self.start()
+
+    def _receive(self, sample: zenoh.Sample) -> None:
+        with self._arrived:
+            self._waiting.append(sample.payload.to_bytes())
+            self._arrived.notify()
+
+    def run(self) -> None:
+        """Pass on what arrives until closed."""
+        while (payload := self._next()) is not None:
+            try:
+                value = codec.from_json(self._kind, payload)
+            except ValueError:
+                continue  # not from our daemon; what is published is never relied on
+            self._call(value)
+
+    def _next(self) -> bytes | None:
+        with self._arrived:
+            self._arrived.wait_for(lambda: self._waiting or self._closing)
+            return None if self._closing else self._waiting.popleft()
+
+    def close(self) -> None:
+        """Stop; afterwards no call is under way, unless this is one."""
+        self._subscriber.undeclare()  # type: ignore[no-untyped-call]
+        with self._arrived:
+            self._closing = True
+            self._arrived.notify()
+        if self is not threading.current_thread():
+            self.join()
+
+
+class Subscription:
+    """Calls back with what the daemon publishes, from threads of its own, until closed."""
+
+    def __init__(self) -> None:
+        self._feeds: list[_Feed[Any]] = []
+
+    def close(self) -> None:
+        """Stop calling back; afterwards no call is under way (unless this is one)."""
+        while self._feeds:
+            self._feeds.pop().close()
+
+    def __enter__(self) -> Subscription:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+
+class Client:
+    """A connection to the daemon. Thread-safe; it reconnects when the daemon comes back.
+
+    Every question raises :class:`daemon.errors.Unreachable` when nobody answers and
+    :class:`daemon.errors.Refused` when the daemon says no.
+    """
+
+    def __init__(self, session: zenoh.Session, endpoint: str, timeout: float) -> None:
+        self._session = session
+        self._timeout = timeout
+        self._subscriptions: list[Subscription] = []
+        self.endpoint = endpoint
+
+    @classmethod
+    def open(cls, endpoint: str, *, timeout: float = 3.0) -> Client:
+        """Connect to ``tcp/<host>:<port>``; raises :class:`Unreachable` when nobody is there."""
+        return cls(bus.open_client(endpoint), endpoint, timeout)
+
+    def close(self) -> None:
+        """End the subscriptions and the connection."""
+        for subscription in self._subscriptions:
+            subscription.close()
+        self._subscriptions.clear()
+        self._session.close()  # type: ignore[no-untyped-call]
+
+    def __enter__(self) -> Client:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    def _ask(self, verb: Verb, request: object, kind: type[T]) -> T:
+        return bus.ask(self._session, self.endpoint, verb, request, kind, self._timeout)
+
+    def _ask_bulk(self, verb: Verb, request: object, kind: type[T]) -> T:
+        """Ask for something that may take long, with 100,000 runs say."""
+        timeout = max(self._timeout, _BULK_TIMEOUT)
+        return bus.ask(self._session, self.endpoint, verb, request, kind, timeout)
+
+    def overview(self) -> Overview:
+        """How everything stands, in one line."""
+        return self._ask(Verb.OVERVIEW, Nothing(), Overview)
+
+    def submit(self, submission: Submission) -> Receipt:
+        """Hand over a campaign; the receipt says that it is safely in the ledger.
+
+        Submitting the same again (after :class:`Unreachable`, say) is harmless.
+        """
+        return self._ask_bulk(Verb.SUBMIT, submission, Receipt)
+
+    def campaigns(self) -> tuple[CampaignRow, ...]:
+        """All campaigns, the newest first."""
+        return self._ask(Verb.CAMPAIGNS, Nothing(), tuple[CampaignRow, ...])
+
+    def runs(
+        self,
+        campaign: str = "",
+        *,
+        state: str = "",
+        outcome: str = "",
+        text: str = "",
+        sort: str = "index",
+        descending: bool = False,
+        offset: int = 0,
+        limit: int = 200,
+    ) -> RunPage:
+        """A page of at most 1000 runs; ``sort`` names a field of :class:`RunRow`.
+
+        ``text`` is looked for in label, oracle, reason and id, ignoring case.
+        """
+        query = RunQuery(campaign, state, outcome, text, sort, descending, offset, limit)
+        return self._ask(Verb.RUNS, query, RunPage)
+
+    def run(self, run: str) -> RunDetail:
+        """Everything about one run."""
+        return self._ask(Verb.RUN, Named(run), RunDetail)
+
+    def scene(self, digest: str) -> Scene:
+        """A compiled scene."""
+        return self._ask(Verb.SCENE, Named(digest), Scene)
+
+    def workers(self) -> tuple[WorkerRow, ...]:
+        """The workers connected now."""
+        return self._ask(Verb.WORKERS, Nothing(), tuple[WorkerRow, ...])
+
+    def cancel(self, campaign: str) -> int:
+        """Cancel what is queued or running; returns the number of runs."""
+        return self._ask_bulk(Verb.CANCEL, Named(campaign), Number).count
+
+    def retry(self, campaign: str, *, only: str = "lost|cancelled") -> int:
+        """Queue runs again; returns how many.
+
+        ``only`` lists, separated by ``|``: ``lost``, ``cancelled``, an outcome, or ``all``. A run
+        that has a result keeps it: executing it again checks that it comes out the same.
+        """
+        words = tuple(word.strip() for word in only.split("|") if word.strip())
+        return self._ask_bulk(Verb.RETRY, RetryRequest(campaign, words), Number).count
+
+    def shutdown(self) -> None:
+        """Ask the daemon to leave; what is running gets a while to finish."""
+        self._ask(Verb.SHUTDOWN, Nothing(), Nothing)
+
+    def events(
+        self, on_event: Callable[[Event], None], on_live: Callable[[Live], None] | None = None
+    ) -> Subscription:
+        """Call back on every event, and on snapshots of running runs.
+
+        The calls come from other threads, one per kind, in order. Events may be lost when calls
+        take long or the connection breaks: then ``seq`` has a gap, and asking again is right.
+        """
+        subscription = Subscription()
+        self._subscriptions.append(subscription)
+        feeds = subscription._feeds
+        feeds.append(_Feed(self._session, EVENTS, _EVENTS_KEPT, Event, on_event))
+        if on_live is not None:
+            feeds.append(_Feed(self._session, f"{LIVE}/*", _LIVE_KEPT, Live, on_live))
+        return subscription

@@ -1,0 +1,42 @@
+"""What can go wrong between a client, the daemon and its workers.
+
+DaemonError
+├── Unreachable     nobody answers at the endpoint
+├── Refused         the daemon answered and said no; the message is its words
+├── AlreadyRunning  another daemon keeps this state directory
+├── LaunchFailed    a daemon was started and did not come up
+└── WorkerBroken    a worker cannot execute runs at all
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+EXIT_FAILED: Final = 3
+EXIT_ALREADY_RUNNING: Final = 4
+EXIT_BROKEN: Final = 5
+"""How ``python -m daemon`` ends when one of these errors ends it."""
+
+
+class DaemonError(Exception):
+    """Root of everything the daemon's client side raises on purpose."""
+
+
+class Unreachable(DaemonError):  # noqa: N818  (reads as a sentence where it is raised)
+    """Nobody answers at the endpoint."""
+
+
+class Refused(DaemonError):  # noqa: N818  (reads as a sentence where it is raised)
+    """The daemon answered and said no."""
+
+
+class AlreadyRunning(DaemonError):  # noqa: N818  (reads as a sentence where it is raised)
+    """Another daemon keeps this state directory."""
+
+
+class LaunchFailed(DaemonError):  # noqa: N818  (reads as a sentence where it is raised)
+    """A daemon was started and did not come up."""
+
+
+class WorkerBroken(DaemonError):  # noqa: N818  (reads as a sentence where it is raised)
+    """A worker cannot execute runs at all: a missing module, a version mismatch, no spool."""

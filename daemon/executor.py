@@ -1,0 +1,32 @@
+"""What whoever starts a worker decides, and no one else: what executes runs, within what limits."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+from typing import Final
+
+DEFAULT_EXECUTOR: Final = "daemon.run:execute"
+EXECUTOR_VARIABLE: Final = "SCENARIO_EXECUTOR"
+"""Environment variable through which a worker tells its fork server ``module:function``."""
+
+
+def cores() -> int:
+    """Number of cores this process may use: the default number of slots."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+@dataclass(frozen=True, slots=True)
+class Limits:
+    """What a run may use: wall clock [s] (0: ten times its simulated limit, at least five
+    minutes) and address space [B] (0: no limit).
+    """
+
+    wall: float = 0.0
+    memory: int = 4 * 2**30
+
+    def wall_of(self, simulated: float) -> float:
+        """Wall clock limit [s] of a run limited to ``simulated`` seconds."""
+        return self.wall or max(300.0, 10.0 * simulated)

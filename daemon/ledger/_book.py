@@ -1,0 +1,342 @@
+"""Writing the ledger: every change of a run goes through the pure transition function.
+
+A :class:`Book` is used by one thread, inside transactions its owner opens and commits. What
+must be told to others after the commit collects in :attr:`Book.events`.
+"""
+
+from __future__ import annotations
+
+import sqlite3
+from collections.abc import Iterable, Sequence
+from typing import Final
+
+from daemon.errors import Refused
+from daemon.ledger._transition import (
+    Cancelled,
+    Change,
+    Completed,
+    Happening,
+    Leased,
+    Record,
+    Released,
+    Renewed,
+    Retried,
+    advance,
+)
+from daemon.messages import Answer, Completion, Grant, Hold, Release, RetryRequest
+from daemon.places import trace_name
+from daemon.protocol import Event, Receipt, RunState, Submission
+from daemon.spec import RunResult, RunSpec
+from daemon.verdict import Outcome, Verdict
+from grammars import codec
+
+_RECORD: Final = "state, attempt, strikes, worker, token, lease_until, result, reason"
+_KEPT_EVENTS: Final = 10_000
+_LONGEST_REASON: Final = 4000
+
+
+class Book:
+    """The write side of the ledger on one connection.
+
+    A run is lost after ``attempts`` leases that ended badly; a lease lasts ``lease`` seconds.
+    Times given to the methods are wall clock seconds since the epoch.
+    """
+
+    def __init__(
+        self, connection: sqlite3.Connection, *, attempts: int = 3, lease: float = 30.0
+    ) -> None:
+        self._db = connection
+        self._attempts = attempts
+        self._lease = lease
+        self.events: list[Event] = []
+
+    def submit(self, submission: Submission, now: float) -> Receipt:
+        """Enter a campaign and its runs; the same submission again changes nothing."""
+        digest = codec.digest(submission)
+        row = self._db.execute(
+            "SELECT digest, total FROM campaign WHERE id = ?", (submission.campaign,)
+        ).fetchone()
+        if row is not None:
+            if row[0] != digest:
+                raise Refused(f"campaign id {submission.campaign} is taken by another campaign")
+            return Receipt(submission.campaign, row[1], known=True)
+        self._enter(submission, digest, now)
+        self.note(now, "campaign", submission.campaign, submission.campaign, "submitted")
+        return Receipt(submission.campaign, len(submission.runs), known=False)
+
+    def _enter(self, submission: Submission, digest: str, now: float) -> None:
+        campaign, runs = submission.campaign, submission.runs
+        self._db.execute(
+            "INSERT INTO campaign (id, name, about, source, digest, total, submitted_at)"
+            " VALUES (?, ?, ?, ?, ?, ?, ?)",
+            (
+                campaign,
+                submission.name,
+                submission.about,
+                submission.source,
+                digest,
+                len(runs),
+                now,
+            ),
+        )
+        self._db.executemany(
+            "INSERT INTO run (id, campaign, position, scenario, sut, repeat, time_limit, digest,"
+            " trace_name) VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?)",
+            (_run_row(campaign, position, run) for position, run in enumerate(runs)),
+        )
+        self._db.executemany(
+            "INSERT INTO spec (run, body) VALUES (?, ?)",
+            ((f"{campaign}.{i}", codec.to_json(run)) for i, run in enumerate(runs)),
+        )
+
+    def lease(self, worker: str, count: int, now: float) -> tuple[Grant, ...]:
+        """Give up to ``count`` queued runs to ``worker``, first submitted first."""
+        rows = self._db.execute(
+            "SELECT run.id, campaign, trace_name, spec.body FROM run JOIN spec ON spec.run = run.id"
+            " WHERE state = 'queued' ORDER BY serial LIMIT ?",
+            (count,),
+        ).fetchall()
+        grants = []
+        for run, campaign, trace, body in rows:
+            token = self._next_token()
+            change = self._apply(run, Leased(worker, token, now + self._lease), now)
+            spec = codec.from_json(RunSpec, body)
+            grants.append(Grant(run, campaign, change.run.attempt, token, trace, spec))
+        return tuple(grants)
+
+    def _next_token(self) -> int:
+        row = self._db.execute(
+            "UPDATE meta SET value = value + 1 WHERE key = 'token' RETURNING value"
+        ).fetchone()
+        return int(row[0])
+
+    def renew(self, worker: str, holds: Iterable[Hold], now: float) -> tuple[Hold, ...]:
+        """Extend the leases a worker holds and return those that are not its own any more.
+
+        Runs leased to the worker that it does not claim were granted in an answer it never got:
+        they are queued again without blame.
+        """
+        claimed = tuple(holds)
+        gone = tuple(h for h in claimed if not self._renewed(h, now))
+        tokens = {hold.token for hold in claimed}
+        for run, token in self._leases_of(worker):
+            if token not in tokens:
+                self._apply(run, Released(token, "", blame=False), now)
+        return gone
+
+    def _renewed(self, hold: Hold, now: float) -> bool:
+        record = self._record(hold.run)
+        if record is None:
+            return False
+        change = self._apply(hold.run, Renewed(hold.token, now + self._lease), now, record)
+        return change.answer is Answer.DONE
+
+    def complete(self, completion: Completion, now: float) -> Answer:
+        """Record a result, exactly one per run, whoever brings it and however late."""
+        known = self._db.execute(
+            "SELECT digest, campaign FROM run WHERE id = ?", (completion.run,)
+        ).fetchone()
+        if known is None:
+            raise Refused(f"there is no run {completion.run}")
+        if known[0] != completion.result.spec:
+            raise Refused(f"the result is not of run {completion.run}: its specification differs")
+        digest = completion.result.digest
+        change = self._apply(completion.run, Completed(completion.token, digest), now)
+        if change.record:
+            self._keep(completion, digest, now)
+        if change.answer is Answer.DIFFERS:
+            note = change.run.reason
+            self.note(now, "alarm", completion.run, known[1], "nondeterministic", note)
+        return change.answer
+
+    def _keep(self, completion: Completion, digest: str, now: float) -> None:
+        self._db.execute(
+            "INSERT OR IGNORE INTO result (run, attempt, worker, digest, at, body)"
+            " VALUES (?, ?, ?, ?, ?, ?)",
+            (
+                completion.run,
+                completion.attempt,
+                completion.worker,
+                digest,
+                now,
+                codec.to_json(completion.result),
+            ),
+        )
+        result, verdict = completion.result, deciding(completion.result)
+        self._db.execute(
+            "UPDATE run SET outcome = ?, oracle = ?, margin = ?, unit = ?, simulated = ?, wall = ?,"
+            " finished_at = ? WHERE id = ?",
+            (
+                result.outcome,
+                verdict.oracle if verdict else "",
+                verdict.margin if verdict else None,
+                verdict.unit if verdict else "",
+                result.timing.simulated,
+                result.timing.wall,
+                now,
+                completion.run,
+            ),
+        )
+
+    def release(self, release: Release, now: float) -> Answer:
+        """Take a run back without a result."""
+        if self._record(release.run) is None:
+            raise Refused(f"there is no run {release.run}")
+        event = Released(release.token, release.reason[-_LONGEST_REASON:], release.blame)
+        return self._apply(release.run, event, now).answer
+
+    def lapse(self, now: float) -> int:
+        """Take back every run whose lease is over; returns how many."""
+        rows = self._db.execute(
+            "SELECT id, token FROM run WHERE state = 'running' AND lease_until < ?", (now,)
+        ).fetchall()
+        for run, token in rows:
+            self._apply(run, Released(token, "the worker fell silent", blame=True), now)
+        return len(rows)
+
+    def forsake(self, worker: str, now: float) -> int:
+        """Take back every run of a worker that is gone; returns how many."""
+        leases = self._leases_of(worker)
+        for run, token in leases:
+            self._apply(run, Released(token, "the worker is gone", blame=True), now)
+        return len(leases)
+
+    def _leases_of(self, worker: str) -> list[tuple[str, int]]:
+        return self._db.execute(
+            "SELECT id, token FROM run WHERE state = 'running' AND worker = ?", (worker,)
+        ).fetchall()
+
+    def extend(self, now: float) -> int:
+        """Extend all leases by one period, for a daemon that starts: it was away, not they."""
+        rows = self._db.execute("SELECT id, token FROM run WHERE state = 'running'").fetchall()
+        for run, token in rows:
+            self._apply(run, Renewed(token, now + self._lease), now)
+        return len(rows)
+
+    def cancel(self, campaign: str, now: float) -> int:
+        """Cancel what is queued or running of a campaign; returns how many runs."""
+        self._require(campaign)
+        rows = self._db.execute(
+            "SELECT id FROM run WHERE campaign = ? AND state IN ('queued', 'running')", (campaign,)
+        ).fetchall()
+        for (run,) in rows:
+            self._apply(run, Cancelled(), now, quiet=True)
+        if rows:
+            self.note(now, "campaign", campaign, campaign, "cancelled")
+            self._close_if_finished(campaign, now)
+        return len(rows)
+
+    def retry(self, request: RetryRequest, now: float) -> int:
+        """Queue runs again by state (lost, cancelled), by outcome, or ``all`` that rest."""
+        self._require(request.campaign)
+        words = _retry_words(request.only)
+        rows = self._db.execute(
+            "SELECT id, state, outcome FROM run WHERE campaign = ?"
+            " AND state IN ('done', 'lost', 'cancelled') ORDER BY serial",
+            (request.campaign,),
+        ).fetchall()
+        chosen = [run for run, state, outcome in rows if {state, outcome} & words or "all" in words]
+        for run in chosen:
+            self._apply(run, Retried(), now, quiet=True)
+        if chosen:
+            self._db.execute(
+                "UPDATE campaign SET finished_at = NULL WHERE id = ?", (request.campaign,)
+            )
+            self.note(now, "campaign", request.campaign, request.campaign, "retried")
+        return len(chosen)
+
+    def _require(self, campaign: str) -> None:
+        if not self._db.execute("SELECT 1 FROM campaign WHERE id = ?", (campaign,)).fetchone():
+            raise Refused(f"there is no campaign {campaign}")
+
+    def _record(self, run: str) -> Record | None:
+        row = self._db.execute(f"SELECT {_RECORD} FROM run WHERE id = ?", (run,)).fetchone()
+        return None if row is None else Record(RunState(row[0]), *row[1:])
+
+    def _apply(
+        self,
+        run: str,
+        event: Happening,
+        now: float,
+        before: Record | None = None,
+        *,
+        quiet: bool = False,
+    ) -> Change:
+        before = before or self._record(run)
+        if before is None:
+            raise Refused(f"there is no run {run}")
+        change = advance(before, event, attempts=self._attempts)
+        after = change.run
+        if after != before:
+            self._db.execute(
+                "UPDATE run SET state = ?, attempt = ?, strikes = ?, worker = ?, token = ?,"
+                " lease_until = ?, result = ?, reason = ? WHERE id = ?",
+                (
+                    after.state,
+                    after.attempt,
+                    after.strikes,
+                    after.worker,
+                    after.token,
+                    after.lease_until,
+                    after.result,
+                    after.reason,
+                    run,
+                ),
+            )
+        if after.state is not before.state and not quiet:
+            campaign = self._db.execute("SELECT campaign FROM run WHERE id = ?", (run,)).fetchone()
+            self.note(now, "run", run, campaign[0], after.state, after.reason)
+            if after.state not in (RunState.QUEUED, RunState.RUNNING):
+                self._close_if_finished(campaign[0], now)
+        return change
+
+    def _close_if_finished(self, campaign: str, now: float) -> None:
+        waiting = self._db.execute(
+            "SELECT total(runs) FROM tally WHERE campaign = ? AND state IN ('queued', 'running')",
+            (campaign,),
+        ).fetchone()[0]
+        if not waiting:
+            self._db.execute("UPDATE campaign SET finished_at = ? WHERE id = ?", (now, campaign))
+            self.note(now, "campaign", campaign, campaign, "finished")
+
+    def note(
+        self, now: float, kind: str, name: str, campaign: str = "", state: str = "", note: str = ""
+    ) -> None:
+        """Write an event down and keep it for telling others after the commit."""
+        cursor = self._db.execute(
+            "INSERT INTO event (at, kind, id, campaign, state, note) VALUES (?, ?, ?, ?, ?, ?)",
+            (now, kind, name, campaign, state, note),
+        )
+        seq = cursor.lastrowid or 0
+        if seq % 1000 == 0:
+            self._db.execute(
+                "DELETE FROM event WHERE seq <= ? AND kind <> 'alarm'", (seq - _KEPT_EVENTS,)
+            )
+        self.events.append(Event(seq, kind, name, campaign, state))
+
+
+def _run_row(campaign: str, position: int, run: RunSpec) -> tuple[object, ...]:
+    sut = run.sut.name
+    trace = trace_name(campaign, run.scenario, sut, run.repeat)
+    name = f"{campaign}.{position}"
+    return (name, campaign, position, run.scenario, sut, run.repeat, run.limit, run.digest, trace)
+
+
+def _retry_words(only: Sequence[str]) -> frozenset[str]:
+    allowed = {"lost", "cancelled", "all", *Outcome} - {Outcome.MEASURE}
+    unknown = sorted(set(only) - allowed)
+    if unknown:
+        raise Refused(
+            f"cannot retry {', '.join(unknown)}: choose among {', '.join(sorted(allowed))}"
+        )
+    return frozenset(only)
+
+
+def deciding(result: RunResult) -> Verdict | None:
+    """The verdict a list shows: the first failing one, else the one with the smallest margin."""
+    judged = [v for v in result.verdicts if v.outcome is not Outcome.MEASURE]
+    for verdict in judged:
+        if verdict.outcome is Outcome.FAIL:
+            return verdict
+    measured = [v for v in judged if v.margin is not None]
+    return min(measured, key=lambda v: v.margin or 0.0, default=judged[0] if judged else None)

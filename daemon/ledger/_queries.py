@@ -1,0 +1,217 @@
+"""Reading the ledger: the answers to questions of people, from SQLite."""
+
+from __future__ import annotations
+
+import sqlite3
+from collections import Counter
+from collections.abc import Iterable
+from typing import Any, Final
+
+from daemon.errors import Refused
+from daemon.messages import RunQuery
+from daemon.places import Places
+from daemon.protocol import CampaignRow, RunDetail, RunPage, RunRow, RunState
+from daemon.spec import RunResult, RunSpec
+from daemon.verdict import Outcome
+from grammars import codec
+from grammars.diagnostics import did_you_mean
+
+_SEVERITY: Final = (
+    "CASE outcome WHEN 'fail' THEN 0 WHEN 'error' THEN 1 WHEN 'inconclusive' THEN 2"
+    " WHEN 'pass' THEN 3 ELSE 4 END"
+)
+SORTABLE: Final = {
+    "index": "serial",
+    "campaign": "campaign",
+    "scenario": "scenario",
+    "sut": "sut",
+    "repeat": "repeat",
+    "state": "state",
+    "attempt": "attempt",
+    "worker": "worker",
+    "outcome": _SEVERITY,
+    "oracle": "oracle",
+    "margin": "margin",
+    "simulated": "simulated",
+    "limit": "time_limit",
+    "wall": "wall",
+}
+_ROW: Final = (
+    "id, campaign, position, scenario, sut, repeat, state, attempt, worker, outcome, oracle,"
+    " margin, unit, simulated, time_limit, wall, trace_name, reason"
+)
+_TEXT: Final = (
+    "scenario || '/' || sut || '/' || repeat || ' ' || oracle || ' ' || reason || ' ' || id"
+)
+_RATE_SPAN: Final = 600.0
+_RATE_RUNS: Final = 64
+
+
+class Reader:
+    """The read side of the ledger on one connection, used by one thread."""
+
+    def __init__(self, connection: sqlite3.Connection, places: Places) -> None:
+        self._db = connection
+        self._db.row_factory = sqlite3.Row
+        self._places = places
+
+    def campaigns(self) -> tuple[CampaignRow, ...]:
+        """All campaigns, the newest first."""
+        counts: dict[str, Counter[str]] = {}
+        for campaign, state, outcome, runs in self._db.execute("SELECT * FROM tally"):
+            counts.setdefault(campaign, Counter())
+            _count(counts[campaign], state, outcome, runs)
+        rows = self._db.execute(
+            "SELECT id, name, about, submitted_at, finished_at, total FROM campaign"
+            " ORDER BY serial DESC"
+        )
+        return tuple(_campaign_row(row, counts.get(row[0], Counter())) for row in rows)
+
+    def counts(self) -> tuple[int, Counter[str]]:
+        """Number of campaigns, and of runs by state and by ``outcome <word>``, over all of them."""
+        campaigns = self._db.execute("SELECT count(*) FROM campaign").fetchone()[0]
+        total: Counter[str] = Counter()
+        for state, outcome, runs in self._db.execute("SELECT state, outcome, runs FROM tally"):
+            _count(total, state, outcome, runs)
+        return campaigns, total
+
+    def rate(self, now: float) -> float:
+        """Runs finished per minute lately; 0 when less than two.
+
+        Over the last 64 runs within ten minutes, not before the oldest unfinished campaign came:
+        an idle hour says nothing about speed.
+        """
+        came = self._db.execute(
+            "SELECT min(submitted_at) FROM campaign WHERE finished_at IS NULL"
+        ).fetchone()[0]
+        times = [
+            row[0]
+            for row in self._db.execute(
+                "SELECT finished_at FROM run WHERE finished_at > ?"
+                " ORDER BY finished_at DESC LIMIT ?",
+                (max(now - _RATE_SPAN, came or 0.0), _RATE_RUNS),
+            )
+        ]
+        if len(times) < 2 or now <= times[-1]:
+            return 0.0
+        return 60.0 * (len(times) - 1) / float(now - times[-1])
+
+    def runs(self, query: RunQuery) -> RunPage:
+        """One page of runs, filtered and sorted; equal values keep the order of submission."""
+        where, values = _filter(query)
+        # Without a text the tally knows how many there are; 100,000 runs need not be counted.
+        counting = "count(*) FROM run" if query.text else "total(runs) FROM tally"
+        total = self._db.execute(f"SELECT {counting} {where}", values).fetchone()[0]
+        rows = self._db.execute(
+            f"SELECT {_ROW} FROM run {where} ORDER BY {_order(query)} LIMIT ? OFFSET ?",
+            (*values, query.limit, query.offset),
+        )
+        return RunPage(tuple(self._run_row(row) for row in rows), int(total))
+
+    def run(self, name: str) -> RunDetail:
+        """Everything about one run."""
+        row = self._db.execute(f"SELECT {_ROW} FROM run WHERE id = ?", (name,)).fetchone()
+        if row is None:
+            raise Refused(f"there is no run {name}")
+        spec = self._db.execute("SELECT body FROM spec WHERE run = ?", (name,)).fetchone()
+        result = self._db.execute("SELECT body FROM result WHERE run = ?", (name,)).fetchone()
+        return RunDetail(
+            self._run_row(row),
+            codec.from_json(RunSpec, spec[0]),
+            None if result is None else codec.from_json(RunResult, result[0]),
+        )
+
+    def has_work(self) -> bool:
+        """Whether any run is queued."""
+        found = self._db.execute("SELECT 1 FROM run WHERE state = 'queued' LIMIT 1").fetchone()
+        return found is not None
+
+    def _run_row(self, row: sqlite3.Row) -> RunRow:
+        outcome = Outcome(row["outcome"]) if row["outcome"] else None
+        return RunRow(
+            id=row["id"],
+            campaign=row["campaign"],
+            index=row["position"],
+            scenario=row["scenario"],
+            sut=row["sut"],
+            repeat=row["repeat"],
+            state=RunState(row["state"]),
+            attempt=row["attempt"],
+            worker=row["worker"],
+            outcome=outcome,
+            oracle=row["oracle"],
+            margin=row["margin"],
+            unit=row["unit"],
+            simulated=row["simulated"],
+            limit=row["time_limit"],
+            wall=row["wall"],
+            trace=str(self._places.traces / row["trace_name"]) if outcome is not None else "",
+            reason=row["reason"],
+        )
+
+
+def _count(counts: Counter[str], state: str, outcome: str, runs: int) -> None:
+    counts[state] += runs
+    if state == RunState.DONE and outcome:
+        counts[f"outcome {outcome}"] += runs
+
+
+def standing(counts: Counter[str]) -> dict[str, int]:
+    """Return how runs stand, under the field names of campaign rows and the overview."""
+    return {
+        "queued": counts["queued"],
+        "running": counts["running"],
+        "done": counts["done"],
+        "lost": counts["lost"],
+        "cancelled": counts["cancelled"],
+        "passed": counts["outcome pass"],
+        "failed": counts["outcome fail"],
+        "inconclusive": counts["outcome inconclusive"],
+        "errors": counts["outcome error"],
+    }
+
+
+def _campaign_row(row: sqlite3.Row, counts: Counter[str]) -> CampaignRow:
+    return CampaignRow(
+        id=row["id"],
+        name=row["name"],
+        about=row["about"],
+        submitted_at=row["submitted_at"],
+        finished_at=row["finished_at"],
+        total=row["total"],
+        **standing(counts),
+    )
+
+
+def _order(query: RunQuery) -> str:
+    column = SORTABLE.get(query.sort)
+    if column is None:
+        raise Refused(f"cannot sort by {query.sort!r}: {did_you_mean(query.sort, SORTABLE)}")
+    if column == "serial" and query.campaign:
+        column = "position"  # the same order, and there is an index on it
+    order = f"{column} {'DESC' if query.descending else 'ASC'}"
+    if column == "margin":
+        order = f"margin IS NULL, {order}"  # what has none comes last, either way
+    return order if column in ("serial", "position") else f"{order}, serial"
+
+
+def _filter(query: RunQuery) -> tuple[str, list[Any]]:
+    conditions: list[str] = []
+    values: list[Any] = []
+    for column in ("campaign", "state", "outcome"):
+        wanted = getattr(query, column)
+        if wanted:
+            _check_word(column, wanted)
+            conditions.append(f"{column} = ?")
+            values.append(wanted)
+    if query.text:
+        conditions.append(f"instr(lower({_TEXT}), lower(?)) > 0")
+        values.append(query.text)
+    return ("WHERE " + " AND ".join(conditions) if conditions else ""), values
+
+
+def _check_word(column: str, word: str) -> None:
+    known: Iterable[str] = {"state": RunState, "outcome": Outcome}.get(column, ())
+    names = [str(name) for name in known]
+    if names and word not in names:
+        raise Refused(f"there is no {column} {word!r}: {did_you_mean(word, names)}")

@@ -1,0 +1,218 @@
+"""Requests and answers of the bus that people never see: questions, leases, completions.
+
+The values people see are in :mod:`daemon.protocol`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import Annotated, Final
+
+from pydantic import Field
+
+from daemon.protocol import PREFIX
+from daemon.spec import ENGINE_VERSION, RunResult, RunSpec
+
+ASK: Final = f"{PREFIX}/ask"
+EVENTS: Final = f"{PREFIX}/event"
+LIVE: Final = f"{PREFIX}/live"
+ALIVE: Final = f"{PREFIX}/alive"
+WORK: Final = f"{PREFIX}/work"
+"""Published without content when runs become available or unwanted: a hint, workers also poll."""
+
+LARGEST_SUBMISSION: Final = 64 * 2**20
+LARGEST_REQUEST: Final = 4 * 2**20
+LARGEST_PAGE: Final = 1000
+
+Id = Annotated[str, Field(max_length=128)]
+Short = Annotated[str, Field(max_length=400)]
+Count = Annotated[int, Field(ge=0, le=2**53)]
+
+
+class Verb(StrEnum):
+    """Everything the daemon can be asked; the last part of the request's key."""
+
+    OVERVIEW = "overview"
+    CAMPAIGNS = "campaigns"
+    RUNS = "runs"
+    RUN = "run"
+    SCENE = "scene"
+    WORKERS = "workers"
+    SUBMIT = "submit"
+    CANCEL = "cancel"
+    RETRY = "retry"
+    SHUTDOWN = "shutdown"
+    WELCOME = "welcome"
+    LEASE = "lease"
+    RENEW = "renew"
+    COMPLETE = "complete"
+    RELEASE = "release"
+
+
+@dataclass(frozen=True, slots=True)
+class Problem:
+    """An error reply: what the daemon has against the request."""
+
+    problem: str
+
+
+@dataclass(frozen=True, slots=True)
+class Nothing:
+    """A request or an answer without content."""
+
+
+@dataclass(frozen=True, slots=True)
+class Named:
+    """A request about one campaign, run or scene."""
+
+    id: Id
+
+
+@dataclass(frozen=True, slots=True)
+class Number:
+    """An answer that counts something."""
+
+    count: int
+
+
+@dataclass(frozen=True, slots=True)
+class RunQuery:
+    """A page of runs: empty strings filter nothing; ``sort`` names a column of the row."""
+
+    campaign: Id = ""
+    state: Short = ""
+    outcome: Short = ""
+    text: Short = ""
+    sort: Short = "index"
+    descending: bool = False
+    offset: Count = 0
+    limit: Annotated[int, Field(ge=0, le=LARGEST_PAGE)] = 200
+
+
+@dataclass(frozen=True, slots=True)
+class RetryRequest:
+    """Queue runs again: those lost, cancelled, or with one of these outcomes."""
+
+    campaign: Id
+    only: tuple[Short, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class WorkerInfo:
+    """Who a worker is, sent with every request so that a new daemon knows it at once."""
+
+    id: Id
+    host: Short
+    pid: Count
+    version: Short
+    slots: Count
+    busy: Count
+    engine: Short = ENGINE_VERSION
+
+
+@dataclass(frozen=True, slots=True)
+class Welcome:
+    """What a worker must know before it starts: where to keep things, how often to renew."""
+
+    state: str
+    version: str
+    engine: str
+    lease: float
+    renew: float
+
+
+@dataclass(frozen=True, slots=True)
+class LeaseRequest:
+    """Ask for up to ``count`` runs."""
+
+    worker: WorkerInfo
+    count: Annotated[int, Field(ge=0, le=1024)]
+
+
+@dataclass(frozen=True, slots=True)
+class Grant:
+    """One leased run: ``token`` fences it, ``trace`` is where its trace belongs."""
+
+    run: str
+    campaign: str
+    attempt: int
+    token: int
+    trace: str
+    spec: RunSpec
+
+
+@dataclass(frozen=True, slots=True)
+class LeaseReply:
+    """Runs to execute; ``draining`` says that none will come, the daemon is leaving."""
+
+    grants: tuple[Grant, ...]
+    draining: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Hold:
+    """A lease a worker believes to hold."""
+
+    run: Id
+    token: Count
+
+
+@dataclass(frozen=True, slots=True)
+class RenewRequest:
+    """All leases a worker holds, finished but unacknowledged runs included."""
+
+    worker: WorkerInfo
+    holds: Annotated[tuple[Hold, ...], Field(max_length=4096)]
+
+
+@dataclass(frozen=True, slots=True)
+class RenewReply:
+    """Leases that are not the worker's any more: stop those runs."""
+
+    gone: tuple[Hold, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Completion:
+    """A finished run; its trace already lies where the grant said."""
+
+    worker: Id
+    run: Id
+    attempt: Count
+    token: Count
+    result: RunResult
+
+
+class Answer(StrEnum):
+    """What the ledger made of a completion, a release or a renewal.
+
+    ``recorded``: this is the result. ``known``: the same result was there. ``differs``: another
+    result was there, a nondeterminism alarm. ``dropped``: the run is cancelled. ``stale``: the
+    lease is not the sender's any more. ``done``: as asked.
+    """
+
+    RECORDED = "recorded"
+    KNOWN = "known"
+    DIFFERS = "differs"
+    DROPPED = "dropped"
+    STALE = "stale"
+    DONE = "done"
+
+
+@dataclass(frozen=True, slots=True)
+class Acknowledgement:
+    """Answer to a completion or a release, sent after the ledger has committed it."""
+
+    answer: Answer
+
+
+@dataclass(frozen=True, slots=True)
+class Release:
+    """A run given back without a result; ``blame`` counts it against the run's attempts."""
+
+    worker: Id
+    run: Id
+    token: Count
+    reason: Annotated[str, Field(max_length=20_000)]
+    blame: bool

@@ -1,0 +1,146 @@
+"""Where the robot is: odometry predicts, scans correct, a covariance says how sure that is."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from daemon.navigation._field import MapField
+from daemon.navigation._matching import match, predict
+from daemon.navigation._parameters import PilotParameters
+from daemon.sut import Estimate, Odometry
+from grammars.robot import Laser, OdometryNoise
+from grammars.values import Floats, Pose2, Twist2
+
+_ITERATIONS = 12
+_LEAST_INLIERS = 8
+_NARROW, _WIDE = 0.05, 0.45
+"""Kernel widths of the matcher when it is sure of the pose and when it is not [m]."""
+_LEVER = 2.0
+"""Distance at which an error in heading is felt [m]."""
+_FEW = 0.6
+"""With a smaller share of returns near walls, the pose is doubted."""
+_DOUBT, _YAW_DOUBT = 0.01, 0.01
+"""Standard deviations added per scan in doubt [m, rad]."""
+_LEARNING = 0.03
+"""How fast the depth of walls behind their painted edge is learned, per scan."""
+_CAUTION = 1.5
+"""Odometry is trusted with this many times the variance its description gives."""
+_LEAST_NOISE = 0.002
+"""Noise of a displacement beyond what the odometry's description says [m or rad per sqrt]."""
+
+
+class Localiser:
+    """An iterated extended Kalman filter over x, y, yaw in the map frame.
+
+    Odometry noise follows the robot's description. Errors of the map itself do not average out
+    over scans; they are added to the covariance that is reported, not to the filter's own.
+
+    Maps differ in which cells a wall paints (those it touches, or those whose centre it covers),
+    so walls stand up to a cell behind or before their painted edge. The mean residual of matched
+    scans tells how much: between walls on both sides no pose explains it away. It is learned
+    slowly.
+    """
+
+    def __init__(
+        self,
+        field: MapField,
+        laser: Laser,
+        noise: OdometryNoise,
+        start: Pose2,
+        parameters: PilotParameters,
+    ) -> None:
+        self._field, self._noise = field, noise
+        self._mount = np.array([laser.mount.x, laser.mount.y, laser.mount.yaw])
+        self._mean = np.array([start.x, start.y, start.yaw])
+        position, heading = parameters.start_sigma**2, parameters.start_yaw_sigma**2
+        self._covariance = np.diag([position, position, heading])
+        bias, turned = parameters.map_sigma**2, parameters.map_yaw_sigma**2
+        self._bias = np.diag([bias, bias, turned])
+        spread = laser.noise**2 + parameters.range_sigma**2
+        self._sigma = math.sqrt(max(spread, 1e-6) * parameters.independent_rays)
+        # Where walls paint every cell they touch, this is the mean depth behind the edge.
+        self._inset = 0.5 * field.resolution
+        self._last: Odometry | None = None
+        self._reference: Pose2 | None = None
+
+    @property
+    def pose(self) -> Pose2:
+        """The best estimate of the base's pose in the map frame."""
+        x, y, yaw = self._mean.tolist()
+        return Pose2(x, y, yaw)
+
+    def estimate(self, time: float) -> Estimate:
+        """Return the estimate with a covariance that includes the map's own error."""
+        return Estimate(time, self.pose, self._covariance + self._bias)
+
+    def move(self, sample: Odometry) -> None:
+        """Take a wheel odometry sample."""
+        self._move_to(sample.pose)
+        self._last = sample
+
+    def move_until(self, time: float, following: Odometry | None = None) -> None:
+        """Predict to ``time`` [s]: towards the sample ``following``, else at the last twist."""
+        last = self._last
+        if last is None or time <= last.time:
+            return
+        if following is not None and following.time > last.time:
+            ahead = last.pose.inverse() @ following.pose
+            share = min(1.0, (time - last.time) / (following.time - last.time))
+            step = Pose2(ahead.x * share, ahead.y * share, ahead.yaw * share)
+        else:
+            twist: Twist2 = last.twist
+            gap = time - last.time
+            step = Pose2(twist.vx * gap, twist.vy * gap, twist.wz * gap)
+        self._move_to(last.pose @ step)
+
+    def correct(self, points: Floats, count: int) -> int:
+        """Match returns ``points[:count]`` (base frame) to the map; return how many fit."""
+        field, covariance = self._field, self._covariance
+        unsure = math.sqrt(covariance[0, 0] + covariance[1, 1])
+        unsure += _LEVER * math.sqrt(covariance[2, 2])
+        inliers, residual = match(
+            field.surface, field.x, field.y, field.resolution, points, count, self._mount,
+            self._mean, covariance, self._inset, min(_WIDE, _NARROW + unsure), _NARROW,
+            self._sigma, _ITERATIONS, _LEAST_INLIERS,
+        )  # fmt: skip
+        if inliers >= _LEAST_INLIERS:
+            learned = self._inset - _LEARNING * residual
+            self._inset = max(-field.resolution, min(field.resolution, learned))
+        if inliers < _FEW * count:
+            covariance[0, 0] += _DOUBT**2
+            covariance[1, 1] += _DOUBT**2
+            covariance[2, 2] += _YAW_DOUBT**2
+        return inliers
+
+    def _move_to(self, odometry: Pose2) -> None:
+        reference, self._reference = self._reference, odometry
+        if reference is None:
+            return
+        step = reference.inverse() @ odometry
+        distance, turn = math.hypot(step.x, step.y), abs(step.yaw)
+        noise = self._noise
+        along = (_CAUTION * noise.translation**2 + _LEAST_NOISE**2) * distance
+        around = (_CAUTION * noise.rotation**2 + _LEAST_NOISE**2) * turn
+        around += (_CAUTION * noise.drift**2 + _LEAST_NOISE**2) * distance
+        predict(self._mean, self._covariance, step.x, step.y, step.yaw, along, around)
+
+
+class NoisyTruth:
+    """The true pose with Gaussian noise: a baseline that shows what localisation costs."""
+
+    def __init__(self, parameters: PilotParameters, seed: np.random.SeedSequence) -> None:
+        position, heading = parameters.truth_sigma, parameters.truth_yaw_sigma
+        self._sigmas = np.array([position, position, heading])
+        self._random = np.random.default_rng(seed)
+        self.pose = Pose2()
+
+    def take(self, truth: Pose2) -> None:
+        """Draw a new estimate from the true pose."""
+        dx, dy, turn = (self._sigmas * self._random.standard_normal(3)).tolist()
+        self.pose = Pose2(truth.x + dx, truth.y + dy, truth.yaw + turn)
+
+    def estimate(self, time: float) -> Estimate:
+        """Return the latest estimate."""
+        return Estimate(time, self.pose, np.diag(self._sigmas**2))

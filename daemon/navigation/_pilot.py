@@ -1,0 +1,67 @@
+"""The pilot as a system under test, and the idle one."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Final
+
+from daemon.navigation._parameters import PilotParameters
+from daemon.sut import Briefing, Decision, Observation, Progress
+from grammars.values import Twist2
+
+if TYPE_CHECKING:
+    from daemon.navigation._driver import Driver
+
+PERIOD: Final = 0.05
+"""Seconds between two decisions."""
+
+
+class Pilot:
+    """The navigation stack that ships with the project; fulfils ``daemon.sut.SystemUnderTest``."""
+
+    def __init__(self, parameters: PilotParameters) -> None:
+        self.parameters = parameters
+        self._driver: Driver | None = None
+
+    @property
+    def period(self) -> float:
+        """Seconds of simulated time between two updates."""
+        return PERIOD
+
+    @property
+    def needs_ground_truth(self) -> bool:
+        """Whether it localises by the true pose, which only the named baseline does."""
+        return self.parameters.localisation == "noisy-ground-truth"
+
+    def start(self, briefing: Briefing) -> None:
+        """Prepare the map for one run; raises ``ValueError`` for a map without free cells."""
+        # Compiled kernels are only needed to drive, not to check a campaign's parameters.
+        from daemon.navigation._driver import Driver
+
+        self._driver = Driver(briefing, self.parameters, PERIOD)
+
+    def update(self, observation: Observation) -> Decision:
+        """Decide; raises ``RuntimeError`` before ``start``."""
+        if self._driver is None:
+            raise RuntimeError("the pilot was not started")
+        return self._driver.update(observation)
+
+
+class Idle:
+    """Stands still and reaches nothing: for benchmarks, and for watching a scene."""
+
+    @property
+    def period(self) -> float:
+        """Seconds of simulated time between two updates."""
+        return PERIOD
+
+    @property
+    def needs_ground_truth(self) -> bool:
+        """It needs nothing."""
+        return False
+
+    def start(self, briefing: Briefing) -> None:
+        """Nothing to prepare."""
+
+    def update(self, observation: Observation) -> Decision:
+        """Command zero velocity."""
+        return Decision(Twist2(), Progress(0, 0, "active"))

@@ -1,0 +1,24 @@
+"""Oracles: signals read from a trace, judged, with evidence. Never the simulator."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from daemon.oracles._judge import judge, overall, problems_of
+    from daemon.oracles._warm_up import warm_up
+
+__all__ = ["judge", "overall", "problems_of", "warm_up"]
+
+
+def __getattr__(name: str) -> object:
+    """Load the numerical libraries only when something is judged."""
+    if name == "warm_up":
+        from daemon.oracles._warm_up import warm_up
+
+        return warm_up
+    if name in __all__:
+        from daemon.oracles import _judge
+
+        return getattr(_judge, name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

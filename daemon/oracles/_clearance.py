@@ -1,0 +1,142 @@
+"""Clearance: how far the nearest obstacle is outside a box around the robot, signed.
+
+``clearance(hx, hy)`` is the minimum over all obstacle points (x, y) in the body frame of
+``max(|x| - hx, |y| - hy)``: positive outside the box, negative inside. One function is both the
+collision box and the safety buffer of the paper (sections 4.2.3 and 4.4.1).
+
+Obstacles are filled convex polygons: everything that overlaps the robot in height.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+import numpy.typing as npt
+
+from daemon.oracles._kernel import box_clearance
+from daemon.oracles._links import joint_positions, link_tracks
+from daemon.oracles._series import Series
+from grammars.kinematics import link_poses
+from grammars.scene import Link, Scene
+from grammars.values import Floats, Point2, Ring
+
+if TYPE_CHECKING:
+    from daemon.trace import Trace
+
+Indices = npt.NDArray[np.int64]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Obstacles:
+    """Convex polygons as flat arrays.
+
+    ``corners`` (v, 2) [m]; polygon ``p`` has corners ``offsets[p]:offsets[p + 1]`` in the frame
+    ``frame[p]`` (-1: world), inside the circle ``circle[p]`` = (x, y, radius). ``tracks``
+    (n, frames, 3) are the poses of the frames over time. ``names`` (p,) say whose each is.
+    """
+
+    corners: Floats
+    offsets: Indices
+    frame: Indices
+    circle: Floats
+    tracks: Floats
+    names: tuple[str, ...]
+
+
+def footprint_box(footprint: Ring) -> tuple[Point2, Point2]:
+    """Return centre and half extents [m] of the box around ``footprint``, base frame."""
+    xs, ys = [x for x, _ in footprint], [y for _, y in footprint]
+    centre = ((max(xs) + min(xs)) / 2.0, (max(ys) + min(ys)) / 2.0)
+    return centre, ((max(xs) - min(xs)) / 2.0, (max(ys) - min(ys)) / 2.0)
+
+
+def clearance(obstacles: Obstacles, poses: Floats, *, centre: Point2, half: Point2) -> Series:
+    """Return the clearance [m] of a box in the base frame at ``poses`` (n, 3), with the object.
+
+    The tracks of ``obstacles`` are sampled at the same times as the poses.
+    """
+    if not obstacles.names:
+        return Series(np.full(len(poses), np.nan), note="nothing in the scene to keep clear of")
+    values, nearest = box_clearance(
+        poses,
+        np.array(centre, dtype=np.float64),
+        np.array(half, dtype=np.float64),
+        obstacles.corners,
+        obstacles.offsets,
+        obstacles.frame,
+        obstacles.circle,
+        obstacles.tracks,
+    )
+    return Series(values, nearest, obstacles.names)
+
+
+def obstacles_of(trace: Trace, time: Floats) -> Obstacles:
+    """Collect what the robot's body can hit: solids and links that overlap its height."""
+    scene, height = trace.scene, trace.spec.robot.height
+    rings, names, frames = _fixed(scene, height)
+    tracks: list[Floats] = []
+    for item in scene.objects:
+        if item.frozen or not item.joints:
+            continue
+        poses = link_tracks(item, joint_positions(trace, item, time))
+        for link in item.links:
+            if not _in_reach(link.z_min, link.z_max, height):
+                continue
+            for ring in link.polygons:
+                rings.append(ring)
+                names.append(f"{item.name}.{link.name}")
+                frames.append(len(tracks))
+            tracks.append(poses[link.name])
+    return _flatten(rings, names, frames, tracks, len(time))
+
+
+def _fixed(scene: Scene, height: float) -> tuple[list[Ring], list[str], list[int]]:
+    rings: list[Ring] = []
+    names: list[str] = []
+    for solid in scene.solids:
+        if _in_reach(solid.z_min, solid.z_max, height):
+            rings.append(solid.polygon)
+            names.append(solid.owner)
+    for item in scene.objects:
+        if not item.frozen and item.joints:
+            continue
+        poses = link_poses(item, item.initial)
+        for link in item.links:
+            if _in_reach(link.z_min, link.z_max, height):
+                rings.extend(_placed(link, poses[link.name].apply_ring))
+                names.extend([f"{item.name}.{link.name}"] * len(link.polygons))
+    return rings, names, [-1] * len(rings)
+
+
+def _placed(link: Link, place: Callable[[Ring], Ring]) -> list[Ring]:
+    return [place(ring) for ring in link.polygons]
+
+
+def _in_reach(z_min: float, z_max: float, height: float) -> bool:
+    return z_min < height and z_max > 0.0
+
+
+def _flatten(
+    rings: list[Ring], names: list[str], frames: list[int], tracks: list[Floats], samples: int
+) -> Obstacles:
+    corners = np.array([corner for ring in rings for corner in ring], dtype=np.float64)
+    offsets = np.cumsum([0, *(len(ring) for ring in rings)], dtype=np.int64)
+    circle = np.array([_circle(ring) for ring in rings], dtype=np.float64)
+    stacked = np.stack(tracks, axis=1) if tracks else np.empty((samples, 0, 3))
+    return Obstacles(
+        corners.reshape(-1, 2),
+        offsets,
+        np.array(frames, dtype=np.int64),
+        circle.reshape(-1, 3),
+        np.ascontiguousarray(stacked),
+        tuple(names),
+    )
+
+
+def _circle(ring: Ring) -> tuple[float, float, float]:
+    """Return a circle around ``ring``: centre of its bounding box and radius [m]."""
+    (x, y), _ = footprint_box(ring)
+    return x, y, max(float(np.hypot(cx - x, cy - y)) for cx, cy in ring)

@@ -1,0 +1,218 @@
+"""Where the daemon keeps things: the state directory and the endpoint.
+
+ledger.db  daemon.lock  daemon.json  daemon.log  worker.log
+scenes/<digest>.json
+traces/<campaign>/<scenario>.<sut>.<repeat>.mcap
+spool/<worker>/<run>/attempt-<k>/
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final, Literal
+from urllib.parse import quote
+
+import platformdirs
+
+from daemon.protocol import DEFAULT_ENDPOINT
+from grammars import codec
+
+_ID: Final = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,99}\Z")
+_RUN_ID: Final = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,99}\.[0-9]{1,9}\Z")
+_DIGEST: Final = re.compile(r"[0-9a-f]{64}\Z")
+_ENDPOINT: Final = re.compile(r"tcp/(\[[0-9A-Fa-f:.]+\]|[A-Za-z0-9._-]+):([0-9]{1,5})\Z")
+_LONGEST_NAME: Final = 200
+_SPARE_SPACE: Final = 32 * 2**20
+"""Bytes that must be free before a run starts: some long traces and the ledger's growth."""
+
+
+def is_id(text: str) -> bool:
+    """Whether ``text`` may name a campaign or a worker, in paths and on the bus."""
+    return _ID.match(text) is not None
+
+
+def is_run_id(text: str) -> bool:
+    """Whether ``text`` may name a run: ``<campaign>.<index>``."""
+    return _RUN_ID.match(text) is not None
+
+
+def is_digest(text: str) -> bool:
+    """Whether ``text`` looks like a SHA-256: 64 lower-case hexadecimal digits."""
+    return _DIGEST.match(text) is not None
+
+
+def is_endpoint(text: str) -> bool:
+    """Whether ``text`` is an endpoint we speak: ``tcp/<host>:<port>``."""
+    found = _ENDPOINT.match(text)
+    return found is not None and int(found[2]) < 65536
+
+
+def trace_name(campaign: str, scenario: str, sut: str, repeat: int) -> str:
+    """Path of a run's trace below the traces directory, ``/`` separated.
+
+    Different runs get different names and no name leaves the directory: everything outside
+    ``[A-Za-z0-9_~-]``, the dot included, is percent-encoded. Raises ``ValueError`` for a
+    campaign id that is none and for names no file system would take.
+    """
+    if not is_id(campaign):
+        raise ValueError(f"{campaign!r} is not a campaign id")
+    parts = (_quoted(scenario), _quoted(sut), str(int(repeat)))
+    name = ".".join(parts) + ".mcap"
+    if not all(parts) or repeat < 0 or len(name) > _LONGEST_NAME:
+        raise ValueError(f"{scenario!r} with {sut!r}, repeat {repeat}, makes no usable file name")
+    return f"{campaign}/{name}"
+
+
+def _quoted(name: str) -> str:
+    return quote(name, safe="").replace(".", "%2E")
+
+
+@dataclass(frozen=True, slots=True)
+class Contact:
+    """Content of ``daemon.json``: how to reach the daemon that keeps the state directory."""
+
+    endpoint: str
+    pid: int
+    version: str
+    started_at: float
+
+
+@dataclass(frozen=True, slots=True)
+class Places:
+    """The state directory and what lies in it."""
+
+    state: Path
+
+    @classmethod
+    def find(cls, state: Path | None = None, environ: Mapping[str, str] = os.environ) -> Places:
+        """Choose the directory: the argument, ``SCENARIO_STATE``, else the user's state folder."""
+        chosen = state or environ.get("SCENARIO_STATE")
+        path = Path(chosen) if chosen else platformdirs.user_state_path("scenario")
+        return cls(path.expanduser().absolute())
+
+    @property
+    def ledger(self) -> Path:
+        """The SQLite file."""
+        return self.state / "ledger.db"
+
+    @property
+    def lock(self) -> Path:
+        """Locked by the daemon as long as it lives."""
+        return self.state / "daemon.lock"
+
+    @property
+    def contact_file(self) -> Path:
+        """Endpoint and process id of the running daemon."""
+        return self.state / "daemon.json"
+
+    @property
+    def scenes(self) -> Path:
+        """Compiled scenes by digest."""
+        return self.state / "scenes"
+
+    @property
+    def traces(self) -> Path:
+        """Traces by campaign."""
+        return self.state / "traces"
+
+    @property
+    def spool(self) -> Path:
+        """Attempts that are running or not yet acknowledged, by worker."""
+        return self.state / "spool"
+
+    @property
+    def log(self) -> Path:
+        """What the daemon did, one JSON object per line."""
+        return self.state / "daemon.log"
+
+    @property
+    def worker_log(self) -> Path:
+        """What the local worker, its children and a dying daemon wrote to standard error."""
+        return self.state / "worker.log"
+
+    def make(self) -> None:
+        """Create the directories, readable by their owner only; raises ``OSError``."""
+        for folder in (self.state, self.scenes, self.traces, self.spool):
+            folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+
+    def shortage(self) -> str:
+        """Say so when the disk is too full to keep what a run leaves, empty when it is not."""
+        try:
+            free = shutil.disk_usage(self.state).free
+        except OSError as error:
+            return f"{self.state} cannot be used: {error.strerror}"
+        if free >= _SPARE_SPACE:
+            return ""
+        return (
+            f"the disk of {self.state} is full ({free / 2**20:.0f} MiB left): "
+            f"runs wait until {_SPARE_SPACE // 2**20} MiB are free"
+        )
+
+    def scene(self, digest: str) -> Path:
+        """Path of a scene; raises ``ValueError`` when ``digest`` is none."""
+        if not is_digest(digest):
+            raise ValueError(f"{digest!r} is not a digest")
+        return self.scenes / f"{digest}.json"
+
+    def trace(self, name: str) -> Path:
+        """Path of a trace named by :func:`trace_name`; raises ``ValueError`` for other names."""
+        campaign, _, file = name.partition("/")
+        if not is_id(campaign) or not re.fullmatch(r"[A-Za-z0-9_~%-][A-Za-z0-9_~%.-]*", file):
+            raise ValueError(f"{name!r} is not the name of a trace")
+        return self.traces / campaign / file
+
+    def read_contact(self) -> Contact | None:
+        """Return who keeps this directory, or ``None`` when no daemon has said so."""
+        try:
+            return codec.from_json(Contact, self.contact_file.read_bytes())
+        except (OSError, ValueError):
+            return None
+
+
+@dataclass(frozen=True, slots=True)
+class Endpoint:
+    """An endpoint and where it was found."""
+
+    address: str
+    origin: Literal["--connect", "SCENARIO_CONNECT", "daemon.json", "default"]
+
+
+def find_endpoint(
+    connect: str = "", state: Path | None = None, environ: Mapping[str, str] = os.environ
+) -> Endpoint:
+    """Choose the endpoint: ``connect``, ``SCENARIO_CONNECT``, ``daemon.json``, the default."""
+    if connect:
+        return Endpoint(connect, "--connect")
+    if environ.get("SCENARIO_CONNECT"):
+        return Endpoint(environ["SCENARIO_CONNECT"], "SCENARIO_CONNECT")
+    contact = Places.find(state, environ).read_contact()
+    if contact is not None:
+        return Endpoint(contact.endpoint, "daemon.json")
+    return Endpoint(DEFAULT_ENDPOINT, "default")
+
+
+def write_atomically(path: Path, data: bytes) -> None:
+    """Write ``data`` so that ``path`` holds either all of it or what it held before, also after
+    a power cut: temporary file, fsync, rename, fsync of the directory.
+    """
+    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
+    with temporary.open("wb") as file:
+        file.write(data)
+        file.flush()
+        os.fsync(file.fileno())
+    temporary.replace(path)
+    sync_directory(path.parent)
+
+
+def sync_directory(folder: Path) -> None:
+    """Make renames in ``folder`` durable."""
+    descriptor = os.open(folder, os.O_RDONLY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)

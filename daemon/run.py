@@ -1,0 +1,302 @@
+"""The one road of a run: specification and scene in, trace and verdicts out.
+
+Every run, wherever it happens, is :func:`execute`. Simulated time advances in ticks of 10 ms; what
+happens inside one tick has a fixed order: physics, ground truth and joints, odometry, scan, the
+system under test, its command. Nothing here looks at a clock except to report what a run cost.
+"""
+
+from __future__ import annotations
+
+import functools
+import math
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Final, Literal
+
+import numpy as np
+
+from daemon import oracles
+from daemon.simulator import World
+from daemon.simulator import warm_up as warm_up_simulator
+from daemon.spec import RunResult, RunSpec, Snapshot, Timing
+from daemon.sut import Briefing, Decision, LaserScan, Observation, Odometry, SystemUnderTest
+from daemon.suts import make_sut
+from daemon.trace import TraceWriter, read_trace
+from grammars.codec import warm_up as warm_up_codec
+from grammars.scene import Scene
+from grammars.values import Floats, Pose2
+from templates.occupancy import occupancy_grid
+
+TICKS_PER_SECOND: Final = 100
+STATE_RATE: Final = 20.0
+"""Ground truth and joint states are recorded this often [Hz]."""
+CLOCK_RATE: Final = 10.0
+SNAPSHOT_RATE: Final = 1.0
+
+OnProgress = Callable[[Snapshot], None]
+Ended = Literal["finished", "limit", "crashed"]
+
+
+class SceneMismatchError(ValueError):
+    """The scene at hand is not the one the specification names."""
+
+
+def warm_up() -> None:
+    """Load every kernel and validator once, so that forked children start without compiling."""
+    from daemon.navigation import warm_up as warm_up_navigation
+    from daemon.oracles import warm_up as warm_up_oracles
+
+    warm_up_simulator()
+    warm_up_navigation()
+    warm_up_oracles()
+    warm_up_codec(RunSpec, Scene, RunResult)
+    versions()
+
+
+def execute(
+    spec: RunSpec, scene: Scene, *, trace_path: Path, on_progress: OnProgress | None = None
+) -> RunResult:
+    """Run ``spec`` in ``scene``, write the trace to ``trace_path``, judge it.
+
+    Same specification, same bytes: nothing but ``timing`` in the result depends on the machine's
+    speed. A system under test that raises ends the run as ``crashed``; that is an error verdict,
+    never a failure of the robot.
+
+    Raises :class:`SceneMismatchError` when ``scene`` is not the specified one.
+    """
+    if scene.digest != spec.scene:
+        raise SceneMismatchError(f"scene {scene.digest[:12]} given, {spec.scene[:12]} specified")
+    wall, cpu = time.perf_counter(), time.process_time()
+    with TraceWriter(trace_path, spec, scene, versions=versions()) as trace:
+        loop = _Loop(spec, scene, trace, on_progress)
+        ended, note = loop.run()
+        info = trace.close(ended, note)
+    recorded = read_trace(trace_path)
+    verdicts = oracles.judge(recorded, spec.oracles)
+    outcome = oracles.overall(recorded, verdicts)
+    timing = Timing(time.perf_counter() - wall, time.process_time() - cpu, loop.world.time)
+    return RunResult(spec.digest, outcome, verdicts, ended, info, timing, note)
+
+
+def versions() -> dict[str, str]:
+    """Versions of everything that can change a trace, for its metadata."""
+    packages = ("scenario-tui", "numpy", "numba", "pymunk", "mcap", "rosbags")
+    return {name: _version(name) for name in packages}
+
+
+@functools.cache
+def _version(package: str) -> str:
+    try:
+        return version(package)
+    except PackageNotFoundError:
+        return "not installed"
+
+
+@dataclass(slots=True)
+class _Timer:
+    """Ticks at which something periodic is due: the k-th is the first tick at or after k/rate."""
+
+    rate: float
+    count: int = 0
+    due: int = 0
+
+    def take(self, tick: int) -> bool:
+        """Return whether it is due at ``tick``, and move on to the next time if so."""
+        if tick < self.due:
+            return False
+        self.count += 1
+        self.due = math.ceil(self.count * TICKS_PER_SECOND / self.rate - 1e-9)
+        return True
+
+
+class _Loop:
+    """One run while it lasts: the world, the system under test and what is recorded."""
+
+    def __init__(
+        self, spec: RunSpec, scene: Scene, trace: TraceWriter, on_progress: OnProgress | None
+    ) -> None:
+        world_seed, self._sut_seed = np.random.SeedSequence(spec.seed).spawn(2)
+        start = spec.mission.start
+        waypoints = tuple(waypoint.id for waypoint in spec.mission.waypoints)
+        self.world = World(scene, spec.robot, start, spec.behaviours, world_seed, waypoints)
+        self._spec, self._trace, self._on_progress = spec, trace, on_progress
+        joints = dict(zip(self.world.joint_names, self.world.joint_positions(), strict=True))
+        self._grid = occupancy_grid(
+            scene,
+            resolution=spec.map.resolution,
+            laser_height=spec.robot.laser.z,
+            joints=joints if spec.map.doors == "initial" else None,
+        )
+        self._sut = make_sut(spec.sut.kind, spec.sut.parameters)
+        self._odometry: list[Odometry] = []
+        self._scans: list[LaserScan] = []
+        self._decision: Decision | None = None
+        self._recorded = -1
+        self._state = _Timer(STATE_RATE)
+        self._clock = _Timer(CLOCK_RATE)
+        self._odom = _Timer(spec.robot.odometry.rate)
+        self._scan = _Timer(spec.robot.laser.rate)
+        self._update = _Timer(1.0 / self._sut.period)
+        self._snapshot = _Timer(SNAPSHOT_RATE)
+
+    def run(self) -> tuple[Ended, str]:
+        """Step until the mission is over, the limit is reached or the system crashes."""
+        trace, world = self._trace, self.world
+        trace.static(self._grid)
+        last = round(self._spec.limit * TICKS_PER_SECOND)
+        try:
+            self._brief(self._sut)
+            while True:
+                finished = self._tick()
+                if finished or world.tick >= last:
+                    break
+                world.advance(min(self._next_due(), last) - world.tick)
+        except _SutError as error:
+            trace.event(world.time, "sut", error.note, level="error")
+            return "crashed", error.note
+        finally:
+            if self._recorded != world.tick:
+                self._record_state()
+        return ("finished", "") if finished else ("limit", "simulated time is up")
+
+    def _brief(self, sut: SystemUnderTest) -> None:
+        spec = self._spec
+        briefing = Briefing(
+            spec.robot, self._grid, spec.mission, spec.mission.start, self._sut_seed
+        )
+        try:
+            sut.start(briefing)
+        except Exception as error:
+            raise _SutError(error) from error
+
+    def _next_due(self) -> int:
+        return min(
+            self._state.due,
+            self._clock.due,
+            self._odom.due,
+            self._scan.due,
+            self._update.due,
+        )
+
+    def _tick(self) -> bool:
+        """Do everything due now; return whether the mission is over."""
+        world, trace = self.world, self._trace
+        tick, now = world.tick, world.time
+        if self._clock.take(tick):
+            trace.clock(now)
+        if self._state.take(tick):
+            self._record_state()
+        if self._odom.take(tick):
+            sample = world.odometry()
+            trace.odometry(sample)
+            self._odometry.append(sample)
+        if self._scan.take(tick):
+            ranges = world.scan()
+            trace.scan(now, ranges)
+            self._scans.append(LaserScan(now, ranges))
+        finished = self._update.take(tick) and self._consult(now)
+        if self._on_progress is not None and self._snapshot.take(tick):
+            self._on_progress(self._picture(now))
+        return finished
+
+    def _record_state(self) -> None:
+        world, trace = self.world, self._trace
+        self._recorded = world.tick
+        trace.ground_truth(world.time, world.pose(), world.twist())
+        trace.joints(world.time, world.joint_positions(), world.joint_velocities())
+        for contact in world.take_contacts():
+            trace.contact(
+                contact.until,
+                contact.first,
+                contact.second,
+                contact.point,
+                contact.normal,
+                contact.depth,
+            )
+        for event in world.take_events():
+            trace.event(event.time, event.source, event.text)
+
+    def _consult(self, now: float) -> bool:
+        """Give the system under test what is new, record and apply its answer."""
+        truth = self.world.pose() if self._sut.needs_ground_truth else None
+        observation = Observation(now, tuple(self._odometry), tuple(self._scans), truth)
+        self._odometry.clear()
+        self._scans.clear()
+        try:
+            decision = self._sut.update(observation)
+            _refuse_nonsense(decision)
+        except Exception as error:
+            raise _SutError(error) from error
+        try:
+            self._record_decision(now, decision)
+            if self._decision is None or decision.progress != self._decision.progress:
+                self.world.progress(decision.progress.current, decision.progress.reached)
+            if decision.command is not None:
+                self.world.command(decision.command)
+        except ValueError as error:
+            raise _SutError(error) from error
+        self._decision = decision
+        return decision.progress.state != "active"
+
+    def _record_decision(self, now: float, decision: Decision) -> None:
+        trace = self._trace
+        if decision.estimate is not None:
+            trace.estimate(decision.estimate)
+        if decision.cloud is not None:
+            trace.cloud(decision.cloud)
+        if decision.plan is not None:
+            trace.plan(now, decision.plan)
+        if decision.local_plan is not None:
+            trace.local_plan(now, decision.local_plan)
+        if self._decision is None or decision.progress != self._decision.progress:
+            trace.progress(now, decision.progress)
+        if decision.command is not None:
+            trace.command(now, decision.command)
+        for text in decision.events:
+            trace.event(now, "sut", text)
+
+    def _picture(self, now: float) -> Snapshot:
+        decision = self._decision
+        estimate = decision.estimate.pose if decision and decision.estimate else None
+        return Snapshot(
+            time=now,
+            limit=self._spec.limit,
+            pose=self.world.pose(),
+            estimate=estimate,
+            reached=decision.progress.reached if decision else 0,
+            waypoints=len(self._spec.mission.waypoints),
+            joints=tuple(self.world.joint_positions().tolist()),
+        )
+
+
+def _refuse_nonsense(decision: object) -> None:
+    """Raise for an answer that is no decision or has numbers that are none."""
+    if not isinstance(decision, Decision):
+        raise TypeError(f"update() must return a Decision, not {type(decision).__name__}")
+    if decision.estimate is not None:
+        pose, covariance = decision.estimate.pose, decision.estimate.covariance
+        _refuse_infinite("estimate", pose, covariance)
+    if decision.cloud is not None:
+        _refuse_infinite("particle cloud", decision.cloud.mean, decision.cloud.covariance)
+
+
+def _refuse_infinite(what: str, pose: Pose2, covariance: Floats) -> None:
+    if not (math.isfinite(pose.x + pose.y + pose.yaw) and math.isfinite(float(np.sum(covariance)))):
+        raise ValueError(f"its {what} has values that are not finite")
+
+
+class _SutError(Exception):
+    """The system under test raised; ``note`` says what, for the result and the trace."""
+
+    def __init__(self, error: Exception) -> None:
+        where = error.__traceback__
+        while where is not None and where.tb_next is not None:
+            where = where.tb_next
+        place = (
+            f" ({Path(where.tb_frame.f_code.co_filename).name}:{where.tb_lineno})" if where else ""
+        )
+        self.note = f"the system under test crashed: {type(error).__name__}: {error}{place}"
+        super().__init__(self.note)

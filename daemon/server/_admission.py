@@ -1,0 +1,71 @@
+"""Who may come in: a submission is checked as a whole before the ledger sees it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import Final
+
+from daemon.errors import Refused
+from daemon.places import Places, is_id, trace_name, write_atomically
+from daemon.protocol import Submission
+from daemon.spec import ENGINE_VERSION, RunSpec
+from grammars import codec
+from grammars.scene import Scene
+
+_SHOWN: Final = 10
+_MOST_RUNS: Final = 1_000_000
+
+
+def admit(submission: Submission, places: Places) -> None:
+    """Check a submission and store its scenes; raises :class:`Refused` with all that is wrong."""
+    scenes = {scene.digest: scene for scene in submission.scenes}
+    problems = list(_problems(submission, scenes, places))
+    if problems:
+        more = f"\nand {len(problems) - _SHOWN} more" if len(problems) > _SHOWN else ""
+        raise Refused("\n".join(problems[:_SHOWN]) + more)
+    for digest, scene in scenes.items():
+        path = places.scene(digest)
+        if not path.exists():
+            write_atomically(path, codec.to_json(scene))
+
+
+def _problems(submission: Submission, scenes: dict[str, Scene], places: Places) -> Iterator[str]:
+    if not is_id(submission.campaign):
+        yield f"{submission.campaign!r} is not a campaign id: use up to 100 of A-Z a-z 0-9 _ -"
+        return
+    if not submission.runs:
+        yield "the campaign has no runs"
+    if len(submission.runs) > _MOST_RUNS:
+        yield f"the campaign has more than {_MOST_RUNS} runs"
+    seen: set[str] = set()
+    known = set(scenes)
+    for run in submission.runs:
+        yield from _run_problems(submission.campaign, run, seen)
+        if run.scene not in known:
+            if _is_stored(run.scene, places):
+                known.add(run.scene)
+            else:
+                yield f"{run.label}: its scene {run.scene[:12]} is neither here nor sent along"
+
+
+def _run_problems(campaign: str, run: RunSpec, seen: set[str]) -> Iterator[str]:
+    if run.engine != ENGINE_VERSION:
+        yield f"{run.label}: made for engine {run.engine}, this daemon has {ENGINE_VERSION}"
+    if not (math.isfinite(run.limit) and run.limit > 0.0):
+        yield f"{run.label}: the limit must be a positive number of seconds, not {run.limit}"
+    try:
+        name = trace_name(campaign, run.scenario, run.sut.name, run.repeat)
+    except ValueError as error:
+        yield str(error)
+        return
+    if name in seen:
+        yield f"{run.label} is there twice: scenario, system and repeat name a run"
+    seen.add(name)
+
+
+def _is_stored(digest: str, places: Places) -> bool:
+    try:
+        return places.scene(digest).exists()
+    except ValueError:
+        return False

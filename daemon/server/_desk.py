@@ -1,0 +1,245 @@
+"""The desk: takes requests off the bus, has them done by the clerks, replies.
+
+Zenoh's callbacks only enqueue. Requests are validated by the clerk that does them; whatever is
+wrong with one is its error reply, never more.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, Final
+
+import zenoh
+
+from daemon.errors import DaemonError, Refused
+from daemon.ledger import Book, Reader, standing
+from daemon.messages import (
+    LARGEST_REQUEST,
+    LARGEST_SUBMISSION,
+    Acknowledgement,
+    Completion,
+    LeaseReply,
+    LeaseRequest,
+    Named,
+    Nothing,
+    Number,
+    Problem,
+    Release,
+    RenewReply,
+    RenewRequest,
+    RetryRequest,
+    RunQuery,
+    Verb,
+    Welcome,
+    WorkerInfo,
+)
+from daemon.places import Places
+from daemon.protocol import CampaignRow, Overview, Submission, WorkerRow
+from daemon.server._admission import admit
+from daemon.server._clerks import Job, Questions, Writer
+from daemon.server._journal import Journal
+from daemon.server._roster import Roster
+from daemon.server._settings import Settings
+from daemon.spec import ENGINE_VERSION
+from grammars import codec
+from grammars.scene import Scene
+
+_LONGEST_COMPLAINT: Final = 4000
+
+
+@dataclass(frozen=True, slots=True)
+class _Service:
+    request: Any
+    act: Callable[[Any, Any], object]
+    answer: Any = None
+    writes: bool = False
+
+
+class Desk:
+    """Everything the daemon can be asked, by verb."""
+
+    def __init__(
+        self,
+        places: Places,
+        settings: Settings,
+        roster: Roster,
+        journal: Journal,
+        *,
+        version: str,
+        stop: Callable[[], None],
+        trouble: Callable[[], str],
+    ) -> None:
+        self._places = places
+        self._settings = settings
+        self._roster = roster
+        self._journal = journal
+        self._stop = stop
+        self._trouble = trouble
+        self._version = version
+        self._started_at = time.time()
+        self.draining = False
+        self._services = self._reading() | self._writing()
+
+    def _reading(self) -> dict[Verb, _Service]:
+        return {
+            Verb.OVERVIEW: _Service(Nothing, self._overview),
+            Verb.CAMPAIGNS: _Service(
+                Nothing, lambda r, _: r.campaigns(), answer=tuple[CampaignRow, ...]
+            ),
+            Verb.RUNS: _Service(RunQuery, lambda r, query: r.runs(query)),
+            Verb.RUN: _Service(Named, lambda r, named: r.run(named.id)),
+            Verb.SCENE: _Service(Named, self._scene),
+            Verb.WORKERS: _Service(
+                Nothing, lambda _, __: self._roster.rows(), answer=tuple[WorkerRow, ...]
+            ),
+            Verb.WELCOME: _Service(WorkerInfo, self._welcome),
+            Verb.SHUTDOWN: _Service(Nothing, self._shutdown),
+        }
+
+    def _writing(self) -> dict[Verb, _Service]:
+        return {
+            Verb.SUBMIT: _Service(Submission, self._submit, writes=True),
+            Verb.CANCEL: _Service(Named, self._cancel, writes=True),
+            Verb.RETRY: _Service(RetryRequest, self._retry, writes=True),
+            Verb.LEASE: _Service(LeaseRequest, self._lease, writes=True),
+            Verb.RENEW: _Service(RenewRequest, self._renew, writes=True),
+            Verb.COMPLETE: _Service(Completion, self._complete, writes=True),
+            Verb.RELEASE: _Service(Release, self._release, writes=True),
+        }
+
+    def receiver(self, writer: Writer, questions: Questions) -> Callable[[zenoh.Query], None]:
+        """Return the callback for the queryable: it finds the clerk and enqueues."""
+
+        def receive(query: zenoh.Query) -> None:
+            service = self._services.get(str(query.key_expr).rpartition("/")[2])  # type: ignore[call-overload]
+            clerk = writer if service is not None and service.writes else questions
+            clerk.put(
+                Job(
+                    lambda ledger: self._serve(service, query, ledger),
+                    lambda value: self._reply(query, value),
+                )
+            )
+
+        return receive
+
+    def _serve(self, service: _Service | None, query: zenoh.Query, ledger: object) -> bytes:
+        if service is None:
+            raise Refused(f"this daemon does not know how to {query.key_expr}")
+        payload = query.payload
+        limit = LARGEST_SUBMISSION if service.request is Submission else LARGEST_REQUEST
+        if payload is not None and len(payload) > limit:
+            raise Refused(f"the request has {len(payload)} bytes, at most {limit} are taken")
+        data = b"{}" if payload is None else payload.to_bytes()
+        try:
+            request: object = codec.from_json(service.request, data)
+        except ValueError as error:
+            raise Refused(f"the request is malformed: {error}") from error
+        return codec.to_json(service.act(ledger, request), service.answer)
+
+    def _reply(self, query: zenoh.Query, value: object) -> None:
+        with query:
+            try:
+                if isinstance(value, bytes):
+                    query.reply(query.key_expr, value)
+                else:
+                    query.reply_err(codec.to_json(Problem(self._complaint(query, value))))
+            except zenoh.ZError as error:
+                self._journal.write("unanswered", key=str(query.key_expr), problem=str(error))
+
+    def _complaint(self, query: zenoh.Query, value: object) -> str:
+        if not isinstance(value, DaemonError):
+            self._journal.write("failure", key=str(query.key_expr), problem=repr(value))
+            return f"the daemon failed: {value!r}"[:_LONGEST_COMPLAINT]
+        self._journal.write("refused", key=str(query.key_expr), problem=str(value)[:400])
+        return str(value)[:_LONGEST_COMPLAINT]
+
+    def _overview(self, reader: Reader, _: Nothing) -> Overview:
+        now = time.time()
+        campaigns, counts = reader.counts()
+        rate = reader.rate(now)
+        waiting = counts["queued"] + counts["running"]
+        return Overview(
+            version=self._version,
+            state=str(self._places.state),
+            started_at=self._started_at,
+            now=now,
+            campaigns=campaigns,
+            workers=len(self._roster.rows()),
+            **standing(counts),
+            rate=rate,
+            seconds_left=60.0 * waiting / rate if waiting and rate > 0.0 else None,
+            trouble=self._trouble(),
+        )
+
+    def _scene(self, _: Reader, named: Named) -> Scene:
+        try:
+            data = self._places.scene(named.id).read_bytes()
+        except (OSError, ValueError) as error:
+            raise Refused(f"there is no scene {named.id}") from error
+        return codec.from_json(Scene, data)
+
+    def _welcome(self, _: Reader, worker: WorkerInfo) -> Welcome:
+        self._check(worker)
+        settings = self._settings
+        return Welcome(
+            str(self._places.state), self._version, ENGINE_VERSION, settings.lease, settings.renew
+        )
+
+    def _shutdown(self, _: Reader, __: Nothing) -> Nothing:
+        self._journal.write("shutdown requested")
+        self._stop()
+        return Nothing()
+
+    def _submit(self, book: Book, submission: Submission) -> object:
+        admit(submission, self._places)
+        receipt = book.submit(submission, time.time())
+        self._journal.write("submitted", **codec.to_plain(receipt))
+        return receipt
+
+    def _cancel(self, book: Book, named: Named) -> Number:
+        count = book.cancel(named.id, time.time())
+        self._journal.write("cancelled", campaign=named.id, runs=count)
+        return Number(count)
+
+    def _retry(self, book: Book, request: RetryRequest) -> Number:
+        count = book.retry(request, time.time())
+        self._journal.write("retried", campaign=request.campaign, runs=count)
+        return Number(count)
+
+    def _check(self, worker: WorkerInfo) -> None:
+        if worker.engine != ENGINE_VERSION:
+            raise Refused(
+                f"worker {worker.id} has engine {worker.engine}, this daemon {ENGINE_VERSION}: "
+                "install the same version on both"
+            )
+
+    def _meet(self, book: Book, worker: WorkerInfo, now: float) -> None:
+        self._check(worker)
+        if self._roster.seen(worker, now):
+            book.note(now, "worker", worker.id, state="came")
+            self._journal.write("worker came", worker=worker.id, slots=worker.slots)
+
+    def _lease(self, book: Book, request: LeaseRequest) -> LeaseReply:
+        now = time.time()
+        self._meet(book, request.worker, now)
+        if self.draining:
+            return LeaseReply((), draining=True)
+        return LeaseReply(book.lease(request.worker.id, request.count, now))
+
+    def _renew(self, book: Book, request: RenewRequest) -> RenewReply:
+        now = time.time()
+        self._meet(book, request.worker, now)
+        return RenewReply(book.renew(request.worker.id, request.holds, now))
+
+    def _complete(self, book: Book, completion: Completion) -> Acknowledgement:
+        answer = book.complete(completion, time.time())
+        if answer == "differs":
+            self._journal.write("nondeterminism", run=completion.run, worker=completion.worker)
+        return Acknowledgement(answer)
+
+    def _release(self, book: Book, release: Release) -> Acknowledgement:
+        answer = book.release(release, time.time())
+        self._journal.write("released", run=release.run, reason=release.reason[-400:])
+        return Acknowledgement(answer)

@@ -1,0 +1,242 @@
+"""The daemon's life: lock, ledger, router, local worker; then wait; then leave in order."""
+
+from __future__ import annotations
+
+import fcntl
+import os
+import signal
+import sqlite3
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from importlib.metadata import version as installed_version
+from pathlib import Path
+from types import FrameType
+from typing import Final
+
+import zenoh
+
+from daemon import bus
+from daemon.errors import AlreadyRunning, DaemonError
+from daemon.executor import DEFAULT_EXECUTOR, Limits, cores
+from daemon.ledger import Book, Reader, connect, connect_reader
+from daemon.messages import ALIVE, ASK, EVENTS, WORK
+from daemon.places import Contact, Places, write_atomically
+from daemon.protocol import DEFAULT_ENDPOINT, Event
+from daemon.server._clerks import Job, Questions, Writer
+from daemon.server._desk import Desk
+from daemon.server._journal import Journal
+from daemon.server._local import LocalWorker
+from daemon.server._roster import Roster
+from daemon.server._settings import Settings
+from grammars import codec
+
+_LAST_MOMENT: Final = 3.0
+_HINTS: Final = frozenset({"submitted", "retried", "queued", "cancelled"})
+
+
+def serve(
+    state: Path,
+    *,
+    listen: str = DEFAULT_ENDPOINT,
+    slots: int | None = None,
+    settings: Settings | None = None,
+    executor: str = DEFAULT_EXECUTOR,
+    limits: Limits | None = None,
+    tether: bool = False,
+) -> None:
+    """Run the daemon on a state directory until SIGTERM, SIGINT or a shutdown request.
+
+    ``slots`` is the size of the local worker: ``None`` for one per core, 0 for no local worker.
+    ``executor`` (``module:function``) executes runs within ``limits``. With ``tether`` the
+    daemon leaves at once when its standard input closes: its parent is gone. The first signal
+    lets running runs finish for a while, the second gives them back. To be called from the main
+    thread.
+
+    Raises :class:`AlreadyRunning` when another daemon keeps ``state``, and
+    :class:`daemon.errors.DaemonError` when the ledger or the endpoint cannot be used.
+    """
+    places = Places.find(state)
+    places.make()
+    with ExitStack() as stack:
+        stack.enter_context(_only_one(places))
+        journal = Journal(places.log)
+        stack.callback(journal.close)
+        daemon = _Daemon(places, settings or Settings(), journal, listen)
+        stack.enter_context(daemon.signals())
+        slots = cores() if slots is None else slots
+        local = LocalWorker(
+            places,
+            journal,
+            endpoint=listen,
+            slots=slots,
+            executor=executor,
+            limits=limits or Limits(),
+            tether=tether,
+        )
+        try:
+            daemon.run(stack, local if slots else None, tether)
+        except Exception as error:
+            journal.write("failed", problem=repr(error))
+            raise
+
+
+@contextmanager
+def _only_one(places: Places) -> Iterator[None]:
+    with places.lock.open("a") as lock:
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            contact = places.read_contact()
+            where = f" at {contact.endpoint}, process {contact.pid}" if contact else ""
+            raise AlreadyRunning(f"a daemon already keeps {places.state}{where}") from None
+        yield
+
+
+class _Daemon:
+    def __init__(self, places: Places, settings: Settings, journal: Journal, listen: str) -> None:
+        self._places = places
+        self._settings = settings
+        self._journal = journal
+        self._listen = listen
+        self._stops = 0
+        self._stopped = threading.Event()
+        self._tether_cut = False
+        self._roster = Roster(settings.grace, 3 * settings.lease)
+        self._version = installed_version("scenario-tui")
+        self._local: LocalWorker | None = None
+        self._desk = Desk(
+            places,
+            settings,
+            self._roster,
+            journal,
+            version=self._version,
+            stop=self._stop,
+            trouble=self._trouble,
+        )
+
+    @contextmanager
+    def signals(self) -> Iterator[None]:
+        """Let SIGTERM and SIGINT end the daemon in order."""
+
+        def on_signal(number: int, _: FrameType | None) -> None:
+            self._stop()
+
+        kept = {n: signal.signal(n, on_signal) for n in (signal.SIGTERM, signal.SIGINT)}
+        try:
+            yield
+        finally:
+            for number, handler in kept.items():
+                signal.signal(number, handler)
+
+    def _trouble(self) -> str:
+        return self._places.shortage() or ("" if self._local is None else self._local.trouble)
+
+    def _stop(self) -> None:
+        self._stops += 1
+        self._stopped.set()
+
+    def run(self, stack: ExitStack, local: LocalWorker | None, tether: bool) -> None:
+        """Open everything, work, leave; ``stack`` closes what was opened."""
+        self._local = local
+        if tether:
+            threading.Thread(target=self._watch_tether, daemon=True).start()
+        connection = connect(self._places.ledger)
+        stack.callback(connection.close)
+        session = stack.enter_context(bus.open_router(self._listen))
+        clerks = self._start_clerks(stack, connection, session)
+        writer = clerks[0]
+        self._publish_contact(stack)
+        self._journal.write("started", endpoint=self._listen, pid=os.getpid())
+        while not self._stopped.is_set():
+            if local is not None:
+                local.look_after()
+            writer.put(Job(self._tick, self._ticked))
+            if not all(clerk.is_alive() for clerk in clerks):
+                raise DaemonError("a thread of the daemon has failed, see worker.log")
+            self._stopped.wait(self._settings.tick)
+        self._leave(local)
+        self._journal.write("stopped")
+
+    def _watch_tether(self) -> None:
+        while os.read(sys.stdin.fileno(), 4096):
+            pass
+        self._tether_cut = True
+        self._stop()
+
+    def _start_clerks(
+        self, stack: ExitStack, connection: sqlite3.Connection, session: zenoh.Session
+    ) -> tuple[Writer, Questions]:
+        settings = self._settings
+        book = Book(connection, attempts=settings.attempts, lease=settings.lease)
+        extended = book.extend(time.time())
+        if extended:
+            self._journal.write("resumed", leases=extended)
+        reading = connect_reader(self._places.ledger)
+        stack.callback(reading.close)
+        questions = Questions(reading, Reader(reading, self._places))
+        writer = Writer(connection, book, lambda events: _publish(session, events))
+        for clerk in (questions, writer):
+            clerk.start()
+            stack.callback(clerk.finish)
+        # Declared last and so undeclared first: no request arrives without a clerk.
+        stack.enter_context(
+            session.liveliness().declare_subscriber(f"{ALIVE}/*", self._on_liveliness, history=True)
+        )
+        stack.enter_context(
+            session.declare_queryable(f"{ASK}/*", self._desk.receiver(writer, questions))
+        )
+        return writer, questions
+
+    def _on_liveliness(self, sample: zenoh.Sample) -> None:
+        worker = str(sample.key_expr).rpartition("/")[2]
+        if sample.kind == zenoh.SampleKind.PUT:
+            self._roster.connected(worker)
+        else:
+            self._roster.disconnected(worker, time.time())
+
+    def _publish_contact(self, stack: ExitStack) -> None:
+        contact = Contact(self._listen, os.getpid(), self._version, time.time())
+        write_atomically(self._places.contact_file, codec.to_json(contact))
+        stack.callback(self._places.contact_file.unlink, missing_ok=True)
+
+    def _tick(self, book: Book) -> int:
+        now = time.time()
+        taken = book.lapse(now)
+        if taken:
+            self._journal.write("leases lapsed", runs=taken)
+        for worker in self._roster.take_gone(now):
+            runs = book.forsake(worker, now)
+            book.note(now, "worker", worker, state="gone")
+            self._journal.write("worker gone", worker=worker, runs=runs)
+        return taken
+
+    def _ticked(self, value: object) -> None:
+        if isinstance(value, Exception):
+            self._journal.write("failure", key="tick", problem=repr(value))
+
+    def _leave(self, local: LocalWorker | None) -> None:
+        self._desk.draining = True
+        self._journal.write("leaving")
+        if local is None or not local.alive:
+            return
+        local.signal(signal.SIGTERM)
+        stops = self._stops
+        deadline = time.monotonic() + self._settings.patience
+        while time.monotonic() < deadline and self._stops == stops and not self._tether_cut:
+            if local.wait(0.1):
+                return
+        local.signal(signal.SIGQUIT)
+        if not local.wait(_LAST_MOMENT):
+            local.signal(signal.SIGKILL)
+            local.wait(_LAST_MOMENT)
+
+
+def _publish(session: zenoh.Session, events: list[Event]) -> None:
+    for event in events:
+        # Dropped rather than waited for: a listener that is behind sees the gap and asks again.
+        session.put(EVENTS, codec.to_json(event), congestion_control=zenoh.CongestionControl.DROP)
+    if any(event.state in _HINTS for event in events):
+        session.put(WORK, b"", congestion_control=zenoh.CongestionControl.DROP)

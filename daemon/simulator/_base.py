@@ -1,0 +1,137 @@
+"""The mobile base: a rigid body pulled along by a control body.
+
+The control body is kinematic and carries the commanded velocity; a pivot and a gear joint with
+bounded effort and no position correction make the robot follow it. So the base pushes doors with
+what its motors have, stalls at walls and never tunnels, which writing velocities into the robot
+body would do.
+"""
+
+from __future__ import annotations
+
+import math
+
+import pymunk
+
+from daemon.simulator._layers import DT, FRICTION, ROBOT_FILTER, ROBOT_TYPE, TICK_RATE
+from grammars.robot import Robot
+from grammars.values import Pose2, Twist2
+
+
+class Base:
+    """The robot body and its drive; the mass is balanced about the base frame's origin."""
+
+    def __init__(self, space: pymunk.Space, robot: Robot, start: Pose2) -> None:
+        self._drive = robot.drive
+        corners = list(robot.footprint)
+        self.body = pymunk.Body(robot.mass, pymunk.moment_for_poly(robot.mass, corners))
+        self.body.angle = start.yaw
+        self.body.position = (start.x, start.y)
+        self.shape = pymunk.Poly(self.body, corners)
+        self.shape.collision_type = ROBOT_TYPE
+        self.shape.filter = ROBOT_FILTER
+        self.shape.friction = FRICTION
+        self._control = pymunk.Body(body_type=pymunk.Body.KINEMATIC)
+        self._control.position = self.body.position
+        pull = pymunk.PivotJoint(self._control, self.body, (0.0, 0.0), (0.0, 0.0))
+        turn = pymunk.GearJoint(self._control, self.body, 0.0, 1.0)
+        pull.max_bias = turn.max_bias = 0.0
+        pull.max_force, turn.max_force = robot.drive.max_force, robot.drive.max_torque
+        space.add(self.body, self.shape, self._control, pull, turn)
+        self._goal = (0.0, 0.0, 0.0)
+        self._speed = (0.0, 0.0, 0.0)
+        self._expiry = math.inf
+        self._written_yaw = math.nan
+
+    def command(self, twist: Twist2, tick: int) -> None:
+        """Take a body-frame velocity command, within the drive's speed limits.
+
+        Raises:
+            ValueError: a component is not finite.
+        """
+        vx, vy, wz = twist.vx, twist.vy, twist.wz
+        if not math.isfinite(vx + vy + wz):
+            raise ValueError(f"velocity command is not finite: {twist}")
+        drive = self._drive
+        vy = 0.0 if drive.kind == "differential" else _clamp(vy, drive.max_vy)
+        self._goal = (_clamp(vx, drive.max_vx), vy, _clamp(wz, drive.max_wz))
+        if drive.timeout > 0.0:
+            self._expiry = tick + round(drive.timeout * TICK_RATE)
+
+    def update(self, tick: int) -> None:
+        """Set the velocity of the control body for the tick that starts now."""
+        if tick >= self._expiry:
+            self._goal, self._expiry = (0.0, 0.0, 0.0), math.inf
+        body, speed = self.body, self._speed
+        yaw = body.angle
+        settled = speed == self._goal
+        if settled and yaw == self._written_yaw:
+            return
+        # The step that starts now first moves the body with the velocity it has, then finds the
+        # velocity of the next one: halfway through that one is the heading that makes an arc.
+        if settled:
+            vx, vy, wz = speed
+            heading = yaw + 1.5 * DT * wz
+        else:
+            spin = body.angular_velocity
+            vx, vy, wz = self._ramp(yaw, spin)
+            heading = yaw + DT * (spin + 0.5 * wz)
+            self._control.angular_velocity = wz
+        c, s = math.cos(heading), math.sin(heading)
+        self._control.velocity = (c * vx - s * vy, s * vx + c * vy)
+        self._written_yaw = yaw
+
+    def _ramp(self, yaw: float, spin: float) -> tuple[float, float, float]:
+        """Bring the demanded speed nearer to the commanded one, within the accelerations."""
+        drive, goal, speed = self._drive, self._goal, self._speed
+        vx, vy = self._body_velocity(yaw, spin)
+        self._speed = (
+            _approach(goal[0], speed[0], vx, drive.max_ax * DT),
+            _approach(goal[1], speed[1], vy, drive.max_ay * DT),
+            _approach(goal[2], speed[2], spin, drive.max_az * DT),
+        )
+        return self._speed
+
+    def depth(self) -> float:
+        """Return how deep the robot is in what it touches at most [m]."""
+        deepest = [0.0]
+
+        def look(arbiter: pymunk.Arbiter) -> None:
+            deepest.extend(-point.distance for point in arbiter.contact_point_set.points)
+
+        self.body.each_arbiter(look)
+        return max(deepest)
+
+    def _body_velocity(self, yaw: float, spin: float) -> tuple[float, float]:
+        x, y = self.body.velocity
+        heading = yaw + 0.5 * DT * spin
+        c, s = math.cos(heading), math.sin(heading)
+        return c * x + s * y, c * y - s * x
+
+    def pose(self) -> Pose2:
+        """Return the true pose of the base frame in the world."""
+        position = self.body.position
+        return Pose2(position.x, position.y, math.remainder(self.body.angle, math.tau))
+
+    def twist(self) -> Twist2:
+        """Return the true velocity in the body frame."""
+        wz = self.body.angular_velocity
+        vx, vy = self._body_velocity(self.body.angle, wz)
+        return Twist2(vx, vy, wz)
+
+
+def _approach(goal: float, demanded: float, true: float, limit: float) -> float:
+    """Return the next demanded speed, at most ``limit`` from the last one.
+
+    A stalled robot that is told to turn back starts from its true speed, not from the speed it
+    was pushing for.
+    """
+    change = goal - demanded
+    if change == 0.0:
+        return goal
+    if (goal - true) * (demanded - true) < 0.0:
+        demanded, change = true, goal - true
+    return goal if -limit <= change <= limit else demanded + math.copysign(limit, change)
+
+
+def _clamp(value: float, limit: float) -> float:
+    return value if -limit <= value <= limit else math.copysign(limit, value)

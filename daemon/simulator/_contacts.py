@@ -1,0 +1,123 @@
+"""Record of what the robot touches."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import pymunk
+
+from daemon.simulator._layers import ROBOT_TYPE, TICK_RATE
+from daemon.simulator._records import Contact
+from grammars.values import Point2
+
+_MERGE_TICKS = TICK_RATE // 10
+"""A touch that resumes within this many ticks is one touch, not two."""
+
+
+@dataclass(slots=True)
+class _Touch:
+    """One owner being touched: by how many pairs of shapes now, and what is known of it."""
+
+    began: int
+    last: int
+    pairs: int = 0
+    reported: bool = False
+    depth: float = -1.0
+    point: Point2 = (0.0, 0.0)
+    normal: Point2 = (0.0, 0.0)
+
+
+class ContactLog:
+    """Collects touches of the robot per owner.
+
+    The physics calls it only when a touch begins or ends; touches that last are looked at when
+    they are reported. ``tick`` is the tick being simulated and is kept up to date by the world.
+    """
+
+    def __init__(
+        self,
+        space: pymunk.Space,
+        body: pymunk.Body,
+        robot: pymunk.Shape,
+        owners: Mapping[pymunk.Shape, str],
+    ) -> None:
+        self.tick = 0
+        self._body = body
+        self._robot = robot
+        self._owners = owners
+        self._touches: dict[str, _Touch] = {}
+        self._finished: list[Contact] = []
+        space.on_collision(ROBOT_TYPE, None, begin=self._begin, separate=self._separate)
+
+    def _begin(self, arbiter: pymunk.Arbiter, space: pymunk.Space, data: Any) -> None:
+        owner, now = self._owner(arbiter), self.tick + 1
+        touch = self._touches.get(owner)
+        if touch is None or (touch.pairs == 0 and now - touch.last > _MERGE_TICKS):
+            if touch is not None and not touch.reported:
+                self._finished.append(_contact(owner, touch))
+            touch = self._touches[owner] = _Touch(now, now)
+        touch.pairs += 1
+        touch.last = now
+        touch.reported = False
+        self._look(arbiter)
+
+    def _separate(self, arbiter: pymunk.Arbiter, space: pymunk.Space, data: Any) -> None:
+        touch = self._touches[self._owner(arbiter)]
+        touch.pairs -= 1
+        if self.tick > touch.last:
+            touch.last = self.tick
+            touch.reported = False
+
+    def _owner(self, arbiter: pymunk.Arbiter) -> str:
+        first, second = arbiter.shapes
+        return self._owners[second if first is self._robot else first]
+
+    def _look(self, arbiter: pymunk.Arbiter) -> None:
+        """Note where the touch is now if it is deeper than what is known of it."""
+        first, second = arbiter.shapes
+        swapped = first is not self._robot
+        touch = self._touches[self._owners[first if swapped else second]]
+        contact = arbiter.contact_point_set
+        deepest = min(contact.points, key=lambda point: point.distance)
+        depth = max(0.0, -deepest.distance)
+        if depth <= touch.depth:
+            return
+        a, b, sign = deepest.point_a, deepest.point_b, -1.0 if swapped else 1.0
+        touch.depth = depth
+        touch.point = ((a.x + b.x) / 2.0, (a.y + b.y) / 2.0)
+        touch.normal = (sign * contact.normal.x, sign * contact.normal.y)
+
+    def take(self, tick: int) -> tuple[Contact, ...]:
+        """Return the touches since the last call, ordered by begin and owner.
+
+        ``tick`` is the number of ticks done.
+        """
+        if not self._touches:
+            return ()
+        if any(touch.pairs for touch in self._touches.values()):
+            self._body.each_arbiter(self._look)
+        taken, self._finished = self._finished, []
+        for owner, touch in list(self._touches.items()):
+            if touch.pairs:
+                touch.last = tick
+            elif touch.reported:
+                if tick - touch.last > _MERGE_TICKS:
+                    del self._touches[owner]
+                continue
+            taken.append(_contact(owner, touch))
+            touch.reported, touch.depth = True, -1.0
+        return tuple(sorted(taken, key=lambda contact: (contact.time, contact.second)))
+
+
+def _contact(owner: str, touch: _Touch) -> Contact:
+    return Contact(
+        time=touch.began / TICK_RATE,
+        first="robot",
+        second=owner,
+        point=touch.point,
+        normal=touch.normal,
+        depth=max(0.0, touch.depth),
+        until=touch.last / TICK_RATE,
+    )

@@ -1,0 +1,179 @@
+"""Moving joints: the constraints that guide them and the actuators that drive them.
+
+Everything runs inside the physics solver, so a driven joint costs no Python per tick. Servos are
+equality constraints with bounded effort (``max_force``) and bounded correction speed
+(``max_bias``), which is what a rate and effort limited position drive does.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import pymunk
+
+from daemon.simulator._layers import DT, TICK_RATE
+from daemon.simulator._links import WORLD, Assembly, Motion
+from grammars.values import Point2
+
+_LIMIT_LAG = 0.5
+"""Time constant with which a joint that overran its limit comes back [s]: a stop, not a spring."""
+
+_HEAVY = 1e6
+"""A held joint's body is this many times heavier, so that no robot can move it."""
+
+
+class JointDrive:
+    """Guides one joint within its limits, with its friction and closer; drives it on demand.
+
+    After construction the joint is free. Positions in rad or m, efforts in N m or N.
+    """
+
+    def __init__(self, space: pymunk.Space, motion: Motion, assembly: Assembly) -> None:
+        self.motion, bodies = motion, assembly.bodies
+        self.parent, self.child = bodies[motion.parent], bodies[motion.child]
+        self._space = space
+        self._mass, self._moment = self.child.mass, self.child.moment
+        self._inertia = self._driven_inertia([bodies[s] for s in assembly.behind(motion.child)])
+        self._servo: pymunk.GearJoint | pymunk.PivotJoint | None = None
+        self._spring: pymunk.DampedRotarySpring | pymunk.DampedSpring | None = None
+        guide = self._guide_turning if motion.joint.kind == "revolute" else self._guide_sliding
+        guide()
+        joint = motion.joint
+        if joint.stiffness > 0.0 or joint.damping > 0.0:
+            self._add(self._make_spring(joint.rest, joint.stiffness, joint.damping))
+
+    def _add(self, constraint: pymunk.Constraint) -> None:
+        constraint.collide_bodies = False
+        self._space.add(constraint)
+
+    def _guide_turning(self) -> None:
+        motion, joint = self.motion, self.motion.joint
+        parent, child = self.parent, self.child
+        anchor = motion.frame.apply(joint.anchor)
+        self._add(pymunk.PivotJoint(parent, child, anchor, joint.anchor))
+        low, high = joint.lower + motion.offset, joint.upper + motion.offset
+        limit = pymunk.RotaryLimitJoint(parent, child, low, high)
+        limit.error_bias = _error_bias(_LIMIT_LAG)
+        self._add(limit)
+        if joint.friction > 0.0:
+            brake = pymunk.SimpleMotor(parent, child, 0.0)
+            brake.max_force = joint.friction
+            self._add(brake)
+
+    def _guide_sliding(self) -> None:
+        motion, joint = self.motion, self.motion.joint
+        parent, child = self.parent, self.child
+        low, high, point = self._rail(joint.lower), self._rail(joint.upper), self._grip
+        self._add(pymunk.GrooveJoint(parent, child, low, high, point))
+        self._add(pymunk.GearJoint(parent, child, motion.offset, 1.0))
+        if joint.friction > 0.0:
+            brake = pymunk.PivotJoint(parent, child, low, point)
+            brake.max_bias, brake.max_force = 0.0, joint.friction
+            self._add(brake)
+
+    @property
+    def _grip(self) -> Point2:
+        """Where a sliding child is guided: its centre of mass, so that guiding never turns it."""
+        x, y = self.child.center_of_gravity
+        return (x, y)
+
+    def _rail(self, position: float) -> Point2:
+        """Return where the grip is, in the parent body's frame, at a joint position."""
+        (x, y), (ax, ay) = self._grip, self.motion.joint.axis
+        return self.motion.frame.apply((x + position * ax, y + position * ay))
+
+    def _make_spring(
+        self, rest: float, stiffness: float, damping: float
+    ) -> pymunk.DampedRotarySpring | pymunk.DampedSpring:
+        if self.motion.joint.kind == "revolute":
+            # Chipmunk measures a rotary spring from the child to the parent.
+            angle = -(rest + self.motion.offset)
+            return pymunk.DampedRotarySpring(self.parent, self.child, angle, stiffness, damping)
+        far, length = self._spring_anchor(rest)
+        return pymunk.DampedSpring(
+            self.parent, self.child, far, self._grip, length, stiffness, damping
+        )
+
+    def _spring_anchor(self, rest: float) -> tuple[Point2, float]:
+        """Return a point behind the lower limit and its distance from the grip at ``rest``."""
+        lower = min(self.motion.joint.lower, rest) - 1.0
+        return self._rail(lower), rest - lower
+
+    def position(self) -> float:
+        """Return the present joint position."""
+        motion = self.motion
+        if motion.joint.kind == "revolute":
+            return float(self.child.angle - self.parent.angle - motion.offset)
+        x, y = self.parent.world_to_local(self.child.position)
+        ax, ay = motion.axis
+        return float((x - motion.frame.x) * ax + (y - motion.frame.y) * ay)
+
+    def hinge(self) -> Point2:
+        """Return the anchor in the world."""
+        x, y = self.parent.local_to_world(self.motion.frame.apply(self.motion.joint.anchor))
+        return (x, y)
+
+    def _driven_inertia(self, bodies: Sequence[pymunk.Body]) -> float:
+        """Return what a servo accelerates: kg, or kg m^2 about the anchor, at the start."""
+        if self.motion.joint.kind == "prismatic":
+            return sum(body.mass for body in bodies)
+        hinge = self.hinge()
+        arms = [body.local_to_world(body.center_of_gravity).get_distance(hinge) for body in bodies]
+        return sum(b.moment + b.mass * arm**2 for b, arm in zip(bodies, arms, strict=True))
+
+    def servo(self, target: float, rate: float, effort: float) -> None:
+        """Drive to ``target`` and stay there, with bounded speed and effort.
+
+        The approach is exponential near the target, with a time constant that lets the effort
+        brake the mass from ``rate`` twice over.
+        """
+        self._let_go()
+        self._steer(target, rate, effort, max(DT, 2.0 * self._inertia * rate / effort))
+
+    def hold(self, target: float) -> None:
+        """Keep the joint at ``target``, where it already is; nothing can push it.
+
+        On a parent that moves itself, the joint is stiff instead of immovable.
+        """
+        self._let_go()
+        if self.motion.parent == WORLD:
+            self.child.mass, self.child.moment = _HEAVY * self._mass, _HEAVY * self._moment
+        self._steer(target, math.inf, math.inf, 10.0 * DT)
+
+    def _let_go(self) -> None:
+        self.child.mass, self.child.moment = self._mass, self._moment
+        self.child.activate()
+
+    def _steer(self, target: float, rate: float, effort: float, lag: float) -> None:
+        servo = self._servo
+        if servo is None:
+            servo = self._servo = self._make_servo()
+            self._add(servo)
+        if isinstance(servo, pymunk.GearJoint):
+            servo.phase = target + self.motion.offset
+        else:
+            servo.anchor_a = self._rail(target)
+        servo.error_bias = _error_bias(lag)
+        servo.max_bias, servo.max_force = rate, effort
+
+    def _make_servo(self) -> pymunk.GearJoint | pymunk.PivotJoint:
+        if self.motion.joint.kind == "revolute":
+            return pymunk.GearJoint(self.parent, self.child, 0.0, 1.0)
+        return pymunk.PivotJoint(self.parent, self.child, self._rail(0.0), self._grip)
+
+    def spring(self, target: float, stiffness: float, damping: float) -> None:
+        """Pull to ``target`` with a spring, in addition to the object's own closer."""
+        self._let_go()
+        if self._spring is None:
+            self._spring = self._make_spring(target, stiffness, damping)
+            self._add(self._spring)
+        elif isinstance(self._spring, pymunk.DampedRotarySpring):
+            self._spring.rest_angle = -(target + self.motion.offset)
+        else:
+            self._spring.anchor_a, self._spring.rest_length = self._spring_anchor(target)
+
+
+def _error_bias(lag: float) -> float:
+    """Return the share of an error that Chipmunk is to leave after a second, by time constant."""
+    return float((1.0 - DT / lag) ** TICK_RATE)

@@ -1,0 +1,186 @@
+"""The world of one run: building, objects, robot, sensors and behaviours, stepped together."""
+
+from __future__ import annotations
+
+import zlib
+from collections.abc import Sequence
+
+import numpy as np
+import numpy.typing as npt
+import pymunk
+
+from daemon.simulator._base import Base
+from daemon.simulator._bodystates import BodyStates, JointReader
+from daemon.simulator._contacts import ContactLog
+from daemon.simulator._director import Director
+from daemon.simulator._joints import JointDrive
+from daemon.simulator._laser import LaserScanner
+from daemon.simulator._layers import DT, TICK_RATE
+from daemon.simulator._links import assemble
+from daemon.simulator._odometry import OdometrySensor
+from daemon.simulator._records import Contact, WorldEvent
+from daemon.simulator._sight import laser_segments
+from daemon.simulator._starts import starting_positions
+from daemon.simulator._walls import build_walls
+from daemon.sut import Odometry
+from grammars.behaviour import Behaviour, Walk
+from grammars.robot import Robot
+from grammars.scene import Scene
+from grammars.values import Floats, Pose2, Twist2
+
+
+class World:
+    """One simulated run, at 100 ticks per second from time 0.
+
+    Building order, random streams and stepping depend on the arguments alone: equal arguments
+    and equal calls give equal floats, in any process on one kind of CPU.
+
+    Attributes:
+        tick: number of physics ticks done.
+        joint_names: scene-wide joint names, the order of all joint arrays.
+        owners: names that the indices of ``true_ranges`` refer to.
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        robot: Robot,
+        start: Pose2,
+        behaviours: Sequence[Behaviour],
+        seed: np.random.SeedSequence,
+        waypoints: Sequence[str] = (),
+    ) -> None:
+        """Build the world; the robot stands still at ``start``.
+
+        ``waypoints`` are the ids of the mission, for reactions to their being reached.
+
+        Raises:
+            ValueError: behaviours that contradict the scene or each other, objects whose joints
+                form no tree, moving links without mass, waypoints that are not in the mission.
+        """
+        self.tick = 0
+        self.joint_names = scene.joint_names
+        self._space = space = _new_space()
+        begin, held = starting_positions(scene, behaviours)
+        walking = [b.object for b in behaviours if isinstance(b, Walk)]
+        self._assembly = assembly = assemble(space, scene, begin, held, robot.height, walking)
+        owners = build_walls(space, scene, robot.height) | assembly.owners
+        self._drives = {
+            motion.name: JointDrive(space, motion, assembly) for motion in assembly.motions
+        }
+        self._base = Base(space, robot, start)
+        self._contacts = ContactLog(space, self._base.body, self._base.shape, owners)
+        self._events: list[WorldEvent] = []
+        self._director = Director(
+            scene, robot, behaviours, self._drives, assembly, self._base, self._report, waypoints
+        )
+        self._bodies = BodyStates(space, assembly.bodies)
+        self._joints = JointReader(
+            self.joint_names, assembly.motions + assembly.walks, assembly.held, assembly.bodies
+        )
+        static, moving, self.owners = laser_segments(scene, assembly, robot.laser.z)
+        noise, dropout = _stream(seed, "laser noise"), _stream(seed, "laser dropout")
+        self._laser = LaserScanner(robot.laser, static, moving, noise, dropout)
+        self._odometry = OdometrySensor(robot.odometry, start, _stream(seed, "odometry"))
+        self._state_tick, self._state = -1, (start, Twist2())
+
+    @property
+    def time(self) -> float:
+        """Simulated seconds since the start."""
+        return self.tick / TICK_RATE
+
+    def command(self, twist: Twist2) -> None:
+        """Command a body-frame velocity from now on, within the limits of the drive.
+
+        Raises:
+            ValueError: a component is not finite.
+        """
+        self._base.command(twist, self.tick)
+
+    def progress(self, current: int, reached: int) -> None:
+        """Tell what the mission has come to, for those who react to it.
+
+        ``current`` is the index of the waypoint being approached, ``reached`` the number of
+        waypoints reached. What has happened once stays so.
+        """
+        self._director.progress(current, reached, self.tick)
+
+    def advance(self, ticks: int = 1) -> None:
+        """Simulate ``ticks`` steps of 10 ms."""
+        step, drive, log = self._space.step, self._base.update, self._contacts
+        direct, directed = self._director.update, self._director.active
+        for tick in range(self.tick, self.tick + ticks):
+            self.tick = log.tick = tick
+            if directed:
+                direct(tick)
+            drive(tick)
+            step(DT)
+        self.tick += 1 if ticks > 0 else 0
+
+    def pose(self) -> Pose2:
+        """Return the true pose of base_link in the world."""
+        return self._true_state()[0]
+
+    def twist(self) -> Twist2:
+        """Return the true velocity of base_link in its own frame."""
+        return self._true_state()[1]
+
+    def _true_state(self) -> tuple[Pose2, Twist2]:
+        """Return pose and twist, read from the physics once a tick."""
+        if self._state_tick != self.tick:
+            self._state_tick, self._state = self.tick, (self._base.pose(), self._base.twist())
+        return self._state
+
+    def joint_positions(self) -> Floats:
+        """Return the joint positions [rad or m], shape (joints,)."""
+        return self._joints.at(self.tick, self._bodies.at(self.tick))[0].copy()
+
+    def joint_velocities(self) -> Floats:
+        """Return the joint velocities [rad/s or m/s], shape (joints,)."""
+        return self._joints.at(self.tick, self._bodies.at(self.tick))[1].copy()
+
+    def scan(self) -> npt.NDArray[np.float32]:
+        """Take one laser sweep, shape (rays,) in metres; nan, inf and -inf as in REP 117."""
+        return self._laser.scan(self.pose(), self._bodies.at(self.tick))
+
+    def true_ranges(self) -> tuple[Floats, npt.NDArray[np.int32]]:
+        """Return exact ranges [m] and, for each ray, the index in ``owners`` of what it hits.
+
+        Rays that hit nothing within range_max give inf and -1. Draws no random numbers.
+        """
+        return self._laser.true_ranges(self.pose(), self._bodies.at(self.tick))
+
+    def odometry(self) -> Odometry:
+        """Take one odometry sample; its noise is for the way since the previous sample."""
+        return self._odometry.sample(self.time, *self._true_state())
+
+    def take_contacts(self) -> tuple[Contact, ...]:
+        """Return what the robot touched since the last call, ordered by begin and owner."""
+        return self._contacts.take(self.tick)
+
+    def take_events(self) -> tuple[WorldEvent, ...]:
+        """Return what behaviours did since the last call, in order."""
+        events = tuple(self._events)
+        self._events.clear()
+        return events
+
+    def _report(self, source: str, text: str) -> None:
+        self._events.append(WorldEvent(self.time, source, text))
+
+
+def _new_space() -> pymunk.Space:
+    space = pymunk.Space()
+    space.collision_slop = 5e-4
+    # Chipmunk keeps this share of a penetration after one second: 20 % goes in every tick.
+    space.collision_bias = 0.8**TICK_RATE
+    # Bodies at rest cost nothing; a leaf slower than 0.1 mm/s for half a second is at rest.
+    space.sleep_time_threshold = 0.5
+    space.idle_speed_threshold = 1e-4
+    return space
+
+
+def _stream(seed: np.random.SeedSequence, name: str) -> np.random.Generator:
+    """Return the random stream ``name`` below ``seed``, without changing ``seed``."""
+    key = (*seed.spawn_key, zlib.crc32(name.encode()))
+    child = np.random.SeedSequence(entropy=seed.entropy, spawn_key=key, pool_size=seed.pool_size)
+    return np.random.Generator(np.random.PCG64(child))

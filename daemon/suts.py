@@ -1,0 +1,91 @@
+"""Systems under test by name: the ones that ship here and those that plug in.
+
+A package of one's own adds a stack by an entry point in the group ``scenario.suts``: its name is
+the ``kind`` written in SUT files, its object a function from parameters to a
+:class:`daemon.sut.SystemUnderTest` that raises ``ValueError`` for parameters it does not take.
+"""
+
+from __future__ import annotations
+
+import math
+import traceback
+from collections.abc import Callable, Mapping
+from importlib.metadata import EntryPoint, entry_points
+from typing import Any, Final, TypeAlias
+
+from daemon.navigation import make_idle, make_pilot
+from daemon.sut import SystemUnderTest
+from grammars.diagnostics import did_you_mean
+
+Factory: TypeAlias = Callable[[Mapping[str, Any]], SystemUnderTest]
+ENTRY_POINT_GROUP: Final = "scenario.suts"
+_ROUNDING: Final = 1e-6
+
+_BUILT_IN: Final[dict[str, Factory]] = {"idle": make_idle, "pilot": make_pilot}
+
+
+def sut_kinds() -> tuple[str, ...]:
+    """Names of every kind of system under test that is installed."""
+    plugged = {entry.name for entry in entry_points(group=ENTRY_POINT_GROUP)}
+    return tuple(sorted(plugged | set(_BUILT_IN)))
+
+
+def make_sut(kind: str, parameters: Mapping[str, Any]) -> SystemUnderTest:
+    """Make a fresh system under test.
+
+    Raises ``ValueError`` for an unknown kind, for parameters it does not take, and for a plugged
+    one that cannot be loaded or made, or is no system under test.
+    """
+    factory = _BUILT_IN.get(kind)
+    if factory is not None:
+        return factory(parameters)
+    made = _make_plugged(kind, parameters)
+    problem = _unlike_protocol(made)
+    if problem:
+        raise ValueError(f'what the system under test "{kind}" makes {problem}, see daemon/sut.py')
+    return made
+
+
+def _make_plugged(kind: str, parameters: Mapping[str, Any]) -> SystemUnderTest:
+    """Call the factory of a plug-in: code of other people, of which anything may come."""
+    entry = next(iter(entry_points(group=ENTRY_POINT_GROUP, name=kind)), None)
+    if entry is None:
+        hint = did_you_mean(kind, sut_kinds())
+        raise ValueError(f'no system under test of kind "{kind}": {hint}')
+    try:
+        factory: Factory = entry.load()
+    except (Exception, SystemExit) as error:
+        raise ValueError(_cannot("loaded", entry, error)) from error
+    try:
+        return factory(parameters)
+    except ValueError:
+        raise
+    except (Exception, SystemExit) as error:
+        raise ValueError(_cannot("made", entry, error)) from error
+
+
+def _cannot(what: str, entry: EntryPoint, error: BaseException) -> str:
+    package = f", package {entry.dist.name} {entry.dist.version}" if entry.dist else ""
+    frames = traceback.extract_tb(error.__traceback__)
+    own = [f for f in frames if "importlib" not in f.filename and f.filename != __file__]
+    place = f" ({own[-1].filename}:{own[-1].lineno})" if own else ""
+    return (
+        f'the system under test "{entry.name}" ({entry.value}{package}) cannot be {what}: '
+        f"{type(error).__name__}: {error}{place}"
+    )
+
+
+def _unlike_protocol(made: object) -> str:
+    """Say what keeps an object from being a system under test, empty when nothing does."""
+    for name in ("start", "update"):
+        if not callable(getattr(made, name, None)):
+            return f"has no method {name}()"
+    if not isinstance(getattr(made, "needs_ground_truth", None), bool):
+        return "does not say needs_ground_truth: True or False"
+    period = getattr(made, "period", None)
+    if isinstance(period, bool) or not isinstance(period, int | float):
+        return "has no period in seconds"
+    ticks = 100.0 * period
+    if not math.isfinite(ticks) or ticks < 1.0 - _ROUNDING or abs(ticks - round(ticks)) > _ROUNDING:
+        return f"has a period of {period!r} s, not a multiple of 0.01 s"
+    return ""

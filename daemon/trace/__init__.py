@@ -1,0 +1,36 @@
+"""MCAP traces: ROS 2 messages in CDR, written and read back."""
+
+from daemon.trace.kinematics import MovingLinks
+from daemon.trace.messages import warm_up
+from daemon.trace.model import (
+    CommandTrack,
+    ContactRecord,
+    EventRecord,
+    JointTrack,
+    Motion,
+    PoseTrack,
+    ProgressRecord,
+    ScanTrack,
+    Trace,
+    TraceError,
+)
+from daemon.trace.reader import read_trace
+from daemon.trace.writer import PARTIAL, TraceWriter
+
+__all__ = [
+    "PARTIAL",
+    "CommandTrack",
+    "ContactRecord",
+    "EventRecord",
+    "JointTrack",
+    "Motion",
+    "MovingLinks",
+    "PoseTrack",
+    "ProgressRecord",
+    "ScanTrack",
+    "Trace",
+    "TraceError",
+    "TraceWriter",
+    "read_trace",
+    "warm_up",
+]

@@ -1,0 +1,165 @@
+"""The ROS 2 messages in a trace: topics, their types, their schemas, and how to build them.
+
+Definitions come from rosbags' type store (ROS 2 Humble); ``gazebo_msgs/ContactsState``, which
+it lacks, is registered here with its public fields. rosbags is imported on first use, because
+it takes longer to load than reading a trace.
+"""
+
+from __future__ import annotations
+
+import functools
+from dataclasses import dataclass
+from typing import Any, Final
+
+CONTACTS: Final = "gazebo_msgs/msg/ContactsState"
+
+_GAZEBO_DEFINITIONS: Final = {
+    "gazebo_msgs/msg/ContactState": (
+        "string info\nstring collision1_name\nstring collision2_name\n"
+        "geometry_msgs/Wrench[] wrenches\ngeometry_msgs/Wrench total_wrench\n"
+        "geometry_msgs/Vector3[] contact_positions\ngeometry_msgs/Vector3[] contact_normals\n"
+        "float64[] depths\n"
+    ),
+    CONTACTS: "std_msgs/Header header\ngazebo_msgs/ContactState[] states\n",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Topic:
+    """A topic of a trace; ``latched`` ones are published once and kept (transient local)."""
+
+    name: str
+    kind: str
+    latched: bool = False
+
+
+TOPICS: Final = (
+    Topic("/map", "nav_msgs/msg/OccupancyGrid", latched=True),
+    Topic("/footprint", "geometry_msgs/msg/PolygonStamped", latched=True),
+    Topic("/scene", "visualization_msgs/msg/MarkerArray", latched=True),
+    Topic("/tf_static", "tf2_msgs/msg/TFMessage", latched=True),
+    Topic("/clock", "rosgraph_msgs/msg/Clock"),
+    Topic("/tf", "tf2_msgs/msg/TFMessage"),
+    Topic("/scan", "sensor_msgs/msg/LaserScan"),
+    Topic("/odom", "nav_msgs/msg/Odometry"),
+    Topic("/ground_truth", "nav_msgs/msg/Odometry"),
+    Topic("/joint_states", "sensor_msgs/msg/JointState"),
+    Topic("/cmd_vel", "geometry_msgs/msg/TwistStamped"),
+    Topic("/pose", "geometry_msgs/msg/PoseWithCovarianceStamped"),
+    Topic("/particle_cloud/summary", "geometry_msgs/msg/PoseWithCovarianceStamped"),
+    Topic("/particle_cloud/count", "std_msgs/msg/UInt32"),
+    Topic("/plan", "nav_msgs/msg/Path"),
+    Topic("/local_plan", "nav_msgs/msg/Path"),
+    Topic("/contacts", CONTACTS),
+    Topic("/mission/status", "action_msgs/msg/GoalStatusArray", latched=True),
+    Topic("/mission/goal", "geometry_msgs/msg/PoseStamped", latched=True),
+    Topic("/events", "rcl_interfaces/msg/Log"),
+)
+"""Every topic a trace can have; the position plus one is its channel id in the file."""
+
+KINDS: Final = {topic.name: topic.kind for topic in TOPICS}
+
+
+@functools.cache
+def typestore() -> Any:
+    """Return the type store: ROS 2 Humble's messages and Gazebo's contacts."""
+    from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+
+    store = get_typestore(Stores.ROS2_HUMBLE)
+    for name, text in _GAZEBO_DEFINITIONS.items():
+        store.register(get_types_from_msg(text, name))
+    return store
+
+
+def make(kind: str, **fields: Any) -> Any:
+    """Build a message of type ``kind`` (``nav_msgs/msg/Odometry``)."""
+    return typestore().types[kind](**fields)
+
+
+def serialize(message: Any, kind: str) -> bytes:
+    """Return the little-endian CDR of a message."""
+    return bytes(typestore().serialize_cdr(message, kind))
+
+
+def deserialize(data: bytes, kind: str) -> Any:
+    """Read a message from CDR; damaged bytes raise whatever rosbags raises."""
+    return typestore().deserialize_cdr(data, kind)
+
+
+@functools.cache
+def schema(kind: str) -> str:
+    """Return the complete ``ros2msg`` definition of a type, with all types it is made of."""
+    text: str = typestore().generate_msgdef(kind, ros_version=2)[0]
+    return text
+
+
+def warm_up() -> None:
+    """Make the code and the definitions of every type once, so that forked children do not."""
+    for kind in KINDS.values():
+        typestore().get_msgdef(kind)
+        schema(kind)
+
+
+def time(nanoseconds: int) -> Any:
+    """Return a ``builtin_interfaces/Time``."""
+    seconds, rest = divmod(nanoseconds, 1_000_000_000)
+    return make("builtin_interfaces/msg/Time", sec=seconds, nanosec=rest)
+
+
+def header(stamp: Any, frame: str) -> Any:
+    """Return a ``std_msgs/Header``."""
+    return make("std_msgs/msg/Header", stamp=stamp, frame_id=frame)
+
+
+def point(x: float, y: float, z: float = 0.0) -> Any:
+    """Return a ``geometry_msgs/Point``."""
+    return make("geometry_msgs/msg/Point", x=x, y=y, z=z)
+
+
+def vector(x: float, y: float, z: float = 0.0) -> Any:
+    """Return a ``geometry_msgs/Vector3``."""
+    return make("geometry_msgs/msg/Vector3", x=x, y=y, z=z)
+
+
+def quaternion(z: float = 0.0, w: float = 1.0) -> Any:
+    """Return a ``geometry_msgs/Quaternion`` about the z axis."""
+    return make("geometry_msgs/msg/Quaternion", x=0.0, y=0.0, z=z, w=w)
+
+
+def pose(x: float, y: float, qz: float, qw: float, z: float = 0.0) -> Any:
+    """Return a ``geometry_msgs/Pose`` turned about the z axis."""
+    return make("geometry_msgs/msg/Pose", position=point(x, y, z), orientation=quaternion(qz, qw))
+
+
+def twist(vx: float, vy: float, wz: float) -> Any:
+    """Return a planar ``geometry_msgs/Twist``."""
+    return make("geometry_msgs/msg/Twist", linear=vector(vx, vy), angular=vector(0.0, 0.0, wz))
+
+
+def transform(stamp: Any, parent: str, child: str, *, x: float, y: float, z: float = 0.0,
+              qz: float = 0.0, qw: float = 1.0) -> Any:  # fmt: skip
+    """Return a ``geometry_msgs/TransformStamped`` turned about the z axis."""
+    return make(
+        "geometry_msgs/msg/TransformStamped",
+        header=header(stamp, parent),
+        child_frame_id=child,
+        transform=make(
+            "geometry_msgs/msg/Transform",
+            translation=vector(x, y, z),
+            rotation=quaternion(qz, qw),
+        ),
+    )
+
+
+def latched_qos() -> str:
+    """Return the ``offered_qos_profiles`` of a latched topic, as rosbag2 keeps it (YAML).
+
+    Keep last 1, reliable, transient local, by the numbers of ``rmw``.
+    """
+    forever = "{sec: 2147483647, nsec: 4294967295}"
+    return (
+        "- history: 1\n  depth: 1\n  reliability: 1\n  durability: 1\n"
+        f"  deadline: {forever}\n  lifespan: {forever}\n"
+        f"  liveliness: 1\n  liveliness_lease_duration: {forever}\n"
+        "  avoid_ros_namespace_conventions: false\n"
+    )

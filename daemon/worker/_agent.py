@@ -1,0 +1,294 @@
+"""The agent: leases runs, has children execute them, delivers what they leave.
+
+One loop in one thread. It never holds the daemon's word for granted: whatever was not
+acknowledged is asked, renewed or delivered again, across restarts of daemon and worker.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from multiprocessing.connection import wait
+from pathlib import Path
+from typing import Any, Final, TypeVar
+
+import zenoh
+
+from daemon import bus
+from daemon.errors import DaemonError, Refused, Unreachable
+from daemon.executor import Limits
+from daemon.messages import (
+    LIVE,
+    Acknowledgement,
+    Answer,
+    Completion,
+    Grant,
+    Hold,
+    LeaseReply,
+    LeaseRequest,
+    Named,
+    Release,
+    RenewReply,
+    RenewRequest,
+    Verb,
+    WorkerInfo,
+)
+from daemon.places import Places, write_atomically
+from daemon.worker._children import Child, Nursery
+from daemon.worker._signals import Orders
+from daemon.worker._spool import Attempt, Placement, Spool
+from grammars import codec
+from grammars.scene import Scene
+
+T = TypeVar("T")
+
+_TIMEOUT: Final = 5.0
+_POLL: Final = 1.0
+_AFTER_SILENCE: Final = 0.5
+_BREATH: Final = 0.05
+_AFTER_FAILURE: Final = 10.0
+_FAREWELL: Final = 10.0
+"""Seconds a leaving worker waits for a daemon that takes its results; then the spool has them."""
+
+
+@dataclass(frozen=True, slots=True)
+class Link:
+    """The connection to the daemon."""
+
+    session: zenoh.Session
+    endpoint: str
+
+    def ask(self, verb: Verb, request: object, kind: type[T]) -> T:
+        """Ask the daemon; raises :class:`Unreachable` or :class:`Refused`."""
+        return bus.ask(self.session, self.endpoint, verb, request, kind, _TIMEOUT)
+
+
+class Agent:
+    """A worker's loop; :meth:`run` returns when its orders say so and its work is done."""
+
+    def __init__(
+        self,
+        link: Link,
+        info: Callable[[int], WorkerInfo],
+        places: Places,
+        spool: Spool,
+        nursery: Nursery,
+        orders: Orders,
+        *,
+        slots: int,
+        limits: Limits,
+        renew: float,
+        log: Callable[[str], None],
+    ) -> None:
+        self._link = link
+        self._info = info
+        self._places = places
+        self._spool = spool
+        self._nursery = nursery
+        self._orders = orders
+        self._slots = slots
+        self._limits = limits
+        self._renew_period = renew
+        self._log = log
+        self._children: list[Child] = []
+        self._outbox: list[Attempt] = []
+        self._releases: list[Release] = []
+        self._renew_at = 0.0
+        self._lease_at = 0.0
+        self._silent_until = 0.0
+        self._troubled_until = 0.0
+        self._deliver_at = 0.0
+        self._leave_by = 0.0
+        self._publisher = link.session.declare_publisher(
+            f"{LIVE}/{info(0).id}", congestion_control=zenoh.CongestionControl.DROP
+        )
+
+    def run(self) -> None:
+        """Work until told to leave, then finish or give back what is under way."""
+        while not self._orders.abort:
+            self._collect()
+            self._talk()
+            if self._orders.drain and not self._children and self._may_leave():
+                return
+            self._rest()
+        self._give_up()
+
+    def _may_leave(self) -> bool:
+        now = time.monotonic()
+        self._leave_by = self._leave_by or now + _FAREWELL
+        return now > self._leave_by or not (self._outbox or self._releases)
+
+    def _rest(self) -> None:
+        now = time.monotonic()
+        moments = [now + _POLL, max(self._renew_at, self._silent_until)]
+        moments += [child.deadline for child in self._children]
+        if self._outbox or self._releases:
+            moments.append(max(self._silent_until, self._deliver_at, now + _BREATH))
+        pause = max(0.0, min(moments) - now)
+        things: list[Any] = [self._orders.wake]
+        for child in self._children:
+            things += [child.process.sentinel, child.wire]
+        wait(things, max(pause, 0.001))
+        if self._orders.take_hints():
+            # Something came to the queue, or something that runs here is not wanted any more.
+            self._lease_at = self._renew_at = 0.0
+
+    def _collect(self) -> None:
+        now = time.monotonic()
+        for child in tuple(self._children):
+            child.listen()
+            self._publish(child)
+            if not child.ended and now > child.deadline:
+                limit = self._limits.wall_of(child.attempt.grant.spec.limit)
+                child.kill(f"stopped after {limit:g} s of wall clock time")
+            if child.ended:
+                self._take_in(child)
+
+    def _take_in(self, child: Child) -> None:
+        self._children.remove(child)
+        self._lease_at = 0.0
+        child.listen()
+        if child.attempt.finished:
+            self._outbox.append(child.attempt)
+        else:
+            self._give_back(child.attempt, child.why(), blame=True)
+        child.close()
+
+    def _give_back(self, attempt: Attempt, why: str, *, blame: bool) -> None:
+        grant = attempt.grant
+        self._log(f"{grant.run} attempt {grant.attempt}: {why}")
+        self._releases.append(Release(self._info(0).id, grant.run, grant.token, why, blame))
+        attempt.discard()
+
+    def _publish(self, child: Child) -> None:
+        if child.live and self._publisher.matching_status:
+            self._publisher.put(child.live)
+        child.live = b""
+
+    def _talk(self) -> None:
+        if time.monotonic() < self._silent_until:
+            return
+        try:
+            self._deliver()
+            self._renew()
+            self._lease()
+        except Unreachable:
+            self._silent_until = time.monotonic() + _AFTER_SILENCE
+            self._renew_at = 0.0  # a new daemon hears first what runs here
+        except Refused as error:
+            self._log(f"the daemon refused: {error}")
+            self._silent_until = time.monotonic() + _POLL
+
+    def _deliver(self) -> None:
+        while self._releases:
+            self._release(self._releases[0])
+            self._releases.pop(0)
+        if time.monotonic() < self._deliver_at:
+            return
+        for attempt in tuple(self._outbox):
+            try:
+                self._hand_over(attempt)
+            except (Refused, ValueError) as error:
+                # Never to be taken: not a run of this ledger, or damaged in the spool.
+                self._outbox.remove(attempt)
+                self._give_back(attempt, f"the result was not taken: {error}", blame=True)
+            except OSError as error:
+                # A full disk, say: the spool keeps it.
+                self._log(f"{attempt.grant.run}: delivered later, {error}")
+                self._deliver_at = time.monotonic() + _AFTER_FAILURE
+            else:
+                self._outbox.remove(attempt)
+                attempt.discard()
+
+    def _release(self, release: Release) -> None:
+        try:
+            self._link.ask(Verb.RELEASE, release, Acknowledgement)
+        except Refused as error:
+            self._log(f"{release.run}: {error}")
+
+    def _hand_over(self, attempt: Attempt) -> None:
+        grant, result = attempt.grant, attempt.result()
+        placement = Placement.of(attempt, self._places, result)
+        placed = placement.put()
+        completion = Completion(self._info(0).id, grant.run, grant.attempt, grant.token, result)
+        answer = self._link.ask(Verb.COMPLETE, completion, Acknowledgement).answer
+        if answer is Answer.RECORDED and not placed:
+            placement.replace()
+        elif answer is Answer.DROPPED:
+            placement.withdraw()
+
+    def _busy(self) -> WorkerInfo:
+        return self._info(len(self._children))
+
+    def _renew(self) -> None:
+        if time.monotonic() < self._renew_at:
+            return
+        self._outbox += self._spool.adopt()
+        attempts = [child.attempt for child in self._children] + self._outbox
+        holds = tuple(Hold(a.grant.run, a.grant.token) for a in attempts)
+        reply = self._link.ask(Verb.RENEW, RenewRequest(self._busy(), holds), RenewReply)
+        self._renew_at = time.monotonic() + self._renew_period
+        gone = {hold.token for hold in reply.gone}
+        for child in tuple(self._children):
+            if child.attempt.grant.token in gone:
+                self._drop(child)
+
+    def _drop(self, child: Child) -> None:
+        self._log(f"{child.attempt.grant.run}: no longer wanted here, stopped")
+        child.kill()
+        self._children.remove(child)
+        child.close()
+        child.attempt.discard()
+
+    def _lease(self) -> None:
+        free = self._slots - len(self._children)
+        if free <= 0 or self._orders.drain:
+            return
+        if time.monotonic() < max(self._lease_at, self._troubled_until):
+            return
+        shortage = self._places.shortage()
+        if shortage:
+            self._log(shortage)
+            self._troubled_until = time.monotonic() + _AFTER_FAILURE
+            return
+        reply = self._link.ask(Verb.LEASE, LeaseRequest(self._busy(), free), LeaseReply)
+        if len(reply.grants) < free:
+            self._lease_at = time.monotonic() + _POLL
+        for grant in reply.grants:
+            self._begin(grant)
+
+    def _begin(self, grant: Grant) -> None:
+        try:
+            attempt = self._spool.open(grant)
+            scene = self._scene(grant.spec.scene)
+            self._children.append(self._nursery.start(attempt, scene, self._limits))
+        except (DaemonError, OSError, EOFError, ValueError) as error:
+            # No disk, no process, no scene: nothing the run could help.
+            self._log(f"{grant.run}: not started, {error}")
+            me = self._info(0).id
+            self._releases.append(
+                Release(me, grant.run, grant.token, f"not started: {error}", blame=False)
+            )
+            self._troubled_until = time.monotonic() + _AFTER_FAILURE
+
+    def _scene(self, digest: str) -> Path:
+        path = self._places.scene(digest)
+        if not path.exists():
+            scene = self._link.ask(Verb.SCENE, Named(digest), Scene)
+            write_atomically(path, codec.to_json(scene))
+        return path
+
+    def _give_up(self) -> None:
+        for child in self._children:
+            child.kill("the worker was stopped")
+            if child.attempt.finished:
+                self._outbox.append(child.attempt)
+            else:
+                self._give_back(child.attempt, child.why(), blame=False)
+            child.close()
+        self._children.clear()
+        try:
+            self._deliver()
+        except Unreachable:
+            self._log("left without telling the daemon: results stay in the spool")

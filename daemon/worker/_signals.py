@@ -1,0 +1,82 @@
+"""What a worker is told from outside: signals, its parent's death, hints that there is work."""
+
+from __future__ import annotations
+
+import os
+import signal
+import socket
+import sys
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from types import FrameType
+
+
+class Orders:
+    """Set by signal handlers and callbacks, read by the agent's loop.
+
+    SIGTERM or SIGINT, or the death of process ``parent``: finish what runs, then leave
+    (``drain``). SIGQUIT or a second signal: give everything back (``abort``).
+    """
+
+    def __init__(self, *, parent: int = 0) -> None:
+        self.wake, self._bell = socket.socketpair()
+        self.wake.setblocking(False)
+        self._bell.setblocking(False)
+        self._parent = parent
+        self._told = False
+        self.abort = False
+
+    @property
+    def drain(self) -> bool:
+        """Whether to take no more runs."""
+        if not self._told and self._parent and os.getppid() != self._parent:
+            self._told = True
+        return self._told
+
+    def hint(self) -> None:
+        """Wake the loop: there may be work. Callable from any thread, never blocks."""
+        try:
+            self._bell.send(b"!")
+        except BlockingIOError:
+            return  # enough hints are waiting
+
+    def take_hints(self) -> bool:
+        """Whether there were hints since the last call."""
+        try:
+            return bool(self.wake.recv(4096))
+        except BlockingIOError:
+            return False
+
+    @contextmanager
+    def signals(self) -> Iterator[None]:
+        """Handle signals meanwhile; only in the main thread."""
+
+        def on_signal(number: int, _: FrameType | None) -> None:
+            self.abort = self.abort or self._told or number == signal.SIGQUIT
+            self._told = True
+            self.hint()
+
+        numbers = (signal.SIGTERM, signal.SIGINT, signal.SIGQUIT)
+        kept = {number: signal.signal(number, on_signal) for number in numbers}
+        try:
+            yield
+        finally:
+            for number, handler in kept.items():
+                signal.signal(number, handler)
+
+    def close(self) -> None:
+        """Free the sockets."""
+        self.wake.close()
+        self._bell.close()
+
+
+def tether() -> None:
+    """End this process at once when standard input closes; its children follow by themselves."""
+
+    def watch() -> None:
+        while os.read(sys.stdin.fileno(), 4096):
+            pass
+        os._exit(1)
+
+    threading.Thread(target=watch, name="tether", daemon=True).start()

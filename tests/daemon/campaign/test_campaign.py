@@ -1,0 +1,252 @@
+"""Campaign files: what they inherit, what they name, what is reported about them."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from importlib.metadata import EntryPoint
+from pathlib import Path
+
+import pytest
+
+from daemon import suts
+from daemon.campaign import check, examine, expand, load_campaign
+from grammars.diagnostics import InputError, Severity
+from grammars.floorplan import load_floorplan
+from grammars.metamodel import composed_document, scenery_document
+from grammars.scenery import load_scenery
+
+CAMPAIGN = """\
+campaign: tiny
+seed: 3
+repeats: 2
+limit: 30 s
+robot: courier
+oracles: navigation
+matrix: {sut: [pilot, idle]}
+scenarios:
+  calm:
+    floorplan: flat
+    objects: doors
+    behaviours: doors_open
+    mission: courier
+    oracles: [reached]
+  rude:
+    like: calm
+    behaviours:
+      - doors_in_your_face: {near: 1 m}
+    oracles+: [no-contact]
+    limit: 1 min
+"""
+
+
+@pytest.fixture
+def folder(tmp_path: Path, campaigns: Path) -> Path:
+    for name in ("demo", "robots", "suts"):
+        shutil.copytree(campaigns / name, tmp_path / name)
+    return tmp_path / "demo"
+
+
+def write(folder: Path, text: str) -> Path:
+    path = folder / "tiny.yaml"
+    path.write_text(text)
+    return path
+
+
+def messages(path: Path) -> list[str]:
+    with pytest.raises(InputError) as caught:
+        load_campaign(path)
+    return [str(d).replace(f"{path.parent}/", "") for d in caught.value.diagnostics]
+
+
+def test_runs_are_scenarios_times_suts_times_repeats(folder: Path) -> None:
+    submission = expand(load_campaign(write(folder, CAMPAIGN)))
+    assert [r.label for r in submission.runs] == [
+        f"{scenario}/{sut}/{repeat}"
+        for scenario in ("calm", "rude")
+        for sut in ("pilot", "idle")
+        for repeat in (0, 1)
+    ]
+    assert len(submission.scenes) == 1
+
+
+def test_a_scenario_is_like_another_except_for_what_it_says(folder: Path) -> None:
+    runs = {r.scenario: r for r in expand(load_campaign(write(folder, CAMPAIGN))).runs}
+    assert [o.name for o in runs["calm"].oracles] == ["reached"]
+    assert [o.name for o in runs["rude"].oracles] == ["reached", "no-contact"]
+    assert (runs["calm"].limit, runs["rude"].limit) == (30.0, 60.0)
+    assert runs["calm"].mission == runs["rude"].mission
+
+
+def test_overrides_reach_the_layer_they_stand_beside(folder: Path) -> None:
+    runs = {r.scenario: r for r in expand(load_campaign(write(folder, CAMPAIGN))).runs}
+    triggers = [b for b in runs["rude"].behaviours if b.kind == "trigger"]
+    assert {t.distance for t in triggers} == {1.0}
+
+
+def test_the_same_campaign_has_the_same_id_until_something_changes(folder: Path) -> None:
+    path = write(folder, CAMPAIGN)
+    first = expand(load_campaign(path)).campaign
+    assert expand(load_campaign(path)).campaign == first
+    assert expand(load_campaign(path), fresh=True).campaign != first
+    assert (
+        expand(load_campaign(write(folder, CAMPAIGN.replace("seed: 3", "seed: 4")))).campaign
+        != first
+    )
+
+
+def test_random_doors_are_drawn_per_repeat_or_once(campaigns: Path, tmp_path: Path) -> None:
+    shutil.copytree(campaigns, tmp_path / "all")
+    path = tmp_path / "all" / "ortega2024" / "first.yaml"
+    once = [r.behaviours for r in expand(load_campaign(path)).runs if r.scenario == "S2"]
+    assert all(b == once[0] for b in once)
+    path.write_text(path.read_text().replace("per campaign", "per repeat"))
+    anew = [r.behaviours for r in expand(load_campaign(path)).runs if r.scenario == "S2"]
+    assert len({str(b) for b in anew}) == 5
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "expected"),
+    [
+        (
+            "floorplan: flat",
+            "floorplan: flatt",
+            ['tiny.yaml:10:5: no floor plan "flatt"', '"flat"?'],
+        ),
+        ("mission: courier", "mission: curier", ['no mission "curier"', '"courier"?']),
+        ("robot: courier", "robot: corier", ['tiny.yaml:5:1: no robot "corier"', '"courier"?']),
+        ("sut: [pilot, idle]", "sut: [pilto]", ['no system under test "pilto"', '"pilot"?']),
+        ("[reached]", "[reachd]", ['tiny.yaml:14:15: no oracle "reachd"', '"reached"?']),
+        ("like: calm", "like: clam", ['tiny.yaml:16:5: no scenario "clam"', '"calm"?']),
+        ("like: calm", "like: rude", ["scenarios are like each other: rude -> rude"]),
+        ("near: 1 m", "nera: 1 m", ['no parameter "nera"', '"near"?']),
+        ("near: 1 m", "near: 1 s", ["a length is needed"]),
+        ("limit: 30 s", "limit: 30 m", ['"30 m" is in m, expected a time']),
+        ("repeats: 2", "repeats: 0", ["greater than or equal to 1"]),
+        ("repeats: 2", "repeat: 2", ['unknown key "repeat"', '"repeats"?']),
+        ("campaign: tiny", "campaign: ../tiny", ["tiny.yaml:1:1: campaign: must be letters"]),
+        ("campaign: tiny", "campaign: v1.2", ["tiny.yaml:1:1: campaign: must be letters"]),
+        ("mission: courier", "", ['scenario "calm" names no mission']),
+    ],
+)
+def test_what_is_wrong_is_said_with_its_place(
+    folder: Path, old: str, new: str, expected: list[str]
+) -> None:
+    found = "\n".join(messages(write(folder, CAMPAIGN.replace(old, new))))
+    for part in expected:
+        assert part in found
+
+
+def test_problems_of_several_layers_come_at_once(folder: Path) -> None:
+    text = CAMPAIGN.replace("mission: courier", "mission: nowhere").replace(
+        "robot: courier", "robot: r2"
+    )
+    found = messages(write(folder, text))
+    assert any("nowhere" in m for m in found)
+    assert any("r2" in m for m in found)
+
+
+def test_shared_folders_are_found_from_inside_the_campaigns_folder(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    write(folder, CAMPAIGN)
+    monkeypatch.chdir(folder)
+    assert len(load_campaign("tiny.yaml").cells) == 2
+
+
+def test_a_wrong_sut_parameter_is_reported_where_it_stands(folder: Path) -> None:
+    (folder / "suts").mkdir()
+    (folder / "suts" / "fast.yaml").write_text(
+        "sut: fast\nkind: pilot\nparameters:\n  goal_tolerence: 0.1\n"
+    )
+    found = messages(write(folder, CAMPAIGN.replace("sut: [pilot, idle]", "sut: fast")))
+    assert any("fast.yaml:4:3" in m and "goal_tolerance" in m for m in found)
+
+
+@pytest.mark.parametrize("name", ["demo/campaign.yaml", "ortega2024/first.yaml"])
+def test_the_campaigns_that_ship_pass_their_own_check(campaigns: Path, name: str) -> None:
+    found = check(load_campaign(campaigns / name))
+    assert [str(d) for d in found if d.severity is Severity.ERROR] == []
+
+
+def test_a_waypoint_inside_a_wall_is_an_error_of_the_check(folder: Path) -> None:
+    mission = folder / "courier.mission.yaml"
+    mission.write_text(mission.read_text().replace("x: 0.2, y: -2.1", "x: 0.2, y: -0.85"))
+    found = [str(d) for d in check(load_campaign(write(folder, CAMPAIGN)))]
+    assert any("courier.mission.yaml:6:5" in d and "kitchen" in d for d in found)
+
+
+DOORLESS = CAMPAIGN.replace("    objects: doors\n    behaviours: doors_open\n", "").replace(
+    "    behaviours:\n      - doors_in_your_face: {near: 1 m}\n", ""
+)
+VARIED = DOORLESS.replace(
+    "    floorplan: flat\n", "    vary: {floorplan: flat, samples: 3, seed: 11}\n"
+)
+
+
+def test_a_varied_scenario_runs_in_every_variant_of_its_plan(folder: Path) -> None:
+    text = VARIED.replace("sut: [pilot, idle]", "sut: idle")
+    submission = expand(load_campaign(write(folder, text)))
+    scenarios = list(dict.fromkeys(run.scenario for run in submission.runs))
+    assert scenarios == [f"{name}@{seed}" for name in ("calm", "rude") for seed in (11, 12, 13)]
+    assert len(submission.scenes) == 3
+    assert len(submission.runs) == 2 * 3 * 2
+    again = expand(load_campaign(write(folder, text)))
+    assert again.campaign == submission.campaign
+
+
+def test_a_scenario_may_draw_other_variants_than_the_campaign(folder: Path) -> None:
+    text = DOORLESS.replace("repeats: 2", "repeats: 2\nvary: {floorplan: flat, samples: 2}")
+    text = text.replace(
+        "    like: calm\n", "    like: calm\n    vary: {floorplan: flat, samples: 1, seed: 9}\n"
+    )
+    scenarios = {run.scenario for run in expand(load_campaign(write(folder, text))).runs}
+    assert scenarios == {"calm@3", "calm@4", "rude@9"}
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "expected"),
+    [
+        ("floorplan: flat, s", "floorplan: flatt, s", ['no variation "flatt"', '"flat"?']),
+        (", samples: 3", "", ['"cover: random" needs a number of "samples"']),
+        ("samples: 3", "sample: 3", ['unknown key "sample"', '"samples"?']),
+    ],
+)
+def test_what_is_wrong_with_variants_is_said(
+    folder: Path, old: str, new: str, expected: list[str]
+) -> None:
+    found = "\n".join(messages(write(folder, VARIED.replace(old, new))))
+    for part in expected:
+        assert part in found
+
+
+def test_layers_written_as_json_ld_make_the_same_runs(folder: Path) -> None:
+    plan, doors = load_floorplan(folder / "flat.fpm"), load_scenery(folder / "doors.scenery")
+    (folder / "flat2.jsonld").write_text(json.dumps(composed_document(plan)))
+    (folder / "doors2.jsonld").write_text(json.dumps(scenery_document(doors, plan)))
+    text = CAMPAIGN.replace("floorplan: flat", "floorplan: flat2.jsonld")
+    text = text.replace("objects: doors", "objects: doors2.jsonld")
+    written = expand(load_campaign(write(folder, CAMPAIGN))).scenes[0]
+    read = expand(load_campaign(write(folder, text))).scenes[0]
+    assert read == written
+
+
+def test_a_stack_that_cannot_be_loaded_is_found_before_anything_runs(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    entry = EntryPoint("mine", "a_module_nobody_has:make", suts.ENTRY_POINT_GROUP)
+    monkeypatch.setattr(suts, "entry_points", lambda **_: [entry])
+    (found,) = messages(write(folder, CAMPAIGN.replace("[pilot, idle]", "[pilot, mine]")))
+    assert 'the system under test "mine" (a_module_nobody_has:make) cannot be loaded' in found
+    assert found.startswith("tiny.yaml:")
+
+
+def test_a_broken_layer_does_not_hide_what_the_pre_flight_finds(folder: Path) -> None:
+    mission = folder / "courier.mission.yaml"
+    mission.write_text(mission.read_text().replace("x: 0.2, y: -2.1", "x: 0.2, y: -0.85"))
+    text = CAMPAIGN.replace("sut: [pilot, idle]", "sut: [pilto]").replace("[reached]", "[reachd]")
+    _, found = examine(write(folder, text))
+    said = "\n".join(str(d) for d in found)
+    assert 'no system under test "pilto"' in said
+    assert 'no oracle "reachd"' in said
+    assert "waypoint kitchen" in said

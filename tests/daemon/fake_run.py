@@ -1,0 +1,64 @@
+"""A stand-in for ``daemon.run`` that costs nothing and misbehaves when told to.
+
+The parameters of the system under test say what to do: ``sleep`` [s], ``outcome``, ``crash``
+(the attempt numbers that die by SIGKILL), ``abort`` (say this and abort), ``raise``, ``allocate``
+[MiB], ``log`` (a file that gets a line per execution), ``noise`` (makes the trace differ each
+time).
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import signal
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+from daemon.spec import RunResult, RunSpec, Snapshot, TraceInfo
+from daemon.verdict import Outcome
+from grammars.scene import Scene
+from grammars.values import Pose2
+from tests.daemon.samples import make_result
+
+
+def execute(
+    spec: RunSpec,
+    scene: Scene,
+    *,
+    trace_path: Path,
+    on_progress: Callable[[Snapshot], None] | None = None,
+) -> RunResult:
+    asked = spec.sut.parameters
+    if "log" in asked:
+        with Path(asked["log"]).open("a") as log:
+            log.write(f"{spec.repeat} {os.getpid()} {os.nice(0)}\n")
+    if _attempt(trace_path) in asked.get("crash", ()):
+        os.kill(os.getpid(), signal.SIGKILL)
+    if "abort" in asked:
+        print(asked["abort"])
+        sys.stdout.flush()
+        os.abort()
+    if "raise" in asked:
+        raise RuntimeError(asked["raise"])
+    ballast = bytearray(asked.get("allocate", 0) * 2**20)
+    _sleep(asked.get("sleep", 0.0), spec, on_progress)
+    data = f"{spec.digest} {scene.digest} {len(ballast)}".encode()
+    if "noise" in asked:
+        data += os.urandom(8)
+    trace_path.write_bytes(data)
+    trace = TraceInfo(hashlib.sha256(data).hexdigest(), len(data), 1)
+    return make_result(spec, outcome=Outcome(asked.get("outcome", "pass")), trace=trace)
+
+
+def _attempt(trace_path: Path) -> int:
+    return int(trace_path.parent.name.removeprefix("attempt-"))
+
+
+def _sleep(seconds: float, spec: RunSpec, on_progress: Callable[[Snapshot], None] | None) -> None:
+    start = time.monotonic()
+    while (passed := time.monotonic() - start) < seconds:
+        if on_progress is not None:
+            on_progress(Snapshot(passed, spec.limit, Pose2(passed), None, 0, 1, ()))
+        time.sleep(min(0.01, seconds))

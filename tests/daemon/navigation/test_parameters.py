@@ -1,0 +1,68 @@
+from __future__ import annotations
+
+import subprocess
+import sys
+
+import pytest
+
+from daemon.navigation import PilotParameters, make_idle, make_pilot
+from daemon.navigation._parameters import read_parameters
+from daemon.sut import Observation
+from grammars.values import Twist2
+
+
+def test_defaults_are_taken_and_given_values_replace_them() -> None:
+    parameters = read_parameters({"goal_tolerance": 0.2, "recoveries": 3})
+    assert parameters == PilotParameters(goal_tolerance=0.2, recoveries=3)
+    assert parameters.max_speed == PilotParameters().max_speed
+
+
+def test_an_unknown_parameter_is_answered_with_the_nearest_one() -> None:
+    with pytest.raises(ValueError, match=r'"goal_tolerence".*did you mean "goal_tolerance"\?'):
+        make_pilot({"goal_tolerence": 0.2})
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("max_speed", -1.0),
+        ("max_speed", float("nan")),
+        ("patience", "soon"),
+        ("recoveries", 1.5),
+        ("localisation", "guessing"),
+    ],
+)
+def test_a_bad_value_is_named_with_what_was_given(name: str, value: object) -> None:
+    with pytest.raises(ValueError, match=name):
+        make_pilot({name: value})
+
+
+def test_a_quantity_with_its_unit_is_answered_with_what_to_write() -> None:
+    with pytest.raises(ValueError, match=r"goal_tolerance.*'15 cm'.*plain number in SI units"):
+        make_pilot({"goal_tolerance": "15 cm"})
+
+
+def test_all_problems_are_reported_at_once() -> None:
+    with pytest.raises(ValueError, match=r"no parameter \"x\".*max_speed.*patience"):
+        make_pilot({"x": 1, "max_speed": 0.0, "patience": -1.0})
+
+
+def test_only_the_named_baseline_asks_for_the_truth() -> None:
+    assert not make_pilot({}).needs_ground_truth
+    assert make_pilot({"localisation": "noisy-ground-truth"}).needs_ground_truth
+
+
+def test_the_idle_system_stands_still_and_takes_no_parameters() -> None:
+    decision = make_idle({}).update(Observation(0.0, (), ()))
+    assert decision.command == Twist2()
+    assert decision.progress.state == "active"
+    with pytest.raises(ValueError, match="speed"):
+        make_idle({"speed": 1.0})
+
+
+def test_checking_parameters_loads_no_compiler() -> None:
+    code = (
+        "import sys; from daemon.navigation import make_pilot; make_pilot({});"
+        "sys.exit('numba' in sys.modules)"
+    )
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

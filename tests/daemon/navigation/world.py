@@ -1,0 +1,187 @@
+"""A tiny kinematic world: rectangles for walls, doors that appear and vanish, a base that obeys."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from daemon.navigation import make_pilot
+from daemon.sut import Briefing, Decision, Estimate, LaserScan, Observation, Odometry
+from grammars.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
+from grammars.mission import Mission, Waypoint
+from grammars.robot import Drive, Laser, OdometryNoise, Robot
+from grammars.values import Floats, Pose2, Twist2
+
+Box = tuple[float, float, float, float]
+"""x_min, y_min, x_max, y_max [m]."""
+TICK = 0.05
+
+
+def a_robot(
+    kind: str = "omnidirectional",
+    *,
+    rays: int = 150,
+    noise: float = 0.01,
+    view: float = math.pi,
+    odometry: OdometryNoise | None = None,
+) -> Robot:
+    drive = Drive(
+        kind=kind,  # type: ignore[arg-type]
+        max_vx=1.0, max_vy=1.0 if kind == "omnidirectional" else 0.0, max_wz=1.0,
+        max_ax=1.0, max_ay=1.0, max_az=2.0, max_force=100.0, max_torque=100.0, timeout=0.5,
+    )  # fmt: skip
+    laser = Laser(Pose2(0.3), 0.3, -view / 2, view / 2, rays, 0.05, 5.6, 10.0, noise, 0.0)
+    x, y = 0.699 / 2, 0.466 / 2
+    ring = ((-x, -y), (x, -y), (x, y), (-x, y))
+    noisy = odometry or OdometryNoise(20.0, 0.01, 0.02, 0.005)
+    return Robot("box", ring, 0.3, 100.0, drive, laser, noisy)
+
+
+def edges(box: Box) -> Floats:
+    x0, y0, x1, y1 = box
+    return np.array([(x0, y0, x1, y0), (x1, y0, x1, y1), (x1, y1, x0, y1), (x0, y1, x0, y0)])
+
+
+def draw(walls: list[Box], size: tuple[float, float], resolution: float = 0.05) -> OccupancyGrid:
+    """Paint every cell whose centre lies in a wall; free inside ``size``, unknown around it."""
+    border = 4
+    rows, columns = (round(extent / resolution) + 2 * border for extent in size[::-1])
+    cells = np.full((rows, columns), UNKNOWN, dtype=np.int8)
+    cells[border:-border, border:-border] = FREE
+    origin = -border * resolution
+    x = origin + (np.arange(columns) + 0.5) * resolution
+    y = origin + (np.arange(rows) + 0.5) * resolution
+    for x0, y0, x1, y1 in walls:
+        cells[np.ix_((y >= y0) & (y <= y1), (x >= x0) & (x <= x1))] = OCCUPIED
+    return OccupancyGrid(resolution, origin, origin, cells)
+
+
+def cast(segments: Floats, origin: Pose2, angles: Floats, reach: float) -> Floats:
+    """Return the range along every ray, inf beyond ``reach``: plain ray-segment intersection."""
+    directions = np.column_stack((np.cos(angles + origin.yaw), np.sin(angles + origin.yaw)))
+    a = segments[:, :2] - (origin.x, origin.y)
+    along = segments[:, 2:] - segments[:, :2]
+    cross = directions[:, None, 0] * along[None, :, 1] - directions[:, None, 1] * along[None, :, 0]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        t = (a[None, :, 0] * along[None, :, 1] - a[None, :, 1] * along[None, :, 0]) / cross
+        u = (
+            a[None, :, 0] * directions[:, None, 1] - a[None, :, 1] * directions[:, None, 0]
+        ) / cross
+    t[~((t > 0.0) & (u >= 0.0) & (u <= 1.0))] = np.inf
+    ranges = t.min(axis=1)
+    ranges[ranges > reach] = np.inf
+    return ranges
+
+
+def hits(footprint: Floats, segments: Floats) -> bool:
+    """Tell whether a convex counter-clockwise polygon meets any segment (clipping each to it)."""
+    after = np.roll(footprint, -1, axis=0)
+    normals = np.column_stack((footprint[:, 1] - after[:, 1], after[:, 0] - footprint[:, 0]))
+    start, end = segments[:, :2], segments[:, 2:]
+    low, high = np.zeros(len(segments)), np.ones(len(segments))
+    for corner, normal in zip(footprint, normals, strict=True):
+        first, second = (start - corner) @ normal, (end - corner) @ normal
+        change = second - first
+        with np.errstate(divide="ignore", invalid="ignore"):
+            crossing = -first / change
+        low = np.where(change > 0.0, np.maximum(low, crossing), low)
+        high = np.where(change < 0.0, np.minimum(high, crossing), high)
+        high = np.where((change == 0.0) & (first < 0.0), -1.0, high)
+    return bool((low < high).any())
+
+
+@dataclass
+class Log:
+    """What happened on a drive, sampled at every update."""
+
+    poses: list[Pose2] = field(default_factory=list)
+    commands: list[Twist2] = field(default_factory=list)
+    estimates: list[tuple[Pose2, Estimate]] = field(default_factory=list)
+    events: list[tuple[float, str]] = field(default_factory=list)
+    plans: list[Floats] = field(default_factory=list)
+    collided: bool = False
+    last: Decision | None = None
+    time: float = 0.0
+
+    @property
+    def state(self) -> str:
+        assert self.last is not None
+        return self.last.progress.state
+
+    def said(self, words: str) -> float | None:
+        """Return when an event with ``words`` was first reported."""
+        return next((time for time, text in self.events if words in text), None)
+
+
+def drive(
+    walls: list[Box],
+    size: tuple[float, float],
+    start: Pose2,
+    waypoints: list[tuple[float, ...]],
+    *,
+    doors: Mapping[Box, Callable[[float], bool]] | None = None,
+    robot: Robot | None = None,
+    limit: float = 120.0,
+    seed: int = 0,
+    **parameters: object,
+) -> Log:
+    """Drive a mission; ``doors`` are boxes the map does not show, there when their function says.
+
+    Waypoints are (x, y) or (x, y, yaw).
+    """
+    robot = robot or a_robot()
+    doors = doors or {}
+    random = np.random.default_rng(seed)
+    goals = tuple(
+        Waypoint(f"w{k}", w[0], w[1], w[2] if len(w) > 2 else None) for k, w in enumerate(waypoints)
+    )
+    pilot = make_pilot(parameters)
+    grid = draw(walls, size)
+    mission = Mission("test", start, goals)
+    pilot.start(Briefing(robot, grid, mission, start, np.random.SeedSequence(seed)))
+    angles = np.linspace(robot.laser.angle_min, robot.laser.angle_max, robot.laser.rays)
+    solid = np.vstack([edges(box) for box in walls])
+    true, odom, twist = start, Pose2(), Twist2()
+    log = Log()
+    footprint = np.array(robot.footprint)
+    for tick in range(round(limit / TICK)):
+        log.time = now = tick * TICK
+        there = [edges(box) for box, closed in doors.items() if closed(now)]
+        segments = np.vstack([solid, *there])
+        scans: tuple[LaserScan, ...] = ()
+        if tick % 2 == 0:
+            ranges = cast(segments, true @ robot.laser.mount, angles, robot.laser.range_max)
+            ranges += robot.laser.noise * random.standard_normal(len(ranges))
+            scans = (LaserScan(now, ranges.astype(np.float32)),)
+        truth = true if pilot.needs_ground_truth else None
+        seen = Observation(now, (Odometry(now, odom, twist),), scans, truth)
+        decision = log.last = pilot.update(seen)
+        assert decision.command is not None
+        twist = decision.command
+        log.poses.append(true)
+        log.commands.append(twist)
+        log.events += [(now, text) for text in decision.events]
+        if decision.plan is not None:
+            log.plans.append(decision.plan)
+        if decision.estimate is not None:
+            log.estimates.append((true, decision.estimate))
+        c, s = math.cos(true.yaw), math.sin(true.yaw)
+        outline = footprint @ np.array([[c, s], [-s, c]]) + (true.x, true.y)
+        log.collided = log.collided or hits(outline, segments)
+        if decision.progress.state != "active":
+            break
+        step = Pose2(twist.vx * TICK, twist.vy * TICK, twist.wz * TICK)
+        true = true @ step
+        way, turn = math.hypot(step.x, step.y), abs(step.yaw)
+        noise = robot.odometry
+        stretch = (
+            1.0 + (noise.translation / math.sqrt(way) * random.standard_normal()) if way else 1.0
+        )
+        around = (
+            math.sqrt(noise.rotation**2 * turn + noise.drift**2 * way) * random.standard_normal()
+        )
+        odom = odom @ Pose2(step.x * stretch, step.y * stretch, step.yaw + around)
+    return log

@@ -1,0 +1,13 @@
+"""Shared by the oracle tests."""
+
+from __future__ import annotations
+
+import pytest
+
+from daemon.oracles import warm_up
+
+
+@pytest.fixture(scope="session", autouse=True)
+def compiled_kernels() -> None:
+    """Compile before the first test, so that no test pays for it."""
+    warm_up()

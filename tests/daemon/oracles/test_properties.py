@@ -1,0 +1,169 @@
+"""What holds for all oracles: verdicts never flip as a run goes on, limits act one way."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from daemon.oracles import judge
+from daemon.spec import OracleText
+from daemon.trace import ContactRecord, ProgressRecord, Trace
+from daemon.verdict import Outcome, Verdict
+from tests.daemon.oracles.traces import along, cut, make_trace, mission, track, verdict
+
+LIMIT = 6.0
+QUARTERS = st.integers(0, 4).map(lambda n: n / 4.0)
+
+
+@st.composite
+def traces(draw: st.DrawFn) -> Trace:
+    """A complete run of up to 5 s at 4 Hz with jumpy errors, contacts and progress."""
+    count = draw(st.integers(2, 20))
+    time = np.arange(count) / 4.0
+    speeds = np.array(draw(st.lists(QUARTERS, min_size=count, max_size=count)))
+    motion = along(time, vx=speeds, x=np.cumsum(speeds) / 4.0)
+    known = draw(st.integers(0, 3))
+    errors = np.array(draw(st.lists(QUARTERS, min_size=count, max_size=count)))
+    estimate = track(time[known:], motion.x[known:], errors[known:], sigma=0.3)
+    hits = draw(st.lists(st.integers(0, count - 1), max_size=2))
+    contacts = tuple(
+        ContactRecord(float(time[i]), "robot", "wall", (0.0, 0.0), (1.0, 0.0), 0.01) for i in hits
+    )
+    passed = sorted(draw(st.lists(st.integers(0, count - 1), max_size=3)))
+    progress = tuple(ProgressRecord(float(time[i]), n, n, "active") for n, i in enumerate(passed))
+    points = draw(st.lists(QUARTERS, min_size=1, max_size=3))
+    return make_trace(
+        motion,
+        estimate=estimate,
+        contacts=contacts,
+        progress=progress,
+        goal=mission(*((4.0 * x, 0.0) for x in points)),
+        limit=LIMIT,
+    )
+
+
+PREDICATES = (
+    "loc.error <= {q} m",
+    "loc.error < {q} m",
+    "not contact",
+    "speed <= {q} m/s and loc.error <= 0.5 m",
+    "contact or loc.error.y > {q} m",
+    "mission.reached >= 1",
+    "loc.inside_2sigma",
+)
+FORMS = (
+    *("always({p})", "never({p})", "eventually({p})", "always within 2 s ({p})"),
+    *("eventually within 2 s ({p})", "fraction({p}) >= 60 %", "fraction({p}) < 30 %"),
+    *("time({p}) <= 1 s", "time({p}) > 1 s", "longest({p}) <= 0.5 s", "longest({p}) >= 1 s"),
+    *("count({p}) <= 1", "count({p}) == 1", "count({p}) != 0", "max(loc.error) <= {q} m"),
+    *("min(clearance) >= {q} m", "mean(speed) <= {q} m/s", "final(path.length) >= {q} m"),
+    *("p95(loc.error) <= {q} m", "max(elapsed) <= 3 s", "reached(mission, 0.3 m)"),
+)
+GUARDS = ("", " when speed > 0.3 m/s", " when not contact", " when mission.leg == 1")
+
+
+@st.composite
+def oracles(draw: st.DrawFn, form: str | None = None) -> str:
+    q = draw(QUARTERS)
+    form = form or draw(st.sampled_from(FORMS))
+    predicate = draw(st.sampled_from(PREDICATES))
+    return form.format(p=predicate.format(q=q), q=q) + draw(st.sampled_from(GUARDS))
+
+
+def bounds(found: Verdict) -> tuple[float, float]:
+    return (
+        -math.inf if found.lower is None else found.lower,
+        math.inf if found.upper is None else found.upper,
+    )
+
+
+@pytest.mark.parametrize("form", FORMS)
+@settings(max_examples=40, deadline=None)
+@given(data=st.data())
+def test_a_prefix_never_claims_what_the_whole_run_denies(form: str, data: st.DataObject) -> None:
+    whole, text = data.draw(traces()), data.draw(oracles(form))
+    steps = data.draw(st.integers(0, len(whole.ground_truth.time) - 1))
+    early, late = verdict(cut(whole, steps / 4.0), text), verdict(whole, text)
+    if early.outcome in (Outcome.PASS, Outcome.FAIL):
+        assert late.outcome is early.outcome
+    if Outcome.INCONCLUSIVE is not late.outcome:
+        low, high = bounds(early)
+        assert low - 1e-9 <= bounds(late)[0] <= bounds(late)[1] <= high + 1e-9
+
+
+@settings(deadline=None)
+@given(traces(), oracles())
+def test_a_complete_run_is_decided_unless_there_was_nothing_to_judge(
+    whole: Trace, text: str
+) -> None:
+    found = verdict(whole, text)
+    if found.outcome is Outcome.INCONCLUSIVE:
+        assert found.evidence.value is None
+        assert found.evidence.note
+    else:
+        assert found.outcome in (Outcome.PASS, Outcome.FAIL)
+        assert found.lower == found.upper
+
+
+LIMITED = (
+    "always(loc.error <= {q} m)",
+    "always(loc.error < {q} m)",
+    "never(loc.error > {q} m)",
+    "eventually(loc.error <= {q} m)",
+    "max(loc.error) <= {q} m",
+    "p95(loc.error) < {q} m",
+    "time(contact) <= {q} s",
+    "fraction(contact) <= {q}",
+    "longest(contact) < {q} s",
+    "count(contact) <= {q}",
+    "time(loc.error > {q} m) <= 0.5 s",
+    "reached(mission, {q} m)",
+)
+RANK = {Outcome.FAIL: 0, Outcome.INCONCLUSIVE: 1, Outcome.PASS: 2}
+
+
+@settings(deadline=None)
+@given(
+    traces(),
+    st.sampled_from(LIMITED),
+    st.tuples(st.floats(0.01, 2.0), st.floats(0.01, 2.0)),
+    st.booleans(),
+)
+def test_a_wider_limit_never_judges_worse(
+    trace: Trace, form: str, limits: tuple[float, float], whole: bool
+) -> None:
+    judged = trace if whole else cut(trace, 0.5)
+    narrow, wide = (verdict(judged, form.format(q=f"{q:.6f}")) for q in sorted(limits))
+    assert RANK[narrow.outcome] <= RANK[wide.outcome]
+
+
+@settings(deadline=None)
+@given(traces())
+def test_never_mirrors_always_and_eventually(trace: Trace) -> None:
+    predicate = "loc.error <= 0.5 m and (speed < 0.7 m/s or contact)"
+    never = verdict(trace, f"never({predicate})")
+    always = verdict(trace, f"always(not ({predicate}))")
+    eventually = verdict(trace, f"eventually({predicate})")
+    assert bounds(never) == bounds(always)
+    if never.outcome is not Outcome.INCONCLUSIVE:
+        assert {never.outcome, eventually.outcome} == {Outcome.PASS, Outcome.FAIL}
+
+
+@settings(deadline=None)
+@given(traces(), st.lists(oracles(), max_size=4))
+def test_judging_again_gives_the_same_verdicts(trace: Trace, texts: list[str]) -> None:
+    written = tuple(OracleText(str(i), text) for i, text in enumerate(texts))
+    assert judge(trace, written) == judge(trace, written)
+    assert judge(trace, written) == tuple(judge(trace, (one,))[0] for one in written)
+
+
+@pytest.mark.parametrize("outcome", [Outcome.PASS, Outcome.FAIL])
+def test_outcomes_follow_from_the_interval(outcome: Outcome) -> None:
+    trace = make_trace(along(np.arange(5) / 4.0))
+    found = verdict(trace, f"max(speed) <= {'1' if outcome is Outcome.PASS else '0.1'} m/s")
+    assert found.outcome is outcome
+    assert (bounds(found)[0] >= 0.0) == (outcome is Outcome.PASS)

@@ -1,0 +1,185 @@
+"""Synthetic traces: a robot in a corridor with one hinged door, told in a few arrays."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from daemon.oracles import judge
+from daemon.spec import MapSettings, OracleText, RunSpec, SutReference
+from daemon.trace import (
+    CommandTrack,
+    ContactRecord,
+    JointTrack,
+    Motion,
+    PoseTrack,
+    ProgressRecord,
+    Trace,
+)
+from daemon.verdict import Verdict
+from grammars.mission import Mission, Waypoint
+from grammars.robot import Drive, Laser, OdometryNoise, Robot
+from grammars.scene import Joint, Link, Scene, SceneObject, Solid
+from grammars.values import Floats, Pose2
+
+ROBOT = Robot(
+    name="base",
+    footprint=((0.35, 0.233), (-0.35, 0.233), (-0.35, -0.233), (0.35, -0.233)),
+    height=1.1,
+    mass=50.0,
+    drive=Drive("omnidirectional", 1.0, 1.0, 1.5, 1.0, 1.0, 2.0, 200.0, 100.0, 0.5),
+    laser=Laser(Pose2(0.25, 0.0), 0.3, -2.0, 2.0, 181, 0.05, 12.0, 10.0, 0.0, 0.0),
+    odometry=OdometryNoise(50.0, 0.0, 0.0, 0.0),
+)
+
+
+def box(x0: float, y0: float, x1: float, y1: float) -> tuple[tuple[float, float], ...]:
+    return ((x0, y0), (x1, y0), (x1, y1), (x0, y1))
+
+
+def wall(name: str, x0: float, y0: float, x1: float, y1: float, **heights: float) -> Solid:
+    span = {"z_min": 0.0, "z_max": 2.7} | heights
+    return Solid(name, "wall", box(x0, y0, x1, y1), **span)
+
+
+def door(name: str, x: float, y: float, yaw: float = 0.0) -> SceneObject:
+    """A leaf of 0.9 m along its own x axis, hinged at its origin."""
+    leaf = Link("leaf", (box(0.0, -0.02, 0.9, 0.02),), 20.0, 0.01, 2.0)
+    hinge = Joint("hinge", "revolute", "world", "leaf", (0.0, 0.0), (0.0, 0.0), -1.7, 1.7)
+    return SceneObject(name, "door", Pose2(x, y, yaw), (leaf,), (hinge,), (0.0,))
+
+
+CORRIDOR = Scene(
+    name="corridor",
+    regions=(),
+    doorways=(),
+    solids=(
+        wall("wall-north", -5.0, 1.0, 50.0, 1.2),
+        wall("wall-south", -5.0, -1.2, 50.0, -1.0),
+        wall("lintel", 4.0, -1.0, 4.2, 1.0, z_min=2.1),
+    ),
+    objects=(door("door-17", 8.0, 1.0),),
+)
+
+
+def still(time: Floats) -> Motion:
+    zero = np.zeros(len(time))
+    return Motion(time, zero, zero, zero, zero, zero, zero)
+
+
+def along(time: Floats, speed: float = 0.5, **channels: Floats) -> Motion:
+    """Straight along x from the origin at constant speed; channels can be replaced."""
+    zero = np.zeros(len(time))
+    motion = Motion(time, speed * (time - time[0]), zero, zero, zero + speed, zero, zero)
+    return replace(motion, **channels)
+
+
+def track(time: Floats, x: Floats, y: Floats | float = 0.0, sigma: float = 0.1) -> PoseTrack:
+    covariance = np.tile(np.diag([sigma**2, sigma**2, 0.01]), (len(time), 1, 1))
+    zero = np.zeros(len(time))
+    return PoseTrack(time, x + zero, y + zero, zero, covariance)
+
+
+NOTHING = track(np.empty(0), np.empty(0))
+
+
+def times(seconds: float, rate: float = 20.0) -> Floats:
+    return np.arange(round(seconds * rate) + 1) / rate
+
+
+def mission(*points: tuple[float, float]) -> Mission:
+    waypoints = tuple(Waypoint(f"w{i}", x, y) for i, (x, y) in enumerate(points, start=1))
+    return Mission("there", Pose2(), waypoints)
+
+
+def make_trace(
+    motion: Motion,
+    *,
+    scene: Scene = CORRIDOR,
+    goal: Mission | None = None,
+    robot: Robot = ROBOT,
+    estimate: PoseTrack = NOTHING,
+    cloud: PoseTrack = NOTHING,
+    joints: JointTrack | None = None,
+    contacts: tuple[ContactRecord, ...] = (),
+    progress: tuple[ProgressRecord, ...] = (),
+    limit: float = 60.0,
+    **fields: Any,
+) -> Trace:
+    """Build a complete trace of ``motion``; ``fields`` replace whatever else is recorded."""
+    time = motion.time
+    spec = RunSpec(
+        campaign="c",
+        scenario="S",
+        sut=SutReference("pilot", "pilot", {}),
+        repeat=1,
+        scene=scene.digest,
+        robot=robot,
+        mission=goal or mission((1.0, 0.0)),
+        behaviours=(),
+        oracles=(),
+        map=MapSettings(),
+        seed=1,
+        limit=limit,
+    )
+    names = scene.joint_names
+    initial = np.array([p for item in scene.objects for p in item.initial])
+    if joints is None:
+        position = np.tile(initial, (1, 1))
+        joints = JointTrack(names, time[:1], position, np.zeros_like(position))
+    trace = Trace(
+        path=Path("run.mcap"),
+        spec=spec,
+        scene=scene,
+        ended="finished",
+        note="",
+        complete=True,
+        valid_until=float(time[-1]) if len(time) else 0.0,
+        problems=(),
+        versions={},
+        ground_truth=motion,
+        odometry=motion,
+        command=CommandTrack(time, motion.vx, motion.vy, motion.wz),
+        estimate=estimate,
+        cloud=cloud,
+        cloud_count=np.full(len(cloud.time), 500, dtype=np.int64),
+        joints=joints,
+        contacts=contacts,
+        progress=progress,
+        events=(),
+        scans=None,
+    )
+    return replace(trace, **fields)
+
+
+def cut(trace: Trace, at: float) -> Trace:
+    """Return ``trace`` as if its writer had died at ``at`` [s]."""
+
+    def upto(part: Any) -> Any:
+        keep = part.time <= at + 1e-9
+        arrays = {
+            name: getattr(part, name)[keep]
+            for name in part.__slots__
+            if isinstance(getattr(part, name), np.ndarray)
+        }
+        return replace(part, **arrays)
+
+    return replace(
+        trace,
+        ended=None,
+        complete=False,
+        valid_until=at,
+        ground_truth=upto(trace.ground_truth),
+        estimate=upto(trace.estimate),
+        cloud=upto(trace.cloud),
+        joints=upto(trace.joints),
+        contacts=tuple(c for c in trace.contacts if c.time <= at),
+        progress=tuple(p for p in trace.progress if p.time <= at),
+    )
+
+
+def verdict(trace: Trace, text: str) -> Verdict:
+    return judge(trace, (OracleText("it", text),))[0]

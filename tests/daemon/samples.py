@@ -1,0 +1,68 @@
+"""Small campaigns for the daemon's tests: real specifications, run by a cheap executor."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from daemon.protocol import Submission
+from daemon.spec import MapSettings, OracleText, RunResult, RunSpec, SutReference, Timing, TraceInfo
+from daemon.verdict import Outcome, Verdict
+from grammars.mission import Mission, Waypoint
+from grammars.robot import Drive, Laser, OdometryNoise, Robot
+from grammars.scene import Region, Scene
+from grammars.values import Pose2
+
+ROBOT = Robot(
+    "disc",
+    ((-0.2, -0.2), (0.2, -0.2), (0.2, 0.2), (-0.2, 0.2)),
+    0.3,
+    20.0,
+    Drive("differential", 0.5, 0.0, 1.0, 1.0, 0.0, 2.0, 100.0, 20.0, 0.5),
+    Laser(Pose2(), 0.2, -1.5, 1.5, 91, 0.05, 10.0, 10.0, 0.01, 0.0),
+    OdometryNoise(50.0, 0.01, 0.01, 0.01),
+)
+SCENE = Scene("room", (Region("room", ((0.0, 0.0), (4.0, 0.0), (4.0, 4.0), (0.0, 4.0))),), (), ())
+MISSION = Mission("across", Pose2(1.0, 1.0, 0.0), (Waypoint("goal", 3.0, 3.0),))
+
+
+def make_spec(repeat: int = 0, *, scenario: str = "S1", **parameters: Any) -> RunSpec:
+    """A specification; ``parameters`` reach the test executor as those of the SUT."""
+    return RunSpec(
+        campaign="test",
+        scenario=scenario,
+        sut=SutReference("pilot", "pilot", parameters),
+        repeat=repeat,
+        scene=SCENE.digest,
+        robot=ROBOT,
+        mission=MISSION,
+        behaviours=(),
+        oracles=(OracleText("arrives", "within 10 s"),),
+        map=MapSettings(),
+        seed=repeat,
+        limit=10.0,
+    )
+
+
+def make_submission(campaign: str, runs: int = 3, **parameters: Any) -> Submission:
+    """A campaign of ``runs`` repeats of one scenario."""
+    specs = tuple(make_spec(repeat, **parameters) for repeat in range(runs))
+    return submission_of(campaign, *specs)
+
+
+def submission_of(campaign: str, *specs: RunSpec) -> Submission:
+    """A campaign of the given runs."""
+    return Submission(campaign, f"Campaign {campaign}", "for tests", "text", specs, (SCENE,))
+
+
+def make_result(
+    spec: RunSpec,
+    *,
+    outcome: Outcome = Outcome.PASS,
+    margin: float = 0.5,
+    trace: TraceInfo | None = None,
+    wall: float = 0.01,
+) -> RunResult:
+    """A result with one verdict."""
+    verdict = Verdict("arrives", "within 10 s", outcome, margin, margin, "s")
+    info = trace or TraceInfo("0" * 64, 0, 0)
+    return RunResult(spec.digest, outcome, (verdict,), "finished", info, Timing(wall, wall, 5.0))

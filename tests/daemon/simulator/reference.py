@@ -1,0 +1,69 @@
+"""Independent ways to compute a laser scan."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+import pymunk
+
+from daemon.simulator import World
+from grammars.robot import Laser
+from grammars.values import Floats, Pose2
+
+
+def world_segments(world: World) -> Floats:
+    """All laser segments in the world frame, shape (n, 4), moving ones at their present place."""
+    scanner, table = world._laser, world._bodies.at(world.tick)
+    rows = [tuple(row) for row in scanner._static.tolist()]
+    for (x1, y1, x2, y2), slot in zip(
+        scanner._moving.tolist(), scanner._moving_slot.tolist(), strict=True
+    ):
+        frame = Pose2(*table[slot, :3].tolist())
+        rows.append((*frame.apply((x1, y1)), *frame.apply((x2, y2))))
+    return np.array(rows).reshape(-1, 4)
+
+
+def ray_angles(laser: Laser, base: Pose2) -> Floats:
+    """World directions of all rays [rad]."""
+    return (base @ laser.mount).yaw + np.linspace(laser.angle_min, laser.angle_max, laser.rays)
+
+
+def cast_by_broadcast(segments: Floats, origin: tuple[float, float], angles: Floats) -> Floats:
+    """Intersect every ray with every segment (closed, no tolerance); inf where none is hit."""
+    c, s = np.cos(angles)[:, None], np.sin(angles)[:, None]
+    px, py = segments[:, 0] - origin[0], segments[:, 1] - origin[1]
+    ex, ey = segments[:, 2] - segments[:, 0], segments[:, 3] - segments[:, 1]
+    with np.errstate(all="ignore"):
+        across = c * ey - s * ex
+        ranges = (px * ey - py * ex) / across
+        along = (px * s - py * c) / across
+        hit = (ranges > 0.0) & (along >= 0.0) & (along <= 1.0)
+    return np.where(hit, ranges, np.inf).min(axis=1, initial=np.inf)
+
+
+def cast_by_pymunk(
+    segments: Floats, origin: tuple[float, float], angles: Floats, reach: float
+) -> Floats:
+    """Ask pymunk for the first segment along every ray; inf where none is hit."""
+    space = pymunk.Space()
+    for x1, y1, x2, y2 in segments.tolist():
+        space.add(pymunk.Segment(space.static_body, (x1, y1), (x2, y2), 0.0))
+    ranges = np.full(angles.size, np.inf)
+    for i, angle in enumerate(angles.tolist()):
+        end = (origin[0] + reach * math.cos(angle), origin[1] + reach * math.sin(angle))
+        hit = space.segment_query_first(origin, end, 0.0, pymunk.ShapeFilter())
+        if hit is not None:
+            ranges[i] = hit.alpha * reach
+    return ranges
+
+
+def near_an_end(
+    segments: Floats, origin: tuple[float, float], angles: Floats, width: float = 1e-7
+) -> npt.NDArray[np.bool_]:
+    """Rays that pass a segment's end within ``width`` radians: a silhouette, either is right."""
+    ends = segments.reshape(-1, 2) - np.array(origin)
+    bearings = np.arctan2(ends[:, 1], ends[:, 0])
+    turn = np.abs(np.angle(np.exp(1j * (angles[:, None] - bearings[None, :]))))
+    return np.asarray((turn < width).any(axis=1))

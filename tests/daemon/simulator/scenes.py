@@ -1,0 +1,95 @@
+"""Small hand-built worlds for the tests of the simulator."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from daemon.simulator import World
+from grammars.behaviour import Behaviour
+from grammars.robot import Drive, Laser, OdometryNoise, Robot
+from grammars.scene import Doorway, Joint, Link, Scene, SceneObject, Solid
+from grammars.values import Pose2, Ring
+
+
+def box(x1: float, y1: float, x2: float, y2: float) -> Ring:
+    return ((x1, y1), (x2, y1), (x2, y2), (x1, y2))
+
+
+def wall(name: str, x1: float, y1: float, x2: float, y2: float, z: float = 2.5) -> Solid:
+    return Solid(name, "wall", box(x1, y1, x2, y2), 0.0, z)
+
+
+DRIVE = Drive("omnidirectional", 1.0, 1.0, 2.0, 1.0, 1.0, 4.0, 300.0, 120.0, 0.0)
+LASER = Laser(Pose2(0.3, 0.0, 0.0), 0.3, -1.5, 1.5, 61, 0.05, 10.0, 10.0, 0.0, 0.0)
+ROBOT = Robot(
+    "brick", box(-0.35, -0.233, 0.35, 0.233), 0.29, 150.0, DRIVE, LASER,
+    OdometryNoise(20.0, 0.0, 0.0, 0.0),
+)  # fmt: skip
+
+
+def differential(timeout: float = 0.0) -> Robot:
+    return replace(ROBOT, drive=replace(DRIVE, kind="differential", timeout=timeout))
+
+
+def door(
+    name: str = "door",
+    pose: Pose2 = Pose2(),  # noqa: B008
+    initial: float = 0.0,
+    *,
+    frozen: bool = False,
+    doorway: str = "",
+    friction: float = 0.0,
+    stiffness: float = 0.0,
+    damping: float = 0.0,
+    mass: float = 10.0,
+) -> SceneObject:
+    """A hinged door: post at the origin, closed leaf along +y, opens towards -x, 0 to 2 rad."""
+    post = Link("post", (box(-0.025, -0.025, 0.025, 0.025),), 100.0, 0.0, 2.0)
+    leaf = Link("leaf", (box(-0.025, 0.035, 0.025, 0.965),), mass, 0.0, 2.0)
+    hinge = Joint(
+        "hinge", "revolute", "post", "leaf", (-0.025, 0.025), (0.0, 0.0), 0.0, 2.0,
+        friction, stiffness, damping,
+    )  # fmt: skip
+    return SceneObject(name, "door", pose, (post, leaf), (hinge,), (initial,), frozen, doorway)
+
+
+def sliding_door(
+    name: str = "slider",
+    pose: Pose2 = Pose2(),  # noqa: B008
+    initial: float = 0.0,
+    friction: float = 0.0,
+) -> SceneObject:
+    """A panel closed along +y from 0 to 1, which slides towards +y, 0 to 1 m."""
+    panel = Link("panel", (box(-0.025, 0.0, 0.025, 1.0),), 10.0, 0.0, 2.0)
+    rail = Joint(
+        "rail", "prismatic", "world", "panel", (0.0, 0.0), (0.0, 1.0), 0.0, 1.0, friction
+    )  # fmt: skip
+    return SceneObject(name, "slider", pose, (panel,), (rail,), (initial,))
+
+
+def folding(name: str, pose: Pose2) -> SceneObject:
+    """A bi-fold door: leaf ``a`` hinged to the world at the origin, ``b`` to the end of ``a``."""
+    a = Link("a", (box(-0.02, 0.0, 0.02, 0.5),), 8.0, 0.0, 2.0)
+    b = Link("b", (box(-0.02, 0.5, 0.02, 1.0),), 8.0, 0.0, 2.0)
+    root = Joint("root", "revolute", "world", "a", (0.0, 0.0), (0.0, 0.0), -2.0, 2.0, 0.5)
+    fold = Joint("fold", "revolute", "a", "b", (0.0, 0.5), (0.0, 0.0), -2.5, 2.5, 0.5)
+    return SceneObject(name, "folding", pose, (a, b), (fold, root), (0.3, 0.0))
+
+
+def scene(*parts: Solid | SceneObject | Doorway) -> Scene:
+    solids = tuple(p for p in parts if isinstance(p, Solid))
+    objects = tuple(p for p in parts if isinstance(p, SceneObject))
+    doorways = tuple(p for p in parts if isinstance(p, Doorway))
+    return Scene("test", (), doorways, solids, objects)
+
+
+def world(
+    *parts: Solid | SceneObject | Doorway,
+    robot: Robot = ROBOT,
+    start: Pose2 = Pose2(),  # noqa: B008
+    behaviours: tuple[Behaviour, ...] = (),
+    seed: int = 7,
+) -> World:
+    return World(scene(*parts), robot, start, behaviours, np.random.SeedSequence(seed))

@@ -1,0 +1,318 @@
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from daemon.simulator import World
+from daemon.simulator._proximity import Proximity
+from grammars.behaviour import (
+    Behaviour,
+    Hold,
+    Jump,
+    KeyFrame,
+    KeyFrames,
+    Motion,
+    Servo,
+    Spring,
+    Trigger,
+)
+from grammars.scene import Doorway
+from grammars.values import Floats, Pose2, Twist2
+from tests.daemon.simulator.scenes import box, door, folding, sliding_door, world
+
+AWAY = Pose2(5.0, 0.0, 0.0)
+MOTIONS = (Jump(), Servo(1.0, 40.0), Spring(30.0, 15.0))
+
+
+def frames(motion: Motion, *points: tuple[float, float], joint: str = "d.hinge") -> KeyFrames:
+    return KeyFrames(joint, tuple(KeyFrame(t, q) for t, q in points), motion)
+
+
+def position_at(simulated: World, time: float) -> float:
+    simulated.advance(round(time * 100) - simulated.tick)
+    return float(simulated.joint_positions()[0])
+
+
+def test_hold_overrides_where_the_joint_starts() -> None:
+    simulated = world(door("d", AWAY, initial=0.2), behaviours=(Hold("d.hinge", 1.1),))
+    simulated.advance(100)
+    assert simulated.joint_positions().tolist() == [1.1]
+
+
+@pytest.mark.parametrize("motion", MOTIONS)
+def test_every_motion_reaches_its_key_frames(motion: Motion) -> None:
+    behaviour = frames(motion, (1.0, 1.4), (8.0, 0.3))
+    simulated = world(door("d", AWAY), behaviours=(behaviour,))
+    assert position_at(simulated, 1.0) == pytest.approx(0.0, abs=1e-6)
+    assert position_at(simulated, 7.9) == pytest.approx(1.4, abs=0.02)
+    assert position_at(simulated, 16.0) == pytest.approx(0.3, abs=0.02)
+    events = simulated.take_events()
+    assert [(e.time, e.source) for e in events] == [(1.0, "d.hinge"), (8.0, "d.hinge")]
+    assert simulated.take_events() == ()
+
+
+@pytest.mark.parametrize("motion", MOTIONS)
+def test_a_frame_at_time_zero_is_where_the_joint_starts(motion: Motion) -> None:
+    simulated = world(door("d", AWAY), behaviours=(frames(motion, (0.0, 0.8)),))
+    assert simulated.joint_positions().tolist() == pytest.approx([0.8])
+    assert position_at(simulated, 1.0) == pytest.approx(0.8, abs=1e-3)
+
+
+def test_a_jump_takes_one_step() -> None:
+    simulated = world(door("d", AWAY), behaviours=(frames(Jump(), (0.5, 1.7)),))
+    assert position_at(simulated, 0.5) == pytest.approx(0.0, abs=1e-9)
+    assert position_at(simulated, 0.51) == pytest.approx(1.7, abs=1e-9)
+
+
+def test_a_jumped_door_can_be_pushed_between_frames() -> None:
+    behaviour = frames(Jump(), (0.0, 0.1), (20.0, 0.1))
+    simulated = world(door("d", Pose2(1.0, 0.5, math.pi)), behaviours=(behaviour,))
+    simulated.command(Twist2(0.5, 0.0, 0.0))
+    simulated.advance(500)
+    assert simulated.joint_positions()[0] > 1.0
+    assert simulated.pose().x > 1.5
+
+
+def test_a_servo_keeps_its_rate() -> None:
+    simulated = world(
+        door("d", AWAY), behaviours=(frames(Servo(0.5, 40.0), (0.0, 0.0), (1.0, 1.5)),)
+    )
+    assert position_at(simulated, 2.0) == pytest.approx(0.5, abs=0.06)
+    assert simulated.joint_velocities()[0] == pytest.approx(0.5, abs=0.01)
+    assert position_at(simulated, 3.0) == pytest.approx(1.0, abs=0.06)
+    trail = [position_at(simulated, 3.0 + k / 10) for k in range(1, 40)]
+    assert max(trail) < 1.505
+
+
+def test_a_weak_servo_does_not_move_a_robot_that_a_strong_one_pushes() -> None:
+    def pushed(effort: float) -> float:
+        simulated = world(
+            door("d", Pose2(1.0, -0.5, 0.0), initial=0.0), start=Pose2(0.4, 0.0, 0.0),
+            behaviours=(frames(Servo(0.5, effort), (0.2, 1.2)),),
+        )  # fmt: skip
+        simulated.advance(400)
+        return simulated.pose().x
+
+    assert pushed(40.0) == pytest.approx(0.4, abs=0.01)
+    assert pushed(4000.0) < 0.3
+
+
+def test_a_spring_swings_as_its_stiffness_says() -> None:
+    behaviour = frames(Spring(5.0), (0.0, 0.7), (0.01, 1.0))
+    simulated = world(door("d", AWAY), behaviours=(behaviour,))
+    inertia = 10.0 * ((0.93**2 + 0.05**2) / 12.0 + 0.475**2 + 0.025**2)
+    half_period = math.pi * math.sqrt(inertia / 5.0)
+    assert position_at(simulated, round(half_period, 2)) == pytest.approx(1.3, abs=0.01)
+
+
+def test_sliding_doors_follow_every_motion() -> None:
+    for motion in (Jump(), Servo(0.5, 100.0), Spring(100.0, 100.0)):
+        behaviour = frames(motion, (0.5, 0.8), joint="s.rail")
+        simulated = world(sliding_door("s", Pose2(5.0, 0.0, 0.4)), behaviours=(behaviour,))
+        assert position_at(simulated, 8.0) == pytest.approx(0.8, abs=0.02)
+
+
+def near(motion: Motion, **options: object) -> Trigger:
+    values: dict[str, object] = {"start": 0.0, "end": 1.4, "distance": 1.3} | options
+    return Trigger("d.hinge", motion=motion, **values)  # type: ignore[arg-type]
+
+
+def approach(*behaviours: Behaviour, start: Pose2 = Pose2(0.0, -0.2, 0.0)) -> World:  # noqa: B008
+    """A robot beside a door at x = 3 whose leaf stands away from the robot's way."""
+    return world(
+        door("d", Pose2(3.0, 0.5, 0.0), doorway="way"),
+        Doorway("way", Pose2(3.0, 0.0, 0.0), box(2.9, 0.5, 3.1, 1.5), 1.0, 0.0, 2.0),
+        start=start, behaviours=behaviours,
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("motion", MOTIONS)
+def test_a_trigger_fires_below_its_distance_and_latches(motion: Motion) -> None:
+    simulated = approach(near(motion))
+    simulated.command(Twist2(0.5, 0.0, 0.0))
+    fired: list[tuple[float, float]] = []
+    for _ in range(800):
+        pose = simulated.pose()
+        distance = math.hypot(pose.x - 2.975, pose.y - 0.525)
+        simulated.advance(1)
+        fired += [(event.time, distance) for event in simulated.take_events()]
+    ((time, distance),) = fired
+    assert 1.29 < distance < 1.3
+    assert 2.0 < time < 5.0
+    assert simulated.joint_positions()[0] == pytest.approx(1.4, abs=0.05)
+
+
+@pytest.mark.parametrize("motion", MOTIONS)
+def test_before_it_fires_a_trigger_holds_the_start(motion: Motion) -> None:
+    simulated = approach(near(motion, start=0.9))
+    assert simulated.joint_positions().tolist() == pytest.approx([0.9])
+    simulated.advance(300)
+    assert simulated.joint_positions()[0] == pytest.approx(0.9, abs=1e-6)
+    assert simulated.take_events() == ()
+
+
+def test_exactly_at_the_distance_a_trigger_does_not_fire() -> None:
+    hinge = (2.975, 0.525)
+    for shift, count in ((0.0, 0), (1e-6, 1)):
+        start = Pose2(hinge[0], hinge[1] - 1.25 + shift, 0.0)
+        simulated = approach(near(Jump(), distance=1.25), start=start)
+        simulated.advance(10)
+        assert len(simulated.take_events()) == count
+
+
+def test_a_rearming_trigger_returns_with_hysteresis_and_fires_again() -> None:
+    simulated = approach(near(Servo(2.0, 40.0), rearm=1.8))
+    for speed in (0.5, -0.5, 0.5):
+        simulated.command(Twist2(speed, 0.0, 0.0))
+        simulated.advance(500)
+    texts = [event.text.split()[0] for event in simulated.take_events()]
+    assert texts[:3] == ["triggered", "re-armed", "triggered"]
+
+
+@pytest.mark.parametrize("of", ["hinge", "leaf", "doorway"])
+@pytest.mark.parametrize("to", ["base", "footprint"])
+def test_every_kind_of_distance_fires_at_the_same_tick_as_watching_always(of: str, to: str) -> None:
+    def events(*, lazily: bool) -> list[tuple[float, str]]:
+        simulated = approach(
+            near(Servo(1.0, 40.0), of=of, to=to, distance=0.9, rearm=1.1),
+            start=Pose2(1.3, -0.3, 0.0),
+        )
+        if not lazily:
+            simulated._director._motion = lambda: math.inf  # type: ignore[method-assign]
+        for k in range(240):
+            turn = 0.3 * math.cos(0.07 * k)
+            simulated.command(Twist2(0.7 * math.cos(0.04 * k), 0.1 * math.sin(0.1 * k), turn))
+            simulated.advance(10)
+        return [(event.time, event.text) for event in simulated.take_events()]
+
+    lazy = events(lazily=True)
+    assert lazy == events(lazily=False)
+    assert len(lazy) >= 2
+
+
+@pytest.mark.parametrize(("joint", "near"), [("s.rail", 0.7), ("f.root", 1.05), ("f.fold", 0.7)])
+def test_triggers_of_sliding_and_chained_joints_miss_nothing_either(
+    joint: str, near: float
+) -> None:
+    def events(*, lazily: bool) -> list[tuple[float, str]]:
+        behaviour = Trigger(
+            joint, 0.0, 0.6, near, Servo(1.0, 60.0), of="leaf", to="footprint", rearm=near + 0.2
+        )
+        simulated = world(
+            sliding_door("s", Pose2(3.0, 0.6, 0.0)), folding("f", Pose2(3.2, -1.2, 0.1)),
+            start=Pose2(0.8, 0.0, 0.0), behaviours=(behaviour,),
+        )  # fmt: skip
+        if not lazily:
+            simulated._director._motion = lambda: math.inf  # type: ignore[method-assign]
+        for k in range(200):
+            simulated.command(Twist2(0.7 * math.cos(0.05 * k), 0.0, 0.2 * math.cos(0.1 * k)))
+            simulated.advance(12)
+        return [(event.time, event.text) for event in simulated.take_events()]
+
+    lazy = events(lazily=True)
+    assert lazy == events(lazily=False)
+    assert len(lazy) >= 2
+
+
+def test_a_held_chain_link_follows_its_moving_parent() -> None:
+    behaviour = Trigger("f.fold", 0.8, 0.0, 0.01, Jump())
+    simulated = world(folding("f", Pose2(1.0, -0.5, 0.2)), behaviours=(behaviour,))
+    simulated.command(Twist2(0.4, 0.0, 0.0))
+    simulated.advance(250)
+    fold, root = simulated.joint_positions()
+    assert fold == pytest.approx(0.8, abs=0.02)
+    assert abs(root) > 0.05
+
+
+def test_triggers_are_measured_rarely_while_nothing_can_happen(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    measured = []
+    true_distance = Proximity.distance
+
+    def counted(self: Proximity, base: Pose2, footprint: Floats) -> float:
+        measured.append(base)
+        return true_distance(self, base, footprint)
+
+    monkeypatch.setattr(Proximity, "distance", counted)
+    simulated = approach(near(Jump(), of="leaf", to="footprint", distance=0.5))
+    simulated.command(Twist2(0.3, 0.0, 0.0))
+    simulated.advance(600)
+    assert 0 < len(measured) < 60
+
+
+def test_distances_are_measured_from_what_the_trigger_names() -> None:
+    start = Pose2(1.0, 1.0, 0.0)
+    measured = {}
+    for of in ("hinge", "leaf", "doorway"):
+        for to in ("base", "footprint"):
+            simulated = approach(near(Jump(), of=of, to=to, distance=9.0), start=start)
+            simulated.advance(1)
+            (event,) = simulated.take_events()
+            measured[of, to] = float(event.text.split()[2])
+    assert measured["hinge", "base"] == pytest.approx(math.hypot(1.975, 0.475), abs=1e-3)
+    assert measured["leaf", "base"] == pytest.approx(1.975, abs=1e-3)
+    assert measured["doorway", "base"] == pytest.approx(2.0, abs=1e-3)
+    assert measured["hinge", "footprint"] == pytest.approx(
+        math.hypot(2.975 - 1.35, 0.475 - 0.233), abs=1e-3
+    )
+    assert measured["leaf", "footprint"] == pytest.approx(1.625, abs=1e-3)
+    assert measured["doorway", "footprint"] == pytest.approx(1.65, abs=1e-3)
+
+
+BLOCKED = Pose2(1.0, 0.5, math.pi)
+
+
+def test_a_jump_into_the_robot_stops_at_it_and_is_reported() -> None:
+    behaviour = frames(Jump(), (0.0, 1.5), (0.5, 0.0))
+    simulated = world(
+        door("d", BLOCKED, friction=1.0), start=Pose2(0.9, 0.0, 0.0), behaviours=(behaviour,)
+    )
+    simulated.advance(60)
+    assert simulated.joint_positions()[0] > 0.3
+    assert simulated.pose().x == pytest.approx(0.9, abs=0.01)
+    _, second, third = simulated.take_events()
+    assert "stopped at" in third.text
+    assert third.time == second.time == 0.5
+    assert [c.second for c in simulated.take_contacts()] == ["d.leaf"]
+
+
+def test_a_jump_over_the_robot_to_a_free_place_succeeds() -> None:
+    behaviour = frames(Jump(), (0.0, 2.0), (0.5, 0.0))
+    simulated = world(door("d", BLOCKED), start=Pose2(1.45, 0.2, 0.0), behaviours=(behaviour,))
+    assert position_at(simulated, 0.6) == pytest.approx(0.0, abs=1e-6)
+    assert simulated.take_contacts() == ()
+
+
+def test_a_blocked_trigger_jump_completes_when_the_robot_makes_way() -> None:
+    behaviour = near(Jump(), start=1.5, end=0.0, distance=5.0)
+    simulated = world(door("d", BLOCKED), start=Pose2(0.9, 0.0, 0.0), behaviours=(behaviour,))
+    simulated.advance(50)
+    assert simulated.joint_positions()[0] > 0.3
+    simulated.command(Twist2(-0.5, 0.0, 0.0))
+    simulated.advance(300)
+    assert simulated.joint_positions()[0] == pytest.approx(0.0, abs=1e-6)
+    texts = [event.text.split()[0] for event in simulated.take_events()]
+    assert texts == ["triggered", "stopped", "reached"]
+
+
+@pytest.mark.parametrize(
+    ("behaviours", "message"),
+    [
+        ((Hold("d.lock", 0.0),), "no joint 'd.lock'"),
+        ((Hold("d.hinge", 0.0), Hold("d.hinge", 1.0)), "more than one"),
+        ((frames(Jump(), (2.0, 0.0), (1.0, 1.0)),), "order of time"),
+        ((frames(Jump(), (-2.0, 0.0)),), "order of time"),
+        ((near(Jump(), rearm=1.0),), "rearm must exceed"),
+        ((near(Jump(), of="doorway"),), "stands in no doorway"),
+    ],
+)
+def test_impossible_behaviours_are_refused(behaviours: tuple[Behaviour, ...], message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        world(door("d"), behaviours=behaviours)
+
+
+def test_a_frozen_joint_takes_no_behaviour() -> None:
+    with pytest.raises(ValueError, match="frozen"):
+        world(door("d", frozen=True), behaviours=(Hold("d.hinge", 0.0),))

@@ -1,0 +1,214 @@
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pymunk
+import pytest
+import shapely
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+
+from daemon.simulator import World
+from grammars.robot import Laser
+from grammars.scene import Link, SceneObject, Solid
+from grammars.values import Pose2, Twist2
+from tests.daemon.simulator.reference import (
+    cast_by_broadcast,
+    cast_by_pymunk,
+    near_an_end,
+    ray_angles,
+    world_segments,
+)
+from tests.daemon.simulator.scenes import LASER, ROBOT, box, door, sliding_door, wall, world
+
+ROOM = (
+    wall("south", -5.0, -4.0, 5.0, -3.8),
+    wall("north", -5.0, 3.8, 5.0, 4.0),
+    wall("west", -5.0, -3.8, -4.8, 3.8),
+    wall("east", 4.8, -3.8, 5.0, 3.8),
+    Solid("column", "column", ((1.0, 1.0), (1.4, 0.8), (1.6, 1.3)), 0.0, 2.5),
+    door("ajar", Pose2(-2.0, 1.0, 0.7), 0.9),
+    door("shut", Pose2(2.5, -2.0, -1.1), frozen=True),
+    sliding_door("slider", Pose2(-3.0, -2.5, 0.3), 0.4),
+)
+
+
+def room(laser: Laser, start: Pose2 = Pose2(), seed: int = 7) -> World:  # noqa: B008
+    return world(*ROOM, robot=replace(ROBOT, laser=laser), start=start, seed=seed)
+
+
+def inside_something(simulated: World, point: tuple[float, float]) -> bool:
+    place = shapely.Point(point)
+    walls = [shapely.Polygon(part.polygon) for part in ROOM if isinstance(part, Solid)]
+    links = [s for s in simulated._space.shapes if isinstance(s, pymunk.Poly)]
+    links.remove(simulated._base.shape)
+    return any(wall.contains(place) for wall in walls) or any(
+        link.point_query(point).distance < 0.0 for link in links
+    )
+
+
+lasers = st.builds(
+    lambda low, span, rays, reach: replace(
+        LASER, angle_min=low, angle_max=low + span, rays=rays, range_max=reach
+    ),
+    st.floats(-math.pi, math.pi),
+    st.floats(0.1, 2.0 * math.pi),
+    st.integers(2, 400),
+    st.sampled_from([2.0, 5.6, 30.0]),
+)
+poses = st.builds(Pose2, st.floats(-4.5, 4.5), st.floats(-3.5, 3.5), st.floats(-10.0, 10.0))
+
+
+@settings(max_examples=60, deadline=None)
+@given(laser=lasers, start=poses)
+def test_every_ray_is_exact_from_every_pose(laser: Laser, start: Pose2) -> None:
+    simulated = room(laser, start)
+    segments, angles = world_segments(simulated), ray_angles(laser, start)
+    sensor = start @ laser.mount
+    origin = (sensor.x, sensor.y)
+    assume(not inside_something(simulated, origin))
+    expected = cast_by_broadcast(segments, origin, angles)
+    expected[expected > laser.range_max] = np.inf
+    sure = ~near_an_end(segments, origin, angles) & (np.abs(expected - laser.range_max) > 1e-9)
+    ranges, _ = simulated.true_ranges()
+    np.testing.assert_allclose(ranges[sure], expected[sure], rtol=0.0, atol=1e-9)
+
+
+def test_ranges_equal_those_of_pymunk_rays() -> None:
+    laser = replace(LASER, angle_min=-2.4, angle_max=2.4, rays=241)
+    for yaw in np.linspace(0.1, 6.0, 9).tolist():
+        start = Pose2(0.4, -0.6, yaw)
+        simulated = room(laser, start)
+        segments, angles = world_segments(simulated), ray_angles(laser, start)
+        sensor = start @ laser.mount
+        expected = cast_by_pymunk(segments, (sensor.x, sensor.y), angles, laser.range_max)
+        sure = ~near_an_end(segments, (sensor.x, sensor.y), angles)
+        assert sure.sum() > 200
+        np.testing.assert_allclose(
+            simulated.true_ranges()[0][sure], expected[sure], rtol=0.0, atol=1e-9
+        )
+
+
+@settings(max_examples=40, deadline=None)
+@given(start=st.builds(Pose2, st.floats(-1.5, 0.5), st.floats(-1.5, 0.5)), corner=st.integers(0, 2))
+def test_no_ray_slips_through_a_corner(start: Pose2, corner: int) -> None:
+    x, y = ROOM[4].polygon[corner]  # type: ignore[union-attr]
+    bearing = math.atan2(y - start.y, x - start.x)
+    laser = replace(LASER, mount=Pose2(), angle_min=bearing, angle_max=bearing + 1.0, rays=3)
+    ranges, _ = room(laser, start).true_ranges()
+    assert ranges[0] <= math.hypot(x - start.x, y - start.y) + 1e-6
+
+
+def test_clockwise_polygons_are_seen_like_counter_clockwise_ones() -> None:
+    ring = box(1.0, -1.0, 1.2, 1.0)
+    for polygon in (ring, ring[::-1]):
+        link = Link("block", (polygon,), 5.0, 0.0, 1.0)
+        simulated = world(SceneObject("o", "o", Pose2(), (link,), (), ()))
+        assert simulated.true_ranges()[0][30] == pytest.approx(0.7)
+        solid = Solid("s", "wall", polygon, 0.0, 1.0)
+        assert world(solid).true_ranges()[0][30] == pytest.approx(0.7)
+
+
+def test_first_and_last_ray_of_a_full_turn_agree() -> None:
+    laser = replace(LASER, mount=Pose2(), angle_min=-math.pi, angle_max=math.pi, rays=361)
+    square = replace(ROBOT, laser=laser)
+    around = world(*(wall("box", -2.0, -2.0, -1.0, 2.0),), robot=square)
+    ranges, ids = around.true_ranges()
+    assert ranges[0] == pytest.approx(1.0)
+    assert ranges[-1] == pytest.approx(1.0)
+    assert ids[0] == ids[-1] == around.owners.index("box")
+
+
+def test_hits_are_named_by_owner() -> None:
+    laser = replace(LASER, mount=Pose2(), angle_min=0.0, angle_max=math.pi, rays=3)
+    simulated = world(
+        wall("east", 2.0, -1.0, 2.2, 1.0), door("d", Pose2(-0.5, 2.0, math.pi / 2)),
+        robot=replace(ROBOT, laser=laser), start=Pose2(-1.0, 0.0, 0.0),
+    )  # fmt: skip
+    ranges, ids = simulated.true_ranges()
+    assert [simulated.owners[i] for i in ids[:2]] == ["east", "d.leaf"]
+    assert ranges[:2] == pytest.approx([3.0, 1.975])
+    assert (ids[2], ranges[2]) == (-1, math.inf)
+
+
+def test_the_scan_plane_passes_over_low_and_under_high_things() -> None:
+    low = Solid("sill", "wall", box(1.0, -1.0, 1.2, 1.0), 0.0, 0.3)
+    high = Solid("lintel", "wall", box(1.5, -1.0, 1.7, 1.0), 0.31, 2.5)
+    table = Link("top", (box(1.8, -1.0, 2.0, 1.0),), 5.0, 0.7, 0.75)
+    leg = Link("leg", (box(2.2, -0.5, 2.3, 0.5),), 5.0, 0.0, 0.7)
+    furniture = SceneObject("table", "table", Pose2(), (table, leg), (), ())
+    simulated = world(low, high, furniture)
+    ranges, _ = simulated.true_ranges()
+    assert ranges[30] == pytest.approx(2.2 - 0.3)
+
+
+def test_a_moving_leaf_is_seen_where_it_is() -> None:
+    simulated = world(door("d", Pose2(1.0, 0.5, math.pi)))
+    before = simulated.true_ranges()[0][30]
+    assert before == pytest.approx(1.0 - 0.025 - 0.3)
+    simulated.command(Twist2(0.6, 0.0, 0.0))
+    simulated.advance(200)
+    assert simulated.joint_positions()[0] > 0.3
+    segments = world_segments(simulated)
+    sensor = simulated.pose() @ ROBOT.laser.mount
+    expected = cast_by_broadcast(
+        segments, (sensor.x, sensor.y), ray_angles(ROBOT.laser, simulated.pose())
+    )
+    np.testing.assert_allclose(
+        simulated.true_ranges()[0], np.where(expected > 10.0, np.inf, expected), atol=1e-9
+    )
+
+
+def test_special_values_follow_rep_117() -> None:
+    laser = replace(LASER, mount=Pose2(), angle_min=0.0, angle_max=math.pi, rays=3, range_min=0.5)
+    simulated = world(
+        wall("near", 0.4, -0.1, 0.5, 0.1), wall("far", -4.2, -1.0, -4.0, 1.0),
+        robot=replace(ROBOT, laser=laser),
+    )  # fmt: skip
+    assert simulated.scan().tolist() == [-math.inf, math.inf, 4.0]
+    assert simulated.scan().dtype == np.float32
+
+
+def test_noise_is_gaussian_and_clamped_to_the_range() -> None:
+    laser = replace(LASER, noise=0.02, rays=400, angle_min=-0.9, angle_max=0.9, range_max=4.51)
+    simulated = room(laser)
+    truth, _ = simulated.true_ranges()
+    scans = np.array([simulated.scan() for _ in range(400)], dtype=np.float64)
+    edge, inner = (truth > 4.505) & (truth < 4.51), truth < 4.4
+    assert scans[:, edge].max() == np.float32(4.51)
+    errors = scans[:, inner] - truth[inner]
+    assert errors.size > 5000
+    assert errors.mean() == pytest.approx(0.0, abs=4 * 0.02 / math.sqrt(errors.size))
+    assert errors.std() == pytest.approx(0.02, rel=0.02)
+    lag_one = float((errors[:-1] * errors[1:]).mean()) / 0.02**2
+    assert abs(lag_one) < 0.02
+
+
+def test_rays_drop_out_at_the_given_rate() -> None:
+    simulated = room(replace(LASER, dropout=0.1, rays=500))
+    lost = np.isnan([simulated.scan() for _ in range(100)]).mean()
+    assert lost == pytest.approx(0.1, abs=0.005)
+
+
+def test_noise_does_not_depend_on_what_is_seen() -> None:
+    laser = replace(LASER, noise=0.01, dropout=0.05, mount=Pose2())
+    robot = replace(ROBOT, laser=laser)
+    near = world(wall("w", 2.0, -50.0, 2.2, 50.0), robot=robot)
+    busy = world(wall("w", 2.0, -50.0, 2.2, 50.0), door("d", Pose2(1.0, 0.5)), robot=robot)
+    near.scan(), busy.scan()
+    a, b = near.scan(), busy.scan()
+    np.testing.assert_array_equal(np.isnan(a), np.isnan(b))
+    both = np.isfinite(a) & np.isfinite(b)
+    noise_a = a[both] - near.true_ranges()[0][both]
+    noise_b = b[both] - busy.true_ranges()[0][both]
+    assert np.any(a[both] != b[both])
+    np.testing.assert_allclose(noise_a, noise_b, atol=1e-5)
+
+
+def test_looking_at_true_ranges_draws_no_noise() -> None:
+    laser = replace(LASER, noise=0.01)
+    plain, curious = room(laser), room(laser)
+    curious.true_ranges()
+    np.testing.assert_array_equal(plain.scan(), curious.scan())

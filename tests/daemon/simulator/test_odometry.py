@@ -1,0 +1,68 @@
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from grammars.robot import OdometryNoise
+from grammars.values import Pose2, Twist2
+from tests.daemon.simulator.scenes import ROBOT, wall, world
+
+
+def test_odometry_without_noise_is_the_true_motion_from_the_start() -> None:
+    start = Pose2(3.0, -2.0, 2.5)
+    simulated = world(start=start)
+    simulated.command(Twist2(0.5, 0.2, 0.3))
+    for _ in range(100):
+        simulated.advance(5)
+        sample = simulated.odometry()
+        truth = start.inverse() @ simulated.pose()
+        assert sample.pose == truth
+        assert sample.twist == simulated.twist()
+        assert sample.time == simulated.time
+
+
+def test_a_sample_before_the_first_step_is_the_origin() -> None:
+    noisy = replace(ROBOT, odometry=OdometryNoise(20.0, 0.1, 0.1, 0.1))
+    sample = world(robot=noisy).odometry()
+    assert (sample.time, sample.pose, sample.twist) == (0.0, Pose2(), Twist2())
+
+
+def errors(noise: OdometryNoise, twist: Twist2, ticks: int, every: int) -> np.ndarray:
+    """Odometry pose errors at the end of many runs, in the true frame."""
+    rows = []
+    for seed in range(150):
+        simulated = world(robot=replace(ROBOT, odometry=noise), seed=seed)
+        simulated.command(twist)
+        for _ in range(ticks // every):
+            simulated.advance(every)
+            sample = simulated.odometry()
+        error = simulated.pose().inverse() @ sample.pose
+        rows.append((error.x, error.y, error.yaw))
+    return np.array(rows)
+
+
+@pytest.mark.parametrize("every", [5, 25])
+def test_noise_grows_with_the_root_of_the_way_at_any_rate(every: int) -> None:
+    noise = OdometryNoise(20.0, 0.03, 0.0, 0.0)
+    spread = errors(noise, Twist2(0.5, 0.0, 0.0), 400, every).std(axis=0)
+    assert spread[0] == pytest.approx(0.03 * math.sqrt(1.87), rel=0.2)
+    assert spread[1:] == pytest.approx([0.0, 0.0], abs=1e-12)
+
+
+def test_driving_straight_drifts_and_turning_errs_in_yaw() -> None:
+    straight = errors(OdometryNoise(20.0, 0.0, 0.0, 0.02), Twist2(0.5, 0.0, 0.0), 300, 5)
+    assert straight[:, 2].std() == pytest.approx(0.02 * math.sqrt(1.37), rel=0.2)
+    turning = errors(OdometryNoise(20.0, 0.0, 0.05, 0.0), Twist2(0.0, 0.0, 1.0), 300, 5)
+    assert turning[:, 2].std() == pytest.approx(0.05 * math.sqrt(2.87), rel=0.2)
+    assert turning[:, :2].std() == pytest.approx(0.0, abs=1e-9)
+
+
+def test_a_robot_that_stands_has_perfect_odometry() -> None:
+    noisy = replace(ROBOT, odometry=OdometryNoise(20.0, 0.1, 0.1, 0.1))
+    simulated = world(wall("w", 3.0, -1.0, 3.1, 1.0), robot=noisy)
+    for _ in range(20):
+        simulated.advance(5)
+        assert simulated.odometry().pose == Pose2()

@@ -1,0 +1,40 @@
+"""Compiled kernels are kept somewhere, whatever cannot be written."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import pytest
+
+from daemon.places import Places
+from daemon.server._kernels import CACHE_VARIABLE, kernel_environment
+
+
+@pytest.fixture
+def read_only(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
+    folder = tmp_path / "site-packages"
+    folder.mkdir()
+    real = os.access
+    monkeypatch.setattr(
+        os, "access", lambda path, mode: not Path(path).is_relative_to(folder) and real(path, mode)
+    )
+    return folder
+
+
+def test_the_usual_places_are_left_to_numba(tmp_path: Path, read_only: Path) -> None:
+    usual = (read_only / "__pycache__", tmp_path / "not-yet" / "made")
+    assert kernel_environment(Places.find(tmp_path), {"A": "1"}, usual) == {"A": "1"}
+
+
+def test_a_read_only_installation_without_a_home_uses_the_state_directory(
+    tmp_path: Path, read_only: Path
+) -> None:
+    usual = (read_only / "__pycache__", read_only / "home" / ".cache")
+    found = kernel_environment(Places.find(tmp_path), {"A": "1"}, usual)
+    assert found == {"A": "1", CACHE_VARIABLE: str(tmp_path / "kernels")}
+
+
+def test_a_choice_of_the_user_stands(tmp_path: Path, read_only: Path) -> None:
+    chosen = {CACHE_VARIABLE: "/somewhere"}
+    assert kernel_environment(Places.find(tmp_path), chosen, (read_only,)) == chosen

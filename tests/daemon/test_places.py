@@ -1,0 +1,112 @@
+import shutil
+from pathlib import Path
+
+import pytest
+from hypothesis import assume, given
+from hypothesis import strategies as st
+
+from daemon.places import (
+    Contact,
+    Places,
+    find_endpoint,
+    is_endpoint,
+    is_id,
+    is_run_id,
+    trace_name,
+    write_atomically,
+)
+from grammars import codec
+
+names = st.text(min_size=1, max_size=20).filter(lambda text: "\ud800" not in text)
+
+
+@given(names, names, st.integers(0, 999))
+def test_no_trace_leaves_its_directory(scenario: str, sut: str, repeat: int) -> None:
+    places = Places(Path("/nowhere"))
+    try:
+        name = trace_name("camp", scenario, sut, repeat)
+    except (ValueError, UnicodeEncodeError):
+        assume(False)
+    path = places.trace(name)
+    assert path.parent == places.traces / "camp"
+    assert path.name.isprintable()
+
+
+@given(st.tuples(names, names, st.integers(0, 99)), st.tuples(names, names, st.integers(0, 99)))
+def test_different_runs_have_different_traces(
+    one: tuple[str, str, int], other: tuple[str, str, int]
+) -> None:
+    assume(one != other)
+    try:
+        first, second = trace_name("camp", *one), trace_name("camp", *other)
+    except ValueError:
+        assume(False)
+    assert first != second
+
+
+def test_ordinary_names_stay_readable() -> None:
+    assert trace_name("demo-1", "S1", "fro-diff", 3) == "demo-1/S1.fro-diff.3.mcap"
+
+
+@pytest.mark.parametrize("campaign", ["", "..", "a/b", "a.b", "-x", "ä", "a" * 101, "a\n"])
+def test_a_campaign_that_is_no_id_has_no_traces(campaign: str) -> None:
+    assert not is_id(campaign)
+    with pytest.raises(ValueError, match="not a campaign id"):
+        trace_name(campaign, "S", "s", 0)
+
+
+@pytest.mark.parametrize("name", ["../x.mcap", "a/../../b", "a/b/c.mcap", "a/.x", "a", "/etc/x"])
+def test_foreign_trace_names_are_refused(name: str) -> None:
+    with pytest.raises(ValueError, match="not the name of a trace"):
+        Places(Path("/nowhere")).trace(name)
+
+
+def test_run_ids_are_campaign_and_index() -> None:
+    assert is_run_id("demo.12")
+    assert not any(
+        map(is_run_id, ("demo", "demo.x", "../demo.1", "demo.1/..", "a.b.1", "demo.1\n"))
+    )
+
+
+def test_endpoints_are_tcp_with_host_and_port() -> None:
+    assert is_endpoint("tcp/127.0.0.1:7447")
+    assert is_endpoint("tcp/[::1]:7447")
+    assert not any(map(is_endpoint, ("127.0.0.1:7447", "tcp/host", "tcp/host:70000", "udp/h:1")))
+
+
+def test_the_state_directory_is_the_argument_then_the_environment(tmp_path: Path) -> None:
+    environ = {"SCENARIO_STATE": str(tmp_path / "env")}
+    assert Places.find(tmp_path / "arg", environ).state == tmp_path / "arg"
+    assert Places.find(None, environ).state == tmp_path / "env"
+    assert Places.find(None, {}).state.name == "scenario"
+
+
+def test_the_endpoint_is_argument_environment_contact_default(tmp_path: Path) -> None:
+    environ = {"SCENARIO_STATE": str(tmp_path)}
+    assert find_endpoint("", None, environ).origin == "default"
+    contact = Contact("tcp/127.0.0.1:1234", 1, "0", 0.0)
+    write_atomically(tmp_path / "daemon.json", codec.to_json(contact))
+    assert find_endpoint("", None, environ).address == "tcp/127.0.0.1:1234"
+    environ["SCENARIO_CONNECT"] = "tcp/h:1"
+    assert find_endpoint("", None, environ).origin == "SCENARIO_CONNECT"
+    assert find_endpoint("tcp/h:2", None, environ).origin == "--connect"
+
+
+def test_an_unreadable_contact_is_no_contact(tmp_path: Path) -> None:
+    places = Places(tmp_path)
+    places.contact_file.write_text("{half")
+    assert places.read_contact() is None
+
+
+def test_a_full_disk_is_said_before_runs_start(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    places = Places.find(tmp_path)
+    assert places.shortage() == ""
+    usage = shutil.disk_usage(tmp_path)._replace(free=3 * 2**20)
+    monkeypatch.setattr(shutil, "disk_usage", lambda _: usage)
+    assert "is full (3 MiB left): runs wait until 32 MiB are free" in places.shortage()
+
+
+def test_a_state_directory_that_is_gone_is_said(tmp_path: Path) -> None:
+    assert "cannot be used" in Places.find(tmp_path / "gone").shortage()

@@ -1,0 +1,251 @@
+"""One run, end to end, with real parts: scene, simulator, system under test, trace, oracles."""
+
+from __future__ import annotations
+
+import math
+import re
+import subprocess
+import sys
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from daemon import suts
+from daemon.campaign import expand, load_campaign
+from daemon.protocol import Submission
+from daemon.run import SceneMismatchError, execute
+from daemon.spec import RunSpec, Snapshot, SutReference
+from daemon.sut import Briefing, Decision, Estimate, Observation, Progress
+from daemon.trace import read_trace
+from daemon.verdict import Outcome
+from grammars import codec
+from grammars.scene import Scene
+from grammars.values import Pose2, Twist2
+
+
+@pytest.fixture(scope="module")
+def demo(campaigns: Path) -> Submission:
+    return expand(load_campaign(campaigns / "demo" / "campaign.yaml"))
+
+
+@pytest.fixture(scope="module")
+def scene(demo: Submission) -> Scene:
+    return demo.scenes[0]
+
+
+def idle(demo: Submission, *, seconds: float, scenario: str = "busy-house") -> RunSpec:
+    spec = next(s for s in demo.runs if s.scenario == scenario)
+    return replace(spec, sut=SutReference("idle", "idle", {}), limit=seconds)
+
+
+class Scripted:
+    """A system under test that does what a test tells it to."""
+
+    period = 0.1
+    needs_ground_truth = False
+
+    def __init__(
+        self,
+        fail_at: float = 1e9,
+        finish_at: float = 1e9,
+        nonsense_at: float = 1e9,
+        lost_at: float = 1e9,
+        silent_at: float = 1e9,
+    ) -> None:
+        self._fail_at, self._finish_at, self._nonsense_at = fail_at, finish_at, nonsense_at
+        self._lost_at, self._silent_at = lost_at, silent_at
+
+    def start(self, briefing: Briefing) -> None:
+        self.briefing = briefing
+
+    def update(self, observation: Observation) -> Decision:
+        if observation.time >= self._fail_at:
+            raise RuntimeError("no map")
+        state = "succeeded" if observation.time >= self._finish_at else "active"
+        speed = math.nan if observation.time >= self._nonsense_at else 0.2
+        if observation.time >= self._silent_at:
+            return None  # type: ignore[return-value]
+        x = math.nan if observation.time >= self._lost_at else 0.0
+        estimate = Estimate(observation.time, Pose2(x, 0.0, 0.0), np.eye(3))
+        return Decision(Twist2(speed, 0.0, 0.0), Progress(0, 0, state), estimate)
+
+
+@pytest.fixture
+def scripted(monkeypatch: pytest.MonkeyPatch) -> None:
+    def make(parameters: Mapping[str, object]) -> Scripted:
+        return Scripted(**{key: float(str(value)) for key, value in parameters.items()})
+
+    monkeypatch.setitem(suts._BUILT_IN, "scripted", make)
+
+
+RUN_IN_A_PROCESS = """
+import sys
+from pathlib import Path
+from daemon.run import execute
+from daemon.spec import RunSpec
+from grammars import codec
+from grammars.scene import Scene
+spec = codec.from_json(RunSpec, Path(sys.argv[1]).read_bytes())
+scene = codec.from_json(Scene, Path(sys.argv[2]).read_bytes())
+print(execute(spec, scene, trace_path=Path(sys.argv[3])).digest)
+"""
+
+
+def run_in_a_process(
+    spec: RunSpec, scene: Scene, folder: Path, hash_seed: str
+) -> tuple[str, bytes]:
+    folder.mkdir()
+    (folder / "spec.json").write_bytes(codec.to_json(spec))
+    (folder / "scene.json").write_bytes(codec.to_json(scene))
+    trace = folder / "run.mcap"
+    arguments = [str(folder / "spec.json"), str(folder / "scene.json"), str(trace)]
+    done = subprocess.run(
+        [sys.executable, "-c", RUN_IN_A_PROCESS, *arguments],
+        env={"PYTHONHASHSEED": hash_seed, "PATH": ""},
+        capture_output=True,
+        text=True,
+        check=True,
+        cwd=Path(__file__).parents[2],
+    )
+    return done.stdout.strip(), trace.read_bytes()
+
+
+def test_the_same_specification_gives_the_same_bytes_in_another_process(
+    demo: Submission, scene: Scene, tmp_path: Path
+) -> None:
+    spec = replace(demo.runs[5], limit=20.0)
+    first = run_in_a_process(spec, scene, tmp_path / "a", "1")
+    second = run_in_a_process(spec, scene, tmp_path / "b", "2")
+    assert first == second
+
+
+def test_another_seed_gives_another_trace(demo: Submission, scene: Scene, tmp_path: Path) -> None:
+    spec = idle(demo, seconds=2.0)
+    one = execute(spec, scene, trace_path=tmp_path / "one.mcap")
+    other = execute(replace(spec, seed=spec.seed + 1), scene, trace_path=tmp_path / "other.mcap")
+    assert one.trace.sha256 != other.trace.sha256
+
+
+def test_repeats_are_paired_across_scenarios(demo: Submission) -> None:
+    seeds = {
+        scenario: [s.seed for s in demo.runs if s.scenario == scenario]
+        for scenario in ("open-house", "busy-house", "rude-house")
+    }
+    assert seeds["open-house"] == seeds["busy-house"] == seeds["rude-house"]
+    assert len(set(seeds["open-house"])) == 5
+
+
+def test_a_run_that_reaches_its_limit_ends_complete(
+    demo: Submission, scene: Scene, tmp_path: Path
+) -> None:
+    result = execute(idle(demo, seconds=3.0), scene, trace_path=tmp_path / "run.mcap")
+    trace = read_trace(tmp_path / "run.mcap")
+    assert result.ended == "limit"
+    assert result.timing.simulated == pytest.approx(3.0)
+    assert trace.complete
+    assert trace.ground_truth.time[-1] == pytest.approx(3.0)
+    assert trace.spec == idle(demo, seconds=3.0)
+
+
+@pytest.mark.usefixtures("scripted")
+def test_a_run_ends_when_the_mission_is_over(
+    demo: Submission, scene: Scene, tmp_path: Path
+) -> None:
+    sut = SutReference("scripted", "scripted", {"finish_at": 1.5})
+    spec = replace(idle(demo, seconds=60.0), sut=sut)
+    result = execute(spec, scene, trace_path=tmp_path / "run.mcap")
+    assert result.ended == "finished"
+    assert result.timing.simulated == pytest.approx(1.5, abs=0.1)
+
+
+@pytest.mark.usefixtures("scripted")
+@pytest.mark.parametrize(
+    ("fault", "words"),
+    [
+        ("nonsense_at", "finite"),
+        ("lost_at", "its estimate has values that are not finite"),
+        ("silent_at", r"update\(\) must return a Decision, not NoneType"),
+    ],
+)
+def test_nonsense_is_an_error_of_the_system_under_test(
+    demo: Submission, scene: Scene, tmp_path: Path, fault: str, words: str
+) -> None:
+    sut = SutReference("scripted", "scripted", {fault: 1.0})
+    spec = replace(idle(demo, seconds=60.0), sut=sut)
+    result = execute(spec, scene, trace_path=tmp_path / "run.mcap")
+    assert (result.ended, result.outcome) == ("crashed", Outcome.ERROR)
+    assert re.search(words, result.note)
+
+
+@pytest.mark.usefixtures("scripted")
+def test_a_crash_of_the_system_under_test_is_an_error_never_a_failure(
+    demo: Submission, scene: Scene, tmp_path: Path
+) -> None:
+    sut = SutReference("scripted", "scripted", {"fail_at": 1.0})
+    spec = replace(idle(demo, seconds=60.0), sut=sut)
+    result = execute(spec, scene, trace_path=tmp_path / "run.mcap")
+    assert result.ended == "crashed"
+    assert result.outcome is Outcome.ERROR
+    assert "RuntimeError: no map" in result.note
+    events = [e.text for e in read_trace(tmp_path / "run.mcap").events]
+    assert any("no map" in text for text in events)
+
+
+def test_a_scene_that_is_not_the_specified_one_is_refused(
+    demo: Submission, scene: Scene, tmp_path: Path
+) -> None:
+    spec = replace(idle(demo, seconds=1.0), scene="0" * 64)
+    with pytest.raises(SceneMismatchError):
+        execute(spec, scene, trace_path=tmp_path / "run.mcap")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_progress_is_told_while_it_runs(demo: Submission, scene: Scene, tmp_path: Path) -> None:
+    seen: list[Snapshot] = []
+    execute(
+        idle(demo, seconds=4.0), scene, trace_path=tmp_path / "run.mcap", on_progress=seen.append
+    )
+    assert [s.time for s in seen] == pytest.approx([0.0, 1.0, 2.0, 3.0, 4.0])
+    assert len(seen[0].joints) == len(scene.joint_names)
+
+
+def test_the_pilot_visits_every_room_when_the_doors_are_open(
+    demo: Submission, scene: Scene, tmp_path: Path
+) -> None:
+    spec = next(s for s in demo.runs if s.scenario == "open-house")
+    result = execute(spec, scene, trace_path=tmp_path / "run.mcap")
+    assert result.ended == "finished"
+    assert result.outcome is Outcome.PASS
+
+
+WARMED = """
+import sys
+from pathlib import Path
+from daemon.run import execute, warm_up
+from daemon.spec import RunSpec
+from grammars import codec
+from grammars.scene import Scene
+
+folder = Path(sys.argv[1])
+spec = codec.from_json(RunSpec, (folder / "spec.json").read_bytes())
+scene = codec.from_json(Scene, (folder / "scene.json").read_bytes())
+warm_up()
+before = set(sys.modules)
+execute(spec, scene, trace_path=folder / "trace.mcap")
+print(*sorted(name for name in set(sys.modules) - before))
+"""
+
+
+def test_a_warmed_process_loads_nothing_more_in_a_run(
+    demo: Submission, scene: Scene, tmp_path: Path
+) -> None:
+    spec = replace(demo.runs[0], limit=1.0)
+    (tmp_path / "spec.json").write_bytes(codec.to_json(spec))
+    (tmp_path / "scene.json").write_bytes(codec.to_json(scene))
+    done = subprocess.run(
+        [sys.executable, "-c", WARMED, str(tmp_path)], capture_output=True, text=True, check=True
+    )
+    assert done.stdout.split() == []

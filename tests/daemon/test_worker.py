@@ -1,0 +1,281 @@
+import hashlib
+import os
+import signal
+from collections.abc import Iterator
+from pathlib import Path
+
+import psutil
+import pytest
+
+from daemon.client import Client
+from daemon.protocol import Live, RunState
+from daemon.verdict import Outcome
+from tests.daemon.harness import (
+    DaemonPart,
+    Part,
+    alive,
+    daemon_at,
+    eventually,
+    family,
+    finished,
+    worker_for,
+)
+from tests.daemon.samples import make_spec, make_submission, submission_of
+
+
+@pytest.fixture(scope="module")
+def daemon(tmp_path_factory: pytest.TempPathFactory) -> Iterator[DaemonPart]:
+    """A daemon with a local worker of two slots that most tests share; renewals take a while."""
+    with daemon_at(tmp_path_factory.mktemp("worker") / "state", 2, lease=30.0) as part:
+        yield part
+
+
+@pytest.fixture
+def client(daemon: DaemonPart) -> Iterator[Client]:
+    with daemon.client() as connected:
+        yield connected
+
+
+def done(client: Client, campaign: str) -> bool:
+    return next(row.finished for row in client.campaigns() if row.id == campaign)
+
+
+def test_runs_come_back_with_results_and_traces(client: Client) -> None:
+    client.submit(make_submission("plain", 6, outcome="fail"))
+    eventually(lambda: done(client, "plain"))
+    for row in client.runs("plain").rows:
+        assert (row.state, row.outcome, row.attempt) == (RunState.DONE, Outcome.FAIL, 1)
+        result = client.run(row.id).result
+        assert result is not None
+        assert hashlib.sha256(Path(row.trace).read_bytes()).hexdigest() == result.trace.sha256
+
+
+def test_every_run_has_a_fresh_and_nice_process(client: Client, tmp_path: Path) -> None:
+    log = tmp_path / "log"
+    client.submit(make_submission("fresh", 8, log=str(log)))
+    eventually(lambda: done(client, "fresh"))
+    lines = [line.split() for line in log.read_text().splitlines()]
+    assert sorted(int(repeat) for repeat, _, _ in lines) == list(range(8))
+    assert len({pid for _, pid, _ in lines}) == 8
+    assert all(int(nice) >= 10 for _, _, nice in lines)
+
+
+def test_a_crashing_run_is_tried_again(client: Client) -> None:
+    client.submit(make_submission("crash", 1, crash=[1, 2]))
+    eventually(lambda: done(client, "crash"))
+    (row,) = client.runs("crash").rows
+    assert (row.state, row.attempt, row.reason) == (RunState.DONE, 3, "")
+
+
+def test_a_run_that_always_crashes_is_lost_and_harms_no_other(client: Client) -> None:
+    poison = make_spec(0, crash=[1, 2, 3])
+    client.submit(submission_of("poison", poison, *(make_spec(i) for i in range(1, 6))))
+    eventually(lambda: done(client, "poison"))
+    lost, *others = client.runs("poison").rows
+    assert (lost.state, lost.attempt, lost.outcome) == (RunState.LOST, 3, None)
+    assert "SIGKILL" in lost.reason
+    assert [(row.state, row.attempt) for row in others] == [(RunState.DONE, 1)] * 5
+
+
+def test_a_native_crash_tells_where_it_was_and_what_it_said(client: Client) -> None:
+    client.submit(make_submission("abort", 1, abort="planning a way"))
+    eventually(lambda: done(client, "abort"))
+    (row,) = client.runs("abort").rows
+    assert row.state is RunState.LOST
+    assert row.reason.startswith("planning a way")
+    assert row.reason.endswith("the run's process was killed by SIGABRT")
+    assert "fake_run.py" in row.reason
+
+
+def test_an_exception_is_never_a_verdict(client: Client) -> None:
+    client.submit(make_submission("raises", 1, **{"raise": "no such door"}))
+    eventually(lambda: done(client, "raises"))
+    (row,) = client.runs("raises").rows
+    assert row.state is RunState.LOST
+    assert "RuntimeError: no such door" in row.reason
+    assert client.run(row.id).result is None
+
+
+def test_a_run_that_eats_memory_is_stopped(client: Client) -> None:
+    client.submit(make_submission("memory", 1, allocate=8 * 1024))
+    eventually(lambda: done(client, "memory"))
+    (row,) = client.runs("memory").rows
+    assert row.state is RunState.LOST
+    assert "MemoryError" in row.reason
+
+
+def test_cancelling_stops_the_processes_at_once(
+    client: Client, daemon: DaemonPart, tmp_path: Path
+) -> None:
+    log = tmp_path / "log"
+    client.submit(make_submission("cancel", 6, sleep=60.0, log=str(log)))
+    eventually(lambda: log.exists() and len(log.read_text().splitlines()) == 2)
+    running = [psutil.Process(int(line.split()[1])) for line in log.read_text().splitlines()]
+    assert client.cancel("cancel") == 6
+    eventually(lambda: not alive(running), 5.0)  # long before the next renewal
+    assert {row.state for row in client.runs("cancel").rows} == {RunState.CANCELLED}
+    client.submit(make_submission("next", 1))
+    eventually(lambda: done(client, "next"))
+
+
+def test_running_runs_are_seen_live(client: Client) -> None:
+    seen: list[Live] = []
+    with client.events(lambda _: None, seen.append):
+        client.submit(make_submission("live", 1, sleep=1.0))
+        eventually(lambda: done(client, "live"))
+    times = [live.snapshot.time for live in seen if live.run == "live.0"]
+    assert times == sorted(times)
+    assert 2 <= len(times) <= 6
+
+
+def test_a_repetition_confirms_the_result_or_raises_an_alarm(client: Client) -> None:
+    client.submit(make_submission("same", 1))
+    client.submit(make_submission("noisy", 1, noise=1))
+    eventually(lambda: done(client, "same") and done(client, "noisy"))
+    before = [client.run(name).result for name in ("same.0", "noisy.0")]
+    events: list[str] = []
+    with client.events(lambda event: events.append(f"{event.kind} {event.id}")):
+        client.retry("same", only="pass")
+        client.retry("noisy", only="pass")
+        eventually(lambda: done(client, "same") and done(client, "noisy"))
+        eventually(lambda: "alarm noisy.0" in events)
+    assert "alarm same.0" not in events
+    assert [client.run(name).result for name in ("same.0", "noisy.0")] == before
+    assert client.run("same.0").row.attempt == 2
+    assert "nondeterministic" in client.run("noisy.0").row.reason
+    kept = before[1]
+    assert kept is not None
+    trace = Path(client.run("noisy.0").row.trace).read_bytes()
+    assert hashlib.sha256(trace).hexdigest() == kept.trace.sha256
+
+
+def test_the_spool_is_empty_when_nothing_runs(client: Client, daemon: DaemonPart) -> None:
+    eventually(lambda: client.overview().running == 0)
+    eventually(lambda: not list((daemon.state / "spool").glob("*/*/attempt-*")))
+
+
+def test_the_worker_is_on_the_list(client: Client) -> None:
+    (row,) = client.workers()
+    assert (row.slots, row.busy) == (2, 0)
+    assert psutil.pid_exists(row.pid)
+    assert client.overview().workers == 1
+
+
+def test_the_wall_clock_limit_stops_a_run(tmp_path: Path) -> None:
+    settings = {"wall": 0.3, "attempts": 1}
+    with daemon_at(tmp_path / "state", 1, **settings) as daemon, daemon.client() as client:
+        client.submit(make_submission("slow", 1, sleep=60.0))
+        eventually(lambda: done(client, "slow"))
+        (row,) = client.runs("slow").rows
+        assert row.state is RunState.LOST
+        assert "stopped after 0.3 s of wall clock time" in row.reason
+
+
+def test_a_worker_told_to_leave_finishes_first(tmp_path: Path) -> None:
+    with (
+        daemon_at(tmp_path / "state") as daemon,
+        daemon.client() as client,
+        worker_for(daemon, 2) as worker,
+    ):
+        client.submit(make_submission("c", 4, sleep=0.5))
+        eventually(lambda: client.overview().running == 2)
+        worker.signal(signal.SIGTERM)
+        assert worker.wait() == 0
+        now = client.overview()
+        assert (now.done, now.queued, now.running) == (2, 2, 0)
+        eventually(lambda: client.overview().workers == 0)
+
+
+def test_a_worker_told_twice_gives_its_runs_back_without_blame(tmp_path: Path) -> None:
+    with daemon_at(tmp_path / "state", attempts=1) as daemon, daemon.client() as client:
+        with worker_for(daemon, 2) as worker:
+            client.submit(make_submission("c", 3, sleep=60.0))
+            eventually(lambda: client.overview().running == 2)
+            members = family(worker.pid)
+            worker.signal(signal.SIGTERM)
+            worker.signal(signal.SIGTERM)
+            worker.signal(signal.SIGQUIT)
+            assert worker.wait() == 0
+            assert eventually(lambda: not alive(members))
+        now = client.overview()
+        assert (now.queued, now.running, now.lost) == (3, 0, 0)
+        assert client.run("c.0").row.reason == "the worker was stopped"
+
+
+def test_children_die_with_their_worker(tmp_path: Path) -> None:
+    with (
+        daemon_at(tmp_path / "state") as daemon,
+        daemon.client() as client,
+        worker_for(daemon, 2) as worker,
+    ):
+        client.submit(make_submission("c", 2, sleep=60.0))
+        # The worker, its two helpers, two runs.
+        members = eventually(lambda: len(found := family(worker.pid)) >= 5 and found)
+        worker.kill()
+        eventually(lambda: not alive(members), 3.0)
+
+
+def test_a_worker_that_cannot_execute_says_why_and_leaves(tmp_path: Path) -> None:
+    with daemon_at(tmp_path / "state") as daemon:
+        options = ("--connect", daemon.endpoint, "--slots", "1", "--executor")
+        daemon.client().close()
+        worker = Part("worker", tmp_path / "w.log", *options, "tests.daemon.not_there:execute")
+        assert worker.wait() == 5
+        assert "this worker cannot execute runs" in worker.output
+        assert "ModuleNotFoundError: No module named 'tests.daemon.not_there'" in worker.output
+
+
+def test_a_worker_without_a_daemon_says_so(tmp_path: Path) -> None:
+    options = ("--connect", "tcp/127.0.0.1:9", "--slots", "1", "--executor")
+    worker = Part("worker", tmp_path / "w.log", *options, "tests.daemon.fake_run:execute")
+    assert worker.wait() == 3
+    assert "no daemon answers at tcp/127.0.0.1:9" in worker.output
+
+
+def test_results_left_by_a_dead_worker_are_delivered_by_the_next(tmp_path: Path) -> None:
+    with daemon_at(tmp_path / "state", lease=60.0, grace=60.0) as daemon:
+        log = tmp_path / "log"
+        with daemon.client() as client, worker_for(daemon, 2) as worker:
+            client.submit(make_submission("c", 2, sleep=0.3, log=str(log)))
+            eventually(lambda: client.overview().running == 2)
+            daemon.freeze()
+            spool = daemon.state / "spool"
+            eventually(lambda: len(list(spool.glob("*/*/attempt-1/result.json"))) == 2)
+            worker.kill()
+            daemon.signal(signal.SIGCONT)
+            with worker_for(daemon, 1):
+                eventually(lambda: finished(client, 2))
+            assert [row.attempt for row in client.runs("c").rows] == [1, 1]
+            assert len(log.read_text().splitlines()) == 2
+            assert list(spool.iterdir()) == []
+
+
+def test_a_worker_is_one_family(daemon: DaemonPart, client: Client) -> None:
+    """The fork server never opens Zenoh: only the daemon listens, only the agent connects."""
+    (row,) = client.workers()
+    connected = [p for p in family(row.pid) if p.net_connections("inet")]
+    assert [p.pid for p in connected] == [row.pid]
+    assert os.getpgid(row.pid) == row.pid
+
+
+def test_a_local_worker_that_cannot_execute_is_the_daemons_trouble(tmp_path: Path) -> None:
+    missing = "tests.daemon.not_there:execute"
+    with (
+        daemon_at(tmp_path / "state", 1, executor=missing) as daemon,
+        daemon.client() as client,
+    ):
+        client.submit(make_submission("c", 1))
+        trouble = eventually(lambda: client.overview().trouble)
+        assert "No module named 'tests.daemon.not_there'" in trouble
+        assert client.overview().queued == 1
+
+
+def test_a_run_whose_scene_is_gone_waits_without_blame(tmp_path: Path) -> None:
+    with daemon_at(tmp_path / "state", attempts=1) as daemon, daemon.client() as client:
+        client.submit(make_submission("c", 1))
+        (scene,) = (daemon.state / "scenes").iterdir()
+        scene.unlink()
+        with worker_for(daemon, 1) as worker:
+            eventually(lambda: "not started" in client.run("c.0").row.reason)
+            assert client.run("c.0").row.state is RunState.QUEUED
+            assert "there is no scene" in worker.output

@@ -1,0 +1,149 @@
+"""A small but complete run to record: every signal, values that only come back if they are kept."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from daemon.spec import MapSettings, OracleText, RunSpec, SutReference, TraceInfo
+from daemon.sut import Cloud, Estimate, Odometry, Progress
+from daemon.trace import TraceWriter
+from grammars.grid import OccupancyGrid
+from grammars.mission import Mission, Waypoint
+from grammars.robot import Drive, Laser, OdometryNoise, Robot
+from grammars.scene import Joint, Link, Scene, SceneObject, Solid
+from grammars.values import Pose2, Twist2
+
+RAYS = 90
+
+ROBOT = Robot(
+    name="box",
+    footprint=((0.3, 0.2), (-0.3, 0.2), (-0.3, -0.2), (0.3, -0.2)),
+    height=0.4,
+    mass=40.0,
+    drive=Drive("omnidirectional", 1.0, 0.5, 1.5, 1.0, 1.0, 2.0, 300.0, 100.0, 0.5),
+    laser=Laser(Pose2(0.2, 0.0, 0.1), 0.25, -1.5, 1.5, RAYS, 0.05, 30.0, 10.0, 0.01, 0.0),
+    odometry=OdometryNoise(20.0, 0.01, 0.01, 0.01),
+)
+
+MISSION = Mission(
+    "round",
+    Pose2(1.0, 2.0, 0.5),
+    (Waypoint("café", 3.0, 1.0, 1.5), Waypoint("door", 5.0, 1.0), Waypoint("end", 8.0, 1.0, -3.0)),
+)
+
+
+def door(number: int, *, frozen: bool = False) -> SceneObject:
+    leaf = ((0.0, 0.0), (0.9, 0.0), (0.9, 0.04), (0.0, 0.04))
+    post = ((-0.1, 0.0), (0.0, 0.0), (0.0, 0.1), (-0.1, 0.1))
+    return SceneObject(
+        name=f"door-{number}",
+        model="door",
+        pose=Pose2(3.0 * number, 2.0, 0.3 * number),
+        links=(Link("leaf", (leaf,), 20.0, 0.01, 2.0), Link("post", (post,), 5.0, 0.0, 2.1)),
+        joints=(Joint("hinge", "revolute", "world", "leaf", (0.02, 0.02), (1.0, 0.0), -1.6, 1.6),),
+        initial=(0.4,),
+        frozen=frozen,
+    )
+
+
+def scene(doors: int = 3) -> Scene:
+    wall = ((0.0, 0.0), (20.0, 0.0), (20.0, -0.2), (0.0, -0.2))
+    column = ((4.0, 1.0), (4.3, 1.0), (4.3, 1.3), (4.0, 1.3))
+    return Scene(
+        "corridor",
+        (),
+        (),
+        (Solid("hall-wall-0", "wall", wall, 0.0, 2.5), Solid("c1", "column", column, 0.0, 2.5)),
+        tuple(door(i, frozen=i == 2) for i in range(doors)),
+    )
+
+
+def specification(world: Scene, **changes: object) -> RunSpec:
+    spec = RunSpec(
+        campaign="demo",
+        scenario="S1",
+        sut=SutReference("pilot", "follower", {"gain": 1.5}),
+        repeat=3,
+        scene=world.digest,
+        robot=ROBOT,
+        mission=MISSION,
+        behaviours=(),
+        oracles=(OracleText("safe", "clearance > 0.1 m"),),
+        map=MapSettings(),
+        seed=7,
+        limit=60.0,
+    )
+    return replace(spec, **changes)  # type: ignore[arg-type]
+
+
+GRID = OccupancyGrid(0.05, -1.0, -2.0, np.arange(60, dtype=np.int8).reshape(6, 10))
+
+
+def pose_at(time: float) -> Pose2:
+    return Pose2(1.0 + 0.4 * time, 2.0 + math.sin(time), math.remainder(1.3 * time, math.tau))
+
+
+def twist_at(time: float) -> Twist2:
+    return Twist2(0.4 * math.cos(time), 0.1, -0.2 * time)
+
+
+def odometry_at(time: float) -> Odometry:
+    pose = pose_at(time)
+    return Odometry(time, Pose2(pose.x + 0.01, pose.y - 0.02, pose.yaw), twist_at(time))
+
+
+def joints_at(time: float, count: int) -> tuple[np.ndarray, np.ndarray]:
+    """Joints rest until second 2.5, then the first one turns for a second."""
+    moved = min(max(time - 2.5, 0.0), 1.0)
+    positions, velocities = np.full(count, 0.4), np.zeros(count)
+    positions[0] += moved
+    velocities[0] = 1.0 if 0.0 < moved < 1.0 else 0.0
+    return positions, velocities
+
+
+def covariance_at(time: float) -> np.ndarray:
+    return np.arange(9.0).reshape(3, 3) + time
+
+
+def ranges_at(time: float) -> np.ndarray:
+    ranges = np.linspace(1.0, 2.0 + time, RAYS, dtype=np.float32)
+    ranges[3], ranges[4] = np.inf, np.nan
+    return ranges
+
+
+def record_until(trace: TraceWriter, seconds: float, joints: int) -> None:
+    """Drive for some seconds at 20 Hz."""
+    trace.static(GRID)
+    for step in range(round(seconds * 20) + 1):
+        time = step / 20
+        trace.clock(time)
+        trace.ground_truth(time, pose_at(time), twist_at(time))
+        trace.joints(time, *joints_at(time, joints))
+        trace.odometry(odometry_at(time))
+        trace.command(time, twist_at(time))
+        if step % 2 == 0:
+            trace.scan(time, ranges_at(time))
+        if step % 10 == 0:
+            trace.estimate(Estimate(time, pose_at(time), covariance_at(time)))
+            trace.cloud(Cloud(time, 500 + step, pose_at(time), covariance_at(time)))
+            trace.local_plan(time, np.array([[time, 1.0], [time + 1, 2.0]]))
+        if step % 20 == 0:
+            trace.plan(time, np.array([[0.0, 1.0], [2.0, 3.0], [time // 2, 5.0]]))
+            trace.progress(time, Progress(min(step // 40, 2), min(step // 40, 2), "active"))
+            trace.event(time, "sut", f"second {time:g} – ok")
+    trace.contact(seconds, "robot", "door-0/leaf", (1.0, 2.0), (0.0, -1.0), 0.003)
+    trace.contact(seconds, "robot", "hall-wall-0", (4.0, 5.0), (1.0, 0.0), 0.001)
+    trace.contact(seconds, "robot", "door-0/leaf", (1.1, 2.1), (0.6, 0.8), 0.002)
+
+
+def record(path: Path, *, seconds: float = 12.0, doors: int = 3) -> TraceInfo:
+    world = scene(doors)
+    with TraceWriter(path, specification(world), world, versions={"numpy": "2"}) as trace:
+        record_until(trace, seconds, doors)
+        trace.progress(seconds, Progress(3, 3, "succeeded"))
+        trace.event(seconds, "run", "over", level="warn")
+        return trace.close("finished", "all waypoints reached")

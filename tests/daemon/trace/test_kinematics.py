@@ -1,0 +1,89 @@
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from daemon.trace import MovingLinks
+from grammars.scene import Joint, Link, Scene, SceneObject
+from grammars.values import Pose2
+from tests.daemon.trace.recordings import scene
+
+ANGLES = st.floats(-3.0, 3.0)
+
+
+def world_of(item: SceneObject) -> Scene:
+    return Scene("world", (), (), (), (item,))
+
+
+def object_with(*joints: Joint) -> SceneObject:
+    ring = ((0.0, 0.0), (1.0, 0.0), (1.0, 0.1))
+    links = tuple(Link(j.child, (ring,), 1.0, 0.0, 1.0) for j in joints)
+    return SceneObject("item", "thing", Pose2(2.0, -1.0, 0.7), links, joints, (0.0,) * len(joints))
+
+
+def pose_of(row: np.ndarray) -> Pose2:
+    x, y, qz, qw = row.tolist()
+    return Pose2(x, y, 2.0 * math.atan2(qz, qw))
+
+
+def assert_same(found: Pose2, expected: Pose2) -> None:
+    assert found.x == pytest.approx(expected.x, abs=1e-12)
+    assert found.y == pytest.approx(expected.y, abs=1e-12)
+    assert math.remainder(found.yaw - expected.yaw, math.tau) == pytest.approx(0.0, abs=1e-12)
+
+
+def about(x: float, y: float, angle: float) -> Pose2:
+    return Pose2(x, y) @ Pose2(0.0, 0.0, angle) @ Pose2(-x, -y)
+
+
+@given(ANGLES, ANGLES)
+def test_a_folding_door_turns_leaf_on_leaf(first: float, second: float) -> None:
+    item = object_with(
+        Joint("b", "revolute", "inner", "outer", (1.0, 0.2), (1.0, 0.0), -3.0, 3.0),
+        Joint("a", "revolute", "world", "inner", (0.1, 0.0), (1.0, 0.0), -3.0, 3.0),
+    )
+    links = MovingLinks.of(world_of(item))
+    assert links.names == ("item/outer", "item/inner")
+    poses = links.poses(np.array([[second, first]]))
+    inner = item.pose @ about(0.1, 0.0, first)
+    assert_same(pose_of(poses[0, 1]), inner)
+    assert_same(pose_of(poses[0, 0]), inner @ about(1.0, 0.2, second))
+
+
+@given(st.floats(-2.0, 2.0), ANGLES)
+def test_a_drawer_slides_along_its_axis_and_carries_its_lid(along: float, angle: float) -> None:
+    item = object_with(
+        Joint("slide", "prismatic", "world", "drawer", (0.0, 0.0), (0.6, 0.8), -2.0, 2.0),
+        Joint("lid", "revolute", "drawer", "lid", (0.0, 0.5), (1.0, 0.0), -3.0, 3.0),
+    )
+    poses = MovingLinks.of(world_of(item)).poses(np.array([[along, angle]]))
+    drawer = item.pose @ Pose2(0.6 * along, 0.8 * along)
+    assert_same(pose_of(poses[0, 0]), drawer)
+    assert_same(pose_of(poses[0, 1]), drawer @ about(0.0, 0.5, angle))
+
+
+def test_only_links_that_joints_move_are_listed_and_frozen_objects_are_not() -> None:
+    assert MovingLinks.of(scene()).names == ("door-0/leaf", "door-1/leaf")
+
+
+def test_columns_of_frozen_objects_are_skipped_over() -> None:
+    world = scene()
+    world = replace(world, objects=world.objects[2:] + world.objects[:2])
+    links = MovingLinks.of(world)
+    poses = links.poses(np.array([[9.0, 0.0, 0.5]]))
+    assert_same(pose_of(poses[0, 0]), world.objects[1].pose)
+    assert pose_of(poses[0, 1]).yaw == pytest.approx(0.3 + 0.5)
+
+
+def test_joints_that_form_a_loop_are_refused() -> None:
+    item = object_with(
+        Joint("a", "revolute", "y", "x", (0.0, 0.0), (1.0, 0.0), -1.0, 1.0),
+        Joint("b", "revolute", "x", "y", (0.0, 0.0), (1.0, 0.0), -1.0, 1.0),
+    )
+    with pytest.raises(ValueError, match="loop"):
+        MovingLinks.of(world_of(item))

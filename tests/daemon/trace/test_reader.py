@@ -1,0 +1,503 @@
+"""What was recorded comes back; what cannot be trusted is said so, never half believed."""
+
+from __future__ import annotations
+
+import hashlib
+import math
+import struct
+import zlib
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+import zstandard
+from hypothesis import HealthCheck, example, given, settings
+from hypothesis import strategies as st
+from mcap.reader import make_reader
+from mcap.writer import CompressionType, IndexType, Writer
+
+from daemon.sut import Estimate, Odometry, Progress
+from daemon.trace import ProgressRecord, Trace, TraceError, TraceWriter, read_trace
+from daemon.trace import recording as walking
+from daemon.trace.joints import JointSamples
+from grammars import codec
+from grammars.diagnostics import InputError
+from grammars.values import Pose2, Twist2
+from tests.daemon.trace.recordings import (
+    covariance_at,
+    joints_at,
+    odometry_at,
+    pose_at,
+    ranges_at,
+    record,
+    scene,
+    specification,
+    twist_at,
+)
+
+RELAXED = settings(
+    max_examples=120, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+)
+
+
+def test_every_signal_comes_back_as_it_was_recorded(recorded: Path) -> None:
+    trace = read_trace(recorded, scans=True)
+    time = trace.ground_truth.time
+    np.testing.assert_array_equal(time, np.arange(241) / 20)
+    for track, pose in (
+        (trace.ground_truth, pose_at),
+        (trace.odometry, lambda t: odometry_at(t).pose),
+    ):
+        poses = [pose(t) for t in time]
+        np.testing.assert_array_equal(track.x, [p.x for p in poses])
+        np.testing.assert_array_equal(track.y, [p.y for p in poses])
+        np.testing.assert_allclose(track.yaw, [p.yaw for p in poses], rtol=0, atol=1e-15)
+        twists = [twist_at(t) for t in time]
+        np.testing.assert_array_equal(track.vx, [t.vx for t in twists])
+        np.testing.assert_array_equal(track.vy, [t.vy for t in twists])
+        np.testing.assert_array_equal(track.wz, [t.wz for t in twists])
+    np.testing.assert_array_equal(trace.command.wz, [twist_at(t).wz for t in trace.command.time])
+    for beliefs in (trace.estimate, trace.cloud):
+        np.testing.assert_array_equal(beliefs.time, np.arange(25) / 2)
+        np.testing.assert_array_equal(beliefs.covariance, [covariance_at(t) for t in beliefs.time])
+        np.testing.assert_array_equal(beliefs.x, [pose_at(t).x for t in beliefs.time])
+    np.testing.assert_array_equal(trace.cloud_count, 500 + np.arange(25) * 10)
+    assert trace.scans is not None
+    np.testing.assert_array_equal(trace.scans.ranges, [ranges_at(t) for t in trace.scans.time])
+    assert trace.scans.ranges.dtype == np.float32
+
+
+def test_records_come_back_in_the_order_of_their_times(recorded: Path) -> None:
+    trace = read_trace(recorded)
+    assert [(c.second, c.point, c.normal, c.depth) for c in trace.contacts] == [
+        ("door-0/leaf", (1.0, 2.0), (0.0, -1.0), 0.003),
+        ("door-0/leaf", (1.1, 2.1), (0.6, 0.8), 0.002),
+        ("hall-wall-0", (4.0, 5.0), (1.0, 0.0), 0.001),
+    ]
+    assert trace.progress == (
+        ProgressRecord(0.0, 0, 0, "active"),
+        ProgressRecord(2.0, 1, 1, "active"),
+        ProgressRecord(4.0, 2, 2, "active"),
+        ProgressRecord(12.0, 3, 3, "succeeded"),
+    )
+    assert [(e.time, e.source, e.text) for e in trace.events[:2]] == [
+        (0.0, "sut", "second 0 – ok"),
+        (1.0, "sut", "second 1 – ok"),
+    ]
+    assert trace.events[-1].level == "warn"
+
+
+def test_a_trace_says_what_was_run_and_how_it_ended(recorded: Path) -> None:
+    trace = read_trace(recorded)
+    assert trace.scene == scene()
+    assert trace.spec == specification(scene())
+    assert (trace.ended, trace.note, trace.complete) == ("finished", "all waypoints reached", True)
+    assert trace.valid_until == 12.0
+    assert trace.problems == ()
+    assert trace.versions == {"engine": "1", "numpy": "2"}
+    assert trace.scans is None
+
+
+def test_joint_states_left_out_are_given_back_by_interpolation(recorded: Path) -> None:
+    joints = read_trace(recorded).joints
+    assert len(joints.time) < 60
+    every = np.arange(241) / 20
+    for column in range(3):
+        found = np.interp(every, joints.time, joints.position[:, column])
+        expected = [joints_at(t, 3)[0][column] for t in every]
+        np.testing.assert_allclose(found, expected, rtol=0, atol=1e-12)
+
+
+@given(st.lists(st.sampled_from([0.0, 0.5, 1.0]), min_size=1, max_size=120))
+def test_thinned_joint_states_interpolate_to_all_of_them(positions: list[float]) -> None:
+    samples = JointSamples(1)
+    for step, position in enumerate(positions):
+        samples.add(step * 50_000_000, np.array([position]), np.zeros(1))
+    samples.release()
+    times, states = samples.take()
+    assert np.diff(times).max(initial=0) <= 1_000_000_000
+    found = np.interp(np.arange(len(positions)) * 50_000_000, times, states[:, 0])
+    np.testing.assert_array_equal(found, positions)
+
+
+@given(st.floats(-math.pi, math.pi, exclude_min=True))
+@RELAXED
+def test_a_heading_comes_back_wrapped(tmp_path: Path, yaw: float) -> None:
+    trace = written(tmp_path, lambda w: w.ground_truth(0.0, Pose2(0.0, 0.0, yaw), Twist2()))
+    found = trace.ground_truth.yaw[0]
+    assert -math.pi < found <= math.pi
+    assert math.remainder(found - yaw, math.tau) == pytest.approx(0.0, abs=1e-15)
+
+
+@pytest.mark.parametrize(
+    "progress",
+    [
+        Progress(0, 0, "active"),
+        Progress(1, 1, "active"),
+        Progress(2, 1, "active"),
+        Progress(2, 2, "aborted"),
+        Progress(3, 3, "active"),
+        Progress(3, 3, "succeeded"),
+        Progress(3, 3, "aborted"),
+    ],
+)
+def test_progress_comes_back(tmp_path: Path, progress: Progress) -> None:
+    trace = written(tmp_path, lambda writer: writer.progress(0.0, progress))
+    (found,) = trace.progress
+    assert Progress(found.current, found.reached, found.state) == progress
+
+
+def written(folder: Path, fill: Callable[[TraceWriter], None]) -> Trace:
+    world = scene()
+    path = folder / "run.mcap"
+    with TraceWriter(path, specification(world), world) as writer:
+        fill(writer)
+        writer.close("limit")
+    return read_trace(path)
+
+
+def drive(writer: TraceWriter, times: list[float], x: float = 0.0) -> None:
+    for time in times:
+        writer.ground_truth(time, Pose2(x, 0.0, 0.0), Twist2())
+
+
+@pytest.mark.parametrize(
+    ("fill", "problem"),
+    [
+        (lambda w: w.event(1.0, "a", "b"), "there is no ground truth"),
+        (lambda w: drive(w, [0.0, 0.4, 1.0]), "no ground truth from 0.4 s to 1 s"),
+        (lambda w: drive(w, [0.6, 0.7]), "no ground truth from 0 s to 0.6 s"),
+        (lambda w: (drive(w, [0.0]), w.clock(2.0)), "no ground truth from 0 s to 2 s"),
+        (
+            lambda w: drive(w, [0.0, 0.2, 0.1]),
+            "the clock of the ground truth jumps back from 0.2 s to 0.1 s",
+        ),
+        (lambda w: drive(w, [0.0], math.nan), "the ground truth at 0 s is not a number"),
+        (
+            lambda w: w.ground_truth(0.0, Pose2(0.0, 0.0, math.inf), Twist2()),
+            "the ground truth at 0 s is not a number",
+        ),
+        (
+            lambda w: w.odometry(Odometry(0.0, Pose2(0.0, 0.0, math.inf), Twist2())),
+            "the odometry at 0 s is not a number",
+        ),
+        (
+            lambda w: (drive(w, [0.0]), w.joints(0.0, np.array([0, np.inf, 0]), np.zeros(3))),
+            "the joint states at 0 s is not a number",
+        ),
+    ],
+)
+def test_a_doubtful_recording_says_what_is_wrong(
+    tmp_path: Path, fill: Callable[[TraceWriter], None], problem: str
+) -> None:
+    assert problem in written(tmp_path, fill).problems
+
+
+def test_an_estimate_that_is_not_a_number_is_the_robots_problem(tmp_path: Path) -> None:
+    lost = Estimate(0.0, Pose2(1.0, 2.0, math.inf), np.full((3, 3), np.nan))
+    trace = written(tmp_path, lambda w: (drive(w, [0.0]), w.estimate(lost)))
+    assert trace.problems == ()
+    assert np.isnan(trace.estimate.yaw).all()
+    assert np.isnan(trace.estimate.covariance).all()
+
+
+def rewritten(source: Path, target: Path, **options: object) -> Path:
+    """The same messages in time order, by the mcap library: what other tools make of a trace."""
+    with source.open("rb") as stream, target.open("wb") as out:
+        reader = make_reader(stream)
+        writer = Writer(out, **options)  # type: ignore[arg-type]
+        writer.start("ros2", "another tool")
+        for attachment in reader.iter_attachments():
+            writer.add_attachment(0, 0, attachment.name, attachment.media_type, attachment.data)
+        for metadata in reader.iter_metadata():
+            writer.add_metadata(metadata.name, metadata.metadata)
+        schemas: dict[str, int] = {}
+        channels: dict[str, int] = {}
+        for schema, channel, message in reader.iter_messages():
+            if schema.name not in schemas:
+                schemas[schema.name] = writer.register_schema(
+                    schema.name, schema.encoding, schema.data
+                )
+            if channel.topic not in channels:
+                channels[channel.topic] = writer.register_channel(
+                    channel.topic, "cdr", schemas[schema.name]
+                )
+            writer.add_message(
+                channels[channel.topic], message.log_time, message.data, message.publish_time
+            )
+        writer.finish()
+    return target
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        {"chunk_size": 50_000},
+        {"compression": CompressionType.NONE},
+        {"index_types": IndexType.NONE},
+    ],
+)
+def test_a_trace_rewritten_by_other_tools_reads_the_same(
+    recorded: Path, tmp_path: Path, options: dict[str, object]
+) -> None:
+    one = read_trace(recorded, scans=True)
+    other = read_trace(rewritten(recorded, tmp_path / "other.mcap", **options), scans=True)
+    assert other.complete
+    assert other.spec == one.spec
+    assert (other.contacts, other.progress, other.events) == (
+        one.contacts,
+        one.progress,
+        one.events,
+    )
+    np.testing.assert_array_equal(other.ground_truth.x, one.ground_truth.x)
+    np.testing.assert_array_equal(other.joints.position, one.joints.position)
+    np.testing.assert_array_equal(other.estimate.covariance, one.estimate.covariance)
+    assert other.scans is not None
+    assert one.scans is not None
+    np.testing.assert_array_equal(other.scans.ranges, one.scans.ranges)
+
+
+def usable(path: Path, data: bytes) -> Trace | None:
+    """Read damaged bytes: a trace, or nothing but a :class:`TraceError`."""
+    path.write_bytes(data)
+    try:
+        return read_trace(path, scans=True)
+    except TraceError as error:
+        assert str(path) in str(error)
+        return None
+
+
+@given(st.data())
+@RELAXED
+def test_a_file_cut_anywhere_yields_its_prefix_or_an_error(
+    recorded: Path, tmp_path: Path, data: st.DataObject
+) -> None:
+    whole = recorded.read_bytes()
+    at = data.draw(st.integers(0, len(whole) - 1))
+    trace = usable(tmp_path / "cut.mcap", whole[:at])
+    if trace is not None:
+        assert not trace.complete
+        assert trace.ended is None
+        assert "cut" in trace.note or "missing" in trace.note
+        n = len(trace.ground_truth.time)
+        np.testing.assert_array_equal(trace.ground_truth.time, np.arange(n) / 20)
+        assert n in (0, 200, 241)
+
+
+@given(st.data())
+@RELAXED
+def test_damaged_bytes_never_escape_and_never_change_a_pose(
+    recorded: Path, tmp_path: Path, data: st.DataObject
+) -> None:
+    damaged = bytearray(recorded.read_bytes())
+    for _ in range(data.draw(st.integers(1, 3))):
+        damaged[data.draw(st.integers(0, len(damaged) - 1))] ^= data.draw(st.integers(1, 255))
+    trace = usable(tmp_path / "damaged.mcap", bytes(damaged))
+    if trace is not None:
+        x = [pose_at(t).x for t in trace.ground_truth.time]
+        np.testing.assert_array_equal(trace.ground_truth.x, x)
+
+
+@pytest.fixture(scope="module")
+def unprotected(recorded: Path, tmp_path_factory: pytest.TempPathFactory) -> bytes:
+    """A trace without compression and checksums: damage gets through to the messages."""
+    path = tmp_path_factory.mktemp("unprotected") / "run.mcap"
+    plain = {"compression": CompressionType.NONE, "enable_crcs": False}
+    return rewritten(recorded, path, **plain).read_bytes()
+
+
+@given(st.data())
+@RELAXED
+def test_damage_that_no_checksum_shows_never_escapes(
+    unprotected: bytes, tmp_path: Path, data: st.DataObject
+) -> None:
+    damaged = bytearray(unprotected)
+    for _ in range(data.draw(st.integers(1, 20))):
+        at = data.draw(st.integers(0, len(damaged) - 1))
+        damaged[at] = data.draw(st.integers(0, 255))
+    usable(tmp_path / "damaged.mcap", bytes(damaged))
+
+
+@given(st.binary(max_size=300))
+@example(b"")
+@RELAXED
+def test_foreign_bytes_are_an_error_that_names_the_file(tmp_path: Path, data: bytes) -> None:
+    for content in (data, b"\x89MCAP0\r\n" + data):
+        assert usable(tmp_path / "foreign.mcap", content) is None
+
+
+def test_errors_say_what_is_wrong_and_what_to_do(tmp_path: Path) -> None:
+    with pytest.raises(TraceError, match=r"missing\.mcap: cannot be read"):
+        read_trace(tmp_path / "missing.mcap")
+    with pytest.raises(TraceError, match="cannot be read"):
+        read_trace(tmp_path)
+    (tmp_path / "empty.mcap").touch()
+    with pytest.raises(TraceError, match="is empty"):
+        read_trace(tmp_path / "empty.mcap")
+    (tmp_path / "notes.txt").write_text("hello")
+    with pytest.raises(TraceError, match="is not an MCAP file"):
+        read_trace(tmp_path / "notes.txt")
+    assert issubclass(TraceError, InputError)
+
+
+def test_a_file_without_its_end_is_incomplete(recorded: Path, tmp_path: Path) -> None:
+    trace = usable(tmp_path / "t.mcap", recorded.read_bytes()[:-3])
+    assert trace is not None
+    assert not trace.complete
+    assert "end of the file is missing" in trace.note
+
+
+def mcap(*parts: bytes) -> bytes:
+    return b"\x89MCAP0\r\n" + b"".join(parts)
+
+
+def rec(opcode: int, content: bytes) -> bytes:
+    return struct.pack("<BQ", opcode, len(content)) + content
+
+
+def chunk(data: bytes, *, size: int | None = None, method: bytes = b"zstd") -> bytes:
+    packed = zstandard.compress(data) if method == b"zstd" else data
+    head = struct.pack("<QQQI", 0, 0, len(data) if size is None else size, zlib.crc32(data))
+    named = struct.pack("<I", len(method)) + method
+    return rec(6, head + named + struct.pack("<Q", len(packed)) + packed)
+
+
+def prefix_of(path: Path) -> bytes:
+    """Everything of a trace before its first chunk."""
+    data, at = path.read_bytes(), 8
+    while data[at] != 6:
+        at += 9 + struct.unpack_from("<Q", data, at + 1)[0]
+    return data[:at]
+
+
+def channel_records(topic: str, kind: str) -> bytes:
+    def text(value: str) -> bytes:
+        return struct.pack("<I", len(value)) + value.encode()
+
+    schema = struct.pack("<H", 1) + text(kind) + text("ros2msg") + text("")
+    channel = struct.pack("<HH", 1, 1) + text(topic) + text("cdr") + struct.pack("<I", 0)
+    return rec(3, schema) + rec(4, channel)
+
+
+def message(payload: bytes) -> bytes:
+    return rec(5, struct.pack("<HIQQ", 1, 0, 0, 0) + payload)
+
+
+HUGE = 0xFFFFFFFF
+HOSTILE = {
+    "a chunk that claims to be huge": chunk(b"x", size=1 << 60),
+    "a chunk that grows": chunk(bytes(1 << 20), size=10),
+    "an unknown compression": chunk(b"x", method=b"magic"),
+    "a record longer than the chunk": chunk(struct.pack("<BQ", 5, 1 << 50)),
+    "a message without a header": chunk(rec(5, b"\x01\x00")),
+    "a message on no channel": chunk(message(b"abc")),
+    "a channel of another type": chunk(channel_records("/odom", "std_msgs/msg/String")),
+    "an attachment that claims to be huge": rec(9, struct.pack("<QQIIQ", 0, 0, 0, 0, 1 << 60)),
+    "metadata that claims to be huge": rec(12, struct.pack("<II", HUGE, HUGE)),
+    "a record that claims to be huge": struct.pack("<BQ", 6, (1 << 64) - 1),
+    "a short chunk": rec(6, b"abc"),
+    "a chunk with a long name": rec(6, struct.pack("<QQQII", 0, 0, 1, 0, HUGE)),
+    "a short index": chunk(b"") + rec(7, b"") + rec(15, b"\x00" * 4),
+}
+
+
+@pytest.mark.parametrize("name", HOSTILE)
+def test_hostile_records_end_the_readable_prefix(recorded: Path, tmp_path: Path, name: str) -> None:
+    trace = usable(tmp_path / "hostile.mcap", prefix_of(recorded) + HOSTILE[name])
+    if trace is not None:
+        assert not trace.complete
+        assert len(trace.ground_truth.time) == 0
+    assert usable(tmp_path / "hostile.mcap", mcap(HOSTILE[name])) is None
+
+
+@pytest.mark.parametrize(
+    ("topic", "kind", "payload"),
+    [
+        ("/odom", "nav_msgs/msg/Odometry", b"short"),
+        ("/contacts", "gazebo_msgs/msg/ContactsState", b"\x00\x01\x00\x00" + b"\xff" * 64),
+        ("/contacts", "gazebo_msgs/msg/ContactsState", b""),
+        ("/scan", "sensor_msgs/msg/LaserScan", b"\x00\x01\x00\x00" + b"\xff" * 64),
+        ("/mission/status", "action_msgs/msg/GoalStatusArray", b"\x00\x01\x00\x00" + b"\xff" * 64),
+        ("/mission/status", "action_msgs/msg/GoalStatusArray", b"\x00\x01\x00\x00" + bytes(4)),
+        ("/events", "rcl_interfaces/msg/Log", b"\x00\x01\x00\x00" + b"\xff" * 64),
+        ("/events", "rcl_interfaces/msg/Log", bytes(1 << 21)),
+    ],
+    ids=lambda value: value if isinstance(value, str) else "",
+)
+def test_hostile_messages_are_an_error(
+    recorded: Path, tmp_path: Path, topic: str, kind: str, payload: bytes
+) -> None:
+    body = chunk(channel_records(topic, kind) + message(payload))
+    path = tmp_path / "hostile.mcap"
+    path.write_bytes(prefix_of(recorded) + body)
+    with pytest.raises(TraceError, match="damaged"):
+        read_trace(path, scans=True)
+
+
+def test_files_and_contents_beyond_the_limits_are_refused(
+    recorded: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(walking, "RUN_LIMIT", 5)
+    with pytest.raises(TraceError, match="scattered"):
+        read_trace(recorded)
+    monkeypatch.setattr(walking, "TOTAL_LIMIT", 100_000)
+    with pytest.raises(TraceError, match="MiB of messages"):
+        read_trace(recorded)
+    monkeypatch.setattr(walking, "FILE_LIMIT", 1000)
+    with pytest.raises(TraceError, match="larger than"):
+        read_trace(recorded)
+
+
+def test_another_scene_or_another_specification_is_noticed(recorded: Path, tmp_path: Path) -> None:
+    def attachment(name: str, data: bytes) -> bytes:
+        named = struct.pack("<I", len(name)) + name.encode() + struct.pack("<I", 0)
+        content = struct.pack("<QQ", 0, 0) + named + struct.pack("<Q", len(data)) + data
+        return rec(9, content + bytes(4))
+
+    path = tmp_path / "swapped.mcap"
+    other = zstandard.compress(codec.to_json(scene(1)))
+    path.write_bytes(prefix_of(recorded) + attachment("scene.json.zst", other))
+    with pytest.raises(TraceError, match="not the one of the run"):
+        read_trace(path)
+    path.write_bytes(prefix_of(recorded) + attachment("scene.json.zst", b"rubbish"))
+    with pytest.raises(TraceError, match="damaged"):
+        read_trace(path)
+    changed = codec.to_json(specification(scene(), seed=8))
+    path.write_bytes(prefix_of(recorded) + attachment("spec.json", changed))
+    with pytest.raises(TraceError, match="damaged"):
+        read_trace(path)
+
+
+def test_a_specification_of_another_version_is_an_error(tmp_path: Path) -> None:
+    path = tmp_path / "old.mcap"
+    record(path, seconds=0.5)
+    out = tmp_path / "new.mcap"
+    with path.open("rb") as stream, out.open("wb") as target:
+        reader = make_reader(stream)
+        writer = Writer(target)
+        writer.start("ros2")
+        (spec, _) = list(reader.iter_attachments())
+        data = spec.data.replace(b'"repeat":3', b'"again":3')
+        writer.add_attachment(0, 0, "spec.json", "application/json", data)
+        writer.add_metadata("run", {"digest": hashlib.sha256(data).hexdigest()})
+        writer.finish()
+    with pytest.raises(TraceError, match="another version"):
+        read_trace(out)
+
+
+def test_scans_are_not_even_decompressed_unless_asked_for(
+    recorded: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    opened: list[int] = []
+    real = walking.decompress
+
+    def counting(data: bytes, method: bytes, size: int | None, *rest: int) -> bytes:
+        opened.append(len(data))
+        return real(data, method, size, *rest)
+
+    monkeypatch.setattr(walking, "decompress", counting)
+    read_trace(recorded)
+    few = len(opened)
+    read_trace(recorded, scans=True)
+    assert (few, len(opened) - few) == (3, 5)

@@ -1,0 +1,339 @@
+"""The file is what ROS tools expect, the same every time, and never half a file by its name."""
+
+from __future__ import annotations
+
+import hashlib
+import math
+import os
+import signal
+import subprocess
+import sys
+from collections import Counter
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from mcap.reader import make_reader
+from mcap_ros2.decoder import DecoderFactory
+from rosbags.highlevel import AnyReader
+from rosbags.interfaces import QosDurability
+
+from daemon.sut import Cloud, Estimate, Odometry, Progress
+from daemon.trace import PARTIAL, TraceWriter, read_trace
+from grammars.values import Pose2, Twist2
+from tests.daemon.trace.recordings import (
+    GRID,
+    MISSION,
+    joints_at,
+    odometry_at,
+    pose_at,
+    ranges_at,
+    record,
+    record_until,
+    scene,
+    specification,
+    twist_at,
+)
+
+COUNTS = {
+    "/map": 1, "/footprint": 1, "/scene": 1, "/tf_static": 1, "/clock": 121, "/scan": 121,
+    "/odom": 241, "/ground_truth": 241, "/cmd_vel": 241, "/pose": 25,
+    "/particle_cloud/summary": 25, "/particle_cloud/count": 25, "/plan": 7, "/local_plan": 25,
+    "/contacts": 3, "/mission/status": 4, "/mission/goal": 3, "/events": 14,
+}  # fmt: skip
+
+
+def decoded(path: Path) -> list[tuple[str, float, Any]]:
+    """All messages by the reference reader and decoder, checksums verified, in time order."""
+    with path.open("rb") as stream:
+        reader = make_reader(stream, validate_crcs=True, decoder_factories=[DecoderFactory()])
+        return [
+            (m.channel.topic, m.message.log_time / 1e9, m.decoded_message)
+            for m in reader.iter_decoded_messages()
+        ]
+
+
+def on(path: Path, topic: str) -> list[Any]:
+    return [message for name, _, message in decoded(path) if name == topic]
+
+
+def yaw(orientation: Any) -> float:
+    return 2.0 * math.atan2(orientation.z, orientation.w)
+
+
+def test_rosbags_opens_the_file_as_a_ros2_bag(recorded: Path) -> None:
+    with AnyReader([recorded]) as reader:
+        counts = {c.topic: c.msgcount for c in reader.connections}
+        found = Counter(connection.topic for connection, _, _ in reader.messages())
+        for connection, time, raw in reader.messages():
+            message = reader.deserialize(raw, connection.msgtype)
+            stamp = getattr(getattr(message, "header", None), "stamp", None)
+            if stamp is not None:
+                assert stamp.sec * 10**9 + stamp.nanosec == time
+        latched = {
+            c.topic
+            for c in reader.connections
+            if any(
+                q.durability == QosDurability.TRANSIENT_LOCAL for q in c.ext.offered_qos_profiles
+            )
+        }
+    assert counts == dict(found)
+    assert {t: n for t, n in counts.items() if t not in ("/tf", "/joint_states")} == COUNTS
+    assert latched == {
+        "/map",
+        "/footprint",
+        "/scene",
+        "/tf_static",
+        "/mission/status",
+        "/mission/goal",
+    }
+
+
+def test_the_reference_reader_finds_every_message_in_order_with_its_checksum(
+    recorded: Path,
+) -> None:
+    messages = decoded(recorded)
+    counts = Counter(topic for topic, _, _ in messages)
+    assert {t: n for t, n in counts.items() if t not in ("/tf", "/joint_states")} == COUNTS
+    times = [time for _, time, _ in messages]
+    assert times == sorted(times)
+    with recorded.open("rb") as stream:
+        reader = make_reader(stream)
+        assert reader.get_header().profile == "ros2"
+        assert reader.get_header().library == "scenario-tui"
+        statistics = reader.get_summary().statistics
+        assert statistics.message_count == len(messages)
+        assert [a.name for a in reader.iter_attachments()] == ["spec.json", "scene.json.zst"]
+        names = [m.name for m in reader.iter_metadata()]
+        assert names == ["run", "versions", "outcome"]
+
+
+def test_poses_scans_and_joints_have_the_values_that_were_recorded(recorded: Path) -> None:
+    for topic, time, message in decoded(recorded):
+        if topic == "/ground_truth":
+            pose, twist = pose_at(time), twist_at(time)
+            found = message.pose.pose
+            assert (found.position.x, found.position.y) == (pose.x, pose.y)
+            assert yaw(found.orientation) == pytest.approx(pose.yaw, abs=1e-12)
+            assert message.twist.twist.linear.x == twist.vx
+            assert message.twist.twist.angular.z == twist.wz
+            assert (message.header.frame_id, message.child_frame_id) == ("map", "base_link")
+        elif topic == "/scan":
+            np.testing.assert_array_equal(np.array(message.ranges, np.float32), ranges_at(time))
+            assert message.angle_increment == pytest.approx(3.0 / 89)
+            assert message.scan_time == pytest.approx(0.1)
+        elif topic == "/joint_states":
+            assert message.name == ["door-0.hinge", "door-1.hinge", "door-2.hinge"]
+            np.testing.assert_array_equal(message.position, joints_at(time, 3)[0])
+
+
+def test_transforms_put_the_estimate_where_the_estimator_said(recorded: Path) -> None:
+    frames: dict[str, Pose2] = {}
+    checked = 0
+    for topic, time, message in decoded(recorded):
+        if topic == "/tf":
+            for item in message.transforms:
+                t = item.transform
+                pose = Pose2(t.translation.x, t.translation.y, yaw(t.rotation))
+                frames[item.child_frame_id] = pose
+        if {"odom", "base_link"} <= frames.keys() and topic == "/pose" and time > 0:
+            pose = frames["odom"] @ odometry_at(time).pose
+            assert pose.x == pytest.approx(message.pose.pose.position.x, abs=1e-9)
+            assert pose.y == pytest.approx(message.pose.pose.position.y, abs=1e-9)
+            checked += 1
+    assert checked == 24
+    assert frames.keys() == {"odom", "base_link", "door-0/leaf", "door-1/leaf"}
+    assert frames["door-0/leaf"].yaw == pytest.approx(1.4)
+
+
+def test_an_estimate_is_matched_with_the_odometry_of_its_own_time(tmp_path: Path) -> None:
+    world = scene()
+    with TraceWriter(tmp_path / "t.mcap", specification(world), world) as trace:
+        for time in (0.0, 0.1, 0.2):
+            trace.odometry(Odometry(time, Pose2(time, 0.0, 0.0), Twist2()))
+        trace.estimate(Estimate(0.1, Pose2(5.0, 1.0, 0.0), np.eye(3)))
+        trace.close("limit")
+    offsets = [
+        (item.transform.translation.x, item.transform.translation.y)
+        for message in on(tmp_path / "t.mcap", "/tf")
+        for item in message.transforms
+        if item.child_frame_id == "odom"
+    ]
+    assert offsets == [(1.0, 2.0), (pytest.approx(4.9), 1.0)]
+
+
+def test_viewers_get_map_footprint_fixed_frames_and_the_building(recorded: Path) -> None:
+    (grid,) = on(recorded, "/map")
+    assert (grid.info.width, grid.info.height) == (10, 6)
+    assert (grid.info.origin.position.x, grid.info.origin.position.y) == (-1.0, -2.0)
+    assert list(grid.data) == list(range(60))
+    (footprint,) = on(recorded, "/footprint")
+    assert footprint.header.frame_id == "base_link"
+    assert len(footprint.polygon.points) == 4
+    (static,) = on(recorded, "/tf_static")
+    fixed = {t.child_frame_id: t for t in static.transforms}
+    assert fixed.keys() == {"laser", "door-0/post", "door-1/post", "door-2/post", "door-2/leaf"}
+    assert fixed["laser"].header.frame_id == "base_link"
+    assert fixed["laser"].transform.translation.z == 0.25
+    held = fixed["door-2/leaf"].transform
+    assert yaw(held.rotation) == pytest.approx(0.6 + 0.4)
+    (markers,) = on(recorded, "/scene")
+    found = {(m.header.frame_id, m.ns): m for m in markers.markers}
+    wall = found["map", "walls"]
+    assert len(wall.points) == 30
+    assert {p.z for p in wall.points} == {0.0, 2.5}
+    assert found["door-0/leaf", "door-0"].frame_locked
+    labels = [m.text for m in markers.markers if m.ns == "waypoint names"]
+    assert labels == [w.id for w in MISSION.waypoints]
+
+
+def test_the_mission_is_one_goal_per_waypoint_and_one_for_all(recorded: Path) -> None:
+    statuses = on(recorded, "/mission/status")
+    codes = [[int(goal.status) for goal in s.status_list] for s in statuses]
+    assert codes == [[2, 1, 1, 2], [4, 2, 1, 2], [4, 4, 2, 2], [4, 4, 4, 4]]
+    ids = [bytes(goal.goal_info.goal_id.uuid) for goal in statuses[0].status_list]
+    assert len(set(ids)) == 4
+    assert [bytes(g.goal_info.goal_id.uuid) for g in statuses[-1].status_list] == ids
+    goals = [(g.pose.position.x, g.pose.position.y) for g in on(recorded, "/mission/goal")]
+    assert goals == [(w.x, w.y) for w in MISSION.waypoints]
+
+
+def test_an_unchanged_plan_is_written_once(recorded: Path) -> None:
+    plans = [
+        [(p.pose.position.x, p.pose.position.y) for p in m.poses] for m in on(recorded, "/plan")
+    ]
+    assert [plan[-1] for plan in plans] == [(float(x), 5.0) for x in range(7)]
+
+
+def test_the_same_calls_leave_the_same_bytes_in_any_process(recorded: Path, tmp_path: Path) -> None:
+    script = (
+        "import sys; from pathlib import Path; from tests.daemon.trace.recordings import record; "
+        "print(record(Path(sys.argv[1])).sha256)"
+    )
+    again = tmp_path / "elsewhere.mcap"
+    environment = {**os.environ, "PYTHONHASHSEED": "77", "TZ": "Asia/Tokyo"}
+    done = subprocess.run(
+        [sys.executable, "-c", script, str(again)],
+        env=environment, capture_output=True, text=True, check=True,
+    )  # fmt: skip
+    assert again.read_bytes() == recorded.read_bytes()
+    assert done.stdout.strip() == hashlib.sha256(recorded.read_bytes()).hexdigest()
+
+
+def test_closing_reports_the_file_as_it_is(tmp_path: Path) -> None:
+    info = record(tmp_path / "run.mcap", seconds=1.0)
+    data = (tmp_path / "run.mcap").read_bytes()
+    assert (info.sha256, info.size) == (hashlib.sha256(data).hexdigest(), len(data))
+    assert info.messages == len(decoded(tmp_path / "run.mcap"))
+    assert [p.name for p in tmp_path.iterdir()] == ["run.mcap"]
+
+
+def test_an_exception_leaves_a_readable_partial_file(tmp_path: Path) -> None:
+    world = scene()
+
+    def fail() -> None:
+        with TraceWriter(tmp_path / "run.mcap", specification(world), world) as trace:
+            record_until(trace, 3.0, 3)
+            raise RuntimeError("the engine broke")
+
+    with pytest.raises(RuntimeError, match="the engine broke"):
+        fail()
+    assert [p.name for p in tmp_path.iterdir()] == ["run.mcap" + PARTIAL]
+    trace = read_trace(tmp_path / ("run.mcap" + PARTIAL))
+    assert not trace.complete
+    assert trace.ended is None
+    assert trace.valid_until == 3.0
+    assert trace.problems == ()
+
+
+def test_a_killed_writer_leaves_a_readable_partial_file(tmp_path: Path) -> None:
+    script = (
+        "import os, signal, sys; from pathlib import Path\n"
+        "from daemon.trace import TraceWriter\n"
+        "from tests.daemon.trace.recordings import record_until, scene, specification\n"
+        "world = scene()\n"
+        "trace = TraceWriter(Path(sys.argv[1]), specification(world), world)\n"
+        "record_until(trace, 25.0, 3)\n"
+        "os.kill(os.getpid(), signal.SIGKILL)\n"
+    )
+    path = tmp_path / "run.mcap"
+    done = subprocess.run([sys.executable, "-c", script, str(path)], check=False)
+    assert done.returncode == -signal.SIGKILL
+    assert not path.exists()
+    trace = read_trace(tmp_path / ("run.mcap" + PARTIAL), scans=True)
+    assert not trace.complete
+    assert trace.valid_until == pytest.approx(19.95)
+    assert trace.scans is not None
+    assert trace.scans.time[-1] == pytest.approx(19.9)
+
+
+def test_a_new_writer_replaces_what_a_dead_one_left(tmp_path: Path) -> None:
+    (tmp_path / ("run.mcap" + PARTIAL)).write_bytes(b"rubbish")
+    record(tmp_path / "run.mcap", seconds=1.0)
+    assert read_trace(tmp_path / "run.mcap").complete
+
+
+def test_two_writers_of_one_trace_do_not_pass_off_each_others_file(tmp_path: Path) -> None:
+    world = scene()
+    path = tmp_path / "run.mcap"
+    with (
+        TraceWriter(path, specification(world), world) as first,
+        TraceWriter(path, specification(world), world) as second,
+    ):
+        first.static(GRID)
+        second.static(GRID)
+        with pytest.raises(FileExistsError, match="another process"):
+            first.close("limit")
+        second.close("limit")
+    assert read_trace(path).complete
+
+
+def test_values_that_cannot_be_recorded_are_refused(tmp_path: Path) -> None:
+    world = scene()
+    with TraceWriter(tmp_path / "run.mcap", specification(world), world) as trace:
+        for time in (-0.1, math.nan, math.inf, 2.0**31):
+            with pytest.raises(ValueError, match="time"):
+                trace.clock(time)
+        with pytest.raises(ValueError, match="ranges"):
+            trace.scan(0.0, np.zeros(7, np.float32))
+        with pytest.raises(ValueError, match="ranges"):
+            trace.scan(0.0, np.zeros(90))  # type: ignore[arg-type]
+        with pytest.raises(ValueError, match="joint states"):
+            trace.joints(0.0, np.zeros(2), np.zeros(2))
+        with pytest.raises(ValueError, match="covariance"):
+            trace.estimate(Estimate(0.0, Pose2(), np.zeros(9)))
+        with pytest.raises(ValueError, match="covariance"):
+            trace.cloud(Cloud(0.0, 1, Pose2(), np.zeros((6, 6))))
+        with pytest.raises(ValueError, match="level"):
+            trace.event(0.0, "a", "b", level="loud")
+        with pytest.raises(ValueError, match="mission"):
+            trace.progress(0.0, Progress(0, 0, "lost"))  # type: ignore[arg-type]
+        trace.event(0.0, "sut", "not text: \udc80")
+        trace.event(0.0, "sut", "long" * 1_000_000)
+        trace.close("limit", "\udcff")
+    trace_read = read_trace(tmp_path / "run.mcap")
+    assert trace_read.events[0].text == "not text: \\udc80"
+    assert trace_read.events[1].text.startswith("longlong")
+    assert len(trace_read.events[1].text) == 10_000
+    assert trace_read.note == "\\udcff"
+
+
+def test_a_scene_that_is_not_the_specified_one_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(ValueError, match="specified"):
+        TraceWriter(tmp_path / "run.mcap", specification(scene(1)), scene(2))
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_world_without_objects_can_be_recorded(tmp_path: Path) -> None:
+    world = scene(0)
+    with TraceWriter(tmp_path / "run.mcap", specification(world), world) as trace:
+        trace.static(GRID)
+        for step in range(10):
+            trace.ground_truth(step / 20, pose_at(step / 20), twist_at(step / 20))
+            trace.joints(step / 20, np.empty(0), np.empty(0))
+        trace.close("limit")
+    trace_read = read_trace(tmp_path / "run.mcap", scans=True)
+    assert trace_read.problems == ()
+    assert trace_read.joints.names == ()
+    assert len(decoded(tmp_path / "run.mcap")) == 16
