@@ -1,0 +1,153 @@
+"""Commands that start something: demo, check, run, submit."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from scenario_tui.cli._exits import ExitCode, exit_code
+from scenario_tui.cli._options import AsJson, CampaignFile, Connect, Slots, State
+
+if TYPE_CHECKING:
+    from daemon.protocol import Submission
+    from grammars.diagnostics import Diagnostic
+
+Out = Annotated[
+    Path | None,
+    typer.Option(
+        "--out", "-o", metavar="DIR", help="Where traces go. Default: scenario-results/<campaign>/."
+    ),
+]
+
+
+def demo(out: Out = None, slots: Slots = None, as_json: AsJson = False) -> None:
+    """Show everything once: a robot, moving doors, verdicts.
+
+    Takes seconds and needs nothing but this installation.
+    """
+    from importlib.resources import as_file, files
+
+    from scenario_tui.cli._embedded import run_here
+    from scenario_tui.cli._output import out as console
+    from scenario_tui.cli._summary import print_commands
+
+    with as_file(files("campaigns")) as folder:
+        words = run_here(_prepared(folder / "demo" / "campaign.yaml"), out, slots, as_json)
+    if not as_json:
+        console().print("This is what testing with scenarios looks like. Make it yours:")
+        print_commands(
+            ("scenario check CAMPAIGN.yaml", "find every problem before anything runs"),
+            ("scenario submit CAMPAIGN.yaml", "hand a campaign to the daemon and go on"),
+            ("scenario tui", "watch it in the dashboard"),
+        )
+    # A demo may well show a failing robot: it succeeds when every run was judged.
+    judged = set(words) <= {"pass", "fail", "inconclusive"}
+    raise typer.Exit(ExitCode.EXPECTED if judged else ExitCode.INFRASTRUCTURE)
+
+
+def run(
+    campaign: CampaignFile, out: Out = None, slots: Slots = None, as_json: AsJson = False
+) -> None:
+    """Run a campaign here and now, without a daemon.
+
+    Nothing is left behind but the traces, in scenario-results/ unless told otherwise.
+    """
+    from scenario_tui.cli._embedded import run_here
+    from scenario_tui.cli._summary import print_commands
+
+    words = run_here(_prepared(campaign), out, slots, as_json)
+    if not as_json:
+        print_commands(
+            (f"scenario submit {campaign}", "run it with the daemon, results are kept"),
+            ("scenario tui", "the dashboard of the daemon"),
+        )
+    raise typer.Exit(exit_code(words))
+
+
+def submit(
+    campaign: CampaignFile,
+    watch: Annotated[
+        bool, typer.Option("--watch", "-w", help="Stay until it is finished, show progress.")
+    ] = False,
+    again: Annotated[
+        bool, typer.Option("--again", help="Run everything anew even when it ran before.")
+    ] = False,
+    slots: Slots = None,
+    connect: Connect = "",
+    state: State = None,
+    as_json: AsJson = False,
+) -> None:
+    """Hand a campaign to the daemon, watch it if you like.
+
+    A daemon is started on this machine if none answers.
+    """
+    from scenario_tui.cli._output import emit, say
+    from scenario_tui.cli._session import Target
+    from scenario_tui.cli._submit import start_daemon_if_needed, tell_receipt, watch_to_the_end
+
+    submission = _prepared(campaign, again=again)
+    target = Target(connect, state)
+    start_daemon_if_needed(target, slots)
+    endpoint = target.endpoint
+    with target.open() as daemon:
+        receipt = daemon.submit(submission)
+    say(tell_receipt(receipt))
+    if watch:
+        raise typer.Exit(watch_to_the_end(target, submission.campaign, as_json))
+    if as_json:
+        emit("submit", receipt=receipt, endpoint=endpoint)
+        return
+    from scenario_tui.cli._summary import print_commands
+
+    print_commands(
+        ("scenario tui", "watch it in the dashboard"),
+        (f"scenario results {submission.campaign}", "verdicts so far"),
+        (f"scenario cancel {submission.campaign}", "stop it"),
+    )
+
+
+def check(
+    files: Annotated[
+        list[Path],
+        typer.Argument(metavar="FILE...", help="Campaigns, floor plans, scenery or other layers."),
+    ],
+    as_json: AsJson = False,
+) -> None:
+    """Find every problem of campaigns and layers.
+
+    Nothing is run; the geometry of what would run is examined.
+    """
+    from grammars.diagnostics import Severity
+    from scenario_tui.cli._check import checked
+    from scenario_tui.cli._diagnostics import counts, report
+    from scenario_tui.cli._output import emit, say
+
+    findings: dict[str, tuple[Diagnostic, ...]] = {}
+    for file in files:
+        about, found = checked(file)
+        findings[str(file)] = found
+        if not as_json:
+            report(found)
+            say(f"{file}: {about + ', ' if about else ''}{counts(found)}")
+    if as_json:
+        emit("check", files=findings)
+    everything = [d for found in findings.values() for d in found]
+    if any(d.severity is Severity.ERROR for d in everything):
+        raise typer.Exit(ExitCode.BAD_INPUT)
+
+
+def _prepared(path: Path, *, again: bool = False) -> Submission:
+    """Load, check and expand a campaign; warnings are printed, errors raise ``InputError``."""
+    from daemon.campaign import check as check_campaign
+    from daemon.campaign import expand, load_campaign
+    from grammars.diagnostics import InputError, Severity
+    from scenario_tui.cli._diagnostics import report
+
+    campaign = load_campaign(path)
+    found = check_campaign(campaign)
+    if any(d.severity is Severity.ERROR for d in found):
+        raise InputError(found)
+    report(found)
+    return expand(campaign, fresh=again)

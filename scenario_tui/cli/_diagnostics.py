@@ -1,0 +1,71 @@
+"""Diagnostics as people read them: place, message, the line itself with a caret, a hint."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from contextlib import suppress
+from functools import cache
+from pathlib import Path
+
+from rich.text import Text
+
+from grammars.diagnostics import Diagnostic, Severity, Where
+from scenario_tui.cli._output import err
+from scenario_tui.wording import counted
+
+
+def report(diagnostics: Iterable[Diagnostic]) -> None:
+    """Print every diagnostic to standard error; that nobody reads them changes nothing."""
+    console = err()
+    # rich leaves the program when a pipe is broken; the command has its own exit code to give.
+    with suppress(SystemExit):
+        for diagnostic in diagnostics:
+            console.print(rendered(diagnostic), soft_wrap=True)
+
+
+def rendered(diagnostic: Diagnostic) -> Text:
+    """Return a diagnostic with its source line, when the source can be read."""
+    warning = diagnostic.severity is Severity.WARNING
+    text = Text()
+    text.append(f"{diagnostic.where}: ", style="bold")
+    text.append("warning: " if warning else "error: ", style="yellow" if warning else "bold red")
+    text.append(diagnostic.message)
+    excerpt = _excerpt(diagnostic.where)
+    if excerpt is not None:
+        line, caret = excerpt
+        text.append(f"\n    {line}", style="dim")
+        if caret >= 0:
+            text.append("\n    " + " " * caret)
+            text.append("^", style="bold red")
+    if diagnostic.hint:
+        text.append(f"\n    {diagnostic.hint}", style="cyan")
+    return text
+
+
+def counts(diagnostics: Iterable[Diagnostic]) -> str:
+    """Return ``2 errors, 1 warning``."""
+    found = tuple(diagnostics)
+    errors = sum(d.severity is Severity.ERROR for d in found)
+    parts = [counted(errors, "error")] if errors else []
+    if len(found) > errors:
+        parts.append(counted(len(found) - errors, "warning"))
+    return ", ".join(parts) or "no problems"
+
+
+@cache
+def _lines(file: str) -> tuple[str, ...]:
+    try:
+        return tuple(Path(file).read_text(encoding="utf-8-sig").splitlines())
+    except (OSError, ValueError):
+        return ()
+
+
+def _excerpt(where: Where) -> tuple[str, int] | None:
+    """Return the source line without its indentation and the caret's offset in it (-1: none)."""
+    lines = _lines(where.file) if where.line else ()
+    if not 0 < where.line <= len(lines):
+        return None
+    line = lines[where.line - 1].expandtabs(1).rstrip()
+    indent = len(line) - len(line.lstrip())
+    caret = where.column - 1 - indent
+    return line.strip()[:160], caret if 0 <= caret <= len(line.strip()) and caret < 160 else -1

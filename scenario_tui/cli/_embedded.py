@@ -1,0 +1,93 @@
+"""Running a campaign without a daemon of its own: one that lives as long as the command."""
+
+from __future__ import annotations
+
+import shutil
+import tempfile
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Final
+
+from daemon.client import Client
+from daemon.launch import embedded
+from daemon.places import Places
+from daemon.protocol import RunRow
+from scenario_tui.asking import all_runs
+from scenario_tui.cli._output import emit, out, say
+from scenario_tui.cli._progress import watch
+from scenario_tui.cli._summary import print_summary
+from scenario_tui.summary import report
+from scenario_tui.wording import counted, word_of
+
+if TYPE_CHECKING:
+    from daemon.protocol import Submission
+
+_ENDURANCE: Final = 20.0
+"""Seconds without a worker, or with a full disk, after which nobody is going to help."""
+
+
+def run_here(
+    submission: Submission, folder: Path | None, slots: int | None, as_json: bool
+) -> tuple[str, ...]:
+    """Run every run of ``submission``, print the summary, return the word of each run.
+
+    Traces end up in ``folder``; everything else the daemon needed is removed, also when the
+    command is interrupted.
+    """
+    target = (folder or Path("scenario-results") / submission.campaign).absolute()
+    target.mkdir(parents=True, exist_ok=True)
+    started = time.perf_counter()
+    with _workshop(target, submission.campaign) as state, embedded(state, slots=slots) as endpoint:
+        opened = partial(Client.open, endpoint)
+        with opened() as daemon:
+            daemon.submit(submission)
+        row = watch(opened, submission.campaign, endurance=_ENDURANCE)
+        with opened() as daemon:
+            found = report(daemon, all_runs(daemon, submission.campaign))
+    rows = tuple(_moved(run, target) for run in found.rows)
+    if as_json:
+        emit("results", campaign=row, runs=rows)
+    else:
+        print_summary(row, found, took=time.perf_counter() - started)
+        kept = sum(1 for run in rows if run.trace)
+        out().print(f"{counted(kept, 'trace')} in {_shown(target)}\n", markup=False, soft_wrap=True)
+    return tuple(word_of(run) for run in rows)
+
+
+@contextmanager
+def _workshop(target: Path, campaign: str) -> Iterator[Path]:
+    """Lend a state directory beside the traces; at the end its traces move out, it goes away."""
+    state = Path(tempfile.mkdtemp(prefix=".scenario-", dir=target))
+    try:
+        yield state
+    except KeyboardInterrupt:
+        kept = _move_traces(state, target, campaign)
+        say(f"\ninterrupted; {counted(kept, 'finished trace')} in {_shown(target)}")
+        raise
+    else:
+        _move_traces(state, target, campaign)
+    finally:
+        shutil.rmtree(state, ignore_errors=True)
+
+
+def _move_traces(state: Path, target: Path, campaign: str) -> int:
+    traces = sorted((Places(state).traces / campaign).glob("*.mcap"))
+    for trace in traces:
+        trace.replace(target / trace.name)
+    return len(traces)
+
+
+def _moved(row: RunRow, target: Path) -> RunRow:
+    return replace(row, trace=str(target / Path(row.trace).name)) if row.trace else row
+
+
+def _shown(path: Path) -> str:
+    """Return a path the way people type it."""
+    try:
+        return f"{path.relative_to(Path.cwd())}/"
+    except ValueError:
+        return f"{path}/"

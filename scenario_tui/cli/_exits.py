@@ -1,0 +1,35 @@
+"""Exit codes, and which one a set of runs deserves."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from enum import IntEnum
+
+
+class ExitCode(IntEnum):
+    """What a script can rely on; ``BUG`` is EX_SOFTWARE of sysexits.h."""
+
+    EXPECTED = 0
+    UNEXPECTED = 1
+    BAD_INPUT = 2
+    INFRASTRUCTURE = 3
+    INCONCLUSIVE = 4
+    BUG = 70
+    INTERRUPTED = 130
+    BROKEN_PIPE = 141
+
+
+def exit_code(words: Iterable[str]) -> ExitCode:
+    """Return the code for finished runs, given their words (``pass``, ``lost`` ...).
+
+    A failure is a finding even when other runs were lost; without one, runs that could not be
+    judged because something broke weigh more than inconclusive ones.
+    """
+    found = set(words)
+    if "fail" in found:
+        return ExitCode.UNEXPECTED
+    if found & {"lost", "error"}:
+        return ExitCode.INFRASTRUCTURE
+    if not found or found - {"pass"}:
+        return ExitCode.INCONCLUSIVE
+    return ExitCode.EXPECTED

@@ -1,0 +1,130 @@
+"""The command line as a whole: its commands, and what becomes of errors."""
+
+from __future__ import annotations
+
+import os
+import sys
+import traceback
+from collections.abc import Callable, Sequence
+from typing import Annotated, Any, Final
+
+import typer
+
+from grammars.diagnostics import InputError
+from scenario_tui.cli import _campaign, _control, _editor, _export, _reading, _services, _vary
+from scenario_tui.cli._exits import ExitCode
+from scenario_tui.cli._output import settle_streams
+
+_PANELS: Final = {
+    "Run campaigns": (_campaign.demo, _campaign.check, _campaign.run, _campaign.submit),
+    "Look": (_services.tui, _reading.status, _reading.results),
+    "Steer": (_control.cancel, _control.retry, _control.stop),
+    "Machines": (_services.daemon, _services.worker),
+    "Artefacts": (_export.export, _vary.vary),
+    "Editors": (_editor.schema, _editor.vscode),
+}
+
+app = typer.Typer(
+    name="scenario",
+    help="Test mobile robots in scenarios: run campaigns in simulation, judge every run, "
+    "see what happened.",
+    epilog="Start with: scenario demo",
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+for _panel, _commands in _PANELS.items():
+    for _command in _commands:
+        app.command(rich_help_panel=_panel)(_command)
+
+
+def _print_version(wanted: bool) -> None:
+    if wanted:
+        from importlib.metadata import version
+
+        typer.echo(f"scenario {version('scenario-tui')}")
+        raise typer.Exit
+
+
+@app.callback()
+def options(
+    version: Annotated[
+        bool,
+        typer.Option("--version", callback=_print_version, is_eager=True, help="Say the version."),
+    ] = False,
+) -> None:
+    """Test mobile robots in scenarios: run campaigns in simulation, judge every run."""
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Run the command line and leave with its exit code."""
+    settle_streams()
+    code = invoke(sys.argv[1:] if arguments is None else arguments)
+    try:
+        sys.stdout.flush()
+    except OSError as error:
+        # Whoever read us has left (`scenario results | head`) or a disk is full: nothing more
+        # can be said there.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        code = _unhandled(error)
+    sys.exit(code)
+
+
+def invoke(arguments: Sequence[str]) -> int:
+    """Run the command line and return its exit code; every error has been reported."""
+    try:
+        return _called(app(args=list(arguments), prog_name="scenario", standalone_mode=False))
+    except typer.TyperException as error:
+        return _misused(error)
+    except InputError as error:
+        return _bad_input(error)
+    except (KeyboardInterrupt, typer.Abort):
+        return ExitCode.INTERRUPTED
+    except SystemExit:
+        # Commands leave with typer.Exit; rich and typer call sys.exit(1) when a pipe is broken.
+        return ExitCode.BROKEN_PIPE
+    except Exception as error:
+        return _unhandled(error)
+
+
+def _called(code: Any) -> int:
+    return code if isinstance(code, int) else ExitCode.EXPECTED
+
+
+def _misused(error: typer.TyperException) -> int:
+    # Usage errors show themselves with the command they are about; the root has only its words.
+    show: Callable[[], None] | None = getattr(error, "show", None)
+    if show is not None:
+        show()
+    else:
+        sys.stderr.write(f"{error}\n")
+    return ExitCode.BAD_INPUT
+
+
+def _bad_input(error: InputError) -> int:
+    from scenario_tui.cli._diagnostics import counts, report
+    from scenario_tui.cli._output import say
+
+    report(error.diagnostics)
+    say(counts(error.diagnostics))
+    return ExitCode.BAD_INPUT
+
+
+def _unhandled(error: Exception) -> int:
+    from scenario_tui.cli._output import say
+
+    if isinstance(error, BrokenPipeError):
+        return ExitCode.BROKEN_PIPE
+    from daemon.errors import DaemonError, Refused
+
+    if isinstance(error, DaemonError):
+        say(f"scenario: {error}")
+        # A daemon that refuses is fine itself: it was asked for something that is not there.
+        return ExitCode.BAD_INPUT if isinstance(error, Refused) else ExitCode.INFRASTRUCTURE
+    if isinstance(error, OSError):
+        where = f": {error.filename}" if error.filename else ""
+        say(f"scenario: {error.strerror or error}{where}")
+        return ExitCode.INFRASTRUCTURE
+    say("".join(traceback.format_exception(error)).rstrip())
+    say(f"scenario: {type(error).__name__}: {error}\nThis is a bug in scenario; please report it.")
+    return ExitCode.BUG

@@ -1,0 +1,53 @@
+"""Options several commands share."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, TypeAlias
+
+import typer
+
+
+def checked_endpoint(value: str) -> str:
+    """Refuse what is no endpoint, as wrong usage."""
+    if value:
+        from daemon.places import is_endpoint
+
+        if not is_endpoint(value):
+            raise typer.BadParameter(f"{value!r} is not an endpoint, write tcp/<host>:<port>")
+    return value
+
+
+Connect: TypeAlias = Annotated[
+    str,
+    typer.Option(
+        "--connect",
+        "-c",
+        metavar="ENDPOINT",
+        callback=checked_endpoint,
+        help="Daemon to talk to, tcp/host:port. Default: $SCENARIO_CONNECT, "
+        "then the daemon of this machine.",
+    ),
+]
+State: TypeAlias = Annotated[
+    Path | None,
+    typer.Option(
+        "--state",
+        metavar="DIR",
+        help="State directory of the daemon of this machine. Default: $SCENARIO_STATE, "
+        "then your user state folder.",
+    ),
+]
+AsJson: TypeAlias = Annotated[
+    bool, typer.Option("--json", help="Write one JSON object to standard output.")
+]
+Slots: TypeAlias = Annotated[
+    int | None,
+    typer.Option("--slots", "-j", min=1, max=1024, help="Runs at a time. Default: one per core."),
+]
+CampaignFile: TypeAlias = Annotated[
+    Path, typer.Argument(metavar="CAMPAIGN.yaml", help="The campaign file.")
+]
+CampaignName: TypeAlias = Annotated[
+    str, typer.Argument(metavar="CAMPAIGN", help="Id or name of a campaign, or how it begins.")
+]

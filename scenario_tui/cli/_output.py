@@ -1,0 +1,79 @@
+"""Where words go: results to standard output, messages and progress to standard error."""
+
+from __future__ import annotations
+
+import codecs
+import io
+import json
+import os
+import sys
+from contextlib import suppress
+from typing import TYPE_CHECKING, Any, Final
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+
+_PLAIN: Final = {
+    "✓": "+", "✗": "x", "‼": "!!", "·": ".", "…": "~", "▶": ">",
+    "−": "-", "–": "-", "∞": "inf", "×": "x", "→": "->", "°": " deg",
+}  # fmt: skip
+"""Our signs for terminals that lack them; a minus must never become a question mark."""
+
+
+def _plainly(error: UnicodeError) -> tuple[str, int]:
+    if not isinstance(error, UnicodeEncodeError):
+        raise error
+    lacking = error.object[error.start : error.end]
+    return "".join(_PLAIN.get(sign, "?") for sign in lacking), error.end
+
+
+def settle_streams() -> None:
+    """Make standard streams usable that are closed or cannot encode what we print.
+
+    A closed stream gets the null device, so that no file of ours takes its descriptor; signs that
+    the terminal's encoding lacks are replaced.
+    """
+    codecs.register_error("scenario.plainly", _plainly)
+    for name, mode in (("stdin", "r"), ("stdout", "w"), ("stderr", "w")):
+        stream = getattr(sys, name)
+        if stream is None:
+            setattr(sys, name, open(os.devnull, mode, encoding="utf-8"))  # noqa: SIM115, PTH123
+        elif name != "stdin" and isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="scenario.plainly")
+
+
+def out() -> Console:
+    """Return the console of results."""
+    return _console(stderr=False)
+
+
+def err() -> Console:
+    """Return the console of messages and progress."""
+    return _console(stderr=True)
+
+
+def _console(*, stderr: bool) -> Console:
+    from rich.console import Console
+
+    # A pipe has no width; 80 columns would cut identifiers that scripts look for.
+    stream = sys.stderr if stderr else sys.stdout
+    width = None if stream.isatty() else 160
+    return Console(stderr=stderr, highlight=False, soft_wrap=False, width=width)
+
+
+def say(message: str) -> None:
+    """Write a message for people to standard error; that nobody reads it changes nothing."""
+    with suppress(BrokenPipeError):
+        sys.stderr.write(message + "\n")
+        sys.stderr.flush()
+
+
+def emit(schema: str, **fields: Any) -> None:
+    """Write one JSON object to standard output; values are value types or plain data."""
+    from grammars.codec import to_plain
+
+    body = {"schema": f"scenario/{schema}/1"} | {k: to_plain(v) for k, v in fields.items()}
+    # Escapes carry any text through any encoding; a stream that knows them all needs none.
+    escaped = (sys.stdout.encoding or "").lower().replace("-", "") != "utf8"
+    sys.stdout.write(json.dumps(body, ensure_ascii=escaped, indent=2) + "\n")

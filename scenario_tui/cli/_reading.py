@@ -1,0 +1,171 @@
+"""Commands that read: status, results."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from scenario_tui.cli._exits import exit_code
+from scenario_tui.cli._options import AsJson, Connect, State
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+    from daemon.protocol import CampaignRow, Overview, RunRow, WorkerRow
+
+
+def status(connect: Connect = "", state: State = None, as_json: AsJson = False) -> None:
+    """Say how everything stands: daemon, workers, campaigns."""
+    from scenario_tui.cli._output import emit, out
+    from scenario_tui.cli._session import Target
+
+    target = Target(connect, state)
+    endpoint = target.endpoint
+    with target.open() as daemon:
+        overview, campaigns = daemon.overview(), daemon.campaigns()
+        workers = daemon.workers()
+    if as_json:
+        emit(
+            "status",
+            endpoint=endpoint,
+            overview=overview,
+            campaigns=list(campaigns),
+            workers=list(workers),
+        )
+        return
+    console = out()
+    _print_overview(overview, endpoint, workers)
+    if not campaigns:
+        console.print("\nNo campaigns yet. Type: scenario submit CAMPAIGN.yaml")
+        return
+    console.print(_campaign_table(campaigns[:_SHOWN], overview.now))
+    if len(campaigns) > _SHOWN:
+        console.print(f"and {len(campaigns) - _SHOWN} older ones")
+
+
+_SHOWN = 15
+
+
+def _print_overview(overview: Overview, endpoint: str, workers: tuple[WorkerRow, ...]) -> None:
+    from scenario_tui.cli._output import out
+    from scenario_tui.wording import GLYPHS, counted, duration, rate, tally
+
+    console = out()
+    slots = sum(worker.slots for worker in workers)
+    console.print(
+        f"daemon {overview.version} at {endpoint}, "
+        f"up {duration(overview.now - overview.started_at)}, "
+        f"{counted(overview.workers, 'worker')} with {counted(slots, 'slot')}",
+        soft_wrap=True,
+    )
+    counts = "  ".join(f"{GLYPHS[word]} {n} {word}" for word, n in tally(overview).items())
+    line = counts or "no runs yet"
+    if overview.rate > 0:
+        line += f"  {rate(overview.rate)}"
+    if overview.seconds_left is not None:
+        line += f"  {duration(overview.seconds_left)} left"
+    console.print(line, markup=False)
+    if overview.trouble:
+        last = overview.trouble.strip().splitlines()[-1]
+        console.print(f"! no run can start: {last}", markup=False, style="yellow", soft_wrap=True)
+
+
+def _campaign_table(campaigns: tuple[CampaignRow, ...], now: float) -> Table:
+    from rich import box
+    from rich.table import Table
+
+    from scenario_tui.wording import GLYPHS, ago, tally
+
+    table = Table(box=box.SIMPLE_HEAD, pad_edge=False, show_edge=False)
+    for title in ("campaign", "runs", "verdicts", "submitted"):
+        table.add_column(title, overflow="fold")
+    for row in campaigns:
+        finished = row.total - row.queued - row.running
+        counts = "  ".join(f"{GLYPHS[word]} {n} {word}" for word, n in tally(row).items())
+        table.add_row(row.id, f"{finished}/{row.total}", counts, ago(row.submitted_at, now))
+    return table
+
+
+def results(
+    campaign: Annotated[
+        str,
+        typer.Argument(
+            metavar="CAMPAIGN",
+            help="Id or name of a campaign, or how it begins. Default: the newest.",
+        ),
+    ] = "",
+    runs: Annotated[bool, typer.Option("--runs", help="List every run and its trace.")] = False,
+    state: State = None,
+    outcome: Annotated[
+        str, typer.Option("--outcome", help="Only runs with this verdict, pass, fail ...")
+    ] = "",
+    text: Annotated[str, typer.Option("--filter", help="Only runs that mention this text.")] = "",
+    exit_status: Annotated[
+        bool,
+        typer.Option("--exit-status", help="Leave with the code of the verdicts, 1 for a failure."),
+    ] = False,
+    connect: Connect = "",
+    as_json: AsJson = False,
+) -> None:
+    """Show the verdicts of a campaign: every cell, what failed and why."""
+    from scenario_tui.asking import all_runs
+    from scenario_tui.cli._output import emit
+    from scenario_tui.cli._session import Target, find_campaign
+    from scenario_tui.cli._summary import print_summary
+    from scenario_tui.summary import report
+    from scenario_tui.wording import word_of
+
+    with Target(connect, state).open() as daemon:
+        row = find_campaign(daemon, campaign)
+        rows = all_runs(daemon, row.id, outcome=outcome, text=text)
+        found = report(daemon, rows)
+    if as_json:
+        emit("results", campaign=row, runs=list(rows))
+    else:
+        print_summary(row, found, took=_took(row))
+        if runs:
+            _print_runs(rows)
+        else:
+            _print_whereabouts(row, rows)
+    if exit_status:
+        raise typer.Exit(exit_code(word_of(run) for run in rows))
+
+
+def _took(row: CampaignRow) -> float | None:
+    return None if row.finished_at is None else row.finished_at - row.submitted_at
+
+
+def _print_whereabouts(row: CampaignRow, rows: tuple[RunRow, ...]) -> None:
+    from pathlib import Path
+
+    from scenario_tui.cli._output import out
+    from scenario_tui.cli._summary import print_commands
+    from scenario_tui.wording import counted
+
+    traces = [run.trace for run in rows if run.trace]
+    if traces:
+        where = f"{counted(len(traces), 'trace')} in {Path(traces[0]).parent}"
+        out().print(where, markup=False, soft_wrap=True)
+    print_commands(
+        (f"scenario results {row.id} --runs", "every run and its trace"),
+        ("scenario tui", "the dashboard"),
+    )
+
+
+def _print_runs(rows: tuple[RunRow, ...]) -> None:
+    from rich import box
+    from rich.table import Table
+    from rich.text import Text
+
+    from scenario_tui.cli._output import out
+    from scenario_tui.wording import STYLES, glyph_word, margin, run_label, word_of
+
+    table = Table(box=box.SIMPLE_HEAD, pad_edge=False, show_edge=False)
+    for title in ("run", "verdict", "decided by", "margin", "trace"):
+        table.add_column(title, overflow="fold")
+    for row in rows:
+        word = Text(glyph_word(word_of(row)), style=STYLES[word_of(row)])
+        shown = margin(row.margin, row.unit) if row.oracle else ""
+        table.add_row(run_label(row), word, row.oracle, shown, row.trace)
+    out().print(table)

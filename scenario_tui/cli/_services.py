@@ -1,0 +1,76 @@
+"""Commands that stay: daemon, worker, tui."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+from scenario_tui.cli._exits import ExitCode
+from scenario_tui.cli._options import Connect, Slots, State, checked_endpoint
+
+
+def daemon(
+    listen: Annotated[
+        str,
+        typer.Option(
+            "--listen",
+            metavar="ENDPOINT",
+            callback=checked_endpoint,
+            help="Where to listen, tcp/host:port.",
+        ),
+    ] = "tcp/127.0.0.1:7447",
+    slots: Annotated[
+        int | None,
+        typer.Option(
+            "--slots", "-j", min=0, max=1024,
+            help="Runs at a time on this machine; 0: none here. Default: one per core.",
+        ),
+    ] = None,
+    state: State = None,
+) -> None:  # fmt: skip
+    """Run the daemon in the foreground.
+
+    It keeps the queue and the results, and executes runs on this machine.
+    """
+    from daemon.places import Places
+    from daemon.server import serve
+    from scenario_tui.cli._output import say
+
+    places = Places.find(state)
+    say(f"starting a daemon at {listen}, state in {places.state}, Ctrl-C to leave")
+    serve(places.state, listen=listen, slots=slots)
+    say("the daemon has left; what is queued waits for the next one")
+
+
+def worker(connect: Connect = "", slots: Slots = None, state: State = None) -> None:
+    """Run a worker in the foreground.
+
+    It executes runs of a daemon, on this machine or on another one.
+    """
+    from daemon.places import find_endpoint
+    from daemon.worker import work
+    from scenario_tui.cli._output import say
+
+    endpoint = find_endpoint(connect, state)
+    say(f"worker for {endpoint.address}, Ctrl-C to leave after the running runs")
+    work(endpoint.address, slots=slots, state=state)
+
+
+def tui(connect: Connect = "", state: State = None) -> None:
+    """Open the dashboard; leaving it never stops any work."""
+    import sys
+
+    from scenario_tui.cli._output import say
+
+    # The dashboard is drawn on standard error, so that standard output stays for words.
+    if not (sys.stdin.isatty() and sys.stderr.isatty()):
+        say("scenario: the dashboard needs a terminal; scripts use `scenario status --json`")
+        raise typer.Exit(ExitCode.BAD_INPUT)
+    from scenario_tui.app import run_dashboard
+    from scenario_tui.cli._session import Target
+
+    code, farewell = run_dashboard(Target(connect, state).open)
+    if code:
+        raise typer.Exit(ExitCode.BUG)
+    say(farewell)

@@ -1,0 +1,58 @@
+"""Submitting to a daemon and staying until the end."""
+
+from __future__ import annotations
+
+from daemon.launch import ensure_daemon, running_daemon
+from daemon.places import Places
+from daemon.protocol import Receipt
+from scenario_tui.asking import all_runs
+from scenario_tui.cli._exits import ExitCode, exit_code
+from scenario_tui.cli._output import emit, say
+from scenario_tui.cli._progress import watch
+from scenario_tui.cli._session import Target
+from scenario_tui.cli._summary import print_commands, print_summary
+from scenario_tui.summary import report
+from scenario_tui.wording import counted, word_of
+
+
+def start_daemon_if_needed(target: Target, slots: int | None) -> None:
+    """See to it that the daemon answers; one is started unless people named it themselves."""
+    if target.named:
+        return
+    state = Places.find(target.state).state
+    if running_daemon(state) is None:
+        endpoint = ensure_daemon(state, slots=slots)
+        say(f"started a daemon on this machine at {endpoint} (`scenario stop` ends it)")
+
+
+def tell_receipt(receipt: Receipt) -> str:
+    """Say what became of a submission."""
+    runs = counted(receipt.runs, "run")
+    if receipt.known:
+        return f"{receipt.campaign} is known already, its {runs} are kept (--again runs them anew)"
+    return f"submitted {receipt.campaign}: {runs}"
+
+
+def watch_to_the_end(target: Target, campaign: str, as_json: bool) -> int:
+    """Watch a campaign, print its summary, return the exit code it deserves.
+
+    Ctrl-C ends the watching only.
+    """
+    try:
+        row = watch(target.open, campaign)
+    except KeyboardInterrupt:
+        say(f"\n{campaign} goes on; come back with `scenario tui` or `scenario results {campaign}`")
+        return ExitCode.INTERRUPTED
+    with target.open() as daemon:
+        rows = all_runs(daemon, campaign)
+        found = report(daemon, rows)
+    if as_json:
+        emit("results", campaign=row, runs=rows)
+    else:
+        took = (row.finished_at or row.submitted_at) - row.submitted_at
+        print_summary(row, found, took=took)
+        print_commands(
+            ("scenario tui", "look at it in the dashboard"),
+            (f"scenario results {campaign} --runs", "every run and its trace"),
+        )
+    return exit_code(word_of(run) for run in rows)

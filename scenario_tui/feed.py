@@ -1,0 +1,282 @@
+"""What the dashboard knows: asked for by a thread of its own, taken by the screen's timer.
+
+The thread is the only one that talks to the daemon. It leaves an immutable :class:`Picture`
+behind; telemetry and notices wait in queues that forget the oldest. Nothing here ever blocks the
+thread that draws.
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Final, Literal, TypeAlias, TypeVar
+
+from daemon.errors import DaemonError, Refused
+from daemon.protocol import CampaignRow, Event, Live, Overview, RunDetail, RunPage, WorkerRow
+from grammars.scene import Scene
+from grammars.values import Point2, Pose2
+from scenario_tui.asking import Daemon, Opener
+
+T = TypeVar("T")
+
+REFRESH: Final = 1.0
+"""Seconds between two looks when nothing is known to have changed."""
+_BREATH: Final = 0.2
+"""Seconds between two looks at least, however much happens."""
+_RETRY: Final = 0.5
+_SCENES_KEPT: Final = 8
+_TRAIL_POINTS: Final = 4000
+
+Action: TypeAlias = Callable[[Daemon], str]
+
+
+@dataclass(frozen=True, slots=True)
+class RunsWanted:
+    """A page of runs, as :meth:`scenario_tui.asking.Daemon.runs` takes it."""
+
+    campaign: str = ""
+    state: str = ""
+    outcome: str = ""
+    text: str = ""
+    sort: str = "index"
+    descending: bool = False
+    offset: int = 0
+    limit: int = 100
+
+
+@dataclass(frozen=True, slots=True)
+class Want:
+    """What the screen in front shows beyond the overview: nothing else is asked for."""
+
+    runs: RunsWanted | None = None
+    run: str = ""
+    workers: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Recording:
+    """Where the robot of a finished run went, and how everything stood at its end."""
+
+    run: str
+    pose: Pose2
+    joints: tuple[float, ...]
+    reached: int
+    trail: tuple[Point2, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Picture:
+    """The last that is known; ``at`` is when it was true [s since the epoch], 0 for never."""
+
+    connected: bool = False
+    problem: str = ""
+    at: float = 0.0
+    overview: Overview | None = None
+    campaigns: tuple[CampaignRow, ...] = ()
+    workers: tuple[WorkerRow, ...] = ()
+    wanted: RunsWanted | None = None
+    page: RunPage | None = None
+    detail: RunDetail | None = None
+    scene: Scene | None = None
+    recording: Recording | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Notice:
+    """The outcome of an action, for people."""
+
+    text: str
+    severity: Literal["information", "error"] = "information"
+
+
+class Feed:
+    """Asks the daemon for what is wanted, again and again, over its restarts."""
+
+    def __init__(self, open_daemon: Opener, *, clock: Callable[[], float] = time.time) -> None:
+        self._open = open_daemon
+        self._clock = clock
+        self._want = Want()
+        self._picture = Picture()
+        self._changed = False
+        self._scenes: dict[str, Scene] = {}
+        self._recording: tuple[str, Recording | None] | None = None
+        self._actions: deque[Action] = deque()
+        self._lives: deque[Live] = deque(maxlen=512)
+        self._notices: deque[Notice] = deque(maxlen=16)
+        self._wake = threading.Event()
+        self._closing = False
+        self._failure: Exception | None = None
+        self._thread = threading.Thread(target=self._run, name="feed", daemon=True)
+
+    def start(self) -> None:
+        """Begin to ask."""
+        self._thread.start()
+
+    def close(self) -> None:
+        """Stop asking; returns when the thread has left."""
+        self._closing = True
+        self._wake.set()
+        if self._thread.is_alive():
+            self._thread.join(timeout=5.0)
+
+    def look(self, want: Want) -> None:
+        """Say what is to be shown now."""
+        if want != self._want:
+            self._want = want
+            self._wake.set()
+
+    def refresh(self) -> None:
+        """Ask again at once."""
+        self._wake.set()
+
+    def do(self, action: Action) -> None:
+        """Have something done; what it returns, or why it was refused, becomes a notice."""
+        self._actions.append(action)
+        self._wake.set()
+
+    def take(self) -> tuple[Picture | None, list[Live], list[Notice]]:
+        """Return what is new: the picture when it changed, telemetry, notices.
+
+        A bug in the asking thread is raised here, where it is seen.
+        """
+        if self._failure is not None:
+            raise self._failure
+        changed, self._changed = self._changed, False
+        return self._picture if changed else None, _drain(self._lives), _drain(self._notices)
+
+    def _run(self) -> None:
+        while not self._closing:
+            try:
+                self._session()
+            except DaemonError as error:
+                self._show(replace(self._picture, connected=False, problem=str(error)))
+                self._wake.wait(_RETRY)
+                self._wake.clear()
+            except Exception as error:
+                self._failure = error
+                return
+
+    def _session(self) -> None:
+        """Ask over one connection until it breaks or the feed is closed."""
+        with self._open() as daemon:
+            subscription = daemon.events(self._on_event, self._lives.append)
+            try:
+                while not self._closing:
+                    self._wake.clear()
+                    self.step(daemon)
+                    time.sleep(_BREATH)
+                    self._wake.wait(REFRESH - _BREATH)
+            finally:
+                subscription.close()
+
+    def _on_event(self, event: Event) -> None:
+        self._wake.set()
+
+    def step(self, daemon: Daemon) -> None:
+        """Do what was asked for, then take one picture."""
+        while self._actions:
+            self._act(daemon, self._actions.popleft())
+        want = self._want
+        picture = replace(
+            self._picture,
+            connected=True,
+            problem="",
+            overview=daemon.overview(),
+            campaigns=daemon.campaigns(),
+            at=self._clock(),
+        )
+        if want.workers:
+            picture = replace(picture, workers=daemon.workers())
+        if want.runs is not None:
+            picture = replace(picture, wanted=want.runs, page=_page(daemon, want.runs))
+        if want.run:
+            detail = self._detail(daemon, want.run)
+            scene = self._scene(daemon, detail.spec.scene) if detail is not None else None
+            recording = self._recorded(detail)
+            picture = replace(picture, detail=detail, scene=scene, recording=recording)
+        self._show(picture)
+
+    def _act(self, daemon: Daemon, action: Action) -> None:
+        try:
+            self._notices.append(Notice(action(daemon)))
+        except DaemonError as error:
+            self._notices.append(Notice(str(error), "error"))
+
+    def _detail(self, daemon: Daemon, run: str) -> RunDetail | None:
+        try:
+            return daemon.run(run)
+        except Refused as error:
+            self._notices.append(Notice(str(error), "error"))
+            return None
+
+    def _recorded(self, detail: RunDetail | None) -> Recording | None:
+        """Return what the trace of a finished run says, if it lies on this machine."""
+        if detail is None or detail.result is None or not detail.row.trace:
+            return None
+        if self._recording is None or self._recording[0] != detail.row.trace:
+            self._recording = (detail.row.trace, read_recording(detail))
+        return self._recording[1]
+
+    def _scene(self, daemon: Daemon, digest: str) -> Scene | None:
+        if digest not in self._scenes:
+            try:
+                scene = daemon.scene(digest)
+            except Refused:
+                return None  # without the scene there is no map; everything else is shown
+            while len(self._scenes) >= _SCENES_KEPT:
+                self._scenes.pop(next(iter(self._scenes)))
+            self._scenes[digest] = scene
+        return self._scenes[digest]
+
+    def _show(self, picture: Picture) -> None:
+        self._picture = picture
+        self._changed = True
+
+
+def read_recording(detail: RunDetail) -> Recording | None:
+    """Return the recorded way of a finished run; ``None`` when its trace cannot be read here."""
+    from daemon.trace import TraceError, read_trace
+
+    path = Path(detail.row.trace)
+    if not path.is_file():
+        return None  # the trace lies on the machine of the daemon, this may be another one
+    try:
+        trace = read_trace(path)
+    except TraceError:
+        return None  # damaged traces are the business of the oracles: here only a trail is missing
+    way, joints = trace.ground_truth, trace.joints
+    if not len(way.time):
+        return None
+    every = max(1, len(way.time) // _TRAIL_POINTS)
+    trail = tuple(zip(way.x[::every].tolist(), way.y[::every].tolist(), strict=True))
+    return Recording(
+        run=detail.row.id,
+        pose=Pose2(float(way.x[-1]), float(way.y[-1]), float(way.yaw[-1])),
+        joints=tuple(joints.position[-1].tolist()) if len(joints.time) else (),
+        reached=trace.progress[-1].reached if trace.progress else 0,
+        trail=trail,
+    )
+
+
+def _page(daemon: Daemon, wanted: RunsWanted) -> RunPage:
+    return daemon.runs(
+        wanted.campaign,
+        state=wanted.state,
+        outcome=wanted.outcome,
+        text=wanted.text,
+        sort=wanted.sort,
+        descending=wanted.descending,
+        offset=wanted.offset,
+        limit=wanted.limit,
+    )
+
+
+def _drain(waiting: deque[T]) -> list[T]:
+    drained = []
+    while waiting:
+        drained.append(waiting.popleft())
+    return drained

@@ -1,0 +1,1 @@
+"""The screens of the dashboard: campaigns, runs of one, one run, workers."""

@@ -1,0 +1,134 @@
+"""The first screen: all campaigns, the newest first."""
+
+from __future__ import annotations
+
+from typing import ClassVar, Final
+
+from rich.text import Text
+from textual.app import ComposeResult
+from textual.binding import Binding, BindingType
+from textual.containers import Horizontal, VerticalScroll
+from textual.widgets import DataTable, Static
+
+from daemon.protocol import CampaignRow
+from scenario_tui.feed import Picture
+from scenario_tui.palette import QUIET, WORDS
+from scenario_tui.screens.base import empty
+from scenario_tui.screens.steering import Steering
+from scenario_tui.widgets.keyed_table import Column, KeyedTable, Row
+from scenario_tui.wording import GLYPHS, NOTHING, ago, counted, duration, tally
+
+SHOWN: Final = 500
+_COLUMNS: Final = (
+    Column("campaign", 0),
+    Column("done", 9, right=True),
+    Column("✗ fail", 6, right=True),
+    Column("‼ err", 5, right=True),
+    Column("! lost", 6, right=True),
+    Column("? incon", 7, right=True),
+    Column("✓ pass", 6, right=True),
+    Column("submitted", 10, right=True),
+)
+_COUNTED: Final = ("fail", "error", "lost", "inconclusive", "pass")
+_NOTHING: Final = (
+    "No campaigns yet. In another terminal, type\n\n"
+    "    scenario submit CAMPAIGN.yaml\n\n"
+    "or, to see a short one without the daemon,\n\n"
+    "    scenario demo"
+)
+_NOBODY: Final = (
+    "No daemon answers here. In another terminal, type\n\n"
+    "    scenario daemon\n\n"
+    "or hand it a campaign, which starts one:\n\n"
+    "    scenario submit CAMPAIGN.yaml\n\n"
+    "This screen notices when it is there."
+)
+
+
+class CampaignsScreen(Steering):
+    """All campaigns; wide terminals show the one under the cursor beside the table."""
+
+    BINDINGS: ClassVar[list[BindingType]] = [
+        Binding("c", "cancel", "Cancel", tooltip="Cancel the campaign, after a question"),
+        Binding("r", "retry", "Retry", tooltip="Queue lost and cancelled runs again, or look anew"),
+    ]
+
+    def body(self) -> ComposeResult:
+        """Table, and details beside it."""
+        yield Static(id="empty")
+        with Horizontal(id="split"):
+            yield KeyedTable(_COLUMNS, id="campaigns")
+            with VerticalScroll(id="side", can_focus=False):
+                yield Static(id="about")
+
+    def trail(self) -> str:
+        """Say how many campaigns there are."""
+        count = len(self.dashboard.picture.campaigns)
+        more = f", the newest {SHOWN} shown" if count > SHOWN else ""
+        return f"campaigns ({count}{more})"
+
+    def campaign(self) -> CampaignRow | None:
+        """Return the campaign under the cursor."""
+        key = self.query_one(KeyedTable).key
+        return next((row for row in self.dashboard.picture.campaigns if row.id == key), None)
+
+    def show(self, picture: Picture) -> None:
+        """Fill the table."""
+        now = self.dashboard.clock()
+        message = "" if picture.campaigns else _nothing(picture)
+        empty(self.query_one("#empty"), self.query_one("#split"), message)
+        table = self.query_one(KeyedTable)
+        table.fill([campaign_cells(row, now) for row in picture.campaigns[:SHOWN]])
+        if not table.has_focus and table.display and self.focused is None:
+            table.focus()
+        self._describe()
+
+    def on_data_table_row_highlighted(self) -> None:
+        """Describe the campaign the cursor came to."""
+        self._describe()
+
+    def _describe(self) -> None:
+        row = self.campaign()
+        if row is not None:
+            self.query_one("#about", Static).update(campaign_text(row, self.dashboard.clock()))
+
+    def on_data_table_row_selected(self, event: DataTable.RowSelected) -> None:
+        """Open the campaign's runs."""
+        self.dashboard.open_runs(str(event.row_key.value))
+
+
+def _nothing(picture: Picture) -> str:
+    if not picture.connected:
+        return _NOBODY if picture.problem else ""
+    return _NOTHING
+
+
+def campaign_cells(row: CampaignRow, now: float) -> Row:
+    """Return a campaign as a row of the table."""
+    done = row.total - row.queued - row.running
+    counts = tally(row)
+    return row.id, (
+        Text(row.id),
+        Text(f"{done}/{row.total}"),
+        *(_count(counts.get(word, 0), word) for word in _COUNTED),
+        Text(ago(row.submitted_at, now), style=QUIET),
+    )
+
+
+def _count(number: int, word: str) -> Text:
+    return Text(f"{number:,}", style=WORDS[word]) if number else Text(NOTHING, style=QUIET)
+
+
+def campaign_text(row: CampaignRow, now: float) -> Text:
+    """Return a campaign in words, and what to type about it."""
+    text = Text.assemble((row.name, "bold"), "\n")
+    if row.about:
+        text.append(f"{row.about}\n")
+    text.append(f"\n{counted(row.total, 'run')}, submitted {ago(row.submitted_at, now)}")
+    if row.finished_at is not None:
+        text.append(f",\nfinished in {duration(row.finished_at - row.submitted_at)}")
+    text.append("\n\n")
+    for word, count in tally(row).items():
+        text.append(f"{GLYPHS[word]} {word:<13}{count:>7,}\n", style=WORDS[word])
+    text.append(f"\nscenario results {row.id}\n", style=QUIET)
+    return text

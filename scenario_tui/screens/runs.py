@@ -1,0 +1,216 @@
+"""The runs of a campaign, or of all: a page at a time, filtered and sorted by the daemon."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any, ClassVar, Final
+
+from rich.text import Text
+from textual.app import ComposeResult
+from textual.binding import Binding, BindingType
+from textual.containers import Horizontal, Vertical
+from textual.widgets import DataTable, Input, Static
+
+from daemon.protocol import CampaignRow, RunRow, RunState
+from scenario_tui.feed import Picture, RunsWanted, Want
+from scenario_tui.palette import QUIET, WORDS
+from scenario_tui.screens.base import empty
+from scenario_tui.screens.run import RunPanel
+from scenario_tui.screens.steering import Steering
+from scenario_tui.tracks import Track
+from scenario_tui.widgets.keyed_table import Column, KeyedTable, Row
+from scenario_tui.wording import glyph_word, margin, moment, run_label, word_of
+
+PAGE: Final = 100
+SORTS: Final = ("index", "outcome", "margin", "oracle", "scenario", "wall", "simulated")
+FILTERS: Final[tuple[tuple[str, dict[str, str]], ...]] = (
+    ("all", {}),
+    ("fail", {"outcome": "fail"}),
+    ("inconclusive", {"outcome": "inconclusive"}),
+    ("error", {"outcome": "error"}),
+    ("lost", {"state": "lost"}),
+    ("running", {"state": "running"}),
+    ("queued", {"state": "queued"}),
+    ("pass", {"outcome": "pass"}),
+)
+_COLUMNS: Final = (
+    Column("run", 0),
+    Column("verdict", 14),
+    Column("decided by", 13),
+    Column("margin", 10, right=True),
+    Column("progress", 13, right=True),
+    Column("worker", 14, from_width=100),
+)
+
+
+class RunsScreen(Steering):
+    """Runs in a table; wide terminals show the one under the cursor beside it."""
+
+    BINDINGS: ClassVar[list[BindingType]] = [
+        Binding("slash", "filter", "Filter", tooltip="Only runs that mention some text"),
+        Binding("f", "only", "Only", tooltip="Only runs of one verdict or state, the next one"),
+        Binding("s", "sort", "Sort", tooltip="By the next column"),
+        Binding("S", "reverse", "Reverse", show=False, tooltip="Sort the other way round"),
+        Binding("n,right_square_bracket", "page(1)", "Next", show=False, tooltip="Next page"),
+        Binding("p,left_square_bracket", "page(-1)", "Prev", show=False, tooltip="Page before"),
+        Binding("c", "cancel", "Cancel", tooltip="Cancel the campaign, after a question"),
+        Binding("r", "retry", "Retry", tooltip="Queue lost and cancelled runs again, or look anew"),
+    ]
+
+    def __init__(self, campaign: str = "") -> None:
+        super().__init__()
+        self._wanted = RunsWanted(campaign, limit=PAGE)
+        self._only = 0
+
+    def body(self) -> ComposeResult:
+        """Filter line, table, and the run beside it."""
+        yield Input(placeholder="text in run, oracle or reason", id="filter", compact=True)
+        yield Static(id="empty")
+        with Horizontal(id="split"):
+            yield KeyedTable(_COLUMNS, id="runs")
+            with Vertical(id="side"):
+                yield RunPanel(id="panel")
+
+    def on_mount(self) -> None:
+        """Start without a filter."""
+        self.query_one(Input).display = False
+        super().on_mount()
+
+    def want(self) -> Want:
+        """The page; in wide terminals also the run under the cursor."""
+        beside = self.query_one("#side").display and self.has_class("-wide")
+        return Want(runs=self._wanted, run=self.query_one(KeyedTable).key if beside else "")
+
+    def trail(self) -> str:
+        """Where we are, which page, sorted and filtered how."""
+        wanted, page = self._wanted, self._page(self.dashboard.picture)
+        parts = [f"campaigns › {wanted.campaign}" if wanted.campaign else "all runs"]
+        if page is not None:
+            last = wanted.offset + len(page.rows)
+            first = wanted.offset + 1 if page.rows else 0
+            parts.append(f"{first}-{last} of {page.total}")
+        parts.append(f"by {wanted.sort} {'▼' if wanted.descending else '▲'}")
+        if self._only:
+            parts.append(f"only {FILTERS[self._only][0]}")
+        if wanted.text:
+            parts.append(f"/{wanted.text}")
+        return "  ".join(parts)
+
+    def campaign(self) -> CampaignRow | None:
+        """Return the campaign shown, or that of the run under the cursor."""
+        wanted = self._wanted.campaign
+        if not wanted:
+            wanted = self.query_one(KeyedTable).key.rpartition(".")[0]
+        return next((row for row in self.dashboard.picture.campaigns if row.id == wanted), None)
+
+    def _page(self, picture: Picture) -> Any:
+        return picture.page if picture.wanted == self._wanted else None
+
+    def show(self, picture: Picture) -> None:
+        """Fill the table with the page, once it is the one wanted."""
+        page = self._page(picture)
+        if page is None:
+            return
+        message = "" if page.rows else self._nothing()
+        empty(self.query_one("#empty"), self.query_one("#split"), message)
+        table = self.query_one(KeyedTable)
+        tracks = self.dashboard.tracks
+        table.fill([run_cells(row, tracks.get(row.id)) for row in page.rows])
+        # A table that was hidden because it was empty has lost the keys to its neighbour.
+        if not message and not self.query_one(Input).has_focus:
+            table.focus(scroll_visible=False)
+        if self.has_class("-wide"):
+            self.dashboard.feed.look(self.want())
+            detail = picture.detail
+            shown = detail is not None and detail.row.id == table.key
+            self.query_one(RunPanel).show(self.dashboard, picture if shown else None)
+
+    def _nothing(self) -> str:
+        if self._only or self._wanted.text:
+            return "No run matches.\n\n    /  change the text      f  show others      Esc  back"
+        return "No runs yet. In another terminal, type\n\n    scenario submit CAMPAIGN.yaml"
+
+    def on_data_table_row_highlighted(self) -> None:
+        """Ask for the run the cursor came to."""
+        if self.has_class("-wide"):
+            self.dashboard.feed.look(self.want())
+
+    def on_data_table_row_selected(self, event: DataTable.RowSelected) -> None:
+        """Open the run."""
+        self.dashboard.open_run(str(event.row_key.value))
+
+    def _change(self, **changes: Any) -> None:
+        self._wanted = replace(self._wanted, **({"offset": 0} | changes))
+        self.query_one(KeyedTable).from_top()
+        self.wanted_changed()
+
+    def action_filter(self) -> None:
+        """Open the filter line."""
+        line = self.query_one(Input)
+        line.display = True
+        line.focus()
+
+    def on_input_changed(self, event: Input.Changed) -> None:
+        """Filter while typing."""
+        if event.value != self._wanted.text:
+            self._change(text=event.value[:200])
+
+    def on_input_submitted(self) -> None:
+        """Go back to the table, the filter stays."""
+        line = self.query_one(Input)
+        line.display = bool(line.value)
+        self.query_one(KeyedTable).focus()
+
+    def action_back(self) -> None:
+        """Leave the filter first, then the screen."""
+        line = self.query_one(Input)
+        if line.display:
+            line.value = ""
+            line.display = False
+            self.query_one(KeyedTable).focus()
+            return
+        super().action_back()
+
+    def action_only(self) -> None:
+        """Show runs of the next verdict or state only."""
+        self._only = (self._only + 1) % len(FILTERS)
+        self._change(**({"state": "", "outcome": ""} | FILTERS[self._only][1]))
+
+    def action_sort(self) -> None:
+        """Sort by the next column."""
+        following = SORTS[(SORTS.index(self._wanted.sort) + 1) % len(SORTS)]
+        self._change(sort=following, descending=False)
+
+    def action_reverse(self) -> None:
+        """Sort the other way round."""
+        self._change(descending=not self._wanted.descending)
+
+    def action_page(self, step: int) -> None:
+        """Turn the page."""
+        page = self._page(self.dashboard.picture)
+        offset = self._wanted.offset + step * PAGE
+        if page is not None and 0 <= offset < page.total:
+            self._change(offset=offset)
+
+
+def run_cells(row: RunRow, track: Track | None) -> Row:
+    """Return a run as a row of the table."""
+    word = word_of(row)
+    return row.id, (
+        Text(run_label(row)),
+        Text(glyph_word(word), style=WORDS[word]),
+        Text(row.oracle),
+        Text(margin(row.margin, row.unit) if row.oracle else ""),
+        Text(progress(row, track)),
+        Text(row.worker, style=QUIET),
+    )
+
+
+def progress(row: RunRow, track: Track | None) -> str:
+    """Return how far a run is, or how long it took, in simulated time."""
+    if row.state is RunState.RUNNING:
+        if track is None:
+            return "starting"
+        seen = track.snapshot
+        return f"{seen.reached}/{seen.waypoints} wp {seen.time:.0f} s"
+    return moment(row.simulated) if row.outcome is not None else ""

@@ -1,0 +1,106 @@
+"""A table whose rows have keys: refreshed in place, the cursor stays on its row."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import ClassVar
+
+from rich.text import Text
+from textual.binding import Binding, BindingType
+from textual.widgets import DataTable
+
+Row = tuple[str, tuple[Text, ...]]
+
+
+@dataclass(frozen=True, slots=True)
+class Column:
+    """A column: ``width`` cells, 0 to take what is left; shown from ``from_width`` cells on."""
+
+    title: str
+    width: int
+    from_width: int = 0
+    right: bool = False
+
+
+class KeyedTable(DataTable[Text]):
+    """A :class:`DataTable` for one page of rows."""
+
+    BINDINGS: ClassVar[list[BindingType]] = [
+        Binding("j", "cursor_down", "Down", show=False),
+        Binding("k", "cursor_up", "Up", show=False),
+        Binding("g,home", "scroll_top", "First row", show=False),
+        Binding("G,end", "scroll_bottom", "Last row", show=False),
+        Binding("enter", "select_cursor", "Open", tooltip="Open what the cursor is on"),
+    ]
+
+    def __init__(self, columns: Sequence[Column], *, id: str | None = None) -> None:
+        super().__init__(cursor_type="row", id=id)
+        self._all = tuple(columns)
+        self._shown: tuple[int, ...] = ()
+        self._widths: tuple[int, ...] = ()
+        self._rows: tuple[Row, ...] = ()
+        self._from_top = False
+
+    @property
+    def key(self) -> str:
+        """The key of the row under the cursor, empty when there is none."""
+        return self._rows[self.cursor_row][0] if self.cursor_row < len(self._rows) else ""
+
+    def from_top(self) -> None:
+        """Begin at the first row with what is filled in next: it is about something else."""
+        self._from_top = True
+
+    def fill(self, rows: Sequence[Row]) -> None:
+        """Show these rows; unchanged cells are not touched."""
+        rows = tuple(rows)
+        same = [key for key, _ in rows] == [key for key, _ in self._rows]
+        if self._layout() or not same or self._from_top:
+            self._refill(rows)
+            return
+        for row, ((_, before), (key, cells)) in enumerate(zip(self._rows, rows, strict=True)):
+            if before != cells:
+                for index in self._shown:
+                    if before[index] != cells[index]:
+                        self.update_cell(key, str(index), self._cell(index, cells))
+                self.refresh_row(row)
+        self._rows = rows
+
+    def on_resize(self) -> None:
+        """Choose the columns that fit."""
+        if self._layout():
+            self._refill(self._rows)
+
+    def _layout(self) -> bool:
+        """Choose columns and widths; return whether they are others than before."""
+        width = self.size.width or self.app.size.width
+        shown = tuple(i for i, c in enumerate(self._all) if c.from_width <= width)
+        used = sum(self._all[i].width + 2 * self.cell_padding for i in shown)
+        left = max(10, width - used - 1)
+        widths = tuple(self._all[i].width or left for i in shown)
+        if (shown, widths) == (self._shown, self._widths):
+            return False
+        self._shown, self._widths = shown, widths
+        return True
+
+    def _refill(self, rows: tuple[Row, ...]) -> None:
+        key, scroll = self.key, self.scroll_y
+        self.clear(columns=True)
+        for index, width in zip(self._shown, self._widths, strict=True):
+            column = self._all[index]
+            title = Text(column.title, justify="right" if column.right else "left")
+            self.add_column(title, width=width, key=str(index))
+        self._rows = rows
+        for name, cells in rows:
+            self.add_row(*(self._cell(i, cells) for i in self._shown), key=name)
+        if self._from_top:
+            key, scroll, self._from_top = "", 0.0, False
+        found = next((i for i, (name, _) in enumerate(rows) if name == key), 0)
+        self.move_cursor(row=found, animate=False, scroll=False)
+        self.scroll_to(y=scroll, animate=False, immediate=True)
+
+    def _cell(self, index: int, cells: tuple[Text, ...]) -> Text:
+        cell = cells[index].copy()
+        cell.no_wrap, cell.overflow = True, "ellipsis"
+        cell.justify = "right" if self._all[index].right else "left"
+        return cell

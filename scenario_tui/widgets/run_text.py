@@ -1,0 +1,118 @@
+"""One run in words: verdicts with margins and evidence, what it was, where its trace lies."""
+
+from __future__ import annotations
+
+from rich.text import Text
+
+from daemon.protocol import RunDetail, RunState
+from daemon.spec import RunResult
+from daemon.verdict import Outcome, Verdict
+from scenario_tui.palette import QUIET, UNSURE, WORDS
+from scenario_tui.tracks import Track
+from scenario_tui.wording import (
+    GLYPHS,
+    SEVERITY,
+    counted,
+    duration,
+    glyph_word,
+    margin,
+    moment,
+    quantity,
+    run_label,
+    word_of,
+)
+
+
+def run_text(detail: RunDetail, track: Track | None) -> Text:
+    """Return everything about a run, the answer first."""
+    row = detail.row
+    word = word_of(row)
+    text = Text.assemble((run_label(row), "bold"), "  ", (glyph_word(word), WORDS[word]), "\n")
+    if row.state is RunState.RUNNING:
+        _running(text, track)
+    if row.reason:
+        text.append(f"{row.reason.strip()}\n", style=UNSURE)
+    text.append("\n")
+    if detail.result is not None:
+        _verdicts(text, detail.result)
+    else:
+        _oracles(text, detail)
+    _facts(text, detail)
+    return text
+
+
+def _running(text: Text, track: Track | None) -> None:
+    if track is None:
+        text.append("waiting for its first sign of life\n", style=QUIET)
+        return
+    seen = track.snapshot
+    text.append(f"reached {seen.reached} of {counted(seen.waypoints, 'waypoint')}, ")
+    text.append(f"{seen.time:.0f} s of {seen.limit:.0f} s simulated\n")
+
+
+def _verdicts(text: Text, result: RunResult) -> None:
+    for verdict in sorted(result.verdicts, key=lambda v: SEVERITY.index(v.outcome)):
+        text.append(f"{glyph_word(verdict.outcome)}  ", style=WORDS[verdict.outcome])
+        text.append(verdict.oracle, style="bold")
+        text.append(f"  {_value(verdict)}\n")
+        for line in _seen(verdict):
+            text.append(f"    {line}\n", style=QUIET)
+    text.append("\n")
+    if result.note:
+        text.append(f"{result.note}\n\n", style=UNSURE)
+
+
+def _value(verdict: Verdict) -> str:
+    if verdict.outcome is Outcome.MEASURE:
+        return quantity(verdict.evidence.value, verdict.unit)
+    shown = margin(verdict.margin, verdict.unit)
+    if verdict.outcome is Outcome.INCONCLUSIVE and verdict.upper is not None:
+        return f"{shown} to {margin(verdict.upper, verdict.unit)}"
+    return shown
+
+
+def _seen(verdict: Verdict) -> list[str]:
+    """Return the evidence: when and how much, then what and where."""
+    seen = verdict.evidence
+    moments = []
+    if seen.time is not None:
+        moments.append(f"at {moment(seen.time)}")
+    if seen.value is not None and seen.limit is not None:
+        value, limit = quantity(seen.value, verdict.unit), quantity(seen.limit, verdict.unit)
+        moments.append(f"{value}, limit {limit}")
+    things = [extra for extra in (seen.object, seen.note) if extra]
+    return [", ".join(parts) for parts in (moments, things) if parts]
+
+
+def _oracles(text: Text, detail: RunDetail) -> None:
+    text.append("will be judged by\n", style=QUIET)
+    for oracle in detail.spec.oracles:
+        text.append(f"  {GLYPHS['measure']} {oracle.name}\n")
+    text.append("\n")
+
+
+def _facts(text: Text, detail: RunDetail) -> None:
+    row, spec, result = detail.row, detail.spec, detail.result
+    facts = [
+        ("scenario", f"{spec.scenario}, repeat {spec.repeat}, seed {spec.seed}"),
+        ("SUT", f"{spec.sut.name} ({spec.sut.kind})"),
+        ("robot", f"{spec.robot.name}, {spec.robot.drive.kind}"),
+        ("mission", f"{spec.mission.name}, {counted(len(spec.mission.waypoints), 'waypoint')}"),
+        ("doors", f"{counted(len(spec.behaviours), 'behaviour')}, map shows {spec.map.doors}"),
+        ("limit", f"{spec.limit:g} s simulated"),
+    ]
+    if result is not None:
+        timing = result.timing
+        speed = timing.simulated / timing.wall if timing.wall > 0 else 0.0
+        facts.append(("ended", result.ended))
+        facts.append(
+            ("took", f"{timing.simulated:.1f} s simulated in {duration(timing.wall)}, {speed:.0f}x")
+        )
+    if row.worker:
+        facts.append(("worker", f"{row.worker}, attempt {row.attempt}"))
+    if row.trace:
+        size = f", {result.trace.size / 1e6:.1f} MB" if result is not None else ""
+        facts.append(("trace", f"{row.trace}{size}"))
+    for name, value in facts:
+        text.append(f"{name:<9}", style=QUIET)
+        text.append(f" {value}\n")

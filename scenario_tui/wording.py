@@ -1,0 +1,138 @@
+"""How things are said to people, in the command line and in the dashboard alike.
+
+A verdict is always a glyph and a word, never a colour alone.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+from daemon.protocol import CampaignRow, Overview, RunRow, RunState
+from daemon.verdict import Outcome
+
+GLYPHS: Final = {
+    "pass": "✓",
+    "fail": "✗",
+    "inconclusive": "?",
+    "error": "‼",
+    "measure": "·",
+    "lost": "!",
+    "cancelled": "-",
+    "queued": "…",
+    "running": "▶",
+}
+STYLES: Final = {
+    "pass": "green",
+    "fail": "bold red",
+    "inconclusive": "yellow",
+    "error": "bold magenta",
+    "measure": "cyan",
+    "lost": "bold magenta",
+    "cancelled": "dim",
+    "queued": "dim",
+    "running": "blue",
+}
+SEVERITY: Final = (
+    "fail",
+    "error",
+    "lost",
+    "inconclusive",
+    "running",
+    "queued",
+    "cancelled",
+    "pass",
+    "measure",
+)
+"""Words from what people must look at first to what is fine."""
+
+NOTHING: Final = "–"
+
+
+def word_of(row: RunRow) -> str:
+    """Return the one word for how a run stands: its verdict, else its state."""
+    if row.state is RunState.DONE:
+        return str(row.outcome or Outcome.ERROR)
+    return str(row.state)
+
+
+def glyph_word(word: str) -> str:
+    """Return ``✓ pass`` for ``pass``."""
+    return f"{GLYPHS[word]} {word}"
+
+
+def counted(number: int, noun: str, plural: str = "") -> str:
+    """Return ``1 run`` or ``2 runs``."""
+    return f"{number:,} {noun if number == 1 else plural or noun + 's'}"
+
+
+def quantity(value: float | None, unit: str, *, signed: bool = False) -> str:
+    """Return a value with three significant digits and its unit: ``+0.0312 m``."""
+    if value is None:
+        return NOTHING
+    if not math.isfinite(value):
+        number = ("+" if signed and value > 0 else "") + ("∞" if value > 0 else "−∞")
+        return number if not math.isnan(value) else "nan"
+    number = f"{value:{'+' if signed else ''}.3g}"
+    if "e" in number and 1e-4 <= abs(value) < 1e6:
+        number = f"{value:{'+' if signed else ''}.0f}"
+    number = number.replace("-", "−")
+    return f"{number} {unit}" if unit not in ("", "1") else number
+
+
+def margin(value: float | None, unit: str) -> str:
+    """Return a signed margin with its unit; ``–`` when there is none."""
+    return quantity(value, unit, signed=True)
+
+
+def moment(seconds: float | None) -> str:
+    """Return a moment of simulated time: ``312.4 s``."""
+    return NOTHING if seconds is None else f"{seconds:.1f} s"
+
+
+def duration(seconds: float | None) -> str:
+    """Return a span for people: ``8 s``, ``3 min 20 s``, ``2 h 05 min``."""
+    if seconds is None or not math.isfinite(seconds):
+        return NOTHING
+    whole = max(0, round(seconds))
+    if whole < 60:
+        return f"{whole} s"
+    if whole < 3600:
+        return f"{whole // 60} min {whole % 60:02d} s"
+    if whole < 48 * 3600:
+        return f"{whole // 3600} h {whole % 3600 // 60:02d} min"
+    return f"{whole // 86400} d {whole % 86400 // 3600} h"
+
+
+def ago(then: float, now: float) -> str:
+    """Return how long ago something was, in one unit: ``12 s ago``, ``25 h ago``."""
+    seconds = max(0.0, now - then)
+    for unit, size, most in (("s", 1, 60), ("min", 60, 3600), ("h", 3600, 48 * 3600)):
+        if seconds < most:
+            return f"{int(seconds // size)} {unit} ago"
+    return f"{int(seconds // 86400)} d ago"
+
+
+def rate(per_minute: float) -> str:
+    """Return a rate of runs: ``12.5 runs/min``."""
+    return f"{per_minute:.3g} runs/min" if per_minute > 0 else NOTHING
+
+
+def tally(row: CampaignRow | Overview) -> dict[str, int]:
+    """Return how many runs there are of each word, those that matter most first."""
+    counts = {
+        "fail": row.failed,
+        "error": row.errors,
+        "lost": row.lost,
+        "inconclusive": row.inconclusive,
+        "pass": row.passed,
+        "cancelled": row.cancelled,
+        "running": row.running,
+        "queued": row.queued,
+    }
+    return {word: count for word, count in counts.items() if count}
+
+
+def run_label(row: RunRow) -> str:
+    """Return the short name of a run: ``S1/pilot/3``."""
+    return f"{row.scenario}/{row.sut}/{row.repeat}"

@@ -1,0 +1,46 @@
+"""What ``scenario check`` says a single file is."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from grammars.floorplan import load_floorplan
+from grammars.metamodel import composed_document
+from scenario_tui.cli._check import checked
+
+
+@pytest.mark.parametrize(
+    ("name", "kind"),
+    [
+        ("demo/flat.fpm", "floor plan with 4 spaces, 18 walls, 4 openings"),
+        ("demo/flat.variation", "variation of flat with 5 draws"),
+        ("demo/doors.scenery", "scenery layer"),
+        ("demo/courier.mission.yaml", "mission with 4 waypoints"),
+        ("robots/robile.yaml", "robot robile"),
+        ("suts/pilot.yaml", "system under test pilot"),
+        ("demo/campaign.yaml", "3 scenarios, 15 runs"),
+    ],
+)
+def test_every_kind_of_layer_is_known_and_sound(campaigns: Path, name: str, kind: str) -> None:
+    assert checked(campaigns / name) == (kind, ())
+
+
+def test_a_json_ld_graph_is_checked_as_a_whole(campaigns: Path, tmp_path: Path) -> None:
+    document = composed_document(load_floorplan(campaigns / "demo" / "flat.fpm"))
+    path = tmp_path / "flat.jsonld"
+    path.write_text(json.dumps(document))
+    assert checked(path) == ("JSON-LD graph", ())
+    damaged = path.read_text().replace('"of": "hall-frame"', '"of": "nowhere-frame"')
+    path.write_text(damaged)
+    found = checked(path)[1]
+    assert any("nowhere-frame" in d.message for d in found)
+
+
+def test_an_unknown_kind_of_file_says_what_is_known(tmp_path: Path) -> None:
+    path = tmp_path / "plan.dxf"
+    path.write_text("")
+    (finding,) = checked(path)[1]
+    assert ".fpm, .scenery, .variation, .jsonld" in finding.hint

@@ -1,0 +1,50 @@
+"""cancel, retry, stop: they do what was asked and say what they did."""
+
+from __future__ import annotations
+
+import json
+
+from tests.scenario_tui.fake import CAMPAIGN
+
+
+def test_cancel_cancels_the_campaign_meant(scenario, fake) -> None:
+    said = scenario("cancel", "first")
+    assert ("cancel", CAMPAIGN) in fake.calls
+    assert said.code == 0
+    assert f"cancelled 2 runs of {CAMPAIGN}" in said.err
+    assert said.out == ""
+
+
+def test_cancel_needs_to_be_told_what(scenario, fake) -> None:
+    assert scenario("cancel").code == 2
+    assert fake.calls == []
+
+
+def test_retry_queues_lost_and_cancelled_runs_again(scenario, fake) -> None:
+    said = scenario("retry", "first", "--json")
+    assert ("retry", CAMPAIGN, "lost|cancelled") in fake.calls
+    assert json.loads(said.out) == {"schema": "scenario/retry/1", "campaign": CAMPAIGN, "runs": 1}
+
+
+def test_retry_can_be_told_which(scenario, fake) -> None:
+    scenario("retry", "first", "--only", "fail|error")
+    assert ("retry", CAMPAIGN, "fail|error") in fake.calls
+
+
+def test_stop_copes_with_a_daemon_that_is_gone_at_once(
+    scenario, fake, monkeypatch, tmp_path
+) -> None:
+    contact = tmp_path / "daemon.json"
+    contact.write_text(
+        '{"endpoint": "tcp/127.0.0.1:4711", "pid": 1, "version": "0", "started_at": 0.0}'
+    )
+    monkeypatch.setattr(fake, "shutdown", contact.unlink)
+    said = scenario("stop", "--state", str(tmp_path))
+    assert said.code == 0
+    assert "the daemon at tcp/127.0.0.1:4711 is leaving" in said.err
+
+
+def test_stop_says_that_queued_work_waits(scenario, fake) -> None:
+    said = scenario("stop")
+    assert ("shutdown",) in fake.calls
+    assert "2 unfinished runs go on when it is started again" in said.err

@@ -1,0 +1,207 @@
+"""Whatever goes wrong ends with a message and the exit code that says whose fault it is."""
+
+from __future__ import annotations
+
+import errno
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from grammars.diagnostics import Diagnostic, InputError, Severity, Where
+from scenario_tui.cli import _main
+from scenario_tui.cli._diagnostics import counts, rendered
+from scenario_tui.cli._exits import ExitCode, exit_code
+
+
+@pytest.fixture
+def raising(monkeypatch: pytest.MonkeyPatch):
+    def prepare(error: BaseException) -> None:
+        def fail(**_: object) -> None:
+            raise error
+
+        monkeypatch.setattr(_main, "app", fail)
+
+    return prepare
+
+
+@pytest.mark.parametrize(
+    ("words", "code"),
+    [
+        (["pass", "pass"], ExitCode.EXPECTED),
+        (["pass", "fail", "lost"], ExitCode.UNEXPECTED),
+        (["pass", "lost", "inconclusive"], ExitCode.INFRASTRUCTURE),
+        (["pass", "error"], ExitCode.INFRASTRUCTURE),
+        (["pass", "inconclusive"], ExitCode.INCONCLUSIVE),
+        (["pass", "cancelled"], ExitCode.INCONCLUSIVE),
+        ([], ExitCode.INCONCLUSIVE),
+    ],
+)
+def test_the_exit_code_follows_the_gravest_run(words: list[str], code: ExitCode) -> None:
+    assert exit_code(words) is code
+
+
+def test_our_own_bugs_exit_with_70_and_say_so(raising, capsys) -> None:
+    raising(ZeroDivisionError("division by zero"))
+    assert _main.invoke(["status"]) == 70
+    said = capsys.readouterr()
+    assert said.out == ""
+    assert "This is a bug in scenario" in said.err
+    assert "ZeroDivisionError" in said.err
+
+
+def test_ctrl_c_exits_with_130(raising) -> None:
+    raising(KeyboardInterrupt())
+    assert _main.invoke(["status"]) == 130
+
+
+def test_a_reader_that_leaves_is_no_failure(raising) -> None:
+    raising(BrokenPipeError())
+    assert _main.invoke(["results"]) == 141
+
+
+def test_bad_input_prints_every_diagnostic(raising, capsys, tmp_path) -> None:
+    file = tmp_path / "plan.fpm"
+    file.write_text("space hall\n    shape: rectangel\n")
+    raising(
+        InputError(
+            [
+                Diagnostic(Where(str(file), 2, 12), "no such shape", 'did you mean "rectangle"?'),
+                Diagnostic(Where(str(file)), "no entryway", severity=Severity.WARNING),
+            ]
+        )
+    )
+    assert _main.invoke(["check", "plan.fpm"]) == 2
+    said = capsys.readouterr().err
+    assert "plan.fpm:2:12: error: no such shape" in said
+    assert "    shape: rectangel\n           ^\n" in said
+    assert 'did you mean "rectangle"?' in said
+    assert "warning: no entryway" in said
+    assert said.rstrip().endswith("1 error, 1 warning")
+    assert "Traceback" not in said
+
+
+def test_a_place_outside_the_file_has_no_excerpt(tmp_path) -> None:
+    file = tmp_path / "short.yaml"
+    file.write_text("campaign: x\n")
+    shown = rendered(Diagnostic(Where(str(file), 99, 1), "gone")).plain
+    assert shown == f"{file}:99:1: error: gone"
+    missing = rendered(Diagnostic(Where(str(tmp_path / "none.yaml"), 1, 1), "gone")).plain
+    assert missing.endswith("error: gone")
+
+
+def test_counting_problems() -> None:
+    assert counts([]) == "no problems"
+
+
+def test_wrong_usage_exits_with_2(scenario) -> None:
+    said = scenario("results", "--colour")
+    assert said.code == 2
+    assert "No such option" in said.err
+    assert said.out == ""
+    assert scenario().code == 2
+    assert scenario("frobnicate").code == 2
+
+
+@pytest.mark.parametrize("endpoint", ["foo", "tcp/host", "tcp/host:99999", "udp/127.0.0.1:7447"])
+def test_a_malformed_endpoint_is_wrong_usage(scenario, fake, endpoint: str) -> None:
+    said = scenario("status", "--connect", endpoint)
+    assert said.code == 2
+    assert "write tcp/<host>:<port>" in said.err
+    assert fake.calls == []
+
+
+def test_a_folder_cannot_be_checked(scenario, tmp_path) -> None:
+    said = scenario("check", str(tmp_path))
+    assert said.code == 2
+    assert "is a folder" in said.err
+
+
+def test_an_unreachable_daemon_exits_with_3(scenario, fake) -> None:
+    fake.reachable = False
+    said = scenario("status")
+    assert said.code == 3
+    assert said.err.startswith("scenario: no daemon answers")
+    assert said.out == ""
+
+
+def test_a_full_disk_is_no_bug_of_ours(raising, capsys) -> None:
+    raising(OSError(errno.ENOSPC, "No space left on device", "/results/run.mcap"))
+    assert _main.invoke(["run"]) == ExitCode.INFRASTRUCTURE
+    assert capsys.readouterr().err == "scenario: No space left on device: /results/run.mcap\n"
+
+
+def _typed(*arguments: str, shell: str = "", **variables: str) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-c", "from scenario_tui.cli import main; main()", *arguments]
+    if shell:
+        command = ["sh", "-c", f'"$@" {shell}', "sh", *command]
+    return subprocess.run(
+        command,
+        capture_output=True,
+        text=True,
+        errors="replace",
+        env=os.environ | variables,
+        check=False,
+    )
+
+
+def test_a_closed_output_is_no_failure(tmp_path) -> None:
+    assert _typed("--version", shell=">&-").returncode == 0
+    missing = str(tmp_path / "none.yaml")
+    assert _typed("check", missing, shell=">&- 2>&-").returncode == ExitCode.BAD_INPUT
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")
+def test_an_output_that_takes_nothing_is_said(tmp_path) -> None:
+    said = _typed("--version", shell=">/dev/full")
+    assert said.returncode == ExitCode.INFRASTRUCTURE
+    assert said.stderr == "scenario: No space left on device\n"
+
+
+def test_signs_a_terminal_cannot_show_stop_nothing(tmp_path) -> None:
+    file = tmp_path / "größe.yaml"
+    file.write_text("campaign: é\n", encoding="utf-8")
+    for encoding in ("ascii", "latin-1"):
+        said = _typed("check", str(file), PYTHONIOENCODING=encoding)
+        assert said.returncode == ExitCode.BAD_INPUT
+        assert "Traceback" not in said.stderr
+
+
+def test_a_terminal_without_our_signs_still_shows_a_minus() -> None:
+    program = "from scenario_tui.cli import _output as o; o.settle_streams(); print('✗ −0.3 ü')"
+    done = subprocess.run(
+        [sys.executable, "-c", program],
+        capture_output=True, env=os.environ | {"PYTHONIOENCODING": "ascii"}, check=True,
+    )  # fmt: skip
+    assert done.stdout == b"x -0.3 ?\n"
+
+
+def test_a_dashboard_without_a_terminal_says_so(scenario, fake) -> None:
+    said = scenario("tui")
+    assert said.code == ExitCode.BAD_INPUT
+    assert "the dashboard needs a terminal" in said.err
+    assert fake.calls == []
+
+
+def test_bad_input_stays_bad_input_when_nobody_reads_about_it(tmp_path) -> None:
+    program = "from scenario_tui.cli import main; main()"
+    reading, writing = os.pipe()
+    os.close(reading)
+    with os.fdopen(writing, "wb") as broken:
+        done = subprocess.run(
+            [sys.executable, "-c", program, "check", str(tmp_path / "none.yaml")],
+            stderr=broken, check=False,
+        )  # fmt: skip
+    assert done.returncode == ExitCode.BAD_INPUT
+
+
+def test_a_malformed_endpoint_in_the_environment_is_bad_input(
+    monkeypatch: pytest.MonkeyPatch, capsys
+) -> None:
+    monkeypatch.setenv("SCENARIO_CONNECT", "garbage")
+    assert _main.invoke(["status"]) == ExitCode.BAD_INPUT
+    said = capsys.readouterr().err
+    assert said.startswith("SCENARIO_CONNECT: error: 'garbage' is not an endpoint")
+    assert "write tcp/<host>:<port>" in said

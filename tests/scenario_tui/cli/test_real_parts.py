@@ -1,0 +1,177 @@
+"""The command line with nothing faked: real daemon, real worker, real traces."""
+
+from __future__ import annotations
+
+import fcntl
+import json
+import os
+import pty
+import re
+import select
+import shutil
+import struct
+import subprocess
+import sys
+import termios
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from scenario_tui.cli._exits import exit_code
+
+COMMAND = [sys.executable, "-c", "from scenario_tui.cli import main; main()"]
+
+
+def call(*arguments: str, state: Path, cwd: Path) -> subprocess.CompletedProcess[str]:
+    environ = {k: v for k, v in os.environ.items() if k != "SCENARIO_CONNECT"}
+    return subprocess.run(
+        [*COMMAND, *arguments],
+        capture_output=True,
+        text=True,
+        cwd=cwd,
+        env=environ | {"SCENARIO_STATE": str(state)},
+        timeout=60,
+    )
+
+
+@pytest.fixture(scope="module")
+def place(tmp_path_factory: pytest.TempPathFactory, campaigns: Path) -> Path:
+    """A folder with the demo campaign cut down to two short runs."""
+    folder = tmp_path_factory.mktemp("real")
+    for part in ("demo", "robots", "suts"):
+        shutil.copytree(campaigns / part, folder / "campaigns" / part)
+    file = folder / "campaigns" / "demo" / "campaign.yaml"
+    text = file.read_text()
+    text = re.sub(r"^repeats: \d+", "repeats: 2", text, flags=re.M)
+    text = re.sub(r"^limit: [^#\n]+", "limit: 20 s ", text, flags=re.M)
+    file.write_text(text[: text.index("  busy-house:")])
+    return folder
+
+
+@pytest.fixture(scope="module")
+def finished(place: Path) -> Iterator[Path]:
+    """A state directory with a daemon that has finished the campaign."""
+    state = place / "state"
+    file = str(place / "campaigns" / "demo" / "campaign.yaml")
+    done = call("submit", file, "--watch", "--json", state=state, cwd=place)
+    body = json.loads(done.stdout)
+    assert done.returncode == exit_code(row["outcome"] for row in body["runs"]), done.stderr
+    assert "started a daemon on this machine" in done.stderr
+    yield state
+    assert call("stop", state=state, cwd=place).returncode == 0
+
+
+def test_run_leaves_nothing_behind_but_traces(place: Path) -> None:
+    file = str(place / "campaigns" / "demo" / "campaign.yaml")
+    done = call("run", file, "--json", state=place / "untouched", cwd=place)
+    body = json.loads(done.stdout)
+    assert body["schema"] == "scenario/results/1"
+    assert [row["state"] for row in body["runs"]] == ["done", "done"]
+    assert done.returncode == exit_code(row["outcome"] for row in body["runs"])
+    folder = place / "scenario-results" / body["campaign"]["id"]
+    traces = sorted(path.name for path in folder.iterdir())
+    assert traces == ["open-house.pilot.0.mcap", "open-house.pilot.1.mcap"]
+    assert {row["trace"] for row in body["runs"]} == {str(folder / name) for name in traces}
+    assert not (place / "untouched").exists()
+    assert "Traceback" not in done.stderr
+
+
+def test_results_are_kept_by_the_daemon(finished: Path, place: Path) -> None:
+    done = call("results", "demo", state=finished, cwd=place)
+    assert done.returncode == 0, done.stderr
+    assert "open-house" in done.stdout
+    assert "2 traces in" in done.stdout
+    status = json.loads(call("status", "--json", state=finished, cwd=place).stdout)
+    assert status["overview"]["done"] == 2
+
+
+def test_submitting_again_runs_nothing_twice(finished: Path, place: Path) -> None:
+    file = str(place / "campaigns" / "demo" / "campaign.yaml")
+    done = call("submit", file, state=finished, cwd=place)
+    assert done.returncode == 0
+    assert "is known already, its 2 runs are kept" in done.stderr
+
+
+def test_a_state_directory_without_a_daemon_is_not_mixed_up(finished: Path, place: Path) -> None:
+    done = call("status", "--state", str(place / "elsewhere"), state=finished, cwd=place)
+    assert done.returncode == 3
+    assert "no daemon keeps" in done.stderr
+
+
+def test_the_dashboard_opens_in_a_terminal_and_leaves_without_stopping_work(
+    finished: Path, place: Path
+) -> None:
+    leader, follower = pty.openpty()
+    fcntl.ioctl(follower, termios.TIOCSWINSZ, struct.pack("HHHH", 24, 80, 0, 0))
+    environ = os.environ | {"SCENARIO_STATE": str(finished), "TERM": "xterm-256color"}
+    process = subprocess.Popen(
+        [*COMMAND, "tui"], stdin=follower, stdout=follower, stderr=follower, cwd=place, env=environ
+    )
+    os.close(follower)
+    try:
+        assert "connected" in _read_until(leader, "connected")
+        os.write(leader, b"q")
+        assert "no run is waiting" in _read_until(leader, "Back with")
+        assert process.wait(10) == 0
+    finally:
+        process.kill()
+        process.wait()
+        os.close(leader)
+    assert call("status", state=finished, cwd=place).returncode == 0
+
+
+def _read_until(terminal: int, word: str, seconds: float = 20.0) -> str:
+    seen = ""
+    deadline = time.monotonic() + seconds
+    while word not in seen and time.monotonic() < deadline:
+        ready, _, _ = select.select([terminal], [], [], 0.1)
+        if ready:
+            seen += os.read(terminal, 65536).decode("utf-8", "replace")
+    return seen
+
+
+def test_a_reader_that_leaves_early_causes_no_noise(finished: Path, place: Path) -> None:
+    environ = os.environ | {"SCENARIO_STATE": str(finished)}
+    process = subprocess.Popen(
+        [*COMMAND, "results", "--runs"],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        cwd=place,
+        env=environ,
+    )
+    assert process.stdout is not None
+    assert process.stderr is not None
+    process.stdout.close()
+    assert process.stderr.read() == b""
+    process.stderr.close()
+    assert process.wait(20) == 141
+
+
+def test_check_reports_every_layer(place: Path) -> None:
+    broken = place / "broken.mission.yaml"
+    broken.write_text("mission: x\nstart: {x: 1 parsec}\n")
+    demo = str(place / "campaigns" / "demo" / "campaign.yaml")
+    done = call("check", demo, str(broken), "--json", state=place / "none", cwd=place)
+    assert done.returncode == 2
+    body = json.loads(done.stdout)
+    assert body["schema"] == "scenario/check/1"
+    assert not [d for d in body["files"][demo] if d["severity"] == "error"]
+    assert body["files"][str(broken)]
+    said = call("check", str(broken), "nothing.fpm", state=place / "none", cwd=place)
+    assert said.returncode == 2
+    assert f"{broken}:" in said.stderr
+    assert re.search("nothing.fpm: error: .*no such file", said.stderr, re.IGNORECASE)
+
+
+@pytest.mark.parametrize("kind", ["geojson", "map"])
+def test_export_writes_what_was_asked_for(place: Path, kind: str) -> None:
+    plan = str(place / "campaigns" / "demo" / "flat.fpm")
+    out = place / f"out-{kind}"
+    done = call("export", plan, kind, "-o", str(out), state=place / "none", cwd=place)
+    assert done.returncode == 0, done.stderr
+    written = {Path(line) for line in done.stdout.splitlines()}
+    assert written == set(out.iterdir())
+    names = {path.name for path in written}
+    assert names == ({"flat.geojson"} if kind == "geojson" else {"flat.pgm", "flat.yaml"})

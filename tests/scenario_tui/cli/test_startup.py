@@ -1,0 +1,29 @@
+"""Help and completion must not load what only some commands need."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+HEAVY = ("numba", "numpy", "pymunk", "textual", "zenoh", "pydantic", "textx", "rdflib", "shapely")
+
+
+def _loaded_after(code: str) -> set[str]:
+    done = subprocess.run(
+        [sys.executable, "-c", f"import sys\n{code}\nprint(*sys.modules, file=sys.stderr)"],
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    return set(done.stderr.split())
+
+
+def test_the_command_line_imports_nothing_heavy() -> None:
+    loaded = _loaded_after("import scenario_tui.cli")
+    assert loaded.isdisjoint(HEAVY)
+    assert "rich.console" not in loaded
+
+
+def test_help_imports_nothing_heavy_either() -> None:
+    loaded = _loaded_after("from scenario_tui.cli._main import invoke\ninvoke(['--help'])")
+    assert loaded.isdisjoint(HEAVY)

@@ -1,0 +1,122 @@
+"""Watching a campaign: until its last run, over restarts of the daemon."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+from rich.console import Console
+
+from daemon.errors import DaemonError, Refused, Unreachable
+from daemon.protocol import RunState
+from daemon.verdict import Outcome
+from scenario_tui.cli import _progress
+from scenario_tui.cli._progress import Sight, drawn, watch
+from tests.scenario_tui.fake import CAMPAIGN, FakeDaemon, make_live, make_row
+
+
+@pytest.fixture(autouse=True)
+def _no_waiting(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(_progress, "INTERVAL", 0.001)
+
+
+def _finish(daemon: FakeDaemon) -> None:
+    daemon.rows = tuple(
+        replace(row, state=RunState.DONE, outcome=row.outcome or Outcome.PASS)
+        for row in daemon.rows
+    )
+
+
+def test_watching_ends_with_the_last_run(fake, capsys) -> None:
+    looks = 0
+
+    def later(daemon: FakeDaemon) -> None:
+        nonlocal looks
+        looks += 1
+        if looks == 10:
+            _finish(daemon)
+
+    fake.before = later
+    assert watch(fake.open, CAMPAIGN).finished
+    assert capsys.readouterr() == ("", "")  # no progress where there is no terminal
+
+
+def test_watching_survives_a_restart_and_says_so(fake, capsys) -> None:
+    looks = 0
+
+    def restart(daemon: FakeDaemon) -> None:
+        nonlocal looks
+        looks += 1
+        daemon.reachable = not 5 < looks < 20
+        if looks == 30:
+            _finish(daemon)
+
+    fake.before = restart
+    assert watch(fake.open, CAMPAIGN).finished
+    said = capsys.readouterr().err.splitlines()
+    assert said == [
+        "the daemon does not answer, waiting for it (Ctrl-C to leave)",
+        "the daemon is back, watching again",
+    ]
+
+
+def test_watching_gives_up_on_a_daemon_that_stays_away(fake) -> None:
+    fake.reachable = False
+    with pytest.raises(Unreachable):
+        watch(fake.open, CAMPAIGN, patience=0.02)
+
+
+def test_a_campaign_the_daemon_forgot_is_not_waited_for(fake) -> None:
+    with pytest.raises(Refused):
+        watch(fake.open, "never-submitted")
+
+
+def test_waiting_for_the_first_run_is_explained(fake) -> None:
+    fake.rows = tuple(replace(row, state=RunState.QUEUED, outcome=None) for row in fake.rows)
+    console = Console(width=80)
+    with console.capture() as capture:
+        console.print(drawn(Sight(fake.campaigns()[0]), 80))
+    assert "0/10 runs" in capture.get()
+    assert "compiles for a while" in capture.get()
+
+
+@pytest.mark.parametrize("width", [80, 140])
+def test_progress_shows_counts_pace_and_what_runs(fake, width) -> None:
+    row = fake.campaigns()[0]
+    live = make_live(7, time=61.0)
+    sight = Sight(row, (make_row(7, state=RunState.RUNNING),), {live.run: live}, 12.5, 95.0)
+    console = Console(width=width)
+    with console.capture() as capture:
+        console.print(drawn(sight, width))
+    campaign, run = capture.get().splitlines()
+    assert "8/10 runs" in campaign
+    assert ("✗ 2 fail" if width > 100 else "✗ 2  ! 1") in campaign
+    assert ("12.5 runs/min" in campaign) == (width > 100)
+    assert "1 min 35 s left" in campaign
+    assert "S2/pilot/2  waypoint 2 of 3  61 s simulated" in run
+
+
+def test_a_daemon_that_cannot_run_anything_says_why_and_when_it_is_over(
+    fake, capsys, monkeypatch
+) -> None:
+    monkeypatch.setattr(_progress, "_LOOK", 0.0)
+    looks = 0
+
+    def later(daemon: FakeDaemon) -> None:
+        nonlocal looks
+        looks += 1
+        daemon.trouble = "Traceback\nOSError: the disk is full\n" if looks < 20 else ""
+        if looks == 40:
+            _finish(daemon)
+
+    fake.before = later
+    assert watch(fake.open, CAMPAIGN).finished
+    said = capsys.readouterr().err.splitlines()
+    assert said == ["no run can start: OSError: the disk is full", "runs can start again"]
+
+
+def test_nobody_waits_for_ever_for_a_daemon_of_ones_own_in_trouble(fake, monkeypatch) -> None:
+    monkeypatch.setattr(_progress, "_LOOK", 0.0)
+    fake.trouble = "the disk is full"
+    with pytest.raises(DaemonError, match="the disk is full"):
+        watch(fake.open, CAMPAIGN, endurance=0.01)

@@ -1,0 +1,42 @@
+"""Fixtures of the people's side: a daemon that answers from fixed data."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import pytest
+
+from scenario_tui.cli import _session
+from scenario_tui.cli._main import invoke
+from tests.scenario_tui.fake import FakeDaemon
+
+
+class Said(NamedTuple):
+    """What a command left: exit code, standard output, standard error."""
+
+    code: int
+    out: str
+    err: str
+
+
+@pytest.fixture
+def fake() -> FakeDaemon:
+    return FakeDaemon()
+
+
+@pytest.fixture
+def scenario(
+    fake: FakeDaemon, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> Callable[..., Said]:
+    """Call ``scenario ...`` in this process, against the fake daemon."""
+    for name in ("SCENARIO_STATE", "SCENARIO_CONNECT"):
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.setattr(_session.Target, "open", lambda self: fake.open())
+
+    def call(*arguments: str) -> Said:
+        code = invoke(arguments)
+        said = capsys.readouterr()
+        return Said(code, said.out, said.err)
+
+    return call

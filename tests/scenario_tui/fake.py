@@ -1,0 +1,310 @@
+"""A daemon that answers from fixed data: the client's methods without a bus."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
+
+from daemon.errors import Refused, Unreachable
+from daemon.protocol import (
+    CampaignRow,
+    Event,
+    Live,
+    Overview,
+    Receipt,
+    RunDetail,
+    RunPage,
+    RunRow,
+    RunState,
+    Submission,
+    WorkerRow,
+)
+from daemon.spec import (
+    MapSettings,
+    OracleText,
+    RunResult,
+    RunSpec,
+    Snapshot,
+    SutReference,
+    Timing,
+    TraceInfo,
+)
+from daemon.verdict import Evidence, Outcome, Verdict
+from grammars.behaviour import Hold
+from grammars.mission import Mission, Waypoint
+from grammars.robot import Drive, Laser, OdometryNoise, Robot
+from grammars.scene import Doorway, Joint, Link, Region, Scene, SceneObject, Solid
+from grammars.values import Pose2
+
+NOW = 1_800_000_000.0
+CAMPAIGN = "first-ab12cd34"
+OLD = "nightly-00ff00ff"
+
+
+def box(x0: float, y0: float, x1: float, y1: float) -> tuple[tuple[float, float], ...]:
+    return ((x0, y0), (x1, y0), (x1, y1), (x0, y1))
+
+
+def make_scene() -> Scene:
+    """A corridor of 12 m x 4 m with a door leaf in its upper wall."""
+    walls = (
+        box(-0.2, -0.2, 12.2, 0.0),
+        box(-0.2, 4.0, 5.0, 4.2),
+        box(6.0, 4.0, 12.2, 4.2),
+        box(-0.2, 0.0, 0.0, 4.0),
+        box(12.0, 0.0, 12.2, 4.0),
+    )
+    solids = [Solid(f"hall-wall-{i}", "wall", w, 0.0, 2.5) for i, w in enumerate(walls)]
+    solids.append(Solid("hall-wall-1", "wall", box(5.0, 4.0, 6.0, 4.2), 2.0, 2.5))
+    leaf = Link("leaf", (box(0.0, -0.02, 0.95, 0.02),), 20.0, 0.0, 2.0)
+    hinge = Joint("hinge", "revolute", "world", "leaf", (0.0, 0.0), (0.0, 0.0), -1.6, 1.6)
+    door = SceneObject("door-1", "door", Pose2(5.0, 4.0, 0.0), (leaf,), (hinge,), (0.0,))
+    doorway = Doorway("entry", Pose2(5.5, 4.1, 0.0), box(5.0, 4.0, 6.0, 4.2), 1.0, 0.0, 2.0)
+    region = Region("hall", box(0.0, 0.0, 12.0, 4.0))
+    return Scene("corridor", (region,), (doorway,), tuple(solids), (door,))
+
+
+ROBOT = Robot(
+    "robile",
+    box(-0.35, -0.25, 0.35, 0.25),
+    0.4,
+    40.0,
+    Drive("omnidirectional", 0.5, 0.5, 1.0, 1.0, 1.0, 2.0, 100.0, 40.0, 0.5),
+    Laser(Pose2(0.2), 0.3, -math.pi / 2, math.pi / 2, 181, 0.05, 10.0, 10.0, 0.01, 0.0),
+    OdometryNoise(50.0, 0.01, 0.01, 0.01),
+)
+MISSION = Mission(
+    "corridor",
+    Pose2(1.0, 2.0, 0.0),
+    (Waypoint("w1", 4.0, 2.0), Waypoint("w2", 8.0, 1.0), Waypoint("w3", 11.0, 3.0)),
+)
+
+
+def make_spec(row: RunRow, scene: str) -> RunSpec:
+    return RunSpec(
+        campaign="first",
+        scenario=row.scenario,
+        sut=SutReference(row.sut, "pilot", {}),
+        repeat=row.repeat,
+        scene=scene,
+        robot=ROBOT,
+        mission=MISSION,
+        behaviours=(Hold("door-1.hinge", 0.4),),
+        oracles=(
+            OracleText("reached", "reach every waypoint within 20 min"),
+            OracleText("no-contact", "robot never touches anything"),
+        ),
+        map=MapSettings(),
+        seed=2024 + row.repeat,
+        limit=row.limit,
+    )
+
+
+def make_row(index: int, **changes: object) -> RunRow:
+    row = RunRow(
+        id=f"{CAMPAIGN}.{index}",
+        campaign=CAMPAIGN,
+        index=index,
+        scenario="S1" if index < 5 else "S2",
+        sut="pilot",
+        repeat=index % 5,
+        state=RunState.DONE,
+        attempt=1,
+        worker="bench-1",
+        outcome=Outcome.PASS,
+        oracle="no-contact",
+        margin=0.2 + index / 100,
+        unit="m",
+        simulated=312.5,
+        limit=1200.0,
+        wall=8.25,
+        trace=f"state/traces/{CAMPAIGN}/S1.pilot.{index}.mcap",
+    )
+    return replace(row, **changes)  # type: ignore[arg-type]
+
+
+def make_rows() -> tuple[RunRow, ...]:
+    fresh = {"outcome": None, "oracle": "", "margin": None, "unit": "", "simulated": 0.0,
+             "wall": 0.0, "trace": ""}  # fmt: skip
+    changes: dict[int, dict[str, object]] = {
+        4: {"outcome": Outcome.INCONCLUSIVE, "oracle": "localised", "margin": None, "unit": "m"},
+        5: {"outcome": Outcome.FAIL, "oracle": "no-contact", "margin": -0.0312},
+        6: {"outcome": Outcome.FAIL, "oracle": "no-contact", "margin": -0.12},
+        7: fresh | {"state": RunState.RUNNING},
+        8: fresh | {"state": RunState.QUEUED, "worker": "", "attempt": 0},
+        9: fresh | {"state": RunState.LOST, "reason": "worker bench-1 went away", "attempt": 3},
+    }
+    return tuple(make_row(i, **changes.get(i, {})) for i in range(10))
+
+
+def make_result(row: RunRow) -> RunResult | None:
+    if row.outcome is None:
+        return None
+    seen = Evidence(512.25, row.margin, 0.0, "door-1", "front left corner")
+    decisive = Verdict(row.oracle, "robot never touches anything", row.outcome, row.margin,
+                       row.margin, row.unit, seen)  # fmt: skip
+    reached = Verdict(
+        "reached", "reach every waypoint within 20 min", Outcome.PASS, 887.5, 887.5, "s",
+        Evidence(312.5, 312.5, 1200.0),
+    )  # fmt: skip
+    travelled = Verdict("travelled", "path length", Outcome.MEASURE, None, None, "m",
+                        Evidence(value=14.25))  # fmt: skip
+    return RunResult(
+        "0" * 64,
+        row.outcome,
+        (decisive, reached, travelled),
+        "finished",
+        TraceInfo("1" * 64, 1_234_567, 4321),
+        Timing(row.wall, row.wall, row.simulated),
+    )
+
+
+def make_live(index: int = 7, time: float = 60.0) -> Live:
+    pose = Pose2(1.0 + time / 20.0, 2.0, 0.1)
+    snapshot = Snapshot(time, 1200.0, pose, Pose2(pose.x + 0.1, 2.1, 0.1), 1, 3, (-0.9,))
+    return Live(f"{CAMPAIGN}.{index}", snapshot)
+
+
+def campaign_row(name: str, id: str, rows: tuple[RunRow, ...], submitted_at: float) -> CampaignRow:
+    def states(state: RunState) -> int:
+        return sum(row.state is state for row in rows)
+
+    def outcomes(outcome: Outcome) -> int:
+        return sum(row.state is RunState.DONE and row.outcome is outcome for row in rows)
+
+    open_runs = states(RunState.QUEUED) + states(RunState.RUNNING)
+    return CampaignRow(
+        id, name, "Corridor task with static and moving doors", submitted_at,
+        None if open_runs else submitted_at + 120.0, len(rows),
+        states(RunState.QUEUED), states(RunState.RUNNING), states(RunState.DONE),
+        states(RunState.LOST), states(RunState.CANCELLED), outcomes(Outcome.PASS),
+        outcomes(Outcome.FAIL), outcomes(Outcome.INCONCLUSIVE), outcomes(Outcome.ERROR),
+    )  # fmt: skip
+
+
+class FakeSubscription:
+    def __init__(self, daemon: FakeDaemon) -> None:
+        self._daemon = daemon
+
+    def close(self) -> None:
+        self._daemon.listeners.clear()
+
+
+@dataclass
+class FakeDaemon:
+    """Holds runs and answers questions; ``reachable`` and ``before`` make it misbehave."""
+
+    rows: tuple[RunRow, ...] = field(default_factory=make_rows)
+    now: float = NOW
+    reachable: bool = True
+    calls: list[tuple[object, ...]] = field(default_factory=list)
+    listeners: list[tuple[Callable[[Event], None], Callable[[Live], None] | None]] = field(
+        default_factory=list
+    )
+    live: tuple[Live, ...] = ()
+    before: Callable[[FakeDaemon], None] | None = None
+    trouble: str = ""
+    empty: bool = False
+
+    @contextmanager
+    def open(self) -> Iterator[FakeDaemon]:
+        self._answer("open")
+        yield self
+
+    def _answer(self, *call: object) -> None:
+        if self.before is not None:
+            self.before(self)
+        if not self.reachable:
+            raise Unreachable("no daemon answers at tcp/127.0.0.1:7447: start one")
+        self.calls.append(call)
+
+    def overview(self) -> Overview:
+        self._answer("overview")
+        rows = self._campaign_rows()
+        total = {
+            name: sum(getattr(row, name) for row in rows)
+            for name in ("queued", "running", "done", "lost", "cancelled", "passed", "failed",
+                         "inconclusive", "errors")
+        }  # fmt: skip
+        left = 95.0 if total["queued"] + total["running"] else None
+        return Overview(
+            "0.1.0", "state", NOW - 3600.0, self.now, len(rows), 1, **total, rate=12.5,
+            seconds_left=left, trouble=self.trouble,
+        )  # fmt: skip
+
+    def _campaign_rows(self) -> tuple[CampaignRow, ...]:
+        if self.empty:
+            return ()
+        nightly = tuple(replace(make_row(i), campaign=OLD) for i in range(4))
+        return (
+            campaign_row("first", CAMPAIGN, self.rows, NOW - 240.0),
+            campaign_row("nightly", OLD, nightly, NOW - 90_000.0),
+        )
+
+    def campaigns(self) -> tuple[CampaignRow, ...]:
+        self._answer("campaigns")
+        return self._campaign_rows()
+
+    def runs(
+        self, campaign: str = "", *, state: str = "", outcome: str = "", text: str = "",
+        sort: str = "index", descending: bool = False, offset: int = 0, limit: int = 200,
+    ) -> RunPage:  # fmt: skip
+        self._answer("runs", campaign, state, outcome, text, sort, descending, offset, limit)
+        found = [
+            row
+            for row in self.rows
+            if campaign in ("", row.campaign)
+            and state in ("", row.state)
+            and outcome in ("", row.outcome)
+            and text.lower() in f"{row.scenario}/{row.sut}/{row.repeat} {row.oracle}".lower()
+        ]
+        found.sort(key=lambda r: _sortable(getattr(r, sort)), reverse=descending)
+        return RunPage(tuple(found[offset : offset + limit]), len(found))
+
+    def run(self, run: str) -> RunDetail:
+        self._answer("run", run)
+        for row in self.rows:
+            if row.id == run:
+                return RunDetail(row, make_spec(row, make_scene().digest), make_result(row))
+        raise Refused(f"there is no run {run}")
+
+    def scene(self, digest: str) -> Scene:
+        self._answer("scene", digest)
+        return make_scene()
+
+    def workers(self) -> tuple[WorkerRow, ...]:
+        self._answer("workers")
+        return (
+            WorkerRow("bench-1", "bench", 4711, "0.1.0", 2, 1, NOW - 3600.0, self.now - 2.0),
+            WorkerRow("shed-1", "shed", 812, "0.1.0", 4, 0, NOW - 600.0, self.now - 1.0),
+        )
+
+    def submit(self, submission: Submission) -> Receipt:
+        self._answer("submit", submission.campaign)
+        return Receipt(submission.campaign, len(submission.runs), known=False)
+
+    def cancel(self, campaign: str) -> int:
+        self._answer("cancel", campaign)
+        return 2
+
+    def retry(self, campaign: str, *, only: str = "lost|cancelled") -> int:
+        self._answer("retry", campaign, only)
+        return 1
+
+    def shutdown(self) -> None:
+        self._answer("shutdown")
+
+    def events(
+        self, on_event: Callable[[Event], None], on_live: Callable[[Live], None] | None = None
+    ) -> FakeSubscription:
+        self.listeners.append((on_event, on_live))
+        if on_live is not None:
+            for live in self.live:
+                on_live(live)
+        return FakeSubscription(self)
+
+
+def _sortable(value: object) -> tuple[bool, object]:
+    return (value is None, "" if value is None else value)

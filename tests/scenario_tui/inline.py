@@ -1,0 +1,62 @@
+"""The dashboard without a thread: the feed asks the fake daemon whenever the screen looks."""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import replace
+
+from textual.pilot import Pilot
+
+from daemon.errors import DaemonError
+from daemon.protocol import Live
+from scenario_tui.app import Dashboard
+from scenario_tui.feed import Feed, Notice, Picture
+from tests.scenario_tui.fake import FakeDaemon
+
+
+class InlineFeed(Feed):
+    """Takes its picture in the caller's thread, so that tests know when it is taken."""
+
+    def __init__(self, daemon: FakeDaemon) -> None:
+        super().__init__(daemon.open, clock=lambda: daemon.now)
+        self.fake = daemon
+
+    def start(self) -> None:
+        """Start no thread."""
+
+    def take(self) -> tuple[Picture | None, list[Live], list[Notice]]:
+        try:
+            self.step(self.fake)
+        except DaemonError as error:
+            self._show(replace(self._picture, connected=False, problem=str(error)))
+        self._lives.extend(self.fake.live)
+        self.fake.live = ()
+        return super().take()
+
+
+def make_dashboard(fake: FakeDaemon) -> Dashboard:
+    return Dashboard(InlineFeed(fake), clock=lambda: fake.now)
+
+
+async def settle(pilot: Pilot[None]) -> None:
+    """Let the dashboard take over what is new, twice: some screens ask because of what they see."""
+    for _ in range(2):
+        await pilot.pause(0)
+        assert isinstance(pilot.app, Dashboard)
+        pilot.app.look()
+        await pilot.pause(0)
+
+
+async def press(pilot: Pilot[None], *keys: str) -> None:
+    """Press keys; only moving the cursor needs no new picture in between."""
+    for key, repeated in itertools.groupby(keys):
+        together = list(repeated)
+        for group in [together] if key in ("down", "j", "k") else [[k] for k in together]:
+            await pilot.press(*group)
+            await settle(pilot)
+
+
+def screen_text(pilot: Pilot[None]) -> list[str]:
+    """Return the lines of the screen as a reader sees them."""
+    lines = pilot.app.screen._compositor.render_strips()
+    return [strip.text.rstrip() for strip in lines]

@@ -1,0 +1,206 @@
+"""Exporting from the command line: plans, campaigns, one kind, several, all."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from ruamel.yaml import YAML
+
+from scenario_tui.cli import _export
+from scenario_tui.cli._main import invoke
+from templates.artefacts import ALL, KINDS
+
+
+@pytest.fixture(scope="module")
+def demo(campaigns: Path) -> Path:
+    return campaigns / "demo" / "campaign.yaml"
+
+
+@pytest.fixture(scope="module")
+def everything(demo: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("everything")
+    assert invoke(["export", str(demo), "all", "-o", str(folder)]) == 0
+    return folder
+
+
+def files(folder: Path) -> set[str]:
+    return {p.relative_to(folder).as_posix() for p in folder.rglob("*") if p.is_file()}
+
+
+def test_every_kind_there_is_can_be_asked_for() -> None:
+    assert {kind.value for kind in _export.Artefact} == {ALL, *KINDS}
+
+
+def test_a_campaign_has_a_folder_per_scenario(everything: Path) -> None:
+    assert {p.name for p in everything.iterdir()} == {"open-house", "busy-house", "rude-house"}
+    written = files(everything / "busy-house")
+    assert {
+        "busy-house.svg",
+        "busy-house.png",
+        "busy-house.prov.jsonld",
+        "busy-house.foxglove.json",
+        "maps/flat.pgm",
+        "maps/flat-closed.pgm",
+        "maps/flat-ajar.pgm",
+        "mesh/flat.glb",
+        "gazebo/worlds/busy-house.sdf",
+        "gazebo/models/hinged_door/model.sdf",
+        "keyframes/kitchen_door.json",
+        "keyframes/era/kitchen_door.json",
+        "launch/busy-house.launch",
+        "tasks/hall_route.yaml",
+        "tasks/mission/courier_route.yaml",
+    } <= written
+    assert "keyframes/kitchen_door.json" not in files(everything / "open-house")
+
+
+def test_scenarios_that_look_the_same_share_a_folder(
+    campaigns: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    text = (campaigns / "demo" / "campaign.yaml").read_text()
+    twin = tmp_path / "campaign.yaml"
+    twin.write_text(f"{text}\n  strict-house:\n    like: open-house\n    oracles: [no-contact]\n")
+    for name in ("demo", "robots", "suts"):
+        for path in (campaigns / name).iterdir():
+            folder = tmp_path if name == "demo" else tmp_path / name
+            folder.mkdir(exist_ok=True)
+            if path.is_file() and path.name != "campaign.yaml":
+                (folder / path.name).write_bytes(path.read_bytes())
+    assert invoke(["export", str(twin), "tasks", "-o", str(tmp_path / "out")]) == 0
+    folders = {p.name for p in (tmp_path / "out").iterdir()}
+    assert folders == {"open-house", "busy-house", "rude-house"}
+    printed = {Path(line) for line in capsys.readouterr().out.splitlines()}
+    assert printed == {p for p in (tmp_path / "out").rglob("*") if p.is_file()}
+
+
+def test_every_repeat_with_doors_of_its_own_has_its_world(campaigns: Path, tmp_path: Path) -> None:
+    shutil.copytree(campaigns, tmp_path / "campaigns")
+    first = tmp_path / "campaigns" / "ortega2024" / "first.yaml"
+    arguments = ["export", str(first), "keyframes", "sdf", "-o"]
+    assert invoke([*arguments, str(tmp_path / "one")]) == 0
+    assert "keyframes/door_1.json" in files(tmp_path / "one" / "S2")
+    assert not (tmp_path / "one" / "S1" / "keyframes").exists()
+    text = first.read_text()
+    assert "chance: per campaign" in text
+    first.write_text(text.replace("chance: per campaign", "chance: per repeat"))
+    assert invoke([*arguments, str(tmp_path / "many"), "--repeats", "2"]) == 0
+    many = tmp_path / "many" / "S2"
+    worlds = {f for f in files(many) if f.startswith("gazebo/worlds/")}
+    assert worlds == {f"gazebo/worlds/S2-repeat-{i}.{e}" for i in (0, 1) for e in ("sdf", "world")}
+    doors = [(many / f"keyframes/repeat-{i}/door_1.json").read_text() for i in (0, 1)]
+    assert doors[0] != doors[1]
+
+
+def test_every_variant_of_a_plan_is_a_world(campaigns: Path, tmp_path: Path) -> None:
+    shutil.copytree(campaigns, tmp_path / "campaigns")
+    varied = tmp_path / "campaigns" / "demo" / "campaign.yaml"
+    text = varied.read_text().split("  busy-house:")[0]
+    vary = "    vary: {floorplan: flat, samples: 2, seed: 11}\n"
+    text = text.replace(
+        "    floorplan: flat\n    objects: doors\n    behaviours: doors_open\n", vary
+    )
+    assert vary in text
+    varied.write_text(text)
+    out = tmp_path / "out"
+    assert invoke(["export", str(varied), "map", "prov", "-o", str(out)]) == 0
+    worlds = sorted(out.iterdir())
+    assert [world.name for world in worlds] == ["open-house@11", "open-house@12"]
+    maps = [next(world.glob("*.pgm")).read_bytes() for world in worlds]
+    assert maps[0] != maps[1]
+    assert "flat.variation" in (worlds[0] / f"{worlds[0].name}.prov.jsonld").read_text()
+
+
+def test_a_composable_plan_gives_the_same_walls(campaigns: Path, tmp_path: Path) -> None:
+    plan = campaigns / "demo" / "flat.fpm"
+    assert invoke(["export", str(plan), "jsonld", "mesh", "-o", str(tmp_path)]) == 0
+    composable = tmp_path / "jsonld" / "flat.jsonld"
+    again = tmp_path / "again"
+    assert invoke(["export", str(composable), "mesh", "-o", str(again)]) == 0
+    mesh = "mesh/flat.stl"
+    assert (again / mesh).stat().st_size == (tmp_path / mesh).stat().st_size
+
+
+def test_waypoints_are_chosen_on_the_command_line(campaigns: Path, tmp_path: Path) -> None:
+    plan = campaigns / "demo" / "flat.fpm"
+    how = ["--distance", "0.4", "--first", "1", "--closed", "--backward", "--yaw", "path"]
+    assert invoke(["export", str(plan), "tasks", "-o", str(tmp_path), *how]) == 0
+    task = YAML(typ="safe").load((tmp_path / "tasks" / "bedroom_route.yaml").read_text())
+    waypoints = task["task"][0]["waypoints"]
+    assert [w["id"][-1] for w in waypoints] == ["1", "0", "3", "2", "1"]
+    assert any(w["yaw"] != 0 for w in waypoints)
+
+
+def test_one_folder_of_templates_replaces_ours(campaigns: Path, tmp_path: Path) -> None:
+    own = tmp_path / "own"
+    own.mkdir()
+    (own / "picture.svg.j2").write_text("<svg>{{ figure.title }}</svg>")
+    plan, out = campaigns / "demo" / "flat.fpm", tmp_path / "out"
+    arguments = ["export", str(plan), "picture", "-o", str(out), "--templates", str(own)]
+    assert invoke(arguments) == 0
+    assert (out / "flat.svg").read_text() == "<svg>flat</svg>"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["keyframes"], "keyframes cannot be made of flat"),
+        (["mapp"], "'mapp' is not one of"),
+        ([], "Missing argument"),
+        (["tasks", "--distance", "0"], "distance"),
+        (["prov", "--timestamp", "yesterday"], "is no time"),
+        (["map", "--templates", "nowhere"], "nowhere"),
+    ],
+)
+def test_what_cannot_be_exported_is_said_with_code_2(
+    campaigns: Path,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    arguments: list[str],
+    words: str,
+) -> None:
+    plan = str(campaigns / "demo" / "flat.fpm")
+    assert invoke(["export", plan, *arguments, "-o", str(tmp_path)]) == 2
+    assert words in capsys.readouterr().err
+
+
+def test_a_broken_template_is_named_with_its_line(
+    campaigns: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "route.yaml.j2").write_text("id: x\n{{ unknown }}\n")
+    plan = str(campaigns / "demo" / "flat.fpm")
+    arguments = ["export", plan, "tasks", "-o", str(tmp_path / "o"), "--templates", str(tmp_path)]
+    assert invoke(arguments) == 2
+    assert "route.yaml.j2:2" in capsys.readouterr().err
+
+
+def test_a_folder_that_cannot_be_written_is_bad_input(
+    campaigns: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "mesh").write_text("a file where a folder must be")
+    plan = str(campaigns / "demo" / "flat.fpm")
+    assert invoke(["export", plan, "mesh", "-o", str(tmp_path)]) == 2
+    assert "cannot be written" in capsys.readouterr().err
+
+
+def test_pictures_need_no_mesh_library(campaigns: Path, tmp_path: Path) -> None:
+    script = (
+        "import sys; sys.modules['trimesh'] = sys.modules['manifold3d'] = None\n"
+        "from scenario_tui.cli._main import invoke\n"
+        "plan, out = sys.argv[1:]\n"
+        "assert invoke(['export', plan, 'picture', 'map', 'tasks', '-o', out]) == 0\n"
+        "sys.exit(invoke(['export', plan, 'mesh', '-o', out]))\n"
+    )
+    plan = str(campaigns / "demo" / "flat.fpm")
+    done = subprocess.run(
+        [sys.executable, "-c", script, plan, str(tmp_path)],
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=60,
+    )
+    assert done.returncode == 2, done.stderr
+    assert 'pip install "scenario-tui[mesh]"' in done.stderr

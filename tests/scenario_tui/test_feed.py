@@ -1,0 +1,119 @@
+"""The feed: a thread that asks, over restarts, and never hides a bug."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+
+import pytest
+
+from daemon.protocol import Event
+from scenario_tui import feed as feed_module
+from scenario_tui.feed import Feed, RunsWanted, Want, read_recording
+from tests.scenario_tui.fake import CAMPAIGN, FakeDaemon, make_live
+
+
+@pytest.fixture
+def feed(fake: FakeDaemon, monkeypatch: pytest.MonkeyPatch) -> Iterator[Feed]:
+    for name in ("REFRESH", "_BREATH", "_RETRY"):
+        monkeypatch.setattr(feed_module, name, 0.005)
+    feed = Feed(fake.open, clock=lambda: fake.now)
+    yield feed
+    feed.close()
+
+
+def eventually(condition: Callable[[], bool]) -> None:
+    deadline = time.monotonic() + 5.0
+    while not condition():
+        assert time.monotonic() < deadline, "it never happened"
+        time.sleep(0.005)
+
+
+def test_only_what_is_wanted_is_asked_for(feed: Feed, fake: FakeDaemon) -> None:
+    feed.start()
+    eventually(lambda: feed.take()[0] is not None)
+    assert {call[0] for call in fake.calls} == {"open", "overview", "campaigns"}
+    feed.look(Want(runs=RunsWanted(CAMPAIGN, limit=3), run=f"{CAMPAIGN}.5", workers=True))
+    eventually(lambda: any(call[0] == "run" for call in fake.calls))
+    eventually(lambda: (p := feed.take()[0]) is not None and p.scene is not None)
+    picture = feed._picture
+    assert picture.page is not None
+    assert len(picture.page.rows) == 3
+    assert picture.page.total == 10
+    assert len(picture.workers) == 2
+    assert sum(call[0] == "scene" for call in fake.calls) == 1  # kept after that
+
+
+def test_a_gone_daemon_leaves_the_last_picture_and_is_found_again(feed, fake) -> None:
+    feed.start()
+    eventually(lambda: feed._picture.connected)
+    fake.reachable = False
+    eventually(lambda: not feed._picture.connected)
+    assert feed._picture.problem.startswith("no daemon answers")
+    assert feed._picture.campaigns
+    fake.reachable = True
+    eventually(lambda: feed._picture.connected)
+
+
+def test_telemetry_waits_until_it_is_taken(feed, fake) -> None:
+    fake.live = (make_live(7, 1.0), make_live(7, 2.0))
+    feed.start()
+    eventually(lambda: len(feed._lives) == 2)
+    _, lives, _ = feed.take()
+    assert [live.snapshot.time for live in lives] == [1.0, 2.0]
+    assert feed.take()[1] == []
+
+
+def test_telemetry_nobody_takes_does_not_grow(feed) -> None:
+    for index in range(2000):
+        feed._lives.append(make_live(7, float(index)))
+    assert len(feed.take()[1]) == 512
+
+
+def test_actions_become_notices(feed, fake) -> None:
+    feed.do(lambda daemon: f"cancelled {daemon.cancel(CAMPAIGN)}")
+    feed.do(lambda daemon: str(daemon.run("nobody.1")))
+    feed.start()
+    eventually(lambda: len(feed._notices) == 2)
+    good, bad = feed.take()[2]
+    assert (good.text, good.severity) == ("cancelled 2", "information")
+    assert (bad.text, bad.severity) == ("there is no run nobody.1", "error")
+
+
+def test_a_bug_in_the_thread_is_seen_by_whoever_takes(feed, fake) -> None:
+    def bug(daemon: FakeDaemon) -> None:
+        raise KeyError("a bug")
+
+    fake.before = bug
+    feed.start()
+    eventually(lambda: feed._failure is not None)
+    with pytest.raises(KeyError):
+        feed.take()
+
+
+def test_an_event_makes_the_feed_look_at_once(fake, monkeypatch) -> None:
+    monkeypatch.setattr(feed_module, "REFRESH", 60.0)
+    monkeypatch.setattr(feed_module, "_BREATH", 0.005)
+    feed = Feed(fake.open)
+    feed.start()
+    eventually(lambda: bool(fake.listeners) and feed._picture.connected)
+    before = len(fake.calls)
+    time.sleep(0.05)
+    assert len(fake.calls) <= before + 2
+    fake.listeners[0][0](Event(1, "run", f"{CAMPAIGN}.7"))
+    eventually(lambda: len(fake.calls) > before + 1)
+    feed.close()
+
+
+def test_a_trace_that_is_not_here_is_no_problem(fake) -> None:
+    assert read_recording(fake.run(f"{CAMPAIGN}.0")) is None
+
+
+def test_a_damaged_trace_is_no_problem_either(fake, tmp_path) -> None:
+    from dataclasses import replace
+
+    path = tmp_path / "broken.mcap"
+    path.write_bytes(b"not a trace")
+    detail = fake.run(f"{CAMPAIGN}.0")
+    detail = replace(detail, row=replace(detail.row, trace=str(path)))
+    assert read_recording(detail) is None
