@@ -1,0 +1,1 @@
+"""Campaigns and layers that ship with the project: data only, found through importlib.resources."""
