@@ -1,0 +1,121 @@
+"""The laser kernel against pymunk's own ray queries: how much faster, and how equal.
+
+Run with ``python -m tests.benchmarks.bench_lidar``. Both are timed in turns in one process on the
+same poses of the benchmark corridor with all doors shut.
+"""
+
+from __future__ import annotations
+
+import math
+import statistics
+import time
+from collections.abc import Callable
+
+import numpy as np
+import pymunk
+
+from daemon.simulator import World, warm_up
+from grammars.values import Floats, Pose2
+from tests.benchmarks.corridor import LENGTH, build_world, robot
+from tests.daemon.simulator.reference import cast_by_broadcast, near_an_end, world_segments
+
+POSES = 40
+REPEATS = 5
+
+
+def poses() -> list[Pose2]:
+    """Return poses along a weaving drive between the tips of the leaves."""
+    rows = np.linspace(0.0, LENGTH, POSES).tolist()
+    return [Pose2(x, 0.1 * math.sin(x), 0.3 * math.cos(x)) for x in rows]
+
+
+def _query_space(segments: Floats) -> pymunk.Space:
+    space = pymunk.Space()
+    for x1, y1, x2, y2 in segments.tolist():
+        space.add(pymunk.Segment(space.static_body, (x1, y1), (x2, y2), 0.0))
+    return space
+
+
+def _by_pymunk(space: pymunk.Space, origin: tuple[float, float], angles: Floats) -> Floats:
+    reach = robot().laser.range_max
+    everything = pymunk.ShapeFilter()
+    ranges = np.full(angles.size, np.inf)
+    ends = np.column_stack([np.cos(angles), np.sin(angles)]) * reach + origin
+    for i, end in enumerate(ends.tolist()):
+        hit = space.segment_query_first(origin, end, 0.0, everything)
+        if hit is not None:
+            ranges[i] = hit.alpha * reach
+    return ranges
+
+
+def _timed(work: Callable[[Pose2], object], where: list[Pose2]) -> float:
+    """Return CPU microseconds per scan."""
+    begin = time.thread_time()
+    for pose in where:
+        work(pose)
+    return (time.thread_time() - begin) / len(where) * 1e6
+
+
+def main() -> None:
+    """Print the table."""
+    warm_up()
+    world: World = build_world()
+    laser, bodies = robot().laser, world._bodies.at(0)
+    segments, where = world_segments(world), poses()
+    space = _query_space(segments)
+    offsets = np.linspace(laser.angle_min, laser.angle_max, laser.rays)
+
+    def exact(pose: Pose2) -> Floats:
+        return world._laser.true_ranges(pose, bodies)[0]
+
+    def kernel(pose: Pose2) -> None:
+        world._laser._cast(pose, bodies)
+
+    def scan(pose: Pose2) -> None:
+        world._laser.scan(pose, bodies)
+
+    def query(pose: Pose2) -> Floats:
+        sensor = pose @ laser.mount
+        return _by_pymunk(space, (sensor.x, sensor.y), sensor.yaw + offsets)
+
+    def broadcast(pose: Pose2) -> Floats:
+        sensor = pose @ laser.mount
+        return cast_by_broadcast(segments, (sensor.x, sensor.y), sensor.yaw + offsets)
+
+    worst = {"pymunk": 0.0, "numpy": 0.0}
+    compared = 0
+    for pose in where:
+        sensor = pose @ laser.mount
+        sure = ~near_an_end(segments, (sensor.x, sensor.y), sensor.yaw + offsets)
+        ranges = exact(pose)[sure]
+        compared += ranges.size
+        for name, other in (("pymunk", query(pose)[sure]), ("numpy", broadcast(pose)[sure])):
+            other[other > laser.range_max] = np.inf
+            hits = np.isfinite(ranges)
+            same = np.array_equal(hits, np.isfinite(other))
+            difference = float(np.abs(ranges[hits] - other[hits]).max()) if same else math.inf
+            worst[name] = max(worst[name], difference)
+    rows: dict[str, list[float]] = {}
+    for _ in range(REPEATS):
+        rows.setdefault("kernel", []).append(_timed(kernel, where * 50))
+        rows.setdefault("scan", []).append(_timed(scan, where * 50))
+        rows.setdefault("numpy", []).append(_timed(broadcast, where))
+        rows.setdefault("pymunk", []).append(_timed(query, where))
+    median = {name: statistics.median(times) for name, times in rows.items()}
+    print(f"{len(segments)} segments, {laser.rays} rays, {len(where)} poses")
+    for name, label in (
+        ("kernel", "kernel, exact ranges and owners"),
+        ("scan", "scan with noise, float32"),
+        ("numpy", "numpy, all rays x all segments"),
+        ("pymunk", "pymunk segment_query_first"),
+    ):
+        ratio = median[name] / median["kernel"]
+        print(f"{label:34} {median[name]:9.1f} us per scan {ratio:8.1f} x kernel")
+    print(
+        f"largest difference over {compared} rays: "
+        f"pymunk {worst['pymunk']:.1e} m, numpy {worst['numpy']:.1e} m"
+    )
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,179 @@
+"""What a trace costs: CPU per message and per simulated minute, against rosbags and mcap.
+
+Two minutes of a robot with a 500-ray laser among 20 hinged doors, at the rates of a run: 600
+scans, 1200 samples of odometry (with tf), ground truth and joint states; then with everything a
+navigation stack adds (1200 commands, 600 estimates and particle clouds). One door moves for ten
+seconds. The rival takes the same messages and writes them with rosbags' serializer and mcap's
+writer. CPU time of this process, median of several rounds.
+"""
+
+from __future__ import annotations
+
+import io
+import statistics
+import tempfile
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from mcap.reader import make_reader
+from mcap.writer import Writer
+
+from daemon.spec import RunSpec, TraceInfo
+from daemon.sut import Cloud, Estimate, Odometry, Progress
+from daemon.trace import TraceWriter, layouts, read_trace
+from daemon.trace import messages as ros
+from daemon.trace.layout import HEADER, Layout
+from grammars.grid import OccupancyGrid
+from grammars.scene import Scene
+from grammars.values import Pose2, Twist2
+from tests.daemon.trace.recordings import ROBOT, door, scene, specification
+
+RAYS = 500
+DOORS = 20
+ROUNDS = 7
+
+
+class Minute:
+    """The signals of one simulated minute, computed beforehand."""
+
+    def __init__(self, *, restless: bool, navigated: bool) -> None:
+        random = np.random.default_rng(1)
+        self.navigated = navigated
+        self.scene: Scene = replace(scene(0), objects=tuple(door(i + 10) for i in range(DOORS)))
+        laser = replace(ROBOT.laser, rays=RAYS)
+        self.spec: RunSpec = specification(self.scene, robot=replace(ROBOT, laser=laser))
+        self.grid = OccupancyGrid(0.05, 0.0, 0.0, np.zeros((300, 1200), np.int8))
+        clean = 3.0 + np.sin(np.linspace(0.0, 9.0, RAYS))
+        noise = random.normal(0.0, 0.01, (600, RAYS))
+        self.scans = (clean + noise).astype(np.float32)
+        self.poses = [Pose2(*row) for row in random.uniform(-3.0, 3.0, (1200, 3)).tolist()]
+        self.twists = [Twist2(*row) for row in random.uniform(-1.0, 1.0, (1200, 3)).tolist()]
+        self.positions = np.zeros((1200, DOORS))
+        if restless:
+            self.positions[:] = random.uniform(-1.0, 1.0, (1200, DOORS))
+        else:
+            self.positions[200:400, 3] = np.linspace(0.0, 1.0, 200)
+            self.positions[400:, 3] = 1.0
+        self.velocities = np.gradient(self.positions, axis=0)
+        self.covariance = np.diag([0.01, 0.02, 0.03])
+
+    def record(self, path: Path) -> TraceInfo:
+        """Write the minute the way the run engine does."""
+        with TraceWriter(path, self.spec, self.scene) as trace:
+            trace.static(self.grid)
+            for step in range(1200):
+                now = step * 0.05
+                pose, twist = self.poses[step], self.twists[step]
+                trace.ground_truth(now, pose, twist)
+                trace.joints(now, self.positions[step], self.velocities[step])
+                trace.odometry(Odometry(now, pose, twist))
+                if step % 2 == 0:
+                    trace.clock(now)
+                    trace.scan(now, self.scans[step // 2])
+                if self.navigated:
+                    trace.command(now, twist)
+                    if step % 2 == 0:
+                        trace.estimate(Estimate(now, pose, self.covariance))
+                        trace.cloud(Cloud(now, 500, pose, self.covariance))
+            trace.progress(now, Progress(3, 3, "succeeded"))
+            return trace.close("finished")
+
+
+def main() -> None:
+    """Print the measurements."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "minute.mcap"
+        _report("robot alone", Minute(restless=False, navigated=False), path)
+        _report("robot alone, all doors moving", Minute(restless=True, navigated=False), path)
+        _report("with navigation", Minute(restless=False, navigated=True), path)
+        _rival(path)
+    _compare()
+
+
+def _report(name: str, minute: Minute, path: Path) -> None:
+    minute.record(path)
+    info = minute.record(path)
+    write = _cpu(lambda: minute.record(path))
+    read = _cpu(lambda: read_trace(path))
+    read_all = _cpu(lambda: read_trace(path, scans=True))
+    print(
+        f"{name}: {info.messages} messages, {info.size / 1000:.0f} kB per minute; "
+        f"write {write * 1e3:.1f} ms ({write / info.messages * 1e6:.2f} us per message), "
+        f"read {read * 1e3:.1f} ms, with scans {read_all * 1e3:.1f} ms"
+    )
+
+
+def _rival(path: Path) -> None:
+    """Write the messages of a trace again, with rosbags and mcap alone."""
+    with path.open("rb") as stream:
+        raw = [(c.topic, m.log_time, m.data) for _, c, m in make_reader(stream).iter_messages()]
+    objects = [(topic, at, ros.deserialize(data, ros.KINDS[topic])) for topic, at, data in raw]
+
+    def write() -> int:
+        out = io.BytesIO()
+        writer = Writer(out)
+        writer.start("ros2")
+        ids = {}
+        for topic, kind in ros.KINDS.items():
+            schema = writer.register_schema(kind, "ros2msg", ros.schema(kind).encode())
+            ids[topic] = writer.register_channel(topic, "cdr", schema)
+        for topic, at, message in objects:
+            data = ros.serialize(message, ros.KINDS[topic])
+            writer.add_message(ids[topic], at, data, at)
+        writer.finish()
+        return len(out.getvalue())
+
+    cost = _cpu(write)
+    print(
+        f"the same {len(raw)} messages by rosbags and mcap: {cost * 1e3:.1f} ms "
+        f"({cost / len(raw) * 1e6:.2f} us per message), {write() / 1000:.0f} kB"
+    )
+
+
+def _compare() -> None:
+    """Encode the same messages with layouts and with rosbags, in us per message."""
+    random = np.random.default_rng(2)
+    names = tuple(f"door-{i}.hinge" for i in range(DOORS))
+    for layout in (
+        layouts.scan(replace(ROBOT.laser, rays=RAYS)),
+        layouts.odometry("/odom", "odom"),
+        layouts.transforms((("odom", "base_link"),)),
+        layouts.joints(names),
+        layouts.estimate("/pose"),
+        layouts.command(),
+    ):
+        fast, slow = _layout_cost(layout, random)
+        print(
+            f"{layout.topic:14} {len(layout.template) - HEADER.size:5} B  "
+            f"columns {fast:5.2f} us  rosbags {slow:5.2f} us  ({slow / fast:.0f} times)"
+        )
+
+
+def _layout_cost(layout: Layout, random: np.random.Generator) -> tuple[float, float]:
+    count = 200
+    times = np.arange(count, dtype=np.int64) * 50_000_000
+    empty = np.zeros(count, layout.record)
+    columns: dict[str, Any] = {n: random.random(empty[n].shape) for n in layout.names}
+    rows = layout.encode(1, times, columns)
+    kind = ros.KINDS[layout.topic]
+    message = ros.deserialize(rows[5].tobytes()[HEADER.size :], kind)
+    fast = _cpu(lambda: layout.encode(1, times, columns)) / count * 1e6
+    slow = _cpu(lambda: [ros.serialize(message, kind) for _ in range(count)]) / count * 1e6
+    return fast, slow
+
+
+def _cpu(work: Callable[[], Any]) -> float:
+    times = []
+    for _ in range(ROUNDS):
+        start = time.process_time()
+        work()
+        times.append(time.process_time() - start)
+    return statistics.median(times)
+
+
+if __name__ == "__main__":
+    main()

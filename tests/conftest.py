@@ -1,0 +1,29 @@
+"""Fixtures every room's tests may use."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import pytest
+from hypothesis import settings
+
+# Loading compiled kernels for the first time takes longer than hypothesis allows one example. What
+# lands is judged by the same examples each time; new ones are sought on developers' machines.
+settings.register_profile("project", deadline=None, derandomize="CI" in os.environ)
+settings.load_profile("project")
+
+
+@pytest.fixture(scope="session")
+def reference_data() -> Path:
+    """The folder of published inputs and measured results; tests that need it skip without."""
+    folder = os.environ.get("SCENARIO_REFERENCE_DATA")
+    if not folder:
+        pytest.skip("SCENARIO_REFERENCE_DATA names no folder of reference data")
+    return Path(folder)
+
+
+@pytest.fixture(scope="session")
+def campaigns() -> Path:
+    """The folder of campaigns that ship with the project."""
+    return Path(__file__).parent.parent / "campaigns"

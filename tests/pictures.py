@@ -1,0 +1,84 @@
+"""Record the pictures of the documentation: ``python -m tests.pictures``.
+
+``docs/demo.svg`` is what ``scenario demo`` prints, ``docs/dashboard.svg`` the dashboard while the
+same campaign runs, ``docs/flat.svg`` the flat as ``scenario export`` draws it.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import os
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+from rich.console import Console
+from rich.text import Text
+
+from daemon.campaign import expand, load_campaign
+from daemon.client import Client
+from daemon.launch import embedded
+from scenario_tui.app import Dashboard
+from scenario_tui.feed import Feed
+
+ROOT = Path(__file__).parents[1]
+DOCS = ROOT / "docs"
+CAMPAIGN = ROOT / "campaigns" / "demo" / "campaign.yaml"
+SCENARIO = Path(sys.executable).with_name("scenario")
+WIDTH = 90
+
+
+def record_demo() -> None:
+    """Run the demo in an empty folder and keep what it prints."""
+    with tempfile.TemporaryDirectory() as folder:
+        done = subprocess.run(
+            [SCENARIO, "demo"],
+            cwd=folder,
+            env=os.environ | {"FORCE_COLOR": "1", "COLUMNS": str(WIDTH), "LINES": "50"},
+            stdout=subprocess.PIPE,
+            stderr=subprocess.DEVNULL,
+            text=True,
+            check=True,
+        )
+    with Path(os.devnull).open("w") as nowhere:
+        console = Console(record=True, width=WIDTH, file=nowhere, force_terminal=True)
+        console.print(Text("$ scenario demo\n") + Text.from_ansi(done.stdout))
+    console.save_svg(str(DOCS / "demo.svg"), title="scenario demo")
+
+
+def record_flat() -> None:
+    """Draw the flat of the demo with its doors, mission and robot."""
+    with tempfile.TemporaryDirectory() as folder:
+        subprocess.run(
+            [SCENARIO, "export", CAMPAIGN, "picture", "-o", folder],
+            stdout=subprocess.DEVNULL,
+            check=True,
+        )
+        drawn = Path(folder) / "busy-house" / "busy-house.svg"
+        (DOCS / "flat.svg").write_text(drawn.read_text())
+
+
+async def record_dashboard() -> None:
+    """Open the dashboard on a daemon that runs the demo, and keep a screen of it."""
+    with (
+        tempfile.TemporaryDirectory() as state,
+        embedded(Path(state)) as endpoint,
+        Client.open(endpoint) as client,
+    ):
+        client.submit(expand(load_campaign(CAMPAIGN)))
+        app = Dashboard(Feed(lambda: Client.open(endpoint)))
+        async with app.run_test(size=(132, 34)) as pilot:
+            await pilot.pause(1.0)
+            await pilot.press("enter")
+            while client.overview().done < 6:
+                await asyncio.sleep(0.2)
+            await pilot.press(*["j"] * 6)
+            await pilot.pause(1.5)
+            (DOCS / "dashboard.svg").write_text(app.export_screenshot(title="scenario tui"))
+
+
+if __name__ == "__main__":
+    record_demo()
+    record_flat()
+    asyncio.run(record_dashboard())
