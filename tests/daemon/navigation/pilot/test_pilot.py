@@ -8,8 +8,8 @@ import pytest
 from daemon.navigation import make_pilot
 from daemon.sut import Observation
 from grammars.values import Pose2, wrap_angle
-from tests.daemon.navigation.plans import DOOR, ONE_DOORWAY, SIZE, TWO_DOORWAYS
-from tests.daemon.navigation.world import Box, a_robot, drive
+from tests.daemon.navigation.pilot.plans import DOOR, ONE_DOORWAY, SIZE, TWO_DOORWAYS
+from tests.daemon.navigation.pilot.world import Box, a_robot, drive
 
 START = Pose2(1.2, 3.6, 0.0)
 ACROSS = (7.6, 1.5)

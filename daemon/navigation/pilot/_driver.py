@@ -6,16 +6,16 @@ import math
 from dataclasses import dataclass
 from typing import Final, Literal
 
-from daemon.navigation._arrival import Arrival
-from daemon.navigation._field import MapField, map_field
-from daemon.navigation._guard import half_planes
-from daemon.navigation._motion import Motion
-from daemon.navigation._parameters import PilotParameters
-from daemon.navigation._planner import SPACING, Path, Planner
-from daemon.navigation._pursuit import Limits, Pursuit
-from daemon.navigation._recovery import Escape, find_escape
-from daemon.navigation._safety import STILL, Guard
-from daemon.navigation._sensing import Sensing
+from daemon.navigation.pilot._arrival import Arrival
+from daemon.navigation.pilot._field import MapField, map_field
+from daemon.navigation.pilot._guard import half_planes
+from daemon.navigation.pilot._motion import Motion
+from daemon.navigation.pilot._parameters import PilotParameters
+from daemon.navigation.pilot._planner import SPACING, Path, Planner
+from daemon.navigation.pilot._pursuit import Limits, Pursuit
+from daemon.navigation.pilot._recovery import Escape, find_escape
+from daemon.navigation.pilot._safety import STILL, Guard
+from daemon.navigation.pilot._sensing import Sensing
 from daemon.sut import Briefing, Decision, Observation, Progress
 from grammars.mission import Waypoint
 from grammars.values import Floats, Pose2, Twist2

@@ -1,4 +1,4 @@
-"""The one way numba kernels are declared in this room, and small ones everybody uses."""
+"""The one way numba kernels are declared in navigation, and small ones every stack uses."""
 
 from __future__ import annotations
 

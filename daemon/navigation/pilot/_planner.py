@@ -7,10 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from daemon.navigation._astar import search
-from daemon.navigation._field import MapField
-from daemon.navigation._kernels import Singles
-from daemon.navigation._smoothing import lengths_along, resample, shorten
+from daemon.navigation.kernels import Singles
+from daemon.navigation.pilot._astar import search
+from daemon.navigation.pilot._field import MapField
+from daemon.navigation.pilot._smoothing import lengths_along, resample, shorten
 from grammars.values import Floats, Point2
 
 SPACING = 0.05

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Final
 
-from daemon.navigation._parameters import PilotParameters
+from daemon.navigation.pilot._parameters import PilotParameters
 from daemon.sut import Briefing, Decision, Observation, Progress
 from grammars.values import Twist2
 
 if TYPE_CHECKING:
-    from daemon.navigation._driver import Driver
+    from daemon.navigation.pilot._driver import Driver
 
 PERIOD: Final = 0.05
 """Seconds between two decisions."""
@@ -35,7 +35,7 @@ class Pilot:
     def start(self, briefing: Briefing) -> None:
         """Prepare the map for one run; raises ``ValueError`` for a map without free cells."""
         # Compiled kernels are only needed to drive, not to check a campaign's parameters.
-        from daemon.navigation._driver import Driver
+        from daemon.navigation.pilot._driver import Driver
 
         self._driver = Driver(briefing, self.parameters, PERIOD)
 

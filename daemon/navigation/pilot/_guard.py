@@ -12,7 +12,7 @@ import math
 
 import numpy as np
 
-from daemon.navigation._kernels import Singles, kernel, value_at
+from daemon.navigation.kernels import Singles, kernel, value_at
 from grammars.values import Floats, Ring
 
 

@@ -5,15 +5,15 @@ import math
 import numpy as np
 import pytest
 
-from daemon.navigation._field import map_field
-from daemon.navigation._guard import half_planes, outline
-from daemon.navigation._parameters import PilotParameters
-from daemon.navigation._pursuit import Limits
-from daemon.navigation._recovery import find_escape
-from daemon.navigation._safety import Guard, Surroundings
+from daemon.navigation.pilot._field import map_field
+from daemon.navigation.pilot._guard import half_planes, outline
+from daemon.navigation.pilot._parameters import PilotParameters
+from daemon.navigation.pilot._pursuit import Limits
+from daemon.navigation.pilot._recovery import find_escape
+from daemon.navigation.pilot._safety import Guard, Surroundings
 from grammars.values import Pose2, Twist2
-from tests.daemon.navigation.plans import OUTER, SIZE
-from tests.daemon.navigation.world import a_robot, draw
+from tests.daemon.navigation.pilot.plans import OUTER, SIZE
+from tests.daemon.navigation.pilot.world import a_robot, draw
 
 ROBOT = a_robot()
 PARAMETERS = PilotParameters()

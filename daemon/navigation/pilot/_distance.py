@@ -7,7 +7,7 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from daemon.navigation._kernels import Singles, kernel
+from daemon.navigation.kernels import Singles, kernel
 
 FAR = 1.0e6
 """Distance reported where there is no solid cell at all [cells]."""

@@ -12,7 +12,7 @@ import math
 
 import numpy as np
 
-from daemon.navigation._kernels import Singles, kernel, wrapped
+from daemon.navigation.kernels import Singles, kernel, wrapped
 from grammars.values import Floats
 
 _STENCIL = 1.5

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from daemon.navigation._field import MapField
-from daemon.navigation._kernels import Singles
-from daemon.navigation._obstacle_kernels import (
+from daemon.navigation.kernels import Singles
+from daemon.navigation.pilot._field import MapField
+from daemon.navigation.pilot._obstacle_kernels import (
     clear,
     first_blocked,
     mark,

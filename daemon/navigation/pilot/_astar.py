@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from daemon.navigation._kernels import Integers, Singles, kernel
+from daemon.navigation.kernels import Integers, Singles, kernel
 
 _ROWS = (0, 0, 1, -1, 1, 1, -1, -1)
 _COLUMNS = (1, -1, 0, 0, 1, -1, 1, -1)

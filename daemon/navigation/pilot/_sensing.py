@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from daemon.navigation._field import MapField
-from daemon.navigation._localisation import Localiser, NoisyTruth
-from daemon.navigation._matching import project
-from daemon.navigation._obstacles import ObstacleLayer
-from daemon.navigation._parameters import PilotParameters
-from daemon.navigation._safety import Surroundings
+from daemon.navigation.pilot._field import MapField
+from daemon.navigation.pilot._localisation import Localiser, NoisyTruth
+from daemon.navigation.pilot._matching import project
+from daemon.navigation.pilot._obstacles import ObstacleLayer
+from daemon.navigation.pilot._parameters import PilotParameters
+from daemon.navigation.pilot._safety import Surroundings
 from daemon.sut import Briefing, Estimate, LaserScan, Observation
 from grammars.values import Pose2
 

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from daemon.navigation._kernels import Integers, Singles, kernel
+from daemon.navigation.kernels import Integers, Singles, kernel
 from grammars.values import Floats
 
 _HINGE = 0.3

@@ -3,12 +3,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from daemon.navigation._field import map_field
-from daemon.navigation._obstacles import ObstacleLayer
+from daemon.navigation.pilot._field import map_field
+from daemon.navigation.pilot._obstacles import ObstacleLayer
 from grammars.robot import Laser
 from grammars.values import Pose2
-from tests.daemon.navigation.plans import DOOR, ONE_DOORWAY, SIZE
-from tests.daemon.navigation.world import Box, a_robot, cast, draw, edges
+from tests.daemon.navigation.pilot.plans import DOOR, ONE_DOORWAY, SIZE
+from tests.daemon.navigation.pilot.world import Box, a_robot, cast, draw, edges
 
 LASER: Laser = a_robot(rays=181).laser
 ANGLES = np.linspace(LASER.angle_min, LASER.angle_max, LASER.rays)

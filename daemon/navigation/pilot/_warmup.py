@@ -6,8 +6,8 @@ import math
 
 import numpy as np
 
-from daemon.navigation._parameters import PilotParameters
-from daemon.navigation._pilot import PERIOD, Pilot
+from daemon.navigation.pilot._parameters import PilotParameters
+from daemon.navigation.pilot._pilot import PERIOD, Pilot
 from daemon.sut import Briefing, LaserScan, Observation, Odometry
 from grammars.grid import FREE, OCCUPIED, OccupancyGrid
 from grammars.mission import Mission, Waypoint

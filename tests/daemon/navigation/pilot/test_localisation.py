@@ -5,14 +5,14 @@ import math
 import numpy as np
 import pytest
 
-from daemon.navigation._field import map_field
-from daemon.navigation._localisation import Localiser
-from daemon.navigation._parameters import PilotParameters
+from daemon.navigation.pilot._field import map_field
+from daemon.navigation.pilot._localisation import Localiser
+from daemon.navigation.pilot._parameters import PilotParameters
 from daemon.sut import Odometry
 from grammars.robot import OdometryNoise
 from grammars.values import Pose2, Twist2, wrap_angle
-from tests.daemon.navigation.plans import DOOR, ONE_DOORWAY, SIZE
-from tests.daemon.navigation.world import Box, Log, a_robot, cast, draw, drive, edges
+from tests.daemon.navigation.pilot.plans import DOOR, ONE_DOORWAY, SIZE
+from tests.daemon.navigation.pilot.world import Box, Log, a_robot, cast, draw, drive, edges
 
 ROBOT = a_robot(rays=150)
 ANGLES = np.linspace(ROBOT.laser.angle_min, ROBOT.laser.angle_max, 150)

@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from daemon.navigation._kernels import kernel
-from daemon.navigation._parameters import PilotParameters
-from daemon.navigation._planner import SPACING, Path
+from daemon.navigation.kernels import kernel
+from daemon.navigation.pilot._parameters import PilotParameters
+from daemon.navigation.pilot._planner import SPACING, Path
 from grammars.robot import Drive
 from grammars.values import Floats, Pose2, Twist2, wrap_angle
 

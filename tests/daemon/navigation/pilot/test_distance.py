@@ -5,10 +5,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from daemon.navigation._distance import FAR, distance_transform
-from daemon.navigation._field import map_field
+from daemon.navigation.pilot._distance import FAR, distance_transform
+from daemon.navigation.pilot._field import map_field
 from grammars.grid import OCCUPIED, UNKNOWN, OccupancyGrid
-from tests.daemon.navigation.world import draw
+from tests.daemon.navigation.pilot.world import draw
 
 
 def brute_force(solid: np.ndarray) -> np.ndarray:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from tests.daemon.navigation.world import Box
+from tests.daemon.navigation.pilot.world import Box
 
 SIZE = (9.0, 5.0)
 OUTER: list[Box] = [(0, 0, 9, 0.2), (0, 4.8, 9, 5), (0, 0, 0.2, 5), (8.8, 0, 9, 5)]

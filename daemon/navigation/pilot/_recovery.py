@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from daemon.navigation._pursuit import Limits
-from daemon.navigation._safety import Guard, Surroundings
+from daemon.navigation.pilot._pursuit import Limits
+from daemon.navigation.pilot._safety import Guard, Surroundings
 from grammars.values import Pose2, Twist2
 
 _SHORTEST = 0.4

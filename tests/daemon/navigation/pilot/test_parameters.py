@@ -6,7 +6,7 @@ import sys
 import pytest
 
 from daemon.navigation import PilotParameters, make_idle, make_pilot
-from daemon.navigation._parameters import read_parameters
+from daemon.navigation.pilot._parameters import read_parameters
 from daemon.sut import Observation
 from grammars.values import Twist2
 

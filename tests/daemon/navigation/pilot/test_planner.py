@@ -9,11 +9,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from daemon.navigation._astar import cost_factor, search
-from daemon.navigation._field import map_field
-from daemon.navigation._planner import Planner
-from tests.daemon.navigation.plans import ONE_DOORWAY, OUTER, SIZE
-from tests.daemon.navigation.world import Box, draw
+from daemon.navigation.pilot._astar import cost_factor, search
+from daemon.navigation.pilot._field import map_field
+from daemon.navigation.pilot._planner import Planner
+from tests.daemon.navigation.pilot.plans import ONE_DOORWAY, OUTER, SIZE
+from tests.daemon.navigation.pilot.world import Box, draw
 
 LETHAL, PREFERRED, WEIGHT = 0.25, 0.9, 5.0
 

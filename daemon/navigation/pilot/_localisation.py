@@ -6,9 +6,9 @@ import math
 
 import numpy as np
 
-from daemon.navigation._field import MapField
-from daemon.navigation._matching import match, predict
-from daemon.navigation._parameters import PilotParameters
+from daemon.navigation.pilot._field import MapField
+from daemon.navigation.pilot._matching import match, predict
+from daemon.navigation.pilot._parameters import PilotParameters
 from daemon.sut import Estimate, Odometry
 from grammars.robot import Laser, OdometryNoise
 from grammars.values import Floats, Pose2, Twist2

@@ -6,8 +6,8 @@ import math
 
 import numpy as np
 
-from daemon.navigation._astar import cost_factor
-from daemon.navigation._kernels import Integers, Singles, kernel
+from daemon.navigation.kernels import Integers, Singles, kernel
+from daemon.navigation.pilot._astar import cost_factor
 from grammars.values import Floats
 
 

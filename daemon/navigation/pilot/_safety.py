@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from daemon.navigation._field import MapField
-from daemon.navigation._guard import free_time, half_planes, nearest_other, outline
-from daemon.navigation._parameters import PilotParameters
-from daemon.navigation._pursuit import Limits
+from daemon.navigation.pilot._field import MapField
+from daemon.navigation.pilot._guard import free_time, half_planes, nearest_other, outline
+from daemon.navigation.pilot._parameters import PilotParameters
+from daemon.navigation.pilot._pursuit import Limits
 from grammars.robot import Robot
 from grammars.values import Floats, Pose2, Twist2
 
