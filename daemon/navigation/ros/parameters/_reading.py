@@ -1,0 +1,134 @@
+"""From one namespace of a ROS parameter tree to the model of the component that reads it.
+
+The original ignores names it does not know and values of another type without a word, and then
+runs with a default nobody asked for. Here a name nobody reads is a warning; a value of another
+type or out of range is an error.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping
+from functools import cache
+from typing import Annotated, Any, TypeVar
+
+from pydantic import TypeAdapter, ValidationError
+
+from daemon.navigation.ros.parameters._findings import Finding, Path, Report
+from grammars.diagnostics import did_you_mean
+
+M = TypeVar("M")
+
+
+def read_section(
+    model: type[M],
+    given: Mapping[str, Any],
+    path: Path,
+    report: Report,
+    *,
+    without_effect: Mapping[str, str] | None = None,
+    elsewhere: frozenset[str] = frozenset(),
+    strict: bool = False,
+) -> M:
+    """Return ``model`` (a pydantic dataclass with ROS names) with the values ``given`` at ``path``.
+
+    ``without_effect`` holds names that change nothing here, with the reason; names in
+    ``elsewhere`` are read by somebody else. ``strict`` makes unknown names fatal, for sections
+    that no ROS node reads. What is wrong goes to ``report``; the model then has defaults there.
+    """
+    kind: Any = model
+    adapters = _adapters(kind)
+    idle = without_effect or {}
+    values: dict[str, Any] = {}
+    for name, value in given.items():
+        place = (*path, name)
+        if name in idle:
+            report.without_effect.append(Finding(place, idle[name]))
+        if name in adapters:
+            _take(adapters[name], value, place, values, report)
+        elif name not in elsewhere and name not in idle:
+            hint = did_you_mean(name, {*adapters, *idle, *elsewhere})
+            where = report.fatal if strict else report.problems
+            where.append(Finding(place, f'nothing reads a parameter "{name}"', hint))
+    try:
+        return model(**values)
+    except ValidationError as error:
+        report.fatal += [_finding(issue, path) for issue in error.errors()]
+    return model()
+
+
+@cache
+def _adapters(model: type[Any]) -> dict[str, TypeAdapter[Any]]:
+    """Return what checks each field on its own, so that a bad one does not hide another."""
+    fields = model.__pydantic_fields__
+    return {
+        name: TypeAdapter(_constrained(info.annotation, info.metadata))
+        for name, info in fields.items()
+    }
+
+
+def _constrained(annotation: Any, constraints: list[Any]) -> Any:
+    return Annotated[(annotation, *constraints)] if constraints else annotation
+
+
+def _take(
+    adapter: TypeAdapter[Any], value: Any, place: Path, values: dict[str, Any], report: Report
+) -> None:
+    """Keep ``value`` under its name when it fits; JSON is strict about types, not about tuples."""
+    if isinstance(value, float) and not math.isfinite(value):
+        report.fatal.append(Finding(place, f"must be a finite number (given: {value})"))
+        return
+    try:
+        values[str(place[-1])] = adapter.validate_json(json.dumps(_rounded(value)), strict=True)
+    except ValidationError as error:
+        report.fatal += [_finding(issue, place) for issue in error.errors()]
+    except TypeError:
+        report.fatal.append(Finding(place, f"cannot be a {type(value).__name__}"))
+
+
+def _rounded(value: Any) -> Any:
+    """Write 3.0 as 3, which roscpp takes for a whole number as well as for a real one."""
+    return int(value) if isinstance(value, float) and value.is_integer() else value
+
+
+_OUR_WORDS = {
+    "float_type": "must be a number",
+    "int_type": "must be a whole number",
+    "int_from_float": "must be a whole number",
+    "bool_type": "must be true or false",
+    "string_type": "must be text",
+    "tuple_type": "must be a list",
+    "list_type": "must be a list",
+    "dict_type": "must be names with values",
+    "dataclass_type": "must be names with values",
+}
+
+
+def _finding(issue: Any, path: Path) -> Finding:
+    place = (*path, *issue["loc"])
+    message = _OUR_WORDS.get(issue["type"]) or _in_our_words(issue)
+    given = issue["input"]
+    simple = isinstance(given, str | int | float) or given is None
+    return Finding(place, f"{message} (given: {given!r})" if simple else message, _advice(given))
+
+
+def _in_our_words(issue: Any) -> str:
+    if issue["type"] in ("too_short", "too_long"):
+        bound = issue["ctx"]["min_length" if issue["type"] == "too_short" else "max_length"]
+        return f"must have {bound} or {'more' if issue['type'] == 'too_short' else 'fewer'}"
+    message: str = issue["msg"].removeprefix("Value error, ")
+    return message.replace("Input should be", "must be", 1)
+
+
+def _advice(given: Any) -> str:
+    """Say what a text in the place of a number usually is."""
+    if not isinstance(given, str):
+        return ""
+    if "$(" in given:
+        return "that is for launch files to fill in: write the value"
+    try:
+        float(given)
+    except ValueError:
+        return ""
+    return "ROS takes that for text: write it with a point and without quotes, such as 1.0e-3"
