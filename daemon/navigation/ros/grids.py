@@ -32,22 +32,16 @@ class CostGrid:
     version: int = 0
     changed: tuple[int, int, int, int] = field(default=EMPTY_WINDOW)
     """Half-open window (first column, first row, end column, end row)."""
+    disturbed: tuple[int, int, int, int] = field(default=EMPTY_WINDOW)
+    """The same since the costmap's last update: what others wrote over its cells."""
 
     def touch(self, window: tuple[int, int, int, int]) -> None:
         """Say that cells of the half-open ``window`` may have changed."""
         if window[0] >= window[2] or window[1] >= window[3]:
             return
         self.version += 1
-        old = self.changed
-        if old[0] >= old[2]:
-            self.changed = window
-            return
-        self.changed = (
-            min(old[0], window[0]),
-            min(old[1], window[1]),
-            max(old[2], window[2]),
-            max(old[3], window[3]),
-        )
+        self.changed = _united(self.changed, window)
+        self.disturbed = _united(self.disturbed, window)
 
     def take_changed(self) -> tuple[int, int, int, int]:
         """Return what changed since the last call, and forget it."""
@@ -61,3 +55,16 @@ class CostGrid:
         column, row = int((x - self.x) / self.resolution), int((y - self.y) / self.resolution)
         rows, columns = self.cells.shape
         return (column, row) if column < columns and row < rows else None
+
+
+def _united(
+    old: tuple[int, int, int, int], window: tuple[int, int, int, int]
+) -> tuple[int, int, int, int]:
+    if old[0] >= old[2]:
+        return window
+    return (
+        min(old[0], window[0]),
+        min(old[1], window[1]),
+        max(old[2], window[2]),
+        max(old[3], window[3]),
+    )
