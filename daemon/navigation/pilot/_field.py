@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from daemon.navigation.distance import distance_transform
 from daemon.navigation.kernels import Singles
-from daemon.navigation.pilot._distance import distance_transform
 from grammars.grid import FREE, OCCUPIED, OccupancyGrid
 
 _BORDER = 2

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from daemon.navigation.pilot._distance import FAR, distance_transform
+from daemon.navigation.distance import FAR, distance_transform
 from daemon.navigation.pilot._field import map_field
 from grammars.grid import OCCUPIED, UNKNOWN, OccupancyGrid
 from tests.daemon.navigation.pilot.world import draw
