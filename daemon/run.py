@@ -137,7 +137,8 @@ class _Loop:
         self._recorded = -1
         self._state = _Timer(STATE_RATE)
         self._clock = _Timer(CLOCK_RATE)
-        self._odom = _Timer(spec.robot.odometry.rate)
+        self._period = spec.robot.odometry.period
+        self._odom = _Timer(1.0 / self._period if self._period else spec.robot.odometry.rate)
         self._scan = _Timer(spec.robot.laser.rate)
         self._update = _Timer(1.0 / self._sut.period)
         self._snapshot = _Timer(SNAPSHOT_RATE)
@@ -190,7 +191,8 @@ class _Loop:
         if self._state.take(tick):
             self._record_state()
         if self._odom.take(tick):
-            sample = world.odometry()
+            at = (self._odom.count - 1) * self._period if self._period else now
+            sample = world.odometry(at)
             trace.odometry(sample)
             self._odometry.append(sample)
         if self._scan.take(tick):

@@ -145,26 +145,64 @@ class FootprintText(Written):
 class DriveText(Written):
     """What the base can do; the simulator holds every command to it."""
 
+    model_config = ConfigDict(
+        json_schema_extra={
+            "anyOf": [
+                {"properties": {"law": {"const": "imposed"}}, "required": ["law"]},
+                {"required": ["max_vx", "max_wz", "max_ax", "max_az", "max_force", "max_torque"]},
+            ],
+        }
+    )
+
     kind: Literal["omnidirectional", "differential"]
     """An omnidirectional base drives sideways, a differential one only turns and drives ahead."""
-    max_vx: Speed = Field(gt=0)
-    """Largest speed ahead and back."""
-    max_vy: Speed = Field(default=0.0, ge=0)
+    law: Literal["motors", "imposed"] = "motors"
+    """How a command becomes motion. motors: the base speeds up within its accelerations and pushes
+    with at most its force and torque. imposed: the commanded velocity is there at once and stays,
+    whatever it takes, until something immovable is in the way; so does Gazebo's planar-move."""
+    max_vx: Speed | None = Field(default=None, gt=0)
+    """Largest speed ahead and back; with an imposed velocity it may be left out: no limit."""
+    max_vy: Speed | None = Field(default=None, ge=0)
     """Largest speed sideways; of an omnidirectional base."""
-    max_wz: AngularSpeed = Field(gt=0)
-    """Largest turning speed."""
-    max_ax: Acceleration = Field(gt=0)
-    """Largest acceleration ahead and back."""
-    max_ay: Acceleration = Field(default=0.0, ge=0)
-    """Largest acceleration sideways; of an omnidirectional base."""
-    max_az: AngularAcceleration = Field(gt=0)
-    """Largest angular acceleration."""
-    max_force: Force = Field(gt=0)
-    """What the wheels can push with."""
-    max_torque: Torque = Field(gt=0)
-    """What the wheels can turn the base with."""
+    max_wz: AngularSpeed | None = Field(default=None, gt=0)
+    """Largest turning speed; with an imposed velocity it may be left out: no limit."""
+    max_ax: Acceleration | None = Field(default=None, gt=0)
+    """Largest acceleration ahead and back; of motors."""
+    max_ay: Acceleration | None = Field(default=None, ge=0)
+    """Largest acceleration sideways; of motors of an omnidirectional base."""
+    max_az: AngularAcceleration | None = Field(default=None, gt=0)
+    """Largest angular acceleration; of motors."""
+    max_force: Force | None = Field(default=None, gt=0)
+    """What the motors can push with."""
+    max_torque: Torque | None = Field(default=None, gt=0)
+    """What the motors can turn the base with."""
     timeout: Duration = Field(default=0.0, ge=0)
     """Without a command for this long the base brakes; 0 s: the last command holds."""
+    friction_loss: Speed = Field(default=0.0, ge=0)
+    """What an imposed velocity loses to the ground along each axis of the world: its x and its y
+    component are smaller by this (but never turned round). In Gazebo, with friction along axes:
+    coefficient x gravity x time step, 0.0098 m/s for 1 x 9.8 m/s^2 x 1 ms."""
+    turning_loss: AngularSpeed = Field(default=0.0, ge=0)
+    """What an imposed turning speed loses to the ground."""
+
+    @model_validator(mode="after")
+    def _lawful(self) -> DriveText:
+        motors = ("max_vx", "max_wz", "max_ax", "max_az", "max_force", "max_torque")
+        missing = [name for name in motors if getattr(self, name) is None]
+        if self.law == "motors" and missing:
+            raise ValueError(f"a drive by motors needs {', '.join(missing)}")
+        if self.law == "motors" and (self.friction_loss > 0.0 or self.turning_loss > 0.0):
+            raise ValueError('friction_loss and turning_loss are for "law: imposed"')
+        idle = [name for name in (*motors[2:], "max_ay") if getattr(self, name) is not None]
+        if self.law == "imposed" and idle:
+            raise ValueError(f"an imposed velocity has no {', '.join(sorted(idle))}: leave it out")
+        return self
+
+    def drive(self) -> Drive:
+        """Return the drive; what has no limit is infinite, an unwritten sideways speed is 0."""
+        unwritten = math.inf if self.law == "imposed" else 0.0
+        values = self.model_dump()
+        return Drive(**{k: unwritten if v is None else v for k, v in values.items()})
 
 
 class MountText(Written):
@@ -200,6 +238,9 @@ class LaserText(Written):
     """Standard deviation of each range."""
     dropout: Ratio = Field(default=0.0, ge=0, lt=1)
     """Share of rays that return nothing."""
+    too_near: Literal["infinite", "clamped"] = "infinite"
+    """What a return nearer than range_min reads. infinite: -inf, as ROS asks of drivers (REP 117).
+    clamped: range_min, as Gazebo's laser reports it."""
 
     @model_validator(mode="after")
     def _ordered(self) -> LaserText:
@@ -218,14 +259,39 @@ _DriftPerRootLength = Annotated[float, Reads("drift per root length")]
 class OdometryText(Written):
     """Wheel odometry; its errors grow with the root of what was driven."""
 
-    rate: Frequency = Field(gt=0, le=100)
-    """Messages per second."""
+    model_config = ConfigDict(
+        json_schema_extra={"oneOf": [{"required": ["rate"]}, {"required": ["period"]}]}
+    )
+
+    rate: Frequency | None = Field(default=None, gt=0, le=100)
+    """Messages per second, each of a tick of the simulator (every 10 ms)."""
+    period: Duration | None = Field(default=None, ge=0.01)
+    """Instead of a rate, the exact time between messages, such as 51 ms: each is of its own
+    instant, between two ticks if need be, and arrives at the first tick after it."""
+    twist: Literal["instantaneous", "mean"] = "instantaneous"
+    """Velocity of a message: that of its instant, or the mean since the message before, from the
+    difference of the two poses, as Gazebo's planar-move reports it."""
+    origin: Literal["start", "map"] = "start"
+    """Where the odom frame lies: where the robot starts, or on the frame of the map."""
     translation: _NoisePerRootLength = Field(default=0.0, ge=0)
     """Error of the distance: 0.01 m/m^0.5 is 1 cm after one metre, 10 cm after a hundred."""
     rotation: _NoisePerRootAngle = Field(default=0.0, ge=0)
     """Error of the heading from turning."""
     drift: _DriftPerRootLength = Field(default=0.0, ge=0)
     """Error of the heading from driving straight."""
+
+    @model_validator(mode="after")
+    def _timed(self) -> OdometryText:
+        if (self.rate is None) == (self.period is None):
+            raise ValueError('give "rate" or "period"')
+        return self
+
+    def odometry(self) -> OdometryNoise:
+        """Return the odometry, with the rate that belongs to a period."""
+        period = self.period or 0.0
+        rate = self.rate if self.rate is not None else 1.0 / period
+        written = self.model_dump(exclude={"rate", "period"})
+        return OdometryNoise(rate=rate, period=period, **written)
 
 
 class RobotText(Written):
@@ -249,7 +315,6 @@ def load_robot(path: str | Path) -> Robot:
     document = load_yaml(path)
     text = read_model(document, RobotText)
     ring = _convex(text.footprint.ring(), document)
-    drive = Drive(**text.drive.model_dump())
     laser = text.laser
     mount = Pose2(laser.mount.x, laser.mount.y, laser.mount.yaw)
     return Robot(
@@ -257,9 +322,9 @@ def load_robot(path: str | Path) -> Robot:
         footprint=ring,
         height=text.height,
         mass=text.mass,
-        drive=drive,
+        drive=text.drive.drive(),
         laser=Laser(mount=mount, **laser.model_dump(exclude={"mount"})),
-        odometry=OdometryNoise(**text.odometry.model_dump()),
+        odometry=text.odometry.odometry(),
     )
 
 

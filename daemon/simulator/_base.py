@@ -1,9 +1,9 @@
-"""The mobile base: a rigid body pulled along by a control body.
+"""The mobile base: a rigid body, and a drive by motors that pulls it along.
 
-The control body is kinematic and carries the commanded velocity; a pivot and a gear joint with
-bounded effort and no position correction make the robot follow it. So the base pushes doors with
-what its motors have, stalls at walls and never tunnels, which writing velocities into the robot
-body would do.
+The control body of the motors is kinematic and carries the commanded velocity; a pivot and a gear
+joint with bounded effort and no position correction make the robot follow it. So the base pushes
+doors with what its motors have, stalls at walls and never tunnels, which writing velocities into
+the robot body would do.
 """
 
 from __future__ import annotations
@@ -18,10 +18,17 @@ from grammars.values import Pose2, Twist2
 
 
 class Base:
-    """The robot body and its drive; the mass is balanced about the base frame's origin."""
+    """The robot body, its command and a body of its own to be driven by.
+
+    The mass is balanced about the base frame's origin.
+
+    Attributes:
+        touching: pairs of shapes in contact, kept by whoever records contacts.
+    """
 
     def __init__(self, space: pymunk.Space, robot: Robot, start: Pose2) -> None:
         self._drive = robot.drive
+        self.touching = 0
         corners = list(robot.footprint)
         self.body = pymunk.Body(robot.mass, pymunk.moment_for_poly(robot.mass, corners))
         self.body.angle = start.yaw
@@ -32,15 +39,9 @@ class Base:
         self.shape.friction = FRICTION
         self._control = pymunk.Body(body_type=pymunk.Body.KINEMATIC)
         self._control.position = self.body.position
-        pull = pymunk.PivotJoint(self._control, self.body, (0.0, 0.0), (0.0, 0.0))
-        turn = pymunk.GearJoint(self._control, self.body, 0.0, 1.0)
-        pull.max_bias = turn.max_bias = 0.0
-        pull.max_force, turn.max_force = robot.drive.max_force, robot.drive.max_torque
-        space.add(self.body, self.shape, self._control, pull, turn)
+        space.add(self.body, self.shape, self._control)
         self._goal = (0.0, 0.0, 0.0)
-        self._speed = (0.0, 0.0, 0.0)
         self._expiry = math.inf
-        self._written_yaw = math.nan
 
     def command(self, twist: Twist2, tick: int) -> None:
         """Take a body-frame velocity command, within the drive's speed limits.
@@ -56,6 +57,43 @@ class Base:
         self._goal = (_clamp(vx, drive.max_vx), vy, _clamp(wz, drive.max_wz))
         if drive.timeout > 0.0:
             self._expiry = tick + round(drive.timeout * TICK_RATE)
+
+    def update(self, tick: int) -> None:
+        """Set velocities for the tick that starts now."""
+        raise NotImplementedError
+
+    def depth(self) -> float:
+        """Return how deep the robot is in what it touches at most [m]."""
+        deepest = [0.0]
+
+        def look(arbiter: pymunk.Arbiter) -> None:
+            deepest.extend(-point.distance for point in arbiter.contact_point_set.points)
+
+        self.body.each_arbiter(look)
+        return max(deepest)
+
+    def pose(self) -> Pose2:
+        """Return the true pose of the base frame in the world."""
+        position = self.body.position
+        return Pose2(position.x, position.y, math.remainder(self.body.angle, math.tau))
+
+    def twist(self) -> Twist2:
+        """Return the true velocity in the body frame."""
+        raise NotImplementedError
+
+
+class MotorBase(Base):
+    """A base whose motors follow the command within their accelerations, force and torque."""
+
+    def __init__(self, space: pymunk.Space, robot: Robot, start: Pose2) -> None:
+        super().__init__(space, robot, start)
+        pull = pymunk.PivotJoint(self._control, self.body, (0.0, 0.0), (0.0, 0.0))
+        turn = pymunk.GearJoint(self._control, self.body, 0.0, 1.0)
+        pull.max_bias = turn.max_bias = 0.0
+        pull.max_force, turn.max_force = robot.drive.max_force, robot.drive.max_torque
+        space.add(pull, turn)
+        self._speed = (0.0, 0.0, 0.0)
+        self._written_yaw = math.nan
 
     def update(self, tick: int) -> None:
         """Set the velocity of the control body for the tick that starts now."""
@@ -91,32 +129,17 @@ class Base:
         )
         return self._speed
 
-    def depth(self) -> float:
-        """Return how deep the robot is in what it touches at most [m]."""
-        deepest = [0.0]
-
-        def look(arbiter: pymunk.Arbiter) -> None:
-            deepest.extend(-point.distance for point in arbiter.contact_point_set.points)
-
-        self.body.each_arbiter(look)
-        return max(deepest)
+    def twist(self) -> Twist2:
+        """Return the true velocity in the body frame."""
+        wz = self.body.angular_velocity
+        vx, vy = self._body_velocity(self.body.angle, wz)
+        return Twist2(vx, vy, wz)
 
     def _body_velocity(self, yaw: float, spin: float) -> tuple[float, float]:
         x, y = self.body.velocity
         heading = yaw + 0.5 * DT * spin
         c, s = math.cos(heading), math.sin(heading)
         return c * x + s * y, c * y - s * x
-
-    def pose(self) -> Pose2:
-        """Return the true pose of the base frame in the world."""
-        position = self.body.position
-        return Pose2(position.x, position.y, math.remainder(self.body.angle, math.tau))
-
-    def twist(self) -> Twist2:
-        """Return the true velocity in the body frame."""
-        wz = self.body.angular_velocity
-        vx, vy = self._body_velocity(self.body.angle, wz)
-        return Twist2(vx, vy, wz)
 
 
 def _approach(goal: float, demanded: float, true: float, limit: float) -> float:

@@ -8,6 +8,7 @@ from typing import Any
 
 import pymunk
 
+from daemon.simulator._base import Base
 from daemon.simulator._layers import ROBOT_TYPE, TICK_RATE
 from daemon.simulator._records import Contact
 from grammars.values import Point2
@@ -39,13 +40,11 @@ class ContactLog:
     def __init__(
         self,
         space: pymunk.Space,
-        body: pymunk.Body,
-        robot: pymunk.Shape,
+        base: Base,
         owners: Mapping[pymunk.Shape, str],
     ) -> None:
         self.tick = 0
-        self._body = body
-        self._robot = robot
+        self._base, self._body, self._robot = base, base.body, base.shape
         self._owners = owners
         self._touches: dict[str, _Touch] = {}
         self._finished: list[Contact] = []
@@ -59,6 +58,7 @@ class ContactLog:
                 self._finished.append(_contact(owner, touch))
             touch = self._touches[owner] = _Touch(now, now)
         touch.pairs += 1
+        self._base.touching += 1
         touch.last = now
         touch.reported = False
         self._look(arbiter)
@@ -66,6 +66,7 @@ class ContactLog:
     def _separate(self, arbiter: pymunk.Arbiter, space: pymunk.Space, data: Any) -> None:
         touch = self._touches[self._owner(arbiter)]
         touch.pairs -= 1
+        self._base.touching -= 1
         if self.tick > touch.last:
             touch.last = self.tick
             touch.reported = False

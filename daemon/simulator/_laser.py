@@ -162,18 +162,19 @@ def _measure(
     sigma: float,
     chance: Floats,
     dropout: float,
+    blind: float,
     nearest: float,
     farthest: float,
     ranges: npt.NDArray[np.float32],
 ) -> None:
-    """Turn exact inverse ranges into what the sensor reports (REP 117)."""
+    """Turn exact inverse ranges into what the sensor reports (REP 117); -inf below ``blind``."""
     for i in range(inverse.shape[0]):
         distance = 1.0 / inverse[i]
         if chance.shape[0] > 0 and chance[i] < dropout:
             ranges[i] = np.nan
         elif hits[i] < 0:
             ranges[i] = np.inf
-        elif distance < nearest:
+        elif distance < blind:
             ranges[i] = -np.inf
         else:
             if noise.shape[0] > 0:
@@ -206,6 +207,7 @@ class LaserScanner:
         self._moving, self._moving_owner, self._moving_slot = moving
         self._inverse = np.empty(laser.rays)
         self._hits = np.empty(laser.rays, dtype=np.int32)
+        self._blind = laser.range_min if laser.too_near == "infinite" else 0.0
         self._noise_stream, self._dropout_stream = noise, dropout
         self._noise = np.empty(laser.rays if laser.noise > 0.0 else 0)
         self._chance = np.empty(laser.rays if laser.dropout > 0.0 else 0)
@@ -230,7 +232,8 @@ class LaserScanner:
         """Return one measured sweep, shape (rays,).
 
         Lost rays are nan, rays without return within range_max inf, returns nearer than
-        range_min -inf (REP 117); noisy ranges are clamped to the range of the sensor.
+        range_min -inf (REP 117) unless the laser clamps them; noisy ranges are clamped to the
+        range of the sensor.
         """
         self._cast(base, bodies)
         laser = self._laser
@@ -241,6 +244,6 @@ class LaserScanner:
         ranges = np.empty(laser.rays, dtype=np.float32)
         _measure(
             self._inverse, self._hits, self._noise, laser.noise, self._chance, laser.dropout,
-            laser.range_min, laser.range_max, ranges,
+            self._blind, laser.range_min, laser.range_max, ranges,
         )  # fmt: skip
         return ranges

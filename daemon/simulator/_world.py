@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import zlib
 from collections.abc import Sequence
 
@@ -9,10 +10,10 @@ import numpy as np
 import numpy.typing as npt
 import pymunk
 
-from daemon.simulator._base import Base
 from daemon.simulator._bodystates import BodyStates, JointReader
 from daemon.simulator._contacts import ContactLog
 from daemon.simulator._director import Director
+from daemon.simulator._imposed import make_base
 from daemon.simulator._joints import JointDrive
 from daemon.simulator._laser import LaserScanner
 from daemon.simulator._layers import DT, TICK_RATE
@@ -68,8 +69,8 @@ class World:
         self._drives = {
             motion.name: JointDrive(space, motion, assembly) for motion in assembly.motions
         }
-        self._base = Base(space, robot, start)
-        self._contacts = ContactLog(space, self._base.body, self._base.shape, owners)
+        self._base = make_base(space, robot, start)
+        self._contacts = ContactLog(space, self._base, owners)
         self._events: list[WorldEvent] = []
         self._director = Director(
             scene, robot, behaviours, self._drives, assembly, self._base, self._report, waypoints
@@ -83,6 +84,7 @@ class World:
         self._laser = LaserScanner(robot.laser, static, moving, noise, dropout)
         self._odometry = OdometrySensor(robot.odometry, start, _stream(seed, "odometry"))
         self._state_tick, self._state = -1, (start, Twist2())
+        self._before = (start.x, start.y, start.yaw)
 
     @property
     def time(self) -> float:
@@ -109,8 +111,11 @@ class World:
         """Simulate ``ticks`` steps of 10 ms."""
         step, drive, log = self._space.step, self._base.update, self._contacts
         direct, directed = self._director.update, self._director.active
+        last, body = self.tick + ticks - 1, self._base.body
         for tick in range(self.tick, self.tick + ticks):
             self.tick = log.tick = tick
+            if tick == last:
+                self._before = (*body.position, body.angle)
             if directed:
                 direct(tick)
             drive(tick)
@@ -150,9 +155,25 @@ class World:
         """
         return self._laser.true_ranges(self.pose(), self._bodies.at(self.tick))
 
-    def odometry(self) -> Odometry:
-        """Take one odometry sample; its noise is for the way since the previous sample."""
-        return self._odometry.sample(self.time, *self._true_state())
+    def odometry(self, at: float | None = None) -> Odometry:
+        """Take one odometry sample; its noise is for the way since the previous sample.
+
+        ``at`` is the instant of the sample, within the last tick; now when left out.
+        """
+        pose, twist = self._true_state()
+        if at is None or at >= self.time:
+            return self._odometry.sample(self.time, pose, twist)
+        return self._odometry.sample(at, self._between((self.time - at) * TICK_RATE), twist)
+
+    def _between(self, ago: float) -> Pose2:
+        """Return the true pose a fraction of a tick ago: within a tick the velocity is constant."""
+        x, y, yaw = self._before
+        now, angle = self._base.body.position, self._base.body.angle
+        return Pose2(
+            now.x + ago * (x - now.x),
+            now.y + ago * (y - now.y),
+            math.remainder(angle + ago * (yaw - angle), math.tau),
+        )
 
     def take_contacts(self) -> tuple[Contact, ...]:
         """Return what the robot touched since the last call, ordered by begin and owner."""

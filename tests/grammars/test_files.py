@@ -3,8 +3,10 @@ from pathlib import Path
 
 import pytest
 
+from grammars import codec
 from grammars.diagnostics import InputError
 from grammars.files import load_mission, load_robot
+from grammars.robot import Robot
 from grammars.values import Pose2
 
 ROBOT = """\
@@ -53,6 +55,12 @@ def test_footprint_corners_come_out_counter_clockwise(tmp_path: Path) -> None:
         ("range_max: 10 m", "range_max: 1 cm", "range_max must be above"),
         ("robot: box", "robot: ../box", "robot: must be letters"),
         ("odometry:", "odometrie:", 'did you mean "odometry"'),
+        ("max_force: 200 N, ", "", "a drive by motors needs max_force"),
+        ("max_torque: 50 N m", "max_torque: 50 N m, friction_loss: 1 cm/s", "for .law: imposed"),
+        ("kind: diff", "law: imposed, kind: diff", "no max_ax, max_az, max_force, max_torque"),
+        ("rate: 20 Hz", "rate: 20 Hz, period: 51 ms", 'give "rate" or "period"'),
+        ("{rate: 20 Hz}", "{}", 'give "rate" or "period"'),
+        ("rate: 20 Hz", "period: 51", "period: 51 has no unit"),
     ],
 )
 def test_a_wrong_robot_value_is_refused(tmp_path: Path, old: str, new: str, message: str) -> None:
@@ -64,6 +72,15 @@ def test_a_dented_footprint_is_refused(tmp_path: Path) -> None:
     corners = "corners: [[0 m, 0 m], [1 m, 0 m], [0.2 m, 0.2 m], [0 m, 1 m]]"
     with pytest.raises(InputError, match="not convex"):
         load_robot(write(tmp_path, ROBOT.replace("length: 0.6 m, width: 0.4 m", corners)))
+
+
+def test_the_robot_the_paper_simulated_has_no_limits(campaigns: Path) -> None:
+    robot = load_robot(campaigns / "robots" / "robile-planar-move.yaml")
+    drive, odometry = robot.drive, robot.odometry
+    assert drive.law == "imposed"
+    assert {drive.max_vx, drive.max_wz, drive.max_ax, drive.max_force} == {math.inf}
+    assert (odometry.period, odometry.rate) == (0.051, pytest.approx(19.607843))
+    assert codec.from_json(Robot, codec.to_json(robot)) == robot
 
 
 def test_the_robot_of_the_paper_has_its_published_size(campaigns: Path) -> None:

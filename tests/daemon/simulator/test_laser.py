@@ -212,3 +212,13 @@ def test_looking_at_true_ranges_draws_no_noise() -> None:
     plain, curious = room(laser), room(laser)
     curious.true_ranges()
     np.testing.assert_array_equal(plain.scan(), curious.scan())
+
+
+def test_a_return_that_is_too_near_is_minus_infinite_or_clamped() -> None:
+    laser = replace(LASER, mount=Pose2(), range_min=0.5, noise=0.0)
+    for too_near, expected in (("infinite", -np.inf), ("clamped", 0.5)):
+        simulated = world(
+            wall("near", 0.4, -5.0, 0.6, 5.0),
+            robot=replace(ROBOT, laser=replace(laser, too_near=too_near)),
+        )
+        assert simulated.scan()[30] == np.float32(expected)
