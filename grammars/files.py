@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import Annotated, Final, Literal
+from typing import Annotated, Any, Final, Literal
 
 from pydantic import ConfigDict, Field, model_validator
 
@@ -201,7 +201,7 @@ class DriveText(Written):
     def drive(self) -> Drive:
         """Return the drive; what has no limit is infinite, an unwritten sideways speed is 0."""
         unwritten = math.inf if self.law == "imposed" else 0.0
-        values = self.model_dump()
+        values: dict[str, Any] = self.model_dump()
         return Drive(**{k: unwritten if v is None else v for k, v in values.items()})
 
 
