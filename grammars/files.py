@@ -202,7 +202,8 @@ class DriveText(Written):
         """Return the drive; what has no limit is infinite, an unwritten sideways speed is 0."""
         unwritten = math.inf if self.law == "imposed" else 0.0
         values: dict[str, Any] = self.model_dump()
-        return Drive(**{k: unwritten if v is None else v for k, v in values.items()})
+        values.update({name: unwritten for name, value in values.items() if value is None})
+        return Drive(**values)
 
 
 class MountText(Written):

@@ -31,7 +31,7 @@ class ImposedBase(Base):
         leash.max_force = 0.0
         space.add(leash)
         self._resisted = False
-        self._written = (0.0, 0.0, 0.0, start.yaw)
+        self._written = (self._goal, start.yaw)
 
     def update(self, tick: int) -> None:
         """Write the velocity for the tick that starts now, or have it written in contact."""
@@ -41,13 +41,12 @@ class ImposedBase(Base):
         if self._resisted != (self.touching > 0):
             self._resisted = not self._resisted
             body.velocity_func = self._insist if self._resisted else pymunk.Body.update_velocity
-            self._written = (math.nan, 0.0, 0.0, 0.0)
+            self._written = (self._goal, math.nan)
         if self._resisted:
             return
-        yaw = body.angle
-        wanted = (*self._goal, yaw)
-        if wanted != self._written:
-            self._written = wanted
+        yaw, (goal, heading) = body.angle, self._written
+        if yaw != heading or goal != self._goal:
+            self._written = (self._goal, yaw)
             self._impose(yaw)
 
     def _insist(
