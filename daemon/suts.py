@@ -14,6 +14,7 @@ from importlib.metadata import EntryPoint, entry_points
 from typing import Any, Final, TypeAlias
 
 from daemon.navigation import make_idle, make_pilot
+from daemon.navigation.ros.parameters import Findings
 from daemon.sut import SystemUnderTest
 from grammars.diagnostics import did_you_mean
 
@@ -44,6 +45,17 @@ def make_sut(kind: str, parameters: Mapping[str, Any]) -> SystemUnderTest:
     if problem:
         raise ValueError(f'what the system under test "{kind}" makes {problem}, see daemon/sut.py')
     return made
+
+
+def check_parameters(kind: str, parameters: Mapping[str, Any]) -> Findings:
+    """Return what a kind has to say about parameters it takes.
+
+    Raises ``ValueError`` for what it does not take; its subclass
+    :class:`daemon.navigation.ros.parameters.ParameterError`, which plug-ins may raise as well,
+    says where in the tree each problem stands.
+    """
+    make_sut(kind, parameters)
+    return Findings()
 
 
 def _make_plugged(kind: str, parameters: Mapping[str, Any]) -> SystemUnderTest:

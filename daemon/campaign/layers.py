@@ -8,13 +8,12 @@ from functools import partial
 from pathlib import Path
 from typing import Any, Final, TypeVar
 
-from pydantic import Field
-
+from daemon.campaign.suts import Sut, load_sut
 from daemon.campaign.text import Reference, Vary
 from daemon.spec import SutReference
-from daemon.suts import make_sut, sut_kinds
+from daemon.suts import check_parameters, sut_kinds
 from grammars.diagnostics import Diagnostic, InputError, did_you_mean
-from grammars.documents import Document, Written, load_yaml, read_model
+from grammars.documents import Document
 from grammars.files import load_mission, load_robot
 from grammars.floorplan import load_floorplan
 from grammars.floorplan.model import FloorPlan
@@ -83,19 +82,6 @@ def _names_in(place: Path, kind: Kind) -> list[str]:
     return [name for name in names if "." not in name]
 
 
-class SutText(Written):
-    """The keys of a file that describes a system under test."""
-
-    sut: str = Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]{0,59}$")
-    """Name of this system under test, as verdicts show it."""
-    about: str = ""
-    """One line for people."""
-    kind: str
-    """What is run: a kind that ships here, or one plugged in as "scenario.suts"."""
-    parameters: dict[str, Any] = Field(default_factory=dict)
-    """What differs from the defaults of the kind."""
-
-
 @dataclass(slots=True)
 class Library:
     """The layers of one campaign, each file read once, findings kept."""
@@ -148,7 +134,7 @@ class Library:
             if reference.name not in sut_kinds():
                 raise
             return self._once("sut", Path(reference.name), partial(_default_sut, reference))
-        return self._once("sut", path, _load_sut)
+        return self._once("sut", path, self._load_sut).reference
 
     def _load_floorplan(self, path: Path) -> FloorPlan:
         load = load_floorplan_jsonld if path.suffix == ".jsonld" else load_floorplan
@@ -161,6 +147,18 @@ class Library:
             return load_scenery_jsonld(path, self.warnings)
         return load_scenery(path)
 
+    def _load_sut(self, path: Path) -> Sut:
+        sut = load_sut(path, self._find_sut)
+        self.warnings.extend(sut.warnings)
+        return sut
+
+    def _find_sut(self, folder: Path, reference: Reference) -> Path:
+        """Return the SUT file that one in ``folder`` is like: near it, or near the campaign."""
+        try:
+            return find_layer(folder, reference, SUT)
+        except InputError:
+            return find_layer(self.folder, reference, SUT)
+
     def _once(self, kind: str, path: Path, load: Callable[[Path], T]) -> T:
         """Load a file the first time it is named."""
         key = (kind, path)
@@ -172,26 +170,7 @@ class Library:
 
 def _default_sut(reference: Reference, _: Path) -> SutReference:
     try:
-        make_sut(reference.name, {})
+        check_parameters(reference.name, {})
     except ValueError as error:
         raise InputError(Diagnostic(reference.where, str(error))) from error
     return SutReference(reference.name, reference.name, {})
-
-
-def _load_sut(path: Path) -> SutReference:
-    document = load_yaml(path)
-    text = read_model(document, SutText)
-    try:
-        make_sut(text.kind, text.parameters)
-    except ValueError as error:
-        raise InputError(_place(document, str(error))) from error
-    return SutReference(text.sut, text.kind, text.parameters)
-
-
-def _place(document: Document, message: str) -> Diagnostic:
-    """Put a parameter complaint where the parameter it names stands."""
-    parameters = document.data.get("parameters") or {}
-    for name in parameters:
-        if f'"{name}"' in message or message.startswith(f"{name}:"):
-            return Diagnostic(document.where(("parameters", name)), message)
-    return Diagnostic(document.where(("parameters" if parameters else "kind",)), message)

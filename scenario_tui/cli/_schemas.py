@@ -50,7 +50,7 @@ def schema_of(kind: FileKind) -> dict[str, Any]:
 
 def _sut_schema(title: str) -> dict[str, Any]:
     """Check the parameters of the kinds that ship; those that plug in check their own."""
-    from daemon.campaign.layers import SutText
+    from daemon.campaign.suts import SutText
     from daemon.navigation import PilotParameters
     from grammars.editor import editor_schema
 

@@ -1,0 +1,109 @@
+"""Parameters in layers: every value by its path, with the place it was written at.
+
+A later layer changes what it names and leaves the rest; ``null`` takes an inherited value away.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any, TypeAlias
+
+from grammars.diagnostics import Diagnostic, InputError, Where
+
+Path: TypeAlias = tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Setting:
+    """A value and where it stands; lists are one value, mappings are not values but paths."""
+
+    value: Any
+    where: Where
+
+
+Settings: TypeAlias = dict[Path, Setting]
+
+
+def settings_of(
+    tree: Mapping[str, Any], where: Callable[[Path], Where], *, namespaces: bool = False
+) -> Settings:
+    """Return the settings of nested mappings; ``where`` places the value at a path of ``tree``.
+
+    With ``namespaces`` a name such as ``move_base/global_costmap`` means two levels.
+    """
+    found: Settings = {}
+    for written, value in _leaves(tree, ()):
+        path = tuple(p for name in written for p in name.split("/") if p) if namespaces else written
+        _put(found, path, Setting(value, where(written)))
+    return found
+
+
+def _leaves(tree: Mapping[str, Any], above: Path) -> Iterator[tuple[Path, Any]]:
+    for name, value in tree.items():
+        path = (*above, name)
+        if isinstance(value, Mapping) and value:
+            yield from _leaves(value, path)
+        else:
+            yield path, value
+
+
+def below(settings: Settings, namespace: Path) -> Settings:
+    """Return the settings moved below ``namespace``."""
+    return {(*namespace, *path): setting for path, setting in settings.items()}
+
+
+def merged(base: Settings, over: Settings) -> Settings:
+    """Return ``base`` changed by ``over``.
+
+    Raises :class:`InputError` for a ``null`` where nothing is inherited.
+    """
+    result = dict(base)
+    for path, setting in over.items():
+        if setting.value is None and not any(_shares(path, old) for old in base):
+            message = f"{path[-1]}: null takes an inherited value away, and there is none"
+            raise InputError(Diagnostic(setting.where, message, "write a value or leave it out"))
+        _put(result, path, setting)
+        if setting.value is None:
+            del result[path]
+    return result
+
+
+def _put(settings: Settings, path: Path, setting: Setting) -> None:
+    """Set one value in place of what stands at its path, above it or below it."""
+    related = [old for old in settings if old != path and _shares(old, path)]
+    if setting.value == {} and any(len(old) > len(path) for old in related):
+        return
+    for old in related:
+        del settings[old]
+    settings[path] = setting
+
+
+def _shares(one: Path, other: Path) -> bool:
+    """Say whether one path is the other or leads to it."""
+    shorter = min(len(one), len(other))
+    return one[:shorter] == other[:shorter]
+
+
+def tree_of(settings: Settings) -> dict[str, Any]:
+    """Return settings as nested dicts."""
+    tree: dict[str, Any] = {}
+    for path, setting in settings.items():
+        node = tree
+        for name in path[:-1]:
+            node = node.setdefault(name, {})
+        node[path[-1]] = setting.value
+    return tree
+
+
+def where_of(settings: Settings, path: tuple[str | int, ...]) -> Where | None:
+    """Return where the value at ``path`` stands, or else the nearest value above or below it."""
+    names = tuple(part for part in path if isinstance(part, str))
+    for length in range(len(names), 0, -1):
+        prefix = names[:length]
+        if prefix in settings:
+            return settings[prefix].where
+        inside = [s.where for p, s in settings.items() if p[:length] == prefix]
+        if inside:
+            return inside[0]
+    return None

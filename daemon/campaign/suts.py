@@ -1,0 +1,214 @@
+"""Files that describe systems under test: layers on each other and on ROS parameter files.
+
+What a file says holds over what its ROS files say, and both over the system it is ``like``. The
+outcome is one tree of parameters; every complaint about it stands where the value was written.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any, Final, TypeAlias
+
+from pydantic import BeforeValidator, Field
+
+from daemon.campaign.ros_files import load_files, load_folder, spread_common
+from daemon.campaign.settings import Settings, merged, settings_of, tree_of, where_of
+from daemon.campaign.text import Reference
+from daemon.navigation.ros.parameters import Finding, Findings, ParameterError
+from daemon.spec import SutReference
+from daemon.suts import check_parameters
+from grammars.diagnostics import Diagnostic, InputError, Severity, Where
+from grammars.documents import Document, Written, load_yaml, read_model
+
+ROS: Final = "ros"
+_Files: TypeAlias = Annotated[
+    list[str],
+    BeforeValidator(
+        lambda value: [value] if isinstance(value, str) else value,
+        json_schema_input_type=str | list[str],
+    ),
+]
+Find: TypeAlias = Callable[[Path, Reference], Path]
+"""Finds the SUT file a reference in a file of a folder names; raises :class:`InputError`."""
+
+
+class SutText(Written):
+    """The keys of a file that describes a system under test."""
+
+    sut: str = Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]{0,59}$")
+    """Name of this system under test, as verdicts show it."""
+    about: str = ""
+    """One line for people."""
+    like: str | None = None
+    """Another system under test: this one is the same except for what is written here."""
+    kind: str | None = None
+    """What is run: a kind that ships here, or one plugged in as "scenario.suts"."""
+    ros: str | None = None
+    """A folder with the parameter files of a robot's navigation package (amcl.yaml,
+    costmap_common_params.yaml, move_base_params.yaml ...), loaded as usual launch files do."""
+    files: dict[str, _Files] = Field(default_factory=dict)
+    """ROS parameter files by the namespace they are loaded into, such as move_base/global_costmap;
+    costmap_common is loaded into both costmaps."""
+    parameters: dict[str, Any] = Field(default_factory=dict)
+    """What differs from the files, from the system this one is like, from the defaults of the
+    kind. null takes an inherited value away."""
+
+
+@dataclass(frozen=True, slots=True)
+class Sut:
+    """A loaded system under test: what runs, where each value was written, what to say about it.
+
+    ``files`` are the SUT files it is made of, the one that was asked for first.
+    """
+
+    reference: SutReference
+    about: str
+    settings: Settings
+    findings: Findings
+    files: tuple[str, ...]
+    warnings: tuple[Diagnostic, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class _Layer:
+    """A file with everything below it."""
+
+    text: SutText
+    kind: str
+    settings: Settings
+    files: tuple[str, ...]
+    warnings: tuple[Diagnostic, ...]
+
+
+def load_sut(path: Path, find: Find) -> Sut:
+    """Load a SUT file and all it stands on.
+
+    Raises :class:`InputError` with everything wrong, each where it stands.
+    """
+    document = load_yaml(path)
+    layer = _load(path, document, find, ())
+    settings = spread_common(layer.settings) if layer.kind == ROS else layer.settings
+    tree = tree_of(settings)
+    try:
+        findings = check_parameters(layer.kind, tree)
+    except ValueError as error:
+        raise InputError(_diagnostics(error, document, settings)) from error
+    return Sut(
+        reference=SutReference(layer.text.sut, layer.kind, tree),
+        about=layer.text.about,
+        settings=settings,
+        findings=findings,
+        files=layer.files,
+        warnings=(*layer.warnings, *_warnings(findings, document, settings)),
+    )
+
+
+def _load(path: Path, document: Document, find: Find, above: tuple[Path, ...]) -> _Layer:
+    text = read_model(document, SutText)
+    base = _base(path, document, text, find, above)
+    kind = _kind(document, text, base)
+    settings: Settings = {} if base is None else base.settings
+    warnings = [] if base is None else list(base.warnings)
+    if (text.ros or text.files) and kind != ROS:
+        key = "ros" if text.ros else "files"
+        message = f"{key}: only kind {ROS} reads ROS parameter files, this is {kind}"
+        raise InputError(Diagnostic(document.where((key,)), message))
+    if text.ros:
+        where = document.where(("ros",))
+        settings = merged(settings, load_folder(path.parent / text.ros, where, warnings))
+    settings = merged(settings, load_files(_named_files(path, document, text), warnings))
+    settings = merged(settings, _written(document, text, kind))
+    files = (str(path), *(() if base is None else base.files))
+    return _Layer(text, kind, settings, files, tuple(warnings))
+
+
+def _base(
+    path: Path, document: Document, text: SutText, find: Find, above: tuple[Path, ...]
+) -> _Layer | None:
+    """Return the layer this one is ``like``."""
+    if text.like is None:
+        return None
+    where = document.where(("like",))
+    chain = (*above, path.resolve())
+    other = find(path.parent, Reference(text.like, {}, where))
+    if other.resolve() in chain:
+        circle = " -> ".join(p.stem for p in (*chain[chain.index(other.resolve()) :], other))
+        raise InputError(Diagnostic(where, f"like: goes round in a circle, {circle}"))
+    return _load(other, load_yaml(other), find, chain)
+
+
+def _kind(document: Document, text: SutText, base: _Layer | None) -> str:
+    if base is None:
+        if text.kind is None:
+            hint = 'write "kind", or "like" with the name of another system under test'
+            raise InputError(Diagnostic(document.where(), 'key "kind" is missing', hint))
+        return text.kind
+    if text.kind not in (None, base.kind):
+        message = f"kind: {text.like} is of kind {base.kind}, so this one is as well"
+        raise InputError(Diagnostic(document.where(("kind",)), message, "leave it out"))
+    return base.kind
+
+
+def _named_files(
+    path: Path, document: Document, text: SutText
+) -> dict[str, list[tuple[Path, Where]]]:
+    return {
+        namespace: [
+            (path.parent / name, document.where(("files", namespace, index)))
+            for index, name in enumerate(names)
+        ]
+        for namespace, names in text.files.items()
+    }
+
+
+def _written(document: Document, text: SutText, kind: str) -> Settings:
+    return settings_of(
+        text.parameters, lambda p: document.where(("parameters", *p)), namespaces=kind == ROS
+    )
+
+
+def _diagnostics(error: ValueError, document: Document, settings: Settings) -> list[Diagnostic]:
+    """Put complaints where the values they are about stand."""
+    if isinstance(error, ParameterError):
+        found = [_placed(problem, document, settings) for problem in error.problems]
+        return list(dict.fromkeys(found))
+    message = str(error)
+    for path, setting in settings.items():
+        if f'"{path[0]}"' in message or message.startswith(f"{path[0]}:"):
+            return [Diagnostic(setting.where, message)]
+    key = next((key for key in ("parameters", "kind", "like") if key in document.data), "sut")
+    return [Diagnostic(document.where((key,)), message)]
+
+
+def _warnings(findings: Findings, document: Document, settings: Settings) -> list[Diagnostic]:
+    found = [
+        _placed(problem, document, settings, Severity.WARNING) for problem in findings.problems
+    ]
+    idle = sorted({str(f.path[-1]) for f in findings.without_effect if f.path})
+    if idle:
+        message = f"without effect here: {', '.join(idle)}"
+        hint = f"scenario sut {document.file} says why"
+        found.append(Diagnostic(document.where(("sut",)), message, hint, Severity.WARNING))
+    return list(dict.fromkeys(found))
+
+
+def _placed(
+    finding: Finding,
+    document: Document,
+    settings: Settings,
+    severity: Severity = Severity.ERROR,
+) -> Diagnostic:
+    where = where_of(settings, finding.path) or document.where(("sut",))
+    return Diagnostic(where, _named(finding), finding.hint, severity)
+
+
+def _named(finding: Finding) -> str:
+    """Return the message with the name of the value before it, unless it says it itself."""
+    names = [part for part in finding.path if isinstance(part, str)]
+    name = names[-1] if names else ""
+    if not name or finding.message.startswith(name) or f'"{name}"' in finding.message:
+        return finding.message
+    indices = "".join(f"[{part}]" for part in finding.path if isinstance(part, int))
+    return f"{name}{indices}: {finding.message}"
