@@ -1,0 +1,119 @@
+"""The path: down the gradient of the potential, half a cell at a time (navfn ``calcPath``)."""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+import numpy as np
+
+from daemon.navigation.kernels import Singles, kernel
+from daemon.navigation.ros.navfn._costs import NEUTRAL, UNREACHED
+
+STEP: Final = np.float32(0.5)
+
+
+@kernel
+def _rounded(offset: float) -> int:
+    """Round half away from zero, as C does."""
+    return int(math.floor(offset + 0.5)) if offset >= 0.0 else int(math.ceil(offset - 0.5))
+
+
+@kernel
+def _gradient(potentials: Singles, n: int, columns: int) -> tuple[float, float]:
+    """Return the normalised gradient at a reached cell, float32; neighbours may be unreached."""
+    here = potentials[n]
+    dx, dy = np.float32(0.0), np.float32(0.0)
+    if potentials[n - 1] < UNREACHED:
+        dx += potentials[n - 1] - here
+    if potentials[n + 1] < UNREACHED:
+        dx += here - potentials[n + 1]
+    if potentials[n - columns] < UNREACHED:
+        dy += potentials[n - columns] - here
+    if potentials[n + columns] < UNREACHED:
+        dy += here - potentials[n + columns]
+    norm = np.sqrt(dx * dx + dy * dy)
+    if norm > np.float32(0.0):
+        scale = np.float32(1.0) / norm
+        return scale * dx, scale * dy
+    return np.float32(0.0), np.float32(0.0)
+
+
+@kernel
+def _at_edge(potentials: Singles, n: int, columns: int) -> bool:
+    """Tell whether a cell or one of its eight neighbours was not reached."""
+    for row in range(-1, 2):
+        for column in range(-1, 2):
+            if potentials[n + row * columns + column] >= UNREACHED:
+                return True
+    return False
+
+
+@kernel
+def _lowest(potentials: Singles, n: int, columns: int) -> int:
+    """Return the lowest of a cell and its eight neighbours; potentials compare as integers."""
+    best, value = n, int(potentials[n])
+    for row in range(-1, 2):
+        for column in range(-1, 2):
+            m = n + row * columns + column
+            if potentials[m] < value:
+                best, value = m, int(potentials[m])
+    return best
+
+
+@kernel
+def _mixed(a: float, b: float, share: float) -> float:
+    """Return a + share (b - a) rounded as in the original, float32."""
+    return np.float32((1.0 - np.float64(share)) * np.float64(a) + np.float64(share * b))
+
+
+@kernel
+def descend(potentials: Singles, columns: int, start: int, goal: int, path: Singles) -> int:
+    """Write the path from ``goal`` down to ``start`` into ``path``; return its length, or 0.
+
+    ``path`` has shape (steps, 2), column and row of each point [cells], float32; no path is longer.
+    """
+    size = potentials.size
+    n, dx, dy = goal, np.float32(0.0), np.float32(0.0)
+    for count in range(path.shape[0]):
+        nearest = max(0, min(size - 1, n + _rounded(dx) + columns * _rounded(dy)))
+        if potentials[nearest] < NEUTRAL:
+            path[count, 0], path[count, 1] = start % columns, start // columns
+            return count + 1
+        if n <= columns or n >= size - columns - 1:
+            return 0
+        path[count, 0] = np.float32(n % columns) + dx
+        path[count, 1] = np.float32(n // columns) + dy
+        swinging = (
+            count >= 2
+            and path[count, 0] == path[count - 2, 0]
+            and path[count, 1] == path[count - 2, 1]
+        )
+        if swinging or _at_edge(potentials, n, columns):
+            n = _lowest(potentials, n, columns)
+            dx, dy = np.float32(0.0), np.float32(0.0)
+            continue
+        ax, ay = _gradient(potentials, n, columns)
+        bx, by = _gradient(potentials, n + 1, columns)
+        cx, cy = _gradient(potentials, n + columns, columns)
+        ex, ey = _gradient(potentials, n + columns + 1, columns)
+        x = _mixed(_mixed(ax, bx, dx), _mixed(cx, ex, dx), dy)
+        y = _mixed(_mixed(ay, by, dx), _mixed(cy, ey, dx), dy)
+        if x == np.float32(0.0) and y == np.float32(0.0):
+            return 0
+        scale = STEP / np.sqrt(x * x + y * y)
+        dx += x * scale
+        dy += y * scale
+        if dx > 1.0:
+            n += 1
+            dx -= np.float32(1.0)
+        if dx < -1.0:
+            n -= 1
+            dx += np.float32(1.0)
+        if dy > 1.0:
+            n += columns
+            dy -= np.float32(1.0)
+        if dy < -1.0:
+            n -= columns
+            dy += np.float32(1.0)
+    return 0

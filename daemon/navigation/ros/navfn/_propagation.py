@@ -1,0 +1,130 @@
+"""The potential: a wave from the robot in blocks of rising priority (navfn ``propNavFnDijkstra``).
+
+What a cell ends up with depends on the order of the updates, because an improvement is passed on
+only to neighbours that gain more than 0.7 of their cost; the order is therefore the original's.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+
+from daemon.navigation.kernels import Integers, Singles, kernel
+from daemon.navigation.ros.navfn._costs import BLOCKED, PENDING, UNREACHED, States
+
+BUFFER: Final = 10_000
+"""Cells a priority buffer holds; what does not fit is lost (navfn ``PRIORITYBUFSIZE``)."""
+THRESHOLD_STEP: Final = 100.0
+GAINS: Final = (0.707106781 * np.arange(BLOCKED + 1)).astype(np.float32)
+"""By cost: how much a neighbour must at least gain, so that it is looked at again."""
+
+
+@kernel
+def interpolated(first: float, second: float, cost: float) -> float:
+    """Return the potential of a cell from its lowest horizontal and vertical neighbour, float32."""
+    difference = first - second
+    lowest = second
+    if difference < 0.0:
+        difference, lowest = -difference, first
+    if difference >= cost:
+        return lowest + cost
+    q = difference / cost
+    # The constants of the original are doubles: the polynomial is rounded only at its end.
+    d = np.float64(q)
+    return lowest + cost * np.float32(-0.2301 * d * d + 0.5307 * d + 0.7040)
+
+
+@kernel
+def propagate(
+    costs: States,
+    potentials: Singles,
+    gains: Singles,
+    columns: int,
+    start: int,
+    goal: int,
+    cycles: int,
+    buffers: Integers,
+    reached: Integers,
+) -> int:
+    """Spread the wave until ``goal`` has a potential; return how many cells were ``reached``.
+
+    ``costs`` and ``potentials`` are flat, the latter ``UNREACHED`` everywhere; ``buffers`` of
+    shape (3, size) is scratch. The cells reached stand in ``reached``, so that
+    :func:`forget` need not look at the others. ``goal`` -1 lets the wave run to its end.
+    """
+    capacity = buffers.shape[1]
+    potentials[start] = np.float32(0.0)
+    reached[0] = start
+    count = 1
+    a, b, c = 0, 1, 2
+    now, later, over = 0, 0, 0
+    for m in (start + 1, start - 1, start - columns, start + columns):
+        if 0 <= m < costs.size and costs[m] < BLOCKED:
+            buffers[a, now] = m
+            now += 1
+            costs[m] |= PENDING
+    threshold = np.float32(BLOCKED)
+    for _ in range(cycles):
+        if now == 0:
+            break
+        current, following, postponed = buffers[a], buffers[b], buffers[c]
+        for i in range(now):
+            costs[current[i]] &= PENDING - 1
+        for i in range(now):
+            n = current[i]
+            left, right = potentials[n - 1], potentials[n + 1]
+            up, down = potentials[n - columns], potentials[n + columns]
+            across = left if left < right else right
+            along = up if up < down else down
+            # A cell in the queue again is pending, its cost stands below the flag.
+            p = interpolated(across, along, np.float32(costs[n] & (PENDING - 1)))
+            old = potentials[n]
+            if p >= old:
+                continue
+            if old == UNREACHED:
+                reached[count] = n
+                count += 1
+            potentials[n] = p
+            soon = p < threshold
+            for k in range(4):
+                if k == 0:
+                    m, value = n - 1, left
+                elif k == 1:
+                    m, value = n + 1, right
+                elif k == 2:
+                    m, value = n - columns, up
+                else:
+                    m, value = n + columns, down
+                cost = costs[m]
+                if cost >= BLOCKED or value <= p + gains[cost]:
+                    continue
+                if soon:
+                    if later < capacity:
+                        following[later] = m
+                        later += 1
+                        costs[m] = cost | PENDING
+                elif over < capacity:
+                    postponed[over] = m
+                    over += 1
+                    costs[m] = cost | PENDING
+        a, b = b, a
+        now, later = later, 0
+        if now == 0:
+            threshold += np.float32(THRESHOLD_STEP)
+            a, c = c, a
+            now, over = over, 0
+        if goal >= 0 and potentials[goal] < UNREACHED:
+            break
+    for i in range(now):
+        costs[buffers[a, i]] &= PENDING - 1
+    for i in range(over):
+        costs[buffers[c, i]] &= PENDING - 1
+    return count
+
+
+@kernel
+def forget(potentials: Singles, reached: Integers, count: int) -> None:
+    """Make the first ``count`` of the ``reached`` cells unreached again."""
+    for i in range(count):
+        potentials[reached[i]] = UNREACHED
