@@ -21,6 +21,7 @@ _DEEPEST: Final = 20
 _MOST_VALUES: Final = 20_000
 """More than any robot has; aliases of aliases end here."""
 _PLAIN: Final = frozenset(f"tag:yaml.org,2002:{kind}" for kind in ("bool", "int", "float", "str"))
+_COLLECTIONS: Final = frozenset(f"tag:yaml.org,2002:{kind}" for kind in ("map", "seq"))
 _NULL: Final = "tag:yaml.org,2002:null"
 _DATE: Final = "tag:yaml.org,2002:timestamp"
 _FLOAT: Final = "tag:yaml.org,2002:float"
@@ -83,6 +84,8 @@ class _Reader:
         if self.count > _MOST_VALUES:
             raise InputError(Diagnostic(where, f"holds more than {_MOST_VALUES} values"))
         self.places[path] = where
+        if node.id != "scalar" and node.tag not in _COLLECTIONS:
+            raise InputError(Diagnostic(where, f"tag {node.tag} is not read here"))
         if node.id == "mapping":
             return self.mapping(node, path)
         if node.id == "sequence":

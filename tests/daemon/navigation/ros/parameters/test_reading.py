@@ -1,0 +1,121 @@
+"""One section of ROS parameters: what is taken, what is refused, what is only said."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Annotated, Any, Literal
+
+import pytest
+from pydantic import Field, model_validator
+from pydantic.dataclasses import dataclass
+
+from daemon.navigation.ros.parameters import ParameterError, Report, read_section
+from daemon.navigation.ros.parameters._quirks import read_quirks
+from daemon.navigation.ros.quirks import FIXED, ORIGINAL
+
+
+@dataclass(frozen=True, slots=True)
+class Model:
+    radius: Annotated[float, Field(gt=0.0, le=10.0)] = 0.5
+    samples: Annotated[int, Field(ge=1)] = 3
+    active: bool = True
+    kind: Literal["diff", "omni"] = "diff"
+    corners: tuple[tuple[float, float], ...] = ()
+    low: float = 0.0
+
+    @model_validator(mode="after")
+    def _ordered(self) -> Model:
+        if self.low > self.radius:
+            raise ValueError(f"low {self.low} is above radius {self.radius}")
+        return self
+
+
+def read(given: Mapping[str, Any], **options: Any) -> tuple[Model, Report]:
+    report = Report()
+    return read_section(Model, given, ("ns",), report, **options), report
+
+
+def fatal(given: Mapping[str, Any]) -> str:
+    _, report = read(given)
+    with pytest.raises(ParameterError) as caught:
+        report.findings()
+    return str(caught.value)
+
+
+def test_what_is_given_is_taken_and_the_rest_has_defaults() -> None:
+    model, report = read({"radius": 2, "samples": 4.0, "corners": [[1, 2], [3.5, 4]]})
+    assert model == Model(radius=2.0, samples=4, corners=((1.0, 2.0), (3.5, 4.0)))
+    assert report.findings().problems == ()
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"radius": -1.0}, "ns/radius: must be greater than 0 (given: -1)"),
+        ({"radius": "wide"}, "ns/radius: must be a number (given: 'wide')"),
+        ({"radius": "1e-3"}, "ROS takes that for text"),
+        ({"radius": "$(arg radius)"}, "that is for launch files to fill in"),
+        ({"radius": True}, "ns/radius: must be a number"),
+        ({"radius": float("nan")}, "must be a finite number"),
+        ({"samples": 2.5}, "ns/samples: must be a whole number (given: 2.5)"),
+        ({"active": 1}, "ns/active: must be true or false (given: 1)"),
+        ({"active": "yes"}, "ns/active: must be true or false (given: 'yes')"),
+        ({"kind": "tracked"}, "must be 'diff' or 'omni' (given: 'tracked')"),
+        ({"corners": [[1, 2], [3, "x"]]}, "ns/corners[1][1]: must be a number"),
+        ({"low": 5.0}, "ns: low 5.0 is above radius 0.5"),
+    ],
+)
+def test_what_the_original_would_silently_ignore_is_an_error(
+    given: dict[str, Any], message: str
+) -> None:
+    assert message in fatal(given)
+
+
+def test_every_error_is_reported_at_once() -> None:
+    text = fatal({"radius": -1.0, "samples": 0, "active": 3})
+    assert all(f"ns/{name}" in text for name in ("radius", "samples", "active"))
+
+
+def test_an_unknown_name_is_a_warning_with_what_was_probably_meant() -> None:
+    _, report = read({"raduis": 1.0})
+    (finding,) = report.findings().problems
+    assert finding.path == ("ns", "raduis")
+    assert finding.hint == 'did you mean "radius"?'
+
+
+def test_a_name_without_effect_is_listed_with_the_reason_and_no_problem() -> None:
+    _, report = read({"low": 0.1, "viz": True}, without_effect={"low": "unused", "viz": "drawn"})
+    findings = report.findings()
+    assert findings.problems == ()
+    assert [str(f) for f in findings.without_effect] == ["ns/low: unused", "ns/viz: drawn"]
+
+
+def test_in_a_section_that_no_ros_node_reads_an_unknown_name_is_an_error() -> None:
+    _, report = read({"raduis": 1.0}, strict=True)
+    with pytest.raises(ParameterError, match="raduis"):
+        report.findings()
+
+
+def test_quirks_are_a_profile_or_one_with_switches_turned() -> None:
+    report = Report()
+    assert read_quirks("fixed", ("quirks",), report) == FIXED
+    mixed = read_quirks({"like": "fixed", "strafe_leaks": True}, ("quirks",), report)
+    assert mixed.strafe_leaks
+    assert not mixed.perimeter_only
+    assert read_quirks({}, ("quirks",), report) == ORIGINAL
+    assert report.fatal == []
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ("fixd", 'did you mean "fixed"?'),
+        ({"strafe_leak": False}, 'did you mean "strafe_leaks"?'),
+        ({"strafe_leaks": 0}, "must be true or false"),
+        (3, "must be original, fixed"),
+    ],
+)
+def test_wrong_quirks_are_errors(given: object, message: str) -> None:
+    report = Report()
+    read_quirks(given, ("quirks",), report)
+    assert message in str(ParameterError(report.fatal))

@@ -1,0 +1,67 @@
+"""Who hears the scan, as roscpp resolves and remaps names."""
+
+from __future__ import annotations
+
+import pytest
+
+from daemon.navigation.ros.parameters import (
+    TopicParameters,
+    Wiring,
+    resolve_name,
+    resolve_topics,
+)
+
+LAUNCH = {"/robile_john/scan_front": "/scan_front"}
+GAZEBO, DRIVER = "/robile_john/scan_front", "/scan_front"
+A2S, FRO = "robile_john/scan_front", "scan_front"
+
+
+@pytest.mark.parametrize(
+    ("published", "remap", "source", "amcl", "costmaps"),
+    [
+        (GAZEBO, LAUNCH, A2S, True, True),  # the published launch file
+        (GAZEBO, LAUNCH, FRO, True, True),
+        (GAZEBO, {}, A2S, False, True),  # plain Gazebo: amcl is deaf
+        (GAZEBO, {}, FRO, False, False),
+        (DRIVER, {}, A2S, True, False),  # the real robot: the costmaps are blind
+        (DRIVER, {}, FRO, True, True),
+        (DRIVER, LAUNCH, A2S, True, True),
+    ],
+)
+def test_the_wrong_scan_topic_is_wrong_only_without_the_launch_wide_remap(
+    published: str, remap: dict[str, str], source: str, amcl: bool, costmaps: bool
+) -> None:
+    given = TopicParameters(scan=published, amcl="/scan_front", remap=remap)
+    topics = resolve_topics(given, [source], [source])
+    assert topics.wiring == Wiring(amcl, costmaps, costmaps)
+
+
+def test_each_costmap_listens_for_itself_and_to_any_of_its_sources() -> None:
+    topics = resolve_topics(TopicParameters(scan="/scan"), ["sonar", "scan"], ["sonar"])
+    assert topics.wiring == Wiring(amcl=True, global_costmap=True, local_costmap=False)
+    assert topics.local_costmap == ("/sonar",)
+
+
+@pytest.mark.parametrize(
+    ("name", "remap", "resolved"),
+    [
+        ("scan", {}, "/scan"),
+        ("/scan", {}, "/scan"),
+        ("~scan", {}, "/move_base/scan"),
+        ("a//scan/", {}, "/a/scan"),
+        ("scan", {"scan": "other"}, "/other"),
+        ("~scan", {"/move_base/scan": "/other"}, "/other"),
+        ("scan", {"/scan": "/b", "/b": "/c"}, "/b"),
+    ],
+)
+def test_names_are_resolved_in_their_namespace_and_remapped_once(
+    name: str, remap: dict[str, str], resolved: str
+) -> None:
+    assert resolve_name(name, "/move_base", remap) == resolved
+
+
+def test_what_the_launch_file_of_amcl_maps_to_is_not_mapped_again() -> None:
+    given = TopicParameters(scan=GAZEBO, amcl=GAZEBO, remap=LAUNCH)
+    assert not resolve_topics(given, [], []).wiring.amcl
+    unmapped = TopicParameters(scan="/scan", remap={"/scan": "/other"})
+    assert resolve_topics(unmapped, [], []).wiring.amcl

@@ -1,0 +1,101 @@
+"""ROS parameter files: read as ROS reads them, slips reported where they stand."""
+
+from __future__ import annotations
+
+import itertools
+import math
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from grammars.diagnostics import InputError
+from grammars.ros_yaml import parse_ros_yaml
+
+
+def read(text: str) -> object:
+    return parse_ros_yaml(text, "f.yaml")[0].data
+
+
+def problem(text: str) -> str:
+    with pytest.raises(InputError) as caught:
+        parse_ros_yaml(text, "f.yaml")
+    return str(caught.value)
+
+
+def test_values_are_those_of_yaml_1_1_as_rosparam_reads_it() -> None:
+    text = "a: yes\nb: off\nc: 010\nd: 1.0e-3\ne: .5\nf: 0x10\ng: '1'\nh: 2020-01-01\n"
+    assert read(text) == {
+        "a": True, "b": False, "c": 8, "d": 0.001, "e": 0.5, "f": 16, "g": "1", "h": "2020-01-01",
+    }  # fmt: skip
+
+
+def test_a_number_without_a_point_in_its_mantissa_is_text_as_for_rosparam() -> None:
+    assert read("a: 1e-3\n") == {"a": "1e-3"}
+
+
+def test_angles_may_be_written_in_degrees() -> None:
+    data = read("a: !degrees 90\nb: deg(180)\nc: rad(1.5)\nd: !radians 1\n")
+    assert data == pytest.approx({"a": math.pi / 2, "b": math.pi, "c": 1.5, "d": 1.0})
+
+
+def test_anchors_and_merges_are_followed() -> None:
+    text = "a: &x {b: 1, c: 2}\nd:\n  <<: *x\n  c: 3\ne: *x\n"
+    assert read(text) == {"a": {"b": 1, "c": 2}, "d": {"b": 1, "c": 3}, "e": {"b": 1, "c": 2}}
+
+
+def test_of_a_name_written_twice_the_last_value_counts_and_it_is_said() -> None:
+    document, warnings = parse_ros_yaml("a: {b: 1}\nc: 2\na: 3\n", "f.yaml")
+    assert document.data == {"a": 3, "c": 2}
+    assert str(document.where(("a",))) == "f.yaml:3:4"
+    assert [str(w) for w in warnings] == [
+        "f.yaml:3:1: warning: a: is written twice, ROS takes this one\n    the other one: line 1"
+    ]
+
+
+def test_every_value_knows_its_place() -> None:
+    document, _ = parse_ros_yaml("a:\n  b: [[1, 2],\n      [3, 4]]\n", "f.yaml")
+    assert str(document.where(("a", "b"))) == "f.yaml:2:6"
+    assert str(document.where(("a", "b", 1))) == "f.yaml:3:7"
+
+
+def test_an_empty_file_sets_nothing() -> None:
+    assert read("# nothing\n") == {}
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("a: !!python/object/apply:os.system [ls]", "f.yaml:1:4"),
+        ("a: !!python/name:os.system x", "is not read here"),
+        ("a:", "f.yaml:1:3: has no value"),
+        ("- 1", "f.yaml:1:1: expected parameters"),
+        ("a: [1", "is not valid YAML"),
+        ("a: &a [*a]", "is nested deeper"),
+        pytest.param("[" * 1000, "is nested too deeply", id="deep"),
+        ("? [1]\n: 2", "a name must be plain text"),
+        ("a: !degrees x", '"x" is no angle'),
+        ("a: !!int x", '"x" is no int'),
+        ("a: *b", "undefined alias"),
+    ],
+)
+def test_what_cannot_be_read_is_reported_with_its_place(text: str, expected: str) -> None:
+    assert expected in problem(text)
+
+
+def test_aliases_of_aliases_end() -> None:
+    names = "abcdefgh"
+    lines = ["a: &a [1, 2]"] + [
+        f"{name}: &{name} [{', '.join([f'*{above}'] * 10)}]"
+        for above, name in itertools.pairwise(names)
+    ]
+    assert "holds more than" in problem("\n".join(lines))
+
+
+@given(st.text(alphabet="ab:{}[]&*!<-? \n#,'\"0.e", max_size=40))
+@settings(max_examples=100, deadline=None)
+def test_any_text_is_read_or_refused_in_words(text: str) -> None:
+    try:
+        assert isinstance(read(text), dict)
+    except InputError as error:
+        assert error.diagnostics
