@@ -1,0 +1,138 @@
+"""The parameters of amcl: ROS names, the defaults of ROS Noetic, units and ranges."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Annotated, Final, Literal, Self, TypeAlias
+
+from pydantic import ConfigDict, Field, model_validator
+from pydantic.dataclasses import dataclass
+
+_Positive: TypeAlias = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
+_NotNegative: TypeAlias = Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
+_Share: TypeAlias = Annotated[float, Field(ge=0.0, le=1.0, allow_inf_nan=False)]
+_Particles: TypeAlias = Annotated[int, Field(ge=1, le=100_000)]
+_Reach: TypeAlias = Annotated[float, Field(gt=0.0, le=20.0, allow_inf_nan=False)]
+_Range: TypeAlias = Annotated[float, Field(ge=-1.0, le=1000.0, allow_inf_nan=False)]
+
+
+@dataclass(frozen=True, slots=True, config=ConfigDict(extra="forbid", strict=True))
+class AmclParameters:
+    """What can be set on amcl. Defaults are those of the node's source, which where they differ
+    (the recovery rates) are not those of its wiki page and of its dynamic_reconfigure file."""
+
+    min_particles: _Particles = 100
+    """Fewest particles after resampling."""
+    max_particles: _Particles = 5000
+    """Most particles, and the number at the start."""
+    kld_err: Annotated[float, Field(gt=0.0, le=1.0)] = 0.01
+    """Largest Kullback-Leibler divergence between the true and the sampled distribution."""
+    kld_z: Annotated[float, Field(ge=0.0, le=10.0)] = 0.99
+    """Upper standard normal quantile of the probability that the error stays below kld_err. The
+    original takes 0.99 for the quantile itself, not for the probability."""
+    update_min_d: _NotNegative = 0.2
+    """[m] The filter updates when odometry moved more than this along x or along y."""
+    update_min_a: _NotNegative = math.pi / 6.0
+    """[rad] Or turned more than this."""
+    resample_interval: Annotated[int, Field(ge=1, le=1000)] = 2
+    """Updates from one resampling to the next; poses are published upon resampling."""
+    selective_resampling: bool = False
+    """Resample only when fewer than half of the particles are effective."""
+    transform_tolerance: Annotated[float, Field(ge=0.0, le=10.0)] = 0.1
+    """[s] How far ahead of the scan the transform map->odom is stamped."""
+    recovery_alpha_slow: _Share = 0.001
+    """Rate of the slow average of weights; 0 for both rates: no random particles."""
+    recovery_alpha_fast: _Share = 0.1
+    """Rate of the fast average of weights."""
+    initial_cov_xx: _NotNegative = 0.25
+    """[m^2] Variance of the start position along x."""
+    initial_cov_yy: _NotNegative = 0.25
+    """[m^2] Variance of the start position along y."""
+    initial_cov_aa: _NotNegative = (math.pi / 12.0) ** 2
+    """[rad^2] Variance of the start heading."""
+    laser_min_range: _Range = -1.0
+    """[m] Shorter returns are ignored; not positive: what the scanner says."""
+    laser_max_range: _Range = -1.0
+    """[m] Returns from here on are ignored; not positive: what the scanner says."""
+    laser_max_beams: Annotated[int, Field(ge=2, le=100_000)] = 30
+    """Beams used of each scan, evenly spread."""
+    laser_model_type: Literal["beam", "likelihood_field", "likelihood_field_prob"] = (
+        "likelihood_field"
+    )
+    """How a scan weighs a particle."""
+    laser_z_hit: _NotNegative = 0.95
+    """Share of returns from what the map shows."""
+    laser_z_short: _NotNegative = 0.1
+    """Share of returns from something before it (beam only)."""
+    laser_z_max: _NotNegative = 0.05
+    """Share of rays without return (beam only)."""
+    laser_z_rand: _NotNegative = 0.05
+    """Share of returns from anywhere."""
+    laser_sigma_hit: _Positive = 0.2
+    """[m] Standard deviation of a return from what the map shows."""
+    laser_lambda_short: _NotNegative = 0.1
+    """[1/m] Decay of returns from before it (beam only)."""
+    laser_likelihood_max_dist: _Reach = 2.0
+    """[m] Distances to obstacles are capped here."""
+    do_beamskip: bool = False
+    """Leave out beams most particles disagree with, once converged (likelihood_field_prob)."""
+    beam_skip_distance: _NotNegative = 0.5
+    """[m] A beam agrees with the map when it ends nearer than this to an obstacle."""
+    beam_skip_threshold: _Share = 0.3
+    """A beam counts when it agrees with the map for more than this share of particles."""
+    beam_skip_error_threshold: _Share = 0.9
+    """When at least this share of beams would be left out, all of them count."""
+    odom_model_type: Literal["diff", "omni", "diff-corrected", "omni-corrected"] = "diff"
+    """How odometry spreads the particles; the models that are not corrected take variances for
+    standard deviations (ros-planning/navigation #20)."""
+    odom_alpha1: _NotNegative = 0.2
+    """Variance of rotation per squared rotation."""
+    odom_alpha2: _NotNegative = 0.2
+    """[rad^2/m^2] Variance of rotation per squared translation."""
+    odom_alpha3: _NotNegative = 0.2
+    """Variance of translation per squared translation."""
+    odom_alpha4: _NotNegative = 0.2
+    """[m^2/rad^2] Variance of translation per squared rotation."""
+    odom_alpha5: _NotNegative = 0.2
+    """Variance of strafing per squared translation (omni only)."""
+
+    @model_validator(mode="after")
+    def _check_particles(self) -> Self:
+        if self.min_particles > self.max_particles:
+            raise ValueError(
+                f"min_particles ({self.min_particles}) is more than max_particles "
+                f"({self.max_particles}): raise max_particles or lower min_particles"
+            )
+        return self
+
+
+_FRAME = "frames here are called map, odom and base_link"
+_START = "the start pose of the mission is the initial pose, as the launch files pass it on"
+_RVIZ = "nothing is drawn while running: look at the trace"
+_RECONFIGURE = "parameters hold for the whole run"
+_ONE_MAP = "there is one map, known from the start"
+
+WITHOUT_EFFECT: Final[Mapping[str, str]] = {
+    "base_frame_id": _FRAME,
+    "odom_frame_id": _FRAME,
+    "global_frame_id": _FRAME,
+    "initial_pose_x": _START,
+    "initial_pose_y": _START,
+    "initial_pose_a": _START,
+    "always_reset_initial_pose": _START,
+    "force_update_after_initialpose": "nobody publishes initialpose during a run",
+    "force_update_after_set_map": _ONE_MAP,
+    "use_map_topic": _ONE_MAP,
+    "first_map_only": _ONE_MAP,
+    "gui_publish_rate": _RVIZ,
+    "save_pose_rate": "every run starts at its mission's start pose, not where another one ended",
+    "tf_broadcast": "the navigation stack needs map->odom, so it is always there",
+    "bag_scan_period": "scans come from the simulator, not from a bag",
+    "restore_defaults": _RECONFIGURE,
+    "beam_skip_error_threshold_": "an old spelling: write beam_skip_error_threshold",
+    "std_warn_level_x": "only for the node's diagnostics",
+    "std_warn_level_y": "only for the node's diagnostics",
+    "std_warn_level_yaw": "only for the node's diagnostics",
+}
+"""Parameters of the original that change nothing here, each with the reason."""
