@@ -86,6 +86,23 @@ class Cloud:
     covariance: Floats
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class CostmapPicture:
+    """A costmap as it was at ``time``, to be looked at: nothing is judged by it.
+
+    ``cells`` of shape (rows, columns), uint8, row 0 at the bottom, are costs as costmap_2d has
+    them: 0 free, 253 inscribed, 254 lethal, 255 unknown. ``x``, ``y`` is the lower left corner
+    in ``frame`` [m], ``resolution`` in m.
+    """
+
+    time: float
+    frame: Literal["map", "odom"]
+    resolution: float
+    x: float
+    y: float
+    cells: npt.NDArray[np.uint8]
+
+
 @dataclass(frozen=True, slots=True)
 class Progress:
     """Where the mission stands: ``current`` is the index of the waypoint being approached.
@@ -104,6 +121,10 @@ class Decision:
 
     ``command`` is a body-frame velocity. ``plan`` and ``local_plan`` have shape (n, 2) in the map
     frame. ``events`` are short sentences for the log of the run.
+
+    For viewers alone, recorded at most once a second: ``particles`` (n, 3) of x, y, yaw in the
+    map frame, already thinned to a hundred or so, at the time of ``cloud`` if there is one; and a
+    picture of a ``costmap``.
     """
 
     command: Twist2 | None
@@ -113,6 +134,8 @@ class Decision:
     plan: Floats | None = None
     local_plan: Floats | None = None
     events: tuple[str, ...] = ()
+    particles: Floats | None = None
+    costmap: CostmapPicture | None = None
 
 
 class SystemUnderTest(Protocol):
