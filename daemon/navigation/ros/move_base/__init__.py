@@ -6,6 +6,8 @@ works, and :mod:`daemon.navigation.ros._stack` says who goes first within one in
 
 from __future__ import annotations
 
+from daemon.navigation.ros.move_base._control import Controller, MoveBase
+from daemon.navigation.ros.move_base._dispatcher import Dispatcher
 from daemon.navigation.ros.move_base._parameters import (
     CLEAR,
     CLEAR_COSTMAP_WITHOUT_EFFECT,
@@ -18,6 +20,17 @@ from daemon.navigation.ros.move_base._parameters import (
     RecoveryBehavior,
     RotateRecoveryParameters,
 )
+from daemon.navigation.ros.move_base._planning import PlannerThread
+from daemon.navigation.ros.move_base._recoveries import (
+    Advance,
+    Around,
+    ClearTargets,
+    Recovery,
+    Reset,
+    make_recoveries,
+)
+from daemon.navigation.ros.move_base._status import State, Status, Trigger
+from daemon.navigation.ros.move_base._transforms import TransformBuffer
 
 __all__ = [
     "CLEAR",
@@ -25,9 +38,31 @@ __all__ = [
     "MOVE_BASE_WITHOUT_EFFECT",
     "OTHER_NAMES",
     "ROTATE",
+    "Advance",
+    "Around",
     "ClearCostmapParameters",
+    "ClearTargets",
+    "Controller",
+    "Dispatcher",
     "DispatcherParameters",
+    "MoveBase",
     "MoveBaseParameters",
+    "PlannerThread",
+    "Recovery",
     "RecoveryBehavior",
+    "Reset",
     "RotateRecoveryParameters",
+    "State",
+    "Status",
+    "TransformBuffer",
+    "Trigger",
+    "make_recoveries",
+    "warm_up",
 ]
+
+
+def warm_up() -> None:
+    """Compile or load every kernel once, so that forked children start without compiling."""
+    from daemon.navigation.ros.move_base._warmup import warm_up as run
+
+    run()

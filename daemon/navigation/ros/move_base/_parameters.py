@@ -89,8 +89,8 @@ class ClearCostmapParameters:
     """[m] Side of the square around the robot that is kept."""
     layer_names: tuple[str, ...] = ("obstacles",)
     """Layers to clear. Costmaps without ``plugins`` call theirs ``obstacle_layer``."""
-    invert_area_to_clear: bool = False
-    """Clear inside the square instead of outside; not supported."""
+    invert_area_to_clear: Literal[False] = False
+    """Clearing inside the square instead of outside is not supported."""
     affected_maps: Literal["both", "local", "global"] = "both"
     """Which costmaps are cleared."""
 

@@ -1,0 +1,95 @@
+"""The node that sends the waypoints of a mission to move_base, one after the other.
+
+As argenos/waypoint_dispatcher does: ask for a plan, which is thrown away but whose request has
+side effects, send the goal, wait for its result, keep to a rate of one goal a second, give the
+whole mission up when a goal is not reached. No time-out, no second try.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Final, Literal, TypeAlias
+
+from daemon.navigation.ros.move_base._parameters import DispatcherParameters
+from daemon.sut import Progress
+from grammars.mission import Waypoint
+from grammars.values import Pose2
+
+Outcome: TypeAlias = Literal["succeeded", "aborted"]
+_EARLY: Final = 1e-9
+
+
+@dataclass(slots=True)
+class Rate:
+    """``rospy.Rate``: how long is left of a period, without drifting and without catching up."""
+
+    period: float
+    last: float
+
+    def sleep(self, now: float) -> float:
+        """Return until when [s] a call at ``now`` sleeps, which may be before ``now``."""
+        until = self.last + self.period
+        self.last = until
+        if now - self.last > 2.0 * self.period:
+            self.last = now
+        return until
+
+
+class Dispatcher:
+    """Hands out goals; ``step`` is called once per instant, after move_base.
+
+    ``make_plan`` is the service of that name, from a start and a goal in map.
+    """
+
+    def __init__(
+        self,
+        parameters: DispatcherParameters,
+        waypoints: Sequence[Waypoint],
+        make_plan: Callable[[Pose2, Pose2], None],
+    ) -> None:
+        self._parameters, self._make_plan = parameters, make_plan
+        self._goals = tuple(_goal(waypoint, parameters.default_yaw) for waypoint in waypoints)
+        self._rate: Rate | None = None
+        self._sleeps_until = 0.0
+        self._waiting = False
+        self.reached = 0
+        self.state: Literal["active", "succeeded", "aborted"] = "active"
+
+    @property
+    def progress(self) -> Progress:
+        """Where the mission stands."""
+        return Progress(min(self.reached, max(len(self._goals) - 1, 0)), self.reached, self.state)
+
+    def step(self, now: float, result: Outcome | None, pose: Pose2) -> Pose2 | None:
+        """Return a goal to send now, if there is one.
+
+        ``result`` is what has become of the last one, ``pose`` the last that AMCL published.
+        """
+        if self._rate is None:
+            self._rate = Rate(1.0 / self._parameters.rate, now)
+        if result is not None:
+            self._take(now, result, self._rate)
+        if self._waiting or self.state != "active" or now < self._sleeps_until - _EARLY:
+            return None
+        if self.reached == len(self._goals):
+            self.state = "succeeded"
+            return None
+        goal = self._goals[self.reached]
+        if self._parameters.make_plan:
+            self._make_plan(pose, goal)
+        self._waiting = True
+        return goal
+
+    def _take(self, now: float, result: Outcome, rate: Rate) -> None:
+        self._waiting = False
+        if result == "aborted":
+            self.state = "aborted"
+            return
+        self.reached += 1
+        self._sleeps_until = rate.sleep(now)
+
+
+def _goal(waypoint: Waypoint, default_yaw: float) -> Pose2:
+    yaw = default_yaw if waypoint.yaw is None else waypoint.yaw
+    return Pose2(waypoint.x, waypoint.y, yaw)

@@ -1,0 +1,135 @@
+"""move_base on a bench: a planner, a controller and recoveries that do what a test tells them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, fields
+from typing import Any
+
+import numpy as np
+
+from daemon.navigation.ros.move_base import (
+    Advance,
+    Around,
+    MoveBase,
+    MoveBaseParameters,
+    PlannerThread,
+    Status,
+)
+from daemon.navigation.ros.quirks import ORIGINAL, Quirks
+from grammars.values import Floats, Pose2, Twist2
+
+STEP = 0.05
+GOAL = Pose2(10.0, 0.0, 0.0)
+FORWARD = Twist2(0.2, 0.0, 0.0)
+PLAN = np.array([(0.0, 0.0, 0.0), (10.0, 0.0, 0.0)])
+
+
+@dataclass
+class FakeController:
+    works: Callable[[float], bool]
+    bench: Bench
+    plans: int = 0
+    arrived: bool = False
+
+    def set_plan(self, plan: Floats) -> None:
+        self.plans += 1
+
+    def goal_reached(self) -> bool:
+        return self.arrived
+
+    def command(self) -> Twist2 | None:
+        return FORWARD if self.works(self.bench.now) else None
+
+
+@dataclass
+class Tried:
+    """A recovery that takes ``lasts`` seconds."""
+
+    name: str
+    bench: Bench
+    lasts: float = 0.0
+    period: float = STEP
+    since: float = 0.0
+
+    def start(self, around: Around) -> None:
+        self.since = self.bench.now
+        self.bench.tried.append((self.since, self.name))
+
+    def step(self, around: Around) -> Advance:
+        return Advance(None, self.bench.now - self.since >= self.lasts - 1e-9)
+
+
+@dataclass
+class Bench:
+    """Steps the planner thread and then the control loop, every 50 ms."""
+
+    plans: Callable[[float], bool] = lambda now: True
+    works: Callable[[float], bool] = lambda now: True
+    quirks: Quirks = ORIGINAL
+    parameters: dict[str, Any] = field(default_factory=dict)
+    recoveries: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0)
+    speed: float = 0.2
+    """How fast the robot gets on while it is commanded to [m/s]."""
+
+    def __post_init__(self) -> None:
+        defaults = {
+            "controller_frequency": 10.0,
+            "planner_frequency": 5.0,
+            "oscillation_timeout": 10.0,
+            "oscillation_distance": 0.2,
+        }
+        given = MoveBaseParameters(**(defaults | self.parameters))
+        self.now, self.pose = 0.0, Pose2()
+        self.status = Status()
+        self.tried: list[tuple[float, str]] = []
+        self.planned: list[float] = []
+        self.states: list[tuple[float, str]] = []
+        self.commands: list[tuple[float, Twist2]] = []
+        self.result: str | None = None
+        self.controller = FakeController(self.works, self)
+        recoveries = [Tried(f"r{k}", self, lasts) for k, lasts in enumerate(self.recoveries)]
+        self.planner = PlannerThread(given, self.quirks, self.status, self._plan)
+        self.move_base = MoveBase(
+            given, self.quirks, self.status, self.planner, self.controller, recoveries, self._look
+        )
+
+    def _plan(self, goal: Pose2) -> Floats | None:
+        self.planned.append(self.now)
+        return PLAN if self.plans(self.now) else None
+
+    def _look(self) -> Around:
+        return Around(odom=self.pose, map=self.pose)
+
+    def accept(self) -> None:
+        self.move_base.accept(self.now, GOAL)
+        assert self.move_base.take_command() == Twist2()
+
+    def run(self, until: float) -> Bench:
+        """Step until a time [s] or the end of the goal."""
+        while self.now < until - 1e-9 and self.result is None:
+            self.now = round(self.now + STEP, 9)
+            moving = bool(self.commands) and self.commands[-1][1] == FORWARD
+            if moving:
+                self.pose = Pose2(self.pose.x + self.speed * STEP, 0.0, 0.0)
+            self.planner.step(self.now)
+            self.move_base.step(self.now)
+            self.result = self.move_base.take_result()
+            command = self.move_base.take_command()
+            if command is not None:
+                self.commands.append((self.now, command))
+            state = str(self.status.state)
+            if not self.states or self.states[-1][1] != state:
+                self.states.append((self.now, state))
+        return self
+
+    def said(self, words: str) -> int:
+        """How many sentences contain ``words``."""
+        return sum(words in sentence for sentence in self.status.said)
+
+
+def without(*names: str) -> Quirks:
+    """The original but for some quirks."""
+    known = {item.name for item in fields(Quirks)}
+    assert set(names) <= known
+    return Quirks(**dict.fromkeys(names, False))

@@ -1,0 +1,67 @@
+"""Waypoints one by one, at most one a second, none after a failure."""
+
+from __future__ import annotations
+
+from daemon.navigation.ros.move_base import Dispatcher, DispatcherParameters
+from grammars.mission import Waypoint
+from grammars.values import Pose2
+
+WAYPOINTS = (Waypoint("a", 1.0, 0.0, 0.5), Waypoint("b", 2.0, 0.0), Waypoint("c", 3.0, 0.0))
+HERE = Pose2(0.1, 0.2, 0.3)
+
+
+def make(**given: object) -> tuple[Dispatcher, list[tuple[Pose2, Pose2]]]:
+    asked: list[tuple[Pose2, Pose2]] = []
+    parameters = DispatcherParameters(**given)  # type: ignore[arg-type]
+    return Dispatcher(parameters, WAYPOINTS, lambda a, b: asked.append((a, b))), asked
+
+
+def test_it_sends_the_first_goal_at_once_and_waits_for_its_result() -> None:
+    dispatcher, asked = make()
+    assert dispatcher.step(0.0, None, HERE) == Pose2(1.0, 0.0, 0.5)
+    assert dispatcher.step(0.05, None, HERE) is None
+    assert asked == [(HERE, Pose2(1.0, 0.0, 0.5))], "a plan from where amcl last saw the robot"
+
+
+def test_a_waypoint_without_a_heading_gets_the_one_missions_of_the_original_have() -> None:
+    dispatcher, _ = make()
+    dispatcher.step(0.0, None, HERE)
+    assert dispatcher.step(20.0, "succeeded", HERE) == Pose2(2.0, 0.0, 0.0)
+    dispatcher, _ = make(default_yaw=1.0)
+    dispatcher.step(0.0, None, HERE)
+    assert dispatcher.step(20.0, "succeeded", HERE) == Pose2(2.0, 0.0, 1.0)
+
+
+def test_after_a_long_goal_the_next_is_sent_at_once_and_after_a_short_one_later() -> None:
+    dispatcher, _ = make()
+    dispatcher.step(0.0, None, HERE)
+    assert dispatcher.step(20.0, "succeeded", HERE) is not None
+    assert dispatcher.step(20.3, "succeeded", HERE) is None
+    assert dispatcher.step(20.95, None, HERE) is None
+    assert dispatcher.step(21.0, None, HERE) is not None
+
+
+def test_the_mission_succeeds_with_the_last_waypoint() -> None:
+    dispatcher, _ = make()
+    for time in (0.0, 10.0, 20.0):
+        assert dispatcher.step(time, "succeeded" if time else None, HERE) is not None
+    assert dispatcher.step(30.0, "succeeded", HERE) is None
+    progress = dispatcher.progress
+    assert (progress.current, progress.reached, progress.state) == (2, 3, "succeeded")
+
+
+def test_an_aborted_goal_ends_the_mission() -> None:
+    dispatcher, asked = make()
+    dispatcher.step(0.0, None, HERE)
+    dispatcher.step(10.0, "succeeded", HERE)
+    assert dispatcher.step(20.0, "aborted", HERE) is None
+    assert dispatcher.step(30.0, None, HERE) is None
+    progress = dispatcher.progress
+    assert (progress.current, progress.reached, progress.state) == (1, 1, "aborted")
+    assert len(asked) == 2
+
+
+def test_it_need_not_ask_for_plans() -> None:
+    dispatcher, asked = make(make_plan=False)
+    dispatcher.step(0.0, None, HERE)
+    assert asked == []

@@ -1,0 +1,169 @@
+"""Resets that clear nothing, resets that work, and the turn on the spot."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from daemon.navigation.ros.grids import LETHAL, CostGrid
+from daemon.navigation.ros.move_base import (
+    CLEAR,
+    ROTATE,
+    Around,
+    ClearCostmapParameters,
+    ClearTargets,
+    MoveBaseParameters,
+    Recovery,
+    RecoveryBehavior,
+    RotateRecoveryParameters,
+    make_recoveries,
+)
+from daemon.navigation.ros.move_base._footprint import turn_is_free
+from daemon.navigation.ros.quirks import FIXED, ORIGINAL, Quirks
+from grammars.values import Floats, Pose2
+
+RING = np.array([(-0.36, -0.24), (0.36, -0.24), (0.36, 0.24), (-0.36, 0.24)])
+
+
+def empty() -> CostGrid:
+    return CostGrid(0.05, -1.5, -1.5, np.zeros((60, 60), np.uint8))
+
+
+def make(
+    quirks: Quirks = ORIGINAL,
+    grid: CostGrid | None = None,
+    resets: dict[str, ClearCostmapParameters] | None = None,
+    **parameters: Any,
+) -> tuple[tuple[Recovery, ...], list[tuple[str, float]]]:
+    cleared: list[tuple[str, float]] = []
+    targets = ClearTargets(
+        lambda pose, half: cleared.append(("global", half)),
+        lambda pose, half: cleared.append(("local", half)),
+    )
+    made = make_recoveries(
+        MoveBaseParameters(**parameters), RotateRecoveryParameters(), resets or {}, quirks, RING,
+        grid or empty(), targets,
+    )  # fmt: skip
+    return made, cleared
+
+
+def around(yaw: float = 0.0) -> Around:
+    return Around(odom=Pose2(0.0, 0.0, yaw), map=Pose2(3.0, 4.0, yaw))
+
+
+def test_the_default_behaviours_are_those_of_move_base() -> None:
+    names = [r.name for r in make()[0]]
+    turn = "rotate_recovery"
+    assert names == ["conservative_reset", turn, "aggressive_reset", turn]
+    names = [r.name for r in make(clearing_rotation_allowed=False)[0]]
+    assert names == ["conservative_reset", "aggressive_reset"]
+    assert make(recovery_behavior_enabled=False)[0] == ()
+
+
+def test_resets_clear_nothing_in_the_original() -> None:
+    recoveries, cleared = make()
+    advance = recoveries[0].step(around())
+    assert advance.ended
+    assert "no layer" in advance.say
+    assert cleared == []
+
+
+def test_working_resets_keep_the_square_that_move_base_gives_them() -> None:
+    recoveries, cleared = make(FIXED, resets={"conservative_reset": ClearCostmapParameters(9.0)})
+    recoveries[0].step(around())
+    recoveries[2].step(around())
+    assert cleared == [
+        ("global", 1.5), ("local", 1.5), ("global", pytest.approx(0.92)),
+        ("local", pytest.approx(0.92)),
+    ]  # fmt: skip
+
+
+def test_naming_the_layer_right_makes_a_reset_work_in_the_original() -> None:
+    own = RecoveryBehavior("mine", CLEAR)
+    reset = ClearCostmapParameters(2.0, layer_names=("obstacle_layer",), affected_maps="local")
+    recoveries, cleared = make(resets={"mine": reset}, recovery_behaviors=(own,))
+    recoveries[0].step(around())
+    assert cleared == [("local", 1.0)]
+
+
+def test_the_turn_goes_once_round_to_the_left_and_slows_down_at_its_end() -> None:
+    turn = make(recovery_behaviors=(RecoveryBehavior("turn", ROTATE),))[0][0]
+    yaw, speeds = 1.0, []
+    turn.start(around(yaw))
+    for _ in range(400):
+        advance = turn.step(around(math.remainder(yaw, math.tau)))
+        if advance.ended:
+            break
+        assert advance.command is not None
+        speeds.append(advance.command.wz)
+        yaw += speeds[-1] * turn.period
+    assert "turned once" in advance.say
+    assert advance.command is None, "nothing stops the robot"
+    assert yaw - 1.0 == pytest.approx(math.tau, abs=0.15)
+    assert max(speeds) == 1.0
+    assert min(speeds) == pytest.approx(math.sqrt(2.0 * 3.2 * 0.1), abs=0.1)
+
+
+def test_the_turn_is_refused_where_it_would_collide() -> None:
+    grid = empty()
+    grid.cells[30 + 8, 30] = LETHAL  # 0.40 m to the left: beside the flank, within the corners
+    turn = make(grid=grid, recovery_behaviors=(RecoveryBehavior("turn", ROTATE),))[0][0]
+    turn.start(around())
+    advance = turn.step(around())
+    assert advance.ended
+    assert advance.command is None
+    assert "cannot turn" in advance.say
+
+
+def plain_turn_is_free(grid: CostGrid, ring: Floats, pose: Pose2, angle: float, by: float) -> bool:
+    turned = 0.0
+    while turned < angle:
+        corners = Pose2(pose.x, pose.y, pose.yaw + turned).apply_ring(
+            tuple((float(x), float(y)) for x, y in ring)
+        )
+        cells = [grid.cell(x, y) for x, y in corners]
+        if any(cell is None for cell in cells):
+            return False
+        for a, b in zip(cells, cells[1:] + cells[:1], strict=True):
+            assert a is not None
+            assert b is not None
+            if any(grid.cells[y, x] >= LETHAL for x, y in plain_line(a, b)):
+                return False
+        turned += by
+    return True
+
+
+def plain_line(a: tuple[int, int], b: tuple[int, int]) -> list[tuple[int, int]]:
+    """Cells of a line: the long axis cell by cell, the short one rounded half up."""
+    dx, dy = b[0] - a[0], b[1] - a[1]
+    long = max(abs(dx), abs(dy))
+    cells = []
+    for k in range(long + 1):
+        steps = [(abs(d) * k + long // 2) // long if long else 0 for d in (dx, dy)]
+        cells.append(
+            (a[0] + int(math.copysign(steps[0], dx)), a[1] + int(math.copysign(steps[1], dy)))
+        )
+    return cells
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    st.lists(st.tuples(st.integers(0, 59), st.integers(0, 59)), max_size=12),
+    st.floats(-1.4, 1.4),
+    st.floats(-1.4, 1.4),
+    st.floats(-3.0, 3.0),
+    st.floats(0.0, 6.3),
+)
+def test_the_kernel_sees_the_same_collisions_as_the_plain_version(
+    lethal: list[tuple[int, int]], x: float, y: float, yaw: float, angle: float
+) -> None:
+    grid = empty()
+    for column, row in lethal:
+        grid.cells[row, column] = LETHAL
+    found = turn_is_free(grid.cells, grid.x, grid.y, grid.resolution, RING, x, y, yaw, angle, 0.1)
+    assert found == plain_turn_is_free(grid, RING, Pose2(x, y, yaw), angle, 0.1)
