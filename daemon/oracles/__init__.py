@@ -5,10 +5,11 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from daemon.oracles._judge import judge, overall, problems_of
+    from daemon.oracles._judge import judge, judge_prefix, overall
+    from daemon.oracles._validity import problems_of
     from daemon.oracles._warm_up import warm_up
 
-__all__ = ["judge", "overall", "problems_of", "warm_up"]
+__all__ = ["judge", "judge_prefix", "overall", "problems_of", "warm_up"]
 
 
 def __getattr__(name: str) -> object:
@@ -17,6 +18,10 @@ def __getattr__(name: str) -> object:
         from daemon.oracles._warm_up import warm_up
 
         return warm_up
+    if name == "problems_of":
+        from daemon.oracles._validity import problems_of
+
+        return problems_of
     if name in __all__:
         from daemon.oracles import _judge
 

@@ -59,7 +59,9 @@ def clearance(obstacles: Obstacles, poses: Floats, *, centre: Point2, half: Poin
     The tracks of ``obstacles`` are sampled at the same times as the poses.
     """
     if not obstacles.names:
-        return Series(np.full(len(poses), np.nan), note="nothing in the scene to keep clear of")
+        return Series(
+            np.full(len(poses), np.nan), note="nothing there as high as the robot to keep clear of"
+        )
     values, nearest = box_clearance(
         poses,
         np.array(centre, dtype=np.float64),
@@ -91,6 +93,26 @@ def obstacles_of(trace: Trace, time: Floats) -> Obstacles:
                 frames.append(len(tracks))
             tracks.append(poses[link.name])
     return _flatten(rings, names, frames, tracks, len(time))
+
+
+def only(obstacles: Obstacles, name: str) -> Obstacles:
+    """Return the polygons of one solid, object (with all its links) or link."""
+    kept = [i for i, owner in enumerate(obstacles.names) if about(owner, name)]
+    offsets = obstacles.offsets
+    parts = [obstacles.corners[offsets[i] : offsets[i + 1]] for i in kept]
+    return Obstacles(
+        np.concatenate(parts) if parts else np.empty((0, 2)),
+        np.cumsum([0, *(len(part) for part in parts)], dtype=np.int64),
+        obstacles.frame[kept],
+        obstacles.circle[kept],
+        obstacles.tracks,
+        tuple(obstacles.names[i] for i in kept),
+    )
+
+
+def about(owner: str, name: str) -> bool:
+    """Whether the polygon or contact of ``owner`` is one of the thing called ``name``."""
+    return owner == name or owner.startswith(f"{name}.")
 
 
 def _fixed(scene: Scene, height: float) -> tuple[list[Ring], list[str], list[int]]:

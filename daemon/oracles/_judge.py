@@ -2,26 +2,31 @@
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-import numpy as np
-
+from daemon.oracles._custom import PluginError, custom_unit, judge_custom
 from daemon.oracles._finding import Finding
 from daemon.oracles._operators import amount, statistic, temporal
 from daemon.oracles._predicate import unit_of_margin
+from daemon.oracles._prefix import prefix
 from daemon.oracles._reached import reached
 from daemon.oracles._sampler import Sampler
+from daemon.oracles._until import until
+from daemon.oracles._validity import problems_of
 from daemon.spec import OracleText
 from daemon.verdict import Evidence, Outcome, Verdict, combine
 from grammars.diagnostics import InputError, Where
 from grammars.oracle import (
     Amount,
+    Custom,
     Oracle,
     Reached,
     Statistic,
     Temporal,
+    Until,
     check_scene,
     kind_of,
     parse_oracle,
@@ -49,39 +54,38 @@ def judge(trace: Trace, oracles: Sequence[OracleText]) -> tuple[Verdict, ...]:
     )
 
 
+def judge_prefix(trace: Trace, oracles: Sequence[OracleText], at: float) -> tuple[Verdict, ...]:
+    """Judge ``trace`` by what is recorded up to ``at`` [s], as if the run were still going on.
+
+    Three-valued: pass and fail are final, whatever the rest of the run brings, unless that makes
+    the trace invalid; everything else is inconclusive. The file of a run that is still being
+    written can be judged by :func:`judge` itself.
+    """
+    return judge(prefix(trace, at), oracles)
+
+
 def overall(trace: Trace, verdicts: Sequence[Verdict]) -> Outcome:
     """Combine the verdicts of a run: invalid > fail > error > inconclusive > pass.
 
-    A run in which the system under test crashed is an error unless it had failed before.
+    A run in which the system under test crashed is invalid: an error, never a failure of the
+    robot. What its oracles had seen before is kept in their verdicts.
     """
-    outcome = combine(verdicts, valid=not problems_of(trace))
-    if trace.ended == "crashed" and outcome is not Outcome.FAIL:
-        return Outcome.ERROR
-    return outcome
-
-
-def problems_of(trace: Trace) -> tuple[str, ...]:
-    """Return why ``trace`` cannot be trusted: what its reader found, and impossible motion."""
-    truth = trace.ground_truth
-    found = list(trace.problems)
-    channels = (truth.time, truth.x, truth.y, truth.yaw, truth.vx, truth.vy, truth.wz)
-    if not all(np.isfinite(channel).all() for channel in channels):
-        found.append("the ground truth is not finite")
-    elif len(truth.time) > 1 and float(np.diff(truth.time).min()) < 0.0:
-        found.append("the clock runs backwards")
-    return tuple(found)
+    valid = trace.ended != "crashed" and not problems_of(trace)
+    return combine(verdicts, valid=valid)
 
 
 def _judge_one(written: OracleText, sampler: Sampler) -> Verdict:
     trace = sampler.trace
     try:
-        oracle = parse_oracle(written.name, written.text, Where(f"oracle {written.name}"))
+        oracle = _parsed(written.name, written.text)
         found = check_scene(oracle, trace.scene, trace.spec.mission)
         if found:
             raise InputError(found)
+        finding = _find(oracle, sampler)
     except InputError as error:
         return _error(written, "; ".join(d.message for d in error.diagnostics))
-    finding = _find(oracle, sampler)
+    except PluginError as error:
+        return _error(written, str(error))
     return Verdict(
         written.name,
         written.text,
@@ -93,21 +97,31 @@ def _judge_one(written: OracleText, sampler: Sampler) -> Verdict:
     )
 
 
+@functools.lru_cache(maxsize=1024)
+def _parsed(name: str, text: str) -> Oracle:
+    """Parse an oracle once for the thousands of traces it judges."""
+    return parse_oracle(name, text, Where(f"oracle {name}"))
+
+
 def _find(oracle: Oracle, sampler: Sampler) -> Finding:
     match oracle.judgement:
         case Temporal() as judgement:
             return temporal(oracle, judgement, sampler)
+        case Until() as judgement:
+            return until(oracle, judgement, sampler)
         case Amount() as judgement:
             return amount(oracle, judgement, sampler)
         case Statistic() as judgement:
             return statistic(oracle, judgement, sampler)
         case Reached() as judgement:
             return reached(oracle, judgement, sampler)
+        case Custom() as judgement:
+            return judge_custom(judgement, sampler)
 
 
 def _unit(oracle: Oracle) -> str:
     match oracle.judgement:
-        case Temporal(predicate=predicate):
+        case Temporal(predicate=predicate) | Until(predicate=predicate):
             return unit_of_margin(predicate)
         case Amount(operator=operator):
             return "s" if operator in ("time", "longest") else "1"
@@ -116,6 +130,8 @@ def _unit(oracle: Oracle) -> str:
             return kind.unit if kind is not None else ""
         case Reached():
             return "m"
+        case Custom() as judgement:
+            return custom_unit(judgement)
 
 
 def _bound(value: float) -> float | None:

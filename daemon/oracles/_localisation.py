@@ -35,7 +35,7 @@ class Localisation:
         if name == "loc.inside_2sigma":
             return self._hold(self._spread, self._inside(), self._note)
         if name.startswith("loc.sigma"):
-            axis = "xy".index(name[-1])
+            axis = ("x", "y", "yaw").index(name.rpartition(".")[2])
             return self._hold(self._spread, self._sigma(axis), self._note)
         dx, dy, dyaw = self._difference(estimate)
         values = {

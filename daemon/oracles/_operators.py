@@ -7,33 +7,29 @@ run (at most until its time limit) widens the interval of the margin; what was a
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from daemon.oracles._finding import Finding, sentence, unknown
 from daemon.oracles._predicate import Truth, margin_of, series, truth, unit_of_margin
 from daemon.oracles._sampler import Sampler
 from daemon.oracles._timeline import Timeline
+from daemon.oracles._window import Mask, Window, scope_of, window_of
 from daemon.verdict import Evidence
 from grammars.oracle import Amount, Limit, Oracle, Statistic, Temporal
 from grammars.values import Floats
-
-Mask = npt.NDArray[np.bool_]
-
-VACUOUS = "vacuous: the guard never held"
 
 
 def temporal(oracle: Oracle, judgement: Temporal, sampler: Sampler) -> Finding:
     """Judge ``always``, ``never`` or ``eventually``."""
     timeline = sampler.timeline
     found = truth(judgement.predicate, sampler, negated=judgement.operator == "never")
-    scope = _scope(oracle, sampler, found.margin)
-    allowed, closed = scope.allowed, timeline.closed
+    window = window_of(oracle, sampler)
+    scope = scope_of(oracle, sampler, window, found.margin)
+    allowed, closed = scope.allowed, window.closed
     if judgement.within is not None:
-        horizon = timeline.start + judgement.within.value
-        closed = closed or timeline.end >= horizon
+        horizon = window.start + judgement.within.value
+        closed = closed or window.end >= horizon
         allowed = allowed & (timeline.time <= horizon + 1e-9)
     if not allowed.any():
         return unknown(scope.reason)
@@ -42,10 +38,10 @@ def temporal(oracle: Oracle, judgement: Temporal, sampler: Sampler) -> Finding:
     index = int(margin.argmax() if eventually else margin.argmin())
     worst = float(margin[index])
     first = _first(timeline, allowed & ((found.margin >= 0.0) == eventually), index)
-    evidence = _evidence(found, timeline, index, first, scope.note)
+    evidence = evidence_at(found, timeline, index, first, scope.note, window.cut)
     if not unit_of_margin(judgement.predicate) and (worst >= 0.0) != eventually:
         # True or false, and nothing happened: no moment of the run is more telling than another.
-        evidence = Evidence(note=sentence(*found.notes, scope.note, _cut(timeline)))
+        evidence = Evidence(note=sentence(*found.notes, scope.note, window.cut))
     if eventually:
         return Finding(worst, worst if closed else math.inf, evidence)
     return Finding(worst if closed else -math.inf, worst, evidence)
@@ -55,17 +51,18 @@ def amount(oracle: Oracle, judgement: Amount, sampler: Sampler) -> Finding:
     """Judge or measure ``fraction``, ``time``, ``longest`` or ``count``."""
     timeline, limit = sampler.timeline, judgement.limit
     found = truth(judgement.predicate, sampler)
-    scope = _scope(oracle, sampler, found.margin)
+    window = window_of(oracle, sampler)
+    scope = scope_of(oracle, sampler, window, found.margin)
     if not scope.allowed.any():
         return unknown(scope.reason, measured=limit is None)
     allowed = scope.allowed
     holds = allowed & (found.margin >= 0.0)
-    value, low, high = _amount(judgement.operator, timeline, allowed, holds)
+    value, low, high = _amount(judgement.operator, timeline, window, allowed, holds)
     if math.isnan(value):
         return unknown("no time has passed", measured=limit is None)
     wants_more = limit is not None and limit.operator in (">=", ">")
     stretch = _longest_stretch(timeline, allowed & ~holds if wants_more else holds)
-    note = sentence(*found.notes, scope.note, _cut(timeline))
+    note = sentence(*found.notes, scope.note, window.cut)
     evidence = Evidence(value=value, note=note)
     if stretch is not None:
         inside = found.margin[stretch]
@@ -81,52 +78,27 @@ def statistic(oracle: Oracle, judgement: Statistic, sampler: Sampler) -> Finding
     """Judge or measure ``max``, ``min``, ``mean``, ``final`` or ``p95`` of a signal."""
     timeline, limit = sampler.timeline, judgement.limit
     signal = series(judgement.signal, sampler)
-    scope = _scope(oracle, sampler, signal.values)
+    window = window_of(oracle, sampler)
+    scope = scope_of(oracle, sampler, window, signal.values)
     if not scope.allowed.any():
         return unknown(scope.reason, measured=limit is None)
     value, index = _statistic(judgement.operator, timeline, scope.allowed, signal.values)
     low, high = value, value
-    if not timeline.closed:
+    if not window.closed:
         low = value if judgement.operator == "max" else -math.inf
         high = value if judgement.operator == "min" else math.inf
-    note = sentence(signal.note, scope.note, _cut(timeline))
+    note = sentence(signal.note, scope.note, window.cut)
     evidence = Evidence(value=value, note=note)
     if index is not None:
         evidence = Evidence(float(timeline.time[index]), value, None, signal.object_at(index), note)
     return _limited(limit, low, high, evidence)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Scope:
-    """Samples to judge (n,); why there are none, if so; from when on there are."""
-
-    allowed: Mask
-    reason: str
-    note: str
-
-
-def _scope(oracle: Oracle, sampler: Sampler, values: Floats) -> _Scope:
-    """Return where ``values`` (n,) are known and the guard holds."""
-    time = sampler.timeline.time
-    known = ~np.isnan(values)
-    if not len(time):
-        return _Scope(known, "nothing was recorded", "")
-    first = int(known.argmax())
-    late = known.any() and first > 0
-    note = f"known from {time[first]:.2f} s on" if late else ""
-    reason = "what it speaks of was not recorded"
-    if oracle.guard is None:
-        return _Scope(known, reason, note)
-    guard = truth(oracle.guard, sampler).margin
-    held = ~np.isnan(guard) & (guard >= 0.0)
-    return _Scope(known & held, reason if held.any() else VACUOUS, note)
-
-
 def _amount(
-    operator: str, timeline: Timeline, allowed: Mask, holds: Mask
+    operator: str, timeline: Timeline, window: Window, allowed: Mask, holds: Mask
 ) -> tuple[float, float, float]:
     """Return the amount so far and the bounds of what it can be at the end of the run."""
-    rest = timeline.remaining
+    rest = window.remaining
     held = float(timeline.weight[holds].sum())
     if operator == "time":
         return held, held, held + rest
@@ -138,10 +110,10 @@ def _amount(
     if operator == "longest":
         lengths = [float(timeline.weight[s].sum()) for s in _stretches(holds)]
         longest = max(lengths, default=0.0)
-        current = lengths[-1] if lengths and holds[-1] else 0.0
+        current = lengths[-1] if lengths and not window.closed and holds[-1] else 0.0
         return longest, longest, max(longest, current + rest) if rest else longest
     count = float(len(_stretches(holds)))
-    return count, count, count if timeline.closed else math.inf
+    return count, count, count if window.closed else math.inf
 
 
 def _statistic(
@@ -198,14 +170,11 @@ def _first(timeline: Timeline, samples: Mask, decisive: int) -> str:
     return f"first at {timeline.time[index]:.2f} s" if index != decisive else ""
 
 
-def _evidence(found: Truth, timeline: Timeline, index: int, *notes: str) -> Evidence:
+def evidence_at(found: Truth, timeline: Timeline, index: int, *notes: str) -> Evidence:
+    """Return the evidence for a predicate at sample ``index``: of the clause that decided there."""
     clause = found.clauses[found.decided[index]]
     value = float(clause.value.values[index])
     limit = None if clause.limit is None else float(clause.limit[index])
     decided = f"decided by {clause.text}" if len(found.clauses) > 1 else ""
-    note = sentence(decided, *found.notes, *notes, _cut(timeline))
+    note = sentence(decided, *found.notes, *notes)
     return Evidence(float(timeline.time[index]), value, limit, clause.value.object_at(index), note)
-
-
-def _cut(timeline: Timeline) -> str:
-    return "" if timeline.closed else f"the trace ends at {timeline.end:.2f} s, before the run"

@@ -12,9 +12,9 @@ import math
 import numpy as np
 
 from daemon.oracles._finding import Finding, sentence, unknown
-from daemon.oracles._operators import VACUOUS
 from daemon.oracles._predicate import truth
 from daemon.oracles._sampler import Sampler
+from daemon.oracles._window import VACUOUS
 from daemon.verdict import Evidence
 from grammars.mission import Waypoint
 from grammars.oracle import Oracle, Reached

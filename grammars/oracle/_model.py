@@ -26,11 +26,20 @@ class Number:
 
 @dataclass(frozen=True, slots=True)
 class Signal:
-    """A recorded or derived signal, some with arguments: ``clearance(0.35 m, 0.2 m)``."""
+    """A recorded or derived signal, some with arguments: ``clearance(0.35 m, 0.2 m)``.
+
+    An object named as an argument, ``clearance(door-17)``, is a :class:`Signal` of that name.
+    """
 
     name: str
     arguments: tuple[Expression, ...] = ()
     column: int = 0
+
+    @property
+    def object(self) -> Signal | None:
+        """The thing in the scene it is about, when one is named as its first argument."""
+        first = self.arguments[0] if self.arguments else None
+        return first if isinstance(first, Signal) and not first.arguments else None
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,6 +109,20 @@ class Temporal:
 
 
 @dataclass(frozen=True, slots=True)
+class Until:
+    """``always`` or ``never`` a predicate before the first sample at which ``release`` holds.
+
+    ``release`` must come, ``within`` [s] if given. The guard says where the predicate is judged,
+    not when the release counts.
+    """
+
+    operator: Literal["always", "never"]
+    predicate: Expression
+    release: Expression
+    within: Number | None = None
+
+
+@dataclass(frozen=True, slots=True)
 class Amount:
     """How much a predicate held.
 
@@ -131,18 +154,42 @@ class Reached:
     tolerance: Number
 
 
-Judgement: TypeAlias = Temporal | Amount | Statistic | Reached
+@dataclass(frozen=True, slots=True)
+class Custom:
+    """An oracle of one's own, from the entry points ``scenario.oracles``."""
+
+    name: str
+    arguments: tuple[Number, ...] = ()
+
+
+Judgement: TypeAlias = Temporal | Until | Amount | Statistic | Reached | Custom
+
+
+@dataclass(frozen=True, slots=True)
+class Leg:
+    """The part of a run in which one waypoint is approached, as the system under test reports.
+
+    Named by ``number`` (from 1) or, when that is 0, by the waypoint's id.
+    """
+
+    number: int
+    waypoint: str
+    column: int = 0
+
+    def __str__(self) -> str:
+        return f"leg {self.number or self.waypoint}"
 
 
 @dataclass(frozen=True, slots=True)
 class Oracle:
-    """A named oracle: its judgement, on the samples where ``guard`` holds (``None``: all)."""
+    """A named oracle: its judgement, during ``leg`` and where ``guard`` holds (``None``: all)."""
 
     name: str
     text: str
     where: Where
     judgement: Judgement
     guard: Expression | None = None
+    leg: Leg | None = None
 
     @property
     def is_measure(self) -> bool:

@@ -13,9 +13,11 @@ from grammars.oracle._model import (
     Amount,
     Arithmetic,
     Comparison,
+    Custom,
     Expression,
     Function,
     Judgement,
+    Leg,
     Limit,
     Logic,
     Not,
@@ -25,8 +27,10 @@ from grammars.oracle._model import (
     Signal,
     Statistic,
     Temporal,
+    Until,
     shift,
 )
+from grammars.oracle._plugins import custom_oracle_names
 from grammars.oracle._types import check_types
 from grammars.quantity import parse_quantity
 
@@ -49,7 +53,8 @@ def parse_oracle(name: str, text: str, where: Where) -> Oracle:
     tree = _parse_tree(text, where)
     builder = _Builder(text, where)
     guard = builder.expression(tree.guard) if tree.guard else None
-    oracle = Oracle(name, text, where, builder.judgement(tree.judgement), guard)
+    leg = builder.leg(tree.leg) if tree.leg else None
+    oracle = Oracle(name, text, where, builder.judgement(tree.judgement), guard, leg)
     found = check_types(oracle)
     if found:
         raise InputError(found)
@@ -67,11 +72,7 @@ def _metamodel() -> Any:
 def _parse_tree(text: str, where: Where) -> Any:
     from textx import TextXSyntaxError
 
-    word = re.match(r"\s*([A-Za-z_]\w*)", text)
-    if word is None or word[1] not in _OPERATORS:
-        given = f'"{word[1]}"' if word else "this"
-        hint = did_you_mean(word[1], _OPERATORS) if word else _EXAMPLE
-        raise InputError(Diagnostic(where, f"{given} does not begin an oracle", hint))
+    _refuse_strangers(text, where)
     _refuse_monsters(text, where)
     try:
         return _metamodel().model_from_str(text)
@@ -82,6 +83,17 @@ def _parse_tree(text: str, where: Where) -> Any:
         raise InputError(
             Diagnostic(shift(where, text, offset), _complaint(text, offset), _EXAMPLE)
         ) from error
+
+
+def _refuse_strangers(text: str, where: Where) -> None:
+    word = re.match(r"\s*([A-Za-z_][\w.-]*)", text)
+    if word is not None and word[1] in _OPERATORS:
+        return
+    known = (*_OPERATORS, *custom_oracle_names())
+    if word is None or word[1] not in known:
+        given = f'"{word[1]}"' if word else "this"
+        hint = did_you_mean(word[1], known) if word else _EXAMPLE
+        raise InputError(Diagnostic(where, f"{given} does not begin an oracle", hint))
 
 
 def _refuse_monsters(text: str, where: Where) -> None:
@@ -114,14 +126,33 @@ class _Builder:
     def judgement(self, node: Any) -> Judgement:
         match type(node).__name__:
             case "Temporal":
-                within = self.number(node.within) if node.within else None
-                return Temporal(node.operator, self.expression(node.predicate), within)
+                return self._until(node) if node.until else self._temporal(node)
             case "Amount":
                 return Amount(node.operator, self.expression(node.predicate), self.limit(node))
             case "Statistic":
                 return Statistic(node.operator, self.expression(node.signal), self.limit(node))
-            case _:
+            case "Reached":
                 return Reached(self.number(node.tolerance))
+            case _:
+                return Custom(node.name, tuple(map(self.number, node.arguments)))
+
+    def _temporal(self, node: Any) -> Temporal:
+        within = self.number(node.within) if node.within else None
+        return Temporal(node.operator, self.expression(node.predicate), within)
+
+    def _until(self, node: Any) -> Until:
+        part = node.until
+        if node.operator == "eventually" or node.within:
+            place = shift(self._where, self._text, part._tx_position)
+            hint = "such as: never(contact) until within 60 s (mission.reached >= 1)"
+            first = "eventually" if node.operator == "eventually" else f"{node.operator} within"
+            raise InputError(Diagnostic(place, f'"{first}" takes no "until"', hint))
+        within = self.number(part.within) if part.within else None
+        predicate, release = self.expression(node.predicate), self.expression(part.release)
+        return Until(node.operator, predicate, release, within)
+
+    def leg(self, node: Any) -> Leg:
+        return Leg(int(node.number or 0), node.waypoint, node._tx_position)
 
     def limit(self, node: Any) -> Limit | None:
         if not node.limit:

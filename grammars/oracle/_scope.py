@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 from grammars.diagnostics import Diagnostic, did_you_mean
@@ -11,8 +11,10 @@ from grammars.oracle._model import (
     Amount,
     Arithmetic,
     Comparison,
+    Custom,
     Expression,
     Function,
+    Leg,
     Logic,
     Not,
     Number,
@@ -21,7 +23,9 @@ from grammars.oracle._model import (
     Signal,
     Statistic,
     Temporal,
+    Until,
 )
+from grammars.oracle._plugins import custom_signal_names
 from grammars.oracle._vocabulary import SIGNALS
 from grammars.scene import Joint, Scene, SceneObject
 
@@ -52,18 +56,60 @@ def object_signals(scene: Scene) -> dict[str, JointReference]:
 def check_scene(oracle: Oracle, scene: Scene, mission: Mission) -> tuple[Diagnostic, ...]:
     """Return what ``oracle`` speaks of that is not in ``scene`` or ``mission``."""
     known = object_signals(scene)
-    found = [
-        Diagnostic(
-            oracle.place(signal.column),
-            f'no "{signal.name}" in scene "{scene.name}"',
-            did_you_mean(signal.name, known),
-        )
-        for signal in signals_of(oracle)
-        if signal.name not in SIGNALS and signal.name not in known
-    ]
+    everywhere = {*SIGNALS, *custom_signal_names()}
+    found = []
+    for signal in signals_of(oracle):
+        if signal.name not in everywhere and signal.name not in known:
+            found.append(_missing(oracle, signal, scene, known))
+        if signal.object is not None:
+            things = obstacle_names(scene)
+            if signal.object.name not in things:
+                found.append(_missing(oracle, signal.object, scene, things))
     if isinstance(oracle.judgement, Reached) and not mission.waypoints:
         found.append(Diagnostic(oracle.where, f'mission "{mission.name}" has no waypoints'))
+    if oracle.leg is not None:
+        try:
+            leg_number(oracle.leg, mission)
+        except ValueError as error:
+            found.append(Diagnostic(oracle.place(oracle.leg.column), str(error)))
     return tuple(found)
+
+
+def obstacle_names(scene: Scene) -> tuple[str, ...]:
+    """Return what clearance and contacts can be asked about: solids, objects and their links."""
+    names = [solid.owner for solid in scene.solids]
+    for item in scene.objects:
+        names += [item.name, *(f"{item.name}.{link.name}" for link in item.links)]
+    return tuple(dict.fromkeys(names))
+
+
+def leg_number(leg: Leg, mission: Mission) -> int:
+    """Return which waypoint ``leg`` leads to, from 1; raises ``ValueError`` when none or several.
+
+    A mission may visit a waypoint more than once; its legs are then told apart by number.
+    """
+    count = len(mission.waypoints)
+    if not leg.waypoint:
+        if not 1 <= leg.number <= count:
+            raise ValueError(f'no {leg} in mission "{mission.name}": it has {count} waypoints')
+        return leg.number
+    ids = [waypoint.id for waypoint in mission.waypoints]
+    found = [number for number, name in enumerate(ids, start=1) if name == leg.waypoint]
+    if not found:
+        hint = did_you_mean(leg.waypoint, ids)
+        raise ValueError(f'no waypoint "{leg.waypoint}" in mission "{mission.name}": {hint}')
+    if len(found) > 1:
+        numbers = " and ".join(map(str, found))
+        raise ValueError(f'legs {numbers} lead to "{leg.waypoint}": write the number of one')
+    return found[0]
+
+
+def _missing(oracle: Oracle, signal: Signal, scene: Scene, known: Iterable[str]) -> Diagnostic:
+    return Diagnostic(
+        oracle.place(signal.column),
+        f'no "{signal.name}" in scene "{scene.name}"',
+        did_you_mean(signal.name, known),
+    )
 
 
 def signals_of(oracle: Oracle) -> Iterator[Signal]:
@@ -73,7 +119,10 @@ def signals_of(oracle: Oracle) -> Iterator[Signal]:
             yield from _walk(oracle.judgement.predicate)
         case Statistic():
             yield from _walk(oracle.judgement.signal)
-        case Reached():
+        case Until():
+            yield from _walk(oracle.judgement.predicate)
+            yield from _walk(oracle.judgement.release)
+        case Reached() | Custom():
             pass
     if oracle.guard is not None:
         yield from _walk(oracle.guard)

@@ -10,6 +10,7 @@ from grammars.oracle._model import (
     Amount,
     Arithmetic,
     Comparison,
+    Custom,
     Expression,
     Function,
     Limit,
@@ -21,8 +22,16 @@ from grammars.oracle._model import (
     Signal,
     Statistic,
     Temporal,
+    Until,
 )
-from grammars.oracle._vocabulary import OBJECT_SIGNALS, SIGNALS, signal_kind
+from grammars.oracle._plugins import custom_oracle, dimension_of
+from grammars.oracle._vocabulary import (
+    OBJECT_SIGNALS,
+    SIGNALS,
+    SignalKind,
+    known_names,
+    signal_kind,
+)
 
 Kind: TypeAlias = Dimension | None
 """What an expression is measured in; ``None``: true or false."""
@@ -94,6 +103,11 @@ def _check_judgement(oracle: Oracle) -> None:
             _require_predicate(predicate)
             if within is not None:
                 _require(within, TIME, '"within" takes a time')
+        case Until(predicate=predicate, release=release, within=within):
+            _require_predicate(predicate)
+            _require_predicate(release)
+            if within is not None:
+                _require(within, TIME, '"within" takes a time')
         case Amount(operator=operator, predicate=predicate, limit=limit):
             _require_predicate(predicate)
             _check_limit(operator, TIME if operator in ("time", "longest") else RATIO, limit)
@@ -103,6 +117,35 @@ def _check_judgement(oracle: Oracle) -> None:
             _require(tolerance, LENGTH, '"reached" takes a distance')
             if tolerance.value <= 0.0:
                 raise _MismatchError(tolerance.column, "the tolerance must be more than 0 m")
+            if oracle.leg is not None:
+                raise _MismatchError(oracle.leg.column, '"reached" is about the whole mission')
+        case Custom():
+            _check_custom(oracle, oracle.judgement)
+
+
+def _check_custom(oracle: Oracle, judgement: Custom) -> None:
+    """Hold a judgement against the declaration of the plug-in it names."""
+    try:
+        declared = custom_oracle(judgement.name)
+    except ValueError as error:
+        raise _MismatchError(0, str(error)) from error
+    if declared is None:
+        raise _MismatchError(0, f'no oracle "{judgement.name}" is installed')
+    if len(judgement.arguments) != len(declared.arguments):
+        raise _miscounted(0, judgement.name, len(declared.arguments), len(judgement.arguments))
+    for argument, unit in zip(judgement.arguments, declared.arguments, strict=True):
+        kind = dimension_of(unit)
+        if argument.dimension != kind:
+            message = f'{judgement.name} takes {unit}, but "{argument.text}" {_has_unit(argument)}'
+            raise _MismatchError(argument.column, message)
+    if oracle.leg is not None or oracle.guard is not None:
+        column = oracle.leg.column if oracle.leg else oracle.guard.column if oracle.guard else 0
+        hint = "give it what it needs to know as an argument"
+        raise _MismatchError(column, f"{judgement.name} judges the whole run", hint)
+
+
+def _miscounted(column: int, name: str, takes: int, given: int) -> _MismatchError:
+    return _MismatchError(column, f"{name} takes {takes or 'no'} arguments, {given} given")
 
 
 def _check_guard(oracle: Oracle) -> None:
@@ -147,30 +190,38 @@ def _quantity(expression: Expression) -> Dimension:
 
 
 def _signal(signal: Signal) -> Kind:
-    declared = signal_kind(signal.name)
+    try:
+        declared = signal_kind(signal.name)
+    except ValueError as error:
+        raise _MismatchError(signal.column, str(error)) from error
     if declared is None:
         raise _MismatchError(
             signal.column, f'unknown signal "{signal.name}"', _signal_hint(signal.name)
         )
-    given = len(signal.arguments)
-    if given and given != len(declared.arguments):
-        takes = len(declared.arguments) or "no"
-        raise _MismatchError(signal.column, f"{signal.name} takes {takes} arguments, {given} given")
-    for argument, expected in zip(signal.arguments, declared.arguments, strict=False):
+    _check_arguments(signal, declared)
+    return declared.dimension
+
+
+def _check_arguments(signal: Signal, declared: SignalKind) -> None:
+    given = signal.arguments
+    if declared.takes_object and signal.object is not None:
+        given = given[1:]
+    if len(given) != len(declared.arguments) and (given or declared.required):
+        raise _miscounted(signal.column, signal.name, len(declared.arguments), len(given))
+    for argument, expected in zip(given, declared.arguments, strict=False):
         if not isinstance(argument, Number):
             raise _MismatchError(argument.column, f"arguments of {signal.name} are constants")
         if argument.dimension != expected:
             message = f'{signal.name} takes {expected.unit}, but "{argument.text}" '
             raise _MismatchError(argument.column, message + _has_unit(argument))
-    return declared.dimension
 
 
 def _signal_hint(name: str) -> str:
     parts = name.split("-")
-    if len(parts) > 1 and all(signal_kind(part) for part in parts):
+    if len(parts) > 1 and all(part in known_names() for part in parts):
         return f"to subtract, put blanks around the sign: {' - '.join(parts)}"
     owner, _, last = name.rpartition(".")
-    known = set(SIGNALS)
+    known = set(known_names())
     if owner and not any(known_name.startswith(f"{owner}.") for known_name in SIGNALS):
         known |= {f"{owner}.{ending}" for ending in OBJECT_SIGNALS}
     return did_you_mean(name, known) if last else ""

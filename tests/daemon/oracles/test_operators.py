@@ -379,13 +379,14 @@ def test_an_oracle_that_cannot_be_read_or_bound_is_an_error_of_its_own() -> None
     assert 'no "door-99.distance"' in found[1].evidence.note
 
 
-def test_a_crash_is_an_error_unless_the_run_had_failed_before() -> None:
+def test_a_crash_is_an_error_whatever_was_seen_before() -> None:
     crashed = replace(bump(), ended="crashed")
     kept = judge(crashed, (OracleText("a", "always(loc.error <= 0.6 m)"),))
     assert kept[0].outcome is Outcome.INCONCLUSIVE
     assert overall(crashed, kept) is Outcome.ERROR
     broken = judge(crashed, (OracleText("a", "always(loc.error <= 0.35 m)"),))
-    assert overall(crashed, broken) is Outcome.FAIL
+    assert broken[0].outcome is Outcome.FAIL
+    assert overall(crashed, broken) is Outcome.ERROR
 
 
 def test_a_trace_without_samples_is_inconclusive() -> None:

@@ -25,6 +25,7 @@ def traces(draw: st.DrawFn) -> Trace:
     count = draw(st.integers(2, 20))
     time = np.arange(count) / 4.0
     speeds = np.array(draw(st.lists(QUARTERS, min_size=count, max_size=count)))
+    speeds[1] = max(speeds[1], 0.25)  # a robot that never moves makes its trace invalid
     motion = along(time, vx=speeds, x=np.cumsum(speeds) / 4.0)
     known = draw(st.integers(0, 3))
     errors = np.array(draw(st.lists(QUARTERS, min_size=count, max_size=count)))

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from daemon.oracles import judge
+from daemon.oracles._prefix import prefix
 from daemon.spec import MapSettings, OracleText, RunSpec, SutReference
 from daemon.trace import (
     CommandTrack,
@@ -109,7 +110,10 @@ def make_trace(
     limit: float = 60.0,
     **fields: Any,
 ) -> Trace:
-    """Build a complete trace of ``motion``; ``fields`` replace whatever else is recorded."""
+    """Build a complete trace of ``motion``; ``fields`` replace whatever else is recorded.
+
+    Unless there is another ``goal`` the mission asks for nothing but to stay.
+    """
     time = motion.time
     spec = RunSpec(
         campaign="c",
@@ -118,7 +122,7 @@ def make_trace(
         repeat=1,
         scene=scene.digest,
         robot=robot,
-        mission=goal or mission((1.0, 0.0)),
+        mission=goal or mission((float(motion.x[0]), float(motion.y[0]))),
         behaviours=(),
         oracles=(),
         map=MapSettings(),
@@ -157,28 +161,7 @@ def make_trace(
 
 def cut(trace: Trace, at: float) -> Trace:
     """Return ``trace`` as if its writer had died at ``at`` [s]."""
-
-    def upto(part: Any) -> Any:
-        keep = part.time <= at + 1e-9
-        arrays = {
-            name: getattr(part, name)[keep]
-            for name in part.__slots__
-            if isinstance(getattr(part, name), np.ndarray)
-        }
-        return replace(part, **arrays)
-
-    return replace(
-        trace,
-        ended=None,
-        complete=False,
-        valid_until=at,
-        ground_truth=upto(trace.ground_truth),
-        estimate=upto(trace.estimate),
-        cloud=upto(trace.cloud),
-        joints=upto(trace.joints),
-        contacts=tuple(c for c in trace.contacts if c.time <= at),
-        progress=tuple(p for p in trace.progress if p.time <= at),
-    )
+    return prefix(trace, at)
 
 
 def verdict(trace: Trace, text: str) -> Verdict:

@@ -44,6 +44,8 @@ CONTEXT = {
     ("oracle", "mission"): "reached(mission, 0.3 m)",
 }
 
+ORACLE_WORDS = ("and", "or", "not", "when", "within", "until", "on", "leg")
+
 
 def example(language: str, word: str) -> str:
     """Return the word where the language has it."""
@@ -51,7 +53,7 @@ def example(language: str, word: str) -> str:
         return CONTEXT[language, word]
     return {
         "fpm": f"{word}: ",
-        "oracle": f"{word} " if word in ("and", "or", "not", "when", "within") else f"{word}(a)",
+        "oracle": f"{word} " if word in ORACLE_WORDS else f"{word}(a)",
         "variation": f"{word}(1)",
     }.get(language, f"a {word} b")
 
