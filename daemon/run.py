@@ -253,6 +253,10 @@ class _Loop:
             trace.plan(now, decision.plan)
         if decision.local_plan is not None:
             trace.local_plan(now, decision.local_plan)
+        if decision.particles is not None:
+            trace.particles(decision.cloud.time if decision.cloud else now, decision.particles)
+        if decision.costmap is not None:
+            trace.costmap(decision.costmap)
         if self._decision is None or decision.progress != self._decision.progress:
             trace.progress(now, decision.progress)
         if decision.command is not None:

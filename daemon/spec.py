@@ -15,7 +15,7 @@ from grammars.mission import Mission
 from grammars.robot import Robot
 from grammars.values import Pose2
 
-ENGINE_VERSION: Final = "1"
+ENGINE_VERSION: Final = "2"
 """Raised whenever a change alters traces of unchanged specifications."""
 
 

@@ -54,6 +54,8 @@ TOPICS: Final = (
     Topic("/mission/status", "action_msgs/msg/GoalStatusArray", latched=True),
     Topic("/mission/goal", "geometry_msgs/msg/PoseStamped", latched=True),
     Topic("/events", "rcl_interfaces/msg/Log"),
+    Topic("/particlecloud", "geometry_msgs/msg/PoseArray"),
+    Topic("/move_base/local_costmap/costmap", "nav_msgs/msg/OccupancyGrid"),
 )
 """Every topic a trace can have; the position plus one is its channel id in the file."""
 

@@ -14,6 +14,7 @@ from daemon.trace.container import Block
 from daemon.trace.joints import JointSamples
 from daemon.trace.kinematics import MovingLinks
 from daemon.trace.layout import Ints
+from daemon.trace.views import Views
 from grammars.robot import Laser
 from grammars.scene import Scene
 from grammars.values import Floats
@@ -49,8 +50,7 @@ class Signals:
         self.events = Records(ids["/events"])
         self.status = Records(ids["/mission/status"])
         self.goal = Records(ids["/mission/goal"])
-        self.plan = Records(ids["/plan"])
-        self.local_plan = Records(ids["/local_plan"])
+        self.views = Views(ids)
 
     def take(self) -> tuple[list[Block], list[Block]]:
         """Return what is judged and what is only looked at, and start anew."""
@@ -96,8 +96,7 @@ class Signals:
             block(to_base, tf, *_numbered(*odometry)),
             *self._door_blocks(*joints),
             self._scan_block(),
-            self.plan.take(),
-            self.local_plan.take(),
+            *self.views.take(),
         ]
 
     def _joint_blocks(self, times: Ints, states: Floats) -> list[Block]:

@@ -29,15 +29,15 @@ _ARROW, _TEXT, _TRIANGLES = 0, 9, 11
 _FLOOR_HEIGHT: Final = 0.02
 
 
-def occupancy_grid(grid: OccupancyGrid) -> Any:
-    """``/map``: rows from the lowest y, as in the grid."""
+def occupancy_grid(grid: OccupancyGrid, now: int = 0, frame: str = "map") -> Any:
+    """``/map`` or another grid at ``now`` [ns]: rows from the lowest y, as in the grid."""
     rows, columns = grid.cells.shape
     return ros.make(
         "nav_msgs/msg/OccupancyGrid",
-        header=ros.header(ros.time(0), "map"),
+        header=ros.header(ros.time(now), frame),
         info=ros.make(
             "nav_msgs/msg/MapMetaData",
-            map_load_time=ros.time(0),
+            map_load_time=ros.time(now),
             resolution=grid.resolution,
             width=columns,
             height=rows,

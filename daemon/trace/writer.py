@@ -3,7 +3,8 @@
 What is judged and what is only looked at go into separate chunks of the same ten seconds, so
 that a judge never decompresses scans. What need not be written is left out where readers lose
 nothing: joint states that repeat (see :class:`~daemon.trace.joints.JointSamples`), clock ticks
-and door frames beyond 10 Hz, local plans beyond 5 Hz, plans and progress that did not change.
+and door frames beyond 10 Hz, local plans beyond 5 Hz, plans, particles and costmaps beyond 1 Hz
+(see :class:`~daemon.trace.views.Views`), plans and progress that did not change.
 """
 
 from __future__ import annotations
@@ -23,12 +24,11 @@ import numpy.typing as npt
 import zstandard
 
 from daemon.spec import RunSpec, TraceInfo
-from daemon.sut import Cloud, Estimate, Odometry, Progress
+from daemon.sut import Cloud, CostmapPicture, Estimate, Odometry, Progress
 from daemon.trace import messages as ros
 from daemon.trace import mission, statics
 from daemon.trace.columns import Columns, Records
 from daemon.trace.container import Container
-from daemon.trace.paths import encode_path
 from daemon.trace.signals import Signals
 from grammars import codec
 from grammars.grid import OccupancyGrid
@@ -46,7 +46,6 @@ _SECOND: Final = 1_000_000_000
 _CHUNK: Final = 10 * _SECOND
 _EVENT_BYTES: Final = 8 << 20
 _CLOCK_PERIOD: Final = _SECOND // 10
-_LOCAL_PLAN_PERIOD: Final = _SECOND // 5
 _LATEST: Final = 2.0**31
 _TEXT_LIMIT: Final = 10_000
 _CONTACT: Final = ("px", "py", "nx", "ny", "depth")
@@ -71,8 +70,8 @@ class TraceWriter:
         self._spec, self._scene = spec, scene
         self._odometers: deque[Odometry] = deque(maxlen=64)
         self._localised = False
-        self._plan_last, self._progress_last = b"", Progress(-1, -1, "active")
-        self._clock_due = self._local_plan_due = 0
+        self._progress_last = Progress(-1, -1, "active")
+        self._clock_due = 0
         self._due = _CHUNK
         self._path, self._partial = path, path.with_name(path.name + PARTIAL)
         self._partial.unlink(missing_ok=True)
@@ -98,6 +97,7 @@ class TraceWriter:
         if now >= self._clock_due:
             self._signals.clock.add(now, ())
             self._clock_due = now + _CLOCK_PERIOD
+            self._signals.views.flush(now)
 
     def scan(self, time: float, ranges: npt.NDArray[np.float32]) -> None:
         """Record a laser scan; ``ranges`` (rays,) float32."""
@@ -148,19 +148,20 @@ class TraceWriter:
         self._signals.cloud.add(now, (*belief, float(cloud.count)))
 
     def plan(self, time: float, points: Floats) -> None:
-        """Record a global plan (n, 2) in map; an unchanged one is left out."""
-        now = self._at(time)
-        raw = points.tobytes()
-        if raw != self._plan_last:
-            self._plan_last = raw
-            self._signals.plan.add(now, encode_path(now, points))
+        """Record a global plan (n, 2) in map when it has changed, at most one a second."""
+        self._signals.views.plan(self._at(time), points)
 
     def local_plan(self, time: float, points: Floats) -> None:
         """Record a local plan (n, 2) in map; more than five a second are left out."""
-        now = self._at(time)
-        if now >= self._local_plan_due:
-            self._local_plan_due = now + _LOCAL_PLAN_PERIOD
-            self._signals.local_plan.add(now, encode_path(now, points))
+        self._signals.views.local_plan(self._at(time), points)
+
+    def particles(self, time: float, poses: Floats) -> None:
+        """Record particles (n, 3) of x, y, yaw in map; more than once a second is left out."""
+        self._signals.views.particles(self._at(time), poses)
+
+    def costmap(self, picture: CostmapPicture) -> None:
+        """Record a costmap; more than one a second is left out."""
+        self._signals.views.costmap(self._at(picture.time), picture)
 
     def progress(self, time: float, progress: Progress) -> None:
         """Record where the mission stands when that has changed, and the current waypoint."""
@@ -203,6 +204,7 @@ class TraceWriter:
     def close(self, ended: str, note: str = "") -> TraceInfo:
         """Finish the file and give it its name; ``ended`` and ``note`` say why the run ended."""
         self._signals.joints.release()
+        self._signals.views.flush(0, end=True)
         self._flush()
         container = self._container
         container.add_metadata(

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from daemon.spec import MapSettings, OracleText, RunSpec, SutReference, TraceInfo
-from daemon.sut import Cloud, Estimate, Odometry, Progress
+from daemon.sut import Cloud, CostmapPicture, Estimate, Odometry, Progress
 from daemon.trace import TraceWriter
 from grammars.grid import OccupancyGrid
 from grammars.mission import Mission, Waypoint
@@ -83,6 +83,13 @@ def specification(world: Scene, **changes: object) -> RunSpec:
 GRID = OccupancyGrid(0.05, -1.0, -2.0, np.arange(60, dtype=np.int8).reshape(6, 10))
 
 
+COSTS = np.arange(256, dtype=np.uint8).reshape(8, 32)
+
+
+def particles_at(time: float) -> np.ndarray:
+    return np.array([[time, -1.5, 0.3], [time + 0.25, 2.0, -3.1]])
+
+
 def pose_at(time: float) -> Pose2:
     return Pose2(1.0 + 0.4 * time, 2.0 + math.sin(time), math.remainder(1.3 * time, math.tau))
 
@@ -134,6 +141,8 @@ def record_until(trace: TraceWriter, seconds: float, joints: int) -> None:
         if step % 20 == 0:
             trace.plan(time, np.array([[0.0, 1.0], [2.0, 3.0], [time // 2, 5.0]]))
             trace.progress(time, Progress(min(step // 40, 2), min(step // 40, 2), "active"))
+            trace.particles(time, particles_at(time))
+            trace.costmap(CostmapPicture(time, "odom", 0.05, time, -1.5, COSTS))
             trace.event(time, "sut", f"second {time:g} – ok")
     trace.contact(seconds, "robot", "door-0/leaf", (1.0, 2.0), (0.0, -1.0), 0.003)
     trace.contact(seconds, "robot", "hall-wall-0", (4.0, 5.0), (1.0, 0.0), 0.001)

@@ -17,6 +17,7 @@ from hypothesis import strategies as st
 from mcap.reader import make_reader
 from mcap.writer import CompressionType, IndexType, Writer
 
+from daemon.spec import ENGINE_VERSION
 from daemon.sut import Estimate, Odometry, Progress
 from daemon.trace import ProgressRecord, Trace, TraceError, TraceWriter, read_trace
 from daemon.trace import recording as walking
@@ -95,7 +96,7 @@ def test_a_trace_says_what_was_run_and_how_it_ended(recorded: Path) -> None:
     assert (trace.ended, trace.note, trace.complete) == ("finished", "all waypoints reached", True)
     assert trace.valid_until == 12.0
     assert trace.problems == ()
-    assert trace.versions == {"engine": "1", "numpy": "2"}
+    assert trace.versions == {"engine": ENGINE_VERSION, "numpy": "2"}
     assert trace.scans is None
 
 

@@ -19,14 +19,17 @@ from mcap_ros2.decoder import DecoderFactory
 from rosbags.highlevel import AnyReader
 from rosbags.interfaces import QosDurability
 
-from daemon.sut import Cloud, Estimate, Odometry, Progress
+from daemon.sut import Cloud, CostmapPicture, Estimate, Odometry, Progress
 from daemon.trace import PARTIAL, TraceWriter, read_trace
+from daemon.trace import messages as ros
+from daemon.trace.views import encode_poses
 from grammars.values import Pose2, Twist2
 from tests.daemon.trace.recordings import (
     GRID,
     MISSION,
     joints_at,
     odometry_at,
+    particles_at,
     pose_at,
     ranges_at,
     record,
@@ -41,6 +44,7 @@ COUNTS = {
     "/odom": 241, "/ground_truth": 241, "/cmd_vel": 241, "/pose": 25,
     "/particle_cloud/summary": 25, "/particle_cloud/count": 25, "/plan": 7, "/local_plan": 25,
     "/contacts": 3, "/mission/status": 4, "/mission/goal": 3, "/events": 14,
+    "/particlecloud": 13, "/move_base/local_costmap/costmap": 13,
 }  # fmt: skip
 
 
@@ -206,6 +210,68 @@ def test_an_unchanged_plan_is_written_once(recorded: Path) -> None:
     assert [plan[-1] for plan in plans] == [(float(x), 5.0) for x in range(7)]
 
 
+def plans(path: Path) -> list[tuple[float, int, float]]:
+    """Time, number of points and x of the last point of every recorded plan."""
+    return [
+        (time, len(message.poses), message.poses[-1].pose.position.x)
+        for topic, time, message in decoded(path)
+        if topic == "/plan"
+    ]
+
+
+def test_of_plans_that_change_all_the_time_the_latest_of_each_second_is_kept(
+    tmp_path: Path,
+) -> None:
+    world, path = scene(), tmp_path / "run.mcap"
+    with TraceWriter(path, specification(world), world) as trace:
+        trace.static(GRID)
+        for step in range(53):
+            trace.clock(step / 10)
+            if step % 2 == 0:
+                trace.plan(step / 10, np.array([[0.0, 0.0], [step / 10, 1.0]]))
+        trace.close("limit")
+    expected = [0.0, 0.8, 1.8, 2.8, 3.8, 4.8, 5.2]
+    assert [time for time, _, _ in plans(path)] == expected
+    assert [x for _, _, x in plans(path)] == pytest.approx(expected, abs=1e-3)
+
+
+def test_long_plans_are_thinned_between_their_ends(tmp_path: Path) -> None:
+    world, path = scene(), tmp_path / "run.mcap"
+    points = np.stack([np.arange(2344) * 0.025, np.zeros(2344)], axis=1)
+    with TraceWriter(path, specification(world), world) as trace:
+        trace.static(GRID)
+        trace.plan(0.0, points)
+        trace.close("limit")
+    (message,) = on(path, "/plan")
+    xs = [p.pose.position.x for p in message.poses]
+    assert (xs[0], xs[-1]) == (0.0, pytest.approx(2343 * 0.025, abs=1e-3))
+    assert max(np.diff(xs)) < 0.13
+    assert 400 < len(xs) <= 501
+
+
+def test_particles_are_poses_in_the_map(recorded: Path) -> None:
+    for topic, time, message in decoded(recorded):
+        if topic == "/particlecloud":
+            assert message.header.frame_id == "map"
+            found = [(p.position.x, p.position.y, yaw(p.orientation)) for p in message.poses]
+            np.testing.assert_allclose(found, particles_at(time), atol=2e-3)
+    assert encode_poses(0, np.empty((0, 3))) == ros.serialize(
+        ros.make("geometry_msgs/msg/PoseArray", header=ros.header(ros.time(0), "map"), poses=[]),
+        "geometry_msgs/msg/PoseArray",
+    )
+
+
+def test_costmaps_are_published_as_costmap_2d_does(recorded: Path) -> None:
+    message = on(recorded, "/move_base/local_costmap/costmap")[3]
+    assert message.header.frame_id == "odom"
+    assert (message.info.width, message.info.height) == (32, 8)
+    origin = message.info.origin.position
+    assert (origin.x, origin.y, message.info.resolution) == (3.0, -1.5, pytest.approx(0.05))
+    costs = np.array(message.data)
+    assert costs[[0, 1, 252, 253, 254, 255]].tolist() == [0, 1, 98, 99, 100, -1]
+    assert np.all(np.diff(costs[:255]) >= 0)
+
+
 def test_the_same_calls_leave_the_same_bytes_in_any_process(recorded: Path, tmp_path: Path) -> None:
     script = (
         "import sys; from pathlib import Path; from tests.daemon.trace.recordings import record; "
@@ -305,6 +371,10 @@ def test_values_that_cannot_be_recorded_are_refused(tmp_path: Path) -> None:
             trace.estimate(Estimate(0.0, Pose2(), np.zeros(9)))
         with pytest.raises(ValueError, match="covariance"):
             trace.cloud(Cloud(0.0, 1, Pose2(), np.zeros((6, 6))))
+        with pytest.raises(ValueError, match="particles"):
+            trace.particles(0.0, np.full((2, 3), math.nan))
+        with pytest.raises(ValueError, match="costmap"):
+            trace.costmap(CostmapPicture(0.0, "map", 0.05, 0.0, 0.0, np.zeros(4, np.uint8)))
         with pytest.raises(ValueError, match="level"):
             trace.event(0.0, "a", "b", level="loud")
         with pytest.raises(ValueError, match="mission"):

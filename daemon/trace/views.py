@@ -1,0 +1,142 @@
+"""What a run shows but is not judged by: plans, particles and costmaps, thinned as they come.
+
+Coordinates are rounded to 2^-10 m (about a millimetre): nobody sees less, and it makes paths a
+third as large on disk.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Mapping
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+
+from daemon.sut import CostmapPicture
+from daemon.trace import messages as ros
+from daemon.trace import statics
+from daemon.trace.columns import Records
+from daemon.trace.container import Block
+from daemon.trace.paths import encode_path
+from grammars.grid import OccupancyGrid
+from grammars.values import Floats
+
+PARTICLES: Final = "/particlecloud"
+COSTMAP: Final = "/move_base/local_costmap/costmap"
+
+PLAN_POINTS: Final = 500
+"""A plan of more points is thinned to about as many; navfn puts one every 2.5 cm."""
+
+_SECOND: Final = 1_000_000_000
+_LOCAL_PLAN_PERIOD: Final = _SECOND // 5
+_GRAIN: Final = 1024.0
+_POSES_HEAD: Final = struct.Struct("<4siIi4sI")
+
+
+class Views:
+    """Collects messages for viewers; times are simulated ones [ns]."""
+
+    def __init__(self, ids: Mapping[str, int]) -> None:
+        self._plan, self._local_plan, self._particles, self._costmap = (
+            Records(ids[topic]) for topic in ("/plan", "/local_plan", PARTICLES, COSTMAP)
+        )
+        self._due = dict.fromkeys(("plan", "local plan", "particles", "costmap"), 0)
+        self._last = b""
+        self._waiting: tuple[int, Floats] | None = None
+
+    def plan(self, now: int, points: Floats) -> None:
+        """Take a global plan (n, 2); an unchanged one is left out.
+
+        Of plans that change more than once a second the latest is kept until it is time. Raises
+        ``ValueError`` for another shape.
+        """
+        thin = _thinned(points)
+        raw = thin.tobytes()
+        if raw == self._last:
+            return
+        self._last, self._waiting = raw, (now, thin)
+        self.flush(now)
+
+    def flush(self, now: int, *, end: bool = False) -> None:
+        """Write the plan that waits for its time, if that has come or the recording ends."""
+        if self._waiting is not None and (end or now >= self._due["plan"]):
+            self._plan.add(self._waiting[0], encode_path(*self._waiting))
+            self._waiting, self._due["plan"] = None, now + _SECOND
+
+    def local_plan(self, now: int, points: Floats) -> None:
+        """Take a local plan (n, 2); more than five a second are left out."""
+        if self._take("local plan", now, _LOCAL_PLAN_PERIOD):
+            self._local_plan.add(now, encode_path(now, points))
+
+    def particles(self, now: int, poses: Floats) -> None:
+        """Take particles (n, 3); more than one cloud a second is left out."""
+        if self._take("particles", now, _SECOND):
+            self._particles.add(now, encode_poses(now, poses))
+
+    def costmap(self, now: int, picture: CostmapPicture) -> None:
+        """Take a costmap; more than one a second is left out."""
+        if self._take("costmap", now, _SECOND):
+            grid = statics.occupancy_grid(_published(picture), now, picture.frame)
+            self._costmap.add(now, ros.serialize(grid, ros.KINDS[COSTMAP]))
+
+    def _take(self, what: str, now: int, period: int) -> bool:
+        due = now >= self._due[what]
+        if due:
+            self._due[what] = now + period
+        return due
+
+    def take(self) -> list[Block]:
+        """Return what was collected and start anew."""
+        kept = (self._plan, self._local_plan, self._particles, self._costmap)
+        return [records.take() for records in kept]
+
+
+def _thinned(points: Floats) -> Floats:
+    """Round a plan and leave points out evenly, but never the last one."""
+    if points.ndim != 2 or points.shape[1] != 2:
+        raise ValueError(f"a plan must have shape (n, 2), not {points.shape}")
+    step = -(-len(points) // PLAN_POINTS)
+    if step <= 1:
+        return _rounded(points)
+    return _rounded(np.concatenate([points[:-1:step], points[-1:]]))
+
+
+def _rounded(values: Floats) -> Floats:
+    rounded: Floats = np.rint(np.asarray(values, np.float64) * _GRAIN) / _GRAIN
+    return rounded
+
+
+def encode_poses(now: int, poses: Floats) -> bytes:
+    """Return a ``geometry_msgs/PoseArray`` in map at ``now`` [ns], of ``poses`` (n, 3), as CDR.
+
+    Raises ``ValueError`` for another shape and for what is not finite.
+    """
+    if poses.ndim != 2 or poses.shape[1] != 3 or not np.isfinite(poses).all():
+        raise ValueError(f"particles must be finite and of shape (n, 3), not {poses.shape}")
+    seconds, rest = divmod(now, _SECOND)
+    head = _POSES_HEAD.pack(b"\0\1\0\0", seconds, rest, 4, b"map\0", len(poses))
+    rows = np.zeros((len(poses), 7))
+    rows[:, :2] = poses[:, :2]
+    half = 0.5 * poses[:, 2]
+    rows[:, 5], rows[:, 6] = np.sin(half), np.cos(half)
+    # Doubles stand at multiples of eight bytes after the four of the encapsulation.
+    return head + bytes(4 if len(poses) else 0) + _rounded(rows).astype("<f8").tobytes()
+
+
+def _published(picture: CostmapPicture) -> OccupancyGrid:
+    """Return a costmap as costmap_2d publishes it: 0 free, 1 to 98, 99 inscribed, 100 lethal, -1.
+
+    Source: the cost translation table of ``costmap_2d::Costmap2DPublisher``.
+    """
+    cells = picture.cells
+    if cells.ndim != 2 or cells.dtype != np.uint8:
+        raise ValueError(f"a costmap must be uint8 of two dimensions, not {cells.dtype}")
+    return OccupancyGrid(picture.resolution, picture.x, picture.y, _table()[cells])
+
+
+def _table() -> npt.NDArray[np.int8]:
+    costs = np.arange(256)
+    table = (1 + 97 * (costs - 1) // 251).astype(np.int16)
+    table[[0, 253, 254, 255]] = 0, 99, 100, -1
+    return table.astype(np.int8)
