@@ -54,6 +54,11 @@ def check_parameters(kind: str, parameters: Mapping[str, Any]) -> Findings:
     :class:`daemon.navigation.ros.parameters.ParameterError`, which plug-ins may raise as well,
     says where in the tree each problem stands.
     """
+    if kind == "ros":
+        # Loads a compiler, which nobody needs who tests another stack.
+        from daemon.navigation.ros.configuration import read_ros
+
+        return read_ros(parameters).findings
     make_sut(kind, parameters)
     return Findings()
 

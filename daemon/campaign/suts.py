@@ -119,7 +119,7 @@ def _load(path: Path, document: Document, find: Find, above: tuple[Path, ...]) -
         where = document.where(("ros",))
         settings = merged(settings, load_folder(path.parent / text.ros, where, warnings))
     settings = merged(settings, load_files(_named_files(path, document, text), warnings))
-    settings = merged(settings, _written(document, text, kind))
+    settings = merged(settings, _written(document, text))
     files = (str(path), *(() if base is None else base.files))
     return _Layer(text, kind, settings, files, tuple(warnings))
 
@@ -163,10 +163,8 @@ def _named_files(
     }
 
 
-def _written(document: Document, text: SutText, kind: str) -> Settings:
-    return settings_of(
-        text.parameters, lambda p: document.where(("parameters", *p)), namespaces=kind == ROS
-    )
+def _written(document: Document, text: SutText) -> Settings:
+    return settings_of(text.parameters, lambda p: document.where(("parameters", *p)))
 
 
 def _diagnostics(error: ValueError, document: Document, settings: Settings) -> list[Diagnostic]:
@@ -186,12 +184,17 @@ def _warnings(findings: Findings, document: Document, settings: Settings) -> lis
     found = [
         _placed(problem, document, settings, Severity.WARNING) for problem in findings.problems
     ]
-    idle = sorted({str(f.path[-1]) for f in findings.without_effect if f.path})
+    # What both costmaps have in common is one line of a file, so it is said once.
+    idle = {where_of(settings, f.path): _short(f.path) for f in findings.without_effect}
     if idle:
-        message = f"without effect here: {', '.join(idle)}"
+        message = f"without effect here: {', '.join(idle.values())}"
         hint = f"scenario sut {document.file} says why"
         found.append(Diagnostic(document.where(("sut",)), message, hint, Severity.WARNING))
     return list(dict.fromkeys(found))
+
+
+def _short(path: tuple[str | int, ...]) -> str:
+    return "/".join(str(part) for part in path[-2:])
 
 
 def _placed(

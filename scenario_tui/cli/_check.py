@@ -99,8 +99,9 @@ def _yaml(path: Path) -> tuple[str, tuple[Diagnostic, ...]]:
         from daemon.campaign.layers import Library
         from daemon.campaign.text import Reference
 
-        sut = Library(path.parent).sut(Reference(path.name, {}, Where(str(path), 1, 1)))
-        return f"system under test {sut.name}", ()
+        library = Library(path.parent)
+        sut = library.sut(Reference(path.name, {}, Where(str(path), 1, 1)))
+        return f"system under test {sut.name}", tuple(library.warnings)
     return _campaign(path)
 
 

@@ -1,4 +1,7 @@
-"""ROS parameters as people have them, read into the models of the components."""
+"""Reading ROS parameters: sections into models, names of topics, what is said about either.
+
+:mod:`daemon.navigation.ros.configuration` puts the whole stack together from them.
+"""
 
 from __future__ import annotations
 
@@ -10,6 +13,7 @@ from daemon.navigation.ros.parameters._findings import (
     Report,
     joined,
 )
+from daemon.navigation.ros.parameters._quirks import read_quirks
 from daemon.navigation.ros.parameters._reading import read_section
 from daemon.navigation.ros.parameters._topics import (
     TopicParameters,
@@ -29,6 +33,7 @@ __all__ = [
     "Topics",
     "Wiring",
     "joined",
+    "read_quirks",
     "read_section",
     "resolve_name",
     "resolve_topics",

@@ -9,8 +9,7 @@ import pytest
 from pydantic import Field, model_validator
 from pydantic.dataclasses import dataclass
 
-from daemon.navigation.ros.parameters import ParameterError, Report, read_section
-from daemon.navigation.ros.parameters._quirks import read_quirks
+from daemon.navigation.ros.parameters import ParameterError, Report, read_quirks, read_section
 from daemon.navigation.ros.quirks import FIXED, ORIGINAL
 
 
