@@ -177,7 +177,7 @@ class Leg:
     column: int = 0
 
     def __str__(self) -> str:
-        return f"leg {self.number or self.waypoint}"
+        return f"leg {self.waypoint or self.number}"
 
 
 @dataclass(frozen=True, slots=True)

@@ -152,7 +152,7 @@ class _Builder:
         return Until(node.operator, predicate, release, within)
 
     def leg(self, node: Any) -> Leg:
-        return Leg(int(node.number or 0), node.waypoint, node._tx_position)
+        return Leg(int(node.number or 0), node.waypoint or "", node._tx_position)
 
     def limit(self, node: Any) -> Limit | None:
         if not node.limit:

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from daemon.oracles import judge
+from daemon.oracles import judge, judge_prefix
 from daemon.spec import OracleText
 from daemon.trace import ContactRecord, ProgressRecord, Trace
 from daemon.verdict import Outcome, Verdict
@@ -56,15 +57,21 @@ PREDICATES = (
     "mission.reached >= 1",
     "loc.inside_2sigma",
 )
-FORMS = (
+TEMPORAL = (
     *("always({p})", "never({p})", "eventually({p})", "always within 2 s ({p})"),
-    *("eventually within 2 s ({p})", "fraction({p}) >= 60 %", "fraction({p}) < 30 %"),
+    *("eventually within 2 s ({p})", "always({p}) until (mission.reached >= 1)"),
+    "never({p}) until within 2 s (speed > {q} m/s)",
+)
+FORMS = (
+    *TEMPORAL,
+    *("fraction({p}) >= 60 %", "fraction({p}) < 30 %"),
     *("time({p}) <= 1 s", "time({p}) > 1 s", "longest({p}) <= 0.5 s", "longest({p}) >= 1 s"),
     *("count({p}) <= 1", "count({p}) == 1", "count({p}) != 0", "max(loc.error) <= {q} m"),
     *("min(clearance) >= {q} m", "mean(speed) <= {q} m/s", "final(path.length) >= {q} m"),
     *("p95(loc.error) <= {q} m", "max(elapsed) <= 3 s", "reached(mission, 0.3 m)"),
 )
-GUARDS = ("", " when speed > 0.3 m/s", " when not contact", " when mission.leg == 1")
+GUARDS = ("speed > 0.3 m/s", "not contact", "mission.leg == 1", "loc.error <= 0.5 m")
+LEGS = ("", "", " on leg 1", " on leg w1")
 
 
 @st.composite
@@ -72,7 +79,9 @@ def oracles(draw: st.DrawFn, form: str | None = None) -> str:
     q = draw(QUARTERS)
     form = form or draw(st.sampled_from(FORMS))
     predicate = draw(st.sampled_from(PREDICATES))
-    return form.format(p=predicate.format(q=q), q=q) + draw(st.sampled_from(GUARDS))
+    leg = "" if form.startswith("reached") else draw(st.sampled_from(LEGS))
+    guard = draw(st.sampled_from(["", *(f" when {guard}" for guard in GUARDS)]))
+    return form.format(p=predicate.format(q=q), q=q) + leg + guard
 
 
 def bounds(found: Verdict) -> tuple[float, float]:
@@ -96,6 +105,59 @@ def test_a_prefix_never_claims_what_the_whole_run_denies(form: str, data: st.Dat
         assert low - 1e-9 <= bounds(late)[0] <= bounds(late)[1] <= high + 1e-9
 
 
+@settings(max_examples=40, deadline=None)
+@given(traces(), st.lists(oracles(), min_size=1, max_size=6), st.integers(0, 20))
+def test_judging_a_prefix_is_judging_a_run_that_goes_on(
+    whole: Trace, texts: list[str], steps: int
+) -> None:
+    written = tuple(OracleText(str(i), text) for i, text in enumerate(texts))
+    at = min(steps / 4.0, whole.valid_until)
+    assert judge_prefix(whole, written, at) == judge(cut(whole, at), written)
+
+
+@settings(deadline=None)
+@given(traces(), st.lists(oracles(), min_size=1, max_size=6), st.integers(1, 4000), st.booleans())
+def test_shifting_time_changes_nothing(
+    trace: Trace, texts: list[str], quarters: int, whole: bool
+) -> None:
+    judged = trace if whole else cut(trace, 1.0)
+    written = tuple(OracleText(str(i), text) for i, text in enumerate(texts))
+    for here, there in zip(
+        judge(judged, written), judge(shifted(judged, quarters / 4.0), written), strict=True
+    ):
+        assert there.outcome is here.outcome
+        assert bounds(there) == pytest.approx(bounds(here), abs=1e-9)
+        assert there.evidence.object == here.evidence.object
+        if here.evidence.time is not None:
+            assert there.evidence.time == here.evidence.time + quarters / 4.0
+
+
+def shifted(trace: Trace, by: float) -> Trace:
+    """Return ``trace`` as if the simulation had begun ``by`` seconds later."""
+    tracks = ("ground_truth", "odometry", "command", "estimate", "cloud", "joints")
+    moved = {name: replace(t := getattr(trace, name), time=t.time + by) for name in tracks}
+    for name in ("contacts", "progress"):
+        moved[name] = tuple(replace(r, time=r.time + by) for r in getattr(trace, name))
+    return replace(trace, valid_until=trace.valid_until + by, **moved)
+
+
+@pytest.mark.parametrize("whole", [True, False])
+@settings(deadline=None)
+@given(data=st.data())
+def test_a_stricter_guard_never_turns_inconclusive_into_fail(
+    whole: bool, data: st.DataObject
+) -> None:
+    trace = data.draw(traces())
+    # While a run goes on, a guard changes what a share is a share of; only what holds at all
+    # samples or at one can be compared then.
+    form = data.draw(st.sampled_from(FORMS if whole else TEMPORAL))
+    text, stricter = data.draw(oracles(form)), data.draw(st.sampled_from(GUARDS))
+    judged = trace if whole else cut(trace, data.draw(QUARTERS))
+    joined = f"{text} and ({stricter})" if " when " in text else f"{text} when {stricter}"
+    if verdict(judged, text).outcome is Outcome.INCONCLUSIVE:
+        assert verdict(judged, joined).outcome is Outcome.INCONCLUSIVE
+
+
 @settings(deadline=None)
 @given(traces(), oracles())
 def test_a_complete_run_is_decided_unless_there_was_nothing_to_judge(
@@ -115,6 +177,9 @@ LIMITED = (
     "always(loc.error < {q} m)",
     "never(loc.error > {q} m)",
     "eventually(loc.error <= {q} m)",
+    "always(loc.error <= {q} m) until (mission.reached >= 1)",
+    "never(contact) until within {q} s (mission.reached >= 1)",
+    "always(loc.error <= {q} m) on leg 1",
     "max(loc.error) <= {q} m",
     "p95(loc.error) < {q} m",
     "time(contact) <= {q} s",

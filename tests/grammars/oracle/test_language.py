@@ -14,12 +14,14 @@ from grammars.oracle import (
     Amount,
     Comparison,
     Expression,
+    Leg,
     Logic,
     Number,
     Oracle,
     Signal,
     Statistic,
     Temporal,
+    Until,
     kind_of,
     margin_kind,
     parse_oracle,
@@ -105,6 +107,36 @@ def test_a_window_and_a_guard_belong_to_the_oracle() -> None:
     assert render(oracle.guard) == "not contact"
 
 
+def test_until_has_a_release_and_may_have_a_deadline() -> None:
+    judgement = parse("never(contact) until within 1 min (mission.reached >= 1)").judgement
+    assert isinstance(judgement, Until)
+    assert (judgement.operator, render(judgement.release)) == ("never", "mission.reached >= 1")
+    assert judgement.within is not None
+    assert judgement.within.value == 60.0
+
+
+@pytest.mark.parametrize(
+    ("text", "leg"),
+    [
+        ("count(contact) <= 2 on leg 3", Leg(3, "", 27)),
+        ("max(speed) <= 2 m/s on leg door-17 when contact", Leg(0, "door-17", 27)),
+        ("never(contact) on leg kitchen", Leg(0, "kitchen", 22)),
+    ],
+)
+def test_a_leg_is_named_by_number_or_waypoint(text: str, leg: Leg) -> None:
+    oracle = parse(text)
+    assert oracle.leg == leg
+    assert (oracle.guard is not None) == ("when" in text)
+
+
+def test_an_object_may_come_before_the_size_of_the_box() -> None:
+    judgement = parse("min(clearance(door-17, 0.35 m, 0.2 m))").judgement
+    assert isinstance(judgement, Statistic)
+    assert isinstance(judgement.signal, Signal)
+    assert judgement.signal.object == Signal("door-17", (), 14)
+    assert render(judgement.signal) == "clearance(door-17, 0.35 m, 0.2 m)"
+
+
 def test_and_binds_tighter_than_or() -> None:
     parsed = predicate("contact or contact and loc.inside_2sigma")
     assert isinstance(parsed, Logic)
@@ -176,6 +208,17 @@ def test_a_mix_of_quantities_has_no_single_unit() -> None:
         ("always(clearance(0.5 m, speed) > 0 m)", "are constants", ""),
         ("max(speed(1 m))", "speed takes no arguments", ""),
         ("reached(mission, 0.25)", "has no unit", ""),
+        ("reached(mission, 1 m) on leg 1", "is about the whole mission", ""),
+        ("eventually(contact) until (contact)", '"eventually" takes no "until"', "never(contact)"),
+        ("always within 2 s (contact) until (contact)", 'takes no "until"', "until within 60 s"),
+        ("never(contact) until (speed)", "a quantity [m/s]", ""),
+        ("never(contact) until within 2 m (contact)", '"within" takes a time', ""),
+        ("never(contact) on leg", "ends too early", ""),
+        ("never(contact(door-17, 1 m))", "contact takes no arguments, 1 given", ""),
+        ("min(clearance(door-17, 1 m))", "takes 2 arguments, 1 given", ""),
+        ("min(door-17.dist)", 'unknown signal "door-17.dist"', '"door-17.distance"'),
+        ("max(speed(door-17))", "speed takes no arguments, 1 given", ""),
+        ("jerkiness(2 m)", '"jerkiness" does not begin an oracle', ""),
         ("reached(mission, 0 m)", "more than 0 m", ""),
         ("always within 3 m (contact)", '"within" takes a time', ""),
         ("max(loc.error-loc.sigma.x)", "unknown signal", "loc.error - loc.sigma.x"),
@@ -239,7 +282,7 @@ def test_rendering_a_predicate_says_the_same(text: str) -> None:
 
 
 @settings(deadline=None)
-@given(st.text(alphabet="always(loc.error)<=0 %ms-+*/whenot5,", max_size=40))
+@given(st.text(alphabet="always(loc.error)<=0 %ms-+*/whenotu5,g", max_size=40))
 def test_any_text_is_either_an_oracle_or_an_input_error(text: str) -> None:
     try:
         parse(text)

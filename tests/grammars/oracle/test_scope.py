@@ -7,7 +7,7 @@ import pytest
 from grammars.diagnostics import Where
 from grammars.mission import Mission, Waypoint
 from grammars.oracle import check_scene, object_signals, parse_oracle, signals_of
-from grammars.scene import Joint, Link, Scene, SceneObject
+from grammars.scene import Joint, Link, Scene, SceneObject, Solid
 from grammars.values import Pose2
 
 
@@ -28,7 +28,7 @@ SCENE = Scene(
     "hall",
     (),
     (),
-    (),
+    (Solid("wall-3", "wall", ((0.0, 0.0), (1.0, 0.0), (1.0, 0.1)), 0.0, 2.7),),
     (
         thing("door-17", hinge("hinge", "leaf")),
         thing("gate", hinge("left", "a", "prismatic"), hinge("right", "b", "prismatic")),
@@ -66,6 +66,37 @@ def test_an_unknown_door_is_found_before_any_run() -> None:
 @pytest.mark.parametrize("name", ["gate.position", "gate.left.angle", "door-17.position"])
 def test_a_joint_is_asked_for_what_it_has(name: str) -> None:
     assert len(findings(f"max({name})")) == 1
+
+
+@pytest.mark.parametrize("name", ["door-17", "door-17.leaf", "gate", "wall-3"])
+def test_clearance_and_contact_can_be_about_one_thing(name: str) -> None:
+    assert findings(f"never(contact({name}) or clearance({name}) < 1 m)") == []
+
+
+def test_an_unknown_thing_is_found_before_any_run() -> None:
+    (found,) = findings("never(contact(door-18))")
+    assert found.startswith('o.yaml:1:15: no "door-18" in scene "hall"')
+    assert 'did you mean "door-17"?' in found
+
+
+ROUND = Mission("round", Pose2(), tuple(Waypoint(i, 1.0, 0.0) for i in ("a", "kitchen", "a")))
+
+
+@pytest.mark.parametrize(
+    ("leg", "complaint"),
+    [
+        ("3", ""),
+        ("kitchen", ""),
+        ("4", 'no leg 4 in mission "round": it has 3 waypoints'),
+        ("0", "no leg 0"),
+        ("kitchn", 'no waypoint "kitchn" in mission "round": did you mean "kitchen"?'),
+        ("a", 'legs 1 and 3 lead to "a": write the number of one'),
+    ],
+)
+def test_a_leg_must_be_one_of_the_mission(leg: str, complaint: str) -> None:
+    found = findings(f"never(contact) on leg {leg}", ROUND)
+    assert len(found) == (1 if complaint else 0)
+    assert all(complaint in text for text in found)
 
 
 def test_reaching_an_empty_mission_is_no_requirement() -> None:
