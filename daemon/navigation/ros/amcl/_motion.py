@@ -144,7 +144,11 @@ def _move_diff(
     translation_sigma: float,
     second_sigma: float,
 ) -> None:
-    """Turn by ``first - N``, drive ``translation - N``, turn by ``second - N``."""
+    """Turn by ``first - N``, drive ``translation - N``, turn by ``second - N``.
+
+    The turns are wrapped but not their sum, as in the original: after driving backwards, which is
+    two half turns, some headings are a full turn from others and fall into other bins.
+    """
     for i in range(count):
         before = wrapped(first - first_sigma * normals[i])
         along = translation - translation_sigma * normals[count + i]
