@@ -13,7 +13,7 @@ from collections.abc import Callable, Mapping
 from importlib.metadata import EntryPoint, entry_points
 from typing import Any, Final, TypeAlias
 
-from daemon.navigation import make_idle, make_pilot
+from daemon.navigation import make_idle, make_pilot, make_ros
 from daemon.navigation.ros.parameters import Findings
 from daemon.sut import SystemUnderTest
 from grammars.diagnostics import did_you_mean
@@ -22,7 +22,11 @@ Factory: TypeAlias = Callable[[Mapping[str, Any]], SystemUnderTest]
 ENTRY_POINT_GROUP: Final = "scenario.suts"
 _ROUNDING: Final = 1e-6
 
-_BUILT_IN: Final[dict[str, Factory]] = {"idle": make_idle, "pilot": make_pilot}
+_BUILT_IN: Final[dict[str, Factory]] = {
+    "idle": make_idle,
+    "pilot": make_pilot,
+    "ros": make_ros,
+}
 
 
 def sut_kinds() -> tuple[str, ...]:

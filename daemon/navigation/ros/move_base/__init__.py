@@ -24,6 +24,7 @@ from daemon.navigation.ros.move_base._planning import PlannerThread
 from daemon.navigation.ros.move_base._recoveries import (
     Advance,
     Around,
+    ClearTarget,
     ClearTargets,
     Recovery,
     Reset,
@@ -41,6 +42,7 @@ __all__ = [
     "Advance",
     "Around",
     "ClearCostmapParameters",
+    "ClearTarget",
     "ClearTargets",
     "Controller",
     "Dispatcher",

@@ -24,8 +24,6 @@ from daemon.navigation.ros.move_base._parameters import (
 from daemon.navigation.ros.quirks import Quirks
 from grammars.values import Floats, Pose2, Twist2
 
-OBSTACLES: Final = "obstacle_layer"
-"""Name of the layer of obstacles in costmaps that are configured without ``plugins``."""
 _CIRCUMSCRIBED: Final = 0.46
 """What the aggressive reset takes for the radius of the robot [m], a quarter of its square."""
 
@@ -66,15 +64,31 @@ class Recovery(Protocol):
 
 
 @dataclass(frozen=True, slots=True)
-class ClearTargets:
-    """How the obstacle layers of the two costmaps are cleared: base pose and half side [m]."""
+class ClearTarget:
+    """How one costmap is cleared of obstacles outside a square.
 
-    global_: Callable[[Pose2, float], None]
-    local: Callable[[Pose2, float], None]
+    ``layer`` is the name of its obstacle layer; ``clear`` takes the pose of the base in the
+    costmap's frame and the side of the square [m].
+    """
+
+    layer: str
+    clear: Callable[[Pose2, float], None]
+
+
+@dataclass(frozen=True, slots=True)
+class ClearTargets:
+    """The two costmaps a reset may clear."""
+
+    global_: ClearTarget
+    local: ClearTarget
 
 
 class Reset:
-    """Clears obstacles farther away than half of ``reset_distance``, or nothing."""
+    """Clears obstacles outside a square of ``distance`` [m] around the robot, or nothing.
+
+    With :attr:`Quirks.resets_clear_nothing` it works only where a layer is called as its
+    ``layer_names`` say.
+    """
 
     period = 0.0
 
@@ -87,23 +101,29 @@ class Reset:
         targets: ClearTargets,
     ) -> None:
         self.name = name
-        self._half, self._targets = 0.5 * distance, targets
-        named = OBSTACLES in parameters.layer_names
-        self._works = named or not quirks.resets_clear_nothing
-        self._maps = parameters.affected_maps
+        self._distance, self._maps = distance, parameters.affected_maps
+        named = frozenset(parameters.layer_names)
+        works = not quirks.resets_clear_nothing
+        self._global = targets.global_ if works or targets.global_.layer in named else None
+        self._local = targets.local if works or targets.local.layer in named else None
 
     def start(self, around: Around) -> None:
         """Nothing to prepare."""
 
     def step(self, around: Around) -> Advance:
         """Clear, and be done."""
-        if not self._works:
+        cleared = []
+        if self._global is not None and self._maps in ("both", "global"):
+            self._global.clear(around.map, self._distance)
+            cleared.append("global")
+        if self._local is not None and self._maps in ("both", "local"):
+            self._local.clear(around.odom, self._distance)
+            cleared.append("local")
+        if not cleared:
             return Advance(None, True, f"{self.name} finds no layer to clear")
-        if self._maps in ("both", "global"):
-            self._targets.global_(around.map, self._half)
-        if self._maps in ("both", "local"):
-            self._targets.local(around.odom, self._half)
-        return Advance(None, True, f"{self.name} cleared obstacles beyond {self._half:.2f} m")
+        maps = " and ".join(cleared)
+        what = f"the {maps} costmap outside a square of {self._distance:.2f} m"
+        return Advance(None, True, f"{self.name} cleared {what}")
 
 
 def make_recoveries(

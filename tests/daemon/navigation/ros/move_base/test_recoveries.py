@@ -16,6 +16,7 @@ from daemon.navigation.ros.move_base import (
     ROTATE,
     Around,
     ClearCostmapParameters,
+    ClearTarget,
     ClearTargets,
     MoveBaseParameters,
     Recovery,
@@ -42,8 +43,8 @@ def make(
 ) -> tuple[tuple[Recovery, ...], list[tuple[str, float]]]:
     cleared: list[tuple[str, float]] = []
     targets = ClearTargets(
-        lambda pose, half: cleared.append(("global", half)),
-        lambda pose, half: cleared.append(("local", half)),
+        ClearTarget("obstacle_layer", lambda pose, side: cleared.append(("global", side))),
+        ClearTarget("obstacle_layer", lambda pose, side: cleared.append(("local", side))),
     )
     made = make_recoveries(
         MoveBaseParameters(**parameters), RotateRecoveryParameters(), resets or {}, quirks, RING,
@@ -78,8 +79,8 @@ def test_working_resets_keep_the_square_that_move_base_gives_them() -> None:
     recoveries[0].step(around())
     recoveries[2].step(around())
     assert cleared == [
-        ("global", 1.5), ("local", 1.5), ("global", pytest.approx(0.92)),
-        ("local", pytest.approx(0.92)),
+        ("global", 3.0), ("local", 3.0), ("global", pytest.approx(1.84)),
+        ("local", pytest.approx(1.84)),
     ]  # fmt: skip
 
 
@@ -88,7 +89,7 @@ def test_naming_the_layer_right_makes_a_reset_work_in_the_original() -> None:
     reset = ClearCostmapParameters(2.0, layer_names=("obstacle_layer",), affected_maps="local")
     recoveries, cleared = make(resets={"mine": reset}, recovery_behaviors=(own,))
     recoveries[0].step(around())
-    assert cleared == [("local", 1.0)]
+    assert cleared == [("local", 2.0)]
 
 
 def test_the_turn_goes_once_round_to_the_left_and_slows_down_at_its_end() -> None:

@@ -1,0 +1,121 @@
+"""What of the stack's inside goes into the trace, and how often.
+
+* Every pose that AMCL publishes, stamped as the scan it is from, with the summary of the particles
+  at that instant; in between, once a second, where the stack takes the robot to be (map <- odom of
+  AMCL, odom <- base of the wheels) with the covariance last published.
+* At most a hundred particles, at most once a second, evenly taken from the filter's.
+* The global plan when it differs from the one recorded by more than what the robot has covered,
+  at most once a second, a point every tenth of a metre counted from the goal.
+* The trajectory DWA chose, five times a second.
+* State changes, recoveries and goals as sentences.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+from daemon.sut import Cloud, Estimate
+from grammars.values import Floats, Pose2
+
+if TYPE_CHECKING:
+    from daemon.navigation.ros.amcl import Localisation
+
+_BELIEF_PERIOD: Final = 1.0
+_PARTICLES_PERIOD: Final = 1.0
+_PARTICLES: Final = 100
+_PLAN_PERIOD: Final = 1.0
+_LOCAL_PLAN_PERIOD: Final = 0.2
+_SPACING: Final = 0.1
+"""Between the points of a recorded global plan [m]."""
+_DIFFERENT: Final = 0.1
+"""A plan that stays within this of the one recorded is the same one [m]."""
+_EARLY: Final = 1e-9
+
+
+class PlanLog:
+    """Decides which global plans are worth recording."""
+
+    def __init__(self) -> None:
+        self._due = 0.0
+        self._last = np.empty((0, 2))
+        self._seen: Floats | None = None
+
+    def take(self, now: float, plan: Floats | None) -> Floats | None:
+        """Return the points (n, 2) to record of ``plan`` (n, 3), from start to goal, or ``None``.
+
+        Points are taken from the goal backwards, so that two plans along the same way have the
+        same points but for those the robot has left behind.
+        """
+        if plan is None or plan is self._seen or now < self._due - _EARLY:
+            return None
+        self._seen = plan
+        thin = _thinned(plan)
+        if not self._differs(thin):
+            return None
+        self._last, self._due = thin, now + _PLAN_PERIOD
+        return np.ascontiguousarray(thin[::-1])
+
+    def _differs(self, thin: Floats) -> bool:
+        common = min(len(thin), len(self._last))
+        if common == 0 or len(thin) > len(self._last) + 1:
+            return True
+        away = np.abs(thin[:common] - self._last[:common]).max()
+        return bool(away > _DIFFERENT)
+
+
+def _thinned(plan: Floats) -> Floats:
+    """Return points (n, 2) a tenth of a metre apart, from the goal to the start, both included."""
+    steps = np.diff(plan[::-1, :2], axis=0)
+    travelled = np.concatenate(((0.0,), np.cumsum(np.hypot(steps[:, 0], steps[:, 1]))))
+    marks = np.arange(0.0, travelled[-1], _SPACING)
+    kept = np.unique(np.append(np.searchsorted(travelled, marks), len(plan) - 1))
+    return np.asarray(plan[::-1, :2][kept], dtype=np.float64)
+
+
+class LocalPlanLog:
+    """Brings the trajectories of DWA into the map frame, a few times a second."""
+
+    def __init__(self) -> None:
+        self._due = 0.0
+
+    def take(self, now: float, points: Floats | None, map_to_odom: Pose2) -> Floats | None:
+        """Return ``points`` (n, 2) of the odom frame in map when it is time to, or ``None``."""
+        if points is None or len(points) == 0 or now < self._due - _EARLY:
+            return None
+        self._due = now + _LOCAL_PLAN_PERIOD
+        c, s = math.cos(map_to_odom.yaw), math.sin(map_to_odom.yaw)
+        moved: Floats = points @ np.array(((c, s), (-s, c)))
+        moved += (map_to_odom.x, map_to_odom.y)
+        return moved
+
+
+class BeliefLog:
+    """Estimates and particles for the trace; ``covariance`` (3, 3) is that of the start."""
+
+    def __init__(self, covariance: Floats) -> None:
+        self._covariance = covariance
+        self._belief_due = self._particles_due = 0.0
+
+    def published(self, found: Localisation) -> tuple[Estimate, Cloud]:
+        """Return what AMCL has just published, for the trace."""
+        self._covariance = found.covariance
+        self._belief_due = found.time + _BELIEF_PERIOD
+        estimate = Estimate(found.time, found.pose, found.covariance)
+        return estimate, Cloud(found.time, found.count, found.mean, found.covariance)
+
+    def believed(self, time: float, pose: Pose2) -> Estimate | None:
+        """Return where the stack takes the robot to be, when nobody has said so for a while."""
+        if time < self._belief_due - _EARLY:
+            return None
+        self._belief_due = time + _BELIEF_PERIOD
+        return Estimate(time, pose, self._covariance)
+
+    def particles(self, now: float, poses: Floats) -> Floats | None:
+        """Return at most a hundred of ``poses`` (n, 3) when it is time to, or ``None``."""
+        if now < self._particles_due - _EARLY:
+            return None
+        self._particles_due = now + _PARTICLES_PERIOD
+        return poses[:: math.ceil(len(poses) / _PARTICLES)].copy()
