@@ -23,6 +23,7 @@ _MOST_VALUES: Final = 20_000
 _PLAIN: Final = frozenset(f"tag:yaml.org,2002:{kind}" for kind in ("bool", "int", "float", "str"))
 _COLLECTIONS: Final = frozenset(f"tag:yaml.org,2002:{kind}" for kind in ("map", "seq"))
 _NULL: Final = "tag:yaml.org,2002:null"
+_NO_VALUE: Final = "write a value or leave it out"
 _DATE: Final = "tag:yaml.org,2002:timestamp"
 _FLOAT: Final = "tag:yaml.org,2002:float"
 _ANGLES: Final = {"!degrees": math.radians, "!radians": float}
@@ -97,6 +98,9 @@ class _Reader:
         result: dict[str, Any] = {}
         for key, value in self.pairs(node):
             name = str(key.value)
+            if value.tag == _NULL:
+                message = f"{name}: has no value, which rosparam cannot load"
+                raise InputError(Diagnostic(self.place(key), message, _NO_VALUE))
             if name in result:
                 message = f"{name}: is written twice, ROS takes this one"
                 self.warn(key, message, f"the other one: line {self.places[(*path, name)].line}")
@@ -123,8 +127,7 @@ class _Reader:
     def scalar(self, node: Any) -> Any:
         """Return a number, text or truth value as YAML 1.1 reads it."""
         if node.tag == _NULL:
-            message = "has no value, which rosparam cannot load"
-            raise InputError(Diagnostic(self.place(node), message, "write a value or leave it out"))
+            raise InputError(Diagnostic(self.place(node), "is no value", _NO_VALUE))
         if node.tag in _ANGLES:
             return self.angle(node, node.tag, node.value)
         if node.tag not in _PLAIN:

@@ -68,7 +68,8 @@ def test_an_empty_file_sets_nothing() -> None:
     [
         ("a: !!python/object/apply:os.system [ls]", "f.yaml:1:4"),
         ("a: !!python/name:os.system x", "is not read here"),
-        ("a:", "f.yaml:1:3: has no value"),
+        ("a:", "f.yaml:1:1: a: has no value"),
+        ("a: [~]", "f.yaml:1:5: is no value"),
         ("- 1", "f.yaml:1:1: expected parameters"),
         ("a: [1", "is not valid YAML"),
         ("a: &a [*a]", "is nested deeper"),

@@ -103,11 +103,13 @@ _OUR_WORDS = {
     "dict_type": "must be names with values",
     "dataclass_type": "must be names with values",
 }
+_OF_NAMES = {("too_short", "footprint"): "a polygon needs at least three points"}
 
 
 def _finding(issue: Any, path: Path) -> Finding:
     place = (*path, *issue["loc"])
-    message = _OUR_WORDS.get(issue["type"]) or _in_our_words(issue)
+    known = _OUR_WORDS.get(issue["type"]) or _OF_NAMES.get((issue["type"], str(place[-1])))
+    message = known or _in_our_words(issue)
     given = issue["input"]
     simple = isinstance(given, str | int | float) or given is None
     return Finding(place, f"{message} (given: {given!r})" if simple else message, _advice(given))

@@ -1,0 +1,266 @@
+"""Systems under test in layers: like another, on ROS files, every complaint where it belongs."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from daemon.campaign.layers import Library
+from daemon.campaign.text import Reference
+from daemon.navigation.ros.configuration import read_ros
+from daemon.navigation.ros.parameters import Wiring
+from daemon.spec import SutReference
+from grammars.diagnostics import InputError, Severity, Where
+from grammars.ros_yaml import load_ros_yaml
+
+COMMON = """\
+# a robot's body and laser
+footprint: [[0.3, 0.2], [0.3, -0.2], [-0.3, -0.2], [-0.3, 0.2]]
+observation_sources: scan
+scan: {data_type: LaserScan, topic: scan, marking: true, clearing: true}
+inflation_radius: 0.5
+"""
+FILES = {
+    "amcl.yaml": "odom_alpha1: 0.1\n",
+    "costmap_common_params.yaml": COMMON,
+    "costmap_global_params.yaml": "global_costmap:\n  global_frame: map\n  static_map: true\n",
+    "costmap_local_params.yaml": (
+        "local_costmap:\n  global_frame: odom\n  rolling_window: true\n  inflation_radius: 0.4\n"
+    ),
+    "dwa_local_planner_params.yaml": (
+        "base_local_planner: dwa_local_planner/DWAPlannerROS\n"
+        "DWAPlannerROS:\n  max_vel_trans: 0.5\n  min_vel_trans: 0.1\n"
+    ),
+    "move_base_params.yaml": "controller_frequency: 10.0\n",
+}
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    (tmp_path / "robot").mkdir()
+    for name, text in FILES.items():
+        (tmp_path / "robot" / name).write_text(text)
+    write(tmp_path, "robot", "kind: ros\nros: robot\n")
+    return tmp_path
+
+
+def write(folder: Path, name: str, text: str) -> None:
+    (folder / f"{name}.yaml").write_text(f"sut: {name}\n{text}")
+
+
+def load(folder: Path, name: str) -> tuple[SutReference, list[str]]:
+    library = Library(folder)
+    sut = library.sut(Reference(name, {}, Where("campaign.yaml", 1, 1)))
+    assert all(w.severity is Severity.WARNING for w in library.warnings)
+    return sut, [str(w).replace(f"{folder}/", "") for w in library.warnings]
+
+
+def errors(folder: Path, name: str) -> list[str]:
+    with pytest.raises(InputError) as caught:
+        load(folder, name)
+    return [str(d).replace(f"{folder}/", "") for d in caught.value.diagnostics]
+
+
+def pilot(folder: Path, name: str) -> dict[str, Any]:
+    return load(folder, name)[0].parameters
+
+
+def test_a_system_like_another_is_the_same_except_for_what_it_says(tmp_path: Path) -> None:
+    write(tmp_path, "base", "kind: pilot\nparameters: {max_speed: 0.4, max_turn: 0.8}\n")
+    write(tmp_path, "slow", "like: base\nparameters: {max_speed: 0.2}\n")
+    write(tmp_path, "free", "like: slow\nparameters: {max_turn: null, patience: 30.0}\n")
+    assert pilot(tmp_path, "slow") == {"max_speed": 0.2, "max_turn": 0.8}
+    assert pilot(tmp_path, "free") == {"max_speed": 0.2, "patience": 30.0}
+    sut, _ = load(tmp_path, "free")
+    assert (sut.name, sut.kind) == ("free", "pilot")
+
+
+def test_what_a_system_is_like_is_also_found_beside_the_campaign(tmp_path: Path) -> None:
+    (tmp_path / "suts").mkdir()
+    (tmp_path / "mine" / "suts").mkdir(parents=True)
+    write(tmp_path / "suts", "base", "kind: pilot\nparameters: {max_speed: 0.4}\n")
+    write(tmp_path / "mine" / "suts", "slow", "like: base\n")
+    assert pilot(tmp_path / "mine", "slow") == {"max_speed": 0.4}
+
+
+@pytest.mark.parametrize(
+    ("files", "expected"),
+    [
+        ({"a": "like: b\n", "b": "like: c\n", "c": "like: b\n"},
+         "c.yaml:2:1: like: goes round in a circle, b -> c -> b"),
+        ({"a": "like: a\n"}, "a.yaml:2:1: like: goes round in a circle, a -> a"),
+        ({"a": "like: bb\n", "b": "kind: pilot\n"}, 'no system under test "bb"'),
+        ({"a": "about: nothing\n"}, 'a.yaml:1:1: key "kind" is missing'),
+        ({"a": "kind: idle\nlike: b\n", "b": "kind: pilot\n"},
+         "a.yaml:2:1: kind: b is of kind pilot, so this one is as well"),
+        ({"a": "kind: pilot\nros: robot\n"}, "a.yaml:3:1: ros: only kind ros reads ROS"),
+        ({"a": "kind: pilot\nparameters:\n  max_speed: null\n"},
+         "a.yaml:4:3: max_speed: null takes an inherited value away"),
+        ({"a": "kind: ros\nros: robt\n"}, 'no folder robt\n    did you mean "robot"?'),
+        ({"a": "kind: ros\nfiles: {amcl: robot/amc.yaml}\n"},
+         'a.yaml:3:9: no file robot/amc.yaml\n    did you mean "amcl.yaml"?'),
+        ({"a": "like: b\nparameters: {max_speed: 0.1}\n",
+          "b": "kind: pilot\nparameters:\n  max_turn: fast\n"}, "b.yaml:4:3"),
+    ],
+)  # fmt: skip
+def test_what_cannot_be_layered_is_said_where_it_stands(
+    folder: Path, files: dict[str, str], expected: str
+) -> None:
+    for name, text in files.items():
+        write(folder, name, text)
+    found = errors(folder, "a")
+    assert any(expected in message for message in found), found
+
+
+def test_a_folder_of_ros_files_is_loaded_as_launch_files_load_it(folder: Path) -> None:
+    sut, warnings = load(folder, "robot")
+    assert warnings == []
+    move_base = sut.parameters["move_base"]
+    assert sut.parameters["amcl"] == {"odom_alpha1": 0.1}
+    assert move_base["controller_frequency"] == 10.0
+    assert move_base["DWAPlannerROS"]["max_vel_trans"] == 0.5
+    assert move_base["global_costmap"]["inflation_radius"] == 0.5
+    assert move_base["local_costmap"]["inflation_radius"] == 0.4
+    assert len(move_base["local_costmap"]["footprint"]) == 4
+
+
+def test_files_named_one_by_one_and_overrides_give_the_same_tree(folder: Path) -> None:
+    listed = {
+        "amcl": "robot/amcl.yaml",
+        "costmap_common": "robot/costmap_common_params.yaml",
+        "move_base": "[robot/costmap_global_params.yaml, robot/costmap_local_params.yaml,\n"
+        "    robot/dwa_local_planner_params.yaml, robot/move_base_params.yaml]",
+    }
+    files = "".join(f"  {namespace}: {names}\n" for namespace, names in listed.items())
+    write(folder, "listed", f"kind: ros\nfiles:\n{files}")
+    assert load(folder, "listed")[0].parameters == load(folder, "robot")[0].parameters
+
+
+def test_a_file_about_one_section_may_leave_its_name_out(folder: Path) -> None:
+    before = load(folder, "robot")[0].parameters
+    lines = FILES["costmap_local_params.yaml"].splitlines()[1:]
+    (folder / "robot" / "costmap_local_params.yaml").unlink()
+    (folder / "robot" / "local_costmap_params.yaml").write_text("\n".join(lines).replace("  ", ""))
+    assert load(folder, "robot")[0].parameters == before
+
+
+def test_a_name_with_slashes_means_levels_and_a_leading_one_leaves_the_namespace(
+    folder: Path,
+) -> None:
+    text = "DWAPlannerROS/sim_time: 1.5\n/amcl/odom_alpha2: 0.3\n"
+    (folder / "robot" / "move_base_params.yaml").write_text(text)
+    parameters = load(folder, "robot")[0].parameters
+    assert parameters["move_base"]["DWAPlannerROS"]["sim_time"] == 1.5
+    assert parameters["amcl"]["odom_alpha2"] == 0.3
+
+
+def test_what_both_costmaps_share_is_overridden_in_one_line(folder: Path) -> None:
+    text = "like: robot\nparameters: {costmap_common: {inflation_radius: 0.9, scan: {topic: s}}}\n"
+    write(folder, "mine", text)
+    sut, warnings = load(folder, "mine")
+    move_base = sut.parameters["move_base"]
+    assert move_base["global_costmap"]["inflation_radius"] == 0.9
+    assert move_base["local_costmap"]["inflation_radius"] == 0.4
+    assert move_base["local_costmap"]["scan"]["data_type"] == "LaserScan"
+    assert sum("mine.yaml:3:" in w and "listens to /s" in w for w in warnings) == 2
+
+
+@pytest.mark.parametrize(
+    ("file", "old", "new", "expected"),
+    [
+        ("costmap_common_params.yaml", "[[0.3, 0.2], [0.3, -0.2], [-0.3, -0.2], [-0.3, 0.2]]",
+         "[[0.3, 0.2], [0.3, -0.2]]",
+         "costmap_common_params.yaml:2:12: footprint: a polygon needs at least three points"),
+        ("costmap_common_params.yaml", "inflation_radius: 0.5", "inflation_radius: -0.5",
+         "costmap_common_params.yaml:5:19: inflation_radius: must be greater than or equal to 0"),
+        ("dwa_local_planner_params.yaml", "min_vel_trans: 0.1", "min_vel_trans: 0.7",
+         "dwa_local_planner_params.yaml:4:18: min_vel_trans 0.7 is above max_vel_trans 0.5"),
+        ("amcl.yaml", "0.1", "much", "amcl.yaml:1:14: odom_alpha1: must be a number"),
+        ("amcl.yaml", "0.1", "1e-1", "ROS takes that for text"),
+        ("amcl.yaml", "0.1", "[", "amcl.yaml:2:1: is not valid YAML"),
+        ("amcl.yaml", "0.1", "", "amcl.yaml:1:1: odom_alpha1: has no value"),
+    ],
+)  # fmt: skip
+def test_a_wrong_value_is_reported_once_where_it_stands_in_the_ros_file(
+    folder: Path, file: str, old: str, new: str, expected: str
+) -> None:
+    (folder / "robot" / file).write_text(FILES[file].replace(old, new))
+    (message,) = errors(folder, "robot")
+    assert message.startswith("robot/")
+    assert expected in message
+
+
+def test_slips_of_ros_files_are_warnings_with_their_place(folder: Path) -> None:
+    dwa = FILES["dwa_local_planner_params.yaml"] + "  max_vel_tans: 0.2\n  stop_time_buffer: 0.2\n"
+    (folder / "robot" / "dwa_local_planner_params.yaml").write_text(dwa)
+    local = FILES["costmap_local_params.yaml"] + "  inflation_radius: 0.3\n"
+    (folder / "robot" / "costmap_local_params.yaml").write_text(local)
+    (folder / "robot" / "teb.yaml").write_text("x: 1\n")
+    sut, warnings = load(folder, "robot")
+    text = "\n".join(warnings)
+    assert sut.parameters["move_base"]["local_costmap"]["inflation_radius"] == 0.3
+    assert 'params.yaml:5:17: warning: nothing reads a parameter "max_vel_tans"' in text
+    assert 'did you mean "max_vel_trans"?' in text
+    assert "costmap_local_params.yaml:5:3: warning: inflation_radius: is written twice" in text
+    assert "robot.yaml:1:1: warning: without effect here: DWAPlannerROS/stop_time_buffer" in text
+    assert "robot.yaml:3:1: warning: not read in robot: teb.yaml" in text
+    assert len(warnings) == 4
+
+
+def test_the_three_mistakes_of_the_paper_are_three_lines(campaigns: Path) -> None:
+    wrong, right = (load(campaigns, name)[0].parameters for name in ("a2s", "fro-diff"))
+    assert differences(wrong, right) == {
+        "amcl/odom_model_type",
+        "move_base/global_costmap/footprint",
+        "move_base/global_costmap/scan/topic",
+        "move_base/local_costmap/footprint",
+        "move_base/local_costmap/scan/topic",
+    }
+    text = (campaigns / "suts" / "a2s.yaml").read_text()
+    lines = text.partition("parameters:\n")[2].splitlines()
+    assert len([line for line in lines if line.strip() != "costmap_common:"]) == 3
+
+
+def differences(one: Any, other: Any, path: str = "") -> set[str]:
+    if not isinstance(one, dict) or not isinstance(other, dict):
+        return set() if one == other else {path}
+    return {
+        found
+        for name in one.keys() | other.keys()
+        for found in differences(one.get(name), other.get(name), f"{path}/{name}".lstrip("/"))
+    }
+
+
+@pytest.mark.parametrize(
+    ("name", "hears"), [("a2s", True), ("fro-diff", True), ("fro-omni", True), ("a2s-blind", False)]
+)
+def test_only_the_blind_costmaps_do_not_hear_the_scan(
+    campaigns: Path, name: str, hears: bool
+) -> None:
+    read = read_ros(load(campaigns, name)[0].parameters)
+    assert read.wiring == Wiring(amcl=True, global_costmap=hears, local_costmap=hears)
+    unheard = [f for f in read.findings.problems if "listens to" in f.message]
+    assert len(unheard) == len(read.findings.problems) == (0 if hears else 2)
+
+
+@pytest.mark.parametrize("name", ["a2s", "fro-diff", "fro-omni"])
+def test_our_configurations_have_the_published_figures(
+    campaigns: Path, reference_data: Path, name: str
+) -> None:
+    published = reference_data / "suts" / name
+    common, local, global_, dwa, base, amcl = (
+        load_ros_yaml(published / f"{file}.yaml")[0].data
+        for file in (
+            "costmap_common_params", "costmap_local_params", "costmap_global_params",
+            "dwa_local_planner_params", "move_base_params", "amcl",
+        )
+    )  # fmt: skip
+    costmaps = {
+        "local_costmap": common | local["local_costmap"],
+        "global_costmap": common | global_["global_costmap"],
+    }
+    ours = load(campaigns, name)[0].parameters
+    assert ours["amcl"] == amcl
+    assert ours["move_base"] == base | dwa | costmaps
