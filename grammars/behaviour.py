@@ -79,11 +79,12 @@ class KeyFrames:
 class Trigger:
     """The joint moves from ``start`` to ``end`` once the robot is nearer than ``distance``.
 
-    ``of`` says what the distance is measured from (foot of the hinge, the moving leaf, or the
-    centre of the doorway the object stands in), ``to`` whether it is measured to the robot's
-    base frame or to its footprint. Without ``rearm`` the trigger latches; with it the joint
-    returns to ``start`` when the robot is farther than ``rearm`` (> ``distance``) and can fire
-    again.
+    ``of`` says what the distance is measured from (the anchor of the hinge, the origin of the
+    object: its ``foot``, the moving leaf, or the centre of the doorway the object stands in),
+    ``to`` whether it is measured to the robot's base frame or to its footprint. With ``begin``
+    the joint is there at first, and its motion takes it to ``start`` from time 0 on. Without
+    ``rearm`` the trigger latches; with it the joint returns to ``start`` when the robot is
+    farther than ``rearm`` (> ``distance``) and can fire again.
     """
 
     joint: str
@@ -91,9 +92,10 @@ class Trigger:
     end: float
     distance: float
     motion: Motion
-    of: Literal["hinge", "leaf", "doorway"] = "hinge"
+    of: Literal["hinge", "foot", "leaf", "doorway"] = "hinge"
     to: Literal["base", "footprint"] = "base"
     rearm: float | None = None
+    begin: float | None = None
     kind: Literal["trigger"] = "trigger"
 
 

@@ -170,7 +170,7 @@ def _losses(job: Job) -> Iterator[str]:
                 yield f"{joint}: the plugin for key frames jumps, it knows no {act.motion.kind}"
             if not isinstance(act, Trigger):
                 continue
-            if (act.of, act.to) != ("hinge", "base"):
+            if act.of not in ("hinge", "foot") or act.to != "base":
                 yield (
                     f"{joint}: the trigger plugin measures from the foot of the object to the "
                     f"base of the robot, not from the {act.of} to its {act.to}"

@@ -143,7 +143,8 @@ def start_positions(scene: Scene, behaviours: Sequence[Behaviour]) -> dict[str, 
             case Hold():
                 start[behaviour.joint] = behaviour.position
             case Trigger():
-                start[behaviour.joint] = behaviour.start
+                begin = behaviour.begin
+                start[behaviour.joint] = behaviour.start if begin is None else begin
             case KeyFrames() if behaviour.frames and behaviour.frames[0].time <= 0.0:
                 start[behaviour.joint] = behaviour.frames[0].position
             case _ if behaviour.kind == "reaction":

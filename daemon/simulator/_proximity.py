@@ -23,14 +23,15 @@ class Proximity:
     """The distance a trigger watches, and safe bounds on when it need not be watched.
 
     ``of``: ``hinge`` is the anchor of a revolute joint, or the object's origin for a prismatic
-    one; ``leaf`` the nearest point of the moving link; ``doorway`` a fixed point.
+    one; ``foot`` is that origin; ``leaf`` the nearest point of the moving link; ``doorway`` a
+    fixed point.
     """
 
     def __init__(
         self,
         drive: JointDrive,
         assembly: Assembly,
-        of: Literal["hinge", "leaf", "doorway"],
+        of: Literal["hinge", "foot", "leaf", "doorway"],
         to: Literal["base", "footprint"],
         doorway: Point2 | None,
         footprint: Floats,
@@ -39,7 +40,7 @@ class Proximity:
         self._of, self._to, self._doorway = of, to, doorway
         self._parent, self._child = drive.parent, drive.child
         self._turns = joint.kind == "revolute"
-        foot = joint.anchor if self._turns else (0.0, 0.0)
+        foot = joint.anchor if self._turns and of != "foot" else (0.0, 0.0)
         self._foot = motion.frame.apply(foot)
         self._stands = of == "doorway" or motion.parent == WORLD
         self._outlines = [

@@ -7,7 +7,7 @@ import math
 from collections.abc import Mapping, Sequence
 
 from daemon.simulator._behaviours import frame_tick
-from grammars.behaviour import Behaviour, Hold, KeyFrames, Reaction, Trigger, Walk
+from grammars.behaviour import Behaviour, Hold, Jump, KeyFrames, Reaction, Trigger, Walk
 from grammars.movers import JOINTS, chain_positions, is_mover
 from grammars.route import Route
 from grammars.scene import Scene, SceneObject
@@ -56,7 +56,7 @@ def starting_positions(
             raise ValueError(f"behaviour {behaviour.kind}: {name!r} belongs to a mover")
         elif isinstance(behaviour, Trigger):
             _check_trigger(behaviour)
-            start[name] = behaviour.start
+            start[name] = behaviour.start if behaviour.begin is None else behaviour.begin
         elif isinstance(behaviour, Reaction):
             start[name] = behaviour.start
         else:
@@ -93,3 +93,5 @@ def _check_frames(behaviour: KeyFrames) -> None:
 def _check_trigger(behaviour: Trigger) -> None:
     if behaviour.rearm is not None and behaviour.rearm <= behaviour.distance:
         raise ValueError(f"trigger of joint {behaviour.joint!r}: rearm must exceed distance")
+    if behaviour.begin is not None and isinstance(behaviour.motion, Jump):
+        raise ValueError(f"trigger of joint {behaviour.joint!r}: a jump begins at its start")

@@ -147,7 +147,12 @@ class Speaker:
             raise InputError(
                 Diagnostic(said.again.where, message, "again beyond a larger distance")
             )
+        begin = start if said.begin is None else self._positions(said.begin)
+        self._same_joints(said, start, begin)
         self._same_joints(said, start, end)
+        if said.begin is not None and said.motion.kind == "jump":
+            message = "what jumps is where it goes from at once"
+            raise InputError(Diagnostic(said.begin.where, message, "leave out starting at …"))
         if said.of == "doorway" and not self._body.doorway:
             message = f"{self._body.name} does not stand in a doorway"
             raise InputError(Diagnostic(said.where, message, "measure from its hinge or leaf"))
@@ -161,6 +166,7 @@ class Speaker:
                 said.of,
                 said.to,
                 rearm,
+                None if said.begin is None else begin[joint],
             )
             for joint in start
         ]

@@ -173,7 +173,8 @@ def _measured_from(scene: Scene, trigger: Trigger) -> BaseGeometry:
         link = next(part for part in body.links if part.name == joint.child)
         return swept(body, link, ranges)
     if joint.parent == WORLD or joint.parent in {part.name for part in still_links(body)}:
-        foot = joint.anchor if joint.kind == "revolute" else (0.0, 0.0)
+        hinge = joint.kind == "revolute" and trigger.of == "hinge"
+        foot = joint.anchor if hinge else (0.0, 0.0)
         return Point(body.pose.apply(foot))
     link = next(part for part in body.links if part.name == joint.parent)
     return swept(body, link, ranges)

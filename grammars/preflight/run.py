@@ -178,6 +178,8 @@ def used_positions(behaviour: Hold | KeyFrames | Trigger | Reaction) -> tuple[fl
             return (behaviour.position,)
         case KeyFrames():
             return tuple(frame.position for frame in behaviour.frames)
+        case Trigger(begin=float(begin)):
+            return (begin, behaviour.start, behaviour.end)
         case Trigger() | Reaction():
             return (behaviour.start, behaviour.end)
 

@@ -48,11 +48,12 @@ quantities. The last layer that speaks about a joint wins::
         again beyond 2 m, by spring of 0.5 N m/rad damped by 0.1 N m s/rad
     cabinet_door toggles between closed and open after uniform 10 s to 40 s, from 1 min
 
-The distance is taken from the ``hinge``, the ``leaf`` or the ``doorway`` to the robot's base, or to
-``the robot's footprint``. Without ``by`` joints move as a servo with the defaults of
-:class:`grammars.behaviour.Servo`; without ``from``, the first draw comes after one period. The
-time between two changes may be drawn as well: ``uniform 10 s to 40 s``, ``exponential with mean
-20 s`` or ``normal with mean 20 s, deviation 5 s``.
+The distance is taken from the ``hinge``, the ``foot`` of the object (the origin of its frame), the
+``leaf`` or the ``doorway`` to the robot's base, or to ``the robot's footprint``. ``starting at
+closed`` says where such a joint is at first, if not where it goes from. Without ``by`` joints move
+as a servo with the defaults of :class:`grammars.behaviour.Servo`; without ``from``, the first draw
+comes after one period. The time between two changes may be drawn as well: ``uniform 10 s to
+40 s``, ``exponential with mean 20 s`` or ``normal with mean 20 s, deviation 5 s``.
 ``front_door starts open`` and ``front_door is frozen`` in another layer change how it starts.
 
 Reactions happen once: when a leg of the mission begins (leg 1 leads to the first waypoint), when a

@@ -227,15 +227,19 @@ class Toggles:
 
 @dataclass(frozen=True, slots=True)
 class Goes:
-    """Moves when the robot comes near, and back when it is ``again`` away (if that is given)."""
+    """Moves when the robot comes near, and back when it is ``again`` away (if that is given).
+
+    ``begin`` is where it is at first, if that is not ``start``.
+    """
 
     subject: Subject
     start: Amount
     end: Amount
     distance: Amount
-    of: Literal["hinge", "leaf", "doorway"]
+    of: Literal["hinge", "foot", "leaf", "doorway"]
     to: Literal["base", "footprint"]
     again: Amount | None
+    begin: Amount | None
     motion: MotionAs
     where: Where = field(compare=False)
 

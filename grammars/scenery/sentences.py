@@ -128,6 +128,7 @@ def _goes(reader: Reader, subject: Subject, node: Any) -> Goes | Reacts:
             )
         )
     again, after, near = options.get("Again"), options.get("After"), when.condition
+    starting = options.get("Starting")
     if type(near).__name__ != "RobotIsNear":
         return _reacts(reader, subject, node, options)
     if after is not None:
@@ -141,6 +142,7 @@ def _goes(reader: Reader, subject: Subject, node: Any) -> Goes | Reacts:
         near.point,
         "footprint" if near.body else "base",
         None if again is None else reader.amount(again.value, "length"),
+        None if starting is None else reader.amount(starting.value, *_POSITIONS),
         _motion(reader, options.get("By")),
         subject.where,
     )
@@ -150,6 +152,10 @@ def _reacts(reader: Reader, subject: Subject, node: Any, options: dict[str, Any]
     if "Again" in options:
         where = reader.where(options["Again"])
         raise InputError(Diagnostic(where, "an event is reacted to once", "leave out again …"))
+    if "Starting" in options:
+        where = reader.where(options["Starting"])
+        message = "only what waits for the robot to come near starts elsewhere"
+        raise InputError(Diagnostic(where, message, "leave out starting at …"))
     return Reacts(
         subject,
         reader.amount(node.start, *_POSITIONS),

@@ -216,6 +216,11 @@ MESSAGES = {
     "a goes from open to closed when the robot is within 2 m of its leaf, again beyond 1 m": (
         "it would be ready again at 1 m, inside of 2 m"
     ),
+    "a goes from open to closed when the robot is within 1 m of its foot, starting at 9 rad": (
+        "9 rad is outside the limits of a.hinge"
+    ),
+    "a goes from open to closed when the robot is within 1 m of its foot, "
+    "starting at closed, by jump": "what jumps is where it goes from at once",
     "a moves to open at 5 s, to closed at 4 s": "4 s is not after 5 s\n    put them in order",
     "a moves to open at -5 s": "-5 s is before the start of the run",
     "a moves to open at 5 s by servo at 1 m/s": "an angular speed is needed here",

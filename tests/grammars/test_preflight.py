@@ -301,7 +301,7 @@ told = st.lists(
             positions,
             st.floats(0.1, 5),
             motions,
-            st.sampled_from(["hinge", "leaf", "doorway"]),
+            st.sampled_from(["hinge", "foot", "leaf", "doorway"]),
         ),
     ),
     max_size=4,

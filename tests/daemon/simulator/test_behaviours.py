@@ -170,7 +170,7 @@ def test_a_rearming_trigger_returns_with_hysteresis_and_fires_again() -> None:
     assert texts[:3] == ["triggered", "re-armed", "triggered"]
 
 
-@pytest.mark.parametrize("of", ["hinge", "leaf", "doorway"])
+@pytest.mark.parametrize("of", ["hinge", "foot", "leaf", "doorway"])
 @pytest.mark.parametrize("to", ["base", "footprint"])
 def test_every_kind_of_distance_fires_at_the_same_tick_as_watching_always(of: str, to: str) -> None:
     def events(*, lazily: bool) -> list[tuple[float, str]]:
@@ -245,13 +245,14 @@ def test_triggers_are_measured_rarely_while_nothing_can_happen(
 def test_distances_are_measured_from_what_the_trigger_names() -> None:
     start = Pose2(1.0, 1.0, 0.0)
     measured = {}
-    for of in ("hinge", "leaf", "doorway"):
+    for of in ("hinge", "foot", "leaf", "doorway"):
         for to in ("base", "footprint"):
             simulated = approach(near(Jump(), of=of, to=to, distance=9.0), start=start)
             simulated.advance(1)
             (event,) = simulated.take_events()
             measured[of, to] = float(event.text.split()[2])
     assert measured["hinge", "base"] == pytest.approx(math.hypot(1.975, 0.475), abs=1e-3)
+    assert measured["foot", "base"] == pytest.approx(math.hypot(2.0, 0.5), abs=1e-3)
     assert measured["leaf", "base"] == pytest.approx(1.975, abs=1e-3)
     assert measured["doorway", "base"] == pytest.approx(2.0, abs=1e-3)
     assert measured["hinge", "footprint"] == pytest.approx(
@@ -306,6 +307,7 @@ def test_a_blocked_trigger_jump_completes_when_the_robot_makes_way() -> None:
         ((frames(Jump(), (-2.0, 0.0)),), "order of time"),
         ((near(Jump(), rearm=1.0),), "rearm must exceed"),
         ((near(Jump(), of="doorway"),), "stands in no doorway"),
+        ((near(Jump(), begin=1.0),), "a jump begins at its start"),
     ],
 )
 def test_impossible_behaviours_are_refused(behaviours: tuple[Behaviour, ...], message: str) -> None:

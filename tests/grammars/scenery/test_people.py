@@ -176,6 +176,9 @@ MESSAGES = {
     "d goes from a to b when leg 2 begins, again beyond 2 m": (
         "d.scenery:1:39: an event is reacted to once"
     ),
+    "d goes from a to b when leg 2 begins, starting at b": (
+        "d.scenery:1:39: only what waits for the robot to come near starts elsewhere"
+    ),
     "d goes from a to b when the robot is within 1 m of its hinge, after 2 s": (
         "d.scenery:1:63: only events are reacted to after some time"
     ),
