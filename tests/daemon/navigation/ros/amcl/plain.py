@@ -226,11 +226,10 @@ class PlainAmcl:
 
     def __init__(
         self, parameters: AmclParameters, grid: OccupancyGrid, laser: Laser, start: Pose2,
-        seed: int, field: Floats | None = None,
+        seed: int, field: Floats,
     ) -> None:  # fmt: skip
         p = self.parameters = parameters
-        self.grid, self.laser = grid, laser
-        self.field = distances(grid, p.laser_likelihood_max_dist) if field is None else field
+        self.grid, self.laser, self.field = grid, laser, field
         self.random = np.random.default_rng(np.random.SeedSequence(seed))
         sigma = np.sqrt([p.initial_cov_xx, p.initial_cov_yy, p.initial_cov_aa])
         normals = self.random.standard_normal((3, p.max_particles))

@@ -18,6 +18,7 @@ from tests.daemon.navigation.ros.amcl.world import LASER, PUBLISHED, a_room, map
 
 WALLS = a_room(4.0, 3.0, 0.2)
 GRID = map_of(WALLS)
+FIELD = plain.distances(GRID, PUBLISHED.laser_likelihood_max_dist)
 TRUTH = Pose2(1.5, 1.7, 0.4)
 NOTHING = np.full(LASER.rays, np.inf, dtype=np.float32)
 
@@ -68,8 +69,7 @@ def test_weights_are_one_plus_the_sum_of_cubes() -> None:
     ranges[35:60] = np.inf
     ranges[70], ranges[80], ranges[90] = np.nan, 5.6, 0.05
     poses = around(TRUTH, 400)
-    field = plain.distances(GRID, PUBLISHED.laser_likelihood_max_dist)
-    expected = plain.likelihood(PUBLISHED, GRID, field, LASER, poses, ranges)
+    expected = plain.likelihood(PUBLISHED, GRID, FIELD, LASER, poses, ranges)
     np.testing.assert_allclose(weigh(PUBLISHED, ranges, poses), expected, rtol=1e-12)
 
 
@@ -135,8 +135,7 @@ def test_thick_walls_let_the_estimate_slide_along_the_view(thickness: float, sli
 def test_the_probabilistic_field_multiplies_beams() -> None:
     p = replace(PUBLISHED, laser_model_type="likelihood_field_prob")
     ranges, poses = see(WALLS, TRUTH), around(TRUTH, 200, 0.1)
-    field = plain.distances(GRID, p.laser_likelihood_max_dist)
-    away = plain.distances_at_ends(p, GRID, field, LASER, poses, ranges, range(0, 150, 5))
+    away = plain.distances_at_ends(p, GRID, FIELD, LASER, poses, ranges, range(0, 150, 5))
     expected = plain.pz(p, LASER, away).prod(axis=1)
     np.testing.assert_allclose(weigh(p, ranges, poses), expected, rtol=1e-9)
 
@@ -148,8 +147,7 @@ def test_beams_most_particles_disagree_with_are_skipped_once_converged() -> None
     )  # fmt: skip
     ranges, poses = see(WALLS, TRUTH), around(TRUTH, 200, 0.02)
     ranges[60:90] = 0.5  # somebody stands before the robot
-    field = plain.distances(GRID, p.laser_likelihood_max_dist)
-    away = plain.distances_at_ends(p, GRID, field, LASER, poses, ranges, range(0, 150, 5))
+    away = plain.distances_at_ends(p, GRID, FIELD, LASER, poses, ranges, range(0, 150, 5))
     agree = (away < 0.3).mean(axis=0) > p.beam_skip_threshold
     assert 0 < np.count_nonzero(~agree) < 10
     kept = plain.pz(p, LASER, away[:, agree]).prod(axis=1)

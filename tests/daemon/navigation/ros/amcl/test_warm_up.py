@@ -1,0 +1,42 @@
+from __future__ import annotations
+
+import importlib
+import pkgutil
+
+import numpy as np
+from numba.core.dispatcher import Dispatcher
+
+import daemon.navigation.ros.amcl as room
+from daemon.navigation.ros.amcl import Amcl, AmclParameters, warm_up
+from daemon.navigation.ros.quirks import ORIGINAL
+from grammars.values import Pose2
+from tests.daemon.navigation.ros.amcl.world import LASER, a_room, map_of, see
+
+
+def compiled() -> dict[str, int]:
+    """How many versions of each kernel of the room are compiled."""
+    found = {}
+    for info in pkgutil.iter_modules(room.__path__, f"{room.__name__}."):
+        for name, value in vars(importlib.import_module(info.name)).items():
+            if isinstance(value, Dispatcher):
+                found[f"{info.name}.{name}"] = len(value.signatures)
+    return found
+
+
+def test_after_warming_up_no_run_compiles_anything() -> None:
+    warm_up()
+    before = compiled()
+    assert before
+    walls = a_room(3.0, 2.0, 0.2)
+    for odometry in ("diff", "omni", "diff-corrected", "omni-corrected"):
+        for sensor in ("beam", "likelihood_field", "likelihood_field_prob"):
+            p = AmclParameters(
+                min_particles=10, max_particles=30, odom_model_type=odometry,  # type: ignore[arg-type]
+                laser_model_type=sensor, do_beamskip=True, selective_resampling=True,  # type: ignore[arg-type]
+            )  # fmt: skip
+            seed = np.random.SeedSequence(0)
+            amcl = Amcl(p, ORIGINAL, map_of(walls), LASER, Pose2(1.0, 1.0), seed)
+            for k in range(4):
+                pose = Pose2(1.0 + 0.3 * k, 1.0)
+                amcl.scan(0.1 * k, see(walls, pose), pose)
+    assert compiled() == before
