@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 
+from daemon.navigation.kernels import Singles
 from daemon.navigation.ros.amcl import AmclParameters
 from grammars.grid import FREE, OCCUPIED, OccupancyGrid
 from grammars.robot import Laser
@@ -22,7 +23,7 @@ def single(value: float) -> float:
 def distances(grid: OccupancyGrid, cap: float) -> Floats:
     """Distance [m] of every cell to the nearest occupied one, ``cap`` beyond ``cap``."""
     found = np.argwhere(grid.cells == OCCUPIED)
-    if not len(found):
+    if len(found) == 0:
         return np.full(grid.cells.shape, cap)
     rows, columns = np.indices(grid.cells.shape)
     away = np.hypot(rows[..., None] - found[:, 0], columns[..., None] - found[:, 1]).min(axis=-1)
@@ -46,7 +47,7 @@ def beams(laser: Laser, maximum: int) -> range:
 
 def distances_at_ends(
     parameters: AmclParameters, grid: OccupancyGrid, field: Floats, laser: Laser, poses: Floats,
-    ranges: Floats, indices: range,
+    ranges: Singles, indices: range,
 ) -> Floats:  # fmt: skip
     """Distance to the nearest obstacle at every usable beam's end, shape (particles, beams)."""
     bearings = np.linspace(laser.angle_min, laser.angle_max, laser.rays)
@@ -73,7 +74,7 @@ def pz(parameters: AmclParameters, laser: Laser, away: Floats) -> Floats:
 
 def likelihood(
     parameters: AmclParameters, grid: OccupancyGrid, field: Floats, laser: Laser, poses: Floats,
-    ranges: Floats,
+    ranges: Singles,
 ) -> Floats:  # fmt: skip
     """p = 1 + sum pz^3 of each pose (n, 3)."""
     indices = beams(laser, parameters.laser_max_beams)
@@ -107,7 +108,7 @@ def map_range(grid: OccupancyGrid, x: float, y: float, angle: float, reach: floa
 
 
 def beam_likelihood(
-    p: AmclParameters, grid: OccupancyGrid, laser: Laser, pose: Floats, ranges: Floats
+    p: AmclParameters, grid: OccupancyGrid, laser: Laser, pose: Floats, ranges: Singles
 ) -> float:
     """The mixture of Probabilistic Robotics, table 6.1, beams combined as 1 + sum pz^3."""
     bearings = np.linspace(laser.angle_min, laser.angle_max, laser.rays)
@@ -238,7 +239,7 @@ class PlainAmcl:
         self.last: Pose2 | None = None
         self.updates = 0
 
-    def update(self, ranges: Floats, odom: Pose2) -> bool:
+    def update(self, ranges: Singles, odom: Pose2) -> bool:
         """Take a scan; tell whether particles were resampled. Every scan counts as a motion."""
         p = self.parameters
         if self.last is not None:

@@ -31,8 +31,8 @@ def test_after_warming_up_no_run_compiles_anything() -> None:
     for odometry in ("diff", "omni", "diff-corrected", "omni-corrected"):
         for sensor in ("beam", "likelihood_field", "likelihood_field_prob"):
             p = AmclParameters(
-                min_particles=10, max_particles=30, odom_model_type=odometry,  # type: ignore[arg-type]
-                laser_model_type=sensor, do_beamskip=True, selective_resampling=True,  # type: ignore[arg-type]
+                min_particles=10, max_particles=30, odom_model_type=odometry,
+                laser_model_type=sensor, do_beamskip=True, selective_resampling=True,
             )  # fmt: skip
             seed = np.random.SeedSequence(0)
             amcl = Amcl(p, ORIGINAL, map_of(walls), LASER, Pose2(1.0, 1.0), seed)

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from daemon.navigation.kernels import Singles
 from daemon.navigation.ros.amcl import AmclParameters
 from grammars.grid import OccupancyGrid
 from grammars.robot import Laser
-from grammars.values import Floats, Pose2
+from grammars.values import Pose2
 from tests.daemon.navigation.pilot.world import Box, cast, draw, edges
 
 LASER = Laser(Pose2(0.3), 0.3, -1.57, 1.57, 150, 0.05, 5.6, 10.0, 0.01, 0.0)
@@ -37,7 +38,7 @@ def map_of(walls: list[Box]) -> OccupancyGrid:
     return draw(walls, (max(box[2] for box in walls) + 0.1, max(box[3] for box in walls) + 0.1))
 
 
-def see(walls: list[Box], pose: Pose2, random: np.random.Generator | None = None) -> Floats:
+def see(walls: list[Box], pose: Pose2, random: np.random.Generator | None = None) -> Singles:
     """What the laser measures at ``pose``, float32, with noise when ``random`` is given."""
     segments = np.vstack([edges(box) for box in walls])
     angles = np.linspace(LASER.angle_min, LASER.angle_max, LASER.rays)

@@ -1,0 +1,106 @@
+"""One update of AMCL, compiled and in plain numpy, and how long a large map takes.
+
+Run with ``python -m tests.benchmarks.bench_amcl``. A corridor with niches on a map of 1700 x 1730
+cells is driven down with the published parameters: 2000 particles at most, 30 beams, resampled
+every second update. Both filters take the same scans in turns in one process.
+"""
+
+from __future__ import annotations
+
+import statistics
+import time
+from collections.abc import Callable
+from functools import partial
+
+import numpy as np
+
+from daemon.navigation.kernels import Singles
+from daemon.navigation.ros.amcl import Amcl, warm_up
+from daemon.navigation.ros.amcl._beam import map_range
+from daemon.navigation.ros.amcl._field import distance_field
+from daemon.navigation.ros.quirks import ORIGINAL
+from grammars.grid import FREE, OCCUPIED, OccupancyGrid
+from grammars.values import Pose2
+from tests.daemon.navigation.ros.amcl.plain import PlainAmcl
+from tests.daemon.navigation.ros.amcl.world import LASER, PUBLISHED
+
+UPDATES = 120
+BLOCK = 20
+STEP = 0.11
+
+
+def corridor() -> OccupancyGrid:
+    """Two thick walls with a niche's end every 2.25 m."""
+    cells = np.full((1730, 1700), FREE, dtype=np.int8)
+    cells[860:865], cells[905:910] = OCCUPIED, OCCUPIED
+    for column in range(0, 1700, 45):
+        cells[865:880, column : column + 4] = OCCUPIED
+    return OccupancyGrid(0.05, -42.5, -43.25, cells)
+
+
+def see(grid: OccupancyGrid, pose: Pose2) -> Singles:
+    """Return the scan at ``pose`` as the map shows it, float32."""
+    sensor, blocked = pose @ LASER.mount, (grid.cells != FREE).view(np.uint8)
+    angles = np.linspace(LASER.angle_min, LASER.angle_max, LASER.rays).tolist()
+    reach = LASER.range_max
+    ranges = np.array([
+        map_range(
+            blocked, grid.x, grid.y, grid.resolution, 0.0, sensor.x, sensor.y, sensor.yaw + a, reach
+        )
+        for a in angles
+    ])  # fmt: skip
+    ranges[ranges >= reach] = np.inf
+    return ranges.astype(np.float32)
+
+
+def _timed(work: Callable[[], object]) -> float:
+    """Return CPU seconds."""
+    begin = time.thread_time()
+    work()
+    return time.thread_time() - begin
+
+
+def main() -> None:
+    """Print the table."""
+    warm_up()
+    grid = corridor()
+    poses = [Pose2(STEP * k, 0.9, 0.0) for k in range(UPDATES)]
+    scans = [see(grid, pose) for pose in poses]
+
+    def build() -> Amcl:
+        return Amcl(PUBLISHED, ORIGINAL, grid, LASER, poses[0], np.random.SeedSequence(1))
+
+    first, again = _timed(build), _timed(build)
+    amcl = build()
+    field = distance_field(grid, PUBLISHED.laser_likelihood_max_dist)
+    away = field.distances(grid.resolution, PUBLISHED.laser_likelihood_max_dist)
+    reference = PlainAmcl(PUBLISHED, grid, LASER, poses[0], 1, away[field.squared[1:-1, 1:-1]])
+
+    def compiled(begin: int) -> None:
+        for k in range(begin, begin + BLOCK):
+            amcl.scan(0.1 * k, scans[k], poses[k])
+
+    def plain(begin: int) -> None:
+        for k in range(begin, begin + BLOCK):
+            reference.update(scans[k], poses[k])
+
+    rows: dict[str, list[float]] = {"compiled": [], "plain": []}
+    counts = []
+    worst = 0.0
+    for begin in range(0, UPDATES, BLOCK):
+        rows["compiled"].append(_timed(partial(compiled, begin)) / BLOCK * 1e6)
+        rows["plain"].append(_timed(partial(plain, begin)) / BLOCK * 1e6)
+        counts.append(len(amcl.particles))
+        worst = max(worst, float(np.abs(amcl.particles - reference.poses).max()))
+    print(f"map of {grid.cells.shape[1]} x {grid.cells.shape[0]} cells, {LASER.rays} rays")
+    print(f"built for a new map {1e3 * first:8.1f} ms, for a known one {1e3 * again:6.1f} ms")
+    print(f"particles after resampling: {', '.join(str(count) for count in counts)}")
+    kernel = statistics.median(rows["compiled"])
+    for name, label in (("compiled", "compiled"), ("plain", "plain numpy, same random numbers")):
+        median = statistics.median(rows[name])
+        print(f"{label:34} {median:9.1f} us per update {median / kernel:8.1f} x compiled")
+    print(f"largest difference between their particles: {worst:.1e}")
+
+
+if __name__ == "__main__":
+    main()
