@@ -54,7 +54,9 @@ class ObservationSource:
     data_type: str = "PointCloud"
     """Only a LaserScan brings anything here."""
     marking: bool = True
+    """Returns make their cells lethal."""
     clearing: bool = False
+    """Rays clear the cells before their returns."""
     obstacle_range: Annotated[float, Field(ge=0.0, allow_inf_nan=False)] | None = None
     """[m] Returns farther than this do not mark; the costmap's own when not given."""
     raytrace_range: Annotated[float, Field(ge=0.0, allow_inf_nan=False)] | None = None

@@ -26,7 +26,9 @@ class RecoveryBehavior:
     """One entry of ``recovery_behaviors``: what is run, under which name its parameters are."""
 
     name: Annotated[str, Field(min_length=1, max_length=100)]
+    """Also the namespace of its parameters."""
     type: Literal["clear_costmap_recovery/ClearCostmapRecovery", "rotate_recovery/RotateRecovery"]
+    """What it does."""
 
 
 @dataclass(frozen=True, slots=True, config=_CONFIG)
