@@ -84,6 +84,7 @@ class World:
         self._laser = LaserScanner(robot.laser, static, moving, noise, dropout)
         self._odometry = OdometrySensor(robot.odometry, start, _stream(seed, "odometry"))
         self._state_tick, self._state = -1, (start, Twist2())
+        self._between_ticks = robot.odometry.period > 0.0
         self._before = (start.x, start.y, start.yaw)
 
     @property
@@ -111,7 +112,7 @@ class World:
         """Simulate ``ticks`` steps of 10 ms."""
         step, drive, log = self._space.step, self._base.update, self._contacts
         direct, directed = self._director.update, self._director.active
-        last, body = self.tick + ticks - 1, self._base.body
+        body, last = self._base.body, self.tick + ticks - 1 if self._between_ticks else -1
         for tick in range(self.tick, self.tick + ticks):
             self.tick = log.tick = tick
             if tick == last:
@@ -158,7 +159,8 @@ class World:
     def odometry(self, at: float | None = None) -> Odometry:
         """Take one odometry sample; its noise is for the way since the previous sample.
 
-        ``at`` is the instant of the sample, within the last tick; now when left out.
+        ``at`` is the instant of the sample, within the last tick; now when left out. Only a robot
+        whose odometry has a ``period`` can look back.
         """
         pose, twist = self._true_state()
         if at is None or at >= self.time:

@@ -261,9 +261,12 @@ class TraceWriter:
         return now
 
     def _odometer_at(self, time: float) -> Pose2:
+        """Return base_link in odom, carried on by its twist since the last sample."""
         for sample in reversed(self._odometers):
             if sample.time <= time:
-                return sample.pose
+                since, twist = time - sample.time, sample.twist
+                way = Pose2(since * twist.vx, since * twist.vy, since * twist.wz)
+                return sample.pose @ way if since > 0.0 else sample.pose
         return Pose2()
 
     def _correct(self, now: int, pose: Pose2, odometry: Pose2) -> None:

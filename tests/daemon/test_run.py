@@ -12,16 +12,18 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from mcap.reader import make_reader
 
 from daemon import suts
 from daemon.campaign import expand, load_campaign
 from daemon.protocol import Submission
 from daemon.run import SceneMismatchError, execute
 from daemon.spec import RunSpec, Snapshot, SutReference
-from daemon.sut import Briefing, Decision, Estimate, Observation, Progress
+from daemon.sut import Briefing, CostmapPicture, Decision, Estimate, Observation, Progress
 from daemon.trace import read_trace
 from daemon.verdict import Outcome
 from grammars import codec
+from grammars.files import load_robot
 from grammars.scene import Scene
 from grammars.values import Pose2, Twist2
 
@@ -54,9 +56,10 @@ class Scripted:
         nonsense_at: float = 1e9,
         lost_at: float = 1e9,
         silent_at: float = 1e9,
+        show_at: float = 1e9,
     ) -> None:
         self._fail_at, self._finish_at, self._nonsense_at = fail_at, finish_at, nonsense_at
-        self._lost_at, self._silent_at = lost_at, silent_at
+        self._lost_at, self._silent_at, self._show_at = lost_at, silent_at, show_at
 
     def start(self, briefing: Briefing) -> None:
         self.briefing = briefing
@@ -70,7 +73,12 @@ class Scripted:
             return None  # type: ignore[return-value]
         x = math.nan if observation.time >= self._lost_at else 0.0
         estimate = Estimate(observation.time, Pose2(x, 0.0, 0.0), np.eye(3))
-        return Decision(Twist2(speed, 0.0, 0.0), Progress(0, 0, state), estimate)
+        decision = Decision(Twist2(speed, 0.0, 0.0), Progress(0, 0, state), estimate)
+        if observation.time < self._show_at:
+            return decision
+        cells = np.zeros((4, 5), np.uint8)
+        picture = CostmapPicture(observation.time, "odom", 0.05, 0.0, 0.0, cells)
+        return replace(decision, particles=np.zeros((3, 3)), costmap=picture)
 
 
 @pytest.fixture
@@ -120,6 +128,35 @@ def test_the_same_specification_gives_the_same_bytes_in_another_process(
     first = run_in_a_process(spec, scene, tmp_path / "a", "1")
     second = run_in_a_process(spec, scene, tmp_path / "b", "2")
     assert first == second
+
+
+def test_what_a_system_under_test_shows_is_recorded(
+    demo: Submission, scene: Scene, tmp_path: Path, scripted: None
+) -> None:
+    spec = replace(idle(demo, seconds=3.0), sut=SutReference("shows", "scripted", {"show_at": 0.0}))
+    path = tmp_path / "run.mcap"
+    execute(spec, scene, trace_path=path)
+    with path.open("rb") as stream:
+        messages = [
+            (channel.topic, message.log_time / 1e9)
+            for _, channel, message in make_reader(stream).iter_messages()
+        ]
+    for topic in ("/particlecloud", "/move_base/local_costmap/costmap"):
+        assert [time for name, time in messages if name == topic] == [0.0, 1.0, 2.0, 3.0]
+
+
+def test_odometry_of_an_exact_period_keeps_its_stamps(
+    demo: Submission, scene: Scene, tmp_path: Path, campaigns: Path, scripted: None
+) -> None:
+    robot = load_robot(campaigns / "robots" / "robile-planar-move.yaml")
+    spec = replace(idle(demo, seconds=5.0), robot=robot, sut=SutReference("drives", "scripted", {}))
+    execute(spec, scene, trace_path=tmp_path / "run.mcap")
+    trace = read_trace(tmp_path / "run.mcap")
+    assert trace.problems == ()
+    np.testing.assert_allclose(trace.odometry.time, 0.051 * np.arange(99), atol=1e-9)
+    truth, odometry = trace.ground_truth, trace.odometry
+    expected = np.interp(odometry.time, truth.time, truth.x)
+    np.testing.assert_allclose(odometry.x, expected, atol=1e-6)
 
 
 def test_another_seed_gives_another_trace(demo: Submission, scene: Scene, tmp_path: Path) -> None:
