@@ -56,6 +56,7 @@ class ParticleFilter:
         self._labels, self._stack = np.empty(most, dtype=np.int32), np.empty(most, dtype=np.int32)
         self._sums, self._result = np.empty((most, 5)), np.empty(10)
         self._summary: Summary | None = None
+        self._converged = False
         self._spread(start)
 
     @property
@@ -87,9 +88,8 @@ class ParticleFilter:
     def weigh(self, sensor: Sensor, ranges: Singles) -> None:
         """Multiply weights by the likelihood of a scan and normalise them."""
         p, count, weights = self._parameters, self._count, self._weights
-        converged = p.do_beamskip and self._has_converged()
         total = sensor.weigh(
-            ranges, self._poses, self._directions, count, weights, converged=converged
+            ranges, self._poses, self._directions, count, weights, converged=self._converged
         )
         if not total > 0.0:
             weights[:count] = 1.0 / count
@@ -122,6 +122,7 @@ class ParticleFilter:
         self._weights[: self._count] = 1.0 / self._count
         if injection:
             self._slow = self._fast = 0.0
+        self._converged = self._has_converged()
         self._summarise()
 
     def _spread(self, start: Pose2) -> None:
@@ -134,6 +135,7 @@ class ParticleFilter:
         ):
             self._poses[axis] = mean + math.sqrt(variance) * normals[axis]
         self._directions[0], self._directions[1] = np.cos(self._poses[2]), np.sin(self._poses[2])
+        self._converged = self._has_converged()
         self._take_stock()
 
     def _take_stock(self) -> None:
@@ -158,6 +160,9 @@ class ParticleFilter:
         self._summary = Summary(Pose2(x, y, yaw), Pose2(mean_x, mean_y, mean_yaw), covariance)
 
     def _has_converged(self) -> bool:
+        """Tell whether particles just drawn lie close together, where anybody asks."""
+        if not self._parameters.do_beamskip:
+            return False
         positions = self._poses[:2, : self._count]
         away = np.abs(positions - positions.mean(axis=1, keepdims=True))
         return bool(away.max() <= _CONVERGED)

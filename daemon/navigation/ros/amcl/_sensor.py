@@ -92,8 +92,9 @@ class Sensor:
     def _agreeing(self, points: Floats, poses: Floats, directions: Floats, count: int) -> Floats:
         """Return the end points most particles agree with, or all when hardly any would be left.
 
-        The original keeps stale values for beams without return when all are left in; here
-        they count nothing.
+        Beams without return count as left out, as in the original; when all are left in, it takes
+        stale values for them, while here they tell nothing. A beam that ends farther than
+        ``laser_likelihood_max_dist`` from every obstacle agrees with nothing.
         """
         p = self._parameters
         near = self._field.distances(self._grid.resolution, math.inf) < p.beam_skip_distance

@@ -239,6 +239,26 @@ def test_random_particles_come_in_only_when_scans_stop_fitting_and_recovery_is_o
     assert spreads[0.0] < 0.6 < spreads[0.5]
 
 
+def test_a_converged_filter_skips_the_beams_that_hit_what_the_map_does_not_show() -> None:
+    """A cupboard the map does not show drags the estimate away unless its beams are skipped."""
+    poses = a_loop(80)[:40]
+    cupboard = [(0.7, 1.2, 1.0, 2.6)]
+    errors = {}
+    for skipping in (False, True):
+        p = replace(
+            PUBLISHED, laser_model_type="likelihood_field_prob", do_beamskip=skipping,
+            initial_cov_xx=0.01, initial_cov_yy=0.01, beam_skip_distance=0.3,
+        )  # fmt: skip
+        amcl, random = an_amcl(p, start=poses[0]), np.random.default_rng(0)
+        answers = [
+            (pose, amcl.scan(0.1 * k, see([*WALLS, *cupboard], pose, random), pose))
+            for k, pose in enumerate(poses)
+        ]
+        errors[skipping] = [off(a.pose, pose) for pose, a in answers if a is not None]
+    assert np.mean(errors[True]) < 0.2
+    assert np.mean(errors[False]) > 0.3
+
+
 def test_selective_resampling_keeps_particles_that_tell_enough() -> None:
     amcl = an_amcl(replace(PUBLISHED, selective_resampling=True))
     amcl.scan(0.0, NOTHING, Pose2())
