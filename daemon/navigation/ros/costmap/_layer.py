@@ -74,12 +74,14 @@ def project(
     ``infinite``, a ray without return counts as one just short of ``range_max``.
     """
     c, s = math.cos(laser[2]), math.sin(laser[2])
+    # A scan carries its limits as single precision, so a range clamped to one equals it.
+    nearest, farthest = np.float32(range_min), np.float32(range_max)
     count = 0
     for i in range(ranges.shape[0]):
         away = ranges[i]
         if infinite and away == np.inf:
-            away = np.float32(range_max) - _EPSILON
-        if not (away >= range_min and away < range_max):
+            away = farthest - _EPSILON
+        if not (away >= nearest and away < farthest):
             continue
         x, y = np.float32(away * directions[i, 0]), np.float32(away * directions[i, 1])
         points[count, 0] = laser[0] + c * x - s * y

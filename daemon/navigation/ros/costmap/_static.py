@@ -39,7 +39,7 @@ def static_layer(cells: np.ndarray, unknown: int) -> Cells:
 
 def prepared(static: Cells, shape: tuple[int, int], default: int, table: Inflation) -> Prepared:
     """Return what the master shows while the obstacle layer is full of ``default``."""
-    digest = hashlib.blake2b(np.ascontiguousarray(static), digest_size=16)
+    digest = hashlib.blake2b(static.tobytes(), digest_size=16)
     digest.update(repr((shape, default, table.radius, table.least)).encode())
     digest.update(table.costs.tobytes())
     key = digest.digest()

@@ -124,7 +124,8 @@ class PlainCostmap:
         self.bounds = (min(b[0], x), min(b[1], y), max(b[2], x), max(b[3], y))
 
     def points(self, scan: SensedScan) -> np.ndarray:
-        good = (scan.ranges >= scan.range_min) & (scan.ranges < scan.range_max)
+        nearest, farthest = np.float32(scan.range_min), np.float32(scan.range_max)
+        good = (scan.ranges >= nearest) & (scan.ranges < farthest)
         r, a = scan.ranges[good].astype(float), scan.angles[good]
         x, y = (r * np.cos(a)).astype(np.float32), (r * np.sin(a)).astype(np.float32)
         c, s = math.cos(scan.laser.yaw), math.sin(scan.laser.yaw)
