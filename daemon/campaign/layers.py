@@ -134,7 +134,11 @@ class Library:
             if reference.name not in sut_kinds():
                 raise
             return self._once("sut", Path(reference.name), partial(_default_sut, reference))
-        return self._once("sut", path, self._load_sut).reference
+        return self.sut_file(path).reference
+
+    def sut_file(self, path: Path) -> Sut:
+        """Load a SUT file and all it stands on; its warnings are kept once."""
+        return self._once("sut file", path, self._load_sut)
 
     def _load_floorplan(self, path: Path) -> FloorPlan:
         load = load_floorplan_jsonld if path.suffix == ".jsonld" else load_floorplan

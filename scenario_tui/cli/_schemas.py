@@ -35,6 +35,7 @@ def schema_of(kind: FileKind) -> dict[str, Any]:
     from daemon.campaign.text import CampaignText
     from grammars.editor import editor_schema, oracle_schema
     from grammars.files import MissionText, RobotText
+    from scenario_tui.cli._sut_schema import sut_schema
 
     models: dict[FileKind, type[Any]] = {
         FileKind.CAMPAIGN: CampaignText,
@@ -44,30 +45,8 @@ def schema_of(kind: FileKind) -> dict[str, Any]:
     if kind is FileKind.ORACLES:
         return oracle_schema(_TITLES[kind])
     if kind is FileKind.SUT:
-        return _sut_schema(_TITLES[kind])
+        return sut_schema(_TITLES[kind])
     return editor_schema(models[kind], _TITLES[kind])
-
-
-def _sut_schema(title: str) -> dict[str, Any]:
-    """Check the parameters of the kinds that ship; those that plug in check their own."""
-    from daemon.campaign.suts import SutText
-    from daemon.navigation import PilotParameters
-    from grammars.editor import editor_schema
-
-    schema = editor_schema(SutText, title)
-    pilot = editor_schema(PilotParameters, "Parameters of the pilot")
-    del pilot["$schema"]
-    takes = {"pilot": {"$ref": "#/$defs/pilot"}, "idle": {"maxProperties": 0}}
-    schema["properties"]["kind"]["examples"] = list(takes)
-    schema["allOf"] = [
-        {
-            "if": {"properties": {"kind": {"const": kind}}, "required": ["kind"]},
-            "then": {"properties": {"parameters": parameters}},
-        }
-        for kind, parameters in takes.items()
-    ]
-    schema["$defs"] = {"pilot": pilot}
-    return schema
 
 
 def schema_text(kind: FileKind) -> str:

@@ -1,0 +1,71 @@
+"""``scenario sut``: every parameter, where it was written, who hears the laser."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from scenario_tui.cli import _main
+
+
+def shown(capsys: pytest.CaptureFixture[str], *arguments: str) -> str:
+    assert _main.invoke(["sut", *arguments]) == 0
+    return capsys.readouterr().out
+
+
+def test_the_ros_stack_is_shown_with_places_defaults_and_wiring(
+    campaigns: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    text = shown(capsys, str(campaigns / "suts" / "a2s-blind.yaml"))
+    line = next(line for line in text.splitlines() if "odom_model_type" in line)
+    assert line.split() == ["odom_model_type", "omni-corrected", "a2s.yaml:11"]
+    idle = next(line for line in text.splitlines() if "stop_time_buffer" in line)
+    assert "never reads it" in idle
+    assert "clearing_radius 0.46" in text
+    assert "amcl listens to /scan_front: hears it" in text
+    assert "local costmap listens to /robile_john/scan_front: does not hear it" in text
+
+
+def test_scripts_get_the_merged_tree(campaigns: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    found = json.loads(shown(capsys, "--json", str(campaigns / "suts" / "fro-omni.yaml")))
+    assert found["schema"] == "scenario/sut/1"
+    assert found["parameters"]["move_base"]["DWAPlannerROS"]["sim_time"] == 2.5
+    assert "controller_frequency" not in found["parameters"]["move_base"]["DWAPlannerROS"]
+    assert found["defaults"]["move_base/DWAPlannerROS"]["controller_frequency"] == 20.0
+    assert found["places"]["amcl/kld_z"].endswith("fro-diff/amcl.yaml:15:8")
+    assert found["wiring"] == {"amcl": True, "global_costmap": True, "local_costmap": True}
+
+
+def test_other_kinds_show_what_was_written(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "slow.yaml"
+    path.write_text("sut: slow\nkind: pilot\nparameters: {max_speed: 0.2}\n")
+    text = shown(capsys, str(path))
+    assert "slow, kind pilot" in text
+    assert "max_speed" in text
+
+
+def test_quirks_that_are_off_are_named(
+    tmp_path: Path, campaigns: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "sane.yaml"
+    base = campaigns / "suts" / "fro-diff.yaml"
+    path.write_text(f"sut: sane\nlike: {base}\nparameters: {{quirks: fixed}}\n")
+    assert "amcl_half_cell_shift, delayed_map_to_odom" in shown(capsys, str(path))
+
+
+def test_bad_ros_files_are_reported_with_all_their_problems(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "amcl.yaml").write_text("odom_alpha1: -1.0\nkld_err: small\n")
+    path = tmp_path / "bad.yaml"
+    path.write_text("sut: bad\nkind: ros\nfiles: {amcl: amcl.yaml}\n")
+    for command in ("sut", "check"):
+        assert _main.invoke([command, str(path)]) == 2
+        told = capsys.readouterr().err
+        assert "amcl.yaml:1:14: error: odom_alpha1: must be greater than or equal to 0" in told
+        assert "amcl.yaml:2:10: error: kld_err: must be a number (given: 'small')" in told
+        assert "2 errors" in told
