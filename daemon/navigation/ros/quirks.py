@@ -20,6 +20,10 @@ class Quirks:
     delayed_map_to_odom: bool = True
     """The correction map->odom is stamped ``transform_tolerance`` ahead, so poses looked up at a
     sensor's stamp use the correction of that much earlier (amcl_node)."""
+    amcl_reversing_splits_cloud: bool = True
+    """Driving backwards is two half turns to AMCL's diff models; each is wrapped, their sum is
+    not, so some headings end up a full turn from others, in bins and clusters of their own (amcl
+    ``AMCLOdom::UpdateAction``)."""
     unknown_becomes_free: bool = True
     """The obstacle layer merges its free default over unknown cells of the global costmap
     (costmap_2d, pre-Hydro parameters)."""

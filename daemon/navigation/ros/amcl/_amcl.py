@@ -50,7 +50,7 @@ class Amcl:
         self._parameters, self._rays = parameters, laser.rays
         self._sensor = Sensor(parameters, quirks, grid, laser)
         random = np.random.Generator(np.random.PCG64(seed))
-        self._filter = ParticleFilter(parameters, grid, start, random)
+        self._filter = ParticleFilter(parameters, quirks, grid, start, random)
         self._odom: Pose2 | None = None
         self._updates = 0
         self._map_to_odom = Pose2()

@@ -15,6 +15,7 @@ from daemon.navigation.ros.amcl._parameters import AmclParameters
 from daemon.navigation.ros.amcl._resampling import limits, resample
 from daemon.navigation.ros.amcl._sensor import Sensor
 from daemon.navigation.ros.amcl._summary import summarise
+from daemon.navigation.ros.quirks import Quirks
 from grammars.grid import FREE, OccupancyGrid
 from grammars.values import Floats, Pose2
 
@@ -39,7 +40,7 @@ class ParticleFilter:
     """
 
     def __init__(
-        self, parameters: AmclParameters, grid: OccupancyGrid, start: Pose2,
+        self, parameters: AmclParameters, quirks: Quirks, grid: OccupancyGrid, start: Pose2,
         random: np.random.Generator,
     ) -> None:  # fmt: skip
         most = parameters.max_particles
@@ -47,7 +48,7 @@ class ParticleFilter:
         self._poses, self._other_poses = np.empty((3, most)), np.empty((3, most))
         self._directions, self._other_directions = np.empty((2, most)), np.empty((2, most))
         self._weights = np.full(most, 1.0 / most)
-        self._count = most
+        self._count, self._full_turns = most, quirks.amcl_reversing_splits_cloud
         self._slow = self._fast = 0.0
         self._limits = limits(parameters)
         self._bins, self._used = Bins.for_particles(most), 0
@@ -83,7 +84,10 @@ class ParticleFilter:
         """Move every particle by what odometry says, with noise."""
         count = self._count
         normals = self._random.standard_normal(out=self._numbers[: 3 * count])
-        move(self._parameters, motion, self._poses, self._directions, count, normals)
+        move(
+            self._parameters, motion, self._poses, self._directions, count, normals,
+            full_turns=self._full_turns,
+        )  # fmt: skip
 
     def weigh(self, sensor: Sensor, ranges: Singles) -> None:
         """Multiply weights by the likelihood of a scan and normalise them."""

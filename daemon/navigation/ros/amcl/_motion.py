@@ -85,11 +85,14 @@ def move(
     directions: Floats,
     count: int,
     normals: Floats,
+    *,
+    full_turns: bool = True,
 ) -> None:
     """Move the first ``count`` particles in ``poses`` (3, n) by ``motion``, each with its noise.
 
     ``directions`` (2, n) holds cosine and sine of their headings and is kept up to date;
-    ``normals`` (3 count,) standard normal deviates.
+    ``normals`` (3 count,) standard normal deviates. ``full_turns`` says whether driving backwards
+    may add full turns to headings, as in the original (diff).
     """
     if parameters.odom_model_type.startswith("omni"):
         spread = omni_spread(parameters, motion)
@@ -100,7 +103,10 @@ def move(
     else:
         first, second = diff_turns(motion)
         spread = diff_spread(parameters, motion)
-        _move_diff(poses, directions, count, normals, first, motion.translation, second, *spread)
+        _move_diff(
+            poses, directions, count, normals, first, motion.translation, second, *spread,
+            full_turns,
+        )  # fmt: skip
 
 
 @kernel
@@ -143,18 +149,20 @@ def _move_diff(
     first_sigma: float,
     translation_sigma: float,
     second_sigma: float,
+    full_turns: bool,
 ) -> None:
     """Turn by ``first - N``, drive ``translation - N``, turn by ``second - N``.
 
-    The turns are wrapped but not their sum, as in the original: after driving backwards, which is
-    two half turns, some headings are a full turn from others and fall into other bins.
+    The turns are wrapped; their sum is not with ``full_turns``: after driving backwards, which is
+    two half turns, some headings are then a full turn from others and fall into other bins.
     """
     for i in range(count):
         before = wrapped(first - first_sigma * normals[i])
         along = translation - translation_sigma * normals[count + i]
         after = wrapped(second - second_sigma * normals[2 * count + i])
         heading = poses[2, i] + before
-        yaw = poses[2, i] + (before + after)
+        turn = before + after if full_turns else wrapped(before + after)
+        yaw = poses[2, i] + turn
         poses[0, i] += along * math.cos(heading)
         poses[1, i] += along * math.sin(heading)
         poses[2, i] = yaw

@@ -222,6 +222,14 @@ def test_particles_off_the_map_are_carried_along() -> None:
     assert off(Pose2(*amcl.particles.mean(axis=0).tolist()), far @ Pose2(0.6)) < 0.2
 
 
+def test_when_no_particle_explains_a_scan_all_weigh_the_same() -> None:
+    p = replace(PUBLISHED, laser_model_type="likelihood_field_prob", laser_z_rand=0.0)
+    amcl = an_amcl(p, start=Pose2(500.0, -300.0))
+    published = amcl.scan(0.0, see(WALLS, START), Pose2())
+    assert published is not None
+    np.testing.assert_array_equal(amcl.weights, 1.0 / 2000)
+
+
 def test_random_particles_come_in_only_when_scans_stop_fitting_and_recovery_is_on() -> None:
     """The fast average of likelihoods falls below the slow one (Probabilistic Robotics, 8.3.3)."""
     poses = a_loop(80)

@@ -18,11 +18,15 @@ MODELS = ("diff", "omni", "diff-corrected", "omni-corrected")
 
 
 def compiled(
-    p: AmclParameters, poses: Floats, before: Pose2, after: Pose2, normals: Floats
-) -> Floats:
+    p: AmclParameters, poses: Floats, before: Pose2, after: Pose2, normals: Floats,
+    *, full_turns: bool = True,
+) -> Floats:  # fmt: skip
     columns = np.ascontiguousarray(poses.T)
     directions = np.array([np.cos(poses[:, 2]), np.sin(poses[:, 2])])
-    move(p, motion_between(before, after), columns, directions, len(poses), normals.ravel())
+    move(
+        p, motion_between(before, after), columns, directions, len(poses), normals.ravel(),
+        full_turns=full_turns,
+    )  # fmt: skip
     np.testing.assert_array_equal(directions, [np.cos(columns[2]), np.sin(columns[2])])
     return columns.T
 
@@ -106,3 +110,6 @@ def test_driving_backwards_leaves_headings_a_full_turn_apart() -> None:
     normals = np.random.default_rng(0).standard_normal((3, 400))
     back = compiled(p, np.zeros((400, 3)), Pose2(), Pose2(-0.3), normals)
     assert set(np.round(back[:, 2] / math.tau)) == {-1.0, 0.0, 1.0}
+    fixed = compiled(p, np.zeros((400, 3)), Pose2(), Pose2(-0.3), normals, full_turns=False)
+    np.testing.assert_array_equal(fixed[:, :2], back[:, :2])
+    assert set(np.round(fixed[:, 2] / math.tau)) == {0.0}
