@@ -6,7 +6,7 @@ import numpy as np
 
 from daemon.navigation.kernels import kernel
 from daemon.navigation.ros.dwa._decide import Room
-from daemon.navigation.ros.dwa._distances import open_cells, spread_out
+from daemon.navigation.ros.dwa._distances import box, only, passable_cells, spread_out
 from daemon.navigation.ros.dwa._plan import walk
 from daemon.navigation.ros.dwa._search import Field
 from grammars.values import Floats
@@ -15,16 +15,15 @@ from grammars.values import Floats
 @kernel
 def _complete(plan: Floats, old: Field, r: Room) -> None:
     rows, columns = old.cells.shape
+    n = plan.shape[0]
     passable = np.empty_like(r.passable)
-    open_cells(old.cells, passable)
-    r.box[0], r.box[1], r.box[2], r.box[3] = 0, 0, columns, rows
-    last = walk(plan, plan.shape[0], plan[plan.shape[0] - 1], old.cells, old.frame, r.seeds)
-    spread_out(r.seeds, passable, r.box, old.path, r.buffers)
-    r.seeds[:] = np.uint64(0)
+    passable_cells(old.cells, passable)
+    box(0, columns, 0, rows, r.wanted)
+    last = walk(plan, n, plan[n - 1], old.cells, old.frame, r.seeds)
+    spread_out(r.seeds, passable, r.wanted, old.path, r.fronts)
     if last >= 0:
-        column = last % columns
-        r.seeds[last // columns, column >> 6] = np.uint64(1) << np.uint64(column & 63)
-    spread_out(r.seeds, passable, r.box, old.goal, r.buffers)
+        only(last // columns, last % columns, r.seeds)
+    spread_out(r.seeds, passable, r.wanted, old.goal, r.fronts)
 
 
 class LastCycle:

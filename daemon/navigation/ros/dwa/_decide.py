@@ -5,13 +5,11 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-import numpy as np
-
 from daemon.navigation.kernels import Integers, kernel
-from daemon.navigation.ros.dwa._distances import spread_out
-from daemon.navigation.ros.dwa._plan import Bits, walk
+from daemon.navigation.ros.dwa._distances import Bits, box, only, spread_out
+from daemon.navigation.ros.dwa._plan import walk
 from daemon.navigation.ros.dwa._samples import spread, window
-from daemon.navigation.ros.dwa._search import Field, best, bounds
+from daemon.navigation.ros.dwa._search import Field, best, bounds, score, weigh
 from daemon.navigation.ros.dwa._settings import Settings
 from daemon.navigation.ros.dwa._trajectory import simulate
 from grammars.values import Floats
@@ -20,19 +18,24 @@ from grammars.values import Floats
 class Room(NamedTuple):
     """Room to work in, allocated once: every cycle overwrites it.
 
-    ``seeds``, ``passable`` (rows, words) and ``buffers`` (3, rows, words) are bits of cells;
-    ``box`` (4,) and ``speeds`` (3, 2) windows; ``samples`` (3, most), ``counts`` (3,), ``lower``
-    (all samples), ``arcs`` and ``points`` (longest trajectory, 5), ``moving`` (3,), ``answer``
-    (5,) as :mod:`._search` has them.
+    ``seeds``, ``passable``, ``wanted`` and ``fronts`` are sets of cells as :mod:`._distances` has
+    them; ``speeds`` (3, 2) the dynamic window; ``samples`` (3, most), ``counts`` (3,), ``weights``
+    (6,), ``pairs`` (most, 2), ``ends`` (all samples, 2), ``known`` (3, cells), ``lower`` (all
+    samples), ``arcs`` and ``points`` (longest trajectory, 5), ``moving`` (3,) and ``answer`` (5,)
+    as :mod:`._search` has them.
     """
 
     seeds: Bits
     passable: Bits
-    buffers: Bits
-    box: Integers
+    wanted: Bits
+    fronts: Bits
     speeds: Floats
     samples: Floats
     counts: Integers
+    weights: Floats
+    pairs: Floats
+    ends: Integers
+    known: Integers
     lower: Floats
     arcs: Floats
     points: Floats
@@ -56,24 +59,14 @@ def _reach(state: Floats, r: Room, s: Settings) -> float:
 
 
 @kernel
-def _box(state: Floats, reach: float, s: Settings, f: Field, out: Integers) -> None:
-    """Write the half-open window of cells within ``reach`` [m] of the robot to ``out``."""
+def _around(state: Floats, reach: float, f: Field, out: Bits) -> None:
+    """Write the set of cells within ``reach`` [m] of the robot to ``out``, and a few more."""
     rows, columns = f.cells.shape
-    cells = int(reach / f.frame[2]) + 2
+    cells = int(min(reach / f.frame[2], float(rows + columns))) + 2
     column = math.floor((state[0] - f.frame[0]) / f.frame[2])
     row = math.floor((state[1] - f.frame[1]) / f.frame[2])
-    out[0], out[1] = min(max(column - cells, 0), columns), min(max(row - cells, 0), rows)
-    out[2], out[3] = max(min(column + cells + 1, columns), 0), max(min(row + cells + 1, rows), 0)
-    out[2], out[3] = max(out[0], out[2]), max(out[1], out[3])
-
-
-@kernel
-def _only(seeds: Bits, at: int, columns: int) -> None:
-    """Leave a single seed, or none when ``at`` is -1."""
-    seeds[:] = np.uint64(0)
-    if at >= 0:
-        column = at % columns
-        seeds[at // columns, column >> 6] = np.uint64(1) << np.uint64(column & 63)
+    low, high = max(column - cells, 0), min(column + cells + 1, columns)
+    box(low, high, max(row - cells, 0), min(row + cells + 1, rows), out)
 
 
 @kernel
@@ -96,17 +89,19 @@ def targets(
     columns = f.cells.shape[1]
     last = walk(plan, n, plan[n - 1], f.cells, f.frame, r.seeds)
     if s.path_scale != 0.0:
-        _box(state, nose, s, f, r.box)
-        spread_out(r.seeds, r.passable, r.box, f.path, r.buffers)
+        _around(state, nose, f, r.wanted)
+        spread_out(r.seeds, r.passable, r.wanted, f.path, r.fronts)
     if s.goal_scale == 0.0:
         return
-    _only(r.seeds, last, columns)
-    _box(state, near, s, f, r.box)
-    spread_out(r.seeds, r.passable, r.box, f.goal, r.buffers)
+    if last >= 0:
+        only(last // columns, last % columns, r.seeds)
+    _around(state, near, f, r.wanted)
+    spread_out(r.seeds, r.passable, r.wanted, f.goal, r.fronts)
     last = walk(plan, n, front_end, f.cells, f.frame, r.seeds)
-    _only(r.seeds, last, columns)
-    _box(state, nose, s, f, r.box)
-    spread_out(r.seeds, r.passable, r.box, f.front, r.buffers)
+    if last >= 0:
+        only(last // columns, last % columns, r.seeds)
+    _around(state, nose, f, r.wanted)
+    spread_out(r.seeds, r.passable, r.wanted, f.front, r.fronts)
 
 
 @kernel
@@ -138,11 +133,28 @@ def decide(
     dx, dy = plan[n - 1, 0] - state[0], plan[n - 1, 1] - state[1]
     sample_speeds(state, math.hypot(dx, dy), s, r)
     targets(plan, n, front_end, _reach(state, r, s), s, f, r, state)
-    bounds(state, r.samples, r.counts, aligned, r.arcs, r.points, r.moving, s, f, r.lower)
-    return best(state, r.samples, r.counts, aligned, r.points, r.moving, s, f, r.lower, r.answer)
+    weigh(aligned, s, r.weights)
+    bounds(
+        state,
+        r.samples,
+        r.counts,
+        r.weights,
+        r.pairs,
+        r.arcs,
+        r.ends,
+        r.known,
+        r.points,
+        r.moving,
+        s,
+        f,
+        r.lower,
+    )
+    return best(state, r.samples, r.counts, r.weights, r.points, r.moving, s, f, r.lower, r.answer)
 
 
 @kernel
-def follow(state: Floats, sample: Floats, s: Settings, r: Room) -> int:
-    """Write the trajectory of one ``sample`` (3,) to ``r.points``; return its points."""
-    return simulate(state, sample[0], sample[1], sample[2], s, r.points, r.moving)
+def cost_of(state: Floats, sample: Floats, aligned: bool, s: Settings, f: Field, r: Room) -> float:
+    """Return the cost of one ``sample`` (3,), negative when its trajectory is illegal."""
+    n = simulate(state, sample[0], sample[1], sample[2], s, r.points, r.moving)
+    weigh(aligned, s, r.weights)
+    return score(r.points, n, r.moving, r.weights, math.inf, s, f)

@@ -1,125 +1,157 @@
-"""Grid distances of base_local_planner's ``MapGrid``, breadth first, a row of cells at a time.
+"""Grid distances of base_local_planner's ``MapGrid``, breadth first, all cells of a row at once.
 
-A front of the search is one bit per cell, so that a step to all four sides is a few operations per
-64 cells. Values are those of the original's queue, because every step costs the same.
+Every step costs the same, so the original's queue finds a cell in the round that is its distance.
+Here a round is a few operations per 64 cells, one bit per cell, and the number of the round is
+kept as bits as well: only the few cells that trajectories end in are ever read.
+
+A set of cells has shape (words + 2, rows + 2): 64 columns per word, with an empty rim. Distances
+are a stack of sets: reached; reached and fit to stand in; then the binary digits of the distance.
 """
 
 from __future__ import annotations
 
-from typing import Final
+from typing import Final, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 
 from daemon.navigation.kernels import Integers, kernel
-from daemon.navigation.ros.dwa._plan import Bits, Cells
 from daemon.navigation.ros.grids import INSCRIBED
 
+Bits: TypeAlias = npt.NDArray[np.uint64]
+Cells: TypeAlias = npt.NDArray[np.uint8]
+
+REACHED: Final = 0
+FIT: Final = 1
+DIGITS: Final = 2
 _ONE: Final = np.uint64(1)
 _NONE: Final = np.uint64(0)
 _TOP: Final = np.uint64(63)
-_SHIFT: Final = np.uint64(58)
-_DE_BRUIJN: Final = np.uint64(0x03F79D71B4CB0A89)
 
 
-def _positions() -> npt.NDArray[np.int64]:
-    """Return the table from a de Bruijn product to the position of the single bit."""
-    table = np.zeros(64, dtype=np.int64)
-    for k in range(64):
-        table[(((1 << k) * int(_DE_BRUIJN)) & (2**64 - 1)) >> 58] = k
-    return table
+def empty_set(shape: tuple[int, ...]) -> Bits:
+    """Return a set of no cells for a grid of ``shape`` (rows, columns)."""
+    return np.zeros(((shape[1] + 63) // 64 + 2, shape[0] + 2), dtype=np.uint64)
 
 
-_POSITIONS: Final = _positions()
+def everywhere_fit(shape: tuple[int, ...]) -> Bits:
+    """Return distances for a grid of ``shape`` that reject nothing, whatever they are."""
+    cells = empty_set(shape)
+    digits = int(shape[0] * shape[1]).bit_length()
+    out = np.zeros((DIGITS + digits, *cells.shape), dtype=np.uint64)
+    out[FIT] = ~_NONE
+    return out
 
 
 @kernel
-def open_cells(cells: Cells, out: Bits) -> None:
-    """Set the bit of every cell that the search may pass: known and below inscribed."""
+def add(cells: Bits, row: int, column: int) -> None:
+    """Add one cell to a set."""
+    cells[(column >> 6) + 1, row + 1] |= _ONE << np.uint64(column & 63)
+
+
+@kernel
+def contains(cells: Bits, row: int, column: int) -> bool:
+    """Whether a set contains a cell."""
+    return ((cells[(column >> 6) + 1, row + 1] >> np.uint64(column & 63)) & _ONE) != _NONE
+
+
+@kernel
+def passable_cells(cells: Cells, out: Bits) -> None:
+    """Write the set of cells that distances spread through: known and below inscribed."""
     out[:] = _NONE
     for row in range(cells.shape[0]):
         for column in range(cells.shape[1]):
             if cells[row, column] < INSCRIBED:
-                out[row, column >> 6] |= _ONE << np.uint64(column & 63)
+                add(out, row, column)
 
 
 @kernel
-def _record(
-    bits: np.uint64, row: int, word: int, value: int, window: Integers, distances: Integers
-) -> int:
-    """Write ``value`` to the cells of ``bits`` inside ``window`` and return how many these are."""
-    count = 0
-    while bits != _NONE:
-        lowest = bits & (~bits + _ONE)
-        bits ^= lowest
-        column = (word << 6) + _POSITIONS[(lowest * _DE_BRUIJN) >> _SHIFT]
-        if window[0] <= column < window[2]:
-            distances[row, column] = value
-            count += 1
-    return count
+def box(low: int, high: int, first: int, end: int, out: Bits) -> None:
+    """Write the set of cells in columns [low, high) and rows [first, end) to ``out``."""
+    out[:] = _NONE
+    if first >= end:
+        return
+    for column in range(low, high):
+        add(out, first, column)
+    for word in range(out.shape[0]):
+        for row in range(first + 1, end):
+            out[word, row + 1] = out[word, first + 1]
 
 
 @kernel
-def _beside(front: Bits, row: int, word: int) -> np.uint64:
-    """Return the four neighbours of the front within one word."""
-    here = front[row, word]
-    bits = (here << _ONE) | (here >> _ONE)
-    if word > 0:
-        bits |= front[row, word - 1] >> _TOP
-    if word + 1 < front.shape[1]:
-        bits |= front[row, word + 1] << _TOP
-    if row > 0:
-        bits |= front[row - 1, word]
-    if row + 1 < front.shape[0]:
-        bits |= front[row + 1, word]
-    return bits
+def only(row: int, column: int, out: Bits) -> None:
+    """Write the set of a single cell to ``out``."""
+    out[:] = _NONE
+    add(out, row, column)
 
 
 @kernel
-def spread_out(
-    seeds: Bits, passable: Bits, window: Integers, distances: Integers, buffers: Bits
-) -> None:
-    """Write the steps from the nearest seed to ``distances`` within the half-open ``window``.
+def spread_out(seeds: Bits, passable: Bits, wanted: Bits, out: Bits, front: Bits) -> None:
+    """Write the distances [steps] from the nearest seed to ``out``, until all ``wanted`` have one.
 
-    ``window`` is first column, first row, end column, end row; other cells are not written. Cells
-    that cannot be passed get rows * columns when reached, cells not reached get one more. Seeds
-    are 0 and spread even from cells that cannot be passed. ``buffers`` has shape (3, rows, words).
+    A cell that is not passable is reached but spreads no further and is not fit to stand in,
+    unless it is a seed. ``front`` (2, ...) is room for two sets.
     """
-    rows, words = seeds.shape
-    blocked = distances.size
-    first, second, seen = buffers[0], buffers[1], buffers[2]
-    missing = (window[2] - window[0]) * (window[3] - window[1])
-    for row in range(window[1], window[3]):
-        for column in range(window[0], window[2]):
-            distances[row, column] = blocked + 1
-    low, high = rows, -1
-    for row in range(rows):
-        for word in range(words):
-            bits = seeds[row, word]
-            first[row, word], seen[row, word], second[row, word] = bits, bits, _NONE
-            if bits != _NONE:
-                low, high = min(low, row), row
-                if window[1] <= row < window[3]:
-                    missing -= _record(bits, row, word, 0, window, distances)
+    words, rows = seeds.shape
+    out[:] = _NONE
+    old, new = 0, 1
+    front[:] = _NONE
+    for word in range(1, words - 1):
+        for row in range(1, rows - 1):
+            front[0, word, row] = seeds[word, row]
+            out[REACHED, word, row] = seeds[word, row]
+            out[FIT, word, row] = seeds[word, row]
     level = 0
-    while low <= high and missing > 0:
+    while True:
         level += 1
-        next_low, next_high = rows, -1
-        for row in range(max(low - 1, 0), min(high + 2, rows)):
-            for word in range(words):
-                bits = _beside(first, row, word) & ~seen[row, word]
-                if bits == _NONE:
-                    continue
-                seen[row, word] |= bits
-                fresh = bits & passable[row, word]
-                second[row, word] = fresh
-                if fresh != _NONE:
-                    next_low, next_high = min(next_low, row), row
-                if window[1] <= row < window[3]:
-                    missing -= _record(fresh, row, word, level, window, distances)
-                    missing -= _record(bits ^ fresh, row, word, blocked, window, distances)
-        for row in range(low, high + 1):
-            for word in range(words):
-                first[row, word] = _NONE
-        first, second = second, first
-        low, high = next_low, next_high
+        fresh_any, missing = _NONE, _NONE
+        for word in range(1, words - 1):
+            for row in range(1, rows - 1):
+                here = front[old, word, row]
+                bits = (here << _ONE) | (here >> _ONE)
+                bits |= (front[old, word - 1, row] >> _TOP) | (front[old, word + 1, row] << _TOP)
+                bits |= front[old, word, row - 1] | front[old, word, row + 1]
+                bits &= ~out[REACHED, word, row]
+                reached = out[REACHED, word, row] | bits
+                fresh = bits & passable[word, row]
+                out[REACHED, word, row] = reached
+                out[FIT, word, row] |= fresh
+                front[new, word, row] = fresh
+                fresh_any |= fresh
+                missing |= wanted[word, row] & ~reached
+        digit, rest = DIGITS, level
+        while rest:
+            if rest & 1:
+                for word in range(1, words - 1):
+                    for row in range(1, rows - 1):
+                        out[digit, word, row] |= front[new, word, row]
+            rest >>= 1
+            digit += 1
+        if fresh_any == _NONE or missing == _NONE:
+            return
+        old, new = new, old
+
+
+@kernel
+def steps_at(distances: Bits, row: int, column: int, size: int) -> int:
+    """Return the distance of a cell: ``size`` when not fit, one more when not reached."""
+    word, at, shift = (column >> 6) + 1, row + 1, np.uint64(column & 63)
+    if (distances[FIT, word, at] >> shift) & _ONE == _NONE:
+        return size + int((distances[REACHED, word, at] >> shift) & _ONE == _NONE)
+    steps = 0
+    for digit in range(distances.shape[0] - DIGITS):
+        steps |= int((distances[DIGITS + digit, word, at] >> shift) & _ONE) << digit
+    return steps
+
+
+@kernel
+def is_fit(distances: Bits, row: int, column: int) -> bool:
+    """Whether a cell is reached and fit to stand in."""
+    return contains(distances[FIT], row, column)
+
+
+def as_integers(distances: Bits, shape: tuple[int, int]) -> Integers:
+    """Return the distances of all cells of a grid of ``shape``, for looking at them."""
+    cells = [(row, column) for row in range(shape[0]) for column in range(shape[1])]
+    values = [steps_at(distances, row, column, shape[0] * shape[1]) for row, column in cells]
+    return np.array(values, dtype=np.int32).reshape(shape)

@@ -9,13 +9,13 @@ from typing import Final
 import numpy as np
 
 from daemon.navigation.ros.dwa._check import LastCycle
-from daemon.navigation.ros.dwa._decide import Room, decide, follow
-from daemon.navigation.ros.dwa._distances import open_cells
+from daemon.navigation.ros.dwa._decide import Room, cost_of, decide
+from daemon.navigation.ros.dwa._distances import passable_cells
 from daemon.navigation.ros.dwa._oscillation import Oscillation
 from daemon.navigation.ros.dwa._parameters import DwaParameters
 from daemon.navigation.ros.dwa._plan import near
 from daemon.navigation.ros.dwa._rooms import build_field, build_room
-from daemon.navigation.ros.dwa._search import Field, score
+from daemon.navigation.ros.dwa._search import Field
 from daemon.navigation.ros.dwa._settings import Settings, longest, settings_of, sim_period
 from daemon.navigation.ros.dwa._stop_rotate import StopRotate
 from daemon.navigation.ros.grids import CostGrid
@@ -128,7 +128,7 @@ class Dwa:
     def _prepare(self, local: CostGrid) -> Settings:
         """Make room for the costmap when it has another shape, and note what is passable."""
         settings = self._settings
-        if settings is None or self._field.path.shape != local.cells.shape:
+        if settings is None or self._field.cells.shape != local.cells.shape:
             settings = settings_of(self._p, self._quirks, local.resolution, self._period_default)
             self._settings = settings
             self._field = build_field(local, self._outline, self._oscillation.banned)
@@ -137,7 +137,7 @@ class Dwa:
         elif self._field.cells is not local.cells:
             self._field, self._seen = self._field._replace(cells=local.cells), None
         if local.version != self._seen:
-            open_cells(local.cells, self._room.passable)
+            passable_cells(local.cells, self._room.passable)
             self._seen = local.version
         frame = self._field.frame
         frame[0], frame[1], frame[2] = local.x, local.y, local.resolution
@@ -202,11 +202,5 @@ class Dwa:
         settings, room = self._settings, self._room
         assert settings is not None
         sample = np.array((twist.vx, twist.vy, twist.wz), dtype=np.float32).astype(np.float64)
-        n = follow(self._state, sample, settings, room)
-        field = self._field
-        if self._last is not None:
-            field = self._last.complete(field, room)
-        else:
-            field.path[:], field.goal[:] = 0, 0
-        cost = score(room.points, n, room.moving, self._aligned, math.inf, settings, field)
-        return bool(cost >= 0.0)
+        field = self._field if self._last is None else self._last.complete(self._field, room)
+        return bool(cost_of(self._state, sample, self._aligned, settings, field, room) >= 0.0)

@@ -5,16 +5,16 @@ from __future__ import annotations
 import math
 
 from daemon.navigation.kernels import Integers, kernel
-from daemon.navigation.ros.dwa._plan import Cells, cell_of
+from daemon.navigation.ros.dwa._distances import Cells
+from daemon.navigation.ros.dwa._plan import cell_of
 from daemon.navigation.ros.dwa._settings import Settings
 from daemon.navigation.ros.grids import INSCRIBED, LETHAL
 from grammars.values import Floats
 
 
 @kernel
-def growth(vx: float, vy: float, s: Settings) -> float:
+def growth(speed: float, s: Settings) -> float:
     """Return the factor by which speed enlarges the footprint (``getScalingFactor``)."""
-    speed = math.hypot(vx, vy)
     if speed <= s.scaling_speed or s.max_scaling == 0.0:
         return 1.0
     beyond = s.max_trans - s.scaling_speed

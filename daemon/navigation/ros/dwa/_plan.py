@@ -3,17 +3,13 @@
 from __future__ import annotations
 
 import math
-from typing import TypeAlias
 
 import numpy as np
-import numpy.typing as npt
 
 from daemon.navigation.kernels import kernel
+from daemon.navigation.ros.dwa._distances import Bits, Cells, add
 from daemon.navigation.ros.grids import NO_INFORMATION
 from grammars.values import Floats
-
-Bits: TypeAlias = npt.NDArray[np.uint64]
-Cells: TypeAlias = npt.NDArray[np.uint8]
 
 
 @kernel
@@ -69,7 +65,7 @@ def _mark(x: float, y: float, cells: Cells, frame: Floats, seeds: Bits) -> int:
     row, column = at // columns, at % columns
     if cells[row, column] == NO_INFORMATION:
         return -1
-    seeds[row, column >> 6] |= np.uint64(1) << np.uint64(column & 63)
+    add(seeds, row, column)
     return at
 
 

@@ -69,13 +69,18 @@ def window(state: Floats, distance: float, s: Settings, out: Floats) -> None:
 
 
 @kernel
-def steps_of(vx: float, vy: float, wz: float, s: Settings) -> int:
+def speed_of(vx: float, vy: float) -> float:
+    """Return the length of a velocity."""
+    return abs(vx) if vy == 0.0 else math.hypot(vx, vy)
+
+
+@kernel
+def steps_of(speed: float, wz: float, s: Settings) -> int:
     """Return the number of points of a sample's trajectory; 0 when the sample is illegal.
 
     Illegal are samples slower than both minimum speeds or faster than the largest
     (``SimpleTrajectoryGenerator::generateTrajectory``).
     """
-    speed = abs(vx) if vy == 0.0 else math.hypot(vx, vy)
     if speed + 1e-4 < s.min_trans and abs(wz) + 1e-4 < s.min_theta:
         return 0
     if speed - 1e-4 > s.max_trans:

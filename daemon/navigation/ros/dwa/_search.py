@@ -15,9 +15,10 @@ from typing import NamedTuple
 import numpy as np
 
 from daemon.navigation.kernels import Integers, kernel
+from daemon.navigation.ros.dwa._distances import Bits, Cells, is_fit, steps_at
 from daemon.navigation.ros.dwa._footprint import footprint_cost, growth
-from daemon.navigation.ros.dwa._plan import Cells, cell_of
-from daemon.navigation.ros.dwa._samples import steps_of
+from daemon.navigation.ros.dwa._plan import cell_of
+from daemon.navigation.ros.dwa._samples import speed_of, steps_of
 from daemon.navigation.ros.dwa._settings import Settings
 from daemon.navigation.ros.dwa._trajectory import simulate
 from grammars.values import Floats
@@ -35,9 +36,9 @@ class Field(NamedTuple):
     cells: Cells
     frame: Floats
     outline: Floats
-    path: Integers
-    goal: Integers
-    front: Integers
+    path: Bits
+    goal: Bits
+    front: Bits
     banned: Integers
     spans: Integers
 
@@ -56,54 +57,93 @@ def _oscillates(banned: Integers, vx: float, vy: float, wz: float) -> bool:
 
 @kernel
 def _total(
-    obstacle: float, at: int, nose: int, wz: float, aligned: bool, s: Settings, f: Field
+    obstacle: float, front: int, along: int, path: int, goal: int, wz: float, weights: Floats
 ) -> float:
-    """Sum the critics in the original's order, or return -1 where the end is illegal.
+    """Sum the critics in the original's order; ``weights`` is what :func:`weigh` wrote.
 
-    ``at`` and ``nose`` are the cells of the last pose and of its nose. Critics of weight 0 are
-    not asked, so they reject nothing either.
+    ``front`` and ``along`` are the distances of the nose from the goal pushed ahead and from the
+    path, ``path`` and ``goal`` those of the centre.
     """
-    columns = f.cells.shape[1]
-    blocked = f.cells.size
-    row, column = at // columns, at % columns
-    nose_row, nose_column = nose // columns, nose % columns
     cost = 0.0
-    if s.obstacle_scale != 0.0:
-        cost += obstacle * s.obstacle_scale
-    if s.goal_scale != 0.0:
-        cost += f.front[nose_row, nose_column] * s.goal_scale
-    if aligned:
-        cost += f.path[nose_row, nose_column] * s.path_scale
-    if s.path_scale != 0.0:
-        steps = f.path[row, column]
-        if steps >= blocked:
-            return -1.0
-        cost += steps * s.path_scale
-    if s.goal_scale != 0.0:
-        steps = f.goal[row, column]
-        if steps >= blocked:
-            return -1.0
-        cost += steps * s.goal_scale
-    if s.twirling_scale != 0.0:
-        cost += abs(wz) * s.twirling_scale
+    if weights[0] != 0.0:
+        cost += obstacle * weights[0]
+    if weights[1] != 0.0:
+        cost += front * weights[1]
+    if weights[2] != 0.0:
+        cost += along * weights[2]
+    if weights[3] != 0.0:
+        cost += path * weights[3]
+    if weights[4] != 0.0:
+        cost += goal * weights[4]
+    if weights[5] != 0.0:
+        cost += abs(wz) * weights[5]
     return cost
 
 
 @kernel
-def _nose(x: float, y: float, c: float, d: float, s: Settings, f: Field) -> int:
-    rows, columns = f.cells.shape
-    return cell_of(x + s.forward * c, y + s.forward * d, f.frame, rows, columns)
+def weigh(aligned: bool, s: Settings, out: Floats) -> None:
+    """Write the weights of obstacle, front, alignment, path, goal and twirling to ``out``.
+
+    Critics of weight 0 are not asked, so they reject nothing either.
+    """
+    out[0], out[1], out[3] = s.obstacle_scale, s.goal_scale, s.path_scale
+    out[2] = s.path_scale if aligned else 0.0
+    out[4], out[5] = s.goal_scale, s.twirling_scale
 
 
 @kernel
-def _needs_cells(s: Settings) -> bool:
-    """Whether a critic of distances is asked at all, which rejects what leaves the window."""
-    return s.goal_scale != 0.0 or s.path_scale != 0.0
+def _last_cells(points: Floats, n: int, weights: Floats, forward: float, f: Field) -> int:
+    """Return the cells of the last pose and its nose as one number, -1 when a pose is illegal.
+
+    The number is centre * size + nose; 0 when no critic of distances is asked.
+    """
+    rows, columns = f.cells.shape
+    path, goal = weights[3] != 0.0, weights[4] != 0.0
+    if not (path or goal):
+        return 0
+    noses = weights[1] != 0.0 or weights[2] != 0.0
+    at, nose = 0, 0
+    for i in range(n):
+        at = cell_of(points[i, 0], points[i, 1], f.frame, rows, columns)
+        if at < 0:
+            return -1
+        row, column = at // columns, at % columns
+        if path and not is_fit(f.path, row, column):
+            return -1
+        if goal and not is_fit(f.goal, row, column):
+            return -1
+        if noses:
+            x, y = points[i, 0] + forward * points[i, 3], points[i, 1] + forward * points[i, 4]
+            nose = cell_of(x, y, f.frame, rows, columns)
+            if nose < 0:
+                return -1
+    return at * f.cells.size + nose
+
+
+@kernel
+def _of_cells(obstacle: float, at: int, nose: int, wz: float, weights: Floats, f: Field) -> float:
+    """Return the cost of a trajectory that ends in these cells."""
+    columns, size = f.cells.shape[1], f.cells.size
+    row, column, nose_row, nose_column = (
+        at // columns,
+        at % columns,
+        nose // columns,
+        nose % columns,
+    )
+    return _total(
+        obstacle,
+        steps_at(f.front, nose_row, nose_column, size),
+        steps_at(f.path, nose_row, nose_column, size),
+        steps_at(f.path, row, column, size),
+        steps_at(f.goal, row, column, size),
+        wz,
+        weights,
+    )
 
 
 @kernel
 def score(
-    points: Floats, n: int, moving: Floats, aligned: bool, limit: float, s: Settings, f: Field
+    points: Floats, n: int, moving: Floats, weights: Floats, limit: float, s: Settings, f: Field
 ) -> float:
     """Return the cost of a trajectory, negative when it is illegal.
 
@@ -114,49 +154,50 @@ def score(
         return 0.0
     if _oscillates(f.banned, moving[0], moving[1], moving[2]):
         return -1.0
-    rows, columns = f.cells.shape
-    blocked = f.cells.size
-    cells = _needs_cells(s)
-    noses = s.goal_scale != 0.0 or aligned
-    at, nose = 0, 0
-    for i in range(n if cells else 0):
-        at = cell_of(points[i, 0], points[i, 1], f.frame, rows, columns)
-        if at < 0:
-            return -1.0
-        row, column = at // columns, at % columns
-        if s.path_scale != 0.0 and f.path[row, column] >= blocked:
-            return -1.0
-        if s.goal_scale != 0.0 and f.goal[row, column] >= blocked:
-            return -1.0
-        if noses:
-            nose = _nose(points[i, 0], points[i, 1], points[i, 3], points[i, 4], s, f)
-            if nose < 0:
-                return -1.0
+    ends = _last_cells(points, n, weights, s.forward, f)
+    if ends < 0:
+        return -1.0
+    rest = _of_cells(0.0, ends // f.cells.size, ends % f.cells.size, moving[2], weights, f)
+    if weights[0] == 0.0:
+        return rest
+    scale = growth(speed_of(moving[0], moving[1]), s)
+    cells, frame, outline, spans, inside = (
+        f.cells,
+        f.frame,
+        f.outline,
+        f.spans,
+        not s.perimeter_only,
+    )
     obstacle = 0.0
-    if s.obstacle_scale != 0.0:
-        scale = growth(moving[0], moving[1], s)
-        inside = not s.perimeter_only
-        for i in range(n):
-            cost = footprint_cost(f.cells, f.frame, f.outline, scale, points[i], f.spans, inside)
-            if cost < 0:
-                return -1.0
-            if s.sum_scores:
-                obstacle += cost
-            elif cost > obstacle:
-                obstacle = float(cost)
-            else:
-                continue
-            if _total(obstacle, at, nose, moving[2], aligned, s, f) > limit:
-                return -1.0
-    return _total(obstacle, at, nose, moving[2], aligned, s, f)
+    for i in range(n):
+        cost = footprint_cost(cells, frame, outline, scale, points[i], spans, inside)
+        if cost < 0:
+            return -1.0
+        if s.sum_scores:
+            obstacle += cost
+        elif cost > obstacle:
+            obstacle = float(cost)
+        else:
+            continue
+        # A hair below, since the terms are not summed in their order here.
+        if (rest + obstacle * weights[0]) * (1.0 - 1e-12) > limit:
+            return -1.0
+    return _of_cells(obstacle, ends // f.cells.size, ends % f.cells.size, moving[2], weights, f)
 
 
 @kernel
-def _sure(value: float, origin: float, resolution: float, margin: float) -> bool:
-    """Whether a coordinate stays in its cell when it moves by ``margin`` [m] either way."""
-    cells = (value - origin) / resolution
-    rest = cells - math.floor(cells)
-    return rest * resolution > margin and (1.0 - rest) * resolution > margin
+def _cell_if_sure(x: float, y: float, frame: Floats, margin: float, rows: int, columns: int) -> int:
+    """Return the cell of a point that may be off by ``margin`` [cells], -1 off the grid.
+
+    -2 when the margin reaches into another cell.
+    """
+    u, v = (x - frame[0]) / frame[2], (y - frame[1]) / frame[2]
+    column, row = math.floor(u), math.floor(v)
+    if min(u - column, v - row) < margin or max(u - column, v - row) > 1.0 - margin:
+        return -2
+    if column < 0 or row < 0 or column >= columns or row >= rows:
+        return -1
+    return int(row) * columns + int(column)
 
 
 @kernel
@@ -179,57 +220,100 @@ def _arc(heading: Floats, turn: float, steps: int, out: Floats) -> None:
 
 
 @kernel
-def bound(
+def _margin(state: Floats, speed: float, turn: float, n: int, s: Settings, f: Field) -> float:
+    """Return how far [cells] single precision puts a point off within ``n`` steps, at most.
+
+    Every step rounds coordinates and the yaw by half a unit in the last place; ``speed`` and
+    ``turn`` are the largest. One cell when trajectories must be followed anyway.
+    """
+    if not s.use_dwa or s.angular_granularity > 1.0:
+        return 1.0
+    reach = speed * s.sim_time
+    coordinate = max(abs(state[0]), abs(state[1])) + reach
+    yaw = abs(state[2]) + turn * s.sim_time
+    off = 1e-9 + n * 2.0**-24 * 1.02 * (coordinate + yaw * (reach + abs(s.forward)))
+    return min(1.0, off / f.frame[2])
+
+
+@kernel
+def _pairs(
+    samples: Floats, counts: Integers, here: int, s: Settings, f: Field, out: Floats
+) -> float:
+    """Write speed and cost at the first pose of every (vx, vy) to ``out``; return the top speed.
+
+    The cost is -1 when no sample of the pair is legal. ``here`` is the cost of the footprint where
+    the robot is; grown footprints may cost more there, but not less than nothing.
+    """
+    fastest = 0.0
+    for i in range(counts[0]):
+        for j in range(counts[1]):
+            vx, vy = samples[0, i], samples[1, j]
+            pair = i * counts[1] + j
+            speed = speed_of(vx, vy)
+            out[pair, 0], out[pair, 1] = speed, 0.0
+            if s.use_dwa:
+                if growth(speed, s) == 1.0 and s.obstacle_scale != 0.0:
+                    out[pair, 1] = here
+                if _oscillates(f.banned, vx, vy, 0.0) or speed - 1e-4 > s.max_trans:
+                    out[pair, 1] = -1.0
+            if out[pair, 1] >= 0.0:
+                fastest = max(fastest, speed)
+    return fastest
+
+
+@kernel
+def _ends(
     state: Floats,
-    vx: float,
-    vy: float,
-    wz: float,
-    n: int,
-    arc: Floats,
-    start: int,
-    aligned: bool,
-    points: Floats,
-    moving: Floats,
+    samples: Floats,
+    counts: Integers,
+    pairs: Floats,
+    arcs: Floats,
+    heading: Floats,
+    margin: float,
     s: Settings,
     f: Field,
-) -> float:
-    """Return a lower bound of the cost of a sample, infinite when its end is illegal.
+    out: Integers,
+) -> None:
+    """Write the cells where centre and nose of every sample end to ``out``, shape (samples, 2).
 
-    ``arc`` is what :func:`_arc` wrote for n - 1 steps, ``start`` the cost at the first pose. Where
-    single precision could put the end into another cell the trajectory is followed.
+    -1 off the grid, -2 where rounding could put it into another cell, -3 for an illegal sample.
     """
+    frame, forward, sim_time = f.frame, s.forward, s.sim_time
     rows, columns = f.cells.shape
-    dt = s.sim_time / n
-    c, d = arc[2], arc[3]
-    x = state[0] + dt * (vx * arc[0] - vy * arc[1])
-    y = state[1] + dt * (vx * arc[1] + vy * arc[0])
-    reach = (abs(vx) + abs(vy)) * s.sim_time
-    far = max(abs(state[0]), abs(state[1])) + reach
-    turned = (abs(state[2]) + abs(wz) * s.sim_time) * (reach + abs(s.forward))
-    margin = 1e-9 + n * 6.1e-8 * (far + turned)
-    nose_x, nose_y = x + s.forward * c, y + s.forward * d
-    if not (
-        s.use_dwa
-        and abs(wz) * dt < 1.0
-        and _sure(x, f.frame[0], f.frame[2], margin)
-        and _sure(y, f.frame[1], f.frame[2], margin)
-        and _sure(nose_x, f.frame[0], f.frame[2], margin)
-        and _sure(nose_y, f.frame[1], f.frame[2], margin)
-    ):
-        n = simulate(state, vx, vy, wz, s, points, moving)
-        x, y, c, d = points[n - 1, 0], points[n - 1, 1], points[n - 1, 3], points[n - 1, 4]
-        nose_x, nose_y = x + s.forward * c, y + s.forward * d
-        wz = moving[2]
-    at = cell_of(x, y, f.frame, rows, columns)
-    nose = cell_of(nose_x, nose_y, f.frame, rows, columns)
-    if at < 0 and (s.obstacle_scale != 0.0 or _needs_cells(s)):
-        return math.inf
-    if nose < 0 and (s.goal_scale != 0.0 or aligned):
-        return math.inf
-    at = max(at, 0)
-    below = max(start, int(f.cells[at // columns, at % columns]))
-    total = _total(float(below), at, max(nose, 0), wz, aligned, s, f)
-    return math.inf if total < 0.0 else total
+    number, turns = counts[0] * counts[1], counts[2]
+    arcs[:, 4] = -1.0
+    for k in range(turns):
+        wz = samples[2, k]
+        oscillating = s.use_dwa and _oscillates(f.banned, 0.0, 0.0, wz)
+        for pair in range(number):
+            index = pair * turns + k
+            out[index, 0] = -3
+            if oscillating or pairs[pair, 1] < 0.0:
+                continue
+            n = steps_of(pairs[pair, 0], wz, s)
+            if n == 0:
+                continue
+            dt = sim_time / n
+            arc = arcs[n]
+            if arc[4] != k:
+                _arc(heading, wz * dt, n - 1, arc)
+                arc[4] = k
+            vx, vy = samples[0, pair // counts[1]], samples[1, pair % counts[1]]
+            x = state[0] + dt * (vx * arc[0] - vy * arc[1])
+            y = state[1] + dt * (vx * arc[1] + vy * arc[0])
+            out[index, 0] = _cell_if_sure(x, y, frame, margin, rows, columns)
+            x, y = x + forward * arc[2], y + forward * arc[3]
+            out[index, 1] = _cell_if_sure(x, y, frame, margin, rows, columns)
+
+
+@kernel
+def _steps_once(distances: Bits, at: int, columns: int, size: int, known: Integers) -> int:
+    """Return the distance of a cell, read once and then ``known`` (-1: not yet)."""
+    steps = known[at]
+    if steps < 0:
+        steps = steps_at(distances, at // columns, at % columns, size)
+        known[at] = steps
+    return int(steps)
 
 
 @kernel
@@ -237,48 +321,66 @@ def bounds(
     state: Floats,
     samples: Floats,
     counts: Integers,
-    aligned: bool,
+    weights: Floats,
+    pairs: Floats,
     arcs: Floats,
+    ends: Integers,
+    known: Integers,
     points: Floats,
     moving: Floats,
     s: Settings,
     f: Field,
     out: Floats,
 ) -> None:
-    """Write the lower bound of every sample to ``out``, infinite for those that cannot win.
+    """Write the lower bound of every sample's cost to ``out``, infinite when it cannot win.
 
     ``samples`` (3, most) holds the speeds per axis, ``counts`` how many; sample (i, j, k) stands
-    at (i * counts[1] + j) * counts[2] + k, the order of the original's loops. ``arcs`` (longest
-    trajectory, 5) keeps arcs of one turning speed by the number of points.
+    at (i * counts[1] + j) * counts[2] + k, the order of the original's loops. Room: ``pairs``
+    (most, 2) for what all turning speeds share, ``arcs`` (longest trajectory, 5) for what samples
+    of one turning speed and number of points share, ``ends`` (samples, 2) and ``known`` (3, cells).
     """
-    arcs[:, 4] = -1.0
     points[0, 0], points[0, 1], points[0, 2] = state[0], state[1], state[2]
     points[0, 3], points[0, 4] = math.cos(state[2]), math.sin(state[2])
-    inside = not s.perimeter_only
-    here = footprint_cost(f.cells, f.frame, f.outline, 1.0, points[0], f.spans, inside)
-    for k in range(counts[2]):
-        wz = samples[2, k]
-        for i in range(counts[0]):
-            vx = samples[0, i]
-            for j in range(counts[1]):
-                vy = samples[1, j]
-                index = (i * counts[1] + j) * counts[2] + k
-                out[index] = math.inf
-                n = steps_of(vx, vy, wz, s)
-                if n == 0:
-                    continue
-                normal = growth(vx, vy, s) == 1.0 or not s.use_dwa
-                if s.use_dwa and _oscillates(f.banned, vx, vy, wz):
-                    continue
-                if normal and here < 0 and s.obstacle_scale != 0.0 and s.use_dwa:
-                    continue
-                if arcs[n, 4] != k:
-                    _arc(points[0, 3:5], wz * (s.sim_time / n), n - 1, arcs[n])
-                    arcs[n, 4] = k
-                start = here if normal and s.use_dwa else 0
-                out[index] = bound(
-                    state, vx, vy, wz, n, arcs[n], start, aligned, points, moving, s, f
-                )
+    cells, frame, path, goal, front = f.cells, f.frame, f.path, f.goal, f.front
+    here = footprint_cost(cells, frame, f.outline, 1.0, points[0], f.spans, not s.perimeter_only)
+    fastest = _pairs(samples, counts, here, s, f, pairs)
+    number, turns = counts[0] * counts[1], counts[2]
+    turn = max(abs(samples[2, 0]), abs(samples[2, turns - 1]))
+    by_speed = fastest * s.sim_time / s.granularity
+    most = math.ceil(max(by_speed, turn * s.sim_time / s.angular_granularity))
+    margin = _margin(state, fastest, turn, most, s, f)
+    _ends(state, samples, counts, pairs, arcs, points[0, 3:5], margin, s, f, ends)
+    known[:] = -1
+    rows, columns = cells.shape
+    size = cells.size
+    anywhere = weights[0] == 0.0 and weights[3] == 0.0 and weights[4] == 0.0
+    noses = weights[1] != 0.0 or weights[2] != 0.0
+    for index in range(number * turns):
+        out[index] = math.inf
+        at, nose = ends[index, 0], ends[index, 1]
+        if at == -3:
+            continue
+        pair = index // turns
+        wz = samples[2, index % turns]
+        if at == -2 or nose == -2:
+            vx, vy = samples[0, pair // counts[1]], samples[1, pair % counts[1]]
+            n = simulate(state, vx, vy, wz, s, points, moving)
+            wz = moving[2]
+            x, y = points[n - 1, 0], points[n - 1, 1]
+            at = cell_of(x, y, frame, rows, columns)
+            x, y = x + s.forward * points[n - 1, 3], y + s.forward * points[n - 1, 4]
+            nose = cell_of(x, y, frame, rows, columns)
+        if (at < 0 and not anywhere) or (nose < 0 and noses):
+            continue
+        at, nose = max(at, 0), max(nose, 0)
+        from_path = _steps_once(path, at, columns, size, known[0])
+        from_goal = _steps_once(goal, at, columns, size, known[1])
+        if (from_path >= size and weights[3] != 0.0) or (from_goal >= size and weights[4] != 0.0):
+            continue
+        ahead = _steps_once(front, nose, columns, size, known[2])
+        along = _steps_once(path, nose, columns, size, known[0])
+        below = max(int(pairs[pair, 1]), int(cells[at // columns, at % columns]))
+        out[index] = _total(float(below), ahead, along, from_path, from_goal, wz, weights)
 
 
 @kernel
@@ -286,7 +388,7 @@ def best(
     state: Floats,
     samples: Floats,
     counts: Integers,
-    aligned: bool,
+    weights: Floats,
     points: Floats,
     moving: Floats,
     s: Settings,
@@ -312,7 +414,7 @@ def best(
         i, rest = index // (counts[1] * counts[2]), index % (counts[1] * counts[2])
         j, k = rest // counts[2], rest % counts[2]
         n = simulate(state, samples[0, i], samples[1, j], samples[2, k], s, points, moving)
-        cost = score(points, n, moving, aligned, cheapest, s, f)
+        cost = score(points, n, moving, weights, cheapest, s, f)
         if cost < 0.0:
             continue
         if cost < cheapest or (cost == cheapest and index < winner):

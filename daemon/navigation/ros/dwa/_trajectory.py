@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from daemon.navigation.kernels import kernel
-from daemon.navigation.ros.dwa._samples import single, steps_of
+from daemon.navigation.ros.dwa._samples import single, speed_of, steps_of
 from daemon.navigation.ros.dwa._settings import Settings
 from grammars.values import Floats
 
@@ -29,7 +29,7 @@ def simulate(
     single precision at every step (``SimpleTrajectoryGenerator``).
     """
     moving[:] = 0.0
-    n = steps_of(vx, vy, wz, s)
+    n = steps_of(speed_of(vx, vy), wz, s)
     if n == 0:
         return 0
     dt = s.sim_time / n
