@@ -148,7 +148,7 @@ class Costmap:
         """Run one cycle (``updateMap``) with the robot at ``base`` in the global frame.
 
         ``scan`` is the latest scan received, the same as last time if none came since, or ``None``
-        if none ever came.
+        if none ever came. Raises ``ValueError`` for a scan with more or fewer ranges than angles.
         """
         if self._parameters.rolling_window:
             self._shift(base)
@@ -258,6 +258,8 @@ class Costmap:
             limits = (scan.range_min, scan.range_max)
             if scan.angles is not self._angles:
                 self._take_angles(scan.angles)
+            if len(ranges) != len(self._angles):
+                raise ValueError(f"{len(ranges)} ranges at {len(self._angles)} angles are no scan")
         return observe(
             self._layer,
             self._shape,

@@ -113,9 +113,8 @@ def _merge(
         for name, value in values.items():
             if name == "enabled" and value is True:
                 continue
-            if kinds[space] == _STATIC and name == "track_unknown_space":
-                # The obstacle layer above decides what becomes of unknown cells.
-                merged.setdefault(name, value)
+            if kinds[space] == _STATIC and name == "track_unknown_space" and value is True:
+                # Its default; what becomes of unknown cells the layer above decides.
                 continue
             if layered or name not in merged:
                 merged[name], places[name] = value, (*path, space, name)
@@ -137,6 +136,10 @@ def _take_sources(
         inside = isinstance(nested, Mapping) and name in nested
         place = (*path, layer, name) if inside else (*path, name)
         values = merged.pop(name, {})
+        if "plugins" in given and not inside:
+            message = f'does not reach the layer {layer}, whose source "{name}" then has defaults'
+            report.problems.append(Finding(place, message, f"write it under {layer}"))
+            values = {}
         if not isinstance(values, Mapping):
             report.fatal.append(Finding(place, "must be names with values"))
             continue

@@ -209,8 +209,11 @@ def settle(
     rows, columns = shape
     radius = widths.shape[0] - 1
     x0, y0, x1, y1 = window[0], window[1], window[2], window[3]
-    box = (max(0, x0 - radius), max(0, y0 - radius), min(columns, x1 + radius), 0)
-    box = (box[0], box[1], box[2], min(rows, y1 + radius))
+    left_edge, right_edge = max(0, x0 - radius), min(columns, x1 + radius)
+    low_edge, high_edge = max(0, y0 - radius), min(rows, y1 + radius)
+    if x0 >= x1 or y0 >= y1:
+        right_edge, high_edge = left_edge, low_edge
+    box = (left_edge, low_edge, right_edge, high_edge)
     for y in range(disturbed[1], disturbed[3]):
         for x in range(disturbed[0], disturbed[2]):
             cell = y * columns + x

@@ -299,3 +299,9 @@ def test_impossible_costmaps_are_refused(parameters: CostmapParameters, message:
 def test_a_static_costmap_needs_a_map() -> None:
     with pytest.raises(ValueError, match="was given no map"):
         Costmap(STILL, STILL.padded_footprint(), ORIGINAL)
+
+
+def test_a_scan_has_as_many_ranges_as_angles() -> None:
+    scan = replace(looking(1.0), ranges=np.ones(2, dtype=np.float32))
+    with pytest.raises(ValueError, match="2 ranges at 1 angles"):
+        build().update(Pose2(1.0, 1.0), scan)

@@ -92,6 +92,14 @@ def test_flat_parameters_do_not_reach_layers() -> None:
     assert "write it under around" in problems[0]
 
 
+def test_a_flat_source_does_not_reach_a_layer() -> None:
+    parameters, problems = read(
+        {"plugins": LAYERS, "obstacles": {"observation_sources": "scan"}, "scan": SCAN}
+    )
+    assert parameters.sources == (ObservationSource("scan", "scan"),)
+    assert "does not reach the layer obstacles" in problems[0]
+
+
 @pytest.mark.parametrize(
     "plugin", ["costmap_2d::VoxelLayer", "range_sensor_layer::RangeSensorLayer"]
 )
