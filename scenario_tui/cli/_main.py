@@ -11,13 +11,23 @@ from typing import Annotated, Any, Final
 import typer
 
 from grammars.diagnostics import InputError
-from scenario_tui.cli import _campaign, _control, _editor, _export, _reading, _services, _sut, _vary
+from scenario_tui.cli import (
+    _campaign,
+    _control,
+    _editor,
+    _export,
+    _judge,
+    _reading,
+    _services,
+    _sut,
+    _vary,
+)
 from scenario_tui.cli._exits import ExitCode
 from scenario_tui.cli._output import settle_streams
 
 _PANELS: Final = {
     "Run campaigns": (_campaign.demo, _campaign.check, _sut.sut, _campaign.run, _campaign.submit),
-    "Look": (_services.tui, _reading.status, _reading.results),
+    "Look": (_services.tui, _reading.status, _reading.results, _judge.judge),
     "Steer": (_control.cancel, _control.retry, _control.stop),
     "Machines": (_services.daemon, _services.worker),
     "Artefacts": (_export.export, _vary.vary),

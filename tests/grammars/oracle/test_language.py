@@ -121,6 +121,7 @@ def test_until_has_a_release_and_may_have_a_deadline() -> None:
         ("count(contact) <= 2 on leg 3", Leg(3, "", 27)),
         ("max(speed) <= 2 m/s on leg door-17 when contact", Leg(0, "door-17", 27)),
         ("never(contact) on leg kitchen", Leg(0, "kitchen", 22)),
+        ('never(contact) on leg "café 2"', Leg(0, "café 2", 22)),
     ],
 )
 def test_a_leg_is_named_by_number_or_waypoint(text: str, leg: Leg) -> None:

@@ -1,0 +1,230 @@
+"""Judging recorded runs again: other oracles, or the same ones, on old traces.
+
+A trace is read and never written. What it is compared with is what the ledger says of the run when
+the trace is one of a state directory's, otherwise what the oracles inside of the trace itself say.
+"""
+
+from __future__ import annotations
+
+import multiprocessing
+import signal
+import sqlite3
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+from typing import Final, Literal
+
+from daemon import oracles
+from daemon.errors import DaemonError
+from daemon.executor import cores
+from daemon.ledger import connect_reader
+from daemon.places import Places
+from daemon.spec import OracleText, RunResult
+from daemon.trace import TraceError, read_trace
+from daemon.verdict import Outcome, Verdict
+from grammars import codec
+
+_CHUNK: Final = 8
+_FEW: Final = 8
+"""So few traces are judged sooner than other processes are started."""
+
+Origin = Literal["ledger", "trace"]
+
+
+@dataclass(frozen=True, slots=True)
+class Rejudged:
+    """A trace judged again: ``before`` are the verdicts it had, as the ``origin`` tells.
+
+    ``problem`` says why nothing could be judged; everything else is empty then.
+    """
+
+    trace: str
+    run: str = ""
+    digest: str = ""
+    outcome: Outcome = Outcome.ERROR
+    verdicts: tuple[Verdict, ...] = ()
+    outcome_before: Outcome | None = None
+    before: tuple[Verdict, ...] = ()
+    origin: Origin = "trace"
+    problem: str = ""
+
+    @property
+    def changes(self) -> tuple[Change, ...]:
+        """What is different now, in the order of the oracles; new and dropped ones at the end."""
+        now, then = ({v.oracle: v for v in side} for side in (self.verdicts, self.before))
+        names = (*now, *(name for name in then if name not in now))
+        pairs = (Change(name, then.get(name), now.get(name)) for name in names)
+        return tuple(sorted((c for c in pairs if c.kind != "same"), key=lambda c: c.rank))
+
+
+@dataclass(frozen=True, slots=True)
+class Change:
+    """One oracle's verdict before and now; ``None`` where it was, or is, not judged."""
+
+    oracle: str
+    before: Verdict | None
+    now: Verdict | None
+
+    @property
+    def kind(self) -> Literal["same", "verdict", "margin", "new", "dropped"]:
+        """What changed: the verdict, only its margin (or measured value), or who judges."""
+        if self.before is None:
+            return "new"
+        if self.now is None:
+            return "dropped"
+        if self.before.outcome is not self.now.outcome:
+            return "verdict"
+        here, there = (
+            (v.lower, v.upper, v.unit, v.evidence.value) for v in (self.before, self.now)
+        )
+        return "same" if here == there else "margin"
+
+    @property
+    def rank(self) -> int:
+        """Order for people: changed verdicts first."""
+        return ("verdict", "margin", "new", "dropped", "same").index(self.kind)
+
+
+def rejudge(
+    traces: Sequence[Path],
+    written: Sequence[OracleText] | None,
+    *,
+    places: Places,
+    processes: int | None = None,
+) -> Iterator[Rejudged]:
+    """Judge ``traces`` by the oracles ``written`` (``None``: those in each trace), in order.
+
+    Spreads over ``processes`` (default: one per core). A trace that cannot be read gives a
+    :class:`Rejudged` with its ``problem``. Raises :class:`daemon.errors.DaemonError` when a judging
+    process dies.
+    """
+    recorded = _Recorded(places)
+    oracles.warm_up()
+    task = partial(_judge_file, None if written is None else tuple(written))
+    for path, judged in zip(traces, _spread(task, traces, processes), strict=True):
+        yield recorded.compared(path, judged)
+
+
+def _judge_file(written: tuple[OracleText, ...] | None, path: Path) -> Rejudged:
+    """Judge one file by the oracles given and by its own; the signals are computed once."""
+    try:
+        trace = read_trace(path)
+    except TraceError as error:
+        problem = "; ".join(found.message for found in error.diagnostics)
+        return Rejudged(str(path), problem=problem)
+    own = trace.spec.oracles
+    asked = own if written is None else written
+    found = oracles.judge(trace, (*asked, *own))
+    verdicts, before = found[: len(asked)], found[len(asked) :]
+    return Rejudged(
+        trace=str(path),
+        run=trace.spec.label,
+        digest=trace.spec.digest,
+        outcome=oracles.overall(trace, verdicts),
+        verdicts=verdicts,
+        outcome_before=oracles.overall(trace, before),
+        before=before,
+    )
+
+
+def _spread(
+    task: partial[Rejudged], traces: Sequence[Path], processes: int | None
+) -> Iterator[Rejudged]:
+    count = min(processes or cores(), len(traces))
+    if count < 2 or len(traces) <= _FEW:
+        yield from map(task, traces)
+        return
+    # Forked children have kernels and grammar in memory already; nothing here has threads.
+    context = multiprocessing.get_context("fork")
+    executor = ProcessPoolExecutor(count, mp_context=context, initializer=_ignore_interrupts)
+    try:
+        yield from executor.map(task, traces, chunksize=min(_CHUNK, 1 + len(traces) // count))
+    except BrokenProcessPool as error:
+        raise DaemonError(
+            "a judging process died, by lack of memory or by an oracle that plugs in"
+        ) from error
+    finally:
+        executor.shutdown(cancel_futures=True)
+
+
+def _ignore_interrupts() -> None:
+    """Leave Ctrl-C to the process that people see."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+
+class _Recorded:
+    """The verdicts a state directory's ledger has of its traces."""
+
+    def __init__(self, places: Places) -> None:
+        self._folder = places.traces.resolve()
+        self._ledger = connect_reader(places.ledger) if places.ledger.is_file() else None
+
+    def compared(self, path: Path, judged: Rejudged) -> Rejudged:
+        """Return ``judged`` with the verdicts the ledger has of the run, if it has any."""
+        result = self._result(path) if not judged.problem else None
+        if result is None or result.spec != judged.digest:
+            return judged
+        return replace(
+            judged, before=result.verdicts, outcome_before=result.outcome, origin="ledger"
+        )
+
+    def _result(self, path: Path) -> RunResult | None:
+        place = path.resolve()
+        if self._ledger is None or not place.is_relative_to(self._folder):
+            return None
+        name = place.relative_to(self._folder).as_posix()
+        query = "SELECT body FROM result JOIN run ON run.id = result.run WHERE trace_name = ?"
+        try:
+            row = self._ledger.execute(query, (name,)).fetchone()
+            return None if row is None else codec.from_json(RunResult, row[0])
+        except (sqlite3.Error, ValueError):
+            # A ledger of another version says nothing; the trace itself still does.
+            return None
+
+
+def find_traces(named: Sequence[str], places: Places) -> tuple[Path, ...]:
+    """Return the traces meant: files, all in a folder, a campaign's or a run's by its id.
+
+    Each once, in the order named, those of a folder by name. Raises ``ValueError`` for what names
+    none.
+    """
+    found: dict[Path, None] = {}
+    for name in named:
+        found |= dict.fromkeys(_meant(name, places))
+    return tuple(found)
+
+
+def _meant(name: str, places: Places) -> list[Path]:
+    path = Path(name)
+    if path.is_file():
+        return [path]
+    folder = path if name and path.is_dir() else _campaign_folder(name, places)
+    if folder is not None:
+        traces = sorted(folder.rglob("*.mcap"))
+        if not traces:
+            raise ValueError(f"{folder} holds no traces (.mcap files)")
+        return traces
+    run = _run_trace(name, places)
+    if run is None:
+        raise ValueError(f"{name} is no trace, no folder, and no campaign or run in {places.state}")
+    return [run]
+
+
+def _campaign_folder(name: str, places: Places) -> Path | None:
+    folder = places.traces / name
+    return folder if "/" not in name and name not in ("", "..", ".") and folder.is_dir() else None
+
+
+def _run_trace(name: str, places: Places) -> Path | None:
+    if not places.ledger.is_file():
+        return None
+    try:
+        query = "SELECT trace_name FROM run WHERE id = ?"
+        row = connect_reader(places.ledger).execute(query, (name,)).fetchone()
+    except sqlite3.Error:
+        return None
+    trace = None if row is None else places.traces / row[0]
+    return trace if trace is not None and trace.is_file() else None

@@ -1,0 +1,107 @@
+"""``scenario judge``: what people and scripts are told about old traces."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from daemon.spec import OracleText
+from scenario_tui.cli._main import invoke
+from tests.daemon.old_runs import drive, spec
+
+
+@pytest.fixture
+def traces(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Two runs, the second one faster."""
+    monkeypatch.setenv("SCENARIO_STATE", str(tmp_path / "state"))
+    folder = tmp_path / "traces"
+    drive(folder / "a.mcap", spec(0))
+    drive(folder / "b.mcap", spec(1), speed=0.55)
+    return folder
+
+
+def layer(folder: Path, text: str) -> str:
+    path = folder / "new.oracles.yaml"
+    path.write_text(text)
+    return str(path)
+
+
+def told(capsys: pytest.CaptureFixture[str], *arguments: str) -> dict[str, Any]:
+    invoke(["judge", *arguments, "--json"])
+    body: dict[str, Any] = json.loads(capsys.readouterr().out)
+    return body
+
+
+def test_verdicts_that_changed_are_listed_with_their_reason(
+    traces: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    oracles = layer(traces.parent, "slow: max(speed) <= 0.52 m/s\nfar: final(path.length)\n")
+    assert invoke(["judge", str(traces), "--oracles", oracles]) == 1
+    out = capsys.readouterr().out
+    (line,) = [line for line in out.splitlines() if "→" in line]
+    assert line.startswith("✓ pass → ✗ fail  S1/pilot/1  slow: −0.03 m/s at 0.0 s")
+    assert "1 m to 1.1 m" in out
+    assert "2 traces judged, 1 with the verdict they had" in out
+
+
+def test_scripts_get_everything(traces: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    oracles = layer(traces.parent, "slow: max(speed) <= 0.52 m/s\n")
+    body = told(capsys, str(traces), "-o", oracles)
+    assert body["schema"] == "scenario/judge/1"
+    first, second = body["traces"]
+    assert (first["outcome_before"], first["outcome"]) == ("pass", "pass")
+    assert second["verdicts"][0]["evidence"]["value"] == 0.55
+    assert second["changes"][0] == {
+        "oracle": "slow",
+        "change": "verdict",
+        "before": "pass",
+        "now": "fail",
+        "margin_before": pytest.approx(0.05),
+        "margin_now": pytest.approx(-0.03),
+    }
+
+
+@pytest.mark.parametrize(
+    ("text", "code"),
+    [
+        ("a: max(speed) <= 1 m/s", 0),
+        ("a: max(speed) <= 0.1 m/s", 1),
+        ("a: max(sped) <= 1 m/s", 2),
+        ("a: never(contact(door-9))", 3),
+        ("a: never(contact) when speed > 9 m/s", 4),
+        ("a: max(speed)", 4),
+    ],
+)
+def test_the_exit_code_says_how_it_ended(traces: Path, text: str, code: int) -> None:
+    assert invoke(["judge", str(traces), "-o", layer(traces.parent, text)]) == code
+
+
+def test_what_cannot_be_used_is_said_and_the_rest_is_judged(
+    traces: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (traces / "c.mcap").write_bytes(b"")
+    assert invoke(["judge", str(traces)]) == 3
+    said = capsys.readouterr()
+    assert f"{traces / 'c.mcap'}: error: is empty" in said.err
+    assert "2 traces judged, 2 with the verdict they had" in said.out
+    assert "1 not readable" in said.out
+
+
+def test_wrong_usage(traces: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert invoke(["judge", "nowhere"]) == 2
+    assert "nowhere is no trace" in capsys.readouterr().err
+    assert invoke(["judge", str(traces), "-o", str(traces / "none.oracles.yaml")]) == 2
+
+
+def test_runs_of_one_name_are_told_apart_by_their_files(
+    traces: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    drive(traces / "again.mcap", spec(0, seed=9), speed=0.7)
+    oracles = (OracleText("slow", "max(speed) <= 0.6 m/s"),)
+    text = "".join(f"{o.name}: max(speed) <= 0.55 m/s\n" for o in oracles)
+    invoke(["judge", str(traces), "-o", layer(traces.parent, text)])
+    out = capsys.readouterr().out.replace("\n", "")
+    assert "again.mcap" in out
