@@ -12,7 +12,7 @@ from daemon.campaign.suts import Sut, load_sut
 from daemon.campaign.text import Reference, Vary
 from daemon.spec import SutReference
 from daemon.suts import check_parameters, sut_kinds
-from grammars.diagnostics import Diagnostic, InputError, did_you_mean
+from grammars.diagnostics import Diagnostic, InputError, Severity, did_you_mean
 from grammars.documents import Document
 from grammars.files import load_mission, load_robot
 from grammars.floorplan import load_floorplan
@@ -133,7 +133,7 @@ class Library:
         except InputError:
             if reference.name not in sut_kinds():
                 raise
-            return self._once("sut", Path(reference.name), partial(_default_sut, reference))
+            return self._once("sut", Path(reference.name), partial(self._default_sut, reference))
         return self.sut_file(path).reference
 
     def sut_file(self, path: Path) -> Sut:
@@ -150,6 +150,17 @@ class Library:
         if path.suffix == ".jsonld":
             return load_scenery_jsonld(path, self.warnings)
         return load_scenery(path)
+
+    def _default_sut(self, reference: Reference, _: Path) -> SutReference:
+        try:
+            findings = check_parameters(reference.name, {})
+        except ValueError as error:
+            raise InputError(Diagnostic(reference.where, str(error))) from error
+        self.warnings.extend(
+            Diagnostic(reference.where, found.message, found.hint, Severity.WARNING)
+            for found in findings.problems
+        )
+        return SutReference(reference.name, reference.name, {})
 
     def _load_sut(self, path: Path) -> Sut:
         sut = load_sut(path, self._find_sut)
@@ -170,11 +181,3 @@ class Library:
             self._loaded[key] = load(path)
         loaded: T = self._loaded[key]
         return loaded
-
-
-def _default_sut(reference: Reference, _: Path) -> SutReference:
-    try:
-        check_parameters(reference.name, {})
-    except ValueError as error:
-        raise InputError(Diagnostic(reference.where, str(error))) from error
-    return SutReference(reference.name, reference.name, {})

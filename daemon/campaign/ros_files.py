@@ -27,6 +27,7 @@ class _WellKnown:
     names: tuple[str, ...]
     namespace: str
     section: str = ""
+    usual: bool = True
 
 
 _WELL_KNOWN: Final = (
@@ -39,34 +40,41 @@ _WELL_KNOWN: Final = (
         ("costmap_local_params.yaml", "local_costmap_params.yaml"), "move_base", "local_costmap"
     ),
     _WellKnown(("move_base_params.yaml", "move_base.yaml"), "move_base"),
-    _WellKnown(("navfn_global_planner_params.yaml", "navfn_params.yaml"), "move_base", "NavfnROS"),
+    _WellKnown(
+        ("navfn_global_planner_params.yaml", "navfn_params.yaml"), "move_base", "NavfnROS", False
+    ),
     _WellKnown(("dwa_local_planner_params.yaml", "dwa_params.yaml"), "move_base", "DWAPlannerROS"),
 )
 """In the order in which a usual launch file loads them: a later file wins."""
 
 
-def load_folder(folder: Path, where: Where, warnings: list[Diagnostic]) -> Settings:
-    """Return the settings of the well-known files in ``folder``; the usual ones may not all exist.
+def load_folder(folder: Path, where: Where, warnings: list[Diagnostic], *, whole: bool) -> Settings:
+    """Return the settings of the well-known files in ``folder``.
 
-    ``where`` is the place that names the folder. Raises :class:`InputError`.
+    ``where`` is the place that names the folder; with ``whole`` a usual file that is not there is
+    worth a warning. Raises :class:`InputError` with everything wrong in the files.
     """
     if not folder.is_dir():
         raise InputError(Diagnostic(where, f"no folder {folder}", _folders_near(folder)))
     present = {path.name for path in folder.iterdir() if path.is_file()}
-    settings: Settings = {}
-    used: set[str] = set()
-    for kind in _WELL_KNOWN:
-        name = next((name for name in kind.names if name in present), None)
-        if name is None:
-            continue
-        used.add(name)
-        settings = merged(settings, _load(folder / name, kind, warnings))
-    if not used:
+    named = {kind: name for kind in _WELL_KNOWN for name in kind.names[::-1] if name in present}
+    if not named:
         expected = ", ".join(kind.names[0] for kind in _WELL_KNOWN)
         raise InputError(
             Diagnostic(where, f"{folder} has no parameter files", f"looked for {expected}")
         )
-    warnings += _left_aside(folder, present - used, where)
+    settings: Settings = {}
+    problems: list[Diagnostic] = []
+    for kind in (kind for kind in _WELL_KNOWN if kind in named):
+        try:
+            settings = merged(settings, _load(folder / named[kind], kind, warnings))
+        except InputError as error:
+            problems += error.diagnostics
+    if problems:
+        raise InputError(problems)
+    warnings += _left_aside(folder, present - set(named.values()), where)
+    if whole:
+        warnings += _missing(folder, named, where)
     return settings
 
 
@@ -86,6 +94,16 @@ def _left_aside(folder: Path, names: Iterable[str], where: Where) -> list[Diagno
     message = f"not read in {folder}: {', '.join(spare)}"
     hint = 'name them under "files" with their namespace if the stack reads them'
     return [Diagnostic(where, message, hint, Severity.WARNING)]
+
+
+def _missing(folder: Path, found: Iterable[_WellKnown], where: Where) -> list[Diagnostic]:
+    lacking = [kind.names for kind in _WELL_KNOWN if kind.usual and kind not in found]
+    return [
+        Diagnostic(
+            where, f"no {' or '.join(names)} in {folder}: ROS defaults apply", "", Severity.WARNING
+        )
+        for names in lacking
+    ]
 
 
 def load_files(

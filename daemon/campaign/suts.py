@@ -23,6 +23,8 @@ from grammars.diagnostics import Diagnostic, InputError, Severity, Where
 from grammars.documents import Document, Written, load_yaml, read_model
 
 ROS: Final = "ros"
+_SHOWN: Final = 6
+"""So many parameters without effect are named in a warning."""
 _Files: TypeAlias = Annotated[
     list[str],
     BeforeValidator(
@@ -45,7 +47,7 @@ class SutText(Written):
     """Another system under test: this one is the same except for what is written here."""
     kind: str | None = None
     """What is run: a kind that ships here, or one plugged in as "scenario.suts"."""
-    ros: str | None = None
+    ros: str | None = Field(default=None, min_length=1)
     """A folder with the parameter files of a robot's navigation package (amcl.yaml,
     costmap_common_params.yaml, move_base_params.yaml ...), loaded as usual launch files do."""
     files: dict[str, _Files] = Field(default_factory=dict)
@@ -117,7 +119,8 @@ def _load(path: Path, document: Document, find: Find, above: tuple[Path, ...]) -
         raise InputError(Diagnostic(document.where((key,)), message))
     if text.ros:
         where = document.where(("ros",))
-        settings = merged(settings, load_folder(path.parent / text.ros, where, warnings))
+        found = load_folder(path.parent / text.ros, where, warnings, whole=base is None)
+        settings = merged(settings, found)
     settings = merged(settings, load_files(_named_files(path, document, text), warnings))
     settings = merged(settings, _written(document, text))
     files = (str(path), *(() if base is None else base.files))
@@ -187,7 +190,9 @@ def _warnings(findings: Findings, document: Document, settings: Settings) -> lis
     # What both costmaps have in common is one line of a file, so it is said once.
     idle = {where_of(settings, f.path): _short(f.path) for f in findings.without_effect}
     if idle:
-        message = f"without effect here: {', '.join(idle.values())}"
+        names = list(idle.values())
+        more = f" and {len(names) - _SHOWN} more" if len(names) > _SHOWN else ""
+        message = f"without effect here: {', '.join(names[:_SHOWN])}{more}"
         hint = f"scenario sut {document.file} says why"
         found.append(Diagnostic(document.where(("sut",)), message, hint, Severity.WARNING))
     return list(dict.fromkeys(found))

@@ -6,8 +6,11 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from daemon.campaign.layers import Library
+from daemon.campaign.settings import merged, settings_of, tree_of
 from daemon.campaign.text import Reference
 from daemon.navigation.ros.configuration import read_ros
 from daemon.navigation.ros.parameters import Wiring
@@ -207,6 +210,53 @@ def test_slips_of_ros_files_are_warnings_with_their_place(folder: Path) -> None:
     assert "robot.yaml:1:1: warning: without effect here: DWAPlannerROS/stop_time_buffer" in text
     assert "robot.yaml:3:1: warning: not read in robot: teb.yaml" in text
     assert len(warnings) == 4
+
+
+def test_a_usual_file_that_is_missing_is_worth_a_warning(folder: Path) -> None:
+    (folder / "robot" / "amcl.yaml").unlink()
+    _, warnings = load(folder, "robot")
+    (warning,) = (w for w in warnings if "ROS defaults apply" in w)
+    assert warning.startswith("robot.yaml:3:1: warning: no amcl.yaml or amcl_params.yaml in robot")
+    write(folder, "mine", "like: robot\nros: robot\n")
+    assert sum("ROS defaults apply" in w for w in load(folder, "mine")[1]) == 1
+
+
+def test_what_is_wrong_in_several_files_is_reported_at_once(folder: Path) -> None:
+    (folder / "robot" / "amcl.yaml").write_text("- 1\n")
+    (folder / "robot" / "move_base_params.yaml").write_text("a: [\n")
+    assert len(errors(folder, "robot")) == 2
+
+
+def test_a_kind_named_without_a_file_tells_what_its_defaults_lack(tmp_path: Path) -> None:
+    sut, warnings = load(tmp_path, "ros")
+    assert (sut.kind, sut.parameters) == ("ros", {})
+    assert any("the local costmap has no source" in w for w in warnings)
+
+
+_trees = st.recursive(
+    st.integers() | st.booleans() | st.lists(st.integers(), max_size=2),
+    lambda inner: st.dictionaries(st.sampled_from("abc"), inner, min_size=1, max_size=3),
+    max_leaves=8,
+)
+
+
+@given(
+    st.dictionaries(st.sampled_from("abc"), _trees), st.dictionaries(st.sampled_from("abc"), _trees)
+)
+@settings(max_examples=50)
+def test_a_later_layer_changes_what_it_names_and_leaves_the_rest(
+    base: dict[str, Any], over: dict[str, Any]
+) -> None:
+    here = Where("f")
+    one, other = (settings_of(tree, lambda _: here) for tree in (base, over))
+    assert tree_of(one) == base
+    assert tree_of(merged(one, other)) == plainly_merged(base, over)
+
+
+def plainly_merged(base: Any, over: Any) -> Any:
+    if not isinstance(base, dict) or not isinstance(over, dict):
+        return over
+    return base | {name: plainly_merged(base.get(name), value) for name, value in over.items()}
 
 
 def test_the_three_mistakes_of_the_paper_are_three_lines(campaigns: Path) -> None:

@@ -98,6 +98,7 @@ _OUR_WORDS = {
     "int_from_float": "must be a whole number",
     "bool_type": "must be true or false",
     "string_type": "must be text",
+    "string_pattern_mismatch": "must be a name such as /scan",
     "tuple_type": "must be a list",
     "list_type": "must be a list",
     "dict_type": "must be names with values",
@@ -107,7 +108,7 @@ _OF_NAMES = {("too_short", "footprint"): "a polygon needs at least three points"
 
 
 def _finding(issue: Any, path: Path) -> Finding:
-    place = (*path, *issue["loc"])
+    place = (*path, *(part for part in issue["loc"] if part != "[key]"))
     known = _OUR_WORDS.get(issue["type"]) or _OF_NAMES.get((issue["type"], str(place[-1])))
     message = known or _in_our_words(issue)
     given = issue["input"]
