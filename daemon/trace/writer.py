@@ -9,8 +9,6 @@ and door frames beyond 10 Hz, local plans beyond 5 Hz, plans, particles and cost
 
 from __future__ import annotations
 
-import functools
-import hashlib
 import math
 import os
 from collections import deque
@@ -21,7 +19,6 @@ from typing import Final
 
 import numpy as np
 import numpy.typing as npt
-import zstandard
 
 from daemon.spec import RunSpec, TraceInfo
 from daemon.sut import Cloud, CostmapPicture, Estimate, Odometry, Progress
@@ -29,11 +26,9 @@ from daemon.trace import messages as ros
 from daemon.trace import mission, statics
 from daemon.trace.columns import Columns, Records
 from daemon.trace.container import Container
+from daemon.trace.preamble import describe, fixed, packed_scene
 from daemon.trace.signals import Signals
-from grammars import codec
 from grammars.grid import OccupancyGrid
-from grammars.mission import Mission
-from grammars.robot import Robot
 from grammars.scene import Scene
 from grammars.values import Floats, Point2, Pose2, Twist2
 
@@ -66,7 +61,7 @@ class TraceWriter:
         self._ids = {topic.name: number for number, topic in enumerate(ros.TOPICS, start=1)}
         self._signals = Signals(scene, spec.robot.laser, self._ids)
         self._goals = mission.goal_ids(spec.digest, spec.mission)
-        packed = _packed_scene(scene, spec.scene)
+        packed = packed_scene(scene, spec.scene)
         self._spec, self._scene = spec, scene
         self._odometers: deque[Odometry] = deque(maxlen=64)
         self._localised = False
@@ -77,14 +72,14 @@ class TraceWriter:
         self._partial.unlink(missing_ok=True)
         self._file = self._partial.open("xb")
         self._container = Container(self._file)
-        _describe(self._container, spec, packed, versions or {})
+        describe(self._container, spec, packed, versions or {})
 
     def static(self, grid: OccupancyGrid) -> None:
         """Write everything that holds for the whole run, at time 0."""
-        fixed = _fixed(self._scene, self._spec.robot, self._spec.mission)
+        latched = fixed(self._scene, self._spec.robot, self._spec.mission)
         drawn = ros.serialize(statics.occupancy_grid(grid), ros.KINDS["/map"])
         blocks = []
-        for topic, payload in (("/map", drawn), *fixed):
+        for topic, payload in (("/map", drawn), *latched):
             records = Records(self._ids[topic])
             records.add(0, payload)
             blocks.append(records.take())
@@ -288,57 +283,6 @@ class TraceWriter:
         self._container.add_chunk(judged)
         self._container.add_chunk(watched)
         self._file.flush()
-
-
-def _describe(
-    container: Container, spec: RunSpec, scene: bytes, versions: Mapping[str, str]
-) -> None:
-    """Declare the topics and write what identifies the run, ahead of everything recorded."""
-    for topic in ros.TOPICS:
-        qos = {"offered_qos_profiles": ros.latched_qos() if topic.latched else ""}
-        container.add_channel(topic.name, topic.kind, ros.schema(topic.kind), qos)
-    container.add_attachment("spec.json", "application/json", codec.to_json(spec))
-    container.add_attachment("scene.json.zst", "application/zstd", scene)
-    facts = {
-        "digest": spec.digest,
-        "label": spec.label,
-        "campaign": spec.campaign,
-        "scenario": spec.scenario,
-        "sut": spec.sut.name,
-        "repeat": str(spec.repeat),
-        "seed": str(spec.seed),
-        "limit": repr(spec.limit),
-        "scene": spec.scene,
-        "robot": spec.robot.name,
-        "mission": spec.mission.name,
-    }
-    container.add_metadata("run", facts)
-    container.add_metadata("versions", {"engine": spec.engine, **dict(sorted(versions.items()))})
-
-
-@functools.lru_cache(maxsize=4)
-def _fixed(scene: Scene, robot: Robot, course: Mission) -> tuple[tuple[str, bytes], ...]:
-    """Return the payloads of the latched topics but the map, the same for every repeat."""
-    messages = {
-        "/footprint": statics.footprint(robot),
-        "/tf_static": statics.fixed_frames(robot, scene),
-        "/scene": statics.markers(scene, course),
-    }
-    return tuple((topic, ros.serialize(m, ros.KINDS[topic])) for topic, m in messages.items())
-
-
-def _packed_scene(scene: Scene, digest: str) -> bytes:
-    """Return the scene's canonical JSON, compressed; it must be the one the run specifies."""
-    data = codec.to_json(scene)
-    found = hashlib.sha256(data).hexdigest()
-    if found != digest:
-        raise ValueError(f"scene {found[:12]} given, {digest[:12]} specified")
-    return _compressed(data)
-
-
-@functools.lru_cache(maxsize=4)
-def _compressed(data: bytes) -> bytes:
-    return zstandard.ZstdCompressor(level=9).compress(data)
 
 
 def _belief(pose: Pose2, covariance: Floats) -> tuple[float, ...]:
