@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Container
 from typing import Final
 
@@ -119,7 +118,9 @@ class Costmap:
 
     def _set_up_layer(self, footprint: Floats, heard: Container[str] | None) -> None:
         parameters, count = self._parameters, self._master.size
-        self._footprint = np.ascontiguousarray(footprint, dtype=np.float64)
+        cleared = footprint if parameters.footprint_clearing_enabled else _NO_FOOTPRINT
+        self._footprint = np.ascontiguousarray(cleared, dtype=np.float64)
+        self._now = np.zeros(8)
         self._layer = np.full(count, self._layer_default, dtype=np.uint8)
         self._flags = np.zeros(count, dtype=np.uint8)
         self._queue = np.empty(count, dtype=np.int32)
@@ -246,16 +247,12 @@ class Costmap:
 
     def _observe(self, base: Pose2, scan: SensedScan | None) -> int:
         """Bring the obstacle layer up to date, return how many of its cells changed."""
-        footprint = _NO_FOOTPRINT
-        if self._parameters.footprint_clearing_enabled:
-            c, s = math.cos(base.yaw), math.sin(base.yaw)
-            x, y = self._footprint[:, 0], self._footprint[:, 1]
-            footprint = np.empty_like(self._footprint)
-            footprint[:, 0], footprint[:, 1] = base.x + (x * c - y * s), base.y + (x * s + y * c)
-        sources, ranges, laser, limits = _NO_SOURCES, _NO_RANGES, Pose2(), (0.0, 0.0)
+        sources, ranges, now = _NO_SOURCES, _NO_RANGES, self._now
+        now[0], now[1], now[2] = base.x, base.y, base.yaw
         if scan is not None and self._sources:
             sources, ranges, laser = self._table_for(scan.height), scan.ranges, scan.laser
-            limits = (scan.range_min, scan.range_max)
+            now[3], now[4], now[5] = laser.x, laser.y, laser.yaw
+            now[6], now[7] = scan.range_min, scan.range_max
             if scan.angles is not self._angles:
                 self._take_angles(scan.angles)
             if len(ranges) != len(self._angles):
@@ -266,11 +263,10 @@ class Costmap:
             self._frame,
             ranges,
             self._directions,
-            np.array((laser.x, laser.y, laser.yaw)),
-            np.array(limits),
+            now,
             sources,
             self._points,
-            footprint,
+            self._footprint,
             self._first,
             self._final,
             self._bounds,

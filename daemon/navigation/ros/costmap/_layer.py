@@ -252,14 +252,25 @@ def polygon_spans(
 
 
 @kernel
+def _place(corners: Floats, x: float, y: float, yaw: float, bounds: Floats) -> Floats:
+    """Return ``corners`` of the base frame in the global frame, within ``bounds`` from now on."""
+    c, s = math.cos(yaw), math.sin(yaw)
+    placed = np.empty_like(corners)
+    for k in range(corners.shape[0]):
+        placed[k, 0] = x + (corners[k, 0] * c - corners[k, 1] * s)
+        placed[k, 1] = y + (corners[k, 0] * s + corners[k, 1] * c)
+        _touch(bounds, placed[k, 0], placed[k, 1])
+    return placed
+
+
+@kernel
 def observe(
     layer: Cells,
     shape: tuple[int, int],
     frame: Floats,
     ranges: Singles,
     directions: Floats,
-    laser: Floats,
-    limits: Floats,
+    now: Floats,
     sources: Floats,
     points: Singles,
     footprint: Floats,
@@ -271,32 +282,34 @@ def observe(
 ) -> int:
     """Bring the layer up to date; return how many cells changed and are listed in ``queue``.
 
-    ``ranges`` is empty and ``sources`` has no rows when nothing was received, ``footprint``
-    (corners in the global frame) has none when the layer does not clear it. ``limits`` are the
-    scan's least and greatest range [m]. ``bounds`` (x0, y0, x1, y1) [m] grow around all that was
+    ``now`` (8,) holds the poses of base and laser and the scan's least and greatest range [m].
+    ``sources`` has no rows when nothing was received, ``footprint`` (corners in the base frame) has
+    none when the layer does not clear it. ``bounds`` (x0, y0, x1, y1) [m] grow around all that was
     looked at.
     """
-    queued = 0
-    for k in range(sources.shape[0]):
-        if sources[k, CLEARING] > 0.0:
-            infinite = sources[k, INFINITE] > 0.0
-            count = project(ranges, directions, laser, limits[0], limits[1], infinite, points)
-            reach = sources[k, RAYTRACE_RANGE]
-            queued = _clear_rays(
-                layer, shape, frame, laser, points, count, reach, bounds, flags, queue, queued
-            )
-    for k in range(sources.shape[0]):
-        if sources[k, MARKING] > 0.0:
-            infinite = sources[k, INFINITE] > 0.0
-            count = project(ranges, directions, laser, limits[0], limits[1], infinite, points)
-            reach = sources[k, OBSTACLE_RANGE]
-            queued = _mark(
-                layer, shape, frame, laser, points, count, reach, bounds, flags, queue, queued
-            )
+    queued, count, projected = 0, 0, -1
+    laser = now[3:6]
+    for task in (CLEARING, MARKING):
+        for k in range(sources.shape[0]):
+            if sources[k, task] == 0.0:
+                continue
+            infinite = int(sources[k, INFINITE])
+            if infinite != projected:
+                count = project(ranges, directions, laser, now[6], now[7], infinite > 0, points)
+                projected = infinite
+            if task == CLEARING:
+                reach = sources[k, RAYTRACE_RANGE]
+                queued = _clear_rays(
+                    layer, shape, frame, laser, points, count, reach, bounds, flags, queue, queued
+                )
+            else:
+                reach = sources[k, OBSTACLE_RANGE]
+                queued = _mark(
+                    layer, shape, frame, laser, points, count, reach, bounds, flags, queue, queued
+                )
     if footprint.shape[0] > 0:
-        for k in range(footprint.shape[0]):
-            _touch(bounds, footprint[k, 0], footprint[k, 1])
-        begin, end = polygon_spans(footprint, shape, frame, first, last)
+        corners = _place(footprint, now[0], now[1], now[2], bounds)
+        begin, end = polygon_spans(corners, shape, frame, first, last)
         for x in range(begin, end):
             for y in range(first[x], last[x] + 1):
                 queued = _put(layer, y * shape[1] + x, 0, flags, queue, queued)
