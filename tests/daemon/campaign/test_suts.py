@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from pathlib import Path
 from typing import Any
 
@@ -9,6 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from daemon.campaign import examine
 from daemon.campaign.layers import Library
 from daemon.campaign.settings import merged, settings_of, tree_of
 from daemon.campaign.text import Reference
@@ -314,3 +316,24 @@ def test_our_configurations_have_the_published_figures(
     ours = load(campaigns, name)[0].parameters
     assert ours["amcl"] == amcl
     assert ours["move_base"] == base | dwa | costmaps
+
+
+def test_a_campaign_reports_every_bad_ros_file_at_once(tmp_path: Path, campaigns: Path) -> None:
+    shutil.copytree(campaigns / "suts", tmp_path / "suts")
+    shutil.copytree(campaigns / "robots", tmp_path / "robots")
+    shutil.copytree(campaigns / "demo", tmp_path / "demo")
+    files = tmp_path / "suts" / "fro-diff"
+    for name, old, new in (
+        ("costmap_common_params.yaml", "inflation_radius: 0.5", "inflation_radius: -0.5"),
+        ("dwa_local_planner_params.yaml", "min_vel_trans: 0.11", "min_vel_trans: 0.3"),
+    ):
+        path = files / name
+        path.write_text(path.read_text().replace(old, new))
+    path = tmp_path / "demo" / "campaign.yaml"
+    path.write_text(path.read_text().replace("sut: [pilot]", "sut: [a2s, fro-omni, pilot]"))
+    _, found = examine(path)
+    bad = {str(d).replace(f"{tmp_path}/", "") for d in found if d.severity is Severity.ERROR}
+    assert {message.partition(": ")[0] for message in bad} == {
+        "demo/../suts/fro-diff/costmap_common_params.yaml:10:19",
+        "demo/../suts/fro-diff/dwa_local_planner_params.yaml:9:18",
+    }
