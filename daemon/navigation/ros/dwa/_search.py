@@ -351,6 +351,7 @@ def bounds(
     margin = _margin(state, fastest, turn, most, s, f)
     _ends(state, samples, counts, pairs, arcs, points[0, 3:5], margin, s, f, ends)
     known[:] = -1
+    by_path, by_goal, by_front = known[0], known[1], known[2]
     rows, columns = cells.shape
     size = cells.size
     anywhere = weights[0] == 0.0 and weights[3] == 0.0 and weights[4] == 0.0
@@ -373,12 +374,12 @@ def bounds(
         if (at < 0 and not anywhere) or (nose < 0 and noses):
             continue
         at, nose = max(at, 0), max(nose, 0)
-        from_path = _steps_once(path, at, columns, size, known[0])
-        from_goal = _steps_once(goal, at, columns, size, known[1])
+        from_path = _steps_once(path, at, columns, size, by_path)
+        from_goal = _steps_once(goal, at, columns, size, by_goal)
         if (from_path >= size and weights[3] != 0.0) or (from_goal >= size and weights[4] != 0.0):
             continue
-        ahead = _steps_once(front, nose, columns, size, known[2])
-        along = _steps_once(path, nose, columns, size, known[0])
+        ahead = _steps_once(front, nose, columns, size, by_front)
+        along = _steps_once(path, nose, columns, size, by_path)
         below = max(int(pairs[pair, 1]), int(cells[at // columns, at % columns]))
         out[index] = _total(float(below), ahead, along, from_path, from_goal, wz, weights)
 

@@ -10,7 +10,7 @@ import math
 import numpy as np
 
 from daemon.navigation.kernels import Integers, kernel
-from daemon.navigation.ros.dwa._plan import Cells
+from daemon.navigation.ros.dwa._distances import Cells
 from daemon.navigation.ros.dwa._settings import Settings
 from grammars.values import Floats
 
