@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from daemon.navigation.ros._sketch import farthest, sketch
 from daemon.sut import Cloud, Estimate
 from grammars.values import Floats, Pose2
 
@@ -51,28 +52,15 @@ class PlanLog:
         """
         if plan is None or plan is self._seen or now < self._due - _EARLY:
             return None
-        self._seen = plan
-        thin = _thinned(plan)
-        if not self._differs(thin):
+        self._seen, self._due = plan, now + _PLAN_PERIOD
+        thin = np.empty((len(plan), 2))
+        thin = thin[: sketch(plan, _SPACING, thin)]
+        # Its last point is the start, wherever that lies.
+        longer = len(thin) > len(self._last)
+        if not longer and farthest(thin[:-1], self._last) <= _DIFFERENT:
             return None
-        self._last, self._due = thin, now + _PLAN_PERIOD
+        self._last = thin
         return np.ascontiguousarray(thin[::-1])
-
-    def _differs(self, thin: Floats) -> bool:
-        common = min(len(thin), len(self._last))
-        if common == 0 or len(thin) > len(self._last) + 1:
-            return True
-        away = np.abs(thin[:common] - self._last[:common]).max()
-        return bool(away > _DIFFERENT)
-
-
-def _thinned(plan: Floats) -> Floats:
-    """Return points (n, 2) a tenth of a metre apart, from the goal to the start, both included."""
-    steps = np.diff(plan[::-1, :2], axis=0)
-    travelled = np.concatenate(((0.0,), np.cumsum(np.hypot(steps[:, 0], steps[:, 1]))))
-    marks = np.arange(0.0, travelled[-1], _SPACING)
-    kept = np.unique(np.append(np.searchsorted(travelled, marks), len(plan) - 1))
-    return np.asarray(plan[::-1, :2][kept], dtype=np.float64)
 
 
 class LocalPlanLog:

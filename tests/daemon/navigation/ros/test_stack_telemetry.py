@@ -1,0 +1,127 @@
+"""What of the stack's inside is recorded, and how often."""
+
+from __future__ import annotations
+
+import importlib
+import math
+import pkgutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from numba.core.dispatcher import Dispatcher
+
+import daemon.navigation.ros
+from daemon.navigation import warm_up
+from daemon.navigation.ros._sketch import farthest, sketch
+from daemon.navigation.ros._telemetry import BeliefLog, LocalPlanLog, PlanLog
+from daemon.navigation.ros.amcl import Localisation
+from grammars.mission import Waypoint
+from grammars.values import Floats, Pose2
+from tests.daemon.navigation.ros.scenes import DOORWAY, room, run
+
+
+def line(start: float, end: float = 10.0, y: float = 0.0) -> Floats:
+    """A plan along x with a pose every 2.5 cm, the last one at the end."""
+    x = end - 0.025 * np.arange(round((end - start) / 0.025) + 1)[::-1]
+    return np.column_stack((x, np.full_like(x, y), np.zeros_like(x)))
+
+
+def test_a_plan_is_recorded_thinly_from_start_to_goal() -> None:
+    points = PlanLog().take(0.0, line(0.0))
+    assert points is not None
+    assert points[0].tolist() == [0.0, 0.0]
+    assert points[-1].tolist() == [10.0, 0.0]
+    assert np.diff(points[:, 0]).max() == pytest.approx(0.1)
+    assert len(points) == 101
+
+
+def test_a_plan_that_only_lost_its_beginning_is_not_recorded_again() -> None:
+    log = PlanLog()
+    log.take(0.0, line(0.0))
+    for k in range(1, 50):
+        assert log.take(1.0 * k, line(0.2 * k, y=0.001 * k)) is None
+
+
+def test_another_way_is_recorded_at_most_once_a_second() -> None:
+    log = PlanLog()
+    log.take(0.0, line(0.0))
+    assert log.take(0.6, line(0.1, y=0.5)) is None
+    assert log.take(1.0, line(0.2, y=0.5)) is not None
+    assert log.take(2.0, line(0.3, end=11.0)) is not None
+
+
+@given(
+    st.lists(st.tuples(st.floats(-1, 1), st.floats(-1, 1)), min_size=1, max_size=40),
+    st.floats(0.05, 2.0),
+)
+def test_the_thinning_kernel_takes_the_points_the_plain_version_takes(
+    steps: list[tuple[float, float]], spacing: float
+) -> None:
+    plan = np.zeros((len(steps), 3))
+    plan[:, :2] = np.cumsum(np.array(steps), axis=0)
+    kept, way = [len(plan) - 1], 0.0
+    for k in reversed(range(len(plan) - 1)):
+        way += math.dist(plan[k, :2], plan[k + 1, :2])
+        if way >= spacing - 1e-6 or k == 0:
+            kept.append(k)
+            way = 0.0
+    out = np.empty((len(plan), 2))
+    count = sketch(plan, spacing, out)
+    assert out[:count].tolist() == plan[kept, :2].tolist()
+    assert farthest(out[:count], plan[kept, :2] + (0.0, 0.25)) == pytest.approx(0.25)
+
+
+def test_trajectories_are_recorded_in_the_map_frame_five_times_a_second() -> None:
+    log = LocalPlanLog()
+    odom = Pose2(1.0, 2.0, math.pi / 2)
+    points = log.take(0.0, np.array([(0.0, 0.0), (1.0, 0.5)]), odom)
+    assert points == pytest.approx(np.array([(1.0, 2.0), (0.5, 3.0)]))
+    assert log.take(0.1, np.zeros((2, 2)), odom) is None
+    assert log.take(0.2, np.zeros((0, 2)), odom) is None
+    assert log.take(0.3, np.zeros((2, 2)), odom) is not None
+
+
+def test_beliefs_fill_the_time_between_two_publications() -> None:
+    log = BeliefLog(np.eye(3))
+    before = log.believed(0.0, Pose2())
+    assert before is not None
+    assert before.covariance.tolist() == np.eye(3).tolist()
+    estimate, cloud = log.published(Localisation(0.5, Pose2(1.0), 2.0 * np.eye(3), Pose2(1.1), 700))
+    assert (estimate.time, cloud.count, cloud.mean) == (0.5, 700, Pose2(1.1))
+    assert log.believed(1.4, Pose2()) is None
+    later = log.believed(1.55, Pose2(3.0))
+    assert later is not None
+    assert later.covariance[0, 0] == 2.0, "the spread last published"
+
+
+def test_at_most_a_hundred_particles_once_a_second() -> None:
+    log = BeliefLog(np.eye(3))
+    for count in (1, 99, 100, 101, 1999):
+        poses = BeliefLog(np.eye(3)).particles(0.0, np.arange(3.0 * count).reshape(count, 3))
+        assert poses is not None
+        assert min(count, 50) <= len(poses) <= 100
+    assert log.particles(0.0, np.zeros((5, 3))) is not None
+    assert log.particles(0.9, np.zeros((5, 3))) is None
+
+
+def compiled() -> dict[str, int]:
+    """How many versions of each kernel of the room are compiled."""
+    found = {}
+    package = daemon.navigation.ros
+    for info in pkgutil.walk_packages(package.__path__, "daemon.navigation.ros."):
+        for name, value in vars(importlib.import_module(info.name)).items():
+            if isinstance(value, Dispatcher):
+                found[f"{info.name}.{name}"] = len(value.signatures)
+    return found
+
+
+def test_after_warming_up_a_run_compiles_nothing(tmp_path: Path) -> None:
+    warm_up()
+    before = compiled()
+    assert len(before) > 20
+    _, trace = run(tmp_path, room(*DOORWAY), (Waypoint("across", 5.0, 2.0, 3.0),))
+    assert trace.progress[-1].state == "succeeded"
+    assert compiled() == before
