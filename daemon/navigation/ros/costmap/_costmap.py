@@ -14,6 +14,7 @@ from daemon.navigation.ros.costmap._parameters import CostmapParameters, Observa
 from daemon.navigation.ros.costmap._scan import SensedScan
 from daemon.navigation.ros.costmap._settling import cycle_window, redo, settle
 from daemon.navigation.ros.costmap._static import prepared, static_layer, unknown_value
+from daemon.navigation.ros.costmap._window import shape_of, slide
 from daemon.navigation.ros.grids import EMPTY_WINDOW, FREE_SPACE, CostGrid
 from daemon.navigation.ros.quirks import Quirks
 from grammars.grid import OccupancyGrid
@@ -64,7 +65,7 @@ class Costmap:
             tracked = tracked or not quirks.unknown_becomes_free
         else:
             frame = (parameters.origin_x, parameters.origin_y, parameters.resolution)
-            shape = _cells(parameters)
+            shape = shape_of(parameters)
             unknown = UNKNOWN if tracked else FREE_SPACE
             below = np.full(shape[0] * shape[1], unknown, dtype=np.uint8)
         self._shape, self._frame = shape, np.array(frame)
@@ -240,7 +241,7 @@ class Costmap:
             (self._master, int(self._static[0])),
             (self._layer, self._layer_default),
         ):
-            _slide(cells.reshape(self._shape), right, up, default)
+            slide(cells.reshape(self._shape), right, up, default)
         self._frame[:2] = left + right * resolution, low + up * resolution
         self.grid.x, self.grid.y = float(self._frame[0]), float(self._frame[1])
         self.grid.touch((0, 0, columns, rows))
@@ -342,35 +343,3 @@ class Costmap:
             self._left,
             self._changed,
         )
-
-
-def _cells(parameters: CostmapParameters) -> tuple[int, int]:
-    """Return (rows, columns); raises ``ValueError`` for a grid without cells."""
-    shape = (
-        int(parameters.height / parameters.resolution),
-        int(parameters.width / parameters.resolution),
-    )
-    if min(shape) < 1:
-        raise ValueError(
-            f"a costmap of {parameters.width:g} m x {parameters.height:g} m has no cell of "
-            f"{parameters.resolution:g} m"
-        )
-    return shape
-
-
-def _slide(cells: np.ndarray, right: int, up: int, default: int) -> None:
-    """Move the content of ``cells`` so that its window goes ``right`` and ``up`` [cells]."""
-    rows, columns = cells.shape
-    old = cells.copy()
-    cells[:] = default
-    if abs(up) >= rows or abs(right) >= columns:
-        return
-    target = (
-        slice(max(0, -up), rows - max(0, up)),
-        slice(max(0, -right), columns - max(0, right)),
-    )
-    source = (
-        slice(max(0, up), rows - max(0, -up)),
-        slice(max(0, right), columns - max(0, -right)),
-    )
-    cells[target] = old[source]
