@@ -86,9 +86,12 @@ def _shares(one: Path, other: Path) -> bool:
 
 
 def tree_of(settings: Settings) -> dict[str, Any]:
-    """Return settings as nested dicts."""
+    """Return settings as nested dicts in alphabetical order.
+
+    What a run is identified by then does not depend on who wrote what first.
+    """
     tree: dict[str, Any] = {}
-    for path, setting in settings.items():
+    for path, setting in sorted(settings.items(), key=lambda item: item[0]):
         node = tree
         for name in path[:-1]:
             node = node.setdefault(name, {})
