@@ -20,7 +20,7 @@ class Room(NamedTuple):
 
     ``seeds``, ``passable``, ``wanted`` and ``fronts`` are sets of cells as :mod:`._distances` has
     them; ``speeds`` (3, 2) the dynamic window; ``samples`` (3, most), ``counts`` (3,), ``weights``
-    (6,), ``pairs`` (most, 2), ``ends`` (all samples, 2), ``known`` (3, cells), ``lower`` (all
+    (6,), ``pairs`` (most, 4), ``ends`` (all samples, 2), ``known`` (3, cells), ``lower`` (all
     samples), ``arcs`` and ``points`` (longest trajectory, 5), ``moving`` (3,) and ``answer`` (5,)
     as :mod:`._search` has them.
     """

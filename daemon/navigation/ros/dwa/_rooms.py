@@ -40,7 +40,7 @@ def build_room(shape: tuple[int, ...], settings: Settings, longest: int) -> Room
         speeds=np.zeros((3, 2)),
         samples=np.zeros((3, max(numbers))),
         counts=np.zeros(3, dtype=np.int32),
-        pairs=np.zeros((numbers[0] * numbers[1], 2)),
+        pairs=np.zeros((numbers[0] * numbers[1], 4)),
         weights=np.zeros(6),
         ends=np.zeros((int(np.prod(numbers)), 2), dtype=np.int32),
         known=np.zeros((3, shape[0] * shape[1]), dtype=np.int32),

@@ -239,9 +239,9 @@ def _margin(state: Floats, speed: float, turn: float, n: int, s: Settings, f: Fi
 def _pairs(
     samples: Floats, counts: Integers, here: int, s: Settings, f: Field, out: Floats
 ) -> float:
-    """Write speed and cost at the first pose of every (vx, vy) to ``out``; return the top speed.
+    """Write what all samples of a (vx, vy) share to ``out``, and return the highest speed.
 
-    The cost is -1 when no sample of the pair is legal. ``here`` is the cost of the footprint where
+    A row is speed, cost at the first pose, vx, vy. The cost is -1 when no sample of the pair is legal. ``here`` is the cost of the footprint where
     the robot is; grown footprints may cost more there, but not less than nothing.
     """
     fastest = 0.0
@@ -251,6 +251,7 @@ def _pairs(
             pair = i * counts[1] + j
             speed = speed_of(vx, vy)
             out[pair, 0], out[pair, 1] = speed, 0.0
+            out[pair, 2], out[pair, 3] = vx, vy
             if s.use_dwa:
                 if growth(speed, s) == 1.0 and s.obstacle_scale != 0.0:
                     out[pair, 1] = here
@@ -298,7 +299,7 @@ def _ends(
             if arc[4] != k:
                 _arc(heading, wz * dt, n - 1, arc)
                 arc[4] = k
-            vx, vy = samples[0, pair // counts[1]], samples[1, pair % counts[1]]
+            vx, vy = pairs[pair, 2], pairs[pair, 3]
             x = state[0] + dt * (vx * arc[0] - vy * arc[1])
             y = state[1] + dt * (vx * arc[1] + vy * arc[0])
             out[index, 0] = _cell_if_sure(x, y, frame, margin, rows, columns)
@@ -311,7 +312,8 @@ def _steps_once(distances: Bits, at: int, columns: int, size: int, known: Intege
     """Return the distance of a cell, read once and then ``known`` (-1: not yet)."""
     steps = known[at]
     if steps < 0:
-        steps = steps_at(distances, at // columns, at % columns, size)
+        row = at // columns
+        steps = steps_at(distances, row, at - row * columns, size)
         known[at] = steps
     return int(steps)
 
@@ -336,7 +338,7 @@ def bounds(
 
     ``samples`` (3, most) holds the speeds per axis, ``counts`` how many; sample (i, j, k) stands
     at (i * counts[1] + j) * counts[2] + k, the order of the original's loops. Room: ``pairs``
-    (most, 2) for what all turning speeds share, ``arcs`` (longest trajectory, 5) for what samples
+    (most, 4) for what all turning speeds share, ``arcs`` (longest trajectory, 5) for what samples
     of one turning speed and number of points share, ``ends`` (samples, 2) and ``known`` (3, cells).
     """
     points[0, 0], points[0, 1], points[0, 2] = state[0], state[1], state[2]
@@ -356,32 +358,35 @@ def bounds(
     size = cells.size
     anywhere = weights[0] == 0.0 and weights[3] == 0.0 and weights[4] == 0.0
     noses = weights[1] != 0.0 or weights[2] != 0.0
-    for index in range(number * turns):
-        out[index] = math.inf
-        at, nose = ends[index, 0], ends[index, 1]
-        if at == -3:
-            continue
-        pair = index // turns
-        wz = samples[2, index % turns]
-        if at == -2 or nose == -2:
-            vx, vy = samples[0, pair // counts[1]], samples[1, pair % counts[1]]
-            n = simulate(state, vx, vy, wz, s, points, moving)
-            wz = moving[2]
-            x, y = points[n - 1, 0], points[n - 1, 1]
-            at = cell_of(x, y, frame, rows, columns)
-            x, y = x + s.forward * points[n - 1, 3], y + s.forward * points[n - 1, 4]
-            nose = cell_of(x, y, frame, rows, columns)
-        if (at < 0 and not anywhere) or (nose < 0 and noses):
-            continue
-        at, nose = max(at, 0), max(nose, 0)
-        from_path = _steps_once(path, at, columns, size, by_path)
-        from_goal = _steps_once(goal, at, columns, size, by_goal)
-        if (from_path >= size and weights[3] != 0.0) or (from_goal >= size and weights[4] != 0.0):
-            continue
-        ahead = _steps_once(front, nose, columns, size, by_front)
-        along = _steps_once(path, nose, columns, size, by_path)
-        below = max(int(pairs[pair, 1]), int(cells[at // columns, at % columns]))
-        out[index] = _total(float(below), ahead, along, from_path, from_goal, wz, weights)
+    strict_path, strict_goal = weights[3] != 0.0, weights[4] != 0.0
+    flat = cells.reshape(-1)
+    for pair in range(number):
+        for k in range(turns):
+            index = pair * turns + k
+            out[index] = math.inf
+            at, nose = ends[index, 0], ends[index, 1]
+            if at == -3:
+                continue
+            wz = samples[2, k]
+            if at == -2 or nose == -2:
+                vx, vy = pairs[pair, 2], pairs[pair, 3]
+                n = simulate(state, vx, vy, wz, s, points, moving)
+                wz = moving[2]
+                x, y = points[n - 1, 0], points[n - 1, 1]
+                at = cell_of(x, y, frame, rows, columns)
+                x, y = x + s.forward * points[n - 1, 3], y + s.forward * points[n - 1, 4]
+                nose = cell_of(x, y, frame, rows, columns)
+            if (at < 0 and not anywhere) or (nose < 0 and noses):
+                continue
+            at, nose = max(at, 0), max(nose, 0)
+            from_path = _steps_once(path, at, columns, size, by_path)
+            from_goal = _steps_once(goal, at, columns, size, by_goal)
+            if (from_path >= size and strict_path) or (from_goal >= size and strict_goal):
+                continue
+            ahead = _steps_once(front, nose, columns, size, by_front)
+            along = _steps_once(path, nose, columns, size, by_path)
+            below = max(int(pairs[pair, 1]), int(flat[at]))
+            out[index] = _total(float(below), ahead, along, from_path, from_goal, wz, weights)
 
 
 @kernel

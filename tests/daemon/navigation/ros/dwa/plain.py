@@ -138,7 +138,7 @@ def resampled(plan: Floats, resolution: float) -> Floats:
             steps = math.ceil(math.sqrt(square) / resolution)
             dx, dy = (bx - ax) / steps, (by - ay) / steps
             for j in range(1, steps):
-                out.append((ax + j * dx, ay + j * dy))
+                out.append((ax + j * dx, ay + j * dy))  # noqa: PERF401
         out.append((bx, by))
     return np.array(out)
 
