@@ -115,4 +115,14 @@ def _interval(answer: object, what: str) -> tuple[float, float, Evidence]:
     lower, upper = _as_floats(answer[:2], what).tolist()
     if not lower <= upper:
         raise PluginError(f"{what} gave the interval [{lower}, {upper}]")
-    return lower, upper, evidence
+    return lower, upper, _plain(evidence, what)
+
+
+def _plain(evidence: Evidence, what: str) -> Evidence:
+    """Return evidence with nothing in it but finite floats and text, as ledgers keep it."""
+    numbers = (evidence.time, evidence.value, evidence.limit)
+    given = [number for number in numbers if number is not None]
+    if not np.isfinite(_as_floats(given, what)).all():
+        raise PluginError(f"{what} gave evidence that is not finite")
+    time, value, limit = (None if number is None else float(number) for number in numbers)
+    return Evidence(time, value, limit, str(evidence.object), str(evidence.note))

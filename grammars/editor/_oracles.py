@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import re
 from typing import Any
 
 from grammars.editor._keywords import literals
 from grammars.editor._schema import DIALECT
-from grammars.oracle import OBJECT_SIGNALS, SIGNALS, SignalKind
+from grammars.oracle import OBJECT_SIGNALS, SIGNALS, SignalKind, custom_oracle_names
 
 _RULES = ("TemporalOperator", "AmountOperator", "StatisticOperator", "Reached")
 
@@ -16,6 +17,7 @@ def oracle_schema(title: str) -> dict[str, Any]:
     rules = literals("grammars.oracle", "oracle.tx")
     operators = [word for rule in _RULES for word in rules[rule] if word.isalnum()]
     operators.remove("mission")
+    operators += map(re.escape, custom_oracle_names())
     signals = [*map(_told, SIGNALS.values())]
     signals += [_told(kind, "<object>.") for kind in OBJECT_SIGNALS.values()]
     return {

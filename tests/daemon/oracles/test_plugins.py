@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import sys
 from collections.abc import Iterator
 from importlib.metadata import EntryPoint
@@ -15,6 +16,7 @@ from daemon.verdict import Outcome
 from grammars.diagnostics import Diagnostic, InputError, Where
 from grammars.oracle import _plugins, parse_oracle
 from tests.daemon.oracles.traces import along, cut, make_trace, times, verdict
+from tests.oracle_docs import PAGE
 
 MODULE = """
 import numpy as np
@@ -42,6 +44,7 @@ vandal = CustomSignal(vandal, "m")
 inches = CustomSignal(hold, "cm")
 unmade = CustomSignal(hold, "parsec")
 halts = CustomOracle(stops, "1", arguments=("1",))
+vague = CustomOracle(lambda trace: (1.0, 1.0, Evidence(float("nan"))), "m")
 sure = CustomOracle(lambda trace: (0.5, 0.5), "m", judges_prefixes=True)
 upside = CustomOracle(lambda trace: (1.0, 0.0), "m")
 nothing = CustomOracle(lambda trace: None, "m")
@@ -49,23 +52,27 @@ quits = CustomOracle(lambda trace: exit(1), "m")
 number = 42
 """
 SIGNALS = ("pace", "busy", "short", "words", "boundless", "broken", "vandal", "inches", "unmade")
-ORACLES = ("halts", "sure", "upside", "nothing", "quits")
+ORACLES = ("vague", "halts", "sure", "upside", "nothing", "quits")
 
 
 @pytest.fixture(autouse=True)
 def plugged(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     (tmp_path / "their_oracles.py").write_text(MODULE)
     (tmp_path / "their_imports.py").write_text("import a_module_nobody_has\n")
+    (example,) = re.findall(r"```python\n(.*?)```", PAGE.read_text(), re.DOTALL)
+    (tmp_path / "their_documentation.py").write_text(example)
     monkeypatch.syspath_prepend(str(tmp_path))
     objects = {name: f"their_oracles:{name}" for name in SIGNALS} | {
         "my.pace": "their_oracles:pace",
         "speed": "their_oracles:busy",
+        "stop.distance": "their_documentation:stop_distance",
         "imports": "their_imports:signal",
         "number": "their_oracles:number",
     }
     groups = {
         _plugins.SIGNAL_GROUP: objects,
-        _plugins.ORACLE_GROUP: {name: f"their_oracles:{name}" for name in ORACLES},
+        _plugins.ORACLE_GROUP: {name: f"their_oracles:{name}" for name in ORACLES}
+        | {"smooth": "their_documentation:smooth"},
     }
     entries = {
         group: {name: EntryPoint(name, value, group) for name, value in named.items()}
@@ -75,7 +82,7 @@ def plugged(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     monkeypatch.setattr(_plugins, "_entries", entries.__getitem__)
     yield
     _plugins._loaded.cache_clear()
-    for name in ("their_oracles", "their_imports"):
+    for name in ("their_oracles", "their_imports", "their_documentation"):
         sys.modules.pop(name, None)
 
 
@@ -95,6 +102,14 @@ def test_a_signal_of_ones_own_is_used_like_any_other() -> None:
     assert found.margin == pytest.approx(0.3)
     assert verdict(TRACE, "time(busy) <= 4 s").outcome is Outcome.FAIL
     assert verdict(cut(TRACE, 3.0), "eventually(busy)").outcome is Outcome.INCONCLUSIVE
+
+
+def test_the_example_of_the_documentation_works() -> None:
+    found = verdict(TRACE, "always(stop.distance(0.5 m/s^2) < clearance)")
+    assert (found.outcome, found.unit, found.evidence.value) == (Outcome.PASS, "m", 0.25)
+    found = verdict(TRACE, "smooth(2 m/s^2)")
+    assert (found.outcome, found.margin) == (Outcome.PASS, 2.0)
+    assert (type(found.evidence.time), found.evidence.limit) == (float, 2.0)
 
 
 def test_what_ships_here_is_never_replaced() -> None:
@@ -146,6 +161,7 @@ def test_an_oracle_that_does_not_know_of_prefixes_decides_no_run_that_goes_on() 
         ("max(broken)", "failed: AttributeError"),
         ("max(vandal)", "read-only"),
         ("upside()", "gave the interval [1.0, 0.0]"),
+        ("vague()", "evidence that is not finite"),
         ("nothing()", "must return (lower, upper)"),
         ("quits()", "failed: SystemExit"),
     ],
