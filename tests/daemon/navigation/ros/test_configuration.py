@@ -5,6 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from daemon.navigation.ros.configuration import RosParameters, read_ros
 from daemon.navigation.ros.parameters import ParameterError, Wiring
@@ -175,3 +177,48 @@ def test_recoveries_have_their_namespaces() -> None:
     assert problems(read) == []
     assert read.resets["wide"].reset_distance == 7.0
     assert read.rotate_recovery.frequency == 5.0
+
+
+_JUNK = st.one_of(
+    st.sampled_from(
+        [0, -1, 1e9, 0.5, True, "", "x", "[[1, 2]]", [], [1], {}, {"a": 1}, "$(arg x)"]
+    ),
+    st.floats(),
+    st.lists(st.dictionaries(st.sampled_from(["name", "type"]), st.text(max_size=3)), max_size=2),
+)
+_PLACES = st.sampled_from(
+    [("topics",), ("quirks",), ("dispatcher",), ("topics", "remap"), ("amcl", "kld_err")]
+    + [("move_base", name) for name in ("recovery_behaviors", "conservative_reset", "scan", "x")]
+    + [
+        ("move_base", costmap, name)
+        for costmap in ("global_costmap", "local_costmap")
+        for name in (
+            "footprint",
+            "observation_sources",
+            "scan",
+            "plugins",
+            "obstacle_layer",
+            "width",
+        )
+    ]
+    + [("move_base", space) for space in ("DWAPlannerROS", "NavfnROS", "TrajectoryPlannerROS")]
+    + [("move_base", "DWAPlannerROS", name) for name in ("sim_time", "max_vel_trans", "vx_samples")]
+)
+
+
+@given(st.lists(st.tuples(_PLACES, _JUNK), min_size=1, max_size=3))
+@settings(max_examples=150)
+def test_whatever_is_written_is_read_or_refused_in_words(
+    changes: list[tuple[tuple[str, ...], Any]],
+) -> None:
+    given_tree = tree()
+    for path, value in changes:
+        node = given_tree
+        for name in path[:-1]:
+            node = node.setdefault(name, {}) if isinstance(node, dict) else {}
+        if isinstance(node, dict):
+            node[path[-1]] = value
+    try:
+        assert isinstance(read_ros(given_tree), RosParameters)
+    except ParameterError as error:
+        assert error.problems
