@@ -7,7 +7,7 @@ from typing import Final, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from daemon.navigation.kernels import Singles, kernel
+from daemon.navigation.kernels import kernel
 from daemon.navigation.ros.grids import INSCRIBED, NO_INFORMATION
 
 NEUTRAL: Final = 50
@@ -32,32 +32,16 @@ def translation(*, allow_unknown: bool) -> States:
 
 @kernel
 def translate(
-    cells: Bytes,
-    costs: States,
-    table: States,
-    potentials: Singles,
-    x0: int,
-    y0: int,
-    x1: int,
-    y1: int,
+    cells: Bytes, costs: States, table: States, x0: int, y0: int, x1: int, y1: int
 ) -> bool:
-    """Renew the costs of a half-open window; return whether the last propagation saw a change.
-
-    A propagation looks at the cost of a cell only from a neighbour that it reached, so a change
-    without such a neighbour in ``potentials`` cannot alter its outcome.
-    """
+    """Renew the costs of a half-open window, never of the border; return whether any changed."""
     rows, columns = cells.shape
-    seen = False
+    changed = False
     for row in range(max(y0, 1), min(y1, rows - 1)):
         for column in range(max(x0, 1), min(x1, columns - 1)):
-            n = row * columns + column
             cost = table[cells[row, column]]
+            n = row * columns + column
             if cost != costs[n]:
                 costs[n] = cost
-                seen = seen or (
-                    potentials[n - 1] < UNREACHED
-                    or potentials[n + 1] < UNREACHED
-                    or potentials[n - columns] < UNREACHED
-                    or potentials[n + columns] < UNREACHED
-                )
-    return seen
+                changed = True
+    return changed

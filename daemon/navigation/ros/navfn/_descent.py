@@ -7,7 +7,7 @@ from typing import Final
 
 import numpy as np
 
-from daemon.navigation.kernels import Singles, kernel
+from daemon.navigation.kernels import Integers, Singles, kernel
 from daemon.navigation.ros.navfn._costs import NEUTRAL, UNREACHED
 
 STEP: Final = np.float32(0.5)
@@ -40,7 +40,7 @@ def _gradient(potentials: Singles, n: int, columns: int) -> tuple[float, float]:
 
 
 @kernel
-def _at_edge(potentials: Singles, n: int, columns: int) -> bool:
+def at_edge(potentials: Singles, n: int, columns: int) -> bool:
     """Tell whether a cell or one of its eight neighbours was not reached."""
     for row in range(-1, 2):
         for column in range(-1, 2):
@@ -68,14 +68,18 @@ def _mixed(a: float, b: float, share: float) -> float:
 
 
 @kernel
-def descend(potentials: Singles, columns: int, start: int, goal: int, path: Singles) -> int:
+def descend(
+    potentials: Singles, columns: int, start: int, goal: int, path: Singles, cells: Integers
+) -> int:
     """Write the path from ``goal`` down to ``start`` into ``path``; return its length, or 0.
 
     ``path`` has shape (steps, 2), column and row of each point [cells], float32; no path is longer.
+    ``cells`` (steps,) takes the cell each point was reckoned from.
     """
     size = potentials.size
     n, dx, dy = goal, np.float32(0.0), np.float32(0.0)
     for count in range(path.shape[0]):
+        cells[count] = n
         nearest = max(0, min(size - 1, n + _rounded(dx) + columns * _rounded(dy)))
         if potentials[nearest] < NEUTRAL:
             path[count, 0], path[count, 1] = start % columns, start // columns
@@ -89,7 +93,7 @@ def descend(potentials: Singles, columns: int, start: int, goal: int, path: Sing
             and path[count, 0] == path[count - 2, 0]
             and path[count, 1] == path[count - 2, 1]
         )
-        if swinging or _at_edge(potentials, n, columns):
+        if swinging or at_edge(potentials, n, columns):
             n = _lowest(potentials, n, columns)
             dx, dy = np.float32(0.0), np.float32(0.0)
             continue

@@ -46,17 +46,18 @@ def propagate(
     cycles: int,
     buffers: Integers,
     reached: Integers,
-) -> int:
-    """Spread the wave until ``goal`` has a potential; return how many cells were ``reached``.
+) -> tuple[int, int]:
+    """Spread the wave until ``goal`` has a potential; return how many cells were reached and fill.
 
     ``costs`` and ``potentials`` are flat, the latter ``UNREACHED`` everywhere; ``buffers`` of
     shape (3, size) is scratch. The cells reached stand in ``reached``, so that
-    :func:`forget` need not look at the others. ``goal`` -1 lets the wave run to its end.
+    :func:`forget` need not look at the others. ``goal`` -1 lets the wave run to its end. The
+    fill is the largest number of cells that ever waited in one buffer.
     """
     capacity = buffers.shape[1]
     potentials[start] = np.float32(0.0)
     reached[0] = start
-    count = 1
+    count, fill = 1, 0
     a, b, c = 0, 1, 2
     now, later, over = 0, 0, 0
     for m in (start + 1, start - 1, start - columns, start + columns):
@@ -109,6 +110,7 @@ def propagate(
                     over += 1
                     costs[m] = cost | PENDING
         a, b = b, a
+        fill = max(fill, later, over)
         now, later = later, 0
         if now == 0:
             threshold += np.float32(THRESHOLD_STEP)
@@ -120,7 +122,7 @@ def propagate(
         costs[buffers[a, i]] &= PENDING - 1
     for i in range(over):
         costs[buffers[c, i]] &= PENDING - 1
-    return count
+    return count, fill
 
 
 @kernel

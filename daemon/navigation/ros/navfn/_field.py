@@ -1,0 +1,185 @@
+"""Costs, potential and path of one costmap, kept from plan to plan."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+
+from daemon.navigation.kernels import Singles
+from daemon.navigation.ros.grids import CostGrid
+from daemon.navigation.ros.navfn._costs import BLOCKED, UNREACHED, translate, translation
+from daemon.navigation.ros.navfn._descent import descend
+from daemon.navigation.ros.navfn._propagation import BUFFER, GAINS, forget, propagate
+from daemon.navigation.ros.navfn._remainder import Remainder
+from daemon.navigation.ros.navfn._restricted import depends_on_cut, propagate_towards
+
+MARGINS: Final = (3000.0, 4500.0, 8000.0, 16_000.0)
+"""Detours [cost] that the restricted search looks at, one after the other; 50 is a free cell."""
+WORTHWHILE: Final = 12_000
+"""Cells of a whole wave from which on a restricted one pays."""
+_NOWHERE: Final = (-1, -1)
+_OUTDATED: Final = 1000.0
+"""Detour [cost] by which changed costs may make the way longer before the remainder is renewed."""
+_RETRY: Final = 12
+"""Plans after which a smaller margin is tried again."""
+
+
+class Field:
+    """The planner's own view of a costmap.
+
+    With ``margins`` the wave is restricted to what can matter, and checked afterwards; without it
+    is always whole. ``whole`` and ``restricted`` count the waves that gave an answer.
+    """
+
+    def __init__(
+        self,
+        grid: CostGrid,
+        *,
+        allow_unknown: bool,
+        margins: tuple[float, ...] = MARGINS,
+        worthwhile: int = WORTHWHILE,
+    ) -> None:
+        rows, columns = grid.cells.shape
+        size = rows * columns
+        self.grid, self.columns, self.size = grid, columns, size
+        self.whole, self.restricted = 0, 0
+        self._margins, self._worthwhile = margins, worthwhile
+        self._cycles = max(size // 20, rows + columns)
+        self._costs = np.full(size, BLOCKED, dtype=np.uint16)
+        self._potentials = np.full(size, UNREACHED, dtype=np.float32)
+        self._table = translation(allow_unknown=allow_unknown)
+        self._buffers = np.empty((3, BUFFER), dtype=np.int32)
+        self._reached = np.empty(size + 1, dtype=np.int32)
+        self._count = 0
+        self._first, self._last, self._stack = (np.empty(size + 1, np.int32) for _ in range(3))
+        self._cut, self._mark = np.zeros(size, np.int32), np.zeros(size, np.int32)
+        self._epoch, self._level, self._steady = 0, 0, 0
+        self._remainder = Remainder(size, columns)
+        self._excess, self._usable = 0.0, False
+        self._trip = _NOWHERE
+        self._repeated = False
+        self._path = np.empty((4 * columns, 2), dtype=np.float32)
+        self._cells = np.empty(4 * columns, dtype=np.int32)
+        self._length = 0
+        grid.take_changed()
+        translate(grid.cells, self._costs, self._table, 0, 0, columns, rows)
+
+    def path(self, start: int, goal: int) -> Singles:
+        """Return the path from ``goal`` down to ``start``, (n, 2) column and row, n may be 0."""
+        changed = self._follow()
+        if changed or self._trip != (start, goal):
+            self._repeated = self._trip[1] == goal
+            self._trip = (start, goal)
+            self._length = self._search(start, goal)
+        return self._path[: self._length]
+
+    def spread(self, start: int, goal: int) -> None:
+        """Spread the whole wave, for :meth:`reached` and :meth:`descend`."""
+        self._follow()
+        self._trip = _NOWHERE
+        self._spread(start, goal)
+
+    def descend(self, start: int, cell: int) -> Singles:
+        """Return the path from any reached cell down to ``start``, (n, 2)."""
+        return self._path[: self._descend(start, cell)]
+
+    def reached(self, cell: int) -> bool:
+        """Tell whether the wave reached a cell."""
+        return bool(self._potentials[cell] < UNREACHED)
+
+    def _follow(self) -> bool:
+        window = self.grid.take_changed()
+        changed = bool(translate(self.grid.cells, self._costs, self._table, *window))
+        if changed:
+            self._remainder.follow(self._costs, window)
+        return changed
+
+    def _search(self, start: int, goal: int) -> int:
+        if goal != start and self._costs[goal] >= BLOCKED:
+            return 0
+        if self._margins and self._guided(start, goal):
+            if self._remainder.at(start) >= UNREACHED:
+                return 0
+            length = self._search_restricted(start, goal)
+            if length > 0:
+                return length
+        fill = self._spread(start, goal)
+        length = self._descend(start, goal) if self.reached(goal) else 0
+        self._learn(start, goal, fill)
+        return length
+
+    def _guided(self, start: int, goal: int) -> bool:
+        """Tell whether the remainder is there for this goal, after making it if that pays."""
+        if start == goal or not self._repeated:
+            return False
+        if self._remainder.goal != goal and self._usable and self._count >= self._worthwhile:
+            self._remainder.renew(self._costs, goal)
+            self._excess = self._surplus(start, goal)
+        return self._remainder.goal == goal
+
+    def _surplus(self, start: int, goal: int) -> float:
+        """Return by how much the last wave took longer than the remainder says."""
+        spent, remaining = float(self._potentials[goal]), self._remainder.at(start)
+        return max(0.0, spent - remaining) if max(spent, remaining) < UNREACHED else 0.0
+
+    def _search_restricted(self, start: int, goal: int) -> int:
+        first = self._level
+        if first > 0 and self._steady >= _RETRY:
+            first, self._steady = first - 1, 0
+        for level in range(first, len(self._margins)):
+            length = self._restricted(start, goal, self._margins[level])
+            if length > 0:
+                self._steady = self._steady + 1 if level == self._level else 0
+                self._level = level
+                self.restricted += 1
+                return length
+        return 0
+
+    def _restricted(self, start: int, goal: int, margin: float) -> int:
+        """Return the length of the path, 0 when it is not certain to be that of the whole wave."""
+        ahead = self._remainder.ahead
+        bound = np.float32(self._remainder.at(start) + self._excess + margin)
+        forget(self._potentials, self._reached, self._count)
+        self._epoch += 1
+        self._count, fill, threshold = propagate_towards(
+            self._costs, self._potentials, GAINS, ahead, bound, self.columns, start, goal,
+            self._cycles, self._buffers, self._reached, self._first, self._last, self._cut,
+            self._epoch,
+        )  # fmt: skip
+        # A wave that passed through what was left out is later than the bound at the goal.
+        spare = bound - threshold - margin / 4.0
+        if not self.reached(goal) or spare < margin / 4.0 or fill > BUFFER // 2:
+            return 0
+        length = self._descend(start, goal)
+        if length == 0 or depends_on_cut(
+            self._costs, self._potentials, ahead, np.float32(spare), self.columns, self._cells,
+            length, self._first, self._last, self._cut, self._mark, self._epoch, self._stack,
+        ):  # fmt: skip
+            return 0
+        self._excess = self._surplus(start, goal)
+        return length
+
+    def _learn(self, start: int, goal: int, fill: int) -> None:
+        """Find out from a whole wave whether the next one can be guided, and how well."""
+        # Buffers that run over lose cells anywhere: then nothing may be left out.
+        self._usable = fill <= BUFFER // 2
+        if self._remainder.goal != goal:
+            return
+        excess = self._surplus(start, goal)
+        if not self.reached(goal) or excess > self._excess + _OUTDATED:
+            self._remainder.drop()
+        self._excess = excess
+
+    def _spread(self, start: int, goal: int) -> int:
+        forget(self._potentials, self._reached, self._count)
+        self._count, fill = propagate(
+            self._costs, self._potentials, GAINS, self.columns, start, goal, self._cycles,
+            self._buffers, self._reached,
+        )  # fmt: skip
+        self.whole += 1
+        return int(fill)
+
+    def _descend(self, start: int, goal: int) -> int:
+        return int(descend(
+            self._potentials, self.columns, start, goal, self._path, self._cells))

@@ -1,0 +1,181 @@
+"""The wave of :mod:`_propagation` without the cells that lead too far away from the goal.
+
+``ahead`` is a potential spread backward from the goal: about what remains from a cell. A cell
+whose potential and remainder exceed a bound is not looked at. Afterwards :func:`depends_on_cut`
+follows everything that the path can have come from, and finds out whether a cell left out took
+part in it; the caller then spreads the whole wave instead.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from daemon.navigation.kernels import Integers, Singles, kernel
+from daemon.navigation.ros.navfn._costs import BLOCKED, PENDING, UNREACHED, States
+from daemon.navigation.ros.navfn._descent import at_edge
+from daemon.navigation.ros.navfn._propagation import THRESHOLD_STEP, interpolated
+
+
+@kernel
+def propagate_towards(
+    costs: States,
+    potentials: Singles,
+    gains: Singles,
+    ahead: Singles,
+    bound: float,
+    columns: int,
+    start: int,
+    goal: int,
+    cycles: int,
+    buffers: Integers,
+    reached: Integers,
+    first: Integers,
+    last: Integers,
+    cut: Integers,
+    epoch: int,
+) -> tuple[int, int, float]:
+    """Spread the wave as :func:`propagate` does, but leave out what the bound excludes.
+
+    A neighbour is left out when threshold plus ``ahead`` exceed ``bound``. Returns how many cells
+    were reached, the fill and the threshold at the end.
+
+    ``first`` and ``last`` tell for every reached cell the number of the update that reached it
+    and of the last one that looked at it; ``cut`` is set to ``epoch`` at cells left out. The
+    fill is the largest number of cells that ever waited in one buffer.
+    """
+    capacity = buffers.shape[1]
+    potentials[start] = np.float32(0.0)
+    reached[0] = start
+    first[start], last[start] = 0, 0
+    count, moment, fill = 1, 0, 0
+    a, b, c = 0, 1, 2
+    now, later, over = 0, 0, 0
+    for m in (start + 1, start - 1, start - columns, start + columns):
+        if 0 <= m < costs.size and costs[m] < BLOCKED:
+            buffers[a, now] = m
+            now += 1
+            costs[m] |= PENDING
+    threshold = np.float32(BLOCKED)
+    for _ in range(cycles):
+        if now == 0:
+            break
+        current, following, postponed = buffers[a], buffers[b], buffers[c]
+        for i in range(now):
+            costs[current[i]] &= PENDING - 1
+        for i in range(now):
+            n = current[i]
+            left, right = potentials[n - 1], potentials[n + 1]
+            up, down = potentials[n - columns], potentials[n + columns]
+            across = left if left < right else right
+            along = up if up < down else down
+            p = interpolated(across, along, np.float32(costs[n] & (PENDING - 1)))
+            moment += 1
+            last[n] = moment
+            old = potentials[n]
+            if p >= old:
+                continue
+            if old == UNREACHED:
+                reached[count] = n
+                first[n] = moment
+                count += 1
+            potentials[n] = p
+            soon = p < threshold
+            for k in range(4):
+                if k == 0:
+                    m, value = n - 1, left
+                elif k == 1:
+                    m, value = n + 1, right
+                elif k == 2:
+                    m, value = n - columns, up
+                else:
+                    m, value = n + columns, down
+                cost = costs[m]
+                if cost >= BLOCKED or value <= p + gains[cost]:
+                    continue
+                if threshold + ahead[m] > bound:
+                    cut[m] = epoch
+                    continue
+                if soon:
+                    if later < capacity:
+                        following[later] = m
+                        later += 1
+                        costs[m] = cost | PENDING
+                elif over < capacity:
+                    postponed[over] = m
+                    over += 1
+                    costs[m] = cost | PENDING
+        a, b = b, a
+        fill = max(fill, later, over)
+        now, later = later, 0
+        if now == 0:
+            threshold += np.float32(THRESHOLD_STEP)
+            a, c = c, a
+            now, over = over, 0
+        if potentials[goal] < UNREACHED:
+            break
+    for i in range(now):
+        costs[buffers[a, i]] &= PENDING - 1
+    for i in range(over):
+        costs[buffers[c, i]] &= PENDING - 1
+    return count, fill, threshold
+
+
+@kernel
+def depends_on_cut(
+    costs: States,
+    potentials: Singles,
+    ahead: Singles,
+    latest: float,
+    columns: int,
+    cells: Integers,
+    length: int,
+    first: Integers,
+    last: Integers,
+    cut: Integers,
+    mark: Integers,
+    epoch: int,
+    stack: Integers,
+) -> bool:
+    """Tell whether a cell left out has a neighbour in the history of a path of ``length`` points.
+
+    The history holds the cells the descent looked at and, for each of its cells, every neighbour
+    that had been reached before that cell was looked at for the last time. Nothing else can have
+    told a cell of the history a potential or made it be looked at. A cell the descent found
+    unreached must be one that nothing can have reached in time: ``latest`` is the largest
+    remainder with which a wave through the cells left out comes too late.
+    """
+    count = 0
+    for i in range(length):
+        # At the edge of the wave the descent compares eight neighbours; elsewhere it takes the
+        # gradients of four cells, which look one further.
+        at = cells[i]
+        if at <= columns or at >= potentials.size - columns - 1:
+            continue
+        beyond = 2 if at_edge(potentials, at, columns) else 3
+        for r in range(-1, beyond):
+            for n in range(at + r * columns - 1, at + r * columns + beyond):
+                if n >= potentials.size or mark[n] == epoch:
+                    continue
+                if cut[n] == epoch:
+                    return True
+                if potentials[n] >= UNREACHED:
+                    if costs[n] < BLOCKED and latest < ahead[n] < UNREACHED:
+                        return True
+                else:
+                    mark[n] = epoch
+                    stack[count] = n
+                    count += 1
+    while count > 0:
+        count -= 1
+        n = stack[count]
+        moment = last[n]
+        for m in (n - 1, n + 1, n - columns, n + columns):
+            if m < 0 or m >= potentials.size or mark[m] == epoch:
+                continue
+            if cut[m] == epoch:
+                return True
+            if potentials[m] < UNREACHED and first[m] < moment:
+                mark[m] = epoch
+                stack[count] = m
+                count += 1
+    return False
