@@ -8,7 +8,6 @@ the ``kind`` written in SUT files, its object a function from parameters to a
 from __future__ import annotations
 
 import math
-import traceback
 from collections.abc import Callable, Mapping
 from importlib.metadata import EntryPoint, entry_points
 from typing import Any, Final, TypeAlias
@@ -17,6 +16,7 @@ from daemon.navigation import make_idle, make_pilot, make_ros
 from daemon.navigation.ros.parameters import Findings
 from daemon.sut import SystemUnderTest
 from grammars.diagnostics import did_you_mean
+from grammars.plugins import explain, origin
 
 Factory: TypeAlias = Callable[[Mapping[str, Any]], SystemUnderTest]
 ENTRY_POINT_GROUP: Final = "scenario.suts"
@@ -86,14 +86,8 @@ def _make_plugged(kind: str, parameters: Mapping[str, Any]) -> SystemUnderTest:
 
 
 def _cannot(what: str, entry: EntryPoint, error: BaseException) -> str:
-    package = f", package {entry.dist.name} {entry.dist.version}" if entry.dist else ""
-    frames = traceback.extract_tb(error.__traceback__)
-    own = [f for f in frames if "importlib" not in f.filename and f.filename != __file__]
-    place = f" ({own[-1].filename}:{own[-1].lineno})" if own else ""
-    return (
-        f'the system under test "{entry.name}" ({entry.value}{package}) cannot be {what}: '
-        f"{type(error).__name__}: {error}{place}"
-    )
+    name = f'the system under test "{entry.name}" ({origin(entry)})'
+    return explain(f"{name} cannot be {what}", error, __file__)
 
 
 def _unlike_protocol(made: object) -> str:

@@ -11,7 +11,8 @@ import numpy as np
 from daemon.oracles._finding import Finding
 from daemon.oracles._series import Series
 from daemon.verdict import Evidence
-from grammars.oracle import Custom, custom_oracle, custom_signal, explain
+from grammars.oracle import Custom, custom_oracle, custom_signal
+from grammars.plugins import explain
 from grammars.values import Floats
 
 if TYPE_CHECKING:

@@ -9,13 +9,14 @@ import numpy as np
 from daemon import trace
 from daemon.oracles._kernel import box_clearance, cos_sin
 from grammars.diagnostics import Where
-from grammars.oracle import parse_oracle
+from grammars.oracle import custom_signal_names, parse_oracle
 
 
 def warm_up() -> None:
     """Compile or load what judging a trace takes, so that forked children do not."""
     import_module("daemon.oracles._judge")
     trace.warm_up()
+    custom_signal_names()  # looks through all that is installed
     # A limit with a unit loads the registry of units.
     parse_oracle("warm-up", "always(clearance >= 0.1 m)", Where("warm-up"))
     cos_sin(np.zeros(1))

@@ -32,7 +32,6 @@ from grammars.oracle._plugins import (
     custom_oracle_names,
     custom_signal,
     custom_signal_names,
-    explain,
 )
 from grammars.oracle._render import render
 from grammars.oracle._scope import (
@@ -79,7 +78,6 @@ __all__ = [
     "custom_oracle_names",
     "custom_signal",
     "custom_signal_names",
-    "explain",
     "kind_of",
     "leg_number",
     "load_oracles",

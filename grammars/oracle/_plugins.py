@@ -12,12 +12,12 @@ from __future__ import annotations
 
 import functools
 import re
-import traceback
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final
 
 from grammars.oracle._dimension import Dimension, dimension
+from grammars.plugins import explain, origin
 from grammars.quantity import read_quantity
 
 if TYPE_CHECKING:
@@ -102,17 +102,6 @@ def custom_oracle(name: str) -> CustomOracle | None:
     return loaded
 
 
-def explain(what: str, error: BaseException, caller: str) -> str:
-    """Return ``<what>: <kind of error>: <message> (<file>:<line>)`` for an error in a plug-in.
-
-    ``caller`` is the file that called it, which is not where the error is.
-    """
-    frames = traceback.extract_tb(error.__traceback__)
-    own = [f for f in frames if "importlib" not in f.filename and f.filename != caller]
-    place = f" ({own[-1].filename}:{own[-1].lineno})" if own else ""
-    return f"{what}: {type(error).__name__}: {error}{place}"
-
-
 def dimension_of(unit: str) -> Dimension | None:
     """Return the dimension of an SI unit, ``None`` for ``bool``; ``ValueError`` for others."""
     if unit == "bool":
@@ -144,8 +133,7 @@ def _loaded(group: str, name: str) -> object | None:
         loaded: object = entry.load()
     except (Exception, SystemExit) as error:
         kind = "signal" if group == SIGNAL_GROUP else "oracle"
-        package = f", package {entry.dist.name} {entry.dist.version}" if entry.dist else ""
-        what = f'the {kind} "{name}" ({entry.value}{package}) cannot be loaded'
+        what = f'the {kind} "{name}" ({origin(entry)}) cannot be loaded'
         raise ValueError(explain(what, error, __file__)) from error
     return loaded
 
