@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final
 
@@ -147,6 +148,8 @@ def _text(value: Any) -> str:
         return str(value).lower()
     if value is None:
         return "not set"
+    if isinstance(value, list):
+        return json.dumps(value)
     return f"{value:.6g}" if isinstance(value, float) else str(value)
 
 

@@ -264,6 +264,45 @@ def plainly_merged(base: Any, over: Any) -> Any:
     return base | {name: plainly_merged(base.get(name), value) for name, value in over.items()}
 
 
+LAYERED = {
+    "costmap_common_params.yaml": (
+        "footprint: [[0.2, 0.2], [0.2, -0.2], [-0.2, -0.2], [-0.2, 0.2]]\n"
+        "static: {enabled: true}\n"
+        "laser_layer:\n"
+        "  observation_sources: laser\n"
+        "  laser: {data_type: LaserScan, topic: scan, marking: true, clearing: true}\n"
+        "inflation: {inflation_radius: 1.0}\n"
+    ),
+    "costmap_global_params.yaml": (
+        "global_frame: map\n"
+        "plugins:\n"
+        "- {name: static, type: 'costmap_2d::StaticLayer'}\n"
+        "- {name: laser_layer, type: 'costmap_2d::ObstacleLayer'}\n"
+        "- {name: inflation, type: 'costmap_2d::InflationLayer'}\n"
+    ),
+    "costmap_local_params.yaml": (
+        "global_frame: odom\n"
+        "rolling_window: true\n"
+        "plugins:\n"
+        "- {name: laser_layer, type: 'costmap_2d::ObstacleLayer'}\n"
+        "- {name: inflation, type: 'costmap_2d::InflationLayer'}\n"
+    ),
+}
+
+
+def test_files_with_plugins_one_section_each_and_no_section_names_are_understood(
+    folder: Path,
+) -> None:
+    for name, text in LAYERED.items():
+        (folder / "robot" / name).write_text(text)
+    sut, warnings = load(folder, "robot")
+    assert [w for w in warnings if "without effect here: local_costmap/static" not in w] == []
+    read = read_ros(sut.parameters)
+    assert read.wiring == Wiring(amcl=True, global_costmap=True, local_costmap=True)
+    assert (read.global_costmap.static_map, read.local_costmap.static_map) == (True, False)
+    assert read.local_costmap.inflation_radius == 1.0
+
+
 def test_the_three_mistakes_of_the_paper_are_three_lines(campaigns: Path) -> None:
     wrong, right = (load(campaigns, name)[0].parameters for name in ("a2s", "fro-diff"))
     assert differences(wrong, right) == {

@@ -104,6 +104,10 @@ def _merge(
             report.problems.append(Finding((*path, name), message, f"write it under {layer}"))
         elif name in _OURS and name not in skipped:
             report.problems.append(Finding((*path, name), "must be names with values"))
+        elif layered and name not in skipped and isinstance(value, Mapping):
+            # Costmaps often share a file that describes the layers of both.
+            reason = "no layer of this costmap is called that"
+            report.without_effect.append(Finding((*path, name), reason))
         elif name not in skipped:
             merged[name], places[name] = value, (*path, name)
     for space, values in spaces.items():

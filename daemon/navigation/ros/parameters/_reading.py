@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from functools import cache
 from typing import Annotated, Any, TypeVar
 
@@ -48,14 +48,22 @@ def read_section(
         if name in adapters:
             _take(adapters[name], value, place, values, report)
         elif name not in elsewhere and name not in idle:
-            hint = did_you_mean(name, {*adapters, *idle, *elsewhere})
             where = report.fatal if strict else report.problems
-            where.append(Finding(place, f'nothing reads a parameter "{name}"', hint))
+            where.append(_unread(place, value, (*adapters, *idle), elsewhere))
     try:
         return model(**values)
     except ValidationError as error:
         report.fatal += [_finding(issue, path) for issue in error.errors()]
     return model()
+
+
+def _unread(place: Path, value: Any, names: Iterable[str], namespaces: Iterable[str]) -> Finding:
+    """Say that nobody reads a name, with the nearest one of the same sort."""
+    name = str(place[-1])
+    if isinstance(value, Mapping):
+        hint = did_you_mean(name, namespaces)
+        return Finding(place, f'nothing reads a namespace "{name}"', hint)
+    return Finding(place, f'nothing reads a parameter "{name}"', did_you_mean(name, names))
 
 
 @cache

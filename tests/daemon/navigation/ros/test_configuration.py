@@ -118,7 +118,11 @@ def test_all_errors_are_reported_together() -> None:
     [
         ({"amcl": {"odom_alpa1": 0.1}}, 'amcl/odom_alpa1: nothing reads a parameter "odom_alpa1"'),
         ({"DWAPlannerROS": {"max_trans_vel": 0.1}}, 'did you mean "max_vel_trans"?'),
-        ({"move_base": {"TebLocalPlannerROS": {}}}, "move_base/TebLocalPlannerROS: nothing reads"),
+        (
+            {"move_base": {"TebLocalPlannerROS": {}}},
+            'nothing reads a namespace "TebLocalPlannerROS"',
+        ),
+        ({"move_base": {"DWAPlanerROS": {}}}, 'did you mean "DWAPlannerROS"?'),
         ({"amlc": {}}, 'did you mean "amcl"?'),
         ({"topics": {"amcl": "/other"}}, "amcl listens to /other, the scan comes on /scan"),
         ({"topics": {"scan": "/x"}}, "the local costmap listens to /scan, the scan comes on /x"),
