@@ -1,0 +1,41 @@
+"""From run records and what their campaign declares to cells, comparisons and surprises."""
+
+from daemon.assessment._types import (
+    DELAY,
+    Assessment,
+    Cell,
+    Comparison,
+    ComparisonCell,
+    Declared,
+    Expectation,
+    Gate,
+    MeasureCell,
+    Operator,
+    OracleCell,
+    Policy,
+    Rule,
+    RunRecord,
+    Surprise,
+    Wanted,
+    Worst,
+)
+
+__all__ = [
+    "DELAY",
+    "Assessment",
+    "Cell",
+    "Comparison",
+    "ComparisonCell",
+    "Declared",
+    "Expectation",
+    "Gate",
+    "MeasureCell",
+    "Operator",
+    "OracleCell",
+    "Policy",
+    "Rule",
+    "RunRecord",
+    "Surprise",
+    "Wanted",
+    "Worst",
+]
