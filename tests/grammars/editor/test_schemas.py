@@ -114,6 +114,43 @@ ORACLES = "near: min(clearance)\nin-time: always(elapsed <= 2 min) when speed > 
 GOOD = {"campaign": CAMPAIGN, "robot": ROBOT, "mission": MISSION, "sut": SUT, "oracles": ORACLES}
 
 
+ROS = """\
+sut: mine
+kind: ros
+ros: params
+files: {move_base/global_costmap: common.yaml, move_base: [dwa.yaml, base.yaml]}
+parameters:
+  amcl: {odom_model_type: omni-corrected, gui_publish_rate: 1.0, anything: 3}
+  costmap_common:
+    footprint: [[0.3, 0.2], [-0.3, 0.2], [0, -0.2]]
+    scan: {topic: scan, marking: true}
+  move_base:
+    DWAPlannerROS: {sim_time: 2, controller_frequency: null}
+  topics: {remap: {/a: /b}}
+  quirks: {like: fixed, strafe_leaks: true}
+"""
+
+
+def test_parameters_of_ros_are_known_by_section() -> None:
+    assert problems("sut", ROS) == []
+    assert problems("sut", ROS.replace("kind: ros", "like: other")) == []
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "path"),
+    [
+        ("omni-corrected", "omnidirectional", "$.parameters.amcl.odom_model_type"),
+        ("sim_time: 2", "sim_time: long", "$.parameters.move_base.DWAPlannerROS.sim_time"),
+        (", [0, -0.2]]", "]", "$.parameters.costmap_common.footprint"),
+        ("marking: true", "marking: 3", "$.parameters.costmap_common.scan.marking"),
+        ("remap:", "remaps:", "$.parameters.topics"),
+        ("kind: ros\n", "", "$"),
+    ],
+)
+def test_wrong_parameters_of_ros_are_found_by_editors(old: str, new: str, path: str) -> None:
+    assert problems("sut", ROS.replace(old, new)) == [path]
+
+
 @pytest.mark.parametrize("kind", GOOD)
 def test_what_may_be_written_is_accepted(kind: str) -> None:
     assert problems(kind, GOOD[kind]) == []
