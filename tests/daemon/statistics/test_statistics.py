@@ -1,0 +1,167 @@
+"""The statistics against scipy.stats and against their definitions."""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+from scipy import stats
+
+from daemon.statistics import (
+    at_least,
+    at_most,
+    cliffs_delta,
+    holm,
+    magnitude,
+    mean_interval,
+    paired,
+    proportion_interval,
+    runs_needed,
+    welch,
+)
+
+modest = settings(max_examples=40, deadline=None)
+counts = st.integers(0, 60).flatmap(lambda n: st.tuples(st.integers(0, n), st.just(n)))
+values = st.lists(st.floats(-1e3, 1e3).map(lambda x: round(x, 3)), min_size=2, max_size=12)
+
+
+def test_five_of_five_shows_less_than_people_think() -> None:
+    assert at_least(5, 5) == pytest.approx(0.549, abs=5e-4)
+    assert runs_needed(5, 5, 0.8) == 9
+    assert at_least(14, 14) >= 0.8 > at_least(13, 13)
+
+
+@modest
+@given(counts, st.sampled_from([0.8, 0.95, 0.99]))
+def test_the_interval_is_that_of_clopper_and_pearson(count: tuple[int, int], level: float) -> None:
+    passed, n = count
+    assume(n > 0)
+    exact = stats.binomtest(passed, n).proportion_ci(level, method="exact")
+    assert proportion_interval(passed, n, level) == pytest.approx((exact.low, exact.high), abs=1e-9)
+    low = stats.binomtest(passed, n, alternative="greater").proportion_ci(level, method="exact").low
+    assert at_least(passed, n, level) == pytest.approx(low, abs=1e-9)
+
+
+@modest
+@given(counts)
+def test_a_one_sided_bound_is_where_the_binomial_tail_is_as_likely_as_allowed(
+    count: tuple[int, int],
+) -> None:
+    passed, n = count
+    assume(passed > 0)
+    assert stats.binom.sf(passed - 1, n, at_least(passed, n)) == pytest.approx(0.05, abs=1e-6)
+    assert stats.binom.cdf(n - passed, n, at_most(n - passed, n)) == pytest.approx(0.05, abs=1e-6)
+
+
+def test_no_runs_show_nothing() -> None:
+    assert proportion_interval(0, 0) == (0.0, 1.0)
+    with pytest.raises(ValueError, match="6 of 5"):
+        at_least(6, 5)
+
+
+@modest
+@given(counts, st.floats(0.05, 0.99))
+def test_the_runs_needed_are_enough_and_one_less_is_not(
+    count: tuple[int, int], rate: float
+) -> None:
+    passed, n = count
+    more = runs_needed(passed, n, rate)
+    assert more is not None
+    assert at_least(passed + more, n + more) >= rate
+    assert more == 0 or at_least(passed + more - 1, n + more - 1) < rate
+
+
+def test_no_number_of_runs_shows_certainty() -> None:
+    assert runs_needed(5, 5, 1.0) is None
+
+
+@modest
+@given(values)
+def test_the_interval_of_a_mean_is_students(sample: list[float]) -> None:
+    assume(max(sample) - min(sample) > 1e-2)
+    found = mean_interval(sample)
+    expected = stats.ttest_1samp(sample, 0.0).confidence_interval(0.95)
+    assert (found.low, found.high) == pytest.approx(
+        (expected.low, expected.high), rel=1e-7, abs=1e-7
+    )
+    assert found.std == pytest.approx(np.std(sample, ddof=1))
+
+
+def test_one_value_has_no_interval() -> None:
+    found = mean_interval([4.0])
+    assert (found.mean, found.std, found.low, found.high) == (4.0, None, None, None)
+    with pytest.raises(ValueError, match="no values"):
+        mean_interval([])
+
+
+@modest
+@given(
+    st.lists(st.tuples(st.integers(-9999, 9999), st.integers(-9999, 9999)), min_size=2, max_size=9)
+)
+def test_a_paired_difference_is_the_one_sided_t_test(pairs: list[tuple[int, int]]) -> None:
+    assume(len({a - b for a, b in pairs}) > 1)
+    left, right = ([pair[side] / 8 for pair in pairs] for side in (0, 1))
+    found = paired(left, right)
+    greater = stats.ttest_rel(left, right, alternative="greater")
+    assert found.low == pytest.approx(greater.confidence_interval(0.95).low, rel=1e-6, abs=1e-7)
+    less = stats.ttest_rel(left, right, alternative="less")
+    assert found.high == pytest.approx(less.confidence_interval(0.95).high, rel=1e-6, abs=1e-7)
+    assert found.p_above(0.0) == pytest.approx(greater.pvalue, abs=1e-9)
+    assert found.p_different == pytest.approx(stats.ttest_rel(left, right).pvalue, abs=1e-9)
+
+
+@modest
+@given(values, values)
+def test_without_pairs_it_is_welchs(left: list[float], right: list[float]) -> None:
+    assume(min(np.ptp(left), np.ptp(right)) > 1.0)
+    found = welch(left, right)
+    greater = stats.ttest_ind(left, right, equal_var=False, alternative="greater")
+    assert found.freedom == pytest.approx(greater.df)
+    assert found.p_above(0.0) == pytest.approx(greater.pvalue, abs=1e-9)
+    assert found.low == pytest.approx(greater.confidence_interval(0.95).low, rel=1e-6, abs=1e-7)
+
+
+def test_a_difference_that_never_varies_is_known_exactly() -> None:
+    found = paired([3.0, 4.0, 5.0], [1.0, 2.0, 3.0])
+    assert (found.low, found.mean, found.high) == (2.0, 2.0, 2.0)
+    assert (found.p_above(1.9), found.p_above(2.0), found.p_different) == (0.0, 1.0, 0.0)
+    assert paired([1.0, 2.0], [1.0, 2.0]).p_different == 1.0
+    assert welch([1.0, 1.0], [1.0, 1.0]).high == 0.0
+
+
+def test_a_single_pair_says_nothing() -> None:
+    with pytest.raises(ValueError, match="two pairs"):
+        paired([1.0], [2.0])
+    with pytest.raises(ValueError, match="two values"):
+        welch([1.0], [2.0, 3.0])
+
+
+@modest
+@given(values, values)
+def test_cliffs_delta_counts_who_is_larger(left: list[float], right: list[float]) -> None:
+    pairs = list(itertools.product(left, right))
+    expected = sum((a > b) - (a < b) for a, b in pairs) / len(pairs)
+    assert cliffs_delta(left, right) == pytest.approx(expected)
+    assert cliffs_delta(right, left) == pytest.approx(-expected)
+
+
+def test_magnitudes_have_words() -> None:
+    assert [magnitude(d) for d in (0.0, -0.2, 0.4, -1.0)] == [
+        "negligible", "small", "medium", "large",
+    ]  # fmt: skip
+
+
+@modest
+@given(st.lists(st.floats(0.0, 1.0), max_size=8))
+def test_holms_adjustment_is_its_definition(ps: list[float]) -> None:
+    adjusted = holm(ps)
+    ordered = sorted(ps)
+    for p, found in zip(ps, adjusted, strict=True):
+        # The largest of (m - j + 1) p_(j) over every p_(j) that is not larger, and 1 at most.
+        upto = len(ordered) - ordered[::-1].index(p)
+        assert found == pytest.approx(
+            min(1.0, max((len(ps) - j) * ordered[j] for j in range(upto)))
+        )
