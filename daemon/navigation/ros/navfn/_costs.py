@@ -23,7 +23,7 @@ States: TypeAlias = npt.NDArray[np.uint16]
 def translation(*, allow_unknown: bool) -> States:
     """Return the cost of every costmap value, (256,) (navfn ``setCostmap``)."""
     values = np.arange(256)
-    costs = np.minimum(NEUTRAL + 0.8 * values, BLOCKED - 1).astype(np.uint16)
+    costs: States = np.minimum(NEUTRAL + 0.8 * values, BLOCKED - 1).astype(np.uint16)
     costs[INSCRIBED:] = BLOCKED
     if allow_unknown:
         costs[NO_INFORMATION] = BLOCKED - 1

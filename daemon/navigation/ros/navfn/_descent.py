@@ -14,13 +14,13 @@ STEP: Final = np.float32(0.5)
 
 
 @kernel
-def _rounded(offset: float) -> int:
+def _rounded(offset: np.float32) -> int:
     """Round half away from zero, as C does."""
-    return int(math.floor(offset + 0.5)) if offset >= 0.0 else int(math.ceil(offset - 0.5))
+    return math.floor(offset + 0.5) if offset >= 0.0 else math.ceil(offset - 0.5)
 
 
 @kernel
-def _gradient(potentials: Singles, n: int, columns: int) -> tuple[float, float]:
+def _gradient(potentials: Singles, n: int, columns: int) -> tuple[np.float32, np.float32]:
     """Return the normalised gradient at a reached cell, float32; neighbours may be unreached."""
     here = potentials[n]
     dx, dy = np.float32(0.0), np.float32(0.0)
@@ -62,7 +62,7 @@ def _lowest(potentials: Singles, n: int, columns: int) -> int:
 
 
 @kernel
-def _mixed(a: float, b: float, share: float) -> float:
+def _mixed(a: np.float32, b: np.float32, share: np.float32) -> np.float32:
     """Return a + share (b - a) rounded as in the original, float32."""
     return np.float32((1.0 - np.float64(share)) * np.float64(a) + np.float64(share * b))
 

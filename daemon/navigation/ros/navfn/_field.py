@@ -181,5 +181,4 @@ class Field:
         return int(fill)
 
     def _descend(self, start: int, goal: int) -> int:
-        return int(descend(
-            self._potentials, self.columns, start, goal, self._path, self._cells))
+        return int(descend(self._potentials, self.columns, start, goal, self._path, self._cells))

@@ -70,9 +70,9 @@ class Navfn:
             while x <= goal.x + tolerance:
                 cell = grid.cell(x, y)
                 away = (x - goal.x) ** 2 + (y - goal.y) ** 2
-                if cell is not None and away < nearest:
-                    if field.reached(cell[1] * field.columns + cell[0]):
-                        best, nearest = Pose2(x, y, goal.yaw), away
+                reached = cell is not None and field.reached(cell[1] * field.columns + cell[0])
+                if reached and away < nearest:
+                    best, nearest = Pose2(x, y, goal.yaw), away
                 x += grid.resolution
             y += grid.resolution
         return best

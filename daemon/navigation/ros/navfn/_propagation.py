@@ -21,7 +21,7 @@ GAINS: Final = (0.707106781 * np.arange(BLOCKED + 1)).astype(np.float32)
 
 
 @kernel
-def interpolated(first: float, second: float, cost: float) -> float:
+def interpolated(first: np.float32, second: np.float32, cost: np.float32) -> np.float32:
     """Return the potential of a cell from its lowest horizontal and vertical neighbour, float32."""
     difference = first - second
     lowest = second

@@ -22,7 +22,7 @@ def propagate_towards(
     potentials: Singles,
     gains: Singles,
     ahead: Singles,
-    bound: float,
+    bound: np.float32,
     columns: int,
     start: int,
     goal: int,
@@ -33,7 +33,7 @@ def propagate_towards(
     last: Integers,
     cut: Integers,
     epoch: int,
-) -> tuple[int, int, float]:
+) -> tuple[int, int, np.float32]:
     """Spread the wave as :func:`propagate` does, but leave out what the bound excludes.
 
     A neighbour is left out when threshold plus ``ahead`` exceed ``bound``. Returns how many cells
@@ -125,7 +125,7 @@ def depends_on_cut(
     costs: States,
     potentials: Singles,
     ahead: Singles,
-    latest: float,
+    latest: np.float32,
     columns: int,
     cells: Integers,
     length: int,

@@ -10,9 +10,9 @@ from scipy.ndimage import distance_transform_edt
 
 from daemon.navigation.ros.grids import CostGrid
 from grammars.composition import compile_scene
+from grammars.files import load_mission
 from grammars.floorplan import load_floorplan
 from grammars.grid import OCCUPIED
-from grammars.files import load_mission
 from grammars.scenery import load_scenery
 from grammars.values import Pose2
 from templates.occupancy import occupancy_grid

@@ -1,0 +1,83 @@
+"""navfn over a drive of scenario S1: whole waves against restricted ones, and how often they fail.
+
+The global costmap of building C as a2s inflates it, starts along the straight lines between the
+waypoints as the robot passes them at 5 Hz, and costs that change in a window around it. Of the
+whole waves only every fiftieth is timed and compared.
+
+Run with ``python -m tests.benchmarks navfn``.
+"""
+
+from __future__ import annotations
+
+import time
+
+import numpy as np
+
+from daemon.navigation.ros.grids import CostGrid
+from daemon.navigation.ros.navfn import warm_up
+from daemon.navigation.ros.navfn._field import Field
+from tests.daemon.navigation.ros.navfn import building
+
+STEP = 0.04
+"""Metres between two plans: 136 m in about 3400 plans."""
+HALF = 60
+COMPARED = 50
+
+
+def _disturb(random: np.random.Generator, grid: CostGrid, original: CostGrid, at: tuple[int, int],
+             ) -> tuple[int, int, int, int]:  # fmt: skip
+    """Make inflated costs around the robot noisy; return the window."""
+    column, row = at
+    window = (column - HALF, row - HALF, column + HALF, row + HALF)
+    rows, columns = slice(window[1], window[3]), slice(window[0], window[2])
+    cells = original.cells[rows, columns].astype(np.int64)
+    noisy = (cells > 0) & (cells < 253) & (random.random(cells.shape) < 0.05)
+    cells[noisy] = (cells[noisy] + random.integers(-20, 20, int(noisy.sum()))).clip(0, 252)
+    grid.cells[rows, columns] = cells
+    return window
+
+
+def main() -> None:
+    """Print the table."""
+    warm_up()
+    original = building.costmap()
+    trips = building.drive(STEP)
+    for title, noisy in (("costs at rest", False), ("costs change", True)):
+        random = np.random.default_rng(0)
+        cells = original.cells.copy()
+        grids = [CostGrid(original.resolution, original.x, original.y, cells) for _ in range(2)]
+        fast = Field(grids[0], allow_unknown=True)
+        slow = Field(grids[1], allow_unknown=True, margins=())
+        taken, whole, same = [], [], []
+        for k, (start, goal) in enumerate(trips):
+            here, there = original.cell(start.x, start.y), original.cell(goal.x, goal.y)
+            assert here is not None
+            assert there is not None
+            columns = cells.shape[1]
+            trip = here[1] * columns + here[0], there[1] * columns + there[0]
+            if noisy:
+                window = _disturb(random, grids[0], original, here)
+                for grid in grids:
+                    grid.touch(window)
+            begin = time.process_time()
+            found = fast.path(*trip)
+            taken.append(time.process_time() - begin)
+            if k % COMPARED == 0:
+                begin = time.process_time()
+                expected = slow.path(*trip)
+                whole.append(time.process_time() - begin)
+                same.append(np.array_equal(found, expected))
+        again = len(trips) - fast.whole - fast.restricted
+        print(
+            f"{title:14} whole {np.mean(whole) * 1e3:6.2f} ms per plan; restricted "
+            f"{np.mean(taken) * 1e3:5.2f} ms (median {np.median(taken) * 1e3:.2f}), "
+            f"{np.mean(whole) / np.mean(taken):.1f} times as fast"
+        )
+        print(
+            f"{'':14} {len(trips)} plans: {fast.restricted} restricted, {fast.whole} whole, "
+            f"{again} unchanged; {sum(same)} of {len(same)} compared are the same"
+        )
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,143 @@
+"""Plans of navfn: costs, interpolation, coordinates, failures and tolerance."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from pydantic import ValidationError
+
+from daemon.navigation.ros.grids import CostGrid
+from daemon.navigation.ros.navfn import WITHOUT_EFFECT, Navfn, NavfnParameters, warm_up
+from daemon.navigation.ros.navfn._costs import translation
+from daemon.navigation.ros.navfn._propagation import interpolated
+from daemon.navigation.ros.quirks import FIXED, ORIGINAL
+from grammars.values import Floats, Pose2
+
+F = np.float32
+
+
+def a_grid(rows: int = 20, columns: int = 40, x: float = 0.0, y: float = 0.0) -> CostGrid:
+    return CostGrid(0.05, x, y, np.zeros((rows, columns), dtype=np.uint8))
+
+
+def centre(grid: CostGrid, column: int, row: int, yaw: float = 0.0) -> Pose2:
+    r = grid.resolution
+    return Pose2(grid.x + (column + 0.5) * r, grid.y + (row + 0.5) * r, yaw)
+
+
+def plan(
+    grid: CostGrid, start: Pose2, goal: Pose2, *, tolerance: float = 0.0, unknown: bool = True
+) -> Floats | None:
+    parameters = NavfnParameters(default_tolerance=tolerance, allow_unknown=unknown)
+    return Navfn(parameters, ORIGINAL).plan(grid, start, goal)
+
+
+def test_costs_rise_with_the_costmap_and_inscribed_cells_are_blocked() -> None:
+    table = translation(allow_unknown=True)
+    assert [int(table[v]) for v in (0, 1, 100, 161, 252)] == [50, 50, 130, 178, 251]
+    assert [int(table[v]) for v in (253, 254, 255)] == [254, 254, 253]
+    assert int(translation(allow_unknown=False)[255]) == 254
+
+
+@pytest.mark.parametrize(
+    ("across", "along", "expected"),
+    [
+        (100.0, 100.0, 100.0 + 50.0 * 0.704),
+        (100.0, 125.0, 100.0 + 50.0 * (-0.2301 * 0.25 + 0.5307 * 0.5 + 0.704)),
+        (100.0, 150.0, 150.0),
+        (1e10, 100.0, 150.0),
+        (100.0, 1e10, 150.0),
+    ],
+)
+def test_a_cell_is_interpolated_between_its_two_lowest_neighbours(
+    across: float, along: float, expected: float
+) -> None:
+    assert interpolated(F(across), F(along), F(50.0)) == pytest.approx(expected, rel=1e-6)
+
+
+def test_a_straight_path_runs_from_corner_to_corner_half_a_cell_at_a_time() -> None:
+    grid = a_grid(x=-1.0, y=2.0)
+    found = plan(grid, centre(grid, 5, 10), centre(grid, 30, 10, 1.5))
+    assert found is not None
+    assert found[0].tolist() == pytest.approx([-1.0 + 5 * 0.05, 2.0 + 10 * 0.05, 0.0])
+    assert found[-1].tolist() == pytest.approx([-1.0 + 30.5 * 0.05, 2.0 + 10.5 * 0.05, 1.5])
+    assert (found[:-1, 2] == 0.0).all()
+    steps = np.hypot(*np.diff(found[1:-3, :2], axis=0).T)
+    assert steps == pytest.approx(0.025, abs=1e-5)
+
+
+def test_without_the_quirk_paths_run_through_cell_centres() -> None:
+    grid = a_grid()
+    start, goal = centre(grid, 5, 10), centre(grid, 30, 10)
+    corner = Navfn(NavfnParameters(), ORIGINAL).plan(grid, start, goal)
+    middle = Navfn(NavfnParameters(), FIXED).plan(grid, start, goal)
+    assert corner is not None
+    assert middle is not None
+    assert middle[:-1, :2] - corner[:-1, :2] == pytest.approx(0.025)
+
+
+def test_the_start_cell_is_freed_in_the_costmap_for_good() -> None:
+    grid = a_grid()
+    grid.cells[10, 5] = 254
+    start, goal = centre(grid, 5, 10), centre(grid, 30, 10)
+    assert Navfn(NavfnParameters(), FIXED).plan(grid, start, goal) is not None
+    assert grid.cells[10, 5] == 254
+    version = grid.version
+    assert plan(grid, start, goal) is not None
+    assert grid.cells[10, 5] == 0
+    assert grid.version == version + 1
+
+
+def test_no_plan_to_what_cannot_be_reached() -> None:
+    grid = a_grid()
+    start, goal = centre(grid, 5, 10), centre(grid, 30, 10)
+    grid.cells[10, 30] = 253
+    assert plan(grid, start, goal) is None
+    grid.cells[10, 30] = 0
+    grid.cells[:, 20] = 253
+    assert plan(grid, start, goal) is None
+    assert plan(grid, start, centre(grid, 45, 10)) is None
+    assert plan(grid, centre(grid, -1, 10), goal) is None
+    assert plan(grid, start, centre(grid, 0, 10)) is None
+
+
+def test_a_robot_inside_an_inflated_wall_is_boxed_in() -> None:
+    grid = a_grid()
+    grid.cells[8:13, 3:8] = 253
+    assert plan(grid, centre(grid, 5, 10), centre(grid, 30, 10)) is None
+
+
+def test_unknown_cells_are_dear_or_blocked() -> None:
+    grid = a_grid()
+    grid.cells[:, 20] = 255
+    start, goal = centre(grid, 5, 10), centre(grid, 30, 10)
+    assert plan(grid, start, goal) is not None
+    assert plan(grid, start, goal, unknown=False) is None
+
+
+def test_with_tolerance_the_nearest_point_of_a_square_raster_will_do() -> None:
+    grid = a_grid()
+    grid.cells[10, 30] = 254
+    start, goal = centre(grid, 5, 10), centre(grid, 30, 10, 0.7)
+    found = plan(grid, start, goal, tolerance=0.1)
+    assert found is not None
+    assert np.abs(found[-1, :2] - (goal.x, goal.y)).max() == pytest.approx(0.05)
+    assert found[-1, 2] == 0.7
+    grid.cells[7:14, 27:34] = 254
+    assert plan(grid, start, goal, tolerance=0.1) is None
+
+
+def test_parameters_are_those_of_noetic_and_checked() -> None:
+    defaults = NavfnParameters()
+    assert (defaults.allow_unknown, defaults.default_tolerance) == (True, 0.0)
+    assert set(WITHOUT_EFFECT) <= set(NavfnParameters.__dataclass_fields__)
+    with pytest.raises(ValidationError):
+        NavfnParameters(default_tolerance=-0.1)
+
+
+def test_everything_is_compiled_by_the_warm_up() -> None:
+    warm_up()
+    before = len(interpolated.signatures)  # type: ignore[attr-defined]
+    grid = a_grid()
+    plan(grid, centre(grid, 5, 10), centre(grid, 30, 10), tolerance=0.1)
+    assert len(interpolated.signatures) == before  # type: ignore[attr-defined]
