@@ -6,6 +6,7 @@ A verdict is always a glyph and a word, never a colour alone.
 from __future__ import annotations
 
 import math
+import sys
 from typing import Final
 
 from daemon.protocol import CampaignRow, Overview, RunRow, RunState
@@ -73,7 +74,9 @@ def quantity(value: float | None, unit: str, *, signed: bool = False) -> str:
     if not math.isfinite(value):
         number = ("+" if signed and value > 0 else "") + ("∞" if value > 0 else "−∞")
         return number if not math.isnan(value) else "nan"
-    number = f"{value:{'+' if signed else ''}.3g}"
+    # The margin of a strict limit that is met exactly is less than nothing, by nothing.
+    shown = math.copysign(0.0, value) if abs(value) < sys.float_info.min * 2 else value
+    number = f"{shown:{'+' if signed else ''}.3g}"
     if "e" in number and 1e-4 <= abs(value) < 1e6:
         number = f"{value:{'+' if signed else ''}.0f}"
     number = number.replace("-", "−")

@@ -15,7 +15,9 @@ from daemon.places import Places, trace_name
 from daemon.protocol import Submission
 from daemon.rejudge import Rejudged, find_traces, rejudge
 from daemon.spec import OracleText, RunResult, Timing, TraceInfo
+from daemon.trace import TraceWriter
 from daemon.verdict import Outcome, Verdict
+from grammars.values import Pose2, Twist2
 from tests.daemon.old_runs import SLOW, THERE, WORLD, drive, spec
 
 
@@ -78,6 +80,18 @@ def test_a_trace_that_was_cut_is_judged_as_far_as_it_goes(tmp_path: Path) -> Non
     path.write_bytes(path.read_bytes()[:-100])
     (found,) = judged([path], (SLOW, OracleText("s", "max(speed) <= 0.1 m/s")), tmp_path)
     assert [v.outcome for v in found.verdicts] == [Outcome.INCONCLUSIVE, Outcome.FAIL]
+
+
+def test_a_run_that_goes_on_can_be_judged(tmp_path: Path) -> None:
+    path = tmp_path / "run.mcap"
+    with TraceWriter(path, spec(), WORLD) as trace:
+        for step in range(240):
+            trace.ground_truth(step * 0.05, Pose2(10.0 + step * 0.02, 1.0), Twist2(0.4, 0.0, 0.0))
+        asked = (SLOW, OracleText("far", "eventually(path.length >= 3 m)"))
+        (found,) = judged([path.with_name("run.mcap.partial")], asked, tmp_path)
+        assert [v.outcome for v in found.verdicts] == [Outcome.INCONCLUSIVE, Outcome.PASS]
+        assert found.outcome is Outcome.INCONCLUSIVE
+        trace.close("finished", "")
 
 
 @pytest.fixture

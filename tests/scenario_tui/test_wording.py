@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import sys
 
 import pytest
 
@@ -23,6 +24,7 @@ from tests.scenario_tui.fake import CAMPAIGN, FakeDaemon, make_row, make_rows
         (0.05, "", "+0.05"),
         (0.05, "1", "+0.05"),
         (0.0, "m", "+0 m"),
+        (-sys.float_info.min, "m", "−0 m"),
         (math.inf, "m", "+∞"),
         (-math.inf, "m", "−∞"),
         (math.nan, "m", "nan"),

@@ -87,6 +87,17 @@ def test_results_are_kept_by_the_daemon(finished: Path, place: Path) -> None:
     assert status["overview"]["done"] == 2
 
 
+def test_runs_are_judged_again_by_other_oracles(finished: Path, place: Path) -> None:
+    (campaign,) = (path.name for path in (finished / "traces").iterdir())
+    layer = place / "hasty.oracles.yaml"
+    layer.write_text("reached: eventually within 1 s (mission.reached >= 1)\n")
+    done = call("judge", campaign, "--oracles", str(layer), "--json", state=finished, cwd=place)
+    assert done.returncode == 1, done.stderr
+    for judged in json.loads(done.stdout)["traces"]:
+        assert (judged["origin"], judged["outcome"]) == ("ledger", "fail")
+        assert judged["changes"][0]["oracle"] == "reached"
+
+
 def test_submitting_again_runs_nothing_twice(finished: Path, place: Path) -> None:
     file = str(place / "campaigns" / "demo" / "campaign.yaml")
     done = call("submit", file, state=finished, cwd=place)
