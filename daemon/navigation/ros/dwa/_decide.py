@@ -20,9 +20,9 @@ class Room(NamedTuple):
 
     ``seeds``, ``passable``, ``wanted`` and ``fronts`` are sets of cells as :mod:`._distances` has
     them; ``speeds`` (3, 2) the dynamic window; ``samples`` (3, most), ``counts`` (3,), ``weights``
-    (6,), ``pairs`` (most, 4), ``ends`` (all samples, 2), ``known`` (3, cells), ``lower`` (all
-    samples), ``arcs`` and ``points`` (longest trajectory, 5), ``moving`` (3,) and ``answer`` (5,)
-    as :mod:`._search` has them.
+    (6,), ``pairs`` (most, 4), ``ends`` (all samples, 2), ``known`` (3, cells), ``digits`` (3,),
+    ``lower`` (all samples), ``arcs`` and ``points`` (longest trajectory, 5), ``moving`` (3,) and
+    ``answer`` (5,) as :mod:`._search` has them.
     """
 
     seeds: Bits
@@ -36,6 +36,7 @@ class Room(NamedTuple):
     pairs: Floats
     ends: Integers
     known: Integers
+    digits: Integers
     lower: Floats
     arcs: Floats
     points: Floats
@@ -90,18 +91,18 @@ def targets(
     last = walk(plan, n, plan[n - 1], f.cells, f.frame, r.seeds)
     if s.path_scale != 0.0:
         _around(state, nose, f, r.wanted)
-        spread_out(r.seeds, r.passable, r.wanted, f.path, r.fronts)
+        r.digits[0] = spread_out(r.seeds, r.passable, r.wanted, f.path, r.fronts)
     if s.goal_scale == 0.0:
         return
     if last >= 0:
         only(last // columns, last % columns, r.seeds)
     _around(state, near, f, r.wanted)
-    spread_out(r.seeds, r.passable, r.wanted, f.goal, r.fronts)
+    r.digits[1] = spread_out(r.seeds, r.passable, r.wanted, f.goal, r.fronts)
     last = walk(plan, n, front_end, f.cells, f.frame, r.seeds)
     if last >= 0:
         only(last // columns, last % columns, r.seeds)
     _around(state, nose, f, r.wanted)
-    spread_out(r.seeds, r.passable, r.wanted, f.front, r.fronts)
+    r.digits[2] = spread_out(r.seeds, r.passable, r.wanted, f.front, r.fronts)
 
 
 @kernel
@@ -143,6 +144,7 @@ def decide(
         r.arcs,
         r.ends,
         r.known,
+        r.digits,
         r.points,
         r.moving,
         s,

@@ -52,7 +52,7 @@ def add(cells: Bits, row: int, column: int) -> None:
 @kernel
 def contains(cells: Bits, row: int, column: int) -> bool:
     """Whether a set contains a cell."""
-    return ((cells[(column >> 6) + 1, row + 1] >> np.uint64(column & 63)) & _ONE) != _NONE
+    return bool(((cells[(column >> 6) + 1, row + 1] >> np.uint64(column & 63)) & _ONE) != _NONE)
 
 
 @kernel
@@ -86,11 +86,11 @@ def only(row: int, column: int, out: Bits) -> None:
 
 
 @kernel
-def spread_out(seeds: Bits, passable: Bits, wanted: Bits, out: Bits, front: Bits) -> None:
+def spread_out(seeds: Bits, passable: Bits, wanted: Bits, out: Bits, front: Bits) -> int:
     """Write the distances [steps] from the nearest seed to ``out``, until all ``wanted`` have one.
 
     A cell that is not passable is reached but spreads no further and is not fit to stand in,
-    unless it is a seed. ``front`` (2, ...) is room for two sets.
+    unless it is a seed. ``front`` (2, ...) is room for two sets. Returns how many digits are used.
     """
     words, rows = seeds.shape
     out[:] = _NONE
@@ -101,7 +101,7 @@ def spread_out(seeds: Bits, passable: Bits, wanted: Bits, out: Bits, front: Bits
             front[0, word, row] = seeds[word, row]
             out[REACHED, word, row] = seeds[word, row]
             out[FIT, word, row] = seeds[word, row]
-    level = 0
+    level, digit = 0, DIGITS
     while True:
         level += 1
         fresh_any, missing = _NONE, _NONE
@@ -128,18 +128,21 @@ def spread_out(seeds: Bits, passable: Bits, wanted: Bits, out: Bits, front: Bits
             rest >>= 1
             digit += 1
         if fresh_any == _NONE or missing == _NONE:
-            return
+            return digit - DIGITS
         old, new = new, old
 
 
 @kernel
-def steps_at(distances: Bits, row: int, column: int, size: int) -> int:
-    """Return the distance of a cell: ``size`` when not fit, one more when not reached."""
+def steps_at(distances: Bits, row: int, column: int, size: int, digits: int) -> int:
+    """Return the distance of a cell: ``size`` when not fit, one more when not reached.
+
+    ``digits`` is how many of them are used, or more.
+    """
     word, at, shift = (column >> 6) + 1, row + 1, np.uint64(column & 63)
     if (distances[FIT, word, at] >> shift) & _ONE == _NONE:
         return size + int((distances[REACHED, word, at] >> shift) & _ONE == _NONE)
     steps = 0
-    for digit in range(distances.shape[0] - DIGITS):
+    for digit in range(digits):
         steps |= int((distances[DIGITS + digit, word, at] >> shift) & _ONE) << digit
     return steps
 
@@ -153,5 +156,6 @@ def is_fit(distances: Bits, row: int, column: int) -> bool:
 def as_integers(distances: Bits, shape: tuple[int, int]) -> Integers:
     """Return the distances of all cells of a grid of ``shape``, for looking at them."""
     cells = [(row, column) for row in range(shape[0]) for column in range(shape[1])]
-    values = [steps_at(distances, row, column, shape[0] * shape[1]) for row, column in cells]
+    size, digits = shape[0] * shape[1], distances.shape[0] - DIGITS
+    values = [steps_at(distances, row, column, size, digits) for row, column in cells]
     return np.array(values, dtype=np.int32).reshape(shape)

@@ -44,6 +44,7 @@ def build_room(shape: tuple[int, ...], settings: Settings, longest: int) -> Room
         weights=np.zeros(6),
         ends=np.zeros((int(np.prod(numbers)), 2), dtype=np.int32),
         known=np.zeros((3, shape[0] * shape[1]), dtype=np.int32),
+        digits=np.zeros(3, dtype=np.int32),
         lower=np.zeros(int(np.prod(numbers))),
         arcs=np.zeros((longest, 5)),
         points=np.zeros((longest, 5)),

@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from daemon.navigation.kernels import Integers, kernel
-from daemon.navigation.ros.dwa._distances import Bits, Cells, is_fit, steps_at
+from daemon.navigation.ros.dwa._distances import DIGITS, Bits, Cells, is_fit, steps_at
 from daemon.navigation.ros.dwa._footprint import footprint_cost, growth
 from daemon.navigation.ros.dwa._plan import cell_of
 from daemon.navigation.ros.dwa._samples import speed_of, steps_of
@@ -124,6 +124,7 @@ def _last_cells(points: Floats, n: int, weights: Floats, forward: float, f: Fiel
 def _of_cells(obstacle: float, at: int, nose: int, wz: float, weights: Floats, f: Field) -> float:
     """Return the cost of a trajectory that ends in these cells."""
     columns, size = f.cells.shape[1], f.cells.size
+    digits = f.path.shape[0] - DIGITS
     row, column, nose_row, nose_column = (
         at // columns,
         at % columns,
@@ -132,10 +133,10 @@ def _of_cells(obstacle: float, at: int, nose: int, wz: float, weights: Floats, f
     )
     return _total(
         obstacle,
-        steps_at(f.front, nose_row, nose_column, size),
-        steps_at(f.path, nose_row, nose_column, size),
-        steps_at(f.path, row, column, size),
-        steps_at(f.goal, row, column, size),
+        steps_at(f.front, nose_row, nose_column, size, digits),
+        steps_at(f.path, nose_row, nose_column, size, digits),
+        steps_at(f.path, row, column, size, digits),
+        steps_at(f.goal, row, column, size, digits),
         wz,
         weights,
     )
@@ -232,7 +233,7 @@ def _margin(state: Floats, speed: float, turn: float, n: int, s: Settings, f: Fi
     coordinate = max(abs(state[0]), abs(state[1])) + reach
     yaw = abs(state[2]) + turn * s.sim_time
     off = 1e-9 + n * 2.0**-24 * 1.02 * (coordinate + yaw * (reach + abs(s.forward)))
-    return min(1.0, off / f.frame[2])
+    return float(min(1.0, off / f.frame[2]))
 
 
 @kernel
@@ -241,8 +242,8 @@ def _pairs(
 ) -> float:
     """Write what all samples of a (vx, vy) share to ``out``, and return the highest speed.
 
-    A row is speed, cost at the first pose, vx, vy. The cost is -1 when no sample of the pair is legal. ``here`` is the cost of the footprint where
-    the robot is; grown footprints may cost more there, but not less than nothing.
+    A row is speed, cost at the first pose, vx, vy. The cost is -1 when no sample of the pair is
+    legal; ``here`` is that of the footprint where the robot is. Grown footprints count as 0.
     """
     fastest = 0.0
     for i in range(counts[0]):
@@ -308,17 +309,6 @@ def _ends(
 
 
 @kernel
-def _steps_once(distances: Bits, at: int, columns: int, size: int, known: Integers) -> int:
-    """Return the distance of a cell, read once and then ``known`` (-1: not yet)."""
-    steps = known[at]
-    if steps < 0:
-        row = at // columns
-        steps = steps_at(distances, row, at - row * columns, size)
-        known[at] = steps
-    return int(steps)
-
-
-@kernel
 def bounds(
     state: Floats,
     samples: Floats,
@@ -328,6 +318,7 @@ def bounds(
     arcs: Floats,
     ends: Integers,
     known: Integers,
+    digits: Integers,
     points: Floats,
     moving: Floats,
     s: Settings,
@@ -340,6 +331,7 @@ def bounds(
     at (i * counts[1] + j) * counts[2] + k, the order of the original's loops. Room: ``pairs``
     (most, 4) for what all turning speeds share, ``arcs`` (longest trajectory, 5) for what samples
     of one turning speed and number of points share, ``ends`` (samples, 2) and ``known`` (3, cells).
+    ``digits`` (3,) is how many digits the distances of path, goal and front use.
     """
     points[0, 0], points[0, 1], points[0, 2] = state[0], state[1], state[2]
     points[0, 3], points[0, 4] = math.cos(state[2]), math.sin(state[2])
@@ -379,12 +371,24 @@ def bounds(
             if (at < 0 and not anywhere) or (nose < 0 and noses):
                 continue
             at, nose = max(at, 0), max(nose, 0)
-            from_path = _steps_once(path, at, columns, size, by_path)
-            from_goal = _steps_once(goal, at, columns, size, by_goal)
+            from_path = by_path[at]
+            if from_path < 0:
+                from_path = steps_at(path, at // columns, at % columns, size, digits[0])
+                by_path[at] = from_path
+            from_goal = by_goal[at]
+            if from_goal < 0:
+                from_goal = steps_at(goal, at // columns, at % columns, size, digits[1])
+                by_goal[at] = from_goal
             if (from_path >= size and strict_path) or (from_goal >= size and strict_goal):
                 continue
-            ahead = _steps_once(front, nose, columns, size, by_front)
-            along = _steps_once(path, nose, columns, size, by_path)
+            ahead = by_front[nose]
+            if ahead < 0:
+                ahead = steps_at(front, nose // columns, nose % columns, size, digits[2])
+                by_front[nose] = ahead
+            along = by_path[nose]
+            if along < 0:
+                along = steps_at(path, nose // columns, nose % columns, size, digits[0])
+                by_path[nose] = along
             below = max(int(pairs[pair, 1]), int(flat[at]))
             out[index] = _total(float(below), ahead, along, from_path, from_goal, wz, weights)
 

@@ -55,9 +55,17 @@ def settings_of(
     """
     p = parameters
     return Settings(
-        *(float(v) for v in (p.max_vel_trans, p.min_vel_trans, p.max_vel_x, p.min_vel_x)),
-        *(float(v) for v in (p.max_vel_y, p.min_vel_y, p.max_vel_theta, p.min_vel_theta)),
-        *(float(np.float32(v)) for v in (p.acc_lim_x, p.acc_lim_y, p.acc_lim_theta)),
+        max_trans=float(p.max_vel_trans),
+        min_trans=float(p.min_vel_trans),
+        max_x=float(p.max_vel_x),
+        min_x=float(p.min_vel_x),
+        max_y=float(p.max_vel_y),
+        min_y=float(p.min_vel_y),
+        max_theta=float(p.max_vel_theta),
+        min_theta=float(p.min_vel_theta),
+        acc_x=float(np.float32(p.acc_lim_x)),
+        acc_y=float(np.float32(p.acc_lim_y)),
+        acc_theta=float(np.float32(p.acc_lim_theta)),
         period=sim_period(p, period_default),
         sim_time=float(p.sim_time),
         granularity=float(p.sim_granularity),

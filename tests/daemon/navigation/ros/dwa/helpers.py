@@ -7,9 +7,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from daemon.navigation.kernels import Integers
 from daemon.navigation.ros.dwa import DwaParameters
 from daemon.navigation.ros.dwa._decide import decide
-from daemon.navigation.ros.dwa._distances import passable_cells
+from daemon.navigation.ros.dwa._distances import Cells, passable_cells
 from daemon.navigation.ros.dwa._rooms import build_field, build_room
 from daemon.navigation.ros.dwa._settings import Settings, longest, settings_of
 from daemon.navigation.ros.grids import CostGrid
@@ -78,7 +79,7 @@ class Problem:
     settings: Settings
     local: CostGrid
     outline: Floats
-    banned: np.ndarray
+    banned: Integers
 
     def fast(self) -> tuple[int, float, Floats, Floats]:
         """Return place, cost, velocity and trajectory of the winner; place -1 for none."""
@@ -117,7 +118,7 @@ class Problem:
         )
 
 
-def blobs(rng: np.random.Generator, shape: tuple[int, int], number: int, unknown: float) -> Floats:
+def blobs(rng: np.random.Generator, shape: tuple[int, int], number: int, unknown: float) -> Cells:
     """Return inflated costs around ``number`` lethal cells, and some unknown ones."""
     rows, columns = np.indices(shape)
     cost = np.zeros(shape)
@@ -146,7 +147,7 @@ def random_problem(
     heading = yaw + rng.normal(0.0, 0.7) + np.cumsum(rng.normal(0.0, 0.06, 70))
     step = 0.025 if rng.random() < 0.8 else 0.09
     plan = np.cumsum(step * np.column_stack([np.cos(heading), np.sin(heading)]), axis=0)
-    plan = plan[: int(rng.integers(1, 70))] + (x, y) + rng.normal(0.0, 0.05, 2)
+    plan = plan[: int(rng.integers(1, 70))] + np.array((x, y)) + rng.normal(0.0, 0.05, 2)
     v = rng.uniform(-0.05, 0.23)
     sideways = rng.choice([0.0, rng.normal(0.0, 0.01)])
     state = singles(x, y, yaw, v, sideways, rng.normal(0.0, 0.8))

@@ -66,7 +66,7 @@ def test_the_plan_is_taken_through_the_correction_of_the_map() -> None:
 def test_no_command_without_a_plan_nearby_or_with_every_sample_illegal() -> None:
     dwa = controller()
     assert not dwa.command(Pose2(), Twist2(), Pose2(), empty()).ok
-    dwa.set_plan(straight() + (5.0, 5.0, 0.0))
+    dwa.set_plan(straight() + np.array((5.0, 5.0, 0.0)))
     assert not dwa.command(Pose2(), Twist2(), Pose2(), empty()).ok
     dwa.set_plan(straight())
     local = empty()

@@ -45,10 +45,8 @@ def test_numbers_of_samples(
 
 def test_spread_has_both_ends_and_a_zero() -> None:
     out = np.zeros(10)
-    assert out[: spread(-0.3, 0.5, 3, out)].tolist() == singles(-0.3, 0.1, 0.5).tolist()[:1] + [
-        0.0,
-        *singles(0.1, 0.5).tolist(),
-    ]
+    expected = singles(-0.3, 0.0, 0.1, 0.5).tolist()
+    assert out[: spread(-0.3, 0.5, 3, out)].tolist() == expected
     assert out[: spread(0.2, 0.4, 1, out)].tolist() == singles(0.2, 0.4).tolist()
     assert out[: spread(0.2, 0.2, 5, out)].tolist() == singles(0.2).tolist()
 

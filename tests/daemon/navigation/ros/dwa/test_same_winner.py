@@ -10,6 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from daemon.navigation.ros.dwa import DwaParameters
+from daemon.navigation.ros.dwa._distances import add as add_cell
 from daemon.navigation.ros.dwa._distances import (
     as_integers,
     box,
@@ -18,7 +19,6 @@ from daemon.navigation.ros.dwa._distances import (
     passable_cells,
     spread_out,
 )
-from daemon.navigation.ros.dwa._distances import add as add_cell
 from daemon.navigation.ros.quirks import FIXED, ORIGINAL
 from tests.daemon.navigation.ros.dwa import plain
 from tests.daemon.navigation.ros.dwa.helpers import A2S, OMNI, Problem, random_problem

@@ -1,0 +1,113 @@
+"""The sampling controller of the ROS stack: a cycle of the fast version against the plain one.
+
+Both are compiled and decide the same problems, a drive along a corridor with a costmap that is a
+second old at most, for the differential and the omnidirectional configuration of the paper. The
+last column is a whole call of the controller from Python.
+"""
+
+from __future__ import annotations
+
+import math
+import statistics
+import time
+from collections.abc import Callable
+
+import numpy as np
+
+from daemon.navigation.ros.dwa import Dwa, DwaParameters, warm_up
+from daemon.navigation.ros.dwa._decide import decide
+from daemon.navigation.ros.dwa._distances import passable_cells
+from daemon.navigation.ros.dwa._rooms import build_field, build_room
+from daemon.navigation.ros.dwa._settings import longest
+from daemon.navigation.ros.grids import CostGrid
+from daemon.navigation.ros.quirks import ORIGINAL
+from grammars.values import Floats, Pose2, Twist2
+from tests.daemon.navigation.ros.dwa.helpers import (
+    A2S,
+    LARGE,
+    OMNI,
+    SMALL,
+    Problem,
+    settings,
+    singles,
+)
+
+PROBLEMS = 24
+REPEATS = 5
+CONFIGURATIONS = (("a2s", A2S, SMALL), ("fro-diff", A2S, LARGE), ("fro-omni", OMNI, LARGE))
+
+
+def corridor(x: float, y: float) -> CostGrid:
+    """Return the costmap around (x, y) of a corridor along y = 40 that is 2.4 m wide."""
+    local = CostGrid(0.05, x - 1.5, y - 1.5, np.zeros((60, 60), dtype=np.uint8))
+    rows = local.y + 0.05 * (np.arange(60) + 0.5)
+    wall = np.maximum(1.2 - np.abs(rows - 40.0), 0.0)
+    cost = np.where(wall < 0.025, 254, np.where(wall < 0.085, 253, 252 * np.exp(0.425 - 5 * wall)))
+    local.cells[:] = np.where(wall < 0.55, cost, 0.0).astype(np.uint8)[:, None]
+    return local
+
+
+def problems(parameters: DwaParameters, outline: Floats) -> list[Problem]:
+    """Return cycles along a path that weaves through the corridor."""
+    built, out = settings(parameters), []
+    for k, x in enumerate(np.linspace(20.0, 40.0, PROBLEMS).tolist()):
+        along = np.arange(x - 0.3, x + 1.5, 0.025)
+        plan = np.column_stack([along, 40.3 + 0.4 * np.sin(along)])
+        y = 40.3 + 0.4 * math.sin(x)
+        yaw = math.atan(0.4 * math.cos(x)) + 0.2 * math.sin(3.0 * k)
+        state = singles(x, y + 0.02 * math.cos(k), yaw, 0.2, 0.0, 0.2 * math.sin(k))
+        front = plan[-1] + 0.325 * np.array((1.0, 0.0))
+        banned = np.zeros(6, dtype=np.int32)
+        local = corridor(x - 0.011 * (k % 10), y)
+        out.append(Problem(state, plan, front, True, built, local, outline, banned))
+    return out
+
+
+def _timed(work: Callable[[], object], rounds: int) -> float:
+    """Return CPU microseconds per call."""
+    begin = time.thread_time()
+    for _ in range(rounds):
+        work()
+    return (time.thread_time() - begin) / rounds * 1e6
+
+
+def _fast(p: Problem) -> Callable[[], object]:
+    field = build_field(p.local, p.outline, p.banned)
+    room = build_room(p.local.cells.shape, p.settings, longest(p.settings, 1.0, 1.0, 3.0))
+    passable_cells(p.local.cells, room.passable)
+    args = (p.state, p.plan, len(p.plan), p.front_end, p.aligned, p.settings, field, room)
+    return lambda: decide(*args)
+
+
+def _whole(p: Problem, parameters: DwaParameters) -> Callable[[], object]:
+    dwa = Dwa(parameters, ORIGINAL, p.outline, 0.1)
+    dwa.set_plan(np.column_stack([p.plan, np.zeros(len(p.plan))]))
+    pose, twist = Pose2(*p.state[:3].tolist()), Twist2(*p.state[3:].tolist())
+    origin = Pose2()
+    return lambda: dwa.command(pose, twist, origin, p.local)
+
+
+def main() -> None:
+    """Print the table."""
+    warm_up()
+    for name, parameters, outline in (
+        ("a2s", A2S, SMALL),
+        ("fro-diff", A2S, LARGE),
+        ("fro-omni", OMNI, LARGE),
+    ):
+        cycles = problems(parameters, outline)
+        same = sum(p.fast()[:2] == p.plain()[:2] for p in cycles)
+        rows: dict[str, list[float]] = {"fast": [], "plain": [], "whole": []}
+        for _ in range(REPEATS):
+            rows["fast"].append(statistics.mean(_timed(_fast(p), 50) for p in cycles))
+            rows["whole"].append(statistics.mean(_timed(_whole(p, parameters), 50) for p in cycles))
+            rows["plain"].append(statistics.mean(_timed(p.plain, 1) for p in cycles))
+        fast, plain, whole = (statistics.median(rows[k]) for k in ("fast", "plain", "whole"))
+        print(
+            f"{name:9} fast {fast:7.1f} us   plain {plain:9.1f} us   {plain / fast:7.1f} x   "
+            f"controller {whole:7.1f} us   same winner {same}/{len(cycles)}"
+        )
+
+
+if __name__ == "__main__":
+    main()
