@@ -142,14 +142,17 @@ class Field:
         bound = np.float32(self._remainder.at(start) + self._excess + margin)
         forget(self._potentials, self._reached, self._count)
         self._epoch += 1
-        self._count, fill, threshold = propagate_towards(
+        self._count, fill, used, threshold = propagate_towards(
             self._costs, self._potentials, GAINS, ahead, bound, self.columns, start, goal,
             self._cycles, self._buffers, self._reached, self._first, self._last, self._cut,
             self._epoch,
         )  # fmt: skip
         # A wave that passed through what was left out is later than the bound at the goal.
         spare = bound - threshold - margin / 4.0
-        if not self.reached(goal) or spare < margin / 4.0 or fill > BUFFER // 2:
+        if not self.reached(goal) or spare < margin / 4.0:
+            return 0
+        # What is left out takes room in the buffers and cycles too: keep well off both limits.
+        if fill > BUFFER // 2 or used > self._cycles // 4:
             return 0
         length = self._descend(start, goal)
         if length == 0 or depends_on_cut(

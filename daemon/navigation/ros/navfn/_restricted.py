@@ -33,11 +33,11 @@ def propagate_towards(
     last: Integers,
     cut: Integers,
     epoch: int,
-) -> tuple[int, int, np.float32]:
+) -> tuple[int, int, int, np.float32]:
     """Spread the wave as :func:`propagate` does, but leave out what the bound excludes.
 
     A neighbour is left out when threshold plus ``ahead`` exceed ``bound``. Returns how many cells
-    were reached, the fill and the threshold at the end.
+    were reached, the fill, the cycles used and the threshold at the end.
 
     ``first`` and ``last`` tell for every reached cell the number of the update that reached it
     and of the last one that looked at it; ``cut`` is set to ``epoch`` at cells left out. The
@@ -56,9 +56,11 @@ def propagate_towards(
             now += 1
             costs[m] |= PENDING
     threshold = np.float32(BLOCKED)
-    for _ in range(cycles):
+    used = 0
+    while used < cycles:
         if now == 0:
             break
+        used += 1
         current, following, postponed = buffers[a], buffers[b], buffers[c]
         for i in range(now):
             costs[current[i]] &= PENDING - 1
@@ -117,7 +119,7 @@ def propagate_towards(
         costs[buffers[a, i]] &= PENDING - 1
     for i in range(over):
         costs[buffers[c, i]] &= PENDING - 1
-    return count, fill, threshold
+    return count, fill, used, threshold
 
 
 @kernel

@@ -102,6 +102,9 @@ def test_the_restricted_wave_gives_the_same_path_while_costs_and_start_change(se
     margins = tuple(np.sort(random.integers(100, 2500, 3)).astype(float).tolist())
     restricted = Field(grids[0], allow_unknown=True, margins=margins, worthwhile=1)
     whole = Field(grids[1], allow_unknown=True, margins=())
+    # On maps this small the limit of cycles would leave the restricted wave nothing to do.
+    if seed % 4:
+        restricted._cycles = whole._cycles = 100_000
     rows, columns = cells.shape
     goal = int(random.integers(cells.size))
     row, column = (int(random.integers(n)) for n in cells.shape)
