@@ -12,6 +12,7 @@ import sqlite3
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
+from contextlib import closing
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -104,8 +105,9 @@ def rejudge(
     recorded = _Recorded(places)
     oracles.warm_up()
     task = partial(_judge_file, None if written is None else tuple(written))
-    for path, judged in zip(traces, _spread(task, traces, processes), strict=True):
-        yield recorded.compared(path, judged)
+    with closing(recorded):
+        for path, judged in zip(traces, _spread(task, traces, processes), strict=True):
+            yield recorded.compared(path, judged)
 
 
 def _judge_file(written: tuple[OracleText, ...] | None, path: Path) -> Rejudged:
@@ -159,8 +161,13 @@ class _Recorded:
     """The verdicts a state directory's ledger has of its traces."""
 
     def __init__(self, places: Places) -> None:
-        self._folder = places.traces.resolve()
-        self._ledger = connect_reader(places.ledger) if places.ledger.is_file() else None
+        self._places, self._folder = places, places.traces.resolve()
+        self._ledger: sqlite3.Connection | None = None
+
+    def close(self) -> None:
+        """Let go of the ledger."""
+        if self._ledger is not None:
+            self._ledger.close()
 
     def compared(self, path: Path, judged: Rejudged) -> Rejudged:
         """Return ``judged`` with the verdicts the ledger has of the run, if it has any."""
@@ -173,11 +180,13 @@ class _Recorded:
 
     def _result(self, path: Path) -> RunResult | None:
         place = path.resolve()
-        if self._ledger is None or not place.is_relative_to(self._folder):
+        if not self._places.ledger.is_file() or not place.is_relative_to(self._folder):
             return None
         name = place.relative_to(self._folder).as_posix()
         query = "SELECT body FROM result JOIN run ON run.id = result.run WHERE trace_name = ?"
         try:
+            # Opened when first asked: by then the judging processes have been forked.
+            self._ledger = self._ledger or connect_reader(self._places.ledger)
             row = self._ledger.execute(query, (name,)).fetchone()
             return None if row is None else codec.from_json(RunResult, row[0])
         except (sqlite3.Error, ValueError):
@@ -222,8 +231,8 @@ def _run_trace(name: str, places: Places) -> Path | None:
     if not places.ledger.is_file():
         return None
     try:
-        query = "SELECT trace_name FROM run WHERE id = ?"
-        row = connect_reader(places.ledger).execute(query, (name,)).fetchone()
+        with closing(connect_reader(places.ledger)) as ledger:
+            row = ledger.execute("SELECT trace_name FROM run WHERE id = ?", (name,)).fetchone()
     except sqlite3.Error:
         return None
     trace = None if row is None else places.traces / row[0]

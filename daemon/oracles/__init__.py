@@ -6,10 +6,11 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from daemon.oracles._judge import judge, judge_prefix, overall
+    from daemon.oracles._sampler import Sampler
     from daemon.oracles._validity import problems_of
     from daemon.oracles._warm_up import warm_up
 
-__all__ = ["judge", "judge_prefix", "overall", "problems_of", "warm_up"]
+__all__ = ["Sampler", "judge", "judge_prefix", "overall", "problems_of", "warm_up"]
 
 
 def __getattr__(name: str) -> object:
@@ -18,6 +19,10 @@ def __getattr__(name: str) -> object:
         from daemon.oracles._warm_up import warm_up
 
         return warm_up
+    if name == "Sampler":
+        from daemon.oracles._sampler import Sampler
+
+        return Sampler
     if name == "problems_of":
         from daemon.oracles._validity import problems_of
 

@@ -36,16 +36,18 @@ if TYPE_CHECKING:
     from daemon.trace import Trace
 
 
-def judge(trace: Trace, oracles: Sequence[OracleText]) -> tuple[Verdict, ...]:
+def judge(
+    trace: Trace, oracles: Sequence[OracleText], *, sampler: Sampler | None = None
+) -> tuple[Verdict, ...]:
     """Judge ``trace`` by each oracle, in order.
 
     A trace that cannot be trusted (``problems``) and an oracle that cannot be read or speaks of
     what is not in the scene give ``error`` verdicts that say why; nothing is raised. A trace that
     is not ``complete`` is judged as a prefix: its verdicts hold for the whole run or are
-    inconclusive.
+    inconclusive. With a ``sampler`` of that trace, signals it has sampled already cost nothing.
     """
     problems = problems_of(trace)
-    sampler = None if problems else Sampler(trace)
+    sampler = None if problems else sampler or Sampler(trace)
     return tuple(
         _error(oracle, f"invalid trace: {'; '.join(problems)}")
         if sampler is None

@@ -103,11 +103,12 @@ class Sampler:
             centre, half = (0.0, 0.0), (arguments[0], arguments[1])
         else:
             centre, half = footprint_box(self.trace.spec.robot.footprint)
-        obstacles = only(self._obstacles, thing) if thing else self._obstacles
+        obstacles = only(self.obstacles, thing) if thing else self.obstacles
         return clearance(obstacles, self.poses, centre=centre, half=half)
 
     @functools.cached_property
-    def _obstacles(self) -> Obstacles:
+    def obstacles(self) -> Obstacles:
+        """Everything the robot's body can hit, over time."""
         return obstacles_of(self.trace, self.timeline.time)
 
     def _contacts(self, thing: str) -> tuple[Floats, Codes, tuple[str, ...]]:

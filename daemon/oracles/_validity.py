@@ -20,7 +20,9 @@ _FASTEST: Final = 20.0
 """A step is impossible when it is so many times faster than the robot can drive, or as fast [m/s]
 when nothing limits its drive."""
 MOVED: Final = 0.01
-"""A robot that has not left a circle of this radius [m] has never moved."""
+TURNED: Final = 0.05
+"""A robot that has not left a circle of this radius [m], nor turned by this angle [rad], has never
+moved. One that turns on the spot and goes nowhere is alive, and fails."""
 NEAR: Final = 0.1
 """A mission asks a robot to move when a waypoint is farther [m] than this from where it starts."""
 
@@ -80,8 +82,9 @@ def _standstill(trace: Trace) -> list[str]:
     if not trace.complete or not len(truth.time):
         return []
     x, y = truth.x - truth.x[0], truth.y - truth.y[0]
+    turned = float(np.ptp(np.unwrap(truth.yaw)))
     farthest = max((np.hypot(w.x - truth.x[0], w.y - truth.y[0]) for w in waypoints), default=0.0)
-    if farthest <= NEAR or float(np.hypot(x, y).max()) > MOVED:
+    if farthest <= NEAR or turned > TURNED or float(np.hypot(x, y).max()) > MOVED:
         return []
     return [f"the robot never moved, though its mission asks it to; {_told(trace)}"]
 

@@ -79,3 +79,11 @@ def test_a_robot_that_may_stay_or_may_still_set_off_is_fine() -> None:
     assert problems_of(make_trace(still(time), goal=mission((0.05, 0.0)))) == ()
     assert problems_of(make_trace(still(time), goal=mission())) == ()
     assert problems_of(cut(make_trace(still(time), goal=mission((2.0, 0.0))), 5.0)) == ()
+
+
+def test_a_robot_that_only_turns_on_the_spot_fails() -> None:
+    time = times(10.0)
+    motion = replace(still(time), yaw=0.3 * time, wz=np.full(len(time), 0.3))
+    trace = make_trace(motion, goal=mission((2.0, 0.0)))
+    assert problems_of(trace) == ()
+    assert overall(trace, judge(trace, FAILING[1:])) is Outcome.FAIL
