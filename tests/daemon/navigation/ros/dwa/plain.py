@@ -144,7 +144,7 @@ def resampled(plan: Floats, resolution: float) -> Floats:
 
 
 @kernel
-def seeds_of(plan: Floats, cells: Cells, frame: Floats) -> list[tuple[int, int]]:
+def seeds_of(plan: Floats, cells: Cells, frame: Floats) -> Integers:
     """Return the known cells of a plan from the first one until it leaves them."""
     found = [(0, 0)][:0]
     for x, y in resampled(plan, frame[2]):
@@ -153,17 +153,21 @@ def seeds_of(plan: Floats, cells: Cells, frame: Floats) -> list[tuple[int, int]]
             found.append((row, column))
         elif len(found) > 0:
             break
-    return found
+    out = np.zeros((len(found), 2), dtype=np.int32)
+    for i, (row, column) in enumerate(found):
+        out[i, 0], out[i, 1] = row, column
+    return out
 
 
 @kernel
-def distances(seeds: list[tuple[int, int]], cells: Cells) -> Integers:
+def distances(seeds: Integers, cells: Cells) -> Integers:
     """Return the steps from the nearest seed, by a queue."""
     rows, columns = cells.shape
     out = np.full((rows, columns), rows * columns + 1, dtype=np.int32)
     marked = np.zeros((rows, columns), dtype=np.bool_)
     queue = [(0, 0)][:0]
-    for row, column in seeds:
+    for i in range(len(seeds)):
+        row, column = int(seeds[i, 0]), int(seeds[i, 1])
         out[row, column] = 0
         marked[row, column] = True
         queue.append((row, column))

@@ -91,6 +91,6 @@ def test_distances_are_those_of_a_queue(seed: int) -> None:
     box(low, columns, first, rows, wanted)
     out = everywhere_fit(cells.shape)
     spread_out(seeds, passable, wanted, out, np.array([seeds, seeds]))
-    expected = plain.distances(found, cells)
+    expected = plain.distances(np.array(found, dtype=np.int32), cells)
     got = as_integers(out, (rows, columns))
     np.testing.assert_array_equal(got[first:, low:], expected[first:, low:])
