@@ -1,5 +1,9 @@
 """From run records and what their campaign declares to cells, comparisons and surprises."""
 
+from daemon.assessment._assess import assess, told, undecided
+from daemon.assessment._comparisons import completed
+from daemon.assessment._expected import base_name, matches
+from daemon.assessment._measures import DURATION, measured
 from daemon.assessment._types import (
     DELAY,
     Assessment,
@@ -22,6 +26,7 @@ from daemon.assessment._types import (
 
 __all__ = [
     "DELAY",
+    "DURATION",
     "Assessment",
     "Cell",
     "Comparison",
@@ -38,4 +43,11 @@ __all__ = [
     "Surprise",
     "Wanted",
     "Worst",
+    "assess",
+    "base_name",
+    "completed",
+    "matches",
+    "measured",
+    "told",
+    "undecided",
 ]
