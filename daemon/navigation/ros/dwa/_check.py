@@ -8,7 +8,7 @@ from daemon.navigation.kernels import kernel
 from daemon.navigation.ros.dwa._decide import Room
 from daemon.navigation.ros.dwa._distances import box, only, passable_cells, spread_out
 from daemon.navigation.ros.dwa._plan import walk
-from daemon.navigation.ros.dwa._search import Field
+from daemon.navigation.ros.dwa._score import Field
 from grammars.values import Floats
 
 

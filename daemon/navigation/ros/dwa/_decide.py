@@ -9,7 +9,8 @@ from daemon.navigation.kernels import Integers, kernel
 from daemon.navigation.ros.dwa._distances import Bits, box, only, spread_out
 from daemon.navigation.ros.dwa._plan import walk
 from daemon.navigation.ros.dwa._samples import spread, window
-from daemon.navigation.ros.dwa._search import Field, best, bounds, score, weigh
+from daemon.navigation.ros.dwa._score import Field, score, weigh
+from daemon.navigation.ros.dwa._search import best, bounds
 from daemon.navigation.ros.dwa._settings import Settings
 from daemon.navigation.ros.dwa._trajectory import simulate
 from grammars.values import Floats

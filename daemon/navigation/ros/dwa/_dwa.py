@@ -15,7 +15,7 @@ from daemon.navigation.ros.dwa._oscillation import Oscillation
 from daemon.navigation.ros.dwa._parameters import DwaParameters
 from daemon.navigation.ros.dwa._plan import near
 from daemon.navigation.ros.dwa._rooms import build_field, build_room
-from daemon.navigation.ros.dwa._search import Field
+from daemon.navigation.ros.dwa._score import Field
 from daemon.navigation.ros.dwa._settings import Settings, longest, settings_of, sim_period
 from daemon.navigation.ros.dwa._stop_rotate import StopRotate
 from daemon.navigation.ros.grids import CostGrid

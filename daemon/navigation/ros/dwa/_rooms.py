@@ -7,7 +7,7 @@ import numpy as np
 from daemon.navigation.kernels import Integers
 from daemon.navigation.ros.dwa._decide import Room
 from daemon.navigation.ros.dwa._distances import empty_set, everywhere_fit
-from daemon.navigation.ros.dwa._search import Field
+from daemon.navigation.ros.dwa._score import Field
 from daemon.navigation.ros.dwa._settings import Settings
 from daemon.navigation.ros.grids import CostGrid
 from grammars.values import Floats
