@@ -231,10 +231,12 @@ class Navigation:
         self._navfn.plan(self._global.grid, start, goal)
 
     def _dispatch(self, now: float) -> None:
+        self._take_sentences()
         result = self._move_base.take_result()
+        if result is None and self._dispatcher.waits:
+            return
         before = self._dispatcher.progress
         goal = self._dispatcher.step(now, result, self._pose)
-        self._take_sentences()
         after = self._dispatcher.progress
         if result == "succeeded":
             self._events.append(f"waypoint {after.reached} reached")
@@ -247,8 +249,9 @@ class Navigation:
             self._take_sentences()
 
     def _take_sentences(self) -> None:
-        self._events += self._status.said
-        self._status.said.clear()
+        if self._status.said:
+            self._events += self._status.said
+            self._status.said.clear()
 
     def _decide(self, now: float, found: Localisation | None) -> Decision:
         estimate: Estimate | None
@@ -259,8 +262,9 @@ class Navigation:
             estimate, cloud = self._beliefs.published(found)
             particles = self._beliefs.particles(now, self._amcl.particles)
         else:
-            pose = transforms.map_to_odom @ transforms.odom_to_base
-            estimate = self._beliefs.believed(transforms.time, pose)
+            estimate = self._beliefs.believed(
+                transforms.time, transforms.map_to_odom, transforms.odom_to_base
+            )
         events, self._events = tuple(self._events), []
         trajectory = self._steering.trajectory
         return Decision(

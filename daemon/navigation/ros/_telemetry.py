@@ -94,12 +94,15 @@ class BeliefLog:
         estimate = Estimate(found.time, found.pose, found.covariance)
         return estimate, Cloud(found.time, found.count, found.mean, found.covariance)
 
-    def believed(self, time: float, pose: Pose2) -> Estimate | None:
-        """Return where the stack takes the robot to be, when nobody has said so for a while."""
+    def believed(self, time: float, odom: Pose2, base: Pose2) -> Estimate | None:
+        """Return where the stack takes the robot to be, when nobody has said so for a while.
+
+        ``odom`` is the latest pose of odom in map, ``base`` that of the base in odom.
+        """
         if time < self._belief_due - _EARLY:
             return None
         self._belief_due = time + _BELIEF_PERIOD
-        return Estimate(time, pose, self._covariance)
+        return Estimate(time, odom @ base, self._covariance)
 
     def particles(self, now: float, poses: Floats) -> Floats | None:
         """Return at most a hundred of ``poses`` (n, 3) when it is time to, or ``None``."""

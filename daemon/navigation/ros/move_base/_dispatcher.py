@@ -53,13 +53,13 @@ class Dispatcher:
         self._rate: Rate | None = None
         self._sleeps_until = 0.0
         self._waiting = False
-        self.reached = 0
-        self.state: Literal["active", "succeeded", "aborted"] = "active"
+        self.progress = Progress(0, 0, "active")
+        """Where the mission stands."""
 
     @property
-    def progress(self) -> Progress:
-        """Where the mission stands."""
-        return Progress(min(self.reached, max(len(self._goals) - 1, 0)), self.reached, self.state)
+    def waits(self) -> bool:
+        """Whether a goal is on its way: nothing to do before there is a result."""
+        return self._waiting
 
     def step(self, now: float, result: Outcome | None, pose: Pose2) -> Pose2 | None:
         """Return a goal to send now, if there is one.
@@ -70,12 +70,13 @@ class Dispatcher:
             self._rate = Rate(1.0 / self._parameters.rate, now)
         if result is not None:
             self._take(now, result, self._rate)
-        if self._waiting or self.state != "active" or now < self._sleeps_until - _EARLY:
+        over = self.progress.state != "active"
+        if self._waiting or over or now < self._sleeps_until - _EARLY:
             return None
-        if self.reached == len(self._goals):
-            self.state = "succeeded"
+        if self.progress.reached == len(self._goals):
+            self._note(self.progress.reached, "succeeded")
             return None
-        goal = self._goals[self.reached]
+        goal = self._goals[self.progress.reached]
         if self._parameters.make_plan:
             self._make_plan(pose, goal)
         self._waiting = True
@@ -84,10 +85,13 @@ class Dispatcher:
     def _take(self, now: float, result: Outcome, rate: Rate) -> None:
         self._waiting = False
         if result == "aborted":
-            self.state = "aborted"
+            self._note(self.progress.reached, "aborted")
             return
-        self.reached += 1
+        self._note(self.progress.reached + 1, "active")
         self._sleeps_until = rate.sleep(now)
+
+    def _note(self, reached: int, state: Literal["active", "succeeded", "aborted"]) -> None:
+        self.progress = Progress(min(reached, max(len(self._goals) - 1, 0)), reached, state)
 
 
 def _goal(waypoint: Waypoint, default_yaw: float) -> Pose2:

@@ -42,6 +42,7 @@ class TransformBuffer:
         """The latest pose of base_link in odom."""
         self.twist = Twist2()
         """The latest odometry twist."""
+        self._base: Pose2 | None = None
         self.time = -1.0
         """Stamp of the latest odometry sample [s]; negative before the first."""
 
@@ -52,6 +53,7 @@ class TransformBuffer:
         self._stamps.append(sample.time)
         self._samples.append(sample)
         self.odom_to_base, self.twist, self.time = sample.pose, sample.twist, sample.time
+        self._base = None
         if len(self._stamps) > _MANY:
             old = max(bisect_right(self._stamps, sample.time - _CACHE) - 1, 0)
             del self._stamps[:old], self._samples[:old]
@@ -62,7 +64,7 @@ class TransformBuffer:
         if not stamps:
             stamps.append(-math.inf)
             corrections.append(self.map_to_odom)
-        self.map_to_odom = map_to_odom
+        self.map_to_odom, self._base = map_to_odom, None
         stamps.append(stamp + self._ahead)
         corrections.append(map_to_odom)
         if len(stamps) > _MANY:
@@ -99,7 +101,9 @@ class TransformBuffer:
 
     def base_in_map(self) -> Pose2:
         """Return where the stack takes the robot to be at the stamp of its newest odometry."""
-        return self.correction_at(self.time) @ self.odom_to_base
+        if self._base is None:
+            self._base = self.correction_at(self.time) @ self.odom_to_base
+        return self._base
 
 
 def _between(first: Pose2, second: Pose2, share: float) -> Pose2:

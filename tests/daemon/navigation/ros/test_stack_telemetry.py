@@ -86,14 +86,15 @@ def test_trajectories_are_recorded_in_the_map_frame_five_times_a_second() -> Non
 
 def test_beliefs_fill_the_time_between_two_publications() -> None:
     log = BeliefLog(np.eye(3))
-    before = log.believed(0.0, Pose2())
+    before = log.believed(0.0, Pose2(), Pose2())
     assert before is not None
     assert before.covariance.tolist() == np.eye(3).tolist()
     estimate, cloud = log.published(Localisation(0.5, Pose2(1.0), 2.0 * np.eye(3), Pose2(1.1), 700))
     assert (estimate.time, cloud.count, cloud.mean) == (0.5, 700, Pose2(1.1))
-    assert log.believed(1.4, Pose2()) is None
-    later = log.believed(1.55, Pose2(3.0))
+    assert log.believed(1.4, Pose2(), Pose2()) is None
+    later = log.believed(1.55, Pose2(3.0), Pose2(1.0))
     assert later is not None
+    assert later.pose.x == 4.0
     assert later.covariance[0, 0] == 2.0, "the spread last published"
 
 
