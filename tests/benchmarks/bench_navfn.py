@@ -42,13 +42,19 @@ def main() -> None:
     warm_up()
     original = building.costmap()
     trips = building.drive(STEP)
+    kinds = {"certified": True, "margin only": False}
     for title, noisy in (("costs at rest", False), ("costs change", True)):
         random = np.random.default_rng(0)
         cells = original.cells.copy()
-        grids = [CostGrid(original.resolution, original.x, original.y, cells) for _ in range(2)]
-        fast = Field(grids[0], allow_unknown=True)
-        slow = Field(grids[1], allow_unknown=True, margins=())
-        taken, whole, same = [], [], []
+        grids = [CostGrid(original.resolution, original.x, original.y, cells) for _ in range(3)]
+        fields = {
+            name: Field(grid, allow_unknown=True, certified=certified)
+            for (name, certified), grid in zip(kinds.items(), grids[1:], strict=True)
+        }
+        slow = Field(grids[0], allow_unknown=True, margins=())
+        taken: dict[str, list[float]] = {name: [] for name in kinds}
+        same = dict.fromkeys(kinds, 0)
+        whole: list[float] = []
         for k, (start, goal) in enumerate(trips):
             here, there = original.cell(start.x, start.y), original.cell(goal.x, goal.y)
             assert here is not None
@@ -59,24 +65,25 @@ def main() -> None:
                 window = _disturb(random, grids[0], original, here)
                 for grid in grids:
                     grid.touch(window)
-            begin = time.process_time()
-            found = fast.path(*trip)
-            taken.append(time.process_time() - begin)
+            found = {}
+            for name, field in fields.items():
+                begin = time.process_time()
+                found[name] = field.path(*trip)
+                taken[name].append(time.process_time() - begin)
             if k % COMPARED == 0:
                 begin = time.process_time()
                 expected = slow.path(*trip)
                 whole.append(time.process_time() - begin)
-                same.append(np.array_equal(found, expected))
-        again = len(trips) - fast.whole - fast.restricted
-        print(
-            f"{title:14} whole {np.mean(whole) * 1e3:6.2f} ms per plan; restricted "
-            f"{np.mean(taken) * 1e3:5.2f} ms (median {np.median(taken) * 1e3:.2f}), "
-            f"{np.mean(whole) / np.mean(taken):.1f} times as fast"
-        )
-        print(
-            f"{'':14} {len(trips)} plans: {fast.restricted} restricted, {fast.whole} whole, "
-            f"{again} unchanged; {sum(same)} of {len(same)} compared are the same"
-        )
+                for name, path in found.items():
+                    same[name] += np.array_equal(path, expected)
+        print(f"{title}, {len(trips)} plans; whole waves {np.mean(whole) * 1e3:.2f} ms per plan")
+        for name, field in fields.items():
+            mean = np.mean(taken[name])
+            print(
+                f"  {name:12} {mean * 1e3:5.2f} ms (median {np.median(taken[name]) * 1e3:.2f}), "
+                f"{np.mean(whole) / mean:.1f} times as fast; {field.restricted} restricted, "
+                f"{field.whole} whole; {same[name]} of {len(whole)} compared are the same"
+            )
 
 
 if __name__ == "__main__":

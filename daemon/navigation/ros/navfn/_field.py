@@ -29,7 +29,9 @@ class Field:
     """The planner's own view of a costmap.
 
     With ``margins`` the wave is restricted to what can matter, and checked afterwards; without it
-    is always whole. ``whole`` and ``restricted`` count the waves that gave an answer.
+    is always whole. ``certified`` paths have their whole history checked, which costs most of
+    the time; without it a path rests on the margin alone. ``whole`` and ``restricted`` count the
+    waves that gave an answer.
     """
 
     def __init__(
@@ -39,12 +41,13 @@ class Field:
         allow_unknown: bool,
         margins: tuple[float, ...] = MARGINS,
         worthwhile: int = WORTHWHILE,
+        certified: bool = True,
     ) -> None:
         rows, columns = grid.cells.shape
         size = rows * columns
         self.grid, self.columns, self.size = grid, columns, size
         self.whole, self.restricted = 0, 0
-        self._margins, self._worthwhile = margins, worthwhile
+        self._margins, self._worthwhile, self._certified = margins, worthwhile, certified
         self._cycles = max(size // 20, rows + columns)
         self._costs = np.full(size, BLOCKED, dtype=np.uint16)
         self._potentials = np.full(size, UNREACHED, dtype=np.float32)
@@ -158,6 +161,7 @@ class Field:
         if length == 0 or depends_on_cut(
             self._costs, self._potentials, ahead, np.float32(spare), self.columns, self._cells,
             length, self._first, self._last, self._cut, self._mark, self._epoch, self._stack,
+            self._certified,
         ):  # fmt: skip
             return 0
         self._excess = self._surplus(start, goal)

@@ -15,10 +15,15 @@ from grammars.values import Floats, Pose2
 
 
 class Navfn:
-    """Plans on a global costmap as NavfnROS does; ``quirks`` says what of its oddities is kept."""
+    """Plans on a global costmap as NavfnROS does; ``quirks`` says what of its oddities is kept.
 
-    def __init__(self, parameters: NavfnParameters, quirks: Quirks) -> None:
-        self._parameters, self._quirks = parameters, quirks
+    Without ``certified`` fewer plans are checked by a whole wave, see :class:`Field`.
+    """
+
+    def __init__(
+        self, parameters: NavfnParameters, quirks: Quirks, *, certified: bool = True
+    ) -> None:
+        self._parameters, self._quirks, self._certified = parameters, quirks, certified
         self._field: Field | None = None
 
     def plan(self, grid: CostGrid, start: Pose2, goal: Pose2) -> Floats | None:
@@ -56,7 +61,9 @@ class Navfn:
     def _field_of(self, grid: CostGrid) -> Field:
         field = self._field
         if field is None or field.grid is not grid or field.size != grid.cells.size:
-            field = Field(grid, allow_unknown=self._parameters.allow_unknown)
+            field = Field(
+                grid, allow_unknown=self._parameters.allow_unknown, certified=self._certified
+            )
             self._field = field
         return field
 

@@ -60,12 +60,14 @@ def propagate(
     count, fill = 1, 0
     a, b, c = 0, 1, 2
     now, later, over = 0, 0, 0
-    for m in (start + 1, start - 1, start - columns, start + columns):
-        if 0 <= m < costs.size and costs[m] < BLOCKED:
-            buffers[a, now] = m
+    for cell in (start + 1, start - 1, start - columns, start + columns):
+        if 0 <= cell < costs.size and costs[cell] < BLOCKED:
+            buffers[a, now] = cell
             now += 1
-            costs[m] |= PENDING
+            costs[cell] |= PENDING
     threshold = np.float32(BLOCKED)
+    # Unsigned, so that an index is not looked at for being negative.
+    one, line = np.uintp(1), np.uintp(columns)
     for _ in range(cycles):
         if now == 0:
             break
@@ -73,9 +75,9 @@ def propagate(
         for i in range(now):
             costs[current[i]] &= PENDING - 1
         for i in range(now):
-            n = current[i]
-            left, right = potentials[n - 1], potentials[n + 1]
-            up, down = potentials[n - columns], potentials[n + columns]
+            n = np.uintp(current[i])
+            left, right = potentials[n - one], potentials[n + one]
+            up, down = potentials[n - line], potentials[n + line]
             across = left if left < right else right
             along = up if up < down else down
             # A cell in the queue again is pending, its cost stands below the flag.
@@ -90,13 +92,13 @@ def propagate(
             soon = p < threshold
             for k in range(4):
                 if k == 0:
-                    m, value = n - 1, left
+                    m, value = n - one, left
                 elif k == 1:
-                    m, value = n + 1, right
+                    m, value = n + one, right
                 elif k == 2:
-                    m, value = n - columns, up
+                    m, value = n - line, up
                 else:
-                    m, value = n + columns, down
+                    m, value = n + line, down
                 cost = costs[m]
                 if cost >= BLOCKED or value <= p + gains[cost]:
                     continue

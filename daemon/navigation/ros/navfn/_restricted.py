@@ -50,12 +50,14 @@ def propagate_towards(
     count, moment, fill = 1, 0, 0
     a, b, c = 0, 1, 2
     now, later, over = 0, 0, 0
-    for m in (start + 1, start - 1, start - columns, start + columns):
-        if 0 <= m < costs.size and costs[m] < BLOCKED:
-            buffers[a, now] = m
+    for cell in (start + 1, start - 1, start - columns, start + columns):
+        if 0 <= cell < costs.size and costs[cell] < BLOCKED:
+            buffers[a, now] = cell
             now += 1
-            costs[m] |= PENDING
+            costs[cell] |= PENDING
     threshold = np.float32(BLOCKED)
+    # Unsigned, so that an index is not looked at for being negative.
+    one, line = np.uintp(1), np.uintp(columns)
     used = 0
     while used < cycles:
         if now == 0:
@@ -65,9 +67,9 @@ def propagate_towards(
         for i in range(now):
             costs[current[i]] &= PENDING - 1
         for i in range(now):
-            n = current[i]
-            left, right = potentials[n - 1], potentials[n + 1]
-            up, down = potentials[n - columns], potentials[n + columns]
+            n = np.uintp(current[i])
+            left, right = potentials[n - one], potentials[n + one]
+            up, down = potentials[n - line], potentials[n + line]
             across = left if left < right else right
             along = up if up < down else down
             p = interpolated(across, along, np.float32(costs[n] & (PENDING - 1)))
@@ -84,13 +86,13 @@ def propagate_towards(
             soon = p < threshold
             for k in range(4):
                 if k == 0:
-                    m, value = n - 1, left
+                    m, value = n - one, left
                 elif k == 1:
-                    m, value = n + 1, right
+                    m, value = n + one, right
                 elif k == 2:
-                    m, value = n - columns, up
+                    m, value = n - line, up
                 else:
-                    m, value = n + columns, down
+                    m, value = n + line, down
                 cost = costs[m]
                 if cost >= BLOCKED or value <= p + gains[cost]:
                     continue
@@ -137,6 +139,7 @@ def depends_on_cut(
     mark: Integers,
     epoch: int,
     stack: Integers,
+    history: bool,
 ) -> bool:
     """Tell whether a cell left out has a neighbour in the history of a path of ``length`` points.
 
@@ -144,7 +147,8 @@ def depends_on_cut(
     that had been reached before that cell was looked at for the last time. Nothing else can have
     told a cell of the history a potential or made it be looked at. A cell the descent found
     unreached must be one that nothing can have reached in time: ``latest`` is the largest
-    remainder with which a wave through the cells left out comes too late.
+    remainder with which a wave through the cells left out comes too late. Without ``history``
+    only the cells the descent looked at are judged.
     """
     count = 0
     for i in range(length):
@@ -167,7 +171,7 @@ def depends_on_cut(
                     mark[n] = epoch
                     stack[count] = n
                     count += 1
-    while count > 0:
+    while history and count > 0:
         count -= 1
         n = stack[count]
         moment = last[n]

@@ -19,5 +19,5 @@ def warm_up() -> None:
     for step in range(4):
         grid.cells[15, 15] = 254 - step
         grid.touch((15, 15, 16, 16))
-        field.path(100 + step, 300)
+        field.path(100 + step, 320)
     Navfn(NavfnParameters(), ORIGINAL).plan(grid, Pose2(0.2, 0.2), Pose2(1.2, 0.7))

@@ -8,8 +8,11 @@ from pydantic import ValidationError
 
 from daemon.navigation.ros.grids import CostGrid
 from daemon.navigation.ros.navfn import WITHOUT_EFFECT, Navfn, NavfnParameters, warm_up
-from daemon.navigation.ros.navfn._costs import translation
-from daemon.navigation.ros.navfn._propagation import interpolated
+from daemon.navigation.ros.navfn._costs import translate, translation
+from daemon.navigation.ros.navfn._descent import descend
+from daemon.navigation.ros.navfn._propagation import forget, interpolated, propagate
+from daemon.navigation.ros.navfn._remainder import _ease
+from daemon.navigation.ros.navfn._restricted import depends_on_cut, propagate_towards
 from daemon.navigation.ros.quirks import FIXED, ORIGINAL
 from grammars.values import Floats, Pose2
 
@@ -135,9 +138,9 @@ def test_parameters_are_those_of_noetic_and_checked() -> None:
         NavfnParameters(default_tolerance=-0.1)
 
 
-def test_everything_is_compiled_by_the_warm_up() -> None:
+def test_everything_is_compiled_by_the_warm_up_and_only_once() -> None:
     warm_up()
-    before = len(interpolated.signatures)  # type: ignore[attr-defined]
+    kernels = (translate, propagate, propagate_towards, depends_on_cut, descend, forget, _ease)
     grid = a_grid()
     plan(grid, centre(grid, 5, 10), centre(grid, 30, 10), tolerance=0.1)
-    assert len(interpolated.signatures) == before  # type: ignore[attr-defined]
+    assert [len(kernel.signatures) for kernel in kernels] == [1] * len(kernels)  # type: ignore[attr-defined]
