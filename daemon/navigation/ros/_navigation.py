@@ -8,7 +8,7 @@ from typing import Final
 
 import numpy as np
 
-from daemon.navigation.ros._telemetry import BeliefLog, LocalPlanLog, PlanLog
+from daemon.navigation.ros._telemetry import BeliefLog, CostmapLog, LocalPlanLog, PlanLog
 from daemon.navigation.ros.amcl import Amcl, AmclParameters, Localisation
 from daemon.navigation.ros.configuration import RosParameters
 from daemon.navigation.ros.costmap import Costmap, SensedScan
@@ -137,6 +137,7 @@ class Navigation:
         self._set_up_costmaps(briefing)
         self._set_up_move_base(briefing)
         self._plans, self._local_plans = PlanLog(), LocalPlanLog()
+        self._pictures = CostmapLog(parameters.local_costmap.publish_frequency)
         self._beliefs = BeliefLog(_start_covariance(parameters.amcl))
         self._events = _about(parameters)
 
@@ -276,6 +277,7 @@ class Navigation:
             local_plan=self._local_plans.take(now, trajectory, transforms.map_to_odom),
             events=events,
             particles=particles,
+            costmap=self._pictures.take(now, self._local.grid),
         )
 
 

@@ -7,6 +7,7 @@
 * The global plan when it differs from the one recorded by more than what the robot has covered,
   at most once a second, a point every tenth of a metre counted from the goal.
 * The trajectory DWA chose, five times a second.
+* The local costmap at ``local_costmap/publish_frequency``, at most once a second; never with 0.
 * State changes, recoveries and goals as sentences.
 """
 
@@ -18,7 +19,8 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from daemon.navigation.ros._sketch import farthest, sketch
-from daemon.sut import Cloud, Estimate
+from daemon.navigation.ros.grids import CostGrid
+from daemon.sut import Cloud, CostmapPicture, Estimate
 from grammars.values import Floats, Pose2
 
 if TYPE_CHECKING:
@@ -26,6 +28,7 @@ if TYPE_CHECKING:
 
 _BELIEF_PERIOD: Final = 1.0
 _PARTICLES_PERIOD: Final = 1.0
+_COSTMAP_RATE: Final = 1.0
 _PARTICLES: Final = 100
 _PLAN_PERIOD: Final = 1.0
 _LOCAL_PLAN_PERIOD: Final = 0.2
@@ -78,6 +81,21 @@ class LocalPlanLog:
         moved: Floats = points @ np.array(((c, s), (-s, c)))
         moved += (map_to_odom.x, map_to_odom.y)
         return moved
+
+
+class CostmapLog:
+    """Pictures of the local costmap, ``rate`` [Hz] of them, at most one a second; none with 0."""
+
+    def __init__(self, rate: float) -> None:
+        self._period = 1.0 / min(rate, _COSTMAP_RATE) if rate > 0.0 else math.inf
+        self._due = 0.0 if rate > 0.0 else math.inf
+
+    def take(self, now: float, grid: CostGrid) -> CostmapPicture | None:
+        """Return a copy of ``grid`` when it is time to, or ``None``."""
+        if now < self._due - _EARLY:
+            return None
+        self._due = now + self._period
+        return CostmapPicture(now, "odom", grid.resolution, grid.x, grid.y, grid.cells.copy())
 
 
 class BeliefLog:

@@ -49,6 +49,7 @@ _SECTIONS: Final = ("amcl", "move_base", "dispatcher", "topics", "quirks")
 _COSTMAPS: Final = ("global_costmap", "local_costmap")
 _PLANNERS: Final = ("NavfnROS", "DWAPlannerROS", "TrajectoryPlannerROS")
 _OTHER_PLANNER: Final = "DWA drives; of this namespace only rotate_recovery reads its limits"
+_NOT_SHOWN: Final = "only the local costmap is shown"
 _ROTATION_OWN: Final = frozenset({"sim_granularity", "frequency"})
 
 
@@ -200,6 +201,8 @@ def _read_costmap(tree: _Tree, name: str) -> CostmapParameters:
     path = ("move_base", name)
     given = tree.at(*path)
     costmap = read_costmap(given, path, tree.report)
+    if name == "global_costmap" and "publish_frequency" in given:
+        tree.report.without_effect.append(Finding((*path, "publish_frequency"), _NOT_SHOWN))
     frame = {"global_costmap": "map", "local_costmap": "odom"}[name]
     if "global_frame" not in given:
         if frame != costmap.global_frame and given:

@@ -53,6 +53,9 @@ class Quirks:
     rotate_reads_other_namespace: bool = True
     """The rotate recovery reads its limits from ``TrajectoryPlannerROS``, so the limits of DWA
     mean nothing to it."""
+    turn_ends_unstopped: bool = True
+    """The turn on the spot ends without a command to stop: a base without a time-out turns on
+    until the controller has a plan again (rotate_recovery)."""
     control_patience_survives_recovery: bool = True
     """A recovery does not restart ``controller_patience``: after the first 15 s without a command
     all recoveries run within about a second and the goal aborts (move_base)."""

@@ -19,7 +19,6 @@ _CONFIG = ConfigDict(extra="forbid")
 _DISPLAY: Final = "only for display"
 _THREE_VALUES: Final = "the map knows free, occupied and unknown only"
 WITHOUT_EFFECT: Final[Mapping[str, str]] = {
-    "publish_frequency": _DISPLAY,
     "always_send_full_costmap": _DISPLAY,
     "publish_voxel_map": _DISPLAY,
     "transform_tolerance": "transforms are never late here",
@@ -85,6 +84,9 @@ class CostmapParameters:
     """``map`` or ``odom``."""
     update_frequency: _Positive = 5.0
     """[Hz]"""
+    publish_frequency: _NotNegative = 0.0
+    """[Hz] How often the local costmap is shown in the trace, at most once a second; the global
+    one never is."""
     rolling_window: bool = False
     """The grid follows the robot."""
     static_map: bool = False

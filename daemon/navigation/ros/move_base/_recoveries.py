@@ -153,7 +153,7 @@ def make_recoveries(
     made: list[Recovery] = []
     for behavior in chosen:
         if behavior.type == ROTATE:
-            made.append(Rotate(behavior.name, rotate, footprint, local))
+            made.append(Rotate(behavior.name, rotate, quirks, footprint, local))
             continue
         own = resets.get(behavior.name, ClearCostmapParameters())
         distance = distances.get(behavior.name, own.reset_distance)

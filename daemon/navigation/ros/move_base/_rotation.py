@@ -8,6 +8,7 @@ from daemon.navigation.ros.grids import CostGrid
 from daemon.navigation.ros.move_base._footprint import turn_is_free
 from daemon.navigation.ros.move_base._parameters import RotateRecoveryParameters
 from daemon.navigation.ros.move_base._recoveries import Advance, Around
+from daemon.navigation.ros.quirks import Quirks
 from grammars.values import Floats, Twist2, wrap_angle
 
 
@@ -15,20 +16,22 @@ class Rotate:
     """Turns left through half a turn and on to where it began (``RotateRecovery``).
 
     Before each command the rest of the turn must be free of collisions in the local costmap,
-    looked at every ``sim_granularity``. Its last command stays when it ends: nothing stops the
-    robot but the next command of somebody else.
+    looked at every ``sim_granularity``. Its last command stays when it ends, unless
+    :attr:`Quirks.turn_ends_unstopped` is off.
     """
 
     def __init__(
         self,
         name: str,
         parameters: RotateRecoveryParameters,
+        quirks: Quirks,
         footprint: Floats,
         local: CostGrid,
     ) -> None:
         self.name = name
         self.period = 1.0 / parameters.frequency
         self._parameters, self._footprint, self._local = parameters, footprint, local
+        self._at_the_end = None if quirks.turn_ends_unstopped else Twist2()
         self._begun = self._heading = 0.0
         self._halfway = False
 
@@ -41,7 +44,7 @@ class Rotate:
         """Command the next piece of the turn; the heading of the last step decides on the end."""
         parameters = self._parameters
         if self._halfway and self._away(self._begun) <= parameters.yaw_goal_tolerance:
-            return Advance(None, True, f"{self.name} has turned once")
+            return Advance(self._at_the_end, True, f"{self.name} has turned once")
         pose = around.odom
         self._heading = pose.yaw
         left = self._left()
@@ -50,7 +53,7 @@ class Rotate:
             grid.cells, grid.x, grid.y, grid.resolution, self._footprint,
             pose.x, pose.y, pose.yaw, left, parameters.sim_granularity,
         ):  # fmt: skip
-            return Advance(None, True, f"{self.name} cannot turn without a collision")
+            return Advance(self._at_the_end, True, f"{self.name} cannot turn without a collision")
         speed = math.sqrt(2.0 * parameters.acc_lim_theta * left)
         speed = max(speed, parameters.min_in_place_vel_theta)
         return Advance(Twist2(0.0, 0.0, min(speed, parameters.max_vel_theta)), False)

@@ -16,8 +16,9 @@ from numba.core.dispatcher import Dispatcher
 import daemon.navigation.ros
 from daemon.navigation import warm_up
 from daemon.navigation.ros._sketch import farthest, sketch
-from daemon.navigation.ros._telemetry import BeliefLog, LocalPlanLog, PlanLog
+from daemon.navigation.ros._telemetry import BeliefLog, CostmapLog, LocalPlanLog, PlanLog
 from daemon.navigation.ros.amcl import Localisation
+from daemon.navigation.ros.grids import CostGrid
 from grammars.mission import Waypoint
 from grammars.values import Floats, Pose2
 from tests.daemon.navigation.ros.scenes import DOORWAY, room, run
@@ -106,6 +107,19 @@ def test_at_most_a_hundred_particles_once_a_second() -> None:
         assert min(count, 50) <= len(poses) <= 100
     assert log.particles(0.0, np.zeros((5, 3))) is not None
     assert log.particles(0.9, np.zeros((5, 3))) is None
+
+
+def test_the_local_costmap_is_shown_at_its_publish_frequency_and_once_a_second_at_most() -> None:
+    grid = CostGrid(0.05, 1.0, 2.0, np.zeros((4, 5), np.uint8))
+    picture = CostmapLog(0.5).take(0.0, grid)
+    assert picture is not None
+    assert (picture.frame, picture.x, picture.y) == ("odom", 1.0, 2.0)
+    grid.cells[:] = 254
+    assert picture.cells.max() == 0, "a copy"
+    for rate, count in ((0.0, 0), (0.5, 3), (1.0, 5), (5.0, 5)):
+        log = CostmapLog(rate)
+        shown = [log.take(0.1 * k, grid) for k in range(50)]
+        assert len(shown) - shown.count(None) == count
 
 
 def compiled() -> dict[str, int]:

@@ -134,11 +134,11 @@ def test_unknown_names_are_named_with_their_place() -> None:
 def test_what_has_no_effect_is_told() -> None:
     report = Report()
     read_costmap(
-        {"publish_frequency": 2.0, "observation_sources": "scan", "scan": SCAN}, (), report
+        {"transform_tolerance": 2.0, "observation_sources": "scan", "scan": SCAN}, (), report
     )
     assert [finding.path[-1] for finding in report.without_effect] == [
         "sensor_frame",
-        "publish_frequency",
+        "transform_tolerance",
     ]
 
 

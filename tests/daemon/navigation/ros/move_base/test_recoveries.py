@@ -26,7 +26,7 @@ from daemon.navigation.ros.move_base import (
 )
 from daemon.navigation.ros.move_base._footprint import turn_is_free
 from daemon.navigation.ros.quirks import FIXED, ORIGINAL, Quirks
-from grammars.values import Floats, Pose2
+from grammars.values import Floats, Pose2, Twist2
 
 RING = np.array([(-0.36, -0.24), (0.36, -0.24), (0.36, 0.24), (-0.36, 0.24)])
 
@@ -119,6 +119,14 @@ def test_the_turn_is_refused_where_it_would_collide() -> None:
     assert advance.ended
     assert advance.command is None
     assert "cannot turn" in advance.say
+
+
+def test_without_the_quirk_the_turn_stops_the_robot_at_its_end() -> None:
+    grid = empty()
+    grid.cells[30 + 8, 30] = LETHAL
+    turn = make(FIXED, grid, recovery_behaviors=(RecoveryBehavior("turn", ROTATE),))[0][0]
+    turn.start(around())
+    assert turn.step(around()).command == Twist2()
 
 
 def plain_turn_is_free(grid: CostGrid, ring: Floats, pose: Pose2, angle: float, by: float) -> bool:
