@@ -6,31 +6,22 @@ the trace is one of a state directory's, otherwise what the oracles inside of th
 
 from __future__ import annotations
 
-import multiprocessing
-import signal
 import sqlite3
 from collections.abc import Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor
-from concurrent.futures.process import BrokenProcessPool
 from contextlib import closing
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Final, Literal
+from typing import Literal
 
 from daemon import oracles
-from daemon.errors import DaemonError
-from daemon.executor import cores
 from daemon.ledger import connect_reader
 from daemon.places import Places
 from daemon.spec import OracleText, RunResult
+from daemon.spread import spread
 from daemon.trace import TraceError, read_trace
 from daemon.verdict import Outcome, Verdict
 from grammars import codec
-
-_CHUNK: Final = 8
-_FEW: Final = 8
-"""So few traces are judged sooner than other processes are started."""
 
 Origin = Literal["ledger", "trace"]
 
@@ -105,8 +96,9 @@ def rejudge(
     recorded = _Recorded(places)
     oracles.warm_up()
     task = partial(_judge_file, None if written is None else tuple(written))
+    judged_files = spread(task, traces, doing="that judges", processes=processes)
     with closing(recorded):
-        for path, judged in zip(traces, _spread(task, traces, processes), strict=True):
+        for path, judged in zip(traces, judged_files, strict=True):
             yield recorded.compared(path, judged)
 
 
@@ -130,31 +122,6 @@ def _judge_file(written: tuple[OracleText, ...] | None, path: Path) -> Rejudged:
         outcome_before=oracles.overall(trace, before),
         before=before,
     )
-
-
-def _spread(
-    task: partial[Rejudged], traces: Sequence[Path], processes: int | None
-) -> Iterator[Rejudged]:
-    count = min(processes or cores(), len(traces))
-    if count < 2 or len(traces) <= _FEW:
-        yield from map(task, traces)
-        return
-    # Forked children have kernels and grammar in memory already; nothing here has threads.
-    context = multiprocessing.get_context("fork")
-    executor = ProcessPoolExecutor(count, mp_context=context, initializer=_ignore_interrupts)
-    try:
-        yield from executor.map(task, traces, chunksize=min(_CHUNK, 1 + len(traces) // count))
-    except BrokenProcessPool as error:
-        raise DaemonError(
-            "a judging process died, by lack of memory or by an oracle that plugs in"
-        ) from error
-    finally:
-        executor.shutdown(cancel_futures=True)
-
-
-def _ignore_interrupts() -> None:
-    """Leave Ctrl-C to the process that people see."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
 class _Recorded:

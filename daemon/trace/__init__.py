@@ -14,7 +14,7 @@ from daemon.trace.model import (
     Trace,
     TraceError,
 )
-from daemon.trace.reader import read_trace
+from daemon.trace.reader import read_scene, read_spec, read_trace
 from daemon.trace.writer import PARTIAL, TraceWriter
 
 __all__ = [
@@ -31,6 +31,8 @@ __all__ = [
     "Trace",
     "TraceError",
     "TraceWriter",
+    "read_scene",
+    "read_spec",
     "read_trace",
     "warm_up",
 ]

@@ -46,6 +46,17 @@ def read_trace(path: Path, *, scans: bool = False) -> Trace:
         raise TraceError(path, f"damaged: {error}", "run the specification again") from error
 
 
+def read_spec(path: Path) -> RunSpec:
+    """Read only what a trace says the run was to be; raises as :func:`read_trace` does."""
+    return _attached_spec(read_recording(path, ()))
+
+
+def read_scene(path: Path) -> Scene:
+    """Read only the scene inside of a trace; raises as :func:`read_trace` does."""
+    recording = read_recording(path, ())
+    return _attached_scene(recording, _attached_spec(recording))
+
+
 def _decoded(recording: Recording, spec: RunSpec, scene: Scene, scans: bool) -> Trace:
     runs = recording.runs
     truth = decode.motion(runs, "/ground_truth", "map")
