@@ -9,8 +9,9 @@ Obstacles are filled convex polygons: everything that overlaps the robot in heig
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -20,7 +21,7 @@ from daemon.oracles._kernel import box_clearance
 from daemon.oracles._links import joint_positions, link_tracks
 from daemon.oracles._series import Series
 from grammars.kinematics import link_poses
-from grammars.scene import Link, Scene
+from grammars.scene import Link, Scene, SceneObject
 from grammars.values import Floats, Point2, Ring
 
 if TYPE_CHECKING:
@@ -77,22 +78,54 @@ def clearance(obstacles: Obstacles, poses: Floats, *, centre: Point2, half: Poin
 
 def obstacles_of(trace: Trace, time: Floats) -> Obstacles:
     """Collect what the robot's body can hit: solids and links that overlap its height."""
-    scene, height = trace.scene, trace.spec.robot.height
-    rings, names, frames = _fixed(scene, height)
+    shapes = _shapes(_Building(trace.spec.scene, trace.spec.robot.height, trace.scene))
     tracks: list[Floats] = []
+    for item, links in shapes.moving:
+        poses = link_tracks(item, joint_positions(trace, item, time))
+        tracks.extend(poses[name] for name in links)
+    stacked = np.stack(tracks, axis=1) if tracks else np.empty((len(time), 0, 3))
+    still = shapes.still
+    return Obstacles(
+        still.corners, still.offsets, still.frame, still.circle,
+        np.ascontiguousarray(stacked), still.names,
+    )  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class _Building:
+    """A scene for robots of one height; equal when the ``digest`` of the scene is."""
+
+    digest: str
+    height: float
+    scene: Scene = field(compare=False)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Shapes:
+    """Obstacles of a building without their tracks, and the links whose tracks they are."""
+
+    still: Obstacles
+    moving: tuple[tuple[SceneObject, tuple[str, ...]], ...]
+
+
+@functools.lru_cache(maxsize=16)
+def _shapes(building: _Building) -> _Shapes:
+    """Collect the polygons once for all traces in the same building."""
+    scene, height = building.scene, building.height
+    rings, names, frames = _fixed(scene, height)
+    moving: list[tuple[SceneObject, tuple[str, ...]]] = []
+    count = 0
     for item in scene.objects:
         if item.frozen or not item.joints:
             continue
-        poses = link_tracks(item, joint_positions(trace, item, time))
-        for link in item.links:
-            if not _in_reach(link.z_min, link.z_max, height):
-                continue
-            for ring in link.polygons:
-                rings.append(ring)
-                names.append(f"{item.name}.{link.name}")
-                frames.append(len(tracks))
-            tracks.append(poses[link.name])
-    return _flatten(rings, names, frames, tracks, len(time))
+        links = [link for link in item.links if _in_reach(link.z_min, link.z_max, height)]
+        for link in links:
+            rings.extend(link.polygons)
+            names.extend([f"{item.name}.{link.name}"] * len(link.polygons))
+            frames.extend([count] * len(link.polygons))
+            count += 1
+        moving.append((item, tuple(link.name for link in links)))
+    return _Shapes(_flatten(rings, names, frames), tuple(moving))
 
 
 def only(obstacles: Obstacles, name: str) -> Obstacles:
@@ -141,19 +174,17 @@ def _in_reach(z_min: float, z_max: float, height: float) -> bool:
     return z_min < height and z_max > 0.0
 
 
-def _flatten(
-    rings: list[Ring], names: list[str], frames: list[int], tracks: list[Floats], samples: int
-) -> Obstacles:
+def _flatten(rings: list[Ring], names: list[str], frames: list[int]) -> Obstacles:
+    """Return polygons as flat arrays, without tracks."""
     corners = np.array([corner for ring in rings for corner in ring], dtype=np.float64)
     offsets = np.cumsum([0, *(len(ring) for ring in rings)], dtype=np.int64)
     circle = np.array([_circle(ring) for ring in rings], dtype=np.float64)
-    stacked = np.stack(tracks, axis=1) if tracks else np.empty((samples, 0, 3))
     return Obstacles(
         corners.reshape(-1, 2),
         offsets,
         np.array(frames, dtype=np.int64),
         circle.reshape(-1, 3),
-        np.ascontiguousarray(stacked),
+        np.empty((0, 0, 3)),
         tuple(names),
     )
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import functools
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from daemon.oracles._custom import PluginError, custom_unit, judge_custom
@@ -19,6 +20,7 @@ from daemon.oracles._validity import problems_of
 from daemon.spec import OracleText
 from daemon.verdict import Evidence, Outcome, Verdict, combine
 from grammars.diagnostics import InputError, Where
+from grammars.mission import Mission
 from grammars.oracle import (
     Amount,
     Custom,
@@ -31,6 +33,7 @@ from grammars.oracle import (
     kind_of,
     parse_oracle,
 )
+from grammars.scene import Scene
 
 if TYPE_CHECKING:
     from daemon.trace import Trace
@@ -79,10 +82,8 @@ def overall(trace: Trace, verdicts: Sequence[Verdict]) -> Outcome:
 def _judge_one(written: OracleText, sampler: Sampler) -> Verdict:
     trace = sampler.trace
     try:
-        oracle = _parsed(written.name, written.text)
-        found = check_scene(oracle, trace.scene, trace.spec.mission)
-        if found:
-            raise InputError(found)
+        place = _Place(trace.spec.scene, trace.spec.mission, trace.scene)
+        oracle = _bound(written.name, written.text, place)
         finding = _find(oracle, sampler)
     except InputError as error:
         return _error(written, "; ".join(d.message for d in error.diagnostics))
@@ -92,16 +93,37 @@ def _judge_one(written: OracleText, sampler: Sampler) -> Verdict:
         written.name,
         written.text,
         finding.outcome,
-        _bound(finding.lower),
-        _bound(finding.upper),
+        _finite(finding.lower),
+        _finite(finding.upper),
         _unit(oracle),
         finding.evidence,
     )
 
 
+@dataclass(frozen=True, slots=True)
+class _Place:
+    """Where a run was: equal when the ``digest`` of the scene and the mission are."""
+
+    digest: str
+    mission: Mission
+    scene: Scene = field(compare=False)
+
+
+@functools.lru_cache(maxsize=1024)
+def _bound(name: str, text: str, place: _Place) -> Oracle:
+    """Parse an oracle and bind it to a scene, once for the thousands of runs it judges there.
+
+    Raises :class:`InputError`.
+    """
+    oracle = _parsed(name, text)
+    found = check_scene(oracle, place.scene, place.mission)
+    if found:
+        raise InputError(found)
+    return oracle
+
+
 @functools.lru_cache(maxsize=1024)
 def _parsed(name: str, text: str) -> Oracle:
-    """Parse an oracle once for the thousands of traces it judges."""
     return parse_oracle(name, text, Where(f"oracle {name}"))
 
 
@@ -136,7 +158,7 @@ def _unit(oracle: Oracle) -> str:
             return custom_unit(judgement)
 
 
-def _bound(value: float) -> float | None:
+def _finite(value: float) -> float | None:
     return None if math.isinf(value) else value
 
 

@@ -36,8 +36,14 @@ def joint_positions(trace: Trace, obj: SceneObject, time: Floats) -> Floats:
 
 
 def link_tracks(obj: SceneObject, positions: Floats) -> dict[str, Floats]:
-    """Return :func:`grammars.kinematics.link_tracks`, compiled where it is slow."""
-    return kinematics.link_tracks(obj, positions, cos_sin)
+    """Return :func:`grammars.kinematics.link_tracks`, compiled where it is slow.
+
+    Most doors never move: theirs are computed once and cannot be written to.
+    """
+    if len(positions) < 2 or (positions != positions[:1]).any():
+        return kinematics.link_tracks(obj, positions, cos_sin)
+    once = kinematics.link_tracks(obj, positions[:1], cos_sin)
+    return {name: np.broadcast_to(track, (len(positions), 3)) for name, track in once.items()}
 
 
 def hinge_foot(obj: SceneObject, joint: Joint, positions: Floats) -> tuple[Floats, Floats]:

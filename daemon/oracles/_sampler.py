@@ -22,7 +22,14 @@ from daemon.oracles._localisation import Localisation
 from daemon.oracles._series import Codes, Series
 from daemon.oracles._timeline import hold, timeline_of
 from daemon.oracles._tracks import RECORDED, recorded
-from grammars.oracle import SIGNALS, Number, Signal, custom_signal_names, object_signals
+from grammars.oracle import (
+    SIGNALS,
+    JointReference,
+    Number,
+    Signal,
+    custom_signal_names,
+    object_signals,
+)
 from grammars.values import Floats
 
 if TYPE_CHECKING:
@@ -43,7 +50,6 @@ class Sampler:
         self.x, self.y = truth.x[:count], truth.y[:count]
         self.poses = np.column_stack((self.x, self.y, truth.yaw[:count]))
         self._cache: dict[tuple[str, str, tuple[float, ...]], Series] = {}
-        self._objects = object_signals(trace.scene)
         self._localisation = Localisation(trace, self.timeline.time)
 
     def sample(self, signal: Signal) -> Series:
@@ -62,6 +68,10 @@ class Sampler:
     def sealed(self) -> Trace:
         """The trace as plug-ins get it: none of its arrays can be written to."""
         return sealed(self.trace)
+
+    @functools.cached_property
+    def _objects(self) -> dict[str, JointReference]:
+        return object_signals(self.trace.scene)
 
     @functools.cached_property
     def current(self) -> Floats:

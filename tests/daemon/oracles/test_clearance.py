@@ -12,9 +12,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from daemon.oracles._clearance import clearance, footprint_box, obstacles_of
+from daemon.oracles._kernel import cos_sin
 from daemon.oracles._links import hinge_foot, link_tracks
 from daemon.oracles._series import Series
 from daemon.trace import JointTrack
+from grammars import kinematics
 from grammars.kinematics import link_poses
 from grammars.scene import Joint, Link, Scene, SceneObject, Solid
 from grammars.values import Floats, Point2, Pose2, Ring
@@ -216,3 +218,10 @@ def test_the_foot_of_a_carried_hinge_moves_with_its_parent() -> None:
     carriage = link_poses(item, (0.7, 0.5))["carriage"]
     assert (x[1], y[1]) == pytest.approx(carriage.apply((0.4, 0.1)))
     assert (x[0], y[0]) == pytest.approx(item.pose.apply((0.4, 0.1)))
+
+
+def test_links_that_never_move_are_where_they_would_be_at_each_moment() -> None:
+    positions = np.full((5, 1), 0.7)
+    leaf = link_tracks(door("door-1", 2.0, 1.0, 0.3), positions)["leaf"]
+    plain = kinematics.link_tracks(door("door-1", 2.0, 1.0, 0.3), positions, cos_sin)["leaf"]
+    assert leaf.tobytes() == plain.tobytes()
