@@ -154,7 +154,10 @@ class Navigation:
         wide, near = p.global_costmap, p.local_costmap
         footprint = near.padded_footprint()
         self._navfn = Navfn(p.navfn, p.quirks)
-        dwa = Dwa(p.dwa, p.quirks, footprint, 1.0 / p.move_base.controller_frequency)
+        dwa = Dwa(
+            p.dwa, p.quirks, footprint, 1.0 / p.move_base.controller_frequency,
+            latch_goal=p.move_base.latch_xy_goal_tolerance,
+        )  # fmt: skip
         self._steering = _Steering(dwa, self._transforms, self._local.grid)
         recoveries = make_recoveries(
             p.move_base, p.rotate_recovery, p.resets, p.quirks, footprint, self._local.grid,

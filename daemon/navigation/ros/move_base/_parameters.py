@@ -56,6 +56,9 @@ class MoveBaseParameters:
     recoveries; 0: never."""
     oscillation_distance: _NotNegative = 0.5
     """[m] How far it must move to count as getting on."""
+    latch_xy_goal_tolerance: bool = False
+    """Once within the tolerance of a goal, only turn, even if the robot drifts off again. DWA
+    reads it here and not in its own namespace."""
     make_plan_clear_costmap: bool = True
     """Whether the make_plan service clears a square around the robot in both costmaps."""
     clearing_radius: _NotNegative = 0.46
