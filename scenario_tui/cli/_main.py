@@ -14,6 +14,7 @@ from grammars.diagnostics import InputError
 from scenario_tui.cli import (
     _campaign,
     _control,
+    _coverage,
     _editor,
     _export,
     _judge,
@@ -28,6 +29,7 @@ from scenario_tui.cli._output import settle_streams
 _PANELS: Final = {
     "Run campaigns": (_campaign.demo, _campaign.check, _sut.sut, _campaign.run, _campaign.submit),
     "Look": (_services.tui, _reading.status, _reading.results, _judge.judge),
+    "Understand": (_coverage.coverage,),
     "Steer": (_control.cancel, _control.retry, _control.stop),
     "Machines": (_services.daemon, _services.worker),
     "Artefacts": (_export.export, _vary.vary),

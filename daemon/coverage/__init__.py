@@ -1,0 +1,39 @@
+"""Coverage of the space of scenarios: what a campaign exercises, and what it leaves out.
+
+:data:`MODEL` declares the features of scenarios (Ortega et al. 2024, figure 1).
+:func:`planned_coverage` holds run specifications against it, :func:`coverage_of` recorded runs,
+for which it also tells doors, floor and margins.
+"""
+
+from daemon.coverage._gather import NEAR, coverage_of, planned_coverage
+from daemon.coverage._model import MODEL, Exclusion, Feature, FeatureModel
+from daemon.coverage._types import (
+    Coverage,
+    DoorCount,
+    FeatureCount,
+    FloorArea,
+    MarginHistogram,
+    PairCount,
+    Pairs,
+    RoomArea,
+    Unreadable,
+)
+
+__all__ = [
+    "MODEL",
+    "NEAR",
+    "Coverage",
+    "DoorCount",
+    "Exclusion",
+    "Feature",
+    "FeatureCount",
+    "FeatureModel",
+    "FloorArea",
+    "MarginHistogram",
+    "PairCount",
+    "Pairs",
+    "RoomArea",
+    "Unreadable",
+    "coverage_of",
+    "planned_coverage",
+]

@@ -1,0 +1,137 @@
+"""What a campaign has covered, as values; everything goes through :mod:`grammars.codec`."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, slots=True)
+class FeatureCount:
+    """A feature of the model: runs that plan it, and runs in whose traces it showed.
+
+    ``done`` counts recorded runs only; a feature without a rule for traces shows where it is
+    planned. ``about`` says how it is recognised.
+    """
+
+    feature: str
+    about: str
+    planned: int
+    done: int
+
+
+@dataclass(frozen=True, slots=True)
+class PairCount:
+    """Two features and the number of runs that exercised both."""
+
+    first: str
+    second: str
+    runs: int
+
+
+@dataclass(frozen=True, slots=True)
+class Pairs:
+    """Pairwise coverage: ``possible`` pairs are those the model does not exclude."""
+
+    possible: int
+    excluded: int
+    exercised: tuple[PairCount, ...]
+    missing: tuple[tuple[str, str], ...]
+
+    @property
+    def share(self) -> float:
+        """Share of the possible pairs that was exercised; 1 where there are none."""
+        return len(self.exercised) / self.possible if self.possible else 1.0
+
+
+@dataclass(frozen=True, slots=True)
+class DoorCount:
+    """An articulated object over the recorded runs of a scene.
+
+    Runs in which it ``moved`` (by 0.01 rad or 1 cm, whoever moved it), was ``triggered`` (its
+    trigger or reaction went off) and was ``met``: the robot's base came as near as asked to the
+    hinge or, without one, to the origin of the object. ``nearest`` [m] over all runs, ``planned``
+    is how many runs had a behaviour that moves it.
+    """
+
+    scene: str
+    door: str
+    runs: int
+    planned: int
+    moved: int
+    triggered: int
+    met: int
+    nearest: float | None
+
+
+@dataclass(frozen=True, slots=True)
+class RoomArea:
+    """A room's free floor and the parts of it that were seen and driven on [m^2]."""
+
+    room: str
+    free: float
+    seen: float
+    driven: float
+
+
+@dataclass(frozen=True, slots=True)
+class FloorArea:
+    """Free floor of a scene, seen by the laser and driven on by the footprint, in any run [m^2]."""
+
+    scene: str
+    resolution: float
+    runs: int
+    free: float
+    seen: float
+    driven: float
+    rooms: tuple[RoomArea, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class MarginHistogram:
+    """Margins of one oracle: ``counts[i]`` lie in [``edges[i]``, ``edges[i + 1]``), in ``unit``.
+
+    Zero, where pass and fail part, is an edge. ``unbounded`` passes or fails have no margin in
+    figures; ``undecided`` runs were inconclusive or in error.
+    """
+
+    oracle: str
+    unit: str
+    edges: tuple[float, ...]
+    counts: tuple[int, ...]
+    passed: int
+    failed: int
+    undecided: int
+    unbounded: int
+    least: float | None
+    greatest: float | None
+
+
+@dataclass(frozen=True, slots=True)
+class Unreadable:
+    """A trace that could not be taken into account, and why."""
+
+    trace: str
+    problem: str
+
+
+@dataclass(frozen=True, slots=True)
+class Coverage:
+    """What ``runs`` runs exercise, ``recorded`` of which were told by their traces.
+
+    Doors, floor and margins are of recorded runs; ``near`` [m] is how near a door is met.
+    """
+
+    runs: int
+    recorded: int
+    near: float
+    features: tuple[FeatureCount, ...]
+    pairs: Pairs
+    doors: tuple[DoorCount, ...] = ()
+    floor: tuple[FloorArea, ...] = ()
+    margins: tuple[MarginHistogram, ...] = ()
+    unreadable: tuple[Unreadable, ...] = ()
+
+    @property
+    def missing(self) -> tuple[FeatureCount, ...]:
+        """Features that no run exercised."""
+        return tuple(f for f in self.features if not f.planned and not f.done)

@@ -1,0 +1,200 @@
+"""The command that says what a campaign exercises, and what it leaves out."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Annotated, Final
+
+import typer
+
+from scenario_tui.cli._exits import ExitCode
+from scenario_tui.cli._options import AsJson, State
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+    from daemon.coverage import Coverage, FeatureCount, MarginHistogram
+
+LISTED: Final = 12
+_BLOCKS: Final = "▁▂▃▄▅▆▇█"
+
+
+def coverage(
+    subject: Annotated[
+        list[str],
+        typer.Argument(
+            metavar="CAMPAIGN.yaml|TRACES...",
+            help="A campaign file, before it runs; or what it left: traces (.mcap), folders of "
+            "them, ids of campaigns or runs.",
+        ),
+    ],
+    near: Annotated[
+        float,
+        typer.Option(min=0.01, max=1000.0, help="A door is met when the robot is so near, metres."),
+    ] = 1.5,
+    processes: Annotated[
+        int | None,
+        typer.Option("--processes", "-j", min=1, max=1024, help="Default: one per core."),
+    ] = None,
+    state: State = None,
+    as_json: AsJson = False,
+) -> None:
+    """Say which features a campaign exercises, in pairs too, and which it does not.
+
+    Of recorded runs also: doors met and triggered, floor seen and driven on, margins.
+    """
+    from scenario_tui.cli._output import emit
+
+    found = _covered(subject, near, processes, state)
+    if as_json:
+        emit("coverage", coverage=found, share_of_pairs=found.pairs.share)
+    else:
+        _print(found)
+    raise typer.Exit(ExitCode.INFRASTRUCTURE if found.unreadable else ExitCode.EXPECTED)
+
+
+def _covered(subject: list[str], near: float, processes: int | None, state: State) -> Coverage:
+    from daemon.coverage import coverage_of, planned_coverage
+    from daemon.places import Places
+    from daemon.rejudge import find_traces
+
+    files = [name for name in subject if name.endswith((".yaml", ".yml"))]
+    if files and len(subject) > 1:
+        raise typer.BadParameter("one campaign file, or traces, not both", param_hint="CAMPAIGN")
+    if files:
+        from daemon.campaign import expand, load_campaign
+
+        planned = expand(load_campaign(files[0]))
+        return planned_coverage(planned.runs, planned.scenes)
+    try:
+        paths = find_traces(subject, Places.find(state))
+    except ValueError as error:
+        raise typer.BadParameter(str(error), param_hint="TRACES") from error
+    return coverage_of(paths, near=near, processes=processes)
+
+
+def _print(found: Coverage) -> None:
+    from scenario_tui.cli._output import out, say
+    from scenario_tui.wording import counted
+
+    console = out()
+    told = "by their traces" if found.recorded else "as planned"
+    console.print(f"{counted(found.runs, 'run')}, {told}")
+    console.print()
+    console.print(_features(found))
+    _print_pairs(found)
+    if found.doors:
+        console.print()
+        console.print(_doors(found))
+    if found.floor:
+        console.print()
+        console.print(_floor(found))
+    if found.margins:
+        console.print()
+        console.print(_margins(found))
+    for one in found.unreadable:
+        say(f"{one.trace}: error: {one.problem}")
+
+
+def _table(*titles: str) -> Table:
+    """Return a table whose columns after the first are figures."""
+    from rich import box
+    from rich.table import Table
+
+    table = Table(box=box.SIMPLE_HEAD, pad_edge=False, show_edge=False)
+    for index, title in enumerate(titles):
+        table.add_column(title, overflow="fold", justify="right" if index else "left")
+    return table
+
+
+def _features(found: Coverage) -> Table:
+    """One row per group of features: those exercised with their runs, and those not."""
+    table = _table("feature", "", "not exercised")
+    for column in table.columns[1:]:
+        column.justify = "left"
+    groups: dict[str, list[FeatureCount]] = {}
+    for feature in found.features:
+        groups.setdefault(feature.feature.rpartition("/")[0], []).append(feature)
+    for group, members in groups.items():
+        met = [_met(f, found) for f in members if _runs(f, found) or f.planned]
+        unmet = [f.feature.rpartition("/")[2] for f in members if not f.planned]
+        table.add_row(group.replace("/", " / "), ", ".join(met), ", ".join(unmet))
+    return table
+
+
+def _runs(feature: FeatureCount, found: Coverage) -> int:
+    return feature.done if found.recorded else feature.planned
+
+
+def _met(feature: FeatureCount, found: Coverage) -> str:
+    name, runs = feature.feature.rpartition("/")[2], _runs(feature, found)
+    if found.recorded and runs < feature.planned:
+        return f"{name} {runs} (of {feature.planned} planned)"
+    return f"{name} {runs}"
+
+
+def _print_pairs(found: Coverage) -> None:
+    from scenario_tui.cli._output import out
+
+    pairs, console = found.pairs, out()
+    console.print()
+    console.print(
+        f"pairs of features: {len(pairs.exercised)} of {pairs.possible} exercised "
+        f"({pairs.share:.0%}), {pairs.excluded} cannot be",
+        soft_wrap=True,
+    )
+    # A pair is missing for sure where one of its features is: only the others tell something new.
+    absent = {f.feature for f in found.features if not _runs(f, found)}
+    news = [pair for pair in pairs.missing if not absent & set(pair)]
+    for first, second in news[:LISTED]:
+        console.print(f"  never together: {first} and {second}", soft_wrap=True)
+    if len(news) > LISTED:
+        console.print(f"  and {len(news) - LISTED} more such pairs (--json lists all)")
+
+
+def _doors(found: Coverage) -> Table:
+    from scenario_tui.wording import quantity
+
+    table = _table(
+        "door", "runs", "moving", "moved", "triggered", f"within {found.near:g} m", "nearest"
+    )
+    several = len({door.scene for door in found.doors}) > 1
+    for door in found.doors:
+        figures = (door.runs, door.planned, door.moved, door.triggered, door.met)
+        name = f"{door.scene} {door.door}" if several else door.door
+        table.add_row(name, *map(str, figures), quantity(door.nearest, "m"))
+    return table
+
+
+def _floor(found: Coverage) -> Table:
+    table = _table("floor", "free", "seen by the laser", "driven on")
+    for floor in found.floor:
+        for name, area in ((floor.scene, floor), *((f"  {r.room}", r) for r in floor.rooms)):
+            shares = (f"{_share(part, area.free)}" for part in (area.seen, area.driven))
+            table.add_row(name, f"{area.free:.0f} m²", *shares)
+    return table
+
+
+def _share(part: float, whole: float) -> str:
+    return f"{part:.1f} m²  {part / whole:4.0%}" if whole else "–"
+
+
+def _margins(found: Coverage) -> Table:
+    from scenario_tui.wording import margin
+
+    table = _table("oracle", "pass", "fail", "undecided", "least margin", "greatest", "margins")
+    table.columns[-1].justify = "left"
+    for one in found.margins:
+        figures = map(str, (one.passed, one.failed, one.undecided))
+        ends = (margin(one.least, one.unit), margin(one.greatest, one.unit))
+        table.add_row(one.oracle, *figures, *ends, _bars(one))
+    return table
+
+
+def _bars(one: MarginHistogram) -> str:
+    """Return the histogram as one line; a bar stands at zero, where fail and pass part."""
+    most = max(one.counts, default=0)
+    line = ""
+    for edge, count in zip(one.edges, one.counts, strict=False):
+        line += "|" if edge == 0.0 else ""
+        line += _BLOCKS[(len(_BLOCKS) - 1) * count // most] if count else "·"
+    return line
