@@ -1,0 +1,54 @@
+"""``scenario coverage``: what people and scripts are told."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from scenario_tui.cli._main import invoke
+from tests.daemon.old_runs import drive, spec
+
+
+def test_before_running_a_campaign_file_is_enough(
+    campaigns: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert invoke(["coverage", str(campaigns / "demo" / "campaign.yaml")]) == 0
+    out = capsys.readouterr().out
+    assert out.startswith("15 runs, as planned")
+    assert "hinged 15, sliding 15" in out
+    assert "pairs of features:" in out
+    assert "floor" not in out.split("pairs of features:")[1]
+
+
+def test_afterwards_traces_tell(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    drive(tmp_path / "a.mcap", spec(0))
+    drive(tmp_path / "b.mcap", spec(1))
+    assert invoke(["coverage", str(tmp_path), "--json"]) == 0
+    body = json.loads(capsys.readouterr().out)
+    assert body["schema"] == "scenario/coverage/1"
+    assert body["coverage"]["recorded"] == 2
+    assert [door["door"] for door in body["coverage"]["doors"]] == ["door-0"]
+    assert 0.0 < body["share_of_pairs"] < 1.0
+    assert invoke(["coverage", str(tmp_path)]) == 0
+    out = capsys.readouterr().out
+    assert "2 runs, by their traces" in out
+    assert "door-0" in out
+
+
+@pytest.mark.parametrize("words", [["nothing-here"], ["a.yaml", "b.yaml"]])
+def test_what_names_nothing_is_refused(
+    words: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("SCENARIO_STATE", str(tmp_path))
+    assert invoke(["coverage", *words]) == 2
+
+
+def test_a_damaged_trace_is_told_and_makes_it_fail(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    drive(tmp_path / "a.mcap", spec(0))
+    (tmp_path / "b.mcap").write_bytes(b"junk")
+    assert invoke(["coverage", str(tmp_path)]) == 3
+    assert "b.mcap: error:" in capsys.readouterr().err
