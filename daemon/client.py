@@ -11,12 +11,14 @@ from typing import Any, Final, Generic, TypeVar
 import zenoh
 
 from daemon import bus
+from daemon.assessment import Declared, RunRecord
 from daemon.messages import (
     EVENTS,
     LIVE,
     Named,
     Nothing,
     Number,
+    RecordQuery,
     RetryRequest,
     RunQuery,
     Verb,
@@ -40,6 +42,7 @@ T = TypeVar("T")
 _EVENTS_KEPT: Final = 4096
 _LIVE_KEPT: Final = 256
 _BULK_TIMEOUT: Final = 60.0
+_RECORDS: Final = 500
 
 
 class _Feed(threading.Thread, Generic[T]):
@@ -185,6 +188,20 @@ class Client:
     def run(self, run: str) -> RunDetail:
         """Everything about one run."""
         return self._ask(Verb.RUN, Named(run), RunDetail)
+
+    def declared(self, campaign: str) -> Declared:
+        """What a campaign declares about its results: policy, comparisons, expectations."""
+        return self._ask(Verb.DECLARED, Named(campaign), Declared)
+
+    def records(self, campaign: str) -> tuple[RunRecord, ...]:
+        """Every run of a campaign with its verdicts, in order: what assessments are made of."""
+        found: list[RunRecord] = []
+        while True:
+            query = RecordQuery(campaign, len(found), _RECORDS)
+            page = self._ask_bulk(Verb.RECORDS, query, tuple[RunRecord, ...])
+            found.extend(page)
+            if len(page) < _RECORDS:
+                return tuple(found)
 
     def scene(self, digest: str) -> Scene:
         """A compiled scene."""

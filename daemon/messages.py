@@ -37,6 +37,8 @@ class Verb(StrEnum):
     CAMPAIGNS = "campaigns"
     RUNS = "runs"
     RUN = "run"
+    DECLARED = "declared"
+    RECORDS = "records"
     SCENE = "scene"
     WORKERS = "workers"
     SUBMIT = "submit"
@@ -86,6 +88,15 @@ class RunQuery:
     text: Short = ""
     sort: Short = "index"
     descending: bool = False
+    offset: Count = 0
+    limit: Annotated[int, Field(ge=0, le=LARGEST_PAGE)] = 200
+
+
+@dataclass(frozen=True, slots=True)
+class RecordQuery:
+    """A page of the runs of a campaign with their verdicts, in order."""
+
+    campaign: Id
     offset: Count = 0
     limit: Annotated[int, Field(ge=0, le=LARGEST_PAGE)] = 200
 

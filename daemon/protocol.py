@@ -6,10 +6,11 @@ clock seconds since the epoch: they inform people and leases, never a run.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import Final
 
+from daemon.assessment import Declared
 from daemon.spec import RunResult, RunSpec, Snapshot
 from daemon.verdict import Outcome
 from grammars.scene import Scene
@@ -32,7 +33,9 @@ class RunState(StrEnum):
 class Submission:
     """A campaign on its way to the daemon; ``campaign`` is a client-made unique id.
 
-    Submitting the same id again changes nothing. ``source`` is the campaign file's text.
+    Submitting the same id again changes nothing. ``source`` is the campaign file's text. Runs in
+    ``reserve`` wait for cells that ``declared`` leaves undecided after the repeats before. Runs
+    that have a result in the ledger under another campaign are not run again unless ``fresh``.
     """
 
     campaign: str
@@ -41,20 +44,27 @@ class Submission:
     source: str
     runs: tuple[RunSpec, ...]
     scenes: tuple[Scene, ...]
+    declared: Declared = field(default_factory=Declared)
+    reserve: tuple[RunSpec, ...] = ()
+    fresh: bool = False
 
 
 @dataclass(frozen=True, slots=True)
 class Receipt:
-    """Answer to a submission, sent after the ledger has committed it."""
+    """Answer to a submission, sent after the ledger has committed it.
+
+    ``cached`` runs had a result already, which is used again.
+    """
 
     campaign: str
     runs: int
     known: bool
+    cached: int = 0
 
 
 @dataclass(frozen=True, slots=True)
 class CampaignRow:
-    """A campaign and how its runs stand."""
+    """A campaign and how its runs stand; ``cached`` counts results taken from earlier campaigns."""
 
     id: str
     name: str
@@ -71,6 +81,7 @@ class CampaignRow:
     failed: int
     inconclusive: int
     errors: int
+    cached: int = 0
 
     @property
     def finished(self) -> bool:
@@ -84,7 +95,8 @@ class RunRow:
 
     ``oracle`` and ``margin`` name the oracle that decides the outcome (the first failing one,
     else the one with the smallest margin) and its margin in ``unit``. ``trace`` is the path of
-    the trace on the machine that keeps it, empty while there is none.
+    the trace on the machine that keeps it, empty while there is none. ``cached`` is the earlier
+    run whose result this is, empty when it was executed itself.
     """
 
     id: str
@@ -105,6 +117,7 @@ class RunRow:
     wall: float
     trace: str
     reason: str = ""
+    cached: str = ""
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from contextlib import AbstractContextManager
 from typing import Protocol, TypeAlias
 
+from daemon.assessment import Declared, RunRecord
 from daemon.protocol import (
     CampaignRow,
     Event,
@@ -50,6 +51,8 @@ class Daemon(Protocol):
         limit: int = 200,
     ) -> RunPage: ...
     def run(self, run: str) -> RunDetail: ...  # noqa: D102
+    def declared(self, campaign: str) -> Declared: ...  # noqa: D102
+    def records(self, campaign: str) -> tuple[RunRecord, ...]: ...  # noqa: D102
     def scene(self, digest: str) -> Scene: ...  # noqa: D102
     def workers(self) -> tuple[WorkerRow, ...]: ...  # noqa: D102
     def cancel(self, campaign: str) -> int: ...  # noqa: D102

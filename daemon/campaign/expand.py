@@ -2,37 +2,40 @@
 
 from __future__ import annotations
 
-import hashlib
 import secrets
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 
 from daemon.campaign.load import Campaign, repeat_seed
 from daemon.protocol import Submission
 from daemon.spec import OracleText, RunSpec
+from grammars import codec
 
 
 def expand(campaign: Campaign, *, fresh: bool = False) -> Submission:
     """Return every run of the campaign, scenario by scenario, SUT by SUT, repeat by repeat.
 
-    The campaign's id is its name and a digest of all its runs, so that submitting the same
+    The campaign's id is its name and a digest of all there is to it, so that submitting the same
     campaign twice is submitting it once; ``fresh`` asks for a new id, to run everything again.
+    Repeats beyond those every cell gets are in reserve, for cells that are not decided by then.
     """
     specs = tuple(_specs(campaign))
     scenes = {cell.scene.digest: cell.scene for cell in campaign.cells}
-    if fresh:
-        identity = secrets.token_hex(4)
-    else:
-        identity = hashlib.sha256("".join(s.digest for s in specs).encode()).hexdigest()[:8]
-    return Submission(
-        campaign=f"{campaign.name}-{identity}",
+    submission = Submission(
+        campaign="",
         name=campaign.name,
         about=campaign.about,
         source=campaign.source,
-        runs=specs,
+        runs=tuple(spec for spec in specs if spec.repeat < campaign.repeats),
         scenes=tuple(scenes.values()),
+        declared=campaign.declared,
+        reserve=tuple(spec for spec in specs if spec.repeat >= campaign.repeats),
+        fresh=fresh,
     )
+    identity = secrets.token_hex(4) if fresh else codec.digest(submission)[:8]
+    return replace(submission, campaign=f"{campaign.name}-{identity}")
 
 
 def _specs(campaign: Campaign) -> Iterator[RunSpec]:

@@ -14,7 +14,10 @@ from typing import Any, TypeVar
 
 import numpy as np
 
+from daemon.assessment import Declared
+from daemon.campaign.declare import Sources, Timed, declare
 from daemon.campaign.layers import Library
+from daemon.campaign.results import policy_of
 from daemon.campaign.text import CampaignText, Reference, ScenarioText, read_campaign
 from daemon.spec import MapSettings, SutReference
 from grammars.behaviour import Behaviour
@@ -38,9 +41,10 @@ class Cell:
     """One scenario in one world, with everything it names loaded.
 
     ``name`` is the scenario's, with ``@<seed>`` for a variant of its plan. ``behaviours`` holds
-    those of each repeat; ``places`` says where waypoints, objects and the sentences about joints
-    were written. ``plan`` and ``layers`` are what the scene was composed of, with the campaign's
-    overrides, objects before behaviours.
+    those of each repeat, also of repeats that only come when a cell is not decided; ``places``
+    says where waypoints, objects and the sentences about joints were written. ``plan`` and
+    ``layers`` are what the scene was composed of, with the campaign's overrides, objects before
+    behaviours.
     """
 
     name: str
@@ -69,6 +73,7 @@ class Campaign:
     file: str
     seed: int
     repeats: int
+    declared: Declared
     cells: tuple[Cell, ...]
     warnings: tuple[Diagnostic, ...]
 
@@ -159,15 +164,22 @@ def _load(path: str | Path) -> tuple[Campaign, _Loading]:
     text, scenarios = read_campaign(document)
     loading = _Loading(text, Library(Path(path).parent))
     pool = loading.attempt(lambda: loading.library.oracles(_oracle_layers(text, document)))
+    declared = Declared(policy_of(text.repeats))
+    if pool is not None:
+        named = {scenario.name: scenario for scenario in scenarios}
+        declared, problems = declare(Sources(text, document, named, pool))
+        loading.findings += problems
     for scenario in scenarios:
-        _load_cells(scenario, loading, pool)
+        timed = tuple(c for c in declared.comparisons if scenario.name in (c.left, c.right))
+        _load_cells(scenario, loading, pool, Timed(timed, document))
     campaign = Campaign(
         name=text.campaign,
         about=text.about,
         source=document.text,
         file=str(path),
         seed=text.seed,
-        repeats=text.repeats,
+        repeats=declared.policy.n,
+        declared=declared,
         cells=tuple(loading.cells),
         warnings=tuple(dict.fromkeys(loading.library.warnings)),
     )
@@ -181,19 +193,24 @@ def _oracle_layers(text: CampaignText, document: Document) -> tuple[Reference, .
     )
 
 
-def _load_cells(scenario: ScenarioText, loading: _Loading, pool: dict[str, Oracle] | None) -> None:
+def _load_cells(
+    scenario: ScenarioText, loading: _Loading, pool: dict[str, Oracle] | None, timed: Timed
+) -> None:
     """Add the cells of a scenario: one, or one for each variant of its floor plan."""
     attempt, library = loading.attempt, loading.library
     robot = attempt(lambda: library.robot(_named(scenario.robot)))
     mission = attempt(lambda: library.mission(_named(scenario.mission)))
     suts = [attempt(partial(library.sut, reference)) for reference in scenario.suts]
     picked = None if pool is None else attempt(lambda: _pick_oracles(scenario, pool))
-    oracles = picked or ()
+    oracles = (*(picked or ()), *timed.measures())
+    if mission is not None:
+        loading.findings += timed.problems(mission[0])
     for world in _load_worlds(scenario, robot, loading):
         if robot is None or mission is None:
             continue
         errand, document = mission
-        loading.findings += [d for o in oracles for d in check_scene(o, world.scene, errand)]
+        judging = picked or ()
+        loading.findings += [d for o in judging for d in check_scene(o, world.scene, errand)]
         loading.cells.append(
             Cell(
                 name=world.name,
@@ -298,12 +315,13 @@ def _resolve_all(
     scenario: ScenarioText, text: CampaignText, layers: tuple[SceneryLayer, ...], scene: Scene
 ) -> tuple[ResolvedBehaviours, ...]:
     """Return the concrete behaviours of every repeat, drawn anew or once for all."""
-    draws = text.repeats if scenario.chance == "per repeat" else 1
+    repeats = policy_of(text.repeats).at_most
+    draws = repeats if scenario.chance == "per repeat" else 1
     resolved = tuple(
         resolve_behaviours(scene, layers, seed=repeat_seed(text.seed, draw), limit=scenario.limit)
         for draw in range(draws)
     )
-    return resolved if draws == text.repeats else resolved * text.repeats
+    return resolved if draws == repeats else resolved * repeats
 
 
 def repeat_seed(seed: int, repeat: int) -> np.random.SeedSequence:

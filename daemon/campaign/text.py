@@ -12,6 +12,7 @@ from typing import Annotated, Any, Final, Literal, TypeAlias
 
 from pydantic import BeforeValidator, ConfigDict, Field, model_validator
 
+from daemon.campaign.results import ONCE, ExpectText, GateText, RepeatsText
 from daemon.spec import MapSettings
 from grammars.diagnostics import Diagnostic, InputError, Where, did_you_mean
 from grammars.documents import Document, Duration, Length, Written, read_model
@@ -129,8 +130,9 @@ class CampaignText(Written):
     """One line for people."""
     seed: int = Field(default=0, ge=0, lt=2**63)
     """The only source of chance: the same seed gives the same runs, byte for byte."""
-    repeats: int = Field(default=1, ge=1, le=100_000)
-    """Runs of every scenario; the same repeat sees the same noise in each of them."""
+    repeats: RepeatsText = ONCE
+    """Runs of every scenario, a number or {n: 5, pass: rate >= 80 %}; the same repeat sees the
+    same noise in each of them."""
     limit: Duration = Field(gt=0, le=86_400)
     """Simulated time a run may take."""
     robot: str | None = None
@@ -144,6 +146,13 @@ class CampaignText(Written):
     """Whether random behaviours are drawn anew for each repeat or once."""
     scenarios: dict[Annotated[str, Field(pattern=_NAME)], _ScenarioText] = Field(min_length=1)
     """The scenarios by name."""
+    compare: dict[Annotated[str, Field(pattern=_NAME)], str] = Field(default_factory=dict)
+    """Comparisons of scenarios by name, paired by repeat: delay(S3.2 vs S3.5) <= 30 s, with
+    "on leg NAME" inside for one leg only; a measure's name instead of delay compares that."""
+    expect: list[ExpectText] = Field(default_factory=list)
+    """What is known to be otherwise than passing, and why; all else must pass."""
+    gate: GateText | None = None
+    """Results that must not get worse than those of another campaign."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,6 +11,7 @@ from collections.abc import Iterable, Sequence
 from typing import Final
 
 from daemon.errors import Refused
+from daemon.ledger._reuse import call_reserve, enter_runs, keep_reserve, use_results
 from daemon.ledger._transition import (
     Cancelled,
     Change,
@@ -24,7 +25,6 @@ from daemon.ledger._transition import (
     advance,
 )
 from daemon.messages import Answer, Completion, Grant, Hold, Release, RetryRequest
-from daemon.places import trace_name
 from daemon.protocol import Event, Receipt, RunState, Submission
 from daemon.spec import RunResult, RunSpec
 from daemon.verdict import Outcome, Verdict
@@ -60,34 +60,33 @@ class Book:
             if row[0] != digest:
                 raise Refused(f"campaign id {submission.campaign} is taken by another campaign")
             return Receipt(submission.campaign, row[1], known=True)
+        campaign = submission.campaign
         self._enter(submission, digest, now)
-        self.note(now, "campaign", submission.campaign, submission.campaign, "submitted")
-        return Receipt(submission.campaign, len(submission.runs), known=False)
+        cached = use_results(self._db, campaign)
+        self.note(now, "campaign", campaign, campaign, "submitted")
+        if cached:
+            self._close_if_finished(campaign, now)
+        return Receipt(campaign, len(submission.runs), known=False, cached=cached)
 
     def _enter(self, submission: Submission, digest: str, now: float) -> None:
-        campaign, runs = submission.campaign, submission.runs
+        campaign = submission.campaign
         self._db.execute(
-            "INSERT INTO campaign (id, name, about, source, digest, total, submitted_at)"
-            " VALUES (?, ?, ?, ?, ?, ?, ?)",
+            "INSERT INTO campaign (id, name, about, source, digest, total, submitted_at, declared,"
+            " fresh) VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?)",
             (
                 campaign,
                 submission.name,
                 submission.about,
                 submission.source,
                 digest,
-                len(runs),
+                len(submission.runs),
                 now,
+                codec.to_json(submission.declared),
+                submission.fresh,
             ),
         )
-        self._db.executemany(
-            "INSERT INTO run (id, campaign, position, scenario, sut, repeat, time_limit, digest,"
-            " trace_name) VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?)",
-            (_run_row(campaign, position, run) for position, run in enumerate(runs)),
-        )
-        self._db.executemany(
-            "INSERT INTO spec (run, body) VALUES (?, ?)",
-            ((f"{campaign}.{i}", codec.to_json(run)) for i, run in enumerate(runs)),
-        )
+        enter_runs(self._db, campaign, submission.runs)
+        keep_reserve(self._db, campaign, submission.reserve)
 
     def lease(self, worker: str, count: int, now: float) -> tuple[Grant, ...]:
         """Give up to ``count`` queued runs to ``worker``, first submitted first."""
@@ -141,9 +140,11 @@ class Book:
         if known[0] != completion.result.spec:
             raise Refused(f"the result is not of run {completion.run}: its specification differs")
         digest = completion.result.digest
-        change = self._apply(completion.run, Completed(completion.token, digest), now)
-        if change.record:
+        event, before = Completed(completion.token, digest), self._record(completion.run)
+        # The last result of a campaign must be there before it is asked what the results decide.
+        if before is not None and advance(before, event, attempts=self._attempts).record:
             self._keep(completion, digest, now)
+        change = self._apply(completion.run, event, now, before)
         if change.answer is Answer.DIFFERS:
             note = change.run.reason
             self.note(now, "alarm", completion.run, known[1], "nondeterministic", note)
@@ -223,7 +224,7 @@ class Book:
             self._apply(run, Cancelled(), now, quiet=True)
         if rows:
             self.note(now, "campaign", campaign, campaign, "cancelled")
-            self._close_if_finished(campaign, now)
+            self._close(campaign, now)
         return len(rows)
 
     def retry(self, request: RetryRequest, now: float) -> int:
@@ -291,13 +292,24 @@ class Book:
         return change
 
     def _close_if_finished(self, campaign: str, now: float) -> None:
-        waiting = self._db.execute(
+        """Close a campaign of which nothing waits, unless cells need the repeats in reserve."""
+        while not self._waiting(campaign):
+            if not call_reserve(self._db, campaign):
+                self._close(campaign, now)
+                return
+            use_results(self._db, campaign)
+            self.note(now, "campaign", campaign, campaign, "extended")
+
+    def _close(self, campaign: str, now: float) -> None:
+        self._db.execute("UPDATE campaign SET finished_at = ? WHERE id = ?", (now, campaign))
+        self.note(now, "campaign", campaign, campaign, "finished")
+
+    def _waiting(self, campaign: str) -> bool:
+        found = self._db.execute(
             "SELECT total(runs) FROM tally WHERE campaign = ? AND state IN ('queued', 'running')",
             (campaign,),
-        ).fetchone()[0]
-        if not waiting:
-            self._db.execute("UPDATE campaign SET finished_at = ? WHERE id = ?", (now, campaign))
-            self.note(now, "campaign", campaign, campaign, "finished")
+        ).fetchone()
+        return bool(found[0])
 
     def note(
         self, now: float, kind: str, name: str, campaign: str = "", state: str = "", note: str = ""
@@ -313,13 +325,6 @@ class Book:
                 "DELETE FROM event WHERE seq <= ? AND kind <> 'alarm'", (seq - _KEPT_EVENTS,)
             )
         self.events.append(Event(seq, kind, name, campaign, state))
-
-
-def _run_row(campaign: str, position: int, run: RunSpec) -> tuple[object, ...]:
-    sut = run.sut.name
-    trace = trace_name(campaign, run.scenario, sut, run.repeat)
-    name = f"{campaign}.{position}"
-    return (name, campaign, position, run.scenario, sut, run.repeat, run.limit, run.digest, trace)
 
 
 def _retry_words(only: Sequence[str]) -> frozenset[str]:

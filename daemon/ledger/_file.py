@@ -9,14 +9,15 @@ from typing import Final
 
 from daemon.errors import DaemonError
 
-SCHEMA_VERSION: Final = 1
+SCHEMA_VERSION: Final = 2
+_UPGRADABLE: Final = (1,)
 
 
 def connect(path: Path) -> sqlite3.Connection:
-    """Open the ledger for writing, creating it if need be.
+    """Open the ledger for writing, creating it, or bringing an older one up to date, if need be.
 
     WAL with synchronous FULL: what was acknowledged survives kill -9 and a power cut. Raises
-    :class:`DaemonError` when the file is damaged or was made by another version.
+    :class:`DaemonError` when the file is damaged or was made by a later version.
     """
     connection = sqlite3.connect(path, isolation_level=None, check_same_thread=False)
     try:
@@ -41,14 +42,25 @@ def connect_reader(path: Path) -> sqlite3.Connection:
 
 
 def _prepare(connection: sqlite3.Connection, path: Path) -> None:
+    """Make the tables of a new file, or bring those of an older one up to date."""
     version = connection.execute("PRAGMA user_version").fetchone()[0]
+    if version == SCHEMA_VERSION:
+        return
     if version == 0:
-        schema = resources.files("daemon.ledger").joinpath("schema.sql").read_text("utf-8")
-        connection.executescript(
-            f"BEGIN;\n{schema}\nPRAGMA user_version = {SCHEMA_VERSION};\nCOMMIT;"
-        )
-    elif version != SCHEMA_VERSION:
+        scripts = ["schema.sql"]
+    elif version in _UPGRADABLE:
+        scripts = [f"upgrade_{later}.sql" for later in range(version + 1, SCHEMA_VERSION + 1)]
+    else:
         raise DaemonError(
             f"{path} has schema {version}, this version writes {SCHEMA_VERSION}: "
             "use the version that made it, or another state directory"
         )
+    texts = (resources.files("daemon.ledger").joinpath(name).read_text("utf-8") for name in scripts)
+    try:
+        connection.executescript(
+            "BEGIN;\n" + "\n".join(texts) + f"\nPRAGMA user_version = {SCHEMA_VERSION};\nCOMMIT;"
+        )
+    except sqlite3.Error:
+        if connection.in_transaction:
+            connection.execute("ROLLBACK")
+        raise

@@ -7,8 +7,10 @@ from collections import Counter
 from collections.abc import Iterable
 from typing import Any, Final
 
+from daemon.assessment import Declared, RunRecord
 from daemon.errors import Refused
-from daemon.messages import RunQuery
+from daemon.ledger._records import read_declared, read_records
+from daemon.messages import RecordQuery, RunQuery
 from daemon.places import Places
 from daemon.protocol import CampaignRow, RunDetail, RunPage, RunRow, RunState
 from daemon.spec import RunResult, RunSpec
@@ -38,7 +40,7 @@ SORTABLE: Final = {
 }
 _ROW: Final = (
     "id, campaign, position, scenario, sut, repeat, state, attempt, worker, outcome, oracle,"
-    " margin, unit, simulated, time_limit, wall, trace_name, reason"
+    " margin, unit, simulated, time_limit, wall, trace_name, reason, cached"
 )
 _TEXT: Final = (
     "scenario || '/' || sut || '/' || repeat || ' ' || oracle || ' ' || reason || ' ' || id"
@@ -62,7 +64,7 @@ class Reader:
             counts.setdefault(campaign, Counter())
             _count(counts[campaign], state, outcome, runs)
         rows = self._db.execute(
-            "SELECT id, name, about, submitted_at, finished_at, total FROM campaign"
+            "SELECT id, name, about, submitted_at, finished_at, total, cached FROM campaign"
             " ORDER BY serial DESC"
         )
         return tuple(_campaign_row(row, counts.get(row[0], Counter())) for row in rows)
@@ -121,6 +123,33 @@ class Reader:
             None if result is None else codec.from_json(RunResult, result[0]),
         )
 
+    def declared(self, campaign: str) -> Declared:
+        """What a campaign declares about its results."""
+        return read_declared(self._db, campaign)
+
+    def records(self, query: RecordQuery) -> tuple[RunRecord, ...]:
+        """A page of the runs of a campaign as assessments want them, in order."""
+        read_declared(self._db, query.campaign)
+        return read_records(
+            self._db,
+            query.campaign,
+            find_trace=self._find_trace,
+            offset=query.offset,
+            limit=query.limit,
+        )
+
+    def _find_trace(self, name: str, source: str) -> str:
+        """Return the path of a run's trace: that of the run it was taken from while it has none.
+
+        Empty when a result was taken from a run whose trace was deleted since.
+        """
+        own = self._places.traces / name
+        if not source or own.exists():
+            return str(own)
+        row = self._db.execute("SELECT trace_name FROM run WHERE id = ?", (source,)).fetchone()
+        path = self._places.traces / row[0] if row else None
+        return str(path) if path is not None and path.exists() else ""
+
     def has_work(self) -> bool:
         """Whether any run is queued."""
         found = self._db.execute("SELECT 1 FROM run WHERE state = 'queued' LIMIT 1").fetchone()
@@ -128,6 +157,8 @@ class Reader:
 
     def _run_row(self, row: sqlite3.Row) -> RunRow:
         outcome = Outcome(row["outcome"]) if row["outcome"] else None
+        trace = self._find_trace(row["trace_name"], row["cached"]) if outcome is not None else ""
+        gone = f"the trace of {row['cached']} is gone" if row["cached"] and not trace else ""
         return RunRow(
             id=row["id"],
             campaign=row["campaign"],
@@ -145,8 +176,9 @@ class Reader:
             simulated=row["simulated"],
             limit=row["time_limit"],
             wall=row["wall"],
-            trace=str(self._places.traces / row["trace_name"]) if outcome is not None else "",
-            reason=row["reason"],
+            trace=trace,
+            reason="; ".join(reason for reason in (row["reason"], gone) if reason),
+            cached=row["cached"],
         )
 
 
@@ -179,6 +211,7 @@ def _campaign_row(row: sqlite3.Row, counts: Counter[str]) -> CampaignRow:
         submitted_at=row["submitted_at"],
         finished_at=row["finished_at"],
         total=row["total"],
+        cached=row["cached"],
         **standing(counts),
     )
 

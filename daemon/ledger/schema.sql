@@ -14,7 +14,10 @@ CREATE TABLE campaign (
     digest       TEXT NOT NULL,
     total        INTEGER NOT NULL,
     submitted_at REAL NOT NULL,
-    finished_at  REAL
+    finished_at  REAL,
+    declared     BLOB NOT NULL DEFAULT '',
+    fresh        INTEGER NOT NULL DEFAULT 0,
+    cached       INTEGER NOT NULL DEFAULT 0
 ) STRICT;
 
 -- One row per run, kept small: lists read nothing else. Empty text means "none yet".
@@ -44,13 +47,28 @@ CREATE TABLE run (
     simulated   REAL NOT NULL DEFAULT 0,
     wall        REAL NOT NULL DEFAULT 0,
     finished_at REAL,
+    seed        TEXT NOT NULL DEFAULT '0',
+    cached      TEXT NOT NULL DEFAULT '',
     UNIQUE (campaign, position),
     UNIQUE (trace_name)
 ) STRICT;
 
 CREATE INDEX run_queue ON run (state, serial);
 CREATE INDEX run_leases ON run (lease_until) WHERE state = 'running';
+-- The first lets a new run find an old result of the same specification.
+CREATE INDEX run_result ON run (digest) WHERE result <> '';
 CREATE INDEX run_finished ON run (finished_at) WHERE finished_at IS NOT NULL;
+
+-- Repeats for cells that are not decided by those before; they become runs when they are needed.
+CREATE TABLE reserve (
+    campaign TEXT NOT NULL REFERENCES campaign (id),
+    position INTEGER NOT NULL,
+    scenario TEXT NOT NULL,
+    sut      TEXT NOT NULL,
+    repeat   INTEGER NOT NULL,
+    body     BLOB NOT NULL,
+    PRIMARY KEY (campaign, position)
+) STRICT, WITHOUT ROWID;
 
 CREATE TABLE spec (
     run  TEXT PRIMARY KEY REFERENCES run (id),

@@ -36,11 +36,12 @@ def _problems(submission: Submission, scenes: dict[str, Scene], places: Places) 
         return
     if not submission.runs:
         yield "the campaign has no runs"
-    if len(submission.runs) > _MOST_RUNS:
+    runs = (*submission.runs, *submission.reserve)
+    if len(runs) > _MOST_RUNS:
         yield f"the campaign has more than {_MOST_RUNS} runs"
     seen: set[str] = set()
     known = set(scenes)
-    for run in submission.runs:
+    for run in runs:
         yield from _run_problems(submission.campaign, run, seen)
         if run.scene not in known:
             if _is_stored(run.scene, places):

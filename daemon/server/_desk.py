@@ -13,6 +13,7 @@ from typing import Any, Final
 
 import zenoh
 
+from daemon.assessment import RunRecord
 from daemon.errors import DaemonError, Refused
 from daemon.ledger import Book, Reader, standing
 from daemon.messages import (
@@ -26,6 +27,7 @@ from daemon.messages import (
     Nothing,
     Number,
     Problem,
+    RecordQuery,
     Release,
     RenewReply,
     RenewRequest,
@@ -90,6 +92,10 @@ class Desk:
             ),
             Verb.RUNS: _Service(RunQuery, lambda r, query: r.runs(query)),
             Verb.RUN: _Service(Named, lambda r, named: r.run(named.id)),
+            Verb.DECLARED: _Service(Named, lambda r, named: r.declared(named.id)),
+            Verb.RECORDS: _Service(
+                RecordQuery, lambda r, query: r.records(query), answer=tuple[RunRecord, ...]
+            ),
             Verb.SCENE: _Service(Named, self._scene),
             Verb.WORKERS: _Service(
                 Nothing, lambda _, __: self._roster.rows(), answer=tuple[WorkerRow, ...]

@@ -34,7 +34,7 @@ from daemon.server._settings import Settings
 from grammars import codec
 
 _LAST_MOMENT: Final = 3.0
-_HINTS: Final = frozenset({"submitted", "retried", "queued", "cancelled"})
+_HINTS: Final = frozenset({"submitted", "extended", "retried", "queued", "cancelled"})
 
 
 def serve(

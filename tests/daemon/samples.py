@@ -50,8 +50,9 @@ def make_submission(campaign: str, runs: int = 3, **parameters: Any) -> Submissi
 
 
 def submission_of(campaign: str, *specs: RunSpec) -> Submission:
-    """A campaign of the given runs."""
-    return Submission(campaign, f"Campaign {campaign}", "for tests", "text", specs, (SCENE,))
+    """A campaign of the given runs; fresh, so that it does what is tested every time."""
+    name = f"Campaign {campaign}"
+    return Submission(campaign, name, "for tests", "text", specs, (SCENE,), fresh=True)
 
 
 def make_result(

@@ -1,0 +1,71 @@
+"""Run records, read from the ledger: what assessments are made of."""
+
+from __future__ import annotations
+
+import sqlite3
+from collections.abc import Callable
+from typing import Final
+
+from daemon.assessment import Declared, RunRecord
+from daemon.errors import Refused
+from daemon.spec import RunResult
+from grammars import codec
+
+_COLUMNS: Final = (
+    "run.id, scenario, sut, repeat, run.digest, state, reason, seed, cached, trace_name, body"
+)
+FindTrace = Callable[[str, str], str]
+"""Returns the path of a trace, by its own name and by the run it was taken from."""
+
+
+def read_declared(db: sqlite3.Connection, campaign: str) -> Declared:
+    """Return what a campaign declares; raises :class:`Refused` when there is none of that id."""
+    row = db.execute("SELECT declared FROM campaign WHERE id = ?", (campaign,)).fetchone()
+    if row is None:
+        raise Refused(f"there is no campaign {campaign}")
+    return codec.from_json(Declared, row[0]) if row[0] else Declared()
+
+
+def read_records(
+    db: sqlite3.Connection,
+    campaign: str,
+    *,
+    find_trace: FindTrace | None = None,
+    offset: int = 0,
+    limit: int = -1,
+) -> tuple[RunRecord, ...]:
+    """Return the runs of a campaign in order, with results where there are any."""
+    rows = db.execute(
+        f"SELECT {_COLUMNS} FROM run LEFT JOIN result ON result.run = run.id"
+        " WHERE campaign = ? ORDER BY position LIMIT ? OFFSET ?",
+        (campaign, limit, offset),
+    )
+    return tuple(_record(tuple(row), find_trace) for row in rows)
+
+
+def _record(row: tuple[object, ...], find_trace: FindTrace | None) -> RunRecord:
+    run, scenario, sut, repeat, digest, state, reason, seed, cached, trace, body = row
+    result = codec.from_json(RunResult, body) if isinstance(body, bytes | str) else None
+    path = find_trace(str(trace), str(cached)) if find_trace and result else ""
+    gone = result is not None and bool(cached) and find_trace is not None and not path
+    notes = (
+        result.note if result else "",
+        str(reason),
+        f"the trace of {cached} is gone" if gone else "",
+    )
+    return RunRecord(
+        id=str(run),
+        scenario=str(scenario),
+        sut=str(sut),
+        repeat=int(str(repeat)),
+        digest=str(digest),
+        outcome=result.outcome if result else None,
+        verdicts=result.verdicts if result else (),
+        ended=result.ended if result else "",
+        timing=result.timing if result else None,
+        trace=path or None,
+        note="; ".join(note for note in notes if note),
+        state=str(state),
+        seed=int(str(seed)),
+        cached=str(cached),
+    )
