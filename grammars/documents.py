@@ -150,7 +150,7 @@ def parse_yaml(text: str, file: str) -> Document:
         first_line = str(error).splitlines()[0] if str(error) else type(error).__name__
         raise InputError(Diagnostic(Where(file), f"is not valid YAML: {first_line}")) from error
     places: dict[Path_, Where] = {(): Where(file, 1, 1)}
-    data = _plain(tree, (), file, places)
+    data = _plain(tree, (), Where(file), places, text)
     return Document(file, data, places, text)
 
 
@@ -200,8 +200,9 @@ def _marked(file: str, error: Any, message: str) -> Diagnostic:
     return Diagnostic(where, message or f"is not valid YAML: {problem}")
 
 
-def _plain(node: Any, path: Path_, file: str, places: dict[Path_, Where]) -> Any:
+def _plain(node: Any, path: Path_, root: Where, places: dict[Path_, Where], text: str) -> Any:
     """Convert ruamel's commented tree to plain data, noting where each value stands."""
+    file = root.file
     commented: Any = node
     if isinstance(node, dict):
         result: dict[str, Any] = {}
@@ -209,19 +210,41 @@ def _plain(node: Any, path: Path_, file: str, places: dict[Path_, Where]) -> Any
             line, column = commented.lc.key(key)
             where = Where(file, line + 1, column + 1)
             if not isinstance(key, str):
+                written, kind = _source(text, where, _KEY) or str(key), _kind(key)
                 raise InputError(
-                    Diagnostic(where, f"key {key!r} is not text", f'write it as "{key}" in quotes')
+                    Diagnostic(
+                        where, f"key {written} is {kind}, not text", f'write it as "{written}"'
+                    )
                 )
             child = (*path, str(key))
             places[child] = where
-            result[str(key)] = _plain(value, child, file, places)
+            result[str(key)] = _plain(value, child, root, places, text)
         return result
     if isinstance(node, list):
         for index in range(len(node)):
             line, column = commented.lc.item(index)
             places[(*path, index)] = Where(file, line + 1, column + 1)
-        return [_plain(value, (*path, i), file, places) for i, value in enumerate(node)]
+        return [_plain(value, (*path, i), root, places, text) for i, value in enumerate(node)]
     return _scalar(node)
+
+
+_KEY: Final = re.compile(r"[^\s:]+")
+_VALUE: Final = re.compile(r"(?:[^\s:]+\s*:\s+)?([^\s,\]}#]+)")
+
+
+def _source(text: str, where: Where, pattern: re.Pattern[str]) -> str:
+    """Return what the file says at a place, empty when it is not what the pattern expects."""
+    lines = text.splitlines()
+    line = lines[where.line - 1] if 0 < where.line <= len(lines) else ""
+    found = pattern.match(line, max(0, where.column - 1))
+    return "" if found is None else found[found.lastindex or 0]
+
+
+def _kind(value: Any) -> str:
+    """Return what YAML took something for that a person may have meant as text."""
+    if isinstance(value, bool):
+        return "true or false"
+    return "a number" if isinstance(value, int | float) else "empty" if value is None else "a list"
 
 
 def _scalar(value: Any) -> Any:
@@ -253,9 +276,16 @@ def _explain(document: Document, model: type[BaseModel], finding: Any) -> Diagno
         return Diagnostic(where, f'unknown key "{path[-1]}"', did_you_mean(str(path[-1]), known))
     if kind == "missing":
         return Diagnostic(document.where(path[:-1]), f'key "{path[-1]}" is missing')
+    given = finding.get("input")
+    if kind == "string_type" and isinstance(given, bool | int | float):
+        # 3.10 has become 3.1 and yes may be true elsewhere: show what was written.
+        written = _source(document.text, where, _VALUE) or str(given)
+        hint = f'{written} is {_kind(given)}: write it as "{written}"'
+    else:
+        hint = ""
     words = [str(part) for part in path if isinstance(part, str) and part != "[key]"]
     message = _in_our_words(finding)
-    return Diagnostic(where, f"{words[-1]}: {message}" if words else message)
+    return Diagnostic(where, f"{words[-1]}: {message}" if words else message, hint)
 
 
 _OUR_WORDS: Final = {

@@ -6,6 +6,7 @@ import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
+from pathlib import Path
 from typing import Final
 
 from daemon.assessment import DELAY, Comparison, Declared, Expectation, Gate
@@ -65,7 +66,7 @@ def declare(sources: Sources) -> tuple[Declared, list[Diagnostic]]:
                 tuple(written.sut),
                 written.verdict,
                 written.why,
-                f"{where.file}:{where.line}",
+                f"{Path(where.file).name}:{where.line}",
             )
         )
     gate = sources.text.gate

@@ -57,7 +57,7 @@ def test_a_quantity_of_the_wrong_kind_is_explained() -> None:
         ("a:\n\tb: 1\n", "indent with spaces"),
         ("a: [1,\n", "ends in the middle"),
         ("a: &x 1\nb: *x\n", "h.yaml:2:4: YAML aliases"),
-        ("3.10: x\n", 'write it as "3.1" in quotes'),
+        ("3.10: x\n", 'write it as "3.10"'),
         ("a: " + 5000 * "[", "h.yaml:1:53: is nested deeper than 50 levels"),
         ("\x00", "h.yaml: is not valid YAML"),
     ],

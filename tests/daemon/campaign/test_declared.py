@@ -1,0 +1,200 @@
+"""What campaign files say about their results, and what is reported about how they say it."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+import pytest
+
+from daemon.assessment import Comparison, Declared, Expectation, Gate, Policy
+from daemon.campaign import Campaign, expand, load_campaign
+from grammars.diagnostics import InputError
+
+CAMPAIGN = """\
+campaign: tiny
+seed: 3
+repeats: {n: 2, pass: rate >= 80 %, until: decided, at-most: 5}
+limit: 30 s
+robot: courier
+oracles: navigation
+matrix: {sut: [pilot, idle]}
+scenarios:
+  base:
+    abstract: true
+    floorplan: flat
+    objects: doors
+    behaviours: doors_open
+    mission: courier
+    oracles: [reached, nearest]
+  calm.1: {like: base}
+  rude.1:
+    like: base
+    behaviours: doors_in_your_face
+    oracles+: [no-contact]
+compare:
+  slower: delay(rude.1 vs calm.1) <= 0.5 min
+  kitchen: delay( rude.1 vs calm.1 on leg kitchen ) < 10 s
+  closer: nearest(rude.1 vs calm.1) >= -20 cm
+expect:
+  - {scenario: rude.*, oracle: reached, verdict: fail, why: "doors shut", sut: pilot}
+  - {oracle: slower, verdict: any, why: "nobody knows"}
+gate: {baseline: last-green, worse-by: 10 %}
+"""
+
+
+@pytest.fixture
+def folder(tmp_path: Path, campaigns: Path) -> Path:
+    for name in ("demo", "robots", "suts"):
+        shutil.copytree(campaigns / name, tmp_path / name)
+    return tmp_path / "demo"
+
+
+def load(folder: Path, text: str) -> Campaign:
+    path = folder / "tiny.yaml"
+    path.write_text(text)
+    return load_campaign(path)
+
+
+def complaints(folder: Path, old: str, new: str) -> list[str]:
+    assert old in CAMPAIGN
+    with pytest.raises(InputError) as caught:
+        load(folder, CAMPAIGN.replace(old, new, 1))
+    return [str(d).replace(f"{folder}/", "") for d in caught.value.diagnostics]
+
+
+def test_sentences_become_values(folder: Path) -> None:
+    declared = load(folder, CAMPAIGN).declared
+    assert declared == Declared(
+        Policy(2, "rate", 0.8, until_decided=True, at_most=5),
+        (
+            Comparison("slower", "delay", "rude.1", "calm.1", None, "<=", 30.0, "s",
+                       "delay(rude.1 vs calm.1) <= 0.5 min"),
+            Comparison("kitchen", "delay", "rude.1", "calm.1", "kitchen", "<", 10.0, "s",
+                       "delay( rude.1 vs calm.1 on leg kitchen ) < 10 s",
+                       "elapsed-on-leg-kitchen"),
+            Comparison("closer", "nearest", "rude.1", "calm.1", None, ">=", -0.2, "m",
+                       "nearest(rude.1 vs calm.1) >= -20 cm"),
+        ),
+        (
+            Expectation("rude.*", "reached", ("pilot",), "fail", "doors shut", "tiny.yaml:26"),
+            Expectation("*", "slower", (), "any", "nobody knows", "tiny.yaml:27"),
+        ),
+        Gate("last-green", 0.1),
+    )  # fmt: skip
+
+
+def test_a_plain_number_of_repeats_is_what_it_was(folder: Path) -> None:
+    plain = load(
+        folder, CAMPAIGN.replace("{n: 2, pass: rate >= 80 %, until: decided, at-most: 5}", "2")
+    )
+    assert plain.declared.policy == Policy(2, "all", 1.0, until_decided=False, at_most=2)
+    assert expand(plain).reserve == ()
+
+
+def test_repeats_in_reserve_continue_those_that_run(folder: Path) -> None:
+    patient = expand(load(folder, CAMPAIGN))
+    longer = expand(load(folder, CAMPAIGN.replace(
+        "{n: 2, pass: rate >= 80 %, until: decided, at-most: 5}", "5"
+    )))  # fmt: skip
+    assert [r.repeat for r in patient.runs] == [0, 1] * 4
+    assert [r.repeat for r in patient.reserve] == [2, 3, 4] * 4
+    digests = {run.digest for run in (*patient.runs, *patient.reserve)}
+    assert digests == {run.digest for run in longer.runs}
+
+
+def test_a_leg_that_is_compared_is_timed_in_both_scenarios(folder: Path) -> None:
+    for run in expand(load(folder, CAMPAIGN)).runs:
+        timed = [o.text for o in run.oracles if o.name == "elapsed-on-leg-kitchen"]
+        assert timed == ["max(mission.leg.elapsed) on leg kitchen"]
+
+
+def test_any_change_of_what_is_declared_is_another_campaign(folder: Path) -> None:
+    first = expand(load(folder, CAMPAIGN))
+    other = expand(load(folder, CAMPAIGN.replace("nobody knows", "somebody knows")))
+    assert first.campaign != other.campaign
+    assert [r.digest for r in first.runs] == [r.digest for r in other.runs]
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "expected"),
+    [
+        ("(rude.1 vs calm.1) <=", "(rude.1 vs calm.2) <=",
+         ['tiny.yaml:22:27: no scenario "calm.2" here', 'did you mean "calm.1"?']),
+        ("(rude.1 vs calm.1) <=", "(base vs calm.1) <=", ["tiny.yaml:22:17", "is abstract"]),
+        ("(rude.1 vs calm.1) <=", "(calm.1 vs calm.1) <=", ["compared with itself"]),
+        ("(rude.1 vs calm.1) <=", "(rude.1, calm.1) <=",
+         ["tiny.yaml:22:11", "is not a comparison", "delay(S3.2 vs S3.5) <= 30 s"]),
+        ("<= 0.5 min", "<= 0.5 m", ["tiny.yaml:22:38", '"0.5 m" is in m, delay is in s']),
+        ("<= 0.5 min", "<= 30", ['"30" has no unit, delay is in s']),
+        ("<= 0.5 min", "<= soon", ["tiny.yaml:22:38", '"soon"']),
+        ("nearest(rude.1", "neerest(rude.1", ['no measure "neerest"', '"nearest"?']),
+        ("nearest(rude.1", "reached(rude.1", ['"reached" has a limit', "delay, "]),
+        ("[reached, nearest]", "[reached]",
+         ['"rude.1" does not measure nearest', "add it to the oracles of rude.1"]),
+        ("on leg kitchen", "on leg kitschen", ['no waypoint "kitschen"', '"kitchen"?']),
+        ("nearest(rude.1 vs calm.1)", "nearest(rude.1 vs calm.1 on leg kitchen)",
+         ['"on leg" goes with delay']),
+        ("scenario: rude.*", "scenario: rode.*", ["tiny.yaml:26", 'no scenario "rode.*"']),
+        ("scenario: rude.*, oracle: reached", "scenario: calm.1, oracle: no-contact",
+         ["tiny.yaml:26", 'no oracle "no-contact" judges calm.1']),
+        ("oracle: reached", "oracle: nearest", ['"nearest" is a measure, it has no verdict']),
+        ("oracle: reached", "oracle: reeched", ['"reached"?']),
+        ("sut: pilot}", "sut: [pilot, pylot]}", ['no system under test "pylot"', '"pilot"?']),
+        (', why: "doors shut"', "", ['tiny.yaml:26', 'key "why" is missing']),
+        ("verdict: fail", "verdict: red", ["verdict: must be 'pass', 'fail', 'mixed' or 'any'"]),
+        ("oracle: slower, ", "", ["tiny.yaml:27", 'name a "scenario" or an "oracle"']),
+        ("{n: 2, pass: rate >= 80 %, until: decided, at-most: 5}", "{n: 2, pass: often}",
+         ["tiny.yaml:3:17", '"often" is not a rule', "rate >= 80 %"]),
+        ("rate >= 80 %", "rate >= 100 %", ["no number of runs shows a rate of 100 %"]),
+        ("rate >= 80 %", "all", ['"until: decided" needs']),
+        (", at-most: 5", "", ["need each other"]),
+        ("at-most: 5", "at-most: 2", ["leaves nothing to add"]),
+        ("at-most", "at_most", ['unknown key "at_most"', '"at-most"?']),
+        ("{n: 2, pass: rate >= 80 %, until: decided, at-most: 5}", "many",
+         ["tiny.yaml:3:1: repeats: must be a whole number, or {n: 5, pass: rate >= 80 %}"]),
+        ("worse-by: 10 %", "worse-by: 10 s", ["tiny.yaml:28", '"10 s" is in s']),
+        ("rate >= 80 %", ">= 80 %", ["tiny.yaml:3"]),
+    ],
+)  # fmt: skip
+def test_what_cannot_be_meant_is_reported_where_it_stands(
+    folder: Path, old: str, new: str, expected: list[str]
+) -> None:
+    found = "\n".join(complaints(folder, old, new))
+    for part in expected:
+        assert part in found
+
+
+@pytest.mark.parametrize(
+    ("line", "expected"),
+    [
+        ("seed: 4", ["tiny.yaml:29:1: the same key is written twice"]),
+        ("on: night", ['tiny.yaml:29:1: unknown key "on"']),
+        ("compare: {3.10: delay(calm.1 vs rude.1) < 1 s}", ["the same key is written twice"]),
+    ],
+)
+def test_traps_of_yaml_have_a_message_each(folder: Path, line: str, expected: list[str]) -> None:
+    with pytest.raises(InputError) as caught:
+        load(folder, f"{CAMPAIGN}{line}\n")
+    found = str(caught.value).replace(f"{folder}/", "")
+    assert all(part in found for part in expected)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "expected"),
+    [
+        ("calm.1: {like", "3.10: {like", ["16:3: key 3.10 is a number", '"3.10"']),
+        (
+            "{like: base}",
+            "{like: 3.10}",
+            ["like: must be text", "3.10 is a number", 'write it as "3.10"'],
+        ),
+        ("[pilot, idle]", "[pilot, true]", ["sut: must be text", 'write it as "true"']),
+    ],
+)
+def test_numbers_and_flags_that_mean_text_are_told_how_to(
+    folder: Path, old: str, new: str, expected: list[str]
+) -> None:
+    found = "\n".join(complaints(folder, old, new))
+    for part in expected:
+        assert part in found
