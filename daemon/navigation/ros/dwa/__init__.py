@@ -7,7 +7,16 @@ and takes the one whose trajectory costs least, by distances on the local costma
 from __future__ import annotations
 
 from daemon.navigation.ros.dwa._dwa import Dwa, DwaAnswer
+from daemon.navigation.ros.dwa._footprint import footprint_cost
 from daemon.navigation.ros.dwa._parameters import WITHOUT_EFFECT, DwaParameters, contradictions
 from daemon.navigation.ros.dwa._warmup import warm_up
 
-__all__ = ["WITHOUT_EFFECT", "Dwa", "DwaAnswer", "DwaParameters", "contradictions", "warm_up"]
+__all__ = [
+    "WITHOUT_EFFECT",
+    "Dwa",
+    "DwaAnswer",
+    "DwaParameters",
+    "contradictions",
+    "footprint_cost",
+    "warm_up",
+]

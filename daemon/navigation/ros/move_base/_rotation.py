@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
 from daemon.navigation.ros.grids import CostGrid
 from daemon.navigation.ros.move_base._footprint import turn_is_free
 from daemon.navigation.ros.move_base._parameters import RotateRecoveryParameters
@@ -49,9 +51,10 @@ class Rotate:
         self._heading = pose.yaw
         left = self._left()
         grid = self._local
+        frame, here = (grid.x, grid.y, grid.resolution), (pose.x, pose.y, pose.yaw)
         if not turn_is_free(
-            grid.cells, grid.x, grid.y, grid.resolution, self._footprint,
-            pose.x, pose.y, pose.yaw, left, parameters.sim_granularity,
+            grid.cells, np.array(frame), self._footprint, np.array(here), left,
+            parameters.sim_granularity,
         ):  # fmt: skip
             return Advance(self._at_the_end, True, f"{self.name} cannot turn without a collision")
         speed = math.sqrt(2.0 * parameters.acc_lim_theta * left)

@@ -11,4 +11,4 @@ def warm_up() -> None:
     """Turn a square on an empty costmap."""
     cells = np.zeros((20, 20), np.uint8)
     ring = np.array([(-0.1, -0.1), (0.1, -0.1), (0.1, 0.1), (-0.1, 0.1)])
-    turn_is_free(cells, 0.0, 0.0, 0.05, ring, 0.5, 0.5, 0.0, 0.1, 0.017)
+    turn_is_free(cells, np.array((0.0, 0.0, 0.05)), ring, np.full(3, 0.5), 0.1, 0.017)

@@ -6,7 +6,7 @@ import pkgutil
 from numba.core.dispatcher import Dispatcher
 
 import daemon.navigation.pilot
-from daemon.navigation import warm_up
+from daemon.navigation.pilot import warm_up
 from grammars.values import Pose2
 from tests.daemon.navigation.pilot.plans import DOOR, SIZE, TWO_DOORWAYS
 from tests.daemon.navigation.pilot.world import drive

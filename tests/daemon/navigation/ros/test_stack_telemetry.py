@@ -133,6 +133,7 @@ def compiled() -> dict[str, int]:
     return found
 
 
+@pytest.mark.timeout(600)  # where nothing is compiled yet, everything is compiled here
 def test_after_warming_up_a_run_compiles_nothing(tmp_path: Path) -> None:
     warm_up()
     before = compiled()

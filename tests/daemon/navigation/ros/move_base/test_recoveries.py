@@ -174,5 +174,6 @@ def test_the_kernel_sees_the_same_collisions_as_the_plain_version(
     grid = empty()
     for column, row in lethal:
         grid.cells[row, column] = LETHAL
-    found = turn_is_free(grid.cells, grid.x, grid.y, grid.resolution, RING, x, y, yaw, angle, 0.1)
+    frame, pose = np.array((grid.x, grid.y, grid.resolution)), np.array((x, y, yaw))
+    found = turn_is_free(grid.cells, frame, RING, pose, angle, 0.1)
     assert found == plain_turn_is_free(grid, RING, Pose2(x, y, yaw), angle, 0.1)
