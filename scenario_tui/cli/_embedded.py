@@ -10,36 +10,40 @@ from contextlib import contextmanager
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Final, TypeVar
 
+from daemon.assessment import RunRecord
 from daemon.client import Client
 from daemon.launch import embedded
 from daemon.places import Places
 from daemon.protocol import RunRow
-from scenario_tui.asking import all_runs
-from scenario_tui.cli._output import emit, out, say
+from daemon.report import leave_note
+from scenario_tui.cli._output import out, say
 from scenario_tui.cli._progress import watch
 from scenario_tui.cli._summary import print_summary
-from scenario_tui.summary import report
-from scenario_tui.wording import counted, word_of
+from scenario_tui.cli._told import emit_results
+from scenario_tui.summary import Results, gather
+from scenario_tui.wording import counted
 
 if TYPE_CHECKING:
     from daemon.protocol import Submission
 
+Run = TypeVar("Run", RunRow, RunRecord)
 _ENDURANCE: Final = 20.0
 """Seconds without a worker, or with a full disk, after which nobody is going to help."""
 
 
 def run_here(
     submission: Submission, folder: Path | None, slots: int | None, as_json: bool
-) -> tuple[str, ...]:
-    """Run every run of ``submission``, print the summary, return the word of each run.
+) -> Results:
+    """Run every run of ``submission``, print the summary, return the results.
 
     Traces end up in ``folder``; everything else the daemon needed is removed, also when the
     command is interrupted.
     """
     target = (folder or Path("scenario-results") / submission.campaign).absolute()
     target.mkdir(parents=True, exist_ok=True)
+    leave_note(target, submission)
     started = time.perf_counter()
     with _workshop(target, submission.campaign) as state, embedded(state, slots=slots) as endpoint:
         opened = partial(Client.open, endpoint)
@@ -47,15 +51,19 @@ def run_here(
             daemon.submit(submission)
         row = watch(opened, submission.campaign, endurance=_ENDURANCE)
         with opened() as daemon:
-            found = report(daemon, all_runs(daemon, submission.campaign))
-    rows = tuple(_moved(run, target) for run in found.rows)
+            found = gather(daemon, row)
+    results = replace(
+        found,
+        rows=tuple(_moved(run, target) for run in found.rows),
+        records=tuple(_moved(record, target) for record in found.records),
+    )
     if as_json:
-        emit("results", campaign=row, runs=rows)
+        emit_results(results)
     else:
-        print_summary(row, found, took=time.perf_counter() - started)
-        kept = sum(1 for run in rows if run.trace)
+        print_summary(results, took=time.perf_counter() - started)
+        kept = sum(1 for run in results.rows if run.trace)
         out().print(f"{counted(kept, 'trace')} in {_shown(target)}\n", markup=False, soft_wrap=True)
-    return tuple(word_of(run) for run in rows)
+    return results
 
 
 @contextmanager
@@ -81,8 +89,8 @@ def _move_traces(state: Path, target: Path, campaign: str) -> int:
     return len(traces)
 
 
-def _moved(row: RunRow, target: Path) -> RunRow:
-    return replace(row, trace=str(target / Path(row.trace).name)) if row.trace else row
+def _moved(run: Run, target: Path) -> Run:
+    return replace(run, trace=str(target / Path(run.trace).name)) if run.trace else run
 
 
 def _shown(path: Path) -> str:

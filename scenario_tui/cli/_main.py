@@ -19,6 +19,7 @@ from scenario_tui.cli import (
     _export,
     _judge,
     _reading,
+    _report,
     _services,
     _sut,
     _vary,
@@ -26,9 +27,15 @@ from scenario_tui.cli import (
 from scenario_tui.cli._exits import ExitCode
 from scenario_tui.cli._output import settle_streams
 
-_PANELS: Final = {
+_PANELS: Final[dict[str, tuple[Callable[..., None], ...]]] = {
     "Run campaigns": (_campaign.demo, _campaign.check, _sut.sut, _campaign.run, _campaign.submit),
-    "Look": (_services.tui, _reading.status, _reading.results, _judge.judge),
+    "Look": (
+        _services.tui,
+        _reading.status,
+        _reading.results,
+        _judge.judge,
+        _report.report,
+    ),
     "Understand": (_coverage.coverage,),
     "Steer": (_control.cancel, _control.retry, _control.stop),
     "Machines": (_services.daemon, _services.worker),
@@ -48,6 +55,11 @@ app = typer.Typer(
 for _panel, _commands in _PANELS.items():
     for _command in _commands:
         app.command(rich_help_panel=_panel)(_command)
+
+
+def command_names() -> frozenset[str]:
+    """Return the names of all commands."""
+    return frozenset(command.__name__ for group in _PANELS.values() for command in group)
 
 
 def _print_version(wanted: bool) -> None:

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Protocol
 
 from daemon.errors import Refused, Unreachable
 from daemon.protocol import CampaignRow
@@ -58,7 +59,14 @@ class Target:
             yield client
 
 
-def find_campaign(daemon: Daemon, wanted: str) -> CampaignRow:
+class Campaigns(Protocol):
+    """Whoever knows the campaigns: a daemon, or the ledger itself."""
+
+    def campaigns(self) -> tuple[CampaignRow, ...]:
+        """All campaigns, the newest first."""
+
+
+def find_campaign(daemon: Campaigns, wanted: str) -> CampaignRow:
     """Return the campaign meant by an id, a name (the newest of it) or their beginning.
 
     Without a word it is the newest. Raises :class:`daemon.errors.Refused` when there is none or

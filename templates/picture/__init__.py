@@ -8,11 +8,12 @@ from __future__ import annotations
 from pathlib import Path
 
 from templates.picture._compose import compose
+from templates.picture._driven import Driven
 from templates.picture._figure import Figure
 from templates.picture._png import write_png
 from templates.world import Job
 
-__all__ = ["Figure", "compose", "write_picture", "write_png"]
+__all__ = ["Driven", "Figure", "compose", "write_picture", "write_png"]
 
 
 def write_picture(job: Job) -> tuple[Path, ...]:

@@ -3,23 +3,30 @@
 from __future__ import annotations
 
 from grammars.values import Point2
-from templates.picture import _building, _doors, _frame, _mission
+from templates.picture import _building, _doors, _driven, _frame, _mission
+from templates.picture._driven import Driven
 from templates.picture._figure import Figure, Item
 from templates.picture._labels import Labels
 from templates.picture._page import PAPER, is_below, page_for
 from templates.world import World, start_positions
 
 
-def compose(world: World) -> Figure:
-    """Return the drawing of a world as it is at time 0 of its first repeat."""
+def compose(world: World, run: Driven | None = None) -> Figure:
+    """Return the drawing of a world as it is at time 0 of its first repeat.
+
+    With a ``run`` of it, also the way the robot took.
+    """
     scene, mission = world.scene, world.mission
     points: tuple[Point2, ...] = ()
     if mission:
         points = ((mission.start.x, mission.start.y), *((w.x, w.y) for w in mission.waypoints))
+    if run:
+        points += run.way
     behaviours = world.draws[0].behaviours
     start = start_positions(scene, behaviours)
     page = page_for(scene, start, points)
-    figure = Figure(page.width, page.height, PAPER, world.name, _about(world))
+    about = run.about if run and run.about else _about(world)
+    figure = Figure(page.width, page.height, PAPER, world.name, about)
     labels = Labels()
     walls, swings = _building.walls(scene, page), _doors.swings(scene, page, start)
     bodies = _doors.bodies(scene, page, start)
@@ -46,6 +53,8 @@ def compose(world: World) -> Figure:
     names = _doors.names(scene, page, start, labels)
     if mission:
         on_top.append(("start", _mission.start_label(mission, world.robot, page, labels)))
+    if run:
+        figure.add("driven", _driven.driven(run, page))
     figure.add("space names", _building.names(scene, page, labels))
     figure.add("names", names)
     for name, items in on_top:
@@ -54,6 +63,8 @@ def compose(world: World) -> Figure:
     low = any(is_below(s.z_min, s.z_max) for s in scene.solids)
     doors, driven = bool(scene.objects), mission is not None
     figure.add("legend", _frame.legend(page, doors=doors, low=low, mission=driven))
+    if run:
+        figure.add("key", _driven.key(run, page))
     figure.add("scale", _frame.scale_bar(page))
     return figure
 

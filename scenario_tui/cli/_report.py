@@ -1,0 +1,185 @@
+"""The command that writes reports, and pictures of single runs."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Final
+
+import typer
+
+from scenario_tui.cli._exits import ExitCode
+from scenario_tui.cli._options import AsJson, State
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from daemon.places import Places
+    from daemon.report import Chosen, Command, Gathered, Material
+
+_DEFAULT: Final = Path("report.html")
+_LOOKS: Final = (
+    ("replay", "scenario replay {run}", "watch it again"),
+    ("report", "scenario report --run {run} -o run.svg", "a picture of it"),
+    ("judge", "scenario judge {run}", "judge it again"),
+    ("blame", "scenario blame {run}", "find out what makes it fail"),
+)
+
+
+def report(
+    campaign: Annotated[
+        str,
+        typer.Argument(
+            metavar="CAMPAIGN",
+            help="Id or name of a campaign, or how it begins, or a folder of traces. "
+            "Default: the newest campaign.",
+        ),
+    ] = "",
+    output: Annotated[
+        Path | None,
+        typer.Option(
+            "--output", "-o", metavar="FILE", help="The page to write. Default: report.html."
+        ),
+    ] = None,
+    junit: Annotated[
+        Path | None,
+        typer.Option("--junit", metavar="FILE", help="Write verdicts as JUnit XML."),
+    ] = None,
+    csv: Annotated[
+        Path | None,
+        typer.Option("--csv", metavar="FILE", help="Write all measures and margins as CSV."),
+    ] = None,
+    parquet: Annotated[
+        Path | None,
+        typer.Option("--parquet", metavar="FILE", help="The same as Parquet."),
+    ] = None,
+    run: Annotated[
+        str,
+        typer.Option(
+            "--run", metavar="RUN", help="Only draw this run: an id or a trace (.svg or .png)."
+        ),
+    ] = "",
+    exit_status: Annotated[
+        bool,
+        typer.Option("--exit-status", help="Leave with the code of the verdicts, 1 for a failure."),
+    ] = False,
+    processes: Annotated[
+        int | None,
+        typer.Option("--processes", "-j", min=1, max=1024, help="Default: one per core."),
+    ] = None,
+    state: State = None,
+    as_json: AsJson = False,
+) -> None:
+    """Write a campaign as one page with figures, or as tables for machines."""
+    from daemon.places import Places
+    from daemon.report import gather, write_csv, write_junit, write_page, write_parquet
+
+    places = Places.find(state)
+    if run:
+        _draw(run, campaign, output, places, as_json=as_json)
+        return
+    tables = {"junit": junit, "csv": csv, "parquet": parquet}
+    page = output or (None if any(tables.values()) else _DEFAULT)
+    chosen = _chosen(campaign, places)
+    material = gather(chosen, processes=processes, watched=_watched)
+    if page is not None:
+        _write(page, write_page(material, _commands(), processes=processes))
+    for writer, path in ((write_junit, junit), (write_csv, csv), (write_parquet, parquet)):
+        if path is not None:
+            writer(material, path)
+    written = {"page": page} | tables
+    _tell(material, {kind: path for kind, path in written.items() if path}, as_json=as_json)
+    if exit_status:
+        raise typer.Exit(ExitCode(material.assessment.exit_code))
+
+
+def _chosen(campaign: str, places: Places) -> Chosen:
+    """Return what is meant: a folder of traces, else a campaign of the state directory."""
+    from daemon.report import folder_of_traces, open_ledger, recorded
+    from scenario_tui.cli._session import find_campaign
+
+    folder = Path(campaign)
+    if campaign and folder.is_dir():
+        return folder_of_traces(folder)
+    if folder.suffix == ".mcap":
+        message = "a report is about a campaign or a folder of traces"
+        raise typer.BadParameter(f"{message}: for one run there is --run", param_hint="CAMPAIGN")
+    reader = open_ledger(places)
+    return recorded(reader, find_campaign(reader, campaign), places)
+
+
+def _commands() -> tuple[Command, ...]:
+    """Return what can be typed about a run with this version."""
+    from daemon.report import Command
+    from scenario_tui.cli._main import command_names
+
+    known = command_names()
+    return tuple(Command(text, purpose) for name, text, purpose in _LOOKS if name in known)
+
+
+def _watched(found: Iterable[Gathered], total: int) -> Iterable[Gathered]:
+    """Show how far it is, where somebody looks and it takes a while."""
+    from rich.progress import track
+
+    from scenario_tui.cli._output import err
+
+    console = err()
+    return track(
+        found,
+        description="reading traces",
+        total=total,
+        console=console,
+        transient=True,
+        disable=not console.is_terminal,
+    )
+
+
+def _write(path: Path, text: str) -> None:
+    path.write_text(text, encoding="utf-8")
+
+
+def _tell(material: Material, written: dict[str, Path], *, as_json: bool) -> None:
+    from daemon.report import answer
+    from scenario_tui.cli._output import emit, out
+
+    said = answer(material.assessment, material.runs)
+    if as_json:
+        emit(
+            "report",
+            campaign=material.chosen.name,
+            runs=len(material.runs),
+            answer=f"{said.word}. {said.sentence}",
+            exit_code=material.assessment.exit_code,
+            written={kind: str(path) for kind, path in written.items()},
+        )
+        return
+    console = out()
+    console.print(f"{material.chosen.name}: {said.word}. {said.sentence}", markup=False)
+    for file, problem in material.chosen.unread:
+        console.print(f"not read: {file}: {problem}", markup=False, soft_wrap=True)
+    for path in written.values():
+        size = path.stat().st_size / 1e6
+        console.print(f"{path} ({size:.2f} MB)", markup=False, soft_wrap=True)
+
+
+def _draw(run: str, campaign: str, output: Path | None, places: Places, *, as_json: bool) -> None:
+    from daemon.rejudge import find_traces
+    from daemon.report import draw_run
+    from scenario_tui.cli._output import emit, out
+
+    if campaign:
+        raise typer.BadParameter("name a campaign or a run, not both", param_hint="--run")
+    path = output or Path("run.svg")
+    if path.suffix not in (".svg", ".png"):
+        raise typer.BadParameter(f"{path} must end in .svg or .png", param_hint="--output")
+    try:
+        traces = find_traces([run], places)
+    except ValueError as error:
+        raise typer.BadParameter(str(error), param_hint="--run") from error
+    if len(traces) != 1:
+        message = f"{run} means {len(traces)} traces, name one of them"
+        raise typer.BadParameter(message, param_hint="--run")
+    draw_run(traces[0], path)
+    if as_json:
+        emit("picture", trace=str(traces[0]), written=str(path))
+        return
+    out().print(str(path), markup=False, soft_wrap=True)
