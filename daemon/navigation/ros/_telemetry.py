@@ -56,8 +56,8 @@ class PlanLog:
         if plan is None or plan is self._seen or now < self._due - _EARLY:
             return None
         self._seen, self._due = plan, now + _PLAN_PERIOD
-        thin = np.empty((len(plan), 2))
-        thin = thin[: sketch(plan, _SPACING, thin)]
+        room = np.empty((len(plan) + 1, 2))
+        thin = room[: sketch(plan, _SPACING, room)]
         # Its last point is the start, wherever that lies.
         longer = len(thin) > len(self._last)
         if not longer and farthest(thin[:-1], self._last) <= _DIFFERENT:
