@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from scenario_tui.cli._exits import ExitCode, exit_code
+from scenario_tui.cli._exits import ExitCode
+from scenario_tui.cli._gate import Baseline, WorseBy
 from scenario_tui.cli._options import AsJson, CampaignFile, Connect, Slots, State
 
 if TYPE_CHECKING:
@@ -34,7 +35,7 @@ def demo(out: Out = None, slots: Slots = None, as_json: AsJson = False) -> None:
     from scenario_tui.cli._summary import print_commands
 
     with as_file(files("campaigns")) as folder:
-        words = run_here(_prepared(folder / "demo" / "campaign.yaml"), out, slots, as_json)
+        found = run_here(_prepared(folder / "demo" / "campaign.yaml"), out, slots, as_json)
     if not as_json:
         console().print("This is what testing with scenarios looks like. Make it yours:")
         print_commands(
@@ -43,27 +44,37 @@ def demo(out: Out = None, slots: Slots = None, as_json: AsJson = False) -> None:
             ("scenario tui", "watch it in the dashboard"),
         )
     # A demo may well show a failing robot: it succeeds when every run was judged.
-    judged = set(words) <= {"pass", "fail", "inconclusive"}
+    judged = set(found.words) <= {"pass", "fail", "inconclusive"}
     raise typer.Exit(ExitCode.EXPECTED if judged else ExitCode.INFRASTRUCTURE)
 
 
 def run(
-    campaign: CampaignFile, out: Out = None, slots: Slots = None, as_json: AsJson = False
+    campaign: CampaignFile,
+    baseline: Baseline = "",
+    worse_by: WorseBy = None,
+    out: Out = None,
+    slots: Slots = None,
+    as_json: AsJson = False,
 ) -> None:
     """Run a campaign here and now, without a daemon.
 
     Nothing is left behind but the traces, in scenario-results/ unless told otherwise.
     """
+    from scenario_tui.cli._compare import print_between
     from scenario_tui.cli._embedded import run_here
+    from scenario_tui.cli._gate import final_code, hold
     from scenario_tui.cli._summary import print_commands
 
-    words = run_here(_prepared(campaign), out, slots, as_json)
+    found = run_here(_prepared(campaign), out, slots, as_json)
+    between = hold(found, baseline, worse_by, None)
     if not as_json:
+        if between is not None:
+            print_between(between)
         print_commands(
             (f"scenario submit {campaign}", "run it with the daemon, results are kept"),
             ("scenario tui", "the dashboard of the daemon"),
         )
-    raise typer.Exit(exit_code(words))
+    raise typer.Exit(final_code(found, between))
 
 
 def submit(
@@ -71,9 +82,16 @@ def submit(
     watch: Annotated[
         bool, typer.Option("--watch", "-w", help="Stay until it is finished, show progress.")
     ] = False,
-    again: Annotated[
-        bool, typer.Option("--again", help="Run everything anew even when it ran before.")
+    fresh: Annotated[
+        bool,
+        typer.Option(
+            "--fresh",
+            help="Run everything anew. Otherwise runs whose specification has a result keep it, "
+            "also when the code of a system under test has changed since.",
+        ),
     ] = False,
+    baseline: Baseline = "",
+    worse_by: WorseBy = None,
     slots: Slots = None,
     connect: Connect = "",
     state: State = None,
@@ -81,13 +99,16 @@ def submit(
 ) -> None:
     """Hand a campaign to the daemon, watch it if you like.
 
-    A daemon is started on this machine if none answers.
+    Only runs that have no result yet are executed. A daemon is started on this machine if none
+    answers.
     """
     from scenario_tui.cli._output import emit, say
     from scenario_tui.cli._session import Target
     from scenario_tui.cli._submit import start_daemon_if_needed, tell_receipt, watch_to_the_end
 
-    submission = _prepared(campaign, again=again)
+    if baseline and not watch:
+        raise typer.BadParameter("is judged at the end: add --watch", param_hint="--baseline")
+    submission = _prepared(campaign, fresh=fresh)
     target = Target(connect, state)
     start_daemon_if_needed(target, slots)
     endpoint = target.endpoint
@@ -95,7 +116,8 @@ def submit(
         receipt = daemon.submit(submission)
     say(tell_receipt(receipt))
     if watch:
-        raise typer.Exit(watch_to_the_end(target, submission.campaign, as_json))
+        code = watch_to_the_end(target, submission.campaign, as_json, baseline, worse_by)
+        raise typer.Exit(code)
     if as_json:
         emit("submit", receipt=receipt, endpoint=endpoint)
         return
@@ -138,7 +160,7 @@ def check(
         raise typer.Exit(ExitCode.BAD_INPUT)
 
 
-def _prepared(path: Path, *, again: bool = False) -> Submission:
+def _prepared(path: Path, *, fresh: bool = False) -> Submission:
     """Load, check and expand a campaign; warnings are printed, errors raise ``InputError``."""
     from daemon.campaign import check as check_campaign
     from daemon.campaign import expand, load_campaign
@@ -150,4 +172,4 @@ def _prepared(path: Path, *, again: bool = False) -> Submission:
     if any(d.severity is Severity.ERROR for d in found):
         raise InputError(found)
     report(found)
-    return expand(campaign, fresh=again)
+    return expand(campaign, fresh=fresh)

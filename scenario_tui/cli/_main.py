@@ -13,6 +13,7 @@ import typer
 from grammars.diagnostics import InputError
 from scenario_tui.cli import (
     _campaign,
+    _compare,
     _control,
     _coverage,
     _editor,
@@ -34,6 +35,7 @@ _PANELS: Final[dict[str, tuple[Callable[..., None], ...]]] = {
         _reading.status,
         _reading.results,
         _judge.judge,
+        _compare.compare,
         _report.report,
     ),
     "Understand": (_coverage.coverage,),

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from scenario_tui.cli._exits import exit_code
+from scenario_tui.cli._gate import Baseline, WorseBy
 from scenario_tui.cli._options import AsJson, Connect, State
 
 if TYPE_CHECKING:
@@ -98,38 +99,54 @@ def results(
     runs: Annotated[bool, typer.Option("--runs", help="List every run and its trace.")] = False,
     state: State = None,
     outcome: Annotated[
-        str, typer.Option("--outcome", help="Only runs with this verdict, pass, fail ...")
+        str, typer.Option("--outcome", help="List only runs with this verdict, pass, fail ...")
     ] = "",
-    text: Annotated[str, typer.Option("--filter", help="Only runs that mention this text.")] = "",
+    text: Annotated[
+        str, typer.Option("--filter", help="List only runs that mention this text.")
+    ] = "",
     exit_status: Annotated[
         bool,
-        typer.Option("--exit-status", help="Leave with the code of the verdicts, 1 for a failure."),
+        typer.Option(
+            "--exit-status",
+            help="Leave with the code of the campaign: 0 as expected, 1 not, 3 broken, 4 open.",
+        ),
     ] = False,
+    baseline: Baseline = "",
+    worse_by: WorseBy = None,
     connect: Connect = "",
     as_json: AsJson = False,
 ) -> None:
-    """Show the verdicts of a campaign: every cell, what failed and why."""
+    """Show what came out of a campaign: every cell, what is not as expected and why."""
     from scenario_tui.asking import all_runs
-    from scenario_tui.cli._output import emit
+    from scenario_tui.cli._compare import print_between
+    from scenario_tui.cli._gate import final_code, hold
     from scenario_tui.cli._session import Target, find_campaign
     from scenario_tui.cli._summary import print_summary
-    from scenario_tui.summary import report
-    from scenario_tui.wording import word_of
+    from scenario_tui.cli._told import emit_results
+    from scenario_tui.summary import gather
 
-    with Target(connect, state).open() as daemon:
+    target = Target(connect, state)
+    with target.open() as daemon:
         row = find_campaign(daemon, campaign)
-        rows = all_runs(daemon, row.id, outcome=outcome, text=text)
-        found = report(daemon, rows)
+        found = gather(daemon, row)
+        rows = found.rows
+        if outcome or text:
+            rows = all_runs(daemon, row.id, outcome=outcome, text=text)
+    between = hold(found, baseline, worse_by, target.open)
     if as_json:
-        emit("results", campaign=row, runs=list(rows))
+        emit_results(replace(found, rows=rows), comparison=between)
+    elif outcome or text:
+        _print_runs(rows)
     else:
-        print_summary(row, found, took=_took(row))
+        print_summary(found, took=_took(row))
+        if between is not None:
+            print_between(between)
         if runs:
             _print_runs(rows)
         else:
             _print_whereabouts(row, rows)
-    if exit_status:
-        raise typer.Exit(exit_code(word_of(run) for run in rows))
+    if exit_status or baseline:
+        raise typer.Exit(final_code(found, between))
 
 
 def _took(row: CampaignRow) -> float | None:
@@ -167,5 +184,6 @@ def _print_runs(rows: tuple[RunRow, ...]) -> None:
     for row in rows:
         word = Text(glyph_word(word_of(row)), style=STYLES[word_of(row)])
         shown = margin(row.margin, row.unit) if row.oracle else ""
-        table.add_row(run_label(row), word, row.oracle, shown, row.trace)
+        kept = f"{row.trace or row.reason} (cached)" if row.cached else row.trace
+        table.add_row(run_label(row), word, row.oracle, shown, kept)
     out().print(table)

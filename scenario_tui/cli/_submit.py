@@ -5,14 +5,16 @@ from __future__ import annotations
 from daemon.launch import ensure_daemon, running_daemon
 from daemon.places import Places
 from daemon.protocol import Receipt
-from scenario_tui.asking import all_runs
-from scenario_tui.cli._exits import ExitCode, exit_code
-from scenario_tui.cli._output import emit, say
+from scenario_tui.cli._compare import print_between
+from scenario_tui.cli._exits import ExitCode
+from scenario_tui.cli._gate import final_code, hold
+from scenario_tui.cli._output import say
 from scenario_tui.cli._progress import watch
 from scenario_tui.cli._session import Target
 from scenario_tui.cli._summary import print_commands, print_summary
-from scenario_tui.summary import report
-from scenario_tui.wording import counted, word_of
+from scenario_tui.cli._told import emit_results
+from scenario_tui.summary import gather
+from scenario_tui.wording import counted
 
 
 def start_daemon_if_needed(target: Target, slots: int | None) -> None:
@@ -29,11 +31,14 @@ def tell_receipt(receipt: Receipt) -> str:
     """Say what became of a submission."""
     runs = counted(receipt.runs, "run")
     if receipt.known:
-        return f"{receipt.campaign} is known already, its {runs} are kept (--again runs them anew)"
-    return f"submitted {receipt.campaign}: {runs}"
+        return f"{receipt.campaign} is known already, its {runs} are kept (--fresh runs them anew)"
+    cached = f", {receipt.cached:,} cached (--fresh runs them anew)" if receipt.cached else ""
+    return f"submitted {receipt.campaign}: {runs}{cached}"
 
 
-def watch_to_the_end(target: Target, campaign: str, as_json: bool) -> int:
+def watch_to_the_end(
+    target: Target, campaign: str, as_json: bool, baseline: str = "", worse_by: str | None = None
+) -> int:
     """Watch a campaign, print its summary, return the exit code it deserves.
 
     Ctrl-C ends the watching only.
@@ -44,15 +49,17 @@ def watch_to_the_end(target: Target, campaign: str, as_json: bool) -> int:
         say(f"\n{campaign} goes on; come back with `scenario tui` or `scenario results {campaign}`")
         return ExitCode.INTERRUPTED
     with target.open() as daemon:
-        rows = all_runs(daemon, campaign)
-        found = report(daemon, rows)
+        results = gather(daemon, row)
+    between = hold(results, baseline, worse_by, target.open)
     if as_json:
-        emit("results", campaign=row, runs=rows)
+        emit_results(results, comparison=between)
     else:
         took = (row.finished_at or row.submitted_at) - row.submitted_at
-        print_summary(row, found, took=took)
+        print_summary(results, took=took)
+        if between is not None:
+            print_between(between)
         print_commands(
             ("scenario tui", "look at it in the dashboard"),
             (f"scenario results {campaign} --runs", "every run and its trace"),
         )
-    return exit_code(word_of(run) for run in rows)
+    return final_code(results, between)

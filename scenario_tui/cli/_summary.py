@@ -1,22 +1,20 @@
-"""The end of a campaign on standard output: cells, what went wrong, where the traces lie."""
+"""The end of a campaign on standard output: cells, surprises, what could not be decided."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from typing import Final
 
-from rich import box
 from rich.console import Console
-from rich.table import Table
 from rich.text import Text
 
-from daemon.protocol import CampaignRow, RunDetail, RunRow
-from daemon.verdict import Evidence, Verdict
+from daemon.assessment import OracleCell, Surprise
+from daemon.statistics import at_least
+from daemon.verdict import Outcome, Verdict
+from scenario_tui.cli._matrix import Footnotes, comparison_table, matrix
 from scenario_tui.cli._output import out
-from scenario_tui.summary import Cell, Report, against, problems
+from scenario_tui.summary import Results
 from scenario_tui.wording import (
-    GLYPHS,
-    NOTHING,
     STYLES,
     counted,
     duration,
@@ -24,101 +22,91 @@ from scenario_tui.wording import (
     margin,
     moment,
     run_label,
-    word_of,
 )
 
-LISTED_PROBLEMS: Final = 12
-_SINGLE_GLYPHS: Final = 20
+LISTED: Final = 12
 
 
-def print_summary(row: CampaignRow, report: Report, *, took: float | None = None) -> None:
-    """Print the table of cells and the runs that did not pass."""
-    console = out()
-    console.print(_headline(row, took))
+def print_summary(results: Results, *, took: float | None = None) -> None:
+    """Print the matrix of cells, the comparisons, and what is not as expected."""
+    console, notes, judged = out(), Footnotes(), results.assessment
+    console.print(_headline(results, took))
     console.print()
-    console.print(_table(report))
+    console.print(matrix(results, notes))
+    if judged.comparisons:
+        console.print()
+        console.print(comparison_table(judged.comparisons, notes))
+    for reason, letter in notes.letters.items():
+        console.print(Text.assemble((letter, "bold"), f"  known: {reason}"))
     console.print()
-    print_problems(console, report)
+    _print_list(console, "unexpected", [_surprise(found) for found in judged.surprises])
+    _print_list(console, "undecided", [_undecided(found) for found in results.undecided])
+    lost = [
+        _line("lost", run_label(row), row.reason.strip().splitlines()[-1:])
+        for row in results.unexecuted
+    ]
+    _print_list(console, "not executed", lost)
+    console.print(_conclusion(results), markup=False)
+    console.print()
 
 
-def _headline(row: CampaignRow, took: float | None) -> Text:
+def _headline(results: Results, took: float | None) -> Text:
+    row = results.row
     text = Text.assemble((row.name, "bold"))
     if row.about:
         text.append(f"  {row.about}", style="dim")
     text.append(f"\n{counted(row.total, 'run')}")
+    if row.cached:
+        text.append(f", {row.cached:,} cached")
     if took is not None:
         text.append(f" in {duration(took)}" if took >= 1 else f" in {took:.1f} s")
     return text
 
 
-def _table(report: Report) -> Table:
-    table = Table(box=box.SIMPLE_HEAD, pad_edge=False, show_edge=False)
-    for title in ("scenario", "SUT", "repeats", "verdict", "worst margin", "in repeat"):
-        table.add_column(title, overflow="fold")
-    for cell in report.cells:
-        table.add_row(*_cell(cell, report))
-    return table
+def _print_list(console: Console, title: str, lines: list[Text]) -> None:
+    if not lines:
+        return
+    console.print(Text(f"{len(lines):,} {title}:", style="bold"))
+    for line in lines[:LISTED]:
+        console.print(line, soft_wrap=True)
+    if len(lines) > LISTED:
+        console.print(f"and {len(lines) - LISTED} more")
+    console.print()
 
 
-def _cell(cell: Cell, report: Report) -> tuple[Text | str, ...]:
-    worst = cell.worst
-    evidence = report.evidence(worst) if worst is not None else Evidence()
-    if worst is None or not worst.oracle:
-        return cell.scenario, cell.sut, repeats(cell.rows), verdict_counts(cell), NOTHING, ""
-    shown = f"{worst.oracle} {margin(worst.margin, worst.unit)}"
-    return (
-        cell.scenario,
-        cell.sut,
-        repeats(cell.rows),
-        verdict_counts(cell),
-        shown,
-        str(worst.repeat) + ("" if evidence.time is None else f" at {moment(evidence.time)}"),
-    )
-
-
-def repeats(rows: Sequence[RunRow]) -> Text:
-    """Return one glyph for each repeat, or their number when there are many."""
-    if len(rows) > _SINGLE_GLYPHS:
-        return Text(f"{len(rows):,}")
-    text = Text()
-    for row in rows:
-        text.append(GLYPHS[word_of(row)], style=STYLES[word_of(row)])
+def _surprise(found: Surprise) -> Text:
+    text = _line(str(found.verdict), found.text, [found.why and f"known: {found.why}"])
+    if found.run:
+        text.append(f"  -> {found.run}", style="cyan")
     return text
 
 
-def verdict_counts(cell: Cell) -> Text:
-    """Return ``✗ 2 fail, ✓ 3 pass``; a single repeat gets ``✓ pass``."""
-    text = Text()
-    for word, count in cell.words.items():
-        label = glyph_word(word) if len(cell.rows) == 1 else f"{GLYPHS[word]} {count} {word}"
-        text.append(", " if text else "")
-        text.append(label, style=STYLES[word])
+def _undecided(oracle: OracleCell) -> Text:
+    worst = oracle.worst.verdict if oracle.worst else None
+    note = worst.evidence.note if worst and worst.outcome is not Outcome.PASS else ""
+    said = f"{oracle.sut} {oracle.scenario} {oracle.oracle}"
+    return _line(str(oracle.verdict), said, [oracle.statement, note])
+
+
+def _line(word: str, subject: str, more: Iterable[str]) -> Text:
+    text = Text.assemble("  ", (glyph_word(word), STYLES[word]), "  ", subject)
+    for part in more:
+        text.append(f"  {part}" if part else "")
     return text
 
 
-def print_problems(console: Console, report: Report) -> None:
-    """Print every run that did not pass, with the oracles against it, up to a dozen."""
-    found = problems(report.rows)
-    for row in found[:LISTED_PROBLEMS]:
-        word = word_of(row)
-        console.print(
-            Text.assemble((glyph_word(word), STYLES[word]), "  ", (run_label(row), "bold"))
-        )
-        for line in _against(row, report.details.get(row.id)):
-            console.print(f"    {line}", markup=False)
-    hidden = len(found) - LISTED_PROBLEMS
-    if hidden > 0:
-        console.print(f"and {hidden} more that did not pass")
-    if found:
-        console.print()
-
-
-def _against(row: RunRow, detail: RunDetail | None) -> Iterable[str]:
-    note = detail.result.note if detail is not None and detail.result is not None else ""
-    reason = row.reason.strip().splitlines()[-1:]
-    lines = [verdict_line(verdict) for verdict in against(detail)]
-    lines.extend(extra for extra in (note, *reason) if extra)
-    return lines or [f"{row.oracle} {margin(row.margin, row.unit)}".strip()]
+def _conclusion(results: Results) -> str:
+    """Return the last word: whether all is as expected, and how little that shows."""
+    code = results.assessment.exit_code
+    said = {
+        0: "everything is as expected",
+        1: "not as expected",
+        3: "some runs could not be executed or judged",
+    }.get(code, "not everything is decided")
+    n = results.declared.policy.n
+    if code == 0 and results.declared.policy.rule == "all":
+        said += f"; {n} of {n} shows a pass rate of at least {100 * at_least(n, n):.1f} %"
+    return said
 
 
 def verdict_line(verdict: Verdict) -> str:

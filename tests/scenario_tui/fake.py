@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 
+from daemon.assessment import Declared, Policy, RunRecord
 from daemon.errors import Refused, Unreachable
 from daemon.protocol import (
     CampaignRow,
@@ -161,6 +162,18 @@ def make_result(row: RunRow) -> RunResult | None:
     )
 
 
+def make_record(row: RunRow) -> RunRecord:
+    found = RunRecord(
+        row.id, row.scenario, row.sut, row.repeat, f"{row.index:064d}", row.outcome,
+        state=str(row.state), note=row.reason, seed=2024 + row.repeat, cached=row.cached,
+        trace=row.trace or None,
+    )  # fmt: skip
+    result = make_result(row)
+    if result is None:
+        return found
+    return replace(found, verdicts=result.verdicts, ended=result.ended, timing=result.timing)
+
+
 def make_live(index: int = 7, time: float = 60.0) -> Live:
     pose = Pose2(1.0 + time / 20.0, 2.0, 0.1)
     snapshot = Snapshot(time, 1200.0, pose, Pose2(pose.x + 0.1, 2.1, 0.1), 1, 3, (-0.9,))
@@ -207,6 +220,7 @@ class FakeDaemon:
     before: Callable[[FakeDaemon], None] | None = None
     trouble: str = ""
     empty: bool = False
+    declares: Declared = field(default_factory=lambda: Declared(Policy(5, "all", 1.0, False, 5)))
 
     @contextmanager
     def open(self) -> Iterator[FakeDaemon]:
@@ -269,6 +283,14 @@ class FakeDaemon:
             if row.id == run:
                 return RunDetail(row, make_spec(row, make_scene().digest), make_result(row))
         raise Refused(f"there is no run {run}")
+
+    def declared(self, campaign: str) -> Declared:
+        self._answer("declared", campaign)
+        return self.declares
+
+    def records(self, campaign: str) -> tuple[RunRecord, ...]:
+        self._answer("records", campaign)
+        return tuple(make_record(row) for row in self.rows if row.campaign == campaign)
 
     def scene(self, digest: str) -> Scene:
         self._answer("scene", digest)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import pytest
 
 from daemon.protocol import Submission
@@ -18,9 +20,9 @@ def test_the_demo_succeeds_when_every_run_was_judged(
 ) -> None:
     given: list[Submission] = []
 
-    def run_here(submission: Submission, *_: object) -> tuple[str, ...]:
+    def run_here(submission: Submission, *_: object) -> SimpleNamespace:
         given.append(submission)
-        return tuple(words)
+        return SimpleNamespace(words=tuple(words))
 
     monkeypatch.setattr(_embedded, "run_here", run_here)
     assert invoke(["demo"]) == code

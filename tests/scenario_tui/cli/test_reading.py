@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 
-from tests.scenario_tui.fake import CAMPAIGN, OLD
+from daemon.assessment import Comparison, Declared, Expectation, Policy
+from tests.scenario_tui.fake import CAMPAIGN, OLD, make_row, make_rows
 
 
 def test_status_names_daemon_counts_and_campaigns(scenario) -> None:
@@ -35,19 +37,70 @@ def test_status_as_json_is_one_object_with_a_schema(scenario) -> None:
     assert said.err == ""
 
 
-def test_results_show_cells_problems_and_where_traces_lie(scenario) -> None:
+def test_results_show_the_matrix_what_is_unexpected_and_where_traces_lie(scenario) -> None:
     said = scenario("results", CAMPAIGN)
     assert said.code == 0
     cell = next(line for line in said.out.splitlines() if line.startswith("S2"))
-    assert "✗✗▶…!" in cell
-    assert "✗ 2 fail" in cell
-    assert "no-contact −0.12 m" in cell
-    assert "1 at 512.2 s" in cell
-    assert "✗ fail  S2/pilot/0" in said.out
-    assert "no-contact: −0.0312 m at 512.2 s, door-1, front left corner" in said.out
-    assert "worker bench-1 went away" in said.out
+    assert "✗ fail 0/5 ✗✗▶…! !  no-contact −0.12 m at 512.2 s" in cell
+    assert "1 unexpected:" in said.out
+    assert "pilot S2 no-contact  -0.12 m  t=512.2 s  door-1  front left corner" in said.out
+    assert f"(2 of 5 fail)  -> {CAMPAIGN}.6" in said.out
+    assert "! lost  S2/pilot/4  worker bench-1 went away" in said.out
+    assert "not as expected" in said.out
     assert "traces in state/traces" in said.out
     assert "scenario tui" in said.out
+
+
+def test_what_is_known_is_no_surprise_and_says_why(scenario, fake) -> None:
+    known = Expectation("S2", "no-contact", ("pilot",), "mixed", "the door is fast")
+    fake.declares = replace(fake.declares, expectations=(known,))
+    fake.rows = fake.rows[:4] + fake.rows[5:7]
+    said = scenario("results", "--exit-status")
+    assert "✗ fail 0/2 ✗✗ a  no-contact" in said.out
+    assert "a  known: the door is fast" in said.out
+    assert "everything is as expected" in said.out
+    assert "5 of 5 shows a pass rate of at least 54.9 %" in said.out
+    assert (said.code, "unexpected" in said.out) == (0, False)
+
+
+def test_a_pass_nobody_expected_is_red_too(scenario, fake) -> None:
+    known = Expectation("S1", "no-contact", (), "fail", "it always hits")
+    fake.declares = replace(fake.declares, expectations=(known,))
+    fake.rows = fake.rows[:4]
+    said = scenario("results", "--exit-status")
+    assert said.code == 1
+    assert "passes 4 of 4, expected fail  known: it always hits" in said.out
+
+
+def test_what_is_not_shown_yet_says_how_many_runs_are_missing(scenario, fake) -> None:
+    fake.declares = Declared(Policy(5, "rate", 0.8))
+    fake.rows = tuple(make_row(i) for i in range(5))
+    said = scenario("results", "--exit-status")
+    assert said.code == 4
+    assert "2 undecided:" in said.out
+    assert "pilot S1 no-contact  5 of 5 shows at least 54.9 %, 9 more runs needed" in said.out
+
+
+def test_systems_under_test_stand_side_by_side(scenario, fake) -> None:
+    fake.rows = tuple(
+        make_row(i + 5 * j, scenario=f"S{s}", sut=sut, id=f"{CAMPAIGN}.{10 * s + 5 * j + i}",
+                 repeat=i, simulated=300.0 + 10 * s * (1 + j) + i / 7)
+        for s in (1, 2) for j, sut in enumerate(("slow", "fast")) for i in range(5)
+    )  # fmt: skip
+    delay = Comparison(
+        "late", "delay", "S2", "S1", None, "<=", 15.0, "s", "delay(S2 vs S1) <= 15 s"
+    )
+    fake.declares = Declared(Policy(5), (delay,))
+    said = scenario("results", "--exit-status").out.splitlines()
+    head = next(line for line in said if line.startswith("scenario"))
+    assert head.split() == ["scenario", "slow", "fast"]
+    assert (
+        next(line for line in said if line.startswith("S1")).split()[1:] == ["✓", "pass", "5/5"] * 2
+    )
+    late = next(line for line in said if line.startswith("late"))
+    assert "✓ pass +10 s [+10, +10] n=5" in late
+    assert "✗ fail +20 s [+20, +20] n=5 !" in late
+    assert "delay(S2 vs S1) <= 15 s" in late
 
 
 def test_results_default_to_the_newest_campaign(scenario, fake) -> None:
@@ -66,11 +119,25 @@ def test_an_unknown_campaign_is_refused_with_a_suggestion(scenario) -> None:
     assert 'there is no campaign "nightlee": did you mean "nightly"?' in said.err
 
 
-def test_results_leave_with_the_verdicts_code_when_asked(scenario) -> None:
+def test_results_leave_with_the_campaigns_code_when_asked(scenario, fake) -> None:
     assert scenario("results").code == 0
     assert scenario("results", "--exit-status").code == 1
-    assert scenario("results", "--outcome", "pass", "--exit-status").code == 0
-    assert scenario("results", "--outcome", "inconclusive", "--exit-status").code == 4
+    fake.rows = fake.rows[:4]
+    assert scenario("results", "--exit-status").code == 0
+    fake.rows = (*fake.rows, make_rows()[9])
+    assert scenario("results", "--exit-status").code == 3
+
+
+def test_a_filter_lists_the_runs_it_admits(scenario) -> None:
+    said = scenario("results", "--outcome", "fail")
+    assert [line.split()[0] for line in said.out.splitlines()[2:]] == ["S2/pilot/0", "S2/pilot/1"]
+
+
+def test_a_cached_run_says_so(scenario, fake) -> None:
+    fake.rows = (make_row(0, cached="old.3"), make_row(1, cached="old.4", trace="", reason="gone"))
+    said = scenario("results", "--runs").out
+    assert "S1.pilot.0.mcap (cached)" in said
+    assert "gone (cached)" in said
 
 
 def test_results_list_every_run_with_its_trace(scenario) -> None:
@@ -84,6 +151,10 @@ def test_results_as_json_hold_every_run(scenario) -> None:
     assert body["schema"] == "scenario/results/1"
     assert len(body["runs"]) == 10
     assert body["runs"][5]["outcome"] == "fail"
+    assert body["records"][5]["verdicts"][0]["oracle"] == "no-contact"
+    assert body["assessment"]["exit_code"] == 1
+    assert body["assessment"]["surprises"][0]["run"] == f"{CAMPAIGN}.6"
+    assert body["declared"]["policy"]["n"] == 5
 
 
 def test_all_runs_are_gathered_page_by_page(fake) -> None:
