@@ -132,6 +132,7 @@ class Navigation:
         )
         self._pose = briefing.start
         """What AMCL has published last."""
+        self._broadcasts = False
         self._unheard: deque[LaserScan] = deque(maxlen=100)
         self._eyes = _Eyes(robot.laser, self._transforms)
         self._set_up_costmaps(briefing)
@@ -203,10 +204,13 @@ class Navigation:
             if not self._parameters.wiring.amcl:
                 continue
             odom = self._transforms.base_at(scan.time)
-            found = self._amcl.scan(scan.time, scan.ranges, odom) or found
-            self._transforms.correct(scan.time, self._amcl.map_to_odom)
-        if found is not None:
-            self._pose = found.pose
+            published = self._amcl.scan(scan.time, scan.ranges, odom)
+            if published is not None:
+                found, self._pose = published, published.pose
+            # Nothing is broadcast before the first publication, afterwards at every scan.
+            self._broadcasts = self._broadcasts or published is not None
+            if self._broadcasts:
+                self._transforms.correct(scan.time, self._amcl.map_to_odom)
         return found
 
     def _update_costmaps(self, now: float) -> None:
