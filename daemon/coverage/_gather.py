@@ -2,11 +2,7 @@
 
 from __future__ import annotations
 
-import multiprocessing
-import signal
-from collections.abc import Iterable, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor
-from concurrent.futures.process import BrokenProcessPool
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -20,17 +16,14 @@ from daemon.coverage._margins import margin_histograms
 from daemon.coverage._model import MODEL, FeatureModel
 from daemon.coverage._pairs import Recognised, feature_counts, pair_counts, recognise
 from daemon.coverage._types import Coverage, DoorCount, FloorArea, Unreadable
-from daemon.errors import DaemonError
-from daemon.executor import cores
 from daemon.spec import RunSpec
+from daemon.spread import spread
 from daemon.trace import TraceError, read_trace
 from daemon.verdict import Verdict
 from grammars.scene import Scene
 
 NEAR: Final = 1.5
 """A door is met when the robot's base comes this near [m]."""
-_FEW: Final = 4
-"""So few traces are read sooner than other processes are started."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -74,7 +67,10 @@ def coverage_of(
     """
     told: list[_Told] = []
     unreadable: list[Unreadable] = []
-    for path, one in zip(traces, _spread(partial(_tell, model), traces, processes), strict=True):
+    oracles.warm_up()
+    tell = partial(_tell, model)
+    answers = spread(tell, traces, doing="reading traces", processes=processes)
+    for path, one in zip(traces, answers, strict=True):
         if isinstance(one, str):
             unreadable.append(Unreadable(str(path), one))
         else:
@@ -111,30 +107,6 @@ def _tell(model: FeatureModel, path: Path) -> _Told | str:
         painted=painted(floor_grid(scene, spec.robot.laser.z), trace),
         verdicts=oracles.judge(trace, spec.oracles),
     )
-
-
-def _spread(
-    task: partial[_Told | str], traces: Sequence[Path], processes: int | None
-) -> Iterator[_Told | str]:
-    count = min(processes or cores(), len(traces))
-    if count < 2 or len(traces) <= _FEW:
-        yield from map(task, traces)
-        return
-    oracles.warm_up()
-    # Forked children have kernels and grammar in memory already; nothing here has threads.
-    context = multiprocessing.get_context("fork")
-    executor = ProcessPoolExecutor(count, mp_context=context, initializer=_ignore_interrupts)
-    try:
-        yield from executor.map(task, traces)
-    except BrokenProcessPool as error:
-        raise DaemonError("a process that reads traces died, perhaps by lack of memory") from error
-    finally:
-        executor.shutdown(cancel_futures=True)
-
-
-def _ignore_interrupts() -> None:
-    """Leave Ctrl-C to the process that people see."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
 def _worlds(

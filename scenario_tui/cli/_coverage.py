@@ -12,7 +12,13 @@ from scenario_tui.cli._options import AsJson, State
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from daemon.coverage import Coverage, FeatureCount, MarginHistogram
+    from daemon.coverage import (
+        Coverage,
+        FeatureCount,
+        FloorArea,
+        MarginHistogram,
+        RoomArea,
+    )
 
 LISTED: Final = 12
 _BLOCKS: Final = "▁▂▃▄▅▆▇█"
@@ -168,10 +174,15 @@ def _doors(found: Coverage) -> Table:
 def _floor(found: Coverage) -> Table:
     table = _table("floor", "free", "seen by the laser", "driven on")
     for floor in found.floor:
-        for name, area in ((floor.scene, floor), *((f"  {r.room}", r) for r in floor.rooms)):
-            shares = (f"{_share(part, area.free)}" for part in (area.seen, area.driven))
-            table.add_row(name, f"{area.free:.0f} m²", *shares)
+        table.add_row(floor.scene, *_areas(floor))
+        for room in floor.rooms:
+            table.add_row(f"  {room.room}", *_areas(room))
     return table
+
+
+def _areas(area: FloorArea | RoomArea) -> tuple[str, str, str]:
+    seen, driven = _share(area.seen, area.free), _share(area.driven, area.free)
+    return f"{area.free:.0f} m²", seen, driven
 
 
 def _share(part: float, whole: float) -> str:

@@ -12,6 +12,7 @@ import typer
 
 from grammars.diagnostics import InputError
 from scenario_tui.cli import (
+    _blame,
     _campaign,
     _compare,
     _control,
@@ -38,7 +39,7 @@ _PANELS: Final[dict[str, tuple[Callable[..., None], ...]]] = {
         _compare.compare,
         _report.report,
     ),
-    "Understand": (_coverage.coverage,),
+    "Understand": (_coverage.coverage, _blame.blame),
     "Steer": (_control.cancel, _control.retry, _control.stop),
     "Machines": (_services.daemon, _services.worker),
     "Artefacts": (_export.export, _vary.vary),

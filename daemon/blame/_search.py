@@ -1,0 +1,178 @@
+"""The search for what is to blame: first among layers, then among single things."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass
+
+from daemon.blame._case import Candidate, Case
+from daemon.blame._ddmin import ddmin, flip
+from daemon.blame._runner import BudgetSpentError, Judged, Runner
+from daemon.blame._types import Blame, Element, Kind, NotToBlame, Without
+from daemon.spec import OracleText
+from daemon.verdict import Verdict
+from grammars.diagnostics import InputError, did_you_mean
+
+Elements = tuple[Element, ...]
+_PHASES: tuple[tuple[Kind, ...], ...] = (("object",), ("waypoint",), ("behaviour", "parameter"))
+"""Kinds that are reduced together, in this order: what takes most away comes first."""
+
+
+@dataclass(frozen=True, slots=True)
+class Found:
+    """The story of a failure and the smallest run that still fails, with what it is made of."""
+
+    story: Blame
+    smallest: Candidate
+    left: Elements
+
+
+@dataclass(slots=True)
+class _Search:
+    """A search while it lasts: the smallest failing run so far and what is known about it."""
+
+    case: Case
+    oracle: OracleText
+    runner: Runner
+    left: Elements
+    flips: Element | None = None
+    layers: tuple[Without, ...] = ()
+    minimal: bool = False
+
+    def fails(self, configurations: Sequence[Collection[Element]]) -> int | None:
+        """Return the first of these configurations that fails."""
+        return self.runner.first_failing([self.build(kept) for kept in configurations])
+
+    def build(self, kept: Collection[Element]) -> Candidate | None:
+        """Return the run of these elements, ``None`` when they make none."""
+        try:
+            return self.case.candidate(kept, self.oracle)
+        except (InputError, ValueError):
+            return None
+
+    def with_parts(self, added: Collection[Element]) -> Elements:
+        """Return these layers and parameters with everything that is in a run of them."""
+        try:
+            return (*added, *self.case.parts(added))
+        except InputError:
+            return tuple(added)  # and no waypoint: it makes no run
+
+    def layers_fail(self, configurations: Sequence[Collection[Element]]) -> int | None:
+        """Return the first of these sets of layers and parameters whose whole run fails."""
+        return self.fails([self.with_parts(added) for added in configurations])
+
+    def blame_layers(self) -> None:
+        """Find what flips the verdict when it is added, and the layers that are needed."""
+        added = self.case.added
+        if self.layers_fail([()]) == 0:
+            self.left = self.with_parts(())
+            return
+        at = flip(added, self.layers_fail)
+        self.flips = added[at]
+        needed = added[: at + 1]
+        self.left = self.with_parts(needed)
+        for fewer in ddmin(needed, self.layers_fail):
+            needed = fewer
+            self.left = self.with_parts(needed)
+        self.layers = tuple(self._without(element, needed) for element in needed)
+
+    def _without(self, element: Element, needed: Elements) -> Without:
+        """Say how the run ends without one of the layers it needs; it has been executed."""
+        candidate = self.build(self.with_parts([e for e in needed if e != element]))
+        known = self.runner.known(candidate) if candidate is not None else None
+        if known is None:
+            return Without(element, "unresolved", "there is no run, another layer needs it")
+        return Without(element, known.word, known.verdict.evidence.note)
+
+    def reduce(self) -> None:
+        """Take single things away, kind by kind; then prove that no one thing can go."""
+        for kinds in _PHASES:
+            self._reduce([e for e in self.left if e.kind in kinds])
+        while self._drop_one():
+            pass
+        self.minimal = True
+
+    def _reduce(self, items: Sequence[Element]) -> None:
+        """Reduce ``items`` among what is left; the rest of it stays."""
+        whole = self.left
+
+        def kept(chosen: Collection[Element]) -> Elements:
+            return tuple(e for e in whole if e not in items or e in chosen)
+
+        for chosen in ddmin(items, lambda tried: self.fails([kept(c) for c in tried])):
+            self.left = kept(chosen)
+
+    def _drop_one(self) -> bool:
+        items = [e for kinds in _PHASES for e in self.left if e.kind in kinds]
+        smaller = [tuple(e for e in self.left if e != item) for item in items]
+        hit = self.fails(smaller)
+        if hit is not None:
+            self.left = smaller[hit]
+        return hit is not None
+
+
+def blame(case: Case, runner: Runner, oracle: str = "") -> Found:
+    """Find out why a run fails, and return the story with the smallest run that still does.
+
+    ``oracle`` names the one whose verdict matters; without it, it is the first that fails. What
+    was found before the budget was spent or Ctrl-C was pressed is kept and told as such. Raises
+    :class:`NotToBlame` for a run that does not fail, and :class:`BudgetSpentError` or
+    ``KeyboardInterrupt`` before that is known.
+    """
+    asked, first = _reproduced(case, runner, oracle)
+    whole = (*case.added, *case.parts(case.added))
+    search = _Search(case, asked, runner, whole)
+    stopped = ""
+    try:
+        search.blame_layers()
+        search.reduce()
+    except BudgetSpentError:
+        stopped = f"the budget of {runner.budget} runs is spent"
+    except KeyboardInterrupt:
+        stopped = "interrupted"
+    smallest = case.candidate(search.left, asked)
+    last = runner.known(smallest) or first
+    story = _story(search, first.verdict, last.verdict, whole, smallest, stopped)
+    return Found(story, smallest, search.left)
+
+
+def _reproduced(case: Case, runner: Runner, oracle: str) -> tuple[OracleText, Judged]:
+    """Execute the run as it is; return the oracle that fails and its verdict."""
+    names = [o.name for o in case.spec.oracles]
+    if oracle and oracle not in names:
+        hint = did_you_mean(oracle, names)
+        raise NotToBlame(f'{case.spec.label} has no oracle "{oracle}", {hint}')
+    endings = runner.judge_all(Candidate(case.spec, case.scene))
+    whole = (*case.added, *case.parts(case.added))
+    for one, ended in zip(case.spec.oracles, endings, strict=True):
+        if ended.word == "fail" and oracle in ("", one.name):
+            runner.remember(case.candidate(whole, one), ended)
+            return one, ended
+    said = ", ".join(f"{v.verdict.oracle} {v.verdict.outcome}" for v in endings)
+    raise NotToBlame(f"{case.spec.label} does not fail{' ' + oracle if oracle else ''}: {said}")
+
+
+def _story(
+    search: _Search,
+    verdict: Verdict,
+    last: Verdict,
+    whole: Elements,
+    smallest: Candidate,
+    stopped: str,
+) -> Blame:
+    spec, scene = smallest.spec, smallest.scene
+    kinds: tuple[Kind, ...] = ("object", "waypoint", "behaviour", "parameter")
+    return Blame(
+        run=search.case.spec.label,
+        verdict=verdict,
+        flips=search.flips,
+        layers=search.layers,
+        objects=tuple(thing.name for thing in scene.objects),
+        behaviours=tuple(e.name for e in search.left if e.kind == "behaviour"),
+        waypoints=tuple(waypoint.id for waypoint in spec.mission.waypoints),
+        parameters=tuple(e.name for e in search.left if e.kind == "parameter"),
+        before=tuple((kind, sum(e.kind == kind for e in whole)) for kind in kinds),
+        last=last,
+        minimal=search.minimal,
+        stopped=stopped,
+    )

@@ -1,0 +1,191 @@
+"""The command that says why a run fails."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from scenario_tui.cli._exits import ExitCode
+from scenario_tui.cli._options import AsJson, State
+
+if TYPE_CHECKING:
+    from daemon.blame import Blame, Case, Element, Meant, Runner
+
+
+def blame(
+    run: Annotated[
+        list[str],
+        typer.Argument(
+            metavar="RUN | CAMPAIGN.yaml SCENARIO [SUT [REPEAT]]",
+            help="A failed run: its trace (.mcap), its id, or its place in a campaign file.",
+        ),
+    ],
+    oracle: Annotated[
+        str, typer.Option("--oracle", help="The verdict to explain. Default: the first failing.")
+    ] = "",
+    runs: Annotated[
+        int, typer.Option("--runs", "-n", min=1, max=100_000, help="At most so many runs.")
+    ] = 100,
+    campaign: Annotated[
+        Path | None,
+        typer.Option(
+            "--campaign",
+            metavar="FILE",
+            help="Campaign file of a trace or id. Default: looked for below this folder.",
+        ),
+    ] = None,
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            "--out",
+            "-o",
+            metavar="DIR",
+            help="Where the smallest failing scenario goes. Default: scenario-results/blame/RUN/.",
+        ),
+    ] = None,
+    state: State = None,
+    as_json: AsJson = False,
+) -> None:
+    """Find the layer or parameter that makes a run fail, and the least that still fails.
+
+    Runs are executed here, two at a time. Ctrl-C keeps what was found.
+    """
+    from daemon.blame import BudgetSpentError, NotToBlame, Runner, load_case, save
+    from daemon.blame import blame as search
+    from scenario_tui.cli._output import emit, say
+
+    meant = _meant(run, state, campaign)
+    case = load_case(meant.campaign, meant.scenario, meant.sut, meant.repeat)
+    if meant.note:
+        say(f"{case.spec.label}: {meant.note}")
+    try:
+        with _watched() as watch:
+            runner = Runner(runs, watch=watch)
+            found = search(case, runner, oracle)
+            file = save(case, found, out or _folder(case), runner)
+    except NotToBlame as error:
+        say(f"scenario: {error}")
+        raise typer.Exit(ExitCode.INCONCLUSIVE) from error
+    except BudgetSpentError as error:
+        raise typer.BadParameter("not even the run itself fits", param_hint="--runs") from error
+    if as_json:
+        spent = {"runs": runner.runs, "cached": runner.cached, "seconds": runner.seconds}
+        emit("blame", blame=found.story, **spent, saved=str(file))
+    else:
+        _print(case, found.story, runner, file)
+    raise typer.Exit(
+        ExitCode.INTERRUPTED if found.story.stopped == "interrupted" else ExitCode.EXPECTED
+    )
+
+
+def _meant(run: list[str], state: State, campaign: Path | None) -> Meant:
+    from daemon.blame import find_run
+    from daemon.places import Places
+    from grammars.diagnostics import InputError
+
+    try:
+        return find_run(run, Places.find(state), campaign)
+    except InputError:
+        raise
+    except ValueError as error:
+        raise typer.BadParameter(str(error), param_hint="RUN") from error
+
+
+def _folder(case: Case) -> Path:
+    from daemon.places import trace_name
+
+    spec = case.spec
+    name = trace_name(case.campaign.name, spec.scenario, spec.sut.name, spec.repeat)
+    return Path("scenario-results") / "blame" / name.removesuffix(".mcap")
+
+
+@contextmanager
+def _watched() -> Iterator[_Watch]:
+    """Show how many runs it took so far, on one line, where somebody looks."""
+    watch = _Watch()
+    try:
+        yield watch
+    finally:
+        watch.wipe()
+
+
+class _Watch:
+    """A line of progress without a thread: runs are forked, and threads do not survive that."""
+
+    def __init__(self) -> None:
+        from scenario_tui.cli._output import err
+
+        self._console = err()
+
+    def __call__(self, runner: Runner) -> None:
+        if self._console.is_terminal:
+            text = f"{runner.runs} runs, {runner.seconds:.0f} s"
+            self._console.file.write(f"\r{text}\x1b[K")
+            self._console.file.flush()
+
+    def wipe(self) -> None:
+        if self._console.is_terminal:
+            self._console.file.write("\r\x1b[K")
+            self._console.file.flush()
+
+
+def _print(case: Case, story: Blame, runner: Runner, file: Path) -> None:
+    from scenario_tui.cli._output import out
+    from scenario_tui.cli._summary import print_commands, verdict_line
+    from scenario_tui.wording import counted, duration
+
+    console = out()
+    console.print(f"{story.run} fails {verdict_line(story.verdict)}", soft_wrap=True)
+    console.print()
+    for line in (*_about_layers(case, story), *_about_parts(story)):
+        console.print(f"  {line}", soft_wrap=True)
+    console.print()
+    if story.stopped:
+        console.print(f"stopped before nothing else could go: {story.stopped}")
+    took = f"{counted(runner.runs, 'run')}, {duration(runner.seconds)}"
+    console.print(f"{took}; {runner.cached} more were known already")
+    print_commands((f"scenario run {file}", "the smallest failing scenario, on its own"))
+
+
+def _about_layers(case: Case, story: Blame) -> Iterator[str]:
+    if not story.layers:
+        if story.stopped:
+            yield "which of its layers makes it fail is not known yet"
+        else:
+            like = f" with {case.settings.like}" if case.settings.like else ""
+            yield f"fails in the bare building{like} as well: no layer is to blame"
+        return
+    names = [_named(one.element, case) for one in story.layers]
+    yield f"fails with {_and(names)}"
+    for one in story.layers:
+        ends = "passes" if one.word == "pass" else one.note or "cannot be judged"
+        yield f"without {_named(one.element, case)}: {ends}"
+    if story.flips is not None and len(case.added) > 1:
+        yield f"in the order of the campaign, it is {_named(story.flips, case)} that flips it"
+
+
+def _named(element: Element, case: Case) -> str:
+    if element.kind == "parameter":
+        return f"{element.name} ({case.spec.sut.name} is otherwise {case.settings.like or 'plain'})"
+    return element.name
+
+
+def _about_parts(story: Blame) -> Iterator[str]:
+    before = dict(story.before)
+    doors = ", ".join(story.objects) or "no objects"
+    waypoints = ", ".join(story.waypoints)
+    yield f"{'minimal' if story.minimal else 'so far'}: {doors} (of {before['object']})"
+    yield f"  waypoints {waypoints} (of {before['waypoint']})"
+    behaviours = ", ".join(story.behaviours) or "none"
+    yield f"  behaviours {behaviours} (of {before['behaviour']})"
+    if before["parameter"]:
+        parameters = ", ".join(story.parameters) or "none"
+        yield f"  parameters {parameters} (of {before['parameter']})"
+
+
+def _and(names: list[str]) -> str:
+    return " and ".join(part for part in (", ".join(names[:-1]), names[-1]) if part)

@@ -1,0 +1,92 @@
+"""Delta debugging: laws that hold for any failure."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from itertools import pairwise
+
+from hypothesis import assume, given
+from hypothesis import strategies as st
+
+from daemon.blame._ddmin import ddmin, flip, split
+
+Test = Callable[[tuple[int, ...]], bool]
+
+
+def asks(fails: Test) -> Callable[[Sequence[tuple[int, ...]]], int | None]:
+    return lambda tried: next((i for i, one in enumerate(tried) if fails(one)), None)
+
+
+def least(items: Sequence[int], fails: Test) -> tuple[int, ...]:
+    found = tuple(items)
+    for found in ddmin(items, asks(fails)):
+        assert fails(found), "every configuration on the way fails"
+    return found
+
+
+SIZES = st.integers(0, 40)
+CAUSES = st.sets(st.integers(0, 39), max_size=5)
+
+
+@given(SIZES, CAUSES)
+def test_the_cause_of_a_monotone_failure_is_found_exactly(size: int, cause: set[int]) -> None:
+    cause = {item for item in cause if item < size}
+    assert least(range(size), lambda kept: cause <= set(kept)) == tuple(sorted(cause))
+
+
+@given(st.integers(1, 12), st.randoms(use_true_random=False))
+def test_what_is_left_is_1_minimal_whatever_fails(size: int, chance) -> None:
+    whole, verdicts = tuple(range(size)), {}
+
+    def fails(kept: tuple[int, ...]) -> bool:
+        if kept == whole:
+            return True
+        return verdicts.setdefault(kept, chance.random() < 0.3)
+
+    left = least(whole, fails)
+    for index in range(len(left)):
+        assert not fails(left[:index] + left[index + 1 :])
+
+
+@given(SIZES, CAUSES)
+def test_order_is_kept_and_every_step_is_smaller(size: int, cause: set[int]) -> None:
+    assume(cause & set(range(size)))
+    steps = [tuple(range(size)), *ddmin(range(size), asks(lambda kept: bool(cause & set(kept))))]
+    assert all(list(step) == sorted(step) for step in steps)
+    assert all(len(late) < len(early) for early, late in pairwise(steps))
+
+
+def test_one_cause_among_many_takes_few_tests() -> None:
+    asked = []
+
+    def fails(kept: tuple[int, ...]) -> bool:
+        asked.append(kept)
+        return 777 in kept
+
+    *_, last = ddmin(range(1024), asks(fails))
+    assert last == (777,)
+    assert len(asked) <= 2 * 10 + 1, "halving, not walking"
+
+
+@given(st.lists(st.integers(), min_size=1, max_size=30, unique=True), st.integers(1, 30))
+def test_parts_are_the_whole_in_order_and_never_empty(items: list[int], parts: int) -> None:
+    found = split(items, min(parts, len(items)))
+    assert [item for part in found for item in part] == items
+    assert all(found)
+    assert max(map(len, found)) - min(map(len, found)) <= 1
+
+
+@given(st.integers(1, 60), st.data())
+def test_the_flip_is_where_a_prefix_begins_to_fail(size: int, data) -> None:
+    at = data.draw(st.integers(0, size - 1))
+    assert flip(range(size), asks(lambda kept: at in kept)) == at
+
+
+@given(st.integers(1, 30), st.sets(st.integers(1, 29)))
+def test_a_flip_is_a_flip_also_of_a_failure_that_comes_and_goes(
+    size: int, failing: set[int]
+) -> None:
+    lengths = {length for length in failing if length < size} | {size}
+    at = flip(range(size), asks(lambda kept: len(kept) in lengths))
+    assert at + 1 in lengths
+    assert at not in lengths
