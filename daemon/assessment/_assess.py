@@ -84,9 +84,10 @@ def _grouped(records: Sequence[RunRecord]) -> list[list[RunRecord]]:
 
 
 def _cell(records: Sequence[RunRecord], declared: Declared) -> _Judged:
-    names = dict.fromkeys(
-        v.oracle for r in records for v in judged(r) if v.outcome is not Outcome.MEASURE
-    )
+    found = [v for r in records for v in judged(r)]
+    # A trace that cannot be trusted gives errors for measures too; they are no oracles for that.
+    measures = {v.oracle for v in found if v.outcome is Outcome.MEASURE}
+    names = dict.fromkeys(v.oracle for v in found if v.oracle not in measures)
     pairs = [oracle_cell(name, records, declared) for name in names]
     oracles = tuple(cell for cell, _ in pairs)
     cell = Cell(

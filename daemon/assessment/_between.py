@@ -20,6 +20,8 @@ from daemon.verdict import Outcome
 
 Kind: TypeAlias = Literal["margin", "measure", "duration"]
 SIGNIFICANT: Final = 0.05
+_EACH_SIDE: Final = 0.975
+"""Confidence of each bound of a two-sided 95 % interval."""
 _Key: TypeAlias = tuple[str, str]
 
 
@@ -54,8 +56,7 @@ class VerdictChange:
 class Shift:
     """A quantity of one cell before and after: means [``unit``] and what their difference shows.
 
-    ``mean`` is after minus before, with its 95 % interval of one-sided bounds ``low`` and
-    ``high``; ``delta`` is Cliff's, from -1 (always smaller now) to 1. ``p`` is two-sided and
+    ``mean`` is after minus before, ``low`` to ``high`` its two-sided 95 % interval; ``delta`` is Cliff's, from -1 (always smaller now) to 1. ``p`` is two-sided and
     Holm's: ``changed`` when it is below 5 %. ``worse`` when it is shown, Holm's again, to have got
     worse by more than the gate allows. Without enough values all of these are ``None`` or false.
     """
@@ -229,9 +230,10 @@ def _difference(
     pairs: Sequence[tuple[int, int]],
 ) -> Difference | None:
     if len(pairs) > 1:
-        return paired([new[key] for key in pairs], [old[key] for key in pairs])
+        sides = ([new[key] for key in pairs], [old[key] for key in pairs])
+        return paired(*sides, confidence=_EACH_SIDE)
     if not pairs and min(len(old), len(new)) > 1:
-        return welch(tuple(new.values()), tuple(old.values()))
+        return welch(tuple(new.values()), tuple(old.values()), confidence=_EACH_SIDE)
     return None
 
 

@@ -25,6 +25,7 @@ from scenario_tui.wording import (
 )
 
 LISTED: Final = 12
+_BOUNDS: Final = "mean difference [one-sided 95 % bounds] over n repeats"
 
 
 def print_summary(results: Results, *, took: float | None = None) -> None:
@@ -36,6 +37,7 @@ def print_summary(results: Results, *, took: float | None = None) -> None:
     if judged.comparisons:
         console.print()
         console.print(comparison_table(judged.comparisons, notes))
+        console.print(_BOUNDS, style="dim", markup=False)
     for reason, letter in notes.letters.items():
         console.print(Text.assemble((letter, "bold"), f"  known: {reason}"))
     console.print()

@@ -71,7 +71,8 @@ def test_run_leaves_nothing_behind_but_traces(place: Path) -> None:
     assert [row["state"] for row in body["runs"]] == ["done", "done"]
     assert done.returncode == exit_code(row["outcome"] for row in body["runs"])
     folder = place / "scenario-results" / body["campaign"]["id"]
-    traces = sorted(path.name for path in folder.iterdir())
+    traces = sorted(path.name for path in folder.glob("*.mcap"))
+    assert {path.name for path in folder.iterdir()} == {*traces, "campaign.json"}
     assert traces == ["open-house.pilot.0.mcap", "open-house.pilot.1.mcap"]
     assert {row["trace"] for row in body["runs"]} == {str(folder / name) for name in traces}
     assert not (place / "untouched").exists()
@@ -103,6 +104,32 @@ def test_submitting_again_runs_nothing_twice(finished: Path, place: Path) -> Non
     done = call("submit", file, state=finished, cwd=place)
     assert done.returncode == 0
     assert "is known already, its 2 runs are kept" in done.stderr
+
+
+def test_what_has_a_result_is_not_run_again_unless_something_changed(
+    finished: Path, place: Path
+) -> None:
+    first = json.loads(call("results", "--json", state=finished, cwd=place).stdout)
+    changed = place / "campaigns" / "demo" / "changed.yaml"
+    text = (changed.parent / "campaign.yaml").read_text()
+    changed.write_text(text.replace("repeats: 2", "repeats: 3") + "\n# one more repeat\n")
+    before = place / "before.json"
+    before.write_text(json.dumps(first))
+    done = call(
+        "submit", str(changed), "--watch", "--json", "--baseline", str(before), "--worse-by", "0",
+        state=finished, cwd=place,
+    )  # fmt: skip
+    body = json.loads(done.stdout)
+    assert "3 runs, 2 cached" in done.stderr
+    assert body["campaign"]["cached"] == 2
+    ids = [run["id"] for run in first["runs"]]
+    assert [run["cached"] for run in body["runs"]] == [*ids, ""]
+    assert body["runs"][0]["trace"] == first["runs"][0]["trace"]
+    assert [record["verdicts"] for record in body["records"][:2]] == [
+        record["verdicts"] for record in first["records"]
+    ]
+    assert all(shift["mean"] == 0.0 for shift in body["comparison"]["shifts"])
+    assert done.returncode == body["assessment"]["exit_code"]
 
 
 def test_a_state_directory_without_a_daemon_is_not_mixed_up(finished: Path, place: Path) -> None:
