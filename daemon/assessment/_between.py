@@ -56,9 +56,10 @@ class VerdictChange:
 class Shift:
     """A quantity of one cell before and after: means [``unit``] and what their difference shows.
 
-    ``mean`` is after minus before, ``low`` to ``high`` its two-sided 95 % interval; ``delta`` is Cliff's, from -1 (always smaller now) to 1. ``p`` is two-sided and
-    Holm's: ``changed`` when it is below 5 %. ``worse`` when it is shown, Holm's again, to have got
-    worse by more than the gate allows. Without enough values all of these are ``None`` or false.
+    ``mean`` is after minus before, ``low`` to ``high`` its two-sided 95 % interval; ``delta`` is
+    Cliff's, from -1 (always smaller now) to 1. ``p`` is two-sided and Holm's: ``changed`` when it
+    is below 5 %. ``worse`` when it is shown, Holm's again, to have got worse by more than the gate
+    allows. Without enough values all of these are ``None`` or false.
     """
 
     scenario: str
