@@ -19,7 +19,7 @@ from daemon.assessment import (
     assess,
     undecided,
 )
-from daemon.verdict import Outcome
+from daemon.verdict import Evidence, Outcome, Verdict
 from grammars import codec
 from tests.daemon.assessment.records import cell, lost, measure, record, timed, verdict
 
@@ -259,3 +259,11 @@ def test_a_better_margin_never_turns_a_pass_into_a_failure(found, policy: Policy
     before, after = (only(Declared(policy), cell(side)).verdict for side in (found, better))
     assert not (before is Outcome.PASS and after is Outcome.FAIL)
     assert policy.rule == "mean" or before is not Outcome.PASS or after is Outcome.PASS
+
+
+def test_a_measure_stays_one_beside_a_trace_that_cannot_be_trusted() -> None:
+    broken = Verdict("buffer-time", "time(...)", Outcome.ERROR, None, None, "", Evidence())
+    runs = (record(0, verdict(0.1), measure(3.0)), record(1, verdict(0.1), broken))
+    (found,) = assess(Declared(), runs).cells
+    assert [oracle.oracle for oracle in found.oracles] == ["clear"]
+    assert [m.values for m in found.measures if m.oracle == "buffer-time"] == [(3.0,)]
