@@ -82,7 +82,7 @@ def boxes(
     Boxes show the quartiles, whiskers everything, dots each repeat.
     """
     groups = len(values)
-    sheet, axes = figure(max(3.5, min(0.55 + 0.36 * groups * (len(suts) + 0.6), 7.6)), 2.6)
+    sheet, axes = figure(WIDTH, 2.4)
     width = 0.8 / len(suts)
     for place, (_, cells) in enumerate(values):
         for sut, found in cells:
@@ -95,7 +95,7 @@ def boxes(
     for index, sut in enumerate(suts):
         axes.plot([], [], "s", color=SERIES[index % len(SERIES)], ms=4.0, label=plain(sut))
     axes.set_xticks(range(groups), [plain(scenario) for scenario, _ in values])
-    if max((len(s) for s, _ in values), default=0) * groups > 70:
+    if max((len(s) for s, _ in values), default=0) * groups > 48:
         axes.tick_params(axis="x", labelrotation=25)
     axes.set_xlim(-0.6, groups - 0.4)
     named(axes, axis)

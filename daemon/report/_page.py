@@ -9,11 +9,20 @@ from typing import Final, Literal
 
 from markupsafe import Markup
 
-from daemon.assessment import Assessment, Cell, OracleCell, told
+from daemon.assessment import Assessment, Cell, OracleCell
 from daemon.report._figures import MOST_CELLS, Figure, draw_figures
 from daemon.report._gather import Gathered, Material
 from daemon.report._series import MEASURES, Measure
-from daemon.report._words import GLYPHS, NOTHING, counted, quantity, share, span, spread_of
+from daemon.report._words import (
+    GLYPHS,
+    NOTHING,
+    counted,
+    quantity,
+    said,
+    share,
+    span,
+    spread_of,
+)
 from daemon.verdict import Outcome
 from templates.report import render_report
 
@@ -72,7 +81,8 @@ def write_page(
         "quantity": quantity,
         "share": share,
         "glyph": lambda word: GLYPHS.get(str(word), "?"),
-        "told": told,
+        "said": said,
+        "joined": lambda text: text.replace("  ", ", ").replace(" -", " −"),
     }
     return render_report(
         filters,
@@ -83,6 +93,7 @@ def write_page(
         scenarios=scenarios,
         suts=suts,
         cells={(cell.scenario, cell.sut): cell for cell in assessment.cells},
+        surprised={(s.scenario, s.sut) for s in assessment.surprises},
         findings=_findings(material, commands),
         compared=[(group, _compared(material, group)) for group in _grouped(used)],
         declared_measures=_declared(assessment),
@@ -107,18 +118,22 @@ def answer(assessment: Assessment, runs: Sequence[Gathered]) -> Answer:
         known = sum(oracle.expected != "pass" for oracle in oracles)
         extra = f", {known} of them known to fail" if known else ""
         return Answer("good", "Yes", f"All {verdicts} are as expected{extra}.")
+    missed = [oracle for oracle in oracles if not oracle.met]
+    undecided = len(missed) + sum(not cell.met for cell in assessment.comparisons)
+    undecided -= len(assessment.surprises)
     if assessment.exit_code == 1:
         count = len(assessment.surprises)
+        also = f", {undecided} undecided" if undecided > 0 else ""
         verb = "is" if count == 1 else "are"
-        return Answer("bad", "No", f"{count} of {verdicts} {verb} not as expected.")
+        return Answer("bad", "No", f"{count} of {verdicts} {verb} not as expected{also}.")
     judged = sum(run.record.outcome not in (None, Outcome.ERROR) for run in runs)
     broken = len(runs) - judged
     if broken:
         text = f"{broken} of {counted(len(runs), 'run')} could not be executed or judged."
         return Answer("open", "Not known", text)
-    open_ = sum(not oracle.met for oracle in oracles)
-    open_ += sum(not cell.met for cell in assessment.comparisons)
-    return Answer("open", "Not known", f"{open_} of {verdicts} are not decided by these runs.")
+    if not total:
+        return Answer("open", "Not known", "No oracle judges these runs.")
+    return Answer("open", "Not known", f"{undecided} of {verdicts} undecided by these runs.")
 
 
 def _honest(assessment: Assessment) -> str:
@@ -162,7 +177,7 @@ def _finding(oracle: OracleCell, material: Material, commands: Sequence[Command]
         if (run.record.scenario, run.record.sut) == (oracle.scenario, oracle.sut)
     ]
     judged = [(r, v) for r in here if (v := r.verdict(oracle.oracle)) is not None]
-    runs = tuple((f"repeat {r.repeat}", str(v.outcome), told(v)) for r, v in judged)
+    runs = tuple((f"repeat {r.repeat}", str(v.outcome), said(v)) for r, v in judged)
     text = judged[0][1].text if judged else ""
     shown = next((r for r in here if oracle.worst and r.id == oracle.worst.run), None)
     if shown is None:

@@ -78,7 +78,7 @@ _FONT: Final = re.compile(r"font: (?:(bold|\d+) )?([\d.]+)px [^;\"]*")
 _REFERENCE: Final = re.compile(r'(id="|url\(#|href="#)([mpi][0-9a-f]+|image[0-9a-f]+)')
 
 
-_LEFT, _RIGHT, _TOP, _BOTTOM = 0.36, 0.06, 0.2, 0.34
+_LEFT, _RIGHT, _TOP, _BOTTOM = 0.36, 0.12, 0.2, 0.34
 """Room around axes for their words [inches]."""
 
 
@@ -188,5 +188,6 @@ def legend(axes: Axes, **options: Any) -> None:
         columnspacing=0.9,
         frameon=False,
         fontsize=7.0,
+        labelcolor=SOFT,
         **options,
     )

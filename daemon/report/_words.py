@@ -6,6 +6,8 @@ import math
 from collections.abc import Sequence
 from typing import Final
 
+from daemon.verdict import Verdict
+
 NOTHING: Final = "–"
 GLYPHS: Final = {
     "pass": "✓", "fail": "✗", "inconclusive": "?", "error": "‼", "measure": "·",
@@ -40,9 +42,27 @@ def spread_of(values: Sequence[float]) -> tuple[str, str]:
     if len(values) < 2:
         return quantity(mean), ""
     deviation = math.sqrt(sum((v - mean) ** 2 for v in values) / (len(values) - 1))
-    largest = max(abs(mean), deviation)
-    digits = 2 if largest == 0.0 else max(0, min(4, 2 - math.floor(math.log10(largest))))
+    digits = min(_digits(deviation, 1), _digits(mean, 3)) if deviation else _digits(mean, 2)
     return f"{mean:.{digits}f}".replace("-", "−"), f"{deviation:.{digits}f}"
+
+
+def _digits(value: float, more: int) -> int:
+    """Return how many decimals show ``more`` digits after the first one that counts."""
+    return 2 if value == 0.0 else max(0, min(4, more - math.floor(math.log10(abs(value)))))
+
+
+def said(verdict: Verdict) -> str:
+    """Return a verdict's margin and evidence: ``−0.012 m, 41.3 s, door-17``.
+
+    Margins without a unit only say true or false and are left out.
+    """
+    seen = verdict.evidence
+    parts = [quantity(verdict.margin, verdict.unit, signed=True)]
+    if verdict.unit == "" or verdict.margin is None:
+        parts = []
+    parts.append("" if seen.time is None else f"at {seen.time:.1f} s")
+    parts.extend((seen.object, seen.note))
+    return ", ".join(part for part in parts if part)
 
 
 def counted(number: int, noun: str, plural: str = "") -> str:
