@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import sqlite3
+from collections.abc import Iterator, Sequence
+from contextlib import closing, contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
@@ -32,17 +34,23 @@ class Note:
     declared: Declared
 
 
-def open_ledger(places: Places) -> Reader:
-    """Return the ledger of a state directory, for questions; no daemon is needed for that.
+@contextmanager
+def open_ledger(places: Places) -> Iterator[Reader]:
+    """Open the ledger of a state directory for questions; no daemon is needed for that.
 
-    Raises :class:`daemon.errors.DaemonError` when there is none.
+    Raises :class:`daemon.errors.DaemonError` when there is none, or none this version can read.
     """
     if not places.ledger.is_file():
         raise DaemonError(
             f"{places.state} is no state directory: name a folder of traces, or choose another "
             "directory with --state"
         )
-    return Reader(connect_reader(places.ledger), places)
+    with closing(connect_reader(places.ledger)) as connection:
+        try:
+            yield Reader(connection, places)
+        except sqlite3.DatabaseError as error:
+            message = f"{places.ledger} is not a usable ledger: {error}"
+            raise DaemonError(message) from error
 
 
 def recorded(reader: Reader, row: CampaignRow, places: Places) -> Chosen:

@@ -103,8 +103,8 @@ def _chosen(campaign: str, places: Places) -> Chosen:
     if folder.suffix == ".mcap":
         message = "a report is about a campaign or a folder of traces"
         raise typer.BadParameter(f"{message}: for one run there is --run", param_hint="CAMPAIGN")
-    reader = open_ledger(places)
-    return recorded(reader, find_campaign(reader, campaign), places)
+    with open_ledger(places) as reader:
+        return recorded(reader, find_campaign(reader, campaign), places)
 
 
 def _commands() -> tuple[Command, ...]:

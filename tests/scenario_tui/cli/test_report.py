@@ -1,0 +1,156 @@
+"""``scenario report``: what people type, what is written, what is said when it cannot be."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+
+import pytest
+from PIL import Image
+
+from daemon.ledger import Book, connect
+from daemon.messages import Completion
+from daemon.oracles import judge, overall
+from daemon.places import Places, trace_name
+from daemon.protocol import Submission
+from daemon.spec import RunResult, Timing, TraceInfo
+from daemon.trace import read_trace
+from scenario_tui.cli._main import invoke
+from tests.daemon.oracles.traces import CORRIDOR
+from tests.daemon.report.recordings import DECLARED, OPEN, SHUT, SUTS, record, spec
+
+
+@pytest.fixture
+def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A working folder with one folder of two traces in it, and no campaigns anywhere."""
+    monkeypatch.setenv("SCENARIO_STATE", str(tmp_path / "state"))
+    monkeypatch.chdir(tmp_path)
+    for name, scenario in (("a", SHUT), ("b", OPEN)):
+        record(tmp_path / "traces" / f"{name}.mcap", spec(scenario, SUTS[1], 0))
+    return tmp_path
+
+
+@pytest.fixture
+def ledger(here: Path) -> Places:
+    """A state directory with a campaign: two runs with results, one still waiting."""
+    places = Places(here / "state")
+    places.make()
+    specs = (spec(SHUT, SUTS[0], 0), spec(OPEN, SUTS[0], 0), spec(OPEN, SUTS[1], 0))
+    connection = connect(places.ledger)
+    book = Book(connection)
+    book.submit(Submission("corr-1", "corr", "about", "", specs, (CORRIDOR,), DECLARED), 1.0)
+    for grant in book.lease("w", 2, 1.0):
+        run = grant.spec
+        name = trace_name("corr-1", run.scenario, run.sut.name, run.repeat)
+        trace = read_trace(record(places.trace(name), run))
+        verdicts = judge(trace, run.oracles)
+        result = RunResult(
+            run.digest, overall(trace, verdicts), verdicts, "finished",
+            TraceInfo("0" * 64, 1, 1), Timing(1.5, 1.0, 20.0),
+        )  # fmt: skip
+        book.complete(Completion("w", grant.run, grant.attempt, grant.token, result), 2.0)
+    connection.close()
+    return places
+
+
+def test_tables_alone_need_no_page(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    arguments = ["--junit", "r.xml", "--csv", "m.csv", "--parquet", "m.parquet"]
+    assert invoke(["report", "traces", *arguments]) == 0
+    assert {path.name for path in here.iterdir()} == {"traces", "r.xml", "m.csv", "m.parquet"}
+    out = capsys.readouterr().out
+    assert "Yes. All 6 verdicts are as expected." in out
+    assert "m.parquet (0.0" in out
+
+
+def test_a_campaign_of_the_ledger_needs_no_daemon(
+    ledger: Places, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert invoke(["report", "corr", "--csv", "m.csv", "--json"]) == 0
+    body = json.loads(capsys.readouterr().out)
+    assert body["schema"] == "scenario/report/1"
+    assert (body["campaign"], body["runs"], body["exit_code"]) == ("corr", 3, 1)
+    assert body["written"] == {"csv": "m.csv"}
+    assert invoke(["report", "corr", "--csv", "m.csv", "--exit-status"]) == 1
+
+
+def test_the_newest_campaign_becomes_a_page_when_nothing_is_said(ledger: Places) -> None:
+    assert invoke(["report", "-j", "1"]) == 0
+    page = Path("report.html").read_text(encoding="utf-8")
+    assert "scenario judge corr-1.1" in page
+    assert "queued" in page
+
+
+@pytest.mark.parametrize("name", ["run.svg", "run.png"])
+def test_one_run_is_drawn(ledger: Places, name: str) -> None:
+    assert invoke(["report", "--run", "corr-1.0", "-o", name]) == 0
+    if name.endswith(".svg"):
+        text = Path(name).read_text(encoding="utf-8")
+        assert "inside the buffer" in text
+        assert "1 contact" in text
+    else:
+        with Image.open(name) as picture:
+            assert picture.size[0] > 500
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["nowhere"], "is no state directory"),
+        (["traces/a.mcap"], "for one run there is --run"),
+        (["--run", "nothing"], "nothing is no trace"),
+        (["--run", "traces"], "means 2 traces"),
+        (["--run", "traces/a.mcap", "-o", "run.gif"], "must end in .svg or .png"),
+        (["traces", "--run", "traces/a.mcap"], "not both"),
+        (["empty"], "holds no traces"),
+        (["broken"], "is not what `scenario run` leaves"),
+    ],
+)
+def test_what_cannot_be_is_said(
+    here: Path, capsys: pytest.CaptureFixture[str], arguments: list[str], words: str
+) -> None:
+    (here / "empty").mkdir()
+    (here / "broken").mkdir()
+    (here / "broken" / "a.mcap").symlink_to(here / "traces" / "a.mcap")
+    (here / "broken" / "campaign.json").write_text('{"name": 1}')
+    assert invoke(["report", *arguments]) in (2, 3)
+    said = " ".join(capsys.readouterr().err.replace("│", " ").split())
+    assert words in said
+    assert "Traceback" not in said
+
+
+def test_a_ledger_that_is_none_is_said(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (here / "state").mkdir()
+    (here / "state" / "ledger.db").write_bytes(b"not a database at all" * 100)
+    assert invoke(["report"]) == 3
+    assert "is not a usable ledger" in capsys.readouterr().err
+
+
+def test_campaigns_that_are_not_there_are_named(
+    ledger: Places, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert invoke(["report", "corridor"]) == 2
+    assert 'there is no campaign "corridor"' in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("module", "arguments", "words"),
+    [
+        ("matplotlib.figure", [], "a report with figures takes the library matplotlib"),
+        ("pyarrow", ["--parquet", "m.parquet"], "a Parquet file takes the library pyarrow"),
+        ("junitparser", ["--junit", "r.xml"], "a JUnit file takes the library junitparser"),
+    ],
+)
+def test_without_the_extra_people_learn_how_to_get_it(
+    here: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+    module: str,
+    arguments: list[str],
+    words: str,
+) -> None:
+    monkeypatch.setitem(sys.modules, module, None)
+    assert invoke(["report", "traces", *arguments]) == 2
+    said = capsys.readouterr().err
+    assert words in said
+    assert 'pip install "scenario-tui[report]"' in said
