@@ -109,9 +109,10 @@ def _campaign(path: Path) -> tuple[str, tuple[Diagnostic, ...]]:
     from daemon.campaign import examine
 
     campaign, found = examine(path)
-    runs = sum(len(cell.suts) * len(cell.behaviours) for cell in campaign.cells)
+    cells, policy = sum(len(cell.suts) for cell in campaign.cells), campaign.declared.policy
+    more = f", up to {cells * policy.at_most:,}" if policy.until_decided else ""
     scenarios = counted(len(campaign.cells), "scenario")
-    return f"{scenarios}, {counted(runs, 'run')}", found
+    return f"{scenarios}, {counted(cells * policy.n, 'run')}{more}", found
 
 
 _BY_ENDING: Final[dict[str, Checker]] = {
