@@ -9,9 +9,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from itertools import pairwise
-from typing import TypeAlias, TypeVar
+from typing import Final, TypeAlias, TypeVar
 
 T = TypeVar("T")
+PATIENCE: Final = 4
+"""So many items are stepped over one by one when looking for a flip."""
 FirstFailing: TypeAlias = Callable[[Sequence[tuple[T, ...]]], int | None]
 """Returns the index of the first configuration that fails, or ``None`` when none does."""
 
@@ -56,16 +58,21 @@ def _without(items: tuple[T, ...], chunk: tuple[T, ...]) -> tuple[T, ...]:
 def flip(items: Sequence[T], first_failing: FirstFailing[T]) -> int:
     """Return the index of an item that makes the items before it fail when it is added.
 
-    All ``items`` together must fail, none of them must not. Two prefixes are tried at a time. With
-    several such items it is one of them.
+    All ``items`` together must fail, none of them must not. Where several do, it is the last of
+    them if that is among the last few items, else one near the end: steps backwards, at first one
+    by one, grow until something does not fail, then the gap is halved.
     """
-    low, high = 0, len(items)
+    low, high, probes = 0, len(items), 0
+
+    def fails(count: int) -> bool:
+        return first_failing([tuple(items[:count])]) == 0
+
+    while (probe := high - 2 ** max(0, probes - PATIENCE + 1)) > low:
+        if not fails(probe):
+            low = probe
+            break
+        high, probes = probe, probes + 1
     while high - low > 1:
-        third = max(1, (high - low) // 3)
-        probes = sorted({low + third, high - third})
-        hit = first_failing([tuple(items[:probe]) for probe in probes])
-        if hit is None:
-            low = probes[-1]
-        else:
-            low, high = probes[hit - 1] if hit else low, probes[hit]
+        middle = (low + high) // 2
+        low, high = (low, middle) if fails(middle) else (middle, high)
     return high - 1

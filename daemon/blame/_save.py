@@ -169,9 +169,10 @@ def _name(case: Case) -> str:
 
 
 def _comment(story: Blame, repeat: int) -> str:
+    otherwise = f", or fail without {story.flips} as well" if story.flips else ""
     lines = [
         f"What is left of {story.run}, which failed {story.verdict.oracle}.",
-        "Nothing else can be taken away without it passing."
+        f"Nothing else can be taken away: it would pass{otherwise}."
         if story.minimal
         else f"There may be more to take away: {story.stopped}.",
     ]

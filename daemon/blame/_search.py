@@ -40,8 +40,24 @@ class _Search:
     minimal: bool = False
 
     def fails(self, configurations: Sequence[Collection[Element]]) -> int | None:
-        """Return the first of these configurations that fails."""
-        return self.runner.first_failing([self.build(kept) for kept in configurations])
+        """Return the first of these configurations that fails for the same reason.
+
+        What fails without the element that flipped the verdict as well fails for another reason,
+        a door that is shut from the beginning instead of one that shuts.
+        """
+        start = 0
+        while True:
+            built = [self.build(kept) for kept in configurations[start:]]
+            hit = self.runner.first_failing(built)
+            if hit is None or self._is_due(configurations[start + hit]):
+                return None if hit is None else start + hit
+            start += hit + 1
+
+    def _is_due(self, kept: Collection[Element]) -> bool:
+        if self.flips is None:
+            return True
+        without = self.build([e for e in kept if e != self.flips])
+        return self.runner.first_failing([without]) is None
 
     def build(self, kept: Collection[Element]) -> Candidate | None:
         """Return the run of these elements, ``None`` when they make none."""
@@ -68,13 +84,18 @@ class _Search:
             self.left = self.with_parts(())
             return
         at = flip(added, self.layers_fail)
-        self.flips = added[at]
-        needed = added[: at + 1]
-        self.left = self.with_parts(needed)
-        for fewer in ddmin(needed, self.layers_fail):
-            needed = fewer
-            self.left = self.with_parts(needed)
+        self.flips, before = added[at], added[:at]
+        self.left = self.with_parts(added[: at + 1])
+        for fewer in ddmin(before, self._layers_with_flip_fail):
+            before = fewer
+            self.left = self.with_parts((*before, added[at]))
+        needed = (*before, added[at])
         self.layers = tuple(self._without(element, needed) for element in needed)
+
+    def _layers_with_flip_fail(self, configurations: Sequence[Elements]) -> int | None:
+        if self.flips is None:
+            raise ValueError("no element is known to flip the verdict")
+        return self.layers_fail([(*before, self.flips) for before in configurations])
 
     def _without(self, element: Element, needed: Elements) -> Without:
         """Say how the run ends without one of the layers it needs; it has been executed."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Final
 
 from daemon.blame._types import Element
 from daemon.campaign.layers import SUT, Library, find_layer
@@ -13,6 +14,10 @@ from daemon.campaign.settings import Setting, Settings, merged, tree_of
 from daemon.spec import SutReference
 from daemon.suts import check_parameters
 from grammars.diagnostics import InputError, Where
+
+_DEEP: Final = 2
+_LONG: Final = 60
+"""Names and values of parameters are shown so far."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,7 +99,12 @@ def _changes(base: Settings, settings: Settings) -> tuple[tuple[Element, Setting
 
 
 def _spelled(group: Settings) -> str:
-    path, setting = next(iter(group.items()))
-    value = "removed" if setting.value is None else setting.value
-    shown = str(value)
-    return f"{'/'.join(path[-2:])}: {shown if len(shown) <= 40 else shown[:37] + '…'}"
+    """Return what a line says: the path as far as all its settings share it, and the value."""
+    paths = list(group)
+    shared = 1
+    while shared < min(map(len, paths)) and len({path[-shared - 1 :] for path in paths}) == 1:
+        shared += 1
+    value = group[paths[0]].value
+    shown = "removed" if value is None else str(value)
+    name = "/".join(paths[0][-min(shared, _DEEP) :])
+    return f"{name}: {shown if len(shown) <= _LONG else shown[: _LONG - 1] + '…'}"

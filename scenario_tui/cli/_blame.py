@@ -13,7 +13,7 @@ from scenario_tui.cli._exits import ExitCode
 from scenario_tui.cli._options import AsJson, State
 
 if TYPE_CHECKING:
-    from daemon.blame import Blame, Case, Element, Meant, Runner
+    from daemon.blame import Blame, Case, Element, Meant, Runner, Without
 
 
 def blame(
@@ -162,10 +162,15 @@ def _about_layers(case: Case, story: Blame) -> Iterator[str]:
     names = [_named(one.element, case) for one in story.layers]
     yield f"fails with {_and(names)}"
     for one in story.layers:
-        ends = "passes" if one.word == "pass" else one.note or "cannot be judged"
-        yield f"without {_named(one.element, case)}: {ends}"
+        yield f"without {_named(one.element, case)}: {_ending(one)}"
     if story.flips is not None and len(case.added) > 1:
         yield f"in the order of the campaign, it is {_named(story.flips, case)} that flips it"
+
+
+def _ending(one: Without) -> str:
+    if one.word == "fail":
+        return "fails as well, but for another reason"
+    return "passes" if one.word == "pass" else one.note or "cannot be judged"
 
 
 def _named(element: Element, case: Case) -> str:

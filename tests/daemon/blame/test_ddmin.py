@@ -8,7 +8,7 @@ from itertools import pairwise
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from daemon.blame._ddmin import ddmin, flip, split
+from daemon.blame._ddmin import PATIENCE, ddmin, flip, split
 
 Test = Callable[[tuple[int, ...]], bool]
 
@@ -83,10 +83,12 @@ def test_the_flip_is_where_a_prefix_begins_to_fail(size: int, data) -> None:
 
 
 @given(st.integers(1, 30), st.sets(st.integers(1, 29)))
-def test_a_flip_is_a_flip_also_of_a_failure_that_comes_and_goes(
+def test_of_a_failure_that_comes_and_goes_the_last_coming_is_preferred(
     size: int, failing: set[int]
 ) -> None:
     lengths = {length for length in failing if length < size} | {size}
     at = flip(range(size), asks(lambda kept: len(kept) in lengths))
     assert at + 1 in lengths
     assert at not in lengths
+    last = max(n for n in range(size) if n not in lengths)
+    assert at == last or last < size - PATIENCE

@@ -1,0 +1,72 @@
+"""Campaigns with known culprits, and runs that are judged without being executed."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import pytest
+
+from daemon.blame import Candidate
+from daemon.blame._runner import Judged
+from daemon.spec import RunSpec
+from daemon.verdict import Evidence, Outcome, Verdict
+
+CAMPAIGN = """\
+campaign: tiny
+seed: 3
+repeats: 2
+limit: 16 s
+robot: courier
+oracles: navigation
+matrix: {sut: [pilot]}
+scenarios:
+  rude:
+    floorplan: flat
+    objects: [doors, people]
+    behaviours:
+      - doors_open
+      - doors_in_your_face: {near: 1 m}
+    mission: courier
+    oracles: [reached, no-contact]
+"""
+Rule = Callable[[RunSpec], Outcome]
+
+
+class Pretended:
+    """Stands in for the executor: verdicts by a rule about specifications, runs counted."""
+
+    def __init__(self, rule: Rule) -> None:
+        self._rule = rule
+        self.specs: list[RunSpec] = []
+        self.interrupt_after = 10**9
+
+    def __call__(self, candidates: Sequence[Candidate]) -> list[tuple[Judged, ...]]:
+        return [self._endings(candidate.spec) for candidate in candidates]
+
+    def _endings(self, spec: RunSpec) -> tuple[Judged, ...]:
+        if len(self.specs) >= self.interrupt_after:
+            raise KeyboardInterrupt
+        self.specs.append(spec)
+        outcome = self._rule(spec)
+        word = {Outcome.FAIL: "fail", Outcome.PASS: "pass"}.get(outcome, "unresolved")
+        return tuple(
+            Judged(word, Verdict(o.name, o.text, outcome, None, None, "", Evidence()))
+            for o in spec.oracles
+        )
+
+
+def pretend(monkeypatch: pytest.MonkeyPatch, rule: Rule) -> Pretended:
+    pretended = Pretended(rule)
+    monkeypatch.setattr("daemon.blame._runner.executed", pretended)
+    return pretended
+
+
+def failing_if(condition: Callable[[RunSpec], bool]) -> Rule:
+    return lambda spec: Outcome.FAIL if condition(spec) else Outcome.PASS
+
+
+def write(folder: Path, text: str = CAMPAIGN) -> Path:
+    path = folder / "tiny.yaml"
+    path.write_text(text)
+    return path
