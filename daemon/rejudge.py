@@ -16,6 +16,7 @@ from typing import Literal
 
 from daemon import oracles
 from daemon.ledger import connect_reader
+from daemon.ledger import find_traces as traces_in_ledger
 from daemon.places import Places
 from daemon.spec import OracleText, RunResult
 from daemon.spread import spread
@@ -173,20 +174,20 @@ def find_traces(named: Sequence[str], places: Places) -> tuple[Path, ...]:
     return tuple(found)
 
 
-def _meant(name: str, places: Places) -> list[Path]:
+def _meant(name: str, places: Places) -> Sequence[Path]:
     path = Path(name)
     if path.is_file():
         return [path]
+    recorded = [] if path.is_dir() and name else _recorded_traces(name, places)
+    if recorded:
+        return recorded
     folder = path if name and path.is_dir() else _campaign_folder(name, places)
-    if folder is not None:
-        traces = sorted(folder.rglob("*.mcap"))
-        if not traces:
-            raise ValueError(f"{folder} holds no traces (.mcap files)")
-        return traces
-    run = _run_trace(name, places)
-    if run is None:
+    if folder is None:
         raise ValueError(f"{name} is no trace, no folder, and no campaign or run in {places.state}")
-    return [run]
+    traces = sorted(folder.rglob("*.mcap"))
+    if not traces:
+        raise ValueError(f"{folder} holds no traces (.mcap files)")
+    return traces
 
 
 def _campaign_folder(name: str, places: Places) -> Path | None:
@@ -194,13 +195,12 @@ def _campaign_folder(name: str, places: Places) -> Path | None:
     return folder if "/" not in name and name not in ("", "..", ".") and folder.is_dir() else None
 
 
-def _run_trace(name: str, places: Places) -> Path | None:
+def _recorded_traces(name: str, places: Places) -> Sequence[Path]:
+    """Return the traces of a campaign or a run, also where earlier ones were used again."""
     if not places.ledger.is_file():
-        return None
+        return []
     try:
         with closing(connect_reader(places.ledger)) as ledger:
-            row = ledger.execute("SELECT trace_name FROM run WHERE id = ?", (name,)).fetchone()
+            return traces_in_ledger(ledger, places, name)
     except sqlite3.Error:
-        return None
-    trace = None if row is None else places.traces / row[0]
-    return trace if trace is not None and trace.is_file() else None
+        return []

@@ -3,6 +3,7 @@
 from daemon.ledger._book import Book
 from daemon.ledger._file import SCHEMA_VERSION, connect, connect_reader
 from daemon.ledger._queries import Reader, standing
+from daemon.ledger._records import find_traces
 from daemon.ledger._transition import (
     Cancelled,
     Change,
@@ -32,5 +33,6 @@ __all__ = [
     "advance",
     "connect",
     "connect_reader",
+    "find_traces",
     "standing",
 ]

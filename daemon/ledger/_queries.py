@@ -9,7 +9,7 @@ from typing import Any, Final
 
 from daemon.assessment import Declared, RunRecord
 from daemon.errors import Refused
-from daemon.ledger._records import read_declared, read_records
+from daemon.ledger._records import find_trace, read_declared, read_records
 from daemon.messages import RecordQuery, RunQuery
 from daemon.places import Places
 from daemon.protocol import CampaignRow, RunDetail, RunPage, RunRow, RunState
@@ -139,16 +139,7 @@ class Reader:
         )
 
     def _find_trace(self, name: str, source: str) -> str:
-        """Return the path of a run's trace: that of the run it was taken from while it has none.
-
-        Empty when a result was taken from a run whose trace was deleted since.
-        """
-        own = self._places.traces / name
-        if not source or own.exists():
-            return str(own)
-        row = self._db.execute("SELECT trace_name FROM run WHERE id = ?", (source,)).fetchone()
-        path = self._places.traces / row[0] if row else None
-        return str(path) if path is not None and path.exists() else ""
+        return find_trace(self._db, self._places, name, source)
 
     def has_work(self) -> bool:
         """Whether any run is queued."""

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import sqlite3
 from collections.abc import Callable
+from pathlib import Path
 from typing import Final
 
 from daemon.assessment import Declared, RunRecord
 from daemon.errors import Refused
+from daemon.places import Places
 from daemon.spec import RunResult
 from grammars import codec
 
@@ -16,6 +18,29 @@ _COLUMNS: Final = (
 )
 FindTrace = Callable[[str, str], str]
 """Returns the path of a trace, by its own name and by the run it was taken from."""
+
+
+def find_trace(db: sqlite3.Connection, places: Places, name: str, source: str) -> str:
+    """Return the path of a run's trace: that of the run it was taken from while it has none.
+
+    Empty when a result was taken from a run, ``source``, whose trace was deleted since.
+    """
+    own = places.traces / name
+    if not source or own.exists():
+        return str(own)
+    row = db.execute("SELECT trace_name FROM run WHERE id = ?", (source,)).fetchone()
+    path = places.traces / row[0] if row else None
+    return str(path) if path is not None and path.exists() else ""
+
+
+def find_traces(db: sqlite3.Connection, places: Places, name: str) -> tuple[Path, ...]:
+    """Return the traces there are of a campaign or a run, in order, cached ones included."""
+    rows = db.execute(
+        "SELECT trace_name, cached FROM run WHERE campaign = ?1 OR id = ?1 ORDER BY serial",
+        (name,),
+    ).fetchall()
+    paths = (find_trace(db, places, trace, source) for trace, source in rows)
+    return tuple(Path(path) for path in paths if path and Path(path).is_file())
 
 
 def read_declared(db: sqlite3.Connection, campaign: str) -> Declared:

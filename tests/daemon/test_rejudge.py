@@ -125,6 +125,13 @@ def test_the_ledger_knows_what_was_judged_before(kept: Places) -> None:
     assert [(c.oracle, c.kind) for c in found.changes] == [("slow", "verdict"), ("there", "new")]
 
 
+def test_a_campaign_of_cached_results_is_judged_by_the_traces_there_are(kept: Places) -> None:
+    connection = connect(kept.ledger)
+    Book(connection).submit(Submission("d", "d", "", "", (spec(), spec(1)), (WORLD,)), 3.0)
+    connection.close()
+    assert find_traces(["d"], kept) == find_traces(["d.0"], kept) == find_traces(["c"], kept)
+
+
 def test_the_ledger_is_silent_about_another_run_in_its_place(kept: Places) -> None:
     (path,) = find_traces(["c"], kept)
     path.unlink()
