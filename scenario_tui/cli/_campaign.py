@@ -33,10 +33,13 @@ def demo(out: Out = None, slots: Slots = None, as_json: AsJson = False) -> None:
     from scenario_tui.cli._embedded import run_here
     from scenario_tui.cli._output import out as console
     from scenario_tui.cli._summary import print_commands
+    from scenario_tui.cli._told import emit_results
 
     with as_file(files("campaigns")) as folder:
         found = run_here(_prepared(folder / "demo" / "campaign.yaml"), out, slots, as_json)
-    if not as_json:
+    if as_json:
+        emit_results(found)
+    else:
         console().print("This is what testing with scenarios looks like. Make it yours:")
         print_commands(
             ("scenario check CAMPAIGN.yaml", "find every problem before anything runs"),
@@ -58,19 +61,25 @@ def run(
 ) -> None:
     """Run a campaign here and now, without a daemon.
 
-    Nothing is left behind but the traces, in scenario-results/ unless told otherwise.
+    Nothing is left behind but the traces and what they are about, in scenario-results/ unless
+    told otherwise.
     """
     from scenario_tui.cli._compare import print_between
-    from scenario_tui.cli._embedded import run_here
+    from scenario_tui.cli._embedded import run_here, shown
     from scenario_tui.cli._gate import final_code, hold
     from scenario_tui.cli._summary import print_commands
+    from scenario_tui.cli._told import emit_results
 
     found = run_here(_prepared(campaign), out, slots, as_json)
     between = hold(found, baseline, worse_by, None)
-    if not as_json:
+    if as_json:
+        emit_results(found, comparison=between)
+    else:
         if between is not None:
             print_between(between)
+        kept = {Path(row.trace).parent for row in found.rows if row.trace}
         print_commands(
+            *((f"scenario report {shown(folder)}", "one page with figures") for folder in kept),
             (f"scenario submit {campaign}", "run it with the daemon, results are kept"),
             ("scenario tui", "the dashboard of the daemon"),
         )

@@ -21,7 +21,6 @@ from daemon.report import leave_note
 from scenario_tui.cli._output import out, say
 from scenario_tui.cli._progress import watch
 from scenario_tui.cli._summary import print_summary
-from scenario_tui.cli._told import emit_results
 from scenario_tui.summary import Results, gather
 from scenario_tui.wording import counted
 
@@ -36,7 +35,7 @@ _ENDURANCE: Final = 20.0
 def run_here(
     submission: Submission, folder: Path | None, slots: int | None, as_json: bool
 ) -> Results:
-    """Run every run of ``submission``, print the summary, return the results.
+    """Run every run of ``submission``, print the summary unless it is for JSON, return the results.
 
     Traces end up in ``folder``; everything else the daemon needed is removed, also when the
     command is interrupted.
@@ -57,12 +56,10 @@ def run_here(
         rows=tuple(_moved(run, target) for run in found.rows),
         records=tuple(_moved(record, target) for record in found.records),
     )
-    if as_json:
-        emit_results(results)
-    else:
+    if not as_json:
         print_summary(results, took=time.perf_counter() - started)
         kept = sum(1 for run in results.rows if run.trace)
-        out().print(f"{counted(kept, 'trace')} in {_shown(target)}\n", markup=False, soft_wrap=True)
+        out().print(f"{counted(kept, 'trace')} in {shown(target)}\n", markup=False, soft_wrap=True)
     return results
 
 
@@ -74,7 +71,7 @@ def _workshop(target: Path, campaign: str) -> Iterator[Path]:
         yield state
     except KeyboardInterrupt:
         kept = _move_traces(state, target, campaign)
-        say(f"\ninterrupted; {counted(kept, 'finished trace')} in {_shown(target)}")
+        say(f"\ninterrupted; {counted(kept, 'finished trace')} in {shown(target)}")
         raise
     else:
         _move_traces(state, target, campaign)
@@ -93,7 +90,7 @@ def _moved(run: Run, target: Path) -> Run:
     return replace(run, trace=str(target / Path(run.trace).name)) if run.trace else run
 
 
-def _shown(path: Path) -> str:
+def shown(path: Path) -> str:
     """Return a path the way people type it."""
     try:
         return f"{path.relative_to(Path.cwd())}/"
