@@ -11,6 +11,8 @@ import pytest
 
 from daemon.assessment import Declared, Gate, Policy
 from daemon.verdict import Outcome
+from scenario_tui.cli import _embedded
+from scenario_tui.summary import gather
 from tests.scenario_tui.fake import CAMPAIGN, OLD, FakeDaemon, make_row
 
 Keep = Callable[[FakeDaemon, str], Path]
@@ -106,4 +108,26 @@ def test_the_gate_of_a_campaign_holds_it_against_the_last_green_one(scenario, tw
 def test_without_an_earlier_green_one_there_is_nothing_to_compare_with(scenario, two) -> None:
     said = scenario("results", CAMPAIGN, "--baseline", "last-green")
     assert "no earlier campaign first was as expected" in said.err
+    assert said.code == 0
+
+
+@pytest.mark.parametrize(("allowed", "code"), [("20 %", 1), ("60 %", 0)])
+def test_a_campaign_run_here_is_held_against_a_file(
+    scenario, two, tmp_path, campaigns, monkeypatch, allowed, code
+) -> None:
+    path = tmp_path / "before.json"
+    path.write_text(scenario("results", OLD, "--json").out)
+    found = gather(two, two.campaigns()[0])
+    monkeypatch.setattr(_embedded, "run_here", lambda *_: found)
+    demo = str(campaigns / "demo" / "campaign.yaml")
+    said = scenario("run", demo, "--json", "--baseline", str(path), "--worse-by", allowed)
+    assert said.code == code
+    assert any(shift["worse"] for shift in json.loads(said.out)["comparison"]["shifts"]) == code
+
+
+def test_a_campaign_run_here_knows_no_others(scenario, two, campaigns, monkeypatch) -> None:
+    found = replace(gather(two, two.campaigns()[0]), declared=Declared(gate=Gate("last-green", 0)))
+    monkeypatch.setattr(_embedded, "run_here", lambda *_: found)
+    said = scenario("run", str(campaigns / "demo" / "campaign.yaml"))
+    assert "not compared with last-green: without a daemon give a file of results" in said.err
     assert said.code == 0
