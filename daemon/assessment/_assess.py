@@ -64,16 +64,22 @@ def assess(declared: Declared, records: Iterable[RunRecord]) -> Assessment:
 def undecided(declared: Declared, records: Iterable[RunRecord]) -> tuple[tuple[str, str], ...]:
     """Return the cells, (scenario, SUT), whose oracles more repeats could still decide.
 
-    Not those with a run that has no result: what is broken is not repeated.
+    Not those with a run that has no result (what is broken is not repeated), nor oracles of which
+    nothing is expected or that some repeat could not judge.
     """
     found = []
     for group in _grouped(tuple(records)):
         if any(record.outcome is None for record in group):
             continue
         cell = _cell(group, declared).cell
-        if any(o.verdict is Outcome.INCONCLUSIVE and not o.inconclusive for o in cell.oracles):
+        if any(_can_be_decided(oracle) for oracle in cell.oracles):
             found.append((cell.scenario, cell.sut))
     return tuple(found)
+
+
+def _can_be_decided(oracle: OracleCell) -> bool:
+    open_yet = oracle.verdict is Outcome.INCONCLUSIVE and not oracle.met
+    return open_yet and not oracle.inconclusive
 
 
 def _grouped(records: Sequence[RunRecord]) -> list[list[RunRecord]]:

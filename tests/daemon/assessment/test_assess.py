@@ -236,6 +236,9 @@ def test_only_cells_that_more_repeats_can_decide_are_repeated() -> None:
     assert undecided(RATE, cell([0.1] * 5)) == (("S1", "a2s"),)
     assert undecided(RATE, cell([0.1] * 14)) == ()
     assert undecided(RATE, (*cell([0.1] * 4), lost(4))) == ()
+    assert undecided(RATE, cell([0.1] * 4 + [None])) == ()
+    nobody_cares = replace(expecting("any"), policy=RATE.policy)
+    assert undecided(nobody_cares, cell([0.1] * 5)) == ()
 
 
 margins = st.lists(st.one_of(st.none(), st.floats(-1, 1)), min_size=1, max_size=8)
