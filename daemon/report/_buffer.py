@@ -95,6 +95,21 @@ def points_inside(sampler: Sampler, near: Floats, centre: Point2, half: Point2) 
     return inside.astype(np.float32)
 
 
+def outlines_near(
+    sampler: Sampler, moment: int, reach: float
+) -> Iterator[tuple[str, bool, Floats]]:
+    """Return the obstacles within ``reach`` [m] of the robot at a sample: whose, whether it can
+    move, its corners (k, 2) [m] in the map frame.
+    """
+    obstacles = sampler.obstacles
+    for polygon in _Outlines(obstacles).within(moment, sampler.poses[moment], reach):
+        first, last = obstacles.offsets[polygon : polygon + 2]
+        corners, frame = obstacles.corners[first:last], int(obstacles.frame[polygon])
+        if frame >= 0:
+            corners = _placed(corners, obstacles.tracks[moment, frame][None])
+        yield obstacles.names[polygon], frame >= 0, corners
+
+
 class _Outlines:
     """Obstacles as closely spaced points, where they are at any moment."""
 

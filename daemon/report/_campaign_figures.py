@@ -92,8 +92,6 @@ def boxes(
             colour = SERIES[index % len(SERIES)]
             x = place + (index - (len(suts) - 1) / 2.0) * width
             _box(axes, x, np.asarray(found, dtype=np.float64), 0.36 * width, colour)
-    for index, sut in enumerate(suts):
-        axes.plot([], [], "s", color=SERIES[index % len(SERIES)], ms=4.0, label=plain(sut))
     axes.set_xticks(range(groups), [plain(scenario) for scenario, _ in values])
     if max((len(s) for s, _ in values), default=0) * groups > 48:
         axes.tick_params(axis="x", labelrotation=25)
@@ -101,7 +99,6 @@ def boxes(
     named(axes, axis)
     axes.set_ylim(bottom=min(0.0, axes.get_ylim()[0]))
     axes.grid(visible=False, axis="x")
-    legend(axes)
     return to_svg(sheet, name, label)
 
 
@@ -114,15 +111,16 @@ def _box(axes: Any, x: float, values: Any, half: float, colour: str) -> None:
 
 
 def around_triggers(
-    name: str, label: str, scenarios: Sequence[tuple[str, Sequence[Passing]]]
+    name: str, label: str, scenarios: Sequence[tuple[int, Sequence[Passing]]]
 ) -> str:
     """Return speed and turning speed around one trigger with one SUT (figure 14).
 
-    Means over the repeats, bands from the least to the most; dashed where the door stays as it is.
+    ``scenarios`` are the numbers of their colours and what happened in each repeat. Means over the
+    repeats, bands from the least to the most; dashed where the door stays as it is.
     """
     sheet, (above, below) = figure(3.5, 2.7, 2, 1, sharex=True)
     grid = np.arange(-BEFORE, AFTER + 0.5 * _STEP, _STEP)
-    for number, (scenario, found) in enumerate(scenarios):
+    for number, found in scenarios:
         colour = SERIES[number % len(SERIES)]
         dashes = "-" if found[0].fired else (0, (4, 2))
         for axes, kind in ((above, "speed"), (below, "turning")):
@@ -133,8 +131,7 @@ def around_triggers(
                 continue
             axes.fill_between(grid[known], lines.min(axis=0), lines.max(axis=0), color=colour,
                               alpha=0.1, lw=0)  # fmt: skip
-            axes.plot(grid[known], lines.mean(axis=0), color=colour, lw=1.0, ls=dashes,
-                      label=plain(scenario))  # fmt: skip
+            axes.plot(grid[known], lines.mean(axis=0), color=colour, lw=1.0, ls=dashes)
     for axes in (above, below):
         axes.axvline(0.0, color=INK, lw=0.8, ls=":")
     above.set_xlim(-BEFORE, AFTER)
@@ -142,7 +139,6 @@ def around_triggers(
     below.set_xlabel("time from the trigger [s]")
     named(above, "speed [m/s]")
     named(below, "turning [rad/s]")
-    legend(above)
     return to_svg(sheet, name, label)
 
 

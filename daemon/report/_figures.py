@@ -10,17 +10,24 @@ from typing import Final
 
 import numpy as np
 
+from daemon.assessment import OracleCell
 from daemon.report import _campaign_figures, _cell_figures
 from daemon.report._buffer import limit_of
 from daemon.report._extra import needed
 from daemon.report._gather import Material
+from daemon.report._moment import moment
 from daemon.report._types import Driven, Passing
 from daemon.spread import spread
 from daemon.trace import TraceError, read_scene
+from daemon.verdict import Outcome
 from grammars.scene import Scene
 
 MOST_CELLS: Final = 60
 """Cells that get figures of their own; in larger campaigns the first ones, and it is said so."""
+
+
+MOST_MOMENTS: Final = 24
+"""Findings whose deciding moment is drawn."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,7 +57,8 @@ def draw_figures(material: Material, *, processes: int | None = None) -> tuple[F
     """Draw every figure of a report; raises :class:`InputError` without the extra ``report``."""
     needed("matplotlib.figure", "a report with figures")
     needed("matplotlib.backends.backend_svg", "a report with figures")
-    tasks = tuple(enumerate((*_of_cells(material), *_of_campaign(material))))
+    drawn = (*_moments(material), *_of_cells(material), *_of_campaign(material))
+    tasks = tuple(enumerate(drawn))
     return tuple(spread(_draw, tasks, doing="that draws figures", processes=processes))
 
 
@@ -58,6 +66,39 @@ def _draw(numbered: tuple[int, _Task]) -> Figure:
     number, task = numbered
     svg = task.draw(f"f{number}", task.label)
     return Figure(task.kind, task.scenario, task.sut, task.caption, svg)
+
+
+def findings(material: Material) -> tuple[OracleCell, ...]:
+    """Return the verdicts to look at: what contradicts, is open or fails, unexpected ones first."""
+    wanted = [
+        oracle
+        for cell in material.assessment.cells
+        for oracle in cell.oracles
+        if not oracle.met or oracle.verdict is not Outcome.PASS
+    ]
+    return tuple(sorted(wanted, key=lambda oracle: oracle.met))
+
+
+def _moments(material: Material) -> Iterator[_Task]:
+    """Draw the deciding moments of the first findings."""
+    runs = {run.record.id: run for run in material.runs}
+    for oracle in findings(material)[:MOST_MOMENTS]:
+        worst = oracle.worst
+        time = None if worst is None else worst.verdict.evidence.time
+        if worst is None or time is None:
+            continue
+        run, involved = runs[worst.run], worst.verdict.evidence.object
+        if run.record.trace is None or not len(run.driven.time):
+            continue
+        caption = f"repeat {worst.repeat} at {time:.1f} s"
+        yield _Task(
+            f"moment {oracle.oracle}", oracle.scenario, oracle.sut, caption,
+            f"The moment that decides {oracle.oracle}, {oracle.scenario} with {oracle.sut}",
+            partial(
+                moment, trace=Path(run.record.trace), time=time, involved=involved,
+                buffer=run.driven.buffer,
+            ),
+        )  # fmt: skip
 
 
 def _cells(material: Material) -> dict[tuple[str, str], list[Driven]]:
@@ -148,17 +189,24 @@ def _boxes(material: Material, measure: str, axis: str) -> Iterator[_Task]:
     )  # fmt: skip
 
 
+def scenarios_with_triggers(material: Material) -> tuple[str, ...]:
+    """Return the scenarios in the figures around triggers, in the order of their colours."""
+    names = (run.record.scenario for run in material.runs if run.driven.passings)
+    return tuple(dict.fromkeys(names))
+
+
 def _triggers(material: Material) -> Iterator[_Task]:
-    found: dict[tuple[str, str], dict[str, list[Passing]]] = {}
+    colours = {name: number for number, name in enumerate(scenarios_with_triggers(material))}
+    found: dict[tuple[str, str], dict[int, list[Passing]]] = {}
     for run in material.runs:
         for passing in run.driven.passings:
             if len(passing.since) > 1:
                 by_scenario = found.setdefault((passing.joint, run.record.sut), {})
-                by_scenario.setdefault(run.record.scenario, []).append(passing)
+                by_scenario.setdefault(colours[run.record.scenario], []).append(passing)
     for (joint, sut), by_scenario in sorted(found.items()):
         door = joint.rpartition(".")[0] or joint
         yield _Task(
-            "trigger", door, sut, f"{door}, {sut}",
+            "trigger", door, sut, sut,
             f"Speed and turning speed around the trigger of {door} with {sut}",
             partial(_campaign_figures.around_triggers, scenarios=tuple(by_scenario.items())),
         )  # fmt: skip

@@ -10,9 +10,16 @@ from typing import Final, Literal
 from markupsafe import Markup
 
 from daemon.assessment import Assessment, Cell, OracleCell
-from daemon.report._figures import MOST_CELLS, Figure, draw_figures
+from daemon.report._figures import (
+    MOST_CELLS,
+    Figure,
+    draw_figures,
+    findings,
+    scenarios_with_triggers,
+)
 from daemon.report._gather import Gathered, Material
 from daemon.report._series import MEASURES, Measure
+from daemon.report._svg import SERIES
 from daemon.report._words import (
     GLYPHS,
     NOTHING,
@@ -40,12 +47,13 @@ class Answer:
 
 @dataclass(frozen=True, slots=True)
 class Finding:
-    """An oracle of a cell worth a closer look, with what to type to look."""
+    """An oracle of a cell worth a closer look: its repeats, what to type, the deciding moment."""
 
     oracle: OracleCell
     text: str
     runs: tuple[tuple[str, str, str], ...]
     commands: tuple[tuple[str, str], ...]
+    moment: tuple[str, Markup] | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,13 +102,15 @@ def write_page(
         suts=suts,
         cells={(cell.scenario, cell.sut): cell for cell in assessment.cells},
         surprised={(s.scenario, s.sut) for s in assessment.surprises},
-        findings=_findings(material, commands),
+        findings=_findings(material, commands, figures),
         compared=[(group, _compared(material, group)) for group in _grouped(used)],
         declared_measures=_declared(assessment),
         boxes=[_ready(f) for f in figures if f.kind.startswith("boxes")],
         worst=[_ready(f) for f in figures if f.kind == "worst-localisation"],
         worst_run=next((f.sut for f in figures if f.kind == "worst-localisation"), ""),
         by_kind={k: _by_scenario([f for f in figures if f.kind == k]) for k in _FIGURE_KINDS},
+        sut_colours=_colours(suts),
+        trigger_colours=_colours(scenarios_with_triggers(material)),
         runs=material.runs,
         buffer=material.buffer,
         most=MOST_CELLS if len(assessment.cells) > MOST_CELLS else 0,
@@ -159,18 +169,19 @@ def _facts(
     )
 
 
-def _findings(material: Material, commands: Sequence[Command]) -> tuple[Finding, ...]:
-    """Return what contradicts, is open or fails, what is unexpected first."""
-    wanted = [
-        oracle
-        for cell in material.assessment.cells
-        for oracle in cell.oracles
-        if not oracle.met or oracle.verdict is not Outcome.PASS
-    ]
-    return tuple(_finding(o, material, commands) for o in sorted(wanted, key=lambda o: o.met))
+def _findings(
+    material: Material, commands: Sequence[Command], figures: Sequence[Figure]
+) -> tuple[Finding, ...]:
+    shown = {(f.scenario, f.sut, f.kind): f for f in figures if f.svg}
+    return tuple(
+        _finding(o, material, commands, shown.get((o.scenario, o.sut, f"moment {o.oracle}")))
+        for o in findings(material)
+    )
 
 
-def _finding(oracle: OracleCell, material: Material, commands: Sequence[Command]) -> Finding:
+def _finding(
+    oracle: OracleCell, material: Material, commands: Sequence[Command], moment: Figure | None
+) -> Finding:
     here = [
         run.record
         for run in material.runs
@@ -180,11 +191,12 @@ def _finding(oracle: OracleCell, material: Material, commands: Sequence[Command]
     runs = tuple((f"repeat {r.repeat}", str(v.outcome), said(v)) for r, v in judged)
     text = judged[0][1].text if judged else ""
     shown = next((r for r in here if oracle.worst and r.id == oracle.worst.run), None)
+    picture = None if moment is None else _ready(moment)
     if shown is None:
-        return Finding(oracle, text, runs, ())
+        return Finding(oracle, text, runs, (), picture)
     name = shown.id if material.chosen.id else shown.trace or shown.id
     typed = tuple((c.text.format(run=shlex.quote(name)), c.purpose) for c in commands)
-    return Finding(oracle, text, runs, typed)
+    return Finding(oracle, text, runs, typed, picture)
 
 
 def _grouped(measures: Sequence[Measure]) -> list[tuple[Measure, ...]]:
@@ -225,6 +237,11 @@ def _declared(
             row = _row(measure.values, measure.unit)
             found.setdefault((measure.oracle, measure.unit), []).append((cell, row))
     return tuple((name, unit, tuple(rows)) for (name, unit), rows in found.items())
+
+
+def _colours(names: Sequence[str]) -> list[tuple[str, str]]:
+    """Return names with the variable of the page that holds their colour in figures."""
+    return [(name, f"--s{number % len(SERIES)}") for number, name in enumerate(names)]
 
 
 def _ready(figure: Figure) -> tuple[str, Markup]:

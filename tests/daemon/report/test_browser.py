@@ -36,6 +36,12 @@ PROBE = """
     textSizes: [...document.querySelectorAll("figure svg text")].map((t) => box(t)[3]),
     strokes: [...new Set([...document.querySelectorAll("figure svg path")].filter(seen)
       .map((p) => getComputedStyle(p).stroke))],
+    overlaps: [...document.querySelectorAll(".oracle")].filter((o) => {
+      const range = document.createRange();
+      range.selectNodeContents(o.querySelector(".more"));
+      const worst = o.querySelector(".worst");
+      return worst.innerText && range.getBoundingClientRect().right > box(worst)[0];
+    }).length,
     open: [...document.querySelectorAll("details")].filter((d) => d.open).length,
   };
   const out = document.createElement("pre");
@@ -78,6 +84,7 @@ def test_a_reader_at_a_desk_sees_the_answer_the_contents_and_the_figures(
     assert min(seen["textSizes"]) >= 8
     assert len(set(seen["strokes"]) - {"none"}) >= 4
     assert seen["open"] == 1
+    assert seen["overlaps"] == 0
 
 
 def test_a_reader_on_a_phone_in_the_dark_sees_the_same(page: str, tmp_path: Path) -> None:
@@ -86,4 +93,5 @@ def test_a_reader_on_a_phone_in_the_dark_sees_the_same(page: str, tmp_path: Path
     assert seen["pageWidth"] <= seen["windowWidth"]
     assert seen["contents"][0] == "Is it fine?"
     assert all(width <= 500 for width, _ in seen["figures"])
+    assert seen["overlaps"] == 0
     assert seen["paper"] != "rgb(255, 255, 255)"

@@ -128,6 +128,7 @@ def test_comparisons_have_their_bounds(material: Material, tree: Element) -> Non
 def test_every_figure_of_the_paper_is_there_and_has_a_name(tree: Element) -> None:
     labels = [str(e.get("aria-label")) for e in tree.iter() if str(e.tag).endswith("}svg")]
     for start in (
+        "The moment that decides buffer",
         "Localisation error and spread",
         "The largest localisation error over time",
         "The largest localisation error on the map",
