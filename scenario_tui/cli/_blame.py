@@ -159,24 +159,24 @@ def _about_layers(case: Case, story: Blame) -> Iterator[str]:
             like = f" with {case.settings.like}" if case.settings.like else ""
             yield f"fails in the bare building{like} as well: no layer is to blame"
         return
-    names = [_named(one.element, case) for one in story.layers]
-    yield f"fails with {_and(names)}"
+    on_top = case.settings.like if story.parameters else ""
+    names = _and([one.element.name for one in story.layers])
+    yield f"fails with {names}{f' on top of {on_top}' if on_top else ''}"
     for one in story.layers:
-        yield f"without {_named(one.element, case)}: {_ending(one)}"
+        yield f"without {_short(one.element)}: {_ending(one)}"
     if story.flips is not None and len(case.added) > 1:
-        yield f"in the order of the campaign, it is {_named(story.flips, case)} that flips it"
+        yield f"in the order of the campaign, it is {_short(story.flips)} that flips it"
+
+
+def _short(element: Element) -> str:
+    """Return what to call an element once it has been told in full."""
+    return element.name.partition(": ")[0] if element.kind == "parameter" else element.name
 
 
 def _ending(one: Without) -> str:
     if one.word == "fail":
         return "fails as well, but for another reason"
     return "passes" if one.word == "pass" else one.note or "cannot be judged"
-
-
-def _named(element: Element, case: Case) -> str:
-    if element.kind == "parameter":
-        return f"{element.name} ({case.spec.sut.name} is otherwise {case.settings.like or 'plain'})"
-    return element.name
 
 
 def _about_parts(story: Blame) -> Iterator[str]:
@@ -188,7 +188,8 @@ def _about_parts(story: Blame) -> Iterator[str]:
     behaviours = ", ".join(story.behaviours) or "none"
     yield f"  behaviours {behaviours} (of {before['behaviour']})"
     if before["parameter"]:
-        parameters = ", ".join(story.parameters) or "none"
+        names = (name.partition(": ")[0] for name in story.parameters)
+        parameters = ", ".join(names) or "none"
         yield f"  parameters {parameters} (of {before['parameter']})"
 
 

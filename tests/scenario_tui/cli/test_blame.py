@@ -1,0 +1,98 @@
+"""``scenario blame``: the story people and scripts are told."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+
+import pytest
+
+from daemon.verdict import Outcome
+from scenario_tui.cli._main import invoke
+from tests.daemon.blame.cases import CAMPAIGN, failing_if, pretend, write
+
+
+@pytest.fixture
+def campaign(tmp_path: Path, campaigns: Path, monkeypatch: pytest.MonkeyPatch) -> str:
+    for name in ("demo", "robots", "suts"):
+        shutil.copytree(campaigns / name, tmp_path / name)
+    monkeypatch.setenv("SCENARIO_STATE", str(tmp_path / "state"))
+    monkeypatch.chdir(tmp_path)
+    text = CAMPAIGN.replace("sut: [pilot]", "sut: [hasty]")
+    (tmp_path / "demo" / "hasty.yaml").write_text(
+        "sut: hasty\nlike: pilot\nparameters: {max_speed: 0.7}\n"
+    )
+    return str(write(tmp_path / "demo", text))
+
+
+def shuts_fast(spec) -> bool:
+    shut = any(b.joint == "kitchen_door.hinge" for b in spec.behaviours)
+    return shut and spec.sut.parameters.get("max_speed") == 0.7
+
+
+def test_the_story_is_told_and_the_scenario_saved(
+    campaign: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    pretend(monkeypatch, failing_if(shuts_fast))
+    assert invoke(["blame", campaign, "rude", "hasty", "1"]) == 0
+    out = capsys.readouterr().out
+    assert out.startswith("rude/hasty/1 fails reached:")
+    assert "fails with doors, doors_in_your_face and max_speed: 0.7 on top of pilot" in out
+    assert "without max_speed: passes" in out
+    assert "it is max_speed that flips it" in out
+    assert "minimal: kitchen_door (of 6)" in out
+    saved = Path("scenario-results/blame/tiny/rude.hasty.1/campaign.yaml")
+    assert f"scenario run {saved}" in out
+    assert invoke(["check", str(saved)]) == 0
+
+
+def test_scripts_get_the_story_as_json(
+    campaign: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    pretended = pretend(monkeypatch, failing_if(shuts_fast))
+    place = tmp_path / "kept"
+    assert invoke(["blame", campaign, "rude", "-o", str(place), "--json"]) == 0
+    body = json.loads(capsys.readouterr().out)
+    assert body["schema"] == "scenario/blame/1"
+    assert body["blame"]["parameters"] == ["max_speed: 0.7"]
+    assert body["blame"]["minimal"] is True
+    assert body["runs"] == len(pretended.specs)
+    assert body["saved"] == str(place / "campaign.yaml")
+
+
+def test_what_does_not_fail_is_said_so(
+    campaign: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    pretend(monkeypatch, lambda _: Outcome.PASS)
+    assert invoke(["blame", campaign, "rude"]) == 4
+    assert "rude/hasty/0 does not fail: reached pass" in capsys.readouterr().err
+
+
+def test_an_interrupt_tells_what_was_found(
+    campaign: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    pretend(monkeypatch, failing_if(shuts_fast)).interrupt_after = 14
+    assert invoke(["blame", campaign, "rude"]) == 130
+    out = capsys.readouterr().out
+    assert "it is max_speed that flips it" in out
+    assert "stopped before nothing else could go: interrupted" in out
+    assert "scenario run scenario-results" in out
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        ([], "SCENARIO SUT REPEAT"),
+        (["rudd"], 'no scenario "rudd"'),
+        (["rude", "hasty", "x"], "not the number of a repeat"),
+    ],
+)
+def test_wrong_words_are_wrong_usage(
+    campaign: str, words: list[str], message: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert invoke(["blame", campaign, *words]) == 2
+    assert message in " ".join(capsys.readouterr().err.replace("│", " ").split())
