@@ -59,6 +59,11 @@ class Results:
         """Runs that were given up or broke before anything could be judged."""
         return tuple(row for row in self.rows if word_of(row) == "lost")
 
+    @property
+    def doubtful(self) -> tuple[RunRow, ...]:
+        """Runs that came out differently when the same was executed before."""
+        return tuple(row for row in self.rows if row.reason.startswith("nondeterministic"))
+
 
 def gather(daemon: Daemon, row: CampaignRow) -> Results:
     """Ask for everything about a campaign and judge it."""

@@ -145,10 +145,26 @@ class Book:
         if before is not None and advance(before, event, attempts=self._attempts).record:
             self._keep(completion, digest, now)
         change = self._apply(completion.run, event, now, before)
+        if change.record:
+            self._doubt(completion.run, completion.result.spec, digest, now)
         if change.answer is Answer.DIFFERS:
             note = change.run.reason
             self.note(now, "alarm", completion.run, known[1], "nondeterministic", note)
         return change.answer
+
+    def _doubt(self, run: str, spec: str, digest: str, now: float) -> None:
+        """Raise an alarm when another run of the same specification came out differently."""
+        other = self._db.execute(
+            "SELECT id, result FROM run WHERE digest = ? AND result <> '' AND result <> ?"
+            " ORDER BY serial DESC LIMIT 1",
+            (spec, digest),
+        ).fetchone()
+        if other is None:
+            return
+        reason = f"nondeterministic: this gave {digest[:12]}, {other[0]} gave {other[1][:12]}"
+        self._db.execute("UPDATE run SET reason = ? WHERE id = ?", (reason, run))
+        campaign = self._db.execute("SELECT campaign FROM run WHERE id = ?", (run,)).fetchone()[0]
+        self.note(now, "alarm", run, campaign, "nondeterministic", reason)
 
     def _keep(self, completion: Completion, digest: str, now: float) -> None:
         self._db.execute(

@@ -22,6 +22,7 @@ from scenario_tui.wording import (
     margin,
     moment,
     run_label,
+    word_of,
 )
 
 LISTED: Final = 12
@@ -48,6 +49,8 @@ def print_summary(results: Results, *, took: float | None = None) -> None:
         for row in results.unexecuted
     ]
     _print_list(console, "not executed", lost)
+    doubtful = [_line(word_of(row), run_label(row), [row.reason]) for row in results.doubtful]
+    _print_list(console, "not reproducible", doubtful)
     console.print(_conclusion(results), markup=False)
     console.print()
 

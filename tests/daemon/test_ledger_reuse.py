@@ -113,6 +113,17 @@ def test_whoever_asks_for_fresh_runs_gets_them(ledger: Ledger) -> None:
     assert not any(row.cached for row in ledger.rows("second"))
 
 
+def test_a_fresh_run_that_comes_out_differently_raises_an_alarm(ledger: Ledger) -> None:
+    ledger.submit("first", *specs(2))
+    ledger.work()
+    ledger.submit("second", *specs(2), fresh=True)
+    ledger.book.events = []
+    ledger.work(lambda spec: make_result(spec, margin=0.5 + 0.1 * spec.repeat))
+    (alarm,) = [event for event in ledger.book.events if event.kind == "alarm"]
+    assert (alarm.id, alarm.campaign, alarm.state) == ("second.1", "second", "nondeterministic")
+    assert "first.1 gave" in ledger.rows("second")[1].reason
+
+
 def test_a_chain_of_cached_results_leads_to_the_run_that_was_executed(ledger: Ledger) -> None:
     for name in ("first", "second", "third"):
         ledger.submit(name, *specs(1))

@@ -128,6 +128,13 @@ def test_results_leave_with_the_campaigns_code_when_asked(scenario, fake) -> Non
     assert scenario("results", "--exit-status").code == 3
 
 
+def test_runs_that_cannot_be_reproduced_are_named(scenario, fake) -> None:
+    fake.rows = (make_row(0), make_row(1, reason="nondeterministic: this gave a, old.1 gave b"))
+    said = scenario("results").out
+    assert "1 not reproducible:" in said
+    assert "✓ pass  S1/pilot/1  nondeterministic: this gave a, old.1 gave b" in said
+
+
 def test_a_filter_lists_the_runs_it_admits(scenario) -> None:
     said = scenario("results", "--outcome", "fail")
     assert [line.split()[0] for line in said.out.splitlines()[2:]] == ["S2/pilot/0", "S2/pilot/1"]
