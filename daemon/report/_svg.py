@@ -8,7 +8,10 @@ from __future__ import annotations
 
 import io
 import re
+import warnings
 from typing import TYPE_CHECKING, Any, Final
+
+from templates.naming import xml_text
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -124,7 +127,9 @@ def to_svg(sheet: Figure, name: str, label: str) -> str:
 
     buffer = io.StringIO()
     nothing = dict.fromkeys(("Date", "Creator", "Format", "Type"))
-    with matplotlib.rc_context(_STYLE | {"svg.hashsalt": name}):
+    with matplotlib.rc_context(_STYLE | {"svg.hashsalt": name}), warnings.catch_warnings():
+        # Words stay words: the reader's fonts show what matplotlib's lack.
+        warnings.filterwarnings("ignore", "Glyph .* missing from font")
         sheet.savefig(buffer, format="svg", metadata=nothing)
     return _cleaned(buffer.getvalue(), name, label)
 
@@ -161,13 +166,17 @@ def _shortened(path: str) -> str:
 
 def _attribute(text: str) -> str:
     return (
-        text.replace("&", "&amp;").replace("<", "&lt;").replace(">", "&gt;").replace('"', "&quot;")
+        xml_text(text)
+        .replace("&", "&amp;")
+        .replace("<", "&lt;")
+        .replace(">", "&gt;")
+        .replace('"', "&quot;")
     )
 
 
 def plain(text: str) -> str:
     """Return ``text`` so that matplotlib shows it as it is, formulas included."""
-    return text.replace("$", r"\$")
+    return xml_text(text).replace("$", r"\$")
 
 
 def named(axes: Axes, words: str) -> None:

@@ -13,7 +13,7 @@ import pytest
 from daemon.assessment import Assessment, Cell, OracleCell
 from daemon.report import COLUMNS, MEASURES, Material, write_csv, write_junit, write_parquet
 from daemon.verdict import Outcome
-from tests.daemon.report.recordings import OPEN, SHUT, SUTS, WHY
+from tests.daemon.report.recordings import OPEN_SHOWN, SHUT, SUTS, WHY
 
 
 def test_the_table_has_every_measure_and_margin_in_full_precision(
@@ -65,7 +65,7 @@ def test_build_servers_see_failures_known_ones_and_passes(
 ) -> None:
     found = cases(material, tmp_path)
     near, far = SUTS
-    (unexpected,) = found[f"{OPEN}/{near}", "buffer"].result
+    (unexpected,) = found[f"{OPEN_SHOWN}/{near}", "buffer"].result
     assert isinstance(unexpected, junitparser.Failure)
     assert "0 of 2 pass" in unexpected.message
     assert "door-17.leaf" in unexpected.message
