@@ -283,9 +283,17 @@ def test_the_wrong_order_is_a_failure_that_names_the_waypoint() -> None:
     trace = heading_for(journey((0, 0), (4, 0)), (3.0, 0.0), (1.0, 0.0))
     found = verdict(trace, "reached(mission, 0.25 m)")
     assert found.outcome is Outcome.FAIL
-    assert found.evidence.object == "w2"
-    assert "waypoint 2 of 2 not visited, 1 before it were" in found.evidence.note
-    assert found.margin == pytest.approx(0.25 - 1.75)
+    assert "waypoint 2 of 2 is not visited nearer" in found.evidence.note
+    assert found.margin == pytest.approx(0.25 - 1.0)  # halfway between both, for both
+
+
+def test_a_waypoint_passed_a_little_too_far_misses_by_that_little() -> None:
+    circuit = journey((0, 0.26), (4, 0.0), (8, 0.0), (0, 0.0))
+    trace = heading_for(circuit, (0, 0), (4, 0), (8, 0), (0, 0))
+    found = verdict(trace, "reached(mission, 0.25 m)")
+    assert found.outcome is Outcome.FAIL
+    assert found.margin == pytest.approx(-0.01, abs=1e-3)
+    assert (found.evidence.object, found.evidence.time) == ("w1", pytest.approx(0.0, abs=0.1))
 
 
 def test_a_circuit_visits_its_first_waypoint_twice() -> None:
@@ -301,7 +309,8 @@ def test_a_circuit_visits_its_first_waypoint_twice() -> None:
 def test_a_cut_mission_is_open_until_all_waypoints_are_visited() -> None:
     trace = heading_for(journey((0, 0), (4, 0)), (2.0, 0.1), (3.0, 0.0))
     early = verdict(cut(trace, 5.0), "reached(mission, 0.25 m)")
-    assert (early.outcome, early.lower, early.upper) == (Outcome.INCONCLUSIVE, None, None)
+    assert (early.outcome, early.upper) == (Outcome.INCONCLUSIVE, None)
+    assert early.lower == pytest.approx(0.25 - 0.5)
     late = verdict(cut(trace, 7.0), "reached(mission, 0.25 m)")
     assert late.outcome is Outcome.PASS
 
