@@ -70,6 +70,11 @@ def frame_of(runs: Sequence[Driven]) -> Frame:
     )
 
 
+def _pen(runs: Sequence[Driven]) -> dict[str, float]:
+    """Return how to draw a line of one repeat, so that many of them stay apart."""
+    return {"lw": 0.7, "alpha": 0.6} if len(runs) > 1 else {"lw": 1.0, "alpha": 1.0}
+
+
 def _top(values: Sequence[Any]) -> float:
     known = [float(np.nanmax(v)) for v in values if not np.isnan(v).all()]
     return 1.05 * max(known, default=1.0) or 1.0
@@ -81,9 +86,9 @@ def localisation(
     """Return the localisation error and the spread of the estimate over time (figure 8)."""
     sheet, (above, below) = figure(WIDTH, 2.6, 2, 1, sharex=True)
     for run in runs[:REPEATS]:
-        above.plot(run.time, run.error, color=LINE, lw=0.7, alpha=0.6)
-        below.plot(run.time, run.sigma_x, color=LINE, lw=0.7, alpha=0.6)
-        below.plot(run.time, run.sigma_y, color=SECOND, lw=0.7, alpha=0.6)
+        above.plot(run.time, run.error, color=LINE, **_pen(runs))
+        below.plot(run.time, run.sigma_x, color=LINE, **_pen(runs))
+        below.plot(run.time, run.sigma_y, color=SECOND, **_pen(runs))
     top = frame.error
     if limit is not None and limit < 4.0 * frame.error:
         above.axhline(limit, color=BAD, lw=0.9, ls=(0, (4, 3)))
@@ -107,7 +112,7 @@ def distance(name: str, label: str, runs: Sequence[Driven], frame: Frame) -> str
         axes.axhspan(min(low, 0.0), limit, color=NEAR, alpha=0.13, lw=0)
     axes.axhline(0.0, color=BAD, lw=0.9)
     for run in runs[:REPEATS]:
-        axes.plot(run.time, run.clearance, color=LINE, lw=0.7, alpha=0.6)
+        axes.plot(run.time, run.clearance, color=LINE, **_pen(runs))
         for passing in run.passings:
             if passing.fired:
                 axes.axvline(passing.time, color=INK, lw=0.8, ls=":", alpha=0.6)

@@ -67,10 +67,14 @@ class MeasureRow:
 
 @dataclass(frozen=True, slots=True)
 class Command:
-    """Something to type about a run: ``{run}`` is replaced by the run's id or trace."""
+    """Something to type about a run: ``{run}`` is replaced by the run's id or trace.
+
+    With ``failing`` only about runs that failed.
+    """
 
     text: str
     purpose: str
+    failing: bool = False
 
 
 def write_page(
@@ -195,7 +199,12 @@ def _finding(
     if shown is None:
         return Finding(oracle, text, runs, (), picture)
     name = shown.id if material.chosen.id else shown.trace or shown.id
-    typed = tuple((c.text.format(run=shlex.quote(name)), c.purpose) for c in commands)
+    failed = shown.outcome is Outcome.FAIL
+    typed = tuple(
+        (c.text.format(run=shlex.quote(name)), c.purpose)
+        for c in commands
+        if failed or not c.failing
+    )
     return Finding(oracle, text, runs, typed, picture)
 
 

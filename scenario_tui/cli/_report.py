@@ -18,10 +18,10 @@ if TYPE_CHECKING:
 
 _DEFAULT: Final = Path("report.html")
 _LOOKS: Final = (
-    ("replay", "scenario replay {run}", "watch it again"),
-    ("report", "scenario report --run {run} -o run.svg", "a picture of it"),
-    ("judge", "scenario judge {run}", "judge it again"),
-    ("blame", "scenario blame {run}", "find out what makes it fail"),
+    ("replay", "scenario replay {run}", "watch it again", False),
+    ("report", "scenario report --run {run} -o run.svg", "a picture of it", False),
+    ("judge", "scenario judge {run}", "judge it again", False),
+    ("blame", "scenario blame {run}", "find out what makes it fail", True),
 )
 
 
@@ -113,7 +113,9 @@ def _commands() -> tuple[Command, ...]:
     from scenario_tui.cli._main import command_names
 
     known = command_names()
-    return tuple(Command(text, purpose) for name, text, purpose in _LOOKS if name in known)
+    return tuple(
+        Command(text, purpose, failing) for name, text, purpose, failing in _LOOKS if name in known
+    )
 
 
 def _watched(found: Iterable[Gathered], total: int) -> Iterable[Gathered]:
