@@ -2,10 +2,18 @@
 
 :data:`MODEL` declares the features of scenarios (Ortega et al. 2024, figure 1).
 :func:`planned_coverage` holds run specifications against it, :func:`coverage_of` recorded runs,
-for which it also tells doors, floor and margins.
+for which it also tells doors, floor and margins. Who has read traces already sums up
+:func:`contribution` of each by :func:`summed`.
 """
 
-from daemon.coverage._gather import NEAR, coverage_of, planned_coverage
+from daemon.coverage._gather import (
+    NEAR,
+    Contribution,
+    contribution,
+    coverage_of,
+    planned_coverage,
+    summed,
+)
 from daemon.coverage._model import MODEL, Exclusion, Feature, FeatureModel
 from daemon.coverage._types import (
     Coverage,
@@ -22,6 +30,7 @@ from daemon.coverage._types import (
 __all__ = [
     "MODEL",
     "NEAR",
+    "Contribution",
     "Coverage",
     "DoorCount",
     "Exclusion",
@@ -34,6 +43,8 @@ __all__ = [
     "Pairs",
     "RoomArea",
     "Unreadable",
+    "contribution",
     "coverage_of",
     "planned_coverage",
+    "summed",
 ]

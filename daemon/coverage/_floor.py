@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
@@ -28,12 +29,13 @@ STRIDE: Final = 0.05
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Painted:
-    """Cells of the free floor that one run has seen and driven on, shape (rows, columns)."""
+    """Cells of the free floor that one run has seen and driven on, eight to a byte."""
 
-    seen: Cells
-    driven: Cells
+    seen: npt.NDArray[np.uint8]
+    driven: npt.NDArray[np.uint8]
 
 
+@functools.lru_cache(maxsize=4)
 def floor_grid(scene: Scene, laser_height: float) -> OccupancyGrid:
     """Return the floor of a scene without its objects, at the resolution of coverage."""
     return occupancy_grid(
@@ -44,7 +46,7 @@ def floor_grid(scene: Scene, laser_height: float) -> OccupancyGrid:
 def painted(grid: OccupancyGrid, trace: Trace) -> Painted:
     """Return what a recorded run has covered; needs its scans (``read_trace(scans=True)``)."""
     free = grid.cells == FREE
-    return Painted(_seen(grid, trace) & free, _driven(grid, trace) & free)
+    return Painted(*(np.packbits(f(grid, trace) & free) for f in (_seen, _driven)))
 
 
 def _seen(grid: OccupancyGrid, trace: Trace) -> Cells:
@@ -116,8 +118,8 @@ def _strides(poses: Floats) -> npt.NDArray[np.intp]:
 def floor_area(scene: Scene, grid: OccupancyGrid, runs: Sequence[Painted]) -> FloorArea:
     """Return the areas that any of the runs of one scene has covered."""
     free = grid.cells == FREE
-    seen = np.logical_or.reduce([run.seen for run in runs])
-    driven = np.logical_or.reduce([run.driven for run in runs])
+    seen = _unpacked([run.seen for run in runs], grid)
+    driven = _unpacked([run.driven for run in runs], grid)
     rooms = ((region.name, room_cells(grid, region)) for region in scene.regions)
     return FloorArea(
         scene=scene.name,
@@ -131,6 +133,13 @@ def floor_area(scene: Scene, grid: OccupancyGrid, runs: Sequence[Painted]) -> Fl
             for name, room in rooms
         ),
     )
+
+
+def _unpacked(packed: Sequence[npt.NDArray[np.uint8]], grid: OccupancyGrid) -> Cells:
+    """Return the cells that are set in any of the runs."""
+    cells = grid.cells
+    bits = np.unpackbits(np.bitwise_or.reduce(packed), count=cells.size)
+    return bits.reshape(cells.shape).astype(np.bool_)
 
 
 def _area(cells: Cells, grid: OccupancyGrid) -> float:

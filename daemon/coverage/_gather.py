@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -18,7 +19,7 @@ from daemon.coverage._pairs import Recognised, feature_counts, pair_counts, reco
 from daemon.coverage._types import Coverage, DoorCount, FloorArea, Unreadable
 from daemon.spec import RunSpec
 from daemon.spread import spread
-from daemon.trace import TraceError, read_trace
+from daemon.trace import Trace, TraceError, read_trace
 from daemon.verdict import Verdict
 from grammars.scene import Scene
 
@@ -27,8 +28,8 @@ NEAR: Final = 1.5
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Told:
-    """What one trace contributes; scenes with equal ``world`` are the same building."""
+class Contribution:
+    """What one recorded run contributes; with equal ``world`` it is of the same building."""
 
     world: tuple[str, float]
     scene: Scene
@@ -65,7 +66,7 @@ def coverage_of(
     that cannot be read is among ``unreadable``. Raises :class:`daemon.errors.DaemonError` when a
     reading process dies.
     """
-    told: list[_Told] = []
+    told: list[Contribution] = []
     unreadable: list[Unreadable] = []
     oracles.warm_up()
     tell = partial(_tell, model)
@@ -75,6 +76,13 @@ def coverage_of(
             unreadable.append(Unreadable(str(path), one))
         else:
             told.append(one)
+    return dataclasses.replace(summed(told, near=near, model=model), unreadable=tuple(unreadable))
+
+
+def summed(
+    told: Sequence[Contribution], *, near: float = NEAR, model: FeatureModel = MODEL
+) -> Coverage:
+    """Return what recorded runs have covered together; see :func:`coverage_of`."""
     found = [one.recognised for one in told]
     doors, floor = _worlds(told, near)
     return Coverage(
@@ -86,34 +94,39 @@ def coverage_of(
         doors=doors,
         floor=floor,
         margins=margin_histograms(v for one in told for v in one.verdicts),
-        unreadable=tuple(unreadable),
     )
 
 
-def _tell(model: FeatureModel, path: Path) -> _Told | str:
+def _tell(model: FeatureModel, path: Path) -> Contribution | str:
     """Read one trace and return what it contributes, or what is wrong with it."""
     try:
         trace = read_trace(path, scans=True)
     except TraceError as error:
         return "; ".join(found.message for found in error.diagnostics)
+    return contribution(trace, oracles.judge(trace, trace.spec.oracles), model=model)
+
+
+def contribution(
+    trace: Trace, verdicts: tuple[Verdict, ...], *, model: FeatureModel = MODEL
+) -> Contribution:
+    """Return what a trace, read with its scans, contributes to coverage."""
     spec, scene = trace.spec, trace.scene
     facts = facts_of(spec, scene, trace)
-    world = (spec.scene, spec.robot.laser.z)
-    return _Told(
-        world=world,
+    return Contribution(
+        world=(spec.scene, spec.robot.laser.z),
         scene=scene,
         recognised=recognise(model, facts),
         doors=door_runs(facts, trace),
         painted=painted(floor_grid(scene, spec.robot.laser.z), trace),
-        verdicts=oracles.judge(trace, spec.oracles),
+        verdicts=verdicts,
     )
 
 
 def _worlds(
-    told: Sequence[_Told], near: float
+    told: Sequence[Contribution], near: float
 ) -> tuple[tuple[DoorCount, ...], tuple[FloorArea, ...]]:
     """Sum up doors and floor, scene by scene."""
-    groups: dict[tuple[str, float], list[_Told]] = {}
+    groups: dict[tuple[str, float], list[Contribution]] = {}
     for one in told:
         groups.setdefault(one.world, []).append(one)
     doors: list[DoorCount] = []

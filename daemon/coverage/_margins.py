@@ -54,9 +54,16 @@ def bin_edges(values: Sequence[float]) -> tuple[float, ...]:
         return ()
     low, high = min(0.0, *values), max(0.0, *values)
     width = _round_width((high - low) / (BINS - 2)) if high > low else 1.0
-    first = math.floor(low / width)
-    last = max(math.floor(high / width) + 1, first + 1)
-    return tuple(round(index * width, 12) for index in range(first, last + 1))
+    first, last = math.floor(low / width), math.floor(high / width) + 1
+    # Division rounds: a value may lie on the edge it is divided by, or just beyond it.
+    first -= _edge(first, width) > low
+    last += _edge(last, width) <= high
+    return tuple(_edge(index, width) for index in range(first, last + 1))
+
+
+def _edge(index: int, width: float) -> float:
+    """Return an edge as people would write it: 0.3, not 0.30000000000000004."""
+    return float(f"{index * width:.12g}")
 
 
 def _round_width(least: float) -> float:
