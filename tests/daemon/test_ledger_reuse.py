@@ -15,6 +15,7 @@ from daemon.ledger import SCHEMA_VERSION, Book, Reader, connect, connect_reader
 from daemon.messages import Completion, RecordQuery, RetryRequest, RunQuery
 from daemon.places import Places
 from daemon.protocol import CampaignRow, RunRow, RunState, Submission
+from daemon.server._admission import admit
 from daemon.spec import RunResult, RunSpec
 from daemon.verdict import Outcome
 from tests.daemon.samples import make_result, make_spec, submission_of
@@ -64,6 +65,7 @@ def ledger(tmp_path: Path) -> Iterator[Ledger]:
     places = Places(tmp_path)
     places.make()
     writing = connect(places.ledger)
+    writing.execute("PRAGMA synchronous = OFF")  # power cuts are tested elsewhere
     reading = connect_reader(places.ledger)
     yield Ledger(Book(writing), Reader(reading, places), places)
     reading.close()
@@ -257,3 +259,12 @@ def test_a_ledger_of_the_version_before_is_brought_up_to_date(tmp_path: Path) ->
     assert [row.id for row in reader.records(RecordQuery("old"))] == ["old.0"]
     upgraded.close()
     made.close()
+
+
+def test_repeats_in_reserve_are_held_to_the_same_rules(tmp_path: Path) -> None:
+    places = Places(tmp_path)
+    places.make()
+    submission = replace(submission_of("c", *specs(2)), reserve=tuple(specs(2, first=1)))
+    with pytest.raises(Refused, match="S1/pilot/1 is there twice"):
+        admit(submission, places)
+    admit(replace(submission, reserve=tuple(specs(2, first=2))), places)
