@@ -6,14 +6,13 @@ import math
 import shutil
 from pathlib import Path
 
-import html5lib
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from daemon.errors import Refused
-from daemon.report import Gathered, Material, folder_of_traces, gather, write_page
+from daemon.report import Gathered, Material, folder_of_traces, gather
 from daemon.report._buffer import buffer_of, limit_of
 from daemon.report._series import thinned
 from daemon.verdict import Outcome
@@ -126,7 +125,6 @@ def test_a_trace_that_was_cut_is_judged_as_far_as_it_goes(folder: Path, tmp_path
     (cut,) = [run for run in material.runs if run.record.trace == str(first)]
     assert cut.record.ended == ""
     assert cut.record.outcome in (Outcome.INCONCLUSIVE, Outcome.FAIL, Outcome.ERROR)
-    html5lib.HTMLParser(strict=True).parse(write_page(material, (), processes=1))
 
 
 def test_a_trace_that_went_away_leaves_its_run(folder: Path, tmp_path: Path) -> None:
