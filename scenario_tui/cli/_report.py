@@ -30,7 +30,7 @@ def report(
         str,
         typer.Argument(
             metavar="CAMPAIGN",
-            help="Id or name of a campaign, or how it begins, or a folder of traces. "
+            help="A folder of traces, or id or name of a campaign, or how it begins. "
             "Default: the newest campaign.",
         ),
     ] = "",
@@ -155,7 +155,9 @@ def _tell(material: Material, written: dict[str, Path], *, as_json: bool) -> Non
         )
         return
     console = out()
-    console.print(f"{material.chosen.name}: {said.word}. {said.sentence}", markup=False)
+    # A folder may be called like a campaign: say which of them this is about.
+    about = f"{material.chosen.name} ({material.chosen.id or material.chosen.where})"
+    console.print(f"{about}: {said.word}. {said.sentence}", markup=False, soft_wrap=True)
     for file, problem in material.chosen.unread:
         console.print(f"not read: {file}: {problem}", markup=False, soft_wrap=True)
     for path in written.values():
