@@ -6,16 +6,17 @@ import math
 
 import numpy as np
 import numpy.typing as npt
+from numba import njit
 
-from daemon.navigation.kernels import Singles, kernel
 from grammars.values import Floats
 
 Cells = npt.NDArray[np.bool_]
+Ranges = npt.NDArray[np.float32]
 
 
-@kernel
+@njit(cache=True)
 def paint_rays(
-    cells: Cells, x0: float, y0: float, resolution: float, poses: Floats, ranges: Singles,
+    cells: Cells, x0: float, y0: float, resolution: float, poses: Floats, ranges: Ranges,
     angle_min: float, step: float, range_max: float,
 ) -> None:  # fmt: skip
     """Mark the cells that rays pass: those at every half a cell from the laser to the return.
@@ -40,7 +41,7 @@ def paint_rays(
                     cells[row, column] = True
 
 
-@kernel
+@njit(cache=True)
 def paint_footprints(
     cells: Cells, x0: float, y0: float, resolution: float, poses: Floats, ring: Floats,
     reach: float,

@@ -18,6 +18,20 @@ class FeatureCount:
     planned: int
     done: int
 
+    @property
+    def name(self) -> str:
+        """The last part of its path."""
+        return self.feature.rpartition("/")[2]
+
+
+@dataclass(frozen=True, slots=True)
+class FeatureGroup:
+    """Features with one parent: those that runs plan, and those that none does."""
+
+    path: str
+    planned: tuple[FeatureCount, ...]
+    missing: tuple[FeatureCount, ...]
+
 
 @dataclass(frozen=True, slots=True)
 class PairCount:
@@ -131,7 +145,30 @@ class Coverage:
     margins: tuple[MarginHistogram, ...] = ()
     unreadable: tuple[Unreadable, ...] = ()
 
+    def exercised(self, feature: FeatureCount) -> int:
+        """Return the runs that exercise a feature: by their traces if they have any."""
+        return feature.done if self.recorded else feature.planned
+
     @property
-    def missing(self) -> tuple[FeatureCount, ...]:
-        """Features that no run exercised."""
-        return tuple(f for f in self.features if not f.planned and not f.done)
+    def groups(self) -> tuple[FeatureGroup, ...]:
+        """The features by what they are alternatives or parts of, in the order of the model."""
+        groups: dict[str, list[FeatureCount]] = {}
+        for feature in self.features:
+            groups.setdefault(feature.feature.rpartition("/")[0], []).append(feature)
+        return tuple(
+            FeatureGroup(
+                path,
+                tuple(f for f in members if f.planned),
+                tuple(f for f in members if not f.planned),
+            )
+            for path, members in groups.items()
+        )
+
+    @property
+    def never_together(self) -> tuple[tuple[str, str], ...]:
+        """Missing pairs of features that were both exercised, each in other runs.
+
+        Where a feature was not, all its pairs are missing, which tells nothing new.
+        """
+        there = {f.feature for f in self.features if self.exercised(f)}
+        return tuple(pair for pair in self.pairs.missing if there >= set(pair))

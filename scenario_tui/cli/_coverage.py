@@ -117,25 +117,18 @@ def _features(found: Coverage) -> Table:
     table = _table("feature", "", "not exercised")
     for column in table.columns[1:]:
         column.justify = "left"
-    groups: dict[str, list[FeatureCount]] = {}
-    for feature in found.features:
-        groups.setdefault(feature.feature.rpartition("/")[0], []).append(feature)
-    for group, members in groups.items():
-        met = [_met(f, found) for f in members if _runs(f, found) or f.planned]
-        unmet = [f.feature.rpartition("/")[2] for f in members if not f.planned]
-        table.add_row(group.replace("/", " / "), ", ".join(met), ", ".join(unmet))
+    for group in found.groups:
+        met = ", ".join(_met(feature, found) for feature in group.planned)
+        unmet = ", ".join(feature.name for feature in group.missing)
+        table.add_row(group.path.replace("/", " / "), met, unmet)
     return table
 
 
-def _runs(feature: FeatureCount, found: Coverage) -> int:
-    return feature.done if found.recorded else feature.planned
-
-
 def _met(feature: FeatureCount, found: Coverage) -> str:
-    name, runs = feature.feature.rpartition("/")[2], _runs(feature, found)
+    runs = found.exercised(feature)
     if found.recorded and runs < feature.planned:
-        return f"{name} {runs} (of {feature.planned} planned)"
-    return f"{name} {runs}"
+        return f"{feature.name} {runs} (of {feature.planned} planned)"
+    return f"{feature.name} {runs}"
 
 
 def _print_pairs(found: Coverage) -> None:
@@ -148,9 +141,7 @@ def _print_pairs(found: Coverage) -> None:
         f"({pairs.share:.0%}), {pairs.excluded} cannot be",
         soft_wrap=True,
     )
-    # A pair is missing for sure where one of its features is: only the others tell something new.
-    absent = {f.feature for f in found.features if not _runs(f, found)}
-    news = [pair for pair in pairs.missing if not absent & set(pair)]
+    news = found.never_together
     for first, second in news[:LISTED]:
         console.print(f"  never together: {first} and {second}", soft_wrap=True)
     if len(news) > LISTED:
