@@ -21,6 +21,8 @@ WORTHWHILE: Final = 12_000
 _NOWHERE: Final = (-1, -1)
 _OUTDATED: Final = 1000.0
 """Detour [cost] by which changed costs may make the way longer before the remainder is renewed."""
+_REACH: Final = 1000.0
+"""Cost by which the remainder reaches farther than it must."""
 _RETRY: Final = 12
 """Plans after which a smaller margin is tried again."""
 
@@ -53,6 +55,7 @@ class Field:
         self._potentials = np.full(size, UNREACHED, dtype=np.float32)
         self._table = translation(allow_unknown=allow_unknown)
         self._buffers = np.empty((3, BUFFER), dtype=np.int32)
+        self._guesses = np.empty((3, BUFFER), dtype=np.float32)
         self._reached = np.empty(size + 1, dtype=np.int32)
         self._count = 0
         self._first, self._last, self._stack = (np.empty(size + 1, np.int32) for _ in range(3))
@@ -102,7 +105,7 @@ class Field:
         if goal != start and self._costs[goal] >= BLOCKED:
             return 0
         if self._margins and self._guided(start, goal):
-            if self._remainder.at(start) >= UNREACHED:
+            if self._cut_off(start, goal):
                 return 0
             length = self._search_restricted(start, goal)
             if length > 0:
@@ -117,9 +120,27 @@ class Field:
         if start == goal or not self._repeated:
             return False
         if self._remainder.goal != goal and self._usable and self._count >= self._worthwhile:
-            self._remainder.renew(self._costs, goal)
+            reach = float(self._potentials[goal]) + self._margins[0] + _REACH
+            self._usable = self._remainder.renew(self._costs, goal, reach)
             self._excess = self._surplus(start, goal)
         return self._remainder.goal == goal
+
+    def _cut_off(self, start: int, goal: int) -> bool:
+        """Tell whether the goal is certain to be out of reach."""
+        remainder = self._remainder
+        if remainder.at(start) < UNREACHED:
+            return False
+        if remainder.whole:
+            return True
+        renewed = remainder.renew(self._costs, goal, float(UNREACHED))
+        return renewed and remainder.at(start) >= float(UNREACHED)
+
+    def _bound(self, start: int, goal: int, margin: float) -> float:
+        """Return what the way through a cell may cost; the remainder is made to reach as far."""
+        bound = self._remainder.at(start) + self._excess + margin
+        if bound > self._remainder.limit:
+            self._usable = self._remainder.renew(self._costs, goal, bound + _REACH)
+        return bound
 
     def _surplus(self, start: int, goal: int) -> float:
         """Return by how much the last wave took longer than the remainder says."""
@@ -142,13 +163,15 @@ class Field:
     def _restricted(self, start: int, goal: int, margin: float) -> int:
         """Return the length of the path, 0 when it is not certain to be that of the whole wave."""
         ahead = self._remainder.ahead
-        bound = np.float32(self._remainder.at(start) + self._excess + margin)
+        bound = np.float32(self._bound(start, goal, margin))
+        if self._remainder.goal != goal:
+            return 0
         forget(self._potentials, self._reached, self._count)
         self._epoch += 1
         self._count, fill, used, threshold = propagate_towards(
             self._costs, self._potentials, GAINS, ahead, bound, self.columns, start, goal,
-            self._cycles, self._buffers, self._reached, self._first, self._last, self._cut,
-            self._epoch,
+            self._cycles, self._buffers, self._guesses, self._reached, self._certified,
+            self._first, self._last, self._cut, self._epoch,
         )  # fmt: skip
         # A wave that passed through what was left out is later than the bound at the goal.
         spare = bound - threshold - margin / 4.0
@@ -165,6 +188,7 @@ class Field:
         ):  # fmt: skip
             return 0
         self._excess = self._surplus(start, goal)
+        self._remainder.limit = min(self._remainder.limit, float(bound) + _REACH)
         return length
 
     def _learn(self, start: int, goal: int, fill: int) -> None:
@@ -180,9 +204,9 @@ class Field:
 
     def _spread(self, start: int, goal: int) -> int:
         forget(self._potentials, self._reached, self._count)
-        self._count, fill = propagate(
+        self._count, fill, _ = propagate(
             self._costs, self._potentials, GAINS, self.columns, start, goal, self._cycles,
-            self._buffers, self._reached,
+            UNREACHED, self._buffers, self._reached,
         )  # fmt: skip
         self.whole += 1
         return int(fill)

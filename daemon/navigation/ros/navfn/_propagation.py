@@ -16,23 +16,20 @@ from daemon.navigation.ros.navfn._costs import BLOCKED, PENDING, UNREACHED, Stat
 BUFFER: Final = 10_000
 """Cells a priority buffer holds; what does not fit is lost (navfn ``PRIORITYBUFSIZE``)."""
 THRESHOLD_STEP: Final = 100.0
-GAINS: Final = (0.707106781 * np.arange(BLOCKED + 1)).astype(np.float32)
-"""By cost: how much a neighbour must at least gain, so that it is looked at again."""
+GAINS: Final = np.full(2 * PENDING, np.inf, dtype=np.float32)
+"""By cost: how much a neighbour must at least gain, so that it is looked at again. No gain is
+enough for a cell that is blocked or waits already."""
+GAINS[:BLOCKED] = 0.707106781 * np.arange(BLOCKED)
 
 
 @kernel
 def interpolated(first: np.float32, second: np.float32, cost: np.float32) -> np.float32:
     """Return the potential of a cell from its lowest horizontal and vertical neighbour, float32."""
-    difference = first - second
-    lowest = second
-    if difference < 0.0:
-        difference, lowest = -difference, first
-    if difference >= cost:
-        return lowest + cost
-    q = difference / cost
+    lowest, difference = min(first, second), abs(first - second)
     # The constants of the original are doubles: the polynomial is rounded only at its end.
-    d = np.float64(q)
-    return lowest + cost * np.float32(-0.2301 * d * d + 0.5307 * d + 0.7040)
+    q = np.float64(difference / cost)
+    share = np.float32(-0.2301 * q * q + 0.5307 * q + 0.7040)
+    return lowest + cost * (share if difference < cost else np.float32(1.0))
 
 
 @kernel
@@ -44,15 +41,17 @@ def propagate(
     start: int,
     goal: int,
     cycles: int,
+    limit: np.float32,
     buffers: Integers,
     reached: Integers,
-) -> tuple[int, int]:
-    """Spread the wave until ``goal`` has a potential; return how many cells were reached and fill.
+) -> tuple[int, int, bool]:
+    """Spread the wave until ``goal`` has a potential, or the threshold passes ``limit``.
 
     ``costs`` and ``potentials`` are flat, the latter ``UNREACHED`` everywhere; ``buffers`` of
-    shape (3, size) is scratch. The cells reached stand in ``reached``, so that
-    :func:`forget` need not look at the others. ``goal`` -1 lets the wave run to its end. The
-    fill is the largest number of cells that ever waited in one buffer.
+    shape (3, size) is scratch. The cells reached stand in ``reached``, so that :func:`forget`
+    need not look at the others. ``goal`` -1 is never reached. Returns how many cells were
+    reached, the fill, which is the largest number of cells that ever waited in one buffer, and
+    whether nothing was left to do.
     """
     capacity = buffers.shape[1]
     potentials[start] = np.float32(0.0)
@@ -100,7 +99,7 @@ def propagate(
                 else:
                     m, value = n + line, down
                 cost = costs[m]
-                if cost >= BLOCKED or value <= p + gains[cost]:
+                if value <= p + gains[cost]:
                     continue
                 if soon:
                     if later < capacity:
@@ -118,13 +117,15 @@ def propagate(
             threshold += np.float32(THRESHOLD_STEP)
             a, c = c, a
             now, over = over, 0
+            if threshold > limit:
+                break
         if goal >= 0 and potentials[goal] < UNREACHED:
             break
     for i in range(now):
         costs[buffers[a, i]] &= PENDING - 1
     for i in range(over):
         costs[buffers[c, i]] &= PENDING - 1
-    return count, fill
+    return count, fill, now == 0
 
 
 @kernel

@@ -8,7 +8,13 @@ import numpy as np
 
 from daemon.navigation.kernels import Integers, Singles, kernel
 from daemon.navigation.ros.navfn._costs import BLOCKED, PENDING, UNREACHED, States
-from daemon.navigation.ros.navfn._propagation import BUFFER, GAINS, interpolated, propagate
+from daemon.navigation.ros.navfn._propagation import (
+    BUFFER,
+    GAINS,
+    THRESHOLD_STEP,
+    interpolated,
+    propagate,
+)
 
 CAP: Final = 80
 """Costs count no more than this: the wave crosses one cell per block, whatever that costs."""
@@ -24,13 +30,15 @@ def _ease(
     gains: Singles,
     columns: int,
     window: tuple[int, int, int, int],
+    limit: np.float32,
     queue: Integers,
-) -> None:
+) -> bool:
     """Lower ``floor`` and ``ahead`` where the costs of a window became lower than ever.
 
     A plain relaxation with a ring of waiting cells, until nothing improves by more than the wave
-    would care for.
+    would care for. Tells whether a value above ``limit`` was left out.
     """
+    beyond = False
     rows = costs.size // columns
     head, waiting = 0, 0
     for row in range(max(window[1], 1), min(window[3], rows - 1)):
@@ -52,16 +60,20 @@ def _ease(
         p = interpolated(across, along, np.float32(floor[n]))
         if p >= ahead[n]:
             continue
+        if p > limit:
+            beyond = True
+            continue
         ahead[n] = p
         for m in (n - 1, n + 1, n - columns, n + columns):
             if floor[m] < BLOCKED and ahead[m] > p + gains[floor[m]]:
                 floor[m] |= PENDING
                 queue[(head + waiting) % queue.size] = m
                 waiting += 1
+    return beyond
 
 
 class Remainder:
-    """A potential spread backward from one goal over capped costs.
+    """A potential spread backward from one goal over capped costs, as far as a limit.
 
     It stays a lower bound, but for the grain of the interpolation, while costs change: they only
     ever lower it. ``renew`` starts afresh.
@@ -70,32 +82,43 @@ class Remainder:
     def __init__(self, size: int, columns: int) -> None:
         self.ahead = np.full(size, UNREACHED, dtype=np.float32)
         self.goal = _NO_GOAL
+        self.limit = 0.0
+        """From here on values are missing or too high."""
+        self.whole = False
+        """Whether no way to the goal was left out: then what is unreached has none."""
         self._columns = columns
         self._floor = np.empty(size, dtype=np.uint16)
         self._buffers = np.empty((3, BUFFER), dtype=np.int32)
         self._queue = np.empty(size + 1, dtype=np.int32)
 
-    def renew(self, costs: States, goal: int) -> None:
-        """Spread it over the costs as they are."""
-        self.goal = goal
+    def renew(self, costs: States, goal: int, limit: float) -> bool:
+        """Spread it over the costs as they are; it is of no use when a buffer ran over."""
+        self.goal, self.limit = goal, limit
         self._floor[:] = np.where(costs < BLOCKED, np.minimum(costs, CAP), BLOCKED)
         self.ahead[:] = UNREACHED
-        propagate(
+        # The wave passes on what lies below its threshold: one block more fills up the limit.
+        _, fill, ended = propagate(
             self._floor, self.ahead, GAINS, self._columns, goal, _NO_GOAL, costs.size,
-            self._buffers, self._queue,
+            np.float32(limit + THRESHOLD_STEP), self._buffers, self._queue,
         )  # fmt: skip
+        self.whole = bool(ended)
+        if fill >= BUFFER:
+            self.drop()
+        return self.goal == goal
 
     def follow(self, costs: States, window: tuple[int, int, int, int]) -> None:
         """Take in the costs that changed inside a half-open window."""
         if self.goal != _NO_GOAL and window[0] < window[2]:
-            _ease(
-                costs, self._floor, CAP, self.ahead, GAINS, self._columns, window, self._queue
+            beyond = _ease(
+                costs, self._floor, CAP, self.ahead, GAINS, self._columns, window,
+                np.float32(self.limit), self._queue,
             )  # fmt: skip
+            self.whole = self.whole and not beyond
 
     def at(self, start: int) -> float:
         """Return what remains from a cell that may itself be blocked; unreached if no way leads.
 
-        Too low a bound still connects: where this is unreached there is no path.
+        Too low a bound still connects: where this is unreached and ``whole``, there is no path.
         """
         around = (start, start - 1, start + 1, start - self._columns, start + self._columns)
         return min(float(self.ahead[n]) for n in around if 0 <= n < self.ahead.size)

@@ -28,7 +28,9 @@ def propagate_towards(
     goal: int,
     cycles: int,
     buffers: Integers,
+    guesses: Singles,
     reached: Integers,
+    history: bool,
     first: Integers,
     last: Integers,
     cut: Integers,
@@ -36,14 +38,17 @@ def propagate_towards(
 ) -> tuple[int, int, int, np.float32]:
     """Spread the wave as :func:`propagate` does, but leave out what the bound excludes.
 
-    A neighbour is left out when threshold plus ``ahead`` exceed ``bound``. Returns how many cells
-    were reached, the fill, the cycles used and the threshold at the end.
+    A cell is left out when threshold plus ``ahead`` exceed ``bound``; ``cut`` is then set to
+    ``epoch``. Returns how many cells were reached, the fill, the cycles used and the threshold at
+    the end. It gives up, with a fill of all there is, where a buffer could run over.
 
-    ``first`` and ``last`` tell for every reached cell the number of the update that reached it
-    and of the last one that looked at it; ``cut`` is set to ``epoch`` at cells left out. The
-    fill is the largest number of cells that ever waited in one buffer.
+    With ``history``, ``first`` and ``last`` tell for every reached cell the number of the update
+    that reached it and of the last one that looked at it. ``guesses`` of shape (3, size) is
+    scratch for what each waiting cell would get at the start of a cycle: mostly right, and
+    reckoned without waiting for the cell before, on which the next one in line often borders.
     """
     capacity = buffers.shape[1]
+    across, along, guess = guesses[0], guesses[1], guesses[2]
     potentials[start] = np.float32(0.0)
     reached[0] = start
     first[start], last[start] = 0, 0
@@ -57,57 +62,60 @@ def propagate_towards(
             costs[cell] |= PENDING
     threshold = np.float32(BLOCKED)
     # Unsigned, so that an index is not looked at for being negative.
-    one, line = np.uintp(1), np.uintp(columns)
+    one, line, flag = np.uintp(1), np.uintp(columns), np.uint16(8)
     used = 0
-    while used < cycles:
-        if now == 0:
+    while used < cycles and now > 0:
+        if over + 4 * now > capacity:
+            fill = capacity
             break
         used += 1
         current, following, postponed = buffers[a], buffers[b], buffers[c]
         for i in range(now):
-            costs[current[i]] &= PENDING - 1
+            n = np.uintp(current[i])
+            cost = costs[n] & np.uint16(PENDING - 1)
+            costs[n] = cost
+            x = min(potentials[n - one], potentials[n + one])
+            y = min(potentials[n - line], potentials[n + line])
+            across[i], along[i] = x, y
+            guess[i] = interpolated(x, y, np.float32(cost))
+        farthest = bound - threshold
         for i in range(now):
             n = np.uintp(current[i])
+            if ahead[n] > farthest:
+                cut[n] = epoch
+                continue
             left, right = potentials[n - one], potentials[n + one]
             up, down = potentials[n - line], potentials[n + line]
-            across = left if left < right else right
-            along = up if up < down else down
-            p = interpolated(across, along, np.float32(costs[n] & (PENDING - 1)))
-            moment += 1
-            last[n] = moment
+            p, x, y = guess[i], min(left, right), min(up, down)
+            if x != across[i] or y != along[i]:
+                p = interpolated(x, y, np.float32(costs[n] & np.uint16(PENDING - 1)))
             old = potentials[n]
+            if history:
+                moment += 1
+                last[n] = moment
+                if old == UNREACHED:
+                    first[n] = moment
             if p >= old:
                 continue
-            if old == UNREACHED:
-                reached[count] = n
-                first[n] = moment
-                count += 1
+            reached[count] = n
+            count += old == UNREACHED
             potentials[n] = p
-            soon = p < threshold
-            for k in range(4):
-                if k == 0:
-                    m, value = n - one, left
-                elif k == 1:
-                    m, value = n + one, right
-                elif k == 2:
-                    m, value = n - line, up
-                else:
-                    m, value = n + line, down
-                cost = costs[m]
-                if cost >= BLOCKED or value <= p + gains[cost]:
-                    continue
-                if threshold + ahead[m] > bound:
-                    cut[m] = epoch
-                    continue
-                if soon:
-                    if later < capacity:
-                        following[later] = m
-                        later += 1
-                        costs[m] = cost | PENDING
-                elif over < capacity:
+            beside = (n - one, left), (n + one, right), (n - line, up), (n + line, down)
+            # Whether a neighbour gains enough is hard to foresee: no branches.
+            if p < threshold:
+                for m, value in beside:
+                    cost = costs[m]
+                    gaining = value > p + gains[cost]
+                    following[later] = m
+                    later += gaining
+                    costs[m] = cost | (np.uint16(gaining) << flag)
+            else:
+                for m, value in beside:
+                    cost = costs[m]
+                    gaining = value > p + gains[cost]
                     postponed[over] = m
-                    over += 1
-                    costs[m] = cost | PENDING
+                    over += gaining
+                    costs[m] = cost | (np.uint16(gaining) << flag)
         a, b = b, a
         fill = max(fill, later, over)
         now, later = later, 0

@@ -88,7 +88,7 @@ def test_what_does_not_fit_into_a_buffer_is_lost(size: int) -> None:
     potentials = np.full(1600, UNREACHED, dtype=np.float32)
     buffers, reached = np.empty((3, size), dtype=np.int32), np.empty(1601, dtype=np.int32)
     start, goal = 20 * 40 + 20, 35 * 40 + 37
-    propagate(costs, potentials, GAINS, 40, start, goal, 80, buffers, reached)
+    propagate(costs, potentials, GAINS, 40, start, goal, 80, UNREACHED, buffers, reached)
     expected = plain.wave(plain.costs_of(cells), 40, start, goal, size)
     assert np.array_equal(potentials, expected)
 
