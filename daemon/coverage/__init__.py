@@ -14,6 +14,7 @@ from daemon.coverage._gather import (
     planned_coverage,
     summed,
 )
+from daemon.coverage._margins import bars
 from daemon.coverage._model import MODEL, Exclusion, Feature, FeatureModel
 from daemon.coverage._types import (
     Coverage,
@@ -45,6 +46,7 @@ __all__ = [
     "Pairs",
     "RoomArea",
     "Unreadable",
+    "bars",
     "contribution",
     "coverage_of",
     "planned_coverage",

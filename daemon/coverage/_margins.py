@@ -12,6 +12,7 @@ from daemon.verdict import Outcome, Verdict
 
 BINS: Final = 12
 """At most so many bins."""
+_BLOCKS: Final = "▁▂▃▄▅▆▇█"
 
 
 def margin_histograms(verdicts: Iterable[Verdict]) -> tuple[MarginHistogram, ...]:
@@ -74,3 +75,14 @@ def _round_width(least: float) -> float:
 
 def _counts(values: Sequence[float], edges: Sequence[float]) -> tuple[int, ...]:
     return tuple(sum(low <= value < high for value in values) for low, high in pairwise(edges))
+
+
+def bars(histogram: MarginHistogram) -> str:
+    """Return a histogram as one line of text; a bar stands at zero, where fail and pass part."""
+    most = max(histogram.counts, default=0)
+    line = ""
+    for edge, count in zip(histogram.edges, (*histogram.counts, None), strict=False):
+        line += "|" if edge == 0.0 else ""
+        if count is not None:
+            line += _BLOCKS[(len(_BLOCKS) - 1) * count // most] if count else "·"
+    return line

@@ -10,6 +10,7 @@ from typing import Final, TypeAlias
 
 from daemon import oracles
 from daemon.assessment import Assessment, RunRecord, assess
+from daemon.coverage import Contribution, Coverage, contribution, summed
 from daemon.oracles import Sampler
 from daemon.report._buffer import buffer_of
 from daemon.report._series import driven
@@ -32,6 +33,7 @@ class Gathered:
 
     record: RunRecord
     driven: Driven
+    covered: Contribution | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,6 +44,7 @@ class Material:
     runs: tuple[Gathered, ...]
     assessment: Assessment
     buffer: Buffer
+    coverage: Coverage
 
 
 def gather(
@@ -61,7 +64,8 @@ def gather(
     )
     runs = tuple(found if watched is None else watched(found, len(chosen.records)))
     assessment = assess(chosen.declared, (run.record for run in runs))
-    return Material(chosen, runs, assessment, buffer)
+    coverage = summed([run.covered for run in runs if run.covered is not None])
+    return Material(chosen, runs, assessment, buffer, coverage)
 
 
 def _read(
@@ -70,7 +74,7 @@ def _read(
     if record.trace is None:
         return Gathered(record, Driven(record.id, problem=record.note or "there is no trace"))
     try:
-        trace = read_trace(Path(record.trace))
+        trace = read_trace(Path(record.trace), scans=True)
     except TraceError as error:
         problem = "; ".join(found.message for found in error.diagnostics)
         return Gathered(record, Driven(record.id, problem=problem))
@@ -88,4 +92,5 @@ def _read(
         )
     if sampler is None:
         return Gathered(record, Driven(record.id, problem="; ".join(invalid)))
-    return Gathered(record, driven(record.id, trace, sampler, buffer, watches, points))
+    covered = contribution(trace, record.verdicts)
+    return Gathered(record, driven(record.id, trace, sampler, buffer, watches, points), covered)

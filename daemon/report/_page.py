@@ -10,6 +10,7 @@ from typing import Final, Literal
 from markupsafe import Markup
 
 from daemon.assessment import Assessment, Cell, OracleCell
+from daemon.coverage import bars
 from daemon.report._figures import (
     MOST_CELLS,
     Figure,
@@ -94,6 +95,7 @@ def write_page(
         "share": share,
         "glyph": lambda word: GLYPHS.get(str(word), "?"),
         "said": said,
+        "bars": bars,
         "joined": lambda text: text.replace("  ", ", ").replace(" -", " −"),
     }
     return render_report(
@@ -120,6 +122,7 @@ def write_page(
         most=MOST_CELLS if len(assessment.cells) > MOST_CELLS else 0,
         nothing=NOTHING,
         honest=_honest(assessment),
+        coverage=material.coverage if material.coverage.runs else None,
     )
 
 

@@ -16,12 +16,10 @@ if TYPE_CHECKING:
         Coverage,
         FeatureCount,
         FloorArea,
-        MarginHistogram,
         RoomArea,
     )
 
 LISTED: Final = 12
-_BLOCKS: Final = "▁▂▃▄▅▆▇█"
 
 
 def coverage(
@@ -181,6 +179,7 @@ def _share(part: float, whole: float) -> str:
 
 
 def _margins(found: Coverage) -> Table:
+    from daemon.coverage import bars
     from scenario_tui.wording import margin
 
     table = _table("oracle", "pass", "fail", "undecided", "least margin", "greatest", "margins")
@@ -188,15 +187,5 @@ def _margins(found: Coverage) -> Table:
     for one in found.margins:
         figures = map(str, (one.passed, one.failed, one.undecided))
         ends = (margin(one.least, one.unit), margin(one.greatest, one.unit))
-        table.add_row(one.oracle, *figures, *ends, _bars(one))
+        table.add_row(one.oracle, *figures, *ends, bars(one))
     return table
-
-
-def _bars(one: MarginHistogram) -> str:
-    """Return the histogram as one line; a bar stands at zero, where fail and pass part."""
-    most = max(one.counts, default=0)
-    line = ""
-    for edge, count in zip(one.edges, one.counts, strict=False):
-        line += "|" if edge == 0.0 else ""
-        line += _BLOCKS[(len(_BLOCKS) - 1) * count // most] if count else "·"
-    return line

@@ -10,6 +10,7 @@ import html5lib
 import pytest
 
 from daemon.assessment import assess
+from daemon.coverage import bars
 from daemon.report import Command, Material, answer, write_page
 from daemon.report._words import quantity, said, spread_of
 from daemon.verdict import Evidence, Outcome, Verdict
@@ -181,3 +182,18 @@ def test_means_have_digits_that_mean_something(
     values: tuple[float, ...], shown: tuple[str, str]
 ) -> None:
     assert spread_of(values) == shown
+
+
+def test_what_was_exercised_is_told_and_what_was_not(tree: Element, material: Material) -> None:
+    part, coverage = section(tree, "coverage"), material.coverage
+    assert coverage.runs == len(material.runs)
+    assert f"these {coverage.runs} runs exercised" in words(part)
+    rows = {words(next(row.iter(f"{HTML}th"))): row for row in elements(part, "tr")}
+    for group in coverage.groups:
+        cells = elements(rows[group.path.replace("/", " / ")], "td")
+        assert [f.name in words(cells[0]) for f in group.planned] == [True] * len(group.planned)
+        told = words(cells[1]).replace(" ,", ",")
+        assert told == ", ".join(f.name for f in group.missing)
+    assert {door.door for door in coverage.doors} <= set(rows)
+    for margin in coverage.margins:
+        assert bars(margin) in words(rows[margin.oracle])
