@@ -14,8 +14,8 @@ from daemon.verdict import Verdict
 from grammars.diagnostics import InputError, did_you_mean
 
 Elements = tuple[Element, ...]
-_PHASES: tuple[tuple[Kind, ...], ...] = (("object",), ("waypoint",), ("behaviour", "parameter"))
-"""Kinds that are reduced together, in this order: what takes most away comes first."""
+_PHASES: tuple[tuple[Kind, ...], ...] = (("waypoint",), ("object",), ("behaviour", "parameter"))
+"""Kinds that are reduced together, in this order: a shorter mission makes all later runs short."""
 
 
 @dataclass(frozen=True, slots=True)
