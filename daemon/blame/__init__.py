@@ -10,7 +10,7 @@ from daemon.blame._find import Meant, find_run
 from daemon.blame._runner import SLOTS, BudgetSpentError, Runner
 from daemon.blame._save import save
 from daemon.blame._search import Found, blame
-from daemon.blame._types import Blame, Element, NotToBlame, Without
+from daemon.blame._types import Blame, Element, NoFailureError, Without
 
 __all__ = [
     "SLOTS",
@@ -21,7 +21,7 @@ __all__ = [
     "Element",
     "Found",
     "Meant",
-    "NotToBlame",
+    "NoFailureError",
     "Runner",
     "Without",
     "blame",

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from daemon.blame._case import Candidate, Case
 from daemon.blame._ddmin import ddmin, flip
 from daemon.blame._runner import BudgetSpentError, Judged, Runner
-from daemon.blame._types import Blame, Element, Kind, NotToBlame, Without
+from daemon.blame._types import Blame, Element, Kind, NoFailureError, Without
 from daemon.spec import OracleText
 from daemon.verdict import Verdict
 from grammars.diagnostics import InputError, did_you_mean
@@ -137,7 +137,7 @@ def blame(case: Case, runner: Runner, oracle: str = "") -> Found:
 
     ``oracle`` names the one whose verdict matters; without it, it is the first that fails. What
     was found before the budget was spent or Ctrl-C was pressed is kept and told as such. Raises
-    :class:`NotToBlame` for a run that does not fail, and :class:`BudgetSpentError` or
+    :class:`NoFailureError` for a run that does not fail, and :class:`BudgetSpentError` or
     ``KeyboardInterrupt`` before that is known.
     """
     asked, first = _reproduced(case, runner, oracle)
@@ -162,7 +162,7 @@ def _reproduced(case: Case, runner: Runner, oracle: str) -> tuple[OracleText, Ju
     names = [o.name for o in case.spec.oracles]
     if oracle and oracle not in names:
         hint = did_you_mean(oracle, names)
-        raise NotToBlame(f'{case.spec.label} has no oracle "{oracle}", {hint}')
+        raise NoFailureError(f'{case.spec.label} has no oracle "{oracle}", {hint}')
     endings = runner.judge_all(Candidate(case.spec, case.scene))
     whole = (*case.added, *case.parts(case.added))
     for one, ended in zip(case.spec.oracles, endings, strict=True):
@@ -170,7 +170,7 @@ def _reproduced(case: Case, runner: Runner, oracle: str) -> tuple[OracleText, Ju
             runner.remember(case.candidate(whole, one), ended)
             return one, ended
     said = ", ".join(f"{v.verdict.oracle} {v.verdict.outcome}" for v in endings)
-    raise NotToBlame(f"{case.spec.label} does not fail{' ' + oracle if oracle else ''}: {said}")
+    raise NoFailureError(f"{case.spec.label} does not fail{' ' + oracle if oracle else ''}: {said}")
 
 
 def _story(

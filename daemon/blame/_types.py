@@ -65,5 +65,5 @@ class Blame:
     stopped: str
 
 
-class NotToBlame(ValueError):  # noqa: N818
+class NoFailureError(ValueError):
     """There is nothing to explain: the run passes, or does not fail again; the message says so."""

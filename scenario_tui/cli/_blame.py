@@ -54,7 +54,7 @@ def blame(
 
     Runs are executed here, two at a time. Ctrl-C keeps what was found.
     """
-    from daemon.blame import BudgetSpentError, NotToBlame, Runner, load_case, save
+    from daemon.blame import BudgetSpentError, NoFailureError, Runner, load_case, save
     from daemon.blame import blame as search
     from scenario_tui.cli._output import emit, say
 
@@ -67,7 +67,7 @@ def blame(
             runner = Runner(runs, watch=watch)
             found = search(case, runner, oracle)
             file = save(case, found, out or _folder(case), runner)
-    except NotToBlame as error:
+    except NoFailureError as error:
         say(f"scenario: {error}")
         raise typer.Exit(ExitCode.INCONCLUSIVE) from error
     except BudgetSpentError as error:

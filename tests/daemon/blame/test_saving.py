@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import json
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from daemon.blame import Runner, blame, load_case, save
+from daemon.blame import Candidate, Runner, blame, load_case, save
 from daemon.blame._sentences import sentences
 from daemon.blame._settings import differences
 from daemon.campaign import Cell, check, expand, load_campaign
@@ -18,6 +20,7 @@ from daemon.verdict import Outcome
 from grammars.composition import compile_scene, resolve_behaviours
 from grammars.diagnostics import Severity
 from grammars.floorplan import load_floorplan
+from grammars.metamodel import scenery_document
 from grammars.scenery import load_scenery, parse_scenery
 from tests.daemon.blame.cases import CAMPAIGN, failing_if, pretend, write
 
@@ -162,3 +165,40 @@ def test_the_three_mistakes_of_the_papers_stack_are_three_suspects(
     (run,) = expand(load_campaign(file)).runs
     assert run.sut.parameters == wanted
     assert "like:" in (tmp_path / "saved" / "suts" / "a2s.yaml").read_text()
+
+
+def test_a_variant_of_a_plan_and_layers_of_others_are_saved_as_they_are(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    layers = [load_scenery(folder / f"{name}.scenery") for name in ("doors", "people")]
+    plan = load_floorplan(folder / "flat.fpm")
+    document = scenery_document(layers[1], plan, layers)
+    (folder / "crowd.jsonld").write_text(json.dumps(document))
+    text = CAMPAIGN.replace("floorplan: flat", "vary: {floorplan: flat, samples: 2}")
+    text = text.replace("[doors, people]", "[crowd]").replace("[reached, no-contact]", "[reached]")
+    text = text.replace("    behaviours:\n      - doors_open\n", "")
+    text = text.replace("      - doors_in_your_face: {near: 1 m}\n", "")
+    pretend(monkeypatch, failing_if(lambda spec: any(b.joint == "tom.x" for b in spec.behaviours)))
+    path = write(folder, text)
+    case = load_case(path, load_campaign(path).cells[-1].name, "", 0)
+    runner = Runner(100)
+    found = blame(case, runner)
+    assert found.story.objects == ("tom",)
+    (run,) = expand(load_campaign(save(case, found, folder / "saved", runner))).runs
+    assert (run.scene, run.behaviours) == (
+        found.smallest.spec.scene,
+        found.smallest.spec.behaviours,
+    )
+
+
+def test_files_that_would_specify_another_run_are_refused(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pretend(monkeypatch, failing_if(lambda spec: bool(spec.behaviours)))
+    case = load_case(write(folder), "rude", "", 0)
+    runner = Runner(100)
+    found = blame(case, runner)
+    other = replace(found.smallest.spec, limit=17.0)
+    changed = replace(found, smallest=Candidate(other, found.smallest.scene))
+    with pytest.raises(ValueError, match="its limit differs"):
+        save(case, changed, folder / "saved", runner)

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from daemon.blame import BudgetSpentError, NotToBlame, Runner, blame, load_case
+from daemon.blame import BudgetSpentError, NoFailureError, Runner, blame, load_case
 from daemon.blame._runner import Judged
 from daemon.verdict import Outcome, Verdict
 from grammars.behaviour import Trigger
@@ -122,7 +122,7 @@ def test_the_oracle_can_be_chosen(folder: Path, monkeypatch: pytest.MonkeyPatch)
     case = load_case(write(folder), "rude", "", 0)
     assert blame(case, Runner(100)).story.verdict.oracle == "reached"
     assert blame(case, Runner(100), "no-contact").story.verdict.oracle == "no-contact"
-    with pytest.raises(NotToBlame, match='no oracle "contact".*no-contact'):
+    with pytest.raises(NoFailureError, match='no oracle "contact".*no-contact'):
         blame(case, Runner(100), "contact")
 
 
@@ -131,7 +131,7 @@ def test_a_run_that_does_not_fail_is_not_to_blame(
     folder: Path, monkeypatch: pytest.MonkeyPatch, outcome: Outcome
 ) -> None:
     pretended = pretend(monkeypatch, lambda _: outcome)
-    with pytest.raises(NotToBlame, match=f"does not fail: reached {outcome}"):
+    with pytest.raises(NoFailureError, match=f"does not fail: reached {outcome}"):
         blame(load_case(write(folder), "rude", "", 0), Runner(100))
     assert len(pretended.specs) == 1
 
