@@ -78,6 +78,9 @@ def descend(
     """
     size = potentials.size
     n, dx, dy = goal, np.float32(0.0), np.float32(0.0)
+    before, edge = -1, False
+    ax, ay, bx, by = dx, dx, dx, dx
+    cx, cy, ex, ey = dx, dx, dx, dx
     for count in range(path.shape[0]):
         cells[count] = n
         nearest = max(0, min(size - 1, n + _rounded(dx) + columns * _rounded(dy)))
@@ -93,14 +96,18 @@ def descend(
             and path[count, 0] == path[count - 2, 0]
             and path[count, 1] == path[count - 2, 1]
         )
-        if swinging or at_edge(potentials, n, columns):
+        # Half a cell at a time, every other point is reckoned from the same cells.
+        if n != before:
+            before, edge = n, at_edge(potentials, n, columns)
+            if not edge:
+                ax, ay = _gradient(potentials, n, columns)
+                bx, by = _gradient(potentials, n + 1, columns)
+                cx, cy = _gradient(potentials, n + columns, columns)
+                ex, ey = _gradient(potentials, n + columns + 1, columns)
+        if swinging or edge:
             n = _lowest(potentials, n, columns)
             dx, dy = np.float32(0.0), np.float32(0.0)
             continue
-        ax, ay = _gradient(potentials, n, columns)
-        bx, by = _gradient(potentials, n + 1, columns)
-        cx, cy = _gradient(potentials, n + columns, columns)
-        ex, ey = _gradient(potentials, n + columns + 1, columns)
         x = _mixed(_mixed(ax, bx, dx), _mixed(cx, ex, dx), dy)
         y = _mixed(_mixed(ay, by, dx), _mixed(cy, ey, dx), dy)
         if x == np.float32(0.0) and y == np.float32(0.0):

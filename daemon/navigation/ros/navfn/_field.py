@@ -12,16 +12,16 @@ from daemon.navigation.ros.navfn._costs import BLOCKED, UNREACHED, translate, tr
 from daemon.navigation.ros.navfn._descent import descend
 from daemon.navigation.ros.navfn._propagation import BUFFER, GAINS, forget, propagate
 from daemon.navigation.ros.navfn._remainder import Remainder
-from daemon.navigation.ros.navfn._restricted import depends_on_cut, propagate_towards
+from daemon.navigation.ros.navfn._restricted import depends_on_cut, looks_at_cut, propagate_towards
 
-MARGINS: Final = (3000.0, 4500.0, 8000.0, 16_000.0)
+MARGINS: Final = (2000.0, 4000.0, 8000.0, 16_000.0)
 """Detours [cost] that the restricted search looks at, one after the other; 50 is a free cell."""
 WORTHWHILE: Final = 12_000
 """Cells of a whole wave from which on a restricted one pays."""
 _NOWHERE: Final = (-1, -1)
 _OUTDATED: Final = 1000.0
 """Detour [cost] by which changed costs may make the way longer before the remainder is renewed."""
-_REACH: Final = 1000.0
+_REACH: Final = 2500.0
 """Cost by which the remainder reaches farther than it must."""
 _RETRY: Final = 12
 """Plans after which a smaller margin is tried again."""
@@ -58,7 +58,7 @@ class Field:
         self._guesses = np.empty((3, BUFFER), dtype=np.float32)
         self._reached = np.empty(size + 1, dtype=np.int32)
         self._count = 0
-        self._first, self._last, self._stack = (np.empty(size + 1, np.int32) for _ in range(3))
+        self._log = np.empty(2 * size, dtype=np.int32)
         self._cut, self._mark = np.zeros(size, np.int32), np.zeros(size, np.int32)
         self._epoch, self._level, self._steady = 0, 0, 0
         self._remainder = Remainder(size, columns)
@@ -167,11 +167,11 @@ class Field:
         if self._remainder.goal != goal:
             return 0
         forget(self._potentials, self._reached, self._count)
-        self._epoch += 1
-        self._count, fill, used, threshold = propagate_towards(
+        self._epoch += 2
+        self._count, fill, used, threshold, events = propagate_towards(
             self._costs, self._potentials, GAINS, ahead, bound, self.columns, start, goal,
             self._cycles, self._buffers, self._guesses, self._reached, self._certified,
-            self._first, self._last, self._cut, self._epoch,
+            self._log, self._cut, self._epoch,
         )  # fmt: skip
         # A wave that passed through what was left out is later than the bound at the goal.
         spare = bound - threshold - margin / 4.0
@@ -181,11 +181,14 @@ class Field:
         if fill > BUFFER // 2 or used > self._cycles // 4:
             return 0
         length = self._descend(start, goal)
-        if length == 0 or depends_on_cut(
+        if length == 0 or looks_at_cut(
             self._costs, self._potentials, ahead, np.float32(spare), self.columns, self._cells,
-            length, self._first, self._last, self._cut, self._mark, self._epoch, self._stack,
-            self._certified,
+            length, self._cut, self._mark, self._epoch,
         ):  # fmt: skip
+            return 0
+        if self._certified and depends_on_cut(
+            self.columns, self._log, events, self._mark, self._epoch
+        ):
             return 0
         self._excess = self._surplus(start, goal)
         self._remainder.limit = min(self._remainder.limit, float(bound) + _REACH)

@@ -1,9 +1,9 @@
 """The wave of :mod:`_propagation` without the cells that lead too far away from the goal.
 
 ``ahead`` is a potential spread backward from the goal: about what remains from a cell. A cell
-whose potential and remainder exceed a bound is not looked at. Afterwards :func:`depends_on_cut`
-follows everything that the path can have come from, and finds out whether a cell left out took
-part in it; the caller then spreads the whole wave instead.
+whose potential and remainder exceed a bound is not looked at. Afterwards :func:`looks_at_cut` and
+:func:`depends_on_cut` follow everything that the path has come from, and find out whether a cell
+left out took part in it; the caller then spreads the whole wave instead.
 """
 
 from __future__ import annotations
@@ -31,28 +31,27 @@ def propagate_towards(
     guesses: Singles,
     reached: Integers,
     history: bool,
-    first: Integers,
-    last: Integers,
+    log: Integers,
     cut: Integers,
     epoch: int,
-) -> tuple[int, int, int, np.float32]:
+) -> tuple[int, int, int, np.float32, int]:
     """Spread the wave as :func:`propagate` does, but leave out what the bound excludes.
 
     A cell is left out when threshold plus ``ahead`` exceed ``bound``; ``cut`` is then set to
-    ``epoch``. Returns how many cells were reached, the fill, the cycles used and the threshold at
-    the end. It gives up, with a fill of all there is, where a buffer could run over.
+    ``epoch``. Returns how many cells were reached, the fill, the cycles used, the threshold at
+    the end and the number of events. It gives up, with a fill of all there is, where a buffer or
+    the log could run over.
 
-    With ``history``, ``first`` and ``last`` tell for every reached cell the number of the update
-    that reached it and of the last one that looked at it. ``guesses`` of shape (3, size) is
-    scratch for what each waiting cell would get at the start of a cycle: mostly right, and
-    reckoned without waiting for the cell before, on which the next one in line often borders.
+    With ``history``, ``log`` takes every cell looked at, in order, and -1 - n for a cell n left
+    out. ``guesses`` of shape (3, size) is scratch for what each waiting cell would get at the
+    start of a cycle: mostly right, and reckoned without waiting for the cell before, on which
+    the next one in line often borders.
     """
     capacity = buffers.shape[1]
     across, along, guess = guesses[0], guesses[1], guesses[2]
     potentials[start] = np.float32(0.0)
     reached[0] = start
-    first[start], last[start] = 0, 0
-    count, moment, fill = 1, 0, 0
+    count, fill, events = 1, 0, 0
     a, b, c = 0, 1, 2
     now, later, over = 0, 0, 0
     for cell in (start + 1, start - 1, start - columns, start + columns):
@@ -65,7 +64,7 @@ def propagate_towards(
     one, line, flag = np.uintp(1), np.uintp(columns), np.uint16(8)
     used = 0
     while used < cycles and now > 0:
-        if over + 4 * now > capacity:
+        if over + 4 * now > capacity or events + now > log.size:
             fill = capacity
             break
         used += 1
@@ -83,18 +82,19 @@ def propagate_towards(
             n = np.uintp(current[i])
             if ahead[n] > farthest:
                 cut[n] = epoch
+                if history:
+                    log[events] = -1 - current[i]
+                    events += 1
                 continue
+            if history:
+                log[events] = current[i]
+                events += 1
             left, right = potentials[n - one], potentials[n + one]
             up, down = potentials[n - line], potentials[n + line]
             p, x, y = guess[i], min(left, right), min(up, down)
             if x != across[i] or y != along[i]:
                 p = interpolated(x, y, np.float32(costs[n] & np.uint16(PENDING - 1)))
             old = potentials[n]
-            if history:
-                moment += 1
-                last[n] = moment
-                if old == UNREACHED:
-                    first[n] = moment
             if p >= old:
                 continue
             reached[count] = n
@@ -129,11 +129,11 @@ def propagate_towards(
         costs[buffers[a, i]] &= PENDING - 1
     for i in range(over):
         costs[buffers[c, i]] &= PENDING - 1
-    return count, fill, used, threshold
+    return count, fill, used, threshold, events
 
 
 @kernel
-def depends_on_cut(
+def looks_at_cut(
     costs: States,
     potentials: Singles,
     ahead: Singles,
@@ -141,29 +141,22 @@ def depends_on_cut(
     columns: int,
     cells: Integers,
     length: int,
-    first: Integers,
-    last: Integers,
     cut: Integers,
     mark: Integers,
     epoch: int,
-    stack: Integers,
-    history: bool,
 ) -> bool:
-    """Tell whether a cell left out has a neighbour in the history of a path of ``length`` points.
+    """Tell whether the descent of a path of ``length`` points looked at a cell left out.
 
-    The history holds the cells the descent looked at and, for each of its cells, every neighbour
-    that had been reached before that cell was looked at for the last time. Nothing else can have
-    told a cell of the history a potential or made it be looked at. A cell the descent found
-    unreached must be one that nothing can have reached in time: ``latest`` is the largest
-    remainder with which a wave through the cells left out comes too late. Without ``history``
-    only the cells the descent looked at are judged.
+    Neither may a cell it found unreached be one that could have been reached in time: ``latest``
+    is the largest remainder with which a wave through the cells left out comes too late. ``mark``
+    is set to ``epoch`` where the descent looked.
     """
-    count = 0
     for i in range(length):
         # At the edge of the wave the descent compares eight neighbours; elsewhere it takes the
         # gradients of four cells, which look one further.
         at = cells[i]
-        if at <= columns or at >= potentials.size - columns - 1:
+        seen = i > 0 and at == cells[i - 1]
+        if seen or at <= columns or at >= potentials.size - columns - 1:
             continue
         beyond = 2 if at_edge(potentials, at, columns) else 3
         for r in range(-1, beyond):
@@ -172,24 +165,30 @@ def depends_on_cut(
                     continue
                 if cut[n] == epoch:
                     return True
-                if potentials[n] >= UNREACHED:
-                    if costs[n] < BLOCKED and latest < ahead[n] < UNREACHED:
-                        return True
-                else:
-                    mark[n] = epoch
-                    stack[count] = n
-                    count += 1
-    while history and count > 0:
-        count -= 1
-        n = stack[count]
-        moment = last[n]
-        for m in (n - 1, n + 1, n - columns, n + columns):
-            if m < 0 or m >= potentials.size or mark[m] == epoch:
-                continue
-            if cut[m] == epoch:
+                mark[n] = epoch
+                missing = potentials[n] >= UNREACHED and costs[n] < BLOCKED
+                if missing and latest < ahead[n] < UNREACHED:
+                    return True
+    return False
+
+
+@kernel
+def depends_on_cut(columns: int, log: Integers, events: int, mark: Integers, epoch: int) -> bool:
+    """Tell whether a cell left out took part in what the marked cells have gone through.
+
+    Backward through the log: a cell that is needed when it was looked at needs its neighbours
+    from then on back, because nothing else can have told it a potential or made it be looked at.
+    A cell left out before it was needed for the last time is one too many. ``mark`` is
+    ``epoch`` for needed cells and becomes one more when their neighbours are marked.
+    """
+    for event in range(events - 1, -1, -1):
+        n = log[event]
+        if n < 0:
+            if mark[-1 - n] >= epoch:
                 return True
-            if potentials[m] < UNREACHED and first[m] < moment:
-                mark[m] = epoch
-                stack[count] = m
-                count += 1
+        elif mark[n] == epoch:
+            mark[n] = epoch + 1
+            for m in (n - 1, n + 1, n - columns, n + columns):
+                if mark[m] < epoch:
+                    mark[m] = epoch
     return False

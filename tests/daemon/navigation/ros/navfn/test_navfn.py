@@ -12,7 +12,11 @@ from daemon.navigation.ros.navfn._costs import translate, translation
 from daemon.navigation.ros.navfn._descent import descend
 from daemon.navigation.ros.navfn._propagation import forget, interpolated, propagate
 from daemon.navigation.ros.navfn._remainder import _ease
-from daemon.navigation.ros.navfn._restricted import depends_on_cut, propagate_towards
+from daemon.navigation.ros.navfn._restricted import (
+    depends_on_cut,
+    looks_at_cut,
+    propagate_towards,
+)
 from daemon.navigation.ros.quirks import FIXED, ORIGINAL
 from grammars.values import Floats, Pose2
 
@@ -140,7 +144,10 @@ def test_parameters_are_those_of_noetic_and_checked() -> None:
 
 def test_everything_is_compiled_by_the_warm_up_and_only_once() -> None:
     warm_up()
-    kernels = (translate, propagate, propagate_towards, depends_on_cut, descend, forget, _ease)
+    kernels = (
+        translate, propagate, propagate_towards, looks_at_cut, depends_on_cut, descend, forget,
+        _ease,
+    )  # fmt: skip
     grid = a_grid()
     plan(grid, centre(grid, 5, 10), centre(grid, 30, 10), tolerance=0.1)
     assert [len(kernel.signatures) for kernel in kernels] == [1] * len(kernels)  # type: ignore[attr-defined]
