@@ -60,7 +60,7 @@ def assert_same(problem: Problem) -> int:
 
 
 @given(seed=st.integers(0, 2**32 - 1), variant=st.sampled_from(range(len(VARIANTS))))
-@settings(max_examples=120, deadline=None)
+@settings(max_examples=50, deadline=None)
 def test_fast_and_plain_choose_the_same_sample(seed: int, variant: int) -> None:
     rng = np.random.default_rng(seed)
     quirks = ORIGINAL if rng.random() < 0.7 else FIXED
@@ -75,7 +75,7 @@ def test_the_same_with_all_samples_of_the_paper(parameters: DwaParameters) -> No
 
 
 @given(seed=st.integers(0, 2**32 - 1))
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=20, deadline=None)
 def test_distances_are_those_of_a_queue(seed: int) -> None:
     rng = np.random.default_rng(seed)
     rows, columns = int(rng.integers(2, 70)), int(rng.integers(2, 150))
