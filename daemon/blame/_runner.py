@@ -80,6 +80,11 @@ class Runner:
         (endings,) = executed([candidate])
         return endings
 
+    def settle(self, candidates: Sequence[Candidate]) -> None:
+        """Execute all of these that are not known yet."""
+        for start in range(0, len(candidates), SLOTS):
+            self._execute(candidates[start : start + SLOTS])
+
     def first_failing(self, candidates: Sequence[Candidate | None]) -> int | None:
         """Return the index of the first candidate that fails; ``None`` in it cannot be run.
 

@@ -169,7 +169,7 @@ def _name(case: Case) -> str:
 
 
 def _comment(story: Blame, repeat: int) -> str:
-    otherwise = f", or fail without {story.flips} as well" if story.flips else ""
+    otherwise = ", or fail for another reason" if story.flips else ""
     lines = [
         f"What is left of {story.run}, which failed {story.verdict.oracle}.",
         f"Nothing else can be taken away: it would pass{otherwise}."

@@ -18,6 +18,10 @@ _PHASES: tuple[tuple[Kind, ...], ...] = (("waypoint",), ("object",), ("behaviour
 """Kinds that are reduced together, in this order: a shorter mission makes all later runs short."""
 
 
+_MOST_SUSPECTS = 12
+"""Up to so many layers and parameters, each is left out once: what passes then is a reason."""
+
+
 @dataclass(frozen=True, slots=True)
 class Found:
     """The story of a failure and the smallest run that still fails, with what it is made of."""
@@ -36,14 +40,15 @@ class _Search:
     runner: Runner
     left: Elements
     flips: Element | None = None
+    reasons: Elements = ()
     layers: tuple[Without, ...] = ()
     minimal: bool = False
 
     def fails(self, configurations: Sequence[Collection[Element]]) -> int | None:
-        """Return the first of these configurations that fails for the same reason.
+        """Return the first of these configurations that fails for the same reasons.
 
-        What fails without the element that flipped the verdict as well fails for another reason,
-        a door that is shut from the beginning instead of one that shuts.
+        What fails as well without a layer or parameter that is known to make the difference fails
+        for another reason: because of a door that is shut from the beginning, not one that shuts.
         """
         start = 0
         while True:
@@ -54,10 +59,8 @@ class _Search:
             start += hit + 1
 
     def _is_due(self, kept: Collection[Element]) -> bool:
-        if self.flips is None:
-            return True
-        without = self.build([e for e in kept if e != self.flips])
-        return self.runner.first_failing([without]) is None
+        without = [self.build([e for e in kept if e != reason]) for reason in self.reasons]
+        return self.runner.first_failing(without) is None
 
     def build(self, kept: Collection[Element]) -> Candidate | None:
         """Return the run of these elements, ``None`` when they make none."""
@@ -86,11 +89,23 @@ class _Search:
         at = flip(added, self.layers_fail)
         self.flips, before = added[at], added[:at]
         self.left = self.with_parts(added[: at + 1])
+        self.reasons = self._reasons_among(added[: at + 1])
         for fewer in ddmin(before, self._layers_with_flip_fail):
             before = fewer
             self.left = self.with_parts((*before, added[at]))
         needed = (*before, added[at])
         self.layers = tuple(self._without(element, needed) for element in needed)
+        self.reasons = tuple(one.element for one in self.layers if one.word == "pass")
+
+    def _reasons_among(self, added: Elements) -> Elements:
+        """Return the last element, the flip, and those without which the run passes as well."""
+        if len(added) > _MOST_SUSPECTS:
+            return added[-1:]
+        without = {e: self.build(self.with_parts([o for o in added if o != e])) for e in added}
+        self.runner.settle([one for one in without.values() if one is not None])
+        known = {e: self.runner.known(one) for e, one in without.items() if one is not None}
+        passing = {e for e, ended in known.items() if ended is not None and ended.word == "pass"}
+        return tuple(e for e in added if e in passing or e == added[-1])
 
     def _layers_with_flip_fail(self, configurations: Sequence[Elements]) -> int | None:
         if self.flips is None:

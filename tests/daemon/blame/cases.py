@@ -30,11 +30,11 @@ scenarios:
     mission: courier
     oracles: [reached, no-contact]
 """
-Rule = Callable[[RunSpec], Outcome]
+Rule = Callable[[Candidate], Outcome]
 
 
 class Pretended:
-    """Stands in for the executor: verdicts by a rule about specifications, runs counted."""
+    """Stands in for the executor: verdicts by a rule about candidates, runs counted."""
 
     def __init__(self, rule: Rule) -> None:
         self._rule = rule
@@ -42,17 +42,17 @@ class Pretended:
         self.interrupt_after = 10**9
 
     def __call__(self, candidates: Sequence[Candidate]) -> list[tuple[Judged, ...]]:
-        return [self._endings(candidate.spec) for candidate in candidates]
+        return [self._endings(candidate) for candidate in candidates]
 
-    def _endings(self, spec: RunSpec) -> tuple[Judged, ...]:
+    def _endings(self, candidate: Candidate) -> tuple[Judged, ...]:
         if len(self.specs) >= self.interrupt_after:
             raise KeyboardInterrupt
-        self.specs.append(spec)
-        outcome = self._rule(spec)
+        self.specs.append(candidate.spec)
+        outcome = self._rule(candidate)
         word = {Outcome.FAIL: "fail", Outcome.PASS: "pass"}.get(outcome, "unresolved")
         return tuple(
             Judged(word, Verdict(o.name, o.text, outcome, None, None, "", Evidence()))
-            for o in spec.oracles
+            for o in candidate.spec.oracles
         )
 
 
@@ -63,7 +63,7 @@ def pretend(monkeypatch: pytest.MonkeyPatch, rule: Rule) -> Pretended:
 
 
 def failing_if(condition: Callable[[RunSpec], bool]) -> Rule:
-    return lambda spec: Outcome.FAIL if condition(spec) else Outcome.PASS
+    return lambda candidate: Outcome.FAIL if condition(candidate.spec) else Outcome.PASS
 
 
 def write(folder: Path, text: str = CAMPAIGN) -> Path:

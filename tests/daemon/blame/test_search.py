@@ -8,13 +8,10 @@ from pathlib import Path
 import pytest
 
 from daemon.blame import BudgetSpentError, NoFailureError, Runner, blame, load_case
-from daemon.blame._runner import Judged
-from daemon.verdict import Outcome, Verdict
+from daemon.verdict import Outcome
 from grammars.behaviour import Trigger
 from grammars.diagnostics import InputError
 from tests.daemon.blame.cases import CAMPAIGN, failing_if, pretend, write
-
-VERDICT = Verdict("reached", "", Outcome.PASS, None, None, "")
 
 
 def shuts(door: str):
@@ -60,26 +57,29 @@ def test_the_layer_the_door_and_the_waypoint_are_found(
     assert len(set(digests)) == len(digests), "no run is executed twice"
 
 
+@pytest.mark.parametrize("sut", ["pilot", "hasty"])
 def test_the_reason_stays_the_same_on_the_way(
-    folder: Path, monkeypatch: pytest.MonkeyPatch
+    folder: Path, monkeypatch: pytest.MonkeyPatch, sut: str
 ) -> None:
-    def fails(spec) -> bool:
-        """The kitchen's door shuts; or nothing holds it open, so it is shut all the time."""
-        ways = {b.joint: b for b in spec.behaviours}
-        door = any(name.startswith("kitchen_door") for name in ways)
-        return isinstance(ways.get("kitchen_door.hinge"), Trigger) or not door
+    (folder / "hasty.yaml").write_text("sut: hasty\nlike: pilot\nparameters: {max_speed: 0.7}\n")
 
-    pretend(monkeypatch, failing_if(fails))
-    case = load_case(write(folder), "rude", "", 0)
-    # Without any layer there is no door to be shut.
-    bare = case.candidate(case.parts(()), case.spec.oracles[0])
-    runner = Runner(100)
-    runner.remember(bare, Judged("pass", VERDICT))
-    story = blame(case, runner).story
-    assert str(story.flips) == "doors_in_your_face"
-    assert story.behaviours == ("kitchen_door.hinge",)
+    def rule(candidate) -> Outcome:
+        """Fails a hasty robot whose kitchen door shuts, or that nothing holds open."""
+        ways = {b.joint: b for b in candidate.spec.behaviours}
+        door = any(thing.name == "kitchen_door" for thing in candidate.scene.objects)
+        shuts = isinstance(ways.get("kitchen_door.hinge"), Trigger | None)
+        hasty = candidate.spec.sut.parameters.get("max_speed") == (0.7 if sut == "hasty" else None)
+        return Outcome.FAIL if door and shuts and hasty else Outcome.PASS
+
+    pretend(monkeypatch, rule)
+    text = CAMPAIGN.replace("sut: [pilot]", f"sut: [{sut}]")
+    story = blame(load_case(write(folder, text), "rude", sut, 0), Runner(200)).story
+    assert story.behaviours == ("kitchen_door.hinge",), "without, the door would be shut"
     ends = {str(one.element): one.word for one in story.layers}
-    assert ends == {"doors": "unresolved", "doors_open": "fail", "doors_in_your_face": "pass"}
+    hasty = {"max_speed: 0.7": "pass"} if sut == "hasty" else {}
+    expected = {"doors": "unresolved", "doors_open": "fail", "doors_in_your_face": "pass"}
+    assert ends == expected | hasty
+    assert str(story.flips) == ("max_speed: 0.7" if sut == "hasty" else "doors_in_your_face")
 
 
 def test_what_fails_without_any_layer_is_told(
