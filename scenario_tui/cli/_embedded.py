@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shutil
+import signal
 import tempfile
 import time
 from collections.abc import Iterator
@@ -67,6 +68,8 @@ def run_here(
 def _workshop(target: Path, campaign: str) -> Iterator[Path]:
     """Lend a state directory beside the traces; at the end its traces move out, it goes away."""
     state = Path(tempfile.mkdtemp(prefix=".scenario-", dir=target))
+    # Being told to end is being interrupted: what has finished is kept, nothing else is left.
+    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
         yield state
     except KeyboardInterrupt:
@@ -76,6 +79,7 @@ def _workshop(target: Path, campaign: str) -> Iterator[Path]:
     else:
         _move_traces(state, target, campaign)
     finally:
+        signal.signal(signal.SIGTERM, before)
         shutil.rmtree(state, ignore_errors=True)
 
 
