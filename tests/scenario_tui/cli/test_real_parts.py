@@ -9,6 +9,7 @@ import pty
 import re
 import select
 import shutil
+import signal
 import struct
 import subprocess
 import sys
@@ -77,6 +78,24 @@ def test_run_leaves_nothing_behind_but_traces(place: Path) -> None:
     assert {row["trace"] for row in body["runs"]} == {str(folder / name) for name in traces}
     assert not (place / "untouched").exists()
     assert "Traceback" not in done.stderr
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
+def test_a_run_told_to_end_leaves_no_workshop_behind(
+    place: Path, tmp_path: Path, number: signal.Signals
+) -> None:
+    file = str(place / "campaigns" / "demo" / "campaign.yaml")
+    process = subprocess.Popen(
+        [*COMMAND, "run", file, "-o", str(tmp_path)], stderr=subprocess.PIPE, text=True, cwd=place
+    )
+    while not list(tmp_path.glob(".scenario-*/daemon.json")):
+        assert process.poll() is None
+        time.sleep(0.05)
+    process.send_signal(number)
+    _, said = process.communicate(timeout=30)
+    assert process.returncode == 130
+    assert "interrupted" in said
+    assert not list(tmp_path.glob(".scenario-*"))
 
 
 def test_results_are_kept_by_the_daemon(finished: Path, place: Path) -> None:
