@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Sequence
 from pathlib import Path
 
 from daemon.blame._sentences import units_of
@@ -14,17 +14,34 @@ from grammars.scene import Scene
 from grammars.scenery import SceneryLayer
 
 
-def objects_text(layer: SceneryLayer, names: Collection[str]) -> str:
-    """Return the text of a ``.scenery`` layer with its models and the objects ``names`` only.
+def reduced(layers: Sequence[SceneryLayer], names: Collection[str]) -> list[SceneryLayer]:
+    """Return the layers with only the objects ``names`` and the models of these, if any are left.
 
     What objects do is left out, and so are groups and how they start: they would name objects
     that are not there. Parameters stay, they may place something.
     """
-    text = read_text(layer.file)
-    instances = [instance for instance in layer.instances if instance.name in names]
+    used = {i.model.text for layer in layers for i in layer.instances if i.name in names}
+    fewer = (
+        dataclasses.replace(
+            layer,
+            models=tuple(model for model in layer.models if model.name in used),
+            instances=tuple(i for i in layer.instances if i.name in names),
+            groups=(),
+            settings=(),
+            sentences=(),
+        )
+        for layer in layers
+    )
+    return [layer for layer in fewer if layer.models or layer.instances]
+
+
+def text_of(layer: SceneryLayer, whole: SceneryLayer) -> str:
+    """Return the text of a reduced ``.scenery`` layer: the statements of the ``whole``, copied."""
     wanted = {_key(m.where) for m in layer.models} | {_key(p.where) for p in layer.parameters}
-    wanted |= {_key(instance.where) for instance in instances}
-    parts = [part for where, part in _statements(layer, text) if _key(where) in wanted]
+    wanted |= {_key(instance.where) for instance in layer.instances}
+    parts = [
+        part for where, part in _statements(whole, read_text(whole.file)) if _key(where) in wanted
+    ]
     return "\n".join(parts) + "\n"
 
 
@@ -65,12 +82,6 @@ def settings_text(wanted: Scene, plain: Scene) -> str:
         if thing.frozen and not other.frozen:
             lines.append(f"{thing.name} is frozen")
     return "".join(f"{line}\n" for line in lines)
-
-
-def without_objects(layer: SceneryLayer, names: Collection[str]) -> SceneryLayer:
-    """Return ``layer`` with its models and the objects ``names`` only, as a value."""
-    instances = tuple(instance for instance in layer.instances if instance.name in names)
-    return dataclasses.replace(layer, instances=instances, groups=(), settings=(), sentences=())
 
 
 def is_text(layer: SceneryLayer) -> bool:

@@ -13,7 +13,7 @@ from typing import Any, Final, TypeVar
 import numpy as np
 
 from daemon.blame._case import Candidate, Case
-from daemon.blame._objects import is_text, objects_text, settings_text, without_objects
+from daemon.blame._objects import is_text, reduced, settings_text, text_of
 from daemon.blame._runner import BudgetSpentError, Runner
 from daemon.blame._search import Found
 from daemon.blame._sentences import sentences
@@ -114,18 +114,19 @@ def _plan(case: Case, folder: _Folder) -> str:
 def _objects(case: Case, smallest: Candidate, folder: _Folder) -> list[tuple[str, bool]]:
     """Write the object layers that still place something, and how their objects start."""
     names = {thing.name for thing in smallest.scene.objects}
+    whole = {o.plain.file: o.plain for o in case.layers if o.element.kind == "objects"}
+    layers = reduced(tuple(whole.values()), names)
     written, loaded = [], []
-    for layer in (one.plain for one in case.layers if one.element.kind == "objects"):
-        if not names & {instance.name for instance in layer.instances}:
-            continue
+    for layer in layers:
         if is_text(layer):
-            file = folder.write(f"{layer.name}.scenery", objects_text(layer, names))
-            loaded.append(load_scenery(folder.path / file))
+            text = text_of(layer, whole[layer.file])
+            written.append((folder.write(f"{layer.name}.scenery", text), True))
+            loaded.append(load_scenery(folder.path / written[-1][0]))
         else:
-            loaded.append(without_objects(layer, names))
-            document = scenery_document(loaded[-1], case.cell.plan)
-            file = folder.write(f"{layer.name}.jsonld", json.dumps(document, indent=1))
-        written.append((file, True))
+            document = scenery_document(layer, case.cell.plan, layers)
+            text = json.dumps(document, indent=1)
+            written.append((folder.write(f"{layer.name}.jsonld", text), True))
+            loaded.append(layer)
     text = settings_text(smallest.scene, compile_scene(case.cell.plan, loaded)) if loaded else ""
     if text:
         written.append((folder.write("starts.scenery", text), True))

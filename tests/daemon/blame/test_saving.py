@@ -63,7 +63,10 @@ def test_behaviours_written_as_sentences_mean_the_same_to_the_last_bit(
 
 def test_a_saved_run_is_the_smallest_one(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (folder / "later.scenery").write_text("kitchen_door starts at 20 deg\ntom is frozen\n")
-    text = CAMPAIGN.replace("[doors, people]", "[doors, people, later]")
+    models, instances = (folder / "people.scenery").read_text().split("visitor       is a")
+    (folder / "kinds.scenery").write_text(models)
+    (folder / "people.scenery").write_text(f"visitor       is a{instances}")
+    text = CAMPAIGN.replace("[doors, people]", "[kinds, doors, people, later]")
 
     def fails(spec) -> bool:
         joints = {b.joint for b in spec.behaviours}
@@ -75,7 +78,8 @@ def test_a_saved_run_is_the_smallest_one(folder: Path, monkeypatch: pytest.Monke
     found = blame(case, runner)
     assert found.story.objects == ("kitchen_door", "visitor")
     file = save(case, found, folder / "saved", runner)
-    shutil.rmtree(folder / "doors_open.scenery", ignore_errors=True)
+    assert "person" in (folder / "saved" / "kinds.scenery").read_text()
+    assert "cat" not in (folder / "saved" / "kinds.scenery").read_text()
     campaign = load_campaign(file)
     (_, run) = expand(campaign).runs
     smallest = found.smallest.spec
