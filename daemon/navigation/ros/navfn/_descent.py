@@ -9,6 +9,7 @@ import numpy as np
 
 from daemon.navigation.kernels import Integers, Singles, kernel
 from daemon.navigation.ros.navfn._costs import NEUTRAL, UNREACHED
+from grammars.values import Floats
 
 STEP: Final = np.float32(0.5)
 
@@ -128,3 +129,19 @@ def descend(
             n -= columns
             dy += np.float32(1.0)
     return 0
+
+
+@kernel
+def turn_round(
+    path: Singles, shift: float, resolution: float, x: float, y: float, poses: Floats
+) -> None:
+    """Write a path, cells from the goal, as x, y, yaw 0 from the start into ``poses``, (n, 3).
+
+    ``shift`` [cells] is added; the corner of cell (0, 0) lies at ``x``, ``y``.
+    """
+    count = path.shape[0]
+    for i in range(count):
+        k = count - 1 - i
+        poses[i, 0] = (np.float64(path[k, 0]) + shift) * resolution + x
+        poses[i, 1] = (np.float64(path[k, 1]) + shift) * resolution + y
+        poses[i, 2] = 0.0

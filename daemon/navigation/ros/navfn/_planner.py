@@ -8,6 +8,7 @@ import numpy as np
 
 from daemon.navigation.kernels import Singles
 from daemon.navigation.ros.grids import FREE_SPACE, CostGrid
+from daemon.navigation.ros.navfn._descent import turn_round
 from daemon.navigation.ros.navfn._field import Field
 from daemon.navigation.ros.navfn._parameters import NavfnParameters
 from daemon.navigation.ros.quirks import Quirks
@@ -90,8 +91,7 @@ class Navfn:
         if count == 0:
             return None
         shift = 0.0 if self._quirks.navfn_corner_coordinates else 0.5
-        poses = np.zeros((count + 1, 3))
-        poses[:count, :2] = path[::-1]
-        poses[:count, :2] = (poses[:count, :2] + shift) * grid.resolution + (grid.x, grid.y)
+        poses = np.empty((count + 1, 3))
+        turn_round(path, shift, grid.resolution, grid.x, grid.y, poses)
         poses[count] = end.x, end.y, end.yaw
         return poses

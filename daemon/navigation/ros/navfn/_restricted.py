@@ -181,14 +181,18 @@ def depends_on_cut(columns: int, log: Integers, events: int, mark: Integers, epo
     A cell left out before it was needed for the last time is one too many. ``mark`` is
     ``epoch`` for needed cells and becomes one more when their neighbours are marked.
     """
+    one, line = np.uintp(1), np.uintp(columns)
     for event in range(events - 1, -1, -1):
-        n = log[event]
-        if n < 0:
-            if mark[-1 - n] >= epoch:
+        entry = log[event]
+        if entry < 0:
+            if mark[np.uintp(-1 - entry)] >= epoch:
                 return True
-        elif mark[n] == epoch:
+            continue
+        n = np.uintp(entry)
+        if mark[n] == epoch:
             mark[n] = epoch + 1
-            for m in (n - 1, n + 1, n - columns, n + columns):
-                if mark[m] < epoch:
-                    mark[m] = epoch
+            mark[n - one] = max(mark[n - one], epoch)
+            mark[n + one] = max(mark[n + one], epoch)
+            mark[n - line] = max(mark[n - line], epoch)
+            mark[n + line] = max(mark[n + line], epoch)
     return False

@@ -9,7 +9,7 @@ from pydantic import ValidationError
 from daemon.navigation.ros.grids import CostGrid
 from daemon.navigation.ros.navfn import WITHOUT_EFFECT, Navfn, NavfnParameters, warm_up
 from daemon.navigation.ros.navfn._costs import translate, translation
-from daemon.navigation.ros.navfn._descent import descend
+from daemon.navigation.ros.navfn._descent import descend, turn_round
 from daemon.navigation.ros.navfn._propagation import forget, interpolated, propagate
 from daemon.navigation.ros.navfn._remainder import _ease
 from daemon.navigation.ros.navfn._restricted import (
@@ -146,7 +146,7 @@ def test_everything_is_compiled_by_the_warm_up_and_only_once() -> None:
     warm_up()
     kernels = (
         translate, propagate, propagate_towards, looks_at_cut, depends_on_cut, descend, forget,
-        _ease,
+        turn_round, _ease,
     )  # fmt: skip
     grid = a_grid()
     plan(grid, centre(grid, 5, 10), centre(grid, 30, 10), tolerance=0.1)
