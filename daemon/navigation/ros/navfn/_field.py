@@ -23,6 +23,7 @@ _OUTDATED: Final = 1000.0
 """Detour [cost] by which changed costs may make the way longer before the remainder is renewed."""
 _REACH: Final = 2500.0
 """Cost by which the remainder reaches farther than it must."""
+_EPOCHS: Final = 255
 _RETRY: Final = 12
 """Plans after which a smaller margin is tried again."""
 
@@ -59,7 +60,7 @@ class Field:
         self._reached = np.empty(size + 1, dtype=np.int32)
         self._count = 0
         self._log = np.empty(2 * size, dtype=np.int32)
-        self._cut, self._mark = np.zeros(size, np.int32), np.zeros(size, np.int32)
+        self._cut, self._mark = np.zeros(size, np.uint8), np.zeros(size, np.uint8)
         self._epoch, self._level, self._steady = 0, 0, 0
         self._remainder = Remainder(size, columns)
         self._excess, self._usable = 0.0, False
@@ -167,7 +168,7 @@ class Field:
         if self._remainder.goal != goal:
             return 0
         forget(self._potentials, self._reached, self._count)
-        self._epoch += 2
+        self._begin_epoch()
         self._count, fill, used, threshold, events = propagate_towards(
             self._costs, self._potentials, GAINS, ahead, bound, self.columns, start, goal,
             self._cycles, self._buffers, self._guesses, self._reached, self._certified,
@@ -193,6 +194,14 @@ class Field:
         self._excess = self._surplus(start, goal)
         self._remainder.limit = min(self._remainder.limit, float(bound) + _REACH)
         return length
+
+    def _begin_epoch(self) -> None:
+        """Make the flags of earlier waves void; flags of one byte take little of the cache."""
+        self._epoch += 2
+        if self._epoch >= _EPOCHS:
+            self._cut.fill(0)
+            self._mark.fill(0)
+            self._epoch = 2
 
     def _learn(self, start: int, goal: int, fill: int) -> None:
         """Find out from a whole wave whether the next one can be guided, and how well."""

@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from daemon.navigation.kernels import Integers, Singles, kernel
-from daemon.navigation.ros.navfn._costs import BLOCKED, PENDING, UNREACHED, States
+from daemon.navigation.ros.navfn._costs import BLOCKED, PENDING, UNREACHED, Bytes, States
 from daemon.navigation.ros.navfn._descent import at_edge
 from daemon.navigation.ros.navfn._propagation import THRESHOLD_STEP, interpolated
 
@@ -32,7 +32,7 @@ def propagate_towards(
     reached: Integers,
     history: bool,
     log: Integers,
-    cut: Integers,
+    cut: Bytes,
     epoch: int,
 ) -> tuple[int, int, int, np.float32, int]:
     """Spread the wave as :func:`propagate` does, but leave out what the bound excludes.
@@ -141,8 +141,8 @@ def looks_at_cut(
     columns: int,
     cells: Integers,
     length: int,
-    cut: Integers,
-    mark: Integers,
+    cut: Bytes,
+    mark: Bytes,
     epoch: int,
 ) -> bool:
     """Tell whether the descent of a path of ``length`` points looked at a cell left out.
@@ -173,7 +173,7 @@ def looks_at_cut(
 
 
 @kernel
-def depends_on_cut(columns: int, log: Integers, events: int, mark: Integers, epoch: int) -> bool:
+def depends_on_cut(columns: int, log: Integers, events: int, mark: Bytes, epoch: int) -> bool:
     """Tell whether a cell left out took part in what the marked cells have gone through.
 
     Backward through the log: a cell that is needed when it was looked at needs its neighbours
