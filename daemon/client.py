@@ -177,12 +177,16 @@ class Client:
         descending: bool = False,
         offset: int = 0,
         limit: int = 200,
+        scenario: str = "",
+        sut: str = "",
     ) -> RunPage:
         """A page of at most 1000 runs; ``sort`` names a field of :class:`RunRow`.
 
         ``text`` is looked for in label, oracle, reason and id, ignoring case.
         """
-        query = RunQuery(campaign, state, outcome, text, sort, descending, offset, limit)
+        query = RunQuery(
+            campaign, state, outcome, text, sort, descending, offset, limit, scenario, sut
+        )
         return self._ask(Verb.RUNS, query, RunPage)
 
     def run(self, run: str) -> RunDetail:

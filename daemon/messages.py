@@ -90,6 +90,8 @@ class RunQuery:
     descending: bool = False
     offset: Count = 0
     limit: Annotated[int, Field(ge=0, le=LARGEST_PAGE)] = 200
+    scenario: Short = ""
+    sut: Short = ""
 
 
 @dataclass(frozen=True, slots=True)

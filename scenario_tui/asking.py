@@ -49,6 +49,8 @@ class Daemon(Protocol):
         descending: bool = False,
         offset: int = 0,
         limit: int = 200,
+        scenario: str = "",
+        sut: str = "",
     ) -> RunPage: ...
     def run(self, run: str) -> RunDetail: ...  # noqa: D102
     def declared(self, campaign: str) -> Declared: ...  # noqa: D102

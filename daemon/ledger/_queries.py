@@ -101,8 +101,9 @@ class Reader:
     def runs(self, query: RunQuery) -> RunPage:
         """One page of runs, filtered and sorted; equal values keep the order of submission."""
         where, values = _filter(query)
-        # Without a text the tally knows how many there are; 100,000 runs need not be counted.
-        counting = "count(*) FROM run" if query.text else "total(runs) FROM tally"
+        # The tally knows how many of a state there are; 100,000 runs need not be counted.
+        tallied = not (query.text or query.scenario or query.sut)
+        counting = "total(runs) FROM tally" if tallied else "count(*) FROM run"
         total = self._db.execute(f"SELECT {counting} {where}", values).fetchone()[0]
         rows = self._db.execute(
             f"SELECT {_ROW} FROM run {where} ORDER BY {_order(query)} LIMIT ? OFFSET ?",
@@ -222,7 +223,7 @@ def _order(query: RunQuery) -> str:
 def _filter(query: RunQuery) -> tuple[str, list[Any]]:
     conditions: list[str] = []
     values: list[Any] = []
-    for column in ("campaign", "state", "outcome"):
+    for column in ("campaign", "state", "outcome", "scenario", "sut"):
         wanted = getattr(query, column)
         if wanted:
             _check_word(column, wanted)

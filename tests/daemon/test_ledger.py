@@ -103,6 +103,8 @@ def test_pages_filter_sort_and_count(ledger: tuple[Book, Reader, sqlite3.Connect
     assert reader.runs(RunQuery(text="PILOT/11")).total == 1
     assert reader.runs(RunQuery(text="100%_'")).total == 0
     assert reader.runs(RunQuery("c")).total == 12
+    assert reader.runs(RunQuery("c", scenario="S1", sut="pilot")).total == 12
+    assert reader.runs(RunQuery("c", scenario="S1", sut="pil")).total == 0
     assert reader.runs(RunQuery()).total == 15
     down = reader.runs(RunQuery("c", sort="index", descending=True, limit=1))
     assert down.rows[0].index == 11

@@ -264,12 +264,15 @@ class FakeDaemon:
     def runs(
         self, campaign: str = "", *, state: str = "", outcome: str = "", text: str = "",
         sort: str = "index", descending: bool = False, offset: int = 0, limit: int = 200,
+        scenario: str = "", sut: str = "",
     ) -> RunPage:  # fmt: skip
         self._answer("runs", campaign, state, outcome, text, sort, descending, offset, limit)
         found = [
             row
             for row in self.rows
             if campaign in ("", row.campaign)
+            and scenario in ("", row.scenario)
+            and sut in ("", row.sut)
             and state in ("", row.state)
             and outcome in ("", row.outcome)
             and text.lower() in f"{row.scenario}/{row.sut}/{row.repeat} {row.oracle}".lower()
