@@ -32,8 +32,8 @@ class Field:
     """The planner's own view of a costmap.
 
     With ``margins`` the wave is restricted to what can matter, and checked afterwards; without it
-    is always whole. ``certified`` paths have their whole history checked, which costs most of
-    the time; without it a path rests on the margin alone. ``whole`` and ``restricted`` count the
+    is always whole. ``certified`` paths have their history checked; without it they rest on the
+    margin and on what the descent looked at. ``whole`` and ``restricted`` count the
     waves that gave an answer.
     """
 
