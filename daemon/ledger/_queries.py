@@ -9,7 +9,7 @@ from typing import Any, Final
 
 from daemon.assessment import Declared, RunRecord
 from daemon.errors import Refused
-from daemon.ledger._records import find_trace, read_declared, read_records
+from daemon.ledger._records import find_trace, read_declared, read_records, trace_is_gone
 from daemon.messages import RecordQuery, RunQuery
 from daemon.places import Places
 from daemon.protocol import CampaignRow, RunDetail, RunPage, RunRow, RunState
@@ -150,7 +150,7 @@ class Reader:
     def _run_row(self, row: sqlite3.Row) -> RunRow:
         outcome = Outcome(row["outcome"]) if row["outcome"] else None
         trace = self._find_trace(row["trace_name"], row["cached"]) if outcome is not None else ""
-        gone = f"the trace of {row['cached']} is gone" if row["cached"] and not trace else ""
+        gone = trace_is_gone(row["cached"]) if outcome is not None and not trace else ""
         return RunRow(
             id=row["id"],
             campaign=row["campaign"],

@@ -23,14 +23,21 @@ FindTrace = Callable[[str, str], str]
 def find_trace(db: sqlite3.Connection, places: Places, name: str, source: str) -> str:
     """Return the path of a run's trace: that of the run it was taken from while it has none.
 
-    Empty when a result was taken from a run, ``source``, whose trace was deleted since.
+    Empty when the trace, or that of ``source``, the run it was taken from, was deleted since.
     """
     own = places.traces / name
-    if not source or own.exists():
+    if own.exists():
         return str(own)
+    if not source:
+        return ""
     row = db.execute("SELECT trace_name FROM run WHERE id = ?", (source,)).fetchone()
     path = places.traces / row[0] if row else None
     return str(path) if path is not None and path.exists() else ""
+
+
+def trace_is_gone(source: str) -> str:
+    """Say that there is no trace of a run any more, whose result is that of ``source`` if any."""
+    return f"the trace of {source} is gone" if source else "its trace is gone"
 
 
 def find_traces(db: sqlite3.Connection, places: Places, name: str) -> tuple[Path, ...]:
@@ -72,11 +79,11 @@ def _record(row: tuple[object, ...], find_trace: FindTrace | None) -> RunRecord:
     run, scenario, sut, repeat, digest, state, reason, seed, cached, trace, body = row
     result = codec.from_json(RunResult, body) if isinstance(body, bytes | str) else None
     path = find_trace(str(trace), str(cached)) if find_trace and result else ""
-    gone = result is not None and bool(cached) and find_trace is not None and not path
+    gone = result is not None and find_trace is not None and not path
     notes = (
         result.note if result else "",
         str(reason),
-        f"the trace of {cached} is gone" if gone else "",
+        trace_is_gone(str(cached)) if gone else "",
     )
     return RunRecord(
         id=str(run),
