@@ -19,10 +19,12 @@ from daemon.trace.model import (
     EventRecord,
     JointTrack,
     Motion,
+    PlanRecord,
     PoseTrack,
     ProgressRecord,
     ScanTrack,
 )
+from daemon.trace.paths import decode_path
 from daemon.trace.recording import DamagedError
 from grammars.robot import Laser
 from grammars.values import Floats
@@ -113,6 +115,20 @@ def events(runs: Runs) -> tuple[EventRecord, ...]:
         level = _LEVELS.get(int(log.level), "info")
         found.append(EventRecord(time, str(log.name), str(log.msg), level))
     return tuple(sorted(found, key=lambda event: event.time))
+
+
+def plans(runs: Runs) -> tuple[PlanRecord, ...]:
+    """Decode ``/plan``, in the order of their times."""
+    found = []
+    for rows in runs.get("/plan", []):
+        for row in rows:
+            data = row.tobytes()
+            try:
+                points = decode_path(data[HEADER.size :])
+            except ValueError as error:
+                raise DamagedError("a damaged message on /plan") from error
+            found.append(PlanRecord(_LOG_TIME.unpack_from(data, _LOG_TIME_AT)[0] / 1e9, points))
+    return tuple(sorted(found, key=lambda plan: plan.time))
 
 
 def number(text: str) -> float:

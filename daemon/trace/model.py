@@ -84,6 +84,14 @@ class ScanTrack:
     ranges: npt.NDArray[np.float32]
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class PlanRecord:
+    """A global plan as the system under test had it from ``time`` [s] on: ``points`` (n, 2) [m]."""
+
+    time: float
+    points: Floats
+
+
 @dataclass(frozen=True, slots=True)
 class ContactRecord:
     """Two bodies touching at ``point`` [m, map frame]; ``depth`` [m] of penetration.
@@ -151,3 +159,4 @@ class Trace:
     progress: tuple[ProgressRecord, ...]
     events: tuple[EventRecord, ...]
     scans: ScanTrack | None
+    plans: tuple[PlanRecord, ...] = ()

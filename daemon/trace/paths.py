@@ -70,6 +70,30 @@ def encode_path(now: int, points: Floats) -> bytes:
     return head.tobytes() + tail.tobytes()
 
 
+def decode_path(payload: bytes) -> Floats:
+    """Return the points (n, 2) of a path written by :func:`encode_path`.
+
+    Raises ``ValueError`` for a payload of another size than its number of poses takes.
+    """
+    shape = _shape()
+    data = np.frombuffer(payload, np.uint8)
+    if len(data) == len(shape.empty):
+        return np.empty((0, 2))
+    more = len(data) - len(shape.one)
+    if more < 0 or more % len(shape.more):
+        raise ValueError("a path of another size")
+    first, rest = data[None, : len(shape.one)], data[len(shape.one) :]
+    return np.vstack(
+        [_points(first, shape.first), _points(rest.reshape(-1, len(shape.more)), shape.next)]
+    )
+
+
+def _points(rows: Bytes, at: dict[str, int]) -> Floats:
+    """Return x and y (n, 2) of the poses in ``rows`` of bytes (n, size)."""
+    columns = [np.ascontiguousarray(rows[:, at[axis] : at[axis] + 8]) for axis in "xy"]
+    return np.column_stack([column.view("<f8").reshape(-1) for column in columns])
+
+
 def _place(layout: Layout, name: str) -> int:
     fields = layout.record.fields
     assert fields is not None

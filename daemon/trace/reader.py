@@ -31,13 +31,14 @@ _JUDGED: Final = frozenset(
 T = TypeVar("T")
 
 
-def read_trace(path: Path, *, scans: bool = False) -> Trace:
-    """Read a trace, with its laser scans when ``scans`` is set.
+def read_trace(path: Path, *, scans: bool = False, plans: bool = False) -> Trace:
+    """Read a trace, with its laser scans when ``scans`` is set and its plans with ``plans``.
 
     Raises :class:`TraceError` when the file cannot be opened, is not a trace written by
     :class:`TraceWriter`, or is damaged before anything of it can be used.
     """
-    recording = read_recording(path, _JUDGED | {"/scan"} if scans else _JUDGED)
+    more = {topic for topic, wanted in (("/scan", scans), ("/plan", plans)) if wanted}
+    recording = read_recording(path, _JUDGED | more)
     spec = _attached_spec(recording)
     scene = _attached_scene(recording, spec)
     try:
@@ -87,6 +88,7 @@ def _decoded(recording: Recording, spec: RunSpec, scene: Scene, scans: bool) -> 
         progress=decode.progress(runs),
         events=decode.events(runs),
         scans=decode.scans(runs, spec.robot.laser) if scans else None,
+        plans=decode.plans(runs),
     )
 
 

@@ -22,6 +22,7 @@ from daemon.sut import Estimate, Odometry, Progress
 from daemon.trace import ProgressRecord, Trace, TraceError, TraceWriter, read_trace
 from daemon.trace import recording as walking
 from daemon.trace.joints import JointSamples
+from daemon.trace.paths import decode_path, encode_path
 from grammars import codec
 from grammars.diagnostics import InputError
 from grammars.values import Pose2, Twist2
@@ -257,6 +258,24 @@ def test_a_trace_rewritten_by_other_tools_reads_the_same(
     assert other.scans is not None
     assert one.scans is not None
     np.testing.assert_array_equal(other.scans.ranges, one.scans.ranges)
+
+
+def test_plans_come_back_when_they_are_asked_for(recorded: Path) -> None:
+    assert read_trace(recorded).plans == ()
+    plans = read_trace(recorded, plans=True).plans
+    assert [plan.time for plan in plans] == [0.0, *(float(t) for t in range(2, 13, 2))]
+    for half, plan in enumerate(plans):
+        np.testing.assert_array_equal(plan.points, [(0.0, 1.0), (2.0, 3.0), (half, 5.0)])
+
+
+@pytest.mark.parametrize("count", [0, 1, 2, 57])
+def test_paths_of_any_length_are_read_back(count: int) -> None:
+    points = np.arange(2.0 * count).reshape(count, 2)
+    payload = encode_path(3, points)
+    np.testing.assert_array_equal(decode_path(payload), points)
+    for wrong in (payload[:-1], payload + b"\0", b""):
+        with pytest.raises(ValueError, match="another size"):
+            decode_path(wrong)
 
 
 def usable(path: Path, data: bytes) -> Trace | None:
