@@ -1,8 +1,8 @@
 """What the dashboard knows: asked for by a thread of its own, taken by the screen's timer.
 
-The thread is the only one that talks to the daemon. It leaves an immutable :class:`Picture`
-behind; telemetry and notices wait in queues that forget the oldest. Nothing here ever blocks the
-thread that draws.
+The thread leaves an immutable :class:`Picture` behind; telemetry and notices wait in queues that
+forget the oldest. A second thread judges campaigns, which takes long when they are large. Nothing
+here ever blocks the thread that draws.
 """
 
 from __future__ import annotations
@@ -10,8 +10,8 @@ from __future__ import annotations
 import threading
 import time
 from collections import deque
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Final, Literal, TypeAlias, TypeVar
 
@@ -20,6 +20,8 @@ from daemon.protocol import CampaignRow, Event, Live, Overview, RunDetail, RunPa
 from grammars.scene import Scene
 from grammars.values import Point2, Pose2
 from scenario_tui.asking import Daemon, Opener
+from scenario_tui.judging import Judge
+from scenario_tui.summary import Conclusion, Results
 
 T = TypeVar("T")
 
@@ -28,6 +30,8 @@ REFRESH: Final = 1.0
 _BREATH: Final = 0.2
 """Seconds between two looks at least, however much happens."""
 _RETRY: Final = 0.5
+_JUDGING: Final = 0.1
+"""Seconds between two looks for campaigns that should be judged."""
 _SCENES_KEPT: Final = 8
 _TRAIL_POINTS: Final = 4000
 
@@ -46,6 +50,8 @@ class RunsWanted:
     descending: bool = False
     offset: int = 0
     limit: int = 100
+    scenario: str = ""
+    sut: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,6 +61,7 @@ class Want:
     runs: RunsWanted | None = None
     run: str = ""
     workers: bool = False
+    results: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,6 +90,8 @@ class Picture:
     detail: RunDetail | None = None
     scene: Scene | None = None
     recording: Recording | None = None
+    conclusions: Mapping[str, Conclusion] = field(default_factory=dict)
+    results: Results | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,8 +105,15 @@ class Notice:
 class Feed:
     """Asks the daemon for what is wanted, again and again, over its restarts."""
 
-    def __init__(self, open_daemon: Opener, *, clock: Callable[[], float] = time.time) -> None:
+    def __init__(
+        self,
+        open_daemon: Opener,
+        *,
+        clock: Callable[[], float] = time.time,
+        judge: Judge | None = None,
+    ) -> None:
         self._open = open_daemon
+        self._judge = judge or Judge()
         self._clock = clock
         self._want = Want()
         self._picture = Picture()
@@ -164,6 +180,11 @@ class Feed:
         """Ask over one connection until it breaks or the feed is closed."""
         with self._open() as daemon:
             subscription = daemon.events(self._on_event, self._lives.append)
+            leaving = threading.Event()
+            judging = threading.Thread(
+                target=self._judging, args=(daemon, leaving), name="judge", daemon=True
+            )
+            judging.start()
             try:
                 while not self._closing:
                     self._wake.clear()
@@ -171,9 +192,29 @@ class Feed:
                     time.sleep(_BREATH)
                     self._wake.wait(REFRESH - _BREATH)
             finally:
+                leaving.set()
+                judging.join()
                 subscription.close()
 
+    def _judging(self, daemon: Daemon, leaving: threading.Event) -> None:
+        """Judge what changed until the connection is left."""
+        while not leaving.wait(_JUDGING):
+            try:
+                if self.judge(daemon):
+                    self._wake.set()
+            except DaemonError:
+                continue  # whoever takes the pictures notices too, and says so
+            except Exception as error:
+                self._failure = error
+                return
+
+    def judge(self, daemon: Daemon) -> bool:
+        """Judge one campaign if one changed; return whether there was one."""
+        return self._judge.step(daemon, self._picture.campaigns, self._want.results)
+
     def _on_event(self, event: Event) -> None:
+        if event.campaign:
+            self._judge.touch(event.campaign)
         self._wake.set()
 
     def step(self, daemon: Daemon) -> None:
@@ -187,6 +228,8 @@ class Feed:
             problem="",
             overview=daemon.overview(),
             campaigns=daemon.campaigns(),
+            conclusions=self._judge.conclusions,
+            results=self._judge.results,
             at=self._clock(),
         )
         if want.workers:
@@ -272,6 +315,8 @@ def _page(daemon: Daemon, wanted: RunsWanted) -> RunPage:
         descending=wanted.descending,
         offset=wanted.offset,
         limit=wanted.limit,
+        scenario=wanted.scenario,
+        sut=wanted.sut,
     )
 
 

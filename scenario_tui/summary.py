@@ -2,16 +2,26 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 
 from daemon.assessment import Assessment, Cell, Declared, OracleCell, RunRecord, assess
 from daemon.protocol import CampaignRow, RunRow
 from daemon.verdict import Outcome
 from scenario_tui.asking import Daemon, all_runs
-from scenario_tui.wording import word_of
+from scenario_tui.wording import SEVERITY, word_of
 
 UNFINISHED: tuple[str, ...] = ("running", "queued", "lost", "cancelled")
 """Words of runs without a verdict, in the order a cell is named after them."""
+
+
+@dataclass(frozen=True, slots=True)
+class Conclusion:
+    """Whether a campaign is as expected: ``word`` names its glyph, ``text`` says it shortly."""
+
+    word: str
+    text: str
+    unexpected: int = 0
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,6 +33,10 @@ class Results:
     records: tuple[RunRecord, ...]
     declared: Declared
     assessment: Assessment
+    _by_id: Mapping[str, RunRecord] = field(init=False, repr=False, compare=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "_by_id", {record.id: record for record in self.records})
 
     @property
     def words(self) -> tuple[str, ...]:
@@ -31,8 +45,7 @@ class Results:
 
     def records_of(self, cell: Cell) -> tuple[RunRecord, ...]:
         """Return the runs of a cell."""
-        wanted = frozenset(cell.runs)
-        return tuple(record for record in self.records if record.id in wanted)
+        return tuple(self._by_id[run] for run in cell.runs)
 
     def word(self, cell: Cell) -> str:
         """Return the one word for a cell: a failure at once, else what it waits for or lacks."""
@@ -70,6 +83,49 @@ def gather(daemon: Daemon, row: CampaignRow) -> Results:
     records, declared = daemon.records(row.id), daemon.declared(row.id)
     rows = all_runs(daemon, row.id)
     return Results(row, rows, records, declared, assess(declared, records))
+
+
+def judge(daemon: Daemon, row: CampaignRow) -> Conclusion:
+    """Ask for what decides whether a campaign is as expected, and no more."""
+    return conclude(assess(daemon.declared(row.id), daemon.records(row.id)), finished=row.finished)
+
+
+def conclude(assessment: Assessment, *, finished: bool) -> Conclusion:
+    """Return an assessment in two words; of an unfinished campaign what can be said so far."""
+    code, count = assessment.exit_code, len(assessment.surprises)
+    if code == 1:
+        return unexpected(count)
+    if code == 0:
+        return Conclusion("pass", "as expected")
+    if code == 3:
+        return Conclusion("lost", "not all judged")
+    return (
+        Conclusion("inconclusive", "undecided")
+        if finished
+        else Conclusion("running", "so far fine")
+    )
+
+
+def unexpected(count: int) -> Conclusion:
+    """Return that so many oracles or comparisons are not as expected."""
+    return Conclusion("fail", f"{count:,} unexpected", count)
+
+
+def overall(
+    campaigns: Sequence[CampaignRow], conclusions: Mapping[str, Conclusion]
+) -> Conclusion | None:
+    """Return how the newest campaign of each name stands, all together.
+
+    ``campaigns`` are the newest first. Earlier ones of a name were superseded, by a repair say.
+    ``None`` while there is none that was judged.
+    """
+    newest: dict[str, CampaignRow] = {}
+    for row in campaigns:
+        newest.setdefault(row.name, row)
+    found = [conclusions[row.id] for row in newest.values() if row.id in conclusions]
+    if count := sum(one.unexpected for one in found):
+        return unexpected(count)
+    return min(found, key=lambda one: SEVERITY.index(one.word), default=None)
 
 
 def leading(cell: Cell) -> OracleCell | None:

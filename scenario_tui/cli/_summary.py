@@ -2,31 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from typing import Final
 
 from rich.console import Console
 from rich.text import Text
 
-from daemon.assessment import OracleCell, Surprise
 from daemon.statistics import at_least
-from daemon.verdict import Outcome, Verdict
-from scenario_tui.cli._matrix import Footnotes, comparison_table, matrix
+from daemon.verdict import Verdict
+from scenario_tui.cli._matrix import comparison_table, matrix
 from scenario_tui.cli._output import out
+from scenario_tui.judged import BOUNDS, Footnotes, listed
 from scenario_tui.summary import Results
 from scenario_tui.wording import (
     STYLES,
     counted,
     duration,
-    glyph_word,
     margin,
     moment,
-    run_label,
-    word_of,
 )
 
 LISTED: Final = 12
-_BOUNDS: Final = "mean difference [one-sided 95 % bounds] over n repeats"
 
 
 def print_summary(results: Results, *, took: float | None = None) -> None:
@@ -38,19 +33,12 @@ def print_summary(results: Results, *, took: float | None = None) -> None:
     if judged.comparisons:
         console.print()
         console.print(comparison_table(judged.comparisons, notes))
-        console.print(_BOUNDS, style="dim", markup=False)
-    for reason, letter in notes.letters.items():
-        console.print(Text.assemble((letter, "bold"), f"  known: {reason}"))
+        console.print(BOUNDS, style="dim", markup=False)
+    for line in notes.lines():
+        console.print(line)
     console.print()
-    _print_list(console, "unexpected", [_surprise(found) for found in judged.surprises])
-    _print_list(console, "undecided", [_undecided(found) for found in results.undecided])
-    lost = [
-        _line("lost", run_label(row), row.reason.strip().splitlines()[-1:])
-        for row in results.unexecuted
-    ]
-    _print_list(console, "not executed", lost)
-    doubtful = [_line(word_of(row), run_label(row), [row.reason]) for row in results.doubtful]
-    _print_list(console, "not reproducible", doubtful)
+    for title, lines in listed(results, STYLES):
+        _print_list(console, title, lines)
     console.print(_conclusion(results), markup=False)
     console.print()
 
@@ -69,35 +57,12 @@ def _headline(results: Results, took: float | None) -> Text:
 
 
 def _print_list(console: Console, title: str, lines: list[Text]) -> None:
-    if not lines:
-        return
     console.print(Text(f"{len(lines):,} {title}:", style="bold"))
     for line in lines[:LISTED]:
         console.print(line, soft_wrap=True)
     if len(lines) > LISTED:
         console.print(f"and {len(lines) - LISTED} more")
     console.print()
-
-
-def _surprise(found: Surprise) -> Text:
-    text = _line(str(found.verdict), found.text, [found.why and f"known: {found.why}"])
-    if found.run:
-        text.append(f"  -> {found.run}", style="cyan")
-    return text
-
-
-def _undecided(oracle: OracleCell) -> Text:
-    worst = oracle.worst.verdict if oracle.worst else None
-    note = worst.evidence.note if worst and worst.outcome is not Outcome.PASS else ""
-    said = f"{oracle.sut} {oracle.scenario} {oracle.oracle}"
-    return _line(str(oracle.verdict), said, [oracle.statement, note])
-
-
-def _line(word: str, subject: str, more: Iterable[str]) -> Text:
-    text = Text.assemble("  ", (glyph_word(word), STYLES[word]), "  ", subject)
-    for part in more:
-        text.append(f"  {part}" if part else "")
-    return text
 
 
 def _conclusion(results: Results) -> str:

@@ -126,6 +126,10 @@ def make_row(index: int, **changes: object) -> RunRow:
     return replace(row, **changes)  # type: ignore[arg-type]
 
 
+NIGHTLY = tuple(make_row(i, id=f"{OLD}.{i}", campaign=OLD) for i in range(4))
+"""The runs of a campaign in which all went well."""
+
+
 def make_rows() -> tuple[RunRow, ...]:
     fresh = {"outcome": None, "oracle": "", "margin": None, "unit": "", "simulated": 0.0,
              "wall": 0.0, "trace": ""}  # fmt: skip
@@ -251,10 +255,9 @@ class FakeDaemon:
     def _campaign_rows(self) -> tuple[CampaignRow, ...]:
         if self.empty:
             return ()
-        nightly = tuple(replace(make_row(i), campaign=OLD) for i in range(4))
         return (
             campaign_row("first", CAMPAIGN, self.rows, NOW - 240.0),
-            campaign_row("nightly", OLD, nightly, NOW - 90_000.0),
+            campaign_row("nightly", OLD, NIGHTLY, NOW - 90_000.0),
         )
 
     def campaigns(self) -> tuple[CampaignRow, ...]:
@@ -293,7 +296,8 @@ class FakeDaemon:
 
     def records(self, campaign: str) -> tuple[RunRecord, ...]:
         self._answer("records", campaign)
-        return tuple(make_record(row) for row in self.rows if row.campaign == campaign)
+        found = [row for row in self.rows if row.campaign == campaign]
+        return tuple(make_record(row) for row in found or NIGHTLY if row.campaign == campaign)
 
     def scene(self, digest: str) -> Scene:
         self._answer("scene", digest)

@@ -11,6 +11,7 @@ from daemon.errors import DaemonError
 from daemon.protocol import Live
 from scenario_tui.app import Dashboard
 from scenario_tui.feed import Feed, Notice, Picture
+from scenario_tui.judging import Judge
 from tests.scenario_tui.fake import FakeDaemon
 
 
@@ -18,7 +19,8 @@ class InlineFeed(Feed):
     """Takes its picture in the caller's thread, so that tests know when it is taken."""
 
     def __init__(self, daemon: FakeDaemon) -> None:
-        super().__init__(daemon.open, clock=lambda: daemon.now)
+        judge = Judge(every=0.0, elsewhere=0.0)
+        super().__init__(daemon.open, clock=lambda: daemon.now, judge=judge)
         self.fake = daemon
 
     def start(self) -> None:
@@ -27,6 +29,8 @@ class InlineFeed(Feed):
     def take(self) -> tuple[Picture | None, list[Live], list[Notice]]:
         try:
             self.step(self.fake)
+            if self.judge(self.fake):
+                self.step(self.fake)
         except DaemonError as error:
             self._show(replace(self._picture, connected=False, problem=str(error)))
         self._lives.extend(self.fake.live)

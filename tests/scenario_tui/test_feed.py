@@ -29,7 +29,10 @@ def eventually(condition: Callable[[], bool]) -> None:
         time.sleep(0.005)
 
 
-def test_only_what_is_wanted_is_asked_for(feed: Feed, fake: FakeDaemon) -> None:
+def test_only_what_is_wanted_is_asked_for(
+    feed: Feed, fake: FakeDaemon, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(feed_module, "_JUDGING", 60.0)
     feed.start()
     eventually(lambda: feed.take()[0] is not None)
     assert {call[0] for call in fake.calls} == {"open", "overview", "campaigns"}
@@ -94,6 +97,7 @@ def test_a_bug_in_the_thread_is_seen_by_whoever_takes(feed, fake) -> None:
 def test_an_event_makes_the_feed_look_at_once(fake, monkeypatch) -> None:
     monkeypatch.setattr(feed_module, "REFRESH", 60.0)
     monkeypatch.setattr(feed_module, "_BREATH", 0.005)
+    monkeypatch.setattr(feed_module, "_JUDGING", 60.0)
     feed = Feed(fake.open)
     feed.start()
     eventually(lambda: bool(fake.listeners) and feed._picture.connected)
