@@ -1,6 +1,6 @@
 """The daemon itself: the ledger behind a Zenoh router on loopback, and a local worker."""
 
-from daemon.server._serve import serve
+from daemon.server._serve import STOPPING, serve
 from daemon.server._settings import Settings
 
-__all__ = ["Settings", "serve"]
+__all__ = ["STOPPING", "Settings", "serve"]

@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+import os
+from pathlib import Path
+from typing import Annotated, TypeAlias
 
 import typer
 
 from scenario_tui.cli._exits import ExitCode
 from scenario_tui.cli._options import Connect, Slots, State, checked_endpoint
+
+PrintUnit: TypeAlias = Annotated[
+    bool, typer.Option("--print-unit", help="Write a systemd user unit for this and leave.")
+]
 
 
 def daemon(
@@ -28,6 +34,7 @@ def daemon(
         ),
     ] = None,
     state: State = None,
+    print_unit: PrintUnit = False,
 ) -> None:  # fmt: skip
     """Run the daemon in the foreground.
 
@@ -38,16 +45,26 @@ def daemon(
     from scenario_tui.cli._output import say
 
     places = Places.find(state)
+    if print_unit:
+        from daemon.operation import daemon_unit
+
+        typer.echo(daemon_unit(_executable(), places.state, listen, slots), nl=False)
+        return
     say(f"starting a daemon at {listen}, state in {places.state}, Ctrl-C to leave")
     serve(places.state, listen=listen, slots=slots)
     say("the daemon has left; what is queued waits for the next one")
 
 
-def worker(connect: Connect = "", slots: Slots = None, state: State = None) -> None:
+def worker(
+    connect: Connect = "", slots: Slots = None, state: State = None, print_unit: PrintUnit = False
+) -> None:
     """Run a worker in the foreground.
 
     It executes runs of a daemon, on this machine or on another one.
     """
+    if print_unit:
+        _print_worker_unit(connect, slots, state)
+        return
     from daemon.places import find_endpoint
     from daemon.worker import work
     from scenario_tui.cli._output import say
@@ -55,6 +72,27 @@ def worker(connect: Connect = "", slots: Slots = None, state: State = None) -> N
     endpoint = find_endpoint(connect, state)
     say(f"worker for {endpoint.address}, Ctrl-C to leave after the running runs")
     work(endpoint.address, slots=slots, state=state)
+
+
+def _print_worker_unit(connect: str, slots: int | None, state: Path | None) -> None:
+    """A unit has no variables of this shell: what they say is written into it."""
+    from daemon.operation import worker_unit
+    from daemon.places import Places, find_endpoint
+
+    found = find_endpoint(connect, state)
+    named = found.address if found.origin in ("--connect", "SCENARIO_CONNECT") else ""
+    # Without an endpoint it is the state directory that says where the daemon is.
+    told = state or os.environ.get("SCENARIO_STATE") or not named
+    folder = Places.find(state).state if told else None
+    typer.echo(worker_unit(_executable(), named, folder, slots), nl=False)
+
+
+def _executable() -> Path:
+    """The ``scenario`` command of this installation."""
+    import sys
+
+    beside = Path(sys.executable).with_name("scenario")
+    return beside if beside.exists() else Path(sys.argv[0]).absolute()
 
 
 def tui(connect: Connect = "", state: State = None) -> None:

@@ -1,0 +1,76 @@
+"""Units that systemd takes, with paths that need quoting, and time to finish what runs."""
+
+from __future__ import annotations
+
+import configparser
+import os
+import re
+import shutil
+import subprocess
+from pathlib import Path
+
+import pytest
+
+from daemon.executor import Limits
+from daemon.operation import daemon_unit, worker_unit
+from daemon.server import Settings
+
+AWKWARD = Path('/srv/my robots/50%/$HOME/"x"\\y')
+
+
+def parsed(unit: str) -> configparser.ConfigParser:
+    parser = configparser.ConfigParser(interpolation=None)
+    parser.optionxform = str  # type: ignore[assignment, method-assign]
+    parser.read_string(unit)
+    return parser
+
+
+def words(line: str) -> list[str]:
+    """The words of a command as systemd.service(5) reads them."""
+    quoted = re.findall(r'"((?:[^"\\]|\\.)*)"', line)
+    assert " ".join(f'"{word}"' for word in quoted) == line
+    return [re.sub(r"\\(.)", r"\1", word).replace("%%", "%").replace("$$", "$") for word in quoted]
+
+
+def test_the_daemon_is_given_the_time_its_drain_takes() -> None:
+    service = parsed(daemon_unit(AWKWARD, AWKWARD, "tcp/127.0.0.1:7447", 2))["Service"]
+    assert words(service["ExecStart"]) == [
+        "/usr/bin/env", str(AWKWARD), "daemon", "--state", str(AWKWARD),
+        "--listen", "tcp/127.0.0.1:7447", "--slots", "2",
+    ]  # fmt: skip
+    assert service["KillMode"] == "mixed"
+    # After its patience it gives its worker two last moments of 3 s, then it is gone.
+    assert float(service["TimeoutStopSec"]) >= Settings().patience + 6.0
+    assert service["Restart"] == "on-failure"
+
+
+def test_a_worker_is_given_the_time_of_a_run() -> None:
+    service = parsed(worker_unit(Path("/bin/scenario"), "tcp/far:7447"))["Service"]
+    assert words(service["ExecStart"]) == ["/bin/scenario", "worker", "--connect", "tcp/far:7447"]
+    assert float(service["TimeoutStopSec"]) > Limits().wall_of(0.0)
+    assert (service["KillMode"], service["Restart"]) == ("mixed", "always")
+
+
+@pytest.mark.skipif(shutil.which("systemd-analyze") is None, reason="needs systemd-analyze")
+def test_systemd_takes_them(tmp_path: Path) -> None:
+    for name in ("plain", "my 100% robots", 'a "b" $HOME'):
+        folder = tmp_path / name
+        folder.mkdir()
+        command = folder / "scenario"
+        command.write_text("#!/bin/sh\n")
+        command.chmod(0o755)
+        (folder / "daemon.service").write_text(daemon_unit(command, folder, "tcp/[::1]:7447", 3))
+        (folder / "worker.service").write_text(worker_unit(command, state=folder))
+        done = _verify(folder, tmp_path)
+        assert (done.returncode, done.stderr) == (0, "")
+    unit = folder / "daemon.service"
+    unit.write_text(unit.read_text().replace("mixed", "nonsense"))
+    assert "nonsense" in _verify(folder, tmp_path).stderr
+
+
+def _verify(folder: Path, runtime: Path) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        ["systemd-analyze", "--user", "verify", "daemon.service", "worker.service"],
+        cwd=folder, capture_output=True, text=True, check=False,
+        env={**os.environ, "XDG_RUNTIME_DIR": str(runtime)},
+    )  # fmt: skip
