@@ -96,10 +96,10 @@ class Remainder:
         self.goal, self.limit = goal, limit
         self._floor[:] = np.where(costs < BLOCKED, np.minimum(costs, CAP), BLOCKED)
         self.ahead[:] = UNREACHED
-        # The wave passes on what lies below its threshold: one block more fills up the limit.
+        # What waits beyond the threshold when a block is done may still lower it: two blocks more.
         _, fill, ended = propagate(
             self._floor, self.ahead, GAINS, self._columns, goal, _NO_GOAL, costs.size,
-            np.float32(limit + THRESHOLD_STEP), self._buffers, self._queue,
+            np.float32(limit + 2.0 * THRESHOLD_STEP), self._buffers, self._queue,
         )  # fmt: skip
         self.whole = bool(ended)
         if fill >= BUFFER:

@@ -17,6 +17,27 @@ from daemon.navigation.ros.navfn._propagation import THRESHOLD_STEP, interpolate
 
 
 @kernel
+def _pass_on(
+    costs: States,
+    gains: Singles,
+    m: np.uintp,
+    value: np.float32,
+    p: np.float32,
+    queue: Integers,
+    waiting: int,
+) -> int:
+    """Append a neighbour of potential ``value`` if it gains enough; return how many wait.
+
+    That is hard to foresee: no branches.
+    """
+    cost = costs[m]
+    gaining: bool = value > p + gains[cost]
+    queue[np.uintp(waiting)] = m
+    costs[m] = cost | (np.uint16(gaining) << np.uint16(8))
+    return waiting + gaining
+
+
+@kernel
 def propagate_towards(
     costs: States,
     potentials: Singles,
@@ -61,7 +82,7 @@ def propagate_towards(
             costs[cell] |= PENDING
     threshold = np.float32(BLOCKED)
     # Unsigned, so that an index is not looked at for being negative.
-    one, line, flag = np.uintp(1), np.uintp(columns), np.uint16(8)
+    one, line = np.uintp(1), np.uintp(columns)
     used = 0
     while used < cycles and now > 0:
         if over + 4 * now > capacity or events + now > log.size:
@@ -83,11 +104,11 @@ def propagate_towards(
             if ahead[n] > farthest:
                 cut[n] = epoch
                 if history:
-                    log[events] = -1 - current[i]
+                    log[np.uintp(events)] = -1 - current[i]
                     events += 1
                 continue
             if history:
-                log[events] = current[i]
+                log[np.uintp(events)] = current[i]
                 events += 1
             left, right = potentials[n - one], potentials[n + one]
             up, down = potentials[n - line], potentials[n + line]
@@ -97,25 +118,19 @@ def propagate_towards(
             old = potentials[n]
             if p >= old:
                 continue
-            reached[count] = n
+            reached[np.uintp(count)] = n
             count += old == UNREACHED
             potentials[n] = p
-            beside = (n - one, left), (n + one, right), (n - line, up), (n + line, down)
-            # Whether a neighbour gains enough is hard to foresee: no branches.
             if p < threshold:
-                for m, value in beside:
-                    cost = costs[m]
-                    gaining = value > p + gains[cost]
-                    following[later] = m
-                    later += gaining
-                    costs[m] = cost | (np.uint16(gaining) << flag)
+                later = _pass_on(costs, gains, n - one, left, p, following, later)
+                later = _pass_on(costs, gains, n + one, right, p, following, later)
+                later = _pass_on(costs, gains, n - line, up, p, following, later)
+                later = _pass_on(costs, gains, n + line, down, p, following, later)
             else:
-                for m, value in beside:
-                    cost = costs[m]
-                    gaining = value > p + gains[cost]
-                    postponed[over] = m
-                    over += gaining
-                    costs[m] = cost | (np.uint16(gaining) << flag)
+                over = _pass_on(costs, gains, n - one, left, p, postponed, over)
+                over = _pass_on(costs, gains, n + one, right, p, postponed, over)
+                over = _pass_on(costs, gains, n - line, up, p, postponed, over)
+                over = _pass_on(costs, gains, n + line, down, p, postponed, over)
         a, b = b, a
         fill = max(fill, later, over)
         now, later = later, 0
