@@ -25,6 +25,7 @@ from daemon.messages import (
 )
 from daemon.protocol import (
     CampaignRow,
+    Disk,
     Event,
     Live,
     Overview,
@@ -214,6 +215,10 @@ class Client:
     def workers(self) -> tuple[WorkerRow, ...]:
         """The workers connected now."""
         return self._ask(Verb.WORKERS, Nothing(), tuple[WorkerRow, ...])
+
+    def disk(self) -> Disk:
+        """How much space there is where the daemon keeps things."""
+        return self._ask(Verb.DISK, Nothing(), Disk)
 
     def cancel(self, campaign: str) -> int:
         """Cancel what is queued or running; returns the number of runs."""

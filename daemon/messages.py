@@ -41,6 +41,7 @@ class Verb(StrEnum):
     RECORDS = "records"
     SCENE = "scene"
     WORKERS = "workers"
+    DISK = "disk"
     SUBMIT = "submit"
     CANCEL = "cancel"
     RETRY = "retry"

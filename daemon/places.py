@@ -19,7 +19,7 @@ from urllib.parse import quote
 
 import platformdirs
 
-from daemon.protocol import DEFAULT_ENDPOINT
+from daemon.protocol import DEFAULT_ENDPOINT, Disk
 from grammars import codec
 
 _ID: Final = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,99}\Z")
@@ -152,6 +152,13 @@ class Places:
             f"the disk of {self.state} is full ({free / 2**20:.0f} MiB left): "
             f"runs wait until {_SPARE_SPACE // 2**20} MiB are free"
         )
+
+    def disk(self) -> Disk:
+        """Measure the file system of the state directory; raises ``OSError``."""
+        usage = shutil.disk_usage(self.state)
+        journal = self.ledger.with_name(f"{self.ledger.name}-wal")
+        sizes = (path.stat().st_size for path in (self.ledger, journal) if path.exists())
+        return Disk(usage.total, usage.free, sum(sizes))
 
     def scene(self, digest: str) -> Path:
         """Path of a scene; raises ``ValueError`` when ``digest`` is none."""

@@ -152,6 +152,15 @@ class WorkerRow:
 
 
 @dataclass(frozen=True, slots=True)
+class Disk:
+    """The file system of the state directory and what the ledger takes of it, in bytes."""
+
+    total: int
+    free: int
+    ledger: int
+
+
+@dataclass(frozen=True, slots=True)
 class Overview:
     """The line that answers "is it fine?"; ``rate`` is runs finished per minute lately.
 

@@ -9,6 +9,7 @@ from typing import Protocol, TypeAlias
 from daemon.assessment import Declared, RunRecord
 from daemon.protocol import (
     CampaignRow,
+    Disk,
     Event,
     Live,
     Overview,
@@ -57,6 +58,7 @@ class Daemon(Protocol):
     def records(self, campaign: str) -> tuple[RunRecord, ...]: ...  # noqa: D102
     def scene(self, digest: str) -> Scene: ...  # noqa: D102
     def workers(self) -> tuple[WorkerRow, ...]: ...  # noqa: D102
+    def disk(self) -> Disk: ...  # noqa: D102
     def cancel(self, campaign: str) -> int: ...  # noqa: D102
     def retry(self, campaign: str, *, only: str = ...) -> int: ...  # noqa: D102
     def shutdown(self) -> None: ...  # noqa: D102

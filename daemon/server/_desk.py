@@ -100,6 +100,7 @@ class Desk:
             Verb.WORKERS: _Service(
                 Nothing, lambda _, __: self._roster.rows(), answer=tuple[WorkerRow, ...]
             ),
+            Verb.DISK: _Service(Nothing, lambda _, __: self._places.disk()),
             Verb.WELCOME: _Service(WorkerInfo, self._welcome),
             Verb.SHUTDOWN: _Service(Nothing, self._shutdown),
         }

@@ -21,6 +21,7 @@ from scenario_tui.cli import (
     _export,
     _gc,
     _judge,
+    _metrics,
     _reading,
     _replay,
     _report,
@@ -45,7 +46,7 @@ _PANELS: Final[dict[str, tuple[Callable[..., None], ...]]] = {
     "Understand": (_coverage.coverage, _blame.blame),
     "Steer": (_control.cancel, _control.retry, _control.stop),
     "Machines": (_services.daemon, _services.worker),
-    "Operate": (_gc.gc,),
+    "Operate": (_metrics.metrics, _gc.gc),
     "Artefacts": (_export.export, _vary.vary),
     "Editors": (_editor.schema, _editor.vscode),
 }

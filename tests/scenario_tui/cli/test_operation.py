@@ -3,31 +3,58 @@
 from __future__ import annotations
 
 import json
+from functools import partial
 from pathlib import Path
 
 import pytest
 
+from scenario_tui.cli._main import invoke
 from tests.daemon.harness import daemon_at, eventually, finished
 from tests.daemon.samples import make_submission
+from tests.daemon.test_operation_metrics import read_exposition
+from tests.scenario_tui.conftest import Said
 
 
-def test_traces_go_while_a_daemon_keeps_working(tmp_path: Path, scenario) -> None:
+@pytest.fixture
+def real(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]):
+    """Call ``scenario ...`` in this process, against whatever daemon there is."""
+    for name in ("SCENARIO_STATE", "SCENARIO_CONNECT"):
+        monkeypatch.delenv(name, raising=False)
+
+    def call(*arguments: str) -> Said:
+        code = invoke(arguments)
+        said = capsys.readouterr()
+        return Said(code, said.out, said.err)
+
+    return call
+
+
+def test_a_daemon_is_watched_and_loses_traces_while_it_works(tmp_path: Path, real) -> None:
     state = tmp_path / "state"
+    scenario = partial(_with_state, real, state)
     with daemon_at(state, 2) as daemon, daemon.client() as client:
         client.submit(make_submission("first", 4))
         eventually(lambda: finished(client, 4))
         client.submit(make_submission("second", 30, sleep=0.02))
-        dry = json.loads(scenario("gc", "--keep", "0", "-n", "--state", str(state), "--json").out)
+        dry = json.loads(scenario("gc", "--keep", "0", "-n", "--json").out)
         assert (dry["schema"], dry["dry_run"]) == ("scenario/gc/1", True)
         assert client.runs("first").rows[0].trace
-        said = scenario("gc", "--older-than", "0s", "--state", str(state))
+        said = scenario("gc", "--older-than", "0s")
         assert said.code == 0
         assert "first  4 traces" in said.out
         assert "removed 4 traces" in said.out
         eventually(lambda: finished(client, 34))
+        numbers = read_exposition(scenario("metrics").out)
+        assert numbers["scenario_outcomes", frozenset({("outcome", "pass")})] == 34
+        assert numbers["scenario_workers", frozenset()] == 1
+        assert numbers["scenario_ledger_bytes", frozenset()] > 4096
         assert client.runs("first").rows[0].reason == "its trace is gone"
         rows = client.runs("second").rows
         assert all(Path(row.trace).is_file() and row.outcome == "pass" for row in rows)
+
+
+def _with_state(call, state: Path, *arguments: str) -> Said:
+    return call(*arguments, "--state", str(state))
 
 
 @pytest.mark.parametrize(
