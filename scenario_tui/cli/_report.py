@@ -166,8 +166,8 @@ def _tell(material: Material, written: dict[str, Path], *, as_json: bool) -> Non
 
 
 def _draw(run: str, campaign: str, output: Path | None, places: Places, *, as_json: bool) -> None:
-    from daemon.rejudge import find_traces
     from daemon.report import draw_run
+    from scenario_tui.cli._chosen import one_trace
     from scenario_tui.cli._output import emit, out
 
     if campaign:
@@ -175,15 +175,9 @@ def _draw(run: str, campaign: str, output: Path | None, places: Places, *, as_js
     path = output or Path("run.svg")
     if path.suffix not in (".svg", ".png"):
         raise typer.BadParameter(f"{path} must end in .svg or .png", param_hint="--output")
-    try:
-        traces = find_traces([run], places)
-    except ValueError as error:
-        raise typer.BadParameter(str(error), param_hint="--run") from error
-    if len(traces) != 1:
-        message = f"{run} means {len(traces)} traces, name one of them"
-        raise typer.BadParameter(message, param_hint="--run")
-    draw_run(traces[0], path)
+    trace = one_trace(run, places, "--run")
+    draw_run(trace, path)
     if as_json:
-        emit("picture", trace=str(traces[0]), written=str(path))
+        emit("picture", trace=str(trace), written=str(path))
         return
     out().print(str(path), markup=False, soft_wrap=True)

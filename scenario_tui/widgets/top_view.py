@@ -23,26 +23,36 @@ from grammars.values import Floats, Point2, Pose2, Ring
 from scenario_tui.palette import BAD, BROKEN, BUSY, FACT, GOOD, QUIET, UNSURE
 from scenario_tui.widgets.braille import Canvas, Codes
 
-_WALLS, _TRAIL, _DOORS, _DONE, _AHEAD, _BELIEF, _ROBOT = range(7)
+_WALLS, _RETURNS, _PLAN, _TRAIL, _DOORS, _DONE, _AHEAD, _BELIEF, _ROBOT, _CONTACT = range(10)
 _STYLES: Final = (
     Style(color=QUIET),
+    Style(color=BAD),
+    Style(color=FACT),
     Style(color=BUSY),
     Style(color=UNSURE),
     Style(color=GOOD),
     Style(color=FACT, bold=True),
     Style(color=BROKEN),
     Style(color=BAD, bold=True),
+    Style(color=BAD, bold=True, reverse=True),
 )
 _ZOOMS: Final = (1, 2, 4)
 _ARROWS: Final = "→↗↑↖←↙↓↘"
 _EYE_HEIGHT: Final = 0.3
 """The view is cut at this height [m], about where laser scanners look."""
+_DOT_GAP: Final = 3.0
+"""Dots of the canvas from one dot of a plan to the next."""
 LEGEND: Final = "↑ robot  + estimate  ◆ waypoint ahead  ◇ reached"
+REPLAY_LEGEND: Final = f"{LEGEND}  ✱ contact  ⡀ ⡀ plan"
 
 
 @dataclass(frozen=True, slots=True)
 class View:
-    """What is to be seen: ``robot_pose`` is ``None`` before anything was heard of the robot."""
+    """What is to be seen: ``robot_pose`` is ``None`` before anything was heard of the robot.
+
+    ``returns`` of the laser, the ``plan`` and ``contacts`` of this moment are known of recorded
+    runs only; all points in the map frame [m].
+    """
 
     scene: Scene
     robot: Robot
@@ -52,6 +62,9 @@ class View:
     estimate: Pose2 | None = None
     reached: int = 0
     trail: tuple[Point2, ...] = ()
+    returns: tuple[Point2, ...] = ()
+    plan: tuple[Point2, ...] = ()
+    contacts: tuple[Point2, ...] = ()
 
     @property
     def where(self) -> Pose2:
@@ -125,6 +138,8 @@ def drawn(
         solids = [s.polygon for s in view.scene.solids if _cut(s.z_min, s.z_max)]
         canvas.lines(project.edges(solids), _WALLS)
     canvas.lines(project.edges(object_rings(view.scene, view.joints)), _DOORS)
+    canvas.points(project.dots(view.returns), _RETURNS)
+    canvas.points(_dotted(project.dots(view.plan)), _PLAN)
     if len(view.trail) > 1:
         dots = project.dots(view.trail)
         canvas.lines(np.hstack([dots[:-1], dots[1:]]), _TRAIL)
@@ -132,7 +147,18 @@ def drawn(
         done = index < view.reached
         canvas.glyph(x, y, "◇" if done else "◆", _DONE if done else _AHEAD)
     _draw_robot(canvas, project, view)
+    for x, y in project.dots(view.contacts):
+        canvas.glyph(x, y, "✱", _CONTACT)
     return canvas
+
+
+def _dotted(dots: Floats) -> Floats:
+    """Return dots every few along a line (n, 2): told from the unbroken trail without colour."""
+    if len(dots) < 2:
+        return dots
+    along = np.concatenate(([0.0], np.cumsum(np.hypot(*np.diff(dots, axis=0).T))))
+    at = np.arange(0.0, along[-1], _DOT_GAP)
+    return np.column_stack([np.interp(at, along, dots[:, axis]) for axis in (0, 1)])
 
 
 def _draw_robot(canvas: Canvas, project: _Projection, view: View) -> None:
@@ -143,6 +169,16 @@ def _draw_robot(canvas: Canvas, project: _Projection, view: View) -> None:
         canvas.glyph(x, y, "+", _BELIEF)
     ((x, y),) = project.dots([(pose.x, pose.y)])
     canvas.glyph(x, y, _ARROWS[round(pose.yaw / (math.pi / 4)) % 8], _ROBOT)
+
+
+def row_segments(codes: Codes, owners: Codes, base: Style) -> list[Segment]:
+    """Return one row of cells (columns,) as text with styles over ``base``, one per layer run."""
+    text = "".join(map(chr, codes.tolist()))
+    cuts = [0, *(np.flatnonzero(np.diff(owners)) + 1).tolist(), len(text)]
+    return [
+        Segment(text[a:b], base + _STYLES[owners[a]] if owners[a] >= 0 else base)
+        for a, b in itertools.pairwise(cuts)
+    ]
 
 
 class TopView(Widget):
@@ -203,12 +239,5 @@ class TopView(Widget):
         """Return one row of cells, runs of one layer joined."""
         if self._codes is None or self._owners is None or y >= len(self._codes):
             return Strip.blank(self.size.width, self.rich_style)
-        owners = self._owners[y]
-        text = "".join(map(chr, self._codes[y].tolist()))
-        cuts = [0, *(np.flatnonzero(np.diff(owners)) + 1).tolist(), len(text)]
-        base = self.rich_style
-        segments = [
-            Segment(text[a:b], base + _STYLES[owners[a]] if owners[a] >= 0 else base)
-            for a, b in itertools.pairwise(cuts)
-        ]
-        return Strip(segments, len(text))
+        segments = row_segments(self._codes[y], self._owners[y], self.rich_style)
+        return Strip(segments, self._codes.shape[1])

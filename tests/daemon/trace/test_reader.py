@@ -282,7 +282,7 @@ def usable(path: Path, data: bytes) -> Trace | None:
     """Read damaged bytes: a trace, or nothing but a :class:`TraceError`."""
     path.write_bytes(data)
     try:
-        return read_trace(path, scans=True)
+        return read_trace(path, scans=True, plans=True)
     except TraceError as error:
         assert str(path) in str(error)
         return None

@@ -1,0 +1,29 @@
+"""The one recorded run a command is about."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import typer
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from daemon.places import Places
+
+
+def one_trace(run: str, places: Places, hint: str) -> Path:
+    """Return the trace of a run named by its id or as a file; wrong usage for none or several.
+
+    ``hint`` is the parameter the words came from.
+    """
+    from daemon.rejudge import find_traces
+
+    try:
+        traces = find_traces([run], places)
+    except ValueError as error:
+        raise typer.BadParameter(str(error), param_hint=hint) from error
+    if len(traces) != 1:
+        message = f"{run} means {len(traces)} traces, name one of them"
+        raise typer.BadParameter(message, param_hint=hint)
+    return traces[0]

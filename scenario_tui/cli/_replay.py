@@ -1,0 +1,105 @@
+"""The command that plays a recorded run in the terminal."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from scenario_tui.cli._exits import ExitCode
+from scenario_tui.cli._options import AsJson, State
+
+if TYPE_CHECKING:
+    from scenario_tui.playback import Playback
+
+
+def replay(
+    run: Annotated[
+        str, typer.Argument(metavar="RUN", help="Id of a run, or a trace (.mcap).")
+    ],
+    start: Annotated[
+        str,
+        typer.Option(
+            "--from",
+            metavar="SECONDS|ORACLE",
+            help="Begin there: a moment, or when that oracle was decided.",
+        ),
+    ] = "",
+    speed: Annotated[
+        float,
+        typer.Option("--speed", min=0.1, max=1000.0, help="Simulated seconds a second."),
+    ] = 1.0,
+    frame: Annotated[
+        str,
+        typer.Option(
+            "--frame",
+            metavar="SECONDS|ORACLE",
+            help="Only print this moment as text; needs no terminal.",
+        ),
+    ] = "",
+    state: State = None,
+    as_json: AsJson = False,
+) -> None:  # fmt: skip
+    """Watch a recorded run from above, with what its oracles say."""
+    import sys
+
+    from daemon.places import Places
+    from scenario_tui.cli._chosen import one_trace
+    from scenario_tui.cli._output import say
+    from scenario_tui.playback import open_playback
+
+    if as_json and not frame:
+        raise typer.BadParameter("goes with --frame only", param_hint="--json")
+    trace = one_trace(run, Places.find(state), "RUN")
+    if not frame and not (sys.stdin.isatty() and sys.stderr.isatty()):
+        say("scenario: a replay needs a terminal; scripts use `scenario replay RUN --frame 10`")
+        raise typer.Exit(ExitCode.BAD_INPUT)
+    playback = open_playback(trace)
+    if frame:
+        _print(playback, _moment(playback, frame, "--frame"), as_json=as_json)
+        return
+    from scenario_tui.screens.replay import run_replay
+
+    begin = _moment(playback, start, "--from") if start else playback.start
+    code = run_replay(playback, begin, speed)
+    if code:
+        raise typer.Exit(ExitCode.BUG)
+
+
+def _moment(playback: Playback, text: str, option: str) -> float:
+    try:
+        return playback.time_of(text)
+    except ValueError as error:
+        raise typer.BadParameter(str(error), param_hint=option) from error
+
+
+def _print(playback: Playback, time: float, *, as_json: bool) -> None:
+    import shutil
+
+    from scenario_tui.cli._output import emit, out
+    from scenario_tui.frame import frame
+
+    if not as_json:
+        size = shutil.get_terminal_size((80, 24))
+        for line in frame(playback, time, size.columns, size.lines - 1):
+            out().print(line, no_wrap=True, soft_wrap=True)
+        return
+    view = playback.view(time)
+    names = playback.trace.scene.joint_names
+    emit(
+        "frame",
+        run=playback.label,
+        trace=str(playback.trace.path),
+        time=time,
+        start=playback.start,
+        end=playback.end,
+        pose=view.where,
+        estimate=view.estimate,
+        joints=dict(zip(names, view.joints, strict=True)),
+        reached=view.reached,
+        waypoints=playback.waypoints,
+        returns=list(view.returns),
+        plan=list(view.plan),
+        contacts=list(view.contacts),
+        verdicts=list(playback.verdicts),
+    )

@@ -1,0 +1,48 @@
+"""Where a replay is and how fast it goes: play, pause, scrub, speeds; no drawing."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+SPEEDS: Final = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0, 200.0, 500.0, 1000.0)
+"""What one goes through when faster or slower is asked for: simulated seconds a second."""
+
+
+@dataclass(slots=True)
+class Transport:
+    """The moment shown, ``time`` [s], between ``start`` and ``end``."""
+
+    start: float
+    end: float
+    time: float
+    speed: float = 1.0
+    playing: bool = True
+
+    def advance(self, seconds: float) -> float:
+        """Go on by ``seconds`` of the clock on the wall, stop at the end; return how far [s]."""
+        if not self.playing:
+            return 0.0
+        before = self.time
+        self.go(self.time + seconds * self.speed)
+        if self.time >= self.end:
+            self.playing = False
+        return self.time - before
+
+    def go(self, time: float) -> None:
+        """Go to a moment, or the nearest there is."""
+        self.time = min(max(time, self.start), self.end)
+
+    def toggle(self) -> None:
+        """Pause, go on, or begin anew at the end."""
+        if not self.playing and self.time >= self.end:
+            self.time = self.start
+        self.playing = not self.playing
+
+    def faster(self) -> None:
+        """Take the next higher speed."""
+        self.speed = next((s for s in SPEEDS if s > self.speed), SPEEDS[-1])
+
+    def slower(self) -> None:
+        """Take the next lower speed."""
+        self.speed = next((s for s in reversed(SPEEDS) if s < self.speed), SPEEDS[0])

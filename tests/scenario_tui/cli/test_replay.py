@@ -1,0 +1,73 @@
+"""``scenario replay``: frames for scripts, and what is said of wrong words."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from scenario_tui.cli._main import invoke
+from tests.scenario_tui.recorded import HIT, record_run
+
+
+@pytest.fixture(scope="module")
+def trace(tmp_path_factory: pytest.TempPathFactory) -> str:
+    return str(record_run(tmp_path_factory.mktemp("traces") / "run.mcap"))
+
+
+@pytest.fixture(autouse=True)
+def state(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("SCENARIO_STATE", str(tmp_path / "state"))
+    monkeypatch.setenv("COLUMNS", "80")
+    monkeypatch.setenv("LINES", "24")
+
+
+def test_a_frame_is_plain_text_without_a_terminal(
+    trace: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert invoke(["replay", trace, "--frame", "no-contact"]) == 0
+    out = capsys.readouterr().out
+    assert "\x1b" not in out
+    lines = out.splitlines()
+    assert len(lines) == 23
+    assert lines[0].startswith("S2/pilot/0  6.0 s of 10.0 s")
+    assert "✱" in out
+
+
+def test_a_frame_for_machines(trace: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert invoke(["replay", trace, "--frame", "6", "--json"]) == 0
+    body = json.loads(capsys.readouterr().out)
+    assert body["schema"] == "scenario/frame/1"
+    assert (body["time"], body["reached"], body["waypoints"]) == (HIT, 1, 3)
+    assert body["pose"]["x"] == pytest.approx(4.0)
+    assert body["joints"] == {"door-1.hinge": pytest.approx(-0.6)}
+    assert body["contacts"] == [[pytest.approx(4.35), 2.0]]
+    assert [v["outcome"] for v in body["verdicts"]] == ["pass", "fail", "fail"]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("--frame", "no-contat"), "no-contact"),
+        (("--json",), "--frame only"),
+        (("--speed", "0"), "0.1"),
+        ((), "needs a terminal"),
+    ],
+)
+def test_wrong_words_are_explained(
+    trace: str, capsys: pytest.CaptureFixture[str], arguments: tuple[str, ...], words: str
+) -> None:
+    assert invoke(["replay", trace, *arguments]) == 2
+    assert words in capsys.readouterr().err
+
+
+def test_a_run_nobody_knows_and_a_damaged_trace(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert invoke(["replay", "nobody.1", "--frame", "1"]) == 2
+    assert "no campaign or run" in capsys.readouterr().err.replace("\n", " ")
+    broken = tmp_path / "broken.mcap"
+    broken.write_bytes(b"not a trace")
+    assert invoke(["replay", str(broken), "--frame", "1"]) == 2
+    assert "is not an MCAP file" in capsys.readouterr().err

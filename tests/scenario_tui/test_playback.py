@@ -1,0 +1,143 @@
+"""A recorded run at any moment: what was recorded until then, and nothing later."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from daemon.trace import TraceError
+from scenario_tui.frame import frame, timeline, verdict_lines
+from scenario_tui.playback import Playback, open_playback
+from scenario_tui.transport import SPEEDS, Transport
+from scenario_tui.widgets.top_view import drawn
+from tests.scenario_tui.recorded import HIT, TURNED, record_run
+
+
+@pytest.fixture(scope="module")
+def playback(tmp_path_factory: pytest.TempPathFactory) -> Playback:
+    return open_playback(record_run(tmp_path_factory.mktemp("traces") / "run.mcap"))
+
+
+def test_a_view_shows_what_was_recorded_until_then(playback: Playback) -> None:
+    view = playback.view(4.0)
+    assert view.where.x == pytest.approx(3.0)
+    assert view.joints == (pytest.approx(-0.4),)
+    assert view.estimate is not None
+    assert view.estimate.x == pytest.approx(3.2)
+    assert view.reached == 0
+    assert view.trail[0] == (1.0, 2.0)
+    assert view.trail[-1] == (pytest.approx(3.0), 2.0)
+    assert max(x for x, _ in view.trail) <= 3.0
+    assert view.plan == ((1.0, 2.0), (4.0, 2.0))
+    later = playback.view(7.0)
+    assert later.plan == ((4.0, 2.0), (8.0, 1.0))
+    assert later.reached == 1
+
+
+def test_laser_returns_stand_around_the_mount_of_the_laser(playback: Playback) -> None:
+    view = playback.view(4.9)  # the last scan was at 4 s, when the robot stood at x = 3
+    assert 0 < len(view.returns) <= 120
+    eye = (3.0 + 0.2, 2.0)
+    assert all(math.dist(eye, p) == pytest.approx(1.5, abs=1e-6) for p in view.returns)
+    assert view.returns[0] == (pytest.approx(3.2), pytest.approx(0.5))
+
+
+def test_contacts_flash_for_a_moment(playback: Playback) -> None:
+    assert playback.view(HIT - 0.1).contacts == ()
+    assert playback.view(HIT + 0.3).contacts == ((pytest.approx(4.35), 2.0),)
+    assert playback.view(HIT + 2.0).contacts == ()
+    assert len(playback.view(HIT + 2.0, window=3.0).contacts) == 1
+    flash = drawn(playback.view(HIT + 0.1), 60, 20).cells()[0]
+    assert ord("✱") in flash
+    assert ord("✱") not in drawn(playback.view(2.0), 60, 20).cells()[0]
+
+
+def test_plans_are_dotted_where_trails_are_not(playback: Playback) -> None:
+    from dataclasses import replace
+
+    view = replace(playback.view(0.0), returns=(), estimate=None)
+    with_plan = drawn(view, 80, 24).cells()[0]
+    without = drawn(replace(view, plan=()), 80, 24).cells()[0]
+    assert 0 < np.count_nonzero(with_plan != without) < 3.0 / 12.4 * 80
+
+
+def test_moments_are_those_oracles_were_decided_against(playback: Playback) -> None:
+    assert [(m.time, m.oracle) for m in playback.moments] == [(HIT, "no-contact"), (TURNED, "calm")]
+    first, second = playback.moments
+    assert playback.next_moment(0.0) == first
+    assert playback.next_moment(first.time) == second
+    assert playback.next_moment(second.time) is None
+    assert playback.previous_moment(9.0) == second
+    assert playback.previous_moment(second.time) == first
+    assert playback.previous_moment(0.0) is None
+
+
+@pytest.mark.parametrize(
+    ("text", "time"), [("3.5", 3.5), ("1e9", 10.0), ("-4", 0.0), ("calm", TURNED)]
+)
+def test_a_moment_is_named_by_seconds_or_oracle(playback: Playback, text: str, time: float) -> None:
+    assert playback.time_of(text) == time
+
+
+@pytest.mark.parametrize("text", ["nan", "clam", ""])
+def test_what_is_no_moment_is_refused(playback: Playback, text: str) -> None:
+    with pytest.raises(ValueError, match=r"no number of seconds and no\W+oracle"):
+        playback.time_of(text)
+
+
+def test_a_frame_fits_and_says_everything(playback: Playback) -> None:
+    lines = [line.plain for line in frame(playback, 6.2, 80, 23)]
+    assert len(lines) == 23
+    assert max(map(len, lines)) <= 80
+    assert lines[0] == "S2/pilot/0  6.2 s of 10.0 s  reached 1 of 3 waypoints"
+    assert lines[1].count("✗") == 2
+    assert any("✱" in line for line in lines)
+    assert lines[-4].startswith("✗ fail  no-contact")
+    assert lines[-3].endswith("at 8.0 s, 1.8 s ahead")
+    assert lines[-2] == "✓ 1 pass"
+
+
+@pytest.mark.parametrize("size", [(20, 6), (40, 10), (200, 60)])
+def test_a_frame_fits_into_any_terminal(playback: Playback, size: tuple[int, int]) -> None:
+    lines = frame(playback, 5.0, *size)
+    assert all(line.cell_len <= size[0] for line in lines)
+    assert timeline(playback, 5.0, size[0]).cell_len == size[0]
+
+
+def test_verdicts_that_do_not_fit_are_counted(playback: Playback) -> None:
+    lines = [line.plain for line in verdict_lines(playback, 0.0, most=2)]
+    assert len(lines) == 2
+    assert lines[1] == "and 1 more not passed, ✓ 1 pass"
+
+
+def test_a_trace_without_a_robot_is_no_replay(playback: Playback, tmp_path: Path) -> None:
+    from dataclasses import replace
+
+    way = playback.trace.ground_truth
+    nothing = replace(way, **{name: np.empty(0) for name in ("time", "x", "y", "yaw")})
+    with pytest.raises(TraceError, match="where the robot was"):
+        Playback(replace(playback.trace, ground_truth=nothing), ())
+
+
+def test_time_goes_as_fast_as_the_speed_and_stops_at_the_end() -> None:
+    transport = Transport(0.0, 10.0, 0.0, speed=5.0)
+    assert transport.advance(1.0) == 5.0
+    transport.advance(60.0)
+    assert (transport.time, transport.playing) == (10.0, False)
+    transport.toggle()
+    assert (transport.time, transport.playing) == (0.0, True)
+
+
+def test_speeds_go_from_a_tenth_to_a_thousand() -> None:
+    transport = Transport(0.0, 1.0, 0.0, speed=3.0)
+    transport.faster()
+    assert transport.speed == 5.0
+    for _ in SPEEDS:
+        transport.faster()
+    assert transport.speed == 1000.0
+    for _ in range(20):
+        transport.slower()
+    assert transport.speed == 0.1
