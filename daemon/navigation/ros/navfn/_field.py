@@ -57,9 +57,8 @@ class Field:
         self._table = translation(allow_unknown=allow_unknown)
         self._buffers = np.empty((3, BUFFER), dtype=np.int32)
         self._guesses = np.empty((3, BUFFER), dtype=np.float32)
-        self._reached = np.empty(size + 1, dtype=np.int32)
+        self._log = np.empty(2 * size + 1, dtype=np.int32)
         self._count = 0
-        self._log = np.empty(2 * size, dtype=np.int32)
         self._cut, self._mark = np.zeros(size, np.uint8), np.zeros(size, np.uint8)
         self._epoch, self._level, self._steady = 0, 0, 0
         self._remainder = Remainder(size, columns)
@@ -167,12 +166,11 @@ class Field:
         bound = np.float32(self._bound(start, goal, margin))
         if self._remainder.goal != goal:
             return 0
-        forget(self._potentials, self._reached, self._count)
+        forget(self._potentials, self._log, self._count)
         self._begin_epoch()
-        self._count, fill, used, threshold, events = propagate_towards(
+        self._count, fill, used, threshold = propagate_towards(
             self._costs, self._potentials, GAINS, ahead, bound, self.columns, start, goal,
-            self._cycles, self._buffers, self._guesses, self._reached, self._certified,
-            self._log, self._cut, self._epoch,
+            self._cycles, self._buffers, self._guesses, self._log, self._cut, self._epoch,
         )  # fmt: skip
         # A wave that passed through what was left out is later than the bound at the goal.
         spare = bound - threshold - margin / 4.0
@@ -188,7 +186,7 @@ class Field:
         ):  # fmt: skip
             return 0
         if self._certified and depends_on_cut(
-            self.columns, self._log, events, self._mark, self._epoch
+            self.columns, self._log, self._count, self._mark, self._epoch
         ):
             return 0
         self._excess = self._surplus(start, goal)
@@ -215,10 +213,10 @@ class Field:
         self._excess = excess
 
     def _spread(self, start: int, goal: int) -> int:
-        forget(self._potentials, self._reached, self._count)
+        forget(self._potentials, self._log, self._count)
         self._count, fill, _ = propagate(
             self._costs, self._potentials, GAINS, self.columns, start, goal, self._cycles,
-            UNREACHED, self._buffers, self._reached,
+            UNREACHED, self._buffers, self._log,
         )  # fmt: skip
         self.whole += 1
         return int(fill)

@@ -49,7 +49,7 @@ def propagate(
 
     ``costs`` and ``potentials`` are flat, the latter ``UNREACHED`` everywhere; ``buffers`` of
     shape (3, size) is scratch. The cells reached stand in ``reached``, so that :func:`forget`
-    need not look at the others. ``goal`` -1 is never reached. Returns how many cells were
+    need not look at others. ``goal`` -1 is never reached. Returns how many cells were
     reached, the fill, which is the largest number of cells that ever waited in one buffer, and
     whether nothing was left to do.
     """
@@ -129,7 +129,8 @@ def propagate(
 
 
 @kernel
-def forget(potentials: Singles, reached: Integers, count: int) -> None:
-    """Make the first ``count`` of the ``reached`` cells unreached again."""
+def forget(potentials: Singles, log: Integers, count: int) -> None:
+    """Make the cells among the first ``count`` of ``log`` unreached again; others are negative."""
     for i in range(count):
-        potentials[reached[i]] = UNREACHED
+        if log[i] >= 0:
+            potentials[log[i]] = UNREACHED

@@ -50,29 +50,26 @@ def propagate_towards(
     cycles: int,
     buffers: Integers,
     guesses: Singles,
-    reached: Integers,
-    history: bool,
     log: Integers,
     cut: Bytes,
     epoch: int,
-) -> tuple[int, int, int, np.float32, int]:
+) -> tuple[int, int, int, np.float32]:
     """Spread the wave as :func:`propagate` does, but leave out what the bound excludes.
 
     A cell is left out when threshold plus ``ahead`` exceed ``bound``; ``cut`` is then set to
-    ``epoch``. Returns how many cells were reached, the fill, the cycles used, the threshold at
-    the end and the number of events. It gives up, with a fill of all there is, where a buffer or
-    the log could run over.
+    ``epoch``. ``log`` takes every cell looked at, in order, and -1 - n for a cell n left out.
+    Returns the number of these events, the fill, the cycles used and the threshold at the end.
+    It gives up, with a fill of all there is, where a buffer or the log could run over.
 
-    With ``history``, ``log`` takes every cell looked at, in order, and -1 - n for a cell n left
-    out. ``guesses`` of shape (3, size) is scratch for what each waiting cell would get at the
-    start of a cycle: mostly right, and reckoned without waiting for the cell before, on which
-    the next one in line often borders.
+    ``guesses`` of shape (3, size) is scratch for what each waiting cell would get at the start of
+    a cycle: mostly right, and reckoned without waiting for the cell before, on which the next one
+    in line often borders.
     """
     capacity = buffers.shape[1]
     across, along, guess = guesses[0], guesses[1], guesses[2]
     potentials[start] = np.float32(0.0)
-    reached[0] = start
-    count, fill, events = 1, 0, 0
+    log[0] = start
+    events, fill = 1, 0
     a, b, c = 0, 1, 2
     now, later, over = 0, 0, 0
     for cell in (start + 1, start - 1, start - columns, start + columns):
@@ -103,23 +100,18 @@ def propagate_towards(
             n = np.uintp(current[i])
             if ahead[n] > farthest:
                 cut[n] = epoch
-                if history:
-                    log[np.uintp(events)] = -1 - current[i]
-                    events += 1
-                continue
-            if history:
-                log[np.uintp(events)] = current[i]
+                log[np.uintp(events)] = -1 - current[i]
                 events += 1
+                continue
+            log[np.uintp(events)] = current[i]
+            events += 1
             left, right = potentials[n - one], potentials[n + one]
             up, down = potentials[n - line], potentials[n + line]
             p, x, y = guess[i], min(left, right), min(up, down)
             if x != across[i] or y != along[i]:
                 p = interpolated(x, y, np.float32(costs[n] & np.uint16(PENDING - 1)))
-            old = potentials[n]
-            if p >= old:
+            if p >= potentials[n]:
                 continue
-            reached[np.uintp(count)] = n
-            count += old == UNREACHED
             potentials[n] = p
             if p < threshold:
                 later = _pass_on(costs, gains, n - one, left, p, following, later)
@@ -144,7 +136,7 @@ def propagate_towards(
         costs[buffers[a, i]] &= PENDING - 1
     for i in range(over):
         costs[buffers[c, i]] &= PENDING - 1
-    return count, fill, used, threshold, events
+    return events, fill, used, threshold
 
 
 @kernel

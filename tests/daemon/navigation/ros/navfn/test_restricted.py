@@ -54,14 +54,13 @@ def test_the_restricted_wave_gives_up_where_a_buffer_could_run_over() -> None:
     potentials = np.full(size, UNREACHED, dtype=np.float32)
     flags = np.zeros(size, dtype=np.uint8)
     log = np.empty(2 * size, dtype=np.int32)
-    reached = np.empty(size + 1, dtype=np.int32)
     for room, gives_up in ((40, True), (400, False)):
         potentials[:] = UNREACHED
         buffers = np.empty((3, room), dtype=np.int32)
         guesses = np.empty((3, room), dtype=np.float32)
-        _, fill, _, _, _ = propagate_towards(
+        _, fill, _, _ = propagate_towards(
             costs, potentials, GAINS, np.zeros(size, dtype=np.float32), UNREACHED, 40, 820, 1300,
-            10_000, buffers, guesses, reached, True, log, flags, 2,
+            10_000, buffers, guesses, log, flags, 2,
         )  # fmt: skip
         assert (fill == room) is gives_up
         assert (costs < 256).all()
