@@ -1,7 +1,20 @@
 """Keeping a daemon going: what is wrong with it, which traces go, its numbers, its units."""
 
+from daemon.operation._doctor import examine
+from daemon.operation._findings import Finding, Level
 from daemon.operation._metrics import Standing, exposition
 from daemon.operation._traces import Keeping, Swept, sweep
 from daemon.operation._units import daemon_unit, worker_unit
 
-__all__ = ["Keeping", "Standing", "Swept", "daemon_unit", "exposition", "sweep", "worker_unit"]
+__all__ = [
+    "Finding",
+    "Keeping",
+    "Level",
+    "Standing",
+    "Swept",
+    "daemon_unit",
+    "examine",
+    "exposition",
+    "sweep",
+    "worker_unit",
+]

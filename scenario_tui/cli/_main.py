@@ -17,6 +17,7 @@ from scenario_tui.cli import (
     _compare,
     _control,
     _coverage,
+    _doctor,
     _editor,
     _export,
     _gc,
@@ -46,7 +47,7 @@ _PANELS: Final[dict[str, tuple[Callable[..., None], ...]]] = {
     "Understand": (_coverage.coverage, _blame.blame),
     "Steer": (_control.cancel, _control.retry, _control.stop),
     "Machines": (_services.daemon, _services.worker),
-    "Operate": (_metrics.metrics, _gc.gc),
+    "Operate": (_doctor.doctor, _metrics.metrics, _gc.gc),
     "Artefacts": (_export.export, _vary.vary),
     "Editors": (_editor.schema, _editor.vscode),
 }

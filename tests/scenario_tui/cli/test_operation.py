@@ -44,6 +44,11 @@ def test_a_daemon_is_watched_and_loses_traces_while_it_works(tmp_path: Path, rea
         assert "first  4 traces" in said.out
         assert "removed 4 traces" in said.out
         eventually(lambda: finished(client, 34))
+        healthy = scenario("doctor", "--json")
+        told = json.loads(healthy.out)
+        levels = {finding["subject"]: finding["level"] for finding in told["findings"]}
+        assert (healthy.code, told["schema"]) == (0, "scenario/doctor/1")
+        assert levels["daemon"] == levels["workers"] == levels["ledger"] == levels["state"] == "ok"
         numbers = read_exposition(scenario("metrics").out)
         assert numbers["scenario_outcomes", frozenset({("outcome", "pass")})] == 34
         assert numbers["scenario_workers", frozenset()] == 1
@@ -84,3 +89,11 @@ def test_units_name_everything_by_absolute_paths(scenario, tmp_path, monkeypatch
     assert scenario("worker", "--print-unit", "--state", "here").out.count(f"{tmp_path}/here") == 1
     far = scenario("worker", "--print-unit", "--connect", "tcp/far:7447").out
     assert '"worker" "--connect" "tcp/far:7447"\n' in far
+
+
+def test_doctor_shows_problems_with_their_remedy_and_leaves_with_3(real, tmp_path) -> None:
+    tmp_path.joinpath("ledger.db").write_bytes(b"?" * 5000)
+    said = real("doctor", "--state", str(tmp_path))
+    assert said.code == 3
+    assert "✗ problem ledger" in said.out
+    assert "sqlite3 ledger.db .recover" in said.out

@@ -1,0 +1,230 @@
+"""The examination: what is configured, what answers, what is wrong; nothing is changed."""
+
+from __future__ import annotations
+
+import os
+import platform
+import stat
+import time
+from collections.abc import Iterator
+from importlib.metadata import version
+from pathlib import Path
+from typing import Final
+
+import platformdirs
+
+import daemon
+from daemon.client import Client
+from daemon.errors import DaemonError
+from daemon.executor import cores
+from daemon.operation._findings import Finding, ok, problem, warning
+from daemon.operation._ledger_check import check_ledger
+from daemon.operation._leftovers import check_leftovers
+from daemon.places import Endpoint, Places, is_endpoint
+from daemon.protocol import Overview, WorkerRow
+from daemon.spec import ENGINE_VERSION
+
+_PACKAGES: Final = ("eclipse-zenoh", "numpy", "numba", "pymunk", "pydantic", "mcap", "textual")
+_SILENCE: Final = 30.0
+_SKEW: Final = 2.0
+_ROOMY: Final = 2 * 2**30
+_LOOPBACK: Final = ("127.", "[::1]", "localhost")
+_OLDEST_NOW: Final = 1_735_689_600.0
+"""2025-01-01: a clock before that was never set."""
+
+
+def examine(places: Places, endpoint: Endpoint, here: Path) -> tuple[Finding, ...]:
+    """Return all findings, for the state directory, the endpoint and leftovers below ``here``."""
+    now = time.time()
+    return (
+        *_versions(),
+        ok("slots", f"{cores()} cores may be used: one run each unless --slots says otherwise"),
+        *_kernels(places),
+        *_state(places),
+        *check_ledger(places, now),
+        *_clock(now),
+        *_endpoint(endpoint),
+        *(_daemon(places, endpoint) if is_endpoint(endpoint.address) else ()),
+        *check_leftovers(places, here),
+    )
+
+
+def _versions() -> Iterator[Finding]:
+    packages = ", ".join(f"{name} {version(name)}" for name in _PACKAGES)
+    own = f"scenario-tui {version('scenario-tui')}, engine {ENGINE_VERSION}"
+    yield ok("versions", f"{own}, python {platform.python_version()}, {packages}")
+
+
+def _kernels(places: Places) -> Iterator[Finding]:
+    beside = Path(daemon.__file__).parent
+    asked = os.environ.get("NUMBA_CACHE_DIR")
+    folders = [Path(asked)] if asked else [beside, platformdirs.user_cache_path("numba")]
+    counts = [(sum(1 for _ in f.rglob("*.nbi")), f) for f in (*folders, places.state / "kernels")]
+    count, folder = max(counts, key=lambda pair: pair[0])
+    if count:
+        yield ok("kernels", f"{count} compiled ones are kept below {folder}")
+    else:
+        yield warning("kernels", "none is compiled yet", "the first runs take longer, once")
+
+
+def _state(places: Places) -> Iterator[Finding]:
+    state = places.state
+    if not state.exists():
+        yield ok("state", f"{state} is not there yet: the first daemon makes it")
+        return
+    if not state.is_dir() or not os.access(state, os.R_OK | os.W_OK | os.X_OK):
+        yield problem(
+            "state",
+            f"{state} is no directory you can write",
+            "choose another with --state, or change its owner",
+        )
+        return
+    yield from _permissions(places)
+    disk = places.disk()
+    sizes = f"{disk.free / 2**30:.1f} of {disk.total / 2**30:.1f} GiB free, "
+    sizes += f"ledger {disk.ledger / 2**20:.1f} MiB"
+    if shortage := places.shortage():
+        yield problem("disk", shortage, "free some: `scenario gc --max-size 10GiB --dry-run`")
+    elif disk.free < _ROOMY:
+        yield warning("disk", sizes, "free some: `scenario gc --max-size 10GiB --dry-run`")
+    else:
+        yield ok("disk", sizes)
+
+
+def _permissions(places: Places) -> Iterator[Finding]:
+    folders = (places.state, places.scenes, places.traces, places.spool)
+    modes = {folder: folder.stat() for folder in folders if folder.exists()}
+    foreign = [str(f) for f, found in modes.items() if found.st_uid != os.getuid()]
+    writable = [
+        str(f) for f, found in modes.items() if found.st_mode & (stat.S_IWGRP | stat.S_IWOTH)
+    ]
+    readable = places.state.stat().st_mode & (stat.S_IRWXG | stat.S_IRWXO)
+    if foreign:
+        yield warning(
+            "state",
+            f"{', '.join(foreign)} belong to somebody else",
+            "run the daemon as their owner",
+        )
+    if writable:
+        yield problem(
+            "state", f"others can write {', '.join(writable)}", f"chmod -R go-rwx {places.state}"
+        )
+    elif readable:
+        yield warning("state", f"others can read {places.state}", f"chmod go-rwx {places.state}")
+    elif not foreign:
+        yield ok("state", f"{places.state}, yours alone")
+
+
+def _clock(now: float) -> Iterator[Finding]:
+    if now < _OLDEST_NOW:
+        yield problem("clock", f"it says {time.ctime(now)}", "set the clock (timedatectl)")
+
+
+def _endpoint(endpoint: Endpoint) -> Iterator[Finding]:
+    told = f"{endpoint.address}, from {endpoint.origin}"
+    if not is_endpoint(endpoint.address):
+        yield problem("endpoint", f"{told}: that is none", "write tcp/<host>:<port>")
+    elif not endpoint.address.removeprefix("tcp/").startswith(_LOOPBACK):
+        yield warning(
+            "endpoint",
+            f"{told}: not this machine's loopback",
+            "whoever reaches it may submit and cancel: keep it in a trusted network",
+        )
+    else:
+        yield ok("endpoint", told)
+
+
+def _daemon(places: Places, endpoint: Endpoint) -> Iterator[Finding]:
+    try:
+        with Client.open(endpoint.address) as client:
+            before = time.time()
+            overview, after = client.overview(), time.time()
+            workers = client.workers()
+    except DaemonError as error:
+        yield _silence(places, endpoint, error)
+        return
+    yield from _answering(overview, places, endpoint)
+    skew = overview.now - (before + after) / 2
+    if abs(skew) > _SKEW:
+        yield warning(
+            "clock",
+            f"the daemon's differs by {skew:+.1f} s from this machine's",
+            "synchronise both (timedatectl set-ntp true)",
+        )
+    yield from _workers(workers, overview)
+
+
+def _silence(places: Places, endpoint: Endpoint, error: DaemonError) -> Finding:
+    if endpoint.origin in ("--connect", "SCENARIO_CONNECT"):
+        return problem("daemon", str(error), f"start it there, or correct {endpoint.origin}")
+    contact = places.read_contact()
+    if contact is None:
+        return ok("daemon", "none runs: `scenario submit` or `scenario daemon` starts one")
+    if _lives(contact.pid):
+        return problem(
+            "daemon",
+            f"process {contact.pid} keeps the directory and does not answer",
+            f"see {places.log}; end it with: kill {contact.pid}",
+        )
+    return warning(
+        "daemon",
+        f"process {contact.pid} was killed and left daemon.json behind",
+        "the next daemon replaces it and goes on with what is queued",
+    )
+
+
+def _lives(pid: int) -> bool:
+    try:
+        os.kill(pid, 0)
+    except ProcessLookupError:
+        return False
+    except PermissionError:
+        return True
+    return True
+
+
+def _answering(overview: Overview, places: Places, endpoint: Endpoint) -> Iterator[Finding]:
+    own = version("scenario-tui")
+    if Path(overview.state) != places.state and endpoint.origin in ("daemon.json", "default"):
+        yield problem(
+            "daemon",
+            f"the one at {endpoint.address} keeps {overview.state}",
+            f"name it with --state, or start one for {places.state}",
+        )
+        return
+    if overview.version != own:
+        yield warning(
+            "daemon",
+            f"it is version {overview.version}, this is {own}",
+            "`scenario stop` and start it again",
+        )
+    else:
+        waiting = f"{overview.queued} runs queued, {overview.running} running"
+        yield ok("daemon", f"answers at {endpoint.address}, {waiting}")
+    if overview.trouble:
+        last = overview.trouble.strip().splitlines()[-1]
+        yield problem("daemon", f"no run can start: {last}", f"see {places.worker_log}")
+
+
+def _workers(workers: tuple[WorkerRow, ...], overview: Overview) -> Iterator[Finding]:
+    if not workers:
+        yield warning(
+            "workers",
+            "none is connected: nothing will be executed",
+            "start one with `scenario worker`",
+        )
+    for worker in workers:
+        silent = overview.now - worker.last_seen_at
+        told = f"{worker.id} on {worker.host}, {worker.busy} of {worker.slots} slots busy"
+        if worker.version != overview.version:
+            yield warning(
+                "workers", f"{told}, version {worker.version}", f"install {overview.version} there"
+            )
+        elif silent > _SILENCE:
+            yield warning(
+                "workers",
+                f"{told}, not heard of for {silent:.0f} s",
+                "see whether its machine is well",
+            )
+        else:
+            yield ok("workers", told)
