@@ -189,7 +189,8 @@ def depends_on_cut(columns: int, log: Integers, events: int, mark: Bytes, epoch:
     ``epoch`` for needed cells and becomes one more when their neighbours are marked.
     """
     one, line = np.uintp(1), np.uintp(columns)
-    for event in range(events - 1, -1, -1):
+    # The first is the start, which needs nobody and may lie on the border.
+    for event in range(events - 1, 0, -1):
         entry = log[event]
         if entry < 0:
             if mark[np.uintp(-1 - entry)] >= epoch:

@@ -22,12 +22,13 @@ FAR = float(UNREACHED)
 @pytest.mark.parametrize(
     ("log", "depends"),
     [
-        ([44, 45, 46], False),
-        ([44, ~45, 46, 45, 46], True),
-        ([44, 45, 46, ~45], False),
-        ([44, 45, ~57, 46], False),
-        ([~44, 45, 46], True),
-        ([45, ~44, 46], False),
+        ([3, 44, 45, 46], False),
+        ([3, 44, ~45, 46, 45, 46], True),
+        ([3, 44, 45, 46, ~45], False),
+        ([3, 44, 45, ~57, 46], False),
+        ([3, ~44, 45, 46], True),
+        ([3, 45, ~44, 46], False),
+        ([46, 45, 46], False),
     ],
     ids=[
         "nothing left out",
@@ -36,6 +37,7 @@ FAR = float(UNREACHED)
         "somewhere else",
         "the neighbour of a neighbour in time",
         "the neighbour of a neighbour afterwards",
+        "the start itself needed",
     ],
 )
 def test_a_cell_left_out_counts_until_what_it_could_change_is_settled(
