@@ -18,8 +18,9 @@ A path that fails is planned again with a larger margin, in the end with the who
 no full proof: a wave through cells left out might reach a cell of that history by way of cells
 that the restricted wave had not come to by then, which the log cannot show; only the margin
 stands against that. On small random maps with margins drawn from 100 to 2500, instead of the 2000
-and more used here, one path in 842 640 differed. Without ``certified`` the log is not read, which
-saves an eighth of the time; of such paths 79 in 63 180 differed.
+and more used here, 8 paths in 1 315 180 differed; with those used here none in 118 125, nor in a
+whole run of S1. Without ``certified`` the log is
+not read, which saves an eighth of the time; on the first kind of maps 79 paths in 63 180 differed.
 """
 
 from __future__ import annotations
