@@ -16,7 +16,16 @@ from pathlib import Path
 from typing import Final, Literal, TypeAlias, TypeVar
 
 from daemon.errors import DaemonError, Refused
-from daemon.protocol import CampaignRow, Event, Live, Overview, RunDetail, RunPage, WorkerRow
+from daemon.protocol import (
+    CampaignRow,
+    Event,
+    Live,
+    Overview,
+    RunDetail,
+    RunPage,
+    RunState,
+    WorkerRow,
+)
 from grammars.scene import Scene
 from grammars.values import Point2, Pose2
 from scenario_tui.asking import Daemon, Opener
@@ -66,13 +75,24 @@ class Want:
 
 @dataclass(frozen=True, slots=True)
 class Recording:
-    """Where the robot of a finished run went, and how everything stood at its end."""
+    """Where the robot of a finished run went, and how everything stood at its end; ``path`` is
+    the trace.
+    """
 
     run: str
+    path: Path
     pose: Pose2
     joints: tuple[float, ...]
     reached: int
     trail: tuple[Point2, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Unseen:
+    """A run that is over but has nothing to look at, and why, for people."""
+
+    run: str
+    why: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,7 +109,7 @@ class Picture:
     page: RunPage | None = None
     detail: RunDetail | None = None
     scene: Scene | None = None
-    recording: Recording | None = None
+    recording: Recording | Unseen | None = None
     conclusions: Mapping[str, Conclusion] = field(default_factory=dict)
     results: Results | None = None
 
@@ -119,7 +139,7 @@ class Feed:
         self._picture = Picture()
         self._changed = False
         self._scenes: dict[str, Scene] = {}
-        self._recording: tuple[str, Recording | None] | None = None
+        self._recording: tuple[tuple[str, str], Recording | Unseen] | None = None
         self._actions: deque[Action] = deque()
         self._lives: deque[Live] = deque(maxlen=512)
         self._notices: deque[Notice] = deque(maxlen=16)
@@ -256,12 +276,13 @@ class Feed:
             self._notices.append(Notice(str(error), "error"))
             return None
 
-    def _recorded(self, detail: RunDetail | None) -> Recording | None:
-        """Return what the trace of a finished run says, if it lies on this machine."""
-        if detail is None or detail.result is None or not detail.row.trace:
+    def _recorded(self, detail: RunDetail | None) -> Recording | Unseen | None:
+        """Return what the trace of a run says that is over, or why it says nothing."""
+        if detail is None or detail.row.state in (RunState.QUEUED, RunState.RUNNING):
             return None
-        if self._recording is None or self._recording[0] != detail.row.trace:
-            self._recording = (detail.row.trace, read_recording(detail))
+        key = (detail.row.id, detail.row.trace)
+        if self._recording is None or self._recording[0] != key:
+            self._recording = (key, read_recording(detail))
         return self._recording[1]
 
     def _scene(self, daemon: Daemon, digest: str) -> Scene | None:
@@ -280,24 +301,30 @@ class Feed:
         self._changed = True
 
 
-def read_recording(detail: RunDetail) -> Recording | None:
-    """Return the recorded way of a finished run; ``None`` when its trace cannot be read here."""
+def read_recording(detail: RunDetail) -> Recording | Unseen:
+    """Return the recorded way of a run that is over, or why its trace cannot be read here."""
     from daemon.trace import TraceError, read_trace
 
-    path = Path(detail.row.trace)
+    run, path = detail.row.id, Path(detail.row.trace)
+    if detail.result is None:
+        return Unseen(run, f"This run was {detail.row.state}: there is nothing to look at.")
+    if not detail.row.trace:
+        return Unseen(run, "No trace of this run was kept.")
     if not path.is_file():
-        return None  # the trace lies on the machine of the daemon, this may be another one
+        what = "Look at it where its worker is, or run it again."
+        return Unseen(run, f"Its trace is not on this machine (any more): {path}\n\n{what}")
     try:
         trace = read_trace(path)
-    except TraceError:
-        return None  # damaged traces are the business of the oracles: here only a trail is missing
+    except TraceError as error:
+        return Unseen(run, "; ".join(d.message for d in error.diagnostics) + f": {path}")
     way, joints = trace.ground_truth, trace.joints
     if not len(way.time):
-        return None
+        return Unseen(run, f"Its trace says nothing of where the robot was: {path}")
     every = max(1, len(way.time) // _TRAIL_POINTS)
     trail = tuple(zip(way.x[::every].tolist(), way.y[::every].tolist(), strict=True))
     return Recording(
-        run=detail.row.id,
+        run=run,
+        path=path,
         pose=Pose2(float(way.x[-1]), float(way.y[-1]), float(way.yaw[-1])),
         joints=tuple(joints.position[-1].tolist()) if len(joints.time) else (),
         reached=trace.progress[-1].reached if trace.progress else 0,

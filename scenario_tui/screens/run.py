@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar
 
+from textual import work
 from textual.app import ComposeResult
 from textual.binding import Binding, BindingType
 from textual.containers import Vertical, VerticalScroll
 from textual.widgets import Static
 
 from daemon.protocol import CampaignRow, RunDetail, RunState
+from daemon.verdict import Verdict
 from grammars.scene import Scene
-from scenario_tui.feed import Picture, Recording, Want
+from scenario_tui.feed import Picture, Recording, Unseen, Want
+from scenario_tui.screens.base import empty
 from scenario_tui.screens.steering import Steering
 from scenario_tui.tracks import Track
 from scenario_tui.widgets.run_text import run_text
@@ -30,6 +34,7 @@ class RunPanel(Vertical):
         with VerticalScroll(id="words"):
             yield Static(id="run-text")
         with Vertical(id="above"):
+            yield Static(id="unseen")
             yield TopView(id="map")
             yield Static(LEGEND, id="legend")
 
@@ -38,16 +43,27 @@ class RunPanel(Vertical):
         detail = picture.detail if picture is not None else None
         if picture is None or detail is None:
             self.query_one("#run-text", Static).update("")
-            self.query_one(TopView).show(None)
+            self._above(None)
             return
         track = dashboard.tracks.get(detail.row.id)
         if detail.row.state is not RunState.RUNNING:
             track = None
         self.query_one("#run-text", Static).update(run_text(detail, track))
-        view = None
-        if picture.scene is not None:
-            view = view_of(detail, picture.scene, track, picture.recording)
-        self.query_one(TopView).show(view)
+        seen = picture.recording
+        seen = seen if seen is not None and seen.run == detail.row.id else None
+        if isinstance(seen, Unseen):
+            self._above(None, seen.why)
+        elif picture.scene is not None:
+            self._above(view_of(detail, picture.scene, track, seen))
+        else:
+            self._above(None)
+
+    def _above(self, view: View | None, why: str = "") -> None:
+        """Show the map, or why there is none."""
+        top, legend = self.query_one(TopView), self.query_one("#legend")
+        top.show(view)
+        empty(self.query_one("#unseen"), top, why)
+        legend.display = not why
 
 
 class RunScreen(Steering):
@@ -57,6 +73,7 @@ class RunScreen(Steering):
 
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("v", "view", "Map/words", tooltip="Switch between map and words"),
+        Binding("p", "play", "Play", tooltip="Watch the recorded run from above"),
         Binding("z", "zoom", "Zoom", tooltip="Nearer to the robot, then back to everything"),
         Binding("c", "cancel", "Cancel", tooltip="Cancel the campaign, after a question"),
         Binding("r", "retry", "Retry", tooltip="Queue lost and cancelled runs again, or look anew"),
@@ -104,6 +121,34 @@ class RunScreen(Steering):
         """Switch between map and words where there is room for one only."""
         self.toggle_class("-map")
 
+    def action_play(self) -> None:
+        """Play the recorded run, once its trace is read."""
+        detail, seen = self._detail(), self.dashboard.picture.recording
+        if detail is None:
+            return
+        if isinstance(seen, Recording) and seen.run == self._run and detail.result is not None:
+            self._open(seen.path, detail.result.verdicts)
+            return
+        why = "a run can be played when it is over"
+        if isinstance(seen, Unseen) and seen.run == self._run:
+            why = seen.why
+        self.notify(why)
+
+    @work(thread=True, exclusive=True)
+    def _open(self, path: Path, verdicts: tuple[Verdict, ...]) -> None:
+        """Read the whole trace outside the thread that draws, then show it."""
+        # What reads traces takes a while to load, and the dashboard is to be there at once.
+        from daemon.trace import TraceError
+        from scenario_tui.playback import open_playback
+        from scenario_tui.screens.replay import ReplayScreen
+
+        try:
+            playback = open_playback(path, verdicts)
+        except TraceError as error:
+            self.app.call_from_thread(self.notify, str(error), severity="error")
+            return
+        self.app.call_from_thread(self.app.push_screen, ReplayScreen(playback))
+
     def action_zoom(self) -> None:
         """Come nearer to the robot on the map."""
         self.query_one(TopView).zoom()
@@ -122,7 +167,7 @@ def view_of(
         return View(
             scene, spec.robot, spec.mission, joints, seen.pose, seen.estimate, seen.reached, trail
         )
-    if recording is not None and recording.run == detail.row.id:
+    if recording is not None:
         joints = recording.joints if len(recording.joints) == len(resting) else resting
         return View(
             scene,

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 
 import pytest
 
 from daemon.protocol import Event
 from scenario_tui import feed as feed_module
-from scenario_tui.feed import Feed, RunsWanted, Want, read_recording
+from scenario_tui.feed import Feed, RunsWanted, Unseen, Want, read_recording
 from tests.scenario_tui.fake import CAMPAIGN, FakeDaemon, make_live
 
 
@@ -109,15 +110,22 @@ def test_an_event_makes_the_feed_look_at_once(fake, monkeypatch) -> None:
     feed.close()
 
 
-def test_a_trace_that_is_not_here_is_no_problem(fake) -> None:
-    assert read_recording(fake.run(f"{CAMPAIGN}.0")) is None
+def test_a_trace_that_is_not_here_is_said_to_be_missing(fake) -> None:
+    seen = read_recording(fake.run(f"{CAMPAIGN}.0"))
+    assert isinstance(seen, Unseen)
+    assert "not on this machine" in seen.why
 
 
-def test_a_damaged_trace_is_no_problem_either(fake, tmp_path) -> None:
-    from dataclasses import replace
-
+def test_a_damaged_trace_is_said_to_be_one(fake, tmp_path) -> None:
     path = tmp_path / "broken.mcap"
     path.write_bytes(b"not a trace")
     detail = fake.run(f"{CAMPAIGN}.0")
-    detail = replace(detail, row=replace(detail.row, trace=str(path)))
-    assert read_recording(detail) is None
+    seen = read_recording(replace(detail, row=replace(detail.row, trace=str(path))))
+    assert isinstance(seen, Unseen)
+    assert seen.why.startswith("is not an MCAP file")
+
+
+def test_a_lost_run_has_nothing_to_look_at(fake) -> None:
+    seen = read_recording(fake.run(f"{CAMPAIGN}.9"))
+    assert isinstance(seen, Unseen)
+    assert seen.why.startswith("This run was lost")
