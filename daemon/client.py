@@ -18,6 +18,7 @@ from daemon.messages import (
     Named,
     Nothing,
     Number,
+    PriorityRequest,
     RecordQuery,
     RetryRequest,
     RunQuery,
@@ -232,6 +233,18 @@ class Client:
         """
         words = tuple(word.strip() for word in only.split("|") if word.strip())
         return self._ask_bulk(Verb.RETRY, RetryRequest(campaign, words), Number).count
+
+    def pause(self, campaign: str) -> int:
+        """Start no more runs of a campaign; returns how many wait. What is running goes on."""
+        return self._ask(Verb.PAUSE, Named(campaign), Number).count
+
+    def resume(self, campaign: str) -> int:
+        """Go on with a paused campaign; returns how many of its runs are queued."""
+        return self._ask(Verb.RESUME, Named(campaign), Number).count
+
+    def prioritise(self, campaign: str, priority: int) -> None:
+        """Let a campaign go before those of lower priority (-1000 to 1000, 0 is usual)."""
+        self._ask(Verb.PRIORITISE, PriorityRequest(campaign, priority), Nothing)
 
     def shutdown(self) -> None:
         """Ask the daemon to leave; what is running gets a while to finish."""

@@ -24,6 +24,7 @@ WORK: Final = f"{PREFIX}/work"
 LARGEST_SUBMISSION: Final = 64 * 2**20
 LARGEST_REQUEST: Final = 4 * 2**20
 LARGEST_PAGE: Final = 1000
+HIGHEST_PRIORITY: Final = 1000
 
 Id = Annotated[str, Field(max_length=128)]
 Short = Annotated[str, Field(max_length=400)]
@@ -45,6 +46,9 @@ class Verb(StrEnum):
     SUBMIT = "submit"
     CANCEL = "cancel"
     RETRY = "retry"
+    PAUSE = "pause"
+    RESUME = "resume"
+    PRIORITISE = "prioritise"
     SHUTDOWN = "shutdown"
     WELCOME = "welcome"
     LEASE = "lease"
@@ -110,6 +114,14 @@ class RetryRequest:
 
     campaign: Id
     only: tuple[Short, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class PriorityRequest:
+    """Let a campaign go before those of lower priority; 0 is usual."""
+
+    campaign: Id
+    priority: Annotated[int, Field(ge=-HIGHEST_PRIORITY, le=HIGHEST_PRIORITY)]
 
 
 @dataclass(frozen=True, slots=True)

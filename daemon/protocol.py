@@ -64,7 +64,10 @@ class Receipt:
 
 @dataclass(frozen=True, slots=True)
 class CampaignRow:
-    """A campaign and how its runs stand; ``cached`` counts results taken from earlier campaigns."""
+    """A campaign and how its runs stand; ``cached`` counts results taken from earlier campaigns.
+
+    While it is ``paused`` no more runs start; those of higher ``priority`` start first.
+    """
 
     id: str
     name: str
@@ -82,6 +85,8 @@ class CampaignRow:
     inconclusive: int
     errors: int
     cached: int = 0
+    paused: bool = False
+    priority: int = 0
 
     @property
     def finished(self) -> bool:
@@ -192,7 +197,8 @@ class Overview:
 class Event:
     """Something changed: ``seq`` grows by one each; a gap means: ask for the whole again.
 
-    ``kind``: ``campaign`` (submitted, cancelled, retried, finished), ``run`` (state changed),
+    ``kind``: ``campaign`` (submitted, paused, resumed, prioritised, cancelled, retried,
+    finished), ``run`` (state changed),
     ``worker`` (came, gone), ``alarm`` (another attempt of the run gave another result). ``id``
     names it.
     """

@@ -61,6 +61,9 @@ class Daemon(Protocol):
     def disk(self) -> Disk: ...  # noqa: D102
     def cancel(self, campaign: str) -> int: ...  # noqa: D102
     def retry(self, campaign: str, *, only: str = ...) -> int: ...  # noqa: D102
+    def pause(self, campaign: str) -> int: ...  # noqa: D102
+    def resume(self, campaign: str) -> int: ...  # noqa: D102
+    def prioritise(self, campaign: str, priority: int) -> None: ...  # noqa: D102
     def shutdown(self) -> None: ...  # noqa: D102
     def events(  # noqa: D102
         self, on_event: Callable[[Event], None], on_live: Callable[[Live], None] | None = None

@@ -31,6 +31,13 @@ from daemon.verdict import Outcome, Verdict
 from grammars import codec
 
 _RECORD: Final = "state, attempt, strikes, worker, token, lease_until, result, reason"
+_NEXT_RUN: Final = (
+    "SELECT run.id, run.campaign, trace_name, spec.body FROM run JOIN spec ON spec.run = run.id"
+    " WHERE state = 'queued' AND run.campaign = (SELECT id FROM campaign AS c"
+    " WHERE finished_at IS NULL AND paused = 0 AND EXISTS"
+    " (SELECT 1 FROM run WHERE run.campaign = c.id AND state = 'queued')"
+    " ORDER BY priority DESC, served, serial LIMIT 1) ORDER BY run.serial LIMIT 1"
+)
 _KEPT_EVENTS: Final = 10_000
 _LONGEST_REASON: Final = 4000
 
@@ -89,16 +96,20 @@ class Book:
         keep_reserve(self._db, campaign, submission.reserve)
 
     def lease(self, worker: str, count: int, now: float) -> tuple[Grant, ...]:
-        """Give up to ``count`` queued runs to ``worker``, first submitted first."""
-        rows = self._db.execute(
-            "SELECT run.id, campaign, trace_name, spec.body FROM run JOIN spec ON spec.run = run.id"
-            " WHERE state = 'queued' ORDER BY serial LIMIT ?",
-            (count,),
-        ).fetchall()
-        grants = []
-        for run, campaign, trace, body in rows:
+        """Give up to ``count`` queued runs to ``worker``.
+
+        Campaigns of the highest priority take turns, run by run; paused ones are passed over.
+        Within a campaign the first submitted run goes first.
+        """
+        grants: list[Grant] = []
+        while len(grants) < count:
+            row = self._db.execute(_NEXT_RUN).fetchone()
+            if row is None:
+                break
+            run, campaign, trace, body = row
             token = self._next_token()
             change = self._apply(run, Leased(worker, token, now + self._lease), now)
+            self._db.execute("UPDATE campaign SET served = ? WHERE id = ?", (token, campaign))
             spec = codec.from_json(RunSpec, body)
             grants.append(Grant(run, campaign, change.run.attempt, token, trace, spec))
         return tuple(grants)
@@ -242,6 +253,28 @@ class Book:
             self.note(now, "campaign", campaign, campaign, "cancelled")
             self._close(campaign, now)
         return len(rows)
+
+    def pause(self, campaign: str, now: float, *, paused: bool) -> int:
+        """Lease no more runs of a campaign, or go on; returns how many are queued.
+
+        What is running goes on. Doing it twice changes nothing.
+        """
+        self._require(campaign)
+        changed = self._db.execute(
+            "UPDATE campaign SET paused = ?1 WHERE id = ?2 AND paused <> ?1", (paused, campaign)
+        ).rowcount
+        if changed:
+            self.note(now, "campaign", campaign, campaign, "paused" if paused else "resumed")
+        found = self._db.execute(
+            "SELECT total(runs) FROM tally WHERE campaign = ? AND state = 'queued'", (campaign,)
+        ).fetchone()
+        return int(found[0])
+
+    def prioritise(self, campaign: str, priority: int, now: float) -> None:
+        """Let a campaign go before those of lower priority, from the next lease on."""
+        self._require(campaign)
+        self._db.execute("UPDATE campaign SET priority = ? WHERE id = ?", (priority, campaign))
+        self.note(now, "campaign", campaign, campaign, "prioritised", str(priority))
 
     def retry(self, request: RetryRequest, now: float) -> int:
         """Queue runs again by state (lost, cancelled), by outcome, or ``all`` that rest."""

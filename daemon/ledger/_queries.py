@@ -64,7 +64,8 @@ class Reader:
             counts.setdefault(campaign, Counter())
             _count(counts[campaign], state, outcome, runs)
         rows = self._db.execute(
-            "SELECT id, name, about, submitted_at, finished_at, total, cached FROM campaign"
+            "SELECT id, name, about, submitted_at, finished_at, total, cached, paused,"
+            " priority FROM campaign"
             " ORDER BY serial DESC"
         )
         return tuple(_campaign_row(row, counts.get(row[0], Counter())) for row in rows)
@@ -204,6 +205,8 @@ def _campaign_row(row: sqlite3.Row, counts: Counter[str]) -> CampaignRow:
         finished_at=row["finished_at"],
         total=row["total"],
         cached=row["cached"],
+        paused=bool(row["paused"]),
+        priority=row["priority"],
         **standing(counts),
     )
 

@@ -17,8 +17,14 @@ CREATE TABLE campaign (
     finished_at  REAL,
     declared     BLOB NOT NULL DEFAULT '',
     fresh        INTEGER NOT NULL DEFAULT 0,
-    cached       INTEGER NOT NULL DEFAULT 0
+    cached       INTEGER NOT NULL DEFAULT 0,
+    paused       INTEGER NOT NULL DEFAULT 0,
+    priority     INTEGER NOT NULL DEFAULT 0,
+    served       INTEGER NOT NULL DEFAULT 0  -- token of its latest lease
 ) STRICT;
+
+-- Whose turn it is: campaigns of one priority take turns.
+CREATE INDEX campaign_turn ON campaign (priority DESC, served, serial) WHERE finished_at IS NULL;
 
 -- One row per run, kept small: lists read nothing else. Empty text means "none yet".
 CREATE TABLE run (
@@ -54,6 +60,7 @@ CREATE TABLE run (
 ) STRICT;
 
 CREATE INDEX run_queue ON run (state, serial);
+CREATE INDEX run_waiting ON run (campaign, serial) WHERE state = 'queued';
 CREATE INDEX run_leases ON run (lease_until) WHERE state = 'running';
 -- The first lets a new run find an old result of the same specification.
 CREATE INDEX run_result ON run (digest) WHERE result <> '';

@@ -25,6 +25,10 @@ _RULES: Final = {
     "runs have no specification": (
         "SELECT count(*) FROM run LEFT JOIN spec ON spec.run = run.id WHERE spec.run IS NULL"
     ),
+    "runs are queued in campaigns that are closed": (
+        "SELECT count(*) FROM run JOIN campaign ON campaign.id = run.campaign"
+        " WHERE state IN ('queued', 'running') AND campaign.finished_at IS NOT NULL"
+    ),
     "counts differ from the runs": (
         "SELECT count(*) FROM (SELECT campaign, state, outcome, count(*) AS runs FROM run"
         " GROUP BY campaign, state, outcome) AS found LEFT JOIN tally USING"

@@ -26,6 +26,7 @@ from daemon.messages import (
     Named,
     Nothing,
     Number,
+    PriorityRequest,
     Problem,
     RecordQuery,
     Release,
@@ -110,6 +111,9 @@ class Desk:
             Verb.SUBMIT: _Service(Submission, self._submit, writes=True),
             Verb.CANCEL: _Service(Named, self._cancel, writes=True),
             Verb.RETRY: _Service(RetryRequest, self._retry, writes=True),
+            Verb.PAUSE: _Service(Named, self._pause, writes=True),
+            Verb.RESUME: _Service(Named, self._resume, writes=True),
+            Verb.PRIORITISE: _Service(PriorityRequest, self._prioritise, writes=True),
             Verb.LEASE: _Service(LeaseRequest, self._lease, writes=True),
             Verb.RENEW: _Service(RenewRequest, self._renew, writes=True),
             Verb.COMPLETE: _Service(Completion, self._complete, writes=True),
@@ -214,6 +218,19 @@ class Desk:
         count = book.retry(request, time.time())
         self._journal.write("retried", campaign=request.campaign, runs=count)
         return Number(count)
+
+    def _pause(self, book: Book, named: Named) -> Number:
+        self._journal.write("paused", campaign=named.id)
+        return Number(book.pause(named.id, time.time(), paused=True))
+
+    def _resume(self, book: Book, named: Named) -> Number:
+        self._journal.write("resumed", campaign=named.id)
+        return Number(book.pause(named.id, time.time(), paused=False))
+
+    def _prioritise(self, book: Book, request: PriorityRequest) -> Nothing:
+        book.prioritise(request.campaign, request.priority, time.time())
+        self._journal.write("prioritised", **codec.to_plain(request))
+        return Nothing()
 
     def _check(self, worker: WorkerInfo) -> None:
         if worker.engine != ENGINE_VERSION:

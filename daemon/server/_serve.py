@@ -36,7 +36,7 @@ from grammars import codec
 _LAST_MOMENT: Final = 3.0
 STOPPING: Final = 2 * _LAST_MOMENT
 """Seconds a daemon may need to leave after its patience has ended."""
-_HINTS: Final = frozenset({"submitted", "extended", "retried", "queued", "cancelled"})
+_HINTS: Final = frozenset({"submitted", "extended", "retried", "queued", "cancelled", "resumed"})
 
 
 def serve(

@@ -84,7 +84,10 @@ def _campaign_table(campaigns: tuple[CampaignRow, ...], now: float) -> Table:
     for row in campaigns:
         finished = row.total - row.queued - row.running
         counts = "  ".join(f"{GLYPHS[word]} {n} {word}" for word, n in tally(row).items())
-        table.add_row(row.id, f"{finished}/{row.total}", counts, ago(row.submitted_at, now))
+        marks = [f"priority {row.priority}"] if row.priority else []
+        marks += ["paused"] if row.paused else []
+        name = f"{row.id} ({', '.join(marks)})" if marks else row.id
+        table.add_row(name, f"{finished}/{row.total}", counts, ago(row.submitted_at, now))
     return table
 
 

@@ -87,7 +87,6 @@ def test_pages_filter_sort_and_count(ledger: tuple[Book, Reader, sqlite3.Connect
     book, reader, _ = ledger
     submission = make_submission("c", 12)
     book.submit(submission, NOW)
-    book.submit(make_submission("d", 3), NOW)
     results = {
         i: make_result(run, margin=-float(i), outcome=Outcome.FAIL if i % 2 else Outcome.PASS)
         for i, run in enumerate(submission.runs)
@@ -95,6 +94,7 @@ def test_pages_filter_sort_and_count(ledger: tuple[Book, Reader, sqlite3.Connect
     for grant in book.lease("w", 10, NOW):
         result = results[grant.spec.repeat]
         book.complete(Completion("w", grant.run, grant.attempt, grant.token, result), NOW)
+    book.submit(make_submission("d", 3), NOW)
     page = reader.runs(RunQuery("c", outcome="fail", sort="margin", offset=1, limit=2))
     assert page.total == 5
     assert [row.index for row in page.rows] == [7, 5]

@@ -233,14 +233,16 @@ def test_records_say_what_rows_do_not(ledger: Ledger) -> None:
     assert (waiting.outcome, waiting.state, waiting.trace) == (None, "queued", None)
 
 
-def test_a_ledger_of_the_version_before_is_brought_up_to_date(tmp_path: Path) -> None:
+@pytest.mark.parametrize("version", [1, 2])
+def test_a_ledger_of_an_earlier_version_is_brought_up_to_date(tmp_path: Path, version: int) -> None:
     path = tmp_path / "ledger.db"
+    more = (", declared", ", x''") if version > 1 else ("", "")
     old = sqlite3.connect(path, isolation_level=None)
-    old.executescript((Path(__file__).parent / "ledger_schema_1.sql").read_text())
+    old.executescript((Path(__file__).parent / f"ledger_schema_{version}.sql").read_text())
     old.executescript(
-        "PRAGMA user_version = 1;"
-        "INSERT INTO campaign (id, name, about, source, digest, total, submitted_at)"
-        " VALUES ('old', 'old', '', '', '', 1, 1.0);"
+        f"PRAGMA user_version = {version};"
+        f"INSERT INTO campaign (id, name, about, source, digest, total, submitted_at{more[0]})"
+        f" VALUES ('old', 'old', '', '', '', 1, 1.0{more[1]});"
         "INSERT INTO run (id, campaign, position, scenario, sut, repeat, time_limit, digest,"
         " trace_name) VALUES ('old.0', 'old', 0, 'S1', 'pilot', 0, 10.0, 'd', 'old/t.mcap');"
     )
@@ -254,7 +256,13 @@ def test_a_ledger_of_the_version_before_is_brought_up_to_date(tmp_path: Path) ->
             for db in (upgraded, made)
         ]
         assert sorted(r[0:4] for r in columns[0]) == sorted(r[0:4] for r in columns[1])
+    indexes = [
+        {row[0] for row in db.execute("SELECT name FROM sqlite_schema WHERE type = 'index'")}
+        for db in (upgraded, made)
+    ]
+    assert indexes[0] == indexes[1]
     reader = Reader(upgraded, Places(tmp_path))
+    assert (reader.campaigns()[0].paused, reader.campaigns()[0].priority) == (False, 0)
     assert reader.declared("old") == Declared()
     assert [row.id for row in reader.records(RecordQuery("old"))] == ["old.0"]
     upgraded.close()

@@ -11,6 +11,7 @@ from daemon.assessment import Declared, Policy, RunRecord
 from daemon.errors import Refused, Unreachable
 from daemon.protocol import (
     CampaignRow,
+    Disk,
     Event,
     Live,
     Overview,
@@ -317,6 +318,21 @@ class FakeDaemon:
     def cancel(self, campaign: str) -> int:
         self._answer("cancel", campaign)
         return 2
+
+    def pause(self, campaign: str) -> int:
+        self._answer("pause", campaign)
+        return 2
+
+    def resume(self, campaign: str) -> int:
+        self._answer("resume", campaign)
+        return 2
+
+    def prioritise(self, campaign: str, priority: int) -> None:
+        self._answer("prioritise", campaign, priority)
+
+    def disk(self) -> Disk:
+        self._answer("disk")
+        return Disk(10**12, 10**11, 2**20)
 
     def retry(self, campaign: str, *, only: str = "lost|cancelled") -> int:
         self._answer("retry", campaign, only)

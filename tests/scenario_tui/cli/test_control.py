@@ -31,6 +31,22 @@ def test_retry_can_be_told_which(scenario, fake) -> None:
     assert ("retry", CAMPAIGN, "fail|error") in fake.calls
 
 
+def test_a_campaign_is_paused_resumed_and_preferred(scenario, fake) -> None:
+    said = scenario("pause", "first")
+    assert f"paused {CAMPAIGN}; 2 runs wait until `scenario resume {CAMPAIGN}`" in said.err
+    resumed = json.loads(scenario("resume", "first", "--json").out)
+    assert resumed == {"schema": "scenario/resume/1", "campaign": CAMPAIGN, "runs": 2}
+    preferred = json.loads(scenario("priority", "first", "--json", "--", "-3").out)
+    assert preferred == {"schema": "scenario/priority/1", "campaign": CAMPAIGN, "priority": -3}
+    calls = [call for call in fake.calls if call[0] in ("pause", "resume", "prioritise")]
+    assert calls == [("pause", CAMPAIGN), ("resume", CAMPAIGN), ("prioritise", CAMPAIGN, -3)]
+
+
+def test_a_priority_has_bounds(scenario, fake) -> None:
+    assert scenario("priority", "first", "1001").code == 2
+    assert fake.calls == []
+
+
 def test_stop_copes_with_a_daemon_that_is_gone_at_once(
     scenario, fake, monkeypatch, tmp_path
 ) -> None:

@@ -35,7 +35,10 @@ def test_a_daemon_is_watched_and_loses_traces_while_it_works(tmp_path: Path, rea
     with daemon_at(state, 2) as daemon, daemon.client() as client:
         client.submit(make_submission("first", 4))
         eventually(lambda: finished(client, 4))
-        client.submit(make_submission("second", 30, sleep=0.02))
+        client.submit(make_submission("second", 30, sleep=0.05))
+        assert scenario("pause", "second").code == 0
+        eventually(lambda: client.overview().running == 0)
+        assert "second (paused)" in scenario("status").out
         dry = json.loads(scenario("gc", "--keep", "0", "-n", "--json").out)
         assert (dry["schema"], dry["dry_run"]) == ("scenario/gc/1", True)
         assert client.runs("first").rows[0].trace
@@ -43,6 +46,10 @@ def test_a_daemon_is_watched_and_loses_traces_while_it_works(tmp_path: Path, rea
         assert said.code == 0
         assert "first  4 traces" in said.out
         assert "removed 4 traces" in said.out
+        assert client.overview().queued > 0
+        assert scenario("priority", "second", "3").code == 0
+        assert client.campaigns()[0].priority == 3
+        assert scenario("resume", "second").code == 0
         eventually(lambda: finished(client, 34))
         healthy = scenario("doctor", "--json")
         told = json.loads(healthy.out)
