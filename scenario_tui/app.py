@@ -17,6 +17,7 @@ from scenario_tui.feed import Feed, Picture
 from scenario_tui.screens.base import BaseScreen
 from scenario_tui.screens.campaigns import CampaignsScreen
 from scenario_tui.screens.dialogs import Help
+from scenario_tui.screens.matrix import MatrixScreen
 from scenario_tui.screens.run import RunScreen
 from scenario_tui.screens.runs import RunsScreen
 from scenario_tui.screens.workers import WorkersScreen
@@ -86,9 +87,13 @@ class Dashboard(App[None]):
                 screen.present()
                 return
 
-    def open_runs(self, campaign: str) -> None:
-        """Show the runs of a campaign."""
-        self.push_screen(RunsScreen(campaign))
+    def open_matrix(self, campaign: str) -> None:
+        """Show a campaign judged."""
+        self.push_screen(MatrixScreen(campaign))
+
+    def open_runs(self, campaign: str, scenario: str = "", sut: str = "") -> None:
+        """Show the runs of a campaign, or of one of its cells."""
+        self.push_screen(RunsScreen(campaign, scenario, sut))
 
     def open_run(self, run: str) -> None:
         """Show one run."""

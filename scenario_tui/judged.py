@@ -14,7 +14,7 @@ from rich.text import Text
 
 from daemon.assessment import Cell, ComparisonCell, OracleCell, Surprise
 from daemon.protocol import RunRow
-from daemon.verdict import Outcome
+from daemon.verdict import Outcome, Verdict
 from scenario_tui.summary import Results, leading
 from scenario_tui.wording import GLYPHS, glyph_word, margin, moment, run_label, word_of
 
@@ -114,6 +114,14 @@ def compared_text(cell: ComparisonCell, notes: Footnotes, styles: Styles) -> Tex
     if cell.note:
         text.append(f"\n{cell.note}", style=quiet(styles))
     return text
+
+
+def evidence_parts(verdict: Verdict) -> list[str]:
+    """Return margin, moment, object and note of a verdict, as far as there are any."""
+    seen = verdict.evidence
+    parts = ["" if verdict.margin is None else margin(verdict.margin, verdict.unit)]
+    parts.append("" if seen.time is None else f"at {moment(seen.time)}")
+    return [part for part in (*parts, seen.object, seen.note) if part]
 
 
 def surprise_text(found: Surprise, styles: Styles) -> Text:

@@ -9,7 +9,7 @@ from daemon.assessment import Assessment, Cell, Declared, OracleCell, RunRecord,
 from daemon.protocol import CampaignRow, RunRow
 from daemon.verdict import Outcome
 from scenario_tui.asking import Daemon, all_runs
-from scenario_tui.wording import SEVERITY, word_of
+from scenario_tui.wording import GLYPHS, SEVERITY, word_of
 
 UNFINISHED: tuple[str, ...] = ("running", "queued", "lost", "cancelled")
 """Words of runs without a verdict, in the order a cell is named after them."""
@@ -22,6 +22,11 @@ class Conclusion:
     word: str
     text: str
     unexpected: int = 0
+
+    @property
+    def said(self) -> str:
+        """The text behind its glyph: ``✓ as expected``."""
+        return f"{GLYPHS[self.word]} {self.text}"
 
 
 @dataclass(frozen=True, slots=True)

@@ -88,6 +88,20 @@ def margin(value: float | None, unit: str) -> str:
     return quantity(value, unit, signed=True)
 
 
+def margin_bar(share: float, half: int = 4) -> str:
+    """Return a bar that grows from the middle: left for a limit broken, right for one kept.
+
+    ``share`` is cut to [-1, 1]; every side has ``half`` cells in steps of half a cell, and what is
+    not nothing shows at least one step.
+    """
+    filled = 0.0 if math.isnan(share) else min(abs(share), 1.0)
+    steps = math.ceil(2 * half * filled)
+    full, rest = divmod(steps, 2)
+    if share < 0:
+        return f"{'▐' * rest + '█' * full:>{half}}│{'':{half}}"
+    return f"{'':{half}}│{'█' * full + '▌' * rest:<{half}}"
+
+
 def moment(seconds: float | None) -> str:
     """Return a moment of simulated time: ``312.4 s``."""
     return NOTHING if seconds is None else f"{seconds:.1f} s"

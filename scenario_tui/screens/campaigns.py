@@ -15,18 +15,20 @@ from scenario_tui.feed import Picture
 from scenario_tui.palette import QUIET, WORDS
 from scenario_tui.screens.base import empty
 from scenario_tui.screens.steering import Steering
+from scenario_tui.summary import Conclusion
 from scenario_tui.widgets.keyed_table import Column, KeyedTable, Row
 from scenario_tui.wording import GLYPHS, NOTHING, ago, counted, duration, tally
 
 SHOWN: Final = 500
 _COLUMNS: Final = (
     Column("campaign", 0),
-    Column("done", 9, right=True),
+    Column("judged", 15),
+    Column("done", 8, right=True),
     Column("✗ fail", 6, right=True),
-    Column("‼ err", 5, right=True),
+    Column("‼ err", 5, from_width=100, right=True),
     Column("! lost", 6, right=True),
-    Column("? incon", 7, right=True),
-    Column("✓ pass", 6, right=True),
+    Column("? incon", 7, from_width=100, right=True),
+    Column("✓ pass", 6, from_width=90, right=True),
     Column("submitted", 10, right=True),
 )
 _COUNTED: Final = ("fail", "error", "lost", "inconclusive", "pass")
@@ -49,6 +51,7 @@ class CampaignsScreen(Steering):
     """All campaigns; wide terminals show the one under the cursor beside the table."""
 
     BINDINGS: ClassVar[list[BindingType]] = [
+        Binding("m", "matrix", "Matrix", tooltip="The campaign judged, scenario by scenario"),
         Binding("c", "cancel", "Cancel", tooltip="Cancel the campaign, after a question"),
         Binding("r", "retry", "Retry", tooltip="Queue lost and cancelled runs again, or look anew"),
     ]
@@ -78,7 +81,9 @@ class CampaignsScreen(Steering):
         message = "" if picture.campaigns else _nothing(picture)
         empty(self.query_one("#empty"), self.query_one("#split"), message)
         table = self.query_one(KeyedTable)
-        table.fill([campaign_cells(row, now) for row in picture.campaigns[:SHOWN]])
+        said = picture.conclusions
+        rows = picture.campaigns[:SHOWN]
+        table.fill([campaign_cells(row, said.get(row.id), now) for row in rows])
         if not table.has_focus and table.display and self.focused is None:
             table.focus()
         self._describe()
@@ -90,7 +95,9 @@ class CampaignsScreen(Steering):
     def _describe(self) -> None:
         row = self.campaign()
         if row is not None:
-            self.query_one("#about", Static).update(campaign_text(row, self.dashboard.clock()))
+            said = self.dashboard.picture.conclusions.get(row.id)
+            text = campaign_text(row, said, self.dashboard.clock())
+            self.query_one("#about", Static).update(text)
 
     def on_data_table_row_selected(self, event: DataTable.RowSelected) -> None:
         """Open the campaign's runs."""
@@ -103,12 +110,13 @@ def _nothing(picture: Picture) -> str:
     return _NOTHING
 
 
-def campaign_cells(row: CampaignRow, now: float) -> Row:
-    """Return a campaign as a row of the table."""
+def campaign_cells(row: CampaignRow, said: Conclusion | None, now: float) -> Row:
+    """Return a campaign as a row of the table; ``said`` is ``None`` when it was not judged."""
     done = row.total - row.queued - row.running
     counts = tally(row)
     return row.id, (
         Text(row.id),
+        Text(said.said, style=WORDS[said.word]) if said else Text(NOTHING, style=QUIET),
         Text(f"{done}/{row.total}"),
         *(_count(counts.get(word, 0), word) for word in _COUNTED),
         Text(ago(row.submitted_at, now), style=QUIET),
@@ -119,9 +127,11 @@ def _count(number: int, word: str) -> Text:
     return Text(f"{number:,}", style=WORDS[word]) if number else Text(NOTHING, style=QUIET)
 
 
-def campaign_text(row: CampaignRow, now: float) -> Text:
+def campaign_text(row: CampaignRow, said: Conclusion | None, now: float) -> Text:
     """Return a campaign in words, and what to type about it."""
     text = Text.assemble((row.name, "bold"), "\n")
+    if said:
+        text.append(f"{said.said}\n", style=WORDS[said.word])
     if row.about:
         text.append(f"{row.about}\n")
     text.append(f"\n{counted(row.total, 'run')}, submitted {ago(row.submitted_at, now)}")

@@ -53,13 +53,14 @@ class RunsScreen(Steering):
         Binding("S", "reverse", "Reverse", show=False, tooltip="Sort the other way round"),
         Binding("n,right_square_bracket", "page(1)", "Next", show=False, tooltip="Next page"),
         Binding("p,left_square_bracket", "page(-1)", "Prev", show=False, tooltip="Page before"),
+        Binding("m", "matrix", "Matrix", tooltip="The campaign judged, scenario by scenario"),
         Binding("c", "cancel", "Cancel", tooltip="Cancel the campaign, after a question"),
         Binding("r", "retry", "Retry", tooltip="Queue lost and cancelled runs again, or look anew"),
     ]
 
-    def __init__(self, campaign: str = "") -> None:
+    def __init__(self, campaign: str = "", scenario: str = "", sut: str = "") -> None:
         super().__init__()
-        self._wanted = RunsWanted(campaign, limit=PAGE)
+        self._wanted = RunsWanted(campaign, limit=PAGE, scenario=scenario, sut=sut)
         self._only = 0
 
     def body(self) -> ComposeResult:
@@ -85,6 +86,8 @@ class RunsScreen(Steering):
         """Where we are, which page, sorted and filtered how."""
         wanted, page = self._wanted, self._page(self.dashboard.picture)
         parts = [f"campaigns › {wanted.campaign}" if wanted.campaign else "all runs"]
+        if wanted.scenario:
+            parts[0] += f" › {wanted.scenario}/{wanted.sut}"
         if page is not None:
             last = wanted.offset + len(page.rows)
             first = wanted.offset + 1 if page.rows else 0

@@ -16,6 +16,12 @@ class Steering(BaseScreen):
         """Return the campaign the keys are about."""
         raise NotImplementedError
 
+    def action_matrix(self) -> None:
+        """Show the campaign's matrix."""
+        row = self.campaign()
+        if row is not None:
+            self.dashboard.open_matrix(row.id)
+
     def action_cancel(self) -> None:
         """Ask whether to cancel, then do it."""
         row = self.campaign()

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 from rich.text import Text
 
 from daemon.protocol import RunDetail, RunState
@@ -16,6 +18,7 @@ from scenario_tui.wording import (
     duration,
     glyph_word,
     margin,
+    margin_bar,
     moment,
     quantity,
     run_label,
@@ -55,7 +58,14 @@ def _verdicts(text: Text, result: RunResult) -> None:
         text.append(f"{glyph_word(verdict.outcome)}  ", style=WORDS[verdict.outcome])
         text.append(verdict.oracle, style="bold")
         text.append(f"  {_value(verdict)}\n")
-        for line in _seen(verdict):
+        first, *rest = (*_seen(verdict), "")
+        if verdict.margin is not None:
+            bar = margin_bar(_share(verdict))
+            text.append("    ").append(f"{bar}  ", style=WORDS[verdict.outcome])
+            text.append(f"{first}\n", style=QUIET)
+        else:
+            rest = [first, *rest]
+        for line in filter(None, rest):
             text.append(f"    {line}\n", style=QUIET)
     text.append("\n")
     if result.note:
@@ -71,17 +81,25 @@ def _value(verdict: Verdict) -> str:
     return shown
 
 
+def _share(verdict: Verdict) -> float:
+    """Return a margin as a share of the larger of value and limit, of 1 SI unit without those."""
+    seen, found = verdict.evidence, verdict.margin or 0.0
+    sizes = [abs(size) for size in (seen.value, seen.limit) if size is not None]
+    # With a limit of zero the value is the margin: compared with that it would always be all.
+    scale = max(sizes) if seen.limit and len(sizes) == 2 else 1.0
+    return math.copysign(1.0, found) if math.isinf(scale) or math.isinf(found) else found / scale
+
+
 def _seen(verdict: Verdict) -> list[str]:
-    """Return the evidence: when and how much, then what and where."""
+    """Return the evidence: when and at what, then how much and what else there is to say."""
     seen = verdict.evidence
-    moments = []
-    if seen.time is not None:
-        moments.append(f"at {moment(seen.time)}")
+    where = ["" if seen.time is None else f"at {moment(seen.time)}", seen.object]
+    amounts = ""
     if seen.value is not None and seen.limit is not None:
         value, limit = quantity(seen.value, verdict.unit), quantity(seen.limit, verdict.unit)
-        moments.append(f"{value}, limit {limit}")
-    things = [extra for extra in (seen.object, seen.note) if extra]
-    return [", ".join(parts) for parts in (moments, things) if parts]
+        amounts = f"{value}, limit {limit}"
+    lines = (where, [amounts, seen.note])
+    return [", ".join(filter(None, line)) for line in lines if any(line)]
 
 
 def _oracles(text: Text, detail: RunDetail) -> None:

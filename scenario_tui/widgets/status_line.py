@@ -8,6 +8,7 @@ from textual.widgets import Static
 from daemon.protocol import Overview
 from scenario_tui.feed import Picture
 from scenario_tui.palette import GOOD, QUIET, WORDS
+from scenario_tui.summary import Conclusion, overall
 from scenario_tui.wording import GLYPHS, duration, rate, tally
 
 _SHORT = {"inconclusive": "incon", "cancelled": "canc", "running": "run", "queued": "queue"}
@@ -30,8 +31,9 @@ def status_text(picture: Picture, now: float, width: int) -> Text:
     overview = picture.overview
     if overview is None:
         return Text("… connecting")
+    said = overall(picture.campaigns, picture.conclusions)
     for level in range(_LEVELS):
-        text = _counts(overview, level)
+        text = _counts(overview, said, level)
         if text.cell_len <= width:
             break
     return text
@@ -47,11 +49,13 @@ def _gone(picture: Picture, now: float) -> Text:
     return Text.assemble(("! ", "bold"), (age, "bold"))
 
 
-def _counts(overview: Overview, level: int) -> Text:
+def _counts(overview: Overview, said: Conclusion | None, level: int) -> Text:
     """Return the line; each level is shorter, the last one has few words left."""
     short = _SHORT if level else {}
     gap = " " if level < 2 else ""
-    text = Text("✓ connected" if level < 2 else "✓ up", style=GOOD)
+    text = Text("✓ connected" if level < 1 else "✓ up", style=GOOD)
+    if said is not None:
+        text.append(f"  {said.said}", style=WORDS[said.word])
     counts = tally(overview)
     for word, count in counts.items():
         name = f" {short.get(word, word)}" if level < 3 or word == "fail" else ""

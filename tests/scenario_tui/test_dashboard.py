@@ -49,7 +49,7 @@ async def test_the_first_line_says_whether_it_is_fine(opened) -> None:
     async with opened(120, 30) as pilot:
         await settle(pilot)
         line = screen_text(pilot)[0]
-    for words in ("✓ connected", "✗ 2 fail", "! 1 lost", "▶ 1 running", "… 1 queued",
+    for words in ("✓ up", "✗ 1 unexpected", "✗ 2 fail", "! 1 lost", "▶ 1 run", "… 1 queue",
                   "12.5 runs/min", "1 min 35 s left"):  # fmt: skip
         assert words in line
 
@@ -177,8 +177,9 @@ async def test_a_run_shows_verdicts_margins_evidence_and_its_trace(opened) -> No
         await settle(pilot)
         await press(pilot, "enter", *["down"] * 5, "enter")
         text = shown(pilot)
-    for words in ("S2/pilot/0  ✗ fail", "no-contact  −0.0312 m", "at 512.2 s, −0.0312 m, limit 0 m",
-                  "door-1, front left corner", "✓ pass  reached  +888 s", "· measure  travelled",
+    for words in ("S2/pilot/0  ✗ fail", "no-contact  −0.0312 m", "   ▐│      at 512.2 s, door-1",
+                  "−0.0312 m, limit 0 m, front left corner", "    │███   at 312.5 s",
+                  "✓ pass  reached  +888 s", "· measure  travelled",
                   "seed 2024", "S1.pilot.5.mcap"):  # fmt: skip
         assert words in text
 
@@ -227,10 +228,10 @@ async def test_wide_terminals_show_the_run_beside_the_table(opened) -> None:
         text = shown(pilot)
         assert isinstance(pilot.app.screen, RunsScreen)
         assert "S2/pilot/0  ✗ fail" in text
-        assert "door-1, front left corner" in text
+        assert "at 512.2 s, door-1" in text
         await pilot.resize_terminal(80, 24)
         await settle(pilot)
-        assert "door-1, front left corner" not in shown(pilot)
+        assert "at 512.2 s, door-1" not in shown(pilot)
 
 
 async def test_no_line_of_any_screen_is_wider_than_the_terminal(opened) -> None:

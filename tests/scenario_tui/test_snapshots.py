@@ -6,6 +6,7 @@ import pytest
 
 from tests.scenario_tui.fake import FakeDaemon, make_live
 from tests.scenario_tui.inline import make_dashboard, press, settle
+from tests.scenario_tui.judged_campaign import judged_campaign
 
 NARROW, WIDE = (80, 24), (120, 40)
 SCREENS = {
@@ -28,6 +29,16 @@ def test_screen(snap_compare, screen: str, size: tuple[int, int]) -> None:
         await press(pilot, *SCREENS[screen])
 
     assert snap_compare(make_dashboard(fake), terminal_size=size, run_before=before)
+
+
+@pytest.mark.parametrize("size", [NARROW, WIDE], ids=["80x24", "120x40"])
+def test_the_matrix(snap_compare, size: tuple[int, int]) -> None:
+    async def before(pilot) -> None:
+        await settle(pilot)
+        await press(pilot, "m", "n")
+
+    dashboard = make_dashboard(judged_campaign())
+    assert snap_compare(dashboard, terminal_size=size, run_before=before)
 
 
 def test_a_gone_daemon(snap_compare) -> None:

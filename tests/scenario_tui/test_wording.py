@@ -59,6 +59,22 @@ def test_ages_have_one_unit(age, text) -> None:
     assert wording.ago(1000.0, 1000.0 + age) == text
 
 
+@pytest.mark.parametrize(
+    ("share", "bar"),
+    [
+        (0.0, "    │    "),
+        (0.01, "    │▌   "),
+        (0.5, "    │██  "),
+        (-0.3, "  ▐█│    "),
+        (7.0, "    │████"),
+        (-math.inf, "████│    "),
+        (math.nan, "    │    "),
+    ],
+)
+def test_bars_grow_from_the_middle_to_the_side_of_the_verdict(share, bar) -> None:
+    assert wording.margin_bar(share) == bar
+
+
 def test_every_outcome_and_state_has_a_glyph_and_a_style() -> None:
     for word in (*Outcome, *(state for state in RunState if state is not RunState.DONE)):
         assert wording.glyph_word(str(word)).endswith(str(word))
