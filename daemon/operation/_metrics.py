@@ -61,6 +61,11 @@ def _families(standing: Standing) -> Iterator[tuple[str, str, Samples]]:
             for labels, value in _fields(row, "state", states)
         ],
     )
+    yield (
+        "scenario_campaign_paused",
+        "1 while an unfinished campaign is paused.",
+        [({"campaign": row.id}, int(row.paused)) for row in unfinished],
+    )
     yield "scenario_run_rate_hertz", "Runs finished lately.", [({}, overview.rate / 60.0)]
     yield from _workers(standing.workers, overview.now)
     yield "scenario_disk_bytes", "Size of the state directory's disk.", [({}, disk.total)]

@@ -48,6 +48,7 @@ OVERVIEW = Overview(
 OPEN = CampaignRow(
     id="open", name="open", about="", submitted_at=0.0, finished_at=None, total=8, queued=3,
     running=2, done=2, lost=1, cancelled=0, passed=1, failed=1, inconclusive=0, errors=0,
+    paused=True,
 )  # fmt: skip
 SHUT = replace(OPEN, id="shut", queued=0, running=0, finished_at=5.0)
 WORKER = WorkerRow('w"1\\\n', "host", 1, "1.2", 4, 2, 1.8e9, 1.8e9 + 60.0)
@@ -66,6 +67,7 @@ def test_numbers_are_those_of_the_daemon() -> None:
     words = ("pass", "fail", "inconclusive", "error")
     assert [value("outcomes", outcome=word) for word in words] == [5, 3, 1, 0]
     assert value("campaign_runs", campaign="open", state="queued") == 3
+    assert value("campaign_paused", campaign="open") == 1
     assert not any(("campaign", "shut") in labels for _, labels in found)
     assert value("run_rate_hertz") == 1.5
     worker = {"worker": 'w"1\\\n', "host": "host"}
