@@ -164,7 +164,7 @@ def _silence(places: Places, endpoint: Endpoint, error: DaemonError) -> Finding:
         return problem(
             "daemon",
             f"process {contact.pid} keeps the directory and does not answer",
-            f"see {places.log}; end it with: kill {contact.pid}",
+            f"see {places.log}; end it with kill, else kill -9 (what it recorded stays)",
         )
     return warning(
         "daemon",

@@ -187,6 +187,8 @@ def _print_runs(rows: tuple[RunRow, ...]) -> None:
     for row in rows:
         word = Text(glyph_word(word_of(row)), style=STYLES[word_of(row)])
         shown = margin(row.margin, row.unit) if row.oracle else ""
-        kept = f"{row.trace or row.reason} (cached)" if row.cached else row.trace
+        kept = row.trace or row.reason
+        if row.cached:
+            kept += " (cached)"
         table.add_row(run_label(row), word, row.oracle, shown, kept)
     out().print(table)

@@ -46,6 +46,7 @@ def test_a_daemon_is_watched_and_loses_traces_while_it_works(tmp_path: Path, rea
         assert said.code == 0
         assert "first  4 traces" in said.out
         assert "removed 4 traces" in said.out
+        assert "its trace is gone" in scenario("results", "first", "--runs").out
         assert client.overview().queued > 0
         assert scenario("priority", "second", "3").code == 0
         assert client.campaigns()[0].priority == 3
