@@ -23,6 +23,7 @@ from scenario_tui.cli import (
     _gc,
     _judge,
     _metrics,
+    _plot,
     _reading,
     _replay,
     _report,
@@ -43,6 +44,7 @@ _PANELS: Final[dict[str, tuple[Callable[..., None], ...]]] = {
         _compare.compare,
         _report.report,
         _replay.replay,
+        _plot.plot,
     ),
     "Understand": (_coverage.coverage, _blame.blame),
     "Steer": (
