@@ -9,11 +9,13 @@ from typing import Any
 
 import pytest
 
+from daemon.assessment import Assessment
 from daemon.protocol import RunState
 from daemon.verdict import Outcome
 from scenario_tui.judging import Judge
 from scenario_tui.screens.matrix import MatrixScreen
 from scenario_tui.screens.runs import RunsScreen
+from scenario_tui.summary import conclude, overall, unexpected
 from scenario_tui.widgets.cell_table import CellTable
 from tests.scenario_tui.fake import CAMPAIGN, OLD, FakeDaemon
 from tests.scenario_tui.inline import make_dashboard, press, screen_text, settle
@@ -159,3 +161,27 @@ def test_what_did_not_change_is_not_judged_again(judged) -> None:
     assert not judge.step(judged, rows, CAMPAIGN)
     assert judge.conclusions[OLD].said == "✓ as expected"
     assert judge.conclusions[CAMPAIGN].said == "✗ 1 unexpected"
+
+
+@pytest.mark.parametrize(
+    ("code", "finished", "said"),
+    [
+        (0, True, "✓ as expected"),
+        (3, True, "! not all judged"),
+        (4, True, "? undecided"),
+        (4, False, "▶ so far fine"),
+    ],
+)
+def test_a_campaign_is_told_in_two_words(code, finished, said) -> None:
+    assert conclude(Assessment((), (), (), code), finished=finished).said == said
+
+
+def test_the_first_line_is_about_the_newest_campaign_of_each_name(judged) -> None:
+    rows = judged._campaign_rows()
+    fixed = replace(rows[0], id="first-later")
+    said = {rows[0].id: unexpected(2), rows[1].id: unexpected(1), fixed.id: conclude(
+        Assessment((), (), (), 0), finished=True)}  # fmt: skip
+    assert overall(rows, said) == unexpected(3)
+    assert overall((fixed, *rows), said) == unexpected(1)
+    assert overall((fixed,), said) == said[fixed.id]
+    assert overall(rows, {}) is None

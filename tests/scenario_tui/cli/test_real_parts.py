@@ -169,6 +169,10 @@ def test_the_dashboard_opens_in_a_terminal_and_leaves_without_stopping_work(
     os.close(follower)
     try:
         assert "connected" in _read_until(leader, "connected")
+        # The mission takes longer than the limit of this campaign.
+        assert "1 unexpected" in _read_until(leader, "1 unexpected")
+        os.write(leader, b"m")
+        assert "expected pass" in _read_until(leader, "expected pass")
         os.write(leader, b"q")
         assert "no run is waiting" in _read_until(leader, "Back with")
         assert process.wait(10) == 0
