@@ -36,7 +36,8 @@ def submission(campaigns: Path, tmp_path_factory: pytest.TempPathFactory) -> Sub
     folder = tmp_path_factory.mktemp("crowd") / "campaigns"
     shutil.copytree(campaigns, folder)
     file = folder / "demo" / "campaign.yaml"
-    file.write_text(file.read_text(encoding="utf-8") + CROWDED, encoding="utf-8")
+    text = file.read_text(encoding="utf-8")
+    file.write_text(text.replace("\nexpect:", f"{CROWDED}\nexpect:"), encoding="utf-8")
     (folder / "demo" / "surprise.scenery").write_text(SURPRISE, encoding="utf-8")
     campaign = load_campaign(file)
     found = [d for d in check(campaign) if "people.scenery" in d.where.file]
