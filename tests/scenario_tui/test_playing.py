@@ -25,14 +25,18 @@ def notices(pilot: Any) -> str:
     return " ".join(notice.message for notice in pilot.app._notifications)
 
 
+async def look_at(pilot: Any, index: int) -> None:
+    await pilot.pause(0)
+    pilot.app.open_run(f"{CAMPAIGN}.{index}")
+    await settle(pilot)
+
+
 async def test_p_plays_a_finished_run_and_q_comes_back(fake: FakeDaemon, tmp_path: Path) -> None:
     trace = record_run(tmp_path / "run.mcap")
-    rows = list(fake.rows)
-    rows[0] = replace(rows[0], trace=str(trace))
-    fake.rows = tuple(rows)
+    fake.rows = (replace(fake.rows[0], trace=str(trace)), *fake.rows[1:])
     async with opened(fake) as pilot:
-        await settle(pilot)
-        await press(pilot, "enter", "enter", "p")
+        await look_at(pilot, 0)
+        await pilot.press("p")
         await pilot.app.workers.wait_for_complete()
         await pilot.pause(0)
         assert isinstance(pilot.app.screen, ReplayScreen)
@@ -45,19 +49,14 @@ async def test_p_plays_a_finished_run_and_q_comes_back(fake: FakeDaemon, tmp_pat
         assert isinstance(pilot.app.screen, RunScreen)
 
 
-async def test_a_finished_run_without_its_trace_says_so_instead_of_a_map(fake: FakeDaemon) -> None:
+async def test_where_there_is_nothing_to_play_the_screen_says_why(fake: FakeDaemon) -> None:
     async with opened(fake) as pilot:
-        await settle(pilot)
-        await press(pilot, "enter", "enter", "v")
+        await look_at(pilot, 0)
+        await press(pilot, "v", "p")
         assert "Its trace is not on this machine" in shown(pilot)
         assert "↑ robot" not in shown(pilot)
-        await press(pilot, "p")
         assert "not on this machine" in notices(pilot)
         assert isinstance(pilot.app.screen, RunScreen)
-
-
-async def test_p_waits_until_a_run_is_over(fake: FakeDaemon) -> None:
-    async with opened(fake) as pilot:
-        await settle(pilot)
-        await press(pilot, "enter", *"jjjjjjj", "enter", "p")
+        await look_at(pilot, 7)  # still running
+        await pilot.press("p")
         assert "when it is over" in notices(pilot)
