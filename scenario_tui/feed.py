@@ -39,6 +39,7 @@ REFRESH: Final = 1.0
 _BREATH: Final = 0.2
 """Seconds between two looks at least, however much happens."""
 _RETRY: Final = 0.5
+_PATIENCE: Final = 1.0
 _JUDGING: Final = 0.1
 """Seconds between two looks for campaigns that should be judged."""
 _SCENES_KEPT: Final = 8
@@ -134,6 +135,7 @@ class Feed:
     ) -> None:
         self._open = open_daemon
         self._judge = judge or Judge()
+        self._judged = threading.Lock()
         self._clock = clock
         self._want = Want()
         self._picture = Picture()
@@ -213,7 +215,8 @@ class Feed:
                     self._wake.wait(REFRESH - _BREATH)
             finally:
                 leaving.set()
-                judging.join()
+                # A question about a large campaign may still wait for a daemon that is gone.
+                judging.join(_PATIENCE)
                 subscription.close()
 
     def _judging(self, daemon: Daemon, leaving: threading.Event) -> None:
@@ -225,12 +228,14 @@ class Feed:
             except DaemonError:
                 continue  # whoever takes the pictures notices too, and says so
             except Exception as error:
-                self._failure = error
+                if not leaving.is_set():  # else the connection was closed while it was used
+                    self._failure = error
                 return
 
     def judge(self, daemon: Daemon) -> bool:
         """Judge one campaign if one changed; return whether there was one."""
-        return self._judge.step(daemon, self._picture.campaigns, self._want.results)
+        with self._judged:
+            return self._judge.step(daemon, self._picture.campaigns, self._want.results)
 
     def _on_event(self, event: Event) -> None:
         if event.campaign:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import replace
@@ -108,6 +109,30 @@ def test_an_event_makes_the_feed_look_at_once(fake, monkeypatch) -> None:
     fake.listeners[0][0](Event(1, "run", f"{CAMPAIGN}.7"))
     eventually(lambda: len(fake.calls) > before + 1)
     feed.close()
+
+
+def test_a_daemon_that_goes_while_it_is_asked_for_results_is_noticed(
+    feed: Feed, fake: FakeDaemon, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    silent, asked = threading.Event(), threading.Event()
+    monkeypatch.setattr(feed_module, "_PATIENCE", 0.01)
+    monkeypatch.setattr(feed_module, "_JUDGING", 0.005)
+
+    def records(campaign: str) -> tuple[()]:
+        asked.set()
+        silent.wait(5.0)
+        raise OSError("the connection was closed")
+
+    monkeypatch.setattr(fake, "records", records)
+    feed.start()
+    assert asked.wait(5.0)
+    fake.reachable = False
+    eventually(lambda: not feed._picture.connected)
+    silent.set()
+    for thread in threading.enumerate():
+        if thread.name == "judge":
+            thread.join(5.0)
+    assert feed._failure is None
 
 
 def test_a_trace_that_is_not_here_is_said_to_be_missing(fake) -> None:
