@@ -19,6 +19,9 @@ _FIELDS = (
     | BodyFields.ANGULAR_VELOCITY
 )
 
+_FALLING_ASLEEP = 25
+"""Ticks: half of what :func:`daemon.simulator._world._new_space` sets."""
+
 
 class BodyStates:
     """States of bodies as rows (x, y, angle, vx, vy, w), row i for body i; row 0 stays zero.
@@ -36,14 +39,29 @@ class BodyStates:
         self._buffer = Buffer()
         self._listing = b""
         self._order: npt.NDArray[np.intp] = np.empty(0, dtype=np.intp)
-        self._tick = -1
+        self._tick, self._asleep = -1, False
+        moving = [b for b in bodies[1:] if b.body_type != pymunk.Body.STATIC]
+        self._sleepers = [b for b in moving if b.body_type == pymunk.Body.DYNAMIC]
+        self._restless = len(self._sleepers) < len(moving)
 
     def at(self, tick: int) -> Floats:
-        """Return the table, read again only when ``tick`` is new."""
+        """Return the table, read again only when ``tick`` is new and something may have moved."""
         if tick != self._tick:
-            self._read()
+            if not self._slept_since(tick):
+                self._read()
             self._tick = tick
         return self._table
+
+    def _slept_since(self, tick: int) -> bool:
+        """Whether every body sleeps, and has since the last reading.
+
+        Within less than the time bodies take to fall asleep none can have woken, moved and
+        fallen asleep again.
+        """
+        asleep = not self._restless and all(body.is_sleeping for body in self._sleepers)
+        still = asleep and self._asleep and 0 <= tick - self._tick < _FALLING_ASLEEP
+        self._asleep = asleep
+        return still
 
     def _read(self) -> None:
         self._buffer.clear()
