@@ -63,7 +63,8 @@ def test_scenarios_that_look_the_same_share_a_folder(
 ) -> None:
     text = (campaigns / "demo" / "campaign.yaml").read_text()
     twin = tmp_path / "campaign.yaml"
-    twin.write_text(f"{text}\n  strict-house:\n    like: open-house\n    oracles: [no-contact]\n")
+    strict = "\n  strict-house:\n    like: open-house\n    oracles: [no-contact]\n"
+    twin.write_text(text.replace("\nexpect:", f"{strict}\nexpect:"))
     for name in ("demo", "robots", "suts"):
         for path in (campaigns / name).iterdir():
             folder = tmp_path if name == "demo" else tmp_path / name
