@@ -12,7 +12,7 @@ from typing import Final
 
 from grammars.kinematics import WORLD
 from grammars.scene import Joint, Link, SceneObject
-from grammars.values import Point2, Pose2, wrap_angle
+from grammars.values import Point2, Pose2
 
 JOINTS: Final = ("x", "y", "yaw")
 _CARRIERS: Final = ("x_carrier", "y_carrier")
@@ -64,12 +64,6 @@ def chain_positions(mover: SceneObject, pose: Pose2, turn: float) -> tuple[float
     """
     x, y = mover.pose.inverse().apply((pose.x, pose.y))
     return (x, y, turn - mover.pose.yaw)
-
-
-def body_pose(mover: SceneObject) -> Pose2:
-    """Return the world pose of the body's frame at the start."""
-    x, y, yaw = mover.initial[:3]
-    return mover.pose @ Pose2(x, y, wrap_angle(yaw))
 
 
 def body_link(mover: SceneObject) -> str:

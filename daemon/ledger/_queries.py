@@ -143,11 +143,6 @@ class Reader:
     def _find_trace(self, name: str, source: str) -> str:
         return find_trace(self._db, self._places, name, source)
 
-    def has_work(self) -> bool:
-        """Whether any run is queued."""
-        found = self._db.execute("SELECT 1 FROM run WHERE state = 'queued' LIMIT 1").fetchone()
-        return found is not None
-
     def _run_row(self, row: sqlite3.Row) -> RunRow:
         outcome = Outcome(row["outcome"]) if row["outcome"] else None
         trace = self._find_trace(row["trace_name"], row["cached"]) if outcome is not None else ""

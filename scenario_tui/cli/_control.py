@@ -2,11 +2,37 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from scenario_tui.cli._options import AsJson, CampaignName, Connect, State
+
+if TYPE_CHECKING:
+    from scenario_tui.asking import Daemon
+
+
+def _steered(
+    word: str,
+    ask: Callable[[Daemon, str], int],
+    campaign: str,
+    connect: str,
+    state: Path | None,
+    as_json: bool,
+) -> tuple[str, str]:
+    """Ask the daemon about a campaign; return its id and how many runs it concerned, in words."""
+    from scenario_tui.cli._output import emit
+    from scenario_tui.cli._session import Target, find_campaign
+    from scenario_tui.wording import counted
+
+    with Target(connect, state).open() as daemon:
+        found = find_campaign(daemon, campaign).id
+        runs = ask(daemon, found)
+    if as_json:
+        emit(word, campaign=found, runs=runs)
+    return found, counted(runs, "run")
 
 
 def cancel(
@@ -16,16 +42,12 @@ def cancel(
 
     The results it has are kept.
     """
-    from scenario_tui.cli._output import emit, say
-    from scenario_tui.cli._session import Target, find_campaign
-    from scenario_tui.wording import counted
+    from scenario_tui.cli._output import say
 
-    with Target(connect, state).open() as daemon:
-        row = find_campaign(daemon, campaign)
-        count = daemon.cancel(row.id)
-    if as_json:
-        emit("cancel", campaign=row.id, runs=count)
-    say(f"cancelled {counted(count, 'run')} of {row.id}")
+    found, runs = _steered(
+        "cancel", lambda daemon, found: daemon.cancel(found), campaign, connect, state, as_json
+    )
+    say(f"cancelled {runs} of {found}")
 
 
 def retry(
@@ -41,16 +63,17 @@ def retry(
     as_json: AsJson = False,
 ) -> None:
     """Queue lost or cancelled runs of a campaign again."""
-    from scenario_tui.cli._output import emit, say
-    from scenario_tui.cli._session import Target, find_campaign
-    from scenario_tui.wording import counted
+    from scenario_tui.cli._output import say
 
-    with Target(connect, state).open() as daemon:
-        row = find_campaign(daemon, campaign)
-        count = daemon.retry(row.id, only=only)
-    if as_json:
-        emit("retry", campaign=row.id, runs=count)
-    say(f"queued {counted(count, 'run')} of {row.id} again")
+    found, runs = _steered(
+        "retry",
+        lambda daemon, found: daemon.retry(found, only=only),
+        campaign,
+        connect,
+        state,
+        as_json,
+    )
+    say(f"queued {runs} of {found} again")
 
 
 def pause(
@@ -60,32 +83,24 @@ def pause(
 
     Runs that are running finish.
     """
-    from scenario_tui.cli._output import emit, say
-    from scenario_tui.cli._session import Target, find_campaign
-    from scenario_tui.wording import counted
+    from scenario_tui.cli._output import say
 
-    with Target(connect, state).open() as daemon:
-        row = find_campaign(daemon, campaign)
-        count = daemon.pause(row.id)
-    if as_json:
-        emit("pause", campaign=row.id, runs=count)
-    say(f"paused {row.id}; {counted(count, 'run')} wait until `scenario resume {row.id}`")
+    found, runs = _steered(
+        "pause", lambda daemon, found: daemon.pause(found), campaign, connect, state, as_json
+    )
+    say(f"paused {found}; {runs} wait until `scenario resume {found}`")
 
 
 def resume(
     campaign: CampaignName, connect: Connect = "", state: State = None, as_json: AsJson = False
 ) -> None:
     """Go on with a paused campaign."""
-    from scenario_tui.cli._output import emit, say
-    from scenario_tui.cli._session import Target, find_campaign
-    from scenario_tui.wording import counted
+    from scenario_tui.cli._output import say
 
-    with Target(connect, state).open() as daemon:
-        row = find_campaign(daemon, campaign)
-        count = daemon.resume(row.id)
-    if as_json:
-        emit("resume", campaign=row.id, runs=count)
-    say(f"resumed {row.id}, {counted(count, 'run')} queued")
+    found, runs = _steered(
+        "resume", lambda daemon, found: daemon.resume(found), campaign, connect, state, as_json
+    )
+    say(f"resumed {found}, {runs} queued")
 
 
 def priority(

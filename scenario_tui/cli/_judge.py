@@ -52,7 +52,7 @@ def judge(
     from daemon.rejudge import find_traces, rejudge
     from daemon.spec import OracleText
     from grammars.oracle import load_oracles
-    from scenario_tui.cli._output import emit
+    from scenario_tui.cli._output import emit, watched
 
     written = None
     if oracles is not None:
@@ -62,29 +62,13 @@ def judge(
         paths = find_traces(traces, places)
     except ValueError as error:
         raise typer.BadParameter(str(error), param_hint="TRACES") from error
-    found = tuple(_watched(rejudge(paths, written, places=places, processes=processes), len(paths)))
+    judged = rejudge(paths, written, places=places, processes=processes)
+    found = tuple(watched(judged, len(paths), "judging"))
     if as_json:
         emit("judge", oracles=str(oracles or ""), traces=[_plain(one) for one in found])
     else:
         _print(found)
     raise typer.Exit(exit_code(str(one.outcome) for one in found))
-
-
-def _watched(judged: Iterable[Rejudged], total: int) -> Iterable[Rejudged]:
-    """Show how far it is, where somebody looks and it takes a while."""
-    from rich.progress import track
-
-    from scenario_tui.cli._output import err
-
-    console = err()
-    return track(
-        judged,
-        description="judging",
-        total=total,
-        console=console,
-        transient=True,
-        disable=not console.is_terminal,
-    )
 
 
 def _plain(one: Rejudged) -> dict[str, Any]:

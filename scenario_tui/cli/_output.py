@@ -7,12 +7,14 @@ import io
 import json
 import os
 import sys
+from collections.abc import Iterable
 from contextlib import suppress
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, Final, TypeVar
 
 if TYPE_CHECKING:
     from rich.console import Console
 
+T = TypeVar("T")
 
 _PLAIN: Final = {
     "✓": "+", "✗": "x", "‼": "!!", "·": ".", "…": "~", "▶": ">",
@@ -60,6 +62,21 @@ def _console(*, stderr: bool) -> Console:
     stream = sys.stderr if stderr else sys.stdout
     width = None if stream.isatty() else 160
     return Console(stderr=stderr, highlight=False, soft_wrap=False, width=width)
+
+
+def watched(found: Iterable[T], total: int, description: str) -> Iterable[T]:
+    """Pass ``found`` on and show how far it is, where somebody looks and it takes a while."""
+    from rich.progress import track
+
+    console = err()
+    return track(
+        found,
+        description=description,
+        total=total,
+        console=console,
+        transient=True,
+        disable=not console.is_terminal,
+    )
 
 
 def say(message: str) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final
 
@@ -11,10 +12,8 @@ from scenario_tui.cli._exits import ExitCode
 from scenario_tui.cli._options import AsJson, State
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
-
     from daemon.places import Places
-    from daemon.report import Chosen, Command, Gathered, Material
+    from daemon.report import Chosen, Command, Material
 
 _DEFAULT: Final = Path("report.html")
 _LOOKS: Final = (
@@ -72,6 +71,7 @@ def report(
     """Write a campaign as one page with figures, or as tables for machines."""
     from daemon.places import Places
     from daemon.report import gather, write_csv, write_junit, write_page, write_parquet
+    from scenario_tui.cli._output import watched
 
     places = Places.find(state)
     if run:
@@ -80,7 +80,8 @@ def report(
     tables = {"junit": junit, "csv": csv, "parquet": parquet}
     page = output or (None if any(tables.values()) else _DEFAULT)
     chosen = _chosen(campaign, places)
-    material = gather(chosen, processes=processes, watched=_watched)
+    bar = partial(watched, description="reading traces")
+    material = gather(chosen, processes=processes, watched=bar)
     if page is not None:
         _write(page, write_page(material, _commands(), processes=processes))
     for writer, path in ((write_junit, junit), (write_csv, csv), (write_parquet, parquet)):
@@ -115,23 +116,6 @@ def _commands() -> tuple[Command, ...]:
     known = command_names()
     return tuple(
         Command(text, purpose, failing) for name, text, purpose, failing in _LOOKS if name in known
-    )
-
-
-def _watched(found: Iterable[Gathered], total: int) -> Iterable[Gathered]:
-    """Show how far it is, where somebody looks and it takes a while."""
-    from rich.progress import track
-
-    from scenario_tui.cli._output import err
-
-    console = err()
-    return track(
-        found,
-        description="reading traces",
-        total=total,
-        console=console,
-        transient=True,
-        disable=not console.is_terminal,
     )
 
 

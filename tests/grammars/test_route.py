@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from grammars.behaviour import Walk
-from grammars.movers import body_pose, carried, chain_positions, is_mover
+from grammars.movers import carried, chain_positions, is_mover
 from grammars.route import CORNER, Profile, Route
 from grammars.scene import Joint, Link, SceneObject
 from grammars.values import Pose2
@@ -75,7 +75,7 @@ def test_the_chain_puts_the_body_anywhere() -> None:
     links, joints = carried((Link("body", (), 1.0, 0.0, 1.0),), (), "body")
     mover = SceneObject("v", "v", Pose2(1.0, 2.0, 0.7), links, joints, (0.0, 0.0, 0.0))
     positions = chain_positions(mover, Pose2(-3.0, 4.0), 9.0)
-    there = body_pose(SceneObject("v", "v", mover.pose, links, joints, positions))
+    there = mover.pose @ Pose2(*positions)
     assert (there.x, there.y) == pytest.approx((-3.0, 4.0))
     assert math.remainder(there.yaw - 9.0, math.tau) == pytest.approx(0.0)
 

@@ -15,7 +15,7 @@ from typing import Final, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from daemon.navigation.kernels import Integers, kernel
+from daemon.navigation.kernels import kernel
 from daemon.navigation.ros.grids import INSCRIBED
 
 Bits: TypeAlias = npt.NDArray[np.uint64]
@@ -151,11 +151,3 @@ def steps_at(distances: Bits, row: int, column: int, size: int, digits: int) -> 
 def is_fit(distances: Bits, row: int, column: int) -> bool:
     """Whether a cell is reached and fit to stand in."""
     return contains(distances[FIT], row, column)
-
-
-def as_integers(distances: Bits, shape: tuple[int, int]) -> Integers:
-    """Return the distances of all cells of a grid of ``shape``, for looking at them."""
-    cells = [(row, column) for row in range(shape[0]) for column in range(shape[1])]
-    size, digits = shape[0] * shape[1], distances.shape[0] - DIGITS
-    values = [steps_at(distances, row, column, size, digits) for row, column in cells]
-    return np.array(values, dtype=np.int32).reshape(shape)

@@ -9,16 +9,19 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from daemon.navigation.kernels import Integers
 from daemon.navigation.ros.dwa import DwaParameters
-from daemon.navigation.ros.dwa._distances import add as add_cell
 from daemon.navigation.ros.dwa._distances import (
-    as_integers,
+    DIGITS,
+    Bits,
     box,
     empty_set,
     everywhere_fit,
     passable_cells,
     spread_out,
+    steps_at,
 )
+from daemon.navigation.ros.dwa._distances import add as add_cell
 from daemon.navigation.ros.quirks import FIXED, ORIGINAL
 from tests.daemon.navigation.ros.dwa import plain
 from tests.daemon.navigation.ros.dwa.helpers import A2S, OMNI, Problem, random_problem
@@ -57,6 +60,14 @@ def assert_same(problem: Problem) -> int:
         drawn, _ = plain.trajectory(problem.state, samples[place], problem.settings)
         np.testing.assert_array_equal(points, drawn)
     return place
+
+
+def as_integers(distances: Bits, shape: tuple[int, int]) -> Integers:
+    """Return the distances of all cells of a grid of ``shape``."""
+    cells = [(row, column) for row in range(shape[0]) for column in range(shape[1])]
+    size, digits = shape[0] * shape[1], distances.shape[0] - DIGITS
+    values = [steps_at(distances, row, column, size, digits) for row, column in cells]
+    return np.array(values, dtype=np.int32).reshape(shape)
 
 
 @given(seed=st.integers(0, 2**32 - 1), variant=st.sampled_from(range(len(VARIANTS))))
