@@ -58,7 +58,7 @@ class Checker {
   check(document) {
     const file = document.uri.fsPath;
     const folder = folderOf(document.uri);
-    this.running.get(file)?.kill();
+    this.stop(file);
     return new Promise((done) => {
       const child = execFile(
         commandFor(document.uri),
@@ -77,6 +77,14 @@ class Checker {
     });
   }
 
+  /** End the check of a file, if one runs. */
+  stop(file) {
+    const child = this.running.get(file);
+    // A command that could not be started has no pid; Node would signal pid 0, which is
+    // everything in the process group of the editor.
+    if (child?.pid) child.kill();
+  }
+
   take(file, folder, error, stdout, stderr) {
     let report;
     try {
@@ -93,7 +101,7 @@ class Checker {
   }
 
   forget(document) {
-    this.running.get(document.uri.fsPath)?.kill();
+    this.stop(document.uri.fsPath);
     this.running.delete(document.uri.fsPath);
     if (this.found.delete(document.uri.fsPath)) this.publish();
   }

@@ -99,7 +99,12 @@ def hosted(
     host = Path(__file__).with_name("extension_host.js")
     arguments = [VSCODE / "extension.js", folder, file, language, command, trust]
     done = subprocess.run(
-        ["node", host, *arguments], capture_output=True, text=True, check=True, timeout=60
+        ["node", host, *arguments],
+        capture_output=True,
+        text=True,
+        check=True,
+        timeout=60,
+        start_new_session=True,
     )
     answer: dict[str, Any] = json.loads(done.stdout)
     return answer
