@@ -28,7 +28,7 @@ def plain_rays(shape, poses, ranges, angle_min, step, range_max, resolution=0.1)
     cells = np.zeros(shape, np.bool_)
     for (x, y, yaw), scan in zip(poses, ranges, strict=True):
         for k, reading in enumerate(scan):
-            reach = min(reading, range_max)
+            reach = min(float(reading), range_max)
             if math.isnan(reach) or reach <= 0.0:
                 continue
             for j in range(int(reach / (resolution / 2)) + 1):

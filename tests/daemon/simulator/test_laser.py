@@ -44,8 +44,9 @@ def inside_something(simulated: World, point: tuple[float, float]) -> bool:
     walls = [shapely.Polygon(part.polygon) for part in ROOM if isinstance(part, Solid)]
     links = [s for s in simulated._space.shapes if isinstance(s, pymunk.Poly)]
     links.remove(simulated._base.shape)
-    return any(wall.contains(place) for wall in walls) or any(
-        link.point_query(point).distance < 0.0 for link in links
+    # On a surface it is neither inside nor outside.
+    return any(wall.covers(place) for wall in walls) or any(
+        link.point_query(point).distance <= 0.0 for link in links
     )
 
 

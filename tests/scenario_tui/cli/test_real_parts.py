@@ -86,7 +86,12 @@ def test_a_run_told_to_end_leaves_no_workshop_behind(
 ) -> None:
     file = str(place / "campaigns" / "demo" / "campaign.yaml")
     process = subprocess.Popen(
-        [*COMMAND, "run", file, "-o", str(tmp_path)], stderr=subprocess.PIPE, text=True, cwd=place
+        [*COMMAND, "run", file, "-o", str(tmp_path)],
+        stderr=subprocess.PIPE,
+        text=True,
+        cwd=place,
+        # Ctrl-C is ignored in what a script starts in the background, these tests perhaps.
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
     )
     while not list(tmp_path.glob(".scenario-*/daemon.json")):
         assert process.poll() is None
