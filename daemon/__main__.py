@@ -15,7 +15,7 @@ from daemon.errors import (
     WorkerBroken,
 )
 from daemon.executor import DEFAULT_EXECUTOR, Limits
-from daemon.protocol import DEFAULT_ENDPOINT
+from daemon.places import DEFAULT_ENDPOINT
 
 
 def main() -> int:

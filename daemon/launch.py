@@ -16,8 +16,7 @@ from typing import IO, Final
 from daemon.client import Client
 from daemon.errors import EXIT_ALREADY_RUNNING, DaemonError, LaunchFailed
 from daemon.executor import DEFAULT_EXECUTOR
-from daemon.places import Places
-from daemon.protocol import DEFAULT_ENDPOINT
+from daemon.places import DEFAULT_ENDPOINT, Places
 
 _START_LIMIT: Final = 20.0
 _LEAVE_LIMIT: Final = 5.0

@@ -4,6 +4,8 @@ ledger.db  daemon.lock  daemon.json  daemon.log  worker.log
 scenes/<digest>.json
 traces/<campaign>/<scenario>.<sut>.<repeat>.mcap
 spool/<worker>/<run>/attempt-<k>/
+
+Shell completion asks at every TAB where the ledger lies: what is heavy is imported when needed.
 """
 
 from __future__ import annotations
@@ -14,14 +16,15 @@ import shutil
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final, Literal
+from typing import TYPE_CHECKING, Final, Literal
 from urllib.parse import quote
 
 import platformdirs
 
-from daemon.protocol import DEFAULT_ENDPOINT, Disk
-from grammars import codec
+if TYPE_CHECKING:
+    from daemon.protocol import Disk
 
+DEFAULT_ENDPOINT: Final = "tcp/127.0.0.1:7447"
 _ID: Final = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,99}\Z")
 _RUN_ID: Final = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,99}\.[0-9]{1,9}\Z")
 _DIGEST: Final = re.compile(r"[0-9a-f]{64}\Z")
@@ -155,6 +158,8 @@ class Places:
 
     def disk(self) -> Disk:
         """Measure the file system of the state directory; raises ``OSError``."""
+        from daemon.protocol import Disk
+
         usage = shutil.disk_usage(self.state)
         journal = self.ledger.with_name(f"{self.ledger.name}-wal")
         sizes = (path.stat().st_size for path in (self.ledger, journal) if path.exists())
@@ -175,6 +180,8 @@ class Places:
 
     def read_contact(self) -> Contact | None:
         """Return who keeps this directory, or ``None`` when no daemon has said so."""
+        from grammars import codec
+
         try:
             return codec.from_json(Contact, self.contact_file.read_bytes())
         except (OSError, ValueError):

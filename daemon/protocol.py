@@ -16,7 +16,6 @@ from daemon.verdict import Outcome
 from grammars.scene import Scene
 
 PREFIX: Final = "scenario/v1"
-DEFAULT_ENDPOINT: Final = "tcp/127.0.0.1:7447"
 
 
 class RunState(StrEnum):

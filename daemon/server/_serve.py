@@ -23,8 +23,8 @@ from daemon.errors import AlreadyRunning, DaemonError
 from daemon.executor import DEFAULT_EXECUTOR, Limits, cores
 from daemon.ledger import Book, Reader, connect, connect_reader
 from daemon.messages import ALIVE, ASK, EVENTS, WORK
-from daemon.places import Contact, Places, write_atomically
-from daemon.protocol import DEFAULT_ENDPOINT, Event
+from daemon.places import DEFAULT_ENDPOINT, Contact, Places, write_atomically
+from daemon.protocol import Event
 from daemon.server._clerks import Job, Questions, Writer
 from daemon.server._desk import Desk
 from daemon.server._journal import Journal
