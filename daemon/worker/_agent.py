@@ -1,4 +1,4 @@
-"""The agent: leases runs, has children execute them, delivers what they leave.
+"""The agent: leases runs, has them executed, delivers what they leave.
 
 One loop in one thread. It never holds the daemon's word for granted: whatever was not
 acknowledged is asked, renewed or delivered again, across restarts of daemon and worker.
@@ -35,7 +35,7 @@ from daemon.messages import (
     WorkerInfo,
 )
 from daemon.places import Places, write_atomically
-from daemon.worker._children import Child, Nursery
+from daemon.worker._backend import Backend, Execution
 from daemon.worker._signals import Orders
 from daemon.worker._spool import Attempt, Placement, Spool
 from grammars import codec
@@ -73,10 +73,9 @@ class Agent:
         info: Callable[[int], WorkerInfo],
         places: Places,
         spool: Spool,
-        nursery: Nursery,
+        backend: Backend,
         orders: Orders,
         *,
-        slots: int,
         limits: Limits,
         renew: float,
         log: Callable[[str], None],
@@ -85,13 +84,12 @@ class Agent:
         self._info = info
         self._places = places
         self._spool = spool
-        self._nursery = nursery
+        self._backend = backend
         self._orders = orders
-        self._slots = slots
         self._limits = limits
         self._renew_period = renew
         self._log = log
-        self._children: list[Child] = []
+        self._executions: list[Execution] = []
         self._outbox: list[Attempt] = []
         self._releases: list[Release] = []
         self._renew_at = 0.0
@@ -109,7 +107,7 @@ class Agent:
         while not self._orders.abort:
             self._collect()
             self._talk()
-            if self._orders.drain and not self._children and self._may_leave():
+            if self._orders.drain and not self._executions and self._may_leave():
                 return
             self._rest()
         self._give_up()
@@ -122,13 +120,13 @@ class Agent:
     def _rest(self) -> None:
         now = time.monotonic()
         moments = [now + _POLL, max(self._renew_at, self._silent_until)]
-        moments += [child.deadline for child in self._children]
+        moments += [execution.deadline for execution in self._executions]
         if self._outbox or self._releases:
             moments.append(max(self._silent_until, self._deliver_at, now + _BREATH))
         pause = max(0.0, min(moments) - now)
-        things: list[Any] = [self._orders.wake]
-        for child in self._children:
-            things += [child.process.sentinel, child.wire]
+        things: list[Any] = [self._orders.wake, *self._backend.waitables]
+        for execution in self._executions:
+            things += execution.waitables
         wait(things, max(pause, 0.001))
         if self._orders.take_hints():
             # Something came to the queue, or something that runs here is not wanted any more.
@@ -136,24 +134,25 @@ class Agent:
 
     def _collect(self) -> None:
         now = time.monotonic()
-        for child in tuple(self._children):
-            child.listen()
-            self._publish(child)
-            if not child.ended and now > child.deadline:
-                limit = self._limits.wall_of(child.attempt.grant.spec.limit)
-                child.kill(f"stopped after {limit:g} s of wall clock time")
-            if child.ended:
-                self._take_in(child)
+        self._backend.listen()
+        for execution in tuple(self._executions):
+            execution.listen()
+            self._publish(execution)
+            if not execution.ended and now > execution.deadline:
+                limit = self._limits.wall_of(execution.attempt.grant.spec.limit)
+                execution.kill(f"stopped after {limit:g} s of wall clock time")
+            if execution.ended:
+                self._take_in(execution)
 
-    def _take_in(self, child: Child) -> None:
-        self._children.remove(child)
+    def _take_in(self, execution: Execution) -> None:
+        self._executions.remove(execution)
         self._lease_at = 0.0
-        child.listen()
-        if child.attempt.finished:
-            self._outbox.append(child.attempt)
+        execution.listen()
+        if execution.attempt.finished:
+            self._outbox.append(execution.attempt)
         else:
-            self._give_back(child.attempt, child.why(), blame=True)
-        child.close()
+            self._give_back(execution.attempt, execution.why(), blame=execution.blame)
+        execution.close()
 
     def _give_back(self, attempt: Attempt, why: str, *, blame: bool) -> None:
         grant = attempt.grant
@@ -161,10 +160,10 @@ class Agent:
         self._releases.append(Release(self._info(0).id, grant.run, grant.token, why, blame))
         attempt.discard()
 
-    def _publish(self, child: Child) -> None:
-        if child.live and self._publisher.matching_status:
-            self._publisher.put(child.live)
-        child.live = b""
+    def _publish(self, execution: Execution) -> None:
+        if execution.live and self._publisher.matching_status:
+            self._publisher.put(execution.live)
+        execution.live = b""
 
     def _talk(self) -> None:
         if time.monotonic() < self._silent_until:
@@ -219,30 +218,30 @@ class Agent:
             placement.withdraw()
 
     def _busy(self) -> WorkerInfo:
-        return self._info(len(self._children))
+        return self._info(len(self._executions))
 
     def _renew(self) -> None:
         if time.monotonic() < self._renew_at:
             return
         self._outbox += self._spool.adopt()
-        attempts = [child.attempt for child in self._children] + self._outbox
+        attempts = [execution.attempt for execution in self._executions] + self._outbox
         holds = tuple(Hold(a.grant.run, a.grant.token) for a in attempts)
         reply = self._link.ask(Verb.RENEW, RenewRequest(self._busy(), holds), RenewReply)
         self._renew_at = time.monotonic() + self._renew_period
         gone = {hold.token for hold in reply.gone}
-        for child in tuple(self._children):
-            if child.attempt.grant.token in gone:
-                self._drop(child)
+        for execution in tuple(self._executions):
+            if execution.attempt.grant.token in gone:
+                self._drop(execution)
 
-    def _drop(self, child: Child) -> None:
-        self._log(f"{child.attempt.grant.run}: no longer wanted here, stopped")
-        child.kill()
-        self._children.remove(child)
-        child.close()
-        child.attempt.discard()
+    def _drop(self, execution: Execution) -> None:
+        self._log(f"{execution.attempt.grant.run}: no longer wanted here, stopped")
+        execution.kill()
+        self._executions.remove(execution)
+        execution.close()
+        execution.attempt.discard()
 
     def _lease(self) -> None:
-        free = self._slots - len(self._children)
+        free = self._backend.slots - len(self._executions)
         if free <= 0 or self._orders.drain:
             return
         if time.monotonic() < max(self._lease_at, self._troubled_until):
@@ -262,7 +261,7 @@ class Agent:
         try:
             attempt = self._spool.open(grant)
             scene = self._scene(grant.spec.scene)
-            self._children.append(self._nursery.start(attempt, scene, self._limits))
+            self._executions.append(self._backend.start(attempt, scene, self._limits))
         except (DaemonError, OSError, EOFError, ValueError) as error:
             # No disk, no process, no scene: nothing the run could help.
             self._log(f"{grant.run}: not started, {error}")
@@ -280,14 +279,14 @@ class Agent:
         return path
 
     def _give_up(self) -> None:
-        for child in self._children:
-            child.kill("the worker was stopped")
-            if child.attempt.finished:
-                self._outbox.append(child.attempt)
+        for execution in self._executions:
+            execution.kill("the worker was stopped")
+            if execution.attempt.finished:
+                self._outbox.append(execution.attempt)
             else:
-                self._give_back(child.attempt, child.why(), blame=False)
-            child.close()
-        self._children.clear()
+                self._give_back(execution.attempt, execution.why(), blame=False)
+            execution.close()
+        self._executions.clear()
         try:
             self._deliver()
         except Unreachable:

@@ -19,6 +19,7 @@ from daemon import child
 from daemon.child import Task
 from daemon.errors import WorkerBroken
 from daemon.executor import Limits
+from daemon.worker._backend import Waitable
 from daemon.worker._spool import Attempt
 
 _LAST_WORDS: Final = 4000
@@ -27,7 +28,10 @@ _WARM_UP_LIMIT: Final = 300.0
 
 @dataclass(slots=True)
 class Child:
-    """A running attempt and its process; ``live`` is what it last told about itself."""
+    """A running attempt and its process; ``live`` is what it last told about itself.
+
+    There is no ``blame`` when it failed for want of space on the disk.
+    """
 
     attempt: Attempt
     process: ForkServerProcess
@@ -35,6 +39,12 @@ class Child:
     deadline: float
     words: str = ""
     live: bytes = b""
+    blame: bool = True
+
+    @property
+    def waitables(self) -> tuple[Waitable, ...]:
+        """The end of the process, and what it sends."""
+        return self.process.sentinel, self.wire
 
     def listen(self) -> None:
         """Read what the child has sent; keeps the newest snapshot and its last words."""
@@ -43,7 +53,8 @@ class Child:
                 message = self.wire.recv_bytes()
                 if message[:1] == child.LIVE:
                     self.live = message[1:]
-                elif message[:1] == child.FAILED:
+                elif message[:1] in (child.FAILED, child.NO_ROOM):
+                    self.blame = message[:1] != child.NO_ROOM
                     self.words = message[1:].decode("utf-8", "replace")[-_LAST_WORDS:]
         except EOFError:
             return  # the child is gone; its end is noticed by its process
@@ -78,11 +89,20 @@ class Child:
 
 
 class Nursery:
-    """Starts children. The first one shows whether runs can be executed at all."""
+    """Starts children, ``slots`` at a time.
 
-    def __init__(self) -> None:
+    The first one shows whether runs can be executed at all.
+    """
+
+    waitables: tuple[Waitable, ...] = ()
+
+    def __init__(self, slots: int) -> None:
+        self.slots = slots
         self._context: ForkServerContext = multiprocessing.get_context("forkserver")
         self._context.set_forkserver_preload(["daemon.child", "daemon.preload"])
+
+    def listen(self) -> None:
+        """Children are listened to one by one."""
 
     def prove(self) -> None:
         """Start the fork server and wait until it is warm.

@@ -60,7 +60,7 @@ def work(
         orders = Orders(parent=parent)
         stack.callback(orders.close)
         stack.enter_context(orders.signals())
-        nursery = Nursery()
+        nursery = Nursery(slots)
         nursery.prove()
         session = stack.enter_context(bus.open_client(connect))
         link = Link(session, connect)
@@ -72,12 +72,11 @@ def work(
         stack.enter_context(session.declare_subscriber(WORK, lambda _: orders.hint()))
         agent = Agent(
             link,
-            lambda busy: replace(me, busy=busy),
+            lambda busy: replace(me, busy=busy, slots=nursery.slots),
             places,
             spool,
             nursery,
             orders,
-            slots=slots,
             limits=limits or Limits(),
             renew=welcome.renew,
             log=_log,
