@@ -13,7 +13,7 @@ from typing import Final, TypeVar
 
 import zenoh
 
-from daemon.errors import DaemonError, Refused, Unreachable
+from daemon.errors import DaemonError, Refused, Troubled, Unreachable
 from daemon.messages import ASK, LARGEST_SUBMISSION, Problem, Verb
 from daemon.places import is_endpoint
 from grammars import codec
@@ -133,7 +133,8 @@ def _answer(kind: type[T], payload: bytes) -> T:
 
 def _complaint(payload: bytes, endpoint: str, timeout: float) -> DaemonError:
     try:
-        return Refused(codec.from_json(Problem, payload).problem)
+        problem = codec.from_json(Problem, payload)
     except ValueError:
         # Zenoh's own error replies (its timeout) are plain text, never one of our problems.
         return Unreachable(f"the daemon at {endpoint} did not answer within {timeout:g} s")
+    return (Troubled if problem.passing else Refused)(problem.problem)

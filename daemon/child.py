@@ -7,6 +7,7 @@ prints, and where it was when it crashed, goes to ``output.txt``.
 
 from __future__ import annotations
 
+import errno
 import faulthandler
 import os
 import resource
@@ -36,9 +37,11 @@ RESULT: Final = "result.json"
 
 LIVE: Final = b"L"
 FAILED: Final = b"F"
+NO_ROOM: Final = b"N"
 READY: Final = b"R"
 
 _NICENESS: Final = 10
+_FULL: Final = (errno.ENOSPC, errno.EDQUOT)
 _LIVE_PERIOD: Final = 0.2
 
 
@@ -73,9 +76,10 @@ def main(task: Task, wire: Connection) -> None:
             grant.spec, scene, trace_path=trace, on_progress=_Reporter(grant.run, wire)
         )
         _keep(result, trace, task.folder)
-    except Exception:
+    except Exception as error:
         # No verdict comes of this: the worker gives the run back with these words.
-        wire.send_bytes(FAILED + traceback.format_exc().encode())
+        no_room = isinstance(error, OSError) and error.errno in _FULL
+        wire.send_bytes((NO_ROOM if no_room else FAILED) + traceback.format_exc().encode())
         _leave(1)
     _leave(0)
 

@@ -2,6 +2,7 @@
 
 DaemonError
 ├── Unreachable     nobody answers at the endpoint
+│   └── Troubled    the daemon answered that it cannot just now: its disk is full, say
 ├── Refused         the daemon answered and said no; the message is its words
 ├── AlreadyRunning  another daemon keeps this state directory
 ├── LaunchFailed    a daemon was started and did not come up
@@ -24,6 +25,10 @@ class DaemonError(Exception):
 
 class Unreachable(DaemonError):  # noqa: N818  (reads as a sentence where it is raised)
     """Nobody answers at the endpoint."""
+
+
+class Troubled(Unreachable):
+    """The daemon answered that it cannot do it just now; asking again later may help."""
 
 
 class Refused(DaemonError):  # noqa: N818  (reads as a sentence where it is raised)

@@ -59,9 +59,13 @@ class Verb(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Problem:
-    """An error reply: what the daemon has against the request."""
+    """An error reply: what the daemon has against the request, or what keeps it from doing it.
+
+    A ``passing`` one is about the daemon, not the request: the same may be done later.
+    """
 
     problem: str
+    passing: bool = False
 
 
 @dataclass(frozen=True, slots=True)

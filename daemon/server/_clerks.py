@@ -9,7 +9,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Final
 
-from daemon.errors import DaemonError
+from daemon.errors import Troubled
 from daemon.ledger import Book, Reader
 from daemon.protocol import Event
 
@@ -86,7 +86,7 @@ class Writer(_Clerk):
         except sqlite3.Error as error:
             if self._db.in_transaction:
                 self._db.execute("ROLLBACK")
-            failure = DaemonError(f"the ledger cannot be written: {error}")
+            failure = Troubled(f"the ledger cannot be written: {error}")
             values = [failure for _ in batch]
             self._book.events = []
         for job, value in zip(batch, values, strict=True):

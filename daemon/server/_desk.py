@@ -6,7 +6,6 @@ wrong with one is its error reply, never more.
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Final
@@ -14,7 +13,7 @@ from typing import Any, Final
 import zenoh
 
 from daemon.assessment import RunRecord
-from daemon.errors import DaemonError, Refused
+from daemon.errors import DaemonError, Refused, Unreachable
 from daemon.ledger import Book, Reader, standing
 from daemon.messages import (
     LARGEST_REQUEST,
@@ -42,6 +41,7 @@ from daemon.places import Places
 from daemon.protocol import CampaignRow, Overview, Submission, WorkerRow
 from daemon.server._admission import admit
 from daemon.server._clerks import Job, Questions, Writer
+from daemon.server._clock import Clock
 from daemon.server._journal import Journal
 from daemon.server._roster import Roster
 from daemon.server._settings import Settings
@@ -69,6 +69,7 @@ class Desk:
         settings: Settings,
         roster: Roster,
         journal: Journal,
+        clock: Clock,
         *,
         version: str,
         stop: Callable[[], None],
@@ -78,10 +79,11 @@ class Desk:
         self._settings = settings
         self._roster = roster
         self._journal = journal
+        self._clock = clock
         self._stop = stop
         self._trouble = trouble
         self._version = version
-        self._started_at = time.time()
+        self._started_at = clock.now()
         self.draining = False
         self._services = self._reading() | self._writing()
 
@@ -155,7 +157,9 @@ class Desk:
                 if isinstance(value, bytes):
                     query.reply(query.key_expr, value)
                 else:
-                    query.reply_err(codec.to_json(Problem(self._complaint(query, value))))
+                    passing = isinstance(value, Unreachable)
+                    problem = Problem(self._complaint(query, value), passing)
+                    query.reply_err(codec.to_json(problem))
             except zenoh.ZError as error:
                 self._journal.write("unanswered", key=str(query.key_expr), problem=str(error))
 
@@ -167,7 +171,7 @@ class Desk:
         return str(value)[:_LONGEST_COMPLAINT]
 
     def _overview(self, reader: Reader, _: Nothing) -> Overview:
-        now = time.time()
+        now = self._clock.now()
         campaigns, counts = reader.counts()
         rate = reader.rate(now)
         waiting = counts["queued"] + counts["running"]
@@ -205,30 +209,30 @@ class Desk:
 
     def _submit(self, book: Book, submission: Submission) -> object:
         admit(submission, self._places)
-        receipt = book.submit(submission, time.time())
+        receipt = book.submit(submission, self._clock.now())
         self._journal.write("submitted", **codec.to_plain(receipt))
         return receipt
 
     def _cancel(self, book: Book, named: Named) -> Number:
-        count = book.cancel(named.id, time.time())
+        count = book.cancel(named.id, self._clock.now())
         self._journal.write("cancelled", campaign=named.id, runs=count)
         return Number(count)
 
     def _retry(self, book: Book, request: RetryRequest) -> Number:
-        count = book.retry(request, time.time())
+        count = book.retry(request, self._clock.now())
         self._journal.write("retried", campaign=request.campaign, runs=count)
         return Number(count)
 
     def _pause(self, book: Book, named: Named) -> Number:
         self._journal.write("paused", campaign=named.id)
-        return Number(book.pause(named.id, time.time(), paused=True))
+        return Number(book.pause(named.id, self._clock.now(), paused=True))
 
     def _resume(self, book: Book, named: Named) -> Number:
         self._journal.write("resumed", campaign=named.id)
-        return Number(book.pause(named.id, time.time(), paused=False))
+        return Number(book.pause(named.id, self._clock.now(), paused=False))
 
     def _prioritise(self, book: Book, request: PriorityRequest) -> Nothing:
-        book.prioritise(request.campaign, request.priority, time.time())
+        book.prioritise(request.campaign, request.priority, self._clock.now())
         self._journal.write("prioritised", **codec.to_plain(request))
         return Nothing()
 
@@ -246,24 +250,24 @@ class Desk:
             self._journal.write("worker came", worker=worker.id, slots=worker.slots)
 
     def _lease(self, book: Book, request: LeaseRequest) -> LeaseReply:
-        now = time.time()
+        now = self._clock.now()
         self._meet(book, request.worker, now)
         if self.draining:
             return LeaseReply((), draining=True)
         return LeaseReply(book.lease(request.worker.id, request.count, now))
 
     def _renew(self, book: Book, request: RenewRequest) -> RenewReply:
-        now = time.time()
+        now = self._clock.now()
         self._meet(book, request.worker, now)
         return RenewReply(book.renew(request.worker.id, request.holds, now))
 
     def _complete(self, book: Book, completion: Completion) -> Acknowledgement:
-        answer = book.complete(completion, time.time())
+        answer = book.complete(completion, self._clock.now())
         if answer == "differs":
             self._journal.write("nondeterminism", run=completion.run, worker=completion.worker)
         return Acknowledgement(answer)
 
     def _release(self, book: Book, release: Release) -> Acknowledgement:
-        answer = book.release(release, time.time())
+        answer = book.release(release, self._clock.now())
         self._journal.write("released", run=release.run, reason=release.reason[-400:])
         return Acknowledgement(answer)

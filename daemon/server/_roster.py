@@ -51,6 +51,15 @@ class Roster:
             if worker in self._entries:
                 self._entries[worker].gone_at = now
 
+    def shift(self, seconds: float) -> None:
+        """Move along with a clock that was set."""
+        with self._lock:
+            for entry in self._entries.values():
+                entry.connected_at += seconds
+                entry.last_seen_at += seconds
+                if entry.gone_at is not None:
+                    entry.gone_at += seconds
+
     def take_gone(self, now: float) -> tuple[str, ...]:
         """Forget the workers whose time is up and return their ids."""
         with self._lock:

@@ -26,6 +26,7 @@ from daemon.messages import ALIVE, ASK, EVENTS, WORK
 from daemon.places import DEFAULT_ENDPOINT, Contact, Places, write_atomically
 from daemon.protocol import Event
 from daemon.server._clerks import Job, Questions, Writer
+from daemon.server._clock import Clock
 from daemon.server._desk import Desk
 from daemon.server._journal import Journal
 from daemon.server._local import LocalWorker
@@ -106,6 +107,7 @@ class _Daemon:
         self._stops = 0
         self._stopped = threading.Event()
         self._tether_cut = False
+        self._clock = Clock()
         self._roster = Roster(settings.grace, 3 * settings.lease)
         self._version = installed_version("scenario-tui")
         self._local: LocalWorker | None = None
@@ -114,6 +116,7 @@ class _Daemon:
             settings,
             self._roster,
             journal,
+            self._clock,
             version=self._version,
             stop=self._stop,
             trouble=self._trouble,
@@ -173,7 +176,7 @@ class _Daemon:
     ) -> tuple[Writer, Questions]:
         settings = self._settings
         book = Book(connection, attempts=settings.attempts, lease=settings.lease)
-        extended = book.extend(time.time())
+        extended = book.extend(self._clock.now())
         if extended:
             self._journal.write("resumed", leases=extended)
         reading = connect_reader(self._places.ledger)
@@ -197,7 +200,7 @@ class _Daemon:
         if sample.kind == zenoh.SampleKind.PUT:
             self._roster.connected(worker)
         else:
-            self._roster.disconnected(worker, time.time())
+            self._roster.disconnected(worker, self._clock.now())
 
     def _publish_contact(self, stack: ExitStack) -> None:
         contact = Contact(self._listen, os.getpid(), self._version, time.time())
@@ -205,7 +208,12 @@ class _Daemon:
         stack.callback(self._places.contact_file.unlink, missing_ok=True)
 
     def _tick(self, book: Book) -> int:
-        now = time.time()
+        moved = self._clock.follow()
+        if moved:
+            book.shift(moved)
+            self._roster.shift(moved)
+            self._journal.write("clock set", seconds=round(moved, 3))
+        now = self._clock.now()
         taken = book.lapse(now)
         if taken:
             self._journal.write("leases lapsed", runs=taken)
