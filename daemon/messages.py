@@ -24,11 +24,16 @@ WORK: Final = f"{PREFIX}/work"
 LARGEST_SUBMISSION: Final = 64 * 2**20
 LARGEST_REQUEST: Final = 4 * 2**20
 LARGEST_PAGE: Final = 1000
+LARGEST_CHUNK: Final = 2**20
+"""Bytes of a trace in one request; they travel as base64, a third more."""
+LARGEST_TRACE: Final = 4 * 2**30
 HIGHEST_PRIORITY: Final = 1000
 
 Id = Annotated[str, Field(max_length=128)]
 Short = Annotated[str, Field(max_length=400)]
 Count = Annotated[int, Field(ge=0, le=2**53)]
+Digest = Annotated[str, Field(pattern=r"^[0-9a-f]{64}$")]
+Base64 = Annotated[str, Field(max_length=LARGEST_CHUNK * 4 // 3 + 4)]
 
 
 class Verb(StrEnum):
@@ -43,6 +48,7 @@ class Verb(StrEnum):
     SCENE = "scene"
     WORKERS = "workers"
     DISK = "disk"
+    FETCH = "fetch"
     SUBMIT = "submit"
     CANCEL = "cancel"
     RETRY = "retry"
@@ -55,6 +61,7 @@ class Verb(StrEnum):
     RENEW = "renew"
     COMPLETE = "complete"
     RELEASE = "release"
+    UPLOAD = "upload"
 
 
 @dataclass(frozen=True, slots=True)
@@ -143,26 +150,38 @@ class WorkerInfo:
 
 @dataclass(frozen=True, slots=True)
 class Welcome:
-    """What a worker must know before it starts: where to keep things, how often to renew."""
+    """What a worker must know before it starts: where to keep things, how often to renew.
+
+    ``identity`` names the state directory for good, ``probe`` only since this daemon's start: the
+    worker that reads it in the daemon's directory shares its file system. ``store`` is the URL of
+    the place for traces, empty when they belong into the state directory.
+    """
 
     state: str
     version: str
     engine: str
     lease: float
     renew: float
+    identity: str = ""
+    probe: str = ""
+    store: str = ""
 
 
 @dataclass(frozen=True, slots=True)
 class LeaseRequest:
-    """Ask for up to ``count`` runs."""
+    """Ask for up to ``count`` runs, none of the kinds of systems under test the worker ``lacks``."""
 
     worker: WorkerInfo
     count: Annotated[int, Field(ge=0, le=1024)]
+    lacks: Annotated[tuple[Short, ...], Field(max_length=64)] = ()
 
 
 @dataclass(frozen=True, slots=True)
 class Grant:
-    """One leased run: ``token`` fences it, ``trace`` is where its trace belongs."""
+    """One leased run: ``token`` fences it, ``trace`` names its trace in the ``store``.
+
+    ``store`` is a URL, empty for the daemon's state directory.
+    """
 
     run: str
     campaign: str
@@ -170,6 +189,7 @@ class Grant:
     token: int
     trace: str
     spec: RunSpec
+    store: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -205,13 +225,18 @@ class RenewReply:
 
 @dataclass(frozen=True, slots=True)
 class Completion:
-    """A finished run; its trace already lies where the grant said."""
+    """A finished run; its trace lies where the grant said, or was ``uploaded`` before.
+
+    ``location`` is the URL of the trace, empty when it lies in the daemon's state directory.
+    """
 
     worker: Id
     run: Id
     attempt: Count
     token: Count
     result: RunResult
+    location: Annotated[str, Field(max_length=2000)] = ""
+    uploaded: bool = False
 
 
 class Answer(StrEnum):
@@ -219,7 +244,8 @@ class Answer(StrEnum):
 
     ``recorded``: this is the result. ``known``: the same result was there. ``differs``: another
     result was there, a nondeterminism alarm. ``dropped``: the run is cancelled. ``stale``: the
-    lease is not the sender's any more. ``done``: as asked.
+    lease is not the sender's any more. ``missing``: nothing was recorded, since the trace is not
+    there: bring it again. ``done``: as asked.
     """
 
     RECORDED = "recorded"
@@ -227,6 +253,7 @@ class Answer(StrEnum):
     DIFFERS = "differs"
     DROPPED = "dropped"
     STALE = "stale"
+    MISSING = "missing"
     DONE = "done"
 
 
@@ -246,3 +273,53 @@ class Release:
     token: Count
     reason: Annotated[str, Field(max_length=20_000)]
     blame: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Chunk:
+    """A part of the trace of a finished run, on its way to the daemon.
+
+    ``sha256`` and ``size`` are those of the whole trace, ``digest`` is the SHA-256 of the bytes
+    that ``data`` carries in base64. Without data it asks how far the upload is.
+    """
+
+    worker: Id
+    run: Id
+    token: Count
+    sha256: Digest
+    size: Annotated[int, Field(ge=0, le=LARGEST_TRACE)]
+    offset: Count = 0
+    data: Base64 = ""
+    digest: Short = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Received:
+    """How far an upload is: go on at ``offset``, unless it is ``complete``.
+
+    ``problem`` says why a chunk was not taken.
+    """
+
+    offset: int
+    complete: bool
+    problem: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Fetch:
+    """Ask for up to ``count`` bytes of the trace of a run, from ``offset`` on."""
+
+    run: Id
+    offset: Count
+    count: Annotated[int, Field(ge=1, le=LARGEST_CHUNK)] = LARGEST_CHUNK
+
+
+@dataclass(frozen=True, slots=True)
+class Piece:
+    """A part of a trace: ``size`` and ``sha256`` are those of the whole, ``digest`` of the data."""
+
+    offset: int
+    size: Annotated[int, Field(ge=0, le=LARGEST_TRACE)]
+    sha256: Digest
+    data: Base64
+    digest: Short

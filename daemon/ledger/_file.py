@@ -9,8 +9,8 @@ from typing import Final
 
 from daemon.errors import DaemonError
 
-SCHEMA_VERSION: Final = 3
-_UPGRADABLE: Final = (1, 2)
+SCHEMA_VERSION: Final = 4
+_UPGRADABLE: Final = (1, 2, 3)
 
 
 def connect(path: Path) -> sqlite3.Connection:

@@ -19,7 +19,7 @@ from grammars import codec
 
 _INSERT_RUN: Final = (
     "INSERT INTO run (id, campaign, position, scenario, sut, repeat, time_limit, digest,"
-    " trace_name, seed) VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?)"
+    " trace_name, seed, kind) VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)"
 )
 _FIND_RESULTS: Final = (
     "SELECT new.id, max(old.serial) FROM run AS new JOIN run AS old"
@@ -28,8 +28,8 @@ _FIND_RESULTS: Final = (
     " AND old.state = 'done' AND old.outcome <> 'error' GROUP BY new.id"
 )
 _TAKE_RESULT: Final = (
-    "UPDATE run SET (state, result, outcome, oracle, margin, unit, simulated, wall, cached) ="
-    " (SELECT 'done', result, outcome, oracle, margin, unit, simulated, wall,"
+    "UPDATE run SET (state, result, outcome, oracle, margin, unit, simulated, wall, trace_at,"
+    " cached) = (SELECT 'done', result, outcome, oracle, margin, unit, simulated, wall, trace_at,"
     " CASE cached WHEN '' THEN id ELSE cached END FROM run WHERE serial = ?) WHERE id = ?"
 )
 _COPY_RESULT: Final = (
@@ -56,7 +56,7 @@ def _run_row(campaign: str, position: int, run: RunSpec) -> tuple[object, ...]:
     trace = trace_name(campaign, run.scenario, sut, run.repeat)
     name = f"{campaign}.{position}"
     known = (name, campaign, position, run.scenario, sut, run.repeat, run.limit, run.digest)
-    return (*known, trace, str(run.seed))
+    return (*known, trace, str(run.seed), run.sut.kind)
 
 
 def keep_reserve(db: sqlite3.Connection, campaign: str, reserve: Iterable[RunSpec]) -> None:

@@ -55,6 +55,9 @@ CREATE TABLE run (
     finished_at REAL,
     seed        TEXT NOT NULL DEFAULT '0',
     cached      TEXT NOT NULL DEFAULT '',
+    granted     INTEGER NOT NULL DEFAULT 0,  -- token of its latest lease, also when that is over
+    trace_at    TEXT NOT NULL DEFAULT '',    -- URL of its trace, empty for the state directory
+    kind        TEXT NOT NULL DEFAULT '',    -- of its system under test
     UNIQUE (campaign, position),
     UNIQUE (trace_name)
 ) STRICT;
@@ -65,6 +68,11 @@ CREATE INDEX run_leases ON run (lease_until) WHERE state = 'running';
 -- The first lets a new run find an old result of the same specification.
 CREATE INDEX run_result ON run (digest) WHERE result <> '';
 CREATE INDEX run_finished ON run (finished_at) WHERE finished_at IS NOT NULL;
+
+-- Stores that traces were ever kept in, besides the state directory.
+CREATE TABLE store (
+    url TEXT PRIMARY KEY
+) STRICT, WITHOUT ROWID;
 
 -- Repeats for cells that are not decided by those before; they become runs when they are needed.
 CREATE TABLE reserve (
