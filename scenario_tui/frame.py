@@ -11,7 +11,8 @@ from rich.text import Text
 from daemon.verdict import Outcome, Verdict
 from scenario_tui.palette import QUIET, WORDS
 from scenario_tui.playback import Playback
-from scenario_tui.widgets.top_view import REPLAY_LEGEND, drawn, row_segments
+from scenario_tui.widgets.cell_view import segments
+from scenario_tui.widgets.top_view import REPLAY_LEGEND, STYLES, drawn
 from scenario_tui.wording import SEVERITY, counted, glyph_word, margin, moment
 
 VERDICT_LINES: Final = 3
@@ -82,12 +83,12 @@ def frame(playback: Playback, time: float, width: int, height: int, *, zoom: int
     rows = max(3, height - _CHROME - len(verdicts))
     codes, owners = drawn(playback.view(time), width, rows, zoom=zoom).cells()
     lines = [Text(headline(playback, time), style="bold"), timeline(playback, time, width)]
-    lines += [_text(row_segments(codes[row], owners[row], Style())) for row in range(rows)]
+    lines += [_text(segments(codes[row], owners[row], STYLES, Style())) for row in range(rows)]
     lines += [*verdicts, Text(REPLAY_LEGEND, style=QUIET)]
     for line in lines:
         line.truncate(width, overflow="ellipsis")
     return lines
 
 
-def _text(segments: list[Segment]) -> Text:
-    return Text.assemble(*((segment.text, segment.style or "") for segment in segments))
+def _text(parts: list[Segment]) -> Text:
+    return Text.assemble(*((segment.text, segment.style or "") for segment in parts))

@@ -5,12 +5,22 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from daemon.oracles._course import Course, course_of
     from daemon.oracles._judge import judge, judge_prefix, overall
     from daemon.oracles._sampler import Sampler
     from daemon.oracles._validity import problems_of
     from daemon.oracles._warm_up import warm_up
 
-__all__ = ["Sampler", "judge", "judge_prefix", "overall", "problems_of", "warm_up"]
+__all__ = [
+    "Course",
+    "Sampler",
+    "course_of",
+    "judge",
+    "judge_prefix",
+    "overall",
+    "problems_of",
+    "warm_up",
+]
 
 
 def __getattr__(name: str) -> object:
@@ -27,6 +37,10 @@ def __getattr__(name: str) -> object:
         from daemon.oracles._validity import problems_of
 
         return problems_of
+    if name in ("Course", "course_of"):
+        from daemon.oracles import _course
+
+        return getattr(_course, name)
     if name in __all__:
         from daemon.oracles import _judge
 

@@ -82,8 +82,8 @@ def overall(trace: Trace, verdicts: Sequence[Verdict]) -> Outcome:
 def _judge_one(written: OracleText, sampler: Sampler) -> Verdict:
     trace = sampler.trace
     try:
-        place = _Place(trace.spec.scene, trace.spec.mission, trace.scene)
-        oracle = _bound(written.name, written.text, place)
+        place = Place(trace.spec.scene, trace.spec.mission, trace.scene)
+        oracle = bound(written.name, written.text, place)
         finding = _find(oracle, sampler)
     except InputError as error:
         return _error(written, "; ".join(d.message for d in error.diagnostics))
@@ -101,7 +101,7 @@ def _judge_one(written: OracleText, sampler: Sampler) -> Verdict:
 
 
 @dataclass(frozen=True, slots=True)
-class _Place:
+class Place:
     """Where a run was: equal when the ``digest`` of the scene and the mission are."""
 
     digest: str
@@ -110,7 +110,7 @@ class _Place:
 
 
 @functools.lru_cache(maxsize=1024)
-def _bound(name: str, text: str, place: _Place) -> Oracle:
+def bound(name: str, text: str, place: Place) -> Oracle:
     """Parse an oracle and bind it to a scene, once for the thousands of runs it judges there.
 
     Raises :class:`InputError`.

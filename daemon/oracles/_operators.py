@@ -108,11 +108,11 @@ def _amount(
             return math.nan, 0.0, 1.0
         return held / total, held / (total + rest), (held + rest) / (total + rest)
     if operator == "longest":
-        lengths = [float(timeline.weight[s].sum()) for s in _stretches(holds)]
+        lengths = [float(timeline.weight[s].sum()) for s in stretches(holds)]
         longest = max(lengths, default=0.0)
         current = lengths[-1] if lengths and not window.closed and holds[-1] else 0.0
         return longest, longest, max(longest, current + rest) if rest else longest
-    count = float(len(_stretches(holds)))
+    count = float(len(stretches(holds)))
     return count, count, count if window.closed else math.inf
 
 
@@ -151,15 +151,14 @@ def _limited(limit: Limit | None, low: float, high: float, evidence: Evidence) -
     return Finding(float(margins.min()), float(margins.max()), judged)
 
 
-def _stretches(holds: Mask) -> list[slice]:
+def stretches(holds: Mask) -> list[slice]:
     """Return the unbroken runs of true samples."""
     edges = np.flatnonzero(np.diff(holds.astype(np.int8), prepend=0, append=0))
     return [slice(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]
 
 
 def _longest_stretch(timeline: Timeline, holds: Mask) -> slice | None:
-    stretches = _stretches(holds)
-    return max(stretches, key=lambda s: float(timeline.weight[s].sum()), default=None)
+    return max(stretches(holds), key=lambda s: float(timeline.weight[s].sum()), default=None)
 
 
 def _first(timeline: Timeline, samples: Mask, decisive: int) -> str:

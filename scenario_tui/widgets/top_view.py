@@ -2,18 +2,13 @@
 
 from __future__ import annotations
 
-import itertools
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import Final
+from typing import ClassVar, Final
 
 import numpy as np
-from rich.segment import Segment
 from rich.style import Style
-from textual.geometry import Region, Size
-from textual.strip import Strip
-from textual.widget import Widget
 
 from grammars.kinematics import link_poses
 from grammars.mission import Mission
@@ -22,26 +17,38 @@ from grammars.scene import Scene
 from grammars.values import Floats, Point2, Pose2, Ring
 from scenario_tui.palette import BAD, BROKEN, BUSY, FACT, GOOD, QUIET, UNSURE
 from scenario_tui.widgets.braille import Canvas, Codes
+from scenario_tui.widgets.cell_view import CellView
 
-_WALLS, _RETURNS, _PLAN, _TRAIL, _DOORS, _DONE, _AHEAD, _BELIEF, _ROBOT, _CONTACT = range(10)
-_STYLES: Final = (
+_WALLS, _RETURNS, _PLAN, _TRAIL, _DOORS, _SPREAD, _DONE, _AHEAD, _BELIEF, _ROBOT, _CONTACT = range(
+    11
+)
+STYLES: Final = (
     Style(color=QUIET),
     Style(color=BAD),
     Style(color=FACT),
     Style(color=BUSY),
     Style(color=UNSURE),
+    Style(color=BROKEN),
     Style(color=GOOD),
     Style(color=FACT, bold=True),
     Style(color=BROKEN),
     Style(color=BAD, bold=True),
     Style(color=BAD, bold=True, reverse=True),
 )
-_ZOOMS: Final = (1, 2, 4)
+_ZOOMS: Final = (1, 2, 4, 8)
 _ARROWS: Final = "→↗↑↖←↙↓↘"
 _EYE_HEIGHT: Final = 0.3
 """The view is cut at this height [m], about where laser scanners look."""
 _DOT_GAP: Final = 3.0
 """Dots of the canvas from one dot of a plan to the next."""
+_SIGMAS: Final = 2.0
+"""The ellipse around the estimate holds what lies within so many standard deviations."""
+_MARGIN: Final = 0.3
+"""A view that follows moves on when the robot comes this near to its edge, a share of its size:
+moving it less often keeps the terminal quiet.
+"""
+_STRIDE: Final = 0.25
+"""How far one key pans, a share of the view."""
 LEGEND: Final = "↑ robot  + estimate  ◆ waypoint ahead  ◇ reached"
 REPLAY_LEGEND: Final = f"{LEGEND}  ✱ contact  ⡀ ⡀ plan"
 
@@ -50,8 +57,9 @@ REPLAY_LEGEND: Final = f"{LEGEND}  ✱ contact  ⡀ ⡀ plan"
 class View:
     """What is to be seen: ``robot_pose`` is ``None`` before anything was heard of the robot.
 
-    ``returns`` of the laser, the ``plan`` and ``contacts`` of this moment are known of recorded
-    runs only; all points in the map frame [m].
+    ``returns`` of the laser, the ``plan`` and ``contacts`` are those of this moment; all points in
+    the map frame [m]. ``spread`` is how sure the estimate is of its position: xx, xy and yy of the
+    covariance [m²].
     """
 
     scene: Scene
@@ -65,6 +73,7 @@ class View:
     returns: tuple[Point2, ...] = ()
     plan: tuple[Point2, ...] = ()
     contacts: tuple[Point2, ...] = ()
+    spread: tuple[float, float, float] | None = None
 
     @property
     def where(self) -> Pose2:
@@ -73,9 +82,11 @@ class View:
 
 
 class _Projection:
-    """Metres to dots, y upwards: everything as large as fits, or a part around the robot."""
+    """Metres to dots, y upwards: everything as large as fits, or a part around ``middle`` [m]."""
 
-    def __init__(self, view: View, width: int, height: int, zoom: int) -> None:
+    def __init__(
+        self, view: View, width: int, height: int, zoom: int, middle: Point2 | None
+    ) -> None:
         scene, mission = view.scene, view.mission
         points = [p for solid in scene.solids for p in solid.polygon]
         points.extend(p for region in scene.regions for p in region.outline)
@@ -87,12 +98,13 @@ class _Projection:
         self.scale = zoom * min((width - 1) / extent[0], (height - 1) / extent[1])
         self._middle = (low + high) / 2
         if zoom > 1:
-            self._middle = np.array((view.where.x, view.where.y))
+            self._middle = np.array(middle or (view.where.x, view.where.y))
         self._centre = np.array([(width - 1) / 2, (height - 1) / 2])
 
     def dots(self, points: Iterable[Point2] | Floats) -> Floats:
         """Return points (n, 2) [m] as dots (n, 2)."""
-        metres = np.asarray(list(points), dtype=float).reshape(-1, 2)
+        listed = points if isinstance(points, np.ndarray | tuple) else list(points)
+        metres = np.asarray(listed, dtype=float).reshape(-1, 2)
         turned: Floats = self._centre + (metres - self._middle) * (self.scale, -self.scale)
         return turned
 
@@ -124,15 +136,16 @@ def object_rings(scene: Scene, joints: Sequence[float]) -> list[Ring]:
 
 
 def drawn(
-    view: View, columns: int, rows: int, *, zoom: int = 1, walls: Canvas | None = None
-) -> Canvas:
-    """Return the canvas of a view.
+    view: View, columns: int, rows: int, *, zoom: int = 1, middle: Point2 | None = None,
+    walls: Canvas | None = None,
+) -> Canvas:  # fmt: skip
+    """Return the canvas of a view, when zoomed the part around ``middle`` [m], else the robot.
 
-    ``walls`` is one of the same scene and size, not zoomed, to copy the walls from.
+    ``walls`` is one of the same scene, size, zoom and middle, to copy the walls from.
     """
-    canvas = Canvas(columns, rows, len(_STYLES))
-    project = _Projection(view, canvas.width, canvas.height, zoom)
-    if walls is not None and zoom == 1:
+    canvas = Canvas(columns, rows, len(STYLES))
+    project = _Projection(view, canvas.width, canvas.height, zoom, middle)
+    if walls is not None:
         canvas.copy_layer(walls, _WALLS)
     else:
         solids = [s.polygon for s in view.scene.solids if _cut(s.z_min, s.z_max)]
@@ -164,6 +177,8 @@ def _dotted(dots: Floats) -> Floats:
 def _draw_robot(canvas: Canvas, project: _Projection, view: View) -> None:
     pose = view.where
     canvas.lines(project.edges([pose.apply_ring(view.robot.footprint)]), _ROBOT)
+    if view.estimate is not None and view.spread is not None:
+        canvas.points(project.dots(ellipse(view.estimate, view.spread)), _SPREAD)
     if view.estimate is not None:
         ((x, y),) = project.dots([(view.estimate.x, view.estimate.y)])
         canvas.glyph(x, y, "+", _BELIEF)
@@ -171,73 +186,103 @@ def _draw_robot(canvas: Canvas, project: _Projection, view: View) -> None:
     canvas.glyph(x, y, _ARROWS[round(pose.yaw / (math.pi / 4)) % 8], _ROBOT)
 
 
-def row_segments(codes: Codes, owners: Codes, base: Style) -> list[Segment]:
-    """Return one row of cells (columns,) as text with styles over ``base``, one per layer run."""
-    text = "".join(map(chr, codes.tolist()))
-    cuts = [0, *(np.flatnonzero(np.diff(owners)) + 1).tolist(), len(text)]
-    return [
-        Segment(text[a:b], base + _STYLES[owners[a]] if owners[a] >= 0 else base)
-        for a, b in itertools.pairwise(cuts)
-    ]
+def ellipse(centre: Pose2, spread: tuple[float, float, float], count: int = 48) -> Floats:
+    """Return points (count, 2) [m] two standard deviations around a centre.
+
+    ``spread`` is xx, xy and yy of the covariance [m²].
+    """
+    xx, xy, yy = spread
+    sizes, axes = np.linalg.eigh(np.array([[xx, xy], [xy, yy]]))
+    angles = np.linspace(0.0, math.tau, count, endpoint=False)
+    unit = np.column_stack([np.cos(angles), np.sin(angles)])
+    around: Floats = (centre.x, centre.y) + _SIGMAS * (
+        unit * np.sqrt(np.maximum(sizes, 0.0)) @ axes.T
+    )
+    return around
 
 
-class TopView(Widget):
-    """Draws a :class:`View`; only rows that changed are sent to the terminal."""
+@dataclass(frozen=True, slots=True, eq=False)
+class _Same:
+    """A scene that equals itself only: comparing all of it would take as long as drawing it."""
+
+    scene: Scene
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _Same) and self.scene is other.scene
+
+
+class TopView(CellView):
+    """Draws a :class:`View`: all of it, or a part that follows the robot or is panned by hand."""
+
+    STYLES: ClassVar[Sequence[Style]] = STYLES
 
     def __init__(self, *, id: str | None = None) -> None:
         super().__init__(id=id)
         self._view: View | None = None
         self._zoom = 1
-        self._walls: tuple[Scene, Size, Canvas] | None = None
-        self._codes: Codes | None = None
-        self._owners: Codes | None = None
+        self._middle: Point2 | None = None
+        self._follows = True
+        self._walls: tuple[tuple[object, ...], Canvas] | None = None
 
     def show(self, view: View | None) -> None:
         """Show another view, or nothing."""
-        if view != self._view:
-            self._view = view
-            self._redraw()
+        self._view = view
+        self.redraw()
 
     def zoom(self) -> int:
         """Come nearer to the robot, after the nearest back to everything; return how near."""
         self._zoom = _ZOOMS[(_ZOOMS.index(self._zoom) + 1) % len(_ZOOMS)]
-        self._redraw()
+        self._follows, self._middle = True, None
+        self.redraw()
         return self._zoom
 
-    def on_resize(self) -> None:
-        """Draw for the new size."""
-        self._codes = self._owners = None
-        self._redraw()
+    def follow(self) -> bool:
+        """Follow the robot, or stop following it; return whether it is followed now."""
+        self._follows = not self._follows or self._zoom == 1
+        if self._follows:
+            self._middle = None
+        self.redraw()
+        return self._follows
 
-    def _redraw(self) -> None:
-        size = self.size
-        if self._view is None or not size.width or not size.height:
-            self._codes = self._owners = None
-            self.refresh()
-            return
-        before = (self._codes, self._owners)
-        walls = self._cached_walls(size)
-        canvas = drawn(self._view, size.width, size.height, zoom=self._zoom, walls=walls)
-        if self._zoom == 1:
-            self._walls = (self._view.scene, size, canvas)
-        self._codes, self._owners = canvas.cells()
-        if before[0] is None or before[1] is None or before[0].shape != self._codes.shape:
-            self.refresh()
-            return
-        changed = np.any((self._codes != before[0]) | (self._owners != before[1]), axis=1)
-        rows = np.flatnonzero(changed)
-        if len(rows):
-            self.refresh(*(Region(0, int(row), size.width, 1) for row in rows))
+    def pan(self, right: int, up: int) -> bool:
+        """Look further to one side when zoomed; return whether there is anything to pan."""
+        if self._zoom == 1 or self._view is None or not self.size:
+            return False
+        reach = self._reach(self._view)
+        x, y = self._middle or (self._view.where.x, self._view.where.y)
+        self._middle = (x + 2 * _STRIDE * right * reach[0], y + 2 * _STRIDE * up * reach[1])
+        self._follows = False
+        self.redraw()
+        return True
 
-    def _cached_walls(self, size: Size) -> Canvas | None:
-        if self._walls is None or self._view is None:
+    def _reach(self, view: View) -> Point2:
+        """Return half the width and height of what is seen [m]."""
+        width, height = 2 * self.size.width, 4 * self.size.height
+        scale = _Projection(view, width, height, self._zoom, None).scale
+        return width / scale / 2, height / scale / 2
+
+    def _keep_up(self, view: View) -> None:
+        """Have the part seen hold the robot when it is to be followed."""
+        if self._zoom == 1 or not self._follows:
+            return
+        here = (view.where.x, view.where.y)
+        if self._middle is None:
+            self._middle = here
+            return
+        free = [(1.0 - 2 * _MARGIN) * reach for reach in self._reach(view)]
+        off = (abs(a - b) for a, b in zip(here, self._middle, strict=True))
+        if any(distance > most for distance, most in zip(off, free, strict=True)):
+            self._middle = here
+
+    def cells(self, columns: int, rows: int) -> tuple[Codes, Codes] | None:
+        """Return the view as cells."""
+        view = self._view
+        if view is None:
             return None
-        scene, drawn_size, canvas = self._walls
-        return canvas if scene is self._view.scene and drawn_size == size else None
-
-    def render_line(self, y: int) -> Strip:
-        """Return one row of cells, runs of one layer joined."""
-        if self._codes is None or self._owners is None or y >= len(self._codes):
-            return Strip.blank(self.size.width, self.rich_style)
-        segments = row_segments(self._codes[y], self._owners[y], self.rich_style)
-        return Strip(segments, self._codes.shape[1])
+        self._keep_up(view)
+        middle = self._middle if self._zoom > 1 else None
+        key = (_Same(view.scene), columns, rows, self._zoom, middle)
+        walls = self._walls[1] if self._walls is not None and self._walls[0] == key else None
+        canvas = drawn(view, columns, rows, zoom=self._zoom, middle=middle, walls=walls)
+        self._walls = (key, canvas)
+        return canvas.cells()
