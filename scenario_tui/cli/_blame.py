@@ -9,7 +9,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from scenario_tui.cli import _completion
 from scenario_tui.cli._exits import ExitCode
+from scenario_tui.cli._files import campaign_files
 from scenario_tui.cli._options import AsJson, State
 
 if TYPE_CHECKING:
@@ -22,10 +24,16 @@ def blame(
         typer.Argument(
             metavar="RUN | CAMPAIGN.yaml SCENARIO [SUT [REPEAT]]",
             help="A failed run: its trace (.mcap), its id, or its place in a campaign file.",
+            autocompletion=_completion.blamed,
         ),
     ],
     oracle: Annotated[
-        str, typer.Option("--oracle", help="The verdict to explain. Default: the first failing.")
+        str,
+        typer.Option(
+            "--oracle",
+            help="The verdict to explain. Default: the first failing.",
+            autocompletion=_completion.oracles,
+        ),
     ] = "",
     runs: Annotated[
         int, typer.Option("--runs", "-n", min=1, max=100_000, help="At most so many runs.")
@@ -36,6 +44,7 @@ def blame(
             "--campaign",
             metavar="FILE",
             help="Campaign file of a trace or id. Default: looked for below this folder.",
+            autocompletion=_completion.files(campaign_files),
         ),
     ] = None,
     out: Annotated[

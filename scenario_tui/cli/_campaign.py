@@ -7,7 +7,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from scenario_tui.cli import _completion
 from scenario_tui.cli._exits import ExitCode
+from scenario_tui.cli._files import layer_files
 from scenario_tui.cli._gate import Baseline, WorseBy
 from scenario_tui.cli._options import AsJson, CampaignFile, Connect, Slots, State
 
@@ -142,7 +144,11 @@ def submit(
 def check(
     files: Annotated[
         list[Path],
-        typer.Argument(metavar="FILE...", help="Campaigns, floor plans, scenery or other layers."),
+        typer.Argument(
+            metavar="FILE...",
+            help="Campaigns, floor plans, scenery or other layers.",
+            autocompletion=_completion.files(layer_files),
+        ),
     ],
     as_json: AsJson = False,
 ) -> None:

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from scenario_tui.cli import _completion
 from scenario_tui.cli._exits import ExitCode
 from scenario_tui.cli._gate import checked_ratio
 from scenario_tui.cli._options import AsJson, Connect, State
@@ -23,9 +24,21 @@ LISTED = 30
 
 def compare(
     before: Annotated[
-        str, typer.Argument(metavar="BEFORE", help="A campaign, or a file that --json wrote.")
+        str,
+        typer.Argument(
+            metavar="BEFORE",
+            help="A campaign, or a file that --json wrote.",
+            autocompletion=_completion.campaigns_or_results,
+        ),
     ],
-    after: Annotated[str, typer.Argument(metavar="AFTER", help="Another one, compared with it.")],
+    after: Annotated[
+        str,
+        typer.Argument(
+            metavar="AFTER",
+            help="Another one, compared with it.",
+            autocompletion=_completion.campaigns_or_results,
+        ),
+    ],
     worse_by: Annotated[
         str | None,
         typer.Option(

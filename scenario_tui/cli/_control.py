@@ -4,14 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Final
 
 import typer
 
+from scenario_tui.cli import _completion
 from scenario_tui.cli._options import AsJson, CampaignName, Connect, State
 
 if TYPE_CHECKING:
     from scenario_tui.asking import Daemon
+
+
+_AGAIN: Final = ("lost", "cancelled", "fail", "error", "inconclusive", "pass", "all")
 
 
 def _steered(
@@ -55,7 +59,9 @@ def retry(
     only: Annotated[
         str,
         typer.Option(
-            "--only", help="Which runs: lost, cancelled, an outcome, or all; separated by |."
+            "--only",
+            help="Which runs: lost, cancelled, an outcome, or all; separated by |.",
+            autocompletion=_completion.one_of(*_AGAIN),
         ),
     ] = "lost|cancelled",
     connect: Connect = "",

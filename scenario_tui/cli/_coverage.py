@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Final
 
 import typer
 
+from scenario_tui.cli import _completion
 from scenario_tui.cli._exits import ExitCode
 from scenario_tui.cli._options import AsJson, State
 
@@ -29,6 +30,7 @@ def coverage(
             metavar="CAMPAIGN.yaml|TRACES...",
             help="A campaign file, before it runs; or what it left: traces (.mcap), folders of "
             "them, ids of campaigns or runs.",
+            autocompletion=_completion.planned_or_recorded,
         ),
     ],
     near: Annotated[

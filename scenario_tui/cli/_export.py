@@ -8,6 +8,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from scenario_tui.cli import _completion
+from scenario_tui.cli._files import plans_or_campaigns
+
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
@@ -40,7 +43,12 @@ class Yaw(StrEnum):
 
 def export(
     source: Annotated[
-        Path, typer.Argument(metavar="PLAN.fpm|CAMPAIGN.yaml", help="A floor plan or a campaign.")
+        Path,
+        typer.Argument(
+            metavar="PLAN.fpm|CAMPAIGN.yaml",
+            help="A floor plan or a campaign.",
+            autocompletion=_completion.files(plans_or_campaigns),
+        ),
     ],
     kinds: Annotated[
         list[Artefact],

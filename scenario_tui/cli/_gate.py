@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Annotated, Final, TypeAlias
 
 import typer
 
+from scenario_tui.cli import _completion
+
 if TYPE_CHECKING:
     from daemon.assessment import Between, Judged
     from daemon.protocol import CampaignRow
@@ -37,6 +39,7 @@ Baseline: TypeAlias = Annotated[
         metavar="CAMPAIGN",
         help="Fail when results are worse than those of this campaign, file of results (JSON), or "
         "last-green. Default: what the campaign file says under gate.",
+        autocompletion=_completion.baselines,
     ),
 ]
 WorseBy: TypeAlias = Annotated[

@@ -7,7 +7,9 @@ from typing import TYPE_CHECKING, Annotated, Any, Final
 
 import typer
 
+from scenario_tui.cli import _completion
 from scenario_tui.cli._exits import exit_code
+from scenario_tui.cli._files import oracle_files
 from scenario_tui.cli._options import AsJson, State
 
 if TYPE_CHECKING:
@@ -28,6 +30,7 @@ def judge(
         typer.Argument(
             metavar="TRACES...",
             help="Traces (.mcap), folders of them, or ids of campaigns or runs.",
+            autocompletion=_completion.recorded,
         ),
     ],
     oracles: Annotated[
@@ -38,6 +41,7 @@ def judge(
             metavar="FILE",
             help="Oracle layer to judge by, such as navigation.oracles.yaml. "
             "Default: the oracles inside of each trace.",
+            autocompletion=_completion.files(oracle_files),
         ),
     ] = None,
     processes: Annotated[

@@ -122,15 +122,23 @@ def invoke(arguments: Sequence[str]) -> int:
         return _bad_input(error)
     except (KeyboardInterrupt, typer.Abort):
         return ExitCode.INTERRUPTED
-    except SystemExit:
-        # Commands leave with typer.Exit; rich and typer call sys.exit(1) when a pipe is broken.
-        return ExitCode.BROKEN_PIPE
+    except SystemExit as left:
+        return _left(left)
     except Exception as error:
         return _unhandled(error)
 
 
 def _called(code: Any) -> int:
     return code if isinstance(code, int) else ExitCode.EXPECTED
+
+
+def _left(left: SystemExit) -> int:
+    """Commands leave with typer.Exit; what else leaves is typer itself."""
+    # It asks shells by its code whether there is anything to complete; otherwise it and rich call
+    # sys.exit(1) when a pipe is broken.
+    if not left.code or "_SCENARIO_COMPLETE" in os.environ:
+        return _called(left.code)
+    return ExitCode.BROKEN_PIPE
 
 
 def _misused(error: typer.TyperException) -> int:

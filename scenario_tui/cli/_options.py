@@ -7,6 +7,9 @@ from typing import Annotated, TypeAlias
 
 import typer
 
+from scenario_tui.cli import _completion
+from scenario_tui.cli._files import campaign_files
+
 
 def checked_endpoint(value: str) -> str:
     """Refuse what is no endpoint, as wrong usage."""
@@ -46,8 +49,18 @@ Slots: TypeAlias = Annotated[
     typer.Option("--slots", "-j", min=1, max=1024, help="Runs at a time. Default: one per core."),
 ]
 CampaignFile: TypeAlias = Annotated[
-    Path, typer.Argument(metavar="CAMPAIGN.yaml", help="The campaign file.")
+    Path,
+    typer.Argument(
+        metavar="CAMPAIGN.yaml",
+        help="The campaign file.",
+        autocompletion=_completion.files(campaign_files),
+    ),
 ]
 CampaignName: TypeAlias = Annotated[
-    str, typer.Argument(metavar="CAMPAIGN", help="Id or name of a campaign, or how it begins.")
+    str,
+    typer.Argument(
+        metavar="CAMPAIGN",
+        help="Id or name of a campaign, or how it begins.",
+        autocompletion=_completion.campaigns,
+    ),
 ]

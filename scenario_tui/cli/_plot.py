@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from scenario_tui.cli import _completion
 from scenario_tui.cli._options import AsJson, State
 
 if TYPE_CHECKING:
@@ -13,13 +14,21 @@ if TYPE_CHECKING:
 
 
 def plot(
-    run: Annotated[str, typer.Argument(metavar="RUN", help="Id of a run, or a trace (.mcap).")],
+    run: Annotated[
+        str,
+        typer.Argument(
+            metavar="RUN",
+            help="Id of a run, or a trace (.mcap).",
+            autocompletion=_completion.runs_or_traces,
+        ),
+    ],
     signals: Annotated[
         list[str],
         typer.Argument(
             metavar="SIGNAL...",
             help="Signals as oracles name them: clearance speed loc.error door-17.angle "
             "'clearance(0.35 m, 0.2 m)'.",
+            autocompletion=_completion.signals,
         ),
     ],
     state: State = None,

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from scenario_tui.cli import _completion
 from scenario_tui.cli._gate import Baseline, WorseBy
 from scenario_tui.cli._options import AsJson, Connect, State
 
@@ -97,15 +98,26 @@ def results(
         typer.Argument(
             metavar="CAMPAIGN",
             help="Id or name of a campaign, or how it begins. Default: the newest.",
+            autocompletion=_completion.campaigns,
         ),
     ] = "",
     runs: Annotated[bool, typer.Option("--runs", help="List every run and its trace.")] = False,
     state: State = None,
     outcome: Annotated[
-        str, typer.Option("--outcome", help="List only runs with this verdict, pass, fail ...")
+        str,
+        typer.Option(
+            "--outcome",
+            help="List only runs with this verdict, pass, fail ...",
+            autocompletion=_completion.one_of("pass", "fail", "inconclusive", "error"),
+        ),
     ] = "",
     text: Annotated[
-        str, typer.Option("--filter", help="List only runs that mention this text.")
+        str,
+        typer.Option(
+            "--filter",
+            help="List only runs that mention this text.",
+            autocompletion=_completion.mentioned,
+        ),
     ] = "",
     exit_status: Annotated[
         bool,

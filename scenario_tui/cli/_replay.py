@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from scenario_tui.cli import _completion
 from scenario_tui.cli._exits import ExitCode
 from scenario_tui.cli._options import AsJson, State
 
@@ -15,7 +16,12 @@ if TYPE_CHECKING:
 
 def replay(
     run: Annotated[
-        str, typer.Argument(metavar="RUN", help="Id of a run, or a trace (.mcap).")
+        str,
+        typer.Argument(
+            metavar="RUN",
+            help="Id of a run, or a trace (.mcap).",
+            autocompletion=_completion.runs_or_traces,
+        ),
     ],
     start: Annotated[
         str,
@@ -23,6 +29,7 @@ def replay(
             "--from",
             metavar="SECONDS|ORACLE",
             help="Begin there: a moment, or when that oracle was decided.",
+            autocompletion=_completion.oracles,
         ),
     ] = "",
     speed: Annotated[
@@ -35,6 +42,7 @@ def replay(
             "--frame",
             metavar="SECONDS|ORACLE",
             help="Only print this moment as text; needs no terminal.",
+            autocompletion=_completion.oracles,
         ),
     ] = "",
     state: State = None,

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Final
 
 import typer
 
+from scenario_tui.cli import _completion
 from scenario_tui.cli._exits import ExitCode
 from scenario_tui.cli._options import AsJson, State
 
@@ -31,6 +32,7 @@ def report(
             metavar="CAMPAIGN",
             help="A folder of traces, or id or name of a campaign, or how it begins. "
             "Default: the newest campaign.",
+            autocompletion=_completion.campaigns_or_folders,
         ),
     ] = "",
     output: Annotated[
@@ -54,7 +56,10 @@ def report(
     run: Annotated[
         str,
         typer.Option(
-            "--run", metavar="RUN", help="Only draw this run: an id or a trace (.svg or .png)."
+            "--run",
+            metavar="RUN",
+            help="Only draw this run: an id or a trace (.svg or .png).",
+            autocompletion=_completion.runs_or_traces,
         ),
     ] = "",
     exit_status: Annotated[

@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Annotated, Any, Final
 
 import typer
 
+from scenario_tui.cli import _completion
+from scenario_tui.cli._files import sut_files
 from scenario_tui.cli._options import AsJson
 
 if TYPE_CHECKING:
@@ -22,7 +24,14 @@ _NOT_OF_ROS: Final = frozenset(
 
 
 def sut(
-    file: Annotated[Path, typer.Argument(metavar="SUT.yaml", help="A system under test.")],
+    file: Annotated[
+        Path,
+        typer.Argument(
+            metavar="SUT.yaml",
+            help="A system under test.",
+            autocompletion=_completion.files(sut_files),
+        ),
+    ],
     as_json: AsJson = False,
 ) -> None:
     """Show a system under test: its parameters and where each was written.

@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from scenario_tui.cli import _completion
+from scenario_tui.cli._files import variation_files
 from scenario_tui.cli._options import AsJson
 
 if TYPE_CHECKING:
@@ -29,7 +31,14 @@ class Method(StrEnum):
 
 
 def vary(
-    file: Annotated[Path, typer.Argument(metavar="FILE.variation", help="What to vary, and how.")],
+    file: Annotated[
+        Path,
+        typer.Argument(
+            metavar="FILE.variation",
+            help="What to vary, and how.",
+            autocompletion=_completion.files(variation_files),
+        ),
+    ],
     number: Annotated[
         int | None,
         typer.Option(
