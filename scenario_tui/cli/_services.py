@@ -105,6 +105,11 @@ def tui(connect: Connect = "", state: State = None) -> None:
     if not (sys.stdin.isatty() and sys.stderr.isatty()):
         say("scenario: the dashboard needs a terminal; scripts use `scenario status --json`")
         raise typer.Exit(ExitCode.BAD_INPUT)
+    from scenario_tui.limits import undrawable
+
+    if why := undrawable():
+        say(f"scenario: {why}")
+        raise typer.Exit(ExitCode.BAD_INPUT)
     from scenario_tui.app import run_dashboard
     from scenario_tui.cli._session import Target
 
