@@ -19,10 +19,20 @@ from typing import Final, Literal
 import numpy as np
 
 from daemon import oracles
+from daemon.glance import Glance
 from daemon.simulator import World
 from daemon.simulator import warm_up as warm_up_simulator
 from daemon.spec import RunResult, RunSpec, Snapshot, Timing
-from daemon.sut import Briefing, Decision, LaserScan, Observation, Odometry, SystemUnderTest
+from daemon.sut import (
+    Briefing,
+    Cloud,
+    Decision,
+    Estimate,
+    LaserScan,
+    Observation,
+    Odometry,
+    SystemUnderTest,
+)
 from daemon.suts import make_sut
 from daemon.trace import TraceWriter, read_trace
 from grammars.codec import warm_up as warm_up_codec
@@ -35,8 +45,12 @@ STATE_RATE: Final = 20.0
 """Ground truth and joint states are recorded this often [Hz]."""
 CLOCK_RATE: Final = 10.0
 SNAPSHOT_RATE: Final = 1.0
+WATCHED_RATE: Final = 10.0
+"""How often somebody who watches is asked whether a snapshot is wanted [Hz, simulated]."""
 
 OnProgress = Callable[[Snapshot], None]
+Interest = Callable[[], Literal["nothing", "progress", "everything"]]
+"""Asked before a snapshot is taken: whether there is to be one, and how detailed."""
 Ended = Literal["finished", "limit", "crashed"]
 
 
@@ -57,13 +71,19 @@ def warm_up() -> None:
 
 
 def execute(
-    spec: RunSpec, scene: Scene, *, trace_path: Path, on_progress: OnProgress | None = None
+    spec: RunSpec,
+    scene: Scene,
+    *,
+    trace_path: Path,
+    on_progress: OnProgress | None = None,
+    interest: Interest | None = None,
 ) -> RunResult:
     """Run ``spec`` in ``scene``, write the trace to ``trace_path``, judge it.
 
     Same specification, same bytes: nothing but ``timing`` in the result depends on the machine's
     speed. A system under test that raises ends the run as ``crashed``; that is an error verdict,
-    never a failure of the robot.
+    never a failure of the robot. ``on_progress`` is called once a simulated second, with
+    ``interest`` up to ten times, as often as that wants it; neither has any influence on the run.
 
     Raises :class:`SceneMismatchError` when ``scene`` is not the specified one.
     """
@@ -71,7 +91,7 @@ def execute(
         raise SceneMismatchError(f"scene {scene.digest[:12]} given, {spec.scene[:12]} specified")
     wall, cpu = time.perf_counter(), time.process_time()
     with TraceWriter(trace_path, spec, scene, versions=versions()) as trace:
-        loop = _Loop(spec, scene, trace, on_progress)
+        loop = _Loop(spec, scene, trace, on_progress, interest)
         ended, note = loop.run()
         info = trace.close(ended, note)
     recorded = read_trace(trace_path)
@@ -116,7 +136,12 @@ class _Loop:
     """One run while it lasts: the world, the system under test and what is recorded."""
 
     def __init__(
-        self, spec: RunSpec, scene: Scene, trace: TraceWriter, on_progress: OnProgress | None
+        self,
+        spec: RunSpec,
+        scene: Scene,
+        trace: TraceWriter,
+        on_progress: OnProgress | None,
+        interest: Interest | None,
     ) -> None:
         world_seed, self._sut_seed = np.random.SeedSequence(spec.seed).spawn(2)
         start = spec.mission.start
@@ -134,6 +159,9 @@ class _Loop:
         self._odometry: list[Odometry] = []
         self._scans: list[LaserScan] = []
         self._decision: Decision | None = None
+        self._estimate: Estimate | None = None
+        self._cloud: Cloud | None = None
+        self._plan: Floats | None = None
         self._recorded = -1
         self._state = _Timer(STATE_RATE)
         self._clock = _Timer(CLOCK_RATE)
@@ -141,7 +169,9 @@ class _Loop:
         self._odom = _Timer(1.0 / self._period if self._period else spec.robot.odometry.rate)
         self._scan = _Timer(spec.robot.laser.rate)
         self._update = _Timer(1.0 / self._sut.period)
-        self._snapshot = _Timer(SNAPSHOT_RATE)
+        self._interest = interest
+        self._snapshot = _Timer(SNAPSHOT_RATE if interest is None else WATCHED_RATE)
+        self._seen: Glance | None = None
 
     def run(self) -> tuple[Ended, str]:
         """Step until the mission is over, the limit is reached or the system crashes."""
@@ -199,9 +229,11 @@ class _Loop:
             ranges = world.scan()
             trace.scan(now, ranges)
             self._scans.append(LaserScan(now, ranges))
+            if self._seen is not None:
+                self._seen.look(world.pose(), ranges)
         finished = self._update.take(tick) and self._consult(now)
         if self._on_progress is not None and self._snapshot.take(tick):
-            self._on_progress(self._picture(now))
+            self._tell(now)
         return finished
 
     def _record_state(self) -> None:
@@ -218,6 +250,8 @@ class _Loop:
                 contact.normal,
                 contact.depth,
             )
+            if self._seen is not None:
+                self._seen.contacts.append(contact.point)
         for event in world.take_events():
             trace.event(event.time, event.source, event.text)
 
@@ -247,10 +281,13 @@ class _Loop:
         trace = self._trace
         if decision.estimate is not None:
             trace.estimate(decision.estimate)
+            self._estimate = decision.estimate
         if decision.cloud is not None:
             trace.cloud(decision.cloud)
+            self._cloud = decision.cloud
         if decision.plan is not None:
             trace.plan(now, decision.plan)
+            self._plan = decision.plan
         if decision.local_plan is not None:
             trace.local_plan(now, decision.local_plan)
         if decision.particles is not None:
@@ -264,14 +301,27 @@ class _Loop:
         for text in decision.events:
             trace.event(now, "sut", text)
 
+    def _tell(self, now: float) -> None:
+        """Tell how far the run is, as detailed as is wanted."""
+        wanted = "progress" if self._interest is None else self._interest()
+        if wanted == "nothing" or self._on_progress is None:
+            return
+        picture = self._picture(now)
+        if wanted == "everything":
+            if self._seen is None:
+                self._seen = Glance(self._spec.robot.laser)
+            picture = self._seen.added(picture, self._cloud or self._estimate, self._plan)
+        else:
+            self._seen = None
+        self._on_progress(picture)
+
     def _picture(self, now: float) -> Snapshot:
         decision = self._decision
-        estimate = decision.estimate.pose if decision and decision.estimate else None
         return Snapshot(
             time=now,
             limit=self._spec.limit,
             pose=self.world.pose(),
-            estimate=estimate,
+            estimate=None if self._estimate is None else self._estimate.pose,
             reached=decision.progress.reached if decision else 0,
             waypoints=len(self._spec.mission.waypoints),
             joints=tuple(self.world.joint_positions().tolist()),

@@ -87,7 +87,10 @@ class Snapshot:
     """How far a run is, for live views only: never recorded, never judged.
 
     ``pose`` is the true pose, ``estimate`` what the SUT believes; ``joints`` are positions in the
-    order of :attr:`grammars.scene.Scene.joint_names`.
+    order of :attr:`grammars.scene.Scene.joint_names`. The rest is there only while somebody
+    watches: ``spread`` is xx, xy and yy of the estimate's covariance [m²]; laser ``returns``, the
+    global ``plan`` and ``contacts`` since the snapshot before are points of the map frame, thinned
+    and rounded: x, y, x, y, ... [cm].
     """
 
     time: float
@@ -97,6 +100,10 @@ class Snapshot:
     reached: int
     waypoints: int
     joints: tuple[float, ...]
+    spread: tuple[float, float, float] | None = None
+    returns: tuple[int, ...] = ()
+    plan: tuple[int, ...] = ()
+    contacts: tuple[int, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

@@ -29,6 +29,7 @@ def execute(
     *,
     trace_path: Path,
     on_progress: Callable[[Snapshot], None] | None = None,
+    interest: Callable[[], str] | None = None,
 ) -> RunResult:
     asked = spec.sut.parameters
     if "log" in asked:
@@ -43,7 +44,7 @@ def execute(
     if "raise" in asked:
         raise RuntimeError(asked["raise"])
     ballast = bytearray(asked.get("allocate", 0) * 2**20)
-    _sleep(asked.get("sleep", 0.0), spec, on_progress)
+    _sleep(asked.get("sleep", 0.0), spec, on_progress, interest or (lambda: "progress"))
     data = f"{spec.digest} {scene.digest} {len(ballast)}".encode()
     if "noise" in asked:
         data += os.urandom(8)
@@ -56,9 +57,16 @@ def _attempt(trace_path: Path) -> int:
     return int(trace_path.parent.name.removeprefix("attempt-"))
 
 
-def _sleep(seconds: float, spec: RunSpec, on_progress: Callable[[Snapshot], None] | None) -> None:
+def _sleep(
+    seconds: float,
+    spec: RunSpec,
+    on_progress: Callable[[Snapshot], None] | None,
+    interest: Callable[[], str],
+) -> None:
     start = time.monotonic()
     while (passed := time.monotonic() - start) < seconds:
-        if on_progress is not None:
-            on_progress(Snapshot(passed, spec.limit, Pose2(passed), None, 0, 1, ()))
+        wanted = interest()
+        if on_progress is not None and wanted != "nothing":
+            seen = (100, 200) if wanted == "everything" else ()
+            on_progress(Snapshot(passed, spec.limit, Pose2(passed), None, 0, 1, (), returns=seen))
         time.sleep(min(0.01, seconds))
