@@ -8,7 +8,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -55,8 +55,15 @@ def _runs(process: psutil.Process) -> bool:
 class Part:
     """A daemon or worker process of this test."""
 
-    def __init__(self, command: str, log: Path, *options: str) -> None:
-        self._command = [sys.executable, "-m", "daemon", command, *options]
+    def __init__(
+        self,
+        command: str,
+        log: Path,
+        *options: str,
+        module: Sequence[str] = ("daemon",),
+        through: Sequence[str] = (),
+    ) -> None:
+        self._command = [*through, sys.executable, "-m", *module, command, *options]
         self._log = log
         self.process: subprocess.Popen[bytes] = self._start()
 
@@ -101,13 +108,21 @@ class Part:
 class DaemonPart(Part):
     """A daemon on a state directory."""
 
-    def __init__(self, state: Path, slots: int, **settings: float | str) -> None:
+    def __init__(
+        self,
+        state: Path,
+        slots: int,
+        *,
+        listen: str = "",
+        module: Sequence[str] = ("daemon",),
+        **settings: float | str,
+    ) -> None:
         self.state = state
-        self.endpoint = free_endpoint()
+        self.endpoint = listen or free_endpoint()
         options = ["--state", str(state), "--listen", self.endpoint, "--slots", str(slots)]
         for name, value in settings.items():
             options += [f"--{name}", str(value)]
-        super().__init__("serve", state.parent / f"{state.name}.log", *options)
+        super().__init__("serve", state.parent / f"{state.name}.log", *options, module=module)
 
     def journal(self) -> list[dict[str, Any]]:
         return [json.loads(line) for line in (self.state / "daemon.log").read_text().splitlines()]
@@ -144,10 +159,18 @@ def end(processes: list[psutil.Process]) -> None:
 
 
 @contextmanager
-def daemon_at(state: Path, slots: int = 0, **settings: float | str) -> Iterator[DaemonPart]:
+def daemon_at(
+    state: Path,
+    slots: int = 0,
+    *,
+    listen: str = "",
+    module: Sequence[str] = ("daemon",),
+    **settings: float | str,
+) -> Iterator[DaemonPart]:
     """A daemon for the block; nothing of it is left afterwards."""
     state.parent.mkdir(parents=True, exist_ok=True)
-    part = DaemonPart(state, slots, **({"patience": 2.0, "executor": EXECUTOR} | settings))
+    chosen = {"patience": 2.0, "executor": EXECUTOR} | settings
+    part = DaemonPart(state, slots, listen=listen, module=module, **chosen)
     try:
         yield part
     finally:
@@ -155,11 +178,18 @@ def daemon_at(state: Path, slots: int = 0, **settings: float | str) -> Iterator[
 
 
 @contextmanager
-def worker_for(daemon: DaemonPart, slots: int = 1, *options: str) -> Iterator[Part]:
+def worker_for(
+    daemon: DaemonPart,
+    slots: int = 1,
+    *options: str,
+    connect: str = "",
+    through: Sequence[str] = (),
+    executor: str = EXECUTOR,
+) -> Iterator[Part]:
     """A worker of its own for the block; nothing of it is left afterwards."""
     log = daemon.state.parent / f"worker-{time.monotonic_ns()}.log"
-    base = ("--connect", daemon.endpoint, "--slots", str(slots), "--executor", EXECUTOR)
-    part = Part("worker", log, *base, *options)
+    base = ("--connect", connect or daemon.endpoint, "--slots", str(slots))
+    part = Part("worker", log, *base, "--executor", executor, *options, through=through)
     try:
         yield part
     finally:

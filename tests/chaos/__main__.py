@@ -1,0 +1,66 @@
+"""Long campaigns of violence: ``make chaos``, or ``python -m tests.chaos violence --runs 500``.
+
+Each scenario prints what it did and saw; the exit code is 1 when something that must hold did not.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import tempfile
+import traceback
+from collections.abc import Callable
+from pathlib import Path
+
+from tests.chaos.clock import clock
+from tests.chaos.cut import cut_off
+from tests.chaos.disk import full_disk
+from tests.chaos.report import Report
+from tests.chaos.torn import torn
+from tests.chaos.violence import violence
+
+
+def _scenarios(runs: int, seed: int) -> dict[str, Callable[[Path], Report]]:
+    return {
+        "violence": lambda folder: violence(folder, runs=runs, seed=seed),
+        "disk": full_disk,
+        "torn": lambda folder: torn(folder, seed=seed),
+        "clock": lambda folder: clock(folder, seed=seed),
+        "cut": cut_off,
+    }
+
+
+def _perform(name: str, act: Callable[[Path], Report], folder: Path) -> Report:
+    """A scenario that waits for something in vain has found a violation, too."""
+    try:
+        return act(folder)
+    except AssertionError:
+        report = Report(name)
+        report.violations.append(traceback.format_exc())
+        return report
+
+
+def main() -> int:
+    """Run the chosen scenarios, or all; returns the exit code."""
+    known = _scenarios(0, 0)
+    parser = argparse.ArgumentParser(prog="python -m tests.chaos", description=__doc__)
+    parser.add_argument("scenario", nargs="*", help=f"some of {', '.join(known)}; default: all")
+    parser.add_argument("--runs", type=int, default=2000, help="runs of the scenario violence")
+    parser.add_argument("--seed", type=int, default=1, help="what is struck, and when")
+    options = parser.parse_args()
+    unknown = [name for name in options.scenario if name not in known]
+    if unknown:
+        parser.error(f"no scenario {', '.join(unknown)}; there are: {', '.join(known)}")
+    violated = False
+    for name, act in _scenarios(options.runs, options.seed).items():
+        if options.scenario and name not in options.scenario:
+            continue
+        with tempfile.TemporaryDirectory(prefix=f"chaos-{name}-") as folder:
+            report = _perform(name, act, Path(folder))
+        print(report.text(), flush=True)
+        violated = violated or bool(report.violations)
+    return int(violated)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,74 @@
+"""The machine's clock is set back and forth under a working daemon."""
+
+from __future__ import annotations
+
+import random
+import time
+from pathlib import Path
+
+from daemon.client import Client
+from daemon.places import write_atomically
+from tests.chaos.report import Report
+from tests.chaos.verify import verify
+from tests.daemon.harness import daemon_at, eventually, finished, worker_for
+from tests.daemon.samples import make_submission
+
+EXECUTOR = "tests.chaos.executor:execute"
+LEASE = 3.0
+HOUR = 3600.0
+
+
+def clock(folder: Path, *, runs: int = 40, steps: int = 12, seed: int = 1) -> Report:
+    """Set the clock every second; no lease ends before its time, and one of a dead worker ends."""
+    report = Report("clock: set back and forth by hours")
+    rng = random.Random(seed)
+    off = folder / "offset"
+    off.write_text("0")
+    module = ("tests.chaos.stepped", str(off))
+    # The grace is too long to help: only the lease ends what the frozen worker holds.
+    settings: dict[str, float | str] = {"lease": LEASE, "grace": 600.0, "executor": EXECUTOR}
+    with daemon_at(folder / "state", 2, module=module, **settings) as daemon:
+        with daemon.client() as client:
+            client.submit(make_submission("clock", runs, sleep=0.5))
+            for _ in range(steps):
+                write_atomically(off, str(rng.uniform(-24 * HOUR, 24 * HOUR)).encode())
+                time.sleep(1.0)
+            eventually(lambda: finished(client, runs), 60.0)
+            again = sum(row.attempt > 1 for row in client.runs("clock").rows)
+        lines = [line for line in daemon.journal() if line["event"] == "clock set"]
+        report.fact("clock set (noticed)", f"{steps} ({len(lines)})")
+        report.fact("runs that lost their lease meanwhile", again)
+        report.expect(again == 0, f"{again} runs lost their lease to the clock")
+        report.expect(len(lines) == steps, f"the daemon noticed {len(lines)} of {steps}")
+        verify(report, daemon.state, runs)
+    _frozen_worker(report, folder / "frozen", off)
+    return report
+
+
+def _frozen_worker(report: Report, folder: Path, off: Path) -> None:
+    """A worker freezes, the clock goes back a day: its lease ends in its own time."""
+    module = ("tests.chaos.stepped", str(off))
+    settings: dict[str, float | str] = {"lease": LEASE, "grace": 600.0}
+    with (
+        daemon_at(folder / "state", 0, module=module, **settings) as daemon,
+        daemon.client() as client,
+        worker_for(daemon, 1, executor=EXECUTOR) as worker,
+    ):
+        client.submit(make_submission("frozen", 1, sleep=60.0))
+        eventually(lambda: client.overview().running == 1)
+        worker.freeze()
+        start = time.monotonic()
+        write_atomically(off, str(float(off.read_text()) - 24 * HOUR).encode())
+        ended = _wait_for_end(client, 4 * LEASE)
+        took = time.monotonic() - start
+        report.fact("frozen worker's lease ended after", f"{took:.1f} s (lease {LEASE:g} s)")
+        report.expect(ended, "a clock set back keeps a dead worker's lease alive")
+
+
+def _wait_for_end(client: Client, seconds: float) -> bool:
+    deadline = time.monotonic() + seconds
+    while time.monotonic() < deadline:
+        if client.overview().running == 0:
+            return True
+        time.sleep(0.05)
+    return False

@@ -1,0 +1,94 @@
+"""A worker is cut off for longer than its lease, finishes its run meanwhile, and comes back."""
+
+from __future__ import annotations
+
+import time
+from contextlib import ExitStack
+from pathlib import Path
+
+from daemon.client import Client
+from daemon.launch import free_endpoint
+from tests.chaos.links import links, may_make_namespaces
+from tests.chaos.report import Report
+from tests.chaos.verify import verify
+from tests.daemon.harness import DaemonPart, daemon_at, eventually, finished, worker_for
+from tests.daemon.samples import make_submission
+
+EXECUTOR = "tests.chaos.executor:execute"
+
+
+def cut_off(
+    folder: Path,
+    *,
+    seconds: float = 60.0,
+    lease: float = 10.0,
+    work: float = 3.0,
+    isolated: bool | None = None,
+) -> Report:
+    """Cut two workers off, each from a daemon of its own; one of these finds a substitute.
+
+    Where nobody else ran it, the late result is the result; where a substitute did, it is known.
+    """
+    report = Report(f"cut off for {seconds:g} s and back (leases last {lease:g} s)")
+    isolated = may_make_namespaces() if isolated is None else isolated
+    report.fact("cable", "veth pair taken down" if isolated else "relay that stops")
+    with ExitStack() as stack:
+        sides = [
+            _Side(stack, folder / name, lease, isolated=isolated) for name in ("alone", "replaced")
+        ]
+        for side in sides:
+            side.client.submit(make_submission("cut", 1, sleep=work))
+        for side in sides:
+            eventually(side.begun)
+        for side in sides:
+            side.cable.cut()
+            report.expect(side.begun(), "the run was over before the cable was cut")
+        cut = time.monotonic()
+        for side in sides:
+            eventually(side.lapsed, 3 * lease + 10.0)
+        report.fact("leases over after", f"{time.monotonic() - cut:.1f} s")
+        stack.enter_context(worker_for(sides[1].daemon, executor=EXECUTOR))
+        eventually(lambda: finished(sides[1].client, 1), 20.0)
+        time.sleep(max(0.0, seconds - (time.monotonic() - cut)))
+        report.expect(sides[0].client.overview().queued == 1, "the run did not wait for anybody")
+        for side in sides:
+            side.cable.mend()
+        mended = time.monotonic()
+        for side in sides:
+            eventually(side.delivered, 30.0)
+        report.fact("delivered after the cable was back", f"{time.monotonic() - mended:.1f} s")
+        attempts = [side.client.runs("cut").rows[0].attempt for side in sides]
+        report.fact("attempts alone, replaced", attempts)
+        report.expect(attempts == [1, 2], f"attempts {attempts}, wanted [1, 2]")
+        for side in sides:
+            verify(report, side.daemon.state, 1)
+    return report
+
+
+class _Side:
+    """A daemon, and a worker at the end of a cable that executes its only run."""
+
+    def __init__(self, stack: ExitStack, folder: Path, lease: float, *, isolated: bool) -> None:
+        endpoint, (self.cable,) = stack.enter_context(links(free_endpoint(), 1, isolated=isolated))
+        self.daemon: DaemonPart = stack.enter_context(
+            daemon_at(folder / "state", listen=endpoint, lease=lease, grace=lease / 2)
+        )
+        self.client: Client = stack.enter_context(self.daemon.client())
+        worker = worker_for(
+            self.daemon,
+            connect=self.cable.endpoint,
+            through=self.cable.through,
+            executor=EXECUTOR,
+        )
+        stack.enter_context(worker)
+        stack.callback(self.cable.mend)
+
+    def begun(self) -> bool:
+        return self.client.overview().running == 1
+
+    def lapsed(self) -> bool:
+        return self.client.overview().running == 0
+
+    def delivered(self) -> bool:
+        spool = self.daemon.state / "spool"
+        return finished(self.client, 1) and not list(spool.glob("*/*/attempt-*"))

@@ -1,0 +1,51 @@
+"""A stand-in for ``daemon.run`` that leaves a real, small MCAP trace.
+
+The parameters of the system under test say how long it takes (``sleep`` [s]) and how much of what
+does not compress the trace holds (``ballast`` [bytes]). Same specification, same bytes.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import random
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+from mcap.writer import CompressionType, Writer
+
+from daemon.spec import RunResult, RunSpec, Snapshot, TraceInfo
+from grammars.scene import Scene
+from tests.daemon.samples import make_result
+
+MESSAGES = 20
+
+
+def execute(
+    spec: RunSpec,
+    scene: Scene,
+    *,
+    trace_path: Path,
+    on_progress: Callable[[Snapshot], None] | None = None,
+) -> RunResult:
+    asked = spec.sut.parameters
+    time.sleep(asked.get("sleep", 0.0))
+    _record(trace_path, spec.digest, asked.get("ballast", 0))
+    data = trace_path.read_bytes()
+    trace = TraceInfo(hashlib.sha256(data).hexdigest(), len(data), MESSAGES)
+    return make_result(spec, trace=trace)
+
+
+def _record(path: Path, digest: str, ballast: int) -> None:
+    noise = random.Random(digest)
+    with path.open("wb") as file:
+        writer = Writer(file, compression=CompressionType.NONE)
+        writer.start(profile="", library="chaos")
+        schema = writer.register_schema("Step", "jsonschema", b"{}")
+        channel = writer.register_channel("/step", "json", schema)
+        for step in range(MESSAGES):
+            text = {"run": digest, "step": step, "noise": noise.randbytes(ballast // 40).hex()}
+            at = step * 50_000_000
+            writer.add_message(channel, at, json.dumps(text).encode(), at)
+        writer.finish()

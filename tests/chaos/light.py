@@ -1,0 +1,112 @@
+"""Workers that execute nothing: they lease and complete through real sessions, many a second."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable
+
+import zenoh
+
+from daemon import bus
+from daemon.errors import Refused, Unreachable
+from daemon.messages import (
+    ALIVE,
+    Acknowledgement,
+    Answer,
+    Completion,
+    Grant,
+    Hold,
+    LeaseReply,
+    LeaseRequest,
+    RenewReply,
+    RenewRequest,
+    Verb,
+    WorkerInfo,
+)
+from tests.daemon.samples import make_result
+
+
+class LightWorker:
+    """A worker by what it says on the bus."""
+
+    def __init__(self, session: zenoh.Session, endpoint: str, name: str, slots: int = 8) -> None:
+        self.name = name
+        self._session = session
+        self._endpoint = endpoint
+        self._info = WorkerInfo(name, "here", 1, "0", slots, 0)
+        self._slots = slots
+        self._token = session.liveliness().declare_token(f"{ALIVE}/{name}")
+
+    def lease(self, count: int | None = None) -> tuple[Grant, ...]:
+        """Take runs; raises like :func:`daemon.bus.ask`."""
+        request = LeaseRequest(self._info, self._slots if count is None else count)
+        return bus.ask(self._session, self._endpoint, Verb.LEASE, request, LeaseReply, 5.0).grants
+
+    def renew(self, grants: tuple[Grant, ...] = ()) -> int:
+        """Say which runs it has; returns how many are not its own any more."""
+        holds = tuple(Hold(grant.run, grant.token) for grant in grants)
+        request = RenewRequest(self._info, holds)
+        answer = bus.ask(self._session, self._endpoint, Verb.RENEW, request, RenewReply, 5.0)
+        return len(answer.gone)
+
+    def complete(self, grant: Grant) -> Answer:
+        """Deliver a result that depends on the specification only."""
+        result = make_result(grant.spec)
+        done = Completion(self.name, grant.run, grant.attempt, grant.token, result)
+        return bus.ask(
+            self._session, self._endpoint, Verb.COMPLETE, done, Acknowledgement, 5.0
+        ).answer
+
+
+def insist(ask: Callable[[], object], until: Callable[[], bool]) -> object:
+    """Ask again while nobody answers; ``None`` when ``until`` says that it is enough."""
+    while not until():
+        try:
+            return ask()
+        except Unreachable:
+            time.sleep(0.02)
+    return None
+
+
+class Crew:
+    """Light workers in threads that complete runs until stopped, and remember what was answered."""
+
+    def __init__(self, endpoint: str, workers: int, slots: int = 8) -> None:
+        self.acknowledged: dict[str, str] = {}
+        self.refused: list[str] = []
+        self._endpoint = endpoint
+        self._slots = slots
+        self._stop = threading.Event()
+        self._threads = [
+            threading.Thread(target=self._work, args=(f"light-{i}",), daemon=True)
+            for i in range(workers)
+        ]
+        for thread in self._threads:
+            thread.start()
+
+    def stop(self) -> None:
+        """Finish what is under way."""
+        self._stop.set()
+        for thread in self._threads:
+            thread.join()
+
+    def _work(self, name: str) -> None:
+        with bus.open_client(self._endpoint) as session:
+            worker = LightWorker(session, self._endpoint, name, self._slots)
+            while not self._stop.is_set():
+                grants = insist(worker.lease, self._stop.is_set)
+                if not isinstance(grants, tuple) or not grants:
+                    time.sleep(0.02)
+                    continue
+                for grant in grants:
+                    self._finish(worker, grant)
+
+    def _finish(self, worker: LightWorker, grant: Grant) -> None:
+        try:
+            answer = insist(lambda: worker.complete(grant), self._stop.is_set)
+        except Refused as error:
+            self.refused.append(str(error))
+            return
+        if answer in (Answer.RECORDED, Answer.KNOWN):
+            self.acknowledged[grant.run] = make_result(grant.spec).digest

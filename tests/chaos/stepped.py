@@ -1,0 +1,26 @@
+"""``python -m tests.chaos.stepped OFFSET_FILE serve ...``: a daemon whose wall clock can be set.
+
+The file holds the seconds by which the clock is off; it is read whenever the time is asked for.
+"""
+
+from __future__ import annotations
+
+import sys
+import time
+from pathlib import Path
+
+from daemon.__main__ import main
+
+
+def _set_clock(file: Path) -> None:
+    true = time.time
+
+    def wall() -> float:
+        return true() + float(file.read_text() or 0.0)
+
+    time.time = wall
+
+
+if __name__ == "__main__":
+    _set_clock(Path(sys.argv.pop(1)))
+    sys.exit(main())

@@ -1,0 +1,92 @@
+"""The daemon is killed while it commits; its write-ahead log loses its end."""
+
+from __future__ import annotations
+
+import random
+import shutil
+import sqlite3
+import time
+from contextlib import closing
+from pathlib import Path
+
+from daemon.ledger import connect
+from tests.chaos.light import Crew
+from tests.chaos.report import Report
+from tests.chaos.verify import check_book
+from tests.daemon.harness import daemon_at, eventually
+from tests.daemon.samples import make_submission
+
+CREW = 4
+
+
+def torn(
+    folder: Path, *, runs: int = 6_000, kills: int = 15, tears: int = 60, seed: int = 1
+) -> Report:
+    """Kill the daemon in the middle of many commits; what it acknowledged must be there.
+
+    Then tear pages off the end of copies of its write-ahead log: each copy must open to some
+    earlier, consistent state.
+    """
+    report = Report("torn writes: kills during commits, torn write-ahead logs")
+    rng = random.Random(seed)
+    with daemon_at(folder / "state", 0, lease=2.0, grace=1.0, attempts=10_000) as daemon:
+        with daemon.client() as client:
+            client.submit(make_submission("torn", runs))
+        crew = Crew(daemon.endpoint, CREW)
+        copies = []
+        for kill in range(kills):
+            before = len(crew.acknowledged)
+            eventually(
+                lambda before=before: (
+                    len(crew.acknowledged) > before + 20 or len(crew.acknowledged) == runs
+                )
+            )
+            time.sleep(rng.uniform(0.0, 0.2))
+            daemon.kill()
+            copies.append(_copy(daemon.state, folder / f"copy-{kill}"))
+            _check_acknowledged(report, daemon.state, dict(crew.acknowledged))
+            daemon.restart()
+        crew.stop()
+        report.fact("daemon killed while committing", kills)
+        report.fact("results acknowledged", len(crew.acknowledged))
+        report.expect(not crew.refused, f"refused: {crew.refused[:2]}")
+        daemon.kill()
+        _check_acknowledged(report, daemon.state, crew.acknowledged)
+        check_book(report, daemon.state / "ledger.db")
+    _tear(report, rng, copies, tears, folder / "torn")
+    return report
+
+
+def _check_acknowledged(report: Report, state: Path, acknowledged: dict[str, str]) -> None:
+    """The daemon is dead: what it acknowledged must be on the disk."""
+    with closing(sqlite3.connect(f"file:{state / 'ledger.db'}?mode=ro", uri=True)) as db:
+        kept = dict(db.execute("SELECT run, digest FROM result"))
+    missing = [run for run, digest in acknowledged.items() if kept.get(run) != digest]
+    report.expect(not missing, f"acknowledged but not there: {missing[:3]} of {len(missing)}")
+
+
+def _copy(state: Path, target: Path) -> Path:
+    target.mkdir()
+    for name in ("ledger.db", "ledger.db-wal"):
+        if (state / name).exists():
+            shutil.copyfile(state / name, target / name)
+    return target
+
+
+def _tear(report: Report, rng: random.Random, copies: list[Path], tears: int, at: Path) -> None:
+    """Open copies whose write-ahead log ends too early or in rubbish."""
+    lost = 0
+    for _ in range(tears):
+        shutil.rmtree(at, ignore_errors=True)
+        whole = rng.choice(copies)
+        shutil.copytree(whole, at)
+        journal = at / "ledger.db-wal"
+        data = journal.read_bytes() if journal.exists() else b""
+        if data:
+            end = rng.randrange(len(data))
+            rubbish = rng.randbytes(len(data) - end) if rng.random() < 0.5 else b""
+            journal.write_bytes(data[:end] + rubbish)
+            lost += len(data) - end
+        connect(at / "ledger.db").close()
+        check_book(report, at / "ledger.db")
+    report.fact("torn write-ahead logs opened", f"{tears}, {lost / 2**20:.0f} MiB torn off")
