@@ -14,8 +14,7 @@ from daemon.errors import (
     DaemonError,
     WorkerBroken,
 )
-from daemon.executor import DEFAULT_EXECUTOR, Limits
-from daemon.places import DEFAULT_ENDPOINT
+from daemon.executor import DEFAULT_EXECUTOR, Limits, Scheduler
 
 
 def main() -> int:
@@ -37,7 +36,8 @@ def _parser() -> argparse.ArgumentParser:
     serve = commands.add_parser("serve", help="run the daemon")
     serve.set_defaults(run=_serve)
     serve.add_argument("--state", type=Path, required=True)
-    serve.add_argument("--listen", default=DEFAULT_ENDPOINT)
+    serve.add_argument("--listen", default="")
+    serve.add_argument("--insecure", action="store_true")
     serve.add_argument("--lease", type=float, default=30.0)
     serve.add_argument("--grace", type=float, default=5.0)
     serve.add_argument("--attempts", type=int, default=3)
@@ -47,12 +47,15 @@ def _parser() -> argparse.ArgumentParser:
     worker.add_argument("--connect", required=True)
     worker.add_argument("--state", type=Path)
     worker.add_argument("--parent", type=int, default=0)
+    worker.add_argument("--scheduler")
     for command in (serve, worker):
         command.add_argument("--slots", type=int)
+        command.add_argument("--keys", type=Path)
         command.add_argument("--executor", default=DEFAULT_EXECUTOR)
         command.add_argument("--tether", action="store_true")
         command.add_argument("--wall", type=float, default=Limits().wall)
         command.add_argument("--memory", type=int, default=Limits().memory)
+        command.add_argument("--nice", type=int, default=Limits().nice)
     return parser
 
 
@@ -62,10 +65,12 @@ def _serve(options: argparse.Namespace) -> None:
     serve(
         options.state,
         listen=options.listen,
+        keys=options.keys,
+        insecure=options.insecure,
         slots=options.slots,
         settings=Settings(options.lease, options.grace, options.attempts, options.patience),
         executor=options.executor,
-        limits=Limits(options.wall, options.memory),
+        limits=Limits(options.wall, options.memory, options.nice),
         tether=options.tether,
     )
 
@@ -78,9 +83,11 @@ def _work(options: argparse.Namespace) -> None:
         slots=options.slots,
         state=options.state,
         executor=options.executor,
-        limits=Limits(options.wall, options.memory),
+        limits=Limits(options.wall, options.memory, options.nice),
         parent=options.parent,
+        keys=options.keys,
         tether=options.tether,
+        scheduler=Scheduler(options.scheduler) if options.scheduler else None,
     )
 
 

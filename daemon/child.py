@@ -17,11 +17,12 @@ import sys
 import threading
 import time
 import traceback
-from dataclasses import dataclass
+from contextlib import suppress
+from dataclasses import dataclass, replace
 from multiprocessing import parent_process
 from multiprocessing.connection import Connection, wait
 from pathlib import Path
-from typing import Final, NoReturn
+from typing import Final, Literal, NoReturn
 
 from daemon.messages import Grant
 from daemon.places import sync_directory, write_atomically
@@ -34,24 +35,30 @@ GRANT: Final = "grant.json"
 TRACE: Final = "trace.mcap"
 OUTPUT: Final = "output.txt"
 RESULT: Final = "result.json"
+WATCHED: Final = "watched"
+"""Lies in the folder of an attempt while somebody watches it."""
 
 LIVE: Final = b"L"
 FAILED: Final = b"F"
 NO_ROOM: Final = b"N"
 READY: Final = b"R"
 
-_NICENESS: Final = 10
 _FULL: Final = (errno.ENOSPC, errno.EDQUOT)
 _LIVE_PERIOD: Final = 0.2
+_FIRST_TO_GO: Final = "500"
+_WATCHED_PERIOD: Final = 0.1
 
 
 @dataclass(frozen=True, slots=True)
 class Task:
-    """What a child is told: its attempt's folder, the scene's file, memory limit [B] or 0."""
+    """What a child is told: its attempt's folder, the scene's file, memory limit [B] or 0, and
+    how far it steps back behind other processes.
+    """
 
     folder: Path
     scene: Path
     memory: int
+    nice: int
 
 
 def probe(wire: Connection) -> None:
@@ -72,8 +79,9 @@ def main(task: Task, wire: Connection) -> None:
         grant = codec.from_json(Grant, (task.folder / GRANT).read_bytes())
         scene = codec.from_json(Scene, task.scene.read_bytes())
         trace = task.folder / TRACE
+        reporter = _Reporter(grant.run, wire, task.folder / WATCHED)
         result: RunResult = preload.execute(
-            grant.spec, scene, trace_path=trace, on_progress=_Reporter(grant.run, wire)
+            grant.spec, scene, trace_path=trace, on_progress=reporter, interest=reporter.interest
         )
         _keep(result, trace, task.folder)
     except Exception as error:
@@ -107,7 +115,9 @@ def _settle(task: Task) -> None:
     os.close(output)
     faulthandler.enable()
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    os.setpriority(os.PRIO_PROCESS, 0, max(_NICENESS, os.getpriority(os.PRIO_PROCESS, 0)))
+    os.setpriority(os.PRIO_PROCESS, 0, max(task.nice, os.getpriority(os.PRIO_PROCESS, 0)))
+    with suppress(OSError):  # where there is such a thing: short of memory, a run goes first
+        Path("/proc/self/oom_score_adj").write_text(_FIRST_TO_GO)
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
     if task.memory:
         resource.setrlimit(resource.RLIMIT_AS, (task.memory, task.memory))
@@ -122,19 +132,34 @@ def _die_with_worker() -> None:
 
 
 class _Reporter:
-    """Sends snapshots to the worker, at most five a second, and never waits for it."""
+    """Sends snapshots to the worker and never waits for it.
 
-    def __init__(self, run: str, wire: Connection) -> None:
+    A few a second, twice as many and with all there is to see while the worker says, by a file in
+    the attempt's folder, that somebody watches this run.
+    """
+
+    def __init__(self, run: str, wire: Connection, watched: Path) -> None:
         self._run = run
         self._wire = wire
+        self._watched = watched
         self._next = 0.0
 
-    def __call__(self, snapshot: Snapshot) -> None:
+    def interest(self) -> Literal["nothing", "progress", "everything"]:
+        """Say whether a snapshot is due; asked often, it mostly costs a look at the clock."""
         now = time.monotonic()
         if now < self._next:
-            return
-        self._next = now + _LIVE_PERIOD
-        message = LIVE + codec.to_json(Live(self._run, snapshot))
-        # A pipe that is ready takes PIPE_BUF bytes, the length prefix included, without blocking.
-        if len(message) + 8 <= select.PIPE_BUF and select.select([], [self._wire], [], 0)[1]:
-            self._wire.send_bytes(message)
+            return "nothing"
+        watched = self._watched.exists()
+        self._next = now + (_WATCHED_PERIOD if watched else _LIVE_PERIOD)
+        return "everything" if watched else "progress"
+
+    def __call__(self, snapshot: Snapshot) -> None:
+        """Send a snapshot, without what makes it too long for the pipe, or not at all."""
+        bare = replace(snapshot, returns=(), plan=(), contacts=())
+        for picture in (snapshot, bare):
+            message = LIVE + codec.to_json(Live(self._run, picture))
+            # A pipe that is ready takes PIPE_BUF bytes, the length prefix included, at once.
+            if len(message) + 8 <= select.PIPE_BUF:
+                if select.select([], [self._wire], [], 0)[1]:
+                    self._wire.send_bytes(message)
+                return

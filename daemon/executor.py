@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Final
 
 DEFAULT_EXECUTOR: Final = "daemon.run:execute"
@@ -21,12 +22,28 @@ def cores() -> int:
 @dataclass(frozen=True, slots=True)
 class Limits:
     """What a run may use: wall clock [s] (0: ten times its simulated limit, at least five
-    minutes) and address space [B] (0: no limit).
+    minutes), address space [B] (0: no limit) and, by ``nice`` (0 to 19), processors that others
+    want too.
     """
 
     wall: float = 0.0
     memory: int = 4 * 2**30
+    nice: int = 10
 
     def wall_of(self, simulated: float) -> float:
         """Wall clock limit [s] of a run limited to ``simulated`` seconds."""
         return self.wall or max(300.0, 10.0 * simulated)
+
+
+@dataclass(frozen=True, slots=True)
+class Scheduler:
+    """A Dask cluster: its scheduler's address, ``tcp://host:port`` or ``tls://host:port``.
+
+    The files of the certificate authority, our certificate and its key are for TLS; without them
+    Dask's own configuration is asked.
+    """
+
+    address: str
+    ca: Path | None = None
+    certificate: Path | None = None
+    key: Path | None = None

@@ -10,9 +10,9 @@ import time
 from typing import Final
 
 from daemon.executor import Limits
+from daemon.kernels import kernel_environment
 from daemon.places import Places
 from daemon.server._journal import Journal
-from daemon.server._kernels import kernel_environment
 
 _FIRST_PAUSE: Final = 0.1
 _LONGEST_PAUSE: Final = 10.0
@@ -45,6 +45,7 @@ class LocalWorker:
         self._command = [sys.executable, "-m", "daemon", "worker", "--connect", endpoint]
         self._command += ["--slots", str(slots), "--executor", executor]
         self._command += ["--wall", str(limits.wall), "--memory", str(limits.memory)]
+        self._command += ["--nice", str(limits.nice)]
         self._command += ["--parent", str(os.getpid())] + (["--tether"] if tether else [])
         self._process: subprocess.Popen[bytes] | None = None
         self._started = 0.0

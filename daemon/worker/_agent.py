@@ -10,7 +10,6 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from multiprocessing.connection import wait
-from pathlib import Path
 from typing import Any, Final, TypeVar
 
 import zenoh
@@ -19,27 +18,25 @@ from daemon import bus
 from daemon.errors import DaemonError, Refused, Unreachable
 from daemon.executor import Limits
 from daemon.messages import (
-    LIVE,
     Acknowledgement,
-    Answer,
-    Completion,
     Grant,
     Hold,
     LeaseReply,
     LeaseRequest,
-    Named,
     Release,
     RenewReply,
     RenewRequest,
     Verb,
     WorkerInfo,
 )
-from daemon.places import Places, write_atomically
+from daemon.security import Holder
 from daemon.worker._backend import Backend, Execution
+from daemon.worker._base import Base
+from daemon.worker._delivery import Courier
+from daemon.worker._scenes import Scenes
 from daemon.worker._signals import Orders
-from daemon.worker._spool import Attempt, Placement, Spool
-from grammars import codec
-from grammars.scene import Scene
+from daemon.worker._spool import Attempt, Spool
+from daemon.worker._watch import Watchers
 
 T = TypeVar("T")
 
@@ -49,7 +46,10 @@ _AFTER_SILENCE: Final = 0.5
 _BREATH: Final = 0.05
 _AFTER_FAILURE: Final = 10.0
 _FAREWELL: Final = 10.0
-"""Seconds a leaving worker waits for a daemon that takes its results; then the spool has them."""
+"""Seconds a leaving worker waits for a daemon that takes its results; then the spool has them.
+
+Traces that are on their way go on.
+"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,10 +58,11 @@ class Link:
 
     session: zenoh.Session
     endpoint: str
+    holder: Holder | None = None
 
     def ask(self, verb: Verb, request: object, kind: type[T]) -> T:
         """Ask the daemon; raises :class:`Unreachable` or :class:`Refused`."""
-        return bus.ask(self.session, self.endpoint, verb, request, kind, _TIMEOUT)
+        return bus.ask(self.session, self.endpoint, verb, request, kind, _TIMEOUT, self.holder)
 
 
 class Agent:
@@ -71,7 +72,7 @@ class Agent:
         self,
         link: Link,
         info: Callable[[int], WorkerInfo],
-        places: Places,
+        base: Base,
         spool: Spool,
         backend: Backend,
         orders: Orders,
@@ -82,7 +83,9 @@ class Agent:
     ) -> None:
         self._link = link
         self._info = info
-        self._places = places
+        self._places = base.places
+        self._courier = Courier(link, info(0).id, base, log)
+        self._scenes = Scenes(link, base)
         self._spool = spool
         self._backend = backend
         self._orders = orders
@@ -98,9 +101,8 @@ class Agent:
         self._troubled_until = 0.0
         self._deliver_at = 0.0
         self._leave_by = 0.0
-        self._publisher = link.session.declare_publisher(
-            f"{LIVE}/{info(0).id}", congestion_control=zenoh.CongestionControl.DROP
-        )
+        self._moved = 0
+        self._watchers = Watchers(link.session, info(0).id)
 
     def run(self) -> None:
         """Work until told to leave, then finish or give back what is under way."""
@@ -114,6 +116,8 @@ class Agent:
 
     def _may_leave(self) -> bool:
         now = time.monotonic()
+        if self._courier.moved != self._moved:
+            self._moved, self._leave_by = self._courier.moved, 0.0
         self._leave_by = self._leave_by or now + _FAREWELL
         return now > self._leave_by or not (self._outbox or self._releases)
 
@@ -133,19 +137,16 @@ class Agent:
             self._lease_at = self._renew_at = 0.0
 
     def _collect(self) -> None:
-        now = time.monotonic()
         self._backend.listen()
         for execution in tuple(self._executions):
             execution.listen()
-            self._publish(execution)
-            if not execution.ended and now > execution.deadline:
-                limit = self._limits.wall_of(execution.attempt.grant.spec.limit)
-                execution.kill(f"stopped after {limit:g} s of wall clock time")
+            self._watchers.publish(execution)
             if execution.ended:
                 self._take_in(execution)
 
     def _take_in(self, execution: Execution) -> None:
         self._executions.remove(execution)
+        self._watchers.forget(execution.attempt.grant.run)
         self._lease_at = 0.0
         execution.listen()
         if execution.attempt.finished:
@@ -159,11 +160,6 @@ class Agent:
         self._log(f"{grant.run} attempt {grant.attempt}: {why}")
         self._releases.append(Release(self._info(0).id, grant.run, grant.token, why, blame))
         attempt.discard()
-
-    def _publish(self, execution: Execution) -> None:
-        if execution.live and self._publisher.matching_status:
-            self._publisher.put(execution.live)
-        execution.live = b""
 
     def _talk(self) -> None:
         if time.monotonic() < self._silent_until:
@@ -187,7 +183,7 @@ class Agent:
             return
         for attempt in tuple(self._outbox):
             try:
-                self._hand_over(attempt)
+                delivered = self._courier.hand_over(attempt)
             except (Refused, ValueError) as error:
                 # Never to be taken: not a run of this ledger, or damaged in the spool.
                 self._outbox.remove(attempt)
@@ -197,6 +193,8 @@ class Agent:
                 self._log(f"{attempt.grant.run}: delivered later, {error}")
                 self._deliver_at = time.monotonic() + _AFTER_FAILURE
             else:
+                if not delivered:
+                    return  # a large trace: other duties come in between
                 self._outbox.remove(attempt)
                 attempt.discard()
 
@@ -205,17 +203,6 @@ class Agent:
             self._link.ask(Verb.RELEASE, release, Acknowledgement)
         except Refused as error:
             self._log(f"{release.run}: {error}")
-
-    def _hand_over(self, attempt: Attempt) -> None:
-        grant, result = attempt.grant, attempt.result()
-        placement = Placement.of(attempt, self._places, result)
-        placed = placement.put()
-        completion = Completion(self._info(0).id, grant.run, grant.attempt, grant.token, result)
-        answer = self._link.ask(Verb.COMPLETE, completion, Acknowledgement).answer
-        if answer is Answer.RECORDED and not placed:
-            placement.replace()
-        elif answer is Answer.DROPPED:
-            placement.withdraw()
 
     def _busy(self) -> WorkerInfo:
         return self._info(len(self._executions))
@@ -237,6 +224,7 @@ class Agent:
         self._log(f"{execution.attempt.grant.run}: no longer wanted here, stopped")
         execution.kill()
         self._executions.remove(execution)
+        self._watchers.forget(execution.attempt.grant.run)
         execution.close()
         execution.attempt.discard()
 
@@ -260,7 +248,7 @@ class Agent:
     def _begin(self, grant: Grant) -> None:
         try:
             attempt = self._spool.open(grant)
-            scene = self._scene(grant.spec.scene)
+            scene = self._scenes.path(grant.spec.scene)
             self._executions.append(self._backend.start(attempt, scene, self._limits))
         except (DaemonError, OSError, EOFError, ValueError) as error:
             # No disk, no process, no scene: nothing the run could help.
@@ -270,13 +258,6 @@ class Agent:
                 Release(me, grant.run, grant.token, f"not started: {error}", blame=False)
             )
             self._troubled_until = time.monotonic() + _AFTER_FAILURE
-
-    def _scene(self, digest: str) -> Path:
-        path = self._places.scene(digest)
-        if not path.exists():
-            scene = self._link.ask(Verb.SCENE, Named(digest), Scene)
-            write_atomically(path, codec.to_json(scene))
-        return path
 
     def _give_up(self) -> None:
         for execution in self._executions:

@@ -22,7 +22,7 @@ class Execution(Protocol):
     live: bytes
     """What it last told about itself, a :class:`daemon.protocol.Live` in JSON; or nothing."""
     deadline: float
-    """When the agent has to stop it, by the monotonic clock [s]."""
+    """When it has to be listened to at the latest, by the monotonic clock [s]."""
 
     @property
     def waitables(self) -> Sequence[Waitable]:

@@ -8,7 +8,7 @@ import sys
 import time
 import types
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from multiprocessing.connection import Connection
 from multiprocessing.context import ForkServerContext, ForkServerProcess
@@ -36,6 +36,7 @@ class Child:
     attempt: Attempt
     process: ForkServerProcess
     wire: Connection
+    limit: float
     deadline: float
     words: str = ""
     live: bytes = b""
@@ -47,17 +48,22 @@ class Child:
         return self.process.sentinel, self.wire
 
     def listen(self) -> None:
-        """Read what the child has sent; keeps the newest snapshot and its last words."""
-        try:
-            while self.wire.poll():
-                message = self.wire.recv_bytes()
-                if message[:1] == child.LIVE:
-                    self.live = message[1:]
-                elif message[:1] in (child.FAILED, child.NO_ROOM):
-                    self.blame = message[:1] != child.NO_ROOM
-                    self.words = message[1:].decode("utf-8", "replace")[-_LAST_WORDS:]
-        except EOFError:
-            return  # the child is gone; its end is noticed by its process
+        """Read what the child has sent, keep the newest snapshot and its last words; end it
+        when its time is up.
+        """
+        with suppress(EOFError):  # it is gone: its end is noticed by its process
+            self._read()
+        if time.monotonic() > self.deadline and not self.ended:
+            self.kill(f"stopped after {self.limit:g} s of wall clock time")
+
+    def _read(self) -> None:
+        while self.wire.poll():
+            message = self.wire.recv_bytes()
+            if message[:1] == child.LIVE:
+                self.live = message[1:]
+            elif message[:1] in (child.FAILED, child.NO_ROOM):
+                self.blame = message[:1] != child.NO_ROOM
+                self.words = message[1:].decode("utf-8", "replace")[-_LAST_WORDS:]
 
     @property
     def ended(self) -> bool:
@@ -125,9 +131,10 @@ class Nursery:
         """Start the process of an attempt; raises ``OSError`` or ``EOFError`` when there is none
         to be had.
         """
-        process, wire = self._fork(child.main, Task(attempt.folder, scene, limits.memory))
-        deadline = time.monotonic() + limits.wall_of(attempt.grant.spec.limit)
-        return Child(attempt, process, wire, deadline)
+        task = Task(attempt.folder, scene, limits.memory, limits.nice)
+        process, wire = self._fork(child.main, task)
+        limit = limits.wall_of(attempt.grant.spec.limit)
+        return Child(attempt, process, wire, limit, time.monotonic() + limit)
 
     def _fork(
         self, target: Callable[..., None], *task: Task

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import os
 import signal
-import socket
 import sys
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from types import FrameType
+
+from daemon.worker._bell import Bell
 
 
 class Orders:
@@ -20,9 +21,8 @@ class Orders:
     """
 
     def __init__(self, *, parent: int = 0) -> None:
-        self.wake, self._bell = socket.socketpair()
-        self.wake.setblocking(False)
-        self._bell.setblocking(False)
+        self._bell = Bell()
+        self.wake = self._bell.ear
         self._parent = parent
         self._told = False
         self.abort = False
@@ -36,17 +36,11 @@ class Orders:
 
     def hint(self) -> None:
         """Wake the loop: there may be work. Callable from any thread, never blocks."""
-        try:
-            self._bell.send(b"!")
-        except BlockingIOError:
-            return  # enough hints are waiting
+        self._bell.ring()
 
     def take_hints(self) -> bool:
         """Whether there were hints since the last call."""
-        try:
-            return bool(self.wake.recv(4096))
-        except BlockingIOError:
-            return False
+        return self._bell.take()
 
     @contextmanager
     def signals(self) -> Iterator[None]:
@@ -67,7 +61,6 @@ class Orders:
 
     def close(self) -> None:
         """Free the sockets."""
-        self.wake.close()
         self._bell.close()
 
 

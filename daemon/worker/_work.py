@@ -16,11 +16,15 @@ from typing import Final
 
 from daemon import bus
 from daemon.errors import Refused, WorkerBroken
-from daemon.executor import DEFAULT_EXECUTOR, EXECUTOR_VARIABLE, Limits, cores
+from daemon.executor import DEFAULT_EXECUTOR, Limits, Scheduler, cores
 from daemon.messages import ALIVE, WORK, Verb, Welcome, WorkerInfo
-from daemon.places import Places
+from daemon.places import is_encrypted
+from daemon.security import Role, find_holder
 from daemon.worker._agent import Agent, Link
+from daemon.worker._backend import Backend
+from daemon.worker._base import settle
 from daemon.worker._children import Nursery
+from daemon.worker._environment import prepare_environment
 from daemon.worker._signals import Orders
 from daemon.worker._signals import tether as hold_tether
 from daemon.worker._spool import Spool
@@ -36,11 +40,14 @@ def work(
     limits: Limits | None = None,
     executor: str = DEFAULT_EXECUTOR,
     parent: int = 0,
+    keys: Path | None = None,
     tether: bool = False,
+    scheduler: Scheduler | None = None,
 ) -> None:
     """Execute runs of the daemon at ``connect`` until told to leave.
 
-    ``slots`` runs at a time (``None``: one per core). Spool and traces lie in the daemon's state
+    ``slots`` runs at a time (``None``: one per core, or per thread of the Dask cluster that
+    executes them if there is a ``scheduler``). Spool and traces lie in the daemon's state
     directory, which must be reachable here under the same path or be given as ``state``.
     ``executor`` (``module:function``) executes runs and is never taken from the network. With
     ``parent`` the worker finishes and leaves when that process is not its parent any more; with
@@ -53,51 +60,63 @@ def work(
     """
     if tether:
         hold_tether()
-    _prepare_environment(executor)
-    slots = cores() if slots is None else slots
-    me = _introduce(slots)
+    me = _introduce()
     with ExitStack() as stack:
         orders = Orders(parent=parent)
         stack.callback(orders.close)
         stack.enter_context(orders.signals())
-        nursery = Nursery(slots)
-        nursery.prove()
-        session = stack.enter_context(bus.open_client(connect))
-        link = Link(session, connect)
+        backend = _backend(slots, executor, scheduler, stack)
+        holder = find_holder(Role.WORKER, keys) if is_encrypted(connect) else None
+        session = stack.enter_context(bus.open_client(connect, holder))
+        link = Link(session, connect, holder)
         welcome = _meet(link, me)
-        places = _reach(state or Path(welcome.state))
-        spool = Spool(places, me.id)
+        base = settle(state, welcome)
+        spool = Spool(base.places, me.id)
         stack.callback(spool.close)
         stack.enter_context(session.liveliness().declare_token(f"{ALIVE}/{me.id}"))
         stack.enter_context(session.declare_subscriber(WORK, lambda _: orders.hint()))
         agent = Agent(
             link,
-            lambda busy: replace(me, busy=busy, slots=nursery.slots),
-            places,
+            lambda busy: replace(me, busy=busy, slots=backend.slots),
+            base,
             spool,
-            nursery,
+            backend,
             orders,
             limits=limits or Limits(),
             renew=welcome.renew,
             log=_log,
         )
-        _log(f"{me.id} works for {connect} with {slots} slots")
+        _log(f"{me.id} works for {connect} with {backend.slots} slots")
         agent.run()
         _log(f"{me.id} leaves")
 
 
-def _prepare_environment(executor: str) -> None:
-    """Set what the fork server inherits; it has to be there before it loads anything."""
-    os.environ[EXECUTOR_VARIABLE] = executor
-    for variable in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
-        os.environ.setdefault(variable, "1")  # a run is one thread of one core
+def _backend(
+    slots: int | None, executor: str, scheduler: Scheduler | None, stack: ExitStack
+) -> Backend:
+    """What executes runs, proven to; raises :class:`WorkerBroken`."""
+    if scheduler is None:
+        prepare_environment(executor)
+        nursery = Nursery(cores() if slots is None else slots)
+        nursery.prove()
+        return nursery
+    try:
+        from daemon.worker.cluster import Gateway
+    except ImportError as error:
+        raise WorkerBroken(
+            f"a Dask cluster needs the extra: pip install 'scenario-tui[dask]' ({error})"
+        ) from error
+    gateway = Gateway(scheduler, executor, slots=slots, log=_log)
+    stack.callback(gateway.close)
+    gateway.open()
+    return gateway
 
 
-def _introduce(slots: int) -> WorkerInfo:
+def _introduce() -> WorkerInfo:
     host = socket.gethostname()
     safe = re.sub(r"[^A-Za-z0-9_-]", "-", host)[:_HOST_PART].lstrip("-_") or "host"
     name = f"{safe}-{os.getpid()}-{secrets.token_hex(2)}"
-    return WorkerInfo(name, host, os.getpid(), version("scenario-tui"), slots, 0)
+    return WorkerInfo(name, host, os.getpid(), version("scenario-tui"), 0, 0)
 
 
 def _meet(link: Link, me: WorkerInfo) -> Welcome:
@@ -105,20 +124,6 @@ def _meet(link: Link, me: WorkerInfo) -> Welcome:
         return link.ask(Verb.WELCOME, me, Welcome)
     except Refused as error:
         raise WorkerBroken(str(error)) from error
-
-
-def _reach(state: Path) -> Places:
-    places = Places.find(state)
-    try:
-        if not state.is_dir():
-            raise FileNotFoundError(f"there is no directory {state} on this machine")
-        places.make()
-    except OSError as error:
-        raise WorkerBroken(
-            f"this worker cannot use the daemon's state directory: {error}; workers share a file "
-            "system with the daemon, name the directory's path here with --state"
-        ) from error
-    return places
 
 
 def _log(message: str) -> None:

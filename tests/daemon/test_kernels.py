@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from daemon.places import Places
-from daemon.server._kernels import CACHE_VARIABLE, kernel_environment
+from daemon.kernels import CACHE_VARIABLE, kernel_environment
 
 
 @pytest.fixture

@@ -1,0 +1,63 @@
+"""What gateway and cluster say to each other: a job, and what became of it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import Final
+
+from daemon.executor import Limits
+from daemon.messages import Grant
+from daemon.worker._versions import identity, remedy
+
+LARGEST_TRACE: Final = 256 * 2**20
+"""Bytes of a trace that travel as the result of a Dask task, through the memory of three
+processes."""
+
+
+@dataclass(frozen=True, slots=True)
+class Job:
+    """One attempt; what it tells meanwhile is published under ``topic``."""
+
+    executor: str
+    grant: Grant
+    limits: Limits
+    topic: str
+
+
+class Fate(StrEnum):
+    """What became of a job.
+
+    ``done``: result and trace are here. ``failed``: it left none. ``scene``: ask again and give
+    the scene. ``unfit``: this Dask worker executes no runs. ``stopped``: nobody wanted it.
+    """
+
+    DONE = "done"
+    FAILED = "failed"
+    SCENE = "scene"
+    UNFIT = "unfit"
+    STOPPED = "stopped"
+
+
+@dataclass(frozen=True, slots=True)
+class Report:
+    """The end of a job on Dask worker ``worker``; ``blame`` is the run's for having failed."""
+
+    fate: Fate
+    worker: str
+    words: str = ""
+    blame: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class News:
+    """What a job under way tells: a :class:`daemon.protocol.Live` in JSON."""
+
+    key: str
+    live: str
+
+
+def unfit(place: str, wanted: str) -> str:
+    """Say what is wrong with the versions at ``place``, empty when nothing is."""
+    here = identity()
+    return "" if here == wanted else f"{place} has {here}, the gateway {wanted}: {remedy(wanted)}"

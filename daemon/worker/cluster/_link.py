@@ -1,0 +1,230 @@
+"""The connection to a Dask scheduler: kept up, and clear about which of its workers are fit."""
+
+from __future__ import annotations
+
+import threading
+import uuid
+from collections.abc import Callable
+from typing import Final
+
+from distributed import Client, Future
+from distributed.security import Security
+
+from daemon.errors import WorkerBroken
+from daemon.executor import Scheduler
+from daemon.worker._versions import identity, remedy
+from daemon.worker.cluster import _remote
+from daemon.worker.cluster._job import Fate, Report, unfit
+from grammars import codec
+
+_PATIENCE: Final = 5.0
+_PERIOD: Final = 0.5
+_AFTER_LOSS: Final = 1.0
+
+_NO_CONNECTION: Final = (OSError, ValueError, TypeError, RuntimeError)
+"""What Dask raises for an address, a certificate or a scheduler that is of no use."""
+
+
+def _security(scheduler: Scheduler) -> Security | None:
+    files = {
+        "tls_ca_file": scheduler.ca,
+        "tls_client_cert": scheduler.certificate,
+        "tls_client_key": scheduler.key,
+    }
+    given = {name: str(path) for name, path in files.items() if path is not None}
+    return Security(require_encryption=True, **given) if given else None
+
+
+class Link:
+    """A thread that looks at the cluster twice a second, and connects again when it is gone."""
+
+    def __init__(
+        self,
+        scheduler: Scheduler,
+        executor: str,
+        *,
+        changed: Callable[[], None],
+        told: Callable[[str], None],
+        log: Callable[[str], None],
+    ) -> None:
+        self._scheduler = scheduler
+        self._executor = executor
+        self._changed = changed
+        self._told = told
+        self._log = log
+        self._client: Client | None = None
+        self._lock = threading.Lock()
+        self._proofs: dict[str, Future] = {}
+        self._fit: dict[str, int] = {}
+        self._unfit: dict[str, str] = {}
+        self._leaving = threading.Event()
+        self._keeper = threading.Thread(target=self._keep, name="cluster", daemon=True)
+        self.topic = f"scenario-{uuid.uuid4().hex}"
+
+    @property
+    def useless(self) -> bool:
+        """Whether there are workers and none of them is fit."""
+        with self._lock:
+            return bool(self._unfit) and not self._fit and not self._proofs
+
+    def open(self) -> None:
+        """Connect; raises :class:`WorkerBroken` when nobody answers or versions differ."""
+        try:
+            self._connect()
+        except _NO_CONNECTION as error:
+            raise WorkerBroken(
+                f"no Dask scheduler answers at {self._scheduler.address}: {error}"
+            ) from error
+        self._keeper.start()
+
+    def close(self) -> None:
+        """Leave the cluster; what it still executes for us is stopped there."""
+        self._leaving.set()
+        if self._keeper.ident is not None:
+            self._keeper.join(_PATIENCE)
+        self._drop()
+
+    @property
+    def connected(self) -> bool:
+        """Whether jobs can be submitted."""
+        client = self._client
+        return client is not None and client.status == "running"
+
+    @property
+    def threads(self) -> int:
+        """How many jobs the fit workers of the cluster execute at a time."""
+        with self._lock:
+            return sum(self._fit.values())
+
+    def submit(self, job: bytes, scene: bytes) -> Future:
+        """Have the cluster execute a job; raises ``OSError`` when that is not possible now."""
+        client = self._client
+        if client is None or not self.connected:
+            raise ConnectionError(f"the Dask scheduler {self._scheduler.address} is gone")
+        with self._lock:
+            # A preference, not a condition: these may go, and others come.
+            workers = list(self._fit) if self._unfit and self._fit else None
+        try:
+            return client.submit(
+                _remote.execute,
+                identity(),
+                job,
+                scene,
+                workers=workers,
+                allow_other_workers=workers is not None,
+                retries=0,
+                pure=False,
+            )
+        except (RuntimeError, TypeError) as error:  # it was closed in the meantime
+            raise ConnectionError(f"the Dask client is gone: {error}") from error
+
+    def distrust(self, worker: str, words: str) -> None:
+        """Give that worker no more jobs."""
+        with self._lock:
+            self._fit.pop(worker, None)
+            self._unfit[worker] = words
+        self._log(f"not used: {words}")
+        self._changed()
+
+    def _keep(self) -> None:
+        lost = False
+        while not self._leaving.wait(_AFTER_LOSS if lost else _PERIOD):
+            try:
+                if not self.connected:
+                    self._drop()
+                    self._connect()
+                self._look()
+            except (WorkerBroken, *_NO_CONNECTION) as error:
+                if not lost:
+                    self._log(f"without the Dask scheduler {self._scheduler.address}: {error}")
+                lost = True
+            else:
+                if lost:
+                    self._log(f"the Dask scheduler {self._scheduler.address} is back")
+                lost = False
+
+    def _connect(self) -> None:
+        client = Client(
+            self._scheduler.address,
+            security=_security(self._scheduler),
+            timeout=_PATIENCE,
+            set_as_default=False,
+        )
+        try:
+            self._check_scheduler(client)
+        except BaseException:
+            client.close()
+            raise
+        client.subscribe_topic(self.topic, lambda event: self._told(event[1]))
+        self._client = client
+
+    def _check_scheduler(self, client: Client) -> None:
+        place = f"the Dask scheduler {self._scheduler.address}"
+        try:
+            words = client.run_on_scheduler(unfit, place, identity())
+        except (ImportError, AttributeError) as error:
+            words = _not_there(place, error)
+        if words:
+            raise WorkerBroken(words)
+
+    def _drop(self) -> None:
+        client, self._client = self._client, None
+        with self._lock:
+            self._proofs.clear()
+            self._fit.clear()
+            self._unfit.clear()
+        if client is not None:
+            client.close(timeout=_PATIENCE)
+        self._changed()
+
+    def _look(self) -> None:
+        client = self._client
+        assert client is not None
+        threads: dict[str, int] = client.nthreads()
+        with self._lock:
+            for known in (self._proofs, self._fit, self._unfit):
+                for gone in known.keys() - threads.keys():
+                    del known[gone]
+            new = threads.keys() - self._proofs.keys() - self._fit.keys() - self._unfit.keys()
+            done = [address for address, future in self._proofs.items() if future.done()]
+        for address in new:
+            self._proofs[address] = client.submit(
+                _remote.prove,
+                identity(),
+                self._executor,
+                workers=[address],
+                retries=0,
+                pure=False,
+            )
+        for address in done:
+            self._settle(address, threads[address])
+        self._changed()
+
+    def _settle(self, address: str, threads: int) -> None:
+        future = self._proofs[address]
+        if future.status == "cancelled":
+            del self._proofs[address]  # asked again at the next look
+            return
+        words = _verdict(address, future)
+        if words:
+            self.distrust(address, words)
+        with self._lock:
+            if not words:
+                self._fit[address] = threads
+            del self._proofs[address]
+
+
+def _verdict(address: str, proof: Future) -> str:
+    """What is wrong with the worker at ``address``, empty when nothing is."""
+    error = proof.exception(timeout=_PATIENCE)
+    if error is None:
+        report = codec.from_json(Report, proof.result(timeout=_PATIENCE))
+        return report.words if report.fate is Fate.UNFIT else ""
+    place = f"Dask worker {address}"
+    if isinstance(error, (ImportError, AttributeError)):
+        return _not_there(place, error)
+    return f"{place}: {error!r}"
+
+
+def _not_there(place: str, error: Exception) -> str:
+    return f"{place} does not have this version of ours ({error}): {remedy(identity())}"

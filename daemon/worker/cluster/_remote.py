@@ -1,0 +1,92 @@
+"""What the cluster executes: imported there by name from the installed package."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from typing import Any, Final
+
+from distributed import get_worker
+from distributed.core import Status
+
+from daemon.errors import WorkerBroken
+from daemon.worker.cluster._household import household
+from daemon.worker.cluster._job import Fate, Job, News, Report, unfit
+from grammars import codec
+
+_LIVE_PERIOD: Final = 1.0
+_LEAVING: Final = (Status.closing, Status.closed, Status.failed)
+
+
+def prove(wanted: str, executor: str) -> bytes:
+    """Be warm here, or say what is wrong: a :class:`Report` of ``done`` or ``unfit`` in JSON."""
+    worker = get_worker()
+    place = f"Dask worker {worker.address}"
+    words = unfit(place, wanted)
+    try:
+        if not words:
+            household(executor, worker.local_directory)
+    except (WorkerBroken, OSError) as error:
+        words = f"{place}: {error}"
+    return codec.to_json(Report(Fate.UNFIT if words else Fate.DONE, worker.address, words))
+
+
+def execute(wanted: str, job: bytes, scene: bytes) -> tuple[bytes, bytes, bytes]:
+    """Execute a :class:`Job`: a :class:`Report`, the result (both in JSON) and the trace.
+
+    ``scene`` may be empty: then it is one this Dask worker has kept, or the report asks for it.
+    """
+    worker = get_worker()
+    words = unfit(f"Dask worker {worker.address}", wanted)
+    if words:
+        return codec.to_json(Report(Fate.UNFIT, worker.address, words)), b"", b""
+    try:
+        report, result, trace = _execute(worker, codec.from_json(Job, job), scene)
+    except WorkerBroken as error:
+        report, result, trace = Report(Fate.UNFIT, worker.address, str(error)), b"", b""
+    except (OSError, ValueError) as error:
+        report, result, trace = Report(Fate.FAILED, worker.address, str(error)), b"", b""
+    return codec.to_json(report), result, trace
+
+
+def _execute(worker: Any, job: Job, scene: bytes) -> tuple[Report, bytes, bytes]:
+    where = worker.address
+    house = household(job.executor, worker.local_directory)
+    digest = job.grant.spec.scene
+    if scene:
+        house.keep(digest, scene)
+    if not house.scene(digest).exists():
+        return Report(Fate.SCENE, where), b"", b""
+    key = worker.get_current_task()
+    left = house.run(
+        job.grant, job.limits, lambda: _wanted(worker, key), _teller(worker, job.topic, key)
+    )
+    if left.result:
+        return Report(Fate.DONE, where), left.result, left.trace
+    fate = Fate.FAILED if _wanted(worker, key) else Fate.STOPPED
+    return Report(fate, where, left.told.why, left.told.blame), b"", b""
+
+
+def _wanted(worker: Any, key: str) -> bool:
+    """Whether the scheduler still wants this task.
+
+    A task whose future was cancelled, whose gateway died, or whose scheduler went, goes on
+    executing in state ``cancelled``: a thread cannot be stopped, only its process.
+    """
+    if worker.status in _LEAVING:
+        return False
+    task = worker.state.tasks.get(key)
+    return task is not None and task.state in ("executing", "long-running")
+
+
+def _teller(worker: Any, topic: str, key: str) -> Callable[[str], None]:
+    following = 0.0
+
+    def tell(live: str) -> None:
+        nonlocal following
+        now = time.monotonic()
+        if now >= following:
+            following = now + _LIVE_PERIOD
+            worker.log_event(topic, codec.to_json(News(key, live)).decode())
+
+    return tell
