@@ -14,6 +14,7 @@ from tests.daemon.harness import daemon_at, eventually, finished, worker_for
 from tests.daemon.samples import make_submission
 
 EXECUTOR = "tests.chaos.executor:execute"
+STEPPED = "tests.chaos.stepped"
 LEASE = 3.0
 HOUR = 3600.0
 
@@ -23,11 +24,9 @@ def clock(folder: Path, *, runs: int = 40, steps: int = 12, seed: int = 1) -> Re
     report = Report("clock: set back and forth by hours")
     rng = random.Random(seed)
     off = folder / "offset"
-    off.write_text("0")
-    module = ("tests.chaos.stepped", str(off))
     # The grace is too long to help: only the lease ends what the frozen worker holds.
     settings: dict[str, float | str] = {"lease": LEASE, "grace": 600.0, "executor": EXECUTOR}
-    with daemon_at(folder / "state", 2, module=module, **settings) as daemon:
+    with daemon_at(folder / "state", 2, module=STEPPED, **settings) as daemon:
         with daemon.client() as client:
             client.submit(make_submission("clock", runs, sleep=0.5))
             for _ in range(steps):
@@ -41,24 +40,24 @@ def clock(folder: Path, *, runs: int = 40, steps: int = 12, seed: int = 1) -> Re
         report.expect(again == 0, f"{again} runs lost their lease to the clock")
         report.expect(len(lines) == steps, f"the daemon noticed {len(lines)} of {steps}")
         verify(report, daemon.state, runs)
-    _frozen_worker(report, folder / "frozen", off)
+    _frozen_worker(report, folder / "frozen")
     return report
 
 
-def _frozen_worker(report: Report, folder: Path, off: Path) -> None:
+def _frozen_worker(report: Report, folder: Path) -> None:
     """A worker freezes, the clock goes back a day: its lease ends in its own time."""
-    module = ("tests.chaos.stepped", str(off))
     settings: dict[str, float | str] = {"lease": LEASE, "grace": 600.0}
     with (
-        daemon_at(folder / "state", 0, module=module, **settings) as daemon,
+        daemon_at(folder / "state", 0, module=STEPPED, **settings) as daemon,
         daemon.client() as client,
         worker_for(daemon, 1, executor=EXECUTOR) as worker,
     ):
+        off = folder / "offset"
         client.submit(make_submission("frozen", 1, sleep=60.0))
         eventually(lambda: client.overview().running == 1)
         worker.freeze()
         start = time.monotonic()
-        write_atomically(off, str(float(off.read_text()) - 24 * HOUR).encode())
+        write_atomically(off, str(-24 * HOUR).encode())
         ended = _wait_for_end(client, 4 * LEASE)
         took = time.monotonic() - start
         report.fact("frozen worker's lease ended after", f"{took:.1f} s (lease {LEASE:g} s)")

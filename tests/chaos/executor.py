@@ -48,4 +48,4 @@ def _record(path: Path, digest: str, ballast: int) -> None:
             text = {"run": digest, "step": step, "noise": noise.randbytes(ballast // 40).hex()}
             at = step * 50_000_000
             writer.add_message(channel, at, json.dumps(text).encode(), at)
-        writer.finish()
+        writer.finish()  # type: ignore[no-untyped-call]

@@ -25,8 +25,11 @@ _NUMBERS = itertools.count()
 class Link(Protocol):
     """A way to the daemon: ``endpoint`` to connect to, ``through`` to start the worker with."""
 
-    endpoint: str
-    through: tuple[str, ...]
+    @property
+    def endpoint(self) -> str: ...
+
+    @property
+    def through(self) -> tuple[str, ...]: ...
 
     def cut(self) -> None:
         """Pull the cable."""

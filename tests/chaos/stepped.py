@@ -1,6 +1,7 @@
-"""``python -m tests.chaos.stepped OFFSET_FILE serve ...``: a daemon whose wall clock can be set.
+"""``python -m tests.chaos.stepped serve ...``: a daemon whose wall clock can be set.
 
-The file holds the seconds by which the clock is off; it is read whenever the time is asked for.
+The file ``offset`` beside the state directory holds the seconds by which the clock is off; it is
+read whenever the time is asked for.
 """
 
 from __future__ import annotations
@@ -16,11 +17,11 @@ def _set_clock(file: Path) -> None:
     true = time.time
 
     def wall() -> float:
-        return true() + float(file.read_text() or 0.0)
+        return true() + (float(file.read_text()) if file.exists() else 0.0)
 
     time.time = wall
 
 
 if __name__ == "__main__":
-    _set_clock(Path(sys.argv.pop(1)))
+    _set_clock(Path(sys.argv[sys.argv.index("--state") + 1]).parent / "offset")
     sys.exit(main())

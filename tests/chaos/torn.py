@@ -35,12 +35,7 @@ def torn(
         crew = Crew(daemon.endpoint, CREW)
         copies = []
         for kill in range(kills):
-            before = len(crew.acknowledged)
-            eventually(
-                lambda before=before: (
-                    len(crew.acknowledged) > before + 20 or len(crew.acknowledged) == runs
-                )
-            )
+            _await_work(crew, runs)
             time.sleep(rng.uniform(0.0, 0.2))
             daemon.kill()
             copies.append(_copy(daemon.state, folder / f"copy-{kill}"))
@@ -55,6 +50,12 @@ def torn(
         check_book(report, daemon.state / "ledger.db")
     _tear(report, rng, copies, tears, folder / "torn")
     return report
+
+
+def _await_work(crew: Crew, runs: int) -> None:
+    """Wait until results come in again, if any are left."""
+    wanted = min(len(crew.acknowledged) + 20, runs)
+    eventually(lambda: len(crew.acknowledged) >= wanted)
 
 
 def _check_acknowledged(report: Report, state: Path, acknowledged: dict[str, str]) -> None:

@@ -60,10 +60,10 @@ class Part:
         command: str,
         log: Path,
         *options: str,
-        module: Sequence[str] = ("daemon",),
+        module: str = "daemon",
         through: Sequence[str] = (),
     ) -> None:
-        self._command = [*through, sys.executable, "-m", *module, command, *options]
+        self._command = [*through, sys.executable, "-m", module, command, *options]
         self._log = log
         self.process: subprocess.Popen[bytes] = self._start()
 
@@ -108,17 +108,10 @@ class Part:
 class DaemonPart(Part):
     """A daemon on a state directory."""
 
-    def __init__(
-        self,
-        state: Path,
-        slots: int,
-        *,
-        listen: str = "",
-        module: Sequence[str] = ("daemon",),
-        **settings: float | str,
-    ) -> None:
+    def __init__(self, state: Path, slots: int, **settings: float | str) -> None:
         self.state = state
-        self.endpoint = listen or free_endpoint()
+        self.endpoint = str(settings.pop("listen", "")) or free_endpoint()
+        module = str(settings.pop("module", "daemon"))
         options = ["--state", str(state), "--listen", self.endpoint, "--slots", str(slots)]
         for name, value in settings.items():
             options += [f"--{name}", str(value)]
@@ -159,18 +152,13 @@ def end(processes: list[psutil.Process]) -> None:
 
 
 @contextmanager
-def daemon_at(
-    state: Path,
-    slots: int = 0,
-    *,
-    listen: str = "",
-    module: Sequence[str] = ("daemon",),
-    **settings: float | str,
-) -> Iterator[DaemonPart]:
-    """A daemon for the block; nothing of it is left afterwards."""
+def daemon_at(state: Path, slots: int = 0, **settings: float | str) -> Iterator[DaemonPart]:
+    """A daemon for the block; nothing of it is left afterwards.
+
+    ``settings`` are options of ``serve``; ``module`` is run instead of ``daemon``.
+    """
     state.parent.mkdir(parents=True, exist_ok=True)
-    chosen = {"patience": 2.0, "executor": EXECUTOR} | settings
-    part = DaemonPart(state, slots, listen=listen, module=module, **chosen)
+    part = DaemonPart(state, slots, **({"patience": 2.0, "executor": EXECUTOR} | settings))
     try:
         yield part
     finally:
