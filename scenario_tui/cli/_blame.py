@@ -144,8 +144,8 @@ class _Watch:
 
 def _print(case: Case, story: Blame, runner: Runner, file: Path) -> None:
     from scenario_tui.cli._output import out
-    from scenario_tui.cli._summary import print_commands, verdict_line
-    from scenario_tui.wording import counted, duration
+    from scenario_tui.cli._summary import print_commands
+    from scenario_tui.wording import counted, duration, verdict_line
 
     console = out()
     console.print(f"{story.run} fails {verdict_line(story.verdict)}", soft_wrap=True)

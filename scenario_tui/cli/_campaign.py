@@ -115,7 +115,8 @@ def submit(
     """
     from scenario_tui.cli._output import emit, say
     from scenario_tui.cli._session import Target
-    from scenario_tui.cli._submit import start_daemon_if_needed, tell_receipt, watch_to_the_end
+    from scenario_tui.cli._submit import start_daemon_if_needed, watch_to_the_end
+    from scenario_tui.preparing import tell_receipt
 
     if baseline and not watch:
         raise typer.BadParameter("is judged at the end: add --watch", param_hint="--baseline")
@@ -177,14 +178,9 @@ def check(
 
 def _prepared(path: Path, *, fresh: bool = False) -> Submission:
     """Load, check and expand a campaign; warnings are printed, errors raise ``InputError``."""
-    from daemon.campaign import check as check_campaign
-    from daemon.campaign import expand, load_campaign
-    from grammars.diagnostics import InputError, Severity
     from scenario_tui.cli._diagnostics import report
+    from scenario_tui.preparing import prepare
 
-    campaign = load_campaign(path)
-    found = check_campaign(campaign)
-    if any(d.severity is Severity.ERROR for d in found):
-        raise InputError(found)
-    report(found)
-    return expand(campaign, fresh=fresh)
+    submission, warnings = prepare(path, fresh=fresh)
+    report(warnings)
+    return submission

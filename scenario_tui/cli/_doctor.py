@@ -27,13 +27,34 @@ def doctor(connect: Connect = "", state: State = None, as_json: AsJson = False) 
     from scenario_tui.cli._output import emit
 
     places, endpoint = Places.find(state), find_endpoint(connect, state)
-    findings = examine(places, endpoint, Path.cwd())
+    findings = (*examine(places, endpoint, Path.cwd()), _settings())
     if as_json:
         emit("doctor", state=str(places.state), endpoint=endpoint, findings=list(findings))
     else:
         _print(findings)
     if any(finding.level is Level.PROBLEM for finding in findings):
         raise typer.Exit(ExitCode.INFRASTRUCTURE)
+
+
+def _settings() -> Finding:
+    """Say which file the dashboard takes its settings from, and whether it can."""
+    from daemon.operation import Finding, Level
+    from grammars.diagnostics import InputError
+    from scenario_tui.config import read_config
+
+    try:
+        config = read_config()
+    except InputError as error:
+        first, *_ = str(error).splitlines()
+        return Finding(
+            Level.PROBLEM, "config", first, "correct it: the dashboard does not start until then"
+        )
+    if not config.text:
+        return Finding(Level.OK, "config", f"{config.path} is not there: everything as usual", "")
+    parts = [f"{len(config.keys)} keys"] if config.keys else []
+    parts += [f"theme {config.theme}"] if config.theme else []
+    parts += ["read-only"] if config.read_only else []
+    return Finding(Level.OK, "config", f"{config.path} {', '.join(parts)}".rstrip(), "")
 
 
 def _print(findings: tuple[Finding, ...]) -> None:

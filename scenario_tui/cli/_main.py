@@ -27,26 +27,40 @@ from scenario_tui.cli import (
     _reading,
     _replay,
     _report,
+    _run,
     _services,
     _sut,
     _vary,
+    _wait,
 )
 from scenario_tui.cli._exits import ExitCode
 from scenario_tui.cli._output import settle_streams
 
 _PANELS: Final[dict[str, tuple[Callable[..., None], ...]]] = {
-    "Run campaigns": (_campaign.demo, _campaign.check, _sut.sut, _campaign.run, _campaign.submit),
+    "Run campaigns": (
+        _campaign.demo,
+        _campaign.check,
+        _sut.sut,
+        _campaign.run,
+        _campaign.submit,
+        _wait.wait,
+    ),
     "Look": (
         _services.tui,
         _reading.status,
         _reading.results,
-        _judge.judge,
-        _compare.compare,
-        _report.report,
+        _run.show,
+        _run.logs,
         _replay.replay,
         _plot.plot,
     ),
-    "Understand": (_coverage.coverage, _blame.blame),
+    "Understand": (
+        _judge.judge,
+        _compare.compare,
+        _report.report,
+        _coverage.coverage,
+        _blame.blame,
+    ),
     "Steer": (
         _control.cancel,
         _control.retry,

@@ -195,13 +195,16 @@ def watch(
     *,
     patience: float = PATIENCE,
     endurance: float = math.inf,
+    limit: float = math.inf,
 ) -> CampaignRow:
     """Show progress until no run of ``campaign`` waits or runs; return how it ended.
 
-    A daemon that goes away is waited for and found again. Raises
-    :class:`daemon.errors.Unreachable` when it stays away for ``patience`` seconds, and
-    :class:`daemon.errors.DaemonError` when it cannot execute runs for ``endurance`` seconds.
+    After ``limit`` seconds it is returned as it stands then. A daemon that goes away is waited for
+    and found again. Raises :class:`daemon.errors.Unreachable` when it stays away for ``patience``
+    seconds, or at the limit, and :class:`daemon.errors.DaemonError` when it cannot execute runs
+    for ``endurance`` seconds.
     """
+    begun = time.monotonic()
     live: dict[str, Live] = {}
     gone: float | None = None
     pace: _Pace | None = None
@@ -216,7 +219,7 @@ def watch(
                         if gone is not None:
                             shown.note("the daemon is back, watching again")
                             gone = None
-                        if row.finished:
+                        if row.finished or now - begun >= limit:
                             return row
                         pace = pace or _Pace(now, row.total - row.queued - row.running)
                         trouble.look(daemon, now)
@@ -227,7 +230,7 @@ def watch(
                 if gone is None:
                     shown.note("the daemon does not answer, waiting for it (Ctrl-C to leave)")
                     gone = now
-                if now - gone > patience:
+                if now - gone > patience or now - begun >= limit:
                     raise
                 time.sleep(INTERVAL)
 

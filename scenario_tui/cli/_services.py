@@ -95,12 +95,28 @@ def _executable() -> Path:
     return beside if beside.exists() else Path(sys.argv[0]).absolute()
 
 
-def tui(connect: Connect = "", state: State = None) -> None:
-    """Open the dashboard; leaving it never stops any work."""
+def tui(
+    connect: Connect = "",
+    state: State = None,
+    read_only: Annotated[
+        bool, typer.Option("--read-only", help="Look only: nothing can be changed from it.")
+    ] = False,
+    bindings: Annotated[
+        bool,
+        typer.Option("--bindings", help="List the ids of all keys, for config.toml, and leave."),
+    ] = False,
+) -> None:
+    """Open the dashboard; leaving it never stops any work.
+
+    Keys, colours and more are set in config.toml; `scenario doctor` says where it is.
+    """
     import sys
 
     from scenario_tui.cli._output import say
 
+    if bindings:
+        _print_bindings()
+        return
     # The dashboard is drawn on standard error, so that standard output stays for words.
     if not (sys.stdin.isatty() and sys.stderr.isatty()):
         say("scenario: the dashboard needs a terminal; scripts use `scenario status --json`")
@@ -110,10 +126,39 @@ def tui(connect: Connect = "", state: State = None) -> None:
     if why := undrawable():
         say(f"scenario: {why}")
         raise typer.Exit(ExitCode.BAD_INPUT)
-    from scenario_tui.app import run_dashboard
-    from scenario_tui.cli._session import Target
+    from dataclasses import replace
 
-    code, farewell = run_dashboard(Target(connect, state).open)
+    from scenario_tui.app import run_dashboard
+    from scenario_tui.bindings import check_config
+    from scenario_tui.cli._session import Target
+    from scenario_tui.config import read_config
+    from scenario_tui.equivalent import Equivalent
+
+    config = read_config()
+    check_config(config)
+    config = replace(config, read_only=config.read_only or read_only)
+    equivalent = Equivalent(connect, state)
+    code, farewell = run_dashboard(Target(connect, state).open, config, equivalent)
     if code:
         raise typer.Exit(ExitCode.BUG)
     say(farewell)
+
+
+def _print_bindings() -> None:
+    """One line per binding: its id, its keys, where it works, what it does."""
+    from rich import box
+    from rich.table import Table
+
+    from scenario_tui.bindings import catalogue
+    from scenario_tui.cli._output import out
+    from scenario_tui.config import config_path
+
+    table = Table(box=box.SIMPLE_HEAD, pad_edge=False, show_edge=False)
+    for title in ("id", "keys", "where", "what it does"):
+        table.add_column(title, overflow="fold")
+    for bound in catalogue():
+        table.add_row(bound.id, bound.keys.replace(",", " "), bound.place, bound.meaning)
+    console = out()
+    console.print(table)
+    console.print(f'\nTo change them, write below [keys] in {config_path()}: id = "key"',
+                  markup=False, soft_wrap=True)  # fmt: skip

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
 
 from daemon.errors import Refused, Unreachable
-from daemon.protocol import CampaignRow
+from daemon.protocol import CampaignRow, RunDetail
 from grammars.diagnostics import Diagnostic, InputError, Where, did_you_mean
 from scenario_tui.asking import Daemon
 
@@ -64,6 +64,31 @@ class Campaigns(Protocol):
 
     def campaigns(self) -> tuple[CampaignRow, ...]:
         """All campaigns, the newest first."""
+
+
+class Runs(Campaigns, Protocol):
+    """Whoever knows the runs as well."""
+
+    def run(self, run: str, /) -> RunDetail:
+        """Everything about one run; raises :class:`daemon.errors.Refused` for an unknown id."""
+
+
+def find_run(daemon: Runs, wanted: str) -> RunDetail:
+    """Return the run meant by its id, or by a campaign as :func:`find_campaign` and its number.
+
+    Raises :class:`daemon.errors.Refused` when there is none, with what there is.
+    """
+    name, dot, number = wanted.rpartition(".")
+    try:
+        return daemon.run(wanted)
+    except Refused:
+        campaign = find_campaign(daemon, name if dot else wanted)
+    meant = f"{campaign.id}.{number}"
+    if dot and meant != wanted:
+        with suppress(Refused):
+            return daemon.run(meant)
+    last = f"{campaign.id}.{campaign.total - 1}"
+    raise Refused(f'"{wanted}" is no run: those of {campaign.id} are {campaign.id}.0 to {last}')
 
 
 def find_campaign(daemon: Campaigns, wanted: str) -> CampaignRow:

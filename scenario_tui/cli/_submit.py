@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from daemon.launch import ensure_daemon, running_daemon
 from daemon.places import Places
-from daemon.protocol import Receipt
 from scenario_tui.cli._compare import print_between
 from scenario_tui.cli._exits import ExitCode
 from scenario_tui.cli._gate import final_code, hold
@@ -14,7 +13,6 @@ from scenario_tui.cli._session import Target
 from scenario_tui.cli._summary import print_commands, print_summary
 from scenario_tui.cli._told import emit_results
 from scenario_tui.summary import gather
-from scenario_tui.wording import counted
 
 
 def start_daemon_if_needed(target: Target, slots: int | None) -> None:
@@ -25,15 +23,6 @@ def start_daemon_if_needed(target: Target, slots: int | None) -> None:
     if running_daemon(state) is None:
         endpoint = ensure_daemon(state, slots=slots)
         say(f"started a daemon on this machine at {endpoint} (`scenario stop` ends it)")
-
-
-def tell_receipt(receipt: Receipt) -> str:
-    """Say what became of a submission."""
-    runs = counted(receipt.runs, "run")
-    if receipt.known:
-        return f"{receipt.campaign} is known already, its {runs} are kept (--fresh runs them anew)"
-    cached = f", {receipt.cached:,} cached (--fresh runs them anew)" if receipt.cached else ""
-    return f"submitted {receipt.campaign}: {runs}{cached}"
 
 
 def watch_to_the_end(

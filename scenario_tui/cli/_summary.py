@@ -8,7 +8,6 @@ from rich.console import Console
 from rich.text import Text
 
 from daemon.statistics import at_least
-from daemon.verdict import Verdict
 from scenario_tui.cli._matrix import comparison_table, matrix
 from scenario_tui.cli._output import out
 from scenario_tui.judged import BOUNDS, Footnotes, listed
@@ -17,8 +16,6 @@ from scenario_tui.wording import (
     STYLES,
     counted,
     duration,
-    margin,
-    moment,
 )
 
 LISTED: Final = 12
@@ -77,19 +74,6 @@ def _conclusion(results: Results) -> str:
     if code == 0 and results.declared.policy.rule == "all":
         said += f"; {n} of {n} shows a pass rate of at least {100 * at_least(n, n):.1f} %"
     return said
-
-
-def verdict_line(verdict: Verdict) -> str:
-    """Return a verdict and its evidence: ``no-collision: −0.03 m at 512.0 s, door-3``."""
-    seen = verdict.evidence
-    parts = [f"{verdict.oracle}: {margin(verdict.margin, verdict.unit)}"]
-    if seen.time is not None:
-        parts.append(f"at {moment(seen.time)}")
-    text = " ".join(parts)
-    for extra in (seen.object, seen.note):
-        if extra:
-            text += f", {extra}"
-    return text
 
 
 def print_commands(*commands: tuple[str, str]) -> None:
