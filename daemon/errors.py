@@ -5,6 +5,8 @@ DaemonError
 │   └── Troubled    the daemon answered that it cannot just now: its disk is full, say
 ├── Refused         the daemon answered and said no; the message is its words
 ├── AlreadyRunning  another daemon keeps this state directory
+├── NotAtHand       a trace cannot be read here: it is gone, or where nobody reaches it
+├── KeysUnusable    the keys for a connection are missing, damaged or of the wrong kind
 ├── LaunchFailed    a daemon was started and did not come up
 └── WorkerBroken    a worker cannot execute runs at all
 """
@@ -37,6 +39,14 @@ class Refused(DaemonError):  # noqa: N818  (reads as a sentence where it is rais
 
 class AlreadyRunning(DaemonError):  # noqa: N818  (reads as a sentence where it is raised)
     """Another daemon keeps this state directory."""
+
+
+class NotAtHand(DaemonError):  # noqa: N818  (reads as a sentence where it is raised)
+    """A trace cannot be read here: it is gone, damaged, or where it cannot be reached."""
+
+
+class KeysUnusable(DaemonError):  # noqa: N818  (reads as a sentence where it is raised)
+    """The keys for a connection are missing, damaged, or those of somebody else."""
 
 
 class LaunchFailed(DaemonError):  # noqa: N818  (reads as a sentence where it is raised)

@@ -169,7 +169,7 @@ class Welcome:
 
 @dataclass(frozen=True, slots=True)
 class LeaseRequest:
-    """Ask for up to ``count`` runs, none of the kinds of systems under test the worker ``lacks``."""
+    """Ask for up to ``count`` runs, but none of a kind of system under test it ``lacks``."""
 
     worker: WorkerInfo
     count: Annotated[int, Field(ge=0, le=1024)]

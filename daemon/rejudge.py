@@ -20,6 +20,7 @@ from daemon.ledger import find_traces as traces_in_ledger
 from daemon.places import Places
 from daemon.spec import OracleText, RunResult
 from daemon.spread import spread
+from daemon.store import is_url, local_copy
 from daemon.trace import TraceError, read_trace
 from daemon.verdict import Outcome, Verdict
 from grammars import codec
@@ -201,6 +202,9 @@ def _recorded_traces(name: str, places: Places) -> Sequence[Path]:
         return []
     try:
         with closing(connect_reader(places.ledger)) as ledger:
-            return traces_in_ledger(ledger, places, name)
+            found = traces_in_ledger(ledger, places, name)
     except sqlite3.Error:
         return []
+    return [
+        local_copy(trace) if is_url(trace.location) else Path(trace.location) for trace in found
+    ]

@@ -2,7 +2,7 @@
 
 from daemon.ledger._book import Book
 from daemon.ledger._file import SCHEMA_VERSION, connect, connect_reader
-from daemon.ledger._queries import Reader, standing
+from daemon.ledger._queries import Reader, Upload, standing
 from daemon.ledger._records import find_traces
 from daemon.ledger._transition import (
     Cancelled,
@@ -30,6 +30,7 @@ __all__ = [
     "Released",
     "Renewed",
     "Retried",
+    "Upload",
     "advance",
     "connect",
     "connect_reader",

@@ -6,6 +6,7 @@ must be told to others after the commit collects in :attr:`Book.events`.
 
 from __future__ import annotations
 
+import json
 import sqlite3
 from collections.abc import Iterable, Sequence
 from typing import Final
@@ -27,17 +28,19 @@ from daemon.ledger._transition import (
 from daemon.messages import Answer, Completion, Grant, Hold, Release, RetryRequest
 from daemon.protocol import Event, Receipt, RunState, Submission
 from daemon.spec import RunResult, RunSpec
+from daemon.store import stored_url
 from daemon.verdict import Outcome, Verdict
 from grammars import codec
 
 _RECORD: Final = "state, attempt, strikes, worker, token, lease_until, result, reason"
 _NEXT_RUN: Final = (
     "SELECT run.id, run.campaign, trace_name, spec.body FROM run JOIN spec ON spec.run = run.id"
-    " WHERE state = 'queued' AND run.campaign = (SELECT id FROM campaign AS c"
+    " WHERE state = 'queued'{able} AND run.campaign = (SELECT id FROM campaign AS c"
     " WHERE finished_at IS NULL AND paused = 0 AND EXISTS"
-    " (SELECT 1 FROM run WHERE run.campaign = c.id AND state = 'queued')"
+    " (SELECT 1 FROM run WHERE run.campaign = c.id AND state = 'queued'{able})"
     " ORDER BY priority DESC, served, serial LIMIT 1) ORDER BY run.serial LIMIT 1"
 )
+_ABLE: Final = " AND kind NOT IN (SELECT value FROM json_each(?1))"
 _KEPT_EVENTS: Final = 10_000
 _LONGEST_REASON: Final = 4000
 
@@ -95,24 +98,50 @@ class Book:
         enter_runs(self._db, campaign, submission.runs)
         keep_reserve(self._db, campaign, submission.reserve)
 
-    def lease(self, worker: str, count: int, now: float) -> tuple[Grant, ...]:
-        """Give up to ``count`` queued runs to ``worker``.
+    def lease(
+        self, worker: str, count: int, now: float, *, store: str = "", lacks: Sequence[str] = ()
+    ) -> tuple[Grant, ...]:
+        """Give up to ``count`` queued runs to ``worker``, whose traces belong into ``store``.
 
         Campaigns of the highest priority take turns, run by run; paused ones are passed over.
-        Within a campaign the first submitted run goes first.
+        Within a campaign the first submitted run goes first. Runs of systems under test whose
+        kind the worker ``lacks`` wait for another one.
         """
         grants: list[Grant] = []
+        query = _NEXT_RUN.format(able=_ABLE if lacks else "")
         while len(grants) < count:
-            row = self._db.execute(_NEXT_RUN).fetchone()
+            row = self._db.execute(query, (json.dumps(lacks),) if lacks else ()).fetchone()
             if row is None:
                 break
             run, campaign, trace, body = row
             token = self._next_token()
             change = self._apply(run, Leased(worker, token, now + self._lease), now)
             self._db.execute("UPDATE campaign SET served = ? WHERE id = ?", (token, campaign))
+            self._db.execute("UPDATE run SET granted = ? WHERE id = ?", (token, run))
             spec = codec.from_json(RunSpec, body)
-            grants.append(Grant(run, campaign, change.run.attempt, token, trace, spec))
+            grants.append(Grant(run, campaign, change.run.attempt, token, trace, spec, store))
         return tuple(grants)
+
+    def know_store(self, url: str) -> None:
+        """Remember a store: completions may say that a trace lies there, also much later."""
+        self._db.execute("INSERT OR IGNORE INTO store VALUES (?)", (url,))
+
+    def awaited(self, run: str) -> bool:
+        """Whether a result of the run would be recorded now, its first."""
+        record = self._record(run)
+        return record is not None and not record.result and record.state is not RunState.CANCELLED
+
+    def trace_of(self, run: str) -> tuple[str, str]:
+        """Return the name of a run's trace and its URL, empty when it has none."""
+        row = self._db.execute("SELECT trace_name, trace_at FROM run WHERE id = ?", (run,))
+        found = row.fetchone()
+        if found is None:
+            raise Refused(f"there is no run {run}")
+        return str(found[0]), str(found[1])
+
+    def move_trace(self, run: str, location: str) -> None:
+        """Record that the trace of a run lies at a URL now, empty for the state directory."""
+        self._db.execute("UPDATE run SET trace_at = ? WHERE id = ?", (location, run))
 
     def _next_token(self) -> int:
         row = self._db.execute(
@@ -150,6 +179,7 @@ class Book:
             raise Refused(f"there is no run {completion.run}")
         if known[0] != completion.result.spec:
             raise Refused(f"the result is not of run {completion.run}: its specification differs")
+        self._check_location(completion)
         digest = completion.result.digest
         event, before = Completed(completion.token, digest), self._record(completion.run)
         # The last result of a campaign must be there before it is asked what the results decide.
@@ -162,6 +192,16 @@ class Book:
             note = change.run.reason
             self.note(now, "alarm", completion.run, known[1], "nondeterministic", note)
         return change.answer
+
+    def _check_location(self, completion: Completion) -> None:
+        """Refuse a trace that is said to lie where no store of ours would have it."""
+        if not completion.location:
+            return
+        name, _ = self.trace_of(completion.run)
+        stores = self._db.execute("SELECT url FROM store").fetchall()
+        sha256 = completion.result.trace.sha256
+        if all(stored_url(url, name, sha256) != completion.location for (url,) in stores):
+            raise Refused(f"{completion.location} is not where the trace of {completion.run} goes")
 
     def _doubt(self, run: str, spec: str, digest: str, now: float) -> None:
         """Raise an alarm when another run of the same specification came out differently."""
@@ -193,7 +233,7 @@ class Book:
         result, verdict = completion.result, deciding(completion.result)
         self._db.execute(
             "UPDATE run SET outcome = ?, oracle = ?, margin = ?, unit = ?, simulated = ?, wall = ?,"
-            " finished_at = ? WHERE id = ?",
+            " finished_at = ?, trace_at = ? WHERE id = ?",
             (
                 result.outcome,
                 verdict.oracle if verdict else "",
@@ -202,6 +242,7 @@ class Book:
                 result.timing.simulated,
                 result.timing.wall,
                 now,
+                completion.location,
                 completion.run,
             ),
         )

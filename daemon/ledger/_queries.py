@@ -5,6 +5,7 @@ from __future__ import annotations
 import sqlite3
 from collections import Counter
 from collections.abc import Iterable
+from dataclasses import dataclass
 from typing import Any, Final
 
 from daemon.assessment import Declared, RunRecord
@@ -14,6 +15,7 @@ from daemon.messages import RecordQuery, RunQuery
 from daemon.places import Places
 from daemon.protocol import CampaignRow, RunDetail, RunPage, RunRow, RunState
 from daemon.spec import RunResult, RunSpec
+from daemon.store import Recorded
 from daemon.verdict import Outcome
 from grammars import codec
 from grammars.diagnostics import did_you_mean
@@ -40,13 +42,24 @@ SORTABLE: Final = {
 }
 _ROW: Final = (
     "id, campaign, position, scenario, sut, repeat, state, attempt, worker, outcome, oracle,"
-    " margin, unit, simulated, time_limit, wall, trace_name, reason, cached"
+    " margin, unit, simulated, time_limit, wall, trace_name, reason, cached, trace_at"
 )
 _TEXT: Final = (
     "scenario || '/' || sut || '/' || repeat || ' ' || oracle || ' ' || reason || ' ' || id"
 )
 _RATE_SPAN: Final = 600.0
 _RATE_RUNS: Final = 64
+
+
+@dataclass(frozen=True, slots=True)
+class Upload:
+    """An upload the ledger has nothing against: the name of the trace, whether it is ``wanted``.
+
+    It is not when the run has ended already: only the acknowledgement got lost.
+    """
+
+    name: str
+    wanted: bool
 
 
 class Reader:
@@ -140,12 +153,44 @@ class Reader:
             limit=query.limit,
         )
 
-    def _find_trace(self, name: str, source: str) -> str:
-        return find_trace(self._db, self._places, name, source)
+    def _find_trace(self, name: str, source: str, location: str) -> str:
+        return find_trace(self._db, self._places, name, source, location)
+
+    def trace(self, run: str) -> Recorded:
+        """Where the trace of a run lies and what it is; refuses when there is none."""
+        query = (
+            "SELECT trace_name, cached, trace_at, result.body FROM run"
+            " LEFT JOIN result ON result.run = run.id WHERE run.id = ?"
+        )
+        row = self._db.execute(query, (run,)).fetchone()
+        if row is None:
+            raise Refused(f"there is no run {run}")
+        if row[3] is None:
+            raise Refused(f"{run} has no trace yet")
+        location = self._find_trace(row[0], row[1], row[2])
+        if not location:
+            raise Refused(f"{run}: {trace_is_gone(row[1])}")
+        info = codec.from_json(RunResult, row[3]).trace
+        return Recorded(run, location, info.sha256, info.size)
+
+    def upload(self, run: str, token: int) -> Upload:
+        """Return what the ledger has to say to an upload under a lease.
+
+        Refuses when it is not the latest lease of the run, which nobody else has taken since.
+        """
+        row = self._db.execute(
+            "SELECT state, granted, result, trace_name FROM run WHERE id = ?", (run,)
+        ).fetchone()
+        if row is None:
+            raise Refused(f"there is no run {run}")
+        if row[1] != token or row[0] == RunState.CANCELLED:
+            raise Refused(f"the lease {token} of {run} is stale: its trace is not wanted")
+        return Upload(str(row[3]), wanted=row[0] != RunState.DONE)
 
     def _run_row(self, row: sqlite3.Row) -> RunRow:
         outcome = Outcome(row["outcome"]) if row["outcome"] else None
-        trace = self._find_trace(row["trace_name"], row["cached"]) if outcome is not None else ""
+        place = (row["trace_name"], row["cached"], row["trace_at"])
+        trace = self._find_trace(*place) if outcome is not None else ""
         gone = trace_is_gone(row["cached"]) if outcome is not None and not trace else ""
         return RunRow(
             id=row["id"],

@@ -4,27 +4,33 @@ from __future__ import annotations
 
 import sqlite3
 from collections.abc import Callable
-from pathlib import Path
 from typing import Final
 
 from daemon.assessment import Declared, RunRecord
 from daemon.errors import Refused
 from daemon.places import Places
 from daemon.spec import RunResult
+from daemon.store import Recorded
 from grammars import codec
 
 _COLUMNS: Final = (
-    "run.id, scenario, sut, repeat, run.digest, state, reason, seed, cached, trace_name, body"
+    "run.id, scenario, sut, repeat, run.digest, state, reason, seed, cached, trace_name,"
+    " trace_at, body"
 )
-FindTrace = Callable[[str, str], str]
-"""Returns the path of a trace, by its own name and by the run it was taken from."""
+FindTrace = Callable[[str, str, str], str]
+"""Returns where a trace lies, by its own name, the run it was taken from and its URL if any."""
 
 
-def find_trace(db: sqlite3.Connection, places: Places, name: str, source: str) -> str:
-    """Return the path of a run's trace: that of the run it was taken from while it has none.
+def find_trace(
+    db: sqlite3.Connection, places: Places, name: str, source: str, location: str = ""
+) -> str:
+    """Return where a run's trace lies: its ``location`` if it is in a store, else its path.
 
-    Empty when the trace, or that of ``source``, the run it was taken from, was deleted since.
+    It is that of ``source``, the run it was taken from, while it has none of its own. Empty when
+    the file was deleted since; what lies in a store is not looked after.
     """
+    if location:
+        return location
     own = places.traces / name
     if own.exists():
         return str(own)
@@ -40,14 +46,20 @@ def trace_is_gone(source: str) -> str:
     return f"the trace of {source} is gone" if source else "its trace is gone"
 
 
-def find_traces(db: sqlite3.Connection, places: Places, name: str) -> tuple[Path, ...]:
+def find_traces(db: sqlite3.Connection, places: Places, name: str) -> tuple[Recorded, ...]:
     """Return the traces there are of a campaign or a run, in order, cached ones included."""
     rows = db.execute(
-        "SELECT trace_name, cached FROM run WHERE campaign = ?1 OR id = ?1 ORDER BY serial",
+        "SELECT id, trace_name, cached, trace_at, body FROM run JOIN result ON result.run = run.id"
+        " WHERE run.campaign = ?1 OR run.id = ?1 ORDER BY serial",
         (name,),
     ).fetchall()
-    paths = (find_trace(db, places, trace, source) for trace, source in rows)
-    return tuple(Path(path) for path in paths if path and Path(path).is_file())
+    found = []
+    for run, trace, source, url, body in rows:
+        location = find_trace(db, places, trace, source, url)
+        if location:
+            info = codec.from_json(RunResult, body).trace
+            found.append(Recorded(run, location, info.sha256, info.size))
+    return tuple(found)
 
 
 def read_declared(db: sqlite3.Connection, campaign: str) -> Declared:
@@ -76,9 +88,9 @@ def read_records(
 
 
 def _record(row: tuple[object, ...], find_trace: FindTrace | None) -> RunRecord:
-    run, scenario, sut, repeat, digest, state, reason, seed, cached, trace, body = row
+    run, scenario, sut, repeat, digest, state, reason, seed, cached, trace, url, body = row
     result = codec.from_json(RunResult, body) if isinstance(body, bytes | str) else None
-    path = find_trace(str(trace), str(cached)) if find_trace and result else ""
+    path = find_trace(str(trace), str(cached), str(url)) if find_trace and result else ""
     gone = result is not None and find_trace is not None and not path
     notes = (
         result.note if result else "",

@@ -1,4 +1,4 @@
-"""The two threads that touch the ledger: one writes, one reads; everybody else queues up."""
+"""The threads that touch the ledger: one writes, two read; everybody else queues up."""
 
 from __future__ import annotations
 
@@ -113,8 +113,8 @@ class Writer(_Clerk):
 class Questions(_Clerk):
     """Owns the reading connection: answers questions one by one, each from one snapshot."""
 
-    def __init__(self, connection: sqlite3.Connection, reader: Reader) -> None:
-        super().__init__("ledger-reader")
+    def __init__(self, name: str, connection: sqlite3.Connection, reader: Reader) -> None:
+        super().__init__(name)
         self._db = connection
         self._reader = reader
 

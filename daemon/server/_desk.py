@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, Final
 
 import zenoh
@@ -19,12 +20,16 @@ from daemon.messages import (
     LARGEST_REQUEST,
     LARGEST_SUBMISSION,
     Acknowledgement,
+    Answer,
+    Chunk,
     Completion,
+    Fetch,
     LeaseReply,
     LeaseRequest,
     Named,
     Nothing,
     Number,
+    Piece,
     PriorityRequest,
     Problem,
     RecordQuery,
@@ -42,10 +47,12 @@ from daemon.protocol import CampaignRow, Overview, Submission, WorkerRow
 from daemon.server._admission import admit
 from daemon.server._clerks import Job, Questions, Writer
 from daemon.server._clock import Clock
+from daemon.server._intake import Intake
 from daemon.server._journal import Journal
 from daemon.server._roster import Roster
 from daemon.server._settings import Settings
 from daemon.spec import ENGINE_VERSION
+from daemon.store import Marker, is_url, packed, read_part
 from grammars import codec
 from grammars.scene import Scene
 
@@ -58,6 +65,7 @@ class _Service:
     act: Callable[[Any, Any], object]
     answer: Any = None
     writes: bool = False
+    carries: bool = False
 
 
 class Desk:
@@ -74,6 +82,7 @@ class Desk:
         version: str,
         stop: Callable[[], None],
         trouble: Callable[[], str],
+        marker: Marker,
     ) -> None:
         self._places = places
         self._settings = settings
@@ -83,9 +92,11 @@ class Desk:
         self._stop = stop
         self._trouble = trouble
         self._version = version
+        self._marker = marker
+        self._intake = Intake(places, journal)
         self._started_at = clock.now()
         self.draining = False
-        self._services = self._reading() | self._writing()
+        self._services = self._reading() | self._writing() | self._carrying()
 
     def _reading(self) -> dict[Verb, _Service]:
         return {
@@ -122,12 +133,25 @@ class Desk:
             Verb.RELEASE: _Service(Release, self._release, writes=True),
         }
 
-    def receiver(self, writer: Writer, questions: Questions) -> Callable[[zenoh.Query], None]:
+    def _carrying(self) -> dict[Verb, _Service]:
+        """What moves megabytes has a clerk of its own: nobody's question waits for it."""
+        return {
+            Verb.UPLOAD: _Service(
+                Chunk, lambda r, chunk: self._intake.take(r, chunk), carries=True
+            ),
+            Verb.FETCH: _Service(Fetch, self._fetch, carries=True),
+        }
+
+    def receiver(
+        self, writer: Writer, questions: Questions, carrier: Questions
+    ) -> Callable[[zenoh.Query], None]:
         """Return the callback for the queryable: it finds the clerk and enqueues."""
 
         def receive(query: zenoh.Query) -> None:
             service = self._services.get(str(query.key_expr).rpartition("/")[2])  # type: ignore[call-overload]
-            clerk = writer if service is not None and service.writes else questions
+            clerk: Writer | Questions = questions
+            if service is not None and (service.writes or service.carries):
+                clerk = writer if service.writes else carrier
             clerk.put(
                 Job(
                     lambda ledger: self._serve(service, query, ledger),
@@ -199,8 +223,27 @@ class Desk:
         self._check(worker)
         settings = self._settings
         return Welcome(
-            str(self._places.state), self._version, ENGINE_VERSION, settings.lease, settings.renew
+            str(self._places.state),
+            self._version,
+            ENGINE_VERSION,
+            settings.lease,
+            settings.renew,
+            self._marker.identity,
+            self._marker.probe,
+            settings.store,
         )
+
+    def _fetch(self, reader: Reader, fetch: Fetch) -> Piece:
+        trace = reader.trace(fetch.run)
+        if is_url(trace.location):
+            raise Refused(f"the trace of {fetch.run} lies at {trace.location}: get it there")
+        try:
+            data = read_part(Path(trace.location), fetch.offset, fetch.count)
+        except OSError as error:
+            raise Refused(f"the trace of {fetch.run} cannot be read: {error.strerror}") from error
+        if data and fetch.offset + len(data) == trace.size:
+            self._journal.write("trace fetched", run=fetch.run, bytes=trace.size)
+        return Piece(fetch.offset, trace.size, trace.sha256, *packed(data))
 
     def _shutdown(self, _: Reader, __: Nothing) -> Nothing:
         self._journal.write("shutdown requested")
@@ -254,7 +297,9 @@ class Desk:
         self._meet(book, request.worker, now)
         if self.draining:
             return LeaseReply((), draining=True)
-        return LeaseReply(book.lease(request.worker.id, request.count, now))
+        store = self._settings.store
+        grants = book.lease(request.worker.id, request.count, now, store=store, lacks=request.lacks)
+        return LeaseReply(grants)
 
     def _renew(self, book: Book, request: RenewRequest) -> RenewReply:
         now = self._clock.now()
@@ -262,7 +307,10 @@ class Desk:
         return RenewReply(book.renew(request.worker.id, request.holds, now))
 
     def _complete(self, book: Book, completion: Completion) -> Acknowledgement:
+        if self._intake.lacks(book, completion):
+            return Acknowledgement(Answer.MISSING)
         answer = book.complete(completion, self._clock.now())
+        self._intake.settle(book, completion, answer)
         if answer == "differs":
             self._journal.write("nondeterminism", run=completion.run, worker=completion.worker)
         return Acknowledgement(answer)

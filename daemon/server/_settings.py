@@ -11,13 +11,15 @@ class Settings:
 
     A ``lease`` lasts this long and is renewed every third of it; a worker that lost its
     connection keeps its runs for ``grace``; a run is lost after ``attempts`` bad endings; a
-    daemon told to stop lets its local worker finish for ``patience``.
+    daemon told to stop lets its local worker finish for ``patience``. Traces belong into the
+    ``store``, a URL; into the state directory when it is empty.
     """
 
     lease: float = 30.0
     grace: float = 5.0
     attempts: int = 3
     patience: float = 20.0
+    store: str = ""
 
     @property
     def renew(self) -> float:

@@ -1,0 +1,59 @@
+"""Parts of traces as they travel: base64 text with the digest of the bytes."""
+
+from __future__ import annotations
+
+import base64
+import binascii
+import hashlib
+import os
+from pathlib import Path
+
+
+def packed(data: bytes) -> tuple[str, str]:
+    """Return bytes as text, and their SHA-256."""
+    return base64.b64encode(data).decode("ascii"), hashlib.sha256(data).hexdigest()
+
+
+def unpacked(text: str, digest: str) -> bytes:
+    """Return the bytes in ``text``; raises ``ValueError`` when they were damaged on the way."""
+    try:
+        data = base64.b64decode(text, validate=True)
+    except binascii.Error as error:
+        raise ValueError("the chunk is damaged: it is not base64") from error
+    if hashlib.sha256(data).hexdigest() != digest:
+        raise ValueError("the chunk is damaged: its digest differs")
+    return data
+
+
+def read_part(path: Path, offset: int, count: int) -> bytes:
+    """Return up to ``count`` bytes of a file from ``offset`` on; raises ``OSError``."""
+    with path.open("rb") as file:
+        file.seek(offset)
+        return file.read(count)
+
+
+def add_part(path: Path, offset: int, data: bytes) -> None:
+    """Write ``data`` at ``offset``, where the file ends; raises ``OSError``, then nothing was."""
+    with path.open("r+b" if path.exists() else "xb") as file:
+        file.seek(offset)
+        try:
+            file.write(data)
+            file.flush()
+        except OSError:
+            # A part of a part, the disk is full say.
+            os.truncate(path, offset)
+            raise
+
+
+def sha256_of(path: Path) -> str:
+    """Return the SHA-256 of a file; raises ``OSError``."""
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def is_file_of(path: Path, size: int, sha256: str) -> bool:
+    """Whether there is a file of that size and digest."""
+    try:
+        return path.is_file() and path.stat().st_size == size and sha256_of(path) == sha256
+    except OSError:
+        return False
