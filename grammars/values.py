@@ -4,16 +4,27 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TypeAlias
+from typing import TYPE_CHECKING, TypeAlias
 
-import numpy as np
-import numpy.typing as npt
+if TYPE_CHECKING:
+    import numpy as np
+    import numpy.typing as npt
+
+    Floats: TypeAlias = npt.NDArray[np.float64]
 
 Point2: TypeAlias = tuple[float, float]
 Ring: TypeAlias = tuple[Point2, ...]
 """A polygon outline: corners in order, the first one not repeated [m]."""
 
-Floats: TypeAlias = npt.NDArray[np.float64]
+
+def __getattr__(name: str) -> object:
+    """Load numpy for those who name its arrays: most who say where something is never do."""
+    if name == "Floats":
+        import numpy as np
+        import numpy.typing as npt
+
+        return npt.NDArray[np.float64]
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
 
 def wrap_angle(angle: float) -> float:

@@ -7,8 +7,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-import numpy as np
-
 from daemon.statistics._proportion import CONFIDENCE
 
 
@@ -119,6 +117,8 @@ def _deviation(values: Sequence[float]) -> float:
     """Return the sample's standard deviation; exactly 0 for equal values."""
     if min(values) == max(values):
         return 0.0
+    import numpy as np
+
     return float(np.std(np.asarray(values, dtype=float), ddof=1))
 
 

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-import numpy as np
-
 
 def cliffs_delta(left: Sequence[float], right: Sequence[float]) -> float:
     """Return how much more often a value of left is larger than one of right than smaller, -1 to 1.
@@ -15,6 +13,8 @@ def cliffs_delta(left: Sequence[float], right: Sequence[float]) -> float:
     """
     if not left or not right:
         raise ValueError("Cliff's delta needs values on both sides")
+    import numpy as np
+
     ordered = np.sort(np.asarray(right, dtype=float))
     values = np.asarray(left, dtype=float)
     above = np.searchsorted(ordered, values, side="left").sum()
