@@ -103,16 +103,14 @@ class Sitter:
                 self._tell(Told(key, live=child.live.decode()))
                 child.live = b""
             if child.ended:
+                child.listen()
+                why = "" if child.attempt.finished else child.why()
+                self._tell(Told(key, ended=True, blame=child.blame, why=why))
                 del self._children[key]
                 child.close()
-                self._tell(Told(key, ended=True, blame=child.blame, why=_why(child)))
 
     def _tell(self, told: Told) -> None:
         self._wire.send_bytes(codec.to_json(told))
-
-
-def _why(child: Child) -> str:
-    return "" if child.attempt.finished else child.why()
 
 
 def main() -> None:
