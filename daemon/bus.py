@@ -1,21 +1,25 @@
 """The bus: Zenoh sessions as this project uses them, and question and answer over them.
 
-A router session inside the daemon listens; everybody else is a client of it. Loopback only
-unless told otherwise, no multicast, no gossip, no shared memory (its transport optimisation
+A router session inside the daemon listens; everybody else is a client of it. On one machine they
+meet at a socket in the state directory, across machines over TLS with keys on both sides
+(:mod:`daemon.security`). No multicast, no gossip, no shared memory (its transport optimisation
 drops queries when a receiver is not scheduled for ~100 ms, eclipse-zenoh/zenoh#2628).
 """
 
 from __future__ import annotations
 
 import json
+import os
 import time
+from collections.abc import Sequence
 from typing import Final, TypeVar
 
 import zenoh
 
 from daemon.errors import DaemonError, Refused, Troubled, Unreachable
 from daemon.messages import ASK, LARGEST_SUBMISSION, Problem, Verb
-from daemon.places import is_endpoint
+from daemon.places import INSECURE, is_encrypted, is_endpoint, socket_of, stays_here
+from daemon.security import RULES, DaemonKeys, Holder, access_control, denial
 from grammars import codec
 
 T = TypeVar("T")
@@ -27,35 +31,50 @@ _PATIENCE: Final = 0.5
 """Seconds to ask again when nobody answers: a restarting daemon needs a moment."""
 
 
-def open_router(listen: str) -> zenoh.Session:
-    """Open the daemon's session, listening at ``listen``.
+def open_router(listen: Sequence[str], keys: DaemonKeys | None = None) -> zenoh.Session:
+    """Open the daemon's session, listening at every endpoint of ``listen``.
 
-    Raises :class:`DaemonError` when the endpoint is malformed or taken.
+    With ``keys`` it admits who has a key, each to what its role may. Raises :class:`DaemonError`
+    when an endpoint is malformed or taken.
     """
+    settings: dict[str, object] = {"listen/endpoints": [_checked(one) for one in listen]}
+    if keys is not None:
+        settings["transport/link/tls"] = keys.holder.listening
+        settings["access_control"] = access_control(keys.register)
     try:
-        return zenoh.open(_config("router", {"listen/endpoints": [_checked(listen)]}))
+        return zenoh.open(_config("router", settings))
     except zenoh.ZError as error:
-        raise DaemonError(f"cannot listen at {listen}: {_last_words(error)}") from error
+        where = " and ".join(listen)
+        raise DaemonError(f"cannot listen at {where}: {_last_words(error)}") from error
 
 
-def open_client(endpoint: str) -> zenoh.Session:
+def open_client(endpoint: str, holder: Holder | None = None) -> zenoh.Session:
     """Open a session connected to the daemon at ``endpoint``; it reconnects by itself.
 
-    Raises :class:`Unreachable` when nothing listens there.
+    ``holder`` is whose key opens an encrypted endpoint. Raises :class:`Unreachable` when nothing
+    listens there, and :class:`DaemonError` for an endpoint that is not to be trusted.
     """
     retry = {"period_init_ms": 100, "period_max_ms": 500, "period_increase_factor": 2}
     settings: dict[str, object] = {
-        "connect/endpoints": [_checked(endpoint)],
+        "connect/endpoints": [_trusted(_checked(endpoint))],
         "connect/retry": retry,
     }
+    if holder is not None:
+        settings["transport/link/tls"] = holder.connecting
     try:
         return zenoh.open(_config("client", settings))
     except zenoh.ZError as error:
-        raise unreachable(endpoint) from error
+        raise unreachable(endpoint, holder) from error
 
 
-def unreachable(endpoint: str) -> Unreachable:
+def unreachable(endpoint: str, holder: Holder | None = None) -> Unreachable:
     """Say that nobody answers at ``endpoint`` and what to do about it."""
+    if holder is not None:
+        from daemon.security.handshake import refusal
+
+        words = refusal(endpoint, holder)
+        if words:
+            return Unreachable(f"{endpoint}: {words}")
     return Unreachable(
         f"no daemon answers at {endpoint}: start one with `scenario daemon`, "
         "or name another with --connect or SCENARIO_CONNECT"
@@ -64,8 +83,28 @@ def unreachable(endpoint: str) -> Unreachable:
 
 def _checked(endpoint: str) -> str:
     if not is_endpoint(endpoint):
-        raise DaemonError(f"{endpoint!r} is not an endpoint: write tcp/<host>:<port>")
+        raise DaemonError(
+            f"{endpoint!r} is not an endpoint: write tcp/<host>:<port> or tls/<host>:<port>"
+        )
     return endpoint
+
+
+def _trusted(endpoint: str) -> str:
+    """Refuse to talk where anybody may listen, or may have put himself in the daemon's place."""
+    path = socket_of(endpoint)
+    if path is not None and path.exists() and path.stat().st_uid != os.getuid():
+        raise DaemonError(f"{path} belongs to somebody else: a daemon there is not yours")
+    if path is None and not (is_encrypted(endpoint) or stays_here(endpoint)):
+        _only_if_insecure(endpoint)
+    return endpoint
+
+
+def _only_if_insecure(endpoint: str) -> None:
+    if not os.environ.get(INSECURE):
+        raise DaemonError(
+            f"{endpoint} is neither encrypted nor does it say who listens: use tls/ with keys "
+            f"(`scenario keys`), or set {INSECURE}=1 in a network you trust"
+        )
 
 
 def _config(mode: str, settings: dict[str, object]) -> zenoh.Config:
@@ -95,17 +134,22 @@ def ask(
     request: object,
     kind: type[T],
     timeout: float,
+    holder: Holder | None = None,
 ) -> T:
     """Ask the daemon and return its validated answer.
 
     No reply at all is no answer: after a moment of patience it is :class:`Unreachable`, as is a
-    timeout. An error reply is :class:`Refused` with the daemon's words.
+    timeout. An error reply is :class:`Refused` with the daemon's words, and so is what the key of
+    the ``holder`` is not enough for: the bus would drop it without a word.
     """
+    if holder is not None and (no := denial(holder.name, holder.role, verb)):
+        raise Refused(no)
     payload = codec.to_json(request)
-    if len(payload) > LARGEST_SUBMISSION:
+    largest = RULES[verb].largest
+    if len(payload) > largest:
         raise Refused(
-            f"{verb}: {len(payload) / 2**20:.0f} MiB is too much for one request, the daemon takes "
-            f"{LARGEST_SUBMISSION / 2**20:.0f} MiB: split the campaign"
+            f"{verb}: {len(payload) / 2**20:.1f} MiB is too much for one request, the daemon takes "
+            f"{largest / 2**20:.1f} MiB{': split the campaign' if verb is Verb.SUBMIT else ''}"
         )
     deadline = time.monotonic() + min(timeout, _PATIENCE)
     while True:
@@ -120,8 +164,17 @@ def ask(
             words = b"" if reply.err is None else reply.err.payload.to_bytes()
             raise _complaint(words, endpoint, timeout)
         if time.monotonic() > deadline:
-            raise unreachable(endpoint)
+            raise _unheard(endpoint, holder)
         time.sleep(0.02)
+
+
+def _unheard(endpoint: str, holder: Holder | None) -> Unreachable:
+    if holder is None:
+        return unreachable(endpoint)
+    return Unreachable(
+        f'the daemon at {endpoint} does not answer to the key "{holder.name}": it is leaving, or '
+        "it has started before the key was made, or the key was revoked (`scenario keys list`)"
+    )
 
 
 def _answer(kind: type[T], payload: bytes) -> T:

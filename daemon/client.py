@@ -5,6 +5,7 @@ from __future__ import annotations
 import threading
 from collections import deque
 from collections.abc import Callable
+from pathlib import Path
 from types import TracebackType
 from typing import Any, Final, Generic, TypeVar
 
@@ -15,15 +16,18 @@ from daemon.assessment import Declared, RunRecord
 from daemon.messages import (
     EVENTS,
     LIVE,
+    Fetch,
     Named,
     Nothing,
     Number,
+    Piece,
     PriorityRequest,
     RecordQuery,
     RetryRequest,
     RunQuery,
     Verb,
 )
+from daemon.places import is_encrypted
 from daemon.protocol import (
     CampaignRow,
     Disk,
@@ -36,6 +40,7 @@ from daemon.protocol import (
     Submission,
     WorkerRow,
 )
+from daemon.security import Holder, Role, find_holder
 from grammars import codec
 from grammars.scene import Scene
 
@@ -43,6 +48,7 @@ T = TypeVar("T")
 
 _EVENTS_KEPT: Final = 4096
 _LIVE_KEPT: Final = 256
+_WATCHED_KEPT: Final = 4
 _BULK_TIMEOUT: Final = 60.0
 _RECORDS: Final = 500
 
@@ -116,16 +122,24 @@ class Client:
     :class:`daemon.errors.Refused` when the daemon says no.
     """
 
-    def __init__(self, session: zenoh.Session, endpoint: str, timeout: float) -> None:
+    def __init__(
+        self, session: zenoh.Session, endpoint: str, timeout: float, holder: Holder | None = None
+    ) -> None:
         self._session = session
+        self._holder = holder
         self._timeout = timeout
         self._subscriptions: list[Subscription] = []
         self.endpoint = endpoint
 
     @classmethod
-    def open(cls, endpoint: str, *, timeout: float = 3.0) -> Client:
-        """Connect to ``tcp/<host>:<port>``; raises :class:`Unreachable` when nobody is there."""
-        return cls(bus.open_client(endpoint), endpoint, timeout)
+    def open(cls, endpoint: str, *, timeout: float = 3.0, keys: Path | None = None) -> Client:
+        """Connect to an endpoint (:func:`daemon.places.is_endpoint`).
+
+        An encrypted one needs a key: that in ``keys``, else in ``SCENARIO_KEYS``, else in the
+        user's settings. Raises :class:`Unreachable` when nobody is there.
+        """
+        holder = find_holder(Role.OPERATOR, keys) if is_encrypted(endpoint) else None
+        return cls(bus.open_client(endpoint, holder), endpoint, timeout, holder)
 
     def close(self) -> None:
         """End the subscriptions and the connection."""
@@ -146,12 +160,14 @@ class Client:
         self.close()
 
     def _ask(self, verb: Verb, request: object, kind: type[T]) -> T:
-        return bus.ask(self._session, self.endpoint, verb, request, kind, self._timeout)
+        return bus.ask(
+            self._session, self.endpoint, verb, request, kind, self._timeout, self._holder
+        )
 
     def _ask_bulk(self, verb: Verb, request: object, kind: type[T]) -> T:
         """Ask for something that may take long, with 100,000 runs say."""
         timeout = max(self._timeout, _BULK_TIMEOUT)
-        return bus.ask(self._session, self.endpoint, verb, request, kind, timeout)
+        return bus.ask(self._session, self.endpoint, verb, request, kind, timeout, self._holder)
 
     def overview(self) -> Overview:
         """How everything stands, in one line."""
@@ -213,6 +229,10 @@ class Client:
         """A compiled scene."""
         return self._ask(Verb.SCENE, Named(digest), Scene)
 
+    def piece(self, run: str, offset: int) -> Piece:
+        """A part of the trace of a run, from ``offset`` on; see :func:`daemon.store.local_copy`."""
+        return self._ask_bulk(Verb.FETCH, Fetch(run, offset), Piece)
+
     def workers(self) -> tuple[WorkerRow, ...]:
         """The workers connected now."""
         return self._ask(Verb.WORKERS, Nothing(), tuple[WorkerRow, ...])
@@ -264,4 +284,15 @@ class Client:
         feeds.append(_Feed(self._session, EVENTS, _EVENTS_KEPT, Event, on_event))
         if on_live is not None:
             feeds.append(_Feed(self._session, f"{LIVE}/*", _LIVE_KEPT, Live, on_live))
+        return subscription
+
+    def watch(self, run: str, on_live: Callable[[Live], None]) -> Subscription:
+        """Call back on detailed snapshots of one run while it runs, about ten a second.
+
+        Whoever executes it makes them only while somebody watches. Calls come from another thread.
+        """
+        subscription = Subscription()
+        self._subscriptions.append(subscription)
+        key = f"{LIVE}/*/{run}"
+        subscription._feeds.append(_Feed(self._session, key, _WATCHED_KEPT, Live, on_live))
         return subscription

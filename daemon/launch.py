@@ -16,7 +16,7 @@ from typing import IO, Final
 from daemon.client import Client
 from daemon.errors import EXIT_ALREADY_RUNNING, DaemonError, LaunchFailed
 from daemon.executor import DEFAULT_EXECUTOR
-from daemon.places import DEFAULT_ENDPOINT, Places
+from daemon.places import Places
 
 _START_LIMIT: Final = 20.0
 _LEAVE_LIMIT: Final = 5.0
@@ -49,17 +49,15 @@ def ensure_daemon(
 ) -> str:
     """Return the endpoint of the daemon that keeps ``state``, starting one if need be.
 
-    A started daemon is detached: it outlives this process, and listens at the default endpoint
-    unless that is taken. Raises :class:`LaunchFailed` with the end of its log when it does not
-    come up.
+    A started daemon is detached: it outlives this process. Raises :class:`LaunchFailed` with the
+    end of its log when it does not come up.
     """
     found = running_daemon(state)
     if found is not None:
         return found
     places = Places.find(state)
     places.make()
-    endpoint = DEFAULT_ENDPOINT if _is_free(DEFAULT_ENDPOINT) else free_endpoint()
-    command = _command(places, endpoint, slots, executor)
+    command = _command(places, slots, executor)
     with places.worker_log.open("ab") as output:
         process = subprocess.Popen(
             command,
@@ -79,14 +77,14 @@ def embedded(
 ) -> Iterator[str]:
     """Run a daemon and its worker for the duration of a ``with`` block; yields its endpoint.
 
-    It listens on a free loopback port. Afterwards no process is left, also when this process is
+    Afterwards no process is left, also when this process is
     killed: the daemon, its worker and their children hang on a pipe that we hold.
 
     Raises :class:`LaunchFailed` when it does not come up.
     """
     places = Places.find(state)
     places.make()
-    command = [*_command(places, free_endpoint(), slots, executor), "--tether"]
+    command = [*_command(places, slots, executor), "--tether"]
     with tempfile.TemporaryFile() as output:
         process = subprocess.Popen(
             command,
@@ -108,21 +106,10 @@ def embedded(
                 process.wait()
 
 
-def _command(places: Places, endpoint: str, slots: int | None, executor: str) -> list[str]:
+def _command(places: Places, slots: int | None, executor: str) -> list[str]:
     command = [sys.executable, "-m", "daemon", "serve", "--state", str(places.state)]
-    command += ["--listen", endpoint, "--executor", executor]
+    command += ["--executor", executor]
     return command if slots is None else [*command, "--slots", str(slots)]
-
-
-def _is_free(endpoint: str) -> bool:
-    host, _, port = endpoint.removeprefix("tcp/").rpartition(":")
-    with socket.socket() as probe:
-        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        try:
-            probe.bind((host, int(port)))
-        except OSError:
-            return False
-    return True
 
 
 def _await(

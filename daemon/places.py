@@ -1,18 +1,25 @@
 """Where the daemon keeps things: the state directory and the endpoint.
 
 ledger.db  daemon.lock  daemon.json  daemon.log  worker.log
+socket/daemon.sock
 scenes/<digest>.json
 traces/<campaign>/<scenario>.<sut>.<repeat>.mcap
 spool/<worker>/<run>/attempt-<k>/
+incoming/<run>.<token>.<digest>.part|mcap
+marker.json
 
 Shell completion asks at every TAB where the ledger lies: what is heavy is imported when needed.
 """
 
 from __future__ import annotations
 
+import errno
+import hashlib
+import ipaddress
 import os
 import re
 import shutil
+import stat
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -24,11 +31,16 @@ import platformdirs
 if TYPE_CHECKING:
     from daemon.protocol import Disk
 
-DEFAULT_ENDPOINT: Final = "tcp/127.0.0.1:7447"
+INSECURE: Final = "SCENARIO_INSECURE"
+"""Set to speak plain TCP to other machines all the same."""
 _ID: Final = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,99}\Z")
 _RUN_ID: Final = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,99}\.[0-9]{1,9}\Z")
 _DIGEST: Final = re.compile(r"[0-9a-f]{64}\Z")
-_ENDPOINT: Final = re.compile(r"tcp/(\[[0-9A-Fa-f:.]+\]|[A-Za-z0-9._-]+):([0-9]{1,5})\Z")
+_ENDPOINT: Final = re.compile(r"(?:tcp|tls)/(\[[0-9A-Fa-f:.]+\]|[A-Za-z0-9._-]+):([0-9]{1,5})\Z")
+_SOCKET: Final = "unixsock-stream/"
+_SOCKET_PATH: Final = re.compile(r"/[^?#\x00-\x1f]+\Z")
+_LONGEST_SOCKET: Final = 100
+"""Bytes of a socket's path: systems take 103 or 107."""
 _LONGEST_NAME: Final = 200
 _SPARE_SPACE: Final = 32 * 2**20
 """Bytes that must be free before a run starts: some long traces and the ledger's growth."""
@@ -50,9 +62,36 @@ def is_digest(text: str) -> bool:
 
 
 def is_endpoint(text: str) -> bool:
-    """Whether ``text`` is an endpoint we speak: ``tcp/<host>:<port>``."""
+    """Whether ``text`` is an endpoint we speak.
+
+    ``tcp/<host>:<port>``, ``tls/<host>:<port>``, or ``unixsock-stream/<path>`` for the socket of a
+    daemon of this machine.
+    """
+    if text.startswith(_SOCKET):
+        return _SOCKET_PATH.match(text.removeprefix(_SOCKET)) is not None
     found = _ENDPOINT.match(text)
     return found is not None and int(found[2]) < 65536
+
+
+def socket_of(endpoint: str) -> Path | None:
+    """Return the path of an endpoint that is a socket, ``None`` for others."""
+    return Path(endpoint.removeprefix(_SOCKET)) if endpoint.startswith(_SOCKET) else None
+
+
+def is_encrypted(endpoint: str) -> bool:
+    """Whether what travels there is encrypted and both sides prove who they are."""
+    return endpoint.startswith("tls/")
+
+
+def stays_here(endpoint: str) -> bool:
+    """Whether what travels there never leaves this machine: a socket, or its loopback."""
+    found = _ENDPOINT.match(endpoint)
+    if found is None:
+        return endpoint.startswith(_SOCKET)
+    try:
+        return ipaddress.ip_address(found[1].strip("[]")).is_loopback
+    except ValueError:
+        return found[1] == "localhost"
 
 
 def trace_name(campaign: str, scenario: str, sut: str, repeat: int) -> str:
@@ -114,6 +153,27 @@ class Places:
         return self.state / "daemon.json"
 
     @property
+    def socket(self) -> Path:
+        """The socket by which its owner's clients and workers on this machine reach the daemon.
+
+        It lies in a folder for its owner alone: who may connect is for the file system to say.
+        Systems limit the length of its path; for a long one the folder lies with the temporary
+        files.
+        """
+        path = self.state / "socket" / "daemon.sock"
+        if len(os.fsencode(path)) <= _LONGEST_SOCKET and _SOCKET_PATH.match(str(path)):
+            return path
+        import tempfile
+
+        name = hashlib.sha256(os.fsencode(self.state)).hexdigest()[:16]
+        return Path(tempfile.gettempdir()) / f"scenario-{os.getuid()}" / f"{name}.sock"
+
+    @property
+    def endpoint(self) -> str:
+        """Endpoint of the socket."""
+        return f"{_SOCKET}{self.socket}"
+
+    @property
     def scenes(self) -> Path:
         """Compiled scenes by digest."""
         return self.state / "scenes"
@@ -129,6 +189,16 @@ class Places:
         return self.state / "spool"
 
     @property
+    def incoming(self) -> Path:
+        """Traces that workers on other machines are sending."""
+        return self.state / "incoming"
+
+    @property
+    def marker(self) -> Path:
+        """What only those can read who share the daemon's file system."""
+        return self.state / "marker.json"
+
+    @property
     def log(self) -> Path:
         """What the daemon did, one JSON object per line."""
         return self.state / "daemon.log"
@@ -140,8 +210,12 @@ class Places:
 
     def make(self) -> None:
         """Create the directories, readable by their owner only; raises ``OSError``."""
-        for folder in (self.state, self.scenes, self.traces, self.spool):
+        for folder in (self.state, self.scenes, self.traces, self.spool, self.incoming):
             folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+
+    def make_socket_folder(self) -> None:
+        """Create the folder of the socket; raises ``OSError`` when it is not ours alone."""
+        _make_private(self.socket.parent)
 
     def shortage(self) -> str:
         """Say so when the disk is too full to keep what a run leaves, empty when it is not."""
@@ -188,6 +262,16 @@ class Places:
             return None
 
 
+def _make_private(folder: Path) -> None:
+    """Make ``folder`` and see to it that it is ours alone; raises ``OSError``."""
+    folder.mkdir(mode=0o700, exist_ok=True)
+    found = folder.lstat()
+    if not stat.S_ISDIR(found.st_mode) or found.st_uid != os.getuid():
+        raise PermissionError(errno.EPERM, "belongs to somebody else", str(folder))
+    if found.st_mode & (stat.S_IRWXG | stat.S_IRWXO):
+        folder.chmod(0o700)
+
+
 @dataclass(frozen=True, slots=True)
 class Endpoint:
     """An endpoint and where it was found."""
@@ -199,15 +283,20 @@ class Endpoint:
 def find_endpoint(
     connect: str = "", state: Path | None = None, environ: Mapping[str, str] = os.environ
 ) -> Endpoint:
-    """Choose the endpoint: ``connect``, ``SCENARIO_CONNECT``, ``daemon.json``, the default."""
+    """Choose the endpoint: ``connect``, ``SCENARIO_CONNECT``, ``daemon.json``, the default.
+
+    The default is the socket of the state directory, so nobody talks to a daemon of somebody else
+    without having named it.
+    """
     if connect:
         return Endpoint(connect, "--connect")
     if environ.get("SCENARIO_CONNECT"):
         return Endpoint(environ["SCENARIO_CONNECT"], "SCENARIO_CONNECT")
-    contact = Places.find(state, environ).read_contact()
+    places = Places.find(state, environ)
+    contact = places.read_contact()
     if contact is not None:
         return Endpoint(contact.endpoint, "daemon.json")
-    return Endpoint(DEFAULT_ENDPOINT, "default")
+    return Endpoint(places.endpoint, "default")
 
 
 def write_atomically(path: Path, data: bytes) -> None:

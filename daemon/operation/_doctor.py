@@ -18,17 +18,18 @@ from daemon.client import Client
 from daemon.errors import DaemonError
 from daemon.executor import cores
 from daemon.operation._findings import Finding, ok, problem, warning
+from daemon.operation._keys_check import check_keys
 from daemon.operation._ledger_check import check_ledger
 from daemon.operation._leftovers import check_leftovers
-from daemon.places import Endpoint, Places, is_endpoint
+from daemon.places import Endpoint, Places, is_encrypted, is_endpoint, stays_here
 from daemon.protocol import Overview, WorkerRow
+from daemon.security import keys_folder
 from daemon.spec import ENGINE_VERSION
 
 _PACKAGES: Final = ("eclipse-zenoh", "numpy", "numba", "pymunk", "pydantic", "mcap", "textual")
 _SILENCE: Final = 30.0
 _SKEW: Final = 2.0
 _ROOMY: Final = 2 * 2**30
-_LOOPBACK: Final = ("127.", "[::1]", "localhost")
 _OLDEST_NOW: Final = 1_735_689_600.0
 """2025-01-01: a clock before that was never set."""
 
@@ -44,6 +45,7 @@ def examine(places: Places, endpoint: Endpoint, here: Path) -> tuple[Finding, ..
         *check_ledger(places, now),
         *_clock(now),
         *_endpoint(endpoint),
+        *check_keys(keys_folder(), now, needed=is_encrypted(endpoint.address)),
         *(_daemon(places, endpoint) if is_endpoint(endpoint.address) else ()),
         *check_leftovers(places, here),
     )
@@ -123,12 +125,13 @@ def _clock(now: float) -> Iterator[Finding]:
 def _endpoint(endpoint: Endpoint) -> Iterator[Finding]:
     told = f"{endpoint.address}, from {endpoint.origin}"
     if not is_endpoint(endpoint.address):
-        yield problem("endpoint", f"{told}: that is none", "write tcp/<host>:<port>")
-    elif not endpoint.address.removeprefix("tcp/").startswith(_LOOPBACK):
+        remedy = "write tcp/<host>:<port> or tls/<host>:<port>"
+        yield problem("endpoint", f"{told}: that is none", remedy)
+    elif not (is_encrypted(endpoint.address) or stays_here(endpoint.address)):
         yield warning(
             "endpoint",
-            f"{told}: not this machine's loopback",
-            "whoever reaches it may submit and cancel: keep it in a trusted network",
+            f"{told}: plain TCP to another machine",
+            "whoever is in the network may read, submit and cancel: use tls/ (`scenario keys`)",
         )
     else:
         yield ok("endpoint", told)

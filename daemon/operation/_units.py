@@ -38,12 +38,23 @@ WantedBy=default.target
 """
 
 
-def daemon_unit(command: Path, state: Path, listen: str, slots: int | None = None) -> str:
+def daemon_unit(
+    command: Path,
+    state: Path,
+    listen: str = "",
+    slots: int | None = None,
+    *,
+    keys: Path | None = None,
+    insecure: bool = False,
+) -> str:
     """Return the unit of a daemon; ``command`` is the ``scenario`` executable, absolute.
 
     It starts again after a failure, not after ``scenario stop``.
     """
-    words = [str(command), "daemon", "--state", str(state), "--listen", listen]
+    words = [str(command), "daemon", "--state", str(state)]
+    words += ["--listen", listen] if listen else []
+    words += ["--keys", str(keys.absolute())] if keys else []
+    words += ["--insecure"] if insecure else []
     return _UNIT.format(
         about="scenario: queue and results of simulated runs",
         command=_command(words, slots),

@@ -1,6 +1,7 @@
-"""The daemon itself: the ledger behind a Zenoh router on loopback, and a local worker."""
+"""The daemon itself: the ledger behind a Zenoh router, and a local worker."""
 
+from daemon.server._listening import exposure
 from daemon.server._serve import STOPPING, serve
 from daemon.server._settings import Settings
 
-__all__ = ["STOPPING", "Settings", "serve"]
+__all__ = ["STOPPING", "Settings", "exposure", "serve"]

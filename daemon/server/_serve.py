@@ -23,15 +23,17 @@ from daemon.errors import AlreadyRunning, DaemonError
 from daemon.executor import DEFAULT_EXECUTOR, Limits, cores
 from daemon.ledger import Book, Reader, connect, connect_reader
 from daemon.messages import ALIVE, ASK, EVENTS, WORK
-from daemon.places import DEFAULT_ENDPOINT, Contact, Places, write_atomically
+from daemon.places import Contact, Places, write_atomically
 from daemon.protocol import Event
 from daemon.server._clerks import Job, Questions, Writer
 from daemon.server._clock import Clock
 from daemon.server._desk import Desk
 from daemon.server._journal import Journal
+from daemon.server._listening import Listening, arrange
 from daemon.server._local import LocalWorker
 from daemon.server._roster import Roster
 from daemon.server._settings import Settings
+from daemon.store import leave_marker
 from grammars import codec
 
 _LAST_MOMENT: Final = 3.0
@@ -43,7 +45,9 @@ _HINTS: Final = frozenset({"submitted", "extended", "retried", "queued", "cancel
 def serve(
     state: Path,
     *,
-    listen: str = DEFAULT_ENDPOINT,
+    listen: str = "",
+    keys: Path | None = None,
+    insecure: bool = False,
     slots: int | None = None,
     settings: Settings | None = None,
     executor: str = DEFAULT_EXECUTOR,
@@ -52,6 +56,8 @@ def serve(
 ) -> None:
     """Run the daemon on a state directory until SIGTERM, SIGINT or a shutdown request.
 
+    It listens at the socket of the state directory, and at ``listen`` if that is given: over TLS
+    with ``keys``, or plain TCP on loopback, elsewhere only if ``insecure`` is meant.
     ``slots`` is the size of the local worker: ``None`` for one per core, 0 for no local worker.
     ``executor`` (``module:function``) executes runs within ``limits``. With ``tether`` the
     daemon leaves at once when its standard input closes: its parent is gone. The first signal
@@ -67,13 +73,14 @@ def serve(
         stack.enter_context(_only_one(places))
         journal = Journal(places.log)
         stack.callback(journal.close)
-        daemon = _Daemon(places, settings or Settings(), journal, listen)
+        listening = arrange(places, listen, keys, insecure=insecure)
+        daemon = _Daemon(places, settings or Settings(), journal, listening)
         stack.enter_context(daemon.signals())
         slots = cores() if slots is None else slots
         local = LocalWorker(
             places,
             journal,
-            endpoint=listen,
+            endpoint=listening.socket,
             slots=slots,
             executor=executor,
             limits=limits or Limits(),
@@ -93,17 +100,19 @@ def _only_one(places: Places) -> Iterator[None]:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
             contact = places.read_contact()
-            where = f" at {contact.endpoint}, process {contact.pid}" if contact else ""
+            where = f", process {contact.pid}" if contact else ""
             raise AlreadyRunning(f"a daemon already keeps {places.state}{where}") from None
         yield
 
 
 class _Daemon:
-    def __init__(self, places: Places, settings: Settings, journal: Journal, listen: str) -> None:
+    def __init__(
+        self, places: Places, settings: Settings, journal: Journal, listening: Listening
+    ) -> None:
         self._places = places
         self._settings = settings
         self._journal = journal
-        self._listen = listen
+        self._listening = listening
         self._stops = 0
         self._stopped = threading.Event()
         self._tether_cut = False
@@ -120,6 +129,7 @@ class _Daemon:
             version=self._version,
             stop=self._stop,
             trouble=self._trouble,
+            marker=leave_marker(places),
         )
 
     @contextmanager
@@ -150,11 +160,13 @@ class _Daemon:
             threading.Thread(target=self._watch_tether, daemon=True).start()
         connection = connect(self._places.ledger)
         stack.callback(connection.close)
-        session = stack.enter_context(bus.open_router(self._listen))
+        session = stack.enter_context(
+            bus.open_router(self._listening.endpoints, self._listening.keys)
+        )
         clerks = self._start_clerks(stack, connection, session)
         writer = clerks[0]
         self._publish_contact(stack)
-        self._journal.write("started", endpoint=self._listen, pid=os.getpid())
+        self._journal.write("started", endpoints=self._listening.endpoints, pid=os.getpid())
         while not self._stopped.is_set():
             if local is not None:
                 local.look_after()
@@ -173,17 +185,18 @@ class _Daemon:
 
     def _start_clerks(
         self, stack: ExitStack, connection: sqlite3.Connection, session: zenoh.Session
-    ) -> tuple[Writer, Questions]:
+    ) -> tuple[Writer, Questions, Questions]:
         settings = self._settings
         book = Book(connection, attempts=settings.attempts, lease=settings.lease)
         extended = book.extend(self._clock.now())
         if extended:
             self._journal.write("resumed", leases=extended)
-        reading = connect_reader(self._places.ledger)
-        stack.callback(reading.close)
-        questions = Questions(reading, Reader(reading, self._places))
+        if settings.store:
+            book.know_store(settings.store)
+        questions = self._questions(stack, "ledger-reader")
+        carrier = self._questions(stack, "carrier")
         writer = Writer(connection, book, lambda events: _publish(session, events))
-        for clerk in (questions, writer):
+        for clerk in (questions, carrier, writer):
             clerk.start()
             stack.callback(clerk.finish)
         # Declared last and so undeclared first: no request arrives without a clerk.
@@ -191,9 +204,14 @@ class _Daemon:
             session.liveliness().declare_subscriber(f"{ALIVE}/*", self._on_liveliness, history=True)
         )
         stack.enter_context(
-            session.declare_queryable(f"{ASK}/*", self._desk.receiver(writer, questions))
+            session.declare_queryable(f"{ASK}/*", self._desk.receiver(writer, questions, carrier))
         )
-        return writer, questions
+        return writer, questions, carrier
+
+    def _questions(self, stack: ExitStack, name: str) -> Questions:
+        reading = connect_reader(self._places.ledger)
+        stack.callback(reading.close)
+        return Questions(name, reading, Reader(reading, self._places))
 
     def _on_liveliness(self, sample: zenoh.Sample) -> None:
         worker = str(sample.key_expr).rpartition("/")[2]
@@ -203,7 +221,7 @@ class _Daemon:
             self._roster.disconnected(worker, self._clock.now())
 
     def _publish_contact(self, stack: ExitStack) -> None:
-        contact = Contact(self._listen, os.getpid(), self._version, time.time())
+        contact = Contact(self._listening.socket, os.getpid(), self._version, time.time())
         write_atomically(self._places.contact_file, codec.to_json(contact))
         stack.callback(self._places.contact_file.unlink, missing_ok=True)
 

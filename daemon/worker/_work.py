@@ -86,7 +86,7 @@ def work(
             renew=welcome.renew,
             log=_log,
         )
-        _log(f"{me.id} works for {connect} with {backend.slots} slots")
+        _log(f"{me.id} works for {connect} with {backend.slots} slots in {base.places.state}")
         agent.run()
         _log(f"{me.id} leaves")
 

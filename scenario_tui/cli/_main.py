@@ -22,6 +22,7 @@ from scenario_tui.cli import (
     _export,
     _gc,
     _judge,
+    _keys,
     _metrics,
     _plot,
     _reading,
@@ -34,6 +35,7 @@ from scenario_tui.cli import (
     _wait,
 )
 from scenario_tui.cli._exits import ExitCode
+from scenario_tui.cli._options import with_keys
 from scenario_tui.cli._output import settle_streams
 
 _PANELS: Final[dict[str, tuple[Callable[..., None], ...]]] = {
@@ -86,12 +88,14 @@ app = typer.Typer(
 )
 for _panel, _commands in _PANELS.items():
     for _command in _commands:
-        app.command(rich_help_panel=_panel)(_command)
+        app.command(rich_help_panel=_panel)(with_keys(_command))
+app.add_typer(_keys.app, rich_help_panel="Machines")
 
 
 def command_names() -> frozenset[str]:
     """Return the names of all commands."""
-    return frozenset(command.__name__ for group in _PANELS.values() for command in group)
+    commands = {command.__name__ for group in _PANELS.values() for command in group}
+    return frozenset(commands | {"keys"})
 
 
 def _print_version(wanted: bool) -> None:

@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import functools
+import inspect
+import os
+from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated, TypeAlias
+from typing import Annotated, Any, TypeAlias
 
 import typer
 
@@ -17,7 +21,9 @@ def checked_endpoint(value: str) -> str:
         from daemon.places import is_endpoint
 
         if not is_endpoint(value):
-            raise typer.BadParameter(f"{value!r} is not an endpoint, write tcp/<host>:<port>")
+            raise typer.BadParameter(
+                f"{value!r} is not an endpoint, write tcp/<host>:<port> or tls/<host>:<port>"
+            )
     return value
 
 
@@ -28,7 +34,7 @@ Connect: TypeAlias = Annotated[
         "-c",
         metavar="ENDPOINT",
         callback=checked_endpoint,
-        help="Daemon to talk to, tcp/host:port. Default: $SCENARIO_CONNECT, "
+        help="Daemon to talk to, tls/host:port. Default: $SCENARIO_CONNECT, "
         "then the daemon of this machine.",
     ),
 ]
@@ -39,6 +45,14 @@ State: TypeAlias = Annotated[
         metavar="DIR",
         help="State directory of the daemon of this machine. Default: $SCENARIO_STATE, "
         "then your user state folder.",
+    ),
+]
+Keys: TypeAlias = Annotated[
+    Path | None,
+    typer.Option(
+        "--keys",
+        metavar="DIR",
+        help="The key for tls/host:port. Default: $SCENARIO_KEYS, then keys in your settings.",
     ),
 ]
 AsJson: TypeAlias = Annotated[
@@ -64,3 +78,27 @@ CampaignName: TypeAlias = Annotated[
         autocompletion=_completion.campaigns,
     ),
 ]
+
+
+def with_keys(command: Callable[..., None]) -> Callable[..., None]:
+    """Give a command that talks to a daemon the option ``--keys``, read where keys are looked for.
+
+    It says the same as ``SCENARIO_KEYS``, to this process and those it starts.
+    """
+    signature = inspect.signature(command, eval_str=True)
+    if "connect" not in signature.parameters:
+        return command
+
+    @functools.wraps(command)
+    def called(*arguments: Any, keys: Path | None = None, **options: Any) -> None:
+        if keys is not None:
+            os.environ["SCENARIO_KEYS"] = str(keys)
+        command(*arguments, **options)
+
+    option = inspect.Parameter(
+        "keys", inspect.Parameter.KEYWORD_ONLY, default=None, annotation=Keys
+    )
+    parameters = (*signature.parameters.values(), option)
+    called.__annotations__["keys"] = Keys
+    called.__signature__ = signature.replace(parameters=parameters)  # type: ignore[attr-defined]
+    return called

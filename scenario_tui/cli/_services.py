@@ -9,7 +9,7 @@ from typing import Annotated, TypeAlias
 import typer
 
 from scenario_tui.cli._exits import ExitCode
-from scenario_tui.cli._options import Connect, Slots, State, checked_endpoint
+from scenario_tui.cli._options import Connect, Keys, Slots, State, checked_endpoint
 
 PrintUnit: TypeAlias = Annotated[
     bool, typer.Option("--print-unit", help="Write a systemd user unit for this and leave.")
@@ -23,9 +23,15 @@ def daemon(
             "--listen",
             metavar="ENDPOINT",
             callback=checked_endpoint,
-            help="Where to listen, tcp/host:port.",
+            help="Where to listen for other machines, tls/host:port. Default: nowhere; this "
+            "machine is served through the state directory.",
         ),
-    ] = "tcp/127.0.0.1:7447",
+    ] = "",
+    keys: Keys = None,
+    insecure: Annotated[
+        bool,
+        typer.Option("--insecure", help="Listen at plain tcp/ to the network, without any keys."),
+    ] = False,
     slots: Annotated[
         int | None,
         typer.Option(
@@ -41,17 +47,21 @@ def daemon(
     It keeps the queue and the results, and executes runs on this machine.
     """
     from daemon.places import Places
-    from daemon.server import serve
+    from daemon.server import exposure, serve
     from scenario_tui.cli._output import say
 
     places = Places.find(state)
     if print_unit:
         from daemon.operation import daemon_unit
 
-        typer.echo(daemon_unit(_executable(), places.state, listen, slots), nl=False)
+        unit = daemon_unit(_executable(), places.state, listen, slots, keys=keys, insecure=insecure)
+        typer.echo(unit, nl=False)
         return
-    say(f"starting a daemon at {listen}, state in {places.state}, Ctrl-C to leave")
-    serve(places.state, listen=listen, slots=slots)
+    if words := exposure(listen):
+        say(words)
+    where = f" at {listen}" if listen else ""
+    say(f"starting a daemon{where}, state in {places.state}, Ctrl-C to leave")
+    serve(places.state, listen=listen, keys=keys, insecure=insecure, slots=slots)
     say("the daemon has left; what is queued waits for the next one")
 
 

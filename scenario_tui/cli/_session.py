@@ -35,7 +35,8 @@ class Target:
         found = find_endpoint(self.connect, self.state)
         if found.origin == "SCENARIO_CONNECT" and not is_endpoint(found.address):
             message = f"{found.address!r} is not an endpoint"
-            raise InputError(Diagnostic(Where(found.origin), message, "write tcp/<host>:<port>"))
+            hint = "write tcp/<host>:<port> or tls/<host>:<port>"
+            raise InputError(Diagnostic(Where(found.origin), message, hint))
         if found.origin == "default" and (self.state or os.environ.get("SCENARIO_STATE")):
             folder = Places.find(self.state).state
             raise Unreachable(

@@ -25,7 +25,7 @@ _COLUMNS: Final = (
 )
 _NOBODY: Final = (
     "No worker is connected: nothing runs. In another terminal, here or elsewhere, type\n\n"
-    "    scenario worker --connect tcp/<this machine>:7447\n\n"
+    "    scenario worker --connect tls/<this machine>:7447\n\n"
     "or start the daemon with slots of its own: scenario daemon --slots 4"
 )
 

@@ -146,14 +146,15 @@ def test_a_second_daemon_on_the_directory_is_refused(daemon: DaemonPart, tmp_pat
     second = Part("serve", tmp_path / "second.log", *options)
     assert second.wait() == 4
     assert "a daemon already keeps" in second.output
-    assert daemon.endpoint in second.output
+    assert f"process {daemon.pid}" in second.output
 
 
 def test_a_taken_port_is_named(daemon: DaemonPart, tmp_path: Path) -> None:
     options = ("--state", str(tmp_path / "other"), "--listen", daemon.endpoint, "--slots", "0")
     second = Part("serve", tmp_path / "second.log", *options)
     assert second.wait() == 3
-    assert f"cannot listen at {daemon.endpoint}" in second.output
+    assert "cannot listen at " in second.output
+    assert daemon.endpoint in second.output
     assert "Traceback" not in second.output
 
 

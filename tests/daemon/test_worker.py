@@ -252,10 +252,11 @@ def test_results_left_by_a_dead_worker_are_delivered_by_the_next(tmp_path: Path)
 
 def test_a_worker_is_one_family(daemon: DaemonPart, client: Client) -> None:
     """The fork server never opens Zenoh: only the daemon listens, only the agent connects."""
-    (row,) = client.workers()
-    connected = [p for p in family(row.pid) if p.net_connections("inet")]
-    assert [p.pid for p in connected] == [row.pid]
-    assert os.getpgid(row.pid) == row.pid
+    with worker_for(daemon) as worker:
+        eventually(lambda: worker.pid in {row.pid for row in client.workers()})
+        connected = [p for p in family(worker.pid) if p.net_connections("inet")]
+        assert [p.pid for p in connected] == [worker.pid]
+        assert os.getpgid(worker.pid) == worker.pid
 
 
 def test_a_local_worker_that_cannot_execute_is_the_daemons_trouble(tmp_path: Path) -> None:
