@@ -5,49 +5,79 @@ from __future__ import annotations
 import logging
 import time
 import warnings
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
 from typing import ClassVar, Final
 
-from textual.app import App, SystemCommand
 from textual.binding import Binding, BindingType
-from textual.screen import Screen
+from textual.screen import ModalScreen, Screen
+from textual.theme import Theme
 
 from scenario_tui.asking import Opener
-from scenario_tui.feed import Feed, Picture
+from scenario_tui.clipboard import into_tmux
+from scenario_tui.commands import Actions, Campaigns, Runs
+from scenario_tui.config import Config
+from scenario_tui.equivalent import Equivalent
+from scenario_tui.errands import Errands
+from scenario_tui.feed import Action, Feed, Picture
 from scenario_tui.screens.base import BaseScreen
 from scenario_tui.screens.campaigns import CampaignsScreen
-from scenario_tui.screens.dialogs import Help
+from scenario_tui.screens.help import Help
 from scenario_tui.screens.matrix import MatrixScreen
 from scenario_tui.screens.run import RunScreen
 from scenario_tui.screens.runs import RunsScreen
 from scenario_tui.screens.workers import WorkersScreen
+from scenario_tui.sparing import SparingApp
 from scenario_tui.tracks import Tracks
+from scenario_tui.transcripts import Ask, ask
 from scenario_tui.wording import counted
 
 FRAMES: Final = 8
 """How often a second the screen takes over what the feed has found."""
 
 
-class Dashboard(App[None]):
+class Dashboard(SparingApp):
     """Campaigns, their runs, one run, the workers; fed by a :class:`Feed`."""
 
     TITLE = "scenario"
     CSS_PATH = "dashboard.tcss"
     HORIZONTAL_BREAKPOINTS = [(0, "-narrow"), (110, "-wide")]  # noqa: RUF012
     COMMAND_PALETTE_BINDING = "colon"
+    COMMANDS = {Actions, Campaigns, Runs}  # noqa: RUF012
     BINDINGS: ClassVar[list[BindingType]] = [
-        Binding("1", "go('campaigns')", "Campaigns", show=False),
-        Binding("2", "go('runs')", "All runs", show=False, tooltip="Runs of every campaign"),
-        Binding("3", "go('workers')", "Workers", show=False),
-        Binding("colon", "command_palette", "Go", show=False, tooltip="Type where to go"),
-        Binding("question_mark", "keys", "Help", tooltip="This list"),
-        Binding("q", "quit", "Quit", tooltip="Leave; all work goes on"),
-        Binding("ctrl+c", "quit", "Quit", show=False, priority=True),
-    ]
+        Binding("1", "go('campaigns')", "Campaigns", show=False, id="campaigns", tooltip="All"),
+        Binding("2", "go('runs')", "Runs", show=False, id="runs", tooltip="Of every campaign"),
+        Binding("3", "go('workers')", "Workers", show=False, id="workers", tooltip="Who executes"),
+        Binding("s", "submit", "Submit", id="submit", tooltip="Choose, check, submit a campaign"),
+        Binding(
+            "colon", "command_palette", "Go", id="palette", tooltip="Type what to do or where to go"
+        ),
+        Binding("question_mark,f1", "keys", "Help", id="help", tooltip="This list"),
+        Binding("q", "quit", "Quit", id="quit", tooltip="Leave; all work goes on"),
+        Binding(
+            "ctrl+c", "quit", "Quit", show=False, priority=True, id="quit-at-once",
+            tooltip="Leave from anywhere; all work goes on",
+        ),
+    ]  # fmt: skip
 
-    def __init__(self, feed: Feed, *, clock: Callable[[], float] = time.time) -> None:
+    def __init__(
+        self,
+        feed: Feed,
+        *,
+        clock: Callable[[], float] = time.time,
+        config: Config | None = None,
+        equivalent: Equivalent | None = None,
+        ask: Ask = ask,
+    ) -> None:
         super().__init__()
         self.feed = feed
+        self.errands = Errands()
+        self.ask = ask
+        self.equivalent = equivalent or Equivalent()
+        self.config = config or Config()
+        self.read_only = self.config.read_only
+        self.submitted: tuple[Path, ...] = ()
         self.clock = clock
         self.picture = Picture()
         self.tracks = Tracks()
@@ -58,7 +88,12 @@ class Dashboard(App[None]):
         return CampaignsScreen()
 
     def on_mount(self) -> None:
-        """Start asking and looking."""
+        """Start asking and looking, the way the user likes it."""
+        for name, values in self.config.themes.items():
+            self.register_theme(Theme(name, **values))
+        if self.config.theme:
+            self.theme = self.config.theme
+        self.set_keymap(self.config.keys)
         self.feed.start()
         self.set_interval(1.0 / FRAMES, self.look)
 
@@ -69,6 +104,7 @@ class Dashboard(App[None]):
     def look(self) -> None:
         """Take over what is new and bring the screen in front up to date."""
         picture, lives, notices = self.feed.take()
+        self.errands.settle()
         for live in lives:
             self.tracks.add(live)
         for notice in notices:
@@ -86,6 +122,45 @@ class Dashboard(App[None]):
             if isinstance(screen, BaseScreen):
                 screen.present()
                 return
+
+    def may_steer(self) -> bool:
+        """Whether anything may be changed from here; says so when not."""
+        if self.read_only:
+            self.problem("read-only: nothing is changed from this dashboard")
+        elif not self.picture.connected:
+            self.problem("no daemon answers: nothing was done")
+        return self.picture.connected and not self.read_only
+
+    def steer(self, action: Action, command: str) -> None:
+        """Have the daemon do something; what comes of it is said with what to type instead."""
+        if self.may_steer():
+            self.feed.do(lambda daemon: f"{action(daemon)}\nsame as: {command}")
+
+    def say(self, text: str, command: str) -> None:
+        """Say something, and what to type to do the same."""
+        self.notify(f"{text}\nsame as: {command}", markup=False)
+
+    def problem(self, text: str) -> None:
+        """Say that something cannot be done, and why."""
+        self.notify(text, severity="error", markup=False)
+
+    def copy(self, command: str) -> None:
+        """Put a command line into the clipboard of the terminal, also over SSH (OSC 52)."""
+        self.copy_to_clipboard(command)
+        self.errands.start(partial(into_tmux, command), _nothing, self.problem)
+        self.notify(f"copied: {command}", markup=False)
+
+    def remember(self, file: Path) -> None:
+        """Note that a campaign file was submitted: it is offered first the next time."""
+        self.submitted = tuple(dict.fromkeys((file, *self.submitted)))
+
+    def action_submit(self) -> None:
+        """Choose a campaign file and submit it."""
+        # What checks campaigns takes a while to load, and the dashboard is to be there at once.
+        from scenario_tui.screens.submit import SubmitScreen
+
+        if self.may_steer():
+            self.push_screen(SubmitScreen())
 
     def open_matrix(self, campaign: str) -> None:
         """Show a campaign judged."""
@@ -111,21 +186,13 @@ class Dashboard(App[None]):
             self.push_screen(WorkersScreen())
 
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
-        """Leave dialogs alone: only their own keys work there."""
-        in_front = isinstance(self.screen, BaseScreen)
-        return in_front or action not in ("go", "keys", "command_palette")
+        """Leave replays alone, which have keys of their own; keys never reach below dialogs."""
+        ours = isinstance(self.screen, BaseScreen | ModalScreen)
+        return ours or action not in ("go", "keys", "command_palette", "submit")
 
     def action_keys(self) -> None:
         """Show the keys of the screen in front."""
         self.push_screen(Help(self.screen))
-
-    def get_system_commands(self, screen: Screen[object]) -> Iterable[SystemCommand]:
-        """Offer places and help behind the colon."""
-        yield SystemCommand("campaigns", "All campaigns", lambda: self.action_go("campaigns"))
-        yield SystemCommand("runs", "Runs of every campaign", lambda: self.action_go("runs"))
-        yield SystemCommand("workers", "Who executes runs", lambda: self.action_go("workers"))
-        yield SystemCommand("help", "The keys of this screen", self.action_keys)
-        yield SystemCommand("quit", "Leave; all work goes on", self.exit)
 
     def farewell(self) -> str:
         """Say what goes on without the dashboard."""
@@ -139,12 +206,19 @@ class Dashboard(App[None]):
         return f"Left the dashboard; the daemon goes on with {runs}. Back with: scenario tui"
 
 
-def run_dashboard(open_daemon: Opener) -> tuple[int, str]:
+def run_dashboard(
+    open_daemon: Opener, config: Config | None = None, equivalent: Equivalent | None = None
+) -> tuple[int, str]:
     """Show the dashboard until somebody leaves it; return exit code and parting words."""
-    app = Dashboard(Feed(open_daemon))
+    app = Dashboard(Feed(open_daemon), config=config, equivalent=equivalent)
     # The screen is drawn on standard error: a warning printed there would tear it.
     logging.getLogger().addHandler(logging.NullHandler())
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        app.run()
+        app.limit_to_terminal()
+        app.run(mouse=app.config.mouse)
     return app.return_code or 0, app.farewell()
+
+
+def _nothing(_: object) -> None:
+    """What is copied was said already."""

@@ -10,7 +10,7 @@ import sys
 from typing import Final
 
 from daemon.protocol import CampaignRow, Overview, RunRow, RunState
-from daemon.verdict import Outcome
+from daemon.verdict import Outcome, Verdict
 
 GLYPHS: Final = {
     "pass": "✓",
@@ -121,6 +121,18 @@ def duration(seconds: float | None) -> str:
     return f"{whole // 86400} d {whole % 86400 // 3600} h"
 
 
+def brief_duration(seconds: float) -> str:
+    """Return a span in one unit, where there is little room: ``95 s``, ``12 min``, ``3 h``."""
+    return ago(-seconds, 0.0).removesuffix(" ago")
+
+
+def brief_count(number: int) -> str:
+    """Return a count where there is little room: ``9,999``, ``12k``, ``3M``."""
+    if number < 10_000:
+        return f"{number:,}"
+    return f"{number // 1000}k" if number < 1_000_000 else f"{number // 1_000_000}M"
+
+
 def ago(then: float, now: float) -> str:
     """Return how long ago something was, in one unit: ``12 s ago``, ``25 h ago``."""
     seconds = max(0.0, now - then)
@@ -153,3 +165,16 @@ def tally(row: CampaignRow | Overview) -> dict[str, int]:
 def run_label(row: RunRow) -> str:
     """Return the short name of a run: ``S1/pilot/3``."""
     return f"{row.scenario}/{row.sut}/{row.repeat}"
+
+
+def verdict_line(verdict: Verdict) -> str:
+    """Return a verdict and its evidence: ``no-collision: −0.03 m at 512.0 s, door-3``."""
+    seen = verdict.evidence
+    parts = [f"{verdict.oracle}: {margin(verdict.margin, verdict.unit)}"]
+    if seen.time is not None:
+        parts.append(f"at {moment(seen.time)}")
+    text = " ".join(parts)
+    for extra in (seen.object, seen.note):
+        if extra:
+            text += f", {extra}"
+    return text

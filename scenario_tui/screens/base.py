@@ -2,20 +2,36 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, ClassVar, cast
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, ClassVar, Final, cast
 
 from rich.text import Text
 from textual.app import ComposeResult
-from textual.binding import Binding, BindingType
+from textual.binding import ActiveBinding, Binding, BindingType
 from textual.screen import Screen
 from textual.widget import Widget
 from textual.widgets import Footer, Static
 
 from scenario_tui.feed import Picture, Want
+from scenario_tui.palette import UNSURE
 from scenario_tui.widgets.status_line import StatusLine
 
 if TYPE_CHECKING:
     from scenario_tui.app import Dashboard
+
+
+READ_ONLY: Final = frozenset({"submit", "pause", "cancel", "retry", "priority"})
+"""Ids of the keys that change something at the daemon."""
+
+
+@dataclass(frozen=True, slots=True)
+class Deed:
+    """Something that can be done on a screen, as the command palette offers it."""
+
+    name: str
+    about: str
+    action: str
 
 
 class BaseScreen(Screen[None]):
@@ -23,8 +39,15 @@ class BaseScreen(Screen[None]):
 
     AUTO_FOCUS = "KeyedTable"
     BINDINGS: ClassVar[list[BindingType]] = [
-        Binding("escape", "back", "Back", tooltip="To the screen before"),
-    ]
+        Binding("escape", "back", "Back", id="back", tooltip="To the screen before"),
+        Binding(
+            "y", "copy", "Copy", show=False, id="copy",
+            tooltip="What to type to see the same",
+        ),
+    ]  # fmt: skip
+
+    IN_FOOTER: ClassVar[tuple[str, ...]] = ()
+    """Ids of the keys at the bottom, in this order; without any, those that say so themselves."""
 
     def compose(self) -> ComposeResult:
         """Lay out the frame and the screen's own widgets in it."""
@@ -48,6 +71,41 @@ class BaseScreen(Screen[None]):
     def show(self, picture: Picture) -> None:
         """Show what is known."""
         raise NotImplementedError
+
+    def command(self) -> str:
+        """Return what to type to be told the same."""
+        return self.dashboard.equivalent.line("status")
+
+    def barred(self) -> frozenset[str]:
+        """Return the ids of keys that may not be used now; pressed, they say why."""
+        return READ_ONLY if self.dashboard.read_only else frozenset()
+
+    def renamed(self) -> Mapping[str, str]:
+        """Return what keys are called just now, by their id."""
+        return {}
+
+    @property
+    def active_bindings(self) -> dict[str, ActiveBinding]:
+        """The bindings as the footer and help show them."""
+        barred, renamed = self.barred(), self.renamed()
+        found = {}
+        for key, active in super().active_bindings.items():
+            id, binding = active.binding.id or "", active.binding
+            if self.IN_FOOTER:
+                binding = replace(binding, show=id in self.IN_FOOTER)
+            if id in renamed:
+                binding = replace(binding, description=renamed[id])
+            enabled = active.enabled and id not in barred
+            found[key] = active._replace(binding=binding, enabled=enabled)
+        return dict(sorted(found.items(), key=lambda item: self._place(item[1].binding)))
+
+    def _place(self, binding: Binding) -> int:
+        order = self.IN_FOOTER
+        return order.index(binding.id) if binding.id in order else len(order)
+
+    def deeds(self) -> Iterable[Deed]:
+        """Yield what can be done here beyond what has a key."""
+        return ()
 
     @property
     def dashboard(self) -> Dashboard:
@@ -73,9 +131,15 @@ class BaseScreen(Screen[None]):
             return
         picture, now = self.dashboard.picture, self.dashboard.clock()
         self.query_one(StatusLine).show(picture, now)
-        self.query_one("#trail", Static).update(Text(self.trail(), no_wrap=True))
+        self.query_one("#trail", Static).update(self._trail())
         self.set_class(not picture.connected and picture.at > 0, "-stale")
         self.show(picture)
+
+    def _trail(self) -> Text:
+        text = Text(self.trail(), no_wrap=True)
+        if self.dashboard.read_only:
+            text.append("  read-only", style=UNSURE)
+        return text
 
     def wanted_changed(self) -> None:
         """Ask anew because what is wanted changed."""
@@ -86,6 +150,10 @@ class BaseScreen(Screen[None]):
         """Leave this screen, unless it is the first."""
         if len(self.app.screen_stack) > 1:
             self.app.pop_screen()
+
+    def action_copy(self) -> None:
+        """Copy the command line that says the same."""
+        self.dashboard.copy(self.command())
 
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
         """Hide the way back where there is none."""

@@ -50,10 +50,9 @@ _NOBODY: Final = (
 class CampaignsScreen(Steering):
     """All campaigns; wide terminals show the one under the cursor beside the table."""
 
+    IN_FOOTER = ("open", "matrix", "submit", "pause", "cancel", "retry", "palette", "help", "quit")
     BINDINGS: ClassVar[list[BindingType]] = [
-        Binding("m", "matrix", "Matrix", tooltip="The campaign judged, scenario by scenario"),
-        Binding("c", "cancel", "Cancel", tooltip="Cancel the campaign, after a question"),
-        Binding("r", "retry", "Retry", tooltip="Queue lost and cancelled runs again, or look anew"),
+        Binding("m", "matrix", "Matrix", id="matrix", tooltip="The campaign judged, cell by cell"),
     ]
 
     def body(self) -> ComposeResult:

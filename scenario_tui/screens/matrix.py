@@ -25,12 +25,12 @@ class MatrixScreen(Steering):
     """The matrix of a campaign; below it, or beside it, the cell under the cursor in words."""
 
     AUTO_FOCUS = "CellTable"
+    IN_FOOTER = ("open", "back", "next-surprise", "all-runs", "retry", "palette", "help", "quit")
     BINDINGS: ClassVar[list[BindingType]] = [
-        Binding("n", "next", "Next !", tooltip="The next cell that is not as expected"),
-        Binding("a", "runs", "All runs", tooltip="Every run of the campaign"),
-        Binding("c", "cancel", "Cancel", tooltip="Cancel the campaign, after a question"),
-        Binding("r", "retry", "Retry", tooltip="Queue lost and cancelled runs again, or look anew"),
-    ]
+        Binding("n", "next", "Next !", id="next-surprise",
+                tooltip="The next cell that is not as expected"),
+        Binding("a", "runs", "All runs", id="all-runs", tooltip="Every run of the campaign"),
+    ]  # fmt: skip
 
     def __init__(self, campaign: str) -> None:
         super().__init__()

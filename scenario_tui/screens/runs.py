@@ -46,17 +46,24 @@ _COLUMNS: Final = (
 class RunsScreen(Steering):
     """Runs in a table; wide terminals show the one under the cursor beside it."""
 
+    IN_FOOTER = (
+        "open", "back", "filter", "only", "matrix", "retry", "palette", "help", "quit",
+    )  # fmt: skip
     BINDINGS: ClassVar[list[BindingType]] = [
-        Binding("slash", "filter", "Filter", tooltip="Only runs that mention some text"),
-        Binding("f", "only", "Only", tooltip="Only runs of one verdict or state, the next one"),
-        Binding("s", "sort", "Sort", tooltip="By the next column"),
-        Binding("S", "reverse", "Reverse", show=False, tooltip="Sort the other way round"),
-        Binding("n,right_square_bracket", "page(1)", "Next", show=False, tooltip="Next page"),
-        Binding("p,left_square_bracket", "page(-1)", "Prev", show=False, tooltip="Page before"),
-        Binding("m", "matrix", "Matrix", tooltip="The campaign judged, scenario by scenario"),
-        Binding("c", "cancel", "Cancel", tooltip="Cancel the campaign, after a question"),
-        Binding("r", "retry", "Retry", tooltip="Queue lost and cancelled runs again, or look anew"),
-    ]
+        Binding("slash", "filter", "Filter", id="filter", tooltip="Only runs that mention a text"),
+        Binding("f", "only", "Only", id="only", tooltip="Of one verdict or state, the next one"),
+        Binding("m", "matrix", "Matrix", id="matrix", tooltip="The campaign judged, cell by cell"),
+        Binding("greater_than_sign", "sort(1)", "Sort", show=False, id="sort-next",
+                tooltip="By the next column"),
+        Binding("less_than_sign", "sort(-1)", "Sort back", show=False, id="sort-previous",
+                tooltip="By the column before"),
+        Binding("i", "reverse", "Invert", show=False, id="sort-invert",
+                tooltip="Sort the other way round"),
+        Binding("n,right_square_bracket", "page(1)", "Next page", show=False, id="next-page",
+                tooltip="The runs after these"),
+        Binding("p,left_square_bracket", "page(-1)", "Page before", show=False, id="previous-page",
+                tooltip="The runs before these"),
+    ]  # fmt: skip
 
     def __init__(self, campaign: str = "", scenario: str = "", sut: str = "") -> None:
         super().__init__()
@@ -179,9 +186,9 @@ class RunsScreen(Steering):
         self._only = (self._only + 1) % len(FILTERS)
         self._change(**({"state": "", "outcome": ""} | FILTERS[self._only][1]))
 
-    def action_sort(self) -> None:
-        """Sort by the next column."""
-        following = SORTS[(SORTS.index(self._wanted.sort) + 1) % len(SORTS)]
+    def action_sort(self, step: int) -> None:
+        """Sort by the next column, or the one before."""
+        following = SORTS[(SORTS.index(self._wanted.sort) + step) % len(SORTS)]
         self._change(sort=following, descending=False)
 
     def action_reverse(self) -> None:

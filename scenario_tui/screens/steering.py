@@ -1,64 +1,282 @@
-"""Cancelling and retrying campaigns, always with a question first."""
+"""Steering a campaign: pause, priority, cancel, retry; judging it again and its report."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Mapping
+from functools import partial
+from typing import ClassVar, Final
+
+from textual.binding import Binding, BindingType
+
 from daemon.protocol import CampaignRow
 from scenario_tui.asking import Daemon
-from scenario_tui.screens.base import BaseScreen
-from scenario_tui.screens.dialogs import Question
+from scenario_tui.screens.base import BaseScreen, Deed
+from scenario_tui.screens.dialogs import Choice, Menu, Prompt, Question
+from scenario_tui.screens.recorded import judge_again, make_report
 from scenario_tui.wording import counted
+
+_LOST: Final = "lost|cancelled"
+_KINDS: Final = (
+    ("l", "lost and cancelled", _LOST),
+    ("f", "failed", "fail"),
+    ("e", "broken (error)", "error"),
+    ("i", "inconclusive", "inconclusive"),
+    ("a", "all that are over", "all"),
+)
+_LIMIT: Final = 1000
 
 
 class Steering(BaseScreen):
-    """A screen about a campaign that can be cancelled or retried from it."""
+    """A screen about a campaign that can be steered from it."""
+
+    BINDINGS: ClassVar[list[BindingType]] = [
+        Binding(
+            "P", "pause", "Pause", show=False, id="pause",
+            tooltip="Start no more runs of the campaign, or go on",
+        ),
+        Binding(
+            "c", "cancel", "Cancel", show=False, id="cancel",
+            tooltip="What is not over, after a question",
+        ),
+        Binding(
+            "r", "retry", "Retry", show=False, id="retry",
+            tooltip="Queue lost, failed or all runs again",
+        ),
+        Binding(
+            "number_sign", "priority", "Priority", show=False, id="priority",
+            tooltip="Which campaign goes first",
+        ),
+        Binding(
+            "J", "judge", "Judge again", show=False, id="judge",
+            tooltip="By other oracles, say",
+        ),
+        Binding(
+            "o", "report", "Report", show=False, id="report",
+            tooltip="Write it as a page with figures",
+        ),
+        Binding(
+            "Y", "commands", "Commands", show=False, id="commands",
+            tooltip="What to type about it, to copy",
+        ),
+    ]  # fmt: skip
 
     def campaign(self) -> CampaignRow | None:
         """Return the campaign the keys are about."""
         raise NotImplementedError
 
+    def command(self) -> str:
+        """Return what to type for the results of the campaign."""
+        row = self.campaign()
+        return super().command() if row is None else self._line("results", row.id)
+
+    def renamed(self) -> Mapping[str, str]:
+        """The key that pauses is also the one that resumes."""
+        row = self.campaign() if self._composed else None
+        return {"pause": "Resume"} if row is not None and row.paused else {}
+
+    _named: Mapping[str, str] | None = None
+
+    def present(self) -> None:
+        """Bring everything up to date, the names of keys too."""
+        super().present()
+        if self.is_mounted and self._named != (named := self.renamed()):
+            self._named = named
+            self.refresh_bindings()
+
+    def deeds(self) -> Iterable[Deed]:
+        """Yield retrying of each kind: the key only opens a menu of them."""
+        for _, words, only in _KINDS:
+            yield Deed(f"Retry {words}", "Queue these runs again", f"screen.retry_only('{only}')")
+
+    def _line(self, command: str, *arguments: str) -> str:
+        return self.dashboard.equivalent.line(command, *arguments)
+
+    def _about(self, *, steering: bool = True) -> CampaignRow | None:
+        """Return the campaign to do something about; say so when there is none, or it is barred."""
+        if steering and not self.dashboard.may_steer():
+            return None
+        row = self.campaign()
+        if row is None:
+            self.notify("there is no campaign here to do that with")
+        return row
+
     def action_matrix(self) -> None:
         """Show the campaign's matrix."""
-        row = self.campaign()
+        row = self._about(steering=False)
         if row is not None:
             self.dashboard.open_matrix(row.id)
 
+    def action_pause(self) -> None:
+        """Pause, or go on with, the campaign."""
+        row = self._about()
+        if row is None:
+            return
+        if row.paused:
+            self.dashboard.steer(partial(_resume, row.id), self._line("resume", row.id))
+        elif row.finished:
+            self.notify(f"{row.id} is finished, there is nothing to pause")
+        else:
+            self.dashboard.steer(partial(_pause, row.id), self._line("pause", row.id))
+
+    def action_priority(self) -> None:
+        """Ask for another priority."""
+        row = self._about()
+        if row is None:
+            return
+        if row.finished:
+            self.notify(f"{row.id} is finished, its priority says nothing any more")
+            return
+
+        def decided(answer: str | None) -> None:
+            if answer is not None:
+                steer = partial(_prioritise, row.id, int(answer))
+                self.dashboard.steer(steer, self._line("priority", row.id, answer))
+
+        text = f"Priority of {row.id}: −{_LIMIT} to {_LIMIT}, usual is 0; the highest goes first."
+        prompt = Prompt(
+            text,
+            str(row.priority),
+            _no_priority,
+            lambda answer: self._line("priority", row.id, str(int(answer))),
+        )
+        self.app.push_screen(prompt, decided)
+
     def action_cancel(self) -> None:
         """Ask whether to cancel, then do it."""
-        row = self.campaign()
+        row = self._about()
         if row is None:
             return
         waiting = row.queued + row.running
         if not waiting:
             self.notify(f"{row.id} is finished, there is nothing to cancel")
             return
+        command = self._line("cancel", row.id)
 
         def decided(yes: bool | None) -> None:
             if yes:
-                self.dashboard.feed.do(lambda daemon: _cancel(daemon, row.id))
+                self.dashboard.steer(partial(_cancel, row.id), command)
 
         text = f"Cancel {counted(waiting, 'unfinished run')} of {row.id}? Its results are kept."
-        self.app.push_screen(Question(text, f"scenario cancel {row.id}"), decided)
+        self.app.push_screen(Question(text, command), decided)
 
     def action_retry(self) -> None:
-        """Ask whether to queue lost and cancelled runs again; without any, look again."""
-        row = self.campaign()
-        self.dashboard.feed.refresh()
-        if row is None or not row.lost + row.cancelled:
-            self.notify("refreshed; nothing is lost or cancelled here")
+        """Ask which runs to queue again."""
+        row = self._about()
+        if row is None:
+            return
+        choices = [self._choice(row, key, words, only) for key, words, only in _KINDS]
+        if all(choice.why_not for choice in choices):
+            self.notify(f"no run of {row.id} is over: there is nothing to retry yet")
             return
 
-        def decided(yes: bool | None) -> None:
-            if yes:
-                self.dashboard.feed.do(lambda daemon: _retry(daemon, row.id))
+        def decided(index: int | None) -> None:
+            if index is not None:
+                self._retry(row, _KINDS[index][2])
 
-        runs = counted(row.lost + row.cancelled, "lost or cancelled run")
-        text = f"Queue {runs} of {row.id} again?"
-        self.app.push_screen(Question(text, f"scenario retry {row.id}"), decided)
+        text = (
+            f"Retry which runs of {row.id}?\nThose that have a result keep it: "
+            "running them again checks\nthat it comes out the same."
+        )
+        self.app.push_screen(Menu(text, choices), decided)
+
+    def action_retry_only(self, only: str) -> None:
+        """Queue runs of one kind again."""
+        row = self._about()
+        if row is None:
+            return
+        if not _over(row, only):
+            self.notify(f"{row.id} has no such run")
+            return
+        self._retry(row, only)
+
+    def _retry(self, row: CampaignRow, only: str) -> None:
+        self.dashboard.steer(partial(_retry, row.id, only), self._retry_line(row, only))
+
+    def _retry_line(self, row: CampaignRow, only: str) -> str:
+        return self._line("retry", row.id, *(() if only == _LOST else ("--only", only)))
+
+    def _choice(self, row: CampaignRow, key: str, words: str, only: str) -> Choice:
+        runs = _over(row, only)
+        why_not = "" if runs else "none"
+        text = f"{words}: {runs:,}" if runs else words
+        return Choice(key, text, self._retry_line(row, only), why_not)
+
+    def action_judge(self) -> None:
+        """Ask by which oracles, then judge the recorded runs again."""
+        row = self._about(steering=False)
+        if row is not None:
+            judge_again(self.dashboard, row)
+
+    def action_report(self) -> None:
+        """Write the report."""
+        row = self._about(steering=False)
+        if row is not None:
+            make_report(self.dashboard, row)
+
+    def action_commands(self) -> None:
+        """Show what to type about the campaign, to copy a line of it."""
+        row = self._about(steering=False)
+        if row is None:
+            return
+        lines = self._lines(row)
+
+        def decided(index: int | None) -> None:
+            if index is not None:
+                self.dashboard.copy(lines[index][1])
+
+        choices = [Choice(str(i), words, line) for i, (words, line) in enumerate(lines, 1)]
+        self.app.push_screen(Menu(f"Copy which command about {row.id}?", choices), decided)
+
+    def _lines(self, row: CampaignRow) -> list[tuple[str, str]]:
+        other = "resume" if row.paused else "pause"
+        return [
+            ("what this screen shows", self.command()),
+            ("its results", self._line("results", row.id)),
+            (f"{other} it", self._line(other, row.id)),
+            ("cancel it", self._line("cancel", row.id)),
+            ("retry what failed", self._line("retry", row.id, "--only", "fail")),
+            ("retry what was lost or cancelled", self._line("retry", row.id)),
+            ("give it priority 1", self._line("priority", row.id, "1")),
+        ]
 
 
-def _cancel(daemon: Daemon, campaign: str) -> str:
+def _over(row: CampaignRow, only: str) -> int:
+    """Return how many runs of a kind there are to be queued again."""
+    return {
+        _LOST: row.lost + row.cancelled,
+        "fail": row.failed,
+        "error": row.errors,
+        "inconclusive": row.inconclusive,
+        "all": row.done + row.lost + row.cancelled,
+    }[only]
+
+
+def _no_priority(answer: str) -> str:
+    """Return why an answer is no priority, empty when it is one."""
+    try:
+        number = int(answer)
+    except ValueError:
+        return "write a whole number, such as 5 or -5"
+    return "" if -_LIMIT <= number <= _LIMIT else f"at least −{_LIMIT}, at most {_LIMIT}"
+
+
+def _cancel(campaign: str, daemon: Daemon) -> str:
     return f"cancelled {counted(daemon.cancel(campaign), 'run')} of {campaign}"
 
 
-def _retry(daemon: Daemon, campaign: str) -> str:
-    return f"queued {counted(daemon.retry(campaign), 'run')} of {campaign} again"
+def _retry(campaign: str, only: str, daemon: Daemon) -> str:
+    return f"queued {counted(daemon.retry(campaign, only=only), 'run')} of {campaign} again"
+
+
+def _pause(campaign: str, daemon: Daemon) -> str:
+    runs = counted(daemon.pause(campaign), "run")
+    return f"paused {campaign}; {runs} wait until it is resumed, what runs finishes"
+
+
+def _resume(campaign: str, daemon: Daemon) -> str:
+    return f"resumed {campaign}, {counted(daemon.resume(campaign), 'run')} queued"
+
+
+def _prioritise(campaign: str, priority: int, daemon: Daemon) -> str:
+    daemon.prioritise(campaign, priority)
+    return f"{campaign} has priority {priority}"

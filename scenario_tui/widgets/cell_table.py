@@ -18,11 +18,11 @@ class CellTable(DataTable[Text]):
     """A :class:`DataTable` with labelled rows and a cursor on one cell."""
 
     BINDINGS: ClassVar[list[BindingType]] = [
-        Binding("h", "cursor_left", "Left", show=False),
-        Binding("j", "cursor_down", "Down", show=False),
-        Binding("k", "cursor_up", "Up", show=False),
-        Binding("l", "cursor_right", "Right", show=False),
-        Binding("enter", "select_cursor", "Runs", tooltip="The runs of the cell"),
+        Binding("h", "cursor_left", "Left", show=False, id="left", tooltip="Also the arrow"),
+        Binding("j", "cursor_down", "Down", show=False, id="down", tooltip="Also the arrow"),
+        Binding("k", "cursor_up", "Up", show=False, id="up", tooltip="Also the arrow"),
+        Binding("l", "cursor_right", "Right", show=False, id="right", tooltip="Also the arrow"),
+        Binding("enter", "select_cursor", "Runs", id="open", tooltip="The runs of the cell"),
     ]
 
     def __init__(self, *, id: str | None = None) -> None:

@@ -27,11 +27,11 @@ class KeyedTable(DataTable[Text]):
     """A :class:`DataTable` for one page of rows."""
 
     BINDINGS: ClassVar[list[BindingType]] = [
-        Binding("j", "cursor_down", "Down", show=False),
-        Binding("k", "cursor_up", "Up", show=False),
-        Binding("g,home", "scroll_top", "First row", show=False),
-        Binding("G,end", "scroll_bottom", "Last row", show=False),
-        Binding("enter", "select_cursor", "Open", tooltip="Open what the cursor is on"),
+        Binding("j", "cursor_down", "Down", show=False, id="down", tooltip="Also the arrow"),
+        Binding("k", "cursor_up", "Up", show=False, id="up", tooltip="Also the arrow"),
+        Binding("g,home", "scroll_top", "First row", show=False, id="top", tooltip="To the top"),
+        Binding("G,end", "scroll_bottom", "Last row", show=False, id="bottom", tooltip="The end"),
+        Binding("enter", "select_cursor", "Open", id="open", tooltip="What the cursor is on"),
     ]
 
     def __init__(self, columns: Sequence[Column], *, id: str | None = None) -> None:

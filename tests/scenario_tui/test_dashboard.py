@@ -12,7 +12,8 @@ import pytest
 from daemon.protocol import RunState
 from daemon.verdict import Outcome
 from scenario_tui.screens.campaigns import CampaignsScreen
-from scenario_tui.screens.dialogs import Help, Question, key_lines
+from scenario_tui.screens.dialogs import Menu, Question
+from scenario_tui.screens.help import Help, key_groups
 from scenario_tui.screens.run import RunScreen
 from scenario_tui.screens.runs import FILTERS, SORTS, RunsScreen
 from scenario_tui.screens.workers import WorkersScreen
@@ -144,17 +145,19 @@ async def test_the_table_has_the_keys_again_after_an_empty_page(opened) -> None:
         assert "S2/pilot/4" in shown(pilot)
 
 
-async def test_s_sorts_by_the_next_column_and_shift_s_turns_it_round(opened, fake) -> None:
+async def test_columns_are_sorted_by_and_inverted(opened) -> None:
     async with opened() as pilot:
         await settle(pilot)
-        await press(pilot, "enter", "s", "s")
+        await press(pilot, "enter", ">", ">")
         assert "by margin ▲" in shown(pilot)
         assert first_column(pilot)[0] == "S2/pilot/1"
-        await press(pilot, "S")
+        await press(pilot, "i")
         assert "by margin ▼" in shown(pilot)
         for _ in SORTS[2:]:
-            await press(pilot, "s")
+            await press(pilot, ">")
         assert "by index ▲" in shown(pilot)
+        await press(pilot, "<")
+        assert "by simulated ▲" in shown(pilot)
 
 
 async def test_only_a_page_is_asked_for_and_pages_are_turned(opened, fake) -> None:
@@ -264,34 +267,28 @@ async def test_a_finished_campaign_is_not_cancelled(opened, fake) -> None:
         assert f"{OLD} is finished" in notices(pilot)
 
 
-async def test_r_retries_what_was_lost_after_a_question(opened, fake) -> None:
+async def test_r_retries_what_was_lost_from_a_menu(opened, fake) -> None:
     async with opened() as pilot:
         await settle(pilot)
-        await press(pilot, "enter", "r", "y")
+        await press(pilot, "enter", "r")
+        assert isinstance(pilot.app.screen, Menu)
+        await press(pilot, "l")
         assert ("retry", CAMPAIGN, "lost|cancelled") in fake.calls
         assert "queued 1 run" in notices(pilot)
-
-
-async def test_r_only_looks_again_where_nothing_was_lost(opened, fake) -> None:
-    async with opened() as pilot:
-        await settle(pilot)
-        await press(pilot, "down", "r")
-        assert not [call for call in fake.calls if call[0] == "retry"]
-        assert "nothing is lost" in notices(pilot)
 
 
 async def test_help_lists_every_binding_of_ours(opened) -> None:
     async with opened() as pilot:
         await settle(pilot)
         await press(pilot, "enter")
-        lines = dict(key_lines(pilot.app.screen))
+        lines = [keys for _, group in key_groups(pilot.app.screen) for keys, _ in group]
         await press(pilot, "question_mark")
         assert isinstance(pilot.app.screen, Help)
-        assert "Filter: Only runs that mention some text" in shown(pilot)
+        assert "Filter: Only runs that mention a text" in shown(pilot)
         await press(pilot, "escape")
         assert isinstance(pilot.app.screen, RunsScreen)
     keys = " ".join(lines)
-    for key in (*"/fsSnpcrq?123:jkgG",):
+    for key in (*"/fs<>inpcrPJoyYq?123:jkgG#",):
         assert key in keys.split(), key
 
 
@@ -353,7 +350,7 @@ async def test_empty_screens_say_what_to_type(opened, fake) -> None:
 async def test_the_cursor_stays_on_its_run_when_rows_come_before_it(opened, fake) -> None:
     async with opened() as pilot:
         await settle(pilot)
-        await press(pilot, "enter", "s", "s", "down")
+        await press(pilot, "enter", ">", ">", "down")
         table = pilot.app.screen.query_one(KeyedTable)
         assert table.key == f"{CAMPAIGN}.5"
         rows = list(fake.rows)

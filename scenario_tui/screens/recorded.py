@@ -1,0 +1,126 @@
+"""What is made of recorded runs from the dashboard: another judgement, a report."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Final
+
+from daemon.places import Places
+from daemon.protocol import CampaignRow
+from scenario_tui.equivalent import typed
+from scenario_tui.files import near, shown
+from scenario_tui.screens.dialogs import Choice, Menu, Told
+from scenario_tui.transcripts import Answer
+
+if TYPE_CHECKING:
+    from scenario_tui.app import Dashboard
+
+_SSH: Final = ("SSH_CONNECTION", "SSH_CLIENT", "SSH_TTY")
+_DISPLAYS: Final = ("DISPLAY", "WAYLAND_DISPLAY")
+_OPENERS: Final = ("xdg-open", "open")
+ENDING: Final = ".oracles.yaml"
+
+
+def judge_again(dashboard: Dashboard, row: CampaignRow) -> None:
+    """Ask by which oracles, judge all recorded runs of a campaign by them, show what changes."""
+    state = _state(dashboard, row)
+    if state is None:
+        return
+    here = Path.cwd()
+    find = partial(near, here, lambda path: path.name.endswith(ENDING))
+    dashboard.errands.start(
+        find, lambda files: _choose_oracles(dashboard, row, state, files, here), dashboard.problem
+    )
+
+
+def _choose_oracles(
+    dashboard: Dashboard, row: CampaignRow, state: Path, files: Sequence[Path], here: Path
+) -> None:
+    own = dashboard.equivalent.local(state, "judge", row.id)
+    ways = [("the oracles it was submitted with", own)]
+    for file in files:
+        name = shown(file, here)
+        ways.append((name, dashboard.equivalent.local(state, "judge", row.id, "--oracles", name)))
+    choices = [
+        Choice(str(i) if i < 10 else " ", words, typed(way)) for i, (words, way) in enumerate(ways)
+    ]
+
+    def decided(index: int | None) -> None:
+        if index is not None:
+            done = partial(_tell_judged, dashboard, typed(ways[index][1]))
+            _ask(dashboard, f"judging {row.id} again", ways[index][1], done)
+
+    dashboard.push_screen(Menu(f"Judge the runs of {row.id} again by", choices), decided)
+
+
+def _tell_judged(dashboard: Dashboard, command: str, answer: Answer) -> None:
+    from scenario_tui.rejudged import read_judged, told
+
+    dashboard.push_screen(Told(told(read_judged(answer)), command))
+
+
+def make_report(dashboard: Dashboard, row: CampaignRow) -> None:
+    """Write the report of a campaign, say where it is, show it where that can be seen."""
+    state = _state(dashboard, row)
+    if state is None:
+        return
+    page = f"{row.id}.html"
+    way = dashboard.equivalent.local(state, "report", row.id, "-o", page)
+    done = partial(_tell_report, dashboard, Path.cwd() / page, typed(way))
+    _ask(dashboard, f"writing the report of {row.id}", way, done)
+
+
+def _tell_report(dashboard: Dashboard, page: Path, command: str, answer: Answer) -> None:
+    opened = show_page(page, os.environ)
+    where = "opened in the browser" if opened else "open it in a browser"
+    dashboard.say(f"{answer['answer']}\n{page} ({where})", command)
+
+
+def _ask(
+    dashboard: Dashboard, doing: str, way: tuple[str, ...], then: Callable[[Answer], None]
+) -> None:
+    dashboard.say(f"{doing} …", typed(way))
+    dashboard.errands.start(partial(dashboard.ask, way), then, dashboard.problem)
+
+
+def _state(dashboard: Dashboard, row: CampaignRow) -> Path | None:
+    """Return the state directory with the traces; say so when it is not on this machine."""
+    overview = dashboard.picture.overview
+    state = Path(overview.state) if overview is not None else None
+    if state is None or not Places(state).ledger.is_file():
+        where = "" if state is None else f" ({state} on the daemon's machine)"
+        dashboard.problem(f"the traces of {row.id} are not on this machine{where}")
+        return None
+    if not row.done:
+        dashboard.notify(f"no run of {row.id} has a result yet")
+        return None
+    return state
+
+
+def has_display(environ: Mapping[str, str]) -> bool:
+    """Whether somebody sits at this machine's own screen; never over SSH."""
+    if any(environ.get(name) for name in _SSH):
+        return False
+    return sys.platform == "darwin" or any(environ.get(name) for name in _DISPLAYS)
+
+
+def show_page(page: Path, environ: Mapping[str, str]) -> bool:
+    """Open a page in the browser of this machine's screen; return whether there is one."""
+    opener = next(filter(None, map(shutil.which, _OPENERS)), None)
+    if opener is None or not has_display(environ):
+        return False
+    # A browser outlives the dashboard and must not write over it.
+    subprocess.Popen(
+        [opener, page.as_uri()],
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+        start_new_session=True,
+    )
+    return True

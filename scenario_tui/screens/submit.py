@@ -1,0 +1,273 @@
+"""Submitting a campaign: files near here, what the check says of the one chosen, Enter."""
+
+from __future__ import annotations
+
+import os
+from functools import partial
+from pathlib import Path
+from typing import ClassVar, Final
+
+from rich.text import Text
+from textual.app import ComposeResult
+from textual.binding import Binding, BindingType
+from textual.containers import Container, VerticalScroll
+from textual.widgets import Input, OptionList, Static
+
+from daemon.protocol import Submission
+from grammars.diagnostics import Diagnostic, Severity, Where
+from scenario_tui.asking import Daemon
+from scenario_tui.cli._check import checked
+from scenario_tui.cli._diagnostics import counts, rendered
+from scenario_tui.feed import Picture
+from scenario_tui.files import fitting, is_campaign, near, shown, typed_folder
+from scenario_tui.palette import QUIET, WORDS
+from scenario_tui.preparing import prepare, tell_receipt
+from scenario_tui.screens.base import BaseScreen
+from scenario_tui.screens.dialogs import same_as
+from scenario_tui.wording import counted
+
+_PAUSE: Final = 0.15
+"""Seconds the cursor rests on a file before it is checked."""
+_NONE: Final = (
+    "No campaign file here: a YAML file with `campaign:` in it.\n\n"
+    "Type the way to another folder, such as ../ or ~/lab/."
+)
+
+Checked = tuple[str, tuple[Diagnostic, ...]]
+
+
+class SubmitScreen(BaseScreen):
+    """Choose a campaign file by typing parts of its name; it is checked while you look."""
+
+    AUTO_FOCUS = "#wanted"
+    IN_FOOTER = ("submit-file", "next-file", "previous-file", "fresh", "back", "help")
+    BINDINGS: ClassVar[list[BindingType]] = [
+        Binding("enter", "submit_file", "Submit", id="submit-file", priority=True,
+                tooltip="Hand the campaign to the daemon"),
+        Binding("down", "move(1)", "Next", id="next-file", key_display="↓", priority=True,
+                tooltip="The next file"),
+        Binding("up", "move(-1)", "Before", id="previous-file", key_display="↑", priority=True,
+                tooltip="The file before"),
+        Binding("ctrl+r", "fresh", "Run all anew", id="fresh", priority=True,
+                tooltip="Also what has a result already, or only what has none"),
+        Binding("pagedown", "read(1)", "Read on", id="read-on", show=False, priority=True,
+                tooltip="Further down in what the check says"),
+        Binding("pageup", "read(-1)", "Read back", id="read-back", show=False, priority=True,
+                tooltip="Further up in what the check says"),
+    ]  # fmt: skip
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._here = self._folder = Path.cwd()
+        self._files: tuple[Path, ...] | None = None
+        self._names: tuple[str, ...] = ()
+        self._checked: dict[Path, Checked] = {}
+        self._checking: Path | None = None
+        self._fresh = False
+        self._busy = False
+
+    def body(self) -> ComposeResult:
+        """The line to type into, the files that fit, what the check says."""
+        yield Input(placeholder="parts of the name, or the way to a folder", id="wanted",
+                    compact=True)  # fmt: skip
+        yield Static(id="empty")
+        with Container(id="picker"):
+            yield OptionList(id="files", compact=True)
+            with VerticalScroll(id="findings", can_focus=False):
+                yield Static(id="about")
+
+    def on_mount(self) -> None:
+        """Look for files."""
+        self.query_one(OptionList).can_focus = False
+        self._pausing = self.set_timer(_PAUSE, self._check, pause=True)
+        super().on_mount()
+        self._look_in(self._folder)
+
+    def trail(self) -> str:
+        """Which folder, how many files, whether everything is run anew."""
+        parts = ["submit a campaign", f"{self._folder}"]
+        if self._files is not None:
+            parts.append(f"{len(self._names)} of {counted(len(self._files), 'file')}")
+        return "  ".join([*parts, *(["everything anew"] if self._fresh else [])])
+
+    def command(self) -> str:
+        """Return what to type to submit the file chosen."""
+        path = self._chosen()
+        name = "CAMPAIGN.yaml" if path is None else shown(path, self._here)
+        fresh = ("--fresh",) if self._fresh else ()
+        return self.dashboard.equivalent.line("submit", name, *fresh)
+
+    def show(self, picture: Picture) -> None:
+        """Nothing here depends on the daemon."""
+
+    def _look_in(self, folder: Path) -> None:
+        self._folder, self._files = folder, None
+        self.dashboard.errands.start(
+            partial(near, folder, is_campaign), partial(self._found, folder), self.dashboard.problem
+        )
+
+    def _found(self, folder: Path, files: tuple[Path, ...]) -> None:
+        if folder == self._folder and self.is_attached:
+            recent = [path for path in self.dashboard.submitted if path in files]
+            self._files = tuple(dict.fromkeys((*recent, *files)))
+            self._narrow()
+
+    def on_input_changed(self, event: Input.Changed) -> None:
+        """Narrow the files down, or look into the folder that is typed."""
+        folder, _ = typed_folder(event.value, self._here) or (self._here, "")
+        if folder != self._folder:
+            self._look_in(folder)
+        else:
+            self._narrow()
+
+    def _narrow(self) -> None:
+        """Show the files that fit what is typed."""
+        if self._files is None:
+            return
+        typed = self.query_one(Input).value
+        where = typed_folder(typed, self._here)
+        names = tuple(shown(path, self._folder) for path in self._files)
+        self._names = fitting(names, where[1] if where else typed)
+        options = self.query_one(OptionList)
+        options.clear_options()
+        options.add_options([Text(name, no_wrap=True, overflow="ellipsis") for name in self._names])
+        message = _NONE if not self._files else "" if self._names else "No campaign file fits."
+        self.query_one("#empty", Static).display = bool(message)
+        self.query_one("#empty", Static).update(Text(message))
+        self.query_one("#picker").display = not message
+        if self._names:
+            options.highlighted = 0
+        self.present()
+
+    def _chosen(self) -> Path | None:
+        index = self.query_one(OptionList).highlighted
+        if index is None or index >= len(self._names):
+            return None
+        return self._folder / self._names[index]
+
+    def on_option_list_option_highlighted(self) -> None:
+        """Check the file the cursor came to, once it rests there."""
+        self._tell()
+        self._pausing.reset()
+        self._pausing.resume()
+
+    def on_option_list_option_selected(self) -> None:
+        """Submit the file that was clicked on a second time."""
+        self.action_submit_file()
+
+    def _check(self) -> None:
+        """Check the file under the cursor, one at a time."""
+        path = self._chosen()
+        if path is None or self._checking is not None or path in self._checked:
+            return
+        self._checking = path
+        self.dashboard.errands.start(
+            partial(checked, path), partial(self._note, path), partial(self._note_failure, path)
+        )
+
+    def _note_failure(self, path: Path, why: str) -> None:
+        self._note(path, ("", (Diagnostic(Where(str(path)), why),)))
+
+    def _note(self, path: Path, found: Checked) -> None:
+        self._checking = None
+        self._checked[path] = found
+        if self.is_attached:
+            self._tell()
+            self._check()
+
+    def _tell(self) -> None:
+        """Say what the check says of the file under the cursor."""
+        path = self._chosen()
+        if path is not None:
+            text = self._words(path)
+            text.append("\n\n")
+            text.append_text(same_as(self.command()))
+            self.query_one("#about", Static).update(text)
+
+    def _words(self, path: Path) -> Text:
+        found = self._checked.get(path)
+        if self._busy or found is None:
+            return Text("… submitting" if self._busy else "… checking", style=QUIET)
+        about, diagnostics = found
+        word = "fail" if _errors(diagnostics) else "pass"
+        sign = "✗" if _errors(diagnostics) else "✓"
+        text = Text(f"{sign} {about + ', ' if about else ''}{counts(diagnostics)}", WORDS[word])
+        for diagnostic in diagnostics:
+            text.append("\n\n")
+            text.append_text(rendered(_from(self._here, diagnostic)))
+        return text
+
+    def action_submit_file(self) -> None:
+        """Submit the file, unless something is wrong with it."""
+        path = self._chosen()
+        if path is None:
+            self.notify("there is no campaign file to submit: type the way to another folder")
+        elif not self._busy and self.dashboard.may_steer():
+            self._busy = True
+            self._tell()
+            # The file may have changed since it was checked: what is handed over is read anew.
+            self.dashboard.errands.start(
+                partial(prepare, path, fresh=self._fresh),
+                lambda prepared: self._hand_over(path, prepared[0]),
+                partial(self._refuse, path),
+            )
+
+    def _hand_over(self, path: Path, submission: Submission) -> None:
+        command = self.command()
+        self._busy = False
+        self.dashboard.remember(path)
+        self.dashboard.steer(partial(_submit, submission), command)
+        if self.is_current:
+            self.app.pop_screen()
+
+    def _refuse(self, path: Path, why: str) -> None:
+        self._busy = False
+        self._checked.pop(path, None)
+        first = why.splitlines()[0]
+        self.dashboard.problem(f"not submitted: {first}")
+        if self.is_attached:
+            self._tell()
+            self._check()
+
+    def action_move(self, step: int) -> None:
+        """Go to another file."""
+        options = self.query_one(OptionList)
+        if step > 0:
+            options.action_cursor_down()
+        else:
+            options.action_cursor_up()
+
+    def action_read(self, pages: int) -> None:
+        """Scroll what the check says."""
+        findings = self.query_one("#findings", VerticalScroll)
+        findings.scroll_relative(y=pages * max(findings.size.height - 1, 1), animate=False)
+
+    def action_fresh(self) -> None:
+        """Run everything anew, or only what has no result."""
+        self._fresh = not self._fresh
+        self._tell()
+        self.present()
+
+    def action_back(self) -> None:
+        """Forget what was typed first, then leave."""
+        line = self.query_one(Input)
+        if line.value:
+            line.value = ""
+            return
+        super().action_back()
+
+
+def _submit(submission: Submission, daemon: Daemon) -> str:
+    return tell_receipt(daemon.submit(submission))
+
+
+def _errors(diagnostics: tuple[Diagnostic, ...]) -> bool:
+    return any(d.severity is Severity.ERROR for d in diagnostics)
+
+
+def _from(here: Path, diagnostic: Diagnostic) -> Diagnostic:
+    """Return a diagnostic whose file is named from ``here``: screens are narrow."""
+    where = diagnostic.where
+    file = shown(Path(os.path.normpath(where.file)), here) if where.file else ""
+    place = Where(file, where.line, where.column)
+    return Diagnostic(place, diagnostic.message, diagnostic.hint, diagnostic.severity)
