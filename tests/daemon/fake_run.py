@@ -1,20 +1,24 @@
 """A stand-in for ``daemon.run`` that costs nothing and misbehaves when told to.
 
 The parameters of the system under test say what to do: ``sleep`` [s], ``outcome``, ``crash``
-(the attempt numbers that die by SIGKILL), ``abort`` (say this and abort), ``raise``, ``allocate``
+(the attempt numbers that die by SIGKILL), ``kill`` (the ancestor that dies by SIGKILL: 1 is the
+fork server, 2 what started that), ``abort`` (say this and abort), ``raise``, ``allocate``
 [MiB], ``log`` (a file that gets a line per execution), ``noise`` (makes the trace differ each
-time).
+time), ``size`` (of the trace, bytes at least).
 """
 
 from __future__ import annotations
 
 import hashlib
 import os
+import random
 import signal
 import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
+
+import psutil
 
 from daemon.spec import RunResult, RunSpec, Snapshot, TraceInfo
 from daemon.verdict import Outcome
@@ -37,6 +41,8 @@ def execute(
             log.write(f"{spec.repeat} {os.getpid()} {os.nice(0)}\n")
     if _attempt(trace_path) in asked.get("crash", ()):
         os.kill(os.getpid(), signal.SIGKILL)
+    if "kill" in asked:
+        psutil.Process().parents()[asked["kill"] - 1].kill()
     if "abort" in asked:
         print(asked["abort"])
         sys.stdout.flush()
@@ -46,6 +52,7 @@ def execute(
     ballast = bytearray(asked.get("allocate", 0) * 2**20)
     _sleep(asked.get("sleep", 0.0), spec, on_progress, interest or (lambda: "progress"))
     data = f"{spec.digest} {scene.digest} {len(ballast)}".encode()
+    data += random.Random(spec.seed).randbytes(asked.get("size", 0))
     if "noise" in asked:
         data += os.urandom(8)
     trace_path.write_bytes(data)
