@@ -16,6 +16,7 @@ from typing import Final, Literal
 
 _PATIENCE: Final = 0.5
 _PLACE: Final = re.compile(rb"\x1b\[\d+;(\d+)R")
+_COLOURLESS: Final = re.compile(r"vt\d|.*-m(ono)?$")
 _UNDRAWABLE: Final = ("", "dumb", "unknown")
 
 
@@ -48,18 +49,7 @@ def _colours(system: str | None, environ: Mapping[str, str]) -> Literal["all", "
         return "none"
     if system in ("256", "truecolor", "windows"):
         return "all"
-    return "few" if _has_colours(environ.get("TERM", "")) else "none"
-
-
-def _has_colours(name: str) -> bool:
-    """Whether the terminal has colours, as far as its database knows."""
-    import curses
-
-    try:
-        curses.setupterm(name, 2)
-    except curses.error:
-        return True  # not in the database: terminals without colours are old and well known
-    return curses.tigetnum("colors") >= 8
+    return "none" if _COLOURLESS.match(environ.get("TERM", "")) else "few"
 
 
 def ascii_only(

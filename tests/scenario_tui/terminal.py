@@ -1,0 +1,154 @@
+"""A program in a real pseudo-terminal: type, read the screen, resize, count the bytes."""
+
+from __future__ import annotations
+
+import contextlib
+import fcntl
+import os
+import pty
+import select
+import signal
+import struct
+import sys
+import termios
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Final
+
+import pyte
+
+ROOT: Final = Path(__file__).parents[2]
+ALTERNATE, MOUSE, PASTE = 1049, (1000, 1002, 1003, 1006, 1015), 2004
+_PRIVATE: Final = 5
+"""How far pyte shifts the numbers of private modes."""
+_KEPT: Final = ("PATH", "HOME", "VIRTUAL_ENV", "PYTHONPATH")
+
+
+class Terminal:
+    """A terminal of ``columns`` x ``rows`` with a program in it; ``sent`` counts its bytes."""
+
+    def __init__(self, pid: int, master: int, columns: int, rows: int) -> None:
+        self.pid, self._master = pid, master
+        self.screen = pyte.Screen(columns, rows)
+        self._stream = pyte.ByteStream(self.screen)
+        self.sent = 0
+        self.raw = bytearray()
+        self._code: int | None = None
+
+    @property
+    def lines(self) -> list[str]:
+        """What a reader sees."""
+        return [line.rstrip() for line in self.screen.display]
+
+    @property
+    def text(self) -> str:
+        return "\n".join(self.lines)
+
+    def mode(self, number: int) -> bool:
+        """Whether a private mode is set: ``CSI ? number h``."""
+        return number << _PRIVATE in self.screen.mode
+
+    def read(self, seconds: float) -> None:
+        """Take in what comes, for that long at most and until there is a pause of a tenth."""
+        deadline = time.monotonic() + seconds
+        while (left := deadline - time.monotonic()) > 0:
+            ready, _, _ = select.select([self._master], [], [], min(left, 0.1))
+            if ready and not self._take():
+                return
+
+    def _take(self) -> bool:
+        try:
+            data = os.read(self._master, 65536)
+        except OSError:  # Linux says EIO when the program has left
+            return False
+        self.sent += len(data)
+        self.raw += data
+        self._stream.feed(data)
+        return bool(data)
+
+    def until(self, seen: str | Callable[[], bool], seconds: float = 10.0) -> None:
+        """Read until some text is on the screen, or something else is true."""
+        true = seen if callable(seen) else lambda: seen in self.text
+        deadline = time.monotonic() + seconds
+        while not true():
+            assert time.monotonic() < deadline, f"not in time: {seen!r}\n{self.text}"
+            self.read(0.02)
+
+    def type(self, keys: str) -> None:
+        """Press keys."""
+        os.write(self._master, keys.encode())
+
+    def resize(self, columns: int, rows: int) -> None:
+        """Change the size, as dragging the window does; the program gets SIGWINCH."""
+        _set_size(self._master, columns, rows)
+        self.screen.resize(rows, columns)
+        os.kill(self.pid, signal.SIGWINCH)
+
+    def wait(self, seconds: float = 5.0) -> int:
+        """Read until the program has left; returns its exit code, minus the signal's number."""
+        deadline = time.monotonic() + seconds
+        while self._code is None:
+            self.read(0.02)
+            done, status = os.waitpid(self.pid, os.WNOHANG)
+            if done:
+                self._code = os.waitstatus_to_exitcode(status)
+            assert time.monotonic() < deadline, f"still there:\n{self.text}"
+        self.read(0.2)
+        return self._code
+
+    def stopped(self) -> bool:
+        """Whether the program was suspended since this was last asked."""
+        done, status = os.waitpid(self.pid, os.WNOHANG | os.WUNTRACED)
+        return bool(done) and os.WIFSTOPPED(status)
+
+    def close(self) -> None:
+        if self._code is None:
+            with contextlib.suppress(ProcessLookupError):
+                os.kill(self.pid, signal.SIGKILL)
+            os.waitpid(self.pid, 0)
+        os.close(self._master)
+
+
+def _set_size(descriptor: int, columns: int, rows: int) -> None:
+    fcntl.ioctl(descriptor, termios.TIOCSWINSZ, struct.pack("HHHH", rows, columns, 0, 0))
+
+
+@contextlib.contextmanager
+def terminal(
+    command: Sequence[str],
+    *,
+    columns: int = 80,
+    rows: int = 24,
+    environ: Mapping[str, str] | None = None,
+) -> Iterator[Terminal]:
+    """Run a command in a terminal of its own; nothing of it is left afterwards."""
+    around = {name: os.environ[name] for name in _KEPT if name in os.environ}
+    around |= {"TERM": "xterm-256color", "LANG": "C.UTF-8", **(environ or {})}
+    master, slave = pty.openpty()
+    _set_size(slave, columns, rows)
+    # A new process image at once: threads of this one (a bus, say) must not be forked.
+    pid = _spawn(list(command), slave, around)
+    os.close(slave)
+    shown = Terminal(pid, master, columns, rows)
+    try:
+        yield shown
+    finally:
+        shown.close()
+
+
+def _spawn(command: list[str], slave: int, environ: Mapping[str, str]) -> int:
+    starter = (
+        "import fcntl, os, sys, termios\n"
+        "os.setsid()\n"
+        "fcntl.ioctl(0, termios.TIOCSCTTY, 0)\n"
+        "os.execvp(sys.argv[1], sys.argv[1:])\n"
+    )
+    actions = [(os.POSIX_SPAWN_DUP2, slave, number) for number in (0, 1, 2)]
+    line = [sys.executable, "-S", "-E", "-c", starter, *command]
+    return os.posix_spawn(sys.executable, line, dict(environ), file_actions=actions)
+
+
+def scenario(*arguments: str) -> list[str]:
+    """The command line of this working copy."""
+    return [sys.executable, "-c", "from scenario_tui.cli import main; main()", *arguments]

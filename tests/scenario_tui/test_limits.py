@@ -1,0 +1,157 @@
+"""Poor terminals: few colours, none, ASCII only; what is found out and what is made of it."""
+
+from __future__ import annotations
+
+import os
+import pty
+import threading
+from types import SimpleNamespace
+
+import pytest
+from rich.cells import cell_len
+from rich.segment import Segment
+from rich.style import Style
+from textual.color import Color
+
+from scenario_tui import limits
+from scenario_tui.colours import FewColours, reduced
+from scenario_tui.glyphs import PlainGlyphs, plain
+from scenario_tui.limits import Limits, ascii_only, terminal_knows, terminal_limits, undrawable
+from scenario_tui.palette import WORDS
+from scenario_tui.wording import GLYPHS
+
+BLACK = Color.parse("#121212")
+
+
+@pytest.mark.parametrize("name", ["dumb", "unknown", ""])
+def test_a_dumb_terminal_is_refused_with_what_to_do(name: str) -> None:
+    said = undrawable({"TERM": name})
+    assert "cannot be drawn on" in said
+    assert "scenario status" in said
+
+
+@pytest.mark.parametrize("name", ["xterm", "linux", "screen", "vt100", "tmux-256color"])
+def test_others_are_drawn_on(name: str) -> None:
+    assert undrawable({"TERM": name}) == ""
+
+
+@pytest.mark.parametrize(
+    ("system", "environ", "colours"),
+    [
+        ("truecolor", {"TERM": "xterm"}, "all"),
+        ("256", {"TERM": "xterm-256color"}, "all"),
+        ("standard", {"TERM": "xterm"}, "few"),
+        ("standard", {"TERM": "linux"}, "few"),
+        ("standard", {"TERM": "vt100"}, "none"),
+        ("standard", {"TERM": "xterm-mono"}, "none"),
+        ("standard", {"TERM": "nobody-heard-of-it"}, "few"),
+        ("truecolor", {"TERM": "xterm", "NO_COLOR": "1"}, "none"),
+    ],
+)
+def test_colours_are_those_of_the_terminal(system: str, environ: dict[str, str], colours) -> None:
+    assert terminal_limits(system, environ | {"SCENARIO_GLYPHS": "unicode"}) == Limits(colours)
+
+
+@pytest.mark.parametrize(
+    ("environ", "utf8_mode", "answer", "expected"),
+    [
+        ({"LANG": "en_GB.UTF-8"}, 0, None, False),
+        ({"LANG": "C"}, 1, True, False),
+        ({"LANG": "C"}, 1, False, True),
+        ({}, 1, True, False),
+        ({"LANG": "en_GB.UTF-8"}, 1, None, False),  # not installed here, but meant
+        ({"LANG": "de_DE.ISO-8859-1"}, 1, None, True),
+        ({"LC_ALL": "POSIX", "LANG": "en_GB.UTF-8"}, 1, False, True),
+        ({"LANG": "en_GB.UTF-8", "SCENARIO_GLYPHS": "ascii"}, 0, None, True),
+        ({"LANG": "C", "SCENARIO_GLYPHS": "unicode"}, 1, None, False),
+    ],
+)
+def test_signs_follow_the_locale_and_where_it_is_silent_the_terminal(
+    monkeypatch, environ: dict[str, str], utf8_mode: int, answer: bool | None, expected: bool
+) -> None:
+    def ask() -> bool:
+        assert answer is not None, "there was no need to ask"
+        return answer
+
+    streams = SimpleNamespace(
+        flags=SimpleNamespace(utf8_mode=utf8_mode), stderr=SimpleNamespace(encoding="utf-8")
+    )
+    monkeypatch.setattr(limits, "sys", streams)
+    assert ascii_only(environ, ask) is expected
+
+
+@pytest.mark.parametrize(("column", "knows"), [(2, True), (4, False), (None, False)])
+def test_a_terminal_is_asked_how_far_a_sign_moved_it(monkeypatch, column, knows: bool) -> None:
+    monkeypatch.setattr(limits, "_PATIENCE", 0.1 if column is None else 5.0)
+    master, slave = pty.openpty()
+
+    def answer() -> None:
+        asked = b""
+        while b"\x1b[6n" not in asked:
+            asked += os.read(master, 64)
+        if column is not None:
+            os.write(master, f"\x1b[5;{column}R".encode())
+
+    terminal = threading.Thread(target=answer)
+    terminal.start()
+    try:
+        assert terminal_knows(slave, slave) is knows
+    finally:
+        terminal.join()
+        os.close(master)
+        os.close(slave)
+
+
+def test_every_verdict_keeps_a_colour_of_its_own_hue() -> None:
+    names = {word: reduced(Style.parse(style), colours=True).color for word, style in WORDS.items()}
+    shown = {word: colour.name if colour else "" for word, colour in names.items()}
+    assert shown["pass"] == "green"
+    assert shown["fail"] == "red"
+    assert shown["inconclusive"] == "yellow"
+    assert shown["lost"] == shown["error"] == "magenta"
+    assert shown["queued"] == shown["cancelled"] == ""
+    assert "blue" not in shown.values()  # nobody can read it on black
+
+
+def test_what_is_selected_is_in_reverse_and_nothing_else_has_a_background() -> None:
+    selected, panel = Style.parse("bold #ddedf9 on #0178d4"), Style.parse("#e0e0e0 on #242f38")
+    assert reduced(selected, colours=True) == Style(bold=True, reverse=True)
+    assert reduced(selected, colours=False) == Style(bold=True, reverse=True)
+    assert reduced(panel, colours=True) == Style()
+
+
+def test_on_a_light_theme_only_what_is_dark_stands_out() -> None:
+    light = Style.parse("#202020 on #e0e0e0")
+    assert reduced(light, colours=True, dark=False) == Style()
+    assert reduced(Style.parse("#ffffff on #004578"), colours=True, dark=False).reverse
+
+
+def test_without_colours_only_attributes_are_left() -> None:
+    segments = [Segment("✗ fail", Style.parse("bold #ff7b7b on #1e1e1e")), Segment("x")]
+    (fail, rest) = FewColours(colours=False).apply(segments, BLACK)
+    assert fail.style == Style(bold=True)
+    assert rest.text == "x"
+
+
+def test_signs_in_ascii_differ_where_words_differ() -> None:
+    signs = {word: plain(glyph) for word, glyph in GLYPHS.items()}
+    assert all(sign.isascii() and len(sign) == 1 for sign in signs.values())
+    assert len(set(signs.values())) == len(signs)
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("✓ pass  −0.03 m", "+ pass  -0.03 m"),
+        ("╭─┤⏎├─╮", "+-+&+-+"),
+        ("    ▐│███▌ ", "    ||###| "),
+        ("⠀⠁⠃⡇⣿", " ..:#"),
+        ("→↗↑↖←↙↓↘", ">/^\\</v\\"),
+        ("Flur Süd, 漢字", "Flur Sud, ????"),
+    ],
+)
+def test_everything_is_said_in_ascii_as_wide_as_before(text: str, expected: str) -> None:
+    assert plain(text) == expected
+    assert cell_len(expected) == cell_len(text)
+    (segment,) = PlainGlyphs().apply([Segment(text, Style(bold=True))], BLACK)
+    assert segment == Segment(expected, Style(bold=True))
