@@ -38,6 +38,7 @@ def _parser() -> argparse.ArgumentParser:
     serve.add_argument("--state", type=Path, required=True)
     serve.add_argument("--listen", default="")
     serve.add_argument("--insecure", action="store_true")
+    serve.add_argument("--traces", default="")
     serve.add_argument("--lease", type=float, default=30.0)
     serve.add_argument("--grace", type=float, default=5.0)
     serve.add_argument("--attempts", type=int, default=3)
@@ -68,7 +69,9 @@ def _serve(options: argparse.Namespace) -> None:
         keys=options.keys,
         insecure=options.insecure,
         slots=options.slots,
-        settings=Settings(options.lease, options.grace, options.attempts, options.patience),
+        settings=Settings(
+            options.lease, options.grace, options.attempts, options.patience, options.traces
+        ),
         executor=options.executor,
         limits=Limits(options.wall, options.memory, options.nice),
         tether=options.tether,

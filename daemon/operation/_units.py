@@ -46,6 +46,7 @@ def daemon_unit(
     *,
     keys: Path | None = None,
     insecure: bool = False,
+    traces: str = "",
 ) -> str:
     """Return the unit of a daemon; ``command`` is the ``scenario`` executable, absolute.
 
@@ -55,6 +56,7 @@ def daemon_unit(
     words += ["--listen", listen] if listen else []
     words += ["--keys", str(keys.absolute())] if keys else []
     words += ["--insecure"] if insecure else []
+    words += ["--traces", traces] if traces else []
     return _UNIT.format(
         about="scenario: queue and results of simulated runs",
         command=_command(words, slots),

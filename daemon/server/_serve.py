@@ -11,6 +11,7 @@ import threading
 import time
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
+from dataclasses import replace
 from importlib.metadata import version as installed_version
 from pathlib import Path
 from types import FrameType
@@ -33,7 +34,7 @@ from daemon.server._listening import Listening, arrange
 from daemon.server._local import LocalWorker
 from daemon.server._roster import Roster
 from daemon.server._settings import Settings
-from daemon.store import leave_marker
+from daemon.store import checked_store, leave_marker
 from grammars import codec
 
 _LAST_MOMENT: Final = 3.0
@@ -67,6 +68,7 @@ def serve(
     Raises :class:`AlreadyRunning` when another daemon keeps ``state``, and
     :class:`daemon.errors.DaemonError` when the ledger or the endpoint cannot be used.
     """
+    settings = _checked(settings or Settings())
     places = Places.find(state)
     places.make()
     with ExitStack() as stack:
@@ -74,7 +76,7 @@ def serve(
         journal = Journal(places.log)
         stack.callback(journal.close)
         listening = arrange(places, listen, keys, insecure=insecure)
-        daemon = _Daemon(places, settings or Settings(), journal, listening)
+        daemon = _Daemon(places, settings, journal, listening)
         stack.enter_context(daemon.signals())
         slots = cores() if slots is None else slots
         local = LocalWorker(
@@ -91,6 +93,13 @@ def serve(
         except Exception as error:
             journal.write("failed", problem=repr(error))
             raise
+
+
+def _checked(settings: Settings) -> Settings:
+    try:
+        return replace(settings, store=checked_store(settings.store) if settings.store else "")
+    except ValueError as error:
+        raise DaemonError(f"traces cannot be kept there: {error}") from error
 
 
 @contextmanager

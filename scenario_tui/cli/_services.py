@@ -16,6 +16,18 @@ PrintUnit: TypeAlias = Annotated[
 ]
 
 
+def _checked_store(url: str) -> str:
+    """Refuse what is no store, as wrong usage."""
+    if url:
+        from daemon.store import checked_store
+
+        try:
+            return checked_store(url)
+        except ValueError as error:
+            raise typer.BadParameter(str(error)) from error
+    return url
+
+
 def daemon(
     listen: Annotated[
         str,
@@ -40,6 +52,14 @@ def daemon(
         ),
     ] = None,
     state: State = None,
+    traces: Annotated[
+        str,
+        typer.Option(
+            "--traces", metavar="URL", callback=_checked_store,
+            help="Where workers put traces, file:///mnt/shared/traces or s3://bucket/folder; "
+            "they need credentials in their environment. Default: the state directory.",
+        ),
+    ] = "",
     print_unit: PrintUnit = False,
 ) -> None:  # fmt: skip
     """Run the daemon in the foreground.
@@ -47,21 +67,24 @@ def daemon(
     It keeps the queue and the results, and executes runs on this machine.
     """
     from daemon.places import Places
-    from daemon.server import exposure, serve
+    from daemon.server import Settings, exposure, serve
     from scenario_tui.cli._output import say
 
     places = Places.find(state)
     if print_unit:
         from daemon.operation import daemon_unit
 
-        unit = daemon_unit(_executable(), places.state, listen, slots, keys=keys, insecure=insecure)
+        unit = daemon_unit(
+            _executable(), places.state, listen, slots, keys=keys, insecure=insecure, traces=traces
+        )
         typer.echo(unit, nl=False)
         return
     if words := exposure(listen):
         say(words)
     where = f" at {listen}" if listen else ""
     say(f"starting a daemon{where}, state in {places.state}, Ctrl-C to leave")
-    serve(places.state, listen=listen, keys=keys, insecure=insecure, slots=slots)
+    settings = Settings(store=traces)
+    serve(places.state, listen=listen, keys=keys, insecure=insecure, slots=slots, settings=settings)
     say("the daemon has left; what is queued waits for the next one")
 
 

@@ -209,3 +209,21 @@ def test_a_download_names_a_run_and_never_a_path(client: Client) -> None:
     with pytest.raises(Refused, match="malformed"):
         bus.ask(client._session, client.endpoint, Verb.FETCH, Fetch("c.0", -1), Piece, 3.0)
     assert client.piece("c.0", 2**31).data == ""
+
+
+def test_traces_go_into_a_store_and_the_ledger_knows_where_each_lies(tmp_path: Path) -> None:
+    store = (tmp_path / "shared" / "traces").as_uri()
+    with daemon_at(tmp_path / "state", traces=store) as daemon, daemon.client() as client:
+        client.submit(make_submission("c", 2, size=1000))
+        with worker_for(daemon, 2, "--state", str(tmp_path / "elsewhere")):
+            eventually(lambda: finished(client, 2), 20.0)
+        for run in ("c.0", "c.1"):
+            trace = recorded(client.run(run))
+            assert trace.location.startswith(f"{store}/c/S1.pilot.{run[-1]}.{trace.sha256[:16]}")
+            copy = local_copy(trace, cache=tmp_path / "cache")
+            assert hashlib.sha256(copy.read_bytes()).hexdigest() == trace.sha256
+            with pytest.raises(Refused, match="get it there"):
+                client.piece(run, 0)
+        assert list((daemon.state / "traces").rglob("*")) == []
+        assert len(list((tmp_path / "shared" / "traces" / "c").iterdir())) == 2
+        check_ledger(daemon.state, 2)
