@@ -27,6 +27,7 @@ from daemon.messages import (
     RunQuery,
     Verb,
 )
+from daemon.parcel import pack
 from daemon.places import is_encrypted
 from daemon.protocol import (
     CampaignRow,
@@ -178,7 +179,7 @@ class Client:
 
         Submitting the same again (after :class:`Unreachable`, say) is harmless.
         """
-        return self._ask_bulk(Verb.SUBMIT, submission, Receipt)
+        return self._ask_bulk(Verb.SUBMIT, pack(submission), Receipt)
 
     def campaigns(self) -> tuple[CampaignRow, ...]:
         """All campaigns, the newest first."""

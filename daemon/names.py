@@ -62,7 +62,12 @@ def oracles(ledger: Path, run: str) -> tuple[Named, ...]:
     query = "SELECT body FROM spec WHERE run = ? OR run = ? LIMIT 1"
     with _opened(ledger) as book:
         row = book.execute(query, (run, f"{run}.0")).fetchone()
-    found = json.loads(row[0])["oracles"] if row else ()
+        body = json.loads(row[0]) if row else {"oracles": []}
+        if isinstance(body, list):
+            # [cell, script, repeat, seed]: the oracles are the cell's.
+            cell = book.execute("SELECT body FROM part WHERE name = ?", (body[0],)).fetchone()
+            body = json.loads(cell[0])
+    found = body["oracles"]
     return tuple(Named(oracle["name"], oracle["text"]) for oracle in found)
 
 

@@ -9,9 +9,9 @@ from dataclasses import replace
 import numpy as np
 
 from daemon.campaign.load import Campaign, repeat_seed
+from daemon.parcel import fingerprint
 from daemon.protocol import Submission
 from daemon.spec import OracleText, RunSpec
-from grammars import codec
 
 
 def expand(campaign: Campaign, *, fresh: bool = False) -> Submission:
@@ -34,7 +34,7 @@ def expand(campaign: Campaign, *, fresh: bool = False) -> Submission:
         reserve=tuple(spec for spec in specs if spec.repeat >= campaign.repeats),
         fresh=fresh,
     )
-    identity = secrets.token_hex(4) if fresh else codec.digest(submission)[:8]
+    identity = secrets.token_hex(4) if fresh else fingerprint(submission)[0][:8]
     return replace(submission, campaign=f"{campaign.name}-{identity}")
 
 

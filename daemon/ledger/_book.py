@@ -13,6 +13,7 @@ from typing import Final
 
 from daemon.errors import Refused
 from daemon.ledger._reuse import call_reserve, enter_runs, keep_reserve, use_results
+from daemon.ledger._specs import Specs
 from daemon.ledger._transition import (
     Cancelled,
     Change,
@@ -26,8 +27,9 @@ from daemon.ledger._transition import (
     advance,
 )
 from daemon.messages import Answer, Completion, Grant, Hold, Release, RetryRequest
+from daemon.parcel import fingerprint
 from daemon.protocol import Event, Receipt, RunState, Submission
-from daemon.spec import RunResult, RunSpec
+from daemon.spec import RunResult
 from daemon.store import stored_url
 from daemon.verdict import Outcome, Verdict
 from grammars import codec
@@ -58,11 +60,12 @@ class Book:
         self._db = connection
         self._attempts = attempts
         self._lease = lease
+        self._specs = Specs(connection)
         self.events: list[Event] = []
 
     def submit(self, submission: Submission, now: float) -> Receipt:
         """Enter a campaign and its runs; the same submission again changes nothing."""
-        digest = codec.digest(submission)
+        digest, digests = fingerprint(submission)
         row = self._db.execute(
             "SELECT digest, total FROM campaign WHERE id = ?", (submission.campaign,)
         ).fetchone()
@@ -71,14 +74,16 @@ class Book:
                 raise Refused(f"campaign id {submission.campaign} is taken by another campaign")
             return Receipt(submission.campaign, row[1], known=True)
         campaign = submission.campaign
-        self._enter(submission, digest, now)
+        self._enter(submission, digest, digests, now)
         cached = use_results(self._db, campaign)
         self.note(now, "campaign", campaign, campaign, "submitted")
         if cached:
             self._close_if_finished(campaign, now)
         return Receipt(campaign, len(submission.runs), known=False, cached=cached)
 
-    def _enter(self, submission: Submission, digest: str, now: float) -> None:
+    def _enter(
+        self, submission: Submission, digest: str, digests: Sequence[str], now: float
+    ) -> None:
         campaign = submission.campaign
         self._db.execute(
             "INSERT INTO campaign (id, name, about, source, digest, total, submitted_at, declared,"
@@ -95,7 +100,7 @@ class Book:
                 submission.fresh,
             ),
         )
-        enter_runs(self._db, campaign, submission.runs)
+        enter_runs(self._db, campaign, submission.runs, digests)
         keep_reserve(self._db, campaign, submission.reserve)
 
     def lease(
@@ -118,7 +123,7 @@ class Book:
             change = self._apply(run, Leased(worker, token, now + self._lease), now)
             self._db.execute("UPDATE campaign SET served = ? WHERE id = ?", (token, campaign))
             self._db.execute("UPDATE run SET granted = ? WHERE id = ?", (token, run))
-            spec = codec.from_json(RunSpec, body)
+            spec = self._specs.read(body)
             grants.append(Grant(run, campaign, change.run.attempt, token, trace, spec, store))
         return tuple(grants)
 

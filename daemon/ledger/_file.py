@@ -9,8 +9,8 @@ from typing import Final
 
 from daemon.errors import DaemonError
 
-SCHEMA_VERSION: Final = 4
-_UPGRADABLE: Final = (1, 2, 3)
+SCHEMA_VERSION: Final = 5
+_UPGRADABLE: Final = (1, 2, 3, 4)
 
 
 def connect(path: Path) -> sqlite3.Connection:

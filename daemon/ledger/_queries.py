@@ -11,10 +11,11 @@ from typing import Any, Final
 from daemon.assessment import Declared, RunRecord
 from daemon.errors import Refused
 from daemon.ledger._records import find_trace, read_declared, read_records, trace_is_gone
+from daemon.ledger._specs import Specs
 from daemon.messages import RecordQuery, RunQuery
 from daemon.places import Places
 from daemon.protocol import CampaignRow, RunDetail, RunPage, RunRow, RunState
-from daemon.spec import RunResult, RunSpec
+from daemon.spec import RunResult
 from daemon.store import Recorded
 from daemon.verdict import Outcome
 from grammars import codec
@@ -69,6 +70,7 @@ class Reader:
         self._db = connection
         self._db.row_factory = sqlite3.Row
         self._places = places
+        self._specs = Specs(connection)
 
     def campaigns(self) -> tuple[CampaignRow, ...]:
         """All campaigns, the newest first."""
@@ -134,7 +136,7 @@ class Reader:
         result = self._db.execute("SELECT body FROM result WHERE run = ?", (name,)).fetchone()
         return RunDetail(
             self._run_row(row),
-            codec.from_json(RunSpec, spec[0]),
+            self._specs.read(spec[0]),
             None if result is None else codec.from_json(RunResult, result[0]),
         )
 

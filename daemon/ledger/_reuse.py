@@ -13,9 +13,9 @@ from typing import Final
 
 from daemon.assessment import undecided
 from daemon.ledger._records import read_declared, read_records
+from daemon.ledger._specs import Specs, SpecWriter
 from daemon.places import trace_name
 from daemon.spec import RunSpec
-from grammars import codec
 
 _INSERT_RUN: Final = (
     "INSERT INTO run (id, campaign, position, scenario, sut, repeat, time_limit, digest,"
@@ -40,32 +40,41 @@ _COPY_RESULT: Final = (
 
 
 def enter_runs(
-    db: sqlite3.Connection, campaign: str, runs: Iterable[RunSpec], first: int = 0
+    db: sqlite3.Connection,
+    campaign: str,
+    runs: Sequence[RunSpec],
+    digests: Sequence[str],
+    first: int = 0,
 ) -> None:
-    """Enter runs of a campaign as queued, at positions from ``first``."""
-    placed = list(enumerate(runs, start=first))
-    db.executemany(_INSERT_RUN, (_run_row(campaign, position, run) for position, run in placed))
+    """Enter runs of a campaign and their digests as queued, at positions from ``first``."""
+    specs, placed = SpecWriter(db), list(enumerate(runs, start=first))
+    rows = zip(placed, digests, strict=True)
+    db.executemany(
+        _INSERT_RUN,
+        (_run_row(campaign, position, run, digest) for (position, run), digest in rows),
+    )
     db.executemany(
         "INSERT INTO spec (run, body) VALUES (?, ?)",
-        ((f"{campaign}.{position}", codec.to_json(run)) for position, run in placed),
+        ((f"{campaign}.{position}", specs.body(run)) for position, run in placed),
     )
 
 
-def _run_row(campaign: str, position: int, run: RunSpec) -> tuple[object, ...]:
+def _run_row(campaign: str, position: int, run: RunSpec, digest: str) -> tuple[object, ...]:
     sut = run.sut.name
     trace = trace_name(campaign, run.scenario, sut, run.repeat)
     name = f"{campaign}.{position}"
-    known = (name, campaign, position, run.scenario, sut, run.repeat, run.limit, run.digest)
+    known = (name, campaign, position, run.scenario, sut, run.repeat, run.limit, digest)
     return (*known, trace, str(run.seed), run.sut.kind)
 
 
 def keep_reserve(db: sqlite3.Connection, campaign: str, reserve: Iterable[RunSpec]) -> None:
     """Put repeats aside that may be needed later."""
+    specs = SpecWriter(db)
     db.executemany(
         "INSERT INTO reserve (campaign, position, scenario, sut, repeat, body)"
         " VALUES (?, ?, ?, ?, ?, ?)",
         (
-            (campaign, i, run.scenario, run.sut.name, run.repeat, codec.to_json(run))
+            (campaign, i, run.scenario, run.sut.name, run.repeat, specs.body(run))
             for i, run in enumerate(reserve)
         ),
     )
@@ -103,8 +112,9 @@ def call_reserve(db: sqlite3.Connection, campaign: str) -> int:
             (campaign, scenario, sut, upto),
         ).fetchall()
     if chosen:
-        runs = [codec.from_json(RunSpec, body) for _, body in chosen]
-        enter_runs(db, campaign, runs, first=len(records))
+        specs = Specs(db)
+        runs = [specs.read(body) for _, body in chosen]
+        enter_runs(db, campaign, runs, [run.digest for run in runs], first=len(records))
         gone = ((campaign, position) for position, _ in chosen)
         db.executemany("DELETE FROM reserve WHERE campaign = ? AND position = ?", gone)
         db.execute("UPDATE campaign SET total = total + ? WHERE id = ?", (len(runs), campaign))

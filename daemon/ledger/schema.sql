@@ -85,6 +85,12 @@ CREATE TABLE reserve (
     PRIMARY KEY (campaign, position)
 ) STRICT, WITHOUT ROWID;
 
+-- What runs share: cells (runs without repeat, seed and behaviours) and behaviours, by content.
+CREATE TABLE part (
+    name TEXT PRIMARY KEY,
+    body BLOB NOT NULL
+) STRICT, WITHOUT ROWID;
+
 CREATE TABLE spec (
     run  TEXT PRIMARY KEY REFERENCES run (id),
     body BLOB NOT NULL

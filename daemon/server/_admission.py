@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from typing import Final
 
 from daemon.errors import Refused
+from daemon.parcel import MOST_RUNS
 from daemon.places import Places, is_id, trace_name, write_atomically
 from daemon.protocol import Submission
 from daemon.spec import ENGINE_VERSION, RunSpec
@@ -14,7 +15,6 @@ from grammars import codec
 from grammars.scene import Scene
 
 _SHOWN: Final = 10
-_MOST_RUNS: Final = 1_000_000
 
 
 def admit(submission: Submission, places: Places) -> None:
@@ -37,8 +37,8 @@ def _problems(submission: Submission, scenes: dict[str, Scene], places: Places) 
     if not submission.runs:
         yield "the campaign has no runs"
     runs = (*submission.runs, *submission.reserve)
-    if len(runs) > _MOST_RUNS:
-        yield f"the campaign has more than {_MOST_RUNS} runs"
+    if len(runs) > MOST_RUNS:
+        yield f"the campaign has more than {MOST_RUNS} runs"
     seen: set[str] = set()
     known = set(scenes)
     for run in runs:

@@ -17,8 +17,6 @@ from daemon.assessment import RunRecord
 from daemon.errors import DaemonError, Refused, Unreachable
 from daemon.ledger import Book, Reader, standing
 from daemon.messages import (
-    LARGEST_REQUEST,
-    LARGEST_SUBMISSION,
     Acknowledgement,
     Answer,
     Chunk,
@@ -42,14 +40,16 @@ from daemon.messages import (
     Welcome,
     WorkerInfo,
 )
-from daemon.places import Places
-from daemon.protocol import CampaignRow, Overview, Submission, WorkerRow
+from daemon.parcel import Parcel, unpack
+from daemon.places import Places, is_id
+from daemon.protocol import CampaignRow, Overview, WorkerRow
+from daemon.security import RULES, tamed
 from daemon.server._admission import admit
-from daemon.server._clerks import Job, Questions, Writer
+from daemon.server._clerks import Doorman, Job, Questions, Writer
 from daemon.server._clock import Clock
 from daemon.server._intake import Intake
 from daemon.server._journal import Journal
-from daemon.server._roster import Roster
+from daemon.server._roster import MOST_WORKERS, Roster
 from daemon.server._settings import Settings
 from daemon.spec import ENGINE_VERSION
 from daemon.store import Marker, is_url, packed, read_part
@@ -57,6 +57,7 @@ from grammars import codec
 from grammars.scene import Scene
 
 _LONGEST_COMPLAINT: Final = 4000
+_LONGEST_KEY: Final = 200
 
 
 @dataclass(frozen=True, slots=True)
@@ -121,7 +122,7 @@ class Desk:
 
     def _writing(self) -> dict[Verb, _Service]:
         return {
-            Verb.SUBMIT: _Service(Submission, self._submit, writes=True),
+            Verb.SUBMIT: _Service(Parcel, self._submit, writes=True),
             Verb.CANCEL: _Service(Named, self._cancel, writes=True),
             Verb.RETRY: _Service(RetryRequest, self._retry, writes=True),
             Verb.PAUSE: _Service(Named, self._pause, writes=True),
@@ -143,34 +144,41 @@ class Desk:
         }
 
     def receiver(
-        self, writer: Writer, questions: Questions, carrier: Questions
+        self, writer: Writer, questions: Questions, carrier: Questions, doorman: Doorman
     ) -> Callable[[zenoh.Query], None]:
-        """Return the callback for the queryable: it finds the clerk and enqueues."""
+        """Return the callback for the queryable: it finds the clerk and enqueues.
+
+        Who finds a full queue is told so by the ``doorman``; who floods that too hears nothing.
+        """
 
         def receive(query: zenoh.Query) -> None:
-            service = self._services.get(str(query.key_expr).rpartition("/")[2])  # type: ignore[call-overload]
+            verb = str(query.key_expr).rpartition("/")[2]
+            service = self._services.get(verb)  # type: ignore[call-overload]
             clerk: Writer | Questions = questions
             if service is not None and (service.writes or service.carries):
                 clerk = writer if service.writes else carrier
-            clerk.put(
-                Job(
-                    lambda ledger: self._serve(service, query, ledger),
-                    lambda value: self._reply(query, value),
-                )
+            payload = query.payload
+            job = Job(
+                lambda ledger: self._serve(verb, query, ledger),
+                lambda value: self._reply(query, value),
+                0 if payload is None else len(payload),
             )
+            if not clerk.offer(job):
+                doorman.offer(job)
 
         return receive
 
-    def _serve(self, service: _Service | None, query: zenoh.Query, ledger: object) -> bytes:
+    def _serve(self, verb: str, query: zenoh.Query, ledger: object) -> bytes:
+        service = self._services.get(verb)  # type: ignore[call-overload]
         if service is None:
-            raise Refused(f"this daemon does not know how to {query.key_expr}")
+            raise Refused(f"this daemon does not know how to {str(query.key_expr)[:_LONGEST_KEY]}")
         payload = query.payload
-        limit = LARGEST_SUBMISSION if service.request is Submission else LARGEST_REQUEST
+        limit = RULES[Verb(verb)].largest
         if payload is not None and len(payload) > limit:
             raise Refused(f"the request has {len(payload)} bytes, at most {limit} are taken")
         data = b"{}" if payload is None else payload.to_bytes()
         try:
-            request: object = codec.from_json(service.request, data)
+            request: object = codec.from_json(service.request, tamed(data))
         except ValueError as error:
             raise Refused(f"the request is malformed: {error}") from error
         return codec.to_json(service.act(ledger, request), service.answer)
@@ -191,7 +199,8 @@ class Desk:
         if not isinstance(value, DaemonError):
             self._journal.write("failure", key=str(query.key_expr), problem=repr(value))
             return f"the daemon failed: {value!r}"[:_LONGEST_COMPLAINT]
-        self._journal.write("refused", key=str(query.key_expr), problem=str(value)[:400])
+        key = str(query.key_expr)[:_LONGEST_KEY]
+        self._journal.write("refused", key=key, problem=str(value)[:400])
         return str(value)[:_LONGEST_COMPLAINT]
 
     def _overview(self, reader: Reader, _: Nothing) -> Overview:
@@ -250,7 +259,11 @@ class Desk:
         self._stop()
         return Nothing()
 
-    def _submit(self, book: Book, submission: Submission) -> object:
+    def _submit(self, book: Book, parcel: Parcel) -> object:
+        try:
+            submission = unpack(parcel)
+        except ValueError as error:
+            raise Refused(f"the request is malformed: {error}") from error
         admit(submission, self._places)
         receipt = book.submit(submission, self._clock.now())
         self._journal.write("submitted", **codec.to_plain(receipt))
@@ -280,6 +293,8 @@ class Desk:
         return Nothing()
 
     def _check(self, worker: WorkerInfo) -> None:
+        if not is_id(worker.id):
+            raise Refused(f"{worker.id!r} is not the id of a worker")
         if worker.engine != ENGINE_VERSION:
             raise Refused(
                 f"worker {worker.id} has engine {worker.engine}, this daemon {ENGINE_VERSION}: "
@@ -288,6 +303,8 @@ class Desk:
 
     def _meet(self, book: Book, worker: WorkerInfo, now: float) -> None:
         self._check(worker)
+        if self._roster.full(worker.id):
+            raise Refused(f"worker {worker.id} has to wait: there are {MOST_WORKERS} already")
         if self._roster.seen(worker, now):
             book.note(now, "worker", worker.id, state="came")
             self._journal.write("worker came", worker=worker.id, slots=worker.slots)

@@ -233,7 +233,7 @@ def test_records_say_what_rows_do_not(ledger: Ledger) -> None:
     assert (waiting.outcome, waiting.state, waiting.trace) == (None, "queued", None)
 
 
-@pytest.mark.parametrize("version", [1, 2, 3])
+@pytest.mark.parametrize("version", [1, 2, 3, 4])
 def test_a_ledger_of_an_earlier_version_is_brought_up_to_date(tmp_path: Path, version: int) -> None:
     path = tmp_path / "ledger.db"
     more = (", declared", ", x''") if version > 1 else ("", "")

@@ -1,0 +1,234 @@
+"""The daemon under load: runs through the ledger, submissions, questions, idle cost, many workers.
+
+Real processes over loopback. CPU times are of the daemon process; what waits for the machine is
+told as such. ``corridor`` at the end executes real runs with one slot and with two.
+"""
+
+from __future__ import annotations
+
+import multiprocessing
+import statistics
+import tempfile
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
+from dataclasses import replace
+from pathlib import Path
+
+import psutil
+
+from daemon import bus
+from daemon.campaign import expand, load_campaign
+from daemon.client import Client
+from daemon.executor import DEFAULT_EXECUTOR
+from daemon.protocol import Submission
+from tests.chaos.light import Crew, LightWorker
+from tests.daemon.harness import DaemonPart, daemon_at, eventually, finished
+from tests.daemon.samples import make_submission
+
+EMPTY = 3000
+QUEUED = 100_000
+WORKERS = 400
+PROCESSES = 4
+IDLE = 10.0
+QUESTIONS = 300
+CAMPAIGN = Path(__file__).parents[2] / "campaigns" / "ortega2024" / "first.yaml"
+
+
+def row(what: str, value: str, target: str = "") -> None:
+    print(f"{what:58} {value:>22} {target}", flush=True)
+
+
+@contextmanager
+def fresh(slots: int = 0, **settings: float | str) -> Iterator[DaemonPart]:
+    """A daemon on an empty state directory."""
+    with (
+        tempfile.TemporaryDirectory(prefix="bench-daemon-") as folder,
+        daemon_at(Path(folder) / "state", slots, **settings) as daemon,
+    ):
+        yield daemon
+
+
+def cpu(pid: int) -> float:
+    """CPU seconds of a process so far."""
+    used = psutil.Process(pid).cpu_times()
+    return float(used.user + used.system)
+
+
+def empty_runs() -> None:
+    with fresh() as daemon, daemon.client() as client:
+        client.submit(make_submission("empty", EMPTY))
+        before, start = cpu(daemon.pid), time.monotonic()
+        crew = Crew(daemon.endpoint, 4, 16)
+        eventually(lambda: finished(client, EMPTY), 120.0)
+        took, used = time.monotonic() - start, cpu(daemon.pid) - before
+        crew.stop()
+    row("empty runs through the ledger, end to end", f"{EMPTY / took:.0f} /s", ">= 300")
+    row("  CPU of the daemon for one", f"{1e3 * used / EMPTY:.2f} ms")
+
+
+def idle() -> None:
+    with fresh(2) as daemon, daemon.client() as client:
+        client.submit(make_submission("idle", 20))
+        eventually(lambda: finished(client, 20))
+        time.sleep(1.0)
+        before = cpu(daemon.pid)
+        time.sleep(IDLE)
+        used = (cpu(daemon.pid) - before) / IDLE
+        memory = psutil.Process(daemon.pid).memory_full_info()
+        row("idle daemon, its worker connected: CPU", f"{100 * used:.2f} %", "< 1 %")
+        row("  USS, RSS", f"{memory.uss / 2**20:.0f}, {memory.rss / 2**20:.0f} MB", "< 120 MB")
+
+
+def large_campaign(runs: int) -> Submission:
+    """The example of building C with as many repeats as it takes."""
+    campaign = expand(load_campaign(CAMPAIGN))
+    repeats = -(-runs // len(campaign.runs))
+    specs = tuple(
+        replace(spec, repeat=k * len(campaign.runs) + spec.repeat, seed=spec.seed + k)
+        for k in range(repeats)
+        for spec in campaign.runs
+    )
+    return replace(campaign, campaign=f"large-{runs}", runs=specs[:runs], reserve=(), fresh=True)
+
+
+def submit() -> None:
+    with fresh() as daemon, daemon.client() as client:
+        for runs, target in ((10_000, "<= 2 s"), (QUEUED, "")):
+            submission = large_campaign(runs)
+            before, start = cpu(daemon.pid), time.monotonic()
+            mine = time.process_time()
+            client.submit(submission)
+            took, used = time.monotonic() - start, cpu(daemon.pid) - before
+            mine = time.process_time() - mine
+            row(f"submit of {runs} runs of building C", f"{took:.2f} s", target)
+            row("  CPU of client, daemon", f"{mine:.2f}, {used:.2f} s")
+        size = client.disk().ledger
+        row("  ledger afterwards", f"{size / 2**20:.0f} MiB")
+
+
+def asked(question: Callable[[], object], times: int = QUESTIONS) -> str:
+    """Median and 99th percentile of a question [ms]."""
+    took = []
+    for _ in range(times):
+        start = time.perf_counter()
+        question()
+        took.append(1e3 * (time.perf_counter() - start))
+        time.sleep(0.002)
+    return f"{statistics.median(took):.2f}, {statistics.quantiles(took, n=100)[98]:.2f} ms"
+
+
+def _burn(stop: float) -> None:
+    while time.monotonic() < stop:
+        sum(range(1000))
+
+
+def busy_questions() -> None:
+    with fresh(2, executor=DEFAULT_EXECUTOR) as daemon, daemon.client() as client:
+        row("status, quiet: p50, p99", asked(client.overview))
+        client.submit(replace(large_campaign(200), campaign="busy"))
+        eventually(lambda: client.overview().running == 2, 60.0)
+        time.sleep(3.0)
+        row("status while runs fill 2 cores: p50, p99", asked(client.overview), "p99 < 50 ms")
+
+
+def crowd(endpoint: str, number: int, workers: int, ready: object, stop: object) -> None:
+    """Sessions of workers that have nothing to do but say that they live, and lease one by one."""
+    with ExitStack() as stack:
+        crew = [
+            LightWorker(stack.enter_context(bus.open_client(endpoint)), endpoint, f"c{number}-{i}")
+            for i in range(workers)
+        ]
+        for worker in crew:
+            worker.renew()
+        ready.release()  # type: ignore[attr-defined]
+        while not stop.wait(0.0):  # type: ignore[attr-defined]
+            for worker in crew:
+                if stop.wait(10.0 / workers):  # type: ignore[attr-defined]
+                    break
+                worker.renew()
+
+
+@contextmanager
+def crowded(endpoint: str) -> Iterator[None]:
+    """``WORKERS`` sessions in a few processes, each renewing every 10 s."""
+    context = multiprocessing.get_context("spawn")
+    ready, stop = context.Semaphore(0), context.Event()
+    share = WORKERS // PROCESSES
+    crew = [
+        context.Process(target=crowd, args=(endpoint, i, share, ready, stop))
+        for i in range(PROCESSES)
+    ]
+    for process in crew:
+        process.start()
+    try:
+        for _ in crew:
+            assert ready.acquire(timeout=120.0)
+        yield
+    finally:
+        stop.set()
+        for process in crew:
+            process.join(30.0)
+            process.kill()
+
+
+def scale() -> None:
+    with fresh() as daemon, daemon.client() as client:
+        for part in range(10):
+            client.submit(replace(large_campaign(QUEUED // 10), campaign=f"part-{part}"))
+        with crowded(daemon.endpoint):
+            eventually(lambda: client.overview().workers == WORKERS, 30.0)
+            before, start = cpu(daemon.pid), time.monotonic()
+            time.sleep(5.0)
+            used = (cpu(daemon.pid) - before) / (time.monotonic() - start)
+            print(f"-- {QUEUED} queued runs, {WORKERS} workers that renew every 10 s")
+            row("CPU of the daemon", f"{100 * used:.1f} %")
+            row("  USS", f"{psutil.Process(daemon.pid).memory_full_info().uss / 2**20:.0f} MB")
+            ask_everything(client)
+            with bus.open_client(daemon.endpoint) as session:
+                worker = LightWorker(session, daemon.endpoint, "one", 1)
+                row("lease of one run: p50, p99", asked(worker.lease))
+            submission = replace(large_campaign(1000), campaign="more")
+            start = time.monotonic()
+            client.submit(submission)
+            row("submit of 1000 runs", f"{time.monotonic() - start:.2f} s")
+
+
+def ask_everything(client: Client) -> None:
+    few = 40
+    row("overview: p50, p99", asked(client.overview))
+    row("campaigns: p50, p99", asked(client.campaigns))
+    row("workers: p50, p99", asked(client.workers, few))
+    row("first page of 200 runs: p50, p99", asked(lambda: client.runs(), few))
+    row(
+        "page in the middle of one campaign", asked(lambda: client.runs("part-5", offset=5000), few)
+    )
+    row("last page of all", asked(lambda: client.runs(offset=QUEUED - 200), few))
+    row("sorted by margin", asked(lambda: client.runs(sort="margin"), few))
+    row("of one state", asked(lambda: client.runs(state="queued"), few))
+    row("of one scenario and system", asked(lambda: client.runs(scenario="S2", sut="pilot"), few))
+    row("with a text in them", asked(lambda: client.runs(text="S2/pilot/77"), few))
+
+
+def efficiency() -> None:
+    """Runs of building C with one worker and with two; two cores cannot give more than twice."""
+    took = []
+    for workers in (1, 2):
+        with fresh(workers, executor=DEFAULT_EXECUTOR) as daemon, daemon.client() as client:
+            warm = replace(large_campaign(2), campaign="warm")
+            client.submit(warm)
+            eventually(lambda: finished(client, 2), 300.0)
+            start = time.monotonic()
+            client.submit(replace(large_campaign(20), campaign="measured"))
+            eventually(lambda: finished(client, 22), 600.0)
+            took.append(time.monotonic() - start)
+    row("20 runs of building C, 1 and 2 slots", f"{took[0]:.1f}, {took[1]:.1f} s")
+    row("  scaling efficiency", f"{took[0] / took[1] / 2:.2f}", ">= 0.9 on free cores")
+
+
+def main() -> None:
+    print(f"load {psutil.getloadavg()[0]:.1f} on {psutil.cpu_count()} cores")
+    for part in (empty_runs, idle, submit, busy_questions, scale, efficiency):
+        part()
+        assert threading.active_count() < 50
