@@ -35,6 +35,7 @@ class SparingApp(App[None]):
     def __init__(self, limits: Limits | None = None) -> None:
         super().__init__()
         self._sparing: tuple[LineFilter, ...] = ()
+        self._drawn = False
         if "TEXTUAL_ANIMATIONS" not in os.environ:
             self.animation_level = "none"
         self.limit(limits or Limits())
@@ -72,13 +73,17 @@ class SparingApp(App[None]):
 
     def on_resize(self) -> None:
         """Draw everything again: what terminals keep of a screen when its size changes differs."""
-        self._forget()
-        self.set_timer(_SETTLED, self.action_redraw)
+        if self._drawn:
+            self._forget()
+            self.set_timer(_SETTLED, self.action_redraw)
+        self._drawn = True
 
     def action_redraw(self) -> None:
         """Draw everything again, over whatever stands on the screen."""
         self._forget()
-        self.screen.refresh()
+        # The timer may still fire while the screens are being taken down.
+        if self.screen_stack:
+            self.screen.refresh()
 
     def _forget(self) -> None:
         shadow = getattr(self._driver, "shadow", None)
