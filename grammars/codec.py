@@ -1,7 +1,8 @@
 """One way between value types and JSON: canonical bytes, validated reading, digests.
 
 Reading validates (missing fields and wrong types are refused) because JSON arrives from files
-and from the network; nothing is ever evaluated or unpickled.
+and from the network; nothing is ever evaluated or unpickled. Numbers are finite: JSON has no
+others, and we never write any.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ from collections.abc import Hashable
 from typing import Any, TypeVar, cast
 
 from pydantic import TypeAdapter
+from pydantic_core import SchemaValidator
 
 T = TypeVar("T")
 
@@ -19,6 +21,21 @@ T = TypeVar("T")
 @functools.cache
 def _cached_adapter(kind: Hashable) -> TypeAdapter[Any]:
     return TypeAdapter(cast(Any, kind))
+
+
+@functools.cache
+def _cached_reader(kind: Hashable) -> SchemaValidator:
+    return SchemaValidator(_finite(_cached_adapter(kind).core_schema))
+
+
+def _finite(schema: Any) -> Any:
+    """Return the schema with every float bound to be finite, whatever its digits say."""
+    if isinstance(schema, dict):
+        made = {k: v if k == "metadata" else _finite(v) for k, v in schema.items()}
+        return made | {"allow_inf_nan": False} if made.get("type") == "float" else made
+    if type(schema) in (list, tuple):
+        return type(schema)(_finite(part) for part in schema)
+    return schema
 
 
 def _adapter(kind: Any) -> TypeAdapter[Any]:
@@ -43,7 +60,7 @@ def from_json(kind: type[T], data: bytes | str) -> T:
 
     Raises :class:`pydantic.ValidationError` (a ``ValueError``) when the text is not such a value.
     """
-    value: T = _adapter(kind).validate_json(data)
+    value: T = _cached_reader(cast(Hashable, kind)).validate_json(data)
     return value
 
 
@@ -61,4 +78,4 @@ def digest(value: Any) -> str:
 def warm_up(*kinds: Any) -> None:
     """Build the validators of ``kinds`` now, for processes that fork before they use them."""
     for kind in kinds:
-        _adapter(kind)
+        _cached_reader(kind)

@@ -1,4 +1,4 @@
-"""The threads that touch the ledger: one writes, two read; everybody else queues up."""
+"""The threads that touch the ledger: one writes, two read; everybody else queues up, to a limit."""
 
 from __future__ import annotations
 
@@ -14,26 +14,58 @@ from daemon.ledger import Book, Reader
 from daemon.protocol import Event
 
 _BATCH: Final = 64
+_MOST: Final = 2048
+_MOST_BYTES: Final = 256 * 2**20
+"""Requests that may wait for a clerk, and their bytes: what comes then is told to come again."""
+BUSY: Final = Troubled(f"the daemon is busy, {_MOST} requests wait already: try again in a moment")
 
 
 @dataclass(frozen=True, slots=True)
 class Job:
-    """Something to do with the ledger; ``done`` gets its value, or the exception it raised."""
+    """Something to do with the ledger; ``done`` gets its value, or the exception it raised.
+
+    ``size`` is what it holds in memory until it is done [bytes].
+    """
 
     act: Callable[[Any], object]
     done: Callable[[object], None]
+    size: int = 0
 
 
 class _Clerk(threading.Thread):
-    """A thread with a queue of jobs, done one after the other."""
+    """A thread with a queue of jobs, done one after the other.
+
+    ``put`` takes what the daemon itself wants, ``offer`` what others want, within limits.
+    """
 
     def __init__(self, name: str) -> None:
         super().__init__(name=name, daemon=True)
         self._jobs: queue.SimpleQueue[Job | None] = queue.SimpleQueue()
+        self._load = threading.Lock()
+        self._offered = 0
+        self._bytes = 0
 
     def put(self, job: Job) -> None:
         """Queue a job; returns at once."""
         self._jobs.put(job)
+
+    def offer(self, job: Job) -> bool:
+        """Queue a job unless too much waits already; returns at once, whether it is queued."""
+        with self._load:
+            full = self._offered >= _MOST or self._bytes + job.size > _MOST_BYTES
+            if full and self._offered:
+                return False
+            self._offered += 1
+            self._bytes += job.size
+
+        def done(value: object) -> None:
+            with self._load:
+                self._offered -= 1
+                self._bytes -= job.size
+            job.done(value)
+
+        self._jobs.put(Job(job.act, done, job.size))
+        return True
 
     def finish(self) -> None:
         """Do what is queued, then end the thread."""
@@ -132,3 +164,15 @@ class Questions(_Clerk):
                 self._db.execute("COMMIT")
         except Exception as error:
             return error  # the asker is told; the desk logs what is not a refusal
+
+
+class Doorman(_Clerk):
+    """Tells those to come again for whom there is no room; so that nobody else waits for that."""
+
+    def __init__(self) -> None:
+        super().__init__("doorman")
+
+    def run(self) -> None:
+        """Turn away until told to finish."""
+        while (job := self._jobs.get()) is not None:
+            job.done(BUSY)

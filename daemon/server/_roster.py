@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import threading
 from dataclasses import dataclass, field
+from typing import Final
 
 from daemon.messages import WorkerInfo
 from daemon.protocol import WorkerRow
+
+MOST_WORKERS: Final = 4096
 
 
 @dataclass(slots=True)
@@ -28,6 +31,11 @@ class Roster:
     silence: float
     _entries: dict[str, _Entry] = field(default_factory=dict)
     _lock: threading.Lock = field(default_factory=threading.Lock)
+
+    def full(self, worker: str) -> bool:
+        """Whether there is no room for this worker."""
+        with self._lock:
+            return worker not in self._entries and len(self._entries) >= MOST_WORKERS
 
     def seen(self, info: WorkerInfo, now: float) -> bool:
         """A request came from this worker; returns whether it is a new one."""

@@ -26,7 +26,7 @@ from daemon.ledger import Book, Reader, connect, connect_reader
 from daemon.messages import ALIVE, ASK, EVENTS, WORK
 from daemon.places import Contact, Places, write_atomically
 from daemon.protocol import Event
-from daemon.server._clerks import Job, Questions, Writer
+from daemon.server._clerks import Doorman, Job, Questions, Writer
 from daemon.server._clock import Clock
 from daemon.server._desk import Desk
 from daemon.server._journal import Journal
@@ -194,7 +194,7 @@ class _Daemon:
 
     def _start_clerks(
         self, stack: ExitStack, connection: sqlite3.Connection, session: zenoh.Session
-    ) -> tuple[Writer, Questions, Questions]:
+    ) -> tuple[Writer, Questions, Questions, Doorman]:
         settings = self._settings
         book = Book(connection, attempts=settings.attempts, lease=settings.lease)
         extended = book.extend(self._clock.now())
@@ -205,7 +205,8 @@ class _Daemon:
         questions = self._questions(stack, "ledger-reader")
         carrier = self._questions(stack, "carrier")
         writer = Writer(connection, book, lambda events: _publish(session, events))
-        for clerk in (questions, carrier, writer):
+        doorman = Doorman()
+        for clerk in (doorman, questions, carrier, writer):
             clerk.start()
             stack.callback(clerk.finish)
         # Declared last and so undeclared first: no request arrives without a clerk.
@@ -213,9 +214,11 @@ class _Daemon:
             session.liveliness().declare_subscriber(f"{ALIVE}/*", self._on_liveliness, history=True)
         )
         stack.enter_context(
-            session.declare_queryable(f"{ASK}/*", self._desk.receiver(writer, questions, carrier))
+            session.declare_queryable(
+                f"{ASK}/*", self._desk.receiver(writer, questions, carrier, doorman)
+            )
         )
-        return writer, questions, carrier
+        return writer, questions, carrier, doorman
 
     def _questions(self, stack: ExitStack, name: str) -> Questions:
         reading = connect_reader(self._places.ledger)
