@@ -48,11 +48,13 @@ def told(found: Sequence[Rejudged]) -> RenderableType:
     lines = change_lines(judged, WORDS)
     parts: list[RenderableType] = [Text(closing(judged, len(found) - len(judged)) + "\n")]
     if judged:
-        parts.append(table(judged, WORDS))
-        parts += [Text("\nno verdict changes")] if not lines else [Text("\nwhat changes:")]
+        said = f"{counted(len(lines), 'verdict')} changed" if lines else "no verdict changed"
+        parts.append(Text(said, "bold"))
     parts += lines[:LISTED]
     if len(lines) > LISTED:
         parts.append(Text(f"and {len(lines) - LISTED} more"))
+    if judged:
+        parts += [Text(""), table(judged, WORDS)]
     parts += [Text(f"{one.trace}: {one.problem}") for one in found if one.problem][:LISTED]
     return Group(*parts)
 

@@ -41,6 +41,7 @@ def _settings() -> Finding:
     from daemon.operation import Finding, Level
     from grammars.diagnostics import InputError
     from scenario_tui.config import read_config
+    from scenario_tui.wording import counted
 
     try:
         config = read_config()
@@ -51,7 +52,7 @@ def _settings() -> Finding:
         )
     if not config.text:
         return Finding(Level.OK, "config", f"{config.path} is not there: everything as usual", "")
-    parts = [f"{len(config.keys)} keys"] if config.keys else []
+    parts = [counted(len(config.keys), "key")] if config.keys else []
     parts += [f"theme {config.theme}"] if config.theme else []
     parts += ["read-only"] if config.read_only else []
     return Finding(Level.OK, "config", f"{config.path} {', '.join(parts)}".rstrip(), "")

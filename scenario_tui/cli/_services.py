@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated, TypeAlias
 
@@ -150,6 +152,11 @@ def tui(
     if bindings:
         _print_bindings()
         return
+    from scenario_tui.bindings import check_config
+    from scenario_tui.config import read_config
+
+    config = read_config()
+    check_config(config)
     # The dashboard is drawn on standard error, so that standard output stays for words.
     if not (sys.stdin.isatty() and sys.stderr.isatty()):
         say("scenario: the dashboard needs a terminal; scripts use `scenario status --json`")
@@ -162,19 +169,32 @@ def tui(
     from dataclasses import replace
 
     from scenario_tui.app import run_dashboard
-    from scenario_tui.bindings import check_config
     from scenario_tui.cli._session import Target
-    from scenario_tui.config import read_config
     from scenario_tui.equivalent import Equivalent
 
-    config = read_config()
-    check_config(config)
     config = replace(config, read_only=config.read_only or read_only)
     equivalent = Equivalent(connect, state)
     code, farewell = run_dashboard(Target(connect, state).open, config, equivalent)
     if code:
         raise typer.Exit(ExitCode.BUG)
     say(farewell)
+
+
+@contextmanager
+def _curtain() -> Iterator[None]:
+    """Answer at once: the libraries of the dashboard take several times as long as this line."""
+    import sys
+
+    def write(text: str) -> None:
+        sys.stderr.write(text)
+        sys.stderr.flush()
+
+    write("\x1b[?1049h\x1b[?25l\x1b[2J\x1b[1;2H... connecting")
+    try:
+        yield
+    except BaseException:
+        write("\x1b[?1049l\x1b[?25h")
+        raise
 
 
 def _print_bindings() -> None:

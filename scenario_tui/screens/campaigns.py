@@ -12,9 +12,9 @@ from textual.widgets import DataTable, Static
 
 from daemon.protocol import CampaignRow
 from scenario_tui.feed import Picture
-from scenario_tui.palette import QUIET, WORDS
+from scenario_tui.palette import QUIET, UNSURE, WORDS
 from scenario_tui.screens.base import empty
-from scenario_tui.screens.steering import Steering
+from scenario_tui.screens.steering import Steering, marks
 from scenario_tui.summary import Conclusion
 from scenario_tui.widgets.keyed_table import Column, KeyedTable, Row
 from scenario_tui.wording import GLYPHS, NOTHING, ago, counted, duration, tally
@@ -114,12 +114,19 @@ def campaign_cells(row: CampaignRow, said: Conclusion | None, now: float) -> Row
     done = row.total - row.queued - row.running
     counts = tally(row)
     return row.id, (
-        Text(row.id),
-        Text(said.said, style=WORDS[said.word]) if said else Text(NOTHING, style=QUIET),
+        Text(f"{row.id}  prio {row.priority}" if row.priority else row.id),
+        _judged(row, said),
         Text(f"{done}/{row.total}"),
         *(_count(counts.get(word, 0), word) for word in _COUNTED),
         Text(ago(row.submitted_at, now), style=QUIET),
     )
+
+
+def _judged(row: CampaignRow, said: Conclusion | None) -> Text:
+    # What is said of an unfinished campaign is not the last word; that nothing goes on is news.
+    if row.paused and not row.finished:
+        return Text("‖ paused", style=UNSURE)
+    return Text(said.said, style=WORDS[said.word]) if said else Text(NOTHING, style=QUIET)
 
 
 def _count(number: int, word: str) -> Text:
@@ -131,6 +138,8 @@ def campaign_text(row: CampaignRow, said: Conclusion | None, now: float) -> Text
     text = Text.assemble((row.name, "bold"), "\n")
     if said:
         text.append(f"{said.said}\n", style=WORDS[said.word])
+    for mark in marks(row):
+        text.append(f"{mark}\n", style=UNSURE)
     if row.about:
         text.append(f"{row.about}\n")
     text.append(f"\n{counted(row.total, 'run')}, submitted {ago(row.submitted_at, now)}")

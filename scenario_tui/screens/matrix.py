@@ -15,7 +15,7 @@ from daemon.protocol import CampaignRow
 from scenario_tui.feed import Picture, Want
 from scenario_tui.judged import Footnotes
 from scenario_tui.screens.base import empty
-from scenario_tui.screens.steering import Steering
+from scenario_tui.screens.steering import Steering, marks
 from scenario_tui.summary import Results
 from scenario_tui.widgets.cell_table import CellTable
 from scenario_tui.widgets.matrix_text import campaign_notes, cell_notes, matrix_lines
@@ -64,6 +64,7 @@ class MatrixScreen(Steering):
             parts.append(conclusion.said)
         if row is not None and not row.finished:
             parts.append(f"{row.total - row.queued - row.running}/{row.total} runs")
+            parts += marks(row)
         return "  ".join(parts)
 
     def show(self, picture: Picture) -> None:

@@ -132,7 +132,7 @@ class Steering(BaseScreen):
                 steer = partial(_prioritise, row.id, int(answer))
                 self.dashboard.steer(steer, self._line("priority", row.id, answer))
 
-        text = f"Priority of {row.id}: −{_LIMIT} to {_LIMIT}, usual is 0; the highest goes first."
+        text = f"Priority of {row.id}\n−{_LIMIT} to {_LIMIT}, usual is 0; the highest goes first"
         prompt = Prompt(
             text,
             str(row.priority),
@@ -238,6 +238,13 @@ class Steering(BaseScreen):
             ("retry what was lost or cancelled", self._line("retry", row.id)),
             ("give it priority 1", self._line("priority", row.id, "1")),
         ]
+
+
+def marks(row: CampaignRow) -> list[str]:
+    """Return what is unusual about when the runs of a campaign start."""
+    paused = "‖ paused" if row.paused and not row.finished else ""
+    unusual = f"priority {row.priority}" if row.priority else ""
+    return [mark for mark in (paused, unusual) if mark]
 
 
 def _over(row: CampaignRow, only: str) -> int:
