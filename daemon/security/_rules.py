@@ -87,8 +87,12 @@ def denial(name: str, role: Role, verb: Verb) -> str:
     rule = RULES[verb]
     if role in rule.roles:
         return ""
-    wanted = " or ".join(sorted(rule.roles))
+    wanted = " or ".join(_a(one) for one in sorted(rule.roles))
     return (
-        f'{verb}: the key "{name}" is one of a {role}: {_MAY[role]}; '
-        f"ask whoever keeps the daemon for a key of a {wanted} (`scenario keys issue`)"
+        f'{verb}: the key "{name}" is that of {_a(role)}: {_MAY[role]}; '
+        f"ask whoever keeps the daemon for the key of {wanted} (`scenario keys issue`)"
     )
+
+
+def _a(role: Role) -> str:
+    return f"{'an' if role is Role.OPERATOR else 'a'} {role}"
