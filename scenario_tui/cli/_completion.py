@@ -194,7 +194,7 @@ def _campaigns(ctx: typer.Context) -> Sequence[Named]:
     endpoint = _elsewhere(ctx)
     if not endpoint:
         return names.campaigns(_ledger(ctx))
-    rows = _asked(endpoint, lambda daemon: daemon.campaigns())
+    rows = _asked(ctx, endpoint, lambda daemon: daemon.campaigns())
     found = {row.name: names.Named(row.name, f"the newest is {row.id}") for row in reversed(rows)}
     return (*(names.Named(row.id, f"{row.total} runs") for row in rows), *found.values())
 
@@ -206,7 +206,9 @@ def _runs(ctx: typer.Context, beginning: str) -> Sequence[Named]:
     if not endpoint:
         return names.runs(_ledger(ctx), beginning)
     campaign = beginning.partition(".")[0]
-    page = _asked(endpoint, lambda daemon: daemon.runs(campaign, sort="outcome", limit=names.MOST))
+    page = _asked(
+        ctx, endpoint, lambda daemon: daemon.runs(campaign, sort="outcome", limit=names.MOST)
+    )
     return tuple(
         names.Named(row.id, f"{row.outcome or row.state} {row.scenario}/{row.sut}/{row.repeat}")
         for row in page.rows
@@ -227,18 +229,19 @@ def _elsewhere(ctx: typer.Context) -> str:
     return str(ctx.params["connect"] or os.environ.get("SCENARIO_CONNECT") or "")
 
 
-def _asked(endpoint: str, ask: Callable[[Client], T]) -> T:
+def _asked(ctx: typer.Context, endpoint: str, ask: Callable[[Client], T]) -> T:
     """Ask a daemon in a thread, left behind when it takes long; raises without an answer."""
     import queue
     import threading
 
+    keys: Path | None = ctx.params.get("keys")
     answers: queue.SimpleQueue[tuple[T, ...]] = queue.SimpleQueue()
 
     def work() -> None:
         from daemon.client import Client
 
         # That no answer comes says it all.
-        with suppress(Exception), Client.open(endpoint, timeout=PATIENCE) as daemon:
+        with suppress(Exception), Client.open(endpoint, timeout=PATIENCE, keys=keys) as daemon:
             answers.put((ask(daemon),))
         answers.put(())
 

@@ -136,12 +136,12 @@ def priority(
     say(f"{row.id} has priority {number}")
 
 
-def stop(connect: Connect = "", state: State = None) -> None:
+def stop(connect: Connect = "", state: State = None, as_json: AsJson = False) -> None:
     """Ask the daemon to leave.
 
     Running runs get a while to finish; what is queued goes on with the next daemon.
     """
-    from scenario_tui.cli._output import say
+    from scenario_tui.cli._output import emit, say
     from scenario_tui.cli._session import Target
 
     target = Target(connect, state)
@@ -151,5 +151,7 @@ def stop(connect: Connect = "", state: State = None) -> None:
         overview = daemon.overview()
         daemon.shutdown()
     waiting = overview.queued + overview.running
+    if as_json:
+        emit("stop", endpoint=endpoint, unfinished=waiting)
     kept = f"; {waiting} unfinished runs go on when it is started again" if waiting else ""
     say(f"the daemon at {endpoint} is leaving{kept}")

@@ -10,6 +10,7 @@ import typer
 
 from scenario_tui.cli import _completion
 from scenario_tui.cli._files import plans_or_campaigns
+from scenario_tui.cli._options import AsJson
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -101,6 +102,7 @@ def export(
     timestamp: Annotated[
         str, typer.Option(metavar="ISO8601", help="For prov: when. Default: left out.")
     ] = "",
+    as_json: AsJson = False,
 ) -> None:
     """Write artefacts of a floor plan or a campaign: maps, meshes, Gazebo worlds, tasks, …
 
@@ -108,6 +110,7 @@ def export(
     """
     from grammars.diagnostics import Diagnostic, InputError, Severity, Where
     from scenario_tui.cli._diagnostics import report
+    from scenario_tui.cli._output import emit
     from scenario_tui.cli._worlds import world_of_plan, worlds_of_campaign
     from templates.artefacts import export as write
     from templates.naming import file_name
@@ -132,6 +135,7 @@ def export(
         timestamp=_checked_time(timestamp),
     )
     own = Templates(templates)
+    written: list[str] = []
     report(own.unused())
     for world in worlds:
         folder = out / file_name(world.name) if is_campaign else out
@@ -142,8 +146,12 @@ def export(
             raise InputError(Diagnostic(place, f"cannot be written: {error.strerror}")) from error
         where = Where(f"{source} ({world.name})" if is_campaign else str(source))
         report(Diagnostic(where, note, severity=Severity.WARNING) for note in done.notes)
-        for path in done.paths:
-            typer.echo(path)
+        written += map(str, done.paths)
+        if not as_json:
+            for path in done.paths:
+                typer.echo(path)
+    if as_json:
+        emit("export", files=written)
 
 
 def _checked_time(text: str) -> str:

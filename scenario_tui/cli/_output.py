@@ -5,6 +5,7 @@ from __future__ import annotations
 import codecs
 import io
 import json
+import math
 import os
 import sys
 from collections.abc import Iterable
@@ -60,7 +61,7 @@ def _console(*, stderr: bool) -> Console:
 
     # A pipe has no width; 80 columns would cut identifiers that scripts look for.
     stream = sys.stderr if stderr else sys.stdout
-    width = None if stream.isatty() else 160
+    width = None if stream.isatty() or os.environ.get("COLUMNS", "").isdigit() else 160
     return Console(stderr=stderr, highlight=False, soft_wrap=False, width=width)
 
 
@@ -87,10 +88,27 @@ def say(message: str) -> None:
 
 
 def emit(schema: str, **fields: Any) -> None:
-    """Write one JSON object to standard output; values are value types or plain data."""
-    from grammars.codec import to_plain
+    """Write one JSON object to standard output; values are value types or plain data.
 
-    body = {"schema": f"scenario/{schema}/1"} | {k: to_plain(v) for k, v in fields.items()}
+    :mod:`scenario_tui.cli._outputs` declares what is written; numbers that JSON has not are null.
+    """
+    from grammars.codec import to_plain
+    from scenario_tui.cli._outputs import identifier
+
+    told = {name: _finite(to_plain(value)) for name, value in fields.items()}
+    body = {"schema": identifier(schema)} | told
     # Escapes carry any text through any encoding; a stream that knows them all needs none.
     escaped = (sys.stdout.encoding or "").lower().replace("-", "") != "utf8"
-    sys.stdout.write(json.dumps(body, ensure_ascii=escaped, indent=2) + "\n")
+    text = json.dumps(body, ensure_ascii=escaped, indent=2, allow_nan=False)
+    sys.stdout.write(text + "\n")
+
+
+def _finite(plain: Any) -> Any:
+    """Return plain data with ``None`` for what is infinite or no number."""
+    if isinstance(plain, float):
+        return plain if math.isfinite(plain) else None
+    if isinstance(plain, dict):
+        return {key: _finite(value) for key, value in plain.items()}
+    if isinstance(plain, (list, tuple)):
+        return [_finite(value) for value in plain]
+    return plain

@@ -47,6 +47,8 @@ def status(connect: Connect = "", state: State = None, as_json: AsJson = False) 
 
 
 _SHOWN = 15
+_ROOMY = 120
+"""Columns from which on a table has room for paths."""
 
 
 def _print_overview(overview: Overview, endpoint: str, workers: tuple[WorkerRow, ...]) -> None:
@@ -158,8 +160,7 @@ def results(
             print_between(between)
         if runs:
             _print_runs(rows)
-        else:
-            _print_whereabouts(row, rows)
+        _print_whereabouts(row, rows, listed=runs)
     if exit_status or baseline:
         raise typer.Exit(final_code(found, between))
 
@@ -168,7 +169,7 @@ def _took(row: CampaignRow) -> float | None:
     return None if row.finished_at is None else row.finished_at - row.submitted_at
 
 
-def _print_whereabouts(row: CampaignRow, rows: tuple[RunRow, ...]) -> None:
+def _print_whereabouts(row: CampaignRow, rows: tuple[RunRow, ...], *, listed: bool) -> None:
     from pathlib import Path
 
     from scenario_tui.cli._output import out
@@ -179,10 +180,9 @@ def _print_whereabouts(row: CampaignRow, rows: tuple[RunRow, ...]) -> None:
     if traces:
         where = f"{counted(len(traces), 'trace')} in {Path(traces[0]).parent}"
         out().print(where, markup=False, soft_wrap=True)
-    print_commands(
-        (f"scenario results {row.id} --runs", "every run and its trace"),
-        ("scenario tui", "the dashboard"),
-    )
+    runs = (f"scenario results {row.id} --runs", "every run and its trace")
+    one = (f"scenario show {rows[0].id if rows else 'RUN'}", "one run: what each oracle says")
+    print_commands(one if listed else runs, ("scenario tui", "the dashboard"))
 
 
 def _print_runs(rows: tuple[RunRow, ...]) -> None:
@@ -193,14 +193,21 @@ def _print_runs(rows: tuple[RunRow, ...]) -> None:
     from scenario_tui.cli._output import out
     from scenario_tui.wording import STYLES, glyph_word, margin, run_label, word_of
 
+    console = out()
+    # Paths would be folded into columns of letters; below, the folder of all of them is said.
+    paths = console.width >= _ROOMY
+    remarks = paths or any(row.reason or row.cached for row in rows)
     table = Table(box=box.SIMPLE_HEAD, pad_edge=False, show_edge=False)
-    for title in ("run", "verdict", "decided by", "margin", "trace"):
+    for title in ("run", "", "verdict", "decided by", "margin"):
         table.add_column(title, overflow="fold")
+    if remarks:
+        table.add_column("trace" if paths else "remark", overflow="fold")
     for row in rows:
         word = Text(glyph_word(word_of(row)), style=STYLES[word_of(row)])
         shown = margin(row.margin, row.unit) if row.oracle else ""
-        kept = row.trace or row.reason
+        kept = (paths and row.trace) or row.reason
         if row.cached:
-            kept += " (cached)"
-        table.add_row(run_label(row), word, row.oracle, shown, kept)
-    out().print(table)
+            kept += " (cached)" if kept else "cached"
+        cells = (row.id, run_label(row), word, row.oracle, shown, *([kept] if remarks else ()))
+        table.add_row(*cells)
+    console.print(table)

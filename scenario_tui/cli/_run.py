@@ -108,7 +108,8 @@ def logs(
              output=list(printed), recorded=list(said))  # fmt: skip
         return
     _print_steps(happened, row.attempt)
-    _print_texts(printed, row.reason)
+    known = any(step.note.strip() == row.reason.strip() for step in happened)
+    _print_texts((*printed, "" if known else row.reason))
     if said:
         _print_recorded(said)
 
@@ -128,10 +129,10 @@ def _print_steps(happened: tuple[Step, ...], attempts: int) -> None:
         console.print(f"{counted(attempts, 'attempt')}; when is not remembered any more")
 
 
-def _print_texts(printed: tuple[str, ...], reason: str) -> None:
+def _print_texts(texts: tuple[str, ...]) -> None:
     from scenario_tui.cli._output import out
 
-    for text in filter(None, (*printed, reason)):
+    for text in filter(None, texts):
         out().print(f"\n{text.strip()}", markup=False, soft_wrap=True)
 
 

@@ -6,7 +6,7 @@ import json
 from pathlib import Path
 from typing import Final
 
-from daemon.assessment import Declared, Judged, RunRecord
+from daemon.assessment import Between, Declared, Judged, RunRecord
 from grammars import codec
 from grammars.diagnostics import Diagnostic, InputError, Where
 from scenario_tui.cli._output import emit
@@ -15,8 +15,8 @@ from scenario_tui.summary import Results
 SCHEMA: Final = "scenario/results/1"
 
 
-def emit_results(results: Results, **more: object) -> None:
-    """Write everything about a campaign as one JSON object."""
+def emit_results(results: Results, comparison: Between | None = None) -> None:
+    """Write everything about a campaign as one JSON object, with what it was held against."""
     emit(
         "results",
         campaign=results.row,
@@ -24,7 +24,7 @@ def emit_results(results: Results, **more: object) -> None:
         assessment=results.assessment,
         runs=list(results.rows),
         records=list(results.records),
-        **more,
+        comparison=comparison,
     )
 
 

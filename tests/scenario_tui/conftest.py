@@ -10,6 +10,7 @@ import pytest
 from scenario_tui.cli import _session
 from scenario_tui.cli._main import invoke
 from tests.scenario_tui.fake import FakeDaemon
+from tests.scenario_tui.outputs import declared
 
 
 class Said(NamedTuple):
@@ -37,6 +38,8 @@ def scenario(
     def call(*arguments: str) -> Said:
         code = invoke(arguments)
         said = capsys.readouterr()
+        if "--json" in arguments and said.out:
+            declared(said.out)
         return Said(code, said.out, said.err)
 
     return call

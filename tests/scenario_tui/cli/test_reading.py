@@ -137,7 +137,8 @@ def test_runs_that_cannot_be_reproduced_are_named(scenario, fake) -> None:
 
 def test_a_filter_lists_the_runs_it_admits(scenario) -> None:
     said = scenario("results", "--outcome", "fail")
-    assert [line.split()[0] for line in said.out.splitlines()[2:]] == ["S2/pilot/0", "S2/pilot/1"]
+    listed = [line.split()[:2] for line in said.out.splitlines()[2:]]
+    assert listed == [[f"{CAMPAIGN}.5", "S2/pilot/0"], [f"{CAMPAIGN}.6", "S2/pilot/1"]]
 
 
 def test_a_cached_run_says_so(scenario, fake) -> None:

@@ -1,0 +1,116 @@
+"""Words for scripts: schemas of ``--json``, exit codes, the table of commands in the docs."""
+
+from __future__ import annotations
+
+import ast
+import json
+import re
+from pathlib import Path
+from typing import Any
+
+import pytest
+import typer
+
+from scenario_tui.cli import _main
+from scenario_tui.cli._exits import ExitCode
+from scenario_tui.cli._output import emit
+from scenario_tui.cli._outputs import OUTPUTS
+from tests.scenario_tui.fake import CAMPAIGN
+from tests.scenario_tui.outputs import declared
+
+DOC = Path(__file__).parents[3] / "docs" / "command-line.md"
+SILENT = {"tui", "daemon", "worker", "schema", "vscode"}
+"""Commands that stay, or write files for editors: the others answer with ``--json``."""
+
+
+def _emitted() -> set[str]:
+    """Return the names every module of the command line emits."""
+    found = set()
+    for module in Path(_main.__file__).parent.glob("*.py"):
+        for node in ast.walk(ast.parse(module.read_text("utf-8"))):
+            if isinstance(node, ast.Call) and getattr(node.func, "id", "") == "emit":
+                name = node.args[0]
+                found |= {name.value} if isinstance(name, ast.Constant) else set()
+    return {str(name) for name in found}
+
+
+def _rows(heading: str) -> list[list[str]]:
+    """Return the cells of the table below a heading of the documentation."""
+    text = DOC.read_text("utf-8").partition(f"## {heading}\n")[2].partition("\n## ")[0]
+    lines = [line for line in text.splitlines() if line.startswith("|")]
+    return [[cell.strip() for cell in line.strip("|").split(" | ")] for line in lines[2:]]
+
+
+def test_everything_that_is_written_is_declared() -> None:
+    steered = {"cancel", "retry", "pause", "resume"}  # by one function, under their own names
+    assert _emitted() | steered == set(OUTPUTS)
+
+
+def test_the_schema_of_outputs_is_printed_and_written(scenario, tmp_path) -> None:
+    printed = scenario("schema", "--outputs")
+    assert (printed.code, printed.err) == (0, "")
+    schema = json.loads(printed.out)
+    names = [body["$ref"].rpartition("/")[2] for body in schema["oneOf"]]
+    assert names == list(OUTPUTS)
+    assert scenario("schema", "--outputs", "-o", str(tmp_path)).code == 0
+    assert json.loads((tmp_path / "outputs.schema.json").read_text()) == schema
+    assert scenario("schema", "campaign", "--outputs").code == 2
+
+
+def test_every_command_that_answers_does_so_for_machines() -> None:
+    command = typer.main.get_command(_main.app)
+    speaking = {name for name, one in command.commands.items() if _speaks(one)}  # type: ignore[attr-defined]
+    assert _main.command_names() - speaking == SILENT & _main.command_names()
+
+
+def _speaks(command: Any) -> bool:
+    inner = getattr(command, "commands", {}).values()
+    own = any("--json" in parameter.opts for parameter in command.params)
+    return own or any(map(_speaks, inner))
+
+
+def test_numbers_that_json_has_not_are_null(capsys: pytest.CaptureFixture[str]) -> None:
+    emit("priority", campaign=[float("inf"), {"a": float("nan")}, (1.5,)], priority=0)
+    body = json.loads(capsys.readouterr().out, parse_constant=pytest.fail)
+    assert body["campaign"] == [None, {"a": None}, [1.5]]
+
+
+def test_numbers_for_machines_and_for_prometheus(scenario) -> None:
+    assert declared(scenario("metrics", "--json").out)["standing"]["disk"]["total"] == 10**12
+    assert scenario("metrics").out.startswith("# HELP")
+
+
+def test_stopping_says_what_goes_on(scenario, monkeypatch) -> None:
+    monkeypatch.setenv("SCENARIO_CONNECT", "tcp/127.0.0.1:7")
+    body = declared(scenario("stop", "--json").out)
+    assert (body["endpoint"], body["unfinished"]) == ("tcp/127.0.0.1:7", 2)
+
+
+def test_exporting_lists_its_files(scenario, tmp_path) -> None:
+    plan = Path(_main.__file__).parents[2] / "campaigns" / "demo" / "flat.fpm"
+    body = declared(scenario("export", str(plan), "geojson", "-o", str(tmp_path), "--json").out)
+    assert [Path(file).parent for file in body["files"]] == [tmp_path]
+
+
+def test_the_table_of_exit_codes_is_true() -> None:
+    told = {int(number.strip("`")): word.lower() for number, word, *_ in _rows("Exit codes")}
+    assert told == {code.value: code.name.lower().replace("_", " ") for code in ExitCode}
+
+
+def test_the_table_of_commands_is_true() -> None:
+    command = typer.main.get_command(_main.app)
+    told = {}
+    for names, outputs, _ in _rows("Commands"):
+        written = set(re.findall(r"`(\w+)`", outputs))
+        told |= dict.fromkeys(re.findall(r"`(\w+)`", names), written)
+    assert set(told) == set(command.commands)  # type: ignore[attr-defined]
+    assert set().union(*told.values()) == set(OUTPUTS)
+    assert {name for name, outputs in told.items() if not outputs} == SILENT
+
+
+def test_piped_output_is_as_wide_as_it_is_told(scenario, monkeypatch) -> None:
+    monkeypatch.setenv("COLUMNS", "60")
+    table = scenario("status").out.splitlines()[-2:]
+    assert max(map(len, table)) <= 60
+    listed = scenario("results", CAMPAIGN, "--outcome", "fail").out.splitlines()
+    assert max(map(len, listed)) <= 60

@@ -1,0 +1,34 @@
+"""Checks that ``--json`` writes what ``scenario schema --outputs`` says, no more and no less."""
+
+from __future__ import annotations
+
+import json
+from functools import cache
+from typing import Any
+
+from jsonschema import Draft202012Validator
+
+from scenario_tui.cli._outputs import outputs_schema
+
+
+@cache
+def _validators() -> dict[str, Any]:
+    schema = outputs_schema()
+    Draft202012Validator.check_schema(schema)
+    bodies = [body for body in schema["$defs"].values() if "properties" in body]
+    for body in bodies:
+        body["additionalProperties"] = False
+    return {
+        body["properties"]["schema"]["const"]: Draft202012Validator(
+            body | {"$defs": schema["$defs"]}
+        )
+        for body in bodies
+        if "schema" in body["properties"]
+    }
+
+
+def declared(text: str) -> dict[str, Any]:
+    """Return the object a command wrote; it is the only one and as declared."""
+    body: dict[str, Any] = json.loads(text)
+    _validators()[body["schema"]].validate(body)
+    return body
