@@ -240,16 +240,6 @@ def _gc() -> Fields:
     }
 
 
-def _fetch() -> Fields:
-    trace = _object("FetchedTrace", {"run": str, "path": str, "bytes": int, "sha256": str})
-    return {
-        "traces": list[trace],  # type: ignore[valid-type]
-        "missing": dict[str, str],
-        "bytes": int,
-        "seconds": float,
-    }
-
-
 def _keys() -> Fields:
     from daemon.security import Issued
 
@@ -315,7 +305,6 @@ OUTPUTS: Final[dict[str, Callable[[], Fields]]] = {
     "metrics": _metrics,
     "gc": _gc,
     "keys": _keys,
-    "fetch": _fetch,
     "sut": _sut,
     "vary": _vary,
     "export": lambda: {"files": list[str]},
