@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
 from typing import Annotated, TypeAlias
 
@@ -145,39 +145,44 @@ def tui(
 
     Keys, colours and more are set in config.toml; `scenario doctor` says where it is.
     """
-    import sys
-
     from scenario_tui.cli._output import say
 
     if bindings:
         _print_bindings()
         return
-    from scenario_tui.bindings import check_config
-    from scenario_tui.config import read_config
+    why = _unfit()
+    with nullcontext() if why else _curtain():
+        from dataclasses import replace
 
-    config = read_config()
-    check_config(config)
-    # The dashboard is drawn on standard error, so that standard output stays for words.
-    if not (sys.stdin.isatty() and sys.stderr.isatty()):
-        say("scenario: the dashboard needs a terminal; scripts use `scenario status --json`")
-        raise typer.Exit(ExitCode.BAD_INPUT)
-    from scenario_tui.limits import undrawable
+        from scenario_tui.app import run_dashboard
+        from scenario_tui.bindings import check_config
+        from scenario_tui.cli._session import Target
+        from scenario_tui.config import read_config
+        from scenario_tui.equivalent import Equivalent
 
-    if why := undrawable():
+        config = read_config()
+        check_config(config)
+    if why:
         say(f"scenario: {why}")
         raise typer.Exit(ExitCode.BAD_INPUT)
-    from dataclasses import replace
-
-    from scenario_tui.app import run_dashboard
-    from scenario_tui.cli._session import Target
-    from scenario_tui.equivalent import Equivalent
-
     config = replace(config, read_only=config.read_only or read_only)
     equivalent = Equivalent(connect, state)
     code, farewell = run_dashboard(Target(connect, state).open, config, equivalent)
     if code:
         raise typer.Exit(ExitCode.BUG)
     say(farewell)
+
+
+def _unfit() -> str:
+    """Say why there can be no dashboard here, empty when there can."""
+    import sys
+
+    from scenario_tui.limits import undrawable
+
+    # The dashboard is drawn on standard error, so that standard output stays for words.
+    if not (sys.stdin.isatty() and sys.stderr.isatty()):
+        return "the dashboard needs a terminal; scripts use `scenario status --json`"
+    return undrawable()
 
 
 @contextmanager
