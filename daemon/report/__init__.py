@@ -5,7 +5,14 @@ from __future__ import annotations
 from importlib import import_module
 from typing import TYPE_CHECKING, Final
 
-from daemon.report._chosen import NOTE, folder_of_traces, leave_note, open_ledger, recorded
+from daemon.report._chosen import (
+    NOTE,
+    assembled,
+    folder_of_traces,
+    leave_note,
+    open_ledger,
+    recorded,
+)
 
 if TYPE_CHECKING:
     from daemon.report._gather import Gathered, Material, gather
@@ -27,6 +34,7 @@ __all__ = [
     "Material",
     "Measure",
     "answer",
+    "assembled",
     "draw_run",
     "folder_of_traces",
     "gather",

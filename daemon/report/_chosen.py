@@ -10,13 +10,14 @@ from pathlib import Path
 from typing import Final
 
 from daemon.assessment import Declared, RunRecord
-from daemon.errors import DaemonError, Refused
+from daemon.errors import DaemonError, NotAtHand, Refused
 from daemon.ledger import Reader, connect_reader
 from daemon.messages import LARGEST_PAGE, RecordQuery
 from daemon.places import Places
 from daemon.protocol import CampaignRow, Submission
 from daemon.report._types import Chosen, Watch
 from daemon.spec import RunSpec
+from daemon.store import is_url, local_copy
 from daemon.trace import TraceError, read_spec
 from grammars import codec
 from grammars.behaviour import Trigger
@@ -62,8 +63,29 @@ def recorded(reader: Reader, row: CampaignRow, places: Places) -> Chosen:
         if len(page) < LARGEST_PAGE:
             break
     specs = [reader.run(record.id).spec for record in records]
-    declared = reader.declared(row.id)
-    chosen = Chosen(row.id, row.name, row.about, str(places.state), declared, tuple(records))
+    records = [_at_hand(reader, record) for record in records]
+    return assembled(row, str(places.state), reader.declared(row.id), records, specs)
+
+
+def _at_hand(reader: Reader, record: RunRecord) -> RunRecord:
+    """Return a record whose trace is a file of this machine, also when it lies in a store."""
+    if record.trace is None or not is_url(record.trace):
+        return record
+    try:
+        return replace(record, trace=str(local_copy(reader.trace(record.id))))
+    except NotAtHand as error:
+        return replace(record, trace=None, note=f"{record.note} {error}".strip())
+
+
+def assembled(
+    row: CampaignRow,
+    where: str,
+    declared: Declared,
+    records: Sequence[RunRecord],
+    specs: Sequence[RunSpec],
+) -> Chosen:
+    """Return a campaign with its runs in order, whose traces are files of this machine."""
+    chosen = Chosen(row.id, row.name, row.about, where, declared, tuple(records))
     return _with_specs(chosen, specs)
 
 

@@ -8,7 +8,7 @@ import typer
 
 from scenario_tui.cli import _completion
 from scenario_tui.cli._exits import ExitCode
-from scenario_tui.cli._options import AsJson, State
+from scenario_tui.cli._options import AsJson, Connect, State
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -19,6 +19,7 @@ if TYPE_CHECKING:
         FloorArea,
         RoomArea,
     )
+    from scenario_tui.cli._session import Target
 
 LISTED: Final = 12
 
@@ -41,6 +42,7 @@ def coverage(
         int | None,
         typer.Option("--processes", "-j", min=1, max=1024, help="Default: one per core."),
     ] = None,
+    connect: Connect = "",
     state: State = None,
     as_json: AsJson = False,
 ) -> None:
@@ -49,8 +51,9 @@ def coverage(
     Of recorded runs also: doors met and triggered, floor seen and driven on, margins.
     """
     from scenario_tui.cli._output import emit
+    from scenario_tui.cli._session import Target
 
-    found = _covered(subject, near, processes, state)
+    found = _covered(subject, near, processes, Target(connect, state))
     if as_json:
         emit("coverage", coverage=found, share_of_pairs=found.pairs.share)
     else:
@@ -58,10 +61,9 @@ def coverage(
     raise typer.Exit(ExitCode.INFRASTRUCTURE if found.unreadable else ExitCode.EXPECTED)
 
 
-def _covered(subject: list[str], near: float, processes: int | None, state: State) -> Coverage:
+def _covered(subject: list[str], near: float, processes: int | None, target: Target) -> Coverage:
     from daemon.coverage import coverage_of, planned_coverage
-    from daemon.places import Places
-    from daemon.rejudge import find_traces
+    from scenario_tui.cli._chosen import all_traces
 
     files = [name for name in subject if name.endswith((".yaml", ".yml"))]
     if files and len(subject) > 1:
@@ -71,10 +73,7 @@ def _covered(subject: list[str], near: float, processes: int | None, state: Stat
 
         planned = expand(load_campaign(files[0]))
         return planned_coverage(planned.runs, planned.scenes)
-    try:
-        paths = find_traces(subject, Places.find(state))
-    except ValueError as error:
-        raise typer.BadParameter(str(error), param_hint="TRACES") from error
+    paths = all_traces(subject, target, "TRACES")
     return coverage_of(paths, near=near, processes=processes)
 
 

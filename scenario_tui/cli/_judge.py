@@ -10,7 +10,7 @@ import typer
 from scenario_tui.cli import _completion
 from scenario_tui.cli._exits import exit_code
 from scenario_tui.cli._files import oracle_files
-from scenario_tui.cli._options import AsJson, State
+from scenario_tui.cli._options import AsJson, Connect, State
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -42,25 +42,24 @@ def judge(
         int | None,
         typer.Option("--processes", "-j", min=1, max=1024, help="Default: one per core."),
     ] = None,
+    connect: Connect = "",
     state: State = None,
     as_json: AsJson = False,
 ) -> None:
     """Judge recorded runs again and say which verdicts differ; traces stay as they are."""
-    from daemon.places import Places
-    from daemon.rejudge import find_traces, rejudge
+    from daemon.rejudge import rejudge
     from daemon.spec import OracleText
     from grammars.oracle import load_oracles
+    from scenario_tui.cli._chosen import all_traces
     from scenario_tui.cli._output import emit, watched
+    from scenario_tui.cli._session import Target
 
     written = None
     if oracles is not None:
         written = tuple(OracleText(o.name, o.text) for o in load_oracles(oracles).values())
-    places = Places.find(state)
-    try:
-        paths = find_traces(traces, places)
-    except ValueError as error:
-        raise typer.BadParameter(str(error), param_hint="TRACES") from error
-    judged = rejudge(paths, written, places=places, processes=processes)
+    target = Target(connect, state)
+    paths = all_traces(traces, target, "TRACES")
+    judged = rejudge(paths, written, places=target.places, processes=processes)
     found = tuple(watched(judged, len(paths), "judging"))
     if as_json:
         emit("judge", oracles=str(oracles or ""), traces=[_plain(one) for one in found])

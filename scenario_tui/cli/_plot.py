@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from scenario_tui.cli import _completion
-from scenario_tui.cli._options import AsJson, State
+from scenario_tui.cli._options import AsJson, Connect, State
 
 if TYPE_CHECKING:
     from scenario_tui.plotting import Curve, Curves
@@ -31,15 +31,16 @@ def plot(
             autocompletion=_completion.signals,
         ),
     ],
+    connect: Connect = "",
     state: State = None,
     as_json: AsJson = False,
 ) -> None:
     """Draw signals of a recorded run over time, with the moments that decided against it."""
-    from daemon.places import Places
     from scenario_tui.cli._chosen import one_trace
+    from scenario_tui.cli._session import Target
     from scenario_tui.plotting import read_curves
 
-    trace = one_trace(run, Places.find(state), "RUN")
+    trace = one_trace(run, Target(connect, state), "RUN")
     try:
         found = read_curves(trace, signals)
     except ValueError as error:

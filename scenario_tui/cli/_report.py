@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final
@@ -10,11 +11,11 @@ import typer
 
 from scenario_tui.cli import _completion
 from scenario_tui.cli._exits import ExitCode
-from scenario_tui.cli._options import AsJson, State
+from scenario_tui.cli._options import AsJson, Connect, State
 
 if TYPE_CHECKING:
-    from daemon.places import Places
     from daemon.report import Chosen, Command, Material
+    from scenario_tui.cli._session import Target
 
 _DEFAULT: Final = Path("report.html")
 _LOOKS: Final = (
@@ -70,21 +71,22 @@ def report(
         int | None,
         typer.Option("--processes", "-j", min=1, max=1024, help="Default: one per core."),
     ] = None,
+    connect: Connect = "",
     state: State = None,
     as_json: AsJson = False,
 ) -> None:
     """Write a campaign as one page with figures, or as tables for machines."""
-    from daemon.places import Places
     from daemon.report import gather, write_csv, write_junit, write_page, write_parquet
     from scenario_tui.cli._output import watched
+    from scenario_tui.cli._session import Target
 
-    places = Places.find(state)
+    target = Target(connect, state)
     if run:
-        _draw(run, campaign, output, places, as_json=as_json)
+        _draw(run, campaign, output, target, as_json=as_json)
         return
     tables = {"junit": junit, "csv": csv, "parquet": parquet}
     page = output or (None if any(tables.values()) else _DEFAULT)
-    chosen = _chosen(campaign, places)
+    chosen = _chosen(campaign, target)
     bar = partial(watched, description="reading traces")
     material = gather(chosen, processes=processes, watched=bar)
     if page is not None:
@@ -98,8 +100,11 @@ def report(
         raise typer.Exit(ExitCode(material.assessment.exit_code))
 
 
-def _chosen(campaign: str, places: Places) -> Chosen:
-    """Return what is meant: a folder of traces, else a campaign of the state directory."""
+def _chosen(campaign: str, target: Target) -> Chosen:
+    """Return what is meant: a folder of traces, else a campaign of the state directory.
+
+    Of a daemon that was named, the traces are brought here.
+    """
     from daemon.report import folder_of_traces, open_ledger, recorded
     from scenario_tui.cli._session import find_campaign
 
@@ -109,8 +114,38 @@ def _chosen(campaign: str, places: Places) -> Chosen:
     if folder.suffix == ".mcap":
         message = "a report is about a campaign or a folder of traces"
         raise typer.BadParameter(f"{message}: for one run there is --run", param_hint="CAMPAIGN")
-    with open_ledger(places) as reader:
-        return recorded(reader, find_campaign(reader, campaign), places)
+    if target.named:
+        return _brought(campaign, target)
+    with open_ledger(target.places) as reader:
+        return recorded(reader, find_campaign(reader, campaign), target.places)
+
+
+def _brought(campaign: str, target: Target) -> Chosen:
+    from daemon.errors import NotAtHand
+    from daemon.report import assembled
+    from daemon.store import local_copy
+    from daemon.store import recorded as recorded_trace
+    from scenario_tui.cli._chosen import progress
+    from scenario_tui.cli._session import find_campaign
+
+    with target.open() as daemon:
+        row = find_campaign(daemon, campaign)
+        records = list(daemon.records(row.id))
+        runs = [daemon.run(record.id) for record in records]
+        size = sum(run.result.trace.size for run in runs if run.result is not None)
+        with progress(size) as told:
+            for position, run in enumerate(runs):
+                if records[position].trace is None:
+                    continue
+                try:
+                    path = local_copy(recorded_trace(run), daemon, told=told)
+                    records[position] = replace(records[position], trace=str(path))
+                except NotAtHand as error:
+                    note = f"{records[position].note} {error}".strip()
+                    records[position] = replace(records[position], trace=None, note=note)
+        declared = daemon.declared(row.id)
+    specs = [run.spec for run in runs]
+    return assembled(row, target.endpoint, declared, records, specs)
 
 
 def _commands() -> tuple[Command, ...]:
@@ -154,7 +189,7 @@ def _tell(material: Material, written: dict[str, Path], *, as_json: bool) -> Non
         console.print(f"{path} ({size:.2f} MB)", markup=False, soft_wrap=True)
 
 
-def _draw(run: str, campaign: str, output: Path | None, places: Places, *, as_json: bool) -> None:
+def _draw(run: str, campaign: str, output: Path | None, target: Target, *, as_json: bool) -> None:
     from daemon.report import draw_run
     from scenario_tui.cli._chosen import one_trace
     from scenario_tui.cli._output import emit, out
@@ -164,7 +199,7 @@ def _draw(run: str, campaign: str, output: Path | None, places: Places, *, as_js
     path = output or Path("run.svg")
     if path.suffix not in (".svg", ".png"):
         raise typer.BadParameter(f"{path} must end in .svg or .png", param_hint="--output")
-    trace = one_trace(run, places, "--run")
+    trace = one_trace(run, target, "--run")
     draw_run(trace, path)
     if as_json:
         emit("picture", trace=str(trace), written=str(path))

@@ -7,12 +7,15 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 from daemon.errors import Refused, Unreachable
 from daemon.protocol import CampaignRow, RunDetail
 from grammars.diagnostics import Diagnostic, InputError, Where, did_you_mean
 from scenario_tui.asking import Daemon
+
+if TYPE_CHECKING:
+    from daemon.places import Places
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,6 +46,13 @@ class Target:
                 f"no daemon keeps {folder}: start one with `scenario daemon` or `scenario submit`"
             )
         return found.address
+
+    @property
+    def places(self) -> Places:
+        """The state directory of this machine that is meant."""
+        from daemon.places import Places
+
+        return Places.find(self.state)
 
     @property
     def named(self) -> bool:

@@ -1,0 +1,117 @@
+"""Traces of a daemon elsewhere: fetched, and read by the commands that are about recorded runs."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from daemon.ledger import Book, connect
+from daemon.messages import Completion
+from daemon.oracles import judge, overall
+from daemon.places import Places, trace_name
+from daemon.protocol import Submission
+from daemon.spec import RunResult, Timing, TraceInfo
+from daemon.store import _copies, sha256_of
+from daemon.trace import read_trace
+from scenario_tui.cli._main import invoke
+from tests.daemon.harness import DaemonPart, daemon_at
+from tests.daemon.oracles.traces import CORRIDOR
+from tests.daemon.report.recordings import DECLARED, OPEN, SHUT, SUTS, record, spec
+from tests.scenario_tui.outputs import declared
+
+
+@pytest.fixture(scope="module")
+def far(tmp_path_factory: pytest.TempPathFactory) -> Iterator[DaemonPart]:
+    """A daemon with a campaign: two runs with traces, one that waits."""
+    places = Places(tmp_path_factory.mktemp("far") / "state")
+    places.make()
+    specs = (spec(SHUT, SUTS[0], 0), spec(OPEN, SUTS[0], 0), spec(OPEN, SUTS[1], 0))
+    connection = connect(places.ledger)
+    book = Book(connection)
+    book.submit(Submission("corr-1", "corr", "about", "", specs, (CORRIDOR,), DECLARED), 1.0)
+    for grant in book.lease("w", 2, 1.0):
+        path = record(places.trace(grant.trace), grant.spec)
+        trace = read_trace(path)
+        verdicts = judge(trace, grant.spec.oracles)
+        info = TraceInfo(sha256_of(path), path.stat().st_size, 1)
+        result = RunResult(
+            grant.spec.digest, overall(trace, verdicts), verdicts, "finished", info,
+            Timing(1.5, 1.0, 20.0),
+        )  # fmt: skip
+        book.complete(Completion("w", grant.run, grant.attempt, grant.token, result), 2.0)
+    connection.close()
+    with daemon_at(places.state) as daemon:
+        daemon.client().close()
+        yield daemon
+
+
+@pytest.fixture
+def here(tmp_path: Path, far: DaemonPart, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A folder of another machine, as far as commands can tell: the files are not there."""
+    monkeypatch.setenv("SCENARIO_STATE", str(tmp_path / "state"))
+    monkeypatch.setenv("SCENARIO_CONNECT", far.endpoint)
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    monkeypatch.chdir(tmp_path)
+    there = _copies.is_file_of
+
+    def is_file_of(path: Path, size: int, sha256: str) -> bool:
+        return not path.is_relative_to(far.state) and there(path, size, sha256)
+
+    monkeypatch.setattr(_copies, "is_file_of", is_file_of)
+    return tmp_path
+
+
+def cached(here: Path) -> list[Path]:
+    return sorted((here / "cache" / "scenario" / "traces").glob("*.mcap"))
+
+
+def test_a_campaign_is_fetched_once_and_verified(
+    here: Path, far: DaemonPart, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert invoke(["fetch", "corr", "-o", "out", "--json"]) == 0
+    body = declared(capsys.readouterr().out)
+    assert body["missing"] == {}
+    assert [trace["run"] for trace in body["traces"]] == ["corr-1.0", "corr-1.1"]
+    names = [trace_name("corr-1", scenario, SUTS[0], 0) for scenario in (SHUT, OPEN)]
+    for trace, name in zip(body["traces"], names, strict=True):
+        path = here / "out" / name
+        assert trace["path"] == str(Path("out") / name)
+        assert path.read_bytes() == Places(far.state).trace(name).read_bytes()
+        before = path.stat().st_mtime_ns
+        assert invoke(["fetch", trace["run"], "-o", "out"]) == 0
+        assert path.stat().st_mtime_ns == before
+    assert f"1 trace in out/corr-1, {path.stat().st_size / 1e6:.1f} MB" in capsys.readouterr().out
+
+
+def test_what_cannot_be_fetched_is_said(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert invoke(["fetch", "corr-1.2"]) == 3
+    assert "corr-1.2 has no trace: it is queued" in capsys.readouterr().err
+    assert invoke(["fetch", "cor-2"]) == 2
+    assert "cor-2 is no file and no run" in capsys.readouterr().err
+
+
+def test_commands_about_recorded_runs_bring_their_traces(
+    here: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert invoke(["replay", "corr.1", "--frame", "1", "--json"]) == 0
+    body = json.loads(capsys.readouterr().out)
+    assert [body["trace"]] == [str(path) for path in cached(here)]
+    assert invoke(["plot", "corr-1.1", "speed"]) == 0
+    invoke(["judge", "corr", "-j", "1", "--json"])
+    out = capsys.readouterr().out
+    assert len(json.loads(out[out.index('{\n  "schema"') :])["traces"]) == 2
+    assert len(cached(here)) == 2
+    assert invoke(["report", "corr", "--csv", "m.csv", "-j", "1", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["runs"] == 3
+    assert invoke(["report", "--run", "corr-1.0", "-o", "run.svg"]) == 0
+    assert invoke(["coverage", "corr-1", "-j", "1", "--json"]) == 0
+
+
+def test_a_run_the_daemon_does_not_know_is_wrong_usage(
+    here: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert invoke(["replay", "corr-1.9", "--frame", "1"]) == 2
+    assert 'corr-1.9" is no run' in capsys.readouterr().err
