@@ -27,6 +27,9 @@ T = TypeVar("T")
 _LINK_LEASE_MS: Final = 4000
 """A peer that is silent for this long is gone (a killed one is noticed at once)."""
 
+_LARGEST_MESSAGE: Final = 2 * LARGEST_SUBMISSION
+"""Bytes; larger ones are dropped unread. Up to that, what is too large is refused with a reason."""
+
 _PATIENCE: Final = 0.5
 """Seconds to ask again when nobody answers: a restarting daemon needs a moment."""
 
@@ -116,7 +119,7 @@ def _config(mode: str, settings: dict[str, object]) -> zenoh.Config:
         "scouting/delay": 0,  # else opening a router waits half a second, deaf but connectable
         "transport/shared_memory/enabled": False,
         "transport/link/tx/lease": _LINK_LEASE_MS,
-        "transport/link/rx/max_message_size": LARGEST_SUBMISSION + 2**20,
+        "transport/link/rx/max_message_size": _LARGEST_MESSAGE,
     }
     for key, value in (common | settings).items():
         config.insert_json5(key, json.dumps(value))

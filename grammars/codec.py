@@ -10,7 +10,7 @@ from __future__ import annotations
 import functools
 import hashlib
 from collections.abc import Hashable
-from typing import Any, TypeVar, cast
+from typing import Any, Literal, TypeVar, cast
 
 from pydantic import TypeAdapter
 from pydantic_core import SchemaValidator
@@ -55,12 +55,13 @@ def to_plain(value: Any, kind: Any = None) -> Any:
     return _adapter(kind or type(value)).dump_python(value, mode="json")
 
 
-def from_json(kind: type[T], data: bytes | str) -> T:
-    """Read a value type back from JSON.
+def from_json(kind: type[T], data: bytes | str, *, exactly: bool = False) -> T:
+    """Read a value type back from JSON; ``exactly`` refuses fields that it does not have.
 
     Raises :class:`pydantic.ValidationError` (a ``ValueError``) when the text is not such a value.
     """
-    value: T = _cached_reader(cast(Hashable, kind)).validate_json(data)
+    extra: Literal["forbid"] | None = "forbid" if exactly else None
+    value: T = _cached_reader(cast(Hashable, kind)).validate_json(data, extra=extra)
     return value
 
 

@@ -178,7 +178,7 @@ class Desk:
             raise Refused(f"the request has {len(payload)} bytes, at most {limit} are taken")
         data = b"{}" if payload is None else payload.to_bytes()
         try:
-            request: object = codec.from_json(service.request, tamed(data))
+            request: object = codec.from_json(service.request, tamed(data), exactly=True)
         except ValueError as error:
             raise Refused(f"the request is malformed: {error}") from error
         return codec.to_json(service.act(ledger, request), service.answer)
