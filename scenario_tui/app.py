@@ -7,9 +7,11 @@ import time
 import warnings
 from collections.abc import Callable
 from functools import partial
+from importlib import import_module
 from pathlib import Path
 from typing import ClassVar, Final
 
+from textual import work
 from textual.binding import Binding, BindingType
 from textual.screen import ModalScreen, Screen
 from textual.theme import Theme
@@ -24,9 +26,6 @@ from scenario_tui.feed import Action, Feed, Picture
 from scenario_tui.screens.base import BaseScreen
 from scenario_tui.screens.campaigns import CampaignsScreen
 from scenario_tui.screens.help import Help
-from scenario_tui.screens.matrix import MatrixScreen
-from scenario_tui.screens.run import RunScreen
-from scenario_tui.screens.runs import RunsScreen
 from scenario_tui.screens.workers import WorkersScreen
 from scenario_tui.sparing import SparingApp
 from scenario_tui.tracks import Tracks
@@ -35,13 +34,15 @@ from scenario_tui.wording import counted
 
 FRAMES: Final = 8
 """How often a second the screen takes over what the feed has found."""
+_READY: Final = 0.5
+"""Seconds after which the first screen is there and other ones can be loaded."""
 
 
 class Dashboard(SparingApp):
     """Campaigns, their runs, one run, the workers; fed by a :class:`Feed`."""
 
     TITLE = "scenario"
-    CSS_PATH = "dashboard.tcss"
+    CSS_PATH = ["dashboard.tcss", "playing.tcss"]  # noqa: RUF012
     HORIZONTAL_BREAKPOINTS = [(0, "-narrow"), (110, "-wide")]  # noqa: RUF012
     COMMAND_PALETTE_BINDING = "colon"
     COMMANDS = {Actions, Campaigns, Runs}  # noqa: RUF012
@@ -78,6 +79,7 @@ class Dashboard(SparingApp):
         self.config = config or Config()
         self.read_only = self.config.read_only
         self.submitted: tuple[Path, ...] = ()
+        self.marked = ""
         self.clock = clock
         self.picture = Picture()
         self.tracks = Tracks()
@@ -96,6 +98,13 @@ class Dashboard(SparingApp):
         self.set_keymap(self.config.keys)
         self.feed.start()
         self.set_interval(1.0 / FRAMES, self.look)
+        self.set_timer(_READY, self._load_screens)
+
+    @work(thread=True)
+    def _load_screens(self) -> None:
+        """Load the screens behind the first one, whose libraries take longer than it does."""
+        import_module("scenario_tui.screens.matrix")
+        import_module("scenario_tui.screens.runs")
 
     def on_unmount(self) -> None:
         """Stop asking."""
@@ -164,14 +173,20 @@ class Dashboard(SparingApp):
 
     def open_matrix(self, campaign: str) -> None:
         """Show a campaign judged."""
+        from scenario_tui.screens.matrix import MatrixScreen
+
         self.push_screen(MatrixScreen(campaign))
 
     def open_runs(self, campaign: str, scenario: str = "", sut: str = "") -> None:
         """Show the runs of a campaign, or of one of its cells."""
+        from scenario_tui.screens.runs import RunsScreen
+
         self.push_screen(RunsScreen(campaign, scenario, sut))
 
     def open_run(self, run: str) -> None:
         """Show one run."""
+        from scenario_tui.screens.run import RunScreen
+
         self.push_screen(RunScreen(run))
 
     def action_go(self, place: str) -> None:
@@ -181,7 +196,7 @@ class Dashboard(SparingApp):
         while len(self.screen_stack) > 1:
             self.pop_screen()
         if place == "runs":
-            self.push_screen(RunsScreen())
+            self.open_runs("")
         elif place == "workers":
             self.push_screen(WorkersScreen())
 

@@ -7,6 +7,7 @@ from contextlib import AbstractContextManager
 from typing import Protocol, TypeAlias
 
 from daemon.assessment import Declared, RunRecord
+from daemon.messages import Piece
 from daemon.protocol import (
     CampaignRow,
     Disk,
@@ -56,6 +57,7 @@ class Daemon(Protocol):
     def run(self, run: str) -> RunDetail: ...  # noqa: D102
     def declared(self, campaign: str) -> Declared: ...  # noqa: D102
     def records(self, campaign: str) -> tuple[RunRecord, ...]: ...  # noqa: D102
+    def piece(self, run: str, offset: int) -> Piece: ...  # noqa: D102
     def scene(self, digest: str) -> Scene: ...  # noqa: D102
     def workers(self) -> tuple[WorkerRow, ...]: ...  # noqa: D102
     def disk(self) -> Disk: ...  # noqa: D102
@@ -68,6 +70,7 @@ class Daemon(Protocol):
     def events(  # noqa: D102
         self, on_event: Callable[[Event], None], on_live: Callable[[Live], None] | None = None
     ) -> Subscription: ...
+    def watch(self, run: str, on_live: Callable[[Live], None]) -> Subscription: ...  # noqa: D102
 
 
 Opener: TypeAlias = Callable[[], AbstractContextManager[Daemon]]

@@ -11,11 +11,12 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable, Mapping
+from contextlib import AbstractContextManager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Final, Literal, TypeAlias, TypeVar
 
-from daemon.errors import DaemonError, Refused
+from daemon.errors import DaemonError, Refused, Unreachable
 from daemon.protocol import (
     CampaignRow,
     Event,
@@ -28,7 +29,7 @@ from daemon.protocol import (
 )
 from grammars.scene import Scene
 from grammars.values import Point2, Pose2
-from scenario_tui.asking import Daemon, Opener
+from scenario_tui.asking import Daemon, Opener, Subscription
 from scenario_tui.judging import Judge
 from scenario_tui.summary import Conclusion, Results
 
@@ -98,10 +99,15 @@ class Unseen:
 
 @dataclass(frozen=True, slots=True)
 class Picture:
-    """The last that is known; ``at`` is when it was true [s since the epoch], 0 for never."""
+    """The last that is known; ``at`` is when it was true [s since the epoch], 0 for never.
+
+    ``problem`` says why we are not connected; somebody is there but ``refused`` when that is what
+    they said, as daemons of other versions do.
+    """
 
     connected: bool = False
     problem: str = ""
+    refused: bool = False
     at: float = 0.0
     overview: Overview | None = None
     campaigns: tuple[CampaignRow, ...] = ()
@@ -142,6 +148,8 @@ class Feed:
         self._changed = False
         self._scenes: dict[str, Scene] = {}
         self._recording: tuple[tuple[str, str], Recording | Unseen] | None = None
+        self._watching: Subscription | None = None
+        self._watched = self._detailed = ""
         self._actions: deque[Action] = deque()
         self._lives: deque[Live] = deque(maxlen=512)
         self._notices: deque[Notice] = deque(maxlen=16)
@@ -149,6 +157,10 @@ class Feed:
         self._closing = False
         self._failure: Exception | None = None
         self._thread = threading.Thread(target=self._run, name="feed", daemon=True)
+
+    def connect(self) -> AbstractContextManager[Daemon]:
+        """Return a connection of one's own, for questions that may take a while."""
+        return self._open()
 
     def start(self) -> None:
         """Begin to ask."""
@@ -191,17 +203,23 @@ class Feed:
             try:
                 self._session()
             except DaemonError as error:
-                self._show(replace(self._picture, connected=False, problem=str(error)))
+                self._lose(error)
+                self._forget()
                 self._wake.wait(_RETRY)
                 self._wake.clear()
             except Exception as error:
                 self._failure = error
                 return
 
+    def _lose(self, error: DaemonError) -> None:
+        """Keep what is known, and why nothing more is."""
+        refused = not isinstance(error, Unreachable)
+        self._show(replace(self._picture, connected=False, problem=str(error), refused=refused))
+
     def _session(self) -> None:
         """Ask over one connection until it breaks or the feed is closed."""
         with self._open() as daemon:
-            subscription = daemon.events(self._on_event, self._lives.append)
+            subscription = daemon.events(self._on_event, self._on_live)
             leaving = threading.Event()
             judging = threading.Thread(
                 target=self._judging, args=(daemon, leaving), name="judge", daemon=True
@@ -217,6 +235,7 @@ class Feed:
                 leaving.set()
                 # A question about a large campaign may still wait for a daemon that is gone.
                 judging.join(_PATIENCE)
+                self._unwatch()
                 subscription.close()
 
     def _judging(self, daemon: Daemon, leaving: threading.Event) -> None:
@@ -251,6 +270,7 @@ class Feed:
             self._picture,
             connected=True,
             problem="",
+            refused=False,
             overview=daemon.overview(),
             campaigns=daemon.campaigns(),
             conclusions=self._judge.conclusions,
@@ -266,13 +286,46 @@ class Feed:
             scene = self._scene(daemon, detail.spec.scene) if detail is not None else None
             recording = self._recorded(detail)
             picture = replace(picture, detail=detail, scene=scene, recording=recording)
+        self._watch(daemon, picture.detail if want.run else None)
         self._show(picture)
+
+    def _forget(self) -> None:
+        """Forget what was asked for: nobody expects it to be done when the daemon is back."""
+        if _drain(self._actions):
+            self._notices.append(Notice("no daemon answers: nothing was done", "error"))
+
+    def _watch(self, daemon: Daemon, detail: RunDetail | None) -> None:
+        """Have details of the run that is shown sent while it runs, and of no other."""
+        running = detail is not None and detail.row.state is RunState.RUNNING
+        run = detail.row.id if detail is not None and running else ""
+        if run == self._watched:
+            return
+        self._unwatch()
+        if run:
+            self._watching, self._watched = daemon.watch(run, self._on_detail), run
+
+    def _unwatch(self) -> None:
+        if self._watching is not None:
+            self._watching.close()
+        self._watching, self._watched, self._detailed = None, "", ""
+
+    def _on_live(self, live: Live) -> None:
+        # What is told to everybody comes late for a run that is watched.
+        if live.run != self._detailed:
+            self._lives.append(live)
+
+    def _on_detail(self, live: Live) -> None:
+        self._detailed = live.run
+        self._lives.append(live)
 
     def _act(self, daemon: Daemon, action: Action) -> None:
         try:
-            self._notices.append(Notice(action(daemon)))
+            said = action(daemon)
         except DaemonError as error:
             self._notices.append(Notice(str(error), "error"))
+        else:
+            if said:
+                self._notices.append(Notice(said))
 
     def _detail(self, daemon: Daemon, run: str) -> RunDetail | None:
         try:
@@ -306,22 +359,35 @@ class Feed:
         self._changed = True
 
 
-def read_recording(detail: RunDetail) -> Recording | Unseen:
-    """Return the recorded way of a run that is over, or why its trace cannot be read here."""
-    from daemon.trace import TraceError, read_trace
-
+def traced(detail: RunDetail) -> Path | Unseen:
+    """Return where the trace of a run lies on this machine, or why there is none."""
     run, path = detail.row.id, Path(detail.row.trace)
+    if detail.row.state in (RunState.QUEUED, RunState.RUNNING):
+        return Unseen(run, f"This run is {detail.row.state}: its trace is there when it is over.")
     if detail.result is None:
-        return Unseen(run, f"This run was {detail.row.state}: there is nothing to look at.")
+        what = f"This run was {detail.row.state}: there is nothing to look at."
+        return Unseen(run, f"{what}\n\nr queues it again.")
     if not detail.row.trace:
         return Unseen(run, "No trace of this run was kept.")
     if not path.is_file():
         what = "Look at it where its worker is, or run it again."
         return Unseen(run, f"Its trace is not on this machine (any more): {path}\n\n{what}")
+    return path
+
+
+def read_recording(detail: RunDetail) -> Recording | Unseen:
+    """Return the recorded way of a run that is over, or why its trace cannot be read here."""
+    from daemon.trace import TraceError, read_trace
+
+    run, path = detail.row.id, traced(detail)
+    if isinstance(path, Unseen):
+        return path
     try:
         trace = read_trace(path)
     except TraceError as error:
-        return Unseen(run, "; ".join(d.message for d in error.diagnostics) + f": {path}")
+        said = "; ".join(d.message for d in error.diagnostics)
+        what = "Run it again, or copy the file anew from where its worker is."
+        return Unseen(run, f"Its trace cannot be used: {said}: {path}\n\n{what}")
     way, joints = trace.ground_truth, trace.joints
     if not len(way.time):
         return Unseen(run, f"Its trace says nothing of where the robot was: {path}")

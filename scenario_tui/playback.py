@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import Final
@@ -14,22 +13,15 @@ from daemon.trace import Trace, TraceError, read_trace
 from daemon.verdict import Outcome, Verdict
 from grammars.diagnostics import did_you_mean
 from grammars.values import Floats, Point2, Pose2
+from scenario_tui.chronicle import Chronicle
+from scenario_tui.signals import chronicle_of
+from scenario_tui.transport import FLASH, Moment, next_moment, previous_moment
 from scenario_tui.widgets.top_view import View
 
 RAYS: Final = 120
 """Laser returns shown of one scan at most: more of them fall into the same dots."""
-FLASH: Final = 0.5
-"""Seconds a contact stays to be seen."""
 _STEP: Final = 0.03
 """Metres between two points of the trail."""
-
-
-@dataclass(frozen=True, slots=True)
-class Moment:
-    """When an oracle was decided against [s], and which one."""
-
-    time: float
-    oracle: str
 
 
 class Playback:
@@ -56,11 +48,11 @@ class Playback:
 
     def next_moment(self, time: float) -> Moment | None:
         """Return the first moment after ``time`` that an oracle was decided against."""
-        return next((m for m in self.moments if m.time > time + 1e-6), None)
+        return next_moment(self.moments, time)
 
     def previous_moment(self, time: float) -> Moment | None:
         """Return the last moment before ``time`` that an oracle was decided against."""
-        return next((m for m in reversed(self.moments) if m.time < time - 1e-6), None)
+        return previous_moment(self.moments, time)
 
     def time_of(self, text: str) -> float:
         """Return the moment meant [s]: a number of seconds, or when an oracle was decided.
@@ -100,6 +92,15 @@ class Playback:
         index = _last(self.trace.estimate.time, time)
         return None if index < 0 else _pose_at(self.trace.estimate, index)
 
+    def spread(self, time: float) -> tuple[float, float, float] | None:
+        """Return how sure it was of its position: by its particles, else by its estimate."""
+        track = self.trace.cloud if len(self.trace.cloud.time) else self.trace.estimate
+        index = _last(track.time, time)
+        if index < 0:
+            return None
+        found = track.covariance[index]
+        return float(found[0, 0]), float(found[0, 1]), float(found[1, 1])
+
     def joints(self, time: float) -> tuple[float, ...]:
         """Return all joint positions at ``time``, in the order of the scene."""
         resting = tuple(value for obj in self.trace.scene.objects for value in obj.initial)
@@ -131,7 +132,13 @@ class Playback:
             self._returns(time),
             self._plan(time),
             self.contacts(time, window),
+            self.spread(time),
         )
+
+    @cached_property
+    def chronicle(self) -> Chronicle:
+        """Signals, doors and mission along time."""
+        return chronicle_of(self.trace, self.verdicts)
 
     @cached_property
     def _kept(self) -> list[int]:

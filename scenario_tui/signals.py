@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -12,57 +11,13 @@ from daemon.oracles import Course, Sampler, course_of, problems_of
 from daemon.trace import JointTrack, Trace
 from daemon.verdict import Outcome, Verdict
 from grammars.oracle import Signal, kind_of, render
-from grammars.values import Floats
+from scenario_tui.chronicle import Chronicle, DoorEvent, Stretch, Strip
 
 DOORS: Final = "clearance(doors)"
 """Name of the signal that is the least clearance of any object that moves."""
 _USUAL: Final = ("loc.error", "clearance", DOORS, "speed")
 _AJAR: Final = 0.05
 """A door this far from how it is drawn, shut, counts as open [rad or m]."""
-
-Stretch = tuple[float, float]
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Strip:
-    """A signal over time: ``time``, ``values`` (n,), NaN where it is not known.
-
-    ``limits`` [SI] are what oracles compare it with; ``against`` are stretches [s] in which the
-    run spoke against an oracle that reads it. ``unit`` is ``bool`` for what is true or false.
-    """
-
-    name: str
-    unit: str
-    time: Floats
-    values: Floats
-    limits: tuple[float, ...] = ()
-    against: tuple[Stretch, ...] = ()
-
-    def at(self, time: float) -> float:
-        """Return the value at ``time`` [s]: of the last sample until then, NaN before the first."""
-        index = int(np.searchsorted(self.time, time + 1e-9, side="right")) - 1
-        return float(self.values[index]) if index >= 0 else float("nan")
-
-
-@dataclass(frozen=True, slots=True)
-class DoorEvent:
-    """A joint that leaves (``opens``) or comes back to (not ``opens``) how it is drawn, shut."""
-
-    time: float
-    name: str
-    opens: bool
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Chronicle:
-    """Everything of a run along time; ``reached`` holds the moments waypoints were done [s]."""
-
-    start: float
-    end: float
-    strips: tuple[Strip, ...]
-    doors: tuple[DoorEvent, ...]
-    reached: tuple[float, ...]
-    decided: tuple[float, ...]
 
 
 def chronicle_of(trace: Trace, verdicts: Sequence[Verdict]) -> Chronicle:
@@ -79,6 +34,7 @@ def chronicle_of(trace: Trace, verdicts: Sequence[Verdict]) -> Chronicle:
         () if problems_of(trace) else _strips(Sampler(trace)),
         door_events(trace.joints),
         _reached(trace),
+        len(trace.spec.mission.waypoints),
         tuple(sorted(time for time in against if time is not None)),
     )
 

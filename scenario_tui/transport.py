@@ -2,11 +2,32 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
 SPEEDS: Final = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0, 200.0, 500.0, 1000.0)
 """What one goes through when faster or slower is asked for: simulated seconds a second."""
+FLASH: Final = 0.5
+"""Seconds a contact stays to be seen."""
+
+
+@dataclass(frozen=True, slots=True)
+class Moment:
+    """When an oracle was decided against [s], and which one."""
+
+    time: float
+    oracle: str
+
+
+def next_moment(moments: Sequence[Moment], time: float) -> Moment | None:
+    """Return the first of some moments, ordered by time, after ``time`` [s]."""
+    return next((m for m in moments if m.time > time + 1e-6), None)
+
+
+def previous_moment(moments: Sequence[Moment], time: float) -> Moment | None:
+    """Return the last of some moments, ordered by time, before ``time`` [s]."""
+    return next((m for m in reversed(moments) if m.time < time - 1e-6), None)
 
 
 @dataclass(slots=True)

@@ -8,7 +8,7 @@ import typer
 
 from scenario_tui.cli import _completion
 from scenario_tui.cli._exits import ExitCode
-from scenario_tui.cli._options import AsJson, State
+from scenario_tui.cli._options import AsJson, Connect, State
 
 if TYPE_CHECKING:
     from scenario_tui.playback import Playback
@@ -45,20 +45,21 @@ def replay(
             autocompletion=_completion.oracles,
         ),
     ] = "",
+    connect: Connect = "",
     state: State = None,
     as_json: AsJson = False,
 ) -> None:  # fmt: skip
     """Watch a recorded run from above, with what its oracles say."""
     import sys
 
-    from daemon.places import Places
     from scenario_tui.cli._chosen import one_trace
     from scenario_tui.cli._output import say
+    from scenario_tui.cli._session import Target
     from scenario_tui.playback import open_playback
 
     if as_json and not frame:
         raise typer.BadParameter("goes with --frame only", param_hint="--json")
-    trace = one_trace(run, Places.find(state), "RUN")
+    trace = one_trace(run, Target(connect, state), "RUN")
     if not frame and not (sys.stdin.isatty() and sys.stderr.isatty()):
         say("scenario: a replay needs a terminal; scripts use `scenario replay RUN --frame 10`")
         raise typer.Exit(ExitCode.BAD_INPUT)
@@ -66,10 +67,10 @@ def replay(
     if frame:
         _print(playback, _moment(playback, frame, "--frame"), as_json=as_json)
         return
-    from scenario_tui.screens.replay import run_replay
+    from scenario_tui.screens.replay import ReplayScreen, run_replay
 
     begin = _moment(playback, start, "--from") if start else playback.start
-    code = run_replay(playback, begin, speed)
+    code = run_replay(ReplayScreen(playback, begin, speed))
     if code:
         raise typer.Exit(ExitCode.BUG)
 

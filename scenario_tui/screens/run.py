@@ -1,33 +1,48 @@
-"""One run: what the oracles say, and the robot from above while it runs."""
+"""One run: verdicts, signals, map and log, while it runs and at any moment of it afterwards."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, ClassVar, Final
 
+from rich.text import Text
 from textual import work
 from textual.app import ComposeResult
 from textual.binding import Binding, BindingType
-from textual.containers import Vertical, VerticalScroll
-from textual.widgets import Static
+from textual.containers import Horizontal, Vertical, VerticalScroll
+from textual.widgets import OptionList, Static
 
+from daemon.glance import metres
 from daemon.protocol import CampaignRow, RunDetail, RunState
 from daemon.verdict import Verdict
 from grammars.scene import Scene
 from scenario_tui.feed import Picture, Recording, Unseen, Want
+from scenario_tui.palette import QUIET, WORDS
+from scenario_tui.run_log import log_text
 from scenario_tui.screens.base import empty
+from scenario_tui.screens.playing import Playing, clock_line
 from scenario_tui.screens.steering import Steering
 from scenario_tui.tracks import Track
+from scenario_tui.transport import FLASH, Moment, Transport
 from scenario_tui.widgets.run_text import run_text
-from scenario_tui.widgets.top_view import LEGEND, TopView, View
-from scenario_tui.wording import run_label
+from scenario_tui.widgets.timeline import LEGEND as SIGNS
+from scenario_tui.widgets.timeline import TimelineView
+from scenario_tui.widgets.top_view import LEGEND, REPLAY_LEGEND, TopView, View
+from scenario_tui.widgets.verdict_list import VerdictList
+from scenario_tui.wording import glyph_word, run_label, word_of
 
 if TYPE_CHECKING:
     from scenario_tui.app import Dashboard
+    from scenario_tui.playback import Playback
+
+
+_VAST: Final = 170
+"""Columns from which on map and signals stand side by side."""
 
 
 class RunPanel(Vertical):
-    """Words and map of one run, one above the other."""
+    """Words and map of one run, one above the other: beside the table of runs."""
 
     def compose(self) -> ComposeResult:
         """Lay out words and map."""
@@ -45,12 +60,9 @@ class RunPanel(Vertical):
             self.query_one("#run-text", Static).update("")
             self._above(None)
             return
-        track = dashboard.tracks.get(detail.row.id)
-        if detail.row.state is not RunState.RUNNING:
-            track = None
+        track = track_of(dashboard, detail)
         self.query_one("#run-text", Static).update(run_text(detail, track))
-        seen = picture.recording
-        seen = seen if seen is not None and seen.run == detail.row.id else None
+        seen = recording_of(picture, detail.row.id)
         if isinstance(seen, Unseen):
             self._above(None, seen.why)
         elif picture.scene is not None:
@@ -66,31 +78,62 @@ class RunPanel(Vertical):
         legend.display = not why
 
 
-class RunScreen(Steering):
-    """A run by its id."""
+class RunScreen(Playing, Steering):
+    """A run by its id; one that is over is played as soon as its trace is read."""
 
-    AUTO_FOCUS = "#words"
+    AUTO_FOCUS = "VerdictList"
+    VIEWS = ("verdicts", "signals", "map", "log")
+    IN_FOOTER = (
+        "back", "view", "replay-play", "next-failure", "zoom", "compare", "help", "quit",
+    )  # fmt: skip
 
     BINDINGS: ClassVar[list[BindingType]] = [
-        Binding("v", "view", "Map/words", tooltip="Switch between map and words"),
-        Binding("p", "play", "Play", tooltip="Watch the recorded run from above"),
-        Binding("z", "zoom", "Zoom", tooltip="Nearer to the robot, then back to everything"),
-        Binding("c", "cancel", "Cancel", tooltip="Cancel the campaign, after a question"),
-        Binding("r", "retry", "Retry", tooltip="Queue lost and cancelled runs again, or look anew"),
-    ]
+        Binding("p", "replay", "Play", show=False, id="play",
+                tooltip="Watch the recorded run from above, the map alone"),
+        Binding("C", "compare", "Compare", id="compare",
+                tooltip="With another run: the one marked before, or the next one marked"),
+    ]  # fmt: skip
 
     def __init__(self, run: str) -> None:
         super().__init__()
         self._run = run
-        self._chosen = False
+        self._playback: Playback | None = None
+        self._opened: Path | None = None
+        self._damage = ""
+        self._shown: object = None
 
     def body(self) -> ComposeResult:
-        """The panel alone."""
-        yield RunPanel(id="panel")
+        """Words on the left; map and signals on the right, or one of them alone."""
+        yield Static(id="now")
+        with Horizontal(id="desk"):
+            with Vertical(id="left"):
+                with VerticalScroll(id="words"):
+                    yield Static(id="run-text")
+                yield VerdictList(id="decided")
+                with VerticalScroll(id="log"):
+                    yield Static(id="log-text")
+            with Vertical(id="right"):
+                with Vertical(id="above"):
+                    yield Static(id="unseen")
+                    yield TopView(id="map")
+                    yield Static(LEGEND, id="legend")
+                with Vertical(id="along"):
+                    yield Static(id="untold")
+                    yield TimelineView(id="signals")
+                    yield Static(SIGNS, id="signs")
+
+    def on_resize(self) -> None:
+        """Put map and signals side by side where there is room for that."""
+        self.set_class(self.size.width >= _VAST, "-vast")
+        self.call_after_refresh(self.present)
 
     def want(self) -> Want:
         """This run."""
         return Want(run=self._run)
+
+    def command(self) -> str:
+        """Return what to type to watch it."""
+        return self.dashboard.equivalent.line("replay", self._run)
 
     def campaign(self) -> CampaignRow | None:
         """Return the campaign the run is part of."""
@@ -103,36 +146,94 @@ class RunScreen(Steering):
         label = run_label(detail.row) if detail is not None else self._run
         return f"campaigns › {self._run.rpartition('.')[0]} › {label}"
 
+    def moments(self) -> Sequence[Moment]:
+        """Return when its oracles were decided against."""
+        return self._playback.moments if self._playback is not None else ()
+
     def _detail(self) -> RunDetail | None:
         detail = self.dashboard.picture.detail
         return detail if detail is not None and detail.row.id == self._run else None
 
     def show(self, picture: Picture) -> None:
-        """Show the run; a running one starts with its map, a finished one with its verdicts."""
+        """Show what is known of the run: live, or as it was."""
         detail = self._detail()
         if detail is None:
             return
-        if not self._chosen:
-            self.set_class(detail.row.state is RunState.RUNNING, "-map")
-            self._chosen = True
-        self.query_one(RunPanel).show(self.dashboard, picture)
-
-    def action_view(self) -> None:
-        """Switch between map and words where there is room for one only."""
-        self.toggle_class("-map")
-
-    def action_play(self) -> None:
-        """Play the recorded run, once its trace is read."""
-        detail, seen = self._detail(), self.dashboard.picture.recording
-        if detail is None:
-            return
-        if isinstance(seen, Recording) and seen.run == self._run and detail.result is not None:
+        track, seen = track_of(self.dashboard, detail), recording_of(picture, self._run)
+        if isinstance(seen, Recording) and detail.result is not None and seen.path != self._opened:
+            self._opened = seen.path
             self._open(seen.path, detail.result.verdicts)
+        self._words(detail, track)
+        if self._playback is None:
+            self._live(detail, picture, track, seen)
+        self._say(detail)
+
+    def _words(self, detail: RunDetail, track: Track | None) -> None:
+        """Show verdicts once there are any, and the log."""
+        result = detail.result
+        self.set_class(result is not None, "-judged")
+        if result is None:
+            self.query_one("#run-text", Static).update(run_text(detail, track))
+        else:
+            self.query_one(VerdictList).show(result.verdicts)
+        if self._shown != (detail, self._playback):
+            if self._shown is None:
+                self.look_at(self.VIEWS.index("map") if _runs(detail) else 0)
+            self._shown = (detail, self._playback)
+            self.query_one("#log-text", Static).update(log_text(detail, self._playback))
+
+    def _live(
+        self, detail: RunDetail, picture: Picture, track: Track | None,
+        seen: Recording | Unseen | None,
+    ) -> None:  # fmt: skip
+        """Show the map as it is now, or why there is nothing to see."""
+        why = self._damage or (seen.why if isinstance(seen, Unseen) else "")
+        top, signals = self.query_one("#map", TopView), self.query_one("#signals", TimelineView)
+        empty(self.query_one("#unseen"), top, why)
+        waiting = "Signals are drawn when the run is over." if _unfinished(detail) else "Reading."
+        empty(self.query_one("#untold"), signals, why or waiting)
+        self.query_one("#legend").display = not why
+        self.query_one("#signs").display = False
+        if not why and picture.scene is not None:
+            recorded = seen if isinstance(seen, Recording) else None
+            top.show(view_of(detail, picture.scene, track, recorded))
+
+    def _say(self, detail: RunDetail) -> None:
+        """Say when it is and which part of the screen this is."""
+        word = word_of(detail.row)
+        said = Text(glyph_word(word), style=WORDS[word])
+        track = track_of(self.dashboard, detail)
+        if self.transport is not None and self._playback is not None:
+            reached = self._playback.reached(self.transport.time)
+            said.append(f"  {clock_line(self.transport)}  {reached}/{self._playback.waypoints} wp")
+        elif track is not None:
+            now = track.snapshot
+            said.append(
+                f"  {now.reached}/{now.waypoints} wp  {now.time:.0f} s of {now.limit:.0f} s"
+            )
+        tabs = "" if self.has_class("-wide") else self.tabs()
+        said.truncate(max(self.size.width - len(tabs) - 4, 0), overflow="ellipsis", pad=True)
+        self.query_one("#now", Static).update(said.append(f"  {tabs}", style=QUIET))
+
+    def show_moment(self, window: float = FLASH) -> None:
+        """Show map and cursor at the moment."""
+        if not self.is_attached or not self.app.is_running:
             return
-        why = "a run can be played when it is over"
-        if isinstance(seen, Unseen) and seen.run == self._run:
-            why = seen.why
-        self.notify(why)
+        playback, transport, detail = self._playback, self.transport, self._detail()
+        if playback is None or transport is None or detail is None:
+            return
+        self.query_one("#map", TopView).show(playback.view(transport.time, window=window))
+        self.query_one("#signals", TimelineView).move(transport.time)
+        self._say(detail)
+
+    def turned(self) -> None:
+        """Give the keys to what is shown."""
+        wanted = {"verdicts": "#decided", "log": "#log"}.get(self.VIEWS[self._part])
+        if wanted is not None and self.query(wanted):
+            self.query_one(wanted).focus(scroll_visible=False)
+        else:
+            self.set_focus(None)
+        self.present()
 
     @work(thread=True, exclusive=True)
     def _open(self, path: Path, verdicts: tuple[Verdict, ...]) -> None:
@@ -140,18 +241,92 @@ class RunScreen(Steering):
         # What reads traces takes a while to load, and the dashboard is to be there at once.
         from daemon.trace import TraceError
         from scenario_tui.playback import open_playback
-        from scenario_tui.screens.replay import ReplayScreen
 
         try:
             playback = open_playback(path, verdicts)
+            playback.chronicle  # noqa: B018
         except TraceError as error:
-            self.app.call_from_thread(self.notify, str(error), severity="error")
+            why = "; ".join(f"{d.message}\n\n{d.hint}" for d in error.diagnostics)
+            self.app.call_from_thread(self._broken, f"{why}: {path}")
             return
-        self.app.call_from_thread(self.app.push_screen, ReplayScreen(playback))
+        self.app.call_from_thread(self._ready, playback)
 
-    def action_zoom(self) -> None:
-        """Come nearer to the robot on the map."""
-        self.query_one(TopView).zoom()
+    def _broken(self, why: str) -> None:
+        self._damage = why
+        self.present()
+
+    def _ready(self, playback: Playback) -> None:
+        """Show the run at the moment that tells most."""
+        self._playback = playback
+        signals = self.query_one("#signals", TimelineView)
+        for name in ("#unseen", "#untold"):
+            self.query_one(name).display = False
+        for name in ("#map", "#legend", "#signals", "#signs"):
+            self.query_one(name).display = True
+        self.query_one("#legend", Static).update(REPLAY_LEGEND)
+        signals.show((playback.chronicle,))
+        first = self._moment_of(self.query_one(VerdictList).chosen())
+        transport = Transport(playback.start, playback.end, first or playback.start, playing=False)
+        self.begin(transport)
+        self.present()
+
+    def _moment_of(self, verdict: Verdict | None) -> float | None:
+        return None if verdict is None else verdict.evidence.time
+
+    def on_option_list_option_highlighted(self, event: OptionList.OptionHighlighted) -> None:
+        """Go to when the chosen oracle was decided."""
+        self._to_chosen()
+
+    def on_option_list_option_selected(self, event: OptionList.OptionSelected) -> None:
+        """Go back to when the chosen oracle was decided."""
+        self._to_chosen()
+
+    def _to_chosen(self) -> None:
+        time = self._moment_of(self.query_one(VerdictList).chosen())
+        if time is not None:
+            self.go(time)
+
+    def action_replay(self) -> None:
+        """Play the recorded run, the map alone, once its trace is read."""
+        if self._playback is not None and self.transport is not None:
+            from scenario_tui.screens.replay import ReplayScreen
+
+            self.transport.playing = False
+            self.app.push_screen(ReplayScreen(self._playback, self.transport.time))
+        else:
+            self.notify(self._why_not())
+
+    def _why_not(self) -> str:
+        """Return why the run cannot be played."""
+        seen = recording_of(self.dashboard.picture, self._run)
+        if self._damage or isinstance(seen, Unseen):
+            return self._damage or (seen.why if isinstance(seen, Unseen) else "")
+        return "its trace is being read" if self._opened else "a run can be played when it is over"
+
+    def action_compare(self) -> None:
+        """Compare with the run that was marked, or mark this one."""
+        from scenario_tui.screens.compare import mark_or_compare
+
+        mark_or_compare(self.dashboard, self._run)
+
+
+def _runs(detail: RunDetail) -> bool:
+    return detail.row.state is RunState.RUNNING
+
+
+def _unfinished(detail: RunDetail) -> bool:
+    return detail.row.state in (RunState.QUEUED, RunState.RUNNING)
+
+
+def track_of(dashboard: Dashboard, detail: RunDetail) -> Track | None:
+    """Return what was heard of a run that is running."""
+    return dashboard.tracks.get(detail.row.id) if _runs(detail) else None
+
+
+def recording_of(picture: Picture, run: str) -> Recording | Unseen | None:
+    """Return what the picture knows of the trace of a run."""
+    seen = picture.recording
+    return seen if seen is not None and seen.run == run else None
 
 
 def view_of(
@@ -163,19 +338,15 @@ def view_of(
     if track is not None:
         seen = track.snapshot
         joints = seen.joints if len(seen.joints) == len(resting) else resting
-        trail = tuple(track.trail)
         return View(
-            scene, spec.robot, spec.mission, joints, seen.pose, seen.estimate, seen.reached, trail
-        )
+            scene, spec.robot, spec.mission, joints, seen.pose, seen.estimate, seen.reached,
+            tuple(track.trail), metres(seen.returns), metres(seen.plan), tuple(track.flashes),
+            seen.spread,
+        )  # fmt: skip
     if recording is not None:
         joints = recording.joints if len(recording.joints) == len(resting) else resting
         return View(
-            scene,
-            spec.robot,
-            spec.mission,
-            joints,
-            recording.pose,
-            reached=recording.reached,
+            scene, spec.robot, spec.mission, joints, recording.pose, reached=recording.reached,
             trail=recording.trail,
-        )
+        )  # fmt: skip
     return View(scene, spec.robot, spec.mission, resting)

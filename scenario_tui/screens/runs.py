@@ -16,7 +16,7 @@ from scenario_tui.feed import Picture, RunsWanted, Want
 from scenario_tui.palette import QUIET, WORDS
 from scenario_tui.screens.base import empty
 from scenario_tui.screens.run import RunPanel
-from scenario_tui.screens.steering import Steering
+from scenario_tui.screens.steering import Steering, marks
 from scenario_tui.tracks import Track
 from scenario_tui.widgets.keyed_table import Column, KeyedTable, Row
 from scenario_tui.wording import glyph_word, margin, moment, run_label, word_of
@@ -63,6 +63,8 @@ class RunsScreen(Steering):
                 tooltip="The runs after these"),
         Binding("p,left_square_bracket", "page(-1)", "Page before", show=False, id="previous-page",
                 tooltip="The runs before these"),
+        Binding("equals_sign", "compare", "Compare", show=False, id="compare",
+                tooltip="Mark a run, then another one to see both side by side"),
     ]  # fmt: skip
 
     def __init__(self, campaign: str = "", scenario: str = "", sut: str = "") -> None:
@@ -104,6 +106,8 @@ class RunsScreen(Steering):
             parts.append(f"only {FILTERS[self._only][0]}")
         if wanted.text:
             parts.append(f"/{wanted.text}")
+        row = self.campaign() if wanted.campaign else None
+        parts += marks(row) if row is not None else []
         return "  ".join(parts)
 
     def campaign(self) -> CampaignRow | None:
@@ -190,6 +194,14 @@ class RunsScreen(Steering):
         """Sort by the next column, or the one before."""
         following = SORTS[(SORTS.index(self._wanted.sort) + step) % len(SORTS)]
         self._change(sort=following, descending=False)
+
+    def action_compare(self) -> None:
+        """Mark the run under the cursor, or compare it with the one that is marked."""
+        from scenario_tui.screens.compare import mark_or_compare
+
+        run = self.query_one(KeyedTable).key
+        if run:
+            mark_or_compare(self.dashboard, run)
 
     def action_reverse(self) -> None:
         """Sort the other way round."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 
 from rich.text import Text
 
@@ -40,7 +41,7 @@ def run_text(detail: RunDetail, track: Track | None) -> Text:
         _verdicts(text, detail.result)
     else:
         _oracles(text, detail)
-    _facts(text, detail)
+    facts(text, detail)
     return text
 
 
@@ -54,22 +55,35 @@ def _running(text: Text, track: Track | None) -> None:
 
 
 def _verdicts(text: Text, result: RunResult) -> None:
-    for verdict in sorted(result.verdicts, key=lambda v: SEVERITY.index(v.outcome)):
-        text.append(f"{glyph_word(verdict.outcome)}  ", style=WORDS[verdict.outcome])
-        text.append(verdict.oracle, style="bold")
-        text.append(f"  {_value(verdict)}\n")
-        first, *rest = (*_seen(verdict), "")
-        if verdict.margin is not None:
-            bar = margin_bar(_share(verdict))
-            text.append("    ").append(f"{bar}  ", style=WORDS[verdict.outcome])
-            text.append(f"{first}\n", style=QUIET)
-        else:
-            rest = [first, *rest]
-        for line in filter(None, rest):
-            text.append(f"    {line}\n", style=QUIET)
+    for verdict in by_severity(result.verdicts):
+        text.append(verdict_text(verdict))
+        text.append("\n")
     text.append("\n")
     if result.note:
         text.append(f"{result.note}\n\n", style=UNSURE)
+
+
+def by_severity(verdicts: Iterable[Verdict]) -> list[Verdict]:
+    """Return verdicts, what people must look at first."""
+    return sorted(verdicts, key=lambda v: SEVERITY.index(v.outcome))
+
+
+def verdict_text(verdict: Verdict) -> Text:
+    """Return a verdict in a few lines: margin, bar, evidence."""
+    text = Text()
+    text.append(f"{glyph_word(verdict.outcome)}  ", style=WORDS[verdict.outcome])
+    text.append(verdict.oracle, style="bold")
+    text.append(f"  {_value(verdict)}")
+    first, *rest = (*_seen(verdict), "")
+    if verdict.margin is not None:
+        bar = margin_bar(_share(verdict))
+        text.append("\n    ").append(f"{bar}  ", style=WORDS[verdict.outcome])
+        text.append(first, style=QUIET)
+    else:
+        rest = [first, *rest]
+    for line in filter(None, rest):
+        text.append(f"\n    {line}", style=QUIET)
+    return text
 
 
 def _value(verdict: Verdict) -> str:
@@ -109,9 +123,10 @@ def _oracles(text: Text, detail: RunDetail) -> None:
     text.append("\n")
 
 
-def _facts(text: Text, detail: RunDetail) -> None:
+def facts(text: Text, detail: RunDetail) -> None:
+    """Add what the run was and what became of it."""
     row, spec, result = detail.row, detail.spec, detail.result
-    facts = [
+    found = [
         ("scenario", f"{spec.scenario}, repeat {spec.repeat}, seed {spec.seed}"),
         ("SUT", f"{spec.sut.name} ({spec.sut.kind})"),
         ("robot", f"{spec.robot.name}, {spec.robot.drive.kind}"),
@@ -122,15 +137,15 @@ def _facts(text: Text, detail: RunDetail) -> None:
     if result is not None:
         timing = result.timing
         speed = timing.simulated / timing.wall if timing.wall > 0 else 0.0
-        facts.append(("ended", result.ended))
-        facts.append(
+        found.append(("ended", result.ended))
+        found.append(
             ("took", f"{timing.simulated:.1f} s simulated in {duration(timing.wall)}, {speed:.0f}x")
         )
     if row.worker:
-        facts.append(("worker", f"{row.worker}, attempt {row.attempt}"))
+        found.append(("worker", f"{row.worker}, attempt {row.attempt}"))
     if row.trace:
         size = f", {result.trace.size / 1e6:.1f} MB" if result is not None else ""
-        facts.append(("trace", f"{row.trace}{size}"))
-    for name, value in facts:
+        found.append(("trace", f"{row.trace}{size}"))
+    for name, value in found:
         text.append(f"{name:<9}", style=QUIET)
         text.append(f" {value}\n")

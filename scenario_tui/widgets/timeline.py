@@ -11,8 +11,8 @@ import numpy as np
 from rich.style import Style
 
 from grammars.values import Floats
+from scenario_tui.chronicle import Chronicle, Strip
 from scenario_tui.palette import BAD, BUSY, FACT, GOOD, QUIET, UNSURE
-from scenario_tui.signals import Chronicle, Strip
 from scenario_tui.widgets.braille import Canvas, Codes
 from scenario_tui.widgets.cell_view import CellView
 from scenario_tui.wording import NOTHING, quantity
@@ -38,7 +38,7 @@ AXIS: Final = 3
 """Rows below the signals: doors, mission, time."""
 _ROWS: Final = 4
 """Rows of a signal at most; what is true or false takes one."""
-LEGEND: Final = "░ against an oracle  ┈ limit  o opens c closes  ◇ waypoint done  ✗ decided against"
+LEGEND: Final = "░ against an oracle  o opens c closes x both  ◇ waypoint done  ✗ decided"
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,14 +104,15 @@ class Picture:
         self.span = _Span(min(c.start for c in chronicles), ends, max(columns - self.gutter, 1))
         lead = chronicles[0]
         self.strips = lead.strips[first:]
-        self.heights = fitting(self.strips, max(rows - AXIS, 0))
+        below = AXIS + len(chronicles) - 1
+        self.heights = fitting(self.strips, max(rows - below, 0))
         self.more = len(self.strips) - len(self.heights)
         row = 0
         for strip, height in zip(self.strips, self.heights, strict=False):
             others = [s for c in chronicles[1:] for s in c.strips if s.name == strip.name]
             self._draw(strip, others, row, height)
             row += height
-        self.axis = max(rows - AXIS, 0) if row else 0
+        self.axis = max(rows - below, 0) if row else 0
         self._events(chronicles)
 
     def _draw(self, strip: Strip, others: Sequence[Strip], top: int, height: int) -> None:
@@ -177,35 +178,36 @@ class Picture:
         self.owners[row, column : column + len(room)] = owner
 
     def _events(self, chronicles: Sequence[Chronicle]) -> None:
-        lead, span, at = chronicles[0], self.span, self.gutter
-        doors, legs, axis = self.axis, self.axis + 1, self.axis + 2
+        """Draw doors of the first run, the mission of every one, and the axis of time."""
+        doors, span = self.axis, self.span
         self.write(doors, 0, "doors", _NAME)
-        self.write(doors, at, "·" * span.columns, _QUIET)
-        for event in lead.doors:
-            column = at + span.column(event.time)
-            seen = chr(self.codes[doors, column]) if doors < len(self.codes) else ""
-            sign = "o" if event.opens else "c"
-            self.write(doors, column, "x" if seen in "oc" and seen != sign else sign, _EVENT)
-        for row, chronicle in zip((legs, axis), chronicles[:2], strict=False):
-            self.write(row, 0, "mission" if row == legs else "", _NAME)
+        self.write(doors, self.gutter, "·" * span.columns, _QUIET)
+        for event in chronicles[0].doors if doors < len(self.codes) else ():
+            column = self.gutter + span.column(event.time)
+            seen, sign = chr(self.codes[doors, column]), "o" if event.opens else "c"
+            self.write(doors, column, "x" if seen not in ("·", sign) else sign, _EVENT)
+        for row, chronicle in enumerate(chronicles, start=doors + 1):
+            self.write(row, 0, "mission", _NAME)
             self._mission(row, chronicle)
-        if len(chronicles) == 1:
-            self._axis(axis)
-        for row, chronicle in zip((axis if len(chronicles) == 1 else legs, axis), chronicles,
-                                  strict=False):  # fmt: skip
+        axis = doors + 1 + len(chronicles)
+        self._axis(axis)
+        for row, chronicle in enumerate(
+            chronicles, start=axis if len(chronicles) == 1 else doors + 1
+        ):
             for time in chronicle.decided:
-                self.write(row, at + span.column(time), "✗", _FAIL)
+                self.write(row, self.gutter + span.column(time), "✗", _FAIL)
 
     def _mission(self, row: int, chronicle: Chronicle) -> None:
-        """Draw the legs: the number of each where it begins, a diamond where a waypoint is done."""
+        """Draw the legs: a diamond where a waypoint is done, then the number of the next leg."""
         at, span = self.gutter, self.span
-        ends = span.column(chronicle.end)
-        self.write(row, at, ("─" * (ends + 1)).ljust(span.columns), _QUIET)
-        for number, time in enumerate((chronicle.start, *chronicle.reached), start=1):
+        begins, ends = span.column(chronicle.start), span.column(chronicle.end)
+        self.write(row, at + begins, "─" * (ends - begins + 1), _QUIET)
+        self.write(row, at + begins, "1", _QUIET)
+        for number, time in enumerate(chronicle.reached, start=1):
             column = at + span.column(time)
-            self.write(row, column, "◇" if number > 1 else str(number), _DONE)
-            if number > 1:
-                self.write(row, column + 1, str(number), _QUIET)
+            self.write(row, column, "◇", _DONE)
+            if number < chronicle.waypoints:
+                self.write(row, column + 1, str(number + 1), _QUIET)
 
     def _axis(self, row: int) -> None:
         span, at = self.span, self.gutter
@@ -246,6 +248,11 @@ class TimelineView(CellView):
         self._time = 0.0
         self._first = 0
         self._picture: Picture | None = None
+
+    @property
+    def drawn(self) -> bool:
+        """Whether it has anything to show."""
+        return bool(self._chronicles)
 
     def show(self, chronicles: Sequence[Chronicle]) -> None:
         """Show other runs, or none."""
@@ -302,7 +309,7 @@ class TimelineView(CellView):
                 codes[row + line, : len(shown)] = [ord(c) for c in shown]
                 owners[row + line, : len(shown)] = owner
             row += height
-        if picture.more and len(codes) > picture.axis + 2:
-            text = f"↓ {picture.more} more"[:width]
-            codes[picture.axis + 2, : len(text)] = [ord(c) for c in text]
-            owners[picture.axis + 2, : len(text)] = _QUIET
+        if picture.more:
+            text = f"> {picture.more} more"[:width]
+            codes[-1, : len(text)] = [ord(c) for c in text]
+            owners[-1, : len(text)] = _QUIET

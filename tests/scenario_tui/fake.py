@@ -210,6 +210,14 @@ class FakeSubscription:
         self._daemon.listeners.clear()
 
 
+class FakeWatch:
+    def __init__(self, daemon: FakeDaemon, run: str) -> None:
+        self._daemon, self._run = daemon, run
+
+    def close(self) -> None:
+        del self._daemon.watchers[self._run]
+
+
 @dataclass
 class FakeDaemon:
     """Holds runs and answers questions; ``reachable`` and ``before`` make it misbehave."""
@@ -221,6 +229,7 @@ class FakeDaemon:
     listeners: list[tuple[Callable[[Event], None], Callable[[Live], None] | None]] = field(
         default_factory=list
     )
+    watchers: dict[str, Callable[[Live], None]] = field(default_factory=dict)
     live: tuple[Live, ...] = ()
     before: Callable[[FakeDaemon], None] | None = None
     trouble: str = ""
@@ -349,6 +358,10 @@ class FakeDaemon:
             for live in self.live:
                 on_live(live)
         return FakeSubscription(self)
+
+    def watch(self, run: str, on_live: Callable[[Live], None]) -> FakeWatch:
+        self.watchers[run] = on_live
+        return FakeWatch(self, run)
 
 
 def _sortable(value: object) -> tuple[bool, object]:

@@ -147,7 +147,8 @@ def test_a_damaged_trace_is_said_to_be_one(fake, tmp_path) -> None:
     detail = fake.run(f"{CAMPAIGN}.0")
     seen = read_recording(replace(detail, row=replace(detail.row, trace=str(path))))
     assert isinstance(seen, Unseen)
-    assert seen.why.startswith("is not an MCAP file")
+    assert "is not an MCAP file" in seen.why
+    assert "Run it again" in seen.why
 
 
 def test_a_lost_run_has_nothing_to_look_at(fake) -> None:

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from scenario_tui.playback import Playback, open_playback
-from scenario_tui.screens.dialogs import Help
+from scenario_tui.screens.help import Help
 from scenario_tui.screens.replay import ReplayApp, ReplayScreen
 from scenario_tui.widgets.top_view import TopView
 from tests.scenario_tui.inline import screen_text
@@ -62,11 +62,11 @@ async def test_time_passes_while_it_plays_and_not_while_it_pauses(playback: Play
     async with opened(playback) as pilot:
         screen = pilot.app.screen
         await pilot.press("space")
-        screen._clock.now += 1.0
+        screen.clock.now += 1.0
         screen.tick()
         assert screen.transport.time == 2.0
         await pilot.press("space", "plus")
-        screen._clock.now += 1.0
+        screen.clock.now += 1.0
         screen.tick()
         await pilot.pause(0)
         assert screen.transport.time == pytest.approx(4.0)
@@ -74,7 +74,7 @@ async def test_time_passes_while_it_plays_and_not_while_it_pauses(playback: Play
         await pilot.press("minus", "minus")
         await pilot.pause(0)
         assert head(pilot).startswith("▶ 0.5x")
-        screen._clock.now += 60.0
+        screen.clock.now += 60.0
         screen.tick()
         await pilot.pause(0)
         assert head(pilot).startswith("‖ 0.5x  S2/pilot/0  10.0 s of 10.0 s")
@@ -84,7 +84,7 @@ async def test_contacts_are_not_missed_between_two_frames(playback: Playback) ->
     async with opened(playback) as pilot:
         screen = pilot.app.screen
         screen.transport.speed = 50.0
-        screen._clock.now += 0.1
+        screen.clock.now += 0.1
         screen.tick()  # from 2 s to 7 s, the contact was at 6 s
         await pilot.pause(0)
         assert "✱" in shown(pilot)
