@@ -24,6 +24,7 @@ from multiprocessing.connection import Connection, wait
 from pathlib import Path
 from typing import Final, Literal, NoReturn
 
+from daemon.errors import SutMissing
 from daemon.messages import Grant
 from daemon.places import sync_directory, write_atomically
 from daemon.protocol import Live
@@ -41,6 +42,8 @@ WATCHED: Final = "watched"
 LIVE: Final = b"L"
 FAILED: Final = b"F"
 NO_ROOM: Final = b"N"
+LACKS: Final = b"K"
+"""The system under test is not installed here: nothing the run could help."""
 READY: Final = b"R"
 
 _FULL: Final = (errno.ENOSPC, errno.EDQUOT)
@@ -84,6 +87,9 @@ def main(task: Task, wire: Connection) -> None:
             grant.spec, scene, trace_path=trace, on_progress=reporter, interest=reporter.interest
         )
         _keep(result, trace, task.folder)
+    except SutMissing as error:
+        wire.send_bytes(LACKS + str(error).encode())
+        _leave(1)
     except Exception as error:
         # No verdict comes of this: the worker gives the run back with these words.
         no_room = isinstance(error, OSError) and error.errno in _FULL

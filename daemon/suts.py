@@ -12,6 +12,7 @@ from collections.abc import Callable, Mapping
 from importlib.metadata import EntryPoint, entry_points
 from typing import Any, Final, TypeAlias
 
+from daemon.errors import SutMissing
 from daemon.navigation import make_idle, make_pilot, make_ros
 from daemon.navigation.ros.parameters import Findings
 from daemon.sut import SystemUnderTest
@@ -38,8 +39,9 @@ def sut_kinds() -> tuple[str, ...]:
 def make_sut(kind: str, parameters: Mapping[str, Any]) -> SystemUnderTest:
     """Make a fresh system under test.
 
-    Raises ``ValueError`` for an unknown kind, for parameters it does not take, and for a plugged
-    one that cannot be loaded or made, or is no system under test.
+    Raises ``ValueError`` for parameters it does not take, and for a plugged one that cannot be
+    made or is no system under test; :class:`daemon.errors.SutMissing`, a ``ValueError`` too, for
+    a kind that is unknown on this machine or cannot be loaded.
     """
     factory = _BUILT_IN.get(kind)
     if factory is not None:
@@ -72,11 +74,11 @@ def _make_plugged(kind: str, parameters: Mapping[str, Any]) -> SystemUnderTest:
     entry = next(iter(entry_points(group=ENTRY_POINT_GROUP, name=kind)), None)
     if entry is None:
         hint = did_you_mean(kind, sut_kinds())
-        raise ValueError(f'no system under test of kind "{kind}": {hint}')
+        raise SutMissing(f'no system under test of kind "{kind}": {hint}')
     try:
         factory: Factory = entry.load()
     except (Exception, SystemExit) as error:
-        raise ValueError(_cannot("loaded", entry, error)) from error
+        raise SutMissing(_cannot("loaded", entry, error)) from error
     try:
         return factory(parameters)
     except ValueError:

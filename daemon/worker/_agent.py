@@ -102,6 +102,7 @@ class Agent:
         self._deliver_at = 0.0
         self._leave_by = 0.0
         self._moved = 0
+        self._lacks: dict[str, None] = {}
         self._watchers = Watchers(link.session, info(0).id)
 
     def run(self) -> None:
@@ -151,9 +152,18 @@ class Agent:
         execution.listen()
         if execution.attempt.finished:
             self._outbox.append(execution.attempt)
+        elif execution.lacks:
+            self._do_without(execution.attempt, execution.why())
         else:
             self._give_back(execution.attempt, execution.why(), blame=execution.blame)
         execution.close()
+
+    def _do_without(self, attempt: Attempt, why: str) -> None:
+        """Give a run back whose system under test is not installed here, and lease no such."""
+        kind, me = attempt.grant.spec.sut.kind, self._info(0)
+        self._lacks[kind] = None
+        remedy = f'install what brings the system under test "{kind}" for worker {me.id}'
+        self._give_back(attempt, f"{why}\n{remedy} on {me.host}, and start it again", blame=False)
 
     def _give_back(self, attempt: Attempt, why: str, *, blame: bool) -> None:
         grant = attempt.grant
@@ -239,19 +249,24 @@ class Agent:
             self._log(shortage)
             self._troubled_until = time.monotonic() + _AFTER_FAILURE
             return
-        reply = self._link.ask(Verb.LEASE, LeaseRequest(self._busy(), free), LeaseReply)
+        reply = self._link.ask(
+            Verb.LEASE, LeaseRequest(self._busy(), free, tuple(self._lacks)), LeaseReply
+        )
         if len(reply.grants) < free:
             self._lease_at = time.monotonic() + _POLL
         for grant in reply.grants:
             self._begin(grant)
 
     def _begin(self, grant: Grant) -> None:
+        attempt: Attempt | None = None
         try:
             attempt = self._spool.open(grant)
             scene = self._scenes.path(grant.spec.scene)
             self._executions.append(self._backend.start(attempt, scene, self._limits))
         except (DaemonError, OSError, EOFError, ValueError) as error:
             # No disk, no process, no scene: nothing the run could help.
+            if attempt is not None:
+                attempt.discard()
             self._log(f"{grant.run}: not started, {error}")
             me = self._info(0).id
             self._releases.append(

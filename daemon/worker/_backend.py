@@ -25,6 +25,10 @@ class Execution(Protocol):
     """When it has to be listened to at the latest, by the monotonic clock [s]."""
 
     @property
+    def lacks(self) -> bool:
+        """Whether the system under test is not installed where it was executed."""
+
+    @property
     def waitables(self) -> Sequence[Waitable]:
         """What becomes ready when there is something to listen to, or at the end."""
 

@@ -30,7 +30,8 @@ _WARM_UP_LIMIT: Final = 300.0
 class Child:
     """A running attempt and its process; ``live`` is what it last told about itself.
 
-    There is no ``blame`` when it failed for want of space on the disk.
+    There is no ``blame`` when it failed for want of space on the disk, or of the system under
+    test.
     """
 
     attempt: Attempt
@@ -41,6 +42,7 @@ class Child:
     words: str = ""
     live: bytes = b""
     blame: bool = True
+    lacks: bool = False
 
     @property
     def waitables(self) -> tuple[Waitable, ...]:
@@ -61,8 +63,9 @@ class Child:
             message = self.wire.recv_bytes()
             if message[:1] == child.LIVE:
                 self.live = message[1:]
-            elif message[:1] in (child.FAILED, child.NO_ROOM):
-                self.blame = message[:1] != child.NO_ROOM
+            elif message[:1] in (child.FAILED, child.NO_ROOM, child.LACKS):
+                self.blame = message[:1] == child.FAILED
+                self.lacks = message[:1] == child.LACKS
                 self.words = message[1:].decode("utf-8", "replace")[-_LAST_WORDS:]
 
     @property

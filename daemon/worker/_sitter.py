@@ -51,6 +51,7 @@ class Told:
     ended: bool = False
     blame: bool = False
     why: str = ""
+    lacks: bool = False
 
 
 class Sitter:
@@ -105,7 +106,7 @@ class Sitter:
             if child.ended:
                 child.listen()
                 why = "" if child.attempt.finished else child.why()
-                self._tell(Told(key, ended=True, blame=child.blame, why=why))
+                self._tell(Told(key, ended=True, blame=child.blame, why=why, lacks=child.lacks))
                 del self._children[key]
                 child.close()
 

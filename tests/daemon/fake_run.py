@@ -4,7 +4,7 @@ The parameters of the system under test say what to do: ``sleep`` [s], ``outcome
 (the attempt numbers that die by SIGKILL), ``kill`` (the ancestor that dies by SIGKILL: 1 is the
 fork server, 2 what started that), ``abort`` (say this and abort), ``raise``, ``allocate``
 [MiB], ``log`` (a file that gets a line per execution), ``noise`` (makes the trace differ each
-time), ``size`` (of the trace, bytes at least).
+time), ``size`` (of the trace, bytes at least). Systems of the kind ``absent`` are not installed.
 """
 
 from __future__ import annotations
@@ -20,6 +20,7 @@ from pathlib import Path
 
 import psutil
 
+from daemon.errors import SutMissing
 from daemon.spec import RunResult, RunSpec, Snapshot, TraceInfo
 from daemon.verdict import Outcome
 from grammars.scene import Scene
@@ -36,6 +37,8 @@ def execute(
     interest: Callable[[], str] | None = None,
 ) -> RunResult:
     asked = spec.sut.parameters
+    if spec.sut.kind == "absent":
+        raise SutMissing('no system under test of kind "absent"')
     if "log" in asked:
         with Path(asked["log"]).open("a") as log:
             log.write(f"{spec.repeat} {os.getpid()} {os.nice(0)}\n")

@@ -1,7 +1,9 @@
 import hashlib
 import os
 import signal
+import sqlite3
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import psutil
@@ -9,6 +11,7 @@ import pytest
 
 from daemon.client import Client
 from daemon.protocol import Live, RunState
+from daemon.spec import SutReference
 from daemon.verdict import Outcome
 from tests.daemon.harness import (
     DaemonPart,
@@ -94,6 +97,25 @@ def test_an_exception_is_never_a_verdict(client: Client) -> None:
     assert row.state is RunState.LOST
     assert "RuntimeError: no such door" in row.reason
     assert client.run(row.id).result is None
+
+
+def test_a_run_whose_system_is_not_installed_waits_for_another_worker(
+    client: Client, daemon: DaemonPart
+) -> None:
+    absent = [replace(make_spec(i), sut=SutReference("mine", "absent", {})) for i in range(3)]
+    client.submit(submission_of("absent", *absent, *(make_spec(i) for i in range(4))))
+    eventually(lambda: client.overview().queued == 3 and not client.overview().running)
+    rows = client.runs("absent").rows
+    assert [row.state for row in rows[3:]] == [RunState.DONE] * 4
+    assert [row.state for row in rows[:3]] == [RunState.QUEUED] * 3
+    assert [row.attempt for row in rows[:3]] in ([1, 0, 0], [1, 1, 0])  # two slots, then no more
+    assert 'install what brings the system under test "absent" for worker' in rows[0].reason
+    with sqlite3.connect(daemon.state / "ledger.db") as ledger:
+        assert ledger.execute("SELECT max(strikes) FROM run WHERE kind = 'absent'").fetchone() == (
+            0,
+        )
+    ledger.close()
+    assert client.cancel("absent") == 3
 
 
 def test_a_run_that_eats_memory_is_stopped(client: Client) -> None:
