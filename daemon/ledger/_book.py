@@ -178,10 +178,14 @@ class Book:
     def complete(self, completion: Completion, now: float) -> Answer:
         """Record a result, exactly one per run, whoever brings it and however late."""
         known = self._db.execute(
-            "SELECT digest, campaign FROM run WHERE id = ?", (completion.run,)
+            "SELECT digest, campaign, CASE granted WHEN 0 THEN"
+            " (SELECT value FROM meta WHERE key = 'token') ELSE granted END FROM run WHERE id = ?",
+            (completion.run,),
         ).fetchone()
         if known is None:
             raise Refused(f"there is no run {completion.run}")
+        if not 0 < completion.token <= known[2]:
+            raise Refused(f"run {completion.run} was never leased under token {completion.token}")
         if known[0] != completion.result.spec:
             raise Refused(f"the result is not of run {completion.run}: its specification differs")
         self._check_location(completion)
