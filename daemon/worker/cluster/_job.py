@@ -8,7 +8,6 @@ from typing import Final
 
 from daemon.executor import Limits
 from daemon.messages import Grant
-from daemon.worker._versions import identity, remedy
 
 LARGEST_TRACE: Final = 256 * 2**20
 """Bytes of a trace that travel as the result of a Dask task, through the memory of three
@@ -41,12 +40,16 @@ class Fate(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Report:
-    """The end of a job on Dask worker ``worker``; ``blame`` is the run's for having failed."""
+    """The end of a job on Dask worker ``worker``; ``blame`` is the run's for having failed.
+
+    It ``lacks`` the system under test.
+    """
 
     fate: Fate
     worker: str
     words: str = ""
     blame: bool = False
+    lacks: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,9 +58,3 @@ class News:
 
     key: str
     live: str
-
-
-def unfit(place: str, wanted: str) -> str:
-    """Say what is wrong with the versions at ``place``, empty when nothing is."""
-    here = identity()
-    return "" if here == wanted else f"{place} has {here}, the gateway {wanted}: {remedy(wanted)}"

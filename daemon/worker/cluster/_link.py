@@ -14,7 +14,7 @@ from daemon.errors import WorkerBroken
 from daemon.executor import Scheduler
 from daemon.worker._versions import identity, remedy
 from daemon.worker.cluster import _remote
-from daemon.worker.cluster._job import Fate, Report, unfit
+from daemon.worker.cluster._job import Fate, Report
 from grammars import codec
 
 _PATIENCE: Final = 5.0
@@ -96,27 +96,35 @@ class Link:
         with self._lock:
             return sum(self._fit.values())
 
-    def submit(self, job: bytes, scene: bytes) -> Future:
-        """Have the cluster execute a job; raises ``OSError`` when that is not possible now."""
+    def submit(self, job: bytes, scene: bytes) -> tuple[Future, frozenset[str]]:
+        """Have the cluster execute a job; raises ``OSError`` when that is not possible now.
+
+        The workers returned are the only ones that may; none: whoever is there or comes. A Dask
+        worker that cannot import what it is told to execute dies of it, so unfit ones are spared.
+        """
         client = self._client
         if client is None or not self.connected:
             raise ConnectionError(f"the Dask scheduler {self._scheduler.address} is gone")
         with self._lock:
-            # A preference, not a condition: these may go, and others come.
-            workers = list(self._fit) if self._unfit and self._fit else None
+            workers = frozenset(self._fit if self._unfit else ())
         try:
-            return client.submit(
+            future = client.submit(
                 _remote.execute,
                 identity(),
                 job,
                 scene,
-                workers=workers,
-                allow_other_workers=workers is not None,
+                workers=list(workers) or None,
                 retries=0,
                 pure=False,
             )
         except (RuntimeError, TypeError) as error:  # it was closed in the meantime
             raise ConnectionError(f"the Dask client is gone: {error}") from error
+        return future, workers
+
+    def stranded(self, workers: frozenset[str]) -> bool:
+        """Whether a job that only these workers may execute waits for ever."""
+        with self._lock:
+            return bool(workers) and workers.isdisjoint(self._fit)
 
     def distrust(self, worker: str, words: str) -> None:
         """Give that worker no more jobs."""
@@ -159,11 +167,11 @@ class Link:
         self._client = client
 
     def _check_scheduler(self, client: Client) -> None:
-        place = f"the Dask scheduler {self._scheduler.address}"
         try:
-            words = client.run_on_scheduler(unfit, place, identity())
+            answer = client.run_on_scheduler(identity)
         except (ImportError, AttributeError) as error:
-            words = _not_there(place, error)
+            answer = error
+        words = _complaint(f"the Dask scheduler {self._scheduler.address}", answer)
         if words:
             raise WorkerBroken(words)
 
@@ -182,23 +190,33 @@ class Link:
         assert client is not None
         threads: dict[str, int] = client.nthreads()
         with self._lock:
+            before = (dict(self._fit), dict(self._unfit))
             for known in (self._proofs, self._fit, self._unfit):
                 for gone in known.keys() - threads.keys():
                     del known[gone]
-            new = threads.keys() - self._proofs.keys() - self._fit.keys() - self._unfit.keys()
-            done = [address for address, future in self._proofs.items() if future.done()]
-        for address in new:
-            self._proofs[address] = client.submit(
-                _remote.prove,
-                identity(),
-                self._executor,
-                workers=[address],
-                retries=0,
-                pure=False,
-            )
-        for address in done:
+        new = threads.keys() - self._proofs.keys() - self._fit.keys() - self._unfit.keys()
+        if new:
+            self._meet(client, sorted(new))
+        for address in [a for a, proof in self._proofs.items() if proof.done()]:
             self._settle(address, threads[address])
-        self._changed()
+        if before != (self._fit, self._unfit):
+            self._changed()
+
+    def _meet(self, client: Client, new: list[str]) -> None:
+        """Ask new workers who they are, and those of our version to get ready."""
+        answers = client.run(identity, workers=new, on_error="return")
+        for address, answer in answers.items():
+            if isinstance(answer, OSError):
+                continue  # gone already, or asked again at the next look
+            words = _complaint(f"Dask worker {address}", answer)
+            if words:
+                self.distrust(address, words)
+                continue
+            proof = client.submit(
+                _remote.prove, self._executor, workers=[address], retries=0, pure=False
+            )
+            with self._lock:
+                self._proofs[address] = proof
 
     def _settle(self, address: str, threads: int) -> None:
         future = self._proofs[address]
@@ -217,14 +235,17 @@ class Link:
 def _verdict(address: str, proof: Future) -> str:
     """What is wrong with the worker at ``address``, empty when nothing is."""
     error = proof.exception(timeout=_PATIENCE)
-    if error is None:
-        report = codec.from_json(Report, proof.result(timeout=_PATIENCE))
-        return report.words if report.fate is Fate.UNFIT else ""
-    place = f"Dask worker {address}"
-    if isinstance(error, (ImportError, AttributeError)):
-        return _not_there(place, error)
-    return f"{place}: {error!r}"
+    if error is not None:
+        return f"Dask worker {address}: {error!r}"
+    report = codec.from_json(Report, proof.result(timeout=_PATIENCE))
+    return report.words if report.fate is Fate.UNFIT else ""
 
 
-def _not_there(place: str, error: Exception) -> str:
-    return f"{place} does not have this version of ours ({error}): {remedy(identity())}"
+def _complaint(place: str, answer: object) -> str:
+    """What is wrong at ``place``, which said who it is, or raised; empty when nothing is."""
+    ours = identity()
+    if answer == ours:
+        return ""
+    if isinstance(answer, Exception):
+        return f"{place} cannot import this program ({answer}): {remedy(ours)}"
+    return f"{place} has {answer}, the gateway {ours}: {remedy(ours)}"

@@ -4,48 +4,50 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any, Final
 
 from distributed import get_worker
 from distributed.core import Status
 
 from daemon.errors import WorkerBroken
+from daemon.worker._versions import identity
 from daemon.worker.cluster._household import household
-from daemon.worker.cluster._job import Fate, Job, News, Report, unfit
+from daemon.worker.cluster._job import Fate, Job, News, Report
 from grammars import codec
 
 _LIVE_PERIOD: Final = 1.0
 _LEAVING: Final = (Status.closing, Status.closed, Status.failed)
 
 
-def prove(wanted: str, executor: str) -> bytes:
+def prove(executor: str) -> bytes:
     """Be warm here, or say what is wrong: a :class:`Report` of ``done`` or ``unfit`` in JSON."""
     worker = get_worker()
-    place = f"Dask worker {worker.address}"
-    words = unfit(place, wanted)
+    words = ""
     try:
-        if not words:
-            household(executor, worker.local_directory)
+        household(executor, worker.local_directory)
     except (WorkerBroken, OSError) as error:
-        words = f"{place}: {error}"
+        words = f"Dask worker {worker.address}: {error}"
     return codec.to_json(Report(Fate.UNFIT if words else Fate.DONE, worker.address, words))
 
 
-def execute(wanted: str, job: bytes, scene: bytes) -> tuple[bytes, bytes, bytes]:
-    """Execute a :class:`Job`: a :class:`Report`, the result (both in JSON) and the trace.
+def execute(version: str, job: bytes, scene: bytes) -> tuple[bytes, bytes, bytes]:
+    """Execute a :class:`Job` of that version: a :class:`Report`, the result (both in JSON) and
+    the trace.
 
     ``scene`` may be empty: then it is one this Dask worker has kept, or the report asks for it.
     """
     worker = get_worker()
-    words = unfit(f"Dask worker {worker.address}", wanted)
-    if words:
-        return codec.to_json(Report(Fate.UNFIT, worker.address, words)), b"", b""
+    report, result, trace = Report(Fate.UNFIT, worker.address), b"", b""
     try:
-        report, result, trace = _execute(worker, codec.from_json(Job, job), scene)
+        if version == identity():
+            report, result, trace = _execute(worker, codec.from_json(Job, job), scene)
+        else:
+            report = replace(report, words=f"{worker.address} has {identity()}")
     except WorkerBroken as error:
-        report, result, trace = Report(Fate.UNFIT, worker.address, str(error)), b"", b""
+        report = replace(report, words=str(error))
     except (OSError, ValueError) as error:
-        report, result, trace = Report(Fate.FAILED, worker.address, str(error)), b"", b""
+        report = Report(Fate.FAILED, worker.address, str(error))
     return codec.to_json(report), result, trace
 
 
@@ -64,7 +66,7 @@ def _execute(worker: Any, job: Job, scene: bytes) -> tuple[Report, bytes, bytes]
     if left.result:
         return Report(Fate.DONE, where), left.result, left.trace
     fate = Fate.FAILED if _wanted(worker, key) else Fate.STOPPED
-    return Report(fate, where, left.told.why, left.told.blame), b"", b""
+    return Report(fate, where, left.told.why, left.told.blame, left.told.lacks), b"", b""
 
 
 def _wanted(worker: Any, key: str) -> bool:

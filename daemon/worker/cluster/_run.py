@@ -53,6 +53,7 @@ class RemoteRun:
         self.attempt = attempt
         self.live = b""
         self.blame = False
+        self.lacks = False
         self.ended = False
         self._scene = scene
         self._job = job
@@ -61,12 +62,14 @@ class RemoteRun:
         self._words = ""
         self._future: Future | None = None
         self._key = ""
+        self._workers: frozenset[str] = frozenset()
         self._gave_scene = False
         self._lock = threading.RLock()
 
     def submit(self, scene: bytes = b"") -> None:
         """Give it to the cluster; raises ``OSError`` when that is not possible now."""
-        self._future = future = self._link.submit(self._job, scene)
+        future, self._workers = self._link.submit(self._job, scene)
+        self._future = future
         self._key = future.key
         self._home.submitted(future.key, self)
         future.add_done_callback(self._take)
@@ -79,7 +82,9 @@ class RemoteRun:
             self._end(str(error))
 
     def listen(self) -> None:
-        """What it tells comes by itself."""
+        """Give up when no worker that may execute it is left; all else comes by itself."""
+        if self._link.stranded(self._workers):
+            self.kill("the Dask workers that could execute it are gone")
 
     def kill(self, why: str = "") -> None:
         """Give it up; the cluster stops it within a fraction of a second."""
@@ -140,6 +145,7 @@ class RemoteRun:
     def _fail(self, report: Report) -> None:
         if report.fate is Fate.UNFIT:
             self._link.distrust(report.worker, report.words)
+        self.lacks = report.lacks
         words = report.words or f"Dask worker {report.worker} ended it: {report.fate}"
         self._end(words, blame=report.blame)
 
