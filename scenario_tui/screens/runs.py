@@ -50,7 +50,9 @@ class RunsScreen(Steering):
         "open", "back", "filter", "only", "matrix", "retry", "palette", "help", "quit",
     )  # fmt: skip
     BINDINGS: ClassVar[list[BindingType]] = [
-        Binding("slash", "filter", "Filter", id="filter", tooltip="Only runs that mention a text"),
+        # At once, or what is typed right behind it would still be taken for keys of the table.
+        Binding("slash", "filter", "Filter", id="filter", priority=True,
+                tooltip="Only runs that mention a text"),
         Binding("f", "only", "Only", id="only", tooltip="Of one verdict or state, the next one"),
         Binding("m", "matrix", "Matrix", id="matrix", tooltip="The campaign judged, cell by cell"),
         Binding("greater_than_sign", "sort(1)", "Sort", show=False, id="sort-next",
@@ -162,7 +164,13 @@ class RunsScreen(Steering):
         """Open the filter line."""
         line = self.query_one(Input)
         line.display = True
-        line.focus()
+        self.set_focus(line)
+
+    def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
+        """Let a slash be a slash in the filter line."""
+        if action == "filter" and isinstance(self.focused, Input):
+            return False
+        return super().check_action(action, parameters)
 
     def on_input_changed(self, event: Input.Changed) -> None:
         """Filter while typing."""

@@ -22,7 +22,7 @@ ROOT: Final = Path(__file__).parents[2]
 ALTERNATE, MOUSE, PASTE = 1049, (1000, 1002, 1003, 1006, 1015), 2004
 _PRIVATE: Final = 5
 """How far pyte shifts the numbers of private modes."""
-_KEPT: Final = ("PATH", "HOME", "VIRTUAL_ENV", "PYTHONPATH")
+_KEPT: Final = ("PATH", "VIRTUAL_ENV", "PYTHONPATH")
 
 
 class Terminal:
@@ -124,11 +124,11 @@ def terminal(
 ) -> Iterator[Terminal]:
     """Run a command in a terminal of its own; nothing of it is left afterwards."""
     around = {name: os.environ[name] for name in _KEPT if name in os.environ}
-    around |= {"TERM": "xterm-256color", "LANG": "C.UTF-8", **(environ or {})}
+    # Nobody's settings are to be read.
+    around |= {"HOME": "/nowhere", "TERM": "xterm-256color", "LANG": "C.UTF-8", **(environ or {})}
     master, slave = pty.openpty()
     _set_size(slave, columns, rows)
-    # A new process image at once: threads of this one (a bus, say) must not be forked.
-    pid = _spawn(list(command), slave, around)
+    pid = _spawn(list(command), os.ttyname(slave), around)
     os.close(slave)
     shown = Terminal(pid, master, columns, rows)
     try:
@@ -137,16 +137,14 @@ def terminal(
         shown.close()
 
 
-def _spawn(command: list[str], slave: int, environ: Mapping[str, str]) -> int:
-    starter = (
-        "import fcntl, os, sys, termios\n"
-        "os.setsid()\n"
-        "fcntl.ioctl(0, termios.TIOCSCTTY, 0)\n"
-        "os.execvp(sys.argv[1], sys.argv[1:])\n"
-    )
-    actions = [(os.POSIX_SPAWN_DUP2, slave, number) for number in (0, 1, 2)]
-    line = [sys.executable, "-S", "-E", "-c", starter, *command]
-    return os.posix_spawn(sys.executable, line, dict(environ), file_actions=actions)
+def _spawn(command: list[str], tty: str, environ: Mapping[str, str]) -> int:
+    """Start a command; the terminal that a leader of a session opens first is the one it has."""
+    actions = [
+        (os.POSIX_SPAWN_OPEN, 0, tty, os.O_RDWR, 0),
+        (os.POSIX_SPAWN_DUP2, 0, 1),
+        (os.POSIX_SPAWN_DUP2, 0, 2),
+    ]
+    return os.posix_spawn(command[0], command, environ, file_actions=actions, setsid=True)
 
 
 def scenario(*arguments: str) -> list[str]:
