@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import itertools
-from dataclasses import replace
 
 from textual.pilot import Pilot
 
@@ -32,7 +31,7 @@ class InlineFeed(Feed):
             if self.judge(self.fake):
                 self.step(self.fake)
         except DaemonError as error:
-            self._show(replace(self._picture, connected=False, problem=str(error)))
+            self._lose(error)
         self._lives.extend(self.fake.live)
         self.fake.live = ()
         return super().take()

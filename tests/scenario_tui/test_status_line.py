@@ -1,0 +1,98 @@
+"""The first line answers "is it fine?" at every width, and what matters most is cut last."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+from scenario_tui.feed import Picture
+from scenario_tui.summary import Conclusion
+from scenario_tui.widgets.status_line import status_text
+from tests.scenario_tui.fake import CAMPAIGN, NOW, FakeDaemon
+
+SMALL = FakeDaemon().overview()
+LARGE = replace(
+    SMALL, passed=81_234, failed=1200, inconclusive=33, lost=7, errors=2, queued=15_000,
+    running=64, cancelled=12, seconds_left=7500.0,
+)  # fmt: skip
+CAMPAIGNS = FakeDaemon().campaigns()
+JUDGED = {CAMPAIGN: Conclusion("fail", "3 unexpected", 3)}
+
+
+def line(width: int, **known: object) -> str:
+    found = Picture(True, at=NOW, overview=SMALL, campaigns=CAMPAIGNS, conclusions=JUDGED)
+    return status_text(replace(found, **known), NOW + 75.0, width).plain  # type: ignore[arg-type]
+
+
+def test_with_room_everything_is_said_in_words() -> None:
+    assert line(160) == (
+        "✓ connected  ✗ 3 unexpected  ✗ 2 fail  ! 1 lost  ? 1 inconclusive  ✓ 8 pass  "
+        "▶ 1 running  … 1 queued  12.5 runs/min  1 min 35 s left"
+    )
+
+
+@pytest.mark.parametrize(
+    ("overview", "width", "expected"),
+    [
+        (SMALL, 78, "✓ up ✗ 3 unexpected ✗2 fail !1 lost ?1 ✓8 ▶1 run …1 queue 1 min 35 s left"),
+        (SMALL, 38, "✓ ✗ 3 unexpected ✗2 fail !1 ▶1 …1"),
+        (LARGE, 78, "✓ up ✗ 3 unexpected ✗1,200 fail ‼2 error !7 lost ?33 ✓81k ▶64 …15k 2 h left"),
+        (LARGE, 38, "✓ ✗ 3 unexpected ✗1,200 fail ‼2 !7 ▶64"),
+    ],
+)
+def test_where_it_is_narrow_words_go_before_numbers(overview, width: int, expected: str) -> None:
+    assert line(width, overview=overview) == expected
+
+
+@pytest.mark.parametrize("width", range(1, 200))
+def test_it_never_runs_over(width: int) -> None:
+    for overview in (SMALL, LARGE, replace(LARGE, trouble="the disk is full")):
+        assert len(line(width, overview=overview)) <= width
+    for problem in ("no daemon answers at tcp/127.0.0.1:7447: start one", "keys: unreadable"):
+        assert len(line(width, connected=False, problem=problem, refused=True)) <= width
+
+
+@pytest.mark.parametrize("width", [198, 78, 38, 18])
+def test_that_no_run_can_start_is_said_at_every_width(width: int) -> None:
+    shown = line(width, overview=replace(LARGE, trouble="the disk is full"))
+    assert "! no run" in shown
+    assert "! no worker" in line(width, overview=replace(SMALL, workers=0))
+
+
+def test_that_everything_is_paused_is_said() -> None:
+    paused = tuple(replace(row, paused=True) for row in CAMPAIGNS)
+    assert "‖ paused" in line(160, campaigns=paused)
+    assert "paused" not in line(160)
+
+
+def test_nothing_to_do_is_fine() -> None:
+    nothing = replace(SMALL, **dict.fromkeys(
+        ("queued", "running", "done", "lost", "cancelled", "passed", "failed", "inconclusive",
+         "errors"), 0), seconds_left=None)  # fmt: skip
+    shown = line(78, overview=nothing, campaigns=(), conclusions={})
+    assert shown == "✓ connected  nothing to do"
+
+
+@pytest.mark.parametrize(
+    ("width", "expected"),
+    [
+        (78, "! no daemon answers, data is 1 min 15 s old, reconnecting"),
+        (38, "! no daemon, 1 min old, reconnecting"),
+        (18, "! no daemon"),
+    ],
+)
+def test_a_gone_daemon_is_said_with_the_age_of_everything_else(width: int, expected: str) -> None:
+    said = "no daemon answers at tcp/127.0.0.1:7447: start one with `scenario daemon`"
+    assert line(width, connected=False, problem=said) == expected
+
+
+def test_a_daemon_that_is_not_understood_is_not_called_gone() -> None:
+    said = "the daemon's answer is not understood, versions differ? overview.rate: missing"
+    shown = line(78, connected=False, problem=said, refused=True)
+    assert shown == "! the daemon's answer is not understood, versions differ, 1 min old"
+
+
+def test_before_the_first_answer_it_is_connecting() -> None:
+    assert status_text(Picture(), NOW, 78).plain == "… connecting"
+    assert line(78, overview=None) == "… connecting"
