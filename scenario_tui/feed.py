@@ -284,7 +284,7 @@ class Feed:
         if want.run:
             detail = self._detail(daemon, want.run)
             scene = self._scene(daemon, detail.spec.scene) if detail is not None else None
-            recording = self._recorded(detail)
+            recording = self._recorded(daemon, detail)
             picture = replace(picture, detail=detail, scene=scene, recording=recording)
         self._watch(daemon, picture.detail if want.run else None)
         self._show(picture)
@@ -334,14 +334,32 @@ class Feed:
             self._notices.append(Notice(str(error), "error"))
             return None
 
-    def _recorded(self, detail: RunDetail | None) -> Recording | Unseen | None:
+    def _recorded(self, daemon: Daemon, detail: RunDetail | None) -> Recording | Unseen | None:
         """Return what the trace of a run says that is over, or why it says nothing."""
         if detail is None or detail.row.state in (RunState.QUEUED, RunState.RUNNING):
             return None
         key = (detail.row.id, detail.row.trace)
         if self._recording is None or self._recording[0] != key:
-            self._recording = (key, read_recording(detail))
+            if can_be_brought(detail, daemon):
+                size = 0.0 if detail.result is None else detail.result.trace.size / 1e6
+                seen = Unseen(detail.row.id, f"Bringing its trace here, {size:.1f} MB …")
+                self._recording = (key, seen)
+                threading.Thread(target=self._bring, args=(key, detail), daemon=True).start()
+            else:
+                self._recording = (key, read_recording(detail))
         return self._recording[1]
+
+    def _bring(self, key: tuple[str, str], detail: RunDetail) -> None:
+        """Bring a trace here beside everything else that is asked."""
+        seen: Recording | Unseen
+        try:
+            with self._open() as daemon:
+                seen = read_recording(detail, daemon)
+        except DaemonError as error:
+            seen = Unseen(detail.row.id, f"Its trace cannot be brought here: {error}")
+        if self._recording is not None and self._recording[0] == key:
+            self._recording = (key, seen)
+            self._wake.set()
 
     def _scene(self, daemon: Daemon, digest: str) -> Scene | None:
         if digest not in self._scenes:
@@ -359,8 +377,11 @@ class Feed:
         self._changed = True
 
 
-def traced(detail: RunDetail) -> Path | Unseen:
-    """Return where the trace of a run lies on this machine, or why there is none."""
+def traced(detail: RunDetail, source: Daemon | None = None) -> Path | Unseen:
+    """Return where the trace of a run lies on this machine, or why there is none.
+
+    One that lies elsewhere is brought here if ``source`` is given; that may take a while.
+    """
     run, path = detail.row.id, Path(detail.row.trace)
     if detail.row.state in (RunState.QUEUED, RunState.RUNNING):
         return Unseen(run, f"This run is {detail.row.state}: its trace is there when it is over.")
@@ -369,17 +390,47 @@ def traced(detail: RunDetail) -> Path | Unseen:
         return Unseen(run, f"{what}\n\nr queues it again.")
     if not detail.row.trace:
         return Unseen(run, "No trace of this run was kept.")
-    if not path.is_file():
-        what = "Look at it where its worker is, or run it again."
-        return Unseen(run, f"Its trace is not on this machine (any more): {path}\n\n{what}")
-    return path
+    if path.is_file():
+        return path
+    if source is not None:
+        return _brought(detail, source)
+    what = "Look at it where its worker is, or run it again."
+    return Unseen(run, f"Its trace is not on this machine (any more): {path}\n\n{what}")
 
 
-def read_recording(detail: RunDetail) -> Recording | Unseen:
-    """Return the recorded way of a run that is over, or why its trace cannot be read here."""
+def _brought(detail: RunDetail, source: Daemon) -> Path | Unseen:
+    from daemon.store import local_copy, recorded
+
+    try:
+        return local_copy(recorded(detail), source)
+    except DaemonError as error:
+        return Unseen(detail.row.id, f"Its trace cannot be brought here: {error}")
+
+
+def can_be_brought(detail: RunDetail, source: Daemon) -> bool:
+    """Whether the trace of a run lies elsewhere, and can be had from there as far as is known."""
+    from daemon.store import is_url
+
+    row = detail.row
+    if detail.result is None or not row.trace or Path(row.trace).is_file():
+        return False
+    if is_url(row.trace):
+        return True
+    try:
+        source.piece(row.id, 0)
+    except Refused:
+        return False
+    return True
+
+
+def read_recording(detail: RunDetail, source: Daemon | None = None) -> Recording | Unseen:
+    """Return the recorded way of a run that is over, or why its trace cannot be read here.
+
+    One that lies elsewhere is brought here if ``source`` is given.
+    """
     from daemon.trace import TraceError, read_trace
 
-    run, path = detail.row.id, traced(detail)
+    run, path = detail.row.id, traced(detail, source)
     if isinstance(path, Unseen):
         return path
     try:

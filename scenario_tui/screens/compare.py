@@ -224,7 +224,7 @@ def _open(dashboard: Dashboard, first: str, second: str) -> None:
 def _playback(dashboard: Dashboard, run: str) -> Playback:
     with dashboard.feed.connect() as daemon:
         detail = daemon.run(run)
-    found = traced(detail)
+        found = traced(detail, daemon)
     if isinstance(found, Unseen):
         raise DaemonError(f"{run}: {found.why}")
     assert detail.result is not None

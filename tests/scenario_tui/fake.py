@@ -9,6 +9,7 @@ from dataclasses import dataclass, field, replace
 
 from daemon.assessment import Declared, Policy, RunRecord
 from daemon.errors import Refused, Unreachable
+from daemon.messages import Piece
 from daemon.protocol import (
     CampaignRow,
     Disk,
@@ -299,6 +300,10 @@ class FakeDaemon:
             if row.id == run:
                 return RunDetail(row, make_spec(row, make_scene().digest), make_result(row))
         raise Refused(f"there is no run {run}")
+
+    def piece(self, run: str, offset: int) -> Piece:
+        self._answer("piece", run, offset)
+        raise Refused(f"{run}: its trace is gone")
 
     def declared(self, campaign: str) -> Declared:
         self._answer("declared", campaign)

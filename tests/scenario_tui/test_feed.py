@@ -9,7 +9,10 @@ from dataclasses import replace
 
 import pytest
 
+from daemon.messages import Piece
 from daemon.protocol import Event
+from daemon.spec import TraceInfo
+from daemon.store import packed
 from scenario_tui import feed as feed_module
 from scenario_tui.feed import Feed, RunsWanted, Unseen, Want, read_recording
 from tests.scenario_tui.fake import CAMPAIGN, FakeDaemon, make_live
@@ -139,6 +142,22 @@ def test_a_trace_that_is_not_here_is_said_to_be_missing(fake) -> None:
     seen = read_recording(fake.run(f"{CAMPAIGN}.0"))
     assert isinstance(seen, Unseen)
     assert "not on this machine" in seen.why
+
+
+def test_a_trace_elsewhere_is_brought_here_meanwhile(fake, feed, tmp_path, monkeypatch) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    data = b"not a trace" * 1000
+    text, digest = packed(data)
+    detail = fake.run(f"{CAMPAIGN}.0")
+    info = TraceInfo(digest, len(data), 1)
+    detail = replace(detail, result=replace(detail.result, trace=info))
+    monkeypatch.setattr(fake, "run", lambda run: detail)
+    monkeypatch.setattr(fake, "piece", lambda *_: Piece(0, len(data), digest, text, digest))
+    feed.start()
+    feed.look(Want(run=f"{CAMPAIGN}.0"))
+    eventually(lambda: isinstance(feed._picture.recording, Unseen))
+    eventually(lambda: "is not an MCAP file" in feed._picture.recording.why)
+    assert [path.read_bytes() for path in tmp_path.rglob("*.mcap")] == [data]
 
 
 def test_a_damaged_trace_is_said_to_be_one(fake, tmp_path) -> None:
