@@ -76,5 +76,5 @@ class SpecWriter:
 
 
 def _read_script(text: bytes) -> Script:
-    script: Script = codec.from_json(Script, text)  # type: ignore[arg-type]
+    script: Script = codec.from_json(Script, text)
     return script

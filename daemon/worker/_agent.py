@@ -44,7 +44,7 @@ _TIMEOUT: Final = 5.0
 _POLL: Final = 1.0
 _AFTER_SILENCE: Final = 0.5
 _BREATH: Final = 0.05
-_AFTER_FAILURE: Final = 10.0
+_AFTER_FAILURE: Final = 3.0
 _FAREWELL: Final = 10.0
 """Seconds a leaving worker waits for a daemon that takes its results; then the spool has them.
 

@@ -60,7 +60,7 @@ def empty_runs() -> None:
     with fresh() as daemon, daemon.client() as client:
         client.submit(make_submission("empty", EMPTY))
         before, start = cpu(daemon.pid), time.monotonic()
-        crew = Crew(daemon.endpoint, 4, 16)
+        crew = Crew(daemon.endpoint, daemon.state, 4, 16)
         eventually(lambda: finished(client, EMPTY), 120.0)
         took, used = time.monotonic() - start, cpu(daemon.pid) - before
         crew.stop()

@@ -6,6 +6,7 @@ Each scenario prints what it did and saw; the exit code is 1 when something that
 from __future__ import annotations
 
 import argparse
+import signal
 import sys
 import tempfile
 import traceback
@@ -51,6 +52,8 @@ def main() -> int:
     unknown = [name for name in options.scenario if name not in known]
     if unknown:
         parser.error(f"no scenario {', '.join(unknown)}; there are: {', '.join(known)}")
+    # Told to stop, it still ends what it has started.
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(128 + signal.SIGTERM))
     violated = False
     for name, act in _scenarios(options.runs, options.seed).items():
         if options.scenario and name not in options.scenario:

@@ -28,6 +28,7 @@ def execute(
     *,
     trace_path: Path,
     on_progress: Callable[[Snapshot], None] | None = None,
+    interest: Callable[[], str] | None = None,
 ) -> RunResult:
     asked = spec.sut.parameters
     time.sleep(asked.get("sleep", 0.0))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable
+from pathlib import Path
 
 import zenoh
 
@@ -24,18 +25,27 @@ from daemon.messages import (
     Verb,
     WorkerInfo,
 )
+from daemon.places import Places
 from tests.daemon.samples import make_result
 
 
 class LightWorker:
-    """A worker by what it says on the bus."""
+    """A worker by what it says on the bus; with ``places`` it leaves an empty trace there."""
 
-    def __init__(self, session: zenoh.Session, endpoint: str, name: str, slots: int = 8) -> None:
+    def __init__(
+        self,
+        session: zenoh.Session,
+        endpoint: str,
+        name: str,
+        slots: int = 8,
+        places: Places | None = None,
+    ) -> None:
         self.name = name
         self._session = session
         self._endpoint = endpoint
         self._info = WorkerInfo(name, "here", 1, "0", slots, 0)
         self._slots = slots
+        self._places = places
         self._token = session.liveliness().declare_token(f"{ALIVE}/{name}")
 
     def lease(self, count: int | None = None) -> tuple[Grant, ...]:
@@ -52,6 +62,10 @@ class LightWorker:
 
     def complete(self, grant: Grant) -> Answer:
         """Deliver a result that depends on the specification only."""
+        if self._places is not None:
+            trace = self._places.trace(grant.trace)
+            trace.parent.mkdir(exist_ok=True)
+            trace.touch()
         result = make_result(grant.spec)
         done = Completion(self.name, grant.run, grant.attempt, grant.token, result)
         return bus.ask(
@@ -72,10 +86,11 @@ def insist(ask: Callable[[], object], until: Callable[[], bool]) -> object:
 class Crew:
     """Light workers in threads that complete runs until stopped, and remember what was answered."""
 
-    def __init__(self, endpoint: str, workers: int, slots: int = 8) -> None:
+    def __init__(self, endpoint: str, state: Path, workers: int, slots: int = 8) -> None:
         self.acknowledged: dict[str, str] = {}
         self.refused: list[str] = []
         self._endpoint = endpoint
+        self._places = Places(state)
         self._slots = slots
         self._stop = threading.Event()
         self._threads = [
@@ -93,7 +108,7 @@ class Crew:
 
     def _work(self, name: str) -> None:
         with bus.open_client(self._endpoint) as session:
-            worker = LightWorker(session, self._endpoint, name, self._slots)
+            worker = LightWorker(session, self._endpoint, name, self._slots, self._places)
             while not self._stop.is_set():
                 grants = insist(worker.lease, self._stop.is_set)
                 if not isinstance(grants, tuple) or not grants:

@@ -32,7 +32,7 @@ def torn(
     with daemon_at(folder / "state", 0, lease=2.0, grace=1.0, attempts=10_000) as daemon:
         with daemon.client() as client:
             client.submit(make_submission("torn", runs))
-        crew = Crew(daemon.endpoint, CREW)
+        crew = Crew(daemon.endpoint, daemon.state, CREW)
         copies = []
         for kill in range(kills):
             _await_work(crew, runs)

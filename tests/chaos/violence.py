@@ -114,9 +114,16 @@ def yard(folder: Path, seed: int, *, isolated: bool) -> Iterator[Yard]:
         daemon.client().close()
         workers = [
             stack.enter_context(
-                worker_for(daemon, connect=link.endpoint, through=link.through, executor=EXECUTOR)
+                worker_for(
+                    daemon,
+                    1,
+                    *("--state", str(folder / f"worker-{i}")),
+                    connect=link.endpoint,
+                    through=link.through,
+                    executor=EXECUTOR,
+                )
             )
-            for link in cables
+            for i, link in enumerate(cables)
         ]
         made = Yard(daemon, workers, cables, random.Random(seed))
         try:
@@ -133,6 +140,12 @@ def progress(endpoint: str) -> tuple[int, int] | None:
     except DaemonError:
         return None
     return now.done + now.lost + now.cancelled, now.queued + now.running
+
+
+def attempts_below(folder: Path) -> list[Path]:
+    """What is left in the spools of the daemon's machine and of the workers' own ones."""
+    spools = (folder / "state" / "spool", *folder.glob("worker-*/work/*/spool"))
+    return [path for spool in spools for path in spool.glob("*/*/attempt-*")]
 
 
 def violence(
@@ -156,21 +169,20 @@ def violence(
                 scene.strike()
                 scene.revive()
         scene.settle()
-        _await_end(scene, runs)
+        _await_end(scene, folder, runs)
         for what, count in sorted(scene.done.items()):
             report.fact(what, count)
         report.fact("runs", runs)
-        left = list((scene.daemon.state / "spool").glob("*/*/attempt-*"))
-        report.expect(not left, f"the spool keeps {len(left)} attempts")
+        left = attempts_below(folder)
+        report.expect(not left, f"spools keep {len(left)} attempts: {left[:2]}")
         verify(report, scene.daemon.state, runs)
     return report
 
 
-def _await_end(scene: Yard, runs: int, patience: float = 30.0) -> None:
+def _await_end(scene: Yard, folder: Path, runs: int, patience: float = 30.0) -> None:
     """Let the last runs and deliveries happen undisturbed."""
-    spool = scene.daemon.state / "spool"
     deadline = time.monotonic() + patience
     while time.monotonic() < deadline:
-        if progress(scene.daemon.endpoint) == (runs, 0) and not [*spool.glob("*/*/attempt-*")]:
+        if progress(scene.daemon.endpoint) == (runs, 0) and not attempts_below(folder):
             return
         time.sleep(0.2)
