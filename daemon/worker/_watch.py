@@ -56,7 +56,7 @@ class Watchers:
         now = time.monotonic()
         if watch.watched:
             watch.publisher.put(live)
-        if now - watch.said >= _PERIOD and self._all.matching_status:
+        if now - watch.said >= _PERIOD and self._all.matching_status.matching:
             watch.said = now
             self._all.put(live)
 
@@ -67,7 +67,7 @@ class Watchers:
             self.forget(run)
             key = f"{LIVE}/{self.worker}/{run}"
             watch = self._runs[run] = _Watch(self._publisher(key), folder)
-        watched = bool(watch.publisher.matching_status)
+        watched = watch.publisher.matching_status.matching
         if watched != watch.watched:
             watch.watched = watched
             mark = folder / WATCHED

@@ -302,3 +302,19 @@ def test_a_run_whose_scene_is_gone_waits_without_blame(tmp_path: Path) -> None:
             eventually(lambda: "not started" in client.run("c.0").row.reason)
             assert client.run("c.0").row.state is RunState.QUEUED
             assert "there is no scene" in worker.output
+
+
+def test_details_of_a_run_are_told_while_somebody_watches_it(client: Client) -> None:
+    client.submit(make_submission("watched", 1, sleep=60.0))
+    (row,) = client.runs("watched").rows
+    told: list[Live] = []
+    little: list[Live] = []
+    with client.events(lambda _: None, little.append):
+        eventually(lambda: any(live.run == row.id for live in little))
+        assert all(live.snapshot.returns == () for live in little)
+        with client.watch(row.id, told.append):
+            eventually(lambda: bool(told) and told[-1].snapshot.returns == (100, 200))
+        assert {live.run for live in told} == {row.id}
+        # Nobody watches any more: after a while nothing but the progress is made.
+        eventually(lambda: little[-1].snapshot.returns == ())
+    client.cancel("watched")

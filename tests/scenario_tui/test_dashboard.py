@@ -207,7 +207,7 @@ async def test_a_running_run_shows_the_robot_from_above(opened, fake) -> None:
         await press(pilot, "z")
         assert "→" in shown(pilot)
         await press(pilot, "z", "z")
-        await press(pilot, "v")
+        await press(pilot, "V", "V")
         assert "will be judged by" in shown(pilot)
         assert "→" not in shown(pilot)
 
