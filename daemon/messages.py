@@ -30,6 +30,7 @@ LARGEST_TRACE: Final = 4 * 2**30
 HIGHEST_PRIORITY: Final = 1000
 
 Id = Annotated[str, Field(max_length=128)]
+WorkerId = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]{0,99}$")]
 Short = Annotated[str, Field(max_length=400)]
 Count = Annotated[int, Field(ge=0, le=2**53)]
 Digest = Annotated[str, Field(pattern=r"^[0-9a-f]{64}$")]
@@ -139,7 +140,7 @@ class PriorityRequest:
 class WorkerInfo:
     """Who a worker is, sent with every request so that a new daemon knows it at once."""
 
-    id: Id
+    id: WorkerId
     host: Short
     pid: Count
     version: Short
@@ -230,7 +231,7 @@ class Completion:
     ``location`` is the URL of the trace, empty when it lies in the daemon's state directory.
     """
 
-    worker: Id
+    worker: WorkerId
     run: Id
     attempt: Count
     token: Count
@@ -268,7 +269,7 @@ class Acknowledgement:
 class Release:
     """A run given back without a result; ``blame`` counts it against the run's attempts."""
 
-    worker: Id
+    worker: WorkerId
     run: Id
     token: Count
     reason: Annotated[str, Field(max_length=20_000)]
@@ -283,7 +284,7 @@ class Chunk:
     that ``data`` carries in base64. Without data it asks how far the upload is.
     """
 
-    worker: Id
+    worker: WorkerId
     run: Id
     token: Count
     sha256: Digest

@@ -56,12 +56,15 @@ def to_plain(value: Any, kind: Any = None) -> Any:
 
 
 def from_json(kind: type[T], data: bytes | str, *, exactly: bool = False) -> T:
-    """Read a value type back from JSON; ``exactly`` refuses fields that it does not have.
+    """Read a value type back from JSON.
+
+    ``exactly`` takes only what :func:`to_json` may have written: no unknown fields, no number in
+    quotes, no 1 for true.
 
     Raises :class:`pydantic.ValidationError` (a ``ValueError``) when the text is not such a value.
     """
     extra: Literal["forbid"] | None = "forbid" if exactly else None
-    value: T = _cached_reader(cast(Hashable, kind)).validate_json(data, extra=extra)
+    value: T = _cached_reader(cast(Hashable, kind)).validate_json(data, strict=exactly or None, extra=extra)
     return value
 
 

@@ -28,6 +28,7 @@ from daemon.ledger._transition import (
 )
 from daemon.messages import Answer, Completion, Grant, Hold, Release, RetryRequest
 from daemon.parcel import fingerprint
+from daemon.places import is_digest
 from daemon.protocol import Event, Receipt, RunState, Submission
 from daemon.spec import RunResult
 from daemon.store import stored_url
@@ -175,8 +176,8 @@ class Book:
         change = self._apply(hold.run, Renewed(hold.token, now + self._lease), now, record)
         return change.answer is Answer.DONE
 
-    def complete(self, completion: Completion, now: float) -> Answer:
-        """Record a result, exactly one per run, whoever brings it and however late."""
+    def check(self, completion: Completion) -> str:
+        """Refuse what is no result of a run of ours; returns the run's campaign."""
         known = self._db.execute(
             "SELECT digest, campaign, CASE granted WHEN 0 THEN"
             " (SELECT value FROM meta WHERE key = 'token') ELSE granted END FROM run WHERE id = ?",
@@ -188,7 +189,14 @@ class Book:
             raise Refused(f"run {completion.run} was never leased under token {completion.token}")
         if known[0] != completion.result.spec:
             raise Refused(f"the result is not of run {completion.run}: its specification differs")
+        if not is_digest(completion.result.trace.sha256):
+            raise Refused(f"the trace of {completion.run} has no digest")
         self._check_location(completion)
+        return str(known[1])
+
+    def complete(self, completion: Completion, now: float) -> Answer:
+        """Record a result, exactly one per run, whoever brings it and however late."""
+        campaign = self.check(completion)
         digest = completion.result.digest
         event, before = Completed(completion.token, digest), self._record(completion.run)
         # The last result of a campaign must be there before it is asked what the results decide.
@@ -199,7 +207,7 @@ class Book:
             self._doubt(completion.run, completion.result.spec, digest, now)
         if change.answer is Answer.DIFFERS:
             note = change.run.reason
-            self.note(now, "alarm", completion.run, known[1], "nondeterministic", note)
+            self.note(now, "alarm", completion.run, campaign, "nondeterministic", note)
         return change.answer
 
     def _check_location(self, completion: Completion) -> None:

@@ -41,7 +41,7 @@ from daemon.messages import (
     WorkerInfo,
 )
 from daemon.parcel import Parcel, unpack
-from daemon.places import Places, is_id
+from daemon.places import Places
 from daemon.protocol import CampaignRow, Overview, WorkerRow
 from daemon.security import RULES, tamed
 from daemon.server._admission import admit
@@ -293,8 +293,6 @@ class Desk:
         return Nothing()
 
     def _check(self, worker: WorkerInfo) -> None:
-        if not is_id(worker.id):
-            raise Refused(f"{worker.id!r} is not the id of a worker")
         if worker.engine != ENGINE_VERSION:
             raise Refused(
                 f"worker {worker.id} has engine {worker.engine}, this daemon {ENGINE_VERSION}: "
@@ -324,6 +322,7 @@ class Desk:
         return RenewReply(book.renew(request.worker.id, request.holds, now))
 
     def _complete(self, book: Book, completion: Completion) -> Acknowledgement:
+        book.check(completion)
         if self._intake.lacks(book, completion):
             return Acknowledgement(Answer.MISSING)
         answer = book.complete(completion, self._clock.now())
