@@ -68,22 +68,30 @@ def daemon_unit(
 
 
 def worker_unit(
-    command: Path, connect: str = "", state: Path | None = None, slots: int | None = None
+    command: Path,
+    connect: str = "",
+    state: Path | None = None,
+    slots: int | None = None,
+    *,
+    limits: Limits | None = None,
+    options: Sequence[str] = (),
 ) -> str:
     """Return the unit of a worker; it starts again whenever it ends, the daemon's leaving included.
 
-    It is given the time the shortest wall clock limit of a run leaves it.
+    It is given the time the shortest wall clock limit of a run leaves it, and its processes step
+    back as far as runs do. ``options`` are more words for its command.
     """
+    limits = limits or Limits()
     words = [str(command), "worker"]
     words += ["--connect", connect] if connect else []
     words += ["--state", str(state)] if state else []
     return _UNIT.format(
         about="scenario: worker, executes simulated runs",
-        command=_command(words, slots),
+        command=_command((*words, *options), slots),
         restart="always",
         pause=5,
-        patience=Limits().wall_of(0.0) + _MARGIN,
-        more="Nice=10\n",
+        patience=limits.wall_of(0.0) + _MARGIN,
+        more=f"Nice={limits.nice}\n",
     )
 
 

@@ -20,6 +20,11 @@ def age(text: str) -> float:
     return _amount(text, _AGES, "an age", "30d")
 
 
+def duration(text: str) -> float:
+    """Return ``10min`` in seconds; raises :class:`typer.BadParameter`."""
+    return _amount(text, _AGES, "a time", "10min")
+
+
 def size(text: str) -> int:
     """Return ``20GiB`` in bytes; raises :class:`typer.BadParameter`."""
     return int(_amount(text, _SIZES, "a size", "20GiB"))

@@ -34,6 +34,7 @@ from scenario_tui.cli import (
     _sut,
     _vary,
     _wait,
+    _worker,
 )
 from scenario_tui.cli._exits import ExitCode
 from scenario_tui.cli._options import with_keys
@@ -73,7 +74,7 @@ _PANELS: Final[dict[str, tuple[Callable[..., None], ...]]] = {
         _control.priority,
         _control.stop,
     ),
-    "Machines": (_services.daemon, _services.worker),
+    "Machines": (_services.daemon, _worker.worker),
     "Operate": (_doctor.doctor, _metrics.metrics, _gc.gc),
     "Artefacts": (_export.export, _vary.vary),
     "Editors": (_editor.schema, _editor.vscode),

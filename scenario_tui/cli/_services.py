@@ -1,8 +1,7 @@
-"""Commands that stay: daemon, worker, tui."""
+"""Commands that stay: daemon and tui."""
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterator
 from contextlib import contextmanager, nullcontext
 from pathlib import Path
@@ -11,7 +10,7 @@ from typing import Annotated, TypeAlias
 import typer
 
 from scenario_tui.cli._exits import ExitCode
-from scenario_tui.cli._options import Connect, Keys, Slots, State, checked_endpoint
+from scenario_tui.cli._options import Connect, Keys, State, checked_endpoint
 
 PrintUnit: TypeAlias = Annotated[
     bool, typer.Option("--print-unit", help="Write a systemd user unit for this and leave.")
@@ -77,7 +76,7 @@ def daemon(
         from daemon.operation import daemon_unit
 
         unit = daemon_unit(
-            _executable(), places.state, listen, slots, keys=keys, insecure=insecure, traces=traces
+            executable(), places.state, listen, slots, keys=keys, insecure=insecure, traces=traces
         )
         typer.echo(unit, nl=False)
         return
@@ -90,39 +89,7 @@ def daemon(
     say("the daemon has left; what is queued waits for the next one")
 
 
-def worker(
-    connect: Connect = "", slots: Slots = None, state: State = None, print_unit: PrintUnit = False
-) -> None:
-    """Run a worker in the foreground.
-
-    It executes runs of a daemon, on this machine or on another one.
-    """
-    if print_unit:
-        _print_worker_unit(connect, slots, state)
-        return
-    from daemon.places import find_endpoint
-    from daemon.worker import work
-    from scenario_tui.cli._output import say
-
-    endpoint = find_endpoint(connect, state)
-    say(f"worker for {endpoint.address}, Ctrl-C to leave after the running runs")
-    work(endpoint.address, slots=slots, state=state)
-
-
-def _print_worker_unit(connect: str, slots: int | None, state: Path | None) -> None:
-    """A unit has no variables of this shell: what they say is written into it."""
-    from daemon.operation import worker_unit
-    from daemon.places import Places, find_endpoint
-
-    found = find_endpoint(connect, state)
-    named = found.address if found.origin in ("--connect", "SCENARIO_CONNECT") else ""
-    # Without an endpoint it is the state directory that says where the daemon is.
-    told = state or os.environ.get("SCENARIO_STATE") or not named
-    folder = Places.find(state).state if told else None
-    typer.echo(worker_unit(_executable(), named, folder, slots), nl=False)
-
-
-def _executable() -> Path:
+def executable() -> Path:
     """The ``scenario`` command of this installation."""
     import sys
 

@@ -1,0 +1,35 @@
+"""``scenario worker``: what is wrong with its options is said before anything starts."""
+
+from __future__ import annotations
+
+import pytest
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (("--backend", "dask"), "--backend dask needs --scheduler"),
+        (("--scheduler", "tcp://host:8786"), "need --backend dask"),
+        (("--backend", "dask", "--scheduler", "host"), "'host' is no address"),
+        (("--backend", "dask", "--scheduler", "tcp://h:1", "--tls-key", __file__), "tls://"),
+        (("--memory", "much"), "'much' is not a size"),
+        (("--wall", "long"), "'long' is not a time"),
+        (("--nice", "20"), "less than or equal to 19"),
+    ],
+)
+def test_wrong_options_are_explained(scenario, options, words) -> None:
+    said = scenario("worker", *options)
+    assert said.code == 2
+    assert words in said.err
+
+
+def test_the_unit_of_a_gateway_says_what_was_asked(scenario, tmp_path) -> None:
+    key = tmp_path / "key.pem"
+    key.touch()
+    scheduler = ("--backend", "dask", "--scheduler", "tls://host:8786", "--tls-key", str(key))
+    limits = ("--nice", "5", "--wall", "10min", "--memory", "1GiB", "--state", str(tmp_path))
+    unit = scenario("worker", "--print-unit", *scheduler, *limits).out
+    words = f'"--backend" "dask" "--scheduler" "tls://host:8786" "--tls-key" "{key}"'
+    assert words in unit
+    assert '"--memory" "1073741824B" "--wall" "600s" "--nice" "5"' in unit
+    assert "\nNice=5\n" in unit
