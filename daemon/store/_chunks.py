@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import base64
 import binascii
 import hashlib
 import os
@@ -11,14 +10,14 @@ from pathlib import Path
 
 def packed(data: bytes) -> tuple[str, str]:
     """Return bytes as text, and their SHA-256."""
-    return base64.b64encode(data).decode("ascii"), hashlib.sha256(data).hexdigest()
+    return binascii.b2a_base64(data, newline=False).decode("ascii"), hashlib.sha256(data).hexdigest()
 
 
 def unpacked(text: str, digest: str) -> bytes:
     """Return the bytes in ``text``; raises ``ValueError`` when they were damaged on the way."""
     try:
-        data = base64.b64decode(text, validate=True)
-    except binascii.Error as error:
+        data = binascii.a2b_base64(text, strict_mode=True)
+    except ValueError as error:  # also for what is not ASCII
         raise ValueError("the chunk is damaged: it is not base64") from error
     if hashlib.sha256(data).hexdigest() != digest:
         raise ValueError("the chunk is damaged: its digest differs")

@@ -1,0 +1,121 @@
+"""Traces on their way: what parts, base64 and digests cost, and what others notice of it.
+
+A real daemon over loopback; the sender is this process. CPU times are of the daemon process.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import random
+import shutil
+import statistics
+import tempfile
+import threading
+import time
+from pathlib import Path
+
+from daemon import bus
+from daemon.client import Client
+from daemon.messages import (
+    LARGEST_CHUNK,
+    Acknowledgement,
+    Chunk,
+    Completion,
+    Grant,
+    LeaseReply,
+    LeaseRequest,
+    Received,
+    Verb,
+    WorkerInfo,
+)
+from daemon.spec import TraceInfo
+from daemon.store import Recorded, bring, packed
+from tests.benchmarks.bench_daemon import cpu, fresh, row
+from tests.daemon.harness import DaemonPart
+from tests.daemon.samples import make_result, make_submission
+
+SIZE = 64 * 2**20
+SMALL = 64 * 2**10
+ME = WorkerInfo("bench-1", "bench", 1, "0", 1, 0)
+
+
+def ask(client: Client, verb: Verb, request: object, kind: type) -> object:
+    return bus.ask(client._session, client.endpoint, verb, request, kind, 10.0)
+
+
+def upload(client: Client, grant: Grant, data: bytes, size: int) -> None:
+    sha256 = hashlib.sha256(data).hexdigest()
+    for offset in range(0, len(data), size):
+        text, digest = packed(data[offset : offset + size])
+        chunk = Chunk(ME.id, grant.run, grant.token, sha256, len(data), offset, text, digest)
+        received = ask(client, Verb.UPLOAD, chunk, Received)
+        assert isinstance(received, Received)
+        assert not received.problem, received.problem
+    result = make_result(grant.spec, trace=TraceInfo(sha256, len(data), 1))
+    done = Completion(ME.id, grant.run, 1, grant.token, result, uploaded=True)
+    ask(client, Verb.COMPLETE, done, Acknowledgement)
+
+
+def rates(daemon: DaemonPart, client: Client, folder: Path) -> None:
+    client.submit(make_submission("c", 3))
+    reply = ask(client, Verb.LEASE, LeaseRequest(ME, 3), LeaseReply)
+    assert isinstance(reply, LeaseReply)
+    data = random.Random(1).randbytes(SIZE)
+    plain = folder / "plain"
+    begun = time.perf_counter()
+    plain.write_bytes(data)
+    shutil.copyfile(plain, folder / "copy")
+    copied = time.perf_counter() - begun
+    for grant, size in zip(reply.grants, (LARGEST_CHUNK, SMALL), strict=False):
+        spent, begun = cpu(daemon.pid), time.perf_counter()
+        upload(client, grant, data, size)
+        took, spent = time.perf_counter() - begun, cpu(daemon.pid) - spent
+        mega = SIZE / 1e6
+        row(
+            f"upload {mega:.0f} MB in parts of {size // 1024} KiB",
+            f"{mega / took:.0f} MB/s",
+            f"daemon {1000 * spent / mega:.1f} ms CPU per MB, {took / copied:.1f} x write and copy",
+        )
+    spent, begun = cpu(daemon.pid), time.perf_counter()
+    trace = Recorded("c.0", "/elsewhere", hashlib.sha256(data).hexdigest(), SIZE)
+    bring(trace, client, folder / "fetched")
+    took, spent = time.perf_counter() - begun, cpu(daemon.pid) - spent
+    row(
+        f"fetch {SIZE / 1e6:.0f} MB",
+        f"{SIZE / 1e6 / took:.0f} MB/s",
+        f"daemon {1000 * spent / (SIZE / 1e6):.1f} ms CPU per MB, verified as a whole",
+    )
+    meanwhile(daemon, client, reply.grants[2], data)
+
+
+def meanwhile(daemon: DaemonPart, client: Client, grant: Grant, data: bytes) -> None:
+    """Status of somebody else while a trace arrives as fast as it can."""
+    with daemon.client() as other:
+        before = questions(other, 200)
+        sender = threading.Thread(target=upload, args=(client, grant, data, LARGEST_CHUNK))
+        sender.start()
+        during = []
+        while sender.is_alive():
+            during += questions(other, 5)
+        sender.join()
+    for what, times in (("alone", before), ("while a trace arrives", during)):
+        p99 = statistics.quantiles(times, n=100)[-1]
+        row(f"status, {what}", f"p50 {statistics.median(times):.2f} ms", f"p99 {p99:.1f} ms")
+
+
+def questions(client: Client, count: int) -> list[float]:
+    times = []
+    for _ in range(count):
+        begun = time.perf_counter()
+        client.overview()
+        times.append(1000.0 * (time.perf_counter() - begun))
+    return times
+
+
+def main() -> None:
+    with (
+        tempfile.TemporaryDirectory(prefix="bench-transport-") as folder,
+        fresh() as daemon,
+        daemon.client() as client,
+    ):
+        rates(daemon, client, Path(folder))
