@@ -115,15 +115,11 @@ def _unknown_keys(config: Config) -> Iterator[Diagnostic]:
 
 def _clashes(config: Config) -> Iterator[Diagnostic]:
     """Report keys that would mean two things on one screen, and do not without the file."""
-    from scenario_tui.app import Dashboard
-    from scenario_tui.widgets.keyed_table import KeyedTable
-
-    around = [*all_bindings(Dashboard), *all_bindings(KeyedTable)]
     told: set[tuple[str, ...]] = set()
     for kind in bound_classes():
         if not issubclass(kind, Screen):
             continue
-        bindings = all_bindings(kind) + ([] if issubclass(kind, ModalScreen) else around)
+        bindings = all_bindings(kind) + _around(kind)
         before = _doubles(bindings, {})
         for key, ids in _doubles(bindings, config.keys).items():
             if ids != before.get(key) and ids not in told:
@@ -133,6 +129,18 @@ def _clashes(config: Config) -> Iterator[Diagnostic]:
                 message = f'"{key}" would mean both "{mapped}" and {others} ({_place(kind)})'
                 hint = f"give {others} another key, or choose another one here"
                 yield Diagnostic(config.where("keys", mapped), message, hint)
+
+
+def _around(kind: type[Screen[Any]]) -> list[Binding]:
+    """Return what works on a screen besides its own keys: the app's, those of its table."""
+    from scenario_tui.app import Dashboard
+    from scenario_tui.widgets.cell_table import CellTable
+    from scenario_tui.widgets.keyed_table import KeyedTable
+
+    if issubclass(kind, ModalScreen):
+        return []
+    tables = [table for table in (CellTable, KeyedTable) if table.__name__ == kind.AUTO_FOCUS]
+    return [b for part in (Dashboard, *tables) for b in all_bindings(part)]
 
 
 def _doubles(bindings: Iterable[Binding], keys: Mapping[str, str]) -> dict[str, tuple[str, ...]]:

@@ -80,14 +80,10 @@ class BaseScreen(Screen[None]):
         """Return the ids of keys that may not be used now; pressed, they say why."""
         return READ_ONLY if self.dashboard.read_only else frozenset()
 
-    def renamed(self) -> Mapping[str, str]:
-        """Return what keys are called just now, by their id."""
-        return {}
-
     @property
     def active_bindings(self) -> dict[str, ActiveBinding]:
         """The bindings as the footer and help show them."""
-        barred, renamed = self.barred(), self.renamed()
+        barred, renamed = self.barred(), self._renamed
         found = {}
         for key, active in super().active_bindings.items():
             id, binding = active.binding.id or "", active.binding
@@ -113,6 +109,8 @@ class BaseScreen(Screen[None]):
         return cast("Dashboard", self.app)
 
     _composed = False
+    _renamed: Mapping[str, str] = {}
+    """What keys are called just now, by their id."""
 
     def on_mount(self) -> None:
         """Ask for what this screen shows, show what is known already."""

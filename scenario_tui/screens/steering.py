@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from functools import partial
 from typing import ClassVar, Final
 
@@ -69,18 +69,15 @@ class Steering(BaseScreen):
         row = self.campaign()
         return super().command() if row is None else self._line("results", row.id)
 
-    def renamed(self) -> Mapping[str, str]:
-        """The key that pauses is also the one that resumes."""
-        row = self.campaign() if self._composed else None
-        return {"pause": "Resume"} if row is not None and row.paused else {}
-
-    _named: Mapping[str, str] | None = None
-
     def present(self) -> None:
-        """Bring everything up to date, the names of keys too."""
+        """Bring everything up to date; the key that pauses is also the one that resumes."""
         super().present()
-        if self.is_mounted and self._named != (named := self.renamed()):
-            self._named = named
+        if not self._composed or not self.app.is_running:
+            return
+        row = self.campaign()
+        renamed = {"pause": "Resume"} if row is not None and row.paused else {}
+        if self._renamed != renamed:
+            self._renamed = renamed
             self.refresh_bindings()
 
     def deeds(self) -> Iterable[Deed]:

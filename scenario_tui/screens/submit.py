@@ -11,6 +11,7 @@ from rich.text import Text
 from textual.app import ComposeResult
 from textual.binding import Binding, BindingType
 from textual.containers import Container, VerticalScroll
+from textual.timer import Timer
 from textual.widgets import Input, OptionList, Static
 
 from daemon.protocol import Submission
@@ -22,7 +23,7 @@ from scenario_tui.feed import Picture
 from scenario_tui.files import fitting, is_campaign, near, shown, typed_folder
 from scenario_tui.palette import QUIET, WORDS
 from scenario_tui.preparing import prepare, tell_receipt
-from scenario_tui.screens.base import BaseScreen
+from scenario_tui.screens.base import BaseScreen, empty
 from scenario_tui.screens.dialogs import same_as
 from scenario_tui.wording import counted
 
@@ -63,23 +64,27 @@ class SubmitScreen(BaseScreen):
         self._names: tuple[str, ...] = ()
         self._checked: dict[Path, Checked] = {}
         self._checking: Path | None = None
-        self._fresh = False
-        self._busy = False
+        self._fresh = self._busy = False
+        self._pausing: Timer | None = None
+        # What errands bring may come when the screen is being taken down.
+        hint = "parts of the name, or the way to a folder"
+        self._line = Input(placeholder=hint, id="wanted", compact=True)
+        self._list = OptionList(id="files", compact=True)
+        self._empty, self._about = Static(id="empty"), Static(id="about")
+        self._picker = Container(id="picker")
 
     def body(self) -> ComposeResult:
         """The line to type into, the files that fit, what the check says."""
-        yield Input(placeholder="parts of the name, or the way to a folder", id="wanted",
-                    compact=True)  # fmt: skip
-        yield Static(id="empty")
-        with Container(id="picker"):
-            yield OptionList(id="files", compact=True)
+        yield self._line
+        yield self._empty
+        with self._picker:
+            yield self._list
             with VerticalScroll(id="findings", can_focus=False):
-                yield Static(id="about")
+                yield self._about
 
     def on_mount(self) -> None:
         """Look for files."""
-        self.query_one(OptionList).can_focus = False
-        self._pausing = self.set_timer(_PAUSE, self._check, pause=True)
+        self._list.can_focus = False
         super().on_mount()
         self._look_in(self._folder)
 
@@ -124,23 +129,21 @@ class SubmitScreen(BaseScreen):
         """Show the files that fit what is typed."""
         if self._files is None:
             return
-        typed = self.query_one(Input).value
+        typed = self._line.value
         where = typed_folder(typed, self._here)
         names = tuple(shown(path, self._folder) for path in self._files)
         self._names = fitting(names, where[1] if where else typed)
-        options = self.query_one(OptionList)
-        options.clear_options()
-        options.add_options([Text(name, no_wrap=True, overflow="ellipsis") for name in self._names])
+        self._list.clear_options()
+        for name in self._names:
+            self._list.add_option(Text(name, no_wrap=True, overflow="ellipsis"))
         message = _NONE if not self._files else "" if self._names else "No campaign file fits."
-        self.query_one("#empty", Static).display = bool(message)
-        self.query_one("#empty", Static).update(Text(message))
-        self.query_one("#picker").display = not message
+        empty(self._empty, self._picker, message)
         if self._names:
-            options.highlighted = 0
+            self._list.highlighted = 0
         self.present()
 
     def _chosen(self) -> Path | None:
-        index = self.query_one(OptionList).highlighted
+        index = self._list.highlighted
         if index is None or index >= len(self._names):
             return None
         return self._folder / self._names[index]
@@ -148,8 +151,9 @@ class SubmitScreen(BaseScreen):
     def on_option_list_option_highlighted(self) -> None:
         """Check the file the cursor came to, once it rests there."""
         self._tell()
-        self._pausing.reset()
-        self._pausing.resume()
+        if self._pausing is not None:
+            self._pausing.stop()
+        self._pausing = self.set_timer(_PAUSE, self._check)
 
     def on_option_list_option_selected(self) -> None:
         """Submit the file that was clicked on a second time."""
@@ -182,7 +186,7 @@ class SubmitScreen(BaseScreen):
             text = self._words(path)
             text.append("\n\n")
             text.append_text(same_as(self.command()))
-            self.query_one("#about", Static).update(text)
+            self._about.update(text)
 
     def _words(self, path: Path) -> Text:
         found = self._checked.get(path)
@@ -231,11 +235,10 @@ class SubmitScreen(BaseScreen):
 
     def action_move(self, step: int) -> None:
         """Go to another file."""
-        options = self.query_one(OptionList)
         if step > 0:
-            options.action_cursor_down()
+            self._list.action_cursor_down()
         else:
-            options.action_cursor_up()
+            self._list.action_cursor_up()
 
     def action_read(self, pages: int) -> None:
         """Scroll what the check says."""
@@ -250,9 +253,8 @@ class SubmitScreen(BaseScreen):
 
     def action_back(self) -> None:
         """Forget what was typed first, then leave."""
-        line = self.query_one(Input)
-        if line.value:
-            line.value = ""
+        if self._line.value:
+            self._line.value = ""
             return
         super().action_back()
 

@@ -1,0 +1,135 @@
+"""The user's settings: what they change, and what is said of wrong ones."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from grammars.diagnostics import InputError
+from scenario_tui.bindings import (
+    bound_classes,
+    catalogue,
+    check_config,
+    own_bindings,
+)
+from scenario_tui.config import read_config
+from scenario_tui.screens.help import key_groups
+from tests.scenario_tui.driven import SteeredDaemon, make_dashboard
+from tests.scenario_tui.inline import press, screen_text, settle
+
+GOOD = """
+[dashboard]
+theme = "lab"
+read-only = true
+mouse = false
+
+[keys]
+cancel = "ctrl+d"
+open = ["enter", "space"]
+
+[themes.lab]
+primary = "#88c0d0"
+dark = false
+"""
+BAD = {
+    "[keys]\nxyz = 'a'": 'config.toml:2: unknown key id "xyz"; ids are ',
+    "[keys]\n\ncancel = 'fnord'": 'config.toml:3: "fnord" is no key',
+    "[keys]\ncancel = 'P'": 'config.toml:2: "P" would mean both "cancel" and "pause"',
+    "[keys]\ncancel = 1": 'config.toml:2: "cancel" must be a key in quotes',
+    "[dashboard]\ntheme = 'nrod'": 'config.toml:2: unknown theme "nrod"; themes are ',
+    "[dashboard]\nmouse = 'no'": 'config.toml:2: "mouse" must be true or false',
+    "[dashboard]\nmuose = true": 'config.toml:2: unknown setting "muose"',
+    "mouse = true": 'config.toml:1: unknown table or setting "mouse"',
+    "[keyz]\na = 'b'": 'config.toml:1: unknown table or setting "keyz"',
+    "[keys\n": "config.toml:1:6: is no TOML: ",
+    "[themes.lab]\nprimary = 'bleu-ish'": 'config.toml:2: "primary" is no colour',
+    "[themes.lab]\naccent = '#fff'": 'config.toml:1: theme "lab" needs a colour "primary"',
+    "[themes.lab]\nprimary = '#fff'\nsize = 3": 'config.toml:3: "size" is nothing a theme has',
+}
+
+
+@pytest.fixture
+def written(tmp_path: Path) -> Callable[[str], Path]:
+    def write(text: str) -> Path:
+        path = tmp_path / "config.toml"
+        path.write_text(text)
+        return path
+
+    return write
+
+
+def test_no_file_says_nothing(tmp_path: Path) -> None:
+    config = read_config(tmp_path / "config.toml")
+    check_config(config)
+    assert not config.read_only
+    assert config.mouse
+    assert not config.keys
+
+
+@pytest.mark.parametrize("text", BAD)
+def test_what_is_wrong_is_said_with_its_line(written, text: str) -> None:
+    with pytest.raises(InputError) as caught:
+        check_config(read_config(written(text)))
+    assert BAD[text] in str(caught.value)
+
+
+def test_keys_may_be_exchanged(written) -> None:
+    check_config(read_config(written('[keys]\ncancel = "P"\npause = "c"')))
+
+
+async def test_keys_and_colours_are_those_of_the_file(written) -> None:
+    config = read_config(written(GOOD))
+    check_config(config)
+    fake = SteeredDaemon()
+    async with make_dashboard(fake, config=config).run_test(size=(80, 24)) as pilot:
+        await settle(pilot)
+        assert pilot.app.theme == "lab"
+        assert not pilot.app.current_theme.dark
+        assert "^d Cancel" in screen_text(pilot)[-1]
+        await press(pilot, "space")
+        assert "1-10 of 10" in "\n".join(screen_text(pilot))
+
+
+def test_a_bad_file_is_told_before_the_dashboard_starts(
+    scenario: Callable[..., Any], written, monkeypatch
+) -> None:
+    path = written('[keys]\ncancle = "x"')
+    monkeypatch.setattr("scenario_tui.config.config_path", lambda: path)
+    said = scenario("tui")
+    assert said.code == 2
+    assert f'{path}:2: error: unknown key id "cancle"; ids are ' in said.err
+    assert "Traceback" not in said.err
+
+
+def test_the_ids_of_all_keys_are_listed(scenario: Callable[..., Any]) -> None:
+    said = scenario("tui", "--bindings")
+    assert said.code == 0
+    for bound in catalogue():
+        assert f"{bound.id} " in said.out
+
+
+def test_every_key_has_an_id_a_name_and_an_explanation() -> None:
+    for kind in bound_classes():
+        for binding in own_bindings(kind):
+            assert binding.id, (kind, binding)
+            assert binding.description, (kind, binding)
+            assert binding.tooltip, (kind, binding)
+
+
+@pytest.mark.parametrize("keys", [(), ("m",), ("enter",), ("3",), ("s",)],
+                         ids=["campaigns", "matrix", "runs", "workers", "submit"])  # fmt: skip
+async def test_the_footer_fits_and_help_tells_the_rest(keys: tuple[str, ...]) -> None:
+    async with make_dashboard(SteeredDaemon()).run_test(size=(80, 24)) as pilot:
+        await settle(pilot)
+        await press(pilot, *keys)
+        footer = pilot.app.screen.query_one("Footer")
+        assert footer.virtual_size.width <= 80
+        here, everywhere = key_groups(pilot.app.screen)
+        assert (here[0], everywhere[0]) == ("here", "everywhere")
+        shown = {active.binding.description for active in
+                 pilot.app.screen.active_bindings.values() if active.binding.show}  # fmt: skip
+        told = {words.partition(":")[0] for _, words in here[1] + everywhere[1]}
+        assert shown <= told
