@@ -53,6 +53,7 @@ from daemon.server._roster import MOST_WORKERS, Roster
 from daemon.server._settings import Settings
 from daemon.spec import ENGINE_VERSION
 from daemon.store import Marker, is_url, packed, read_part
+from daemon.versions import identity, named, remedy
 from grammars import codec
 from grammars.scene import Scene
 
@@ -93,6 +94,7 @@ class Desk:
         self._stop = stop
         self._trouble = trouble
         self._version = version
+        self._identity = identity()
         self._marker = marker
         self._intake = Intake(places, journal)
         self._started_at = clock.now()
@@ -293,10 +295,11 @@ class Desk:
         return Nothing()
 
     def _check(self, worker: WorkerInfo) -> None:
-        if worker.engine != ENGINE_VERSION:
+        theirs = named(worker.version, worker.engine)
+        if theirs != self._identity:
             raise Refused(
-                f"worker {worker.id} has engine {worker.engine}, this daemon {ENGINE_VERSION}: "
-                "install the same version on both"
+                f"worker {worker.id} has {theirs}, this daemon {self._identity}: "
+                f"{remedy(self._identity)}"
             )
 
     def _meet(self, book: Book, worker: WorkerInfo, now: float) -> None:

@@ -12,6 +12,7 @@ import statistics
 import tempfile
 import threading
 import time
+from importlib.metadata import version
 from pathlib import Path
 
 from daemon import bus
@@ -36,7 +37,7 @@ from tests.daemon.samples import make_result, make_submission
 
 SIZE = 64 * 2**20
 SMALL = 64 * 2**10
-ME = WorkerInfo("bench-1", "bench", 1, "0", 1, 0)
+ME = WorkerInfo("bench-1", "bench", 1, version("scenario-tui"), 1, 0)
 
 
 def ask(client: Client, verb: Verb, request: object, kind: type) -> object:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable
+from importlib.metadata import version
 from pathlib import Path
 
 import zenoh
@@ -43,7 +44,7 @@ class LightWorker:
         self.name = name
         self._session = session
         self._endpoint = endpoint
-        self._info = WorkerInfo(name, "here", 1, "0", slots, 0)
+        self._info = WorkerInfo(name, "here", 1, version("scenario-tui"), slots, 0)
         self._slots = slots
         self._places = places
         self._token = session.liveliness().declare_token(f"{ALIVE}/{name}")

@@ -11,6 +11,7 @@ import pickle
 import sqlite3
 from collections.abc import Iterator
 from contextlib import closing
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -51,7 +52,7 @@ from grammars import codec
 from tests.daemon.harness import DaemonPart, daemon_at, eventually
 from tests.daemon.samples import make_result, make_submission
 
-ME = WorkerInfo("hostile-1", "host", 1, "0", 4, 0)
+ME = WorkerInfo("hostile-1", "host", 1, version("scenario-tui"), 4, 0)
 TRACE = b"no real trace"
 INFO = TraceInfo(hashlib.sha256(TRACE).hexdigest(), len(TRACE), 0)
 UP = "../../../../tmp/escaped"

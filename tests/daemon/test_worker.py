@@ -4,12 +4,16 @@ import signal
 import sqlite3
 from collections.abc import Iterator
 from dataclasses import replace
+from importlib.metadata import version
 from pathlib import Path
 
 import psutil
 import pytest
 
+from daemon import bus
 from daemon.client import Client
+from daemon.errors import Refused
+from daemon.messages import LeaseReply, LeaseRequest, Verb, Welcome, WorkerInfo
 from daemon.protocol import Live, RunState
 from daemon.spec import SutReference
 from daemon.verdict import Outcome
@@ -318,3 +322,18 @@ def test_details_of_a_run_are_told_while_somebody_watches_it(client: Client) -> 
         # Nobody watches any more: after a while nothing but the progress is made.
         eventually(lambda: little[-1].snapshot.returns == ())
     client.cancel("watched")
+
+
+@pytest.mark.parametrize("different", [{"engine": "0"}, {"version": "0.0.1"}])
+def test_a_worker_of_another_version_is_refused_with_the_remedy(
+    daemon: DaemonPart, different: dict[str, str]
+) -> None:
+    stranger = replace(WorkerInfo("w", "host", 1, version("scenario-tui"), 1, 0), **different)
+    with bus.open_client(daemon.endpoint) as session:
+        link = (session, daemon.endpoint)
+        with pytest.raises(
+            Refused, match=rf"pip install 'scenario-tui=={version('scenario-tui')}'"
+        ):
+            bus.ask(*link, Verb.WELCOME, stranger, Welcome, 3.0)
+        with pytest.raises(Refused, match="worker w has scenario-tui"):
+            bus.ask(*link, Verb.LEASE, LeaseRequest(stranger, 1), LeaseReply, 3.0)

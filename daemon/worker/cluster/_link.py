@@ -12,7 +12,7 @@ from distributed.security import Security
 
 from daemon.errors import WorkerBroken
 from daemon.executor import Scheduler
-from daemon.worker._versions import identity, remedy
+from daemon.versions import identity, remedy
 from daemon.worker.cluster import _remote
 from daemon.worker.cluster._job import Fate, Report
 from grammars import codec

@@ -11,7 +11,7 @@ from distributed import get_worker
 from distributed.core import Status
 
 from daemon.errors import WorkerBroken
-from daemon.worker._versions import identity
+from daemon.versions import identity
 from daemon.worker.cluster._household import household
 from daemon.worker.cluster._job import Fate, Job, News, Report
 from grammars import codec

@@ -3,15 +3,21 @@
 from __future__ import annotations
 
 from importlib.metadata import version
+from typing import Final
 
 from daemon.spec import ENGINE_VERSION
 
-_PACKAGE = "scenario-tui"
+_PACKAGE: Final = "scenario-tui"
+
+
+def named(number: str, engine: str) -> str:
+    """A version for comparison and for people: package and engine."""
+    return f"{_PACKAGE} {number}, engine {engine}"
 
 
 def identity() -> str:
-    """Package and engine of this process, for comparison and for people."""
-    return f"{_PACKAGE} {version(_PACKAGE)}, engine {ENGINE_VERSION}"
+    """The version of this process."""
+    return named(version(_PACKAGE), ENGINE_VERSION)
 
 
 def remedy(wanted: str) -> str:
