@@ -326,14 +326,14 @@ def test_details_of_a_run_are_told_while_somebody_watches_it(client: Client) -> 
 
 @pytest.mark.parametrize("different", [{"engine": "0"}, {"version": "0.0.1"}])
 def test_a_worker_of_another_version_is_refused_with_the_remedy(
-    daemon: DaemonPart, different: dict[str, str]
+    daemon: DaemonPart, client: Client, different: dict[str, str]
 ) -> None:
-    stranger = replace(WorkerInfo("w", "host", 1, version("scenario-tui"), 1, 0), **different)
+    ours = version("scenario-tui")
+    stranger = replace(WorkerInfo("w", "host", 1, ours, 1, 0), **different)
     with bus.open_client(daemon.endpoint) as session:
-        link = (session, daemon.endpoint)
-        with pytest.raises(
-            Refused, match=rf"pip install 'scenario-tui=={version('scenario-tui')}'"
-        ):
-            bus.ask(*link, Verb.WELCOME, stranger, Welcome, 3.0)
+        with pytest.raises(Refused, match=f"pip install 'scenario-tui=={ours}'"):
+            bus.ask(session, daemon.endpoint, Verb.WELCOME, stranger, Welcome, 3.0)
+        lease = LeaseRequest(stranger, 1)
         with pytest.raises(Refused, match="worker w has scenario-tui"):
-            bus.ask(*link, Verb.LEASE, LeaseRequest(stranger, 1), LeaseReply, 3.0)
+            bus.ask(session, daemon.endpoint, Verb.LEASE, lease, LeaseReply, 3.0)
+    assert client.overview().workers == 1
