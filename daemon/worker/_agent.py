@@ -100,6 +100,7 @@ class Agent:
         self._silent_until = 0.0
         self._troubled_until = 0.0
         self._deliver_at = 0.0
+        self._overdue = False
         self._leave_by = 0.0
         self._moved = 0
         self._lacks: dict[str, None] = {}
@@ -226,6 +227,7 @@ class Agent:
         reply = self._link.ask(Verb.RENEW, RenewRequest(self._busy(), holds), RenewReply)
         self._renew_at = time.monotonic() + self._renew_period
         gone = {hold.token for hold in reply.gone}
+        self._overdue = any(attempt.grant.token in gone for attempt in self._outbox)
         for execution in tuple(self._executions):
             if execution.attempt.grant.token in gone:
                 self._drop(execution)
@@ -241,6 +243,9 @@ class Agent:
     def _lease(self) -> None:
         free = self._backend.slots - len(self._executions)
         if free <= 0 or self._orders.drain:
+            return
+        if self._overdue and self._outbox:
+            # Nobody waits for these results any more: else their runs would be leased again here.
             return
         if time.monotonic() < max(self._lease_at, self._troubled_until):
             return
