@@ -98,8 +98,8 @@ class Intake:
         return ""
 
     def _make_room(self, chunk: Chunk) -> None:
-        """Look whether another upload can begin; what this run has sent before goes."""
-        for path in self.places.incoming.glob(f"{chunk.run}.{chunk.token}.*"):
+        """Look whether another upload can begin; what was sent of this run before goes."""
+        for path in self.places.incoming.glob(f"{chunk.run}.*"):
             path.unlink(missing_ok=True)
         if sum(1 for _ in self.places.incoming.iterdir()) >= _MOST:
             raise Troubled(f"{_MOST} traces are on their way already: this one has to wait")
