@@ -96,6 +96,7 @@ class Dashboard(SparingApp):
         if self.config.theme:
             self.theme = self.config.theme
         self.set_keymap(self.config.keys)
+        self.feed.on_answer = partial(self.call_later, self.look)
         self.feed.start()
         self.set_interval(1.0 / FRAMES, self.look)
         self.set_timer(_READY, self._load_screens)

@@ -154,7 +154,9 @@ class Feed:
         self._lives: deque[Live] = deque(maxlen=512)
         self._notices: deque[Notice] = deque(maxlen=16)
         self._wake = threading.Event()
+        self._asked = threading.Event()
         self._closing = False
+        self.on_answer: Callable[[], object] = _nobody_waits
         self._failure: Exception | None = None
         self._thread = threading.Thread(target=self._run, name="feed", daemon=True)
 
@@ -169,7 +171,7 @@ class Feed:
     def close(self) -> None:
         """Stop asking; returns when the thread has left."""
         self._closing = True
-        self._wake.set()
+        self._hurry()
         if self._thread.is_alive():
             self._thread.join(timeout=5.0)
 
@@ -177,15 +179,19 @@ class Feed:
         """Say what is to be shown now."""
         if want != self._want:
             self._want = want
-            self._wake.set()
+            self._hurry()
 
     def refresh(self) -> None:
         """Ask again at once."""
-        self._wake.set()
+        self._hurry()
 
     def do(self, action: Action) -> None:
         """Have something done; what it returns, or why it was refused, becomes a notice."""
         self._actions.append(action)
+        self._hurry()
+
+    def _hurry(self) -> None:
+        self._asked.set()
         self._wake.set()
 
     def take(self) -> tuple[Picture | None, list[Live], list[Notice]]:
@@ -228,8 +234,9 @@ class Feed:
             try:
                 while not self._closing:
                     self._wake.clear()
+                    self._asked.clear()
                     self.step(daemon)
-                    time.sleep(_BREATH)
+                    self._breathe(daemon)
                     self._wake.wait(REFRESH - _BREATH)
             finally:
                 leaving.set()
@@ -237,6 +244,13 @@ class Feed:
                 judging.join(_PATIENCE)
                 self._unwatch()
                 subscription.close()
+
+    def _breathe(self, daemon: Daemon) -> None:
+        """Let some time pass between two looks; only what people wait for is answered at once."""
+        until = time.monotonic() + _BREATH
+        while self._asked.wait(max(0.0, until - time.monotonic())) and not self._closing:
+            self._asked.clear()
+            self.answer(daemon)
 
     def _judging(self, daemon: Daemon, leaving: threading.Event) -> None:
         """Judge what changed until the connection is left."""
@@ -261,10 +275,24 @@ class Feed:
             self._judge.touch(event.campaign)
         self._wake.set()
 
-    def step(self, daemon: Daemon) -> None:
-        """Do what was asked for, then take one picture."""
+    def answer(self, daemon: Daemon) -> bool:
+        """Do what was asked for and find out what is newly wanted; return whether a page was."""
         while self._actions:
             self._act(daemon, self._actions.popleft())
+        want, picture = self._want, self._picture
+        turned = want.runs is not None and want.runs != picture.wanted
+        if want.runs is not None and turned:
+            picture = replace(picture, wanted=want.runs, page=_page(daemon, want.runs))
+        if want.run and (picture.detail is None or picture.detail.row.id != want.run):
+            picture = self._with_run(daemon, picture, want.run)
+        if picture is not self._picture:
+            self._show(picture)
+            self.on_answer()
+        return turned
+
+    def step(self, daemon: Daemon) -> None:
+        """Do what was asked for, then take one picture."""
+        turned = self.answer(daemon)
         want = self._want
         picture = replace(
             self._picture,
@@ -279,15 +307,18 @@ class Feed:
         )
         if want.workers:
             picture = replace(picture, workers=daemon.workers())
-        if want.runs is not None:
+        if want.runs is not None and not (turned and want.runs == picture.wanted):
             picture = replace(picture, wanted=want.runs, page=_page(daemon, want.runs))
         if want.run:
-            detail = self._detail(daemon, want.run)
-            scene = self._scene(daemon, detail.spec.scene) if detail is not None else None
-            recording = self._recorded(daemon, detail)
-            picture = replace(picture, detail=detail, scene=scene, recording=recording)
+            picture = self._with_run(daemon, picture, want.run)
         self._watch(daemon, picture.detail if want.run else None)
         self._show(picture)
+
+    def _with_run(self, daemon: Daemon, picture: Picture, run: str) -> Picture:
+        detail = self._detail(daemon, run)
+        scene = self._scene(daemon, detail.spec.scene) if detail is not None else None
+        recording = self._recorded(daemon, detail)
+        return replace(picture, detail=detail, scene=scene, recording=recording)
 
     def _forget(self) -> None:
         """Forget what was asked for: nobody expects it to be done when the daemon is back."""
@@ -467,6 +498,10 @@ def _page(daemon: Daemon, wanted: RunsWanted) -> RunPage:
         scenario=wanted.scenario,
         sut=wanted.sut,
     )
+
+
+def _nobody_waits() -> None:
+    """What is new is taken when somebody looks."""
 
 
 def _drain(waiting: deque[T]) -> list[T]:
