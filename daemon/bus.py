@@ -78,8 +78,9 @@ def unreachable(endpoint: str, holder: Holder | None = None) -> Unreachable:
         words = refusal(endpoint, holder)
         if words:
             return Unreachable(f"{endpoint}: {words}")
+    where = socket_of(endpoint) or endpoint
     return Unreachable(
-        f"no daemon answers at {endpoint}: start one with `scenario daemon`, "
+        f"no daemon answers at {where}: start one with `scenario daemon`, "
         "or name another with --connect or SCENARIO_CONNECT"
     )
 

@@ -30,7 +30,7 @@ class Target:
         """Where the daemon listens as far as known now; it may move when it restarts.
 
         Raises :class:`daemon.errors.Unreachable` for a state directory somebody chose that no
-        daemon keeps: whoever listens at the default endpoint keeps another one. Raises
+        daemon keeps: there is no need to look for its socket. Raises
         :class:`InputError` when the environment names what is no endpoint.
         """
         from daemon.places import Places, find_endpoint, is_endpoint

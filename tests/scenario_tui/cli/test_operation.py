@@ -93,7 +93,9 @@ def test_gc_without_a_ledger_says_so(scenario, tmp_path) -> None:
 def test_units_name_everything_by_absolute_paths(scenario, tmp_path, monkeypatch) -> None:
     monkeypatch.chdir(tmp_path)
     unit = scenario("daemon", "--print-unit", "--state", "my state", "--slots", "2").out
-    assert f'"daemon" "--state" "{tmp_path}/my state" "--listen"' in unit
+    assert f'"daemon" "--state" "{tmp_path}/my state" "--slots" "2"' in unit
+    wide = scenario("daemon", "--print-unit", "--listen", "tls/[::]:7447", "--keys", "k").out
+    assert f'"--listen" "tls/[::]:7447" "--keys" "{tmp_path}/k"' in wide
     assert scenario("worker", "--print-unit", "--state", "here").out.count(f"{tmp_path}/here") == 1
     far = scenario("worker", "--print-unit", "--connect", "tcp/far:7447").out
     assert '"worker" "--connect" "tcp/far:7447"\n' in far

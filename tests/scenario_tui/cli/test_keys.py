@@ -1,0 +1,72 @@
+"""The keys of machines, from the command line."""
+
+import json
+import os
+from pathlib import Path
+
+import pytest
+
+from daemon.security import CLIENTS, RULES, Role
+
+DOC = Path(__file__).parents[3] / "docs" / "security.md"
+
+
+@pytest.fixture
+def folder(scenario, tmp_path, monkeypatch) -> Path:
+    monkeypatch.setenv("SCENARIO_KEYS", str(tmp_path / "keys"))
+    said = scenario("keys", "init", "--host", "server")
+    assert said.code == 0, said.err
+    assert "server localhost 127.0.0.1 ::1" in said.out
+    return tmp_path / "keys"
+
+
+def test_keys_are_made_issued_listed_and_revoked(scenario, folder) -> None:
+    assert scenario("keys", "issue", "worker", "spare").code == 0
+    assert scenario("keys", "revoke", "worker.spare").code == 0
+    listed = scenario("keys", "list")
+    assert [line.split()[0] for line in listed.out.splitlines()] == [
+        "KEY", "viewer", "operator", "worker", "daemon", "worker.spare",
+    ]  # fmt: skip
+    assert "worker.spare  worker    revoked" in listed.out
+    told = json.loads(scenario("keys", "list", "--json").out)
+    assert told["folder"] == str(folder)
+    assert {key["role"] for key in told["keys"]} == set(Role)
+    assert all(len(key["fingerprint"]) == 64 for key in told["keys"])
+
+
+def test_nothing_that_is_there_is_overwritten(scenario, folder, tmp_path) -> None:
+    before = {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+    assert "has keys already" in scenario("keys", "init").err
+    assert "choose another name" in scenario("keys", "issue", "daemon", "", "--host", "x").err
+    assert scenario("keys", "bundle", "viewer", "-o", str(tmp_path / "v.tar")).code == 0
+    again = scenario("keys", "bundle", "viewer", "-o", str(tmp_path / "v.tar"))
+    assert again.code == 3
+    assert "is there already" in again.err
+    assert {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()} == before
+
+
+def test_wrong_words_are_refused(scenario, folder) -> None:
+    assert "is no role: viewer, operator, worker, daemon" in scenario(
+        "keys", "issue", "admin", "me"
+    ).err.replace("\n", " ").replace("│ ", "").replace(" │", "")
+    assert "is no name of a key" in scenario("keys", "issue", "viewer", "../me").err
+    assert 'there is no key "nobody"' in scenario("keys", "revoke", "nobody").err
+    assert 'there is no key "nobody"' in scenario("keys", "bundle", "nobody", "-o", "x").err
+
+
+def test_every_command_that_connects_takes_keys(scenario, folder, monkeypatch, tmp_path) -> None:
+    assert scenario("status", "--keys", str(tmp_path)).err == ""
+    assert os.environ["SCENARIO_KEYS"] == str(tmp_path)
+    for command in ("submit", "results", "cancel", "doctor", "metrics", "tui", "worker", "daemon"):
+        assert "--keys" in scenario(command, "--help").out
+
+
+def test_the_documentation_says_what_each_role_may_do() -> None:
+    expected = []
+    for verb, rule in RULES.items():
+        marks = "".join("| yes " if role in rule.roles else "| " for role in CLIENTS)
+        size = rule.largest // 2**10
+        told = f"{size} KiB" if size < 1024 else f"{size // 1024} MiB"
+        expected.append(f"| `{verb}` {marks}| {told} |")
+    table = DOC.read_text("utf-8").partition("| request |")[2].partition("\n\n")[0]
+    assert table.splitlines()[2:] == expected
