@@ -47,8 +47,9 @@ def work(
     """Execute runs of the daemon at ``connect`` until told to leave.
 
     ``slots`` runs at a time (``None``: one per core, or per thread of the Dask cluster that
-    executes them if there is a ``scheduler``). Spool and traces lie in the daemon's state
-    directory, which must be reachable here under the same path or be given as ``state``.
+    executes them if there is a ``scheduler``). Where the daemon's state directory can be reached,
+    under the path it says or as ``state``, spool and traces lie there. Elsewhere the worker has a
+    folder of its own, in ``state`` or the user's state folder, and sends traces.
     ``executor`` (``module:function``) executes runs and is never taken from the network. With
     ``parent`` the worker finishes and leaves when that process is not its parent any more; with
     ``tether`` it dies when its standard input closes. To be called from the main thread.
