@@ -2,8 +2,23 @@
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Collection, Iterable
-from typing import Any
+from pathlib import Path
+from typing import Any, Final
+
+_READING: Final = threading.Lock()
+
+
+def metamodel(grammar: Path, *, autokwd: bool = False) -> Any:
+    """Return textX's metamodel of a language; safe from any thread.
+
+    Grammars are read by a parser textX has only one of: two threads at once would disturb it.
+    """
+    from textx import metamodel_from_file
+
+    with _READING:
+        return metamodel_from_file(str(grammar), autokwd=autokwd)
 
 
 def offset_of(text: str, line: int, column: int) -> int:

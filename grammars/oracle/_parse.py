@@ -32,6 +32,7 @@ from grammars.oracle._model import (
 )
 from grammars.oracle._plugins import custom_oracle_names
 from grammars.oracle._types import check_types
+from grammars.parsing import metamodel
 from grammars.quantity import parse_quantity
 
 _OPERATORS: Final = (
@@ -63,10 +64,7 @@ def parse_oracle(name: str, text: str, where: Where) -> Oracle:
 
 @functools.cache
 def _metamodel() -> Any:
-    from textx import metamodel_from_file
-
-    grammar = Path(__file__).with_name("oracle.tx")
-    return metamodel_from_file(str(grammar), autokwd=True)
+    return metamodel(Path(__file__).with_name("oracle.tx"), autokwd=True)
 
 
 def _parse_tree(text: str, where: Where) -> Any:

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from grammars.diagnostics import Diagnostic, InputError, Where, did_you_mean
-from grammars.parsing import offset_of
+from grammars.parsing import metamodel, offset_of
 from grammars.quantity import parse_quantity
 from grammars.scenery.units import NUMBER, UNIT
 
@@ -77,9 +77,7 @@ class Places:
 
 @functools.cache
 def _metamodel() -> Any:
-    from textx import metamodel_from_file
-
-    return metamodel_from_file(str(_GRAMMAR), autokwd=True)
+    return metamodel(_GRAMMAR, autokwd=True)
 
 
 def parse_tree(text: str, places: Places) -> Any:

@@ -10,7 +10,7 @@ from typing import Any, Final
 
 from grammars.diagnostics import Diagnostic, InputError, did_you_mean
 from grammars.floorplan._source import Node, Source, in_source_order
-from grammars.parsing import expected_keys, offset_of
+from grammars.parsing import expected_keys, metamodel, offset_of
 
 _GRAMMAR: Final = Path(__file__).with_name("variation.tx")
 _MOST_ERRORS: Final = 20
@@ -48,9 +48,7 @@ _HINTS: Final = {
 
 @functools.cache
 def _metamodel() -> Any:
-    from textx import metamodel_from_file
-
-    return metamodel_from_file(str(_GRAMMAR))
+    return metamodel(_GRAMMAR)
 
 
 def parse(source: Source) -> Node:
