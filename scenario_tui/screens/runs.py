@@ -9,7 +9,7 @@ from rich.text import Text
 from textual.app import ComposeResult
 from textual.binding import Binding, BindingType
 from textual.containers import Horizontal, Vertical
-from textual.widgets import DataTable, Input, Static
+from textual.widgets import Input, Static
 
 from daemon.protocol import CampaignRow, RunRow, RunState
 from scenario_tui.feed import Picture, RunsWanted, Want
@@ -112,6 +112,15 @@ class RunsScreen(Steering):
         parts += marks(row) if row is not None else []
         return "  ".join(parts)
 
+    def command(self) -> str:
+        """Return what to type for the runs of the campaign, the same ones where that can be."""
+        row, wanted = self.campaign(), self._wanted
+        if row is None:
+            return super().command()
+        narrowed = [("--outcome", wanted.outcome), ("--filter", wanted.text)]
+        options = [word for option in narrowed if option[1] for word in option]
+        return self.dashboard.equivalent.line("results", row.id, *(options or ["--runs"]))
+
     def campaign(self) -> CampaignRow | None:
         """Return the campaign shown, or that of the run under the cursor."""
         wanted = self._wanted.campaign
@@ -151,9 +160,9 @@ class RunsScreen(Steering):
         if self.has_class("-wide"):
             self.dashboard.feed.look(self.want())
 
-    def on_data_table_row_selected(self, event: DataTable.RowSelected) -> None:
+    def on_data_table_row_selected(self) -> None:
         """Open the run."""
-        self.dashboard.open_run(str(event.row_key.value))
+        self.dashboard.open_run(self.query_one(KeyedTable).key)
 
     def _change(self, **changes: Any) -> None:
         self._wanted = replace(self._wanted, **({"offset": 0} | changes))
