@@ -55,6 +55,11 @@ class Dask:
         self._started.append(process)
         return psutil.Process(process.pid)
 
+    @property
+    def pids(self) -> list[int]:
+        """The processes that were started, without those they started."""
+        return [process.pid for process in self._started]
+
     def leftovers(self) -> list[Path]:
         """What sitters have left behind."""
         return list((self.folder / "scratch").rglob("scenario-*"))

@@ -1,0 +1,78 @@
+"""Empty runs through a local worker and through a gateway to a Dask cluster, side by side.
+
+Both execute two at a time on this machine, each run in a process of its own, through daemon,
+ledger and spool. What differs is the road: a pipe, or gateway, Dask scheduler and Dask worker.
+"""
+
+from __future__ import annotations
+
+import tempfile
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import psutil
+
+from daemon.client import Client
+from tests.daemon.dask_harness import dask_in, gateway_for
+from tests.daemon.harness import daemon_at, eventually, family
+from tests.daemon.samples import make_submission
+
+_RUNS = 400
+_SLOTS = 2
+_ROUNDS = 2
+
+Processes = Callable[[], list[psutil.Process]]
+
+
+@contextmanager
+def _local(folder: Path) -> Iterator[tuple[Client, Processes]]:
+    with daemon_at(folder / "state", _SLOTS) as daemon, daemon.client() as client:
+        eventually(lambda: client.overview().workers, 60.0)
+        yield client, lambda: family(daemon.pid)
+
+
+@contextmanager
+def _cluster(folder: Path) -> Iterator[tuple[Client, Processes]]:
+    with (
+        daemon_at(folder / "state") as daemon,
+        daemon.client() as client,
+        dask_in(folder / "dask", _SLOTS) as dask,
+        gateway_for(dask, daemon) as gateway,
+    ):
+        eventually(lambda: client.workers() and client.workers()[0].slots == _SLOTS, 60.0)
+        pids = [daemon.pid, gateway.pid, *dask.pids]
+        yield client, lambda: [process for pid in pids for process in family(pid)]
+
+
+def _cpu(processes: list[psutil.Process]) -> float:
+    """Seconds of processor time, of ended children too."""
+    return sum(sum(process.cpu_times()[:4]) for process in processes)
+
+
+def _measure(client: Client, processes: Processes, name: str) -> tuple[float, float]:
+    before, start = _cpu(processes()), time.perf_counter()
+    client.submit(make_submission(name, _RUNS))
+    eventually(lambda: client.overview().queued + client.overview().running == 0, 600.0)
+    return time.perf_counter() - start, _cpu(processes()) - before
+
+
+def main() -> None:
+    """Print runs per second and processor time per run, round by round."""
+    with (
+        tempfile.TemporaryDirectory() as name,
+        _local(Path(name, "local")) as local,
+        _cluster(Path(name, "cluster")) as cluster,
+    ):
+        print(f"{_RUNS} empty runs, {_SLOTS} at a time: local worker | Dask gateway | more a run")
+        for number in range(_ROUNDS):
+            here = _measure(*local, f"round-{number}")
+            there = _measure(*cluster, f"round-{number}")
+            cells = [f"{_RUNS / w:4.0f}/s {1e3 * c / _RUNS:5.1f} ms CPU" for w, c in (here, there)]
+            more = [1e3 * (b - a) / _RUNS for a, b in zip(here, there, strict=True)]
+            print(f"{' | '.join(cells)} | {more[0]:.1f} ms, {more[1]:.1f} ms CPU")
+
+
+if __name__ == "__main__":
+    main()
