@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Final
 
 from daemon import store
 from daemon.child import TRACE
-from daemon.errors import Unreachable
+from daemon.errors import Troubled, Unreachable
 from daemon.messages import (
     LARGEST_CHUNK,
     Acknowledgement,
@@ -146,9 +146,9 @@ class Courier:
         sending, until = self._sending[token], time.monotonic() + _TURN
         try:
             while not sending.complete:
+                self._send(attempt, result, sending)
                 if time.monotonic() > until:
                     return False
-                self._send(attempt, result, sending)
         except Unreachable:
             sending.offset = None  # whoever answers next says how far it is
             self._chunk = max(self._chunk // 2, _SMALLEST_CHUNK)
@@ -172,7 +172,11 @@ class Courier:
             sending.offset or 0, text, digest,
         )  # fmt: skip
         asked = time.monotonic()
-        received = self._link.ask(Verb.UPLOAD, chunk, Received)
+        try:
+            received = self._link.ask(Verb.UPLOAD, chunk, Received)
+        except Troubled as error:
+            # No room there just now. Everything else goes on: leases are renewed, say.
+            raise OSError(str(error)) from error
         if time.monotonic() - asked < _QUICK:
             self._chunk = min(2 * self._chunk, LARGEST_CHUNK)
         if received.problem:
