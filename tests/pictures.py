@@ -1,7 +1,10 @@
 """Record the pictures of the documentation: ``python -m tests.pictures``.
 
-``docs/demo.svg`` is what ``scenario demo`` prints, ``docs/dashboard.svg`` the dashboard while the
-same campaign runs, ``docs/flat.svg`` the flat as ``scenario export`` draws it.
+``docs/pictures`` holds every view of the dashboard and the output of the main commands, from fixed
+data: the tests say when they are not true any more. ``docs/demo.svg`` is what ``scenario demo``
+prints, ``docs/dashboard.svg`` the dashboard while the same campaign runs, ``docs/flat.svg`` the
+flat as ``scenario export`` draws it; ``--views`` leaves these three, which take a while, as they
+are.
 """
 
 from __future__ import annotations
@@ -21,6 +24,7 @@ from daemon.client import Client
 from daemon.launch import embedded
 from scenario_tui.app import Dashboard
 from scenario_tui.feed import Feed
+from tests.scenario_tui.shots import COMMANDS, FOLDER, KEYS, SHOTS, draw, key_table, typed
 
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"
@@ -78,7 +82,23 @@ async def record_dashboard() -> None:
             (DOCS / "dashboard.svg").write_text(app.export_screenshot(title="scenario tui"))
 
 
+def record_views() -> None:
+    """Draw every view and type every command of the documentation, and list the keys."""
+    document = DOCS / "dashboard.md"
+    before, _, _ = document.read_text().partition(KEYS)
+    document.write_text(before + KEYS + key_table())
+    FOLDER.mkdir(exist_ok=True)
+    for name in (*SHOTS, *COMMANDS):
+        with tempfile.TemporaryDirectory() as place:
+            folder = Path(place)
+            svg = asyncio.run(draw(name, folder)) if name in SHOTS else typed(name, folder)
+        (FOLDER / f"{name}.svg").write_text(svg)
+
+
 if __name__ == "__main__":
+    record_views()
+    if "--views" in sys.argv[1:]:
+        sys.exit()
     record_demo()
     record_flat()
     asyncio.run(record_dashboard())

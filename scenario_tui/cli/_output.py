@@ -80,6 +80,17 @@ def watched(found: Iterable[T], total: int, description: str) -> Iterable[T]:
     )
 
 
+def packed(parts: Iterable[str], width: int) -> str:
+    """Return parts two blanks apart, in lines of at most ``width`` that begin with a part."""
+    lines: list[str] = []
+    for part in parts:
+        if lines and len(lines[-1]) + 2 + len(part) <= width:
+            lines[-1] += f"  {part}"
+        else:
+            lines.append(part)
+    return "\n".join(lines)
+
+
 def say(message: str) -> None:
     """Write a message for people to standard error; that nobody reads it changes nothing."""
     with suppress(BrokenPipeError):

@@ -41,19 +41,21 @@ def status(connect: Connect = "", state: State = None, as_json: AsJson = False) 
     if not campaigns:
         console.print("\nNo campaigns yet. Type: scenario submit CAMPAIGN.yaml")
         return
-    console.print(_campaign_table(campaigns[:_SHOWN], overview.now))
+    console.print(_campaign_table(campaigns[:_SHOWN], overview.now, console.width))
     if len(campaigns) > _SHOWN:
         console.print(f"and {len(campaigns) - _SHOWN} older ones")
 
 
 _SHOWN = 15
+_BESIDE = 18
+"""Columns that age and gaps take in the list of campaigns."""
 _ROOMY = 120
 """Columns from which on a table has room for paths."""
 
 
 def _print_overview(overview: Overview, endpoint: str, workers: tuple[WorkerRow, ...]) -> None:
-    from scenario_tui.cli._output import out
-    from scenario_tui.wording import GLYPHS, counted, duration, rate, tally
+    from scenario_tui.cli._output import out, packed
+    from scenario_tui.wording import counted, duration, rate
 
     console = out()
     slots = sum(worker.slots for worker in workers)
@@ -63,34 +65,42 @@ def _print_overview(overview: Overview, endpoint: str, workers: tuple[WorkerRow,
         f"{counted(overview.workers, 'worker')} with {counted(slots, 'slot')}",
         soft_wrap=True,
     )
-    counts = "  ".join(f"{GLYPHS[word]} {n} {word}" for word, n in tally(overview).items())
-    line = counts or "no runs yet"
+    parts = _tallied(overview) or ["no runs yet"]
     if overview.rate > 0:
-        line += f"  {rate(overview.rate)}"
+        parts.append(rate(overview.rate))
     if overview.seconds_left is not None:
-        line += f"  {duration(overview.seconds_left)} left"
-    console.print(line, markup=False)
+        parts.append(f"{duration(overview.seconds_left)} left")
+    console.print(packed(parts, console.width), markup=False)
     if overview.trouble:
         last = overview.trouble.strip().splitlines()[-1]
         console.print(f"! no run can start: {last}", markup=False, style="yellow", soft_wrap=True)
 
 
-def _campaign_table(campaigns: tuple[CampaignRow, ...], now: float) -> Table:
+def _tallied(row: CampaignRow | Overview) -> list[str]:
+    """Return how many runs there are of each word, with its glyph."""
+    from scenario_tui.wording import GLYPHS, tally
+
+    return [f"{GLYPHS[word]} {count} {word}" for word, count in tally(row).items()]
+
+
+def _campaign_table(campaigns: tuple[CampaignRow, ...], now: float, width: int) -> Table:
     from rich import box
     from rich.table import Table
 
-    from scenario_tui.wording import GLYPHS, ago, tally
+    from scenario_tui.cli._output import packed
+    from scenario_tui.wording import ago
 
     table = Table(box=box.SIMPLE_HEAD, pad_edge=False, show_edge=False)
     for title in ("campaign", "runs", "verdicts", "submitted"):
         table.add_column(title, overflow="fold")
-    for row in campaigns:
-        finished = row.total - row.queued - row.running
-        counts = "  ".join(f"{GLYPHS[word]} {n} {word}" for word, n in tally(row).items())
+    runs = [f"{row.total - row.queued - row.running}/{row.total}" for row in campaigns]
+    room = width - max(len(row.id) for row in campaigns) - max(map(len, runs)) - _BESIDE
+    for row, progress in zip(campaigns, runs, strict=True):
+        counts = packed(_tallied(row), max(24, room))
         marks = [f"priority {row.priority}"] if row.priority else []
         marks += ["paused"] if row.paused else []
         name = f"{row.id} ({', '.join(marks)})" if marks else row.id
-        table.add_row(name, f"{finished}/{row.total}", counts, ago(row.submitted_at, now))
+        table.add_row(name, progress, counts, ago(row.submitted_at, now))
     return table
 
 
@@ -170,15 +180,13 @@ def _took(row: CampaignRow) -> float | None:
 
 
 def _print_whereabouts(row: CampaignRow, rows: tuple[RunRow, ...], *, listed: bool) -> None:
-    from pathlib import Path
-
     from scenario_tui.cli._output import out
     from scenario_tui.cli._summary import print_commands
     from scenario_tui.wording import counted
 
     traces = [run.trace for run in rows if run.trace]
     if traces:
-        where = f"{counted(len(traces), 'trace')} in {Path(traces[0]).parent}"
+        where = f"{counted(len(traces), 'trace')} in {traces[0].rpartition('/')[0]}"
         out().print(where, markup=False, soft_wrap=True)
     runs = (f"scenario results {row.id} --runs", "every run and its trace")
     one = (f"scenario show {rows[0].id if rows else 'RUN'}", "one run: what each oracle says")

@@ -1,0 +1,249 @@
+"""Every view of the dashboard with fixed data and a fixed clock, as pictures for the documentation.
+
+``python -m tests.pictures`` writes them, the tests compare what is written in them.
+"""
+
+from __future__ import annotations
+
+import html
+import os
+import re
+import shutil
+from collections.abc import Awaitable, Callable, Mapping
+from contextlib import ExitStack, chdir
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, Final
+from unittest import mock
+
+from rich.console import Console
+from textual.app import App
+from textual.command import CommandList
+from textual.keys import format_key
+from textual.pilot import Pilot
+from textual.widgets import Static
+
+from daemon.protocol import RunDetail
+from daemon.spec import RunResult
+from scenario_tui.bindings import catalogue
+from scenario_tui.cli import _output, _session
+from scenario_tui.cli._main import invoke
+from scenario_tui.playback import open_playback
+from scenario_tui.screens.compare import CompareScreen
+from scenario_tui.screens.replay import ReplayApp, ReplayScreen
+from tests.scenario_tui.driven import until
+from tests.scenario_tui.fake import FakeDaemon, make_live, make_result, make_rows
+from tests.scenario_tui.inline import make_dashboard, press, settle
+from tests.scenario_tui.judged_campaign import judged_campaign
+from tests.scenario_tui.recorded import HIT, make_run, record_run
+
+ROOT: Final = Path(__file__).parents[2]
+FOLDER: Final = ROOT / "docs" / "pictures"
+CAMPAIGNS: Final = ROOT / "campaigns"
+KEYS: Final = "## All keys\n\n"
+"""What stands above the table of keys."""
+HERE: Final = Path("robot")
+"""Where the dashboard was opened."""
+NARROW: Final = (92, 26)
+WIDE: Final = (126, 32)
+_TEXT: Final = re.compile(r'<text class="[^"]*" x="([\d.]+)" y="([\d.]+)"[^>]*>(.*?)</text>')
+
+
+@dataclass
+class Corridor(FakeDaemon):
+    """Runs along the corridor: one on its way, and one that failed, with its trace."""
+
+    failed: RunResult | None = None
+
+    @classmethod
+    def recorded(cls, folder: Path) -> Corridor:
+        """Return it with a trace below ``folder``."""
+        rows = tuple(replace(row, simulated=10.0, limit=20.0) for row in make_rows())
+        found = open_playback(record_run(folder / rows[5].trace)).verdicts
+        worst = next(verdict for verdict in found if verdict.oracle == rows[5].oracle)
+        failing = replace(rows[5], margin=worst.margin, unit=worst.unit)
+        result = make_result(failing)
+        assert result is not None
+        return cls(
+            (*rows[:5], failing, *rows[6:]),
+            live=tuple(make_live(7, float(t)) for t in range(0, 61, 2)),
+            failed=replace(result, verdicts=found),
+        )
+
+    def run(self, run: str) -> RunDetail:
+        found = super().run(run)
+        return (
+            replace(found, spec=make_run(), result=self.failed) if found.row.index == 5 else found
+        )
+
+
+def _corridor(folder: Path) -> App[Any]:
+    return make_dashboard(Corridor.recorded(folder))
+
+
+def _replay(folder: Path) -> App[Any]:
+    playback = open_playback(record_run(folder / "run.mcap"))
+    return ReplayApp(ReplayScreen(playback, HIT - 0.5, clock=lambda: 0.0))
+
+
+def _compared(folder: Path) -> App[Any]:
+    first = open_playback(record_run(folder / "fast.mcap"))
+    second = open_playback(record_run(folder / "slow.mcap", index=6, speed=0.4))
+    return ReplayApp(CompareScreen(first, second, clock=lambda: 0.0))
+
+
+def _submitting(folder: Path) -> App[Any]:
+    for name in ("demo", "ortega2024", "robots", "suts"):
+        shutil.copytree(CAMPAIGNS / name, folder / HERE / name)
+    for age, path in enumerate(sorted(folder.rglob("*.yaml"))):
+        os.utime(path, (1e9 - age, 1e9 - age))
+    return _corridor(folder)
+
+
+async def _checked(pilot: Pilot[Any]) -> None:
+    await until(pilot, lambda: "✓" in str(pilot.app.screen.query_one("#about", Static).render()))
+
+
+async def _found(pilot: Pilot[Any]) -> None:
+    found: list[int] = []
+
+    def settled() -> bool:
+        found.append(pilot.app.screen.query_one(CommandList).option_count)
+        return len(found) > 20 and len(set(found[-20:])) == 1 and found[-1] > 1
+
+    await until(pilot, settled)
+
+
+async def _read(pilot: Pilot[Any]) -> None:
+    await until(pilot, lambda: pilot.app.screen._playback)  # type: ignore[attr-defined]
+
+
+def _judged(_: Path) -> App[Any]:
+    return make_dashboard(judged_campaign())
+
+
+async def _gone(pilot: Pilot[Any]) -> None:
+    fake = pilot.app.feed.fake  # type: ignore[attr-defined]
+    fake.reachable = False
+    fake.now += 75.0
+    await settle(pilot)
+
+
+@dataclass(frozen=True)
+class Shot:
+    """A picture: what is opened, how large, and the keys that lead to the view."""
+
+    keys: tuple[str, ...] = ()
+    size: tuple[int, int] = NARROW
+    open: Callable[[Path], App[Any]] = _corridor
+    before: Callable[[Pilot[Any]], Awaitable[None]] | None = None
+
+
+SHOTS: Final[Mapping[str, Shot]] = {
+    "campaigns": Shot(),
+    "matrix": Shot(("m", "n"), open=_judged),
+    "runs": Shot(("enter", *"jjjjj"), WIDE),
+    "run": Shot(("enter", *"jjjjj", "enter"), before=_read),
+    "timeline": Shot(("enter", *"jjjjj", "enter", "tab"), before=_read),
+    "live": Shot(("enter", *"jjjjjjj", "enter")),
+    "replay": Shot(open=_replay),
+    "comparison": Shot(("n",), (112, 27), open=_compared),
+    "submit": Shot(("s",), open=_submitting, before=_checked),
+    "workers": Shot(("3",)),
+    "help": Shot(("enter", "question_mark")),
+    "palette": Shot(("colon", *"re"), before=_found),
+    "cancel": Shot(("c",)),
+    "gone": Shot(before=_gone),
+}
+
+
+COMMANDS: Final[Mapping[str, tuple[str, ...]]] = {
+    "command-status": ("status",),
+    "command-results": ("results",),
+    "command-show": ("show", "first.5"),
+    "command-logs": ("logs", "run.mcap"),
+    "command-plot": ("plot", "run.mcap", "clearance", "speed"),
+    "command-frame": ("replay", "run.mcap", "--frame", "no-contact"),
+}
+"""Commands whose output is pictured, about the dashboard's data and a trace in their folder."""
+
+
+def typed(name: str, folder: Path) -> str:
+    """Return what a command prints as SVG."""
+    arguments = COMMANDS[name]
+    width, height = 80, 26
+    environment = {
+        "COLUMNS": str(width),
+        "LINES": str(height),
+        "SCENARIO_CONNECT": "tcp/127.0.0.1:7447",
+    }
+    with Path(os.devnull).open("w") as nowhere, chdir(folder), ExitStack() as patched:
+        record_run(Path("run.mcap"))
+        fake = Corridor.recorded(folder)
+        console = Console(
+            record=True, width=width, file=nowhere, force_terminal=True, color_system="truecolor",
+            highlight=False, legacy_windows=False,
+        )  # fmt: skip
+        line = f"scenario {' '.join(arguments)}"
+        console.print(f"$ {line}", markup=False, style="bold")
+        for patch in (
+            mock.patch.object(_session.Target, "open", side_effect=fake.open),
+            mock.patch.object(_output, "_console", return_value=console),
+            mock.patch.dict(os.environ, environment),
+        ):
+            patched.enter_context(patch)
+        assert invoke(arguments) == 0
+        return _slim(console.export_svg(title=line, unique_id=name))
+
+
+async def draw(name: str, folder: Path) -> str:
+    """Return a view as SVG; ``folder`` is for what it needs on disk."""
+    shot = SHOTS[name]
+    # Paths are relative, so that they are the same everywhere.
+    with chdir(folder), mock.patch.object(Path, "cwd", return_value=HERE):
+        app = shot.open(folder)
+        async with app.run_test(size=shot.size) as pilot:
+            await pilot.pause(0)
+            if hasattr(app, "look"):
+                await settle(pilot)
+                await press(pilot, *shot.keys)
+            else:
+                await pilot.press(*shot.keys)
+                await pilot.pause(0)
+            if shot.before is not None:
+                await shot.before(pilot)
+            await pilot.pause(0)
+            svg = app.export_screenshot(title=f"scenario tui: {name}")
+    return _slim(svg.replace(_identifier(svg), name))
+
+
+def _identifier(svg: str) -> str:
+    """Return what all names in a picture begin with; it is made of what is drawn."""
+    found = re.search(r"terminal-[0-9]+", svg)
+    assert found is not None
+    return found[0]
+
+
+def _slim(svg: str) -> str:
+    """Take out what cuts lines of text off where they end anyway."""
+    svg = re.sub(r' clip-path="url\(#[^)]*-line-\d+\)"', "", svg)
+    svg = re.sub(r'<clipPath id="[^"]*-line-\d+">\s*<rect[^>]*/>\s*</clipPath>\s*', "", svg)
+    return re.sub(r"\n\s*", "\n", svg)
+
+
+def key_table() -> str:
+    """Return every key of the dashboard as a table of the documentation."""
+    rows = ["| keys | id | where | what it does |", "|---|---|---|---|"]
+    for bound in catalogue():
+        keys = " ".join(f"`{format_key(key)}`" for key in bound.keys.split(","))
+        rows.append(f"| {keys} | {bound.id} | {bound.place} | {bound.meaning} |")
+    return "\n".join(rows) + "\n"
+
+
+def visible(svg: str) -> list[str]:
+    """Return the lines of text in a picture, whatever its colours and identifiers are."""
+    lines: dict[float, list[tuple[float, str]]] = {}
+    for x, y, text in _TEXT.findall(svg):
+        lines.setdefault(float(y), []).append((float(x), html.unescape(text)))
+    joined = ("".join(text for _, text in sorted(parts)) for _, parts in sorted(lines.items()))
+    return [line.replace("\xa0", " ").rstrip() for line in joined]

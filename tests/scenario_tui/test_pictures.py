@@ -1,0 +1,61 @@
+"""The pictures of the documentation show what there is to be seen."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+
+from tests.scenario_tui.shots import (
+    COMMANDS,
+    FOLDER,
+    KEYS,
+    ROOT,
+    SHOTS,
+    draw,
+    key_table,
+    typed,
+    visible,
+)
+
+_DOTS = re.compile("[\u2800-\u28ff]")
+AGAIN = "record it again: python -m tests.pictures --views"
+
+
+def _words(svg: str) -> list[str]:
+    """Return what is written in a picture without the dots of maps, which rounding may move."""
+    return [" ".join(_DOTS.sub(" ", line).split()) for line in visible(svg)]
+
+
+def _stored(name: str) -> list[str]:
+    return _words((FOLDER / f"{name}.svg").read_text("utf-8"))
+
+
+@pytest.mark.parametrize("name", SHOTS)
+async def test_a_view_is_as_in_its_picture(name: str, tmp_path: Path) -> None:
+    assert _words(await draw(name, tmp_path)) == _stored(name), AGAIN
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_a_command_prints_what_its_picture_shows(name: str, tmp_path: Path) -> None:
+    assert _words(typed(name, tmp_path)) == _stored(name), AGAIN
+
+
+def test_every_picture_is_of_something_and_in_the_documentation() -> None:
+    pictures = {path.stem for path in FOLDER.glob("*.svg")}
+    assert pictures == {*SHOTS, *COMMANDS}
+    documents = [*(ROOT / "docs").glob("*.md"), ROOT / "README.md"]
+    text = "".join(path.read_text("utf-8") for path in documents)
+    assert {name for name in pictures if f"pictures/{name}.svg" not in text} == set()
+
+
+def test_the_table_of_keys_is_true() -> None:
+    assert (ROOT / "docs" / "dashboard.md").read_text("utf-8").endswith(KEYS + key_table()), AGAIN
+
+
+def test_pictures_name_no_machine() -> None:
+    for path in FOLDER.glob("*.svg"):
+        svg = path.read_text("utf-8")
+        assert not re.search(r"/tmp/|/home/|/root/|/work/", svg), path
+        assert len(svg) < 80_000, path
