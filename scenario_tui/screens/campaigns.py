@@ -8,7 +8,7 @@ from rich.text import Text
 from textual.app import ComposeResult
 from textual.binding import Binding, BindingType
 from textual.containers import Horizontal, VerticalScroll
-from textual.widgets import DataTable, Static
+from textual.widgets import Static
 
 from daemon.protocol import CampaignRow
 from scenario_tui.feed import Picture
@@ -98,9 +98,9 @@ class CampaignsScreen(Steering):
             text = campaign_text(row, said, self.dashboard.clock())
             self.query_one("#about", Static).update(text)
 
-    def on_data_table_row_selected(self, event: DataTable.RowSelected) -> None:
+    def on_data_table_row_selected(self) -> None:
         """Open the campaign's runs."""
-        self.dashboard.open_runs(str(event.row_key.value))
+        self.dashboard.open_runs(self.query_one(KeyedTable).key)
 
 
 def _nothing(picture: Picture) -> str:

@@ -52,19 +52,39 @@ class KeyedTable(DataTable[Text]):
         self._from_top = True
 
     def fill(self, rows: Sequence[Row]) -> None:
-        """Show these rows; unchanged cells are not touched."""
-        rows = tuple(rows)
-        same = [key for key, _ in rows] == [key for key, _ in self._rows]
-        if self._layout() or not same or self._from_top:
+        """Show these rows; unchanged cells are not touched, the cursor stays on its row."""
+        rows, before, key = tuple(rows), self._rows, self.key
+        if self._layout():
             self._refill(rows)
             return
-        for row, ((_, before), (key, cells)) in enumerate(zip(self._rows, rows, strict=True)):
-            if before != cells:
-                for index in self._shown:
-                    if before[index] != cells[index]:
-                        self.update_cell(key, str(index), self._cell(index, cells))
-                self.refresh_row(row)
         self._rows = rows
+        if len(rows) < len(before):
+            self.clear()
+            before = ()
+        for place, (_, cells) in enumerate(rows[: len(before)]):
+            self._change(place, before[place][1], cells)
+        for place, (_, cells) in enumerate(rows[len(before) :], start=len(before)):
+            self._append(place, cells)
+        self._settle(key if not self._from_top else "")
+
+    def _change(self, place: int, before: tuple[Text, ...], cells: tuple[Text, ...]) -> None:
+        for index in self._shown:
+            if before[index] != cells[index]:
+                self.update_cell(str(place), str(index), self._cell(index, cells))
+
+    def _append(self, place: int, cells: tuple[Text, ...]) -> None:
+        # Named by their place: another page is then other words in the same rows, and drawing it
+        # costs a tenth of making rows anew.
+        self.add_row(*(self._cell(i, cells) for i in self._shown), key=str(place))
+
+    def _settle(self, key: str) -> None:
+        """Put the cursor on the row of a key, on the first one if there is none."""
+        found = next((i for i, (name, _) in enumerate(self._rows) if name == key), 0)
+        if found != self.cursor_row:
+            self.move_cursor(row=found, animate=False, scroll=False)
+        if self._from_top:
+            self._from_top = False
+            self.scroll_to(y=0, animate=False, immediate=True)
 
     def on_resize(self) -> None:
         """Choose the columns that fit."""
@@ -84,20 +104,17 @@ class KeyedTable(DataTable[Text]):
         return True
 
     def _refill(self, rows: tuple[Row, ...]) -> None:
-        key, scroll = self.key, self.scroll_y
+        key, scroll = "" if self._from_top else self.key, self.scroll_y
         self.clear(columns=True)
         for index, width in zip(self._shown, self._widths, strict=True):
             column = self._all[index]
             title = Text(column.title, justify="right" if column.right else "left")
             self.add_column(title, width=width, key=str(index))
         self._rows = rows
-        for name, cells in rows:
-            self.add_row(*(self._cell(i, cells) for i in self._shown), key=name)
-        if self._from_top:
-            key, scroll, self._from_top = "", 0.0, False
-        found = next((i for i, (name, _) in enumerate(rows) if name == key), 0)
-        self.move_cursor(row=found, animate=False, scroll=False)
-        self.scroll_to(y=scroll, animate=False, immediate=True)
+        for place, (_, cells) in enumerate(rows):
+            self._append(place, cells)
+        self._settle(key)
+        self.scroll_to(y=scroll if key else 0, animate=False, immediate=True)
 
     def _cell(self, index: int, cells: tuple[Text, ...]) -> Text:
         cell = cells[index].copy()
