@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import argparse
+import os
 import sys
 from pathlib import Path
 
+from daemon.amounts import QUOTA, parse_size
 from daemon.errors import (
     EXIT_ALREADY_RUNNING,
     EXIT_BROKEN,
@@ -39,6 +41,7 @@ def _parser() -> argparse.ArgumentParser:
     serve.add_argument("--listen", default="")
     serve.add_argument("--insecure", action="store_true")
     serve.add_argument("--traces", default="")
+    serve.add_argument("--quota", default=os.environ.get(QUOTA, ""))
     serve.add_argument("--lease", type=float, default=30.0)
     serve.add_argument("--grace", type=float, default=5.0)
     serve.add_argument("--attempts", type=int, default=3)
@@ -63,6 +66,10 @@ def _parser() -> argparse.ArgumentParser:
 def _serve(options: argparse.Namespace) -> None:
     from daemon.server import Settings, serve
 
+    try:
+        quota = parse_size(options.quota) if options.quota else 0
+    except ValueError as error:
+        raise DaemonError(f"the quota of traces: {error}") from error
     serve(
         options.state,
         listen=options.listen,
@@ -70,7 +77,12 @@ def _serve(options: argparse.Namespace) -> None:
         insecure=options.insecure,
         slots=options.slots,
         settings=Settings(
-            options.lease, options.grace, options.attempts, options.patience, options.traces
+            options.lease,
+            options.grace,
+            options.attempts,
+            options.patience,
+            options.traces,
+            quota,
         ),
         executor=options.executor,
         limits=Limits(options.wall, options.memory, options.nice),

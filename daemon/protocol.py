@@ -157,11 +157,16 @@ class WorkerRow:
 
 @dataclass(frozen=True, slots=True)
 class Disk:
-    """The file system of the state directory and what the ledger takes of it, in bytes."""
+    """The file system of the state directory and what the ledger takes of it, in bytes.
+
+    ``traces`` take at most ``quota`` of it, if that is not 0.
+    """
 
     total: int
     free: int
     ledger: int
+    traces: int = 0
+    quota: int = 0
 
 
 @dataclass(frozen=True, slots=True)

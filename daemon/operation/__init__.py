@@ -3,8 +3,8 @@
 from daemon.operation._doctor import examine
 from daemon.operation._findings import Finding, Level
 from daemon.operation._metrics import Standing, exposition
-from daemon.operation._traces import Keeping, Swept, sweep
 from daemon.operation._units import daemon_unit, worker_unit
+from daemon.retention import Keeping, Swept, sweep
 
 __all__ = [
     "Finding",

@@ -14,6 +14,7 @@ from typing import Final
 import platformdirs
 
 import daemon
+from daemon.amounts import size_text
 from daemon.client import Client
 from daemon.errors import DaemonError
 from daemon.executor import cores
@@ -22,7 +23,7 @@ from daemon.operation._keys_check import check_keys
 from daemon.operation._ledger_check import check_ledger
 from daemon.operation._leftovers import check_leftovers
 from daemon.places import Endpoint, Places, is_encrypted, is_endpoint, stays_here
-from daemon.protocol import Overview, WorkerRow
+from daemon.protocol import Disk, Overview, WorkerRow
 from daemon.security import keys_folder
 from daemon.spec import ENGINE_VERSION
 
@@ -142,7 +143,7 @@ def _daemon(places: Places, endpoint: Endpoint) -> Iterator[Finding]:
         with Client.open(endpoint.address) as client:
             before = time.time()
             overview, after = client.overview(), time.time()
-            workers = client.workers()
+            workers, disk = client.workers(), client.disk()
     except DaemonError as error:
         yield _silence(places, endpoint, error)
         return
@@ -154,7 +155,18 @@ def _daemon(places: Places, endpoint: Endpoint) -> Iterator[Finding]:
             f"the daemon's differs by {skew:+.1f} s from this machine's",
             "synchronise both (timedatectl set-ntp true)",
         )
+    yield _traces(disk)
     yield from _workers(workers, overview)
+
+
+def _traces(disk: Disk) -> Finding:
+    told = f"{size_text(disk.traces)} in the state directory"
+    if not disk.quota:
+        return ok("traces", f"{told}, no quota: `scenario daemon --quota 20GiB` sets one")
+    told += f", the quota is {size_text(disk.quota)}"
+    if disk.traces <= disk.quota:
+        return ok("traces", told)
+    return problem("traces", told, "start the daemon with a larger --quota, or cancel a campaign")
 
 
 def _silence(places: Places, endpoint: Endpoint, error: DaemonError) -> Finding:

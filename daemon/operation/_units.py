@@ -47,6 +47,7 @@ def daemon_unit(
     keys: Path | None = None,
     insecure: bool = False,
     traces: str = "",
+    quota: str = "",
 ) -> str:
     """Return the unit of a daemon; ``command`` is the ``scenario`` executable, absolute.
 
@@ -57,6 +58,7 @@ def daemon_unit(
     words += ["--keys", str(keys.absolute())] if keys else []
     words += ["--insecure"] if insecure else []
     words += ["--traces", traces] if traces else []
+    words += ["--quota", quota] if quota else []
     return _UNIT.format(
         about="scenario: queue and results of simulated runs",
         command=_command(words, slots),

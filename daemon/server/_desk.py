@@ -7,7 +7,7 @@ wrong with one is its error reply, never more.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -42,13 +42,14 @@ from daemon.messages import (
 )
 from daemon.parcel import Parcel, unpack
 from daemon.places import Places
-from daemon.protocol import CampaignRow, Overview, WorkerRow
+from daemon.protocol import CampaignRow, Disk, Overview, WorkerRow
 from daemon.security import RULES, tamed
 from daemon.server._admission import admit
 from daemon.server._clerks import Doorman, Job, Questions, Writer
 from daemon.server._clock import Clock
 from daemon.server._intake import Intake
 from daemon.server._journal import Journal
+from daemon.server._quota import Quota
 from daemon.server._roster import MOST_WORKERS, Roster
 from daemon.server._settings import Settings
 from daemon.spec import ENGINE_VERSION
@@ -80,6 +81,7 @@ class Desk:
         roster: Roster,
         journal: Journal,
         clock: Clock,
+        quota: Quota,
         *,
         version: str,
         stop: Callable[[], None],
@@ -91,6 +93,7 @@ class Desk:
         self._roster = roster
         self._journal = journal
         self._clock = clock
+        self._quota = quota
         self._stop = stop
         self._trouble = trouble
         self._version = version
@@ -117,7 +120,7 @@ class Desk:
             Verb.WORKERS: _Service(
                 Nothing, lambda _, __: self._roster.rows(), answer=tuple[WorkerRow, ...]
             ),
-            Verb.DISK: _Service(Nothing, lambda _, __: self._places.disk()),
+            Verb.DISK: _Service(Nothing, self._disk),
             Verb.WELCOME: _Service(WorkerInfo, self._welcome),
             Verb.SHUTDOWN: _Service(Nothing, self._shutdown),
         }
@@ -256,6 +259,9 @@ class Desk:
             self._journal.write("trace fetched", run=fetch.run, bytes=trace.size)
         return Piece(fetch.offset, trace.size, trace.sha256, *packed(data))
 
+    def _disk(self, _: Reader, __: Nothing) -> Disk:
+        return replace(self._places.disk(), traces=self._quota.used, quota=self._quota.limit)
+
     def _shutdown(self, _: Reader, __: Nothing) -> Nothing:
         self._journal.write("shutdown requested")
         self._stop()
@@ -315,6 +321,8 @@ class Desk:
         self._meet(book, request.worker, now)
         if self.draining:
             return LeaseReply((), draining=True)
+        if self._quota.trouble:
+            return LeaseReply(())
         store = self._settings.store
         grants = book.lease(request.worker.id, request.count, now, store=store, lacks=request.lacks)
         return LeaseReply(grants)
@@ -330,6 +338,8 @@ class Desk:
             return Acknowledgement(Answer.MISSING)
         answer = book.complete(completion, self._clock.now())
         self._intake.settle(book, completion, answer)
+        if answer is Answer.RECORDED and not completion.location:
+            self._quota.added(completion.result.trace.size)
         if answer == "differs":
             self._journal.write("nondeterminism", run=completion.run, worker=completion.worker)
         return Acknowledgement(answer)

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import os
+import shutil
 import signal
 import subprocess
 import sys
 import time
+from contextlib import suppress
 from typing import Final
 
 from daemon.executor import Limits
@@ -62,6 +64,7 @@ class LocalWorker:
         if self._process is not None:
             code = self._process.poll()
             if code is None:
+                self._rotate()
                 return
             self._process = None
             steady = now - self._started > _STEADY
@@ -74,10 +77,21 @@ class LocalWorker:
         if now >= self._next_start:
             self._start(now)
 
-    def _start(self, now: float) -> None:
+    def _rotate(self) -> None:
+        """Put a log aside that has grown; the worker goes on at the beginning of the file.
+
+        What it writes in that very moment is lost.
+        """
         log = self._places.worker_log
-        if log.exists() and log.stat().st_size > _LARGEST_LOG:
-            log.replace(log.with_suffix(".log.1"))
+        with suppress(FileNotFoundError):
+            if log.stat().st_size > _LARGEST_LOG:
+                shutil.copyfile(log, log.with_suffix(".log.1"))
+                os.truncate(log, 0)
+                self._log_start = 0
+
+    def _start(self, now: float) -> None:
+        self._rotate()
+        log = self._places.worker_log
         with log.open("ab") as output:
             self._log_start = output.tell()
             self._process = subprocess.Popen(

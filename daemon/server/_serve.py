@@ -32,6 +32,7 @@ from daemon.server._desk import Desk
 from daemon.server._journal import Journal
 from daemon.server._listening import Listening, arrange
 from daemon.server._local import LocalWorker
+from daemon.server._quota import Quota
 from daemon.server._roster import Roster
 from daemon.server._settings import Settings
 from daemon.store import checked_store, leave_marker
@@ -127,6 +128,7 @@ class _Daemon:
         self._tether_cut = False
         self._clock = Clock()
         self._roster = Roster(settings.grace, 3 * settings.lease)
+        self._quota = Quota(places, journal, settings.quota, self._clock.now)
         self._version = installed_version("scenario-tui")
         self._local: LocalWorker | None = None
         self._desk = Desk(
@@ -135,6 +137,7 @@ class _Daemon:
             self._roster,
             journal,
             self._clock,
+            self._quota,
             version=self._version,
             stop=self._stop,
             trouble=self._trouble,
@@ -156,7 +159,8 @@ class _Daemon:
                 signal.signal(number, handler)
 
     def _trouble(self) -> str:
-        return self._places.shortage() or ("" if self._local is None else self._local.trouble)
+        own = "" if self._local is None else self._local.trouble
+        return self._places.shortage() or self._quota.trouble or own
 
     def _stop(self) -> None:
         self._stops += 1
@@ -174,6 +178,8 @@ class _Daemon:
         )
         clerks = self._start_clerks(stack, connection, session)
         writer = clerks[0]
+        self._quota.start()
+        stack.callback(self._quota.close)
         self._publish_contact(stack)
         self._journal.write("started", endpoints=self._listening.endpoints, pid=os.getpid())
         while not self._stopped.is_set():

@@ -12,7 +12,8 @@ class Settings:
     A ``lease`` lasts this long and is renewed every third of it; a worker that lost its
     connection keeps its runs for ``grace``; a run is lost after ``attempts`` bad endings; a
     daemon told to stop lets its local worker finish for ``patience``. Traces belong into the
-    ``store``, a URL; into the state directory when it is empty.
+    ``store``, a URL; into the state directory when it is empty, and take at most ``quota`` bytes
+    there (0: as much as they like).
     """
 
     lease: float = 30.0
@@ -20,6 +21,7 @@ class Settings:
     attempts: int = 3
     patience: float = 20.0
     store: str = ""
+    quota: int = 0
 
     @property
     def renew(self) -> float:

@@ -29,6 +29,15 @@ def _checked_store(url: str) -> str:
     return url
 
 
+def _checked_size(text: str) -> str:
+    """Refuse what is no size, as wrong usage."""
+    if text:
+        from scenario_tui.cli._amounts import size
+
+        size(text)
+    return text
+
+
 def daemon(
     listen: Annotated[
         str,
@@ -61,6 +70,14 @@ def daemon(
             "they need credentials in their environment. Default: the state directory.",
         ),
     ] = "",
+    quota: Annotated[
+        str,
+        typer.Option(
+            "--quota", metavar="SIZE", envvar="SCENARIO_QUOTA", callback=_checked_size,
+            help="What traces may take in the state directory, 20GiB: then those of the oldest "
+            "finished campaigns go. Default: no limit.",
+        ),
+    ] = "",
     print_unit: PrintUnit = False,
 ) -> None:  # fmt: skip
     """Run the daemon in the foreground.
@@ -69,6 +86,7 @@ def daemon(
     """
     from daemon.places import Places
     from daemon.server import Settings, exposure, serve
+    from scenario_tui.cli._amounts import size
     from scenario_tui.cli._output import say
 
     places = Places.find(state)
@@ -76,15 +94,16 @@ def daemon(
         from daemon.operation import daemon_unit
 
         unit = daemon_unit(
-            executable(), places.state, listen, slots, keys=keys, insecure=insecure, traces=traces
-        )
+            executable(), places.state, listen, slots,
+            keys=keys, insecure=insecure, traces=traces, quota=quota,
+        )  # fmt: skip
         typer.echo(unit, nl=False)
         return
     if words := exposure(listen):
         say(words)
     where = f" at {listen}" if listen else ""
     say(f"starting a daemon{where}, state in {places.state}, Ctrl-C to leave")
-    settings = Settings(store=traces)
+    settings = Settings(store=traces, quota=size(quota) if quota else 0)
     serve(places.state, listen=listen, keys=keys, insecure=insecure, slots=slots, settings=settings)
     say("the daemon has left; what is queued waits for the next one")
 

@@ -120,6 +120,10 @@ class DaemonPart(Part):
     def journal(self) -> list[dict[str, Any]]:
         return [json.loads(line) for line in (self.state / "daemon.log").read_text().splitlines()]
 
+    def noted(self, event: str) -> list[dict[str, Any]]:
+        """The lines of the journal about ``event``."""
+        return [line for line in self.journal() if line["event"] == event]
+
     def client(self, timeout: float = 3.0) -> Client:
         """A connection, as soon as the daemon answers."""
 

@@ -106,16 +106,16 @@ def test_results_stay_and_say_that_the_trace_is_gone(store: Store) -> None:
 def test_a_campaign_that_starts_again_meanwhile_keeps_its_traces(
     store: Store, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from daemon.operation import _traces
+    from daemon import retention
 
-    choose = _traces._choose
+    choose = retention._choose
 
     def choose_slowly(*arguments: object) -> object:
         chosen = choose(*arguments)  # type: ignore[arg-type]
         store.book.retry(RetryRequest("b", ("all",)), 60.0)
         return chosen
 
-    monkeypatch.setattr(_traces, "_choose", choose_slowly)
+    monkeypatch.setattr(retention, "_choose", choose_slowly)
     swept = sweep(store.places, Keeping(newest=0), 100.0)
     assert store.left() == {"b": 3}
     assert (len(swept.gone), swept.kept) == (6, 3 * SIZE)

@@ -76,7 +76,7 @@ def sweep(places: Places, keeping: Keeping, now: float, *, dry: bool = False) ->
     is no ledger of this version, and ``OSError`` when a trace cannot be removed.
     """
     with _ledger(places) as db:
-        everything = _stored_bytes(places)
+        everything = stored_bytes(places)
         chosen = _choose(tuple(_stored(db, places)), everything, keeping, now)
         gone = chosen if dry else _remove(db, places, chosen)
     return Swept(gone, everything - sum(trace.size for trace in gone))
@@ -119,7 +119,7 @@ def _size(path: Path) -> int | None:
         return None
 
 
-def _stored_bytes(places: Places) -> int:
+def stored_bytes(places: Places) -> int:
     """Bytes of all traces there are, also of unfinished and unknown campaigns."""
     return sum(_size(path) or 0 for path in places.traces.glob("*/*.mcap"))
 

@@ -1,0 +1,71 @@
+"""Traces take no more than they may: the oldest go, and those of unfinished campaigns stay."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from daemon.amounts import parse_size, size_text
+from daemon.client import Client
+from tests.daemon.harness import daemon_at, eventually
+from tests.daemon.samples import make_submission
+
+SIZE = 40_000
+
+
+def finished(client: Client, campaign: str) -> bool:
+    return next(row.finished for row in client.campaigns() if row.id == campaign)
+
+
+def traces(state: Path, campaign: str) -> int:
+    return len(list((state / "traces" / campaign).glob("*.mcap")))
+
+
+def test_the_oldest_traces_go_when_the_quota_is_reached(tmp_path: Path) -> None:
+    with daemon_at(tmp_path / "state", 2, quota="320kB") as daemon, daemon.client() as client:
+        for name in ("old", "new"):
+            client.submit(make_submission(name, 5, size=SIZE))
+            eventually(lambda name=name: finished(client, name))
+        eventually(lambda: traces(daemon.state, "old") < 5)
+        assert traces(daemon.state, "new") == 5
+        (line,) = eventually(lambda: daemon.noted("traces removed"))
+        gone = 5 - traces(daemon.state, "old")
+        assert (line["of"], line["traces"]) == (["old"], gone)
+        reasons = [row.reason for row in client.runs("old").rows]
+        assert reasons.count("its trace is gone") == gone
+        disk = eventually(lambda: (now := client.disk()).traces <= now.quota and now)
+        assert disk.quota == 320_000
+        assert client.overview().trouble == ""
+
+
+def test_runs_wait_when_unfinished_campaigns_alone_take_too_much(tmp_path: Path) -> None:
+    with daemon_at(tmp_path / "state", 1, quota="100kB") as daemon, daemon.client() as client:
+        client.submit(make_submission("big", 40, size=SIZE, sleep=0.1))
+        trouble = eventually(lambda: client.overview().trouble)
+        assert "the quota is 97.7 KiB: no more runs start" in trouble
+        assert "--quota, or cancel" in trouble
+        eventually(lambda: client.overview().running == 0)
+        there = traces(daemon.state, "big")
+        assert there == client.overview().done
+        client.cancel("big")
+        eventually(lambda: not client.overview().trouble)
+        assert traces(daemon.state, "big") < there
+        client.submit(make_submission("next", 1))
+        eventually(lambda: finished(client, "next"))
+
+
+def test_a_quota_that_is_no_size_is_refused(tmp_path: Path) -> None:
+    with (
+        pytest.raises(AssertionError, match="the quota of traces: '20' is not a size"),
+        daemon_at(tmp_path / "state", quota="20") as daemon,
+    ):
+        daemon.client()
+
+
+def test_sizes_are_read_as_they_are_written() -> None:
+    assert [parse_size(text) for text in ("20GiB", "1.5 kB", " 7 B ")] == [20 * 2**30, 1500, 7]
+    assert size_text(parse_size("1.5GiB")) == "1.5 GiB"
+    for wrong in ("", "20", "GiB", "-1B", "1e9B", "20 parsecs"):
+        with pytest.raises(ValueError, match="is not a size"):
+            parse_size(wrong)
