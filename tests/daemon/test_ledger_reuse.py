@@ -17,6 +17,7 @@ from daemon.places import Places
 from daemon.protocol import CampaignRow, RunRow, RunState, Submission
 from daemon.server._admission import admit
 from daemon.spec import RunResult, RunSpec
+from daemon.store import stored_url
 from daemon.verdict import Outcome
 from tests.daemon.samples import make_result, make_spec, submission_of
 
@@ -95,6 +96,18 @@ def test_only_runs_without_a_result_are_executed(ledger: Ledger) -> None:
     assert [row.outcome for row in rows] == [Outcome.PASS] * 3
     assert ledger.reader.run("second.0").result == ledger.reader.run("first.0").result
     assert ledger.row("second").finished_at is not None
+
+
+def test_a_result_used_again_has_its_trace_where_the_first_one_put_it(ledger: Ledger) -> None:
+    ledger.book.know_store("s3://bucket")
+    ledger.submit("first", *specs(1))
+    (grant,) = ledger.book.lease("w", 1, NOW, store="s3://bucket")
+    result = make_result(grant.spec)
+    url = stored_url(grant.store, grant.trace, result.trace.sha256)
+    ledger.book.complete(Completion("w", grant.run, 1, grant.token, result, url), NOW)
+    ledger.submit("second", *specs(1))
+    assert [row.trace for row in ledger.rows("second")] == [url]
+    assert [record.trace for record in ledger.records("second")] == [url]
 
 
 def test_a_campaign_of_known_results_is_finished_at_once(ledger: Ledger) -> None:

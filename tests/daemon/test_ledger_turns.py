@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -15,7 +16,8 @@ from daemon.ledger import Book, Reader, connect
 from daemon.messages import Completion, RetryRequest
 from daemon.places import Places
 from daemon.protocol import RunState
-from tests.daemon.samples import make_result, make_submission
+from daemon.spec import SutReference
+from tests.daemon.samples import make_result, make_spec, make_submission, submission_of
 
 NOW = 1000.0
 
@@ -52,6 +54,15 @@ def test_higher_priority_goes_first(book: Book) -> None:
     book.prioritise("b", 5, NOW)
     book.prioritise("a", -1, NOW)
     assert leased(book) == ["b.0", "b.1", "c.0", "c.1", "a.0", "a.1"]
+
+
+def test_runs_a_worker_cannot_execute_wait_for_another_one(book: Book) -> None:
+    plugged = [replace(make_spec(i), sut=SutReference("mine", "plugged", {})) for i in range(2)]
+    book.submit(submission_of("a", *plugged), NOW)
+    book.submit(submission_of("b", *plugged[:1], make_spec(1)), NOW)
+    grants = book.lease("w", 100, NOW, lacks=("plugged", "other"))
+    assert [grant.run for grant in grants] == ["b.1"]
+    assert leased(book) == ["a.0", "b.0", "a.1"]
 
 
 def test_a_paused_campaign_waits_and_finishes_what_runs(book: Book) -> None:
