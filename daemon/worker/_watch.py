@@ -56,7 +56,7 @@ class Watchers:
         now = time.monotonic()
         if watch.watched:
             watch.publisher.put(live)
-        if now - watch.said >= _PERIOD and self._all.matching_status.matching:
+        if now - watch.said >= _PERIOD and _matches(self._all):
             watch.said = now
             self._all.put(live)
 
@@ -67,7 +67,7 @@ class Watchers:
             self.forget(run)
             key = f"{LIVE}/{self.worker}/{run}"
             watch = self._runs[run] = _Watch(self._publisher(key), folder)
-        watched = watch.publisher.matching_status.matching
+        watched = _matches(watch.publisher)
         if watched != watch.watched:
             watch.watched = watched
             mark = folder / WATCHED
@@ -82,3 +82,8 @@ class Watchers:
         watch = self._runs.pop(run, None)
         if watch is not None:
             watch.publisher.undeclare()  # type: ignore[no-untyped-call]
+
+
+def _matches(publisher: zenoh.Publisher) -> bool:
+    """Whether anybody subscribes: the status itself, declared as bool, is always true."""
+    return bool(publisher.matching_status.matching)  # type: ignore[attr-defined]

@@ -102,8 +102,8 @@ class Playing(Screen[None]):
         """Show one part of the screen where there is room for one only."""
         if self.VIEWS:
             self._part = part % len(self.VIEWS)
-            for index, name in enumerate(self.VIEWS):
-                self.set_class(index == self._part, f"-{name}")
+            others = {f"-{name}" for name in self.VIEWS}
+            self.set_classes([*(self.classes - others), f"-{self.VIEWS[self._part]}"])
             self.call_after_refresh(self.turned)
 
     def turned(self) -> None:

@@ -162,6 +162,7 @@ class Picture:
             part = slice(self.span.column(start), self.span.column(end) + 1)
             empty = (codes[:, part] == ord(" ")) | (codes[:, part] == ord("▁"))
             codes[:, part][empty] = ord("░")
+            codes[0, part][~empty.any(axis=0)] = ord("░")
             owners[:, part] = _AGAINST
 
     def _put(self, top: int, codes: Codes, owners: Codes) -> None:
@@ -284,7 +285,7 @@ class TimelineView(CellView):
         codes, owners = picture.codes.copy(), picture.owners.copy()
         column = picture.gutter + picture.span.column(self._time)
         line = codes[:, column]
-        empty = np.isin(line, [ord(" "), ord("·"), ord("─"), ord("░")])
+        empty = np.isin(line, [ord(" "), ord("·"), ord("─")])
         owners[:, column] = np.where(empty, _CURSOR, _HIT)
         line[empty] = ord("│")
         self._label(picture, codes, owners)

@@ -1,0 +1,155 @@
+"""The live map: CPU of a frame, and bytes a second to a terminal while the robot moves.
+
+A robot drives along the demo's flat at 10 Hz and sees 360 laser returns; the dashboard's widget
+shows it in a pseudo-terminal of 80 x 24.
+"""
+
+from __future__ import annotations
+
+import fcntl
+import math
+import os
+import pty
+import select
+import struct
+import subprocess
+import sys
+import tempfile
+import termios
+import time
+from dataclasses import replace
+from pathlib import Path
+
+from textual.app import ComposeResult
+
+from daemon.campaign import expand, load_campaign
+from grammars.values import Pose2
+from scenario_tui.sparing import SparingApp
+from scenario_tui.widgets.top_view import TopView, View
+
+CAMPAIGN = Path(__file__).parents[2] / "campaigns" / "demo" / "campaign.yaml"
+SECONDS, RATE, RETURNS = 10.0, 10.0, 360
+
+
+def views(count: int) -> list[View]:
+    """Return what is to be seen of a robot that drives in circles, with a plan and a trail."""
+    campaign = expand(load_campaign(CAMPAIGN))
+    spec = campaign.runs[0]
+    scene = next(s for s in campaign.scenes if s.digest == spec.scene)
+    resting = tuple(value for obj in scene.objects for value in obj.initial)
+    still = View(scene, spec.robot, spec.mission, resting)
+    x, y = spec.mission.start.x, spec.mission.start.y
+    found = []
+    for step in range(count):
+        now = step / RATE
+        pose = Pose2(x + 0.4 * now, y + 0.3 * math.sin(now), math.sin(0.5 * now))
+        bearings = [pose.yaw + math.tau * i / RETURNS for i in range(RETURNS)]
+        seen = tuple(
+            (pose.x + 2.0 * math.cos(b) + 0.02 * (i % 3), pose.y + 1.5 * math.sin(b))
+            for i, b in enumerate(bearings)
+        )
+        trail = tuple((x + 0.04 * i, y + 0.3 * math.sin(0.1 * i)) for i in range(step + 1))
+        plan = ((pose.x, pose.y), (x + 5.0, y), (x + 5.0, y + 2.0))
+        joints = tuple(q + 0.2 * math.sin(now) for q in resting)
+        found.append(
+            replace(
+                still,
+                joints=joints,
+                robot_pose=pose,
+                estimate=pose,
+                trail=trail,
+                returns=seen,
+                plan=plan,
+                spread=(0.01, 0.0, 0.01),
+            )
+        )
+    return found
+
+
+class Map(SparingApp):
+    """Shows views one after the other at 10 Hz, then writes what they cost into a file."""
+
+    CSS = "TopView { height: 1fr; }"
+
+    def __init__(self, zoom: int, report: Path) -> None:
+        super().__init__()
+        self._zooms, self._report = zoom, report
+        self._views = views(int(SECONDS * RATE))
+        self._spent = 0.0
+
+    def compose(self) -> ComposeResult:
+        """Nothing but the map."""
+        yield TopView()
+
+    def on_mount(self) -> None:
+        """Begin once the first picture is there."""
+        for _ in range(self._zooms):
+            self.query_one(TopView).zoom()
+        self.set_timer(0.5, self._begin)
+
+    def _begin(self) -> None:
+        self._begun = time.process_time()
+        self._shown = 0
+        self._report.write_text("begun")
+        self.set_interval(1.0 / RATE, self._step)
+
+    def _step(self) -> None:
+        if self._shown == len(self._views):
+            frame = (time.process_time() - self._begun) / self._shown
+            self._report.write_text(f"{self._spent / self._shown} {frame}")
+            self.exit()
+            return
+        before = time.process_time()
+        self.query_one(TopView).show(self._views[self._shown])
+        self._spent += time.process_time() - before
+        self._shown += 1
+
+
+def measure(zoom: int, columns: int, rows: int) -> None:
+    """Run the map in a terminal of its own and print what it costs."""
+    with tempfile.TemporaryDirectory() as folder:
+        report = Path(folder) / "report"
+        command = [sys.executable, "-m", "tests.benchmarks.bench_tui_map", str(zoom), str(report)]
+        sent = bytes_of(command, report, columns, rows)
+        drawn, frame = map(float, report.read_text().split())
+    print(
+        f"{columns}x{rows}, zoom {2**zoom}: draw {1e3 * drawn:.2f} ms, with paint "
+        f"{1e3 * frame:.2f} ms of CPU a frame, {sent / SECONDS / 1e3:.1f} kB/s"
+    )
+
+
+def bytes_of(command: list[str], report: Path, columns: int, rows: int) -> int:
+    """Return how many bytes a program sends to its terminal once its report says it has begun."""
+    master, slave = pty.openpty()
+    fcntl.ioctl(slave, termios.TIOCSWINSZ, struct.pack("HHHH", rows, columns, 0, 0))
+    around = os.environ | {"TERM": "xterm-256color", "COLORTERM": "truecolor"}
+    sent = 0
+    with subprocess.Popen(
+        command, stdin=slave, stdout=slave, stderr=slave, env=around, start_new_session=True
+    ) as process:
+        os.close(slave)
+        deadline = time.monotonic() + SECONDS + 60.0
+        while process.poll() is None and time.monotonic() < deadline:
+            if select.select([master], [], [], 0.05)[0]:
+                try:
+                    size = len(os.read(master, 65536))
+                except OSError:  # Linux says EIO when the program has left
+                    break
+                sent += size if report.exists() else 0
+        if process.poll() is None:
+            process.kill()
+    os.close(master)
+    return sent
+
+
+def main() -> None:
+    """Measure at the size of a small terminal and of a large one."""
+    for zoom, columns, rows in ((0, 80, 24), (1, 80, 24), (0, 200, 50)):
+        measure(zoom, columns, rows)
+
+
+if __name__ == "__main__":
+    if len(sys.argv) > 1:
+        Map(int(sys.argv[1]), Path(sys.argv[2])).run()
+    else:
+        main()
