@@ -32,12 +32,13 @@ from tests.scenario_tui.driven import (
 from tests.scenario_tui.fake import CAMPAIGN, OLD, make_row
 from tests.scenario_tui.inline import press, screen_text, settle
 
-SCREENS: dict[type, tuple[str, ...]] = {
-    CampaignsScreen: (),
-    MatrixScreen: ("m",),
-    RunsScreen: ("enter",),
-    RunScreen: ("enter", "enter"),
+SCREENS: dict[type, tuple[tuple[str, ...], tuple[str, ...]]] = {
+    CampaignsScreen: ((), ()),
+    MatrixScreen: (("m",), ("escape",)),
+    RunsScreen: (("enter",), ()),
+    RunScreen: (("enter",), ()),
 }
+"""Screens, and the keys that lead there and back."""
 
 
 @pytest.fixture
@@ -53,20 +54,21 @@ def shown(pilot: Any) -> str:
     return "\n".join(screen_text(pilot))
 
 
-@pytest.mark.parametrize("screen", SCREENS, ids=lambda kind: kind.__name__)
-async def test_a_campaign_is_steered_from_every_screen(fake, screen) -> None:
+async def test_a_campaign_is_steered_from_every_screen(fake) -> None:
     async with opened(fake) as pilot:
         await settle(pilot)
-        await press(pilot, *SCREENS[screen])
-        assert isinstance(pilot.app.screen, screen)
-        for key in ("P", "c", "y", "r", "f", "y"):
-            await pilot.press(key)
-        assert isinstance(pilot.app.screen, screen)
-        await settle(pilot)
-    assert fake.told("pause") == [(CAMPAIGN,)]
-    assert fake.told("cancel") == [(CAMPAIGN,)]
-    assert fake.told("retry") == [(CAMPAIGN, "fail")]
-    assert CAMPAIGN in pilot.app.clipboard
+        for screen, (way, back) in SCREENS.items():
+            await press(pilot, *way)
+            assert isinstance(pilot.app.screen, screen)
+            fake.calls.clear()
+            await pilot.press("P", "c", "y", "r", "f", "y")
+            await settle(pilot)
+            assert isinstance(pilot.app.screen, screen)
+            assert fake.told("pause") + fake.told("resume") == [(CAMPAIGN,)]
+            assert fake.told("cancel") == [(CAMPAIGN,)]
+            assert fake.told("retry") == [(CAMPAIGN, "fail")]
+            assert CAMPAIGN in pilot.app.clipboard
+            await press(pilot, *back)
 
 
 async def test_one_key_pauses_and_resumes_and_the_footer_says_which(fake) -> None:
