@@ -37,6 +37,7 @@ from scenario_tui.cli import (
     _worker,
 )
 from scenario_tui.cli._exits import ExitCode
+from scenario_tui.cli._help import Command, Group
 from scenario_tui.cli._options import with_keys
 from scenario_tui.cli._output import settle_streams
 
@@ -85,13 +86,14 @@ app = typer.Typer(
     help="Test mobile robots in scenarios: run campaigns in simulation, judge every run, "
     "see what happened.",
     epilog="Start with: scenario demo",
+    cls=Group,
     no_args_is_help=True,
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 for _panel, _commands in _PANELS.items():
     for _command in _commands:
-        app.command(rich_help_panel=_panel)(with_keys(_command))
+        app.command(rich_help_panel=_panel, cls=Command)(with_keys(_command))
 app.add_typer(_keys.app, rich_help_panel="Machines")
 
 
