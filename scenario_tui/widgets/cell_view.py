@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Sequence
+from functools import lru_cache
 from typing import ClassVar, Final
 
 import numpy as np
@@ -15,8 +16,10 @@ from textual.widget import Widget
 
 from scenario_tui.widgets.braille import Codes
 
-_GAP: Final = 6
-"""Unchanged cells between two changed ones that are sent along: moving there costs as much."""
+_GAP: Final = 16
+"""Unchanged cells between two changed ones that are drawn along: the app sends changed ones only,
+and every part takes some work.
+"""
 
 
 def segments(codes: Codes, owners: Codes, styles: Sequence[Style], base: Style) -> list[Segment]:
@@ -25,11 +28,15 @@ def segments(codes: Codes, owners: Codes, styles: Sequence[Style], base: Style) 
     ``owners`` index into ``styles``; negative ones have no style of their own.
     """
     text = "".join(map(chr, codes.tolist()))
-    cuts = [0, *(np.flatnonzero(np.diff(owners)) + 1).tolist(), len(text)]
-    return [
-        Segment(text[a:b], base + styles[owners[a]] if owners[a] >= 0 else base)
-        for a, b in itertools.pairwise(cuts)
-    ]
+    cuts = [0, *(np.flatnonzero(owners[1:] != owners[:-1]) + 1).tolist(), len(text)]
+    over = _over(tuple(styles), base)
+    return [Segment(text[a:b], over[owners[a]]) for a, b in itertools.pairwise(cuts)]
+
+
+@lru_cache(maxsize=64)
+def _over(styles: tuple[Style, ...], base: Style) -> tuple[Style, ...]:
+    """Return styles over ``base``, and last, where index -1 points to, that alone."""
+    return (*(base + style for style in styles), base)
 
 
 def changed_spans(before: Codes, after: Codes, gap: int = _GAP) -> list[Region]:
@@ -53,6 +60,7 @@ class CellView(Widget):
     def __init__(self, *, id: str | None = None) -> None:
         super().__init__(id=id)
         self._cells: Codes | None = None
+        self._base: Style | None = None
 
     def cells(self, columns: int, rows: int) -> tuple[Codes, Codes] | None:
         """Return code points and styles, shape (rows, columns) each, or nothing to show."""
@@ -60,6 +68,7 @@ class CellView(Widget):
 
     def redraw(self) -> None:
         """Draw anew and have the terminal told of what changed."""
+        self._base = None
         before, size = self._cells, self.size
         drawn = self.cells(size.width, size.height) if size.width and size.height else None
         self._cells = None if drawn is None else np.stack(drawn)
@@ -76,10 +85,17 @@ class CellView(Widget):
         self._cells = None
         self.redraw()
 
+    def notify_style_update(self) -> None:
+        """Take over another style of the background."""
+        super().notify_style_update()
+        self._base = None
+
     def render_line(self, y: int) -> Strip:
         """Return one row of cells, runs of one style joined."""
         if self._cells is None or y >= self._cells.shape[1]:
             return Strip.blank(self.size.width, self.rich_style)
+        if self._base is None:
+            self._base = self.rich_style
         codes, owners = self._cells[:, y]
-        row = segments(codes, owners, self.STYLES, self.rich_style)
+        row = segments(codes, owners, self.STYLES, self._base)
         return Strip(row, self._cells.shape[2])
