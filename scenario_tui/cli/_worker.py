@@ -12,7 +12,7 @@ import typer
 
 from daemon.executor import Limits, Scheduler
 from scenario_tui.cli._amounts import duration, size
-from scenario_tui.cli._options import Connect, State
+from scenario_tui.cli._options import Connect
 from scenario_tui.cli._services import PrintUnit, executable
 
 _TLS: Final = "--tls-ca, --tls-cert and --tls-key"
@@ -82,7 +82,14 @@ def worker(
             "--nice", min=0, max=19, help="How far runs step back behind other processes."
         ),
     ] = Limits().nice,
-    state: State = None,
+    state: Annotated[
+        Path | None,
+        typer.Option(
+            "--state", metavar="DIR",
+            help="The daemon's state directory, where this machine has it; elsewhere a folder for "
+            "this worker. Default: the daemon's, then your user state folder.",
+        ),
+    ] = None,
     print_unit: PrintUnit = False,
 ) -> None:  # fmt: skip
     """Run a worker in the foreground.
