@@ -224,6 +224,21 @@ class RunsScreen(Steering):
         """Sort the other way round."""
         self._change(descending=not self._wanted.descending)
 
+    def on_keyed_table_beyond(self, event: KeyedTable.Beyond) -> None:
+        """Go on to the page behind, or to the very last one."""
+        page = self._page(self.dashboard.picture)
+        if page is None or not page.total:
+            return
+        last = (page.total - 1) // PAGE * PAGE
+        offset = self._wanted.offset + event.step * PAGE
+        if event.far:
+            offset = last if event.step > 0 else 0
+        if not 0 <= offset <= last or offset == self._wanted.offset:
+            return
+        self._change(offset=offset)
+        if (event.step > 0) == event.far:
+            self.query_one(KeyedTable).from_bottom()
+
     def action_page(self, step: int) -> None:
         """Turn the page."""
         page = self._page(self.dashboard.picture)

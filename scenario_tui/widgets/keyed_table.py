@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import ClassVar, Literal
 
 from rich.text import Text
 from textual.binding import Binding, BindingType
+from textual.message import Message
 from textual.widgets import DataTable
 
 Row = tuple[str, tuple[Text, ...]]
@@ -34,13 +35,23 @@ class KeyedTable(DataTable[Text]):
         Binding("enter", "select_cursor", "Open", id="open", tooltip="What the cursor is on"),
     ]
 
+    class Beyond(Message):
+        """Somebody moves on from the last row (``step`` 1) or the first one (-1).
+
+        ``far``: to the very end of what there may be behind it.
+        """
+
+        def __init__(self, step: int, *, far: bool = False) -> None:
+            super().__init__()
+            self.step, self.far = step, far
+
     def __init__(self, columns: Sequence[Column], *, id: str | None = None) -> None:
         super().__init__(cursor_type="row", id=id)
         self._all = tuple(columns)
         self._shown: tuple[int, ...] = ()
         self._widths: tuple[int, ...] = ()
         self._rows: tuple[Row, ...] = ()
-        self._from_top = False
+        self._from: Literal["", "top", "bottom"] = ""
 
     @property
     def key(self) -> str:
@@ -49,7 +60,44 @@ class KeyedTable(DataTable[Text]):
 
     def from_top(self) -> None:
         """Begin at the first row with what is filled in next: it is about something else."""
-        self._from_top = True
+        self._from = "top"
+
+    def from_bottom(self) -> None:
+        """Begin at the last row with what is filled in next."""
+        self._from = "bottom"
+
+    def action_cursor_down(self) -> None:
+        """Go down, also beyond the last row."""
+        self._go(1, super().action_cursor_down)
+
+    def action_cursor_up(self) -> None:
+        """Go up, also beyond the first row."""
+        self._go(-1, super().action_cursor_up)
+
+    def action_page_down(self) -> None:
+        """Go down by a screen, also beyond the last row."""
+        self._go(1, super().action_page_down)
+
+    def action_page_up(self) -> None:
+        """Go up by a screen, also beyond the first row."""
+        self._go(-1, super().action_page_up)
+
+    def action_scroll_bottom(self) -> None:
+        """Go to the last row of all."""
+        super().action_scroll_bottom()
+        self.post_message(self.Beyond(1, far=True))
+
+    def action_scroll_top(self) -> None:
+        """Go to the first row of all."""
+        super().action_scroll_top()
+        self.post_message(self.Beyond(-1, far=True))
+
+    def _go(self, step: int, move: Callable[[], None]) -> None:
+        edge = self.row_count - 1 if step > 0 else 0
+        if self.cursor_row == edge:
+            self.post_message(self.Beyond(step))
+        else:
+            move()
 
     def fill(self, rows: Sequence[Row]) -> None:
         """Show these rows; unchanged cells are not touched, the cursor stays on its row."""
@@ -65,7 +113,7 @@ class KeyedTable(DataTable[Text]):
             self._change(place, before[place][1], cells)
         for place, (_, cells) in enumerate(rows[len(before) :], start=len(before)):
             self._append(place, cells)
-        self._settle(key if not self._from_top else "")
+        self._settle(key)
 
     def _change(self, place: int, before: tuple[Text, ...], cells: tuple[Text, ...]) -> None:
         for index in self._shown:
@@ -79,12 +127,14 @@ class KeyedTable(DataTable[Text]):
 
     def _settle(self, key: str) -> None:
         """Put the cursor on the row of a key, on the first one if there is none."""
+        beginning, self._from = self._from, ""
         found = next((i for i, (name, _) in enumerate(self._rows) if name == key), 0)
+        if beginning:
+            found = 0 if beginning == "top" else max(0, len(self._rows) - 1)
         if found != self.cursor_row:
             self.move_cursor(row=found, animate=False, scroll=False)
-        if self._from_top:
-            self._from_top = False
-            self.scroll_to(y=0, animate=False, immediate=True)
+        if beginning:
+            self.scroll_to(y=found, animate=False, immediate=True)
 
     def on_resize(self) -> None:
         """Choose the columns that fit."""
@@ -104,7 +154,7 @@ class KeyedTable(DataTable[Text]):
         return True
 
     def _refill(self, rows: tuple[Row, ...]) -> None:
-        key, scroll = "" if self._from_top else self.key, self.scroll_y
+        key, scroll, anew = self.key, self.scroll_y, bool(self._from)
         self.clear(columns=True)
         for index, width in zip(self._shown, self._widths, strict=True):
             column = self._all[index]
@@ -114,7 +164,8 @@ class KeyedTable(DataTable[Text]):
         for place, (_, cells) in enumerate(rows):
             self._append(place, cells)
         self._settle(key)
-        self.scroll_to(y=scroll if key else 0, animate=False, immediate=True)
+        if not anew:
+            self.scroll_to(y=scroll, animate=False, immediate=True)
 
     def _cell(self, index: int, cells: tuple[Text, ...]) -> Text:
         cell = cells[index].copy()
