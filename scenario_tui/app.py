@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import time
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from importlib import import_module
 from pathlib import Path
@@ -13,6 +13,7 @@ from typing import ClassVar, Final
 
 from textual import work
 from textual.binding import Binding, BindingType
+from textual.filter import LineFilter
 from textual.screen import ModalScreen, Screen
 from textual.theme import Theme
 
@@ -20,6 +21,7 @@ from scenario_tui.asking import Opener
 from scenario_tui.clipboard import into_tmux
 from scenario_tui.commands import Actions, Campaigns, Runs
 from scenario_tui.config import Config
+from scenario_tui.daylight import Daylight
 from scenario_tui.equivalent import Equivalent
 from scenario_tui.errands import Errands
 from scenario_tui.feed import Action, Feed, Picture
@@ -32,7 +34,7 @@ from scenario_tui.tracks import Tracks
 from scenario_tui.transcripts import Ask, ask
 from scenario_tui.wording import counted
 
-FRAMES: Final = 8
+FRAMES: Final = 10
 """How often a second the screen takes over what the feed has found."""
 _READY: Final = 0.5
 """Seconds after which the first screen is there and other ones can be loaded."""
@@ -88,6 +90,11 @@ class Dashboard(SparingApp):
     def get_default_screen(self) -> Screen[None]:
         """Begin with the campaigns."""
         return CampaignsScreen()
+
+    def get_line_filters(self) -> Sequence[LineFilter]:
+        """Return what makes colours fit: ours are for dark backgrounds."""
+        filters = super().get_line_filters()
+        return filters if self.current_theme.dark else [Daylight(), *filters]
 
     def on_mount(self) -> None:
         """Start asking and looking, the way the user likes it."""

@@ -7,8 +7,11 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from rich.color import ColorTriplet
+from textual.color import Color
 
 from grammars.diagnostics import InputError
+from scenario_tui import palette
 from scenario_tui.bindings import (
     bound_classes,
     catalogue,
@@ -16,6 +19,7 @@ from scenario_tui.bindings import (
     own_bindings,
 )
 from scenario_tui.config import read_config
+from scenario_tui.daylight import darker
 from scenario_tui.screens.help import key_groups
 from tests.scenario_tui.driven import SteeredDaemon, make_dashboard
 from tests.scenario_tui.inline import press, screen_text, settle
@@ -133,3 +137,44 @@ async def test_footers_fit_and_help_tells_the_rest() -> None:
             told = {words.partition(":")[0] for _, words in here[1] + everywhere[1]}
             assert footer
             assert footer <= told
+
+
+NAMES = ("GOOD", "BAD", "UNSURE", "BROKEN", "BUSY", "FACT", "QUIET")
+PALE = [Color.parse(getattr(palette, name)).rich_color.get_truecolor() for name in NAMES]
+
+
+def luminance(colour: ColorTriplet) -> float:
+    """Relative luminance as the WCAG defines it."""
+    parts = [p / 12.92 if p <= 0.03928 else ((p + 0.055) / 1.055) ** 2.4 for p in colour.normalized]
+    return 0.2126 * parts[0] + 0.7152 * parts[1] + 0.0722 * parts[2]
+
+
+@pytest.mark.parametrize("colour", PALE, ids=NAMES)
+def test_words_can_be_read_in_bright_themes(colour: ColorTriplet) -> None:
+    """A contrast of 4.5 to 1, which the WCAG asks for, over the background of textual-light."""
+    paper, ink = (luminance(one) for one in (ColorTriplet(224, 224, 224), darker(colour)))
+    assert (paper + 0.05) / (ink + 0.05) >= 4.5
+
+
+async def test_a_bright_theme_darkens_the_words(written) -> None:
+    config = read_config(written("[dashboard]\ntheme = 'textual-light'"))
+    async with make_dashboard(SteeredDaemon(), config=config).run_test(size=(80, 24)) as pilot:
+        await settle(pilot)
+        strips = pilot.app.screen._compositor.render_strips()
+        styles = [segment.style for strip in strips for segment in strip if segment.style]
+    used = {style.color.get_truecolor() for style in styles if style.color is not None}
+    assert not used & set(PALE)
+    assert darker(PALE[1]) in used
+
+
+def test_doctor_says_which_settings_are_used(
+    scenario: Callable[..., Any], written, monkeypatch, tmp_path
+) -> None:
+    path = written(GOOD)
+    monkeypatch.setattr("scenario_tui.config.config_path", lambda: path)
+    said = scenario("doctor", "--state", str(tmp_path / "state"))
+    assert f"{path} 2 keys, theme lab, read-only" in said.out
+    written("[keys")
+    said = scenario("doctor", "--state", str(tmp_path / "state"))
+    assert said.code == 3
+    assert "is no TOML" in said.out
