@@ -24,7 +24,7 @@ from daemon.worker._agent import Agent, Link
 from daemon.worker._backend import Backend
 from daemon.worker._base import settle
 from daemon.worker._children import Nursery
-from daemon.worker._environment import prepare_environment
+from daemon.worker._environment import prepare_environment, step_back
 from daemon.worker._signals import Orders
 from daemon.worker._signals import tether as hold_tether
 from daemon.worker._spool import Spool
@@ -61,6 +61,8 @@ def work(
     """
     if tether:
         hold_tether()
+    limits = limits or Limits()
+    step_back(limits.nice)
     me = _introduce()
     with ExitStack() as stack:
         orders = Orders(parent=parent)
@@ -83,7 +85,7 @@ def work(
             spool,
             backend,
             orders,
-            limits=limits or Limits(),
+            limits=limits,
             renew=welcome.renew,
             log=_log,
         )

@@ -67,6 +67,12 @@ def test_every_run_has_a_fresh_and_nice_process(client: Client, tmp_path: Path) 
     assert all(int(nice) >= 10 for _, _, nice in lines)
 
 
+@pytest.mark.skipif(not Path("/proc/self/autogroup").exists(), reason="needs autogroups")
+def test_the_session_of_the_worker_steps_back_too(client: Client) -> None:
+    (row,) = eventually(client.workers)
+    assert Path(f"/proc/{row.pid}/autogroup").read_text().endswith("nice 10\n")
+
+
 def test_a_crashing_run_is_tried_again(client: Client) -> None:
     client.submit(make_submission("crash", 1, crash=[1, 2]))
     eventually(lambda: done(client, "crash"))
