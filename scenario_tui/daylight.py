@@ -8,7 +8,7 @@ from functools import lru_cache
 from typing import Final
 
 from rich.color import Color as TerminalColor
-from rich.color import ColorTriplet
+from rich.color_triplet import ColorTriplet
 from rich.segment import Segment
 from rich.style import Style
 from textual.color import Color
