@@ -117,15 +117,23 @@ class Reader:
     def runs(self, query: RunQuery) -> RunPage:
         """One page of runs, filtered and sorted; equal values keep the order of submission."""
         where, values = _filter(query)
-        # The tally knows how many of a state there are; 100,000 runs need not be counted.
-        tallied = not (query.text or query.scenario or query.sut)
-        counting = "total(runs) FROM tally" if tallied else "count(*) FROM run"
-        total = self._db.execute(f"SELECT {counting} {where}", values).fetchone()[0]
         rows = self._db.execute(
             f"SELECT {_ROW} FROM run {where} ORDER BY {_order(query)} LIMIT ? OFFSET ?",
             (*values, query.limit, query.offset),
+        ).fetchall()
+        return RunPage(
+            tuple(self._run_row(row) for row in rows),
+            self._total(query, len(rows), where, values),
         )
-        return RunPage(tuple(self._run_row(row) for row in rows), int(total))
+
+    def _total(self, query: RunQuery, found: int, where: str, values: list[Any]) -> int:
+        """How many runs the filter admits, where a page of them has ``found``."""
+        if found < query.limit and (found or not query.offset):
+            return query.offset + found  # the last page
+        # The tally knows how many of a state there are; 100,000 runs need not be counted.
+        tallied = not (query.text or query.scenario or query.sut)
+        counting = "total(runs) FROM tally" if tallied else "count(*) FROM run"
+        return int(self._db.execute(f"SELECT {counting} {where}", values).fetchone()[0])
 
     def run(self, name: str) -> RunDetail:
         """Everything about one run."""
