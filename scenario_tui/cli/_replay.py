@@ -11,6 +11,8 @@ from scenario_tui.cli._exits import ExitCode
 from scenario_tui.cli._options import AsJson, Connect, State
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from scenario_tui.playback import Playback
 
 
@@ -23,6 +25,14 @@ def replay(
             autocompletion=_completion.runs_or_traces,
         ),
     ],
+    other: Annotated[
+        str,
+        typer.Argument(
+            metavar="[OTHER]",
+            help="Another run, to see both side by side.",
+            autocompletion=_completion.runs_or_traces,
+        ),
+    ] = "",
     start: Annotated[
         str,
         typer.Option(
@@ -49,7 +59,7 @@ def replay(
     state: State = None,
     as_json: AsJson = False,
 ) -> None:  # fmt: skip
-    """Watch a recorded run from above, with what its oracles say."""
+    """Watch a recorded run from above, with what its oracles say, or two of them side by side."""
     import sys
 
     from scenario_tui.cli._chosen import one_trace
@@ -59,7 +69,13 @@ def replay(
 
     if as_json and not frame:
         raise typer.BadParameter("goes with --frame only", param_hint="--json")
-    trace = one_trace(run, Target(connect, state), "RUN")
+    target = Target(connect, state)
+    trace = one_trace(run, target, "RUN")
+    if other:
+        if frame:
+            raise typer.BadParameter("goes with one run only", param_hint="--frame")
+        _compare(trace, one_trace(other, target, "OTHER"), start, speed)
+        return
     if not frame and not (sys.stdin.isatty() and sys.stderr.isatty()):
         say("scenario: a replay needs a terminal; scripts use `scenario replay RUN --frame 10`")
         raise typer.Exit(ExitCode.BAD_INPUT)
@@ -71,6 +87,27 @@ def replay(
 
     begin = _moment(playback, start, "--from") if start else playback.start
     code = run_replay(ReplayScreen(playback, begin, speed))
+    if code:
+        raise typer.Exit(ExitCode.BUG)
+
+
+def _compare(first: Path, second: Path, start: str, speed: float) -> None:
+    """Show two runs side by side; without a terminal print how they differ."""
+    import sys
+
+    from scenario_tui.cli._output import out
+    from scenario_tui.comparison_text import comparison_text
+    from scenario_tui.playback import open_playback
+
+    both = open_playback(first), open_playback(second)
+    begin = _moment(both[0], start, "--from") if start else both[0].start
+    if not (sys.stdin.isatty() and sys.stderr.isatty()):
+        out().print(comparison_text(*both), soft_wrap=True)
+        return
+    from scenario_tui.screens.compare import CompareScreen
+    from scenario_tui.screens.replay import run_replay
+
+    code = run_replay(CompareScreen(*both, begin=begin, speed=speed))
     if code:
         raise typer.Exit(ExitCode.BUG)
 

@@ -14,11 +14,11 @@ from textual.screen import Screen
 from textual.widgets import Footer, Static
 
 from daemon.errors import DaemonError
-from daemon.verdict import Verdict
 from grammars.diagnostics import InputError
-from scenario_tui.comparing import Alignment, Clock, clock_of, differences, on_clock, pairs
+from scenario_tui.comparing import Alignment, Clock, clock_of, on_clock
+from scenario_tui.comparison_text import comparison_text
 from scenario_tui.feed import Unseen, traced
-from scenario_tui.palette import QUIET, WORDS
+from scenario_tui.palette import QUIET
 from scenario_tui.playback import Playback, open_playback
 from scenario_tui.screens.help import Help
 from scenario_tui.screens.playing import Playing, clock_line
@@ -26,7 +26,6 @@ from scenario_tui.screens.replay import leave
 from scenario_tui.transport import FLASH, Moment, Transport
 from scenario_tui.widgets.timeline import TimelineView
 from scenario_tui.widgets.top_view import REPLAY_LEGEND, TopView
-from scenario_tui.wording import NOTHING, glyph_word, margin, quantity
 
 if TYPE_CHECKING:
     from scenario_tui.app import Dashboard
@@ -54,11 +53,14 @@ class CompareScreen(Playing):
         first: Playback,
         second: Playback,
         *,
+        begin: float | None = None,
+        speed: float = 1.0,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
         super().__init__()
         self.first, self.second = first, second
         self.by: Alignment = "time"
+        self._begin, self._speed = begin, speed
         self.clock = clock
 
     def compose(self) -> ComposeResult:
@@ -77,8 +79,8 @@ class CompareScreen(Playing):
         yield Footer(compact=True, show_command_palette=False)
 
     def on_mount(self) -> None:
-        """Begin at the start, both runs standing still."""
-        self._meet(None)
+        """Begin, both runs standing still."""
+        self._meet(self._begin)
 
     def on_resize(self) -> None:
         """Say which part is shown, for the new width."""
@@ -94,7 +96,8 @@ class CompareScreen(Playing):
         self.query_one(TimelineView).show((first, moved))
         text = comparison_text(self.first, self.second)
         self.query_one("#table", Static).update(text)
-        self.begin(Transport(start, end, start if time is None else time, playing=False))
+        speed = self._speed if self.transport is None else self.transport.speed
+        self.begin(Transport(start, end, start if time is None else time, speed, playing=False))
 
     def moments(self) -> Sequence[Moment]:
         """Return when oracles were decided against in either run, on the clock of the first."""
@@ -162,39 +165,6 @@ class CompareScreen(Playing):
     def action_leave(self) -> None:
         """Go back to where this came from."""
         leave(self)
-
-
-def comparison_text(first: Playback, second: Playback) -> Text:
-    """Return verdicts, margins and specifications of two runs, those that differ first."""
-    text = Text()
-    text.append("oracle               first              second             change\n", style=QUIET)
-    for pair in pairs(first.verdicts, second.verdicts):
-        unit = next(v.unit for v in (pair.first, pair.second) if v is not None)
-        text.append(f"{pair.oracle:<20.20} ", style="bold" if pair.differs else "")
-        for verdict in (pair.first, pair.second):
-            text.append(*_cell(verdict))
-        change = "" if pair.change is None else margin(pair.change, unit)
-        text.append(f"{change}{'  ≠' if pair.differs else ''}\n")
-    found = differences(first.trace.spec, second.trace.spec)
-    text.append("\nspecification\n", style="bold")
-    if not found:
-        text.append("the same, but for the repeat\n", style=QUIET)
-    for part in found:
-        text.append(f"{part.path}\n  ", style="")
-        text.append(f"{part.first}  →  {part.second}\n", style=QUIET)
-    return text
-
-
-def _cell(verdict: Verdict | None) -> tuple[str, str]:
-    """Return a verdict in 19 columns and its style."""
-    if verdict is None:
-        return f"{NOTHING:<19}", QUIET
-    amount = verdict.margin
-    shown = margin(amount, verdict.unit)
-    if amount is None:
-        shown = quantity(verdict.evidence.value, verdict.unit)
-    sign = glyph_word(verdict.outcome).split()[0]
-    return f"{f'{sign} {verdict.outcome:.6} {shown}':<18.18} ", WORDS[verdict.outcome]
 
 
 def mark_or_compare(dashboard: Dashboard, run: str) -> None:

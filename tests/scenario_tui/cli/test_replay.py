@@ -71,3 +71,33 @@ def test_a_run_nobody_knows_and_a_damaged_trace(
     broken.write_bytes(b"not a trace")
     assert invoke(["replay", str(broken), "--frame", "1"]) == 2
     assert "is not an MCAP file" in capsys.readouterr().err
+
+
+def test_two_runs_without_a_terminal_are_compared_in_words(
+    trace: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    slow = str(record_run(tmp_path / "slow.mcap", index=6, speed=0.4))
+    assert invoke(["replay", trace, slow]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    (row,) = (line for line in lines if line.startswith("slow "))
+    assert row.split()[1:] == [
+        "✓",
+        "pass",
+        "+0.1",
+        "m/s",
+        "✓",
+        "pass",
+        "+0.2",
+        "m/s",
+        "+0.1",
+        "m/s",
+    ]
+    assert lines[lines.index("seed") + 1].split() == ["2024", "→", "2025"]
+
+
+@pytest.mark.parametrize("arguments", [("--frame", "1"), ("--json",)])
+def test_a_frame_is_of_one_run(
+    trace: str, capsys: pytest.CaptureFixture[str], arguments: tuple[str, ...]
+) -> None:
+    assert invoke(["replay", trace, trace, *arguments]) == 2
+    assert "--frame" in capsys.readouterr().err
