@@ -2,7 +2,7 @@
 
 Reading validates (missing fields and wrong types are refused) because JSON arrives from files
 and from the network; nothing is ever evaluated or unpickled. Numbers are finite: JSON has no
-others, and we never write any.
+others, and who has to write some writes them as text.
 """
 
 from __future__ import annotations
@@ -10,12 +10,13 @@ from __future__ import annotations
 import functools
 import hashlib
 from collections.abc import Hashable
-from typing import Any, Literal, TypeVar, cast
+from typing import Any, Final, Literal, TypeVar, cast
 
 from pydantic import TypeAdapter
 from pydantic_core import SchemaValidator
 
 T = TypeVar("T")
+_SCALARS: Final = frozenset({"bool", "int", "float", "str"})
 
 
 @functools.cache
@@ -24,17 +25,24 @@ def _cached_adapter(kind: Hashable) -> TypeAdapter[Any]:
 
 
 @functools.cache
-def _cached_reader(kind: Hashable) -> SchemaValidator:
-    return SchemaValidator(_finite(_cached_adapter(kind).core_schema))
+def _cached_reader(kind: Hashable, exactly: bool) -> SchemaValidator:
+    return SchemaValidator(_guarded(_cached_adapter(kind).core_schema, exactly))
 
 
-def _finite(schema: Any) -> Any:
-    """Return the schema with every float bound to be finite, whatever its digits say."""
+def _guarded(schema: Any, exactly: bool) -> Any:
+    """Return the schema with every float bound to be finite, and exact types if so wanted.
+
+    What writes the infinite as text is left as it is.
+    """
     if isinstance(schema, dict):
-        made = {k: v if k == "metadata" else _finite(v) for k, v in schema.items()}
-        return made | {"allow_inf_nan": False} if made.get("type") == "float" else made
+        if (schema.get("config") or {}).get("ser_json_inf_nan") == "strings":
+            return schema
+        made = {k: v if k == "metadata" else _guarded(v, exactly) for k, v in schema.items()}
+        finite = {"allow_inf_nan": False} if made.get("type") == "float" else {}
+        strict = {"strict": True} if exactly and made.get("type") in _SCALARS else {}
+        return made | finite | strict
     if type(schema) in (list, tuple):
-        return type(schema)(_finite(part) for part in schema)
+        return type(schema)(_guarded(part, exactly) for part in schema)
     return schema
 
 
@@ -64,7 +72,7 @@ def from_json(kind: type[T], data: bytes | str, *, exactly: bool = False) -> T:
     Raises :class:`pydantic.ValidationError` (a ``ValueError``) when the text is not such a value.
     """
     extra: Literal["forbid"] | None = "forbid" if exactly else None
-    value: T = _cached_reader(cast(Hashable, kind)).validate_json(data, strict=exactly or None, extra=extra)
+    value: T = _cached_reader(cast(Hashable, kind), exactly).validate_json(data, extra=extra)
     return value
 
 
@@ -82,4 +90,4 @@ def digest(value: Any) -> str:
 def warm_up(*kinds: Any) -> None:
     """Build the validators of ``kinds`` now, for processes that fork before they use them."""
     for kind in kinds:
-        _cached_reader(kind)
+        _cached_reader(kind, False)

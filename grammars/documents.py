@@ -34,12 +34,13 @@ M = TypeVar("M", bound="Written")
 MAX_BYTES: Final = 8 * 1024 * 1024
 """A file written by a person is never larger than this; a larger one is refused."""
 _DEEPEST: Final = 50
+_LARGEST: Final = 2**64
 
 
 class Written(BaseModel):
     """Base of models of what people write: unknown keys are errors, values are frozen."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
 
 @dataclass(frozen=True)
@@ -155,7 +156,7 @@ def parse_yaml(text: str, file: str) -> Document:
 
 
 def _refuse_riddles(text: str, file: str) -> None:
-    """Refuse what nobody writes for a person to read: aliases, and nesting without end."""
+    """Refuse what nobody writes for a person to read: aliases, merges, tags, endless nesting."""
     from ruamel.yaml import YAML
     from ruamel.yaml.events import AliasEvent, CollectionEndEvent, CollectionStartEvent
 
@@ -172,6 +173,10 @@ def _refuse_riddles(text: str, file: str) -> None:
                     'write "like: <scenario>" to share what another scenario says',
                 )
             )
+        if getattr(event, "value", None) == "<<" and getattr(event, "style", None) is None:
+            raise InputError(Diagnostic(where, "YAML merge keys (<<) are not used here"))
+        if getattr(event, "tag", None) is not None:
+            raise InputError(Diagnostic(where, f"YAML tags ({event.tag}) are not used here"))
         if depth > _DEEPEST:
             raise InputError(Diagnostic(where, f"is nested deeper than {_DEEPEST} levels"))
 
@@ -225,7 +230,10 @@ def _plain(node: Any, path: Path_, root: Where, places: dict[Path_, Where], text
             line, column = commented.lc.item(index)
             places[(*path, index)] = Where(file, line + 1, column + 1)
         return [_plain(value, (*path, i), root, places, text) for i, value in enumerate(node)]
-    return _scalar(node)
+    value = _scalar(node)
+    if isinstance(value, int) and abs(value) >= _LARGEST:
+        raise InputError(Diagnostic(places.get(path, root), "is a number too large to be meant"))
+    return value
 
 
 _KEY: Final = re.compile(r"[^\s:]+")

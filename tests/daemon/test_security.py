@@ -1,4 +1,5 @@
 import json
+import math
 import os
 import shutil
 import socket
@@ -6,6 +7,7 @@ import stat
 import subprocess
 import tarfile
 from collections.abc import Iterator
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
@@ -36,8 +38,9 @@ from daemon.security.authority import found, issue, revoke
 from daemon.security.bundle import pack
 from daemon.server import exposure
 from grammars import codec
+from grammars.robot import Drive
 from tests.daemon.harness import DaemonPart, Part, daemon_at, eventually, worker_for
-from tests.daemon.samples import make_submission
+from tests.daemon.samples import ROBOT, make_submission
 
 NOW = datetime.now(UTC).replace(microsecond=0)
 HERE = ("localhost", "127.0.0.1")
@@ -284,7 +287,7 @@ def test_a_socket_with_a_long_path_lies_with_the_temporary_files(
 ) -> None:
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
     places = Places(tmp_path / ("long" * 40))
-    assert len(os.fsencode(places.socket)) < 104
+    assert len(os.fsencode(places.socket)) < len(os.fsencode(tmp_path)) + 45
     assert places.socket != Places(tmp_path / ("long" * 41)).socket
     places.make_socket_folder()
     places.socket.parent.chmod(0o755)
@@ -448,3 +451,16 @@ def test_numbers_are_finite() -> None:
         with pytest.raises(ValueError, match="finite number"):
             codec.from_json(tuple[float, ...], f"[{text}]")
     assert codec.from_json(tuple[float, ...], b"[1e308, 2]") == (1e308, 2.0)
+
+
+def test_what_is_infinite_on_purpose_travels() -> None:
+    boundless = replace(ROBOT.drive, law="imposed", max_force=math.inf, max_torque=math.inf)
+    text = codec.to_json(boundless)
+    assert codec.from_json(Drive, text, exactly=True) == boundless
+    with pytest.raises(ValueError, match="valid integer"):
+        codec.from_json(Exact, b'{"count": "1"}', exactly=True)
+
+
+@dataclass(frozen=True)
+class Exact:
+    count: int
