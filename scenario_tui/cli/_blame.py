@@ -95,13 +95,20 @@ def _meant(run: list[str], state: State, campaign: Path | None) -> Meant:
     from daemon.blame import find_run
     from daemon.places import Places
     from grammars.diagnostics import InputError
+    from scenario_tui.cli._chosen import meant
 
+    places = Places.find(state)
     try:
-        return find_run(run, Places.find(state), campaign)
+        words = [meant(run[0], places)] if len(run) == 1 and not _is_yaml(run[0]) else run
+        return find_run(words, places, campaign)
     except InputError:
         raise
     except ValueError as error:
         raise typer.BadParameter(str(error), param_hint="RUN") from error
+
+
+def _is_yaml(word: str) -> bool:
+    return word.endswith((".yaml", ".yml"))
 
 
 def _folder(case: Case) -> Path:

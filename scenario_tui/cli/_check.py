@@ -21,6 +21,8 @@ def checked(path: Path) -> tuple[str, tuple[Diagnostic, ...]]:
 
 
 def _checker(path: Path) -> Checker:
+    if not path.exists():
+        raise InputError(Diagnostic(Where(str(path)), "no such file"))
     if path.is_dir():
         raise InputError(Diagnostic(Where(str(path)), "is a folder", "name the files in it"))
     for ending, checker in _BY_ENDING.items():

@@ -28,8 +28,7 @@ def one_trace(run: str, target: Target, hint: str) -> Path:
     if _is_far(run, target):
         return _brought([run], target, hint)[0]
     try:
-        run = _id_of(run, target.places)
-        traces = find_traces([run], target.places)
+        traces = find_traces([meant(run, target.places)], target.places)
     except ValueError as error:
         raise typer.BadParameter(str(error), param_hint=hint) from error
     if len(traces) != 1:
@@ -48,7 +47,7 @@ def all_traces(named: Sequence[str], target: Target, hint: str) -> tuple[Path, .
     far = [name for name in named if _is_far(name, target)]
     if not far:
         try:
-            return find_traces(named, target.places)
+            return find_traces([meant(name, target.places) for name in named], target.places)
         except ValueError as error:
             raise typer.BadParameter(str(error), param_hint=hint) from error
     near = [name for name in named if name not in far]
@@ -118,19 +117,24 @@ def _brought(named: Sequence[str], target: Target, hint: str) -> tuple[Path, ...
             return tuple(local_copy(trace, daemon, told=told) for trace in traces.values())
 
 
-def _id_of(run: str, places: Places) -> str:
-    """Return the id of a run named by its campaign and number, a file as it is.
+def meant(name: str, places: Places) -> str:
+    """Return the id of the campaign or run that ``name`` means here; a file or folder as it is.
 
-    Raises ``ValueError`` for what names neither.
+    Raises ``ValueError`` for what is none of them.
     """
     from daemon.errors import Refused
     from daemon.report import open_ledger
-    from scenario_tui.cli._session import find_run
+    from scenario_tui.cli._session import find_campaign, find_run
 
-    if Path(run).exists() or run.endswith(".mcap") or not places.ledger.is_file():
-        return run
+    if Path(name).exists() or name.endswith(".mcap") or not places.ledger.is_file():
+        return name
     try:
         with open_ledger(places) as ledger:
-            return find_run(ledger, run).row.id
+            if "." in name:
+                return find_run(ledger, name).row.id
+            return find_campaign(ledger, name).id
     except Refused as error:
-        raise ValueError(f"{run} is no trace (.mcap) and no run: {error}") from error
+        # Traces of a campaign the ledger has forgotten may still be there.
+        if "/" not in name and (places.traces / name).is_dir():
+            return name
+        raise ValueError(f"{name} is no trace, no folder and no run: {error}") from error

@@ -11,9 +11,11 @@ import pytest
 
 from daemon.ledger import Book, connect
 from daemon.messages import Release
+from daemon.places import Places
 from daemon.protocol import RunState
 from daemon.verdict import Outcome
 from scenario_tui.cli import _progress
+from scenario_tui.cli._chosen import meant
 from tests.daemon.samples import make_submission
 from tests.scenario_tui.fake import CAMPAIGN, FakeDaemon
 from tests.scenario_tui.recorded import record_run
@@ -63,6 +65,16 @@ def state(tmp_path: Path) -> Path:
     output.parent.mkdir(parents=True)
     output.write_text("loading the map\n")
     return folder
+
+
+def test_names_mean_ids_wherever_traces_are_named(state: Path, tmp_path: Path) -> None:
+    places, file = Places(state), tmp_path / "c"
+    assert meant("c", places) == "c-1"
+    assert meant("c.1", places) == "c-1.1"
+    with pytest.raises(ValueError, match="no trace, no folder and no run: .* did you mean"):
+        meant("d-1", places)
+    file.touch()
+    assert meant(str(file), places) == str(file)
 
 
 def test_logs_tell_attempts_and_reasons(scenario, state: Path) -> None:
