@@ -116,7 +116,7 @@ class RunScreen(Playing, Steering):
                 with Vertical(id="above"):
                     yield Static(id="unseen")
                     yield TopView(id="map")
-                    yield Static(LEGEND, id="legend")
+                    yield Static(REPLAY_LEGEND, id="legend")
                 with Vertical(id="along"):
                     yield Static(id="untold")
                     yield TimelineView(id="signals")
@@ -263,7 +263,6 @@ class RunScreen(Playing, Steering):
             self.query_one(name).display = False
         for name in ("#map", "#legend", "#signals", "#signs"):
             self.query_one(name).display = True
-        self.query_one("#legend", Static).update(REPLAY_LEGEND)
         signals.show((playback.chronicle,))
         first = self._moment_of(self.query_one(VerdictList).chosen())
         transport = Transport(playback.start, playback.end, first or playback.start, playing=False)
