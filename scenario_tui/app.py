@@ -81,6 +81,7 @@ class Dashboard(SparingApp):
         self.config = config or Config()
         self.read_only = self.config.read_only
         self.submitted: tuple[Path, ...] = ()
+        self.going_on: set[str] = set()
         self.marked = ""
         self.clock = clock
         self.picture = Picture()
@@ -220,13 +221,13 @@ class Dashboard(SparingApp):
     def farewell(self) -> str:
         """Say what goes on without the dashboard."""
         overview = self.picture.overview
-        if overview is None or not self.picture.connected:
-            return "Left the dashboard. Back with: scenario tui"
-        waiting = overview.queued + overview.running
-        if not waiting:
-            return "Left the dashboard; no run is waiting. Back with: scenario tui"
-        runs = counted(waiting, "unfinished run")
-        return f"Left the dashboard; the daemon goes on with {runs}. Back with: scenario tui"
+        said = ["Left the dashboard"]
+        if overview is not None and self.picture.connected:
+            waiting = overview.queued + overview.running
+            runs = counted(waiting, "unfinished run")
+            said.append(f"the daemon goes on with {runs}" if waiting else "no run is waiting")
+        said += [f"a process of its own goes on {doing}" for doing in sorted(self.going_on)]
+        return f"{'; '.join(said)}. Back with: {self.equivalent.line('tui')}"
 
 
 def run_dashboard(

@@ -72,11 +72,19 @@ def make_report(dashboard: Dashboard, row: CampaignRow) -> None:
         return
     page = f"{row.id}.html"
     way = dashboard.equivalent.local(state, "report", row.id, "-o", page)
-    done = partial(_tell_report, dashboard, Path.cwd() / page, typed(way))
-    _ask(dashboard, f"writing the report of {row.id}", way, done)
+    doing = f"writing the report of {row.id}"
+    if doing in dashboard.going_on:
+        dashboard.notify(f"… {doing} already", markup=False)
+        return
+    dashboard.going_on.add(doing)
+    done = partial(_tell_report, dashboard, Path.cwd() / page, typed(way), doing)
+    _ask(dashboard, doing, way, done)
 
 
-def _tell_report(dashboard: Dashboard, page: Path, command: str, answer: Answer) -> None:
+def _tell_report(
+    dashboard: Dashboard, page: Path, command: str, doing: str, answer: Answer
+) -> None:
+    dashboard.going_on.discard(doing)
     opened = show_page(page, os.environ)
     where = "opened in the browser" if opened else "open it in a browser"
     dashboard.say(f"{answer['answer']}\n{page} ({where})", command)
@@ -86,7 +94,12 @@ def _ask(
     dashboard: Dashboard, doing: str, way: tuple[str, ...], then: Callable[[Answer], None]
 ) -> None:
     dashboard.say(f"{doing} …", typed(way))
-    dashboard.errands.start(partial(dashboard.ask, way), then, dashboard.problem)
+
+    def failed(why: str) -> None:
+        dashboard.going_on.discard(doing)
+        dashboard.problem(why)
+
+    dashboard.errands.start(partial(dashboard.ask, way), then, failed)
 
 
 def _state(dashboard: Dashboard, row: CampaignRow) -> Path | None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import threading
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
@@ -56,13 +57,15 @@ class SteeredDaemon(FakeDaemon):
 
 @dataclass
 class Commands:
-    """Stands for the ``scenario`` commands the dashboard starts."""
+    """Stands for the ``scenario`` commands the dashboard starts; they answer when ``done``."""
 
     answer: Answer = field(default_factory=dict)
     asked: list[tuple[str, ...]] = field(default_factory=list)
+    done: threading.Event = field(default_factory=threading.Event)
 
     def __call__(self, arguments: tuple[str, ...]) -> Answer:
         self.asked.append(arguments)
+        assert self.done.wait(10.0)
         return self.answer
 
 

@@ -215,8 +215,13 @@ async def test_the_report_is_made_and_its_place_is_said(fake, tmp_path, monkeypa
     async with opened(fake, ask=ask, equivalent=local(tmp_path)) as pilot:
         await settle(pilot)
         await press(pilot, "o")
+        assert f"goes on writing the report of {CAMPAIGN}" in pilot.app.farewell()
+        await press(pilot, "o")
+        assert f"writing the report of {CAMPAIGN} already" in notices(pilot)
+        ask.done.set()
         await until(pilot, lambda: "Yes. All is as expected." in notices(pilot))
         assert f"{CAMPAIGN}.html (open it in a browser)" in notices(pilot)
+        assert "writing" not in pilot.app.farewell()
     page = f"{CAMPAIGN}.html"
     assert ask.asked == [("report", CAMPAIGN, "-o", page, "--state", str(tmp_path))]
 
@@ -247,6 +252,7 @@ async def test_runs_are_judged_again_by_oracles_chosen(fake, tmp_path, monkeypat
         await press(pilot, "J")
         await until(pilot, lambda: isinstance(pilot.app.screen, Menu))
         assert "1  strict.oracles.yaml" in shown(pilot)
+        ask.done.set()
         await press(pilot, "1")
         await until(pilot, lambda: isinstance(pilot.app.screen, Told))
         assert "1 verdict changed" in shown(pilot)
