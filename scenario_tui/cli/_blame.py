@@ -136,15 +136,17 @@ class _Watch:
         from scenario_tui.cli._output import err
 
         self._console = err()
+        # Where the line cannot be written again, every count would be a line of its own.
+        self._moves = self._console.is_terminal and not self._console.is_dumb_terminal
 
     def __call__(self, runner: Runner) -> None:
-        if self._console.is_terminal:
+        if self._moves:
             text = f"{runner.runs} runs, {runner.seconds:.0f} s"
             self._console.file.write(f"\r{text}\x1b[K")
             self._console.file.flush()
 
     def wipe(self) -> None:
-        if self._console.is_terminal:
+        if self._moves:
             self._console.file.write("\r\x1b[K")
             self._console.file.flush()
 

@@ -16,7 +16,8 @@ if TYPE_CHECKING:
     from rich.text import Text
 
     from daemon.history import Said, Step
-    from daemon.protocol import RunDetail
+    from daemon.protocol import RunDetail, RunRow
+    from scenario_tui.cli._session import Target
 
 Run: TypeAlias = Annotated[
     str,
@@ -78,20 +79,18 @@ def logs(
             autocompletion=_completion.runs_or_traces,
         ),
     ],
+    connect: Connect = "",
     state: State = None,
     as_json: AsJson = False,
 ) -> None:
     """Tell what happened in a run: its attempts, its mission, contacts, what the SUT said.
 
-    Read from the state directory of this machine; no daemon is needed.
+    Read from the state directory of this machine; no daemon is needed unless one is named.
     """
-    from daemon.history import outputs, recorded, steps
-    from daemon.places import Places
-    from daemon.report import open_ledger
+    from daemon.history import recorded
     from scenario_tui.cli._output import emit
-    from scenario_tui.cli._session import find_run
+    from scenario_tui.cli._session import Target
 
-    places = Places.find(state)
     if run.endswith(".mcap"):
         said = recorded(Path(run))
         if as_json:
@@ -99,10 +98,7 @@ def logs(
         else:
             _print_recorded(said)
         return
-    with open_ledger(places) as ledger:
-        row = find_run(ledger, run).row
-    happened, printed = steps(places, row.id), outputs(places, row.id)
-    said = recorded(Path(row.trace)) if row.trace and Path(row.trace).is_file() else ()
+    row, happened, printed, said = _logged(run, Target(connect, state))
     if as_json:
         emit("logs", run=row.id, attempts=row.attempt, reason=row.reason, steps=list(happened),
              output=list(printed), recorded=list(said))  # fmt: skip
@@ -112,6 +108,31 @@ def logs(
     _print_texts((*printed, "" if known else row.reason))
     if said:
         _print_recorded(said)
+
+
+def _logged(
+    run: str, target: Target
+) -> tuple[RunRow, tuple[Step, ...], tuple[str, ...], tuple[Said, ...]]:
+    """Return a run, its attempts, what they print, what its trace recorded.
+
+    A daemon elsewhere does not tell of attempts.
+    """
+    from daemon.history import outputs, recorded, steps
+    from daemon.report import open_ledger
+    from scenario_tui.cli._chosen import one_trace
+    from scenario_tui.cli._session import find_run
+
+    happened: tuple[Step, ...] = ()
+    printed: tuple[str, ...] = ()
+    if target.named:
+        with target.open() as daemon:
+            row = find_run(daemon, run).row
+    else:
+        with open_ledger(target.places) as ledger:
+            row = find_run(ledger, run).row
+        happened, printed = steps(target.places, row.id), outputs(target.places, row.id)
+    said = recorded(one_trace(row.id, target, "RUN")) if row.trace else ()
+    return row, happened, printed, said
 
 
 def _print_steps(happened: tuple[Step, ...], attempts: int) -> None:
