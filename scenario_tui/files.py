@@ -8,8 +8,6 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Final
 
-from textual.fuzzy import FuzzySearch
-
 _DEPTH: Final = 6
 _LOOKED_AT: Final = 20_000
 """Directory entries looked at; who starts in `/` shall get an answer too."""
@@ -18,18 +16,23 @@ _HEAD: Final = 65_536
 _PASSED: Final = frozenset(
     {"node_modules", "site-packages", "__pycache__", "build", "dist", "scenario-results", "venv"}
 )
-_CAMPAIGN: Final = re.compile(rb"^campaign\s*:", re.MULTILINE)
 
 
 def is_campaign(path: Path) -> bool:
-    """Whether a YAML file has ``campaign`` at its outermost level."""
+    """Whether a YAML file describes a campaign."""
+    return has_key(path, "campaign")
+
+
+def has_key(path: Path, key: str) -> bool:
+    """Whether a YAML file has ``key`` at its outermost level."""
     if path.suffix not in (".yaml", ".yml"):
         return False
     try:
         with path.open("rb") as file:
-            return _CAMPAIGN.search(file.read(_HEAD)) is not None
+            head = file.read(_HEAD)
     except OSError:
         return False
+    return re.search(rb"^%s\s*:" % key.encode(), head, re.MULTILINE) is not None
 
 
 def near(folder: Path, wanted: Callable[[Path], bool]) -> tuple[Path, ...]:
@@ -75,6 +78,9 @@ def fitting(names: tuple[str, ...], typed: str) -> tuple[str, ...]:
     """Return the names that fit what was typed, letters in order, the best first."""
     if not typed:
         return names
+    # TAB looks for campaigns with the functions above, and must not wait for this.
+    from textual.fuzzy import FuzzySearch
+
     search = FuzzySearch()
     scored = [(search.match(typed, name)[0], name) for name in names]
     best = sorted((pair for pair in scored if pair[0] > 0), key=lambda pair: -pair[0])

@@ -3,35 +3,34 @@
 from __future__ import annotations
 
 import os
-import re
 from collections.abc import Callable, Iterator
 from itertools import islice
 from pathlib import Path
 from typing import Final, TypeAlias
+
+from scenario_tui.files import has_key, is_campaign
 
 Offer: TypeAlias = list[tuple[str, str]]
 """Words and what they are; shells that show explanations show both."""
 Fits: TypeAlias = Callable[[Path], bool]
 
 _MOST: Final = 200
-_HEAD: Final = 65_536
-"""Bytes of a file that are looked at; what it is stands at its beginning."""
 
 
 def campaign_files(incomplete: str) -> Offer:
     """Offer YAML files that describe a campaign."""
-    return _fitting(incomplete, lambda path: _says(path, "campaign"))
+    return _fitting(incomplete, is_campaign)
 
 
 def sut_files(incomplete: str) -> Offer:
     """Offer YAML files that describe a system under test."""
-    return _fitting(incomplete, lambda path: _says(path, "sut"))
+    return _fitting(incomplete, lambda path: has_key(path, "sut"))
 
 
 def plans_or_campaigns(incomplete: str) -> Offer:
     """Offer floor plans and campaigns."""
     plans = (".fpm", ".jsonld")
-    return _fitting(incomplete, lambda path: path.suffix in plans or _says(path, "campaign"))
+    return _fitting(incomplete, lambda path: path.suffix in plans or is_campaign(path))
 
 
 def layer_files(incomplete: str) -> Offer:
@@ -101,15 +100,3 @@ def _candidates(incomplete: str, fits: Fits) -> Iterator[str]:
                 yield f"{typed}{entry.name}/"
             elif fits(Path(entry.path)):
                 yield f"{typed}{entry.name}"
-
-
-def _says(path: Path, key: str) -> bool:
-    """Whether a YAML file has a key at its outermost level."""
-    if path.suffix not in (".yaml", ".yml"):
-        return False
-    try:
-        with path.open("rb") as file:
-            head = file.read(_HEAD)
-    except OSError:
-        return False
-    return re.search(rb"^%s\s*:" % key.encode(), head, re.MULTILINE) is not None
