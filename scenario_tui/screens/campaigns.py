@@ -33,7 +33,7 @@ _COLUMNS: Final = (
 )
 _COUNTED: Final = ("fail", "error", "lost", "inconclusive", "pass")
 _NOTHING: Final = (
-    "No campaigns yet. In another terminal, type\n\n"
+    "No campaigns yet. Press s to choose one, or type in another terminal\n\n"
     "    scenario submit CAMPAIGN.yaml\n\n"
     "or, to see a short one without the daemon,\n\n"
     "    scenario demo"

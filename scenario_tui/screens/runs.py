@@ -153,7 +153,10 @@ class RunsScreen(Steering):
     def _nothing(self) -> str:
         if self._only or self._wanted.text:
             return "No run matches.\n\n    /  change the text      f  show others      Esc  back"
-        return "No runs yet. In another terminal, type\n\n    scenario submit CAMPAIGN.yaml"
+        return (
+            "No runs yet. Press s to choose a campaign, or type in another terminal\n\n"
+            "    scenario submit CAMPAIGN.yaml"
+        )
 
     def on_data_table_row_highlighted(self) -> None:
         """Ask for the run the cursor came to."""
