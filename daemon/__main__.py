@@ -52,6 +52,7 @@ def _parser() -> argparse.ArgumentParser:
     worker.add_argument("--state", type=Path)
     worker.add_argument("--parent", type=int, default=0)
     worker.add_argument("--scheduler")
+    worker.add_argument("--step-back", type=int, default=0)
     for command in (serve, worker):
         command.add_argument("--slots", type=int)
         command.add_argument("--keys", type=Path)
@@ -103,6 +104,7 @@ def _work(options: argparse.Namespace) -> None:
         keys=options.keys,
         tether=options.tether,
         scheduler=Scheduler(options.scheduler) if options.scheduler else None,
+        nice=options.step_back,
     )
 
 

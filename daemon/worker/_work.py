@@ -43,6 +43,7 @@ def work(
     keys: Path | None = None,
     tether: bool = False,
     scheduler: Scheduler | None = None,
+    nice: int = 0,
 ) -> None:
     """Execute runs of the daemon at ``connect`` until told to leave.
 
@@ -52,7 +53,8 @@ def work(
     folder of its own, in ``state`` or the user's state folder, and sends traces.
     ``executor`` (``module:function``) executes runs and is never taken from the network. With
     ``parent`` the worker finishes and leaves when that process is not its parent any more; with
-    ``tether`` it dies when its standard input closes. To be called from the main thread.
+    ``tether`` it dies when its standard input closes. With ``nice`` the session it leads steps
+    back behind others, not only each run behind the worker. To be called from the main thread.
 
     SIGTERM or SIGINT: finish what runs, then leave. A second one, or SIGQUIT: give it back.
 
@@ -61,8 +63,8 @@ def work(
     """
     if tether:
         hold_tether()
-    limits = limits or Limits()
-    step_back(limits.nice)
+    if nice:
+        step_back(nice)
     me = _introduce()
     with ExitStack() as stack:
         orders = Orders(parent=parent)
@@ -85,7 +87,7 @@ def work(
             spool,
             backend,
             orders,
-            limits=limits,
+            limits=limits or Limits(),
             renew=welcome.renew,
             log=_log,
         )

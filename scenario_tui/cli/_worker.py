@@ -77,11 +77,13 @@ def worker(
         ),
     ] = "",
     nice: Annotated[
-        int,
+        int | None,
         typer.Option(
-            "--nice", min=0, max=19, help="How far runs step back behind other processes."
+            "--nice", min=0, max=19,
+            help="How far this worker steps back behind whatever else runs here. Default: its "
+            "runs by 10, itself not.",
         ),
-    ] = Limits().nice,
+    ] = None,
     state: Annotated[
         Path | None,
         typer.Option(
@@ -96,7 +98,10 @@ def worker(
 
     It executes runs of a daemon, on this machine, on another one or in a Dask cluster.
     """
-    limits = Limits(duration(wall) if wall else 0.0, size(memory), nice)
+    usual = Limits()
+    limits = Limits(
+        duration(wall) if wall else usual.wall, size(memory), usual.nice if nice is None else nice
+    )
     cluster = _cluster(backend, scheduler, tls_ca, tls_cert, tls_key)
     if print_unit:
         _print_unit(connect, state, slots, limits, cluster)
@@ -107,7 +112,14 @@ def worker(
 
     endpoint = find_endpoint(connect, state)
     say(f"worker for {endpoint.address}, Ctrl-C to leave after the running runs")
-    work(endpoint.address, slots=slots, state=state, limits=limits, scheduler=cluster)
+    work(
+        endpoint.address,
+        slots=slots,
+        state=state,
+        limits=limits,
+        scheduler=cluster,
+        nice=nice or 0,
+    )
 
 
 def _cluster(

@@ -67,12 +67,6 @@ def test_every_run_has_a_fresh_and_nice_process(client: Client, tmp_path: Path) 
     assert all(int(nice) >= 10 for _, _, nice in lines)
 
 
-@pytest.mark.skipif(not Path("/proc/self/autogroup").exists(), reason="needs autogroups")
-def test_the_session_of_the_worker_steps_back_too(client: Client) -> None:
-    (row,) = eventually(client.workers)
-    assert Path(f"/proc/{row.pid}/autogroup").read_text().endswith("nice 10\n")
-
-
 def test_a_crashing_run_is_tried_again(client: Client) -> None:
     client.submit(make_submission("crash", 1, crash=[1, 2]))
     eventually(lambda: done(client, "crash"))
@@ -234,15 +228,17 @@ def test_a_worker_told_twice_gives_its_runs_back_without_blame(tmp_path: Path) -
         assert client.run("c.0").row.reason == "the worker was stopped"
 
 
-def test_children_die_with_their_worker(tmp_path: Path) -> None:
+def test_children_die_with_their_worker_however_far_it_steps_back(tmp_path: Path) -> None:
     with (
         daemon_at(tmp_path / "state") as daemon,
         daemon.client() as client,
-        worker_for(daemon, 2) as worker,
+        worker_for(daemon, 2, "--step-back", "3") as worker,
     ):
         client.submit(make_submission("c", 2, sleep=60.0))
         # The worker, its two helpers, two runs.
         members = eventually(lambda: len(found := family(worker.pid)) >= 5 and found)
+        autogroup = Path(f"/proc/{worker.pid}/autogroup")
+        assert not autogroup.exists() or autogroup.read_text().endswith("nice 3\n")
         worker.kill()
         eventually(lambda: not alive(members), 3.0)
 
