@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import socket
 import subprocess
 import sys
 import tempfile
@@ -21,13 +20,6 @@ from daemon.places import Places
 _START_LIMIT: Final = 20.0
 _LEAVE_LIMIT: Final = 5.0
 _LOG_TAIL: Final = 20
-
-
-def free_endpoint() -> str:
-    """Return a loopback endpoint that nobody listens at right now."""
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return f"tcp/127.0.0.1:{probe.getsockname()[1]}"
 
 
 def running_daemon(state: Path) -> str | None:

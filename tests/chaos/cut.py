@@ -8,11 +8,17 @@ from contextlib import ExitStack, closing
 from pathlib import Path
 
 from daemon.client import Client
-from daemon.launch import free_endpoint
 from tests.chaos.links import links, may_make_namespaces
 from tests.chaos.report import Report
 from tests.chaos.verify import verify
-from tests.daemon.harness import DaemonPart, daemon_at, eventually, finished, worker_for
+from tests.daemon.harness import (
+    DaemonPart,
+    daemon_at,
+    eventually,
+    finished,
+    free_endpoint,
+    worker_for,
+)
 from tests.daemon.samples import make_submission
 
 EXECUTOR = "tests.chaos.executor:execute"

@@ -15,11 +15,10 @@ import psutil
 
 from daemon.client import Client
 from daemon.errors import DaemonError
-from daemon.launch import free_endpoint
 from tests.chaos.links import Link, links, may_make_namespaces
 from tests.chaos.report import Report
 from tests.chaos.verify import verify
-from tests.daemon.harness import DaemonPart, Part, daemon_at, worker_for
+from tests.daemon.harness import DaemonPart, Part, daemon_at, free_endpoint, worker_for
 from tests.daemon.samples import make_spec, submission_of
 
 EXECUTOR = "tests.chaos.executor:execute"

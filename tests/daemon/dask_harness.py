@@ -12,8 +12,16 @@ from pathlib import Path
 
 import psutil
 
-from daemon.launch import free_endpoint
-from tests.daemon.harness import EXECUTOR, ROOT, DaemonPart, Part, end, eventually, family
+from tests.daemon.harness import (
+    EXECUTOR,
+    ROOT,
+    DaemonPart,
+    Part,
+    end,
+    eventually,
+    family,
+    free_endpoint,
+)
 
 _SERVING = re.compile(r"^serving (\S+)$", re.MULTILINE)
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import signal
+import socket
 import subprocess
 import sys
 import time
@@ -17,10 +18,16 @@ import psutil
 
 from daemon.client import Client
 from daemon.errors import DaemonError
-from daemon.launch import free_endpoint
 
 EXECUTOR = "tests.daemon.fake_run:execute"
 ROOT = Path(__file__).parents[2]
+
+
+def free_endpoint() -> str:
+    """A loopback endpoint that nobody listens at right now."""
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return f"tcp/127.0.0.1:{probe.getsockname()[1]}"
 
 
 def eventually(condition: Callable[[], Any], seconds: float = 10.0) -> Any:

@@ -9,11 +9,10 @@ import pytest
 from daemon import bus
 from daemon.client import Client
 from daemon.errors import DaemonError, Unreachable
-from daemon.launch import free_endpoint
 from daemon.messages import EVENTS
 from daemon.protocol import Event
 from grammars import codec
-from tests.daemon.harness import daemon_at, eventually
+from tests.daemon.harness import daemon_at, eventually, free_endpoint
 from tests.daemon.samples import make_submission
 
 

@@ -2,7 +2,6 @@ import json
 import math
 import os
 import shutil
-import socket
 import stat
 import subprocess
 import tarfile
@@ -39,7 +38,7 @@ from daemon.security.bundle import pack
 from daemon.server import exposure
 from grammars import codec
 from grammars.robot import Drive
-from tests.daemon.harness import DaemonPart, Part, daemon_at, eventually, worker_for
+from tests.daemon.harness import DaemonPart, Part, daemon_at, eventually, free_endpoint, worker_for
 from tests.daemon.samples import ROBOT, make_submission
 
 NOW = datetime.now(UTC).replace(microsecond=0)
@@ -47,9 +46,7 @@ HERE = ("localhost", "127.0.0.1")
 
 
 def tls() -> str:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return f"tls/127.0.0.1:{probe.getsockname()[1]}"
+    return free_endpoint().replace("tcp/", "tls/")
 
 
 @pytest.fixture(scope="module")
@@ -311,8 +308,8 @@ def test_every_verb_has_its_roles_and_its_size() -> None:
 
 
 def test_viewers_change_nothing_and_only_workers_touch_leases() -> None:
-    steering = {"submit", "cancel", "retry", "pause", "resume", "prioritise", "shutdown"}
-    working = {"welcome", "lease", "renew", "complete", "release", "upload"}
+    steering = {"submit", "cancel", "retry", "pause", "resume", "prioritise", "shutdown", "keep"}
+    working = {"welcome", "lease", "renew", "complete", "release", "upload", "file"}
     assert not set(allowed(Role.VIEWER)) & (steering | working)
     assert set(allowed(Role.VIEWER)) < set(allowed(Role.OPERATOR))
     assert set(allowed(Role.OPERATOR)) & (steering | working) == steering
