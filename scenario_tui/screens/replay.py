@@ -118,8 +118,15 @@ class ReplayApp(SparingApp):
     CSS_PATH = ["../dashboard.tcss", "../playing.tcss"]  # noqa: RUF012
     ENABLE_COMMAND_PALETTE = False
     BINDINGS: ClassVar[list[BindingType]] = [
-        Binding("ctrl+c", "quit", "Quit", show=False, priority=True, id="quit-at-once",
-                tooltip="Leave from anywhere"),
+        Binding(
+            "ctrl+c",
+            "quit",
+            "Quit",
+            show=False,
+            priority=True,
+            id="quit-at-once",
+            tooltip="Leave from anywhere",
+        ),
     ]
 
     def __init__(self, screen: Screen[None]) -> None:
