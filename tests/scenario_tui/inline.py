@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import asyncio
 import itertools
+from typing import Final
 
 from textual.pilot import Pilot
+from textual.widget import Widget
 
 from daemon.errors import DaemonError
 from daemon.protocol import Live
@@ -12,6 +15,9 @@ from scenario_tui.app import Dashboard
 from scenario_tui.feed import Feed, Notice, Picture
 from scenario_tui.judging import Judge
 from tests.scenario_tui.fake import FakeDaemon
+
+_QUIET: Final = 10
+"""Turns of the loop without a message after which there will be none."""
 
 
 class InlineFeed(Feed):
@@ -44,10 +50,25 @@ def make_dashboard(fake: FakeDaemon) -> Dashboard:
 async def settle(pilot: Pilot[None]) -> None:
     """Let the dashboard take over what is new, twice: some screens ask because of what they see."""
     for _ in range(2):
-        await pilot.pause(0)
+        await _quiet(pilot)
         assert isinstance(pilot.app, Dashboard)
         pilot.app.look()
-        await pilot.pause(0)
+        await _quiet(pilot)
+
+
+async def _quiet(pilot: Pilot[None]) -> None:
+    """Wait until nobody has a message to handle.
+
+    The pilot's own pause takes a process for idle that a loaded machine does not let run.
+    """
+    await pilot.pause(0)
+    quiet = 0
+    while quiet < _QUIET:
+        await asyncio.sleep(0)
+        stack = pilot.app.screen_stack if pilot.app.is_running else []
+        nodes = [pilot.app, *(node for screen in stack for node in screen.walk_children(Widget))]
+        busy = any(node.message_queue_size for node in (*nodes, *stack))
+        quiet = 0 if busy else quiet + 1
 
 
 async def press(pilot: Pilot[None], *keys: str) -> None:
