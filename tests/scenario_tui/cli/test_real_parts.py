@@ -21,6 +21,7 @@ from pathlib import Path
 import pytest
 
 from scenario_tui.cli._exits import exit_code
+from tests.scenario_tui.outputs import declared
 
 COMMAND = [sys.executable, "-c", "from scenario_tui.cli import main; main()"]
 
@@ -57,7 +58,7 @@ def finished(place: Path) -> Iterator[Path]:
     state = place / "state"
     file = str(place / "campaigns" / "demo" / "campaign.yaml")
     done = call("submit", file, "--watch", "--json", state=state, cwd=place)
-    body = json.loads(done.stdout)
+    body = declared(done.stdout)
     assert done.returncode == exit_code(row["outcome"] for row in body["runs"]), done.stderr
     assert "started a daemon on this machine" in done.stderr
     yield state
@@ -110,6 +111,22 @@ def test_results_are_kept_by_the_daemon(finished: Path, place: Path) -> None:
     assert "2 traces in" in done.stdout
     status = json.loads(call("status", "--json", state=finished, cwd=place).stdout)
     assert status["overview"]["done"] == 2
+
+
+def test_a_run_is_shown_its_log_told_and_its_campaign_waited_for(
+    finished: Path, place: Path
+) -> None:
+    shown = call("show", "demo.0", state=finished, cwd=place)
+    assert (shown.returncode, shown.stderr) == (0, "")
+    assert "scenario logs demo-" in shown.stdout
+    told = declared(call("logs", "demo.0", "--json", state=finished, cwd=place).stdout)
+    assert [step["state"] for step in told["steps"]] == ["running", "done"]
+    assert told["recorded"][-1]["source"] == "run"
+    waited = call("wait", "demo", state=finished, cwd=place)
+    assert waited.returncode == exit_code(
+        row["outcome"]
+        for row in declared(call("results", "--json", state=finished, cwd=place).stdout)["runs"]
+    )
 
 
 def test_runs_are_judged_again_by_other_oracles(finished: Path, place: Path) -> None:
