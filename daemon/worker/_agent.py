@@ -7,6 +7,7 @@ acknowledged is asked, renewed or delivered again, across restarts of daemon and
 from __future__ import annotations
 
 import time
+from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
 from multiprocessing.connection import wait
@@ -33,6 +34,7 @@ from daemon.security import Holder
 from daemon.worker._backend import Backend, Execution
 from daemon.worker._base import Base
 from daemon.worker._delivery import Courier
+from daemon.worker._files import Files
 from daemon.worker._scenes import Scenes
 from daemon.worker._signals import Orders
 from daemon.worker._spool import Attempt, Spool
@@ -86,6 +88,8 @@ class Agent:
         self._places = base.places
         self._courier = Courier(link, info(0).id, base, log)
         self._scenes = Scenes(link, base)
+        self._files = Files(link, base, self._renew)
+        self._granted: deque[Grant] = deque()
         self._spool = spool
         self._backend = backend
         self._orders = orders
@@ -223,13 +227,15 @@ class Agent:
             return
         self._outbox += self._spool.adopt()
         attempts = [execution.attempt for execution in self._executions] + self._outbox
-        holds = tuple(Hold(a.grant.run, a.grant.token) for a in attempts)
+        grants = [*(attempt.grant for attempt in attempts), *self._granted]
+        holds = tuple(Hold(grant.run, grant.token) for grant in grants)
         reply = self._link.ask(Verb.RENEW, RenewRequest(self._busy(), holds), RenewReply)
         self._renew_at = time.monotonic() + self._renew_period
         gone = {hold.token for hold in reply.gone}
-        self._overdue = any(attempt.grant.token in gone for attempt in self._outbox)
+        self._overdue = any(a.finished and a.grant.token in gone for a in attempts)
         for execution in tuple(self._executions):
-            if execution.attempt.grant.token in gone:
+            # What has finished meanwhile is delivered: nobody has to execute it again.
+            if execution.attempt.grant.token in gone and not execution.attempt.finished:
                 self._drop(execution)
 
     def _drop(self, execution: Execution) -> None:
@@ -244,7 +250,8 @@ class Agent:
         free = self._backend.slots - len(self._executions)
         if free <= 0 or self._orders.drain:
             return
-        if self._overdue and self._outbox:
+        finished = any(execution.attempt.finished for execution in self._executions)
+        if self._overdue and (self._outbox or finished):
             # Nobody waits for these results any more: else their runs would be leased again here.
             return
         if time.monotonic() < max(self._lease_at, self._troubled_until):
@@ -259,14 +266,17 @@ class Agent:
         )
         if len(reply.grants) < free:
             self._lease_at = time.monotonic() + _POLL
-        for grant in reply.grants:
-            self._begin(grant)
+        self._granted.extend(reply.grants)
+        while self._granted:
+            self._begin(self._granted[0])
+            self._granted.popleft()
 
     def _begin(self, grant: Grant) -> None:
         attempt: Attempt | None = None
         try:
             attempt = self._spool.open(grant)
             scene = self._scenes.path(grant.spec.scene)
+            self._files.lay_out(attempt)
             self._executions.append(self._backend.start(attempt, scene, self._limits))
         except (DaemonError, OSError, EOFError, ValueError) as error:
             # No disk, no process, no scene: nothing the run could help.

@@ -20,9 +20,15 @@ HOUR = 3600.0
 
 
 def clock(
-    folder: Path, *, runs: int = 40, steps: int = 12, seed: int = 1, frozen: bool = True
+    folder: Path,
+    *,
+    runs: int = 40,
+    steps: int = 12,
+    every: float = 1.0,
+    seed: int = 1,
+    frozen: bool = True,
 ) -> Report:
-    """Set the clock every second; no lease ends before its time, and one of a dead worker ends."""
+    """Set the clock ``every`` so many seconds: no lease ends before its time, or never."""
     report = Report("clock: set back and forth by hours")
     rng = random.Random(seed)
     off = folder / "offset"
@@ -33,7 +39,7 @@ def clock(
             client.submit(make_submission("clock", runs, sleep=0.5))
             for _ in range(steps):
                 write_atomically(off, str(rng.uniform(-24 * HOUR, 24 * HOUR)).encode())
-                time.sleep(1.0)
+                time.sleep(every)
             eventually(lambda: finished(client, runs), 60.0)
             again = sum(row.attempt > 1 for row in client.runs("clock").rows)
         lines = [line for line in daemon.journal() if line["event"] == "clock set"]

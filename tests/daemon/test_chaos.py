@@ -23,20 +23,20 @@ def held(report: Report) -> None:
 
 
 def test_what_was_acknowledged_is_there_after_kills_in_commits(tmp_path: Path) -> None:
-    held(torn(tmp_path, runs=400, kills=2, tears=6))
+    held(torn(tmp_path, runs=300, kills=1, tears=5))
 
 
 def test_a_clock_that_is_set_costs_no_lease(tmp_path: Path) -> None:
-    held(clock(tmp_path, runs=4, steps=2, frozen=False))
+    held(clock(tmp_path, runs=3, steps=2, every=0.6, frozen=False))
 
 
 @pytest.mark.skipif(not may_mount(), reason="mounting a small file system needs root")
 def test_runs_wait_while_the_disk_is_full(tmp_path: Path) -> None:
-    held(full_disk(tmp_path, runs=16, times=1, hold=0.5))
+    held(full_disk(tmp_path, runs=8, times=1, hold=0.2))
 
 
 def test_a_worker_cut_off_for_longer_than_its_lease_delivers_once(tmp_path: Path) -> None:
-    held(cut_off(tmp_path, seconds=2.5, lease=1.0, work=1.5, isolated=False))
+    held(cut_off(tmp_path, seconds=1.5, lease=1.0, work=1.0, isolated=False))
 
 
 class Hand:
