@@ -24,6 +24,7 @@ from multiprocessing.connection import Connection, wait
 from pathlib import Path
 from typing import Final, Literal, NoReturn
 
+from daemon.attachments import VARIABLE
 from daemon.errors import SutMissing
 from daemon.messages import Grant
 from daemon.places import sync_directory, write_atomically
@@ -36,6 +37,8 @@ GRANT: Final = "grant.json"
 TRACE: Final = "trace.mcap"
 OUTPUT: Final = "output.txt"
 RESULT: Final = "result.json"
+FILES: Final = "files"
+"""Leads to the files of systems under test, where one needs any."""
 WATCHED: Final = "watched"
 """Lies in the folder of an attempt while somebody watches it."""
 
@@ -119,6 +122,8 @@ def _settle(task: Task) -> None:
     os.dup2(output, 1)
     os.dup2(output, 2)
     os.close(output)
+    if (task.folder / FILES).exists():
+        os.environ[VARIABLE] = str(task.folder / FILES)
     faulthandler.enable()
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     os.setpriority(os.PRIO_PROCESS, 0, max(task.nice, os.getpriority(os.PRIO_PROCESS, 0)))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import threading
 from collections import deque
 from collections.abc import Callable
+from itertools import chain
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Final, Generic, TypeVar
@@ -13,15 +14,20 @@ import zenoh
 
 from daemon import bus
 from daemon.assessment import Declared, RunRecord
+from daemon.attachments import attached, user_files
+from daemon.errors import Refused
 from daemon.messages import (
     EVENTS,
+    LARGEST_CHUNK,
     LIVE,
     Fetch,
+    Keep,
     Named,
     Nothing,
     Number,
     Piece,
     PriorityRequest,
+    Received,
     RecordQuery,
     RetryRequest,
     RunQuery,
@@ -42,6 +48,7 @@ from daemon.protocol import (
     WorkerRow,
 )
 from daemon.security import Holder, Role, find_holder
+from daemon.store import packed, read_part
 from grammars import codec
 from grammars.scene import Scene
 
@@ -52,6 +59,7 @@ _LIVE_KEPT: Final = 256
 _WATCHED_KEPT: Final = 4
 _BULK_TIMEOUT: Final = 60.0
 _RECORDS: Final = 500
+_FAULTS: Final = 5
 
 
 class _Feed(threading.Thread, Generic[T]):
@@ -177,9 +185,29 @@ class Client:
     def submit(self, submission: Submission) -> Receipt:
         """Hand over a campaign; the receipt says that it is safely in the ledger.
 
-        Submitting the same again (after :class:`Unreachable`, say) is harmless.
+        Submitting the same again (after :class:`Unreachable`, say) is harmless. Files that its
+        systems under test need go first, from :func:`daemon.attachments.user_files`.
         """
+        suts = {id(run.sut): run.sut for run in (*submission.runs, *submission.reserve)}
+        digests = (attached(sut.parameters).values() for sut in suts.values())
+        for digest in dict.fromkeys(chain.from_iterable(digests)):
+            self._keep(digest, user_files() / digest)
         return self._ask_bulk(Verb.SUBMIT, pack(submission), Receipt)
+
+    def _keep(self, digest: str, path: Path) -> None:
+        """Send a file the daemon lacks; one that is not here may be there all the same."""
+        if not path.is_file():
+            return
+        size = path.stat().st_size
+        received = self._ask_bulk(Verb.KEEP, Keep(digest, size), Received)
+        faults = 0
+        while not received.complete:
+            data = read_part(path, received.offset, LARGEST_CHUNK)
+            part = Keep(digest, size, received.offset, *packed(data))
+            received = self._ask_bulk(Verb.KEEP, part, Received)
+            faults += bool(received.problem)
+            if faults > _FAULTS:
+                raise Refused(f"the file {path} does not arrive: {received.problem}")
 
     def campaigns(self) -> tuple[CampaignRow, ...]:
         """All campaigns, the newest first."""

@@ -11,6 +11,7 @@ from typing import Annotated, Final
 
 from pydantic import Field
 
+from daemon.attachments import LARGEST_FILE
 from daemon.protocol import PREFIX
 from daemon.spec import ENGINE_VERSION, RunResult, RunSpec
 
@@ -50,6 +51,8 @@ class Verb(StrEnum):
     WORKERS = "workers"
     DISK = "disk"
     FETCH = "fetch"
+    FILE = "file"
+    KEEP = "keep"
     SUBMIT = "submit"
     CANCEL = "cancel"
     RETRY = "retry"
@@ -324,3 +327,23 @@ class Piece:
     sha256: Digest
     data: Base64
     digest: Short
+
+
+@dataclass(frozen=True, slots=True)
+class Keep:
+    """A part of a file of a system under test, on its way to the daemon; see :class:`Chunk`."""
+
+    sha256: Digest
+    size: Annotated[int, Field(ge=0, le=LARGEST_FILE)]
+    offset: Count = 0
+    data: Base64 = ""
+    digest: Short = ""
+
+
+@dataclass(frozen=True, slots=True)
+class FetchFile:
+    """Ask for up to ``count`` bytes of a file of a system under test, from ``offset`` on."""
+
+    sha256: Digest
+    offset: Count
+    count: Annotated[int, Field(ge=1, le=LARGEST_CHUNK)] = LARGEST_CHUNK

@@ -2,7 +2,7 @@
 
 ledger.db  daemon.lock  daemon.json  daemon.log  worker.log
 socket/daemon.sock
-scenes/<digest>.json
+scenes/<digest>.json  files/<digest>
 traces/<campaign>/<scenario>.<sut>.<repeat>.mcap
 spool/<worker>/<run>/attempt-<k>/
 incoming/<run>.<token>.<digest>.part|mcap
@@ -189,6 +189,11 @@ class Places:
         return self.state / "spool"
 
     @property
+    def files(self) -> Path:
+        """Files of systems under test by digest."""
+        return self.state / "files"
+
+    @property
     def incoming(self) -> Path:
         """Traces that workers on other machines are sending."""
         return self.state / "incoming"
@@ -210,7 +215,7 @@ class Places:
 
     def make(self) -> None:
         """Create the directories, readable by their owner only; raises ``OSError``."""
-        for folder in (self.state, self.scenes, self.traces, self.spool, self.incoming):
+        for folder in (self.state, self.scenes, self.files, self.traces, self.spool, self.incoming):
             folder.mkdir(mode=0o700, parents=True, exist_ok=True)
 
     def make_socket_folder(self) -> None:

@@ -3,6 +3,7 @@
 A package of one's own adds a stack by an entry point in the group ``scenario.suts``: its name is
 the ``kind`` written in SUT files, its object a function from parameters to a
 :class:`daemon.sut.SystemUnderTest` that raises ``ValueError`` for parameters it does not take.
+Files written below ``files`` in a SUT file reach it as the parameter ``files``: paths, by name.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ from collections.abc import Callable, Mapping
 from importlib.metadata import EntryPoint, entry_points
 from typing import Any, Final, TypeAlias
 
+from daemon.attachments import with_paths
 from daemon.errors import SutMissing
 from daemon.navigation import make_idle, make_pilot, make_ros
 from daemon.navigation.ros.parameters import Findings
@@ -34,6 +36,11 @@ def sut_kinds() -> tuple[str, ...]:
     """Names of every kind of system under test that is installed."""
     plugged = {entry.name for entry in entry_points(group=ENTRY_POINT_GROUP)}
     return tuple(sorted(plugged | set(_BUILT_IN)))
+
+
+def is_built_in(kind: str) -> bool:
+    """Whether a kind ships here, rather than plugs in."""
+    return kind in _BUILT_IN
 
 
 def make_sut(kind: str, parameters: Mapping[str, Any]) -> SystemUnderTest:
@@ -80,7 +87,7 @@ def _make_plugged(kind: str, parameters: Mapping[str, Any]) -> SystemUnderTest:
     except (Exception, SystemExit) as error:
         raise SutMissing(_cannot("loaded", entry, error)) from error
     try:
-        return factory(parameters)
+        return factory(with_paths(parameters))
     except ValueError:
         raise
     except (Exception, SystemExit) as error:

@@ -7,18 +7,19 @@ outcome is one tree of parameters; every complaint about it stands where the val
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any, Final, TypeAlias
 
 from pydantic import BeforeValidator, Field
 
+from daemon.attachments import PARAMETER, attach
 from daemon.campaign.ros_files import load_files, load_folder, spread_common
 from daemon.campaign.settings import Settings, merged, settings_of, tree_of, where_of
 from daemon.campaign.text import Reference
 from daemon.navigation.ros.parameters import Finding, Findings, ParameterError
 from daemon.spec import SutReference
-from daemon.suts import check_parameters
+from daemon.suts import check_parameters, is_built_in
 from grammars.diagnostics import Diagnostic, InputError, Severity, Where
 from grammars.documents import Document, Written, load_yaml, read_model
 
@@ -52,7 +53,8 @@ class SutText(Written):
     costmap_common_params.yaml, move_base_params.yaml ...), loaded as usual launch files do."""
     files: dict[str, _Files] = Field(default_factory=dict)
     """ROS parameter files by the namespace they are loaded into, such as move_base/global_costmap;
-    costmap_common is loaded into both costmaps."""
+    costmap_common is loaded into both costmaps. For a kind plugged in: files it needs, one each by
+    a name of your choice; they travel to the workers."""
     parameters: dict[str, Any] = Field(default_factory=dict)
     """What differs from the files, from the system this one is like, from the defaults of the
     kind. null takes an inherited value away."""
@@ -82,6 +84,7 @@ class _Layer:
     settings: Settings
     files: tuple[str, ...]
     warnings: tuple[Diagnostic, ...]
+    attached: dict[str, Path] = field(default_factory=dict)
 
 
 def load_sut(path: Path, find: Find) -> Sut:
@@ -93,6 +96,8 @@ def load_sut(path: Path, find: Find) -> Sut:
     layer = _load(path, document, find, ())
     settings = spread_common(layer.settings) if layer.kind == ROS else layer.settings
     tree = tree_of(settings)
+    if layer.attached:
+        tree = {**tree, PARAMETER: _attach(layer, document)}
     try:
         findings = check_parameters(layer.kind, tree)
     except ValueError as error:
@@ -113,18 +118,48 @@ def _load(path: Path, document: Document, find: Find, above: tuple[Path, ...]) -
     kind = _kind(document, text, base)
     settings: Settings = {} if base is None else base.settings
     warnings = [] if base is None else list(base.warnings)
-    if (text.ros or text.files) and kind != ROS:
-        key = "ros" if text.ros else "files"
-        message = f"{key}: only kind {ROS} reads ROS parameter files, this is {kind}"
-        raise InputError(Diagnostic(document.where((key,)), message))
+    if text.ros and kind != ROS:
+        message = f"ros: only kind {ROS} reads ROS parameter files, this is {kind}"
+        raise InputError(Diagnostic(document.where(("ros",)), message))
+    if text.files and is_built_in(kind) and kind != ROS:
+        message = f"files: {kind} needs none"
+        raise InputError(Diagnostic(document.where(("files",)), message))
     if text.ros:
         where = document.where(("ros",))
         found = load_folder(path.parent / text.ros, where, warnings, whole=base is None)
         settings = merged(settings, found)
-    settings = merged(settings, load_files(_named_files(path, document, text), warnings))
+    attached = {} if base is None else base.attached
+    if kind == ROS:
+        settings = merged(settings, load_files(_named_files(path, document, text), warnings))
+    else:
+        attached = attached | _attached(path, document, text)
     settings = merged(settings, _written(document, text))
     files = (str(path), *(() if base is None else base.files))
-    return _Layer(text, kind, settings, files, tuple(warnings))
+    return _Layer(text, kind, settings, files, tuple(warnings), attached)
+
+
+def _attached(path: Path, document: Document, text: SutText) -> dict[str, Path]:
+    """Return the files that travel with a kind plugged in, by name."""
+    found: dict[str, Path] = {}
+    for name, places in _named_files(path, document, text).items():
+        if len(places) != 1 or not places[0][0].is_file():
+            where = document.where(("files", name))
+            what = (
+                "no file " + str(places[0][0]) if len(places) == 1 else "is one file, not several"
+            )
+            raise InputError(Diagnostic(where, f"{name}: {what}"))
+        found[name] = places[0][0]
+    return found
+
+
+def _attach(layer: _Layer, document: Document) -> dict[str, str]:
+    try:
+        return attach(layer.attached)
+    except ValueError as error:
+        raise InputError(Diagnostic(document.where(("files",)), str(error))) from error
+    except OSError as error:
+        message = f"files: {error.filename} cannot be read: {error.strerror}"
+        raise InputError(Diagnostic(document.where(("files",)), message)) from error
 
 
 def _base(

@@ -53,6 +53,8 @@ RULES: Final[Mapping[Verb, Rule]] = MappingProxyType(
         Verb.WORKERS: Rule(_LOOK, _SMALL),
         Verb.DISK: Rule(_LOOK, _SMALL),
         Verb.FETCH: Rule(_LOOK, _SMALL),
+        Verb.FILE: Rule(_WORK, _SMALL),
+        Verb.KEEP: Rule(_STEER, LARGEST_REQUEST),
         Verb.SUBMIT: Rule(_STEER, LARGEST_SUBMISSION),
         Verb.CANCEL: Rule(_STEER, _SMALL),
         Verb.RETRY: Rule(_STEER, _SMALL),

@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterator
 from typing import Final
 
+from daemon.attachments import attached
 from daemon.errors import Refused
 from daemon.parcel import MOST_RUNS
 from daemon.places import Places, is_id, trace_name, write_atomically
@@ -43,6 +44,7 @@ def _problems(submission: Submission, scenes: dict[str, Scene], places: Places) 
     known = set(scenes)
     for run in runs:
         yield from _run_problems(submission.campaign, run, seen)
+        yield from _lacking_files(run, places, known)
         if run.scene not in known:
             if _is_stored(run.scene, places):
                 known.add(run.scene)
@@ -63,6 +65,14 @@ def _run_problems(campaign: str, run: RunSpec, seen: set[str]) -> Iterator[str]:
     if name in seen:
         yield f"{run.label} is there twice: scenario, system and repeat name a run"
     seen.add(name)
+
+
+def _lacking_files(run: RunSpec, places: Places, known: set[str]) -> Iterator[str]:
+    for name, digest in attached(run.sut.parameters).items():
+        if digest in known or (places.files / digest).exists():
+            known.add(digest)
+        else:
+            yield f'{run.label}: the file "{name}" of {run.sut.name} was not sent along'
 
 
 def _is_stored(digest: str, places: Places) -> bool:

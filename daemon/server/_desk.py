@@ -22,6 +22,8 @@ from daemon.messages import (
     Chunk,
     Completion,
     Fetch,
+    FetchFile,
+    Keep,
     LeaseReply,
     LeaseRequest,
     Named,
@@ -47,6 +49,7 @@ from daemon.security import RULES, tamed
 from daemon.server._admission import admit
 from daemon.server._clerks import Doorman, Job, Questions, Writer
 from daemon.server._clock import Clock
+from daemon.server._files import Files
 from daemon.server._intake import Intake
 from daemon.server._journal import Journal
 from daemon.server._quota import Quota
@@ -100,6 +103,7 @@ class Desk:
         self._identity = identity()
         self._marker = marker
         self._intake = Intake(places, journal)
+        self._files = Files(places, journal)
         self._started_at = clock.now()
         self.draining = False
         self._services = self._reading() | self._writing() | self._carrying()
@@ -146,6 +150,8 @@ class Desk:
                 Chunk, lambda r, chunk: self._intake.take(r, chunk), carries=True
             ),
             Verb.FETCH: _Service(Fetch, self._fetch, carries=True),
+            Verb.KEEP: _Service(Keep, self._files.take, carries=True),
+            Verb.FILE: _Service(FetchFile, self._files.piece, carries=True),
         }
 
     def receiver(

@@ -57,7 +57,7 @@ def _own(state: Path | None, welcome: Welcome) -> Places:
         raise WorkerBroken("the daemon does not say which state directory it keeps")
     places = Places(Places.find(state).state / "work" / welcome.identity)
     try:
-        for folder in (places.state, places.scenes, places.spool):
+        for folder in (places.state, places.scenes, places.files, places.spool):
             folder.mkdir(mode=0o700, parents=True, exist_ok=True)
     except OSError as error:
         raise WorkerBroken(

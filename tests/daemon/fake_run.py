@@ -4,7 +4,8 @@ The parameters of the system under test say what to do: ``sleep`` [s], ``outcome
 (the attempt numbers that die by SIGKILL), ``kill`` (the ancestor that dies by SIGKILL: 1 is the
 fork server, 2 what started that), ``abort`` (say this and abort), ``raise``, ``allocate``
 [MiB], ``log`` (a file that gets a line per execution), ``noise`` (makes the trace differ each
-time), ``size`` (of the trace, bytes at least). Systems of the kind ``absent`` are not installed.
+time), ``size`` (of the trace, bytes at least), ``reads`` (a file
+attached, its digest ends the trace). Systems of the kind ``absent`` are not installed.
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ from pathlib import Path
 
 import psutil
 
+from daemon.attachments import with_paths
 from daemon.errors import SutMissing
 from daemon.spec import RunResult, RunSpec, Snapshot, TraceInfo
 from daemon.verdict import Outcome
@@ -55,6 +57,9 @@ def execute(
     ballast = bytearray(asked.get("allocate", 0) * 2**20)
     _sleep(asked.get("sleep", 0.0), spec, on_progress, interest or (lambda: "progress"))
     data = f"{spec.digest} {scene.digest} {len(ballast)}".encode()
+    if "reads" in asked:
+        file = Path(with_paths(asked)["files"][asked["reads"]])
+        data += hashlib.sha256(file.read_bytes()).hexdigest().encode()
     data += random.Random(spec.seed).randbytes(asked.get("size", 0))
     if "noise" in asked:
         data += os.urandom(8)
