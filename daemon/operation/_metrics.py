@@ -71,6 +71,8 @@ def _families(standing: Standing) -> Iterator[tuple[str, str, Samples]]:
     yield "scenario_disk_bytes", "Size of the state directory's disk.", [({}, disk.total)]
     yield "scenario_disk_free_bytes", "Free space on that disk.", [({}, disk.free)]
     yield "scenario_ledger_bytes", "Size of the ledger.", [({}, disk.ledger)]
+    yield "scenario_traces_bytes", "Size of the traces there.", [({}, disk.traces)]
+    yield "scenario_traces_quota_bytes", "What they may take; 0: no limit.", [({}, disk.quota)]
 
 
 def _fields(row: Overview | CampaignRow, label: str, fields: tuple[str, ...]) -> Samples:

@@ -52,7 +52,7 @@ OPEN = CampaignRow(
 )  # fmt: skip
 SHUT = replace(OPEN, id="shut", queued=0, running=0, finished_at=5.0)
 WORKER = WorkerRow('w"1\\\n', "host", 1, "1.2", 4, 2, 1.8e9, 1.8e9 + 60.0)
-STANDING = Standing(OVERVIEW, (OPEN, SHUT), (WORKER,), Disk(10**12, 10**11, 4096))
+STANDING = Standing(OVERVIEW, (OPEN, SHUT), (WORKER,), Disk(10**12, 10**11, 4096, 10**9, 2 * 10**9))
 
 
 def test_numbers_are_those_of_the_daemon() -> None:
@@ -75,6 +75,7 @@ def test_numbers_are_those_of_the_daemon() -> None:
     assert value("worker_silence_seconds", **worker) == 0.5
     assert (value("disk_bytes"), value("disk_free_bytes")) == (1e12, 1e11)
     assert value("ledger_bytes") == 4096
+    assert (value("traces_bytes"), value("traces_quota_bytes")) == (1e9, 2e9)
     assert value("trouble") == 0
 
 
