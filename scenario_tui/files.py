@@ -69,6 +69,11 @@ def _entries(place: str) -> list[os.DirEntry[str]]:
         return []
 
 
+def newest(folder: Path) -> float:
+    """Return when something in a folder changed last [s since the epoch], 0 for an empty one."""
+    return max((entry.stat().st_mtime for entry in _entries(str(folder))), default=0.0)
+
+
 def shown(path: Path, here: Path) -> str:
     """Return a path as people would type it from ``here``."""
     return str(path.relative_to(here)) if path.is_relative_to(here) else str(path)

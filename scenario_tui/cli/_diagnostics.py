@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from contextlib import suppress
-from functools import cache
+from functools import lru_cache
 from pathlib import Path
 
 from rich.text import Text
@@ -52,12 +52,17 @@ def counts(diagnostics: Iterable[Diagnostic]) -> str:
     return ", ".join(parts) or "no problems"
 
 
-@cache
 def _lines(file: str) -> tuple[str, ...]:
     try:
-        return tuple(Path(file).read_text(encoding="utf-8-sig").splitlines())
+        return _read(file, Path(file).stat().st_mtime_ns)
     except (OSError, ValueError):
         return ()
+
+
+@lru_cache(maxsize=64)
+def _read(file: str, changed: int) -> tuple[str, ...]:
+    """Return the lines of a file as it is since ``changed``: who watches sees it being edited."""
+    return tuple(Path(file).read_text(encoding="utf-8-sig").splitlines())
 
 
 def _excerpt(where: Where) -> tuple[str, int] | None:

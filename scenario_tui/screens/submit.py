@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import time
 from functools import partial
 from pathlib import Path
 from typing import ClassVar, Final
@@ -20,7 +21,7 @@ from scenario_tui.asking import Daemon
 from scenario_tui.cli._check import checked
 from scenario_tui.cli._diagnostics import counts, rendered
 from scenario_tui.feed import Picture
-from scenario_tui.files import fitting, is_campaign, near, shown, typed_folder
+from scenario_tui.files import fitting, is_campaign, near, newest, shown, typed_folder
 from scenario_tui.palette import QUIET, WORDS
 from scenario_tui.preparing import prepare, tell_receipt
 from scenario_tui.screens.base import BaseScreen, empty
@@ -29,6 +30,8 @@ from scenario_tui.wording import counted
 
 _PAUSE: Final = 0.15
 """Seconds the cursor rests on a file before it is checked."""
+_AGAIN: Final = 1.0
+"""Seconds between two looks for whether it was edited."""
 _NONE: Final = (
     "No campaign file here: a YAML file with `campaign:` in it.\n\n"
     "Type the way to another folder, such as ../ or ~/lab/."
@@ -62,7 +65,7 @@ class SubmitScreen(BaseScreen):
         self._here = self._folder = Path.cwd()
         self._files: tuple[Path, ...] | None = None
         self._names: tuple[str, ...] = ()
-        self._checked: dict[Path, Checked] = {}
+        self._checked: dict[Path, tuple[float, Checked]] = {}
         self._checking: Path | None = None
         self._fresh = self._busy = False
         self._pausing: Timer | None = None
@@ -86,6 +89,7 @@ class SubmitScreen(BaseScreen):
         """Look for files."""
         self._list.can_focus = False
         super().on_mount()
+        self.set_interval(_AGAIN, self._look_again)
         self._look_in(self._folder)
 
     def trail(self) -> str:
@@ -166,13 +170,28 @@ class SubmitScreen(BaseScreen):
             return
         self._checking = path
         self.dashboard.errands.start(
-            partial(checked, path), partial(self._note, path), partial(self._note_failure, path)
+            partial(_checked, path), partial(self._note, path), partial(self._note_failure, path)
         )
 
-    def _note_failure(self, path: Path, why: str) -> None:
-        self._note(path, ("", (Diagnostic(Where(str(path)), why),)))
+    def _look_again(self) -> None:
+        """See whether the file under the cursor is being edited, or one beside it."""
+        path = self._chosen()
+        if path in self._checked:
+            self.dashboard.errands.start(
+                partial(newest, path.parent),
+                partial(self._note_change, path),
+                partial(self._note_failure, path),
+            )
 
-    def _note(self, path: Path, found: Checked) -> None:
+    def _note_change(self, path: Path, changed: float) -> None:
+        if path in self._checked and changed > self._checked[path][0]:
+            del self._checked[path]
+            self._check()
+
+    def _note_failure(self, path: Path, why: str) -> None:
+        self._note(path, (time.time(), ("", (Diagnostic(Where(str(path)), why),))))
+
+    def _note(self, path: Path, found: tuple[float, Checked]) -> None:
         self._checking = None
         self._checked[path] = found
         if self.is_attached:
@@ -192,7 +211,7 @@ class SubmitScreen(BaseScreen):
         found = self._checked.get(path)
         if self._busy or found is None:
             return Text("… submitting" if self._busy else "… checking", style=QUIET)
-        about, diagnostics = found
+        about, diagnostics = found[1]
         word = "fail" if _errors(diagnostics) else "pass"
         sign = "✗" if _errors(diagnostics) else "✓"
         text = Text(f"{sign} {about + ', ' if about else ''}{counts(diagnostics)}", WORDS[word])
@@ -257,6 +276,11 @@ class SubmitScreen(BaseScreen):
             self._line.value = ""
             return
         super().action_back()
+
+
+def _checked(path: Path) -> tuple[float, Checked]:
+    """Return what the check says, and as of when the files it is about are."""
+    return newest(path.parent), checked(path)
 
 
 def _submit(submission: Submission, daemon: Daemon) -> str:

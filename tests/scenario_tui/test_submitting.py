@@ -74,6 +74,8 @@ async def test_what_is_wrong_is_said_with_its_line_and_not_submitted(fake, folde
         await pilot.press("enter")
         await until(pilot, lambda: "not submitted: " in notices(pilot))
         assert isinstance(pilot.app.screen, SubmitScreen)
+        (folder / "broken.yaml").write_text("campaign: broken\nsenarios: {}\n")
+        await until(pilot, lambda: "senarios" in about(pilot))
         await press(pilot, "escape")
         assert pilot.app.screen.query_one(Input).value == ""
         await press(pilot, "escape")
