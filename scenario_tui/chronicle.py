@@ -16,7 +16,8 @@ class Strip:
     """A signal over time: ``time``, ``values`` (n,), NaN where it is not known.
 
     ``limits`` [SI] are what oracles compare it with; ``against`` are stretches [s] in which the
-    run spoke against an oracle that reads it. ``unit`` is ``bool`` for what is true or false.
+    run spoke against an oracle that reads it; ``readers`` name these oracles. ``unit`` is ``bool``
+    for what is true or false.
     """
 
     name: str
@@ -25,6 +26,7 @@ class Strip:
     values: Floats
     limits: tuple[float, ...] = ()
     against: tuple[Stretch, ...] = ()
+    readers: tuple[str, ...] = ()
 
     def at(self, time: float) -> float:
         """Return the value at ``time`` [s]: of the last sample until then, NaN before the first."""

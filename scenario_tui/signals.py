@@ -59,7 +59,8 @@ def _strip(name: str, signal: Signal, sampler: Sampler, courses: Iterable[Course
     values = sampler.sample(signal).values
     unit = "bool" if kind is None else kind.unit
     return Strip(
-        name, unit, sampler.timeline.time, values, tuple(sorted(limits)), joined(against)
+        name, unit, sampler.timeline.time, values, tuple(sorted(limits)), joined(against),
+        tuple(course.oracle for course in readers),
     )  # fmt: skip
 
 

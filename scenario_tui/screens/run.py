@@ -264,9 +264,8 @@ class RunScreen(Playing, Steering):
         for name in ("#map", "#legend", "#signals", "#signs"):
             self.query_one(name).display = True
         signals.show((playback.chronicle,))
-        first = self._moment_of(self.query_one(VerdictList).chosen())
-        transport = Transport(playback.start, playback.end, first or playback.start, playing=False)
-        self.begin(transport)
+        self.begin(Transport(playback.start, playback.end, playback.start, playing=False))
+        self._to_chosen()
         self.present()
 
     def _moment_of(self, verdict: Verdict | None) -> float | None:
@@ -281,7 +280,10 @@ class RunScreen(Playing, Steering):
         self._to_chosen()
 
     def _to_chosen(self) -> None:
-        time = self._moment_of(self.query_one(VerdictList).chosen())
+        chosen = self.query_one(VerdictList).chosen()
+        if chosen is not None:
+            self.query_one("#signals", TimelineView).lead(chosen.oracle)
+        time = self._moment_of(chosen)
         if time is not None:
             self.go(time)
 

@@ -108,6 +108,8 @@ class RunsScreen(Steering):
             parts.append(f"only {FILTERS[self._only][0]}")
         if wanted.text:
             parts.append(f"/{wanted.text}")
+        if self.dashboard.marked:
+            parts.append(f"= {self.dashboard.marked} marked")
         row = self.campaign() if wanted.campaign else None
         parts += marks(row) if row is not None else []
         return "  ".join(parts)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar, Final
 
 import numpy as np
@@ -259,6 +259,17 @@ class TimelineView(CellView):
         """Show other runs, or none."""
         self._chronicles, self._first, self._picture = tuple(chronicles), 0, None
         self.redraw()
+
+    def lead(self, oracle: str) -> None:
+        """Show what an oracle reads above everything else."""
+        if not self._chronicles:
+            return
+        first, *others = self._chronicles
+        ordered = sorted(first.strips, key=lambda strip: oracle not in strip.readers)
+        if [s.name for s in ordered] != [s.name for s in first.strips] or self._first:
+            self._chronicles = (replace(first, strips=tuple(ordered)), *others)
+            self._first, self._picture = 0, None
+            self.redraw()
 
     def move(self, time: float) -> None:
         """Put the cursor at a moment [s]."""

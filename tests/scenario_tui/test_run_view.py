@@ -77,7 +77,7 @@ async def test_a_verdict_chosen_puts_everything_at_its_moment(trace: Path) -> No
         await press(pilot, "up", "left", "enter")
         assert now(pilot) == pytest.approx(TURNED)
         await press(pilot, "tab")
-        assert "speed.angular" in shown(pilot)
+        assert screen_text(pilot)[3].split()[0] == "speed.angular"  # what the oracle reads leads
         assert "0.9 rad/s" in shown(pilot)
         await press(pilot, "N", "tab")
         assert now(pilot) == HIT
@@ -175,12 +175,13 @@ async def test_a_trace_that_was_cut_is_shown_as_far_as_it_goes(
 
 
 async def test_two_runs_marked_are_compared(trace: Path) -> None:
-    async with opened(Recorded(trace)) as pilot:
+    async with opened(Recorded(trace), (100, 24)) as pilot:
         await pilot.pause(0)
         pilot.app.open_runs(CAMPAIGN)
         await settle(pilot)
         await press(pilot, *["j"] * 5, "equals_sign")
         assert pilot.app.marked == RUN
+        assert f"= {RUN} marked" in shown(pilot)
         await press(pilot, "j", "equals_sign")
         await pilot.app.workers.wait_for_complete()
         await settle(pilot)
