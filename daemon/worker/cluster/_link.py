@@ -25,14 +25,24 @@ _NO_CONNECTION: Final = (OSError, ValueError, TypeError, RuntimeError)
 """What Dask raises for an address, a certificate or a scheduler that is of no use."""
 
 
-def _security(scheduler: Scheduler) -> Security | None:
+def _security(scheduler: Scheduler) -> Security:
+    """Raises ``OSError`` or ``ValueError`` for what would not do.
+
+    A client that fails for such a reason never ends: its destructor waits for ever (distributed
+    2026.8), so it is not made.
+    """
     files = {
         "tls_ca_file": scheduler.ca,
         "tls_client_cert": scheduler.certificate,
         "tls_client_key": scheduler.key,
     }
-    given = {name: str(path) for name, path in files.items() if path is not None}
-    return Security(require_encryption=True, **given) if given else None
+    security = Security(**{name: str(path) for name, path in files.items() if path is not None})
+    if not scheduler.address.startswith("tls://"):
+        if security.require_encryption:
+            raise ValueError("Dask's configuration wants encryption, so tls://")
+    elif security.get_connection_args("client").get("ssl_context") is None:
+        raise ValueError("tls:// needs --tls-ca, --tls-cert and --tls-key")
+    return security
 
 
 class Link:
@@ -73,7 +83,7 @@ class Link:
             self._connect()
         except _NO_CONNECTION as error:
             raise WorkerBroken(
-                f"no Dask scheduler answers at {self._scheduler.address}: {error}"
+                f"no connection to the Dask scheduler {self._scheduler.address}: {error}"
             ) from error
         self._keeper.start()
 
