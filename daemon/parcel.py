@@ -169,7 +169,10 @@ _RUN_FIELDS: Final = _typed_fields(RunSpec)
 _SUBMISSION_FIELDS: Final = _typed_fields(Submission)
 
 
-def fingerprint(submission: Submission) -> tuple[str, tuple[str, ...]]:
+Fingerprint: TypeAlias = tuple[str, tuple[str, ...]]
+
+
+def fingerprint(submission: Submission) -> Fingerprint:
     """Return ``codec.digest(submission)`` and the digest of each of its runs, in order.
 
     Never are all runs written out at once.

@@ -27,7 +27,7 @@ from daemon.ledger._transition import (
     advance,
 )
 from daemon.messages import Answer, Completion, Grant, Hold, Release, RetryRequest
-from daemon.parcel import fingerprint
+from daemon.parcel import Fingerprint, fingerprint
 from daemon.places import is_digest
 from daemon.protocol import Event, Receipt, RunState, Submission
 from daemon.spec import RunResult
@@ -64,9 +64,14 @@ class Book:
         self._specs = Specs(connection)
         self.events: list[Event] = []
 
-    def submit(self, submission: Submission, now: float) -> Receipt:
-        """Enter a campaign and its runs; the same submission again changes nothing."""
-        digest, digests = fingerprint(submission)
+    def submit(
+        self, submission: Submission, now: float, known: Fingerprint | None = None
+    ) -> Receipt:
+        """Enter a campaign and its runs; the same submission again changes nothing.
+
+        ``known`` is its fingerprint, when somebody has taken it already.
+        """
+        digest, digests = known or fingerprint(submission)
         row = self._db.execute(
             "SELECT digest, total FROM campaign WHERE id = ?", (submission.campaign,)
         ).fetchone()

@@ -42,9 +42,9 @@ from daemon.messages import (
     Welcome,
     WorkerInfo,
 )
-from daemon.parcel import Parcel, unpack
+from daemon.parcel import Fingerprint, Parcel, fingerprint, unpack
 from daemon.places import Places
-from daemon.protocol import CampaignRow, Disk, Overview, WorkerRow
+from daemon.protocol import CampaignRow, Disk, Overview, Submission, WorkerRow
 from daemon.security import RULES, tamed
 from daemon.server._admission import admit
 from daemon.server._clerks import Doorman, Job, Questions, Writer
@@ -72,6 +72,14 @@ class _Service:
     answer: Any = None
     writes: bool = False
     carries: bool = False
+    prepare: Callable[[Any], Any] | None = None
+    """Done to the request before the writer gets it: what takes long and needs no ledger."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Admitted:
+    submission: Submission
+    fingerprint: Fingerprint
 
 
 class Desk:
@@ -131,7 +139,7 @@ class Desk:
 
     def _writing(self) -> dict[Verb, _Service]:
         return {
-            Verb.SUBMIT: _Service(Parcel, self._submit, writes=True),
+            Verb.SUBMIT: _Service(Parcel, self._submit, writes=True, prepare=self._admit),
             Verb.CANCEL: _Service(Named, self._cancel, writes=True),
             Verb.RETRY: _Service(RetryRequest, self._retry, writes=True),
             Verb.PAUSE: _Service(Named, self._pause, writes=True),
@@ -169,20 +177,52 @@ class Desk:
             if service is not None and (service.writes or service.carries):
                 clerk = writer if service.writes else carrier
             payload = query.payload
+            size = 0 if payload is None else len(payload)
             job = Job(
-                lambda ledger: self._serve(verb, query, ledger),
+                lambda ledger: self._serve(service, verb, query, ledger),
                 lambda value: self._reply(query, value),
-                0 if payload is None else len(payload),
+                size,
             )
-            if not clerk.offer(job):
+            if service is not None and service.prepare is not None:
+                clerk, job = carrier, self._in_two_steps(service, verb, query, size, offer)
+            offer(clerk, job)
+
+        def offer(clerk: Writer | Questions | None, job: Job) -> None:
+            if not (clerk or writer).offer(job):
                 doorman.offer(job)
 
         return receive
 
-    def _serve(self, verb: str, query: zenoh.Query, ledger: object) -> bytes:
-        service = self._services.get(verb)  # type: ignore[call-overload]
+    def _in_two_steps(
+        self,
+        service: _Service,
+        verb: str,
+        query: zenoh.Query,
+        size: int,
+        offer: Callable[[None, Job], None],
+    ) -> Job:
+        """A job that prepares the request, and then another one for the writer."""
+        prepare = service.prepare
+        assert prepare is not None
+
+        def go_on(value: object) -> None:
+            if isinstance(value, Exception):
+                self._reply(query, value)
+                return
+            act = lambda book: codec.to_json(service.act(book, value), service.answer)  # noqa: E731
+            offer(None, Job(act, lambda answer: self._reply(query, answer), size))
+
+        return Job(lambda _: prepare(self._request(service, verb, query)), go_on, size)
+
+    def _serve(
+        self, service: _Service | None, verb: str, query: zenoh.Query, ledger: object
+    ) -> bytes:
         if service is None:
             raise Refused(f"this daemon does not know how to {str(query.key_expr)[:_LONGEST_KEY]}")
+        request = self._request(service, verb, query)
+        return codec.to_json(service.act(ledger, request), service.answer)
+
+    def _request(self, service: _Service, verb: str, query: zenoh.Query) -> object:
         payload = query.payload
         limit = RULES[Verb(verb)].largest
         if payload is not None and len(payload) > limit:
@@ -192,7 +232,7 @@ class Desk:
             request: object = codec.from_json(service.request, tamed(data), exactly=True)
         except ValueError as error:
             raise Refused(f"the request is malformed: {error}") from error
-        return codec.to_json(service.act(ledger, request), service.answer)
+        return request
 
     def _reply(self, query: zenoh.Query, value: object) -> None:
         with query:
@@ -273,13 +313,16 @@ class Desk:
         self._stop()
         return Nothing()
 
-    def _submit(self, book: Book, parcel: Parcel) -> object:
+    def _admit(self, parcel: Parcel) -> _Admitted:
         try:
             submission = unpack(parcel)
         except ValueError as error:
             raise Refused(f"the request is malformed: {error}") from error
         admit(submission, self._places)
-        receipt = book.submit(submission, self._clock.now())
+        return _Admitted(submission, fingerprint(submission))
+
+    def _submit(self, book: Book, admitted: _Admitted) -> object:
+        receipt = book.submit(admitted.submission, self._clock.now(), admitted.fingerprint)
         self._journal.write("submitted", **codec.to_plain(receipt))
         return receipt
 
