@@ -28,8 +28,10 @@ from daemon.messages import (
     Chunk,
     Completion,
     Fetch,
+    FetchFile,
     Grant,
     Hold,
+    Keep,
     LeaseReply,
     LeaseRequest,
     Named,
@@ -100,7 +102,7 @@ class Target:
         places = Places(self.daemon.state)
         with closing(sqlite3.connect(f"file:{places.ledger}?mode=ro", uri=True)) as ledger:
             dump = [line for line in ledger.iterdump() if not line.startswith("COMMIT")]
-        kept = (places.scenes, places.traces, places.spool, places.incoming)
+        kept = (places.scenes, places.traces, places.spool, places.incoming, places.files)
         paths = sorted(path for folder in kept for path in folder.rglob("*") if path.is_file())
         return dump, [(str(path), path.stat().st_size) for path in paths]
 
@@ -203,6 +205,8 @@ def valid(target: Target) -> dict[Verb, object]:
         Verb.COMPLETE: completion_of(target.leased),
         Verb.RELEASE: release,
         Verb.UPLOAD: chunk,
+        Verb.KEEP: Keep("0" * 64, 4),
+        Verb.FILE: FetchFile("0" * 64, 0),
     }
 
 
@@ -263,9 +267,9 @@ def dumped(document: Any) -> bytes:
 
 CHANGES = (
     Verb.SUBMIT, Verb.CANCEL, Verb.RETRY, Verb.PAUSE, Verb.RESUME, Verb.PRIORITISE, Verb.WELCOME,
-    Verb.LEASE, Verb.RENEW, Verb.COMPLETE, Verb.RELEASE, Verb.UPLOAD,
+    Verb.LEASE, Verb.RENEW, Verb.COMPLETE, Verb.RELEASE, Verb.UPLOAD, Verb.KEEP,
 )  # fmt: skip
-LOOKS = (Verb.RUNS, Verb.RUN, Verb.DECLARED, Verb.RECORDS, Verb.SCENE, Verb.FETCH)
+LOOKS = (Verb.RUNS, Verb.RUN, Verb.DECLARED, Verb.RECORDS, Verb.SCENE, Verb.FETCH, Verb.FILE)
 
 
 @pytest.mark.parametrize("verb", [*LOOKS, *CHANGES])
@@ -291,6 +295,8 @@ def test_numbers_out_of_range_are_refused(target: Target) -> None:
         (Verb.RELEASE, "token"),
         (Verb.UPLOAD, "size"),
         (Verb.UPLOAD, "offset"),
+        (Verb.KEEP, "size"),
+        (Verb.FILE, "count"),
     ):
         document = codec.to_plain(valid(target)[verb])
         for number in (-(2**63), -1001, 0.5, 2**53 + 1, 2**64, 10**30):
@@ -321,6 +327,8 @@ def test_ids_never_become_paths(target: Target, tmp_path: Path) -> None:
         for verb in (Verb.RUN, Verb.DECLARED, Verb.SCENE, Verb.CANCEL, Verb.PAUSE):
             target.complaint(verb, dumped({"id": name}))
         target.complaint(Verb.FETCH, dumped({"run": name, "offset": 0}))
+        target.complaint(Verb.FILE, dumped({"sha256": name, "offset": 0}))
+        target.complaint(Verb.KEEP, dumped({"sha256": name, "size": 1, "data": "YQ=="}))
         target.complaint(Verb.SUBMIT, codec.to_json(pack(make_submission(name, 1))))
         me = codec.to_plain(ME) | {"id": name}
         for verb, body in (
@@ -358,3 +366,8 @@ def test_who_asks_faster_than_the_ledger_writes_is_told_to_wait(target: Target) 
     eventually(lambda: len(replies) == 2300, 30.0)
     problems = [codec.from_json(Problem, reply.err.payload.to_bytes()) for reply in replies]
     assert sum(not problem.passing for problem in problems) >= 2048
+
+
+def test_every_request_with_fields_is_spoilt(target: Target) -> None:
+    without = {Verb.OVERVIEW, Verb.CAMPAIGNS, Verb.WORKERS, Verb.DISK, Verb.SHUTDOWN}
+    assert set(valid(target)) == {*LOOKS, *CHANGES} == set(Verb) - without

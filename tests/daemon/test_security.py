@@ -36,6 +36,7 @@ from daemon.security import (
 from daemon.security.authority import found, issue, revoke
 from daemon.security.bundle import pack
 from daemon.server import exposure
+from daemon.server._listening import arrange
 from grammars import codec
 from grammars.robot import Drive
 from tests.daemon.harness import DaemonPart, Part, daemon_at, eventually, free_endpoint, worker_for
@@ -461,3 +462,32 @@ def test_what_is_infinite_on_purpose_travels() -> None:
 @dataclass(frozen=True)
 class Exact:
     count: int
+
+
+def test_a_socket_of_somebody_else_is_not_connected_to(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "daemon.sock").touch()
+    me = os.getuid()
+    monkeypatch.setattr(os, "getuid", lambda: me + 1)
+    with pytest.raises(DaemonError, match="belongs to somebody else"):
+        Client.open(f"unixsock-stream/{tmp_path}/daemon.sock")
+
+
+def test_plain_tcp_that_is_asked_for_is_listened_at(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    places = Places(tmp_path)
+    wide = "tcp/0.0.0.0:7447"
+    assert arrange(places, wide, insecure=True).endpoints == (places.endpoint, wide)
+    monkeypatch.setenv("SCENARIO_INSECURE", "1")
+    assert arrange(places, wide).address == wide
+    assert arrange(places).endpoints == arrange(places, places.endpoint).endpoints
+
+
+def test_no_file_of_the_daemon_has_a_secret(daemon: DaemonPart, keys: Path) -> None:
+    secrets = [path.read_text().splitlines()[1] for path in keys.rglob("key.pem")]
+    files = [path for path in daemon.state.rglob("*") if path.is_file()]
+    assert {"daemon.log", "ledger.db"} <= {path.name for path in files}
+    written = b"".join(path.read_bytes() for path in files) + daemon.output.encode()
+    assert [secret for secret in secrets if secret.encode() in written] == []
