@@ -46,6 +46,7 @@ class Dashboard(SparingApp):
     TITLE = "scenario"
     CSS_PATH = ["dashboard.tcss", "playing.tcss"]  # noqa: RUF012
     HORIZONTAL_BREAKPOINTS = [(0, "-narrow"), (110, "-wide")]  # noqa: RUF012
+    VERTICAL_BREAKPOINTS = [(0, "-short"), (16, "-tall")]  # noqa: RUF012
     COMMAND_PALETTE_BINDING = "colon"
     COMMANDS = {Actions, Campaigns, Runs}  # noqa: RUF012
     BINDINGS: ClassVar[list[BindingType]] = [
@@ -126,7 +127,7 @@ class Dashboard(SparingApp):
         for live in lives:
             self.tracks.add(live)
         for notice in notices:
-            self.notify(notice.text, severity=notice.severity)
+            self.notify(notice.text, severity=notice.severity, markup=False)
         if picture is not None:
             self.picture = picture
         now = self.clock()

@@ -74,16 +74,18 @@ class Menu(ModalScreen[int]):
         Binding("k", "move(-1)", "Up", id="up", show=False, tooltip="The choice before"),
     ]
 
-    def __init__(self, text: str, choices: Sequence[Choice]) -> None:
+    def __init__(self, text: str, choices: Sequence[Choice], note: str = "") -> None:
         super().__init__()
-        self._text, self._choices = text, tuple(choices)
+        self._text, self._choices, self._note = text, tuple(choices), note
 
     def compose(self) -> ComposeResult:
         """Lay out the choices, and below them what to type instead."""
         with Vertical(classes="dialog"):
-            yield Static(Text(self._text + "\n"))
+            yield Static(Text(self._text), classes="title")
             yield OptionList(*(self._option(choice) for choice in self._choices), compact=True)
             yield Static(id="same")
+            if self._note:
+                yield Static(Text(self._note), classes="note")
 
     def _option(self, choice: Choice) -> Option:
         text = Text.assemble((choice.key, "bold"), f"  {choice.text}")
@@ -133,7 +135,7 @@ class Prompt(ModalScreen[str]):
     def compose(self) -> ComposeResult:
         """Lay out the line to type into."""
         with Vertical(classes="dialog"):
-            yield Static(Text(self._text + "\n"))
+            yield Static(Text(self._text), classes="title")
             yield Input(self._value, compact=True, id="answer")
             yield Static(id="same")
 

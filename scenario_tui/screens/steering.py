@@ -170,11 +170,8 @@ class Steering(BaseScreen):
             if index is not None:
                 self._retry(row, _KINDS[index][2])
 
-        text = (
-            f"Retry which runs of {row.id}?\nThose that have a result keep it: "
-            "running them again checks\nthat it comes out the same."
-        )
-        self.app.push_screen(Menu(text, choices), decided)
+        note = "Runs that have a result keep it: running them again checks it."
+        self.app.push_screen(Menu(f"Retry which runs of {row.id}?", choices, note), decided)
 
     def action_retry_only(self, only: str) -> None:
         """Queue runs of one kind again."""

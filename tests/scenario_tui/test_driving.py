@@ -115,6 +115,14 @@ async def test_the_menu_of_retries_says_how_many_there_are_of_each(fake) -> None
     assert fake.told("retry") == [(CAMPAIGN, "all")]
 
 
+async def test_menus_leave_room_for_their_choices_on_the_smallest_screens(fake) -> None:
+    async with make_dashboard(fake).run_test(size=(40, 10)) as pilot:
+        await settle(pilot)
+        await press(pilot, "r")
+        assert "failed: 2" in shown(pilot)
+        assert "all that are over: 8" in shown(pilot)
+
+
 async def test_what_is_over_is_neither_paused_nor_preferred_nor_cancelled(fake) -> None:
     async with opened(fake) as pilot:
         await settle(pilot)
