@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from daemon.places import Places
 from daemon.kernels import CACHE_VARIABLE, kernel_environment
+from daemon.places import Places
 
 
 @pytest.fixture
