@@ -176,7 +176,7 @@ def mark_or_compare(dashboard: Dashboard, run: str) -> None:
         dashboard.notify(said, markup=False)
         return
     dashboard.marked = ""
-    dashboard.notify(f"reading {marked} and {run}", markup=False)
+    dashboard.notify(f"reading {marked} and {run}", markup=False, timeout=2)
     dashboard.run_worker(lambda: _open(dashboard, marked, run), thread=True, group="compare")
 
 
