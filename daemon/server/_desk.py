@@ -1,20 +1,13 @@
-"""The desk: takes requests off the bus, has them done by the clerks, replies.
-
-Zenoh's callbacks only enqueue. Requests are validated by the clerk that does them; whatever is
-wrong with one is its error reply, never more.
-"""
+"""The desk: everything the daemon can be asked, by verb."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Final
-
-import zenoh
 
 from daemon.assessment import RunRecord
-from daemon.errors import DaemonError, Refused, Unreachable
+from daemon.errors import Refused
 from daemon.ledger import Book, Reader, standing
 from daemon.messages import (
     Acknowledgement,
@@ -31,7 +24,6 @@ from daemon.messages import (
     Number,
     Piece,
     PriorityRequest,
-    Problem,
     RecordQuery,
     Release,
     RenewReply,
@@ -45,10 +37,9 @@ from daemon.messages import (
 from daemon.parcel import Fingerprint, Parcel, fingerprint, unpack
 from daemon.places import Places
 from daemon.protocol import CampaignRow, Disk, Overview, Submission, WorkerRow
-from daemon.security import RULES, tamed
 from daemon.server._admission import admit
-from daemon.server._clerks import Doorman, Job, Questions, Writer
 from daemon.server._clock import Clock
+from daemon.server._counter import Service
 from daemon.server._files import Files
 from daemon.server._intake import Intake
 from daemon.server._journal import Journal
@@ -61,20 +52,6 @@ from daemon.versions import identity, named, remedy
 from grammars import codec
 from grammars.scene import Scene
 
-_LONGEST_COMPLAINT: Final = 4000
-_LONGEST_KEY: Final = 200
-
-
-@dataclass(frozen=True, slots=True)
-class _Service:
-    request: Any
-    act: Callable[[Any, Any], object]
-    answer: Any = None
-    writes: bool = False
-    carries: bool = False
-    prepare: Callable[[Any], Any] | None = None
-    """Done to the request before the writer gets it: what takes long and needs no ledger."""
-
 
 @dataclass(frozen=True, slots=True)
 class _Admitted:
@@ -83,7 +60,7 @@ class _Admitted:
 
 
 class Desk:
-    """Everything the daemon can be asked, by verb."""
+    """Everything the daemon can be asked: its ``services`` by verb."""
 
     def __init__(
         self,
@@ -114,145 +91,51 @@ class Desk:
         self._files = Files(places, journal)
         self._started_at = clock.now()
         self.draining = False
-        self._services = self._reading() | self._writing() | self._carrying()
+        self.services = self._reading() | self._writing() | self._carrying()
 
-    def _reading(self) -> dict[Verb, _Service]:
+    def _reading(self) -> dict[Verb, Service]:
         return {
-            Verb.OVERVIEW: _Service(Nothing, self._overview),
-            Verb.CAMPAIGNS: _Service(
+            Verb.OVERVIEW: Service(Nothing, self._overview),
+            Verb.CAMPAIGNS: Service(
                 Nothing, lambda r, _: r.campaigns(), answer=tuple[CampaignRow, ...]
             ),
-            Verb.RUNS: _Service(RunQuery, lambda r, query: r.runs(query)),
-            Verb.RUN: _Service(Named, lambda r, named: r.run(named.id)),
-            Verb.DECLARED: _Service(Named, lambda r, named: r.declared(named.id)),
-            Verb.RECORDS: _Service(
+            Verb.RUNS: Service(RunQuery, lambda r, query: r.runs(query)),
+            Verb.RUN: Service(Named, lambda r, named: r.run(named.id)),
+            Verb.DECLARED: Service(Named, lambda r, named: r.declared(named.id)),
+            Verb.RECORDS: Service(
                 RecordQuery, lambda r, query: r.records(query), answer=tuple[RunRecord, ...]
             ),
-            Verb.SCENE: _Service(Named, self._scene),
-            Verb.WORKERS: _Service(
+            Verb.SCENE: Service(Named, self._scene),
+            Verb.WORKERS: Service(
                 Nothing, lambda _, __: self._roster.rows(), answer=tuple[WorkerRow, ...]
             ),
-            Verb.DISK: _Service(Nothing, self._disk),
-            Verb.WELCOME: _Service(WorkerInfo, self._welcome),
-            Verb.SHUTDOWN: _Service(Nothing, self._shutdown),
+            Verb.DISK: Service(Nothing, self._disk),
+            Verb.WELCOME: Service(WorkerInfo, self._welcome),
+            Verb.SHUTDOWN: Service(Nothing, self._shutdown),
         }
 
-    def _writing(self) -> dict[Verb, _Service]:
+    def _writing(self) -> dict[Verb, Service]:
         return {
-            Verb.SUBMIT: _Service(Parcel, self._submit, writes=True, prepare=self._admit),
-            Verb.CANCEL: _Service(Named, self._cancel, writes=True),
-            Verb.RETRY: _Service(RetryRequest, self._retry, writes=True),
-            Verb.PAUSE: _Service(Named, self._pause, writes=True),
-            Verb.RESUME: _Service(Named, self._resume, writes=True),
-            Verb.PRIORITISE: _Service(PriorityRequest, self._prioritise, writes=True),
-            Verb.LEASE: _Service(LeaseRequest, self._lease, writes=True),
-            Verb.RENEW: _Service(RenewRequest, self._renew, writes=True),
-            Verb.COMPLETE: _Service(Completion, self._complete, writes=True),
-            Verb.RELEASE: _Service(Release, self._release, writes=True),
+            Verb.SUBMIT: Service(Parcel, self._submit, writes=True, prepare=self._admit),
+            Verb.CANCEL: Service(Named, self._cancel, writes=True),
+            Verb.RETRY: Service(RetryRequest, self._retry, writes=True),
+            Verb.PAUSE: Service(Named, self._pause, writes=True),
+            Verb.RESUME: Service(Named, self._resume, writes=True),
+            Verb.PRIORITISE: Service(PriorityRequest, self._prioritise, writes=True),
+            Verb.LEASE: Service(LeaseRequest, self._lease, writes=True),
+            Verb.RENEW: Service(RenewRequest, self._renew, writes=True),
+            Verb.COMPLETE: Service(Completion, self._complete, writes=True),
+            Verb.RELEASE: Service(Release, self._release, writes=True),
         }
 
-    def _carrying(self) -> dict[Verb, _Service]:
+    def _carrying(self) -> dict[Verb, Service]:
         """What moves megabytes has a clerk of its own: nobody's question waits for it."""
         return {
-            Verb.UPLOAD: _Service(
-                Chunk, lambda r, chunk: self._intake.take(r, chunk), carries=True
-            ),
-            Verb.FETCH: _Service(Fetch, self._fetch, carries=True),
-            Verb.KEEP: _Service(Keep, self._files.take, carries=True),
-            Verb.FILE: _Service(FetchFile, self._files.piece, carries=True),
+            Verb.UPLOAD: Service(Chunk, lambda r, chunk: self._intake.take(r, chunk), carries=True),
+            Verb.FETCH: Service(Fetch, self._fetch, carries=True),
+            Verb.KEEP: Service(Keep, self._files.take, carries=True),
+            Verb.FILE: Service(FetchFile, self._files.piece, carries=True),
         }
-
-    def receiver(
-        self, writer: Writer, questions: Questions, carrier: Questions, doorman: Doorman
-    ) -> Callable[[zenoh.Query], None]:
-        """Return the callback for the queryable: it finds the clerk and enqueues.
-
-        Who finds a full queue is told so by the ``doorman``; who floods that too hears nothing.
-        """
-
-        def receive(query: zenoh.Query) -> None:
-            verb = str(query.key_expr).rpartition("/")[2]
-            service = self._services.get(verb)  # type: ignore[call-overload]
-            clerk: Writer | Questions = questions
-            if service is not None and (service.writes or service.carries):
-                clerk = writer if service.writes else carrier
-            payload = query.payload
-            size = 0 if payload is None else len(payload)
-            job = Job(
-                lambda ledger: self._serve(service, verb, query, ledger),
-                lambda value: self._reply(query, value),
-                size,
-            )
-            if service is not None and service.prepare is not None:
-                clerk, job = carrier, self._in_two_steps(service, verb, query, size, offer)
-            offer(clerk, job)
-
-        def offer(clerk: Writer | Questions | None, job: Job) -> None:
-            if not (clerk or writer).offer(job):
-                doorman.offer(job)
-
-        return receive
-
-    def _in_two_steps(
-        self,
-        service: _Service,
-        verb: str,
-        query: zenoh.Query,
-        size: int,
-        offer: Callable[[None, Job], None],
-    ) -> Job:
-        """A job that prepares the request, and then another one for the writer."""
-        prepare = service.prepare
-        assert prepare is not None
-
-        def go_on(value: object) -> None:
-            if isinstance(value, Exception):
-                self._reply(query, value)
-                return
-            act = lambda book: codec.to_json(service.act(book, value), service.answer)  # noqa: E731
-            offer(None, Job(act, lambda answer: self._reply(query, answer), size))
-
-        return Job(lambda _: prepare(self._request(service, verb, query)), go_on, size)
-
-    def _serve(
-        self, service: _Service | None, verb: str, query: zenoh.Query, ledger: object
-    ) -> bytes:
-        if service is None:
-            raise Refused(f"this daemon does not know how to {str(query.key_expr)[:_LONGEST_KEY]}")
-        request = self._request(service, verb, query)
-        return codec.to_json(service.act(ledger, request), service.answer)
-
-    def _request(self, service: _Service, verb: str, query: zenoh.Query) -> object:
-        payload = query.payload
-        limit = RULES[Verb(verb)].largest
-        if payload is not None and len(payload) > limit:
-            raise Refused(f"the request has {len(payload)} bytes, at most {limit} are taken")
-        data = b"{}" if payload is None else payload.to_bytes()
-        try:
-            request: object = codec.from_json(service.request, tamed(data), exactly=True)
-        except ValueError as error:
-            raise Refused(f"the request is malformed: {error}") from error
-        return request
-
-    def _reply(self, query: zenoh.Query, value: object) -> None:
-        with query:
-            try:
-                if isinstance(value, bytes):
-                    query.reply(query.key_expr, value)
-                else:
-                    passing = isinstance(value, Unreachable)
-                    problem = Problem(self._complaint(query, value), passing)
-                    query.reply_err(codec.to_json(problem))
-            except zenoh.ZError as error:
-                self._journal.write("unanswered", key=str(query.key_expr), problem=str(error))
-
-    def _complaint(self, query: zenoh.Query, value: object) -> str:
-        if not isinstance(value, DaemonError):
-            self._journal.write("failure", key=str(query.key_expr), problem=repr(value))
-            return f"the daemon failed: {value!r}"[:_LONGEST_COMPLAINT]
-        key = str(query.key_expr)[:_LONGEST_KEY]
-        self._journal.write("refused", key=key, problem=str(value)[:400])
-        return str(value)[:_LONGEST_COMPLAINT]
 
     def _overview(self, reader: Reader, _: Nothing) -> Overview:
         now = self._clock.now()

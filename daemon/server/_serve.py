@@ -28,6 +28,7 @@ from daemon.places import Contact, Places, write_atomically
 from daemon.protocol import Event
 from daemon.server._clerks import Doorman, Job, Questions, Writer
 from daemon.server._clock import Clock
+from daemon.server._counter import Counter
 from daemon.server._desk import Desk
 from daemon.server._journal import Journal
 from daemon.server._listening import Listening, arrange
@@ -215,15 +216,12 @@ class _Daemon:
         for clerk in (doorman, questions, carrier, writer):
             clerk.start()
             stack.callback(clerk.finish)
+        counter = Counter(self._desk.services, self._journal, writer, questions, carrier, doorman)
         # Declared last and so undeclared first: no request arrives without a clerk.
         stack.enter_context(
             session.liveliness().declare_subscriber(f"{ALIVE}/*", self._on_liveliness, history=True)
         )
-        stack.enter_context(
-            session.declare_queryable(
-                f"{ASK}/*", self._desk.receiver(writer, questions, carrier, doorman)
-            )
-        )
+        stack.enter_context(session.declare_queryable(f"{ASK}/*", counter.receive))
         return writer, questions, carrier, doorman
 
     def _questions(self, stack: ExitStack, name: str) -> Questions:
