@@ -14,8 +14,9 @@ from textual.widget import Widget
 from textual.widgets import Footer, Static
 
 from scenario_tui.feed import Picture, Want
-from scenario_tui.palette import UNSURE
+from scenario_tui.palette import UNSURE, WORDS
 from scenario_tui.widgets.status_line import StatusLine
+from scenario_tui.wording import GLYPHS
 
 if TYPE_CHECKING:
     from scenario_tui.app import Dashboard
@@ -137,6 +138,10 @@ class BaseScreen(Screen[None]):
         text = Text(self.trail(), no_wrap=True)
         if self.dashboard.read_only:
             text.append("  read-only", style=UNSURE)
+        overview = self.dashboard.picture.overview
+        if overview is not None and overview.trouble:
+            why = " ".join(overview.trouble.split())
+            text.append(f"  {GLYPHS['lost']} {why}", style=WORDS["lost"])
         return text
 
     def wanted_changed(self) -> None:

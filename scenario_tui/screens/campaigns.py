@@ -45,6 +45,12 @@ _NOBODY: Final = (
     "    scenario submit CAMPAIGN.yaml\n\n"
     "This screen notices when it is there."
 )
+_OTHERS: Final = (
+    "Somebody answers, but nothing that is understood here. A daemon and its dashboards are of\n"
+    "one version: compare\n\n"
+    "    scenario --version\n\n"
+    "on both machines. After an update the daemon must be started again: scenario stop"
+)
 
 
 class CampaignsScreen(Steering):
@@ -105,6 +111,8 @@ class CampaignsScreen(Steering):
 
 def _nothing(picture: Picture) -> str:
     if not picture.connected:
+        if picture.refused:
+            return f"{picture.problem}\n\n{_OTHERS}"
         return _NOBODY if picture.problem else ""
     return _NOTHING
 

@@ -54,7 +54,8 @@ class WorkersScreen(BaseScreen):
         table = self.query_one(KeyedTable)
         trouble = picture.overview.trouble.strip() if picture.overview else ""
         nobody = f"No run can start:\n\n{trouble}" if trouble else _NOBODY
-        empty(self.query_one("#empty"), table, "" if picture.workers else nobody)
+        empty(self.query_one("#empty"), table, "" if picture.workers and not trouble else nobody)
+        table.display = bool(picture.workers)
         table.fill([worker_cells(row, now) for row in picture.workers])
         if self.focused is None:
             table.focus()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import ClassVar, Literal
+from typing import ClassVar, Final, Literal
 
 from rich.text import Text
 from textual.binding import Binding, BindingType
@@ -12,6 +12,10 @@ from textual.message import Message
 from textual.widgets import DataTable
 
 Row = tuple[str, tuple[Text, ...]]
+
+
+_LEAST: Final = 9
+"""Cells of the column that takes what is left, at least: the last columns give way to it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,7 +60,7 @@ class KeyedTable(DataTable[Text]):
     @property
     def key(self) -> str:
         """The key of the row under the cursor, empty when there is none."""
-        return self._rows[self.cursor_row][0] if self.cursor_row < len(self._rows) else ""
+        return self._rows[self.cursor_row][0] if 0 <= self.cursor_row < len(self._rows) else ""
 
     def from_top(self) -> None:
         """Begin at the first row with what is filled in next: it is about something else."""
@@ -84,7 +88,8 @@ class KeyedTable(DataTable[Text]):
 
     def action_scroll_bottom(self) -> None:
         """Go to the last row of all."""
-        super().action_scroll_bottom()
+        if self.row_count:
+            super().action_scroll_bottom()
         self.post_message(self.Beyond(1, far=True))
 
     def action_scroll_top(self) -> None:
@@ -145,13 +150,18 @@ class KeyedTable(DataTable[Text]):
         """Choose columns and widths; return whether they are others than before."""
         width = self.size.width or self.app.size.width
         shown = tuple(i for i, c in enumerate(self._all) if c.from_width <= width)
-        used = sum(self._all[i].width + 2 * self.cell_padding for i in shown)
-        left = max(10, width - used - 1)
+        while len(shown) > 1 and self._left(shown, width) < _LEAST:
+            shown = shown[:-1]
+        left = max(_LEAST, self._left(shown, width))
         widths = tuple(self._all[i].width or left for i in shown)
         if (shown, widths) == (self._shown, self._widths):
             return False
         self._shown, self._widths = shown, widths
         return True
+
+    def _left(self, shown: tuple[int, ...], width: int) -> int:
+        """Return the cells that columns of fixed width leave to the others."""
+        return width - 1 - sum(self._all[i].width + 2 * self.cell_padding for i in shown)
 
     def _refill(self, rows: tuple[Row, ...]) -> None:
         key, scroll, anew = self.key, self.scroll_y, bool(self._from)
