@@ -27,26 +27,29 @@ _OPENERS: Final = ("xdg-open", "open")
 ENDING: Final = ".oracles.yaml"
 
 
-def judge_again(dashboard: Dashboard, row: CampaignRow) -> None:
-    """Ask by which oracles, judge all recorded runs of a campaign by them, show what changes."""
+def judge_again(dashboard: Dashboard, row: CampaignRow, what: str) -> None:
+    """Ask by which oracles, judge what was recorded of a campaign by them, show what changes.
+
+    ``what`` is the campaign's id for all its runs, or that of one.
+    """
     state = _state(dashboard, row)
     if state is None:
         return
     here = Path.cwd()
     find = partial(near, here, lambda path: path.name.endswith(ENDING))
     dashboard.errands.start(
-        find, lambda files: _choose_oracles(dashboard, row, state, files, here), dashboard.problem
+        find, lambda files: _choose_oracles(dashboard, what, state, files, here), dashboard.problem
     )
 
 
 def _choose_oracles(
-    dashboard: Dashboard, row: CampaignRow, state: Path, files: Sequence[Path], here: Path
+    dashboard: Dashboard, what: str, state: Path, files: Sequence[Path], here: Path
 ) -> None:
-    own = dashboard.equivalent.local(state, "judge", row.id)
+    own = dashboard.equivalent.local(state, "judge", what)
     ways = [("the oracles it was submitted with", own)]
     for file in files:
         name = shown(file, here)
-        ways.append((name, dashboard.equivalent.local(state, "judge", row.id, "--oracles", name)))
+        ways.append((name, dashboard.equivalent.local(state, "judge", what, "--oracles", name)))
     choices = [
         Choice(str(i) if i < 10 else " ", words, typed(way)) for i, (words, way) in enumerate(ways)
     ]
@@ -54,9 +57,9 @@ def _choose_oracles(
     def decided(index: int | None) -> None:
         if index is not None:
             done = partial(_tell_judged, dashboard, typed(ways[index][1]))
-            _ask(dashboard, f"judging {row.id} again", ways[index][1], done)
+            _ask(dashboard, f"judging {what} again", ways[index][1], done)
 
-    dashboard.push_screen(Menu(f"Judge the runs of {row.id} again by", choices), decided)
+    dashboard.push_screen(Menu(f"Judge {what} again by", choices), decided)
 
 
 def _tell_judged(dashboard: Dashboard, command: str, answer: Answer) -> None:

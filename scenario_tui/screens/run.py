@@ -131,6 +131,10 @@ class RunScreen(Playing, Steering):
         """This run."""
         return Want(run=self._run)
 
+    def judged(self) -> str:
+        """This run alone is judged again."""
+        return self._run
+
     def command(self) -> str:
         """Return what to type to watch it."""
         return self.dashboard.equivalent.line("replay", self._run)

@@ -64,6 +64,10 @@ class Steering(BaseScreen):
         """Return the campaign the keys are about."""
         raise NotImplementedError
 
+    def judged(self) -> str:
+        """Return the run that is judged again, empty for all of the campaign."""
+        return ""
+
     def command(self) -> str:
         """Return what to type for the results of the campaign."""
         row = self.campaign()
@@ -199,7 +203,7 @@ class Steering(BaseScreen):
         """Ask by which oracles, then judge the recorded runs again."""
         row = self._about(steering=False)
         if row is not None:
-            judge_again(self.dashboard, row)
+            judge_again(self.dashboard, row, self.judged() or row.id)
 
     def action_report(self) -> None:
         """Write the report."""

@@ -69,6 +69,7 @@ class SubmitScreen(BaseScreen):
         self._checking: Path | None = None
         self._fresh = self._busy = False
         self._pausing: Timer | None = None
+        self._news: int | None = None
         # What errands bring may come when the screen is being taken down.
         hint = "parts of the name, or the way to a folder"
         self._line = Input(placeholder=hint, id="wanted", compact=True)
@@ -152,16 +153,20 @@ class SubmitScreen(BaseScreen):
             return None
         return self._folder / self._names[index]
 
-    def on_option_list_option_highlighted(self) -> None:
+    def on_option_list_option_highlighted(self, event: OptionList.OptionHighlighted) -> None:
         """Check the file the cursor came to, once it rests there."""
+        self._news = event.option_index
         self._tell()
         if self._pausing is not None:
             self._pausing.stop()
         self._pausing = self.set_timer(_PAUSE, self._check)
 
-    def on_option_list_option_selected(self) -> None:
-        """Submit the file that was clicked on a second time."""
-        self.action_submit_file()
+    def on_option_list_option_selected(self, event: OptionList.OptionSelected) -> None:
+        """Submit the file that is clicked on a second time."""
+        if self._news == event.option_index:
+            self._news = None
+        else:
+            self.action_submit_file()
 
     def _check(self) -> None:
         """Check the file under the cursor, one at a time."""

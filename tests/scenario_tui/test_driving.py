@@ -265,8 +265,9 @@ async def test_runs_are_judged_again_by_oracles_chosen(fake, tmp_path, monkeypat
         await until(pilot, lambda: isinstance(pilot.app.screen, Told))
         assert "1 verdict changed" in shown(pilot)
         assert "✓ pass → ✗ fail  S1/pilot/0" in shown(pilot)
-        await press(pilot, "q")
-        assert isinstance(pilot.app.screen, CampaignsScreen)
+        await press(pilot, "q", "enter", "enter", "J")
+        await until(pilot, lambda: isinstance(pilot.app.screen, Menu))
+        assert f"Judge {CAMPAIGN}.0 again by" in shown(pilot)
     assert ask.asked[0][:4] == ("judge", CAMPAIGN, "--oracles", "strict.oracles.yaml")
 
 

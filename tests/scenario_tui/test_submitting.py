@@ -97,6 +97,18 @@ async def test_where_there_is_no_campaign_the_screen_says_where_to_look(
         await until(pilot, lambda: "broken.yaml" in "\n".join(screen_text(pilot)))
 
 
+async def test_only_a_second_click_on_a_file_submits_it(fake, folder) -> None:
+    async with make_dashboard(fake).run_test(size=(80, 24)) as pilot:
+        await settle(pilot)
+        await press(pilot, "s")
+        await until(pilot, lambda: "broken.yaml" in screen_text(pilot)[4])
+        await pilot.click(offset=(5, 4))
+        await until(pilot, lambda: "✗" in about(pilot))
+        assert not notices(pilot)
+        await pilot.click(offset=(5, 4))
+        await until(pilot, lambda: "not submitted: " in notices(pilot))
+
+
 def test_campaigns_near_are_found_those_changed_last_first(folder: Path) -> None:
     found = near(folder, is_campaign)
     assert found == (folder / "demo" / "campaign.yaml", folder / "broken.yaml")
