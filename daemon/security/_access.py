@@ -14,7 +14,7 @@ _EVERYTHING: Final = (
     "put", "delete", "declare_subscriber", "query", "reply", "declare_queryable",
     "liveliness_token", "liveliness_query", "declare_liveliness_subscriber",
 )  # fmt: skip
-_LIVES: Final = f"{LIVE}/*"
+_LIVES: Final = f"{LIVE}/**"
 
 
 def access_control(register: Register) -> Setting:

@@ -37,8 +37,10 @@ from daemon.security.authority import found, issue, revoke
 from daemon.security.bundle import pack
 from daemon.server import exposure
 from daemon.server._listening import arrange
+from daemon.spec import Snapshot
 from grammars import codec
 from grammars.robot import Drive
+from grammars.values import Pose2
 from tests.daemon.harness import DaemonPart, Part, daemon_at, eventually, free_endpoint, worker_for
 from tests.daemon.samples import ROBOT, make_submission
 
@@ -153,6 +155,21 @@ def test_nobody_can_answer_publish_or_listen_in_the_daemons_place(
         eventually(lambda: events)
         assert [event.kind for event in events] == ["campaign"]
         assert heard == stolen == lives == []
+
+
+def test_a_viewer_watches_a_run_and_its_worker_knows(daemon: DaemonPart, keys: Path) -> None:
+    told: list[Live] = []
+    picture = Live("first.1", Snapshot(1.0, 9.0, Pose2(), None, 0, 1, (), returns=(100, 200)))
+    with as_role(daemon, keys, "viewer") as watcher, raw(daemon, keys, "worker") as worker:
+        mine = worker.declare_publisher(f"{LIVE}/worker-1/first.1")
+        other = worker.declare_publisher(f"{LIVE}/worker-1/first.2")
+        with watcher.watch("first.1", told.append):
+            eventually(lambda: mine.matching_status.matching)
+            assert not other.matching_status.matching
+            mine.put(codec.to_json(picture))
+            eventually(lambda: told)
+        assert told == [picture]
+        eventually(lambda: not mine.matching_status.matching)
 
 
 def owner(daemon: DaemonPart) -> Client:
