@@ -10,7 +10,8 @@ from pathlib import Path
 
 def packed(data: bytes) -> tuple[str, str]:
     """Return bytes as text, and their SHA-256."""
-    return binascii.b2a_base64(data, newline=False).decode("ascii"), hashlib.sha256(data).hexdigest()
+    text = binascii.b2a_base64(data, newline=False).decode("ascii")
+    return text, hashlib.sha256(data).hexdigest()
 
 
 def unpacked(text: str, digest: str) -> bytes:
