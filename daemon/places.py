@@ -14,6 +14,7 @@ Shell completion asks at every TAB where the ledger lies: what is heavy is impor
 from __future__ import annotations
 
 import errno
+import functools
 import hashlib
 import ipaddress
 import os
@@ -110,6 +111,7 @@ def trace_name(campaign: str, scenario: str, sut: str, repeat: int) -> str:
     return f"{campaign}/{name}"
 
 
+@functools.lru_cache(4096)
 def _quoted(name: str) -> str:
     return quote(name, safe="").replace(".", "%2E")
 

@@ -1,4 +1,4 @@
-"""Traces take no more than they may: the oldest go, and those of unfinished campaigns stay."""
+"""What a daemon keeps stays bounded: traces by a quota, logs by rotation."""
 
 from __future__ import annotations
 
@@ -52,6 +52,19 @@ def test_runs_wait_when_unfinished_campaigns_alone_take_too_much(tmp_path: Path)
         assert traces(daemon.state, "big") < there
         client.submit(make_submission("next", 1))
         eventually(lambda: finished(client, "next"), 30.0)
+
+
+def test_the_log_of_a_worker_that_stays_is_put_aside_when_it_has_grown(tmp_path: Path) -> None:
+    with daemon_at(tmp_path / "state", 1) as daemon, daemon.client() as client:
+        eventually(client.workers, 30.0)
+        log = daemon.state / "worker.log"
+        with log.open("ab") as file:
+            file.write(b"many words\n" * 500_000)
+        eventually(lambda: log.with_suffix(".log.1").exists() and log.stat().st_size < 1000)
+        client.submit(make_submission("raises", 1, **{"raise": "in the new log"}))
+        eventually(lambda: finished(client, "raises"), 30.0)
+        assert "in the new log" in log.read_text()
+        assert len(client.workers()) == 1
 
 
 def test_a_quota_that_is_no_size_is_refused(tmp_path: Path) -> None:
