@@ -19,7 +19,7 @@ from daemon.ledger import Book, Reader
 from daemon.messages import Answer, Chunk, Completion, Received
 from daemon.places import Places, is_digest, is_run_id, sync_directory
 from daemon.server._journal import Journal
-from daemon.store import add_part, is_file_of, sha256_of, unpacked
+from daemon.store import add_part, is_file_of, make_folder, sha256_of, unpacked
 
 _MOST: Final = 1024
 """Uploads at a time, finished ones whose result has not come included."""
@@ -152,7 +152,7 @@ class Intake:
         # A repetition of a run whose trace was removed brings it back.
         lost = answer is Answer.KNOWN and not location and not there.exists()
         if whole.exists() and (answer is Answer.RECORDED or lost):
-            there.parent.mkdir(mode=0o700, exist_ok=True)
+            make_folder(there.parent)
             whole.replace(there)
             sync_directory(there.parent)
         for path in self.places.incoming.glob(f"{completion.run}.{completion.token}.*"):

@@ -1,6 +1,14 @@
 """Where traces lie and how they travel: stores by URL, verified parts, copies at hand."""
 
-from daemon.store._chunks import add_part, is_file_of, packed, read_part, sha256_of, unpacked
+from daemon.store._chunks import (
+    add_part,
+    is_file_of,
+    make_folder,
+    packed,
+    read_part,
+    sha256_of,
+    unpacked,
+)
 from daemon.store._copies import (
     Recorded,
     Source,
@@ -28,6 +36,7 @@ __all__ = [
     "is_url",
     "leave_marker",
     "local_copy",
+    "make_folder",
     "packed",
     "prove",
     "put",

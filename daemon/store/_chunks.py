@@ -7,6 +7,8 @@ import hashlib
 import os
 from pathlib import Path
 
+from daemon.places import sync_directory
+
 
 def packed(data: bytes) -> tuple[str, str]:
     """Return bytes as text, and their SHA-256."""
@@ -43,6 +45,13 @@ def add_part(path: Path, offset: int, data: bytes) -> None:
             # A part of a part, the disk is full say.
             os.truncate(path, offset)
             raise
+
+
+def make_folder(folder: Path) -> None:
+    """Make a folder for its owner in one that there is, for good; raises ``OSError``."""
+    if not folder.is_dir():
+        folder.mkdir(mode=0o700, exist_ok=True)
+        sync_directory(folder.parent)
 
 
 def sha256_of(path: Path) -> str:

@@ -9,7 +9,6 @@ What a dead worker left is adopted by the next one: results are delivered, the r
 from __future__ import annotations
 
 import fcntl
-import hashlib
 import os
 import shutil
 from collections.abc import Iterator
@@ -21,6 +20,7 @@ from daemon.child import GRANT, OUTPUT, RESULT, TRACE
 from daemon.messages import Grant
 from daemon.places import Places, is_id, is_run_id, sync_directory
 from daemon.spec import RunResult
+from daemon.store import make_folder, sha256_of
 from grammars import codec
 
 _LOCK: Final = "lock"
@@ -157,9 +157,9 @@ class Placement:
 
     def put(self) -> bool:
         """Put the trace there unless there is one; returns whether it is this one now."""
-        self.target.parent.mkdir(mode=0o700, exist_ok=True)
+        make_folder(self.target.parent)
         if self.target.exists():
-            return _sha256(self.target) == self.sha256
+            return sha256_of(self.target) == self.sha256
         self.replace()
         return True
 
@@ -171,15 +171,12 @@ class Placement:
             os.link(self.source, temporary)
         except OSError:  # no hard links here, or another file system
             shutil.copyfile(self.source, temporary)
+            with temporary.open("rb") as file:
+                os.fsync(file.fileno())
         temporary.replace(self.target)
         sync_directory(self.target.parent)
 
     def withdraw(self) -> None:
         """Remove the trace from there if it is this one."""
-        if self.target.exists() and _sha256(self.target) == self.sha256:
+        if self.target.exists() and sha256_of(self.target) == self.sha256:
             self.target.unlink()
-
-
-def _sha256(path: Path) -> str:
-    with path.open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()

@@ -44,6 +44,12 @@ def test_the_daemon_is_given_the_time_its_drain_takes() -> None:
     assert service["Restart"] == "on-failure"
 
 
+def test_a_daemon_whose_traces_go_elsewhere_keeps_doing_so() -> None:
+    unit = daemon_unit(Path("/bin/scenario"), Path("/s"), traces="s3://bucket/50%")
+    command = words(parsed(unit)["Service"]["ExecStart"])
+    assert command[command.index("--traces") + 1] == "s3://bucket/50%"
+
+
 def test_a_worker_is_given_the_time_of_a_run() -> None:
     service = parsed(worker_unit(Path("/bin/scenario"), "tcp/far:7447"))["Service"]
     assert words(service["ExecStart"]) == ["/bin/scenario", "worker", "--connect", "tcp/far:7447"]
