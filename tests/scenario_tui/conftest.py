@@ -21,6 +21,12 @@ class Said(NamedTuple):
     err: str
 
 
+@pytest.fixture(autouse=True)
+def _as_wide_as_a_pipe(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Who starts the tests may have said how wide his terminal is."""
+    monkeypatch.delenv("COLUMNS", raising=False)
+
+
 @pytest.fixture
 def fake() -> FakeDaemon:
     return FakeDaemon()
