@@ -8,6 +8,7 @@ from pathlib import Path
 import psutil
 import pytest
 
+from daemon.attachments import attach
 from daemon.campaign import expand, load_campaign
 from daemon.client import Client
 from daemon.executor import DEFAULT_EXECUTOR
@@ -61,6 +62,20 @@ def test_runs_come_back_with_results_and_traces(client: Client) -> None:
         result = client.run(row.id).result
         assert result is not None
         assert hashlib.sha256(Path(row.trace).read_bytes()).hexdigest() == result.trace.sha256
+
+
+def test_files_of_systems_travel_into_the_cluster(
+    client: Client, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    (tmp_path / "policy").write_bytes(b"weights")
+    files = attach({"model": tmp_path / "policy"})
+    client.submit(make_submission("files", 3, files=files, reads="model"))
+    eventually(lambda: done(client, "files"))
+    for row in client.runs("files").rows:
+        digest = hashlib.sha256(b"weights").hexdigest()
+        assert (row.state, row.attempt) == (RunState.DONE, 1), row.reason
+        assert Path(row.trace).read_bytes().endswith(digest.encode())
 
 
 def test_every_run_has_a_fresh_and_nice_process(client: Client, tmp_path: Path) -> None:

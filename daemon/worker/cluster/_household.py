@@ -1,4 +1,4 @@
-"""What a Dask worker keeps beside itself: the sitter, its folder, and the scenes in it."""
+"""What a Dask worker keeps beside itself: the sitter, its folder, scenes and files in it."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import subprocess
 import sys
 import threading
 import uuid
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from contextlib import suppress
 from dataclasses import dataclass
 from multiprocessing.connection import Connection
@@ -17,11 +17,13 @@ from pathlib import Path
 from queue import Empty, SimpleQueue
 from typing import Final
 
-from daemon.child import GRANT, RESULT, TRACE
+from daemon.attachments import attached
+from daemon.child import FILES, GRANT, RESULT, TRACE
 from daemon.errors import WorkerBroken
 from daemon.executor import Limits
 from daemon.messages import LARGEST_REQUEST, Grant
 from daemon.places import Places
+from daemon.spec import RunSpec
 from daemon.worker._sitter import READY, Order, Told
 from daemon.worker.cluster._job import LARGEST_TRACE
 from grammars import codec
@@ -82,17 +84,29 @@ class Household:
             inbox.put(Told(key, ended=True, why="the process that starts runs ended"))
         self._process.wait()
 
-    def scene(self, digest: str) -> Path:
-        """Where that scene is kept; raises ``ValueError`` for what is no digest."""
-        return self._places.scene(digest)
+    def missing(self, spec: RunSpec) -> tuple[str, ...]:
+        """The digests of what that run needs and is not kept here: scene, files of its SUT.
 
-    def keep(self, digest: str, scene: bytes) -> None:
-        """Keep a scene; raises ``ValueError`` when it is another one."""
-        if hashlib.sha256(scene).hexdigest() != digest:
-            raise ValueError(f"scene {digest} was damaged on its way to the cluster")
-        temporary = self.scene(digest).with_suffix(f".{uuid.uuid4().hex}")
-        temporary.write_bytes(scene)
-        temporary.replace(self.scene(digest))
+        Raises ``ValueError`` for what is no digest.
+        """
+        return tuple(digest for digest, path in self._needed(spec).items() if not path.exists())
+
+    def keep(self, spec: RunSpec, given: Iterable[bytes]) -> None:
+        """Keep what that run needs; raises ``ValueError`` for anything else."""
+        needed = self._needed(spec)
+        for data in given:
+            path = needed.get(hashlib.sha256(data).hexdigest())
+            if path is None:
+                raise ValueError("something was damaged on its way to the cluster")
+            temporary = path.with_name(f".{uuid.uuid4().hex}")
+            temporary.write_bytes(data)
+            temporary.replace(path)
+
+    def _needed(self, spec: RunSpec) -> dict[str, Path]:
+        paths = {spec.scene: self._places.scene(spec.scene)}
+        for digest in attached(spec.sut.parameters).values():
+            paths[digest] = self._places.files / digest
+        return paths
 
     def run(
         self, grant: Grant, limits: Limits, wanted: Callable[[], bool], tell: Callable[[str], None]
@@ -107,7 +121,10 @@ class Household:
         try:
             folder.mkdir(parents=True)
             (folder / GRANT).write_bytes(codec.to_json(grant))
-            self._send(Order(key, str(folder), str(self.scene(grant.spec.scene)), limits))
+            if attached(grant.spec.sut.parameters):
+                (folder / FILES).symlink_to(self._places.files)
+            scene = self._places.scene(grant.spec.scene)
+            self._send(Order(key, str(folder), str(scene), limits))
             told = self._await(key, inbox, wanted, tell)
             return _leavings(told, folder)
         finally:

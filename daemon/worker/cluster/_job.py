@@ -12,6 +12,8 @@ from daemon.messages import Grant
 LARGEST_TRACE: Final = 256 * 2**20
 """Bytes of a trace that travel as the result of a Dask task, through the memory of three
 processes."""
+LARGEST_GIFT: Final = 256 * 2**20
+"""Bytes of scene and files that travel with one task."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,13 +29,14 @@ class Job:
 class Fate(StrEnum):
     """What became of a job.
 
-    ``done``: result and trace are here. ``failed``: it left none. ``scene``: ask again and give
-    the scene. ``unfit``: this Dask worker executes no runs. ``stopped``: nobody wanted it.
+    ``done``: result and trace are here. ``failed``: it left none. ``missing``: ask again
+    and give it what the report names. ``unfit``: this Dask worker executes no runs.
+    ``stopped``: nobody wanted it.
     """
 
     DONE = "done"
     FAILED = "failed"
-    SCENE = "scene"
+    MISSING = "missing"
     UNFIT = "unfit"
     STOPPED = "stopped"
 
@@ -42,7 +45,7 @@ class Fate(StrEnum):
 class Report:
     """The end of a job on Dask worker ``worker``; ``blame`` is the run's for having failed.
 
-    It ``lacks`` the system under test.
+    It ``lacks`` the system under test, or things ``missing``, by digest.
     """
 
     fate: Fate
@@ -50,6 +53,7 @@ class Report:
     words: str = ""
     blame: bool = False
     lacks: bool = False
+    missing: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

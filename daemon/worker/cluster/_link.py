@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 import uuid
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Final
 
 from distributed import Client, Future
@@ -106,7 +106,7 @@ class Link:
         with self._lock:
             return sum(self._fit.values())
 
-    def submit(self, job: bytes, scene: bytes) -> tuple[Future, frozenset[str]]:
+    def submit(self, job: bytes, given: Sequence[bytes]) -> tuple[Future, frozenset[str]]:
         """Have the cluster execute a job; raises ``OSError`` when that is not possible now.
 
         The workers returned are the only ones that may; none: whoever is there or comes. A Dask
@@ -122,7 +122,7 @@ class Link:
                 _remote.execute,
                 identity(),
                 job,
-                scene,
+                *given,
                 workers=list(workers) or None,
                 retries=0,
                 pure=False,

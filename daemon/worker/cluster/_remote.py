@@ -31,17 +31,17 @@ def prove(executor: str) -> bytes:
     return codec.to_json(Report(Fate.UNFIT if words else Fate.DONE, worker.address, words))
 
 
-def execute(version: str, job: bytes, scene: bytes) -> tuple[bytes, bytes, bytes]:
+def execute(version: str, job: bytes, *given: bytes) -> tuple[bytes, bytes, bytes]:
     """Execute a :class:`Job` of that version: a :class:`Report`, the result (both in JSON) and
     the trace.
 
-    ``scene`` may be empty: then it is one this Dask worker has kept, or the report asks for it.
+    Scene and files not ``given`` are those this Dask worker has kept, or the report asks for them.
     """
     worker = get_worker()
     report, result, trace = Report(Fate.UNFIT, worker.address), b"", b""
     try:
         if version == identity():
-            report, result, trace = _execute(worker, codec.from_json(Job, job), scene)
+            report, result, trace = _execute(worker, codec.from_json(Job, job), given)
         else:
             report = replace(report, words=f"{worker.address} has {identity()}")
     except WorkerBroken as error:
@@ -51,14 +51,13 @@ def execute(version: str, job: bytes, scene: bytes) -> tuple[bytes, bytes, bytes
     return codec.to_json(report), result, trace
 
 
-def _execute(worker: Any, job: Job, scene: bytes) -> tuple[Report, bytes, bytes]:
+def _execute(worker: Any, job: Job, given: tuple[bytes, ...]) -> tuple[Report, bytes, bytes]:
     where = worker.address
     house = household(job.executor, worker.local_directory)
-    digest = job.grant.spec.scene
-    if scene:
-        house.keep(digest, scene)
-    if not house.scene(digest).exists():
-        return Report(Fate.SCENE, where), b"", b""
+    house.keep(job.grant.spec, given)
+    missing = house.missing(job.grant.spec)
+    if missing:
+        return Report(Fate.MISSING, where, missing=missing), b"", b""
     key = worker.get_current_task()
     left = house.run(
         job.grant, job.limits, lambda: _wanted(worker, key), _teller(worker, job.topic, key)

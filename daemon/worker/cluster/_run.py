@@ -5,19 +5,21 @@ from __future__ import annotations
 import hashlib
 import math
 import threading
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Final, Protocol
 
 from distributed import Future, KilledWorker
 from distributed.client import FutureCancelledError
 
-from daemon.child import RESULT, TRACE
+from daemon.attachments import attached
+from daemon.child import FILES, RESULT, TRACE
 from daemon.messages import LARGEST_REQUEST
 from daemon.places import write_atomically
 from daemon.spec import RunResult
 from daemon.worker._backend import Waitable
 from daemon.worker._spool import Attempt
-from daemon.worker.cluster._job import LARGEST_TRACE, Fate, Report
+from daemon.worker.cluster._job import LARGEST_GIFT, LARGEST_TRACE, Fate, Report
 from grammars import codec
 
 if TYPE_CHECKING:
@@ -63,12 +65,12 @@ class RemoteRun:
         self._future: Future | None = None
         self._key = ""
         self._workers: frozenset[str] = frozenset()
-        self._gave_scene = False
+        self._gave = False
         self._lock = threading.RLock()
 
-    def submit(self, scene: bytes = b"") -> None:
+    def submit(self, given: Sequence[bytes] = ()) -> None:
         """Give it to the cluster; raises ``OSError`` when that is not possible now."""
-        future, self._workers = self._link.submit(self._job, scene)
+        future, self._workers = self._link.submit(self._job, given)
         self._future = future
         self._key = future.key
         self._home.submitted(future.key, self)
@@ -134,13 +136,27 @@ class RemoteRun:
             if report.fate is Fate.DONE:
                 self._keep(result, trace)
                 self._end()
-            elif report.fate is Fate.SCENE and not self._gave_scene:
-                self._gave_scene = True
-                self.submit(self._scene.read_bytes())
+            elif report.fate is Fate.MISSING and not self._gave:
+                self._gave = True
+                self.submit(self._gifts(report.missing))
             else:
                 self._fail(report)
         except (OSError, ValueError) as error:
             self._end(f"what came from the cluster was not taken: {error}")
+
+    def _gifts(self, missing: Sequence[str]) -> list[bytes]:
+        """What the Dask worker lacks; raises ``ValueError`` for more than it may."""
+        spec = self.attempt.grant.spec
+        files = set(attached(spec.sut.parameters).values())
+        paths = {digest: self.attempt.folder / FILES / digest for digest in files}
+        paths[spec.scene] = self._scene
+        if not paths.keys() >= set(missing):
+            raise ValueError("it asked for what the run does not need")
+        found = [paths[digest] for digest in missing]
+        size = sum(path.stat().st_size for path in found)
+        if size > LARGEST_GIFT:
+            raise ValueError(f"scene and files have {size} bytes, more than travel to a cluster")
+        return [path.read_bytes() for path in found]
 
     def _fail(self, report: Report) -> None:
         if report.fate is Fate.UNFIT:
