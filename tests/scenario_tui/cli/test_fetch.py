@@ -14,7 +14,7 @@ from daemon.oracles import judge, overall
 from daemon.places import Places, trace_name
 from daemon.protocol import Submission
 from daemon.spec import RunResult, Timing, TraceInfo
-from daemon.store import _copies, sha256_of
+from daemon.store import _copies, put, sha256_of, stored_url
 from daemon.trace import read_trace
 from scenario_tui.cli._main import invoke
 from tests.daemon.harness import DaemonPart, daemon_at
@@ -23,26 +23,37 @@ from tests.daemon.report.recordings import DECLARED, OPEN, SHUT, SUTS, record, s
 from tests.scenario_tui.outputs import declared
 
 
-@pytest.fixture(scope="module")
-def far(tmp_path_factory: pytest.TempPathFactory) -> Iterator[DaemonPart]:
-    """A daemon with a campaign: two runs with traces, one that waits."""
-    places = Places(tmp_path_factory.mktemp("far") / "state")
+def campaign_at(places: Places, store: str = "") -> None:
+    """Fill a state directory: two runs with traces, in a store if there is one; one that waits."""
     places.make()
     specs = (spec(SHUT, SUTS[0], 0), spec(OPEN, SUTS[0], 0), spec(OPEN, SUTS[1], 0))
     connection = connect(places.ledger)
     book = Book(connection)
+    book.know_store(store)
     book.submit(Submission("corr-1", "corr", "about", "", specs, (CORRIDOR,), DECLARED), 1.0)
-    for grant in book.lease("w", 2, 1.0):
+    for grant in book.lease("w", 2, 1.0, store=store):
         path = record(places.trace(grant.trace), grant.spec)
         trace = read_trace(path)
         verdicts = judge(trace, grant.spec.oracles)
         info = TraceInfo(sha256_of(path), path.stat().st_size, 1)
+        url = stored_url(store, grant.trace, info.sha256) if store else ""
+        if store:
+            put(path, url)
+            path.unlink()
         result = RunResult(
             grant.spec.digest, overall(trace, verdicts), verdicts, "finished", info,
             Timing(1.5, 1.0, 20.0),
         )  # fmt: skip
-        book.complete(Completion("w", grant.run, grant.attempt, grant.token, result), 2.0)
+        done = Completion("w", grant.run, grant.attempt, grant.token, result, url)
+        book.complete(done, 2.0)
     connection.close()
+
+
+@pytest.fixture(scope="module")
+def far(tmp_path_factory: pytest.TempPathFactory) -> Iterator[DaemonPart]:
+    """A daemon with a campaign: two runs with traces, one that waits."""
+    places = Places(tmp_path_factory.mktemp("far") / "state")
+    campaign_at(places)
     with daemon_at(places.state) as daemon:
         daemon.client().close()
         yield daemon
@@ -115,3 +126,25 @@ def test_a_run_the_daemon_does_not_know_is_wrong_usage(
 ) -> None:
     assert invoke(["replay", "corr-1.9", "--frame", "1"]) == 2
     assert 'corr-1.9" is no run' in capsys.readouterr().err
+
+
+def test_traces_in_a_store_are_read_without_a_daemon(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.delenv("SCENARIO_CONNECT", raising=False)
+    monkeypatch.setenv("SCENARIO_STATE", str(tmp_path / "state"))
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    monkeypatch.chdir(tmp_path)
+    campaign_at(Places(tmp_path / "state"), (tmp_path / "store").as_uri())
+    assert invoke(["plot", "corr.1", "speed"]) == 0
+    assert len(cached(tmp_path)) == 1
+    assert invoke(["report", "corr", "--csv", "m.csv", "-j", "1", "--json"]) == 0
+    assert len(cached(tmp_path)) == 2
+    assert len(Path("m.csv").read_text().splitlines()) > 2
+    for trace in (tmp_path / "store").rglob("*.mcap"):
+        trace.unlink()
+    for trace in cached(tmp_path):
+        trace.unlink()
+    capsys.readouterr()
+    assert invoke(["plot", "corr-1.1", "speed"]) == 3
+    assert "cannot be used from here: No such file or directory" in capsys.readouterr().err
