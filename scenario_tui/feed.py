@@ -39,6 +39,7 @@ REFRESH: Final = 1.0
 """Seconds between two looks when nothing is known to have changed."""
 _BREATH: Final = 0.2
 """Seconds between two looks at least, however much happens."""
+_GATHER: Final = 0.01
 _RETRY: Final = 0.5
 _PATIENCE: Final = 1.0
 _JUDGING: Final = 0.1
@@ -249,6 +250,8 @@ class Feed:
         """Let some time pass between two looks; only what people wait for is answered at once."""
         until = time.monotonic() + _BREATH
         while self._asked.wait(max(0.0, until - time.monotonic())) and not self._closing:
+            # Keys often come several at once: the last of them says what is wanted.
+            time.sleep(_GATHER)
             self._asked.clear()
             self.answer(daemon)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import sqlite3
 from collections import Counter
 from collections.abc import Iterable
@@ -48,6 +49,10 @@ _ROW: Final = (
 _TEXT: Final = (
     "scenario || '/' || sut || '/' || repeat || ' ' || oracle || ' ' || reason || ' ' || id"
 )
+_WORDS: Final = ("scenario", "sut", "oracle", "id", "repeat", "reason")
+"""The columns of that text: what neither slash nor space is in stands in one of them."""
+_WILD: Final = re.compile(r"[\\%_]")
+_ESCAPED: Final = r"\\\g<0>"
 _RATE_SPAN: Final = 600.0
 _RATE_RUNS: Final = 64
 
@@ -283,8 +288,11 @@ def _filter(query: RunQuery) -> tuple[str, list[Any]]:
             conditions.append(f"{column} = ?")
             values.append(wanted)
     if query.text:
-        conditions.append(f"instr(lower({_TEXT}), lower(?)) > 0")
-        values.append(query.text)
+        # Looking through 100,000 texts put together takes twice as long as through their parts.
+        places = (f"({_TEXT})",) if set(query.text) & {"/", " "} else _WORDS
+        found = " OR ".join(f"{place} LIKE ? ESCAPE '\\'" for place in places)
+        conditions.append(f"({found})")
+        values += [f"%{_WILD.sub(_ESCAPED, query.text)}%"] * len(places)
     return ("WHERE " + " AND ".join(conditions) if conditions else ""), values
 
 
