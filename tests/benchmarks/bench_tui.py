@@ -1,0 +1,266 @@
+"""The dashboard: first paint, 100,000 runs, busy cores, bytes over the line, an hour of events.
+
+Real daemons on loopback and the dashboard in a pseudo-terminal of 80x24, as over SSH; the hour of
+events passes under a simulated clock. Times of the wall suffer from whatever else runs here: CPU
+of the dashboard's process stands beside them.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import multiprocessing
+import sqlite3
+import statistics
+import tempfile
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+
+import psutil
+
+from tests.daemon.harness import DaemonPart, daemon_at, eventually, finished
+from tests.daemon.samples import make_spec, make_submission, submission_of
+from tests.scenario_tui.terminal import Terminal, scenario, terminal
+
+MANY = 100_000
+STARTS = 7
+TURNS = 20
+QUIET = 10.0
+HOUR = 3600
+_STROKE = 100
+"""Bytes that a cursor which moved sends at least; an age that grew sends less."""
+_MIXED = """
+UPDATE run SET state = 'done', outcome = CASE WHEN position % 50 = 0 THEN 'fail' ELSE 'pass' END,
+    oracle = 'no-contact', margin = ((position * 7919) % 1000) / 500.0 - 0.2, unit = 'm',
+    scenario = 'S' || (position % 7), simulated = 312.5, wall = 8.25, finished_at = 1.0
+    WHERE position < {done}
+"""
+
+
+def main() -> None:
+    """Print the measurements."""
+    first_paint()
+    many_runs()
+    busy_cores()
+    line()
+    asyncio.run(an_hour())
+
+
+def row(what: str, value: str, target: str = "") -> None:
+    print(f"{what:62} {value:>24} {target}", flush=True)
+
+
+@contextmanager
+def fresh(slots: int = 1) -> Iterator[DaemonPart]:
+    """A daemon on an empty state directory."""
+    with (
+        tempfile.TemporaryDirectory(prefix="bench-tui-") as folder,
+        daemon_at(Path(folder) / "state", slots) as daemon,
+    ):
+        yield daemon
+
+
+@contextmanager
+def opened(daemon: DaemonPart) -> Iterator[Terminal]:
+    """The dashboard of a daemon, as soon as it can be typed at."""
+    with terminal(scenario("tui", "--connect", daemon.endpoint)) as shown:
+        shown.until("Quit", 60.0)
+        yield shown
+
+
+def cpu(pid: int) -> float:
+    """CPU seconds of a process so far."""
+    used = psutil.Process(pid).cpu_times()
+    return float(used.user + used.system)
+
+
+def spread(values: list[float], unit: str = "ms") -> str:
+    """Median and 95th percentile."""
+    ranked = sorted(values)
+    return f"{statistics.median(ranked):.0f}, {ranked[int(0.95 * (len(ranked) - 1))]:.0f} {unit}"
+
+
+def took(shown: Terminal, keys: str, seen: Callable[[], bool]) -> float:
+    """Press keys and return how long it takes until something is on the screen [ms]."""
+    start = time.perf_counter()
+    shown.type(keys)
+    while not seen():
+        shown.read(0.002)
+        if time.perf_counter() > start + 30.0:
+            raise TimeoutError(shown.text)
+    return 1e3 * (time.perf_counter() - start)
+
+
+def first_paint() -> None:
+    with fresh() as daemon, daemon.client() as client:
+        client.submit(make_submission("small-1", 5))
+        eventually(lambda: finished(client, 5))
+        stages: dict[str, list[tuple[float, float]]] = {"connecting": [], "Quit": [], "small-1": []}
+        for _ in range(STARTS):
+            start = time.perf_counter()
+            with terminal(scenario("tui", "--connect", daemon.endpoint)) as shown:
+                for seen, found in stages.items():
+                    shown.until(seen, 60.0)
+                    found.append((time.perf_counter() - start, cpu(shown.pid)))
+        names = ("an answer", "the first screen", "campaigns on it")
+        for name, found in zip(names, stages.values(), strict=True):
+            wall, used = (statistics.median(each) for each in zip(*found, strict=True))
+            target = "<= 0.4 s" if name == "the first screen" else ""
+            row(f"exec to {name}: wall, CPU", f"{wall:.2f}, {used:.2f} s", target)
+
+
+def large(daemon: DaemonPart) -> None:
+    """Put a campaign of many runs into the ledger, most of them done."""
+    with daemon.client() as client:
+        client.submit(make_submission("large-1", MANY))
+    daemon.kill()
+    with sqlite3.connect(daemon.state / "ledger.db") as ledger:
+        ledger.execute(_MIXED.format(done=MANY - 100))
+    daemon.restart()
+    daemon.client().close()
+
+
+def many_runs() -> None:
+    with fresh(slots=0) as daemon:
+        large(daemon)
+        with opened(daemon) as shown:
+            shown.until("large-1", 60.0)
+            shown.type("\r")
+            shown.until("1-100 of", 60.0)
+            turn_pages(shown)
+            filters(shown)
+            sorts(shown)
+            used = psutil.Process(shown.pid).memory_info().rss / 2**20
+            row("  memory of the dashboard then, RSS", f"{used:.0f} MB", "< 150 MB")
+
+
+def turn_pages(shown: Terminal) -> None:
+    pages = [f"{100 * page + 1}-{100 * page + 100} of" for page in range(1, TURNS + 1)]
+    before = cpu(shown.pid)
+    times = [took(shown, "n", lambda page=page: page in shown.text) for page in pages]
+    used = 1e3 * (cpu(shown.pid) - before) / TURNS
+    row(f"{MANY:,} runs: the next page, p50, p95", spread(times), "<= 50 ms")
+    row("  CPU of the dashboard for one", f"{used:.0f} ms")
+    times = []
+    for _ in range(TURNS):
+        before_text = shown.text
+        times.append(took(shown, "\x1b[6~", lambda: shown.text != before_text))  # noqa: B023
+        shown.read(0.15)
+        times.append(took(shown, "\x1b[5~", lambda: shown.text == before_text))  # noqa: B023
+        shown.read(0.15)
+    row("  page down and up inside a page, p50, p95", spread(times), "<= 50 ms")
+
+
+def filters(shown: Terminal) -> None:
+    """Type a filter, all at once, and take it away again."""
+    times = []
+    for number in range(TURNS // 2):
+        text = f"S{number % 7}"
+        seen = _filtered(shown, text)
+        times.append(took(shown, f"/{text}", seen))
+        shown.type("\x1b")
+        shown.until(lambda: "of 100000" in shown.lines[1], 30.0)
+        shown.read(0.3)
+    row("  filter by text, from the keys to the runs, p50, p95", spread(times), "<= 150 ms")
+
+
+def _filtered(shown: Terminal, text: str) -> Callable[[], bool]:
+    return lambda: f"/{text}" in shown.lines[1] and " of 142" in shown.lines[1]
+
+
+def sorts(shown: Terminal) -> None:
+    times = []
+    for name in ("outcome", "margin", "oracle"):
+        times.append(took(shown, ">", lambda name=name: f"by {name}" in shown.lines[1]))
+        shown.read(0.3)
+    row("  sorted by another column, slowest", f"{max(times):.0f} ms")
+
+
+def _burn(stop: float) -> None:
+    while time.monotonic() < stop:
+        sum(range(1000))
+
+
+def busy_cores() -> None:
+    with fresh(slots=0) as daemon:
+        with daemon.client() as client:
+            client.submit(make_submission("rows-1", 200))
+        with opened(daemon) as shown:
+            shown.until("rows-1")
+            shown.type("\r")
+            shown.until("1-100 of")
+            shown.read(1.0)
+            row("a key to its paint, quiet, p50, p95", spread(strokes(shown)))
+            stop = time.monotonic() + 12.0
+            burners = [multiprocessing.Process(target=_burn, args=(stop,)) for _ in range(2)]
+            for burner in burners:
+                burner.start()
+            time.sleep(0.5)
+            row("  while 2 cores are busy at nice 0, p50, p95", spread(strokes(shown)), "<= 100 ms")
+            for burner in burners:
+                burner.kill()
+                burner.join()
+
+
+def strokes(shown: Terminal) -> list[float]:
+    """Move the cursor up and down [ms each]."""
+    times = []
+    for number in range(2 * TURNS):
+        enough = len(shown.raw) + _STROKE
+        times.append(took(shown, "jk"[number % 2], lambda enough=enough: len(shown.raw) > enough))
+        shown.read(0.05)
+    return times
+
+
+def line() -> None:
+    with fresh(slots=2) as daemon, daemon.client() as client:
+        client.submit(make_submission("small-1", 5))
+        eventually(lambda: finished(client, 5))
+        with opened(daemon) as shown:
+            shown.until("small-1")
+            shown.read(2.0)
+            row("bytes to the terminal, nothing happens", per_second(shown), "next to nothing")
+            events = (make_spec(k, sleep=0.4, limit=10.0) for k in range(400))
+            client.submit(submission_of("busy-1", *events))
+            shown.read(2.0)
+            row("  campaigns, 10 events a second", per_second(shown), "a few kB/s")
+            shown.type("\x1b[A\r")
+            shown.until("verdict")
+            shown.read(1.0)
+            row("  its runs", per_second(shown), "a few kB/s")
+
+
+def per_second(shown: Terminal) -> str:
+    before, start = shown.sent, time.monotonic()
+    while time.monotonic() < start + QUIET:
+        shown.read(0.5)
+    return f"{(shown.sent - before) / (time.monotonic() - start):.0f} B/s"
+
+
+async def an_hour() -> None:
+    """Ten events a second with telemetry, each second of the hour drawn once."""
+    from tests.scenario_tui.fake import FakeDaemon, make_live
+    from tests.scenario_tui.inline import make_dashboard, press, settle
+
+    fake = FakeDaemon()
+    process, start = psutil.Process(), 0.0
+    async with make_dashboard(fake).run_test(size=(80, 24)) as pilot:
+        await settle(pilot)
+        await press(pilot, "enter")
+        for second in range(HOUR):
+            if second == HOUR // 10:
+                start = process.memory_info().rss / 2**20
+            fake.now += 1.0
+            fake.live = tuple(make_live(7 + k % 3, second + k / 10) for k in range(10))
+            fake.rows = tuple(replace(r, simulated=float(second)) for r in fake.rows)
+            pilot.app.look()
+            await pilot.pause(0)
+    ended = process.memory_info().rss / 2**20
+    row("an hour of events: RSS after 6 min, at the end", f"{start:.0f}, {ended:.0f} MB",
+        "< 150 MB")  # fmt: skip
+
+
+if __name__ == "__main__":
+    main()
