@@ -188,7 +188,7 @@ class Steering(BaseScreen):
         self._retry(row, only)
 
     def _retry(self, row: CampaignRow, only: str) -> None:
-        self.dashboard.steer(partial(_retry, row.id, only), self._retry_line(row, only))
+        self.dashboard.steer(partial(_retry, row, only), self._retry_line(row, only))
 
     def _retry_line(self, row: CampaignRow, only: str) -> str:
         return self._line("retry", row.id, *(() if only == _LOST else ("--only", only)))
@@ -269,8 +269,10 @@ def _cancel(campaign: str, daemon: Daemon) -> str:
     return f"cancelled {counted(daemon.cancel(campaign), 'run')} of {campaign}"
 
 
-def _retry(campaign: str, only: str, daemon: Daemon) -> str:
-    return f"queued {counted(daemon.retry(campaign, only=only), 'run')} of {campaign} again"
+def _retry(row: CampaignRow, only: str, daemon: Daemon) -> str:
+    runs = counted(daemon.retry(row.id, only=only), "run")
+    waits = "; it is paused, they wait until it is resumed" if row.paused else ""
+    return f"queued {runs} of {row.id} again{waits}"
 
 
 def _pause(campaign: str, daemon: Daemon) -> str:

@@ -80,6 +80,8 @@ async def test_one_key_pauses_and_resumes_and_the_footer_says_which(fake) -> Non
         assert "‖ paused" in shown(pilot)
         assert "P Resume" in shown(pilot)
         assert f"same as: scenario pause {CAMPAIGN}" in notices(pilot)
+        await press(pilot, "r", "f")
+        assert "again; it is paused, they wait until it is resumed" in notices(pilot)
         await press(pilot, "P")
     assert fake.told("resume") == [(CAMPAIGN,)]
 
