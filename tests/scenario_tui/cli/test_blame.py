@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import shutil
 from pathlib import Path
 
@@ -11,6 +10,7 @@ import pytest
 from daemon.verdict import Outcome
 from scenario_tui.cli._main import invoke
 from tests.daemon.blame.cases import CAMPAIGN, failing_if, pretend, write
+from tests.scenario_tui.outputs import declared
 
 
 @pytest.fixture
@@ -56,7 +56,7 @@ def test_scripts_get_the_story_as_json(
     pretended = pretend(monkeypatch, failing_if(shuts_fast))
     place = tmp_path / "kept"
     assert invoke(["blame", campaign, "rude", "-o", str(place), "--json"]) == 0
-    body = json.loads(capsys.readouterr().out)
+    body = declared(capsys.readouterr().out)
     assert body["schema"] == "scenario/blame/1"
     assert body["blame"]["parameters"] == ["max_speed: 0.7"]
     assert body["blame"]["minimal"] is True

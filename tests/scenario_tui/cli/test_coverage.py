@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 
 import pytest
 
 from scenario_tui.cli._main import invoke
 from tests.daemon.old_runs import drive, spec
+from tests.scenario_tui.outputs import declared
 
 
 def test_before_running_a_campaign_file_is_enough(
@@ -26,7 +26,7 @@ def test_afterwards_traces_tell(tmp_path: Path, capsys: pytest.CaptureFixture[st
     drive(tmp_path / "a.mcap", spec(0))
     drive(tmp_path / "b.mcap", spec(1))
     assert invoke(["coverage", str(tmp_path), "--json"]) == 0
-    body = json.loads(capsys.readouterr().out)
+    body = declared(capsys.readouterr().out)
     assert body["schema"] == "scenario/coverage/1"
     assert body["coverage"]["recorded"] == 2
     assert [door["door"] for door in body["coverage"]["doors"]] == ["door-0"]

@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 from scenario_tui.cli import _main
+from tests.scenario_tui.outputs import declared
 
 
 def test_a_schema_is_printed(capsys: pytest.CaptureFixture[str]) -> None:
@@ -52,7 +53,7 @@ def test_check_tells_editors_where_and_what(
     fine = tmp_path / "home.mission.yaml"
     fine.write_text("waypoints: [{x: 0, y: 0}]\n")
     assert _main.invoke(["check", "--json", str(broken), str(fine)]) == 2
-    report = json.loads(capsys.readouterr().out)
+    report = declared(capsys.readouterr().out)
     assert report["schema"] == "scenario/check/1"
     assert report["files"][str(fine)] == []
     unknown = next(d for d in report["files"][str(broken)] if d["where"]["line"] == 2)
@@ -71,6 +72,6 @@ def test_check_reads_variations(
     broken = tmp_path / "flat.variation"
     broken.write_text('import "flat.fpm"\nkitchn: { shape.width: uniform(3 .. 4) }\n')
     assert _main.invoke(["check", "--json", str(broken)]) == 2
-    (found,) = json.loads(capsys.readouterr().out)["files"][str(broken)]
+    (found,) = declared(capsys.readouterr().out)["files"][str(broken)]
     assert found["where"] == {"file": str(broken), "line": 2, "column": 1}
     assert "kitchen" in found["hint"]

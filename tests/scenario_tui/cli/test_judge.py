@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +10,7 @@ import pytest
 from daemon.spec import OracleText
 from scenario_tui.cli._main import invoke
 from tests.daemon.old_runs import drive, spec
+from tests.scenario_tui.outputs import declared
 
 
 @pytest.fixture
@@ -31,7 +31,7 @@ def layer(folder: Path, text: str) -> str:
 
 def told(capsys: pytest.CaptureFixture[str], *arguments: str) -> dict[str, Any]:
     invoke(["judge", *arguments, "--json"])
-    body: dict[str, Any] = json.loads(capsys.readouterr().out)
+    body: dict[str, Any] = declared(capsys.readouterr().out)
     return body
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from functools import partial
 from pathlib import Path
 
@@ -13,6 +12,7 @@ from tests.daemon.harness import daemon_at, eventually, finished
 from tests.daemon.samples import make_submission
 from tests.daemon.test_operation_metrics import read_exposition
 from tests.scenario_tui.conftest import Said
+from tests.scenario_tui.outputs import declared
 
 
 @pytest.fixture
@@ -39,7 +39,7 @@ def test_a_daemon_is_watched_and_loses_traces_while_it_works(tmp_path: Path, rea
         assert scenario("pause", "second").code == 0
         eventually(lambda: client.overview().running == 0)
         assert "second (paused)" in scenario("status").out
-        dry = json.loads(scenario("gc", "--keep", "0", "-n", "--json").out)
+        dry = declared(scenario("gc", "--keep", "0", "-n", "--json").out)
         assert (dry["schema"], dry["dry_run"]) == ("scenario/gc/1", True)
         assert client.runs("first").rows[0].trace
         said = scenario("gc", "--older-than", "0s")
@@ -53,7 +53,7 @@ def test_a_daemon_is_watched_and_loses_traces_while_it_works(tmp_path: Path, rea
         assert scenario("resume", "second").code == 0
         eventually(lambda: finished(client, 34))
         healthy = scenario("doctor", "--json")
-        told = json.loads(healthy.out)
+        told = declared(healthy.out)
         levels = {finding["subject"]: finding["level"] for finding in told["findings"]}
         assert (healthy.code, told["schema"]) == (0, "scenario/doctor/1")
         assert levels["daemon"] == levels["workers"] == levels["ledger"] == levels["state"] == "ok"

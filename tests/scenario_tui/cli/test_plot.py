@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +11,7 @@ from hypothesis import strategies as st
 
 from scenario_tui.cli._main import invoke
 from scenario_tui.plotting import Curve, draw, envelope
+from tests.scenario_tui.outputs import declared
 from tests.scenario_tui.recorded import record_run
 
 
@@ -43,7 +43,7 @@ def test_graphs_fit_the_terminal_and_say_what_failed(
 
 def test_machines_get_every_sample(trace: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert invoke(["plot", trace, "loc.error", "contact", "door-1.angle", "--json"]) == 0
-    body = json.loads(capsys.readouterr().out)
+    body = declared(capsys.readouterr().out)
     assert body["schema"] == "scenario/plot/1"
     error, contact, door = body["signals"]
     assert (error["unit"], contact["unit"], door["unit"]) == ("m", "bool", "rad")

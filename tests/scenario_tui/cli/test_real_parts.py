@@ -68,7 +68,7 @@ def finished(place: Path) -> Iterator[Path]:
 def test_run_leaves_nothing_behind_but_traces(place: Path) -> None:
     file = str(place / "campaigns" / "demo" / "campaign.yaml")
     done = call("run", file, "--json", state=place / "untouched", cwd=place)
-    body = json.loads(done.stdout)
+    body = declared(done.stdout)
     assert body["schema"] == "scenario/results/1"
     assert [row["state"] for row in body["runs"]] == ["done", "done"]
     assert done.returncode == exit_code(row["outcome"] for row in body["runs"])
@@ -109,7 +109,7 @@ def test_results_are_kept_by_the_daemon(finished: Path, place: Path) -> None:
     assert done.returncode == 0, done.stderr
     assert "open-house" in done.stdout
     assert "2 traces in" in done.stdout
-    status = json.loads(call("status", "--json", state=finished, cwd=place).stdout)
+    status = declared(call("status", "--json", state=finished, cwd=place).stdout)
     assert status["overview"]["done"] == 2
 
 
@@ -135,7 +135,7 @@ def test_runs_are_judged_again_by_other_oracles(finished: Path, place: Path) -> 
     layer.write_text("reached: eventually within 1 s (mission.reached >= 1)\n")
     done = call("judge", campaign, "--oracles", str(layer), "--json", state=finished, cwd=place)
     assert done.returncode == 1, done.stderr
-    for judged in json.loads(done.stdout)["traces"]:
+    for judged in declared(done.stdout)["traces"]:
         assert (judged["origin"], judged["outcome"]) == ("ledger", "fail")
         assert judged["changes"][0]["oracle"] == "reached"
 
@@ -150,7 +150,7 @@ def test_submitting_again_runs_nothing_twice(finished: Path, place: Path) -> Non
 def test_what_has_a_result_is_not_run_again_unless_something_changed(
     finished: Path, place: Path
 ) -> None:
-    first = json.loads(call("results", "--json", state=finished, cwd=place).stdout)
+    first = declared(call("results", "--json", state=finished, cwd=place).stdout)
     changed = place / "campaigns" / "demo" / "changed.yaml"
     text = (changed.parent / "campaign.yaml").read_text()
     changed.write_text(text.replace("repeats: 2", "repeats: 3") + "\n# one more repeat\n")
@@ -160,7 +160,7 @@ def test_what_has_a_result_is_not_run_again_unless_something_changed(
         "submit", str(changed), "--watch", "--json", "--baseline", str(before), "--worse-by", "0",
         state=finished, cwd=place,
     )  # fmt: skip
-    body = json.loads(done.stdout)
+    body = declared(done.stdout)
     assert "3 runs, 2 cached" in done.stderr
     assert body["campaign"]["cached"] == 2
     ids = [run["id"] for run in first["runs"]]
@@ -238,7 +238,7 @@ def test_check_reports_every_layer(place: Path) -> None:
     demo = str(place / "campaigns" / "demo" / "campaign.yaml")
     done = call("check", demo, str(broken), "--json", state=place / "none", cwd=place)
     assert done.returncode == 2
-    body = json.loads(done.stdout)
+    body = declared(done.stdout)
     assert body["schema"] == "scenario/check/1"
     assert not [d for d in body["files"][demo] if d["severity"] == "error"]
     assert body["files"][str(broken)]

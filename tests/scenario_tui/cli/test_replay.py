@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 
 import pytest
 
 from scenario_tui.cli._main import invoke
+from tests.scenario_tui.outputs import declared
 from tests.scenario_tui.recorded import HIT, record_run
 
 
@@ -37,7 +37,7 @@ def test_a_frame_is_plain_text_without_a_terminal(
 
 def test_a_frame_for_machines(trace: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert invoke(["replay", trace, "--frame", "6", "--json"]) == 0
-    body = json.loads(capsys.readouterr().out)
+    body = declared(capsys.readouterr().out)
     assert body["schema"] == "scenario/frame/1"
     assert (body["time"], body["reached"], body["waypoints"]) == (HIT, 1, 3)
     assert body["pose"]["x"] == pytest.approx(4.0)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import sys
 from pathlib import Path
 
@@ -19,6 +18,7 @@ from daemon.trace import read_trace
 from scenario_tui.cli._main import invoke
 from tests.daemon.oracles.traces import CORRIDOR
 from tests.daemon.report.recordings import DECLARED, OPEN, SHUT, SUTS, record, spec
+from tests.scenario_tui.outputs import declared
 
 
 @pytest.fixture
@@ -67,7 +67,7 @@ def test_a_campaign_of_the_ledger_needs_no_daemon(
     ledger: Places, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert invoke(["report", "corr", "--csv", "m.csv", "--json"]) == 0
-    body = json.loads(capsys.readouterr().out)
+    body = declared(capsys.readouterr().out)
     assert body["schema"] == "scenario/report/1"
     assert (body["campaign"], body["runs"], body["exit_code"]) == ("corr", 3, 1)
     assert body["written"] == {"csv": "m.csv"}

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 
 import pytest
 
 from scenario_tui.cli import _main
+from tests.scenario_tui.outputs import declared
 
 
 def shown(capsys: pytest.CaptureFixture[str], *arguments: str) -> str:
@@ -29,7 +29,7 @@ def test_the_ros_stack_is_shown_with_places_defaults_and_wiring(
 
 
 def test_scripts_get_the_merged_tree(campaigns: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    found = json.loads(shown(capsys, "--json", str(campaigns / "suts" / "fro-omni.yaml")))
+    found = declared(shown(capsys, "--json", str(campaigns / "suts" / "fro-omni.yaml")))
     assert found["schema"] == "scenario/sut/1"
     assert found["parameters"]["move_base"]["DWAPlannerROS"]["sim_time"] == 2.5
     assert "controller_frequency" not in found["parameters"]["move_base"]["DWAPlannerROS"]
