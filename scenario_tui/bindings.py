@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from importlib import import_module
 from typing import Any, Final
 
+from textual.app import App
 from textual.binding import Binding
 from textual.dom import DOMNode
 from textual.keys import Keys, _character_to_key
@@ -52,7 +53,7 @@ def bound_classes() -> tuple[type[DOMNode], ...]:
     """Return all screens and widgets of ours that bind keys, the dashboard first."""
     from scenario_tui.app import Dashboard
 
-    found: dict[type[DOMNode], None] = {Dashboard: None}
+    found: dict[type[DOMNode], None] = dict.fromkeys(_ours(Dashboard))
     for room in _ROOMS:
         package = import_module(f"{scenario_tui.__name__}.{room}")
         for module in pkgutil.iter_modules(package.__path__):
@@ -74,14 +75,21 @@ def own_bindings(kind: type[DOMNode]) -> list[Binding]:
 
 def all_bindings(kind: type[DOMNode]) -> list[Binding]:
     """Return what a class and those of ours it is made of bind."""
+    return [binding for k in _ours(kind) for binding in own_bindings(k)]
+
+
+def _ours(kind: type[DOMNode]) -> list[type[DOMNode]]:
+    """Return the classes of ours that one is made of, those that bind keys."""
     ours = (k for k in kind.__mro__ if k.__module__.startswith(f"{scenario_tui.__name__}."))
-    return [binding for k in ours for binding in own_bindings(k)]
+    return [k for k in ours if "BINDINGS" in vars(k)]
 
 
 def _place(kind: type[DOMNode]) -> str:
-    if not issubclass(kind, Screen):
-        return "everywhere" if kind.__module__ == "scenario_tui.app" else "tables"
     name = kind.__module__.rpartition(".")[2]
+    if issubclass(kind, App) and name != "replay":
+        return "everywhere"
+    if not issubclass(kind, App | Screen):
+        return "tables"
     return {"base": "every screen", "steering": "every campaign"}.get(name, name)
 
 
