@@ -37,7 +37,11 @@ def wait(
     target = Target(connect, state)
     with target.open() as daemon:
         found = find_campaign(daemon, campaign)
-    row = watch(target.open, found.id, limit=limit)
+    try:
+        row = watch(target.open, found.id, limit=limit)
+    except KeyboardInterrupt:
+        say(f"\n{found.id} goes on; come back with `scenario wait {found.id}`")
+        raise typer.Exit(ExitCode.INTERRUPTED) from None
     with target.open() as daemon:
         results = gather(daemon, row)
     if as_json:

@@ -137,3 +137,14 @@ def test_waiting_ends_when_the_time_is_up(scenario, fake, monkeypatch) -> None:
     assert said.err.startswith(f"{CAMPAIGN}: 2 runs left after 0s")
     assert scenario("wait", "first", "--timeout", "soon").code == 2
     assert scenario("wait", "frist").code == 2
+
+
+def test_leaving_stops_the_waiting_only(scenario, fake, monkeypatch) -> None:
+    def interrupted(*_: object, **__: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(_progress, "watch", interrupted)
+    said = scenario("wait", "first")
+    assert said.code == 130
+    assert f"{CAMPAIGN} goes on" in said.err
+    assert not [call for call in fake.calls if call[0] == "cancel"]
