@@ -13,14 +13,13 @@ from textual.binding import Binding, BindingType
 from textual.containers import Horizontal, Vertical, VerticalScroll
 from textual.widgets import OptionList, Static
 
-from daemon.glance import metres
 from daemon.protocol import CampaignRow, RunDetail, RunState
 from daemon.verdict import Verdict
-from grammars.scene import Scene
 from scenario_tui.feed import Picture, Recording, Unseen, Want
 from scenario_tui.palette import QUIET, WORDS
 from scenario_tui.run_log import log_text
 from scenario_tui.screens.base import empty
+from scenario_tui.screens.panel import recording_of, track_of, view_of
 from scenario_tui.screens.playing import Playing, clock_line
 from scenario_tui.screens.steering import Steering
 from scenario_tui.tracks import Track
@@ -28,54 +27,16 @@ from scenario_tui.transport import FLASH, Moment, Transport
 from scenario_tui.widgets.run_text import run_text
 from scenario_tui.widgets.timeline import LEGEND as SIGNS
 from scenario_tui.widgets.timeline import TimelineView
-from scenario_tui.widgets.top_view import LEGEND, REPLAY_LEGEND, TopView, View
+from scenario_tui.widgets.top_view import REPLAY_LEGEND, TopView
 from scenario_tui.widgets.verdict_list import VerdictList
 from scenario_tui.wording import glyph_word, run_label, word_of
 
 if TYPE_CHECKING:
-    from scenario_tui.app import Dashboard
     from scenario_tui.playback import Playback
 
 
 _VAST: Final = 170
 """Columns from which on map and signals stand side by side."""
-
-
-class RunPanel(Vertical):
-    """Words and map of one run, one above the other: beside the table of runs."""
-
-    def compose(self) -> ComposeResult:
-        """Lay out words and map."""
-        with VerticalScroll(id="words"):
-            yield Static(id="run-text")
-        with Vertical(id="above"):
-            yield Static(id="unseen")
-            yield TopView(id="map")
-            yield Static(LEGEND, id="legend")
-
-    def show(self, dashboard: Dashboard, picture: Picture | None) -> None:
-        """Show the run of a picture, or nothing."""
-        detail = picture.detail if picture is not None else None
-        if picture is None or detail is None:
-            self.query_one("#run-text", Static).update("")
-            self._above(None)
-            return
-        track = track_of(dashboard, detail)
-        self.query_one("#run-text", Static).update(run_text(detail, track))
-        seen = recording_of(picture, detail.row.id)
-        if isinstance(seen, Unseen):
-            self._above(None, seen.why)
-        elif picture.scene is not None:
-            self._above(view_of(detail, picture.scene, track, seen))
-        else:
-            self._above(None)
-
-    def _above(self, view: View | None, why: str = "") -> None:
-        """Show the map, or why there is none."""
-        top, legend = self.query_one(TopView), self.query_one("#legend")
-        top.show(view)
-        empty(self.query_one("#unseen"), top, why)
-        legend.display = not why
 
 
 class RunScreen(Playing, Steering):
@@ -321,37 +282,3 @@ def _runs(detail: RunDetail) -> bool:
 
 def _unfinished(detail: RunDetail) -> bool:
     return detail.row.state in (RunState.QUEUED, RunState.RUNNING)
-
-
-def track_of(dashboard: Dashboard, detail: RunDetail) -> Track | None:
-    """Return what was heard of a run that is running."""
-    return dashboard.tracks.get(detail.row.id) if _runs(detail) else None
-
-
-def recording_of(picture: Picture, run: str) -> Recording | Unseen | None:
-    """Return what the picture knows of the trace of a run."""
-    seen = picture.recording
-    return seen if seen is not None and seen.run == run else None
-
-
-def view_of(
-    detail: RunDetail, scene: Scene, track: Track | None, recording: Recording | None
-) -> View:
-    """Return the top view of a run: live, as recorded, or as it will start."""
-    resting = tuple(value for obj in scene.objects for value in obj.initial)
-    spec = detail.spec
-    if track is not None:
-        seen = track.snapshot
-        joints = seen.joints if len(seen.joints) == len(resting) else resting
-        return View(
-            scene, spec.robot, spec.mission, joints, seen.pose, seen.estimate, seen.reached,
-            tuple(track.trail), metres(seen.returns), metres(seen.plan), tuple(track.flashes),
-            seen.spread,
-        )  # fmt: skip
-    if recording is not None:
-        joints = recording.joints if len(recording.joints) == len(resting) else resting
-        return View(
-            scene, spec.robot, spec.mission, joints, recording.pose, reached=recording.reached,
-            trail=recording.trail,
-        )  # fmt: skip
-    return View(scene, spec.robot, spec.mission, resting)

@@ -15,7 +15,7 @@ from daemon.protocol import CampaignRow, RunRow, RunState
 from scenario_tui.feed import Picture, RunsWanted, Want
 from scenario_tui.palette import QUIET, WORDS
 from scenario_tui.screens.base import empty
-from scenario_tui.screens.run import RunPanel
+from scenario_tui.screens.panel import RunPanel
 from scenario_tui.screens.steering import Steering, marks
 from scenario_tui.tracks import Track
 from scenario_tui.widgets.keyed_table import Column, KeyedTable, Row
