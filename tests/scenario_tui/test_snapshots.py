@@ -7,6 +7,7 @@ import pytest
 from tests.scenario_tui.fake import FakeDaemon, make_live
 from tests.scenario_tui.inline import make_dashboard, press, settle
 from tests.scenario_tui.judged_campaign import judged_campaign
+from tests.scenario_tui.test_states import STATES
 
 NARROW, WIDE = (80, 24), (120, 40)
 SCREENS = {
@@ -51,3 +52,19 @@ def test_a_gone_daemon(snap_compare) -> None:
         await settle(pilot)
 
     assert snap_compare(make_dashboard(fake), terminal_size=NARROW, run_before=before)
+
+
+@pytest.mark.parametrize("state", ["gone", "empty", "stuck"])
+@pytest.mark.parametrize("size", [NARROW, WIDE], ids=["80x24", "120x40"])
+def test_a_state(snap_compare, state: str, size: tuple[int, int]) -> None:
+    fake = FakeDaemon()
+    STATES[state](fake)
+    assert snap_compare(make_dashboard(fake), terminal_size=size, run_before=settle)
+
+
+def test_the_smallest_terminal(snap_compare) -> None:
+    async def before(pilot) -> None:
+        await settle(pilot)
+        await press(pilot, "enter")
+
+    assert snap_compare(make_dashboard(FakeDaemon()), terminal_size=(40, 10), run_before=before)
