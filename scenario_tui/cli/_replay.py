@@ -65,6 +65,7 @@ def replay(
     from scenario_tui.cli._chosen import one_trace
     from scenario_tui.cli._output import say
     from scenario_tui.cli._session import Target
+    from scenario_tui.limits import undrawable
     from scenario_tui.playback import open_playback
 
     if as_json and not frame:
@@ -78,6 +79,9 @@ def replay(
         return
     if not frame and not (sys.stdin.isatty() and sys.stderr.isatty()):
         say("scenario: a replay needs a terminal; scripts use `scenario replay RUN --frame 10`")
+        raise typer.Exit(ExitCode.BAD_INPUT)
+    if not frame and (why := undrawable()):
+        say(f"scenario: {why}")
         raise typer.Exit(ExitCode.BAD_INPUT)
     playback = open_playback(trace)
     if frame:
@@ -97,11 +101,12 @@ def _compare(first: Path, second: Path, start: str, speed: float) -> None:
 
     from scenario_tui.cli._output import out
     from scenario_tui.comparison_text import comparison_text
+    from scenario_tui.limits import undrawable
     from scenario_tui.playback import open_playback
 
     both = open_playback(first), open_playback(second)
     begin = _moment(both[0], start, "--from") if start else both[0].start
-    if not (sys.stdin.isatty() and sys.stderr.isatty()):
+    if undrawable() or not (sys.stdin.isatty() and sys.stderr.isatty()):
         out().print(comparison_text(*both), soft_wrap=True)
         return
     from scenario_tui.screens.compare import CompareScreen
