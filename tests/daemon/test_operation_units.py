@@ -45,9 +45,10 @@ def test_the_daemon_is_given_the_time_its_drain_takes() -> None:
 
 
 def test_a_daemon_whose_traces_go_elsewhere_keeps_doing_so() -> None:
-    unit = daemon_unit(Path("/bin/scenario"), Path("/s"), traces="s3://bucket/50%")
+    unit = daemon_unit(Path("/bin/scenario"), Path("/s"), traces="s3://bucket/50%", quota="20GiB")
     command = words(parsed(unit)["Service"]["ExecStart"])
     assert command[command.index("--traces") + 1] == "s3://bucket/50%"
+    assert command[command.index("--quota") + 1] == "20GiB"
 
 
 def test_a_worker_is_given_the_time_of_a_run() -> None:
