@@ -134,7 +134,7 @@ def differences(first: RunSpec, second: RunSpec) -> tuple[Difference, ...]:
     """Return what is not the same in two specifications, part by part."""
     ours, theirs = (dict(_flat("", codec.to_plain(spec))) for spec in (first, second))
     found = [
-        Difference(path, ours.get(path, NOTHING), theirs.get(path, NOTHING))
+        Difference(path, *_shown(ours.get(path, NOTHING), theirs.get(path, NOTHING)))
         for path in ours | theirs
         if ours.get(path) != theirs.get(path) and path not in _IDENTITY
     ]
@@ -153,6 +153,20 @@ def _gathered(found: list[Difference]) -> Iterator[Difference]:
         yield Difference(f"{part}]", first, f"{second} in {len(listed)} places")
 
 
+def _shown(first: str, second: str) -> tuple[str, str]:
+    """Return two texts as short as they can be and still differ."""
+    short = (_short(first), _short(second))
+    return short if short[0] != short[1] else (first, second)
+
+
+def _short(text: str) -> str:
+    try:
+        number = float(text)
+    except ValueError:
+        return text if len(text) <= _LONGEST else f"{text[: _LONGEST - 1]}…"
+    return f"{number:.6g}" if "." in text else text
+
+
 def _flat(path: str, value: Any) -> Iterator[tuple[str, str]]:
     if isinstance(value, Mapping) and value:
         for key, part in value.items():
@@ -164,5 +178,4 @@ def _flat(path: str, value: Any) -> Iterator[tuple[str, str]]:
                 name = str(part.get("joint") or part.get("name") or part.get("id") or name)
             yield from _flat(f"{path}[{name}]", part)
     else:
-        text = str(value)
-        yield path, text if len(text) <= _LONGEST else f"{text[: _LONGEST - 1]}…"
+        yield path, str(value)

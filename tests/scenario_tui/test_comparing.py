@@ -72,6 +72,24 @@ def test_specifications_differ_part_by_part() -> None:
     assert differences(spec, replace(spec, repeat=3)) == ()
 
 
+@pytest.mark.parametrize(
+    ("first", "second", "shown"),
+    [
+        (1.65806278, -2.0, ("1.65806", "-2")),
+        (1.65806278, 1.65806279, ("1.65806278", "1.65806279")),
+        ("a" * 50, "b", ("a" * 39 + "…", "b")),
+        ("a" * 50 + "1", "a" * 50 + "2", ("a" * 50 + "1", "a" * 50 + "2")),
+    ],
+)
+def test_differences_are_short_but_never_look_the_same(
+    first: object, second: object, shown: tuple[str, str]
+) -> None:
+    spec = make_run()
+    a, b = (replace(spec, sut=SutReference("it", "it", {"p": value})) for value in (first, second))
+    (found,) = differences(a, b)
+    assert (found.first, found.second) == shown
+
+
 @pytest.fixture(scope="module")
 def both(tmp_path_factory: pytest.TempPathFactory) -> tuple[Playback, Playback]:
     folder = tmp_path_factory.mktemp("traces")
