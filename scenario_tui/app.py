@@ -24,6 +24,7 @@ from scenario_tui.config import Config
 from scenario_tui.daylight import Daylight
 from scenario_tui.equivalent import Equivalent
 from scenario_tui.errands import Errands
+from scenario_tui.examining import Examine, examine_apart
 from scenario_tui.feed import Action, Feed, Picture
 from scenario_tui.screens.base import BaseScreen
 from scenario_tui.screens.campaigns import CampaignsScreen
@@ -73,11 +74,12 @@ class Dashboard(SparingApp):
         config: Config | None = None,
         equivalent: Equivalent | None = None,
         ask: Ask = ask,
+        examine: Examine = examine_apart,
     ) -> None:
         super().__init__()
         self.feed = feed
         self.errands = Errands()
-        self.ask = ask
+        self.ask, self.examine = ask, examine
         self.equivalent = equivalent or Equivalent()
         self.config = config or Config()
         self.read_only = self.config.read_only

@@ -18,12 +18,12 @@ from textual.widgets import Input, OptionList, Static
 from daemon.protocol import Submission
 from grammars.diagnostics import Diagnostic, Severity, Where
 from scenario_tui.asking import Daemon
-from scenario_tui.cli._check import checked
 from scenario_tui.cli._diagnostics import counts, rendered
+from scenario_tui.examining import Examine, Examined
 from scenario_tui.feed import Picture
 from scenario_tui.files import fitting, is_campaign, near, newest, shown, typed_folder
 from scenario_tui.palette import QUIET, WORDS
-from scenario_tui.preparing import prepare, tell_receipt
+from scenario_tui.preparing import tell_receipt
 from scenario_tui.screens.base import BaseScreen, empty
 from scenario_tui.screens.dialogs import same_as
 from scenario_tui.wording import counted
@@ -37,7 +37,8 @@ _NONE: Final = (
     "Type the way to another folder, such as ../ or ~/lab/."
 )
 
-Checked = tuple[str, tuple[Diagnostic, ...]]
+Checked = tuple[float, Examined]
+"""What was found of a file, and as of when."""
 
 
 class SubmitScreen(BaseScreen):
@@ -65,7 +66,7 @@ class SubmitScreen(BaseScreen):
         self._here = self._folder = Path.cwd()
         self._files: tuple[Path, ...] | None = None
         self._names: tuple[str, ...] = ()
-        self._checked: dict[Path, tuple[float, Checked]] = {}
+        self._checked: dict[Path, Checked] = {}
         self._checking: Path | None = None
         self._fresh = self._busy = False
         self._pausing: Timer | None = None
@@ -175,7 +176,9 @@ class SubmitScreen(BaseScreen):
             return
         self._checking = path
         self.dashboard.errands.start(
-            partial(_checked, path), partial(self._note, path), partial(self._note_failure, path)
+            partial(_examined, self.dashboard.examine, path),
+            partial(self._note, path),
+            partial(self._note_failure, path),
         )
 
     def _look_again(self) -> None:
@@ -194,9 +197,9 @@ class SubmitScreen(BaseScreen):
             self._check()
 
     def _note_failure(self, path: Path, why: str) -> None:
-        self._note(path, (time.time(), ("", (Diagnostic(Where(str(path)), why),))))
+        self._note(path, (time.time(), Examined("", (Diagnostic(Where(str(path)), why),))))
 
-    def _note(self, path: Path, found: tuple[float, Checked]) -> None:
+    def _note(self, path: Path, found: Checked) -> None:
         self._checking = None
         self._checked[path] = found
         if self.is_attached:
@@ -216,7 +219,7 @@ class SubmitScreen(BaseScreen):
         found = self._checked.get(path)
         if self._busy or found is None:
             return Text("… submitting" if self._busy else "… checking", style=QUIET)
-        about, diagnostics = found[1]
+        about, diagnostics = found[1].about, found[1].findings
         word = "fail" if _errors(diagnostics) else "pass"
         sign = "✗" if _errors(diagnostics) else "✓"
         text = Text(f"{sign} {about + ', ' if about else ''}{counts(diagnostics)}", WORDS[word])
@@ -235,13 +238,17 @@ class SubmitScreen(BaseScreen):
             self._tell()
             # The file may have changed since it was checked: what is handed over is read anew.
             self.dashboard.errands.start(
-                partial(prepare, path, fresh=self._fresh),
-                lambda prepared: self._hand_over(path, prepared[0]),
+                partial(self.dashboard.examine, path, submit=True, fresh=self._fresh),
+                partial(self._hand_over, path),
                 partial(self._refuse, path),
             )
 
-    def _hand_over(self, path: Path, submission: Submission) -> None:
-        command = self.command()
+    def _hand_over(self, path: Path, found: Examined) -> None:
+        if found.submission is None:
+            wrong = [d for d in found.findings if d.severity is Severity.ERROR]
+            self._refuse(path, str(wrong[0]) if wrong else "there is nothing to submit")
+            return
+        command, submission = self.command(), found.submission
         self._busy = False
         self.dashboard.remember(path)
         self.dashboard.steer(partial(_submit, submission), command)
@@ -283,9 +290,9 @@ class SubmitScreen(BaseScreen):
         super().action_back()
 
 
-def _checked(path: Path) -> tuple[float, Checked]:
+def _examined(examine: Examine, path: Path) -> Checked:
     """Return what the check says, and as of when the files it is about are."""
-    return newest(path.parent), checked(path)
+    return newest(path.parent), examine(path)
 
 
 def _submit(submission: Submission, daemon: Daemon) -> str:

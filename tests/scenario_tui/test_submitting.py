@@ -10,10 +10,13 @@ from typing import Any
 import pytest
 from textual.widgets import Input, Static
 
+from scenario_tui.app import Dashboard
+from scenario_tui.examining import examine
 from scenario_tui.files import fitting, is_campaign, near, typed_folder
 from scenario_tui.screens.campaigns import CampaignsScreen
 from scenario_tui.screens.submit import SubmitScreen
-from tests.scenario_tui.driven import SteeredDaemon, make_dashboard, notices, until
+from tests.scenario_tui import driven
+from tests.scenario_tui.driven import SteeredDaemon, notices, until
 from tests.scenario_tui.inline import press, screen_text, settle
 
 DEMO = Path(__file__).parents[2] / "campaigns"
@@ -36,6 +39,11 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     os.utime(tmp_path / "broken.yaml", (1.0, 1.0))
     monkeypatch.chdir(tmp_path)
     return tmp_path
+
+
+def make_dashboard(fake: SteeredDaemon) -> Dashboard:
+    """Files are examined in this process, which has loaded what that takes."""
+    return driven.make_dashboard(fake, examine=examine)
 
 
 def about(pilot: Any) -> str:
