@@ -32,6 +32,8 @@ _PAUSE: Final = 0.15
 """Seconds the cursor rests on a file before it is checked."""
 _AGAIN: Final = 1.0
 """Seconds between two looks for whether it was edited."""
+_AT_ONCE: Final = 2
+"""Files checked at a time: one that takes long, and the one looked at."""
 _NONE: Final = (
     "No campaign file here: a YAML file with `campaign:` in it.\n\n"
     "Type the way to another folder, such as ../ or ~/lab/."
@@ -67,7 +69,7 @@ class SubmitScreen(BaseScreen):
         self._files: tuple[Path, ...] | None = None
         self._names: tuple[str, ...] = ()
         self._checked: dict[Path, Checked] = {}
-        self._checking: Path | None = None
+        self._checking: set[Path] = set()
         self._fresh = self._busy = False
         self._pausing: Timer | None = None
         self._news: int | None = None
@@ -170,11 +172,13 @@ class SubmitScreen(BaseScreen):
             self.action_submit_file()
 
     def _check(self) -> None:
-        """Check the file under the cursor, one at a time."""
+        """Check the file under the cursor, unless enough of them are being checked."""
         path = self._chosen()
-        if path is None or self._checking is not None or path in self._checked:
+        if path is None or path in self._checked or path in self._checking:
             return
-        self._checking = path
+        if len(self._checking) >= _AT_ONCE:
+            return
+        self._checking.add(path)
         self.dashboard.errands.start(
             partial(_examined, self.dashboard.examine, path),
             partial(self._note, path),
@@ -200,7 +204,7 @@ class SubmitScreen(BaseScreen):
         self._note(path, (time.time(), Examined("", (Diagnostic(Where(str(path)), why),))))
 
     def _note(self, path: Path, found: Checked) -> None:
-        self._checking = None
+        self._checking.discard(path)
         self._checked[path] = found
         if self.is_attached:
             self._tell()
