@@ -21,7 +21,7 @@ from textual.app import App
 from textual.command import CommandList
 from textual.keys import format_key
 from textual.pilot import Pilot
-from textual.widgets import Static
+from textual.widgets import Input, Static
 
 from daemon.protocol import RunDetail
 from daemon.spec import RunResult
@@ -212,6 +212,8 @@ async def draw(name: str, folder: Path) -> str:
                 await pilot.pause(0)
             if shot.before is not None:
                 await shot.before(pilot)
+            for line in app.screen.query(Input):
+                line.cursor_blink = False
             await pilot.pause(0)
             svg = app.export_screenshot(title=f"scenario tui: {name}")
     return _slim(svg.replace(_identifier(svg), name))
