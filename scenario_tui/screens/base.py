@@ -130,7 +130,9 @@ class BaseScreen(Screen[None]):
             return
         picture, now = self.dashboard.picture, self.dashboard.clock()
         self.query_one(StatusLine).show(picture, now)
-        self.query_one("#trail", Static).update(self._trail())
+        trail, text = self.query_one("#trail", Static), self._trail()
+        if text != trail.content:  # else everything would be laid out again for nothing
+            trail.update(text)
         self.set_class(not picture.connected and picture.at > 0, "-stale")
         self.show(picture)
 

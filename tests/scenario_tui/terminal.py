@@ -67,7 +67,7 @@ class Terminal:
         self._stream.feed(data)
         return bool(data)
 
-    def until(self, seen: str | Callable[[], bool], seconds: float = 10.0) -> None:
+    def until(self, seen: str | Callable[[], bool], seconds: float = 30.0) -> None:
         """Read until some text is on the screen, or something else is true."""
         true = seen if callable(seen) else lambda: seen in self.text
         deadline = time.monotonic() + seconds

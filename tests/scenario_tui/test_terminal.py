@@ -151,7 +151,7 @@ class Tmux:
         return self.call("capture-pane", "-p")
 
     def until(self, seen: str) -> None:
-        eventually(lambda: seen in self.text or None)
+        eventually(lambda: seen in self.text, 30.0)
 
 
 @pytest.mark.skipif(shutil.which("tmux") is None, reason="tmux is not installed")
