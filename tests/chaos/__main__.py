@@ -14,6 +14,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from tests.chaos.clock import clock
+from tests.chaos.cluster import cluster
 from tests.chaos.cut import cut_off
 from tests.chaos.disk import full_disk
 from tests.chaos.report import Report
@@ -28,6 +29,7 @@ def _scenarios(runs: int, seed: int) -> dict[str, Callable[[Path], Report]]:
         "torn": lambda folder: torn(folder, seed=seed),
         "clock": lambda folder: clock(folder, seed=seed),
         "cut": cut_off,
+        "cluster": lambda folder: cluster(folder, seed=seed),
     }
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import threading
 import uuid
 from collections.abc import Callable, Sequence
@@ -79,6 +80,8 @@ class Link:
 
     def open(self) -> None:
         """Connect; raises :class:`WorkerBroken` when nobody answers or versions differ."""
+        # Its traceback for every loss of the connection would bury what we say about it.
+        logging.getLogger("distributed.client").setLevel(logging.CRITICAL)
         try:
             self._connect()
         except _NO_CONNECTION as error:

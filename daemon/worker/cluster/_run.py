@@ -119,7 +119,7 @@ class RemoteRun:
                 if not self.ended:
                     self._end(f"{error}", blame=self._home.suspect(self.attempt.grant.run))
         except FutureCancelledError as error:
-            self.kill(f"the cluster dropped it: {error}")
+            self.kill(f"the cluster dropped it: {error.reason}")
         except Exception as error:
             # Dask hands on whatever was raised anywhere on the way: never the run's own doing,
             # which is reported in words.

@@ -1,0 +1,94 @@
+"""A Dask cluster under load: its workers, its scheduler and the gateway are killed at random."""
+
+from __future__ import annotations
+
+import random
+import time
+from collections import Counter
+from contextlib import suppress
+from pathlib import Path
+
+import psutil
+
+from tests.chaos.report import Report
+from tests.chaos.verify import verify
+from tests.chaos.violence import EXECUTOR, attempts_below, progress
+from tests.daemon.dask_harness import Dask, dask_in, gateway_for
+from tests.daemon.harness import Part, daemon_at
+from tests.daemon.samples import make_spec, submission_of
+
+THREADS = 2
+WORKERS = 2
+
+
+class Cluster:
+    """What can be killed, and how often it was."""
+
+    def __init__(self, dask: Dask, gateway: Part, rng: random.Random) -> None:
+        self.done: Counter[str] = Counter()
+        self._dask = dask
+        self._gateway = gateway
+        self._rng = rng
+        self._workers: list[psutil.Process] = []
+        self.refill()
+
+    def refill(self) -> None:
+        """Start as many workers as there should be."""
+        self._workers = [worker for worker in self._workers if _runs(worker)]
+        for _ in range(WORKERS - len(self._workers)):
+            self._workers += self._dask.start_workers(THREADS)
+
+    def strike(self) -> None:
+        """Kill something; the gateway and the scheduler start again at once."""
+        (deed,) = self._rng.choices(["Dask worker", "Dask scheduler", "gateway"], [3, 2, 2])
+        self.done[f"{deed} killed"] += 1
+        if deed == "Dask worker":
+            with suppress(psutil.NoSuchProcess):
+                self._rng.choice(self._workers).kill()
+        elif deed == "Dask scheduler":
+            self._dask.scheduler.kill()
+            self._dask.start_scheduler()
+        else:
+            self._gateway.kill()
+            self._gateway.restart()
+        self.revive()
+
+    def revive(self) -> None:
+        """Start again what has given up or was killed."""
+        self.refill()
+        if self._gateway.process.poll() is not None:
+            self._gateway.restart()
+
+
+def _runs(process: psutil.Process) -> bool:
+    return process.is_running() and process.status() != psutil.STATUS_ZOMBIE
+
+
+def cluster(
+    folder: Path, *, runs: int = 200, seed: int = 1, every: float = 5.0, seconds: float = 90.0
+) -> Report:
+    """Strike every ``every`` seconds for a while, let it finish; then look at what is left."""
+    report = Report("cluster: Dask workers, scheduler and gateway killed under load")
+    rng = random.Random(seed)
+    specs = [make_spec(i, sleep=round(rng.uniform(0.1, 0.5), 3)) for i in range(runs)]
+    with (
+        daemon_at(folder / "state", lease=5.0, grace=0.5, attempts=200) as daemon,
+        daemon.client() as client,
+        dask_in(folder / "dask") as dask,
+        gateway_for(dask, daemon, executor=EXECUTOR) as gateway,
+    ):
+        client.submit(submission_of("chaos", *specs))
+        scene = Cluster(dask, gateway, rng)
+        start = time.monotonic()
+        while progress(daemon.endpoint) != (runs, 0) and time.monotonic() < start + 3 * seconds:
+            time.sleep(every)
+            if time.monotonic() < start + seconds:
+                scene.strike()
+            scene.revive()
+        for what, count in sorted(scene.done.items()):
+            report.fact(what, count)
+        report.fact("runs", runs)
+        left = attempts_below(folder)
+        report.expect(not left, f"spools keep {len(left)} attempts: {left[:2]}")
+        verify(report, daemon.state, runs)
+    return report
