@@ -181,8 +181,10 @@ def test_the_spool_is_empty_when_nothing_runs(client: Client, daemon: DaemonPart
 
 
 def test_the_worker_is_on_the_list(client: Client) -> None:
+    # What it was busy with in another test it may not have taken back yet.
+    eventually(lambda: all(row.busy == 0 for row in client.workers()))
     (row,) = client.workers()
-    assert (row.slots, row.busy) == (2, 0)
+    assert row.slots == 2
     assert psutil.pid_exists(row.pid)
     assert client.overview().workers == 1
 
