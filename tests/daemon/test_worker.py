@@ -182,7 +182,7 @@ def test_the_spool_is_empty_when_nothing_runs(client: Client, daemon: DaemonPart
 
 def test_the_worker_is_on_the_list(client: Client) -> None:
     # What it was busy with in another test it may not have taken back yet.
-    eventually(lambda: all(row.busy == 0 for row in client.workers()))
+    eventually(lambda: [row.busy for row in client.workers()] == [0])
     (row,) = client.workers()
     assert row.slots == 2
     assert psutil.pid_exists(row.pid)
