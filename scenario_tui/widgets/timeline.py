@@ -99,7 +99,8 @@ class Picture:
     ) -> None:
         self.codes: Codes = np.full((rows, columns), ord(" "), dtype=np.int32)
         self.owners: Codes = np.full((rows, columns), -1, dtype=np.int32)
-        self.gutter = min(GUTTER, columns // 3)
+        # Two values need room beside each other.
+        self.gutter = min(GUTTER, columns // (3 if len(chronicles) == 1 else 2))
         ends = max(c.end for c in chronicles)
         self.span = _Span(min(c.start for c in chronicles), ends, max(columns - self.gutter, 1))
         lead = chronicles[0]
