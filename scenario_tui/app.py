@@ -25,7 +25,8 @@ from scenario_tui.daylight import Daylight
 from scenario_tui.equivalent import Equivalent
 from scenario_tui.errands import Errands
 from scenario_tui.examining import Examine, examine_apart
-from scenario_tui.feed import Action, Feed, Picture
+from scenario_tui.feed import Action, Feed
+from scenario_tui.picture import Picture
 from scenario_tui.screens.base import BaseScreen
 from scenario_tui.screens.campaigns import CampaignsScreen
 from scenario_tui.screens.help import Help

@@ -1,8 +1,8 @@
 """What the dashboard knows: asked for by a thread of its own, taken by the screen's timer.
 
-The thread leaves an immutable :class:`Picture` behind; telemetry and notices wait in queues that
-forget the oldest. A second thread judges campaigns, which takes long when they are large. Nothing
-here ever blocks the thread that draws.
+The thread leaves an immutable :class:`~scenario_tui.picture.Picture` behind; telemetry and
+notices wait in queues that forget the oldest. A second thread judges campaigns, which takes long
+when they are large. Nothing here ever blocks the thread that draws.
 """
 
 from __future__ import annotations
@@ -10,28 +10,18 @@ from __future__ import annotations
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from contextlib import AbstractContextManager
-from dataclasses import dataclass, field, replace
-from pathlib import Path
-from typing import Final, Literal, TypeAlias, TypeVar
+from dataclasses import replace
+from typing import Final, TypeAlias, TypeVar
 
 from daemon.errors import DaemonError, Refused, Unreachable
-from daemon.protocol import (
-    CampaignRow,
-    Event,
-    Live,
-    Overview,
-    RunDetail,
-    RunPage,
-    RunState,
-    WorkerRow,
-)
+from daemon.protocol import Event, Live, RunDetail, RunPage, RunState
 from grammars.scene import Scene
-from grammars.values import Point2, Pose2
 from scenario_tui.asking import Daemon, Opener, Subscription
 from scenario_tui.judging import Judge
-from scenario_tui.summary import Conclusion, Results
+from scenario_tui.picture import Notice, Picture, RunsWanted, Want
+from scenario_tui.recordings import Recording, Unseen, can_be_brought, read_recording
 
 T = TypeVar("T")
 
@@ -45,89 +35,8 @@ _PATIENCE: Final = 1.0
 _JUDGING: Final = 0.1
 """Seconds between two looks for campaigns that should be judged."""
 _SCENES_KEPT: Final = 8
-_TRAIL_POINTS: Final = 4000
 
 Action: TypeAlias = Callable[[Daemon], str]
-
-
-@dataclass(frozen=True, slots=True)
-class RunsWanted:
-    """A page of runs, as :meth:`scenario_tui.asking.Daemon.runs` takes it."""
-
-    campaign: str = ""
-    state: str = ""
-    outcome: str = ""
-    text: str = ""
-    sort: str = "index"
-    descending: bool = False
-    offset: int = 0
-    limit: int = 100
-    scenario: str = ""
-    sut: str = ""
-
-
-@dataclass(frozen=True, slots=True)
-class Want:
-    """What the screen in front shows beyond the overview: nothing else is asked for."""
-
-    runs: RunsWanted | None = None
-    run: str = ""
-    workers: bool = False
-    results: str = ""
-
-
-@dataclass(frozen=True, slots=True)
-class Recording:
-    """Where the robot of a finished run went, and how everything stood at its end; ``path`` is
-    the trace.
-    """
-
-    run: str
-    path: Path
-    pose: Pose2
-    joints: tuple[float, ...]
-    reached: int
-    trail: tuple[Point2, ...]
-
-
-@dataclass(frozen=True, slots=True)
-class Unseen:
-    """A run that is over but has nothing to look at, and why, for people."""
-
-    run: str
-    why: str
-
-
-@dataclass(frozen=True, slots=True)
-class Picture:
-    """The last that is known; ``at`` is when it was true [s since the epoch], 0 for never.
-
-    ``problem`` says why we are not connected; somebody is there but ``refused`` when that is what
-    they said, as daemons of other versions do.
-    """
-
-    connected: bool = False
-    problem: str = ""
-    refused: bool = False
-    at: float = 0.0
-    overview: Overview | None = None
-    campaigns: tuple[CampaignRow, ...] = ()
-    workers: tuple[WorkerRow, ...] = ()
-    wanted: RunsWanted | None = None
-    page: RunPage | None = None
-    detail: RunDetail | None = None
-    scene: Scene | None = None
-    recording: Recording | Unseen | None = None
-    conclusions: Mapping[str, Conclusion] = field(default_factory=dict)
-    results: Results | None = None
-
-
-@dataclass(frozen=True, slots=True)
-class Notice:
-    """The outcome of an action, for people."""
-
-    text: str
-    severity: Literal["information", "error"] = "information"
 
 
 class Feed:
@@ -409,83 +318,6 @@ class Feed:
     def _show(self, picture: Picture) -> None:
         self._picture = picture
         self._changed = True
-
-
-def traced(detail: RunDetail, source: Daemon | None = None) -> Path | Unseen:
-    """Return where the trace of a run lies on this machine, or why there is none.
-
-    One that lies elsewhere is brought here if ``source`` is given; that may take a while.
-    """
-    run, path = detail.row.id, Path(detail.row.trace)
-    if detail.row.state in (RunState.QUEUED, RunState.RUNNING):
-        return Unseen(run, f"This run is {detail.row.state}: its trace is there when it is over.")
-    if detail.result is None:
-        what = f"This run was {detail.row.state}: there is nothing to look at."
-        return Unseen(run, f"{what}\n\nr queues it again.")
-    if not detail.row.trace:
-        return Unseen(run, "No trace of this run was kept.")
-    if path.is_file():
-        return path
-    if source is not None:
-        return _brought(detail, source)
-    what = "Look at it where its worker is, or run it again."
-    return Unseen(run, f"Its trace is not on this machine (any more): {path}\n\n{what}")
-
-
-def _brought(detail: RunDetail, source: Daemon) -> Path | Unseen:
-    from daemon.store import local_copy, recorded
-
-    try:
-        return local_copy(recorded(detail), source)
-    except DaemonError as error:
-        return Unseen(detail.row.id, f"Its trace cannot be brought here: {error}")
-
-
-def can_be_brought(detail: RunDetail, source: Daemon) -> bool:
-    """Whether the trace of a run lies elsewhere, and can be had from there as far as is known."""
-    from daemon.store import is_url
-
-    row = detail.row
-    if detail.result is None or not row.trace or Path(row.trace).is_file():
-        return False
-    if is_url(row.trace):
-        return True
-    try:
-        source.piece(row.id, 0)
-    except Refused:
-        return False
-    return True
-
-
-def read_recording(detail: RunDetail, source: Daemon | None = None) -> Recording | Unseen:
-    """Return the recorded way of a run that is over, or why its trace cannot be read here.
-
-    One that lies elsewhere is brought here if ``source`` is given.
-    """
-    from daemon.trace import TraceError, read_trace
-
-    run, path = detail.row.id, traced(detail, source)
-    if isinstance(path, Unseen):
-        return path
-    try:
-        trace = read_trace(path)
-    except TraceError as error:
-        said = "; ".join(d.message for d in error.diagnostics)
-        what = "Run it again, or copy the file anew from where its worker is."
-        return Unseen(run, f"Its trace cannot be used: {said}: {path}\n\n{what}")
-    way, joints = trace.ground_truth, trace.joints
-    if not len(way.time):
-        return Unseen(run, f"Its trace says nothing of where the robot was: {path}")
-    every = max(1, len(way.time) // _TRAIL_POINTS)
-    trail = tuple(zip(way.x[::every].tolist(), way.y[::every].tolist(), strict=True))
-    return Recording(
-        run=run,
-        path=path,
-        pose=Pose2(float(way.x[-1]), float(way.y[-1]), float(way.yaw[-1])),
-        joints=tuple(joints.position[-1].tolist()) if len(joints.time) else (),
-        reached=trace.progress[-1].reached if trace.progress else 0,
-        trail=trail,
-    )
 
 
 def _page(daemon: Daemon, wanted: RunsWanted) -> RunPage:

@@ -13,8 +13,8 @@ from textual.screen import Screen
 from textual.widget import Widget
 from textual.widgets import Footer, Static
 
-from scenario_tui.feed import Picture, Want
 from scenario_tui.palette import UNSURE, WORDS
+from scenario_tui.picture import Picture, Want
 from scenario_tui.widgets.status_line import StatusLine
 from scenario_tui.wording import GLYPHS
 

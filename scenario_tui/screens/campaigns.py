@@ -11,8 +11,8 @@ from textual.containers import Horizontal, VerticalScroll
 from textual.widgets import Static
 
 from daemon.protocol import CampaignRow
-from scenario_tui.feed import Picture
 from scenario_tui.palette import QUIET, UNSURE, WORDS
+from scenario_tui.picture import Picture
 from scenario_tui.screens.base import empty
 from scenario_tui.screens.steering import Steering, marks
 from scenario_tui.summary import Conclusion

@@ -17,9 +17,9 @@ from daemon.errors import DaemonError
 from grammars.diagnostics import InputError
 from scenario_tui.comparing import Alignment, Clock, clock_of, on_clock
 from scenario_tui.comparison_text import comparison_text
-from scenario_tui.feed import Unseen, traced
 from scenario_tui.palette import QUIET
 from scenario_tui.playback import Playback, open_playback
+from scenario_tui.recordings import Unseen, traced
 from scenario_tui.screens.help import Help
 from scenario_tui.screens.playing import Playing, clock_line
 from scenario_tui.screens.replay import leave

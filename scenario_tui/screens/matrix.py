@@ -12,8 +12,8 @@ from textual.widgets import DataTable, Static
 
 from daemon.assessment import Cell
 from daemon.protocol import CampaignRow
-from scenario_tui.feed import Picture, Want
 from scenario_tui.judged import Footnotes
+from scenario_tui.picture import Picture, Want
 from scenario_tui.screens.base import empty
 from scenario_tui.screens.steering import Steering, marks
 from scenario_tui.summary import Results

@@ -11,7 +11,8 @@ from textual.widgets import Static
 from daemon.glance import metres
 from daemon.protocol import RunDetail, RunState
 from grammars.scene import Scene
-from scenario_tui.feed import Picture, Recording, Unseen
+from scenario_tui.picture import Picture
+from scenario_tui.recordings import Recording, Unseen
 from scenario_tui.screens.base import empty
 from scenario_tui.tracks import Track
 from scenario_tui.widgets.run_text import run_text

@@ -15,8 +15,9 @@ from textual.widgets import OptionList, Static
 
 from daemon.protocol import CampaignRow, RunDetail, RunState
 from daemon.verdict import Verdict
-from scenario_tui.feed import Picture, Recording, Unseen, Want
 from scenario_tui.palette import QUIET, WORDS
+from scenario_tui.picture import Picture, Want
+from scenario_tui.recordings import Recording, Unseen
 from scenario_tui.run_log import log_text
 from scenario_tui.screens.base import empty
 from scenario_tui.screens.panel import recording_of, track_of, view_of

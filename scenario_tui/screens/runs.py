@@ -12,8 +12,8 @@ from textual.containers import Horizontal, Vertical
 from textual.widgets import Input, Static
 
 from daemon.protocol import CampaignRow, RunRow, RunState
-from scenario_tui.feed import Picture, RunsWanted, Want
 from scenario_tui.palette import QUIET, WORDS
+from scenario_tui.picture import Picture, RunsWanted, Want
 from scenario_tui.screens.base import empty
 from scenario_tui.screens.panel import RunPanel
 from scenario_tui.screens.steering import Steering, marks

@@ -20,9 +20,9 @@ from grammars.diagnostics import Diagnostic, Severity, Where
 from scenario_tui.asking import Daemon
 from scenario_tui.cli._diagnostics import counts, rendered
 from scenario_tui.examining import Examine, Examined
-from scenario_tui.feed import Picture
 from scenario_tui.files import fitting, is_campaign, near, newest, shown, typed_folder
 from scenario_tui.palette import QUIET, WORDS
+from scenario_tui.picture import Picture
 from scenario_tui.preparing import tell_receipt
 from scenario_tui.screens.base import BaseScreen, empty
 from scenario_tui.screens.dialogs import same_as

@@ -9,7 +9,7 @@ from textual.app import ComposeResult
 from textual.widgets import Static
 
 from daemon.protocol import WorkerRow
-from scenario_tui.feed import Picture, Want
+from scenario_tui.picture import Picture, Want
 from scenario_tui.screens.base import BaseScreen, empty
 from scenario_tui.widgets.keyed_table import Column, KeyedTable, Row
 from scenario_tui.wording import ago, counted, duration

@@ -11,8 +11,8 @@ from rich.text import Text
 from textual.widgets import Static
 
 from daemon.protocol import CampaignRow, Overview
-from scenario_tui.feed import Picture
 from scenario_tui.palette import GOOD, QUIET, UNSURE, WORDS
+from scenario_tui.picture import Picture
 from scenario_tui.summary import overall
 from scenario_tui.wording import GLYPHS, brief_count, brief_duration, duration, rate, tally
 

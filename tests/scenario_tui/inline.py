@@ -12,8 +12,9 @@ from textual.widget import Widget
 from daemon.errors import DaemonError
 from daemon.protocol import Live
 from scenario_tui.app import Dashboard
-from scenario_tui.feed import Feed, Notice, Picture
+from scenario_tui.feed import Feed
 from scenario_tui.judging import Judge
+from scenario_tui.picture import Notice, Picture
 from tests.scenario_tui.fake import FakeDaemon
 
 _QUIET: Final = 10

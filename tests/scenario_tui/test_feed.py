@@ -14,7 +14,9 @@ from daemon.protocol import Event
 from daemon.spec import TraceInfo
 from daemon.store import packed
 from scenario_tui import feed as feed_module
-from scenario_tui.feed import Feed, RunsWanted, Unseen, Want, read_recording
+from scenario_tui.feed import Feed
+from scenario_tui.picture import RunsWanted, Want
+from scenario_tui.recordings import Unseen, read_recording
 from tests.scenario_tui.fake import CAMPAIGN, FakeDaemon, make_live
 
 

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import pytest
 
-from scenario_tui.feed import Picture
+from scenario_tui.picture import Picture
 from scenario_tui.summary import Conclusion
 from scenario_tui.widgets.status_line import status_text
 from tests.scenario_tui.fake import CAMPAIGN, NOW, FakeDaemon
