@@ -1,4 +1,4 @@
-"""Writing the ledger: every change of a run goes through the pure transition function.
+"""Writing the ledger: what people and workers may do with campaigns and runs.
 
 A :class:`Book` is used by one thread, inside transactions its owner opens and commits. What
 must be told to others after the commit collects in :attr:`Book.events`.
@@ -12,15 +12,14 @@ from collections.abc import Iterable, Sequence
 from typing import Final
 
 from daemon.errors import Refused
-from daemon.ledger._reuse import call_reserve, enter_runs, keep_reserve, use_results
+from daemon.ledger._changes import Changes
+from daemon.ledger._results import check_result, keep_result, trace_of
+from daemon.ledger._reuse import enter_runs, keep_reserve, use_results
 from daemon.ledger._specs import Specs
 from daemon.ledger._transition import (
     Cancelled,
-    Change,
     Completed,
-    Happening,
     Leased,
-    Record,
     Released,
     Renewed,
     Retried,
@@ -28,14 +27,10 @@ from daemon.ledger._transition import (
 )
 from daemon.messages import Answer, Completion, Grant, Hold, Release, RetryRequest
 from daemon.parcel import Fingerprint, fingerprint
-from daemon.places import is_digest
-from daemon.protocol import Event, Receipt, RunState, Submission
-from daemon.spec import RunResult
-from daemon.store import stored_url
-from daemon.verdict import Outcome, Verdict
+from daemon.protocol import Receipt, RunState, Submission
+from daemon.verdict import Outcome
 from grammars import codec
 
-_RECORD: Final = "state, attempt, strikes, worker, token, lease_until, result, reason"
 _NEXT_RUN: Final = (
     "SELECT run.id, run.campaign, trace_name, spec.body FROM run JOIN spec ON spec.run = run.id"
     " WHERE state = 'queued'{able} AND run.campaign = (SELECT id FROM campaign AS c"
@@ -44,11 +39,10 @@ _NEXT_RUN: Final = (
     " ORDER BY priority DESC, served, serial LIMIT 1) ORDER BY run.serial LIMIT 1"
 )
 _ABLE: Final = " AND kind NOT IN (SELECT value FROM json_each(?1))"
-_KEPT_EVENTS: Final = 10_000
 _LONGEST_REASON: Final = 4000
 
 
-class Book:
+class Book(Changes):
     """The write side of the ledger on one connection.
 
     A run is lost after ``attempts`` leases that ended badly; a lease lasts ``lease`` seconds.
@@ -58,11 +52,9 @@ class Book:
     def __init__(
         self, connection: sqlite3.Connection, *, attempts: int = 3, lease: float = 30.0
     ) -> None:
-        self._db = connection
-        self._attempts = attempts
+        super().__init__(connection, attempts)
         self._lease = lease
         self._specs = Specs(connection)
-        self.events: list[Event] = []
 
     def submit(
         self, submission: Submission, now: float, known: Fingerprint | None = None
@@ -144,11 +136,7 @@ class Book:
 
     def trace_of(self, run: str) -> tuple[str, str]:
         """Return the name of a run's trace and its URL, empty when it has none."""
-        row = self._db.execute("SELECT trace_name, trace_at FROM run WHERE id = ?", (run,))
-        found = row.fetchone()
-        if found is None:
-            raise Refused(f"there is no run {run}")
-        return str(found[0]), str(found[1])
+        return trace_of(self._db, run)
 
     def move_trace(self, run: str, location: str) -> None:
         """Record that the trace of a run lies at a URL now, empty for the state directory."""
@@ -183,21 +171,7 @@ class Book:
 
     def check(self, completion: Completion) -> str:
         """Refuse what is no result of a run of ours; returns the run's campaign."""
-        known = self._db.execute(
-            "SELECT digest, campaign, CASE granted WHEN 0 THEN"
-            " (SELECT value FROM meta WHERE key = 'token') ELSE granted END FROM run WHERE id = ?",
-            (completion.run,),
-        ).fetchone()
-        if known is None:
-            raise Refused(f"there is no run {completion.run}")
-        if not 0 < completion.token <= known[2]:
-            raise Refused(f"run {completion.run} was never leased under token {completion.token}")
-        if known[0] != completion.result.spec:
-            raise Refused(f"the result is not of run {completion.run}: its specification differs")
-        if not is_digest(completion.result.trace.sha256):
-            raise Refused(f"the trace of {completion.run} has no digest")
-        self._check_location(completion)
-        return str(known[1])
+        return check_result(self._db, completion)
 
     def complete(self, completion: Completion, now: float) -> Answer:
         """Record a result, exactly one per run, whoever brings it and however late."""
@@ -206,7 +180,7 @@ class Book:
         event, before = Completed(completion.token, digest), self._record(completion.run)
         # The last result of a campaign must be there before it is asked what the results decide.
         if before is not None and advance(before, event, attempts=self._attempts).record:
-            self._keep(completion, digest, now)
+            keep_result(self._db, completion, digest, now)
         change = self._apply(completion.run, event, now, before)
         if change.record:
             self._doubt(completion.run, completion.result.spec, digest, now)
@@ -214,16 +188,6 @@ class Book:
             note = change.run.reason
             self.note(now, "alarm", completion.run, campaign, "nondeterministic", note)
         return change.answer
-
-    def _check_location(self, completion: Completion) -> None:
-        """Refuse a trace that is said to lie where no store of ours would have it."""
-        if not completion.location:
-            return
-        name, _ = self.trace_of(completion.run)
-        stores = self._db.execute("SELECT url FROM store").fetchall()
-        sha256 = completion.result.trace.sha256
-        if all(stored_url(url, name, sha256) != completion.location for (url,) in stores):
-            raise Refused(f"{completion.location} is not where the trace of {completion.run} goes")
 
     def _doubt(self, run: str, spec: str, digest: str, now: float) -> None:
         """Raise an alarm when another run of the same specification came out differently."""
@@ -238,36 +202,6 @@ class Book:
         self._db.execute("UPDATE run SET reason = ? WHERE id = ?", (reason, run))
         campaign = self._db.execute("SELECT campaign FROM run WHERE id = ?", (run,)).fetchone()[0]
         self.note(now, "alarm", run, campaign, "nondeterministic", reason)
-
-    def _keep(self, completion: Completion, digest: str, now: float) -> None:
-        self._db.execute(
-            "INSERT OR IGNORE INTO result (run, attempt, worker, digest, at, body)"
-            " VALUES (?, ?, ?, ?, ?, ?)",
-            (
-                completion.run,
-                completion.attempt,
-                completion.worker,
-                digest,
-                now,
-                codec.to_json(completion.result),
-            ),
-        )
-        result, verdict = completion.result, deciding(completion.result)
-        self._db.execute(
-            "UPDATE run SET outcome = ?, oracle = ?, margin = ?, unit = ?, simulated = ?, wall = ?,"
-            " finished_at = ?, trace_at = ? WHERE id = ?",
-            (
-                result.outcome,
-                verdict.oracle if verdict else "",
-                verdict.margin if verdict else None,
-                verdict.unit if verdict else "",
-                result.timing.simulated,
-                result.timing.wall,
-                now,
-                completion.location,
-                completion.run,
-            ),
-        )
 
     def release(self, release: Release, now: float) -> Answer:
         """Take a run back without a result."""
@@ -371,82 +305,6 @@ class Book:
         if not self._db.execute("SELECT 1 FROM campaign WHERE id = ?", (campaign,)).fetchone():
             raise Refused(f"there is no campaign {campaign}")
 
-    def _record(self, run: str) -> Record | None:
-        row = self._db.execute(f"SELECT {_RECORD} FROM run WHERE id = ?", (run,)).fetchone()
-        return None if row is None else Record(RunState(row[0]), *row[1:])
-
-    def _apply(
-        self,
-        run: str,
-        event: Happening,
-        now: float,
-        before: Record | None = None,
-        *,
-        quiet: bool = False,
-    ) -> Change:
-        before = before or self._record(run)
-        if before is None:
-            raise Refused(f"there is no run {run}")
-        change = advance(before, event, attempts=self._attempts)
-        after = change.run
-        if after != before:
-            self._db.execute(
-                "UPDATE run SET state = ?, attempt = ?, strikes = ?, worker = ?, token = ?,"
-                " lease_until = ?, result = ?, reason = ? WHERE id = ?",
-                (
-                    after.state,
-                    after.attempt,
-                    after.strikes,
-                    after.worker,
-                    after.token,
-                    after.lease_until,
-                    after.result,
-                    after.reason,
-                    run,
-                ),
-            )
-        if after.state is not before.state and not quiet:
-            campaign = self._db.execute("SELECT campaign FROM run WHERE id = ?", (run,)).fetchone()
-            self.note(now, "run", run, campaign[0], after.state, after.reason)
-            if after.state not in (RunState.QUEUED, RunState.RUNNING):
-                self._close_if_finished(campaign[0], now)
-        return change
-
-    def _close_if_finished(self, campaign: str, now: float) -> None:
-        """Close a campaign of which nothing waits, unless cells need the repeats in reserve."""
-        while not self._waiting(campaign):
-            if not call_reserve(self._db, campaign):
-                self._close(campaign, now)
-                return
-            use_results(self._db, campaign)
-            self.note(now, "campaign", campaign, campaign, "extended")
-
-    def _close(self, campaign: str, now: float) -> None:
-        self._db.execute("UPDATE campaign SET finished_at = ? WHERE id = ?", (now, campaign))
-        self.note(now, "campaign", campaign, campaign, "finished")
-
-    def _waiting(self, campaign: str) -> bool:
-        found = self._db.execute(
-            "SELECT total(runs) FROM tally WHERE campaign = ? AND state IN ('queued', 'running')",
-            (campaign,),
-        ).fetchone()
-        return bool(found[0])
-
-    def note(
-        self, now: float, kind: str, name: str, campaign: str = "", state: str = "", note: str = ""
-    ) -> None:
-        """Write an event down and keep it for telling others after the commit."""
-        cursor = self._db.execute(
-            "INSERT INTO event (at, kind, id, campaign, state, note) VALUES (?, ?, ?, ?, ?, ?)",
-            (now, kind, name, campaign, state, note),
-        )
-        seq = cursor.lastrowid or 0
-        if seq % 1000 == 0:
-            self._db.execute(
-                "DELETE FROM event WHERE seq <= ? AND kind <> 'alarm'", (seq - _KEPT_EVENTS,)
-            )
-        self.events.append(Event(seq, kind, name, campaign, state))
-
 
 def _retry_words(only: Sequence[str]) -> frozenset[str]:
     allowed = {"lost", "cancelled", "all", *Outcome} - {Outcome.MEASURE}
@@ -456,13 +314,3 @@ def _retry_words(only: Sequence[str]) -> frozenset[str]:
             f"cannot retry {', '.join(unknown)}: choose among {', '.join(sorted(allowed))}"
         )
     return frozenset(only)
-
-
-def deciding(result: RunResult) -> Verdict | None:
-    """The verdict a list shows: the first failing one, else the one with the smallest margin."""
-    judged = [v for v in result.verdicts if v.outcome is not Outcome.MEASURE]
-    for verdict in judged:
-        if verdict.outcome is Outcome.FAIL:
-            return verdict
-    measured = [v for v in judged if v.margin is not None]
-    return min(measured, key=lambda v: v.margin or 0.0, default=judged[0] if judged else None)
