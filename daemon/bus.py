@@ -18,7 +18,7 @@ import zenoh
 
 from daemon.errors import DaemonError, Refused, Troubled, Unreachable
 from daemon.messages import ASK, LARGEST_SUBMISSION, Problem, Verb
-from daemon.places import INSECURE, is_encrypted, is_endpoint, socket_of, stays_here
+from daemon.places import INSECURE, endpoint_text, is_encrypted, is_endpoint, socket_of, stays_here
 from daemon.security import RULES, DaemonKeys, Holder, access_control, denial
 from grammars import codec
 
@@ -47,7 +47,7 @@ def open_router(listen: Sequence[str], keys: DaemonKeys | None = None) -> zenoh.
     try:
         return zenoh.open(_config("router", settings))
     except zenoh.ZError as error:
-        where = " and ".join(listen)
+        where = " and ".join(map(endpoint_text, listen))
         raise DaemonError(f"cannot listen at {where}: {_last_words(error)}") from error
 
 
@@ -78,9 +78,8 @@ def unreachable(endpoint: str, holder: Holder | None = None) -> Unreachable:
         words = refusal(endpoint, holder)
         if words:
             return Unreachable(f"{endpoint}: {words}")
-    where = socket_of(endpoint) or endpoint
     return Unreachable(
-        f"no daemon answers at {where}: start one with `scenario daemon`, "
+        f"no daemon answers at {endpoint_text(endpoint)}: start one with `scenario daemon`, "
         "or name another with --connect or SCENARIO_CONNECT"
     )
 
@@ -193,5 +192,6 @@ def _complaint(payload: bytes, endpoint: str, timeout: float) -> DaemonError:
         problem = codec.from_json(Problem, payload)
     except ValueError:
         # Zenoh's own error replies (its timeout) are plain text, never one of our problems.
-        return Unreachable(f"the daemon at {endpoint} did not answer within {timeout:g} s")
+        where = endpoint_text(endpoint)
+        return Unreachable(f"the daemon at {where} did not answer within {timeout:g} s")
     return (Troubled if problem.passing else Refused)(problem.problem)

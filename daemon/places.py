@@ -79,6 +79,11 @@ def socket_of(endpoint: str) -> Path | None:
     return Path(endpoint.removeprefix(_SOCKET)) if endpoint.startswith(_SOCKET) else None
 
 
+def endpoint_text(endpoint: str) -> str:
+    """Return an endpoint as people know it: a socket by its path alone."""
+    return str(socket_of(endpoint) or endpoint)
+
+
 def is_encrypted(endpoint: str) -> bool:
     """Whether what travels there is encrypted and both sides prove who they are."""
     return endpoint.startswith("tls/")

@@ -22,7 +22,7 @@ from daemon.operation._findings import Finding, ok, problem, warning
 from daemon.operation._keys_check import check_keys
 from daemon.operation._ledger_check import check_ledger
 from daemon.operation._leftovers import check_leftovers
-from daemon.places import Endpoint, Places, is_encrypted, is_endpoint, stays_here
+from daemon.places import Endpoint, Places, endpoint_text, is_encrypted, is_endpoint, stays_here
 from daemon.protocol import Disk, Overview, WorkerRow
 from daemon.security import keys_folder
 from daemon.spec import ENGINE_VERSION
@@ -124,8 +124,10 @@ def _clock(now: float) -> Iterator[Finding]:
 
 
 def _endpoint(endpoint: Endpoint) -> Iterator[Finding]:
-    told = f"{endpoint.address}, from {endpoint.origin}"
-    if not is_endpoint(endpoint.address):
+    known = is_endpoint(endpoint.address)
+    where = endpoint_text(endpoint.address) if known else endpoint.address
+    told = f"{where}, from {endpoint.origin}"
+    if not known:
         remedy = "write tcp/<host>:<port> or tls/<host>:<port>"
         yield problem("endpoint", f"{told}: that is none", remedy)
     elif not (is_encrypted(endpoint.address) or stays_here(endpoint.address)):
@@ -203,7 +205,7 @@ def _answering(overview: Overview, places: Places, endpoint: Endpoint) -> Iterat
     if Path(overview.state) != places.state and endpoint.origin in ("daemon.json", "default"):
         yield problem(
             "daemon",
-            f"the one at {endpoint.address} keeps {overview.state}",
+            f"the one at {endpoint_text(endpoint.address)} keeps {overview.state}",
             f"name it with --state, or start one for {places.state}",
         )
         return
@@ -215,7 +217,7 @@ def _answering(overview: Overview, places: Places, endpoint: Endpoint) -> Iterat
         )
     else:
         waiting = f"{overview.queued} runs queued, {overview.running} running"
-        yield ok("daemon", f"answers at {endpoint.address}, {waiting}")
+        yield ok("daemon", f"answers at {endpoint_text(endpoint.address)}, {waiting}")
     if overview.trouble:
         last = overview.trouble.strip().splitlines()[-1]
         yield problem("daemon", f"no run can start: {last}", f"see {places.worker_log}")

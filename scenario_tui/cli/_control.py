@@ -141,6 +141,7 @@ def stop(connect: Connect = "", state: State = None, as_json: AsJson = False) ->
 
     Running runs get a while to finish; what is queued goes on with the next daemon.
     """
+    from daemon.places import endpoint_text
     from scenario_tui.cli._output import emit, say
     from scenario_tui.cli._session import Target
 
@@ -154,4 +155,4 @@ def stop(connect: Connect = "", state: State = None, as_json: AsJson = False) ->
     if as_json:
         emit("stop", endpoint=endpoint, unfinished=waiting)
     kept = f"; {waiting} unfinished runs go on when it is started again" if waiting else ""
-    say(f"the daemon at {endpoint} is leaving{kept}")
+    say(f"the daemon at {endpoint_text(endpoint)} is leaving{kept}")

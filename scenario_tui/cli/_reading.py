@@ -54,13 +54,14 @@ _ROOMY = 120
 
 
 def _print_overview(overview: Overview, endpoint: str, workers: tuple[WorkerRow, ...]) -> None:
+    from daemon.places import endpoint_text
     from scenario_tui.cli._output import out, packed
     from scenario_tui.wording import counted, duration, rate
 
     console = out()
     slots = sum(worker.slots for worker in workers)
     console.print(
-        f"daemon {overview.version} at {endpoint}, "
+        f"daemon {overview.version} at {endpoint_text(endpoint)}, "
         f"up {duration(overview.now - overview.started_at)}, "
         f"{counted(overview.workers, 'worker')} with {counted(slots, 'slot')}",
         soft_wrap=True,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from daemon.launch import ensure_daemon, running_daemon
-from daemon.places import Places
+from daemon.places import Places, endpoint_text
 from scenario_tui.cli._compare import print_between
 from scenario_tui.cli._exits import ExitCode
 from scenario_tui.cli._gate import final_code, hold
@@ -21,8 +21,8 @@ def start_daemon_if_needed(target: Target, slots: int | None) -> None:
         return
     state = Places.find(target.state).state
     if running_daemon(state) is None:
-        endpoint = ensure_daemon(state, slots=slots)
-        say(f"started a daemon on this machine at {endpoint} (`scenario stop` ends it)")
+        where = endpoint_text(ensure_daemon(state, slots=slots))
+        say(f"started a daemon on this machine at {where} (`scenario stop` ends it)")
 
 
 def watch_to_the_end(

@@ -106,12 +106,13 @@ def worker(
     if print_unit:
         _print_unit(connect, state, slots, limits, cluster)
         return
-    from daemon.places import find_endpoint
+    from daemon.places import endpoint_text, find_endpoint
     from daemon.worker import work
     from scenario_tui.cli._output import say
 
     endpoint = find_endpoint(connect, state)
-    say(f"worker for {endpoint.address}, Ctrl-C to leave after the running runs")
+    where = endpoint_text(endpoint.address)
+    say(f"worker for {where}, Ctrl-C to leave after the running runs")
     work(
         endpoint.address,
         slots=slots,

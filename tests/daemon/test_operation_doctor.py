@@ -129,6 +129,11 @@ def test_an_endpoint_is_judged(places: Places) -> None:
     far = Endpoint("tcp/192.0.2.1:x", "SCENARIO_CONNECT")
     assert found(places, "endpoint", far)[0].level is Level.PROBLEM
     assert found(places, "endpoint")[0].level is Level.OK
+    here = Endpoint(places.endpoint, "default")
+    path = f"{places.endpoint.removeprefix('unixsock-stream/')}, from default"
+    assert found(places, "endpoint", here)[0].message == path
+    wrong = Endpoint("unixsock-stream/nowhere", "SCENARIO_CONNECT")
+    assert found(places, "endpoint", wrong)[0].message.startswith("unixsock-stream/nowhere, from")
 
 
 def test_a_place_that_is_not_there_yet_is_fine(tmp_path: Path) -> None:

@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 from daemon.places import (
     Contact,
     Places,
+    endpoint_text,
     find_endpoint,
     is_endpoint,
     is_id,
@@ -72,6 +73,11 @@ def test_endpoints_are_tcp_with_host_and_port() -> None:
     assert is_endpoint("tcp/127.0.0.1:7447")
     assert is_endpoint("tcp/[::1]:7447")
     assert not any(map(is_endpoint, ("127.0.0.1:7447", "tcp/host", "tcp/host:70000", "udp/h:1")))
+
+
+def test_people_know_a_socket_by_its_path() -> None:
+    assert endpoint_text("unixsock-stream//run/scenario/daemon.sock") == "/run/scenario/daemon.sock"
+    assert endpoint_text("tls/server:7447") == "tls/server:7447"
 
 
 def test_the_state_directory_is_the_argument_then_the_environment(tmp_path: Path) -> None:

@@ -60,6 +60,18 @@ def test_stop_copes_with_a_daemon_that_is_gone_at_once(
     assert "the daemon at tcp/127.0.0.1:4711 is leaving" in said.err
 
 
+def test_people_see_the_path_of_a_socket_and_programs_the_endpoint(
+    scenario, fake, tmp_path
+) -> None:
+    endpoint = f"unixsock-stream/{tmp_path}/daemon.sock"
+    contact = f'{{"endpoint": "{endpoint}", "pid": 1, "version": "0", "started_at": 0.0}}'
+    (tmp_path / "daemon.json").write_text(contact)
+    for command in ("status", "stop"):
+        said = scenario(command, "--state", str(tmp_path))
+        assert f"at {tmp_path}/daemon.sock" in said.out + said.err
+        assert f'"{endpoint}"' in scenario(command, "--state", str(tmp_path), "--json").out
+
+
 def test_stop_says_that_queued_work_waits(scenario, fake) -> None:
     said = scenario("stop")
     assert ("shutdown",) in fake.calls
