@@ -121,6 +121,13 @@ def duration(seconds: float | None) -> str:
     return f"{whole // 86400} d {whole % 86400 // 3600} h"
 
 
+def fine_duration(seconds: float) -> str:
+    """Return a span that may be shorter than a second: ``< 0.1 s``, ``0.4 s``, ``8 s``."""
+    if not 0.0 <= seconds < 0.95:
+        return duration(seconds)
+    return f"{seconds:.1f} s" if seconds >= 0.05 else "< 0.1 s"
+
+
 def brief_duration(seconds: float) -> str:
     """Return a span in one unit, where there is little room: ``95 s``, ``12 min``, ``3 h``."""
     return ago(-seconds, 0.0).removesuffix(" ago")

@@ -15,7 +15,7 @@ from scenario_tui.summary import Results
 from scenario_tui.wording import (
     STYLES,
     counted,
-    duration,
+    fine_duration,
 )
 
 LISTED: Final = 12
@@ -49,7 +49,7 @@ def _headline(results: Results, took: float | None) -> Text:
     if row.cached:
         text.append(f", {row.cached:,} cached")
     if took is not None:
-        text.append(f" in {duration(took)}" if took >= 1 else f" in {took:.1f} s")
+        text.append(f" in {fine_duration(took)}")
     return text
 
 

@@ -16,7 +16,7 @@ from scenario_tui.wording import (
     GLYPHS,
     SEVERITY,
     counted,
-    duration,
+    fine_duration,
     glyph_word,
     margin,
     margin_bar,
@@ -138,9 +138,8 @@ def facts(text: Text, detail: RunDetail) -> None:
         timing = result.timing
         speed = timing.simulated / timing.wall if timing.wall > 0 else 0.0
         found.append(("ended", result.ended))
-        found.append(
-            ("took", f"{timing.simulated:.1f} s simulated in {duration(timing.wall)}, {speed:.0f}x")
-        )
+        wall = fine_duration(timing.wall)
+        found.append(("took", f"{timing.simulated:.1f} s simulated in {wall}, {speed:.0f}x"))
     if row.worker:
         found.append(("worker", f"{row.worker}, attempt {row.attempt}"))
     if row.trace:
