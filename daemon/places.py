@@ -84,6 +84,11 @@ def endpoint_text(endpoint: str) -> str:
     return str(socket_of(endpoint) or endpoint)
 
 
+def endpoint_of(text: str) -> str:
+    """Return the endpoint people mean: the path of a socket stands for the socket."""
+    return f"{_SOCKET}{text}" if text.startswith("/") else text
+
+
 def is_encrypted(endpoint: str) -> bool:
     """Whether what travels there is encrypted and both sides prove who they are."""
     return endpoint.startswith("tls/")
@@ -303,7 +308,7 @@ def find_endpoint(
     if connect:
         return Endpoint(connect, "--connect")
     if environ.get("SCENARIO_CONNECT"):
-        return Endpoint(environ["SCENARIO_CONNECT"], "SCENARIO_CONNECT")
+        return Endpoint(endpoint_of(environ["SCENARIO_CONNECT"]), "SCENARIO_CONNECT")
     places = Places.find(state, environ)
     contact = places.read_contact()
     if contact is not None:

@@ -16,15 +16,17 @@ from scenario_tui.cli._files import campaign_files
 
 
 def checked_endpoint(value: str) -> str:
-    """Refuse what is no endpoint, as wrong usage."""
-    if value:
-        from daemon.places import is_endpoint
+    """Return the endpoint; refuse what is none, as wrong usage."""
+    if not value:
+        return value
+    from daemon.places import endpoint_of, is_endpoint
 
-        if not is_endpoint(value):
-            raise typer.BadParameter(
-                f"{value!r} is not an endpoint, write tcp/<host>:<port> or tls/<host>:<port>"
-            )
-    return value
+    if not is_endpoint(endpoint_of(value)):
+        raise typer.BadParameter(
+            f"{value!r} is not an endpoint, write tcp/<host>:<port>, tls/<host>:<port> "
+            "or the path of a socket"
+        )
+    return endpoint_of(value)
 
 
 Connect: TypeAlias = Annotated[

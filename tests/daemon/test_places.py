@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 from daemon.places import (
     Contact,
     Places,
+    endpoint_of,
     endpoint_text,
     find_endpoint,
     is_endpoint,
@@ -78,6 +79,13 @@ def test_endpoints_are_tcp_with_host_and_port() -> None:
 def test_people_know_a_socket_by_its_path() -> None:
     assert endpoint_text("unixsock-stream//run/scenario/daemon.sock") == "/run/scenario/daemon.sock"
     assert endpoint_text("tls/server:7447") == "tls/server:7447"
+
+
+@pytest.mark.parametrize("endpoint", ["unixsock-stream//run/daemon.sock", "tls/server:7447", "no"])
+def test_what_people_are_shown_is_what_they_may_type(tmp_path: Path, endpoint: str) -> None:
+    assert endpoint_of(endpoint_text(endpoint)) == endpoint
+    typed = {"SCENARIO_CONNECT": endpoint_text(endpoint)}
+    assert find_endpoint("", tmp_path, typed).address == endpoint
 
 
 def test_the_state_directory_is_the_argument_then_the_environment(tmp_path: Path) -> None:
