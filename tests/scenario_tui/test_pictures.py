@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import tempfile
 from pathlib import Path
 
 import pytest
@@ -57,5 +58,6 @@ def test_the_table_of_keys_is_true() -> None:
 def test_pictures_name_no_machine() -> None:
     for path in FOLDER.glob("*.svg"):
         svg = path.read_text("utf-8")
-        assert not re.search(r"/tmp/|/home/|/root/|/work/", svg), path
+        for folder in ("/home", tempfile.gettempdir(), Path.home(), ROOT):
+            assert f"{folder}/" not in svg, path
         assert len(svg) < 80_000, path
