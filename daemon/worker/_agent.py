@@ -107,6 +107,7 @@ class Agent:
         self._overdue = False
         self._leave_by = 0.0
         self._moved = 0
+        self._refusal = ""
         self._lacks: dict[str, None] = {}
         self._watchers = Watchers(link.session, info(0).id)
 
@@ -183,11 +184,14 @@ class Agent:
             self._deliver()
             self._renew()
             self._lease()
+            self._refusal = ""
         except Unreachable:
             self._silent_until = time.monotonic() + _AFTER_SILENCE
             self._renew_at = 0.0  # a new daemon hears first what runs here
         except Refused as error:
-            self._log(f"the daemon refused: {error}")
+            if str(error) != self._refusal:  # it is asked again every second, and says the same
+                self._log(f"the daemon refused: {error}")
+            self._refusal = str(error)
             self._silent_until = time.monotonic() + _POLL
 
     def _deliver(self) -> None:
