@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, TypeAlias
 
@@ -63,7 +64,9 @@ def init(
     place = keys_folder(folder)
     register = found(place, _hosts(host), today(), days)
     _print(register.issued)
-    say(f"keys in {place}; next: `scenario keys bundle worker -o worker.tar` for another machine")
+    named = f" --keys {shlex.quote(str(folder))}" if folder else ""
+    next_step = f"scenario keys bundle worker -o worker.tar{named}"
+    say(f"keys in {place}; next: `{next_step}` for another machine")
 
 
 @app.command()

@@ -2,6 +2,8 @@
 
 import json
 import os
+import re
+import shlex
 from pathlib import Path
 
 import pytest
@@ -32,6 +34,15 @@ def test_keys_are_made_issued_listed_and_revoked(scenario, folder) -> None:
     assert told["folder"] == str(folder)
     assert {key["role"] for key in told["keys"]} == set(Role)
     assert all(len(key["fingerprint"]) == 64 for key in told["keys"])
+
+
+def test_the_next_step_is_one_that_works(scenario, tmp_path, monkeypatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    said = scenario("keys", "init", str(tmp_path / "my keys")).err
+    found = re.search("next: `scenario (.*?)`", " ".join(said.split()))
+    assert found
+    assert scenario(*shlex.split(found[1])).code == 0
+    assert (tmp_path / "worker.tar").exists()
 
 
 def test_nothing_that_is_there_is_overwritten(scenario, folder, tmp_path) -> None:
