@@ -13,12 +13,11 @@ from typing import Any
 from textual.pilot import Pilot
 
 from daemon.protocol import CampaignRow, Overview
-from scenario_tui.app import Dashboard
 from scenario_tui.config import Config
 from scenario_tui.equivalent import Equivalent
 from scenario_tui.transcripts import Answer
 from tests.scenario_tui.fake import CAMPAIGN, FakeDaemon
-from tests.scenario_tui.inline import InlineFeed, settle
+from tests.scenario_tui.inline import settle
 
 
 @dataclass
@@ -67,10 +66,6 @@ class Commands:
         self.asked.append(arguments)
         assert self.done.wait(10.0)
         return self.answer
-
-
-def make_dashboard(daemon: FakeDaemon, **settings: Any) -> Dashboard:
-    return Dashboard(InlineFeed(daemon), clock=lambda: daemon.now, **settings)
 
 
 def configured(**settings: Any) -> Config:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import itertools
-from typing import Final
+from typing import Any, Final
 
 from textual.pilot import Pilot
 from textual.widget import Widget
@@ -44,8 +44,11 @@ class InlineFeed(Feed):
         return super().take()
 
 
-def make_dashboard(fake: FakeDaemon) -> Dashboard:
-    return Dashboard(InlineFeed(fake), clock=lambda: fake.now)
+def make_dashboard(fake: FakeDaemon, **settings: Any) -> Dashboard:
+    dashboard = Dashboard(InlineFeed(fake), clock=lambda: fake.now, **settings)
+    # On a busy machine what a test reads would be gone before.
+    dashboard.NOTIFICATION_TIMEOUT = 600.0
+    return dashboard
 
 
 async def settle(pilot: Pilot[None]) -> None:

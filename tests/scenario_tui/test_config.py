@@ -21,8 +21,8 @@ from scenario_tui.bindings import (
 from scenario_tui.config import read_config
 from scenario_tui.daylight import darker
 from scenario_tui.screens.help import key_groups
-from tests.scenario_tui.driven import SteeredDaemon, make_dashboard
-from tests.scenario_tui.inline import press, screen_text, settle
+from tests.scenario_tui.driven import SteeredDaemon
+from tests.scenario_tui.inline import make_dashboard, press, screen_text, settle
 
 GOOD = """
 [dashboard]

@@ -20,17 +20,9 @@ from scenario_tui.screens.dialogs import Menu, Prompt, Question, Told
 from scenario_tui.screens.matrix import MatrixScreen
 from scenario_tui.screens.run import RunScreen
 from scenario_tui.screens.runs import RunsScreen
-from tests.scenario_tui.driven import (
-    Commands,
-    SteeredDaemon,
-    configured,
-    local,
-    make_dashboard,
-    notices,
-    until,
-)
+from tests.scenario_tui.driven import Commands, SteeredDaemon, configured, local, notices, until
 from tests.scenario_tui.fake import CAMPAIGN, OLD, make_row
-from tests.scenario_tui.inline import press, screen_text, settle
+from tests.scenario_tui.inline import make_dashboard, press, screen_text, settle
 
 SCREENS: dict[type, tuple[tuple[str, ...], tuple[str, ...]]] = {
     CampaignsScreen: ((), ()),

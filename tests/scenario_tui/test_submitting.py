@@ -15,7 +15,7 @@ from scenario_tui.examining import examine
 from scenario_tui.files import fitting, is_campaign, near, typed_folder
 from scenario_tui.screens.campaigns import CampaignsScreen
 from scenario_tui.screens.submit import SubmitScreen
-from tests.scenario_tui import driven
+from tests.scenario_tui import inline
 from tests.scenario_tui.driven import SteeredDaemon, notices, until
 from tests.scenario_tui.inline import press, screen_text, settle
 
@@ -43,7 +43,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 def make_dashboard(fake: SteeredDaemon) -> Dashboard:
     """Files are examined in this process, which has loaded what that takes."""
-    return driven.make_dashboard(fake, examine=examine)
+    return inline.make_dashboard(fake, examine=examine)
 
 
 def about(pilot: Any) -> str:
