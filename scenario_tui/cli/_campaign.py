@@ -146,7 +146,7 @@ def check(
     files: Annotated[
         list[Path],
         typer.Argument(
-            metavar="FILE...",
+            metavar="FILE",
             help="Campaigns, floor plans, scenery or other layers.",
             autocompletion=_completion.files(layer_files),
         ),

@@ -54,7 +54,7 @@ def export(
     kinds: Annotated[
         list[Artefact],
         typer.Argument(
-            metavar="KIND...",
+            metavar="KIND",
             help="all, or any of: geojson, jsonld, map, mesh, sdf (Gazebo), "
             "keyframes (of campaigns only), tasks, launch (ROS), foxglove, picture, prov.",
         ),

@@ -22,7 +22,7 @@ def judge(
     traces: Annotated[
         list[str],
         typer.Argument(
-            metavar="TRACES...",
+            metavar="TRACES",
             help="Traces (.mcap), folders of them, or ids of campaigns or runs.",
             autocompletion=_completion.recorded,
         ),

@@ -80,6 +80,14 @@ CampaignName: TypeAlias = Annotated[
         autocompletion=_completion.campaigns,
     ),
 ]
+RunOrTrace: TypeAlias = Annotated[
+    str,
+    typer.Argument(
+        metavar="RUN",
+        help="Id of a run, or a trace (.mcap).",
+        autocompletion=_completion.runs_or_traces,
+    ),
+]
 
 
 def with_keys(command: Callable[..., None]) -> Callable[..., None]:

@@ -7,25 +7,18 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from scenario_tui.cli import _completion
-from scenario_tui.cli._options import AsJson, Connect, State
+from scenario_tui.cli._options import AsJson, Connect, RunOrTrace, State
 
 if TYPE_CHECKING:
     from scenario_tui.plotting import Curve, Curves
 
 
 def plot(
-    run: Annotated[
-        str,
-        typer.Argument(
-            metavar="RUN",
-            help="Id of a run, or a trace (.mcap).",
-            autocompletion=_completion.runs_or_traces,
-        ),
-    ],
+    run: RunOrTrace,
     signals: Annotated[
         list[str],
         typer.Argument(
-            metavar="SIGNAL...",
+            metavar="SIGNAL",
             help="Signals as oracles name them: clearance speed loc.error door-17.angle "
             "'clearance(0.35 m, 0.2 m)'.",
             autocompletion=_completion.signals,

@@ -8,7 +8,7 @@ import typer
 
 from scenario_tui.cli import _completion
 from scenario_tui.cli._exits import ExitCode
-from scenario_tui.cli._options import AsJson, Connect, State
+from scenario_tui.cli._options import AsJson, Connect, RunOrTrace, State
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -17,14 +17,7 @@ if TYPE_CHECKING:
 
 
 def replay(
-    run: Annotated[
-        str,
-        typer.Argument(
-            metavar="RUN",
-            help="Id of a run, or a trace (.mcap).",
-            autocompletion=_completion.runs_or_traces,
-        ),
-    ],
+    run: RunOrTrace,
     other: Annotated[
         str,
         typer.Argument(

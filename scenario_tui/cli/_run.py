@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, TypeAlias
 import typer
 
 from scenario_tui.cli import _completion
-from scenario_tui.cli._options import AsJson, Connect, State
+from scenario_tui.cli._options import AsJson, Connect, RunOrTrace, State
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -71,14 +71,7 @@ def _next(detail: RunDetail) -> Iterable[tuple[str, str]]:
 
 
 def logs(
-    run: Annotated[
-        str,
-        typer.Argument(
-            metavar="RUN",
-            help="Id of a run, or a trace (.mcap).",
-            autocompletion=_completion.runs_or_traces,
-        ),
-    ],
+    run: RunOrTrace,
     connect: Connect = "",
     state: State = None,
     as_json: AsJson = False,
