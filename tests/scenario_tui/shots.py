@@ -214,7 +214,7 @@ async def draw(name: str, folder: Path) -> str:
                 await shot.before(pilot)
             for line in app.screen.query(Input):
                 line.cursor_blink = False
-            await pilot.pause(0)
+            await (settle(pilot) if hasattr(app, "look") else pilot.pause(0))
             svg = app.export_screenshot(title=f"scenario tui: {name}")
     return _slim(svg.replace(_identifier(svg), name))
 

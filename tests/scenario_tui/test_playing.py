@@ -29,6 +29,8 @@ async def look_at(pilot: Any, index: int) -> None:
     await pilot.pause(0)
     pilot.app.open_run(f"{CAMPAIGN}.{index}")
     await settle(pilot)
+    await pilot.app.workers.wait_for_complete()  # its trace is read
+    await settle(pilot)
 
 
 async def test_p_plays_a_finished_run_and_q_comes_back(fake: FakeDaemon, tmp_path: Path) -> None:
@@ -36,16 +38,13 @@ async def test_p_plays_a_finished_run_and_q_comes_back(fake: FakeDaemon, tmp_pat
     fake.rows = (replace(fake.rows[0], trace=str(trace)), *fake.rows[1:])
     async with opened(fake) as pilot:
         await look_at(pilot, 0)
-        await pilot.press("p")
-        await pilot.app.workers.wait_for_complete()
-        await pilot.pause(0)
+        await press(pilot, "p")
         assert isinstance(pilot.app.screen, ReplayScreen)
         # Shown are the verdicts the run got, not new ones.
         result = fake.run(f"{CAMPAIGN}.0").result
         assert result is not None
         assert pilot.app.screen.playback.verdicts == result.verdicts
-        await pilot.press("q")
-        await pilot.pause(0)
+        await press(pilot, "q")
         assert isinstance(pilot.app.screen, RunScreen)
 
 
@@ -58,5 +57,5 @@ async def test_where_there_is_nothing_to_play_the_screen_says_why(fake: FakeDaem
         assert "not on this machine" in notices(pilot)
         assert isinstance(pilot.app.screen, RunScreen)
         await look_at(pilot, 7)  # still running
-        await pilot.press("p")
+        await press(pilot, "p")
         assert "when it is over" in notices(pilot)
