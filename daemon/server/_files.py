@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import os
-from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -11,9 +9,9 @@ from typing import Final
 from daemon.errors import Refused, Troubled
 from daemon.ledger import Reader
 from daemon.messages import FetchFile, Keep, Piece, Received
-from daemon.places import Places, sync_directory
+from daemon.places import Places
 from daemon.server._journal import Journal
-from daemon.store import add_part, packed, read_part, sha256_of, unpacked
+from daemon.store import accept_part, add_part, packed, read_part, size_of, unpacked
 
 _MOST: Final = 4096
 """Files kept, those under way included."""
@@ -36,13 +34,13 @@ class Files:
             return Received(keep.size, complete=True)
         part = self.places.files / f".{keep.sha256}.part"
         problem = self._add(part, keep) if keep.data else ""
-        if not problem and _size(part) == keep.size:
+        if not problem and size_of(part) == keep.size:
             return self._finish(part, whole, keep)
-        return Received(_size(part), complete=False, problem=problem)
+        return Received(size_of(part), complete=False, problem=problem)
 
     def _add(self, part: Path, keep: Keep) -> str:
-        if keep.offset != _size(part):
-            return f"the part begins at {keep.offset}, expected is {_size(part)}"
+        if keep.offset != size_of(part):
+            return f"the part begins at {keep.offset}, expected is {size_of(part)}"
         try:
             data = unpacked(keep.data, keep.digest)
         except ValueError as error:
@@ -62,15 +60,8 @@ class Files:
         return ""
 
     def _finish(self, part: Path, whole: Path, keep: Keep) -> Received:
-        part.touch(mode=0o600)
-        if sha256_of(part) != keep.sha256:
-            part.unlink()
+        if not accept_part(part, whole, keep.sha256, mode=0o400):
             return Received(0, complete=False, problem="the whole has another digest: begin again")
-        with part.open("rb") as file:
-            os.fsync(file.fileno())
-        part.chmod(0o400)
-        part.replace(whole)
-        sync_directory(self.places.files)
         self.journal.write("file received", sha256=keep.sha256, bytes=keep.size)
         return Received(keep.size, complete=True)
 
@@ -83,9 +74,3 @@ class Files:
         except OSError as error:
             raise Refused(f"there is no file {fetch.sha256}") from error
         return Piece(fetch.offset, size, fetch.sha256, *packed(data))
-
-
-def _size(path: Path) -> int:
-    with suppress(FileNotFoundError):
-        return path.stat().st_size
-    return 0

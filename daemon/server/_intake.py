@@ -7,7 +7,6 @@ ledger takes the result.
 
 from __future__ import annotations
 
-import os
 import time
 from contextlib import suppress
 from dataclasses import dataclass, field
@@ -19,7 +18,7 @@ from daemon.ledger import Book, Reader
 from daemon.messages import Answer, Chunk, Completion, Received
 from daemon.places import Places, is_digest, is_run_id, sync_directory
 from daemon.server._journal import Journal
-from daemon.store import add_part, is_file_of, make_folder, sha256_of, unpacked
+from daemon.store import accept_part, add_part, is_file_of, make_folder, size_of, unpacked
 
 _MOST: Final = 1024
 """Uploads at a time, finished ones whose result has not come included."""
@@ -37,9 +36,7 @@ class _Upload:
     @property
     def offset(self) -> int:
         """How many bytes there are."""
-        with suppress(FileNotFoundError):
-            return self.part.stat().st_size
-        return 0
+        return size_of(self.part)
 
 
 @dataclass(slots=True)
@@ -108,16 +105,10 @@ class Intake:
         self._begun[chunk.run] = time.monotonic()
 
     def _finish(self, upload: _Upload) -> Received:
-        chunk, part = upload.chunk, upload.part
-        part.touch(mode=0o600)
-        if sha256_of(part) != chunk.sha256:
-            part.unlink()
+        chunk = upload.chunk
+        if not accept_part(upload.part, upload.whole, chunk.sha256):
             self.journal.write("trace damaged", run=chunk.run, worker=chunk.worker)
             return Received(0, complete=False, problem="the whole has another digest: begin again")
-        with part.open("rb") as file:
-            os.fsync(file.fileno())
-        part.replace(upload.whole)
-        sync_directory(self.places.incoming)
         begun = self._begun.pop(chunk.run, None)
         took = None if begun is None else round(time.monotonic() - begun, 3)
         self.journal.write(

@@ -1,12 +1,14 @@
 """Where traces lie and how they travel: stores by URL, verified parts, copies at hand."""
 
 from daemon.store._chunks import (
+    accept_part,
     add_part,
     is_file_of,
     make_folder,
     packed,
     read_part,
     sha256_of,
+    size_of,
     unpacked,
 )
 from daemon.store._copies import (
@@ -28,6 +30,7 @@ __all__ = [
     "Source",
     "StoreUnusable",
     "Told",
+    "accept_part",
     "add_part",
     "bring",
     "checked_store",
@@ -45,6 +48,7 @@ __all__ = [
     "recorded",
     "remove",
     "sha256_of",
+    "size_of",
     "stored_url",
     "unpacked",
     "user_cache",

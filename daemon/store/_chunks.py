@@ -5,6 +5,7 @@ from __future__ import annotations
 import binascii
 import hashlib
 import os
+from contextlib import suppress
 from pathlib import Path
 
 from daemon.places import sync_directory
@@ -45,6 +46,31 @@ def add_part(path: Path, offset: int, data: bytes) -> None:
             # A part of a part, the disk is full say.
             os.truncate(path, offset)
             raise
+
+
+def size_of(path: Path) -> int:
+    """Return how many bytes of a file there are, 0 while there is none."""
+    with suppress(FileNotFoundError):
+        return path.stat().st_size
+    return 0
+
+
+def accept_part(part: Path, whole: Path, sha256: str, *, mode: int | None = None) -> bool:
+    """Give a file that is complete its name, for good, and tell whether it is the one meant.
+
+    One of another digest is removed. Raises ``OSError``.
+    """
+    part.touch(mode=0o600)
+    if sha256_of(part) != sha256:
+        part.unlink()
+        return False
+    with part.open("rb") as file:
+        os.fsync(file.fileno())
+    if mode is not None:
+        part.chmod(mode)
+    part.replace(whole)
+    sync_directory(whole.parent)
+    return True
 
 
 def make_folder(folder: Path) -> None:
