@@ -16,7 +16,7 @@ test: $(VENV)/.installed-test     ## lint, types, import contracts and every tes
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports --no-cache
-	$(BIN)/pytest --numprocesses logical --maxprocesses 4 --dist worksteal
+	$(BIN)/pytest --numprocesses logical --maxprocesses 4 --dist loadfile
 
 bench: $(VENV)/.installed-test    ## measure, side by side in one process
 	$(BIN)/python -m tests.benchmarks
