@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import logging
-import time
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from functools import partial
 from importlib import import_module
-from pathlib import Path
 from typing import ClassVar, Final
 
 from textual import work
@@ -18,22 +16,16 @@ from textual.screen import ModalScreen, Screen
 from textual.theme import Theme
 
 from scenario_tui.asking import Opener
-from scenario_tui.clipboard import into_tmux
+from scenario_tui.base_app import BaseDashboard
 from scenario_tui.commands import Actions, Campaigns, Runs
 from scenario_tui.config import Config
 from scenario_tui.daylight import Daylight
 from scenario_tui.equivalent import Equivalent
-from scenario_tui.errands import Errands
-from scenario_tui.examining import Examine, examine_apart
-from scenario_tui.feed import Action, Feed
-from scenario_tui.picture import Picture
+from scenario_tui.feed import Feed
 from scenario_tui.screens.base import BaseScreen
 from scenario_tui.screens.campaigns import CampaignsScreen
 from scenario_tui.screens.help import Help
 from scenario_tui.screens.workers import WorkersScreen
-from scenario_tui.sparing import SparingApp
-from scenario_tui.tracks import Tracks
-from scenario_tui.transcripts import Ask, ask
 from scenario_tui.wording import counted
 
 FRAMES: Final = 10
@@ -42,7 +34,7 @@ _READY: Final = 0.5
 """Seconds after which the first screen is there and other ones can be loaded."""
 
 
-class Dashboard(SparingApp):
+class Dashboard(BaseDashboard):
     """Campaigns, their runs, one run, the workers; fed by a :class:`Feed`."""
 
     TITLE = "scenario"
@@ -66,31 +58,6 @@ class Dashboard(SparingApp):
             tooltip="Leave from anywhere; all work goes on",
         ),
     ]  # fmt: skip
-
-    def __init__(
-        self,
-        feed: Feed,
-        *,
-        clock: Callable[[], float] = time.time,
-        config: Config | None = None,
-        equivalent: Equivalent | None = None,
-        ask: Ask = ask,
-        examine: Examine = examine_apart,
-    ) -> None:
-        super().__init__()
-        self.feed = feed
-        self.errands = Errands()
-        self.ask, self.examine = ask, examine
-        self.equivalent = equivalent or Equivalent()
-        self.config = config or Config()
-        self.read_only = self.config.read_only
-        self.submitted: tuple[Path, ...] = ()
-        self.going_on: set[str] = set()
-        self.marked = ""
-        self.clock = clock
-        self.picture = Picture()
-        self.tracks = Tracks()
-        self._said = 0.0
 
     def get_default_screen(self) -> Screen[None]:
         """Begin with the campaigns."""
@@ -144,37 +111,6 @@ class Dashboard(SparingApp):
             if isinstance(screen, BaseScreen):
                 screen.present()
                 return
-
-    def may_steer(self) -> bool:
-        """Whether anything may be changed from here; says so when not."""
-        if self.read_only:
-            self.problem("read-only: nothing is changed from this dashboard")
-        elif not self.picture.connected:
-            self.problem("no daemon answers: nothing was done")
-        return self.picture.connected and not self.read_only
-
-    def steer(self, action: Action, command: str) -> None:
-        """Have the daemon do something; what comes of it is said with what to type instead."""
-        if self.may_steer():
-            self.feed.do(lambda daemon: f"{action(daemon)}\nsame as: {command}")
-
-    def say(self, text: str, command: str) -> None:
-        """Say something, and what to type to do the same."""
-        self.notify(f"{text}\nsame as: {command}", markup=False)
-
-    def problem(self, text: str) -> None:
-        """Say that something cannot be done, and why."""
-        self.notify(text, severity="error", markup=False)
-
-    def copy(self, command: str) -> None:
-        """Put a command line into the clipboard of the terminal, also over SSH (OSC 52)."""
-        self.copy_to_clipboard(command)
-        self.errands.start(partial(into_tmux, command), _nothing, self.problem)
-        self.notify(f"copied: {command}", markup=False)
-
-    def remember(self, file: Path) -> None:
-        """Note that a campaign file was submitted: it is offered first the next time."""
-        self.submitted = tuple(dict.fromkeys((file, *self.submitted)))
 
     def action_submit(self) -> None:
         """Choose a campaign file and submit it."""
@@ -246,7 +182,3 @@ def run_dashboard(
         app.limit_to_terminal()
         app.run(mouse=app.config.mouse)
     return app.return_code or 0, app.farewell()
-
-
-def _nothing(_: object) -> None:
-    """What is copied was said already."""

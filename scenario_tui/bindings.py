@@ -16,7 +16,11 @@ from textual.screen import ModalScreen, Screen
 
 import scenario_tui
 from grammars.diagnostics import Diagnostic, InputError
+from scenario_tui.app import Dashboard
 from scenario_tui.config import Config
+from scenario_tui.screens.help import all_bindings, meaning, our_classes, own_bindings
+from scenario_tui.widgets.cell_table import CellTable
+from scenario_tui.widgets.keyed_table import KeyedTable
 
 _ROOMS: Final = ("screens", "widgets")
 _MODIFIERS: Final = frozenset({"ctrl", "shift", "alt", "meta", "super", "hyper"})
@@ -43,17 +47,9 @@ def catalogue() -> tuple[Bound, ...]:
     return tuple(dict.fromkeys(found))
 
 
-def meaning(binding: Binding) -> str:
-    """Return what a key does, in a few words."""
-    more = f": {binding.tooltip}" if binding.tooltip else ""
-    return f"{binding.description}{more}"
-
-
 def bound_classes() -> tuple[type[DOMNode], ...]:
     """Return all screens and widgets of ours that bind keys, the dashboard first."""
-    from scenario_tui.app import Dashboard
-
-    found: dict[type[DOMNode], None] = dict.fromkeys(_ours(Dashboard))
+    found: dict[type[DOMNode], None] = dict.fromkeys(our_classes(Dashboard))
     for room in _ROOMS:
         package = import_module(f"{scenario_tui.__name__}.{room}")
         for module in pkgutil.iter_modules(package.__path__):
@@ -66,22 +62,6 @@ def _bound(module: Any) -> Iterator[type[DOMNode]]:
         ours = isinstance(kind, type) and kind.__module__ == module.__name__
         if ours and issubclass(kind, DOMNode) and "BINDINGS" in vars(kind):
             yield kind
-
-
-def own_bindings(kind: type[DOMNode]) -> list[Binding]:
-    """Return what a class itself binds."""
-    return [b for b in vars(kind).get("BINDINGS", ()) if isinstance(b, Binding)]
-
-
-def all_bindings(kind: type[DOMNode]) -> list[Binding]:
-    """Return what a class and those of ours it is made of bind."""
-    return [binding for k in _ours(kind) for binding in own_bindings(k)]
-
-
-def _ours(kind: type[DOMNode]) -> list[type[DOMNode]]:
-    """Return the classes of ours that one is made of, those that bind keys."""
-    ours = (k for k in kind.__mro__ if k.__module__.startswith(f"{scenario_tui.__name__}."))
-    return [k for k in ours if "BINDINGS" in vars(k)]
 
 
 def _place(kind: type[DOMNode]) -> str:
@@ -141,10 +121,6 @@ def _clashes(config: Config) -> Iterator[Diagnostic]:
 
 def _around(kind: type[Screen[Any]]) -> list[Binding]:
     """Return what works on a screen besides its own keys: the app's, those of its table."""
-    from scenario_tui.app import Dashboard
-    from scenario_tui.widgets.cell_table import CellTable
-    from scenario_tui.widgets.keyed_table import KeyedTable
-
     if issubclass(kind, ModalScreen):
         return []
     tables = [table for table in (CellTable, KeyedTable) if table.__name__ == kind.AUTO_FOCUS]

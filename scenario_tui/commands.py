@@ -17,7 +17,7 @@ from scenario_tui.asking import Daemon
 from scenario_tui.wording import run_label
 
 if TYPE_CHECKING:
-    from scenario_tui.app import Dashboard
+    from scenario_tui.base_app import BaseDashboard
 
 _CAMPAIGNS: Final = 5
 """Campaigns offered before anything is typed."""
@@ -49,9 +49,9 @@ class Offers(Provider):
         return self.offers()
 
     @property
-    def dashboard(self) -> Dashboard:
+    def dashboard(self) -> BaseDashboard:
         """The app, as what it is."""
-        return cast("Dashboard", self.app)
+        return cast("BaseDashboard", self.app)
 
     async def discover(self) -> Hits:
         """Offer something before anything is typed."""

@@ -4,87 +4,19 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
-from typing import Any, Final, Literal
-
-import numpy as np
+from dataclasses import dataclass
+from typing import Any, Final
 
 from daemon.spec import RunSpec
 from daemon.verdict import Verdict
 from grammars import codec
-from grammars.values import Floats
-from scenario_tui.chronicle import Chronicle
 from scenario_tui.wording import NOTHING
 
-Alignment = Literal["time", "mission"]
 _IDENTITY: Final = ("campaign", "repeat")
 """What tells runs apart without making them different."""
 _LONGEST: Final = 40
 _FEW: Final = 2
 """Differences of one part that are listed one by one."""
-
-
-@dataclass(frozen=True, slots=True)
-class Clock:
-    """How the time of a second run goes with that of the first.
-
-    ``first`` and ``second`` (n,) [s] are moments that belong together, ascending; beyond them both
-    go equally fast.
-    """
-
-    first: tuple[float, ...]
-    second: tuple[float, ...]
-
-    def to_second(self, time: float) -> float:
-        """Return the moment of the second run that goes with one of the first [s]."""
-        return float(_mapped(np.array([time]), self.first, self.second)[0])
-
-    def to_first(self, times: Floats) -> Floats:
-        """Return the moments of the first run that go with those of the second, (n,) [s]."""
-        return _mapped(times, self.second, self.first)
-
-
-def clock_of(first: Chronicle, second: Chronicle, by: Alignment) -> Clock:
-    """Return the common clock: by simulated time, or by the waypoints both have done."""
-    ours, theirs = [first.start], [second.start]
-    if by == "mission":
-        for a, b in zip(first.reached, second.reached, strict=False):
-            if a > ours[-1] and b > theirs[-1]:
-                ours.append(a)
-                theirs.append(b)
-    return Clock(tuple(ours), tuple(theirs))
-
-
-def _mapped(times: Floats, here: tuple[float, ...], there: tuple[float, ...]) -> Floats:
-    inside = np.interp(times, here, there)
-    before = there[0] + (times - here[0])
-    after = there[-1] + (times - here[-1])
-    mapped: Floats = np.where(times < here[0], before, np.where(times > here[-1], after, inside))
-    return mapped
-
-
-def on_clock(chronicle: Chronicle, clock: Clock) -> Chronicle:
-    """Return the second chronicle as it lies on the time of the first."""
-
-    def moved(time: float) -> float:
-        return float(clock.to_first(np.array([time]))[0])
-
-    return Chronicle(
-        moved(chronicle.start),
-        moved(chronicle.end),
-        tuple(
-            replace(
-                strip,
-                time=clock.to_first(strip.time),
-                against=tuple((moved(a), moved(b)) for a, b in strip.against),
-            )
-            for strip in chronicle.strips
-        ),
-        tuple(replace(event, time=moved(event.time)) for event in chronicle.doors),
-        tuple(moved(time) for time in chronicle.reached),
-        chronicle.waypoints,
-        tuple(moved(time) for time in chronicle.decided),
-    )
 
 
 @dataclass(frozen=True, slots=True)

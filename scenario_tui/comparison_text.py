@@ -2,31 +2,29 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 from rich.text import Text
 
+from daemon.spec import RunSpec
 from daemon.verdict import Verdict
 from scenario_tui.comparing import differences, pairs
 from scenario_tui.palette import QUIET, WORDS
 from scenario_tui.wording import NOTHING, glyph_word, margin, quantity
 
-if TYPE_CHECKING:
-    from scenario_tui.playback import Playback
 
-
-def comparison_text(first: Playback, second: Playback) -> Text:
+def comparison_text(
+    first: tuple[Verdict, ...], second: tuple[Verdict, ...], one: RunSpec, other: RunSpec
+) -> Text:
     """Return verdicts, margins and specifications of two runs, those that differ first."""
     text = Text()
     text.append("oracle               first              second             change\n", style=QUIET)
-    for pair in pairs(first.verdicts, second.verdicts):
+    for pair in pairs(first, second):
         unit = next(v.unit for v in (pair.first, pair.second) if v is not None)
         text.append(f"{pair.oracle:<20.20} ", style="bold" if pair.differs else "")
         for verdict in (pair.first, pair.second):
             text.append(*_cell(verdict))
         change = "" if pair.change is None else margin(pair.change, unit)
         text.append(f"{change}{'  ≠' if pair.differs else ''}\n")
-    found = differences(first.trace.spec, second.trace.spec)
+    found = differences(one, other)
     text.append("\nspecification\n", style="bold")
     if not found:
         text.append("the same, but for the repeat\n", style=QUIET)

@@ -100,7 +100,8 @@ def _compare(first: Path, second: Path, start: str, speed: float) -> None:
     both = open_playback(first), open_playback(second)
     begin = _moment(both[0], start, "--from") if start else both[0].start
     if undrawable() or not (sys.stdin.isatty() and sys.stderr.isatty()):
-        out().print(comparison_text(*both), soft_wrap=True)
+        verdicts, specs = zip(*((one.verdicts, one.trace.spec) for one in both), strict=True)
+        out().print(comparison_text(*verdicts, *specs), soft_wrap=True)
         return
     from scenario_tui.screens.compare import CompareScreen
     from scenario_tui.screens.replay import run_replay

@@ -19,7 +19,7 @@ from scenario_tui.widgets.status_line import StatusLine
 from scenario_tui.wording import GLYPHS
 
 if TYPE_CHECKING:
-    from scenario_tui.app import Dashboard
+    from scenario_tui.base_app import BaseDashboard
 
 
 READ_ONLY: Final = frozenset({"submit", "pause", "cancel", "retry", "priority"})
@@ -105,9 +105,9 @@ class BaseScreen(Screen[None]):
         return ()
 
     @property
-    def dashboard(self) -> Dashboard:
+    def dashboard(self) -> BaseDashboard:
         """The app, as what it is."""
-        return cast("Dashboard", self.app)
+        return cast("BaseDashboard", self.app)
 
     _composed = False
     _renamed: Mapping[str, str] = {}

@@ -15,7 +15,7 @@ from textual.widgets import Footer, Static
 
 from daemon.errors import DaemonError
 from grammars.diagnostics import InputError
-from scenario_tui.comparing import Alignment, Clock, clock_of, on_clock
+from scenario_tui.chronicle import Alignment, Clock, clock_of, on_clock
 from scenario_tui.comparison_text import comparison_text
 from scenario_tui.palette import QUIET
 from scenario_tui.playback import Playback, open_playback
@@ -28,7 +28,7 @@ from scenario_tui.widgets.timeline import TimelineView
 from scenario_tui.widgets.top_view import REPLAY_LEGEND, TopView
 
 if TYPE_CHECKING:
-    from scenario_tui.app import Dashboard
+    from scenario_tui.base_app import BaseDashboard
 
 _BY: dict[Alignment, str] = {"time": "by simulated time", "mission": "by waypoints done"}
 
@@ -94,7 +94,9 @@ class CompareScreen(Playing):
         self._moved = moved
         start, end = min(first.start, moved.start), max(first.end, moved.end)
         self.query_one(TimelineView).show((first, moved))
-        text = comparison_text(self.first, self.second)
+        text = comparison_text(
+            self.first.verdicts, self.second.verdicts, self.first.trace.spec, self.second.trace.spec
+        )
         self.query_one("#table", Static).update(text)
         speed = self._speed if self.transport is None else self.transport.speed
         self.begin(Transport(start, end, start if time is None else time, speed, playing=False))
@@ -167,7 +169,7 @@ class CompareScreen(Playing):
         leave(self)
 
 
-def mark_or_compare(dashboard: Dashboard, run: str) -> None:
+def mark_or_compare(dashboard: BaseDashboard, run: str) -> None:
     """Mark a run, or compare it with the one that is marked."""
     marked = dashboard.marked
     if not marked or marked == run:
@@ -180,7 +182,7 @@ def mark_or_compare(dashboard: Dashboard, run: str) -> None:
     dashboard.run_worker(lambda: _open(dashboard, marked, run), thread=True, group="compare")
 
 
-def _open(dashboard: Dashboard, first: str, second: str) -> None:
+def _open(dashboard: BaseDashboard, first: str, second: str) -> None:
     """Read two runs outside the thread that draws, then show them."""
     try:
         both = [_playback(dashboard, run) for run in (first, second)]
@@ -191,7 +193,7 @@ def _open(dashboard: Dashboard, first: str, second: str) -> None:
     dashboard.call_from_thread(dashboard.push_screen, screen)
 
 
-def _playback(dashboard: Dashboard, run: str) -> Playback:
+def _playback(dashboard: BaseDashboard, run: str) -> Playback:
     with dashboard.feed.connect() as daemon:
         detail = daemon.run(run)
         found = traced(detail, daemon)

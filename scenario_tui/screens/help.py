@@ -8,10 +8,11 @@ from rich.text import Text
 from textual.app import App, ComposeResult
 from textual.binding import ActiveBinding, Binding, BindingType
 from textual.containers import VerticalScroll
+from textual.dom import DOMNode
 from textual.screen import ModalScreen, Screen
 from textual.widgets import Static
 
-from scenario_tui.bindings import all_bindings, meaning
+import scenario_tui
 from scenario_tui.palette import QUIET
 
 Lines = list[tuple[str, str]]
@@ -70,3 +71,25 @@ def our_bindings(screen: Screen[object]) -> list[ActiveBinding]:
         if active.enabled and active.binding.id in ours - {None}:
             found.append(active)
     return found
+
+
+def meaning(binding: Binding) -> str:
+    """Return what a key does, in a few words."""
+    more = f": {binding.tooltip}" if binding.tooltip else ""
+    return f"{binding.description}{more}"
+
+
+def own_bindings(kind: type[DOMNode]) -> list[Binding]:
+    """Return what a class itself binds."""
+    return [b for b in vars(kind).get("BINDINGS", ()) if isinstance(b, Binding)]
+
+
+def all_bindings(kind: type[DOMNode]) -> list[Binding]:
+    """Return what a class and those of ours it is made of bind."""
+    return [binding for k in our_classes(kind) for binding in own_bindings(k)]
+
+
+def our_classes(kind: type[DOMNode]) -> list[type[DOMNode]]:
+    """Return the classes of ours that one is made of, those that bind keys."""
+    ours = (k for k in kind.__mro__ if k.__module__.startswith(f"{scenario_tui.__name__}."))
+    return [k for k in ours if "BINDINGS" in vars(k)]

@@ -19,7 +19,7 @@ from scenario_tui.widgets.run_text import run_text
 from scenario_tui.widgets.top_view import LEGEND, TopView, View
 
 if TYPE_CHECKING:
-    from scenario_tui.app import Dashboard
+    from scenario_tui.base_app import BaseDashboard
 
 
 class RunPanel(Vertical):
@@ -34,7 +34,7 @@ class RunPanel(Vertical):
             yield TopView(id="map")
             yield Static(LEGEND, id="legend")
 
-    def show(self, dashboard: Dashboard, picture: Picture | None) -> None:
+    def show(self, dashboard: BaseDashboard, picture: Picture | None) -> None:
         """Show the run of a picture, or nothing."""
         detail = picture.detail if picture is not None else None
         if picture is None or detail is None:
@@ -42,7 +42,8 @@ class RunPanel(Vertical):
             self._above(None)
             return
         track = track_of(dashboard, detail)
-        self.query_one("#run-text", Static).update(run_text(detail, track))
+        snapshot = track.snapshot if track else None
+        self.query_one("#run-text", Static).update(run_text(detail, snapshot))
         seen = recording_of(picture, detail.row.id)
         if isinstance(seen, Unseen):
             self._above(None, seen.why)
@@ -59,7 +60,7 @@ class RunPanel(Vertical):
         legend.display = not why
 
 
-def track_of(dashboard: Dashboard, detail: RunDetail) -> Track | None:
+def track_of(dashboard: BaseDashboard, detail: RunDetail) -> Track | None:
     """Return what was heard of a run that is running."""
     running = detail.row.state is RunState.RUNNING
     return dashboard.tracks.get(detail.row.id) if running else None

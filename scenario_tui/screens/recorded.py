@@ -19,7 +19,7 @@ from scenario_tui.screens.dialogs import Choice, Menu, Told
 from scenario_tui.transcripts import Answer
 
 if TYPE_CHECKING:
-    from scenario_tui.app import Dashboard
+    from scenario_tui.base_app import BaseDashboard
 
 _SSH: Final = ("SSH_CONNECTION", "SSH_CLIENT", "SSH_TTY")
 _DISPLAYS: Final = ("DISPLAY", "WAYLAND_DISPLAY")
@@ -27,7 +27,7 @@ _OPENERS: Final = ("xdg-open", "open")
 ENDING: Final = ".oracles.yaml"
 
 
-def judge_again(dashboard: Dashboard, row: CampaignRow, what: str) -> None:
+def judge_again(dashboard: BaseDashboard, row: CampaignRow, what: str) -> None:
     """Ask by which oracles, judge what was recorded of a campaign by them, show what changes.
 
     ``what`` is the campaign's id for all its runs, or that of one.
@@ -43,7 +43,7 @@ def judge_again(dashboard: Dashboard, row: CampaignRow, what: str) -> None:
 
 
 def _choose_oracles(
-    dashboard: Dashboard, what: str, state: Path, files: Sequence[Path], here: Path
+    dashboard: BaseDashboard, what: str, state: Path, files: Sequence[Path], here: Path
 ) -> None:
     own = dashboard.equivalent.local(state, "judge", what)
     ways = [("the oracles it was submitted with", own)]
@@ -62,13 +62,13 @@ def _choose_oracles(
     dashboard.push_screen(Menu(f"Judge {what} again by", choices), decided)
 
 
-def _tell_judged(dashboard: Dashboard, command: str, answer: Answer) -> None:
+def _tell_judged(dashboard: BaseDashboard, command: str, answer: Answer) -> None:
     from scenario_tui.rejudged import read_judged, told
 
     dashboard.push_screen(Told(told(read_judged(answer)), command))
 
 
-def make_report(dashboard: Dashboard, row: CampaignRow) -> None:
+def make_report(dashboard: BaseDashboard, row: CampaignRow) -> None:
     """Write the report of a campaign, say where it is, show it where that can be seen."""
     state = _state(dashboard, row)
     if state is None:
@@ -85,7 +85,7 @@ def make_report(dashboard: Dashboard, row: CampaignRow) -> None:
 
 
 def _tell_report(
-    dashboard: Dashboard, page: Path, command: str, doing: str, answer: Answer
+    dashboard: BaseDashboard, page: Path, command: str, doing: str, answer: Answer
 ) -> None:
     dashboard.going_on.discard(doing)
     opened = show_page(page, os.environ)
@@ -94,7 +94,7 @@ def _tell_report(
 
 
 def _ask(
-    dashboard: Dashboard, doing: str, way: tuple[str, ...], then: Callable[[Answer], None]
+    dashboard: BaseDashboard, doing: str, way: tuple[str, ...], then: Callable[[Answer], None]
 ) -> None:
     dashboard.say(f"{doing} …", typed(way))
 
@@ -105,7 +105,7 @@ def _ask(
     dashboard.errands.start(partial(dashboard.ask, way), then, failed)
 
 
-def _state(dashboard: Dashboard, row: CampaignRow) -> Path | None:
+def _state(dashboard: BaseDashboard, row: CampaignRow) -> Path | None:
     """Return the state directory with the traces; say so when it is not on this machine."""
     overview = dashboard.picture.overview
     state = Path(overview.state) if overview is not None else None

@@ -139,7 +139,8 @@ class RunScreen(Playing, Steering):
         result = detail.result
         self.set_class(result is not None, "-judged")
         if result is None:
-            self.query_one("#run-text", Static).update(run_text(detail, track))
+            snapshot = track.snapshot if track else None
+            self.query_one("#run-text", Static).update(run_text(detail, snapshot))
         else:
             self.query_one(VerdictList).show(result.verdicts)
         if self._shown != (detail, self._playback):

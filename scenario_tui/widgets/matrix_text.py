@@ -8,11 +8,15 @@ from daemon.assessment import Cell, OracleCell
 from scenario_tui.judged import BOUNDS, Footnotes, cell_text, compared_text, evidence_parts, listed
 from scenario_tui.palette import QUIET, WORDS
 from scenario_tui.summary import Results
-from scenario_tui.widgets.cell_table import Line
 from scenario_tui.wording import NOTHING, SEVERITY, glyph_word
 
+MatrixRow = tuple[str, tuple[Text, ...]]
+"""The label of a row, and a cell for each column."""
 
-def matrix_lines(results: Results, notes: Footnotes) -> tuple[tuple[str, ...], tuple[Line, ...]]:
+
+def matrix_lines(
+    results: Results, notes: Footnotes
+) -> tuple[tuple[str, ...], tuple[MatrixRow, ...]]:
     """Return systems under test and, for each scenario, its label with a cell for each of them."""
 
     cells = {(cell.scenario, cell.sut): cell for cell in results.assessment.cells}

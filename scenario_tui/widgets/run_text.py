@@ -8,10 +8,9 @@ from collections.abc import Iterable
 from rich.text import Text
 
 from daemon.protocol import RunDetail, RunState
-from daemon.spec import RunResult
+from daemon.spec import RunResult, Snapshot
 from daemon.verdict import Outcome, Verdict
 from scenario_tui.palette import QUIET, UNSURE, WORDS
-from scenario_tui.tracks import Track
 from scenario_tui.wording import (
     GLYPHS,
     SEVERITY,
@@ -27,13 +26,13 @@ from scenario_tui.wording import (
 )
 
 
-def run_text(detail: RunDetail, track: Track | None) -> Text:
+def run_text(detail: RunDetail, seen: Snapshot | None) -> Text:
     """Return everything about a run, the answer first."""
     row = detail.row
     word = word_of(row)
     text = Text.assemble((run_label(row), "bold"), "  ", (glyph_word(word), WORDS[word]), "\n")
     if row.state is RunState.RUNNING:
-        _running(text, track)
+        _running(text, seen)
     if row.reason:
         text.append(f"{row.reason.strip()}\n", style=UNSURE)
     text.append("\n")
@@ -45,11 +44,10 @@ def run_text(detail: RunDetail, track: Track | None) -> Text:
     return text
 
 
-def _running(text: Text, track: Track | None) -> None:
-    if track is None:
+def _running(text: Text, seen: Snapshot | None) -> None:
+    if seen is None:
         text.append("waiting for its first sign of life\n", style=QUIET)
         return
-    seen = track.snapshot
     text.append(f"reached {seen.reached} of {counted(seen.waypoints, 'waypoint')}, ")
     text.append(f"{seen.time:.0f} s of {seen.limit:.0f} s simulated\n")
 

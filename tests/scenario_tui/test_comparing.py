@@ -10,8 +10,8 @@ import pytest
 
 from daemon.spec import SutReference
 from daemon.verdict import Evidence, Outcome, Verdict
-from scenario_tui.chronicle import Chronicle, DoorEvent, Strip
-from scenario_tui.comparing import clock_of, differences, on_clock, pairs
+from scenario_tui.chronicle import Chronicle, DoorEvent, Strip, clock_of, on_clock
+from scenario_tui.comparing import differences, pairs
 from scenario_tui.playback import Playback, open_playback
 from scenario_tui.screens.compare import CompareScreen
 from scenario_tui.screens.replay import ReplayApp

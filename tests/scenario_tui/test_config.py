@@ -16,11 +16,10 @@ from scenario_tui.bindings import (
     bound_classes,
     catalogue,
     check_config,
-    own_bindings,
 )
 from scenario_tui.config import read_config
 from scenario_tui.daylight import darker
-from scenario_tui.screens.help import key_groups
+from scenario_tui.screens.help import key_groups, own_bindings
 from tests.scenario_tui.driven import SteeredDaemon
 from tests.scenario_tui.inline import make_dashboard, press, screen_text, settle
 
