@@ -7,8 +7,7 @@ import os
 import sys
 from pathlib import Path
 
-from daemon.amounts import QUOTA, parse_size
-from daemon.errors import (
+from daemon.batch.errors import (
     EXIT_ALREADY_RUNNING,
     EXIT_BROKEN,
     EXIT_FAILED,
@@ -16,7 +15,8 @@ from daemon.errors import (
     DaemonError,
     WorkerBroken,
 )
-from daemon.executor import DEFAULT_EXECUTOR, Limits, Scheduler
+from daemon.batch.sizes import QUOTA_VARIABLE, parse_size
+from daemon.model.execution import DEFAULT_EXECUTOR, DaskScheduler, RunLimits
 
 
 def main() -> int:
@@ -41,7 +41,7 @@ def _parser() -> argparse.ArgumentParser:
     serve.add_argument("--listen", default="")
     serve.add_argument("--insecure", action="store_true")
     serve.add_argument("--traces", default="")
-    serve.add_argument("--quota", default=os.environ.get(QUOTA, ""))
+    serve.add_argument("--quota", default=os.environ.get(QUOTA_VARIABLE, ""))
     serve.add_argument("--lease", type=float, default=30.0)
     serve.add_argument("--grace", type=float, default=5.0)
     serve.add_argument("--attempts", type=int, default=3)
@@ -58,14 +58,14 @@ def _parser() -> argparse.ArgumentParser:
         command.add_argument("--keys", type=Path)
         command.add_argument("--executor", default=DEFAULT_EXECUTOR)
         command.add_argument("--tether", action="store_true")
-        command.add_argument("--wall", type=float, default=Limits().wall)
-        command.add_argument("--memory", type=int, default=Limits().memory)
-        command.add_argument("--nice", type=int, default=Limits().nice)
+        command.add_argument("--wall", type=float, default=RunLimits().wall)
+        command.add_argument("--memory", type=int, default=RunLimits().memory)
+        command.add_argument("--nice", type=int, default=RunLimits().nice)
     return parser
 
 
 def _serve(options: argparse.Namespace) -> None:
-    from daemon.server import Settings, serve
+    from daemon.batch.server import DaemonSettings, serve
 
     try:
         quota = parse_size(options.quota) if options.quota else 0
@@ -77,7 +77,7 @@ def _serve(options: argparse.Namespace) -> None:
         keys=options.keys,
         insecure=options.insecure,
         slots=options.slots,
-        settings=Settings(
+        settings=DaemonSettings(
             options.lease,
             options.grace,
             options.attempts,
@@ -86,24 +86,24 @@ def _serve(options: argparse.Namespace) -> None:
             quota,
         ),
         executor=options.executor,
-        limits=Limits(options.wall, options.memory, options.nice),
+        limits=RunLimits(options.wall, options.memory, options.nice),
         tether=options.tether,
     )
 
 
 def _work(options: argparse.Namespace) -> None:
-    from daemon.worker import work
+    from daemon.batch.worker import work
 
     work(
         options.connect,
         slots=options.slots,
         state=options.state,
         executor=options.executor,
-        limits=Limits(options.wall, options.memory, options.nice),
+        limits=RunLimits(options.wall, options.memory, options.nice),
         parent=options.parent,
         keys=options.keys,
         tether=options.tether,
-        scheduler=Scheduler(options.scheduler) if options.scheduler else None,
+        scheduler=DaskScheduler(options.scheduler) if options.scheduler else None,
         nice=options.step_back,
     )
 

@@ -18,12 +18,10 @@ from typing import Final, Literal
 
 import numpy as np
 
-from daemon import oracles
-from daemon.glance import Glance
-from daemon.simulator import World
-from daemon.simulator import warm_up as warm_up_simulator
-from daemon.spec import RunResult, RunSpec, Snapshot, Timing
-from daemon.sut import (
+from daemon.judging import oracles
+from daemon.model.live_view import LiveView
+from daemon.model.spec import RunResult, RunSpec, Snapshot, Timing
+from daemon.model.sut import (
     Briefing,
     Cloud,
     Decision,
@@ -33,11 +31,13 @@ from daemon.sut import (
     Odometry,
     SystemUnderTest,
 )
-from daemon.suts import make_sut
+from daemon.simulator import World
+from daemon.simulator import warm_up as warm_up_simulator
+from daemon.stacks.registry import make_sut
 from daemon.trace import TraceWriter, read_trace
-from grammars.codec import warm_up as warm_up_codec
-from grammars.scene import Scene
-from grammars.values import Floats, Pose2
+from grammars.model.geometry import Floats, Pose2
+from grammars.model.scene import Scene
+from grammars.text.codec import warm_up as warm_up_codec
 from templates.occupancy import occupancy_grid
 
 TICKS_PER_SECOND: Final = 100
@@ -48,10 +48,10 @@ SNAPSHOT_RATE: Final = 1.0
 WATCHED_RATE: Final = 10.0
 """How often somebody who watches is asked whether a snapshot is wanted [Hz, simulated]."""
 
-OnProgress = Callable[[Snapshot], None]
+ProgressCallback = Callable[[Snapshot], None]
 Interest = Callable[[], Literal["nothing", "progress", "everything"]]
 """Asked before a snapshot is taken: whether there is to be one, and how detailed."""
-Ended = Literal["finished", "limit", "crashed"]
+RunEnding = Literal["finished", "limit", "crashed"]
 
 
 class SceneMismatchError(ValueError):
@@ -60,8 +60,8 @@ class SceneMismatchError(ValueError):
 
 def warm_up() -> None:
     """Load every kernel and validator once, so that forked children start without compiling."""
-    from daemon.navigation import warm_up as warm_up_navigation
-    from daemon.oracles import warm_up as warm_up_oracles
+    from daemon.judging.oracles import warm_up as warm_up_oracles
+    from daemon.stacks import warm_up as warm_up_navigation
 
     warm_up_simulator()
     warm_up_navigation()
@@ -75,7 +75,7 @@ def execute(
     scene: Scene,
     *,
     trace_path: Path,
-    on_progress: OnProgress | None = None,
+    on_progress: ProgressCallback | None = None,
     interest: Interest | None = None,
 ) -> RunResult:
     """Run ``spec`` in ``scene``, write the trace to ``trace_path``, judge it.
@@ -91,12 +91,12 @@ def execute(
         raise SceneMismatchError(f"scene {scene.digest[:12]} given, {spec.scene[:12]} specified")
     wall, cpu = time.perf_counter(), time.process_time()
     with TraceWriter(trace_path, spec, scene, versions=versions()) as trace:
-        loop = _Loop(spec, scene, trace, on_progress, interest)
+        loop = _RunLoop(spec, scene, trace, on_progress, interest)
         ended, note = loop.run()
         info = trace.close(ended, note)
     recorded = read_trace(trace_path)
     verdicts = oracles.judge(recorded, spec.oracles)
-    outcome = oracles.overall(recorded, verdicts)
+    outcome = oracles.overall_outcome(recorded, verdicts)
     timing = Timing(time.perf_counter() - wall, time.process_time() - cpu, loop.world.time)
     return RunResult(spec.digest, outcome, verdicts, ended, info, timing, note)
 
@@ -116,7 +116,7 @@ def _version(package: str) -> str:
 
 
 @dataclass(slots=True)
-class _Timer:
+class _PeriodicTimer:
     """Ticks at which something periodic is due: the k-th is the first tick at or after k/rate."""
 
     rate: float
@@ -132,7 +132,7 @@ class _Timer:
         return True
 
 
-class _Loop:
+class _RunLoop:
     """One run while it lasts: the world, the system under test and what is recorded."""
 
     def __init__(
@@ -140,7 +140,7 @@ class _Loop:
         spec: RunSpec,
         scene: Scene,
         trace: TraceWriter,
-        on_progress: OnProgress | None,
+        on_progress: ProgressCallback | None,
         interest: Interest | None,
     ) -> None:
         world_seed, self._sut_seed = np.random.SeedSequence(spec.seed).spawn(2)
@@ -163,17 +163,19 @@ class _Loop:
         self._cloud: Cloud | None = None
         self._plan: Floats | None = None
         self._recorded = -1
-        self._state = _Timer(STATE_RATE)
-        self._clock = _Timer(CLOCK_RATE)
+        self._state = _PeriodicTimer(STATE_RATE)
+        self._clock = _PeriodicTimer(CLOCK_RATE)
         self._period = spec.robot.odometry.period
-        self._odom = _Timer(1.0 / self._period if self._period else spec.robot.odometry.rate)
-        self._scan = _Timer(spec.robot.laser.rate)
-        self._update = _Timer(1.0 / self._sut.period)
+        self._odom = _PeriodicTimer(
+            1.0 / self._period if self._period else spec.robot.odometry.rate
+        )
+        self._scan = _PeriodicTimer(spec.robot.laser.rate)
+        self._update = _PeriodicTimer(1.0 / self._sut.period)
         self._interest = interest
-        self._snapshot = _Timer(SNAPSHOT_RATE if interest is None else WATCHED_RATE)
-        self._seen: Glance | None = None
+        self._snapshot = _PeriodicTimer(SNAPSHOT_RATE if interest is None else WATCHED_RATE)
+        self._seen: LiveView | None = None
 
-    def run(self) -> tuple[Ended, str]:
+    def run(self) -> tuple[RunEnding, str]:
         """Step until the mission is over, the limit is reached or the system crashes."""
         trace, world = self._trace, self.world
         trace.static(self._grid)
@@ -263,7 +265,7 @@ class _Loop:
         self._scans.clear()
         try:
             decision = self._sut.update(observation)
-            _refuse_nonsense(decision)
+            _check_decision(decision)
         except Exception as error:
             raise _SutError(error) from error
         try:
@@ -309,7 +311,7 @@ class _Loop:
         picture = self._picture(now)
         if wanted == "everything":
             if self._seen is None:
-                self._seen = Glance(self._spec.robot.laser)
+                self._seen = LiveView(self._spec.robot.laser)
             picture = self._seen.added(picture, self._cloud or self._estimate, self._plan)
         else:
             self._seen = None
@@ -328,18 +330,18 @@ class _Loop:
         )
 
 
-def _refuse_nonsense(decision: object) -> None:
+def _check_decision(decision: object) -> None:
     """Raise for an answer that is no decision or has numbers that are none."""
     if not isinstance(decision, Decision):
         raise TypeError(f"update() must return a Decision, not {type(decision).__name__}")
     if decision.estimate is not None:
         pose, covariance = decision.estimate.pose, decision.estimate.covariance
-        _refuse_infinite("estimate", pose, covariance)
+        _check_finite("estimate", pose, covariance)
     if decision.cloud is not None:
-        _refuse_infinite("particle cloud", decision.cloud.mean, decision.cloud.covariance)
+        _check_finite("particle cloud", decision.cloud.mean, decision.cloud.covariance)
 
 
-def _refuse_infinite(what: str, pose: Pose2, covariance: Floats) -> None:
+def _check_finite(what: str, pose: Pose2, covariance: Floats) -> None:
     if not (math.isfinite(pose.x + pose.y + pose.yaw) and math.isfinite(float(np.sum(covariance)))):
         raise ValueError(f"its {what} has values that are not finite")
 

@@ -11,24 +11,24 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final, Literal, TypeAlias
 
-from grammars.diagnostics import Diagnostic, InputError, Where, did_you_mean
+from grammars.text.diagnostics import Diagnostic, InputError, Where, did_you_mean
 from templates.rendering import Templates
-from templates.world import Job, Settings, World
+from templates.world import ArtefactWorld, ExportJob, ExportSettings
 
 Needs: TypeAlias = Literal["plan", "scene", "campaign"]
 ALL: Final = "all"
 
 
 @dataclass(frozen=True, slots=True)
-class Kind:
+class ArtefactKind:
     """A kind of artefact: ``about`` for people, what it ``needs``, how it is made."""
 
     name: str
     about: str
     needs: Needs
-    make: Callable[[Job], Iterable[Path]]
+    make: Callable[[ExportJob], Iterable[Path]]
 
-    def fits(self, world: World) -> bool:
+    def fits(self, world: ArtefactWorld) -> bool:
         """Return whether ``world`` holds what this kind is made of."""
         if self.needs == "plan":
             return world.plan is not None
@@ -36,7 +36,7 @@ class Kind:
 
 
 @dataclass(frozen=True, slots=True)
-class Export:
+class ExportResult:
     """What an export left: files by kind, and notes on what could not be said in a format."""
 
     made: dict[str, tuple[Path, ...]]
@@ -49,28 +49,28 @@ class Export:
 
 
 def export(
-    world: World,
+    world: ArtefactWorld,
     kinds: Iterable[str],
     folder: Path,
     *,
-    settings: Settings | None = None,
+    settings: ExportSettings | None = None,
     templates: Templates | None = None,
-) -> Export:
+) -> ExportResult:
     """Make artefacts of ``kinds`` (names, or ``all``) of ``world`` in ``folder``.
 
     Provenance comes last, whatever the order asked for. Same input, same bytes. Raises
     :class:`InputError` for unknown kinds, for kinds ``world`` has not the parts of, and for
     templates that cannot be used.
     """
-    chosen = choose(world, kinds)
-    job = Job(world, folder, settings or Settings(), templates or Templates())
+    chosen = choose_kinds(world, kinds)
+    job = ExportJob(world, folder, settings or ExportSettings(), templates or Templates())
     folder.mkdir(parents=True, exist_ok=True)
     for kind in chosen:
         job.made[kind.name] = tuple(kind.make(job))
-    return Export(job.made, tuple(dict.fromkeys(job.notes)))
+    return ExportResult(job.made, tuple(dict.fromkeys(job.notes)))
 
 
-def choose(world: World, names: Iterable[str]) -> tuple[Kind, ...]:
+def choose_kinds(world: ArtefactWorld, names: Iterable[str]) -> tuple[ArtefactKind, ...]:
     """Return the kinds called ``names``, in the order they are made in."""
     wanted = list(names)
     unknown = [name for name in wanted if name not in KINDS and name != ALL]
@@ -93,27 +93,27 @@ def choose(world: World, names: Iterable[str]) -> tuple[Kind, ...]:
     )
 
 
-def _geojson(job: Job) -> Iterable[Path]:
-    from templates.geojson import write_geojson
+def _geojson(job: ExportJob) -> Iterable[Path]:
+    from templates.maps import write_geojson
 
     plan = job.world.plan
     return (write_geojson(plan, job.path(f"{job.name}.geojson")),) if plan else ()
 
 
-def _jsonld(job: Job) -> Iterable[Path]:
+def _jsonld(job: ExportJob) -> Iterable[Path]:
     from templates.jsonld import write_jsonld
 
     plan = job.world.plan
     return write_jsonld(plan, job.path("jsonld"), job.world.layers) if plan else ()
 
 
-def _map(job: Job) -> Iterable[Path]:
-    from templates.occupancy_files import write_maps
+def _map(job: ExportJob) -> Iterable[Path]:
+    from templates.maps import write_maps
 
     return write_maps(job)
 
 
-def _mesh(job: Job) -> Iterable[Path]:
+def _mesh(job: ExportJob) -> Iterable[Path]:
     from templates.mesh import wall_mesh, write_glb, write_stl
 
     if not job.world.scene.solids:
@@ -124,43 +124,43 @@ def _mesh(job: Job) -> Iterable[Path]:
     return write_stl(mesh, stl), write_glb(mesh, glb, name=job.building)
 
 
-def _sdf(job: Job) -> Iterable[Path]:
+def _sdf(job: ExportJob) -> Iterable[Path]:
     from templates.sdf import write_sdf
 
     return write_sdf(job)
 
 
-def _keyframes(job: Job) -> Iterable[Path]:
-    from templates.keyframes import write_keyframes
+def _keyframes(job: ExportJob) -> Iterable[Path]:
+    from templates.sdf import write_keyframes
 
     return write_keyframes(job)
 
 
-def _tasks(job: Job) -> Iterable[Path]:
-    from templates.task_files import write_tasks
+def _tasks(job: ExportJob) -> Iterable[Path]:
+    from templates.tasks import write_tasks
 
     return write_tasks(job)
 
 
-def _launch(job: Job) -> Iterable[Path]:
+def _launch(job: ExportJob) -> Iterable[Path]:
     from templates.launch import write_launch
 
     return write_launch(job)
 
 
-def _foxglove(job: Job) -> Iterable[Path]:
-    from templates.foxglove import write_layout
+def _foxglove(job: ExportJob) -> Iterable[Path]:
+    from templates.launch import write_layout
 
     return write_layout(job)
 
 
-def _picture(job: Job) -> Iterable[Path]:
+def _picture(job: ExportJob) -> Iterable[Path]:
     from templates.picture import write_picture
 
     return write_picture(job)
 
 
-def _prov(job: Job) -> Iterable[Path]:
+def _prov(job: ExportJob) -> Iterable[Path]:
     from templates.provenance import write_provenance
 
     return write_provenance(job)
@@ -169,24 +169,30 @@ def _prov(job: Job) -> Iterable[Path]:
 KINDS: Final = {
     kind.name: kind
     for kind in (
-        Kind("geojson", "the plan as 2D geometry", "plan", _geojson),
-        Kind(
+        ArtefactKind("geojson", "the plan as 2D geometry", "plan", _geojson),
+        ArtefactKind(
             "jsonld",
             "the composable model: plan in six files and in one, scenery layers",
             "plan",
             _jsonld,
         ),
-        Kind(
+        ArtefactKind(
             "map", "occupancy grids for ROS, .pgm and .yaml, per state of the doors", "scene", _map
         ),
-        Kind("mesh", "walls as one watertight mesh, .stl and .glb", "scene", _mesh),
-        Kind("sdf", "Gazebo models and worlds, gz-sim and Classic", "scene", _sdf),
-        Kind("keyframes", "doors that move at given times, as JSON", "campaign", _keyframes),
-        Kind("tasks", "waypoints around every space, and the mission, as YAML", "scene", _tasks),
-        Kind("launch", "launch files for ROS 1 and ROS 2", "scene", _launch),
-        Kind("foxglove", "a layout for Foxglove", "scene", _foxglove),
-        Kind("picture", "plan, doors, waypoints and robot, .svg and .png", "scene", _picture),
-        Kind("prov", "where all of it comes from, W3C PROV", "scene", _prov),
+        ArtefactKind("mesh", "walls as one watertight mesh, .stl and .glb", "scene", _mesh),
+        ArtefactKind("sdf", "Gazebo models and worlds, gz-sim and Classic", "scene", _sdf),
+        ArtefactKind(
+            "keyframes", "doors that move at given times, as JSON", "campaign", _keyframes
+        ),
+        ArtefactKind(
+            "tasks", "waypoints around every space, and the mission, as YAML", "scene", _tasks
+        ),
+        ArtefactKind("launch", "launch files for ROS 1 and ROS 2", "scene", _launch),
+        ArtefactKind("foxglove", "a layout for Foxglove", "scene", _foxglove),
+        ArtefactKind(
+            "picture", "plan, doors, waypoints and robot, .svg and .png", "scene", _picture
+        ),
+        ArtefactKind("prov", "where all of it comes from, W3C PROV", "scene", _prov),
     )
 }
 """Every kind by name, in the order they are made: the last one tells of all before it."""

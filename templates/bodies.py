@@ -10,10 +10,10 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from grammars.kinematics import WORLD, link_poses
-from grammars.scene import Joint, Link, SceneObject
-from grammars.values import Point2, Pose2, Ring
-from templates.world import driven
+from grammars.model.geometry import Point2, Pose2, Ring
+from grammars.model.kinematics import WORLD, link_poses
+from grammars.model.scene import Joint, Link, SceneObject
+from templates.world import driven_joints
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,7 +85,7 @@ def body_of(thing: SceneObject) -> Body:
     shape are left out: what they carry stands where it starts, fixed to the world too.
     """
     solid = tuple(link for link in thing.links if link.polygons)
-    moving = () if thing.frozen else driven(thing)
+    moving = () if thing.frozen else driven_joints(thing)
     positions = [
         0.0 if joint in moving else initial
         for joint, initial in zip(thing.joints, thing.initial, strict=True)

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from grammars.floorplan import FloorPlan
-from grammars.metamodel import composed_document, documents, scenery_document
+from grammars.jsonld import plan_document, plan_documents, scenery_document
 from grammars.scenery import SceneryLayer
 from templates.naming import file_name
 
@@ -25,9 +25,9 @@ def write_jsonld(
     """
     folder.mkdir(parents=True, exist_ok=True)
     written = [
-        _write(document, folder / f"{name}.json") for name, document in documents(plan).items()
+        _write(document, folder / f"{name}.json") for name, document in plan_documents(plan).items()
     ]
-    written.append(_write(composed_document(plan), folder / f"{file_name(plan.name)}.jsonld"))
+    written.append(_write(plan_document(plan), folder / f"{file_name(plan.name)}.jsonld"))
     for layer in layers:
         path = folder / f"{file_name(layer.name)}.scenery.jsonld"
         written.append(_write(scenery_document(layer, plan, layers), path))

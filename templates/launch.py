@@ -1,22 +1,24 @@
-"""Launch files for ROS 1 and ROS 2: simulator, map and start pose of one world.
+"""Files that start other tools with a world: launch files for ROS 1 and 2, a layout for Foxglove.
 
-They find the other artefacts beside themselves, so the folder can be put anywhere, for example
-into a package. The robot is one's own: a launch file named by the argument ``robot_launch`` is
-included with the start pose, yaw too.
+Launch files find the other artefacts beside themselves, so the folder can be put anywhere, for
+example into a package. The robot is one's own: a launch file named by the argument
+``robot_launch`` is included with the start pose, yaw too.
 """
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
-from grammars.values import Pose2
-from templates.occupancy_files import map_file
+from grammars.model.geometry import Pose2
+from grammars.text.diagnostics import Diagnostic, InputError, Where
+from templates.maps import map_file
 from templates.sdf import world_file
-from templates.task_files import mission_file
-from templates.world import Job
+from templates.tasks import mission_file
+from templates.world import ExportJob
 
 
-def write_launch(job: Job) -> tuple[Path, ...]:
+def write_launch(job: ExportJob) -> tuple[Path, ...]:
     """Write ``launch/<world>.launch`` (ROS 1) and ``launch/<world>.launch.xml`` (ROS 2)."""
     mission = job.world.mission
     start = mission.start if mission else Pose2()
@@ -44,3 +46,31 @@ def write_launch(job: Job) -> tuple[Path, ...]:
         job.write(job.path("launch", f"{job.name}.launch"), ros1),
         job.write(job.path("launch", f"{job.name}.launch.xml"), ros2),
     )
+
+
+def write_layout(job: ExportJob) -> tuple[Path, ...]:
+    """Write ``<world>.foxglove.json``: top view, localisation, speed, joints, events."""
+    scene = job.world.scene
+    corners = [corner for region in scene.regions for corner in region.outline]
+    corners = corners or [corner for solid in scene.solids for corner in solid.polygon]
+    xs, ys = [c[0] for c in corners] or [0.0], [c[1] for c in corners] or [0.0]
+    text = job.templates.render(
+        "foxglove.json.j2",
+        centre=((min(xs) + max(xs)) / 2.0, (min(ys) + max(ys)) / 2.0),
+        extent=max(max(xs) - min(xs), max(ys) - min(ys), 1.0),
+        joints=list(scene.joint_names),
+        colours=_COLOURS,
+    )
+    try:
+        layout = json.loads(text)
+    except ValueError as error:
+        message = f"the layout is no JSON: {error}"
+        raise InputError(Diagnostic(Where("foxglove.json.j2"), message)) from error
+    path = job.path(f"{job.name}.foxglove.json")
+    return (job.write(path, json.dumps(layout, ensure_ascii=False, indent=1) + "\n"),)
+
+
+_COLOURS = (
+    "#4e79a7", "#f28e2b", "#e15759", "#76b7b2", "#59a14f", "#edc948", "#b07aa1", "#ff9da7",
+    "#9c755f", "#bab0ac",
+)  # fmt: skip

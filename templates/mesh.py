@@ -18,9 +18,9 @@ import numpy.typing as npt
 import shapely
 from shapely.geometry.polygon import orient
 
-from grammars.diagnostics import Diagnostic, InputError, Where
-from grammars.scene import Scene
-from grammars.values import Floats
+from grammars.model.geometry import Floats
+from grammars.model.scene import Scene
+from grammars.text.diagnostics import Diagnostic, InputError, Where
 
 _GRID: Final = 1e-6
 """Corners closer than this are one corner [m]."""

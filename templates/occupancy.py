@@ -21,12 +21,12 @@ from typing import Final, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from grammars.diagnostics import did_you_mean
-from grammars.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
-from grammars.kinematics import link_poses
-from grammars.movers import is_mover
-from grammars.scene import Scene
-from grammars.values import Floats, Ring
+from grammars.model.geometry import Floats, Ring
+from grammars.model.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
+from grammars.model.kinematics import link_poses
+from grammars.model.movers import is_mover
+from grammars.model.scene import Scene
+from grammars.text.diagnostics import did_you_mean
 
 _NOISE: Final = 1e-6
 """Overlaps smaller than this part of a cell are rounding errors."""

@@ -17,8 +17,8 @@ from pathlib import Path
 from typing import Any, Final
 from urllib.parse import quote
 
-from grammars.codec import digest
-from templates.world import Job
+from grammars.text.codec import digest
+from templates.world import ExportJob
 
 _CONTEXT: Final = {
     "prov": "http://www.w3.org/ns/prov#",
@@ -50,7 +50,7 @@ _LIBRARIES: Final = ("jinja2", "manifold3d", "numpy", "pillow", "shapely", "trim
 _FOLDERS: Final = ("gazebo", "jsonld", "keyframes", "launch", "maps", "mesh", "tasks")
 
 
-def write_provenance(job: Job) -> tuple[Path, ...]:
+def write_provenance(job: ExportJob) -> tuple[Path, ...]:
     """Write ``<world>.prov.jsonld`` about what this export made so far.
 
     Alone, it tells of the artefacts that earlier exports of this world left in the folder.
@@ -63,7 +63,7 @@ def write_provenance(job: Job) -> tuple[Path, ...]:
     return (job.write(path, text + "\n"),)
 
 
-def provenance(job: Job, made: dict[str, tuple[Path, ...]]) -> list[dict[str, Any]]:
+def provenance(job: ExportJob, made: dict[str, tuple[Path, ...]]) -> list[dict[str, Any]]:
     """Return the nodes of the provenance of ``made`` files by kind, each file once."""
     agent = {
         "id": "here:agent/scenario-tui",
@@ -124,11 +124,11 @@ def provenance(job: Job, made: dict[str, tuple[Path, ...]]) -> list[dict[str, An
     return [agent, *libraries, *sources, scene, *parameters, *nodes.values(), whole]
 
 
-def _base(job: Job) -> str:
+def _base(job: ExportJob) -> str:
     return f"urn:x-scenario:{quote(job.name)}:"
 
 
-def _found(job: Job, own: Path) -> dict[str, tuple[Path, ...]]:
+def _found(job: ExportJob, own: Path) -> dict[str, tuple[Path, ...]]:
     """Return the files of earlier exports: those in our folders, and those with our name."""
     inside = [p for name in _FOLDERS for p in (job.folder / name).rglob("*") if p.is_file()]
     beside = [p for p in job.folder.glob("*") if p.is_file() and p != own and _ours(job, p)]
@@ -136,7 +136,7 @@ def _found(job: Job, own: Path) -> dict[str, tuple[Path, ...]]:
     return {"artefacts": found} if found else {}
 
 
-def _ours(job: Job, path: Path) -> bool:
+def _ours(job: ExportJob, path: Path) -> bool:
     return path.name.split(".")[0] in (job.name, job.building)
 
 
@@ -159,7 +159,7 @@ def _source(name: str, path: Path) -> dict[str, Any]:
     }
 
 
-def _output(job: Job, path: Path) -> dict[str, Any]:
+def _output(job: ExportJob, path: Path) -> dict[str, Any]:
     data, name = path.read_bytes(), path.relative_to(job.folder).as_posix()
     return {
         "id": f"here:file/{quote(name)}",

@@ -11,10 +11,10 @@ from typing import Any, Final
 
 import jinja2
 
-from grammars.diagnostics import Diagnostic, InputError, Severity, Where, did_you_mean
+from grammars.text.diagnostics import Diagnostic, InputError, Severity, Where, did_you_mean
 from templates.naming import xml_text
 
-OURS: Final = Path(__file__).parent / "files"
+BUILT_IN: Final = Path(__file__).parent / "files"
 _XML: Final = (".sdf.j2", ".world.j2", ".config.j2", ".svg.j2", ".launch.j2", ".xml.j2")
 
 
@@ -25,7 +25,7 @@ class Templates:
     """
 
     def __init__(self, folder: Path | None = None) -> None:
-        loaders = [jinja2.FileSystemLoader(OURS)]
+        loaders = [jinja2.FileSystemLoader(BUILT_IN)]
         if folder is not None:
             loaders.insert(0, jinja2.FileSystemLoader(folder))
         self.folder = folder
@@ -62,7 +62,7 @@ class Templates:
         """Return a warning for each template in the folder that replaces none of ours."""
         if self.folder is None:
             return ()
-        ours = [path.name for path in OURS.glob("*.j2")]
+        ours = [path.name for path in BUILT_IN.glob("*.j2")]
         return tuple(
             Diagnostic(
                 Where(str(path)),

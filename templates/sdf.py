@@ -1,23 +1,99 @@
-"""Gazebo worlds and models in SDF: for gz-sim and ROS 2, and for Gazebo Classic and ROS 1.
+"""Gazebo worlds, models and key frames: for gz-sim and ROS 2, and for Gazebo Classic and ROS 1.
 
 Both kinds of world share the models. What doors do is said with the plugins of the floor plan
-tools (secorolab/floorplan-gazebo-plugins) in their present form and in that of 2024; where these
-cannot say all of a behaviour, a note tells what is lost.
+tools (secorolab/floorplan-gazebo-plugins) in their present form and in that of 2024, key frames in
+JSON files of their own; where these cannot say all of a behaviour, a note tells what is lost.
 """
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
-from grammars.behaviour import Behaviour, Hold, Jump, KeyFrames, Servo, Spring, Trigger
-from grammars.scene import Scene, SceneObject
+from grammars.model.behaviour import (
+    Behaviour,
+    Hold,
+    Jump,
+    KeyFrame,
+    KeyFrames,
+    Servo,
+    Spring,
+    Trigger,
+)
+from grammars.model.scene import Scene, SceneObject
 from templates.bodies import Body, BodyJoint, body_of
-from templates.keyframes import frames_file, said
 from templates.naming import file_name
-from templates.world import Draw, Job
+from templates.world import BehaviourDraw, ExportJob, driven_joints, start_positions
+
+ERA = "era"
+"""Folder of the files as the plugins of 2024 read them: ``pose`` instead of ``position``."""
+
+
+def behaviour_by_joint(scene: Scene, behaviours: tuple[Behaviour, ...]) -> dict[str, Behaviour]:
+    """Return what every joint that can move does, by scene-wide name in scene order.
+
+    A free joint that starts away from zero is set there by one key frame at time 0: simulators
+    start all joints at zero. So is one that waits for an event, which no simulator knows of.
+    Joints of frozen objects, and free ones at zero, are left out.
+    """
+    given = {behaviour.joint: behaviour for behaviour in behaviours}
+    start = start_positions(scene, behaviours)
+    found: dict[str, Behaviour] = {}
+    for thing in scene.objects:
+        moving = () if thing.frozen else driven_joints(thing)
+        for joint, initial in zip(thing.joints, thing.initial, strict=True):
+            name = f"{thing.name}.{joint.name}"
+            if joint not in moving:
+                continue
+            if name in given and given[name].kind in ("hold", "key-frames", "trigger"):
+                found[name] = _from_the_start(given[name], initial)
+            elif start[name] != 0.0:
+                found[name] = KeyFrames(name, (KeyFrame(0.0, start[name]),), Jump())
+    return found
+
+
+def _from_the_start(behaviour: Behaviour, initial: float) -> Behaviour:
+    if not isinstance(behaviour, KeyFrames):
+        return behaviour
+    frames = tuple(sorted(behaviour.frames, key=lambda frame: frame.time))
+    if not frames or frames[0].time > 0.0:
+        frames = (KeyFrame(0.0, initial), *frames)
+    return KeyFrames(behaviour.joint, frames, behaviour.motion)
+
+
+def frames_file(thing: SceneObject, joint: str, draw: BehaviourDraw, *, era: bool = False) -> str:
+    """Return the file of a joint's key frames, relative to the folder of the world."""
+    single = len(thing.joints) == 1
+    stem = file_name(thing.name) if single else f"{file_name(thing.name)}.{file_name(joint)}"
+    folders = ["keyframes", *([ERA] if era else []), *([draw.name] if draw.name else [])]
+    return "/".join((*folders, f"{stem}.json"))
+
+
+def write_keyframes(job: ExportJob) -> tuple[Path, ...]:
+    """Write the key frames of every joint that has some, in both forms."""
+    scene, written = job.world.scene, []
+    for draw in job.world.draws:
+        acts = behaviour_by_joint(scene, draw.behaviours)
+        for thing in scene.objects:
+            for joint in thing.joints:
+                act = acts.get(f"{thing.name}.{joint.name}")
+                if isinstance(act, KeyFrames):
+                    for era, key in ((False, "position"), (True, "pose")):
+                        path = job.path(*frames_file(thing, joint.name, draw, era=era).split("/"))
+                        written.append(job.write(path, frames_text(act, key)))
+    return tuple(written)
+
+
+def frames_text(act: KeyFrames, key: str) -> str:
+    """Return the key frames as JSON, one per line, sorted by time [s]."""
+    lines = ",\n".join(
+        f"  {json.dumps({key: frame.position, 'time': frame.time})}" for frame in act.frames
+    )
+    return f'{{"keyframes": [\n{lines}\n]}}\n'
+
 
 _BANDWIDTH: Final = 20.0
 """How fast a position controller follows [rad/s]: critically damped, stable at steps of 3 ms."""
@@ -25,7 +101,7 @@ _GROUND: Final = "ground_plane"
 
 
 @dataclass(frozen=True, slots=True)
-class Instance:
+class PlacedModel:
     """An object in a world: its model, its pose x, y, z, roll, pitch, yaw, what its joints do."""
 
     name: str
@@ -54,13 +130,13 @@ def models_of(scene: Scene, taken: set[str]) -> dict[str, tuple[str, Body]]:
     return found
 
 
-def world_file(job: Job, draw: Draw, *, classic: bool) -> str:
+def world_file(job: ExportJob, draw: BehaviourDraw, *, classic: bool) -> str:
     """Return a world's file, relative to the folder of the world."""
     stem = f"{job.name}-{draw.name}" if draw.name else job.name
     return f"gazebo/worlds/{stem}.{'world' if classic else 'sdf'}"
 
 
-def write_sdf(job: Job) -> tuple[Path, ...]:
+def write_sdf(job: ExportJob) -> tuple[Path, ...]:
     """Write the models and, for every draw of behaviours, a world for each Gazebo."""
     scene = job.world.scene
     models = models_of(scene, {job.building, _GROUND})
@@ -85,7 +161,7 @@ def write_sdf(job: Job) -> tuple[Path, ...]:
     return tuple(written)
 
 
-def _write_building(job: Job) -> list[Path]:
+def _write_building(job: ExportJob) -> list[Path]:
     from templates.mesh import wall_mesh, write_stl
 
     name = job.building
@@ -103,15 +179,15 @@ def _write_building(job: Job) -> list[Path]:
     return [*written, job.write(path, text), config]
 
 
-def _render(job: Job, path: str, **values: Any) -> Path:
+def _render(job: ExportJob, path: str, **values: Any) -> Path:
     template = "model.config.j2" if path.endswith(".config") else "object_model.sdf.j2"
     return job.write(job.path(*path.split("/")), job.templates.render(template, **values))
 
 
 def _instances(
-    job: Job, models: dict[str, tuple[str, Body]], draw: Draw, classic: bool
-) -> list[Instance]:
-    acts = said(job.world.scene, draw.behaviours)
+    job: ExportJob, models: dict[str, tuple[str, Body]], draw: BehaviourDraw, classic: bool
+) -> list[PlacedModel]:
+    acts = behaviour_by_joint(job.world.scene, draw.behaviours)
     target = job.world.robot.name if job.world.robot else "robot"
     found = []
     for thing in job.world.scene.objects:
@@ -122,12 +198,12 @@ def _instances(
             for joint in body.joints
             if f"{thing.name}.{joint.of}" in acts
         )
-        found.append(Instance(thing.name, model, body.static, pose, described))
+        found.append(PlacedModel(thing.name, model, body.static, pose, described))
     return found
 
 
 def _act(
-    thing: SceneObject, joint: BodyJoint, act: Behaviour, draw: Draw, classic: bool
+    thing: SceneObject, joint: BodyJoint, act: Behaviour, draw: BehaviourDraw, classic: bool
 ) -> dict[str, Any]:
     """Return what a template needs to say about one joint, by the tags of the plugins."""
     several = len(thing.joints) > 1
@@ -157,7 +233,7 @@ def _gains(joint: BodyJoint, motion: Servo | Spring | Jump) -> dict[str, float]:
     return {"p": moment * _BANDWIDTH**2, "d": 2.0 * moment * _BANDWIDTH, "effort": effort}
 
 
-def _losses(job: Job) -> Iterator[str]:
+def _losses(job: ExportJob) -> Iterator[str]:
     """Say what the published plugins cannot do."""
     for draw in job.world.draws:
         for behaviour in draw.behaviours:
@@ -165,7 +241,7 @@ def _losses(job: Job) -> Iterator[str]:
                 yield f"{behaviour.joint}: no plugin waits for events, it stays where it starts"
             elif behaviour.kind == "walk":
                 yield f"{behaviour.object}: no plugin walks, it stands where it starts"
-        for joint, act in said(job.world.scene, draw.behaviours).items():
+        for joint, act in behaviour_by_joint(job.world.scene, draw.behaviours).items():
             if isinstance(act, KeyFrames) and not isinstance(act.motion, Jump):
                 yield f"{joint}: the plugin for key frames jumps, it knows no {act.motion.kind}"
             if not isinstance(act, Trigger):

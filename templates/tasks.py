@@ -1,9 +1,14 @@
-"""Waypoints around every space: the inset contour of its floor (Ortega et al. 2024, section 3.3).
+"""Waypoints around every space and the mission of a campaign, as YAML task files.
 
-The contour is a negative buffer with mitred corners, so it is right for rooms of any shape. Where
-a space is too narrow there is none, where it has a narrow middle there are several parts: both are
-reported. Waypoints are numbered as in the published tools: waypoint 0 lies near the second corner
-of the space, the following ones in the order of its corners.
+The inset contour of a floor (Ortega et al. 2024, section 3.3) is a negative buffer with mitred
+corners, so it is right for rooms of any shape. Where a space is too narrow there is none, where it
+has a narrow middle there are several parts: both are reported. Waypoints are numbered as in the
+published tools: waypoint 0 lies near the second corner of the space, the following ones in the
+order of its corners.
+
+Two published forms: ``tasks/<name>_route.yaml`` as the tools write them now, and
+``tasks/era/<name>_task.yaml`` with the plain list of waypoints that the experiments of 2024 ran,
+there rounded to centimetres.
 """
 
 from __future__ import annotations
@@ -12,15 +17,19 @@ import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Final, Literal, TypeAlias
+from pathlib import Path
+from typing import Any, Final, Literal, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 import shapely
 from shapely.geometry import Point, Polygon
 
-from grammars.scene import Region, Scene
-from grammars.values import Floats, Point2, Ring
+from grammars.model.geometry import Floats, Point2, Ring
+from grammars.model.mission import Mission
+from grammars.model.scene import Region, Scene
+from templates.naming import file_name
+from templates.world import ExportJob
 
 Yaw: TypeAlias = Literal["zero", "path"]
 _SHARPEST: Final = 1e6
@@ -42,7 +51,7 @@ class Contour:
 
 
 @dataclass(frozen=True, slots=True)
-class Stop:
+class RouteStop:
     """A waypoint of a route: ``part`` and ``number`` of its corner, position [m], yaw [rad]."""
 
     part: int
@@ -71,28 +80,28 @@ def inset_contour(region: Region, distance: float) -> Contour:
     return Contour(region.name, parts, _findings(region, parts, distance))
 
 
-def route(
+def contour_route(
     contour: Contour,
     *,
     first: int = 0,
     forward: bool = True,
     closed: bool = False,
     yaw: Yaw = "zero",
-) -> tuple[Stop, ...]:
+) -> tuple[RouteStop, ...]:
     """Return the waypoints of a contour in the order they are driven.
 
     ``first`` is the number to begin with (counted around where there are fewer corners),
     ``closed`` comes back to it in the end. With yaw ``path`` the robot looks towards the next
     waypoint, with ``zero`` along the x axis of the map.
     """
-    stops: list[Stop] = []
+    stops: list[RouteStop] = []
     for index, ring in enumerate(contour.parts):
         step = 1 if forward else -1
         order = [(first + step * i) % len(ring) for i in range(len(ring) + closed)]
         points = [ring[i] for i in order]
         ahead = _headings(points) if yaw == "path" else [0.0] * len(points)
         stops += [
-            Stop(index, number, *point, heading)
+            RouteStop(index, number, *point, heading)
             for number, point, heading in zip(order, points, ahead, strict=True)
         ]
     return tuple(stops)
@@ -175,3 +184,81 @@ def _findings(region: Region, parts: tuple[Ring, ...], distance: float) -> tuple
             f"{region.name}: {lost} of its corners have no waypoint {distance:g} m from the walls"
         )
     return tuple(found)
+
+
+def mission_file(job: ExportJob, *, era: bool = False) -> str:
+    """Return the mission's task file, relative to the folder of the world."""
+    mission = job.world.mission
+    name = file_name(mission.name if mission else "mission")
+    return f"tasks/era/mission/{name}_task.yaml" if era else f"tasks/mission/{name}_route.yaml"
+
+
+def write_tasks(job: ExportJob) -> tuple[Path, ...]:
+    """Write a task for every space that has a contour, and one for the mission.
+
+    Notes say which spaces have none, or in several parts, and which waypoints are too close to
+    what stands in a space.
+    """
+    written: list[Path] = []
+    settings, scene = job.settings, job.world.scene
+    height = job.world.robot.height if job.world.robot else job.laser_height
+    for region in scene.regions:
+        contour = inset_contour(region, settings.distance)
+        job.notes.extend(contour.findings)
+        for number, owner, away in too_close(scene, contour, settings.distance, height=height):
+            job.notes.append(f"{region.name}: waypoint {number} is only {away:.2f} m from {owner}")
+        stops = contour_route(
+            contour,
+            first=settings.first,
+            forward=settings.forward,
+            closed=settings.closed,
+            yaw=settings.yaw,
+        )
+        if stops:
+            name = file_name(region.name)
+            paths = f"tasks/{name}_route.yaml", f"tasks/era/{name}_task.yaml"
+            written += _write(job, region.name, paths, _of_contour(contour, stops))
+    if job.world.mission:
+        paths = mission_file(job), mission_file(job, era=True)
+        written += _write(job, job.world.mission.name, paths, _of_mission(job.world.mission))
+    return tuple(written)
+
+
+def _write(
+    job: ExportJob, name: str, paths: tuple[str, str], waypoints: Sequence[dict[str, Any]]
+) -> list[Path]:
+    return [
+        job.write(
+            job.path(*path.split("/")),
+            job.templates.render(template, name=name, waypoints=waypoints),
+        )
+        for path, template in zip(paths, ("route.yaml.j2", "era_task.yaml.j2"), strict=True)
+    ]
+
+
+def _of_contour(contour: Contour, stops: Sequence[RouteStop]) -> list[dict[str, Any]]:
+    several = len(contour.parts) > 1
+    found = []
+    for stop in stops:
+        space = f"{contour.space}-part-{stop.part}" if several else contour.space
+        found.append(
+            {
+                "id": f"{space}-point-{stop.number:04d}",
+                "era_id": f"{space}-point-{stop.number}",
+                "x": stop.x,
+                "y": stop.y,
+                "yaw": stop.yaw,
+            }
+        )
+    return found
+
+
+def _of_mission(mission: Mission) -> list[dict[str, Any]]:
+    """Return the mission's waypoints; where any heading will do, the one it arrives with."""
+    found = []
+    x, y = mission.start.x, mission.start.y
+    for stop in mission.waypoints:
+        yaw = math.atan2(stop.y - y, stop.x - x) if stop.yaw is None else stop.yaw
+        found.append({"id": stop.id, "era_id": stop.id, "x": stop.x, "y": stop.y, "yaw": yaw})
+        x, y = stop.x, stop.y
+    return found

@@ -1,22 +1,47 @@
-"""What artefacts are made from: one world, what happens in it, and how to write it down."""
+"""What artefacts are made from: one world, what happens in it, and how to write it down.
+
+Named states of its objects come from their layers (:func:`named_states`).
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final, Literal, TypeVar
 
-from grammars.behaviour import Behaviour, Hold, KeyFrames, Trigger
 from grammars.floorplan import FloorPlan
-from grammars.kinematics import WORLD, link_poses
-from grammars.mission import Mission
-from grammars.robot import Robot
-from grammars.scene import Joint, Scene, SceneObject
+from grammars.model.behaviour import Behaviour, Hold, KeyFrames, Trigger
+from grammars.model.geometry import Pose2
+from grammars.model.kinematics import WORLD, link_poses
+from grammars.model.mission import Mission
+from grammars.model.robot import Robot
+from grammars.model.scene import Joint, Scene, SceneObject
 from grammars.scenery import SceneryLayer
-from grammars.values import Pose2
 from templates.naming import file_name
 from templates.rendering import Templates
+
+States = tuple[tuple[str, tuple[tuple[str, float], ...]], ...]
+
+
+def named_states(scene: Scene, layers: Iterable[SceneryLayer]) -> States:
+    """Return every state name with the positions [rad or m] it gives by scene-wide joint name.
+
+    Mirrored objects turn the other way round, as in the scene.
+    """
+    models = {model.name: model for layer in layers for model in layer.models}
+    states: dict[str, dict[str, float]] = {}
+    for thing in scene.objects:
+        model = models.get(thing.model)
+        if model is None:
+            continue
+        turning = {joint.name for joint in thing.joints if joint.kind == "revolute"}
+        for state in model.states:
+            for joint, position in state.positions:
+                sign = -1.0 if thing.mirrored and joint in turning else 1.0
+                states.setdefault(state.name, {})[f"{thing.name}.{joint}"] = sign * position + 0.0
+    return tuple((name, tuple(positions.items())) for name, positions in states.items())
+
 
 T = TypeVar("T")
 DEFAULT_LASER_HEIGHT: Final = 0.3
@@ -24,7 +49,7 @@ DEFAULT_RESOLUTION: Final = 0.05
 
 
 @dataclass(frozen=True, slots=True)
-class Draw:
+class BehaviourDraw:
     """The behaviours of some repeats; ``name`` is empty when all repeats have the same."""
 
     name: str
@@ -32,7 +57,7 @@ class Draw:
 
 
 @dataclass(frozen=True, slots=True)
-class World:
+class ArtefactWorld:
     """A scene and, when it comes from a campaign, mission, robot and behaviours.
 
     ``states`` are named joint states of the objects: joint positions [rad or m] by scene-wide
@@ -46,7 +71,7 @@ class World:
     plan: FloorPlan | None = None
     mission: Mission | None = None
     robot: Robot | None = None
-    draws: tuple[Draw, ...] = (Draw("", ()),)
+    draws: tuple[BehaviourDraw, ...] = (BehaviourDraw("", ()),)
     states: tuple[tuple[str, tuple[tuple[str, float], ...]], ...] = ()
     sources: tuple[Path, ...] = ()
     resolution: float = DEFAULT_RESOLUTION
@@ -54,7 +79,7 @@ class World:
 
 
 @dataclass(frozen=True, slots=True)
-class Settings:
+class ExportSettings:
     """What people may choose about artefacts.
 
     ``laser_height`` [m] defaults to the robot's laser, ``resolution`` [m] to the campaign's.
@@ -75,15 +100,15 @@ class Settings:
 
 
 @dataclass(slots=True)
-class Job:
+class ExportJob:
     """One export of one world into ``folder``: what the makers of artefacts are given.
 
     ``made`` collects the files by kind, ``notes`` what could not be said in a format.
     """
 
-    world: World
+    world: ArtefactWorld
     folder: Path
-    settings: Settings = field(default_factory=Settings)
+    settings: ExportSettings = field(default_factory=ExportSettings)
     templates: Templates = field(default_factory=Templates)
     made: dict[str, tuple[Path, ...]] = field(default_factory=dict)
     notes: list[str] = field(default_factory=list)
@@ -152,7 +177,7 @@ def start_positions(scene: Scene, behaviours: Sequence[Behaviour]) -> dict[str, 
     return start
 
 
-def driven(thing: SceneObject) -> tuple[Joint, ...]:
+def driven_joints(thing: SceneObject) -> tuple[Joint, ...]:
     """Return the joints that move one part of an object against another or against the world.
 
     Others only carry: fixed ones, and those of chains of links without a shape, on which people
@@ -166,6 +191,6 @@ def driven(thing: SceneObject) -> tuple[Joint, ...]:
     )
 
 
-def poses_at(thing: SceneObject, positions: Mapping[str, float]) -> dict[str, Pose2]:
+def link_poses_at(thing: SceneObject, positions: Mapping[str, float]) -> dict[str, Pose2]:
     """Return the pose of each link for joint positions by scene-wide name."""
     return link_poses(thing, [positions[f"{thing.name}.{joint.name}"] for joint in thing.joints])

@@ -8,7 +8,7 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
-from grammars.oracle import OBJECT_SIGNALS, SIGNALS, SignalKind
+from grammars.oracle import OBJECT_SIGNALS, SIGNALS, SignalDeclaration
 
 PAGE = Path(__file__).parents[1] / "docs" / "oracles.md"
 _BETWEEN = re.compile(r"(<!-- signals: [^>]*-->\n).*?(<!-- end of signals -->)", re.DOTALL)
@@ -26,7 +26,7 @@ def page_with_table() -> str:
     return _BETWEEN.sub(lambda found: found[1] + signal_table() + found[2], PAGE.read_text())
 
 
-def _row(kind: SignalKind, name: str) -> str:
+def _row(kind: SignalDeclaration, name: str) -> str:
     parts = ["**object**"] if kind.takes_object else []
     parts += [f"**{dimension.unit}**" for dimension in kind.arguments]
     takes = f" [{', '.join(parts)}]" if parts else ""

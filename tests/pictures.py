@@ -19,11 +19,11 @@ from pathlib import Path
 from rich.console import Console
 from rich.text import Text
 
+from daemon.batch.client import Client
+from daemon.batch.launch import embedded_daemon
 from daemon.campaign import expand, load_campaign
-from daemon.client import Client
-from daemon.launch import embedded
-from scenario_tui.app import Dashboard
-from scenario_tui.feed import Feed
+from scenario_tui.dashboard.app import Dashboard
+from scenario_tui.dashboard.feed import Feed
 from tests.scenario_tui.shots import COMMANDS, FOLDER, KEYS, SHOTS, draw, key_table, typed
 
 ROOT = Path(__file__).parents[1]
@@ -67,7 +67,7 @@ async def record_dashboard() -> None:
     """Open the dashboard on a daemon that runs the demo, and keep a screen of it."""
     with (
         tempfile.TemporaryDirectory() as state,
-        embedded(Path(state)) as endpoint,
+        embedded_daemon(Path(state)) as endpoint,
         Client.open(endpoint) as client,
     ):
         client.submit(expand(load_campaign(CAMPAIGN)))

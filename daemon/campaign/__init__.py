@@ -1,6 +1,64 @@
 """Campaign files: from layers by name to run specifications."""
 
-from daemon.campaign.expand import expand
-from daemon.campaign.load import Campaign, Cell, check, examine, load_campaign
+from daemon.campaign._campaign import (
+    Campaign,
+    CampaignCell,
+    check,
+    examine,
+    expand,
+    load_campaign,
+    repeat_seed,
+)
+from daemon.campaign._file import CampaignFile, LayerReference, ResolvedScenario, read_campaign
+from daemon.campaign._layers import (
+    FLOORPLAN,
+    MISSION,
+    ORACLES,
+    ROBOT,
+    SCENERY,
+    SUT,
+    VARIATION,
+    LayerKind,
+    LayerLibrary,
+    find_layer,
+)
+from daemon.campaign._parameters import (
+    ParameterValue,
+    ParameterValues,
+    flatten_parameters,
+    merge_parameters,
+    parameter_tree,
+)
+from daemon.campaign._sut_files import LoadedSut, SutFile, load_sut
 
-__all__ = ["Campaign", "Cell", "check", "examine", "expand", "load_campaign"]
+__all__ = [
+    "FLOORPLAN",
+    "MISSION",
+    "ORACLES",
+    "ROBOT",
+    "SCENERY",
+    "SUT",
+    "VARIATION",
+    "Campaign",
+    "CampaignCell",
+    "CampaignFile",
+    "LayerKind",
+    "LayerLibrary",
+    "LayerReference",
+    "LoadedSut",
+    "ParameterValue",
+    "ParameterValues",
+    "ResolvedScenario",
+    "SutFile",
+    "check",
+    "examine",
+    "expand",
+    "find_layer",
+    "flatten_parameters",
+    "load_campaign",
+    "load_sut",
+    "merge_parameters",
+    "parameter_tree",
+    "read_campaign",
+    "repeat_seed",
+]

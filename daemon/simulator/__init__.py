@@ -4,8 +4,12 @@ The first call in a process loads or compiles machine code (about a second); wor
 ``warm_up`` once before they fork.
 """
 
-from daemon.simulator._records import Contact, WorldEvent
-from daemon.simulator._warmup import warm_up
-from daemon.simulator._world import World
+from daemon.simulator._contacts import RobotContact, WorldEvent
+from daemon.simulator._world import World, warm_up
 
-__all__ = ["Contact", "World", "WorldEvent", "warm_up"]
+__all__ = [
+    "RobotContact",
+    "World",
+    "WorldEvent",
+    "warm_up",
+]

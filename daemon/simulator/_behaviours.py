@@ -1,25 +1,147 @@
-"""Controllers of the behaviours that move joints: key frames, triggers and reactions."""
+"""Behaviours that move joints: key frames, triggers and reactions, and where they start.
+
+Triggers watch a distance to the robot; safe bounds say for how long they need not look.
+"""
 
 from __future__ import annotations
 
+import itertools
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
+from typing import Literal
 
-from daemon.simulator._joints import JointDrive
-from daemon.simulator._jump import Jumper
-from daemon.simulator._layers import TICK_RATE
-from daemon.simulator._proximity import Proximity
-from grammars.behaviour import Jump, KeyFrame, KeyFrames, Motion, Reaction, Servo, Spring, Trigger
-from grammars.values import Floats, Pose2
+import numpy as np
 
-Report = Callable[[str, str], None]
+from daemon.simulator._assembly import WORLD, BodyAssembly
+from daemon.simulator._joints import JointDrive, JointJumper
+from daemon.simulator._physics import TICK_RATE, convex_distance, ring_array, transform_array
+from grammars.model.behaviour import (
+    Behaviour,
+    Hold,
+    Jump,
+    KeyFrame,
+    KeyFrames,
+    Motion,
+    Reaction,
+    Servo,
+    Spring,
+    Trigger,
+    Walk,
+)
+from grammars.model.geometry import Floats, Point2, Pose2
+from grammars.model.movers import PLANAR_JOINTS, Route, chain_positions, is_mover
+from grammars.model.scene import Scene, SceneObject
+
+_OVERRUN = 0.05
+"""How far a sliding joint may overrun its limits, generously [m]."""
+
+_COMPLIANCE = 0.002
+"""More than loaded joints give way without their position changing [m]."""
+
+
+class RobotProximity:
+    """The distance a trigger watches, and safe bounds on when it need not be watched.
+
+    ``of``: ``hinge`` is the anchor of a revolute joint, or the object's origin for a prismatic
+    one; ``foot`` is that origin; ``leaf`` the nearest point of the moving link; ``doorway`` a
+    fixed point.
+    """
+
+    def __init__(
+        self,
+        drive: JointDrive,
+        assembly: BodyAssembly,
+        of: Literal["hinge", "foot", "leaf", "doorway"],
+        to: Literal["base", "footprint"],
+        doorway: Point2 | None,
+        footprint: Floats,
+    ) -> None:
+        motion, joint = drive.motion, drive.motion.joint
+        self._of, self._to, self._doorway = of, to, doorway
+        self._parent, self._child = drive.parent, drive.child
+        self._turns = joint.kind == "revolute"
+        foot = joint.anchor if self._turns and of != "foot" else (0.0, 0.0)
+        self._foot = motion.frame.apply(foot)
+        self._stands = of == "doorway" or motion.parent == WORLD
+        self._outlines = [
+            ring_array(ring) for p in assembly.placements if p.owner == motion.owner
+            for ring in p.rings
+        ]  # fmt: skip
+        # The watched distance is the one from the base origin to the centre, less at most
+        # ``nearer`` and plus at most ``farther``; corners of the leaf have the lever ``lever``.
+        self._nearer = self._farther = self._lever = 0.0
+        if to == "footprint":
+            self._nearer += float(np.hypot(*footprint.T).max())
+            self._farther += float(convex_distance(np.zeros((1, 2)), footprint))
+        if of == "leaf":
+            levers = np.hypot(*(np.concatenate(self._outlines) - np.array(foot)).T)
+            travel = 0.0 if self._turns else max(abs(joint.lower), abs(joint.upper)) + _OVERRUN
+            self._lever = float(levers.max())
+            self._nearer += self._lever + travel
+            self._farther += float(levers.min()) + travel
+        self._seen = (0.0, 0.0, 0.0)
+
+    def _centre(self) -> Point2:
+        if self._doorway is not None:
+            return self._doorway
+        x, y = self._parent.local_to_world(self._foot)
+        return (x, y)
+
+    def distance(self, base: Pose2, footprint: Floats) -> float:
+        """Return the watched distance [m]; ``footprint`` is the robot's outline in the world."""
+        robot = footprint if self._to == "footprint" else np.array([[base.x, base.y]])
+        if self._of != "leaf":
+            return float(convex_distance(np.array([self._centre()]), robot))
+        self._seen = (*self._child.position, self._child.angle)
+        frame = Pose2(*self._seen)
+        return min(
+            float(convex_distance(transform_array(frame, outline), robot))
+            for outline in self._outlines
+        )
+
+    def far_slack(self, base: Pose2, threshold: float, *, inside: bool) -> float:
+        """Return a way the base origin may move before the distance can cross ``threshold``.
+
+        Holds however the robot turns and the leaf moves, by the triangle inequality; 0 where no
+        such bound holds. ``inside``: the distance is to grow beyond the threshold, not to fall
+        below it.
+        """
+        if not self._stands:
+            return 0.0
+        x, y = self._centre()
+        distance = math.hypot(base.x - x, base.y - y)
+        if inside:
+            return threshold - distance - self._farther - _COMPLIANCE
+        return distance - self._nearer - threshold
+
+    def near_slack(self, distance: float, threshold: float) -> float:
+        """Return the motion that leaves a distance just measured on its side of ``threshold``.
+
+        Motion is that of the base origin, of the fastest point of the footprint around it, and
+        what ``moved`` says.
+        """
+        return abs(distance - threshold) - _COMPLIANCE if self._stands else 0.0
+
+    def moved(self) -> float:
+        """Return a bound on how far the leaf moved since its distance was measured [m]."""
+        if self._of != "leaf":
+            return 0.0
+        if self._turns:
+            return abs(self._child.angle - self._seen[2]) * self._lever
+        x, y = self._child.position
+        return math.hypot(x - self._seen[0], y - self._seen[1])
+
+
+EventReporter = Callable[[str, str], None]
 """Called with the joint name and what happened."""
 
 
-class Mover:
+class JointActuator:
     """Moves one joint the way a behaviour declares."""
 
-    def __init__(self, motion: Motion, drive: JointDrive, jumper: Jumper, report: Report) -> None:
+    def __init__(
+        self, motion: Motion, drive: JointDrive, jumper: JointJumper, report: EventReporter
+    ) -> None:
         self._motion, self._drive, self._jumper = motion, drive, jumper
         self._report = report
         self._wanted: float | None = None
@@ -74,10 +196,10 @@ class Mover:
                 self._drive.hold(start)
 
 
-class TimedMoves:
+class KeyFramePlayer:
     """Plays key frames; a jumped joint is free between frames."""
 
-    def __init__(self, behaviour: KeyFrames, mover: Mover) -> None:
+    def __init__(self, behaviour: KeyFrames, mover: JointActuator) -> None:
         self._mover = mover
         self._frames = behaviour.frames
         self._next = 0
@@ -102,11 +224,15 @@ def frame_tick(frame: KeyFrame) -> int:
     return math.ceil(round(frame.time * TICK_RATE, 7))
 
 
-class TriggeredMove:
+class TriggeredJoint:
     """Moves a joint when the robot comes near, and back when it leaves if it re-arms."""
 
     def __init__(
-        self, behaviour: Trigger, mover: Mover, proximity: Proximity, fires: Callable[[], None]
+        self,
+        behaviour: Trigger,
+        mover: JointActuator,
+        proximity: RobotProximity,
+        fires: Callable[[], None],
     ) -> None:
         self._behaviour, self.mover, self.proximity = behaviour, mover, proximity
         self._fires = fires
@@ -151,10 +277,10 @@ class TriggeredMove:
             self._fires()
 
 
-class Reacting:
+class ReactingJoint:
     """Moves a joint once, when it is told to."""
 
-    def __init__(self, behaviour: Reaction, mover: Mover) -> None:
+    def __init__(self, behaviour: Reaction, mover: JointActuator) -> None:
         self._behaviour, self.mover = behaviour, mover
         mover.hold_start(behaviour.start)
 
@@ -162,3 +288,86 @@ class Reacting:
         """Go: the event has happened and the delay is over."""
         self.mover.tell(f"reacts: to {self._behaviour.end:g}")
         self.mover.go(self._behaviour.end, footprint, hold=True)
+
+
+def starting_positions(
+    scene: Scene, behaviours: Sequence[Behaviour]
+) -> tuple[dict[str, float], dict[str, float]]:
+    """Return where behaviours put joints at the start, and which joints they hold for good.
+
+    Raises:
+        ValueError: a behaviour names no joint of the scene, one of a frozen object, or one that
+            another behaviour drives, or of a mover; walks of what is no mover or without a
+            way; key frames out of order or before 0; a trigger whose
+            ``rearm`` is not greater than its ``distance``.
+    """
+    frozen = {f"{o.name}.{j.name}": o.frozen for o in scene.objects for j in o.joints}
+    movers = {o.name: o for o in scene.objects if is_mover(o.joints)}
+    start: dict[str, float] = {}
+    held = {
+        f"{o.name}.{joint}": q
+        for o in movers.values()
+        for joint, q in zip(PLANAR_JOINTS, o.initial, strict=False)
+    }
+    seen: set[str] = set()
+    for behaviour in behaviours:
+        name = behaviour.joint
+        if isinstance(behaviour, Walk):
+            _check_walk(behaviour, movers)
+        if name not in frozen:
+            raise ValueError(f"behaviour {behaviour.kind}: the scene has no joint {name!r}")
+        if frozen[name]:
+            raise ValueError(f"behaviour {behaviour.kind}: joint {name!r} is frozen")
+        if name in seen:
+            raise ValueError(f"joint {name!r} has more than one behaviour")
+        seen.add(name)
+        if isinstance(behaviour, Walk):
+            start.update(_first_step(behaviour, movers[behaviour.object]))
+            for joint in behaviour.joints:
+                del held[joint]
+                seen.add(joint)
+        elif isinstance(behaviour, Hold):
+            held[name] = behaviour.position
+        elif name in held:
+            raise ValueError(f"behaviour {behaviour.kind}: {name!r} belongs to a mover")
+        elif isinstance(behaviour, Trigger):
+            _check_trigger(behaviour)
+            start[name] = behaviour.start if behaviour.begin is None else behaviour.begin
+        elif isinstance(behaviour, Reaction):
+            start[name] = behaviour.start
+        else:
+            _check_frames(behaviour)
+            start.update((name, f.position) for f in behaviour.frames if frame_tick(f) == 0)
+    return start, held
+
+
+def _check_walk(walk: Walk, movers: Mapping[str, SceneObject]) -> None:
+    if walk.object not in movers:
+        raise ValueError(f"behaviour walk: {walk.object!r} is no mover")
+    gaps = [math.dist(a, b) for a, b in itertools.pairwise(walk.route)]
+    if not gaps or min(gaps) <= 0.0 or not min(walk.speed, walk.acceleration) > 0.0:
+        raise ValueError(f"walk of {walk.object!r}: it needs a way, a speed and an acceleration")
+    if walk.manner == "round" and math.dist(walk.route[0], walk.route[-1]) <= 0.0:
+        raise ValueError(f"walk of {walk.object!r}: a round closes by itself")
+    if min(walk.start, walk.pause) < 0.0:
+        raise ValueError(f"walk of {walk.object!r}: times are never negative")
+
+
+def _first_step(walk: Walk, mover: SceneObject) -> dict[str, float]:
+    """Return where the mover's joints are when it stands on the first point of its route."""
+    route = Route(walk)
+    x, y = route.point(0.0)
+    return dict(zip(walk.joints, chain_positions(mover, Pose2(x, y), route.yaw(0.0)), strict=True))
+
+
+def _check_frames(behaviour: KeyFrames) -> None:
+    times = [frame.time for frame in behaviour.frames]
+    if times != sorted(times) or any(time < 0.0 for time in times):
+        raise ValueError(f"key frames of joint {behaviour.joint!r} are not in order of time")
+
+
+def _check_trigger(behaviour: Trigger) -> None:
+    if behaviour.rearm is not None and behaviour.rearm <= behaviour.distance:
+        raise ValueError(f"trigger of joint {behaviour.joint!r}: rearm must exceed distance")
+    if behaviour.begin is not None and isinstance(behaviour.motion, Jump):
+        raise ValueError(f"trigger of joint {behaviour.joint!r}: a jump begins at its start")

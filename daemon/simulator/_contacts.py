@@ -1,4 +1,4 @@
-"""Record of what the robot touches."""
+"""What the world reports besides its state: contacts of the robot and events of behaviours."""
 
 from __future__ import annotations
 
@@ -8,17 +8,46 @@ from typing import Any
 
 import pymunk
 
-from daemon.simulator._base import Base
-from daemon.simulator._layers import ROBOT_TYPE, TICK_RATE
-from daemon.simulator._records import Contact
-from grammars.values import Point2
+from daemon.simulator._mobile_base import MobileBase
+from daemon.simulator._physics import ROBOT_COLLISION_TYPE, TICK_RATE
+from grammars.model.geometry import Point2
+
+
+@dataclass(frozen=True, slots=True)
+class RobotContact:
+    """The robot touches something, or still does.
+
+    ``time`` is when this touch began, ``until`` the last instant of it seen so far [s]; a touch
+    that resumes within 0.1 s is the same touch. ``first`` is ``robot``, ``second`` the owner of
+    what it touches (a floor plan element, or ``<object>.<link>``). ``point`` (world), ``normal``
+    (unit, from first to second) and ``depth`` of penetration [m] belong to the deepest of the
+    instants looked at since the previous report: whenever a touch begins, and at the report.
+    """
+
+    time: float
+    first: str
+    second: str
+    point: Point2
+    normal: Point2
+    depth: float
+    until: float
+
+
+@dataclass(frozen=True, slots=True)
+class WorldEvent:
+    """Something a behaviour did at ``time`` [s]; ``source`` is the scene-wide joint name."""
+
+    time: float
+    source: str
+    text: str
+
 
 _MERGE_TICKS = TICK_RATE // 10
 """A touch that resumes within this many ticks is one touch, not two."""
 
 
 @dataclass(slots=True)
-class _Touch:
+class _OngoingContact:
     """One owner being touched: by how many pairs of shapes now, and what is known of it."""
 
     began: int
@@ -40,15 +69,15 @@ class ContactLog:
     def __init__(
         self,
         space: pymunk.Space,
-        base: Base,
+        base: MobileBase,
         owners: Mapping[pymunk.Shape, str],
     ) -> None:
         self.tick = 0
         self._base, self._body, self._robot = base, base.body, base.shape
         self._owners = owners
-        self._touches: dict[str, _Touch] = {}
-        self._finished: list[Contact] = []
-        space.on_collision(ROBOT_TYPE, None, begin=self._begin, separate=self._separate)
+        self._touches: dict[str, _OngoingContact] = {}
+        self._finished: list[RobotContact] = []
+        space.on_collision(ROBOT_COLLISION_TYPE, None, begin=self._begin, separate=self._separate)
 
     def _begin(self, arbiter: pymunk.Arbiter, space: pymunk.Space, data: Any) -> None:
         owner, now = self._owner(arbiter), self.tick + 1
@@ -56,7 +85,7 @@ class ContactLog:
         if touch is None or (touch.pairs == 0 and now - touch.last > _MERGE_TICKS):
             if touch is not None and not touch.reported:
                 self._finished.append(_contact(owner, touch))
-            touch = self._touches[owner] = _Touch(now, now)
+            touch = self._touches[owner] = _OngoingContact(now, now)
         touch.pairs += 1
         self._base.touching += 1
         touch.last = now
@@ -90,7 +119,7 @@ class ContactLog:
         touch.point = ((a.x + b.x) / 2.0, (a.y + b.y) / 2.0)
         touch.normal = (sign * contact.normal.x, sign * contact.normal.y)
 
-    def take(self, tick: int) -> tuple[Contact, ...]:
+    def take(self, tick: int) -> tuple[RobotContact, ...]:
         """Return the touches since the last call, ordered by begin and owner.
 
         ``tick`` is the number of ticks done.
@@ -112,8 +141,8 @@ class ContactLog:
         return tuple(sorted(taken, key=lambda contact: (contact.time, contact.second)))
 
 
-def _contact(owner: str, touch: _Touch) -> Contact:
-    return Contact(
+def _contact(owner: str, touch: _OngoingContact) -> RobotContact:
+    return RobotContact(
         time=touch.began / TICK_RATE,
         first="robot",
         second=owner,

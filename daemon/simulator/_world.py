@@ -10,24 +10,21 @@ import numpy as np
 import numpy.typing as npt
 import pymunk
 
-from daemon.simulator._bodystates import BodyStates, JointReader
-from daemon.simulator._contacts import ContactLog
-from daemon.simulator._director import Director
-from daemon.simulator._imposed import make_base
+from daemon.model.sut import Odometry
+from daemon.simulator._assembly import assemble
+from daemon.simulator._behaviours import starting_positions
+from daemon.simulator._body_states import BodyStates, JointReader
+from daemon.simulator._building import build_walls, laser_segments
+from daemon.simulator._contacts import ContactLog, RobotContact, WorldEvent
 from daemon.simulator._joints import JointDrive
-from daemon.simulator._laser import LaserScanner
-from daemon.simulator._layers import DT, TICK_RATE
-from daemon.simulator._links import assemble
-from daemon.simulator._odometry import OdometrySensor
-from daemon.simulator._records import Contact, WorldEvent
-from daemon.simulator._sight import laser_segments
-from daemon.simulator._starts import starting_positions
-from daemon.simulator._walls import build_walls
-from daemon.sut import Odometry
-from grammars.behaviour import Behaviour, Walk
-from grammars.robot import Robot
-from grammars.scene import Scene
-from grammars.values import Floats, Pose2, Twist2
+from daemon.simulator._mobile_base import make_base
+from daemon.simulator._physics import DT, TICK_RATE
+from daemon.simulator._scheduler import BehaviourScheduler
+from daemon.simulator._sensors import LaserScanner, OdometrySensor
+from grammars.model.behaviour import Behaviour, Servo, Trigger, Walk
+from grammars.model.geometry import Floats, Pose2, Ring, Twist2
+from grammars.model.robot import Drive, Laser, OdometryNoise, Robot
+from grammars.model.scene import Joint, Link, Scene, SceneObject, Solid
 
 
 class World:
@@ -72,7 +69,7 @@ class World:
         self._base = make_base(space, robot, start)
         self._contacts = ContactLog(space, self._base, owners)
         self._events: list[WorldEvent] = []
-        self._director = Director(
+        self._director = BehaviourScheduler(
             scene, robot, behaviours, self._drives, assembly, self._base, self._report, waypoints
         )
         self._bodies = BodyStates(space, assembly.bodies)
@@ -177,7 +174,7 @@ class World:
             math.remainder(angle + ago * (yaw - angle), math.tau),
         )
 
-    def take_contacts(self) -> tuple[Contact, ...]:
+    def take_contacts(self) -> tuple[RobotContact, ...]:
         """Return what the robot touched since the last call, ordered by begin and owner."""
         return self._contacts.take(self.tick)
 
@@ -207,3 +204,27 @@ def _stream(seed: np.random.SeedSequence, name: str) -> np.random.Generator:
     key = (*seed.spawn_key, zlib.crc32(name.encode()))
     child = np.random.SeedSequence(entropy=seed.entropy, spawn_key=key, pool_size=seed.pool_size)
     return np.random.Generator(np.random.PCG64(child))
+
+
+_SQUARE: Ring = ((-0.2, -0.2), (0.2, -0.2), (0.2, 0.2), (-0.2, 0.2))
+
+
+def warm_up() -> None:
+    """Load every kernel once by running a tiny world, so that forked workers start hot."""
+    leaf = Link("leaf", (_SQUARE,), 1.0, 0.0, 2.0)
+    hinge = Joint("hinge", "revolute", "world", "leaf", (-0.2, -0.2), (0.0, 0.0), 0.0, 1.0)
+    door = SceneObject("door", "door", Pose2(2.0, 0.0, 0.0), (leaf,), (hinge,), (0.0,))
+    wall = Solid("wall", "wall", tuple((x - 2.0, y) for x, y in _SQUARE), 0.0, 2.0)
+    robot = Robot(
+        "warm-up", _SQUARE, 0.5, 10.0,
+        Drive("omnidirectional", 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 100.0, 100.0, 0.0),
+        Laser(Pose2(), 0.2, -1.0, 1.0, 3, 0.1, 5.0, 10.0, 0.01, 0.01),
+        OdometryNoise(20.0, 0.01, 0.01, 0.01),
+    )  # fmt: skip
+    near = Trigger("door.hinge", 0.0, 0.5, 5.0, Servo(), of="leaf", to="footprint")
+    scene = Scene("warm-up", (), (), (wall,), (door,))
+    world = World(scene, robot, Pose2(), (near,), np.random.SeedSequence(0))
+    world.advance(2)
+    world.scan()
+    world.true_ranges()
+    world.joint_positions()

@@ -1,13 +1,11 @@
 """MCAP traces: ROS 2 messages in CDR, written and read back."""
 
-from daemon.trace.kinematics import MovingLinks
-from daemon.trace.messages import warm_up
-from daemon.trace.model import (
+from daemon.trace._model import (
     CommandTrack,
     ContactRecord,
     EventRecord,
     JointTrack,
-    Motion,
+    MotionTrack,
     PlanRecord,
     PoseTrack,
     ProgressRecord,
@@ -15,16 +13,22 @@ from daemon.trace.model import (
     Trace,
     TraceError,
 )
-from daemon.trace.reader import read_scene, read_spec, read_trace
-from daemon.trace.writer import PARTIAL, TraceWriter
+from daemon.trace._reader import read_scene, read_spec, read_trace
+from daemon.trace._signals import JointSamples
+from daemon.trace._statics import MovingLinks
+from daemon.trace._views import decode_path, encode_path, encode_poses
+from daemon.trace._writer import PARTIAL, TraceWriter
+from daemon.trace.messages import TOPICS, warm_up
 
 __all__ = [
     "PARTIAL",
+    "TOPICS",
     "CommandTrack",
     "ContactRecord",
     "EventRecord",
+    "JointSamples",
     "JointTrack",
-    "Motion",
+    "MotionTrack",
     "MovingLinks",
     "PlanRecord",
     "PoseTrack",
@@ -33,6 +37,9 @@ __all__ = [
     "Trace",
     "TraceError",
     "TraceWriter",
+    "decode_path",
+    "encode_path",
+    "encode_poses",
     "read_scene",
     "read_spec",
     "read_trace",

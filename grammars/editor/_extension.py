@@ -45,7 +45,7 @@ _MANIFEST: Final = """\
 </PackageManifest>
 """
 
-_LONG_AGO: Final = (1980, 1, 1, 0, 0, 0)
+_ZIP_EPOCH: Final = (1980, 1, 1, 0, 0, 0)
 """The earliest time a zip archive can hold: the same files give the same bytes."""
 
 
@@ -58,7 +58,7 @@ def pack_extension() -> bytes:
     buffer = io.BytesIO()
     with zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED) as archive:
         for name, data in sorted(contents.items()):
-            archive.writestr(zipfile.ZipInfo(name, _LONG_AGO), data, zipfile.ZIP_DEFLATED)
+            archive.writestr(zipfile.ZipInfo(name, _ZIP_EPOCH), data, zipfile.ZIP_DEFLATED)
     return buffer.getvalue()
 
 

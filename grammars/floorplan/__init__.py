@@ -1,8 +1,11 @@
 """FloorPlan language: from `.fpm` text to world geometry."""
 
-from grammars.floorplan._frames import WORLD_FRAME, frame_of, frames
-from grammars.floorplan._load import load_floorplan, parse_floorplan
+from grammars.floorplan._compile import check_geometry, load_floorplan, parse_floorplan
+from grammars.floorplan._features import OpeningPrism, opening_at
+from grammars.floorplan._spaces import outer_corners, space_at, wall_frames
+from grammars.floorplan._syntax import parse_syntax
 from grammars.floorplan.model import (
+    WORLD_FRAME,
     Feature,
     FloorPlan,
     Opening,
@@ -10,6 +13,8 @@ from grammars.floorplan.model import (
     Point3,
     Space,
     Wall,
+    frame_of,
+    frames,
 )
 
 __all__ = [
@@ -17,12 +22,19 @@ __all__ = [
     "Feature",
     "FloorPlan",
     "Opening",
+    "OpeningPrism",
     "Placement",
     "Point3",
     "Space",
     "Wall",
+    "check_geometry",
     "frame_of",
     "frames",
     "load_floorplan",
+    "opening_at",
+    "outer_corners",
     "parse_floorplan",
+    "parse_syntax",
+    "space_at",
+    "wall_frames",
 ]

@@ -1,44 +1,165 @@
-"""From syntax tree to world geometry: names, values, placement, then everything at its place."""
+"""From the text of a plan to world geometry: names, values, placement, everything at its place.
+
+Last come the warnings about geometry that has a meaning, though probably not the intended one.
+"""
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Sequence
+from pathlib import Path
+from typing import Final
 
-from grammars.floorplan._checks import check_geometry
-from grammars.floorplan._features import FeatureDraft, build_feature, draft_feature
-from grammars.floorplan._location import read_location
-from grammars.floorplan._openings import OpeningDraft, build_opening, draft_opening
-from grammars.floorplan._placement import (
-    Draft,
+from grammars.floorplan._attributes import QuantityReader, read_location
+from grammars.floorplan._features import (
+    FeatureDraft,
+    OpeningDraft,
+    build_feature,
+    build_opening,
+    draft_feature,
+    draft_opening,
+)
+from grammars.floorplan._shapes import floor_outline, signed_area
+from grammars.floorplan._spaces import (
+    SpaceDraft,
     build_space,
     check_anchored,
-    connect,
     outer_corners,
     place_all,
+    resolve_placement,
     wall_frames,
 )
-from grammars.floorplan._shapes import floor_outline
-from grammars.floorplan._source import Findings, Node, Source, in_source_order
-from grammars.floorplan._values import Quantities
-from grammars.floorplan.model import FloorPlan
+from grammars.floorplan.model import FloorPlan, Opening, Wall
+from grammars.text.diagnostics import Diagnostic, InputError, Where
+from grammars.text.source import DiagnosticCollector, SourceText, SyntaxNode, in_source_order
+
+_TOUCHING: Final = 1e-3
+"""How far walls may be apart and still touch, or openings stick out [m]."""
+_OVERLAP: Final = 1e-2
+"""Area two rooms may share before it is worth a word [m²]."""
+
+
+def check_geometry(
+    plan: FloorPlan, drafts: Sequence[SpaceDraft], findings: DiagnosticCollector
+) -> None:
+    """Warn of rooms, openings and features that are placed suspiciously."""
+    _check_winding(drafts, findings)
+    _check_gaps(drafts, findings)
+    walls = {wall.id: wall for wall in plan.walls}
+    for opening in plan.openings:
+        _check_opening(opening, [walls[name] for name in opening.walls], findings)
+    _check_floor(plan, findings)
+
+
+def _check_winding(drafts: Sequence[SpaceDraft], findings: DiagnosticCollector) -> None:
+    for draft in drafts:
+        if draft.ring is not None and signed_area(draft.ring) > 0.0:
+            findings.warn(
+                draft.node.shape,
+                f'the outline of "{draft.name}" runs counter-clockwise: its walls grow inwards',
+                "list the points clockwise",
+            )
+
+
+def _check_gaps(drafts: Sequence[SpaceDraft], findings: DiagnosticCollector) -> None:
+    """Warn of facing walls that overlap because the gap is smaller than both together."""
+    for draft in drafts:
+        location, other = draft.location, draft.against
+        if location is None or other is None or draft.own is None or draft.other is None:
+            continue
+        if "spaced" in location or "not aligned" in location or location.get("rotation.z"):
+            continue
+        gap = location.get("translation.y")
+        needed = (draft.thickness or 0.0) + (other.thickness or 0.0)
+        if gap < needed - 1e-9:
+            findings.warn(
+                draft.node,
+                f'the facing walls of "{draft.name}" and "{other.name}" overlap: '
+                f"{gap:g} m apart, {needed:g} m thick together",
+                'write "spaced" to make them touch',
+            )
+
+
+def _check_opening(opening: Opening, walls: Sequence[Wall], findings: DiagnosticCollector) -> None:
+    label = f'{opening.kind} "{opening.name}"'
+    corners = [(p[0], p[1]) for p in opening.near]
+    for wall in walls:
+        along = [wall.frame.inverse().apply(corner)[0] for corner in corners]
+        if max(map(abs, along)) > wall.length / 2 + _TOUCHING:
+            findings.warn(
+                opening.where,
+                f"{label} reaches beyond the end of {wall.id}",
+                f"the wall reaches from x = {-wall.length / 2:g} m to {wall.length / 2:g} m",
+            )
+        if opening.z_max > wall.height + _TOUCHING:
+            findings.warn(
+                opening.where, f"{label} reaches above {wall.id} ({wall.height:g} m high)"
+            )
+    if opening.z_min < -_TOUCHING:
+        findings.warn(
+            opening.where,
+            f"{label} reaches below the floor (z = {opening.z_min:g} m)",
+            "z is the height of its middle: half its height for a door",
+        )
+    if len(walls) == 2:
+        _check_pair(opening, walls[0], walls[1], findings)
+
+
+def _check_pair(opening: Opening, first: Wall, second: Wall, findings: DiagnosticCollector) -> None:
+    relative = first.frame.inverse() @ second.frame
+    label = f'{opening.kind} "{opening.name}": {first.id} and {second.id}'
+    if math.cos(relative.yaw) > -1.0 + 1e-6:
+        findings.warn(opening.where, f"{label} do not face each other")
+    elif abs(relative.y - opening.depth) > _TOUCHING:
+        findings.warn(
+            opening.where,
+            f"{label} do not touch: {relative.y:.3f} m between their inner faces, "
+            f"{opening.depth:.3f} m thick together",
+        )
+
+
+def _check_floor(plan: FloorPlan, findings: DiagnosticCollector) -> None:
+    """Warn of rooms that share floor and of features outside their space."""
+    import shapely
+
+    outlines = [shapely.Polygon(space.outline) for space in plan.spaces]
+    tree = shapely.STRtree(outlines)
+    first, second = tree.query(outlines, predicate="intersects")
+    for a, b in sorted(zip(first.tolist(), second.tolist(), strict=True)):
+        if a < b:
+            area = outlines[a].intersection(outlines[b]).area
+            if area > _OVERLAP:
+                findings.warn(
+                    plan.spaces[b].where,
+                    f'"{plan.spaces[b].name}" and "{plan.spaces[a].name}" overlap ({area:.2f} m²)',
+                )
+    by_name = {space.name: outline for space, outline in zip(plan.spaces, outlines, strict=True)}
+    for feature in plan.features:
+        if feature.space and not by_name[feature.space].intersects(
+            shapely.Polygon(feature.footprint)
+        ):
+            findings.warn(
+                feature.where, f'{feature.kind} "{feature.name}" stands outside "{feature.space}"'
+            )
+
 
 _RANK = {"Defaults": 0, "Variable": 1}
 
 
-def compile_plan(tree: Node, source: Source) -> FloorPlan:
+def compile_plan(tree: SyntaxNode, source: SourceText) -> FloorPlan:
     """Return the plan a syntax tree means; raises ``InputError`` with all errors found."""
-    findings = Findings(source)
+    findings = DiagnosticCollector(source)
     by_kind = _sort_statements(tree, findings)
-    quantities = Quantities(by_kind["Variable"], findings)
+    quantities = QuantityReader(by_kind["Variable"], findings)
     dimensions = _dimensions(by_kind["Defaults"], quantities, findings)
     drafts = [_draft_space(n, dimensions, quantities, findings) for n in by_kind["Space"]]
-    spaces: dict[str, Draft] = {}
+    spaces: dict[str, SpaceDraft] = {}
     for draft in drafts:
         spaces.setdefault(draft.name, draft)
     _check_names([draft.node for draft in drafts], "space", findings)
     for draft in drafts:
-        connect(draft, spaces, findings)
+        resolve_placement(draft, spaces, findings)
     check_anchored(drafts, findings)
     features = _draft_features(by_kind["Feature"], drafts, spaces, quantities, findings)
     openings = _draft_openings(by_kind["Opening"], spaces, quantities, findings)
@@ -48,9 +169,11 @@ def compile_plan(tree: Node, source: Source) -> FloorPlan:
     return _build(tree.name, drafts, features, openings, findings)
 
 
-def _sort_statements(tree: Node, findings: Findings) -> dict[str, list[Node]]:
+def _sort_statements(
+    tree: SyntaxNode, findings: DiagnosticCollector
+) -> dict[str, list[SyntaxNode]]:
     """Group the statements; defaults come first, once, then variables, then elements."""
-    by_kind: dict[str, list[Node]] = {
+    by_kind: dict[str, list[SyntaxNode]] = {
         kind: [] for kind in ("Defaults", "Variable", "Space", "Feature", "Opening")
     }
     reached = 0
@@ -70,7 +193,7 @@ def _sort_statements(tree: Node, findings: Findings) -> dict[str, list[Node]]:
 
 
 def _dimensions(
-    nodes: Sequence[Node], quantities: Quantities, findings: Findings
+    nodes: Sequence[SyntaxNode], quantities: QuantityReader, findings: DiagnosticCollector
 ) -> dict[str, float | None]:
     """Return the wall thickness and height written in ``walls:`` blocks (``None``: refused)."""
     values: dict[str, float | None] = {}
@@ -86,8 +209,11 @@ def _dimensions(
 
 
 def _draft_space(
-    node: Node, defaults: dict[str, float | None], quantities: Quantities, findings: Findings
-) -> Draft:
+    node: SyntaxNode,
+    defaults: dict[str, float | None],
+    quantities: QuantityReader,
+    findings: DiagnosticCollector,
+) -> SpaceDraft:
     sizes = defaults | _dimensions([node], quantities, findings)
     missing = [key for key in ("thickness", "height") if key not in sizes]
     if missing:
@@ -100,15 +226,15 @@ def _draft_space(
         findings.warn(node, f'a space called "{node.name}" cannot be referred to by its name')
     ring = floor_outline(node.shape, quantities, findings)
     location = read_location(node, "space", quantities, findings)
-    draft = Draft(node, node.name, ring, sizes.get("thickness"), sizes.get("height"), location)
+    draft = SpaceDraft(node, node.name, ring, sizes.get("thickness"), sizes.get("height"), location)
     if ring is not None and draft.thickness is not None:
         draft.frames = wall_frames(ring)
         draft.outer = outer_corners(ring, draft.thickness)
     return draft
 
 
-def _check_names(nodes: Sequence[Node], what: str, findings: Findings) -> None:
-    first: dict[str, Node] = {}
+def _check_names(nodes: Sequence[SyntaxNode], what: str, findings: DiagnosticCollector) -> None:
+    first: dict[str, SyntaxNode] = {}
     for node in nodes:
         if node.name in first:
             line = findings.source.at(first[node.name]).line
@@ -117,13 +243,15 @@ def _check_names(nodes: Sequence[Node], what: str, findings: Findings) -> None:
 
 
 def _draft_features(
-    top_level: Sequence[Node],
-    drafts: Sequence[Draft],
-    spaces: dict[str, Draft],
-    quantities: Quantities,
-    findings: Findings,
+    top_level: Sequence[SyntaxNode],
+    drafts: Sequence[SpaceDraft],
+    spaces: dict[str, SpaceDraft],
+    quantities: QuantityReader,
+    findings: DiagnosticCollector,
 ) -> list[FeatureDraft]:
-    groups: list[tuple[Draft | None, Sequence[Node]]] = [(d, d.node.features) for d in drafts]
+    groups: list[tuple[SpaceDraft | None, Sequence[SyntaxNode]]] = [
+        (d, d.node.features) for d in drafts
+    ]
     groups.append((None, top_level))
     found: list[FeatureDraft] = []
     for owner, nodes in groups:
@@ -136,7 +264,10 @@ def _draft_features(
 
 
 def _draft_openings(
-    nodes: Sequence[Node], spaces: dict[str, Draft], quantities: Quantities, findings: Findings
+    nodes: Sequence[SyntaxNode],
+    spaces: dict[str, SpaceDraft],
+    quantities: QuantityReader,
+    findings: DiagnosticCollector,
 ) -> list[OpeningDraft]:
     _check_names(nodes, "opening", findings)
     found = []
@@ -150,10 +281,10 @@ def _draft_openings(
 
 def _build(
     name: str,
-    drafts: list[Draft],
+    drafts: list[SpaceDraft],
     features: list[FeatureDraft],
     openings: list[OpeningDraft],
-    findings: Findings,
+    findings: DiagnosticCollector,
 ) -> FloorPlan:
     world = place_all(drafts)
     spaces = tuple(build_space(draft, world[draft.name], findings) for draft in drafts)
@@ -169,3 +300,32 @@ def _build(
     return FloorPlan(
         plan.name, plan.spaces, plan.features, plan.openings, in_source_order(findings.warnings)
     )
+
+
+def load_floorplan(path: str | Path) -> FloorPlan:
+    """Read and compile a ``.fpm`` file (UTF-8).
+
+    Raises :class:`InputError` with everything that is wrong with it; warnings are in the plan.
+    """
+    try:
+        text = Path(path).read_text(encoding="utf-8-sig")
+    except OSError as error:
+        reason = error.strerror or str(error)
+        raise InputError(Diagnostic(Where(str(path)), f"cannot read the plan: {reason}")) from error
+    except UnicodeDecodeError as error:
+        raise InputError(
+            Diagnostic(Where(str(path)), "the plan is not UTF-8 text", "save it as UTF-8")
+        ) from error
+    return parse_floorplan(text, str(path))
+
+
+def parse_floorplan(text: str, file: str = "<text>") -> FloorPlan:
+    """Compile the text of a plan; ``file`` is its name in diagnostics.
+
+    Raises :class:`InputError` with everything that is wrong with it; warnings are in the plan.
+    """
+    from grammars.floorplan._syntax import parse_syntax
+    from grammars.text.source import SourceText
+
+    source = SourceText(text, file)
+    return compile_plan(parse_syntax(source), source)

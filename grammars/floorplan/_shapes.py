@@ -12,10 +12,10 @@ from typing import Final
 
 import numpy as np
 
-from grammars.floorplan._source import Findings, Node, with_article
-from grammars.floorplan._values import Quantities
+from grammars.floorplan._attributes import QuantityReader
 from grammars.floorplan.model import Point3
-from grammars.values import Floats, Point2, Ring
+from grammars.model.geometry import Floats, Point2, Ring
+from grammars.text.source import DiagnosticCollector, SyntaxNode, with_article
 
 CIRCLE_CORNERS: Final = 40
 SAME_POINT: Final = 1e-9
@@ -41,7 +41,9 @@ def signed_area(ring: Ring) -> float:
     return sum(p[0] * q[1] - q[0] * p[1] for p, q in pairs) / 2
 
 
-def floor_outline(shape: Node, quantities: Quantities, findings: Findings) -> Ring | None:
+def floor_outline(
+    shape: SyntaxNode, quantities: QuantityReader, findings: DiagnosticCollector
+) -> Ring | None:
     """Return the ring of a space or feature, or ``None`` when it was refused."""
     if type(shape).__name__ != "Polygon":
         return _regular(shape, "length", quantities, findings)
@@ -58,7 +60,7 @@ def floor_outline(shape: Node, quantities: Quantities, findings: Findings) -> Ri
 
 
 def wall_outline(
-    shape: Node, quantities: Quantities, findings: Findings
+    shape: SyntaxNode, quantities: QuantityReader, findings: DiagnosticCollector
 ) -> tuple[Point3, ...] | None:
     """Return the ring of an opening in its frame (x along the wall, z up), or ``None``."""
     if type(shape).__name__ != "Polygon":
@@ -80,7 +82,9 @@ def wall_outline(
     return None if kept is None else tuple(solid[k] for k in kept)
 
 
-def _regular(shape: Node, second: str, quantities: Quantities, findings: Findings) -> Ring | None:
+def _regular(
+    shape: SyntaxNode, second: str, quantities: QuantityReader, findings: DiagnosticCollector
+) -> Ring | None:
     if type(shape).__name__ == "Circle":
         radius = _positive(shape.radius, "the radius of a circle", quantities, findings)
         return None if radius is None else circle(radius)
@@ -99,7 +103,9 @@ def _regular(shape: Node, second: str, quantities: Quantities, findings: Finding
     return None if width is None or size is None else rectangle(width, size)
 
 
-def _positive(node: Node, what: str, quantities: Quantities, findings: Findings) -> float | None:
+def _positive(
+    node: SyntaxNode, what: str, quantities: QuantityReader, findings: DiagnosticCollector
+) -> float | None:
     value = quantities.length(node)
     if value is not None and value <= 0.0:
         findings.error(node, f"{what} must be positive, not {value:g} m")
@@ -108,7 +114,7 @@ def _positive(node: Node, what: str, quantities: Quantities, findings: Findings)
 
 
 def _points(
-    shape: Node, quantities: Quantities, findings: Findings
+    shape: SyntaxNode, quantities: QuantityReader, findings: DiagnosticCollector
 ) -> list[tuple[float, ...]] | None:
     points: list[tuple[float, ...]] = []
     broken = False
@@ -123,7 +129,9 @@ def _points(
     return None if broken else points
 
 
-def _corners(points: Sequence[Point2], shape: Node, findings: Findings) -> tuple[int, ...] | None:
+def _corners(
+    points: Sequence[Point2], shape: SyntaxNode, findings: DiagnosticCollector
+) -> tuple[int, ...] | None:
     """Return which points are corners of a simple polygon, or ``None`` if it is none."""
     kept = _without_repeats(points)
     ring = tuple(points[k] for k in kept)

@@ -9,9 +9,9 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any, Final
 
-from grammars.diagnostics import Diagnostic, InputError
-from grammars.floorplan._source import Node, Source, in_source_order
-from grammars.parsing import expected_keys, metamodel, offset_of
+from grammars.text.diagnostics import Diagnostic, InputError
+from grammars.text.parsing import expected_keys, load_metamodel, offset_of
+from grammars.text.source import SourceText, SyntaxNode, in_source_order
 
 _GRAMMAR: Final = Path(__file__).with_name("floorplan.tx")
 _MOST_ERRORS: Final = 20
@@ -64,10 +64,10 @@ _UNITS: Final = re.compile(
 
 @functools.cache
 def _metamodel() -> Any:
-    return metamodel(_GRAMMAR)
+    return load_metamodel(_GRAMMAR)
 
 
-def parse(source: Source) -> Node:
+def parse_syntax(source: SourceText) -> SyntaxNode:
     """Return the syntax tree of ``source``.
 
     Raises :class:`InputError` with one diagnostic per element that cannot be read: after a syntax
@@ -108,7 +108,7 @@ def _blank(text: str, block: tuple[int, int]) -> str:
     return text[:start] + re.sub(r"[^\n]", " ", text[start:end]) + text[end:]
 
 
-def _explain(source: Source, text: str, offset: int, rules: list[Any]) -> Diagnostic:
+def _explain(source: SourceText, text: str, offset: int, rules: list[Any]) -> Diagnostic:
     found = _TOKEN.match(text, offset)
     word = found.group() if found else ""
     keys = expected_keys(rules, _WORDS)

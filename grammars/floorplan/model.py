@@ -1,7 +1,8 @@
 """What a ``.fpm`` file means: world-frame geometry of spaces, walls, features and openings.
 
 Frames follow the FloorPlan language: a wall's frame sits on the middle of its inner edge, x along
-the edge, y through the thickness (outwards for clockwise rooms), z up. Metres and radians.
+the edge, y through the thickness (outwards for clockwise rooms), z up. Every frame has a published
+identifier (:func:`frames`). Metres and radians.
 """
 
 from __future__ import annotations
@@ -9,8 +10,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Literal, TypeAlias
 
-from grammars.diagnostics import Diagnostic, Where
-from grammars.values import Point2, Pose2, Ring
+from grammars.model.geometry import Point2, Pose2, Ring
+from grammars.text.diagnostics import Diagnostic, Where
 
 Point3: TypeAlias = tuple[float, float, float]
 NOWHERE = Where("<unknown>")
@@ -143,3 +144,27 @@ class FloorPlan:
     def walls(self) -> tuple[Wall, ...]:
         """Every wall of every space, in source order."""
         return tuple(wall for space in self.spaces for wall in space.walls)
+
+
+WORLD_FRAME = "world-frame"
+
+
+def frames(plan: FloorPlan) -> dict[str, Pose2]:
+    """Return the world pose of every published frame by its identifier, in source order.
+
+    ``world-frame``, ``<space>-frame``, ``<space>-wall-<i>-frame``, ``column-<id>-frame``,
+    ``divider-<id>-frame``, ``entryway-<id>-frame`` and ``window-<id>-frame``. The frame of an
+    opening is the one on the floor; its height is :attr:`Opening.z`.
+    """
+    found = {WORLD_FRAME: Pose2()}
+    for space in plan.spaces:
+        found[f"{space.name}-frame"] = space.frame
+        found.update((f"{wall.id}-frame", wall.frame) for wall in space.walls)
+    found.update((f"{f.kind}-{f.id}-frame", f.frame) for f in plan.features)
+    found.update((f"{o.kind}-{o.id}-frame", o.frame) for o in plan.openings)
+    return found
+
+
+def frame_of(plan: FloorPlan, id: str) -> Pose2:
+    """Return the world pose of one published frame; raises :class:`KeyError` if there is none."""
+    return frames(plan)[id]

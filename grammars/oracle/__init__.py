@@ -1,12 +1,11 @@
 """The oracle language: what must hold for a run, one line per oracle, with units."""
 
-from grammars.oracle._dimension import Dimension
-from grammars.oracle._layer import load_oracles
 from grammars.oracle._model import (
     Amount,
     Arithmetic,
     Comparison,
-    Custom,
+    CustomCall,
+    Dimension,
     Expression,
     Function,
     Judgement,
@@ -21,39 +20,38 @@ from grammars.oracle._model import (
     Statistic,
     Temporal,
     Until,
+    render,
 )
-from grammars.oracle._parse import parse_oracle
-from grammars.oracle._plugins import (
-    ORACLE_GROUP,
-    SIGNAL_GROUP,
-    CustomOracle,
-    CustomSignal,
-    custom_oracle,
-    custom_oracle_names,
-    custom_signal,
-    custom_signal_names,
-)
-from grammars.oracle._render import render
+from grammars.oracle._parse import load_oracles, parse_oracle
 from grammars.oracle._scope import (
     JointReference,
-    check_scene,
+    check_references,
     leg_number,
     object_signals,
     obstacle_names,
     signals_of,
 )
-from grammars.oracle._types import kind_of, margin_kind
-from grammars.oracle._vocabulary import OBJECT_SIGNALS, SIGNALS, SignalKind, signal_kind
+from grammars.oracle._signals import (
+    OBJECT_SIGNALS,
+    SIGNALS,
+    CustomOracle,
+    CustomSignal,
+    SignalDeclaration,
+    custom_oracle,
+    custom_oracle_names,
+    custom_signal,
+    custom_signal_names,
+    signal_declaration,
+)
+from grammars.oracle._units import kind_of, margin_kind
 
 __all__ = [
     "OBJECT_SIGNALS",
-    "ORACLE_GROUP",
     "SIGNALS",
-    "SIGNAL_GROUP",
     "Amount",
     "Arithmetic",
     "Comparison",
-    "Custom",
+    "CustomCall",
     "CustomOracle",
     "CustomSignal",
     "Dimension",
@@ -69,11 +67,11 @@ __all__ = [
     "Oracle",
     "Reached",
     "Signal",
-    "SignalKind",
+    "SignalDeclaration",
     "Statistic",
     "Temporal",
     "Until",
-    "check_scene",
+    "check_references",
     "custom_oracle",
     "custom_oracle_names",
     "custom_signal",
@@ -86,6 +84,6 @@ __all__ = [
     "obstacle_names",
     "parse_oracle",
     "render",
-    "signal_kind",
+    "signal_declaration",
     "signals_of",
 ]

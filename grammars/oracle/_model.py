@@ -1,15 +1,82 @@
-"""Oracles as values: what a line of the oracle language says.
+"""Oracles as values: what a line of the oracle language says, with the dimensions of its numbers.
 
-Every expression carries ``column``, the offset of its first character in the oracle's text.
+Every expression carries ``column``, the offset of its first character in the oracle's text;
+:func:`render` writes one as text again, for messages that name a part of an oracle.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal, TypeAlias
+from typing import Final, Literal, TypeAlias
 
-from grammars.diagnostics import Where
-from grammars.oracle._dimension import Dimension
+from grammars.text.diagnostics import Where
+from grammars.text.quantity import unit_of
+
+_BASE: Final = ("m", "rad", "s", "kg")
+_NAMED: Final = {
+    "ratio": (0, 0, 0, 0),
+    "length": (1, 0, 0, 0),
+    "angle": (0, 1, 0, 0),
+    "time": (0, 0, 1, 0),
+    "mass": (0, 0, 0, 1),
+    "frequency": (0, 0, -1, 0),
+    "speed": (1, 0, -1, 0),
+    "angular speed": (0, 1, -1, 0),
+    "acceleration": (1, 0, -2, 0),
+    "angular acceleration": (0, 1, -2, 0),
+    "force": (1, 0, -2, 1),
+}
+_NAMES: Final = {exponents: name for name, exponents in _NAMED.items()}
+
+
+@dataclass(frozen=True, slots=True)
+class Dimension:
+    """Integer exponents of metre, radian, second and kilogram."""
+
+    exponents: tuple[int, int, int, int]
+
+    @property
+    def unit(self) -> str:
+        """The SI unit: ``m``, ``m/s``, ``1`` for a plain number."""
+        name = _NAMES.get(self.exponents)
+        if name is not None:
+            return unit_of(name)
+        above = " ".join(_power(u, e) for u, e in zip(_BASE, self.exponents, strict=True) if e > 0)
+        below = "/".join(_power(u, -e) for u, e in zip(_BASE, self.exponents, strict=True) if e < 0)
+        return f"{above or '1'}/{below}" if below else above
+
+    def __mul__(self, other: Dimension) -> Dimension:
+        return self._combine(other, 1)
+
+    def __truediv__(self, other: Dimension) -> Dimension:
+        return self._combine(other, -1)
+
+    def _combine(self, other: Dimension, sign: int) -> Dimension:
+        a, b = self.exponents, other.exponents
+        return Dimension(
+            (a[0] + sign * b[0], a[1] + sign * b[1], a[2] + sign * b[2], a[3] + sign * b[3])
+        )
+
+
+def dimension(name: str) -> Dimension:
+    """Return a dimension by its name in :mod:`grammars.text.quantity`; ``ValueError`` if unused here."""
+    exponents = _NAMED.get(name)
+    if exponents is None:
+        raise ValueError(f"a {name} is not something a signal can have")
+    return Dimension(exponents)
+
+
+RATIO: Final = dimension("ratio")
+LENGTH: Final = dimension("length")
+ANGLE: Final = dimension("angle")
+TIME: Final = dimension("time")
+SPEED: Final = dimension("speed")
+ANGULAR_SPEED: Final = dimension("angular speed")
+
+
+def _power(unit: str, exponent: int) -> str:
+    return unit if exponent == 1 else f"{unit}^{exponent}"
+
 
 ComparisonOperator: TypeAlias = Literal["<=", "<", ">=", ">", "==", "!="]
 
@@ -155,14 +222,14 @@ class Reached:
 
 
 @dataclass(frozen=True, slots=True)
-class Custom:
+class CustomCall:
     """An oracle of one's own, from the entry points ``scenario.oracles``."""
 
     name: str
     arguments: tuple[Number, ...] = ()
 
 
-Judgement: TypeAlias = Temporal | Until | Amount | Statistic | Reached | Custom
+Judgement: TypeAlias = Temporal | Until | Amount | Statistic | Reached | CustomCall
 
 
 @dataclass(frozen=True, slots=True)
@@ -198,11 +265,37 @@ class Oracle:
 
     def place(self, column: int) -> Where:
         """Where the character at offset ``column`` of the text stands in its file."""
-        return shift(self.where, self.text, column)
+        return shift_place(self.where, self.text, column)
 
 
-def shift(where: Where, text: str, column: int) -> Where:
+def shift_place(where: Where, text: str, column: int) -> Where:
     """Return the place of ``text[column]`` when ``text`` starts at ``where``."""
     if "\n" in text:
         return where
     return Where(where.file, where.line, (where.column or 1) + column)
+
+
+def render(expression: Expression) -> str:
+    """Return ``expression`` in the oracle language; compound parts in parentheses."""
+    match expression:
+        case Number():
+            return expression.text
+        case Signal(name=name, arguments=arguments):
+            return f"{name}({', '.join(map(render, arguments))})" if arguments else name
+        case Function(name="abs", operand=operand):
+            return f"abs({render(operand)})"
+        case Function(operand=operand):
+            return f"-{_part(operand)}"
+        case Not(operand=operand):
+            return f"not {_part(operand)}"
+        case Logic(operator=word, operands=operands):
+            return f" {word} ".join(map(_part, operands))
+        case Arithmetic(operator=sign, left=left, right=right):
+            return f"{_part(left)} {sign} {_part(right)}"
+        case Comparison(operator=sign, left=left, right=right):
+            return f"{render(left)} {sign} {render(right)}"
+
+
+def _part(expression: Expression) -> str:
+    text = render(expression)
+    return text if isinstance(expression, Number | Signal) else f"({text})"

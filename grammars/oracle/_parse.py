@@ -1,4 +1,7 @@
-"""From text to :class:`Oracle`: syntax by textX, values by this module."""
+"""From text to :class:`Oracle`, one line or a whole layer: a YAML file of ``name: oracle`` lines.
+
+The syntax is read by textX, values and units by this module.
+"""
 
 from __future__ import annotations
 
@@ -7,13 +10,11 @@ import re
 from pathlib import Path
 from typing import Any, Final
 
-from grammars.diagnostics import Diagnostic, InputError, Where, did_you_mean
-from grammars.oracle._dimension import dimension
 from grammars.oracle._model import (
     Amount,
     Arithmetic,
     Comparison,
-    Custom,
+    CustomCall,
     Expression,
     Function,
     Judgement,
@@ -28,12 +29,15 @@ from grammars.oracle._model import (
     Statistic,
     Temporal,
     Until,
-    shift,
+    dimension,
+    shift_place,
 )
-from grammars.oracle._plugins import custom_oracle_names
-from grammars.oracle._types import check_types
-from grammars.parsing import metamodel
-from grammars.quantity import parse_quantity
+from grammars.oracle._signals import custom_oracle_names
+from grammars.oracle._units import check_types
+from grammars.text.diagnostics import Diagnostic, InputError, Where, did_you_mean
+from grammars.text.documents import YamlDocument, load_yaml
+from grammars.text.parsing import load_metamodel
+from grammars.text.quantity import parse_quantity
 
 _OPERATORS: Final = (
     *("always", "never", "eventually", "fraction", "time", "longest", "count"),
@@ -52,7 +56,7 @@ def parse_oracle(name: str, text: str, where: Where) -> Oracle:
     unlike quantities. Names of scenery objects are checked by :func:`check_scene`.
     """
     tree = _parse_tree(text, where)
-    builder = _Builder(text, where)
+    builder = _OracleBuilder(text, where)
     guard = builder.expression(tree.guard) if tree.guard else None
     leg = builder.leg(tree.leg) if tree.leg else None
     oracle = Oracle(name, text, where, builder.judgement(tree.judgement), guard, leg)
@@ -64,14 +68,14 @@ def parse_oracle(name: str, text: str, where: Where) -> Oracle:
 
 @functools.cache
 def _metamodel() -> Any:
-    return metamodel(Path(__file__).with_name("oracle.tx"), autokwd=True)
+    return load_metamodel(Path(__file__).with_name("oracle.tx"), autokwd=True)
 
 
 def _parse_tree(text: str, where: Where) -> Any:
     from textx import TextXSyntaxError
 
-    _refuse_strangers(text, where)
-    _refuse_monsters(text, where)
+    _refuse_unknown_operator(text, where)
+    _refuse_oversized(text, where)
     try:
         return _metamodel().model_from_str(text)
     except RecursionError as error:
@@ -79,11 +83,11 @@ def _parse_tree(text: str, where: Where) -> Any:
     except TextXSyntaxError as error:
         offset = sum(len(line) + 1 for line in text.split("\n")[: error.line - 1]) + error.col - 1
         raise InputError(
-            Diagnostic(shift(where, text, offset), _complaint(text, offset), _EXAMPLE)
+            Diagnostic(shift_place(where, text, offset), _syntax_message(text, offset), _EXAMPLE)
         ) from error
 
 
-def _refuse_strangers(text: str, where: Where) -> None:
+def _refuse_unknown_operator(text: str, where: Where) -> None:
     word = re.match(r"\s*([A-Za-z_][\w.-]*)", text)
     if word is not None and word[1] in _OPERATORS:
         return
@@ -94,18 +98,18 @@ def _refuse_strangers(text: str, where: Where) -> None:
         raise InputError(Diagnostic(where, f"{given} does not begin an oracle", hint))
 
 
-def _refuse_monsters(text: str, where: Where) -> None:
+def _refuse_oversized(text: str, where: Where) -> None:
     if len(text) > _MAX_LENGTH:
         raise InputError(Diagnostic(where, f"is longer than {_MAX_LENGTH} characters"))
     depth = 0
     for column, character in enumerate(text):
         depth += (character == "(") - (character == ")")
         if depth > _MAX_DEPTH:
-            place = shift(where, text, column)
+            place = shift_place(where, text, column)
             raise InputError(Diagnostic(place, f"nests parentheses deeper than {_MAX_DEPTH}"))
 
 
-def _complaint(text: str, offset: int) -> str:
+def _syntax_message(text: str, offset: int) -> str:
     rest = text[offset:].strip()
     if not rest:
         return "the oracle ends too early: a parenthesis, a signal or a quantity is missing"
@@ -114,7 +118,7 @@ def _complaint(text: str, offset: int) -> str:
     return f'cannot read on at "{rest.split()[0]}"'
 
 
-class _Builder:
+class _OracleBuilder:
     """Turns the parse tree of one text into values."""
 
     def __init__(self, text: str, where: Where) -> None:
@@ -132,7 +136,7 @@ class _Builder:
             case "Reached":
                 return Reached(self.number(node.tolerance))
             case _:
-                return Custom(node.name, tuple(map(self.number, node.arguments)))
+                return CustomCall(node.name, tuple(map(self.number, node.arguments)))
 
     def _temporal(self, node: Any) -> Temporal:
         within = self.number(node.within) if node.within else None
@@ -141,7 +145,7 @@ class _Builder:
     def _until(self, node: Any) -> Until:
         part = node.until
         if node.operator == "eventually" or node.within:
-            place = shift(self._where, self._text, part._tx_position)
+            place = shift_place(self._where, self._text, part._tx_position)
             hint = "such as: never(contact) until within 60 s (mission.reached >= 1)"
             first = "eventually" if node.operator == "eventually" else f"{node.operator} within"
             raise InputError(Diagnostic(place, f'"{first}" takes no "until"', hint))
@@ -162,7 +166,7 @@ class _Builder:
 
     def number(self, node: Any) -> Number:
         column = node._tx_position
-        place = shift(self._where, self._text, column)
+        place = shift_place(self._where, self._text, column)
         quantity = parse_quantity(node.text, place)
         try:
             kind = dimension(quantity.dimension)
@@ -206,3 +210,51 @@ class _Builder:
             operand = self.expression(tail.operand)
             result = Arithmetic(tail.operator, result, operand, node._tx_position)
         return result
+
+
+_NAME: Final = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,99}")
+
+
+def load_oracles(path: str | Path) -> dict[str, Oracle]:
+    """Read an oracle layer; oracles by name, in file order.
+
+    Raises :class:`InputError` with every problem of the file.
+    """
+    document = load_yaml(path)
+    if not isinstance(document.data, dict) or not document.data:
+        raise InputError(
+            Diagnostic(
+                Where(document.file, 1),
+                "expected lines of name: oracle",
+                "such as: localised: always(loc.error <= 0.35 m)",
+            )
+        )
+    oracles: dict[str, Oracle] = {}
+    found: list[Diagnostic] = []
+    for name, text in document.data.items():
+        try:
+            oracles[name] = _read(document, name, text)
+        except InputError as error:
+            found.extend(error.diagnostics)
+    if found:
+        raise InputError(found)
+    return oracles
+
+
+def _read(document: YamlDocument, name: str, text: object) -> Oracle:
+    key = document.where((name,))
+    if not _NAME.fullmatch(name):
+        raise InputError(
+            Diagnostic(key, f'"{name}" cannot name an oracle', "use letters, digits, - _ and .")
+        )
+    if not isinstance(text, str):
+        raise InputError(Diagnostic(key, f'oracle "{name}" is not a line of text'))
+    return parse_oracle(name, text, _value_place(document, key, text))
+
+
+def _value_place(document: YamlDocument, key: Where, text: str) -> Where:
+    """Return where ``text`` begins: after its key, when it stands on the same line."""
+    lines = document.text.splitlines()
+    line = lines[key.line - 1] if 0 < key.line <= len(lines) else ""
+    column = line.find(text, key.column)
+    return Where(key.file, key.line, column + 1) if column >= 0 else key

@@ -1,17 +1,17 @@
-"""Binding oracles to a scene: the doors they speak of must be there."""
+"""Binding oracles to a scene and a mission: the objects and legs they speak of must be there."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
-from grammars.diagnostics import Diagnostic, did_you_mean
-from grammars.mission import Mission
+from grammars.model.mission import Mission
+from grammars.model.scene import Joint, Scene, SceneObject
 from grammars.oracle._model import (
     Amount,
     Arithmetic,
     Comparison,
-    Custom,
+    CustomCall,
     Expression,
     Function,
     Leg,
@@ -25,9 +25,8 @@ from grammars.oracle._model import (
     Temporal,
     Until,
 )
-from grammars.oracle._plugins import custom_signal_names
-from grammars.oracle._vocabulary import SIGNALS
-from grammars.scene import Joint, Scene, SceneObject
+from grammars.oracle._signals import SIGNALS, custom_signal_names
+from grammars.text.diagnostics import Diagnostic, did_you_mean
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,7 +52,7 @@ def object_signals(scene: Scene) -> dict[str, JointReference]:
     return found
 
 
-def check_scene(oracle: Oracle, scene: Scene, mission: Mission) -> tuple[Diagnostic, ...]:
+def check_references(oracle: Oracle, scene: Scene, mission: Mission) -> tuple[Diagnostic, ...]:
     """Return what ``oracle`` speaks of that is not in ``scene`` or ``mission``."""
     known = object_signals(scene)
     everywhere = {*SIGNALS, *custom_signal_names()}
@@ -116,29 +115,29 @@ def signals_of(oracle: Oracle) -> Iterator[Signal]:
     """Yield every signal the oracle reads, in the order written."""
     match oracle.judgement:
         case Temporal() | Amount():
-            yield from _walk(oracle.judgement.predicate)
+            yield from _signals_in(oracle.judgement.predicate)
         case Statistic():
-            yield from _walk(oracle.judgement.signal)
+            yield from _signals_in(oracle.judgement.signal)
         case Until():
-            yield from _walk(oracle.judgement.predicate)
-            yield from _walk(oracle.judgement.release)
-        case Reached() | Custom():
+            yield from _signals_in(oracle.judgement.predicate)
+            yield from _signals_in(oracle.judgement.release)
+        case Reached() | CustomCall():
             pass
     if oracle.guard is not None:
-        yield from _walk(oracle.guard)
+        yield from _signals_in(oracle.guard)
 
 
-def _walk(expression: Expression) -> Iterator[Signal]:
+def _signals_in(expression: Expression) -> Iterator[Signal]:
     match expression:
         case Signal():
             yield expression
         case Number():
             pass
         case Not() | Function():
-            yield from _walk(expression.operand)
+            yield from _signals_in(expression.operand)
         case Comparison() | Arithmetic():
-            yield from _walk(expression.left)
-            yield from _walk(expression.right)
+            yield from _signals_in(expression.left)
+            yield from _signals_in(expression.right)
         case Logic():
             for operand in expression.operands:
-                yield from _walk(operand)
+                yield from _signals_in(operand)

@@ -1,7 +1,7 @@
 """Scenery language: objects with joints, where they stand in a floor plan, how they behave.
 
 A ``.scenery`` file is one layer. Layers refer to each other by name and are put together by
-:mod:`grammars.composition`; none is ever edited to add to another. Line breaks carry no meaning,
+:mod:`grammars.scenery.composition`; none is ever edited to add to another. Line breaks carry no meaning,
 comments start with ``//``, every quantity has a unit.
 
 Object models, in a frame of their own; positions are those of the joints at zero::
@@ -51,7 +51,7 @@ quantities. The last layer that speaks about a joint wins::
 The distance is taken from the ``hinge``, the ``foot`` of the object (the origin of its frame), the
 ``leaf`` or the ``doorway`` to the robot's base, or to ``the robot's footprint``. ``starting at
 closed`` says where such a joint is at first, if not where it goes from. Without ``by`` joints move
-as a servo with the defaults of :class:`grammars.behaviour.Servo`; without ``from``, the first draw
+as a servo with the defaults of :class:`grammars.model.behaviour.Servo`; without ``from``, the first draw
 comes after one period. The time between two changes may be drawn as well: ``uniform 10 s to
 40 s``, ``exponential with mean 20 s`` or ``normal with mean 20 s, deviation 5 s``.
 ``front_door starts open`` and ``front_door is frozen`` in another layer change how it starts.
@@ -84,10 +84,15 @@ Points are in the frame named next, else in the world. Routes are walked ``once`
 said), ``back and forth`` or ``round``; at 1 m/s, with 1 m/s^2, without a pause, unyielding. A mover
 faces ``ahead``, ``sideways`` (its right hand where it first goes) or a fixed direction in the frame
 of the last point. A yielding one brakes while the robot is so near, ahead of it. See
-:class:`grammars.behaviour.Walk`.
+:class:`grammars.model.behaviour.Walk`.
 """
 
-from grammars.scenery.layer import configure, load_scenery, parse_scenery
+from grammars.scenery._layer import configure, load_scenery, parse_scenery
 from grammars.scenery.model import SceneryLayer
 
-__all__ = ["SceneryLayer", "configure", "load_scenery", "parse_scenery"]
+__all__ = [
+    "SceneryLayer",
+    "configure",
+    "load_scenery",
+    "parse_scenery",
+]

@@ -1,17 +1,77 @@
 """What a ``.scenery`` file means, before it meets a floor plan: one layer of a scenario.
 
 A layer only refers to other layers by name, it never edits them. Everything keeps the place where
-it was written, for diagnostics.
+it was written, for diagnostics; quantities keep their unit and text as well. The class and field
+names here are the words of the JSON-LD form of a layer (:mod:`grammars.jsonld`): they are a file
+format.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Literal, TypeAlias
+from typing import Final, Literal, TypeAlias
 
-from grammars.diagnostics import Where
-from grammars.scene import Joint, Link
-from grammars.scenery.units import Measure
+from grammars.model.scene import Joint, Link
+from grammars.text.diagnostics import Diagnostic, InputError, Where
+from grammars.text.quantity import parse_quantity, unit_of
+
+NUMBER: Final = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
+_WORDS: Final = (
+    "m cm mm km metre metres meter meters rad deg radian radians degree degrees "
+    "s ms min h second seconds minute minutes hour hours kg g N kN newton Hz"
+)
+_WORD: Final = (
+    "(?:" + "|".join(sorted(_WORDS.split(), key=len, reverse=True)) + r")(?!\w)(?:\^[2-4])?"
+)
+UNIT: Final = rf"(?:{_WORD}(?:[ \t]*[/*][ \t]*{_WORD}|[ \t]+{_WORD})*|%)"
+"""A product of unit words, such as ``N m s/rad``; it ends before the next word of a sentence."""
+LARGEST: Final = 1e6
+"""No quantity of a scenery is larger than this, in SI units."""
+
+
+@dataclass(frozen=True, slots=True)
+class Measure:
+    """``value`` in SI units and radians; ``text`` as it was written."""
+
+    value: float
+    dimension: str
+    text: str
+    where: Where = field(compare=False)
+
+    def __str__(self) -> str:
+        return self.text
+
+
+def parse_measure(text: str, where: Where) -> Measure:
+    """Read ``1.3 m``; raises :class:`InputError` when it is no number with a unit."""
+    spelled = " ".join(text.split())
+    quantity = parse_quantity(spelled, where)
+    if abs(quantity.value) > LARGEST:
+        message = f"{spelled} is more than anything in a building"
+        raise InputError(Diagnostic(where, message, "is the unit right?"))
+    return Measure(quantity.value, quantity.dimension, spelled, where)
+
+
+def require_dimension(value: Measure, *dimensions: str) -> float:
+    """Return the SI value if it has one of ``dimensions``; raises :class:`InputError` else."""
+    if value.dimension in dimensions:
+        return value.value
+    needed = " or ".join(with_article(d) for d in dimensions)
+    unit = unit_of(dimensions[0])
+    raise InputError(
+        Diagnostic(
+            value.where,
+            f"{needed} is needed here, {value.text} is {with_article(value.dimension)}",
+            f"write it in {unit}",
+        )
+    )
+
+
+def with_article(noun: str) -> str:
+    """Return ``a length``, ``an angle``; stiffness and damping go without."""
+    if noun.endswith(("stiffness", "damping")):
+        return noun
+    return f"an {noun}" if noun[0] in "aeiou" else f"a {noun}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,7 +90,7 @@ Amount: TypeAlias = Measure | Name
 
 
 @dataclass(frozen=True, slots=True)
-class State:
+class NamedState:
     """A named joint state of an object model: position [rad or m] per joint."""
 
     name: str
@@ -42,13 +102,13 @@ class State:
 class ObjectModel:
     """A kind of articulated object, in its own frame.
 
-    A mover has the planar chain of :mod:`grammars.movers` among its links and joints.
+    A mover has the planar chain of :mod:`grammars.model.movers` among its links and joints.
     """
 
     name: str
     links: tuple[Link, ...]
     joints: tuple[Joint, ...]
-    states: tuple[State, ...]
+    states: tuple[NamedState, ...]
     where: Where = field(compare=False)
 
 
@@ -295,7 +355,7 @@ class OnObject:
     where: Where = field(compare=False)
 
 
-Occasion: TypeAlias = OnLeg | OnWaypoint | OnObject
+EventPhrase: TypeAlias = OnLeg | OnWaypoint | OnObject
 
 
 @dataclass(frozen=True, slots=True)
@@ -305,7 +365,7 @@ class Reacts:
     subject: Subject
     start: Amount
     end: Amount
-    occasion: Occasion
+    occasion: EventPhrase
     after: Amount | None
     motion: MotionAs
     where: Where = field(compare=False)
@@ -322,7 +382,7 @@ class RoutePoint:
 
 @dataclass(frozen=True, slots=True)
 class Walks:
-    """A mover walks a route; see :class:`grammars.behaviour.Walk` for what it means."""
+    """A mover walks a route; see :class:`grammars.model.behaviour.Walk` for what it means."""
 
     subject: Subject
     route: tuple[RoutePoint, ...]
@@ -332,7 +392,7 @@ class Walks:
     pause: Amount | None
     everywhere: bool
     since: Amount | None
-    occasion: Occasion | None
+    occasion: EventPhrase | None
     facing: Literal["ahead", "sideways"] | Amount
     yielding: Amount | None
     where: Where = field(compare=False)

@@ -30,18 +30,27 @@ text, attributes that were not written are inserted.
 """
 
 from grammars.variation._designs import METHODS, Method
-from grammars.variation._load import load_variation, parse_variation
-from grammars.variation._model import Value, Variant, Variation
+from grammars.variation._distributions import Categorical, Normal, Range
+from grammars.variation._load import (
+    Variant,
+    VariantValue,
+    Variation,
+    load_variation,
+    parse_variation,
+)
 from grammars.variation._sample import floorplan_variants, sample, source_defects
-from grammars.variation._write import Written, write_variants
+from grammars.variation._variants import VariantFile, write_variants
 
 __all__ = [
     "METHODS",
+    "Categorical",
     "Method",
-    "Value",
+    "Normal",
+    "Range",
     "Variant",
+    "VariantFile",
+    "VariantValue",
     "Variation",
-    "Written",
     "floorplan_variants",
     "load_variation",
     "parse_variation",

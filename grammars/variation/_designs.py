@@ -13,12 +13,12 @@ from typing import Any, Final, Literal, TypeAlias, get_args
 
 import numpy as np
 
-from grammars.diagnostics import Diagnostic, InputError, Where
+from grammars.text.diagnostics import Diagnostic, InputError, Where
 from grammars.variation._distributions import Distribution
 
 Method: TypeAlias = Literal["random", "grid", "halton", "lhs", "pairwise"]
 METHODS: Final[tuple[str, ...]] = get_args(Method)
-MOST: Final = 100_000
+MAX_POINTS: Final = 100_000
 """Points a design may have."""
 
 Point: TypeAlias = tuple[float, ...]
@@ -27,12 +27,12 @@ Point: TypeAlias = tuple[float, ...]
 def grid(distributions: Sequence[Distribution], levels: int, where: Where) -> Iterator[Point]:
     """Return every combination of every draw's levels; the last draw changes fastest.
 
-    Raises :class:`InputError` when there are more than ``MOST``.
+    Raises :class:`InputError` when there are more than ``MAX_POINTS``.
     """
     axes = [distribution.levels(levels) for distribution in distributions]
     size = math.prod(len(axis) for axis in axes)
-    if size > MOST:
-        message = f"the full grid has {size:,} points, more than {MOST:,}"
+    if size > MAX_POINTS:
+        message = f"the full grid has {size:,} points, more than {MAX_POINTS:,}"
         raise InputError(Diagnostic(where, message, "lower the levels, or take pairwise or lhs"))
     return itertools.product(*axes)
 
@@ -45,7 +45,7 @@ def halton(distributions: Sequence[Distribution], seed: int) -> Iterator[Point]:
     """
     engine = _qmc().Halton(len(distributions), scramble=True, **_rng(seed))
     while True:
-        yield from _mapped(distributions, engine.random(64))
+        yield from _points_at(distributions, engine.random(64))
 
 
 def latin_hypercube(distributions: Sequence[Distribution], n: int, seed: int) -> Iterator[Point]:
@@ -55,7 +55,7 @@ def latin_hypercube(distributions: Sequence[Distribution], n: int, seed: int) ->
     in the analysis of output from a computer code, Technometrics 21 (1979).
     """
     engine = _qmc().LatinHypercube(len(distributions), **_rng(seed))
-    return _mapped(distributions, engine.random(n))
+    return _points_at(distributions, engine.random(n))
 
 
 def pairwise(
@@ -73,8 +73,8 @@ def pairwise(
     if len(axes) < 2:
         return (point for point in itertools.product(*axes) if accepted(point))
     pairs = sum(len(a) * len(b) for a, b in itertools.combinations(axes, 2))
-    if pairs > MOST:
-        message = f"there are {pairs:,} pairs of values, more than {MOST:,}"
+    if pairs > MAX_POINTS:
+        message = f"there are {pairs:,} pairs of values, more than {MAX_POINTS:,}"
         raise InputError(Diagnostic(where, message, "lower the levels, or take lhs"))
     complete = len(axes)
 
@@ -85,7 +85,7 @@ def pairwise(
     return (tuple(row) for row in rows)
 
 
-def _mapped(distributions: Sequence[Distribution], quantiles: Any) -> Iterator[Point]:
+def _points_at(distributions: Sequence[Distribution], quantiles: Any) -> Iterator[Point]:
     for row in quantiles.tolist():
         yield tuple(d.at(share) for d, share in zip(distributions, row, strict=True))
 
@@ -98,7 +98,7 @@ def _qmc() -> Any:
     try:
         from scipy.stats import qmc
     except ImportError as error:
-        raise _missing("scipy") from error
+        raise _missing_package("scipy") from error
     return qmc
 
 
@@ -106,10 +106,10 @@ def _allpairs() -> Any:
     try:
         from allpairspy import AllPairs
     except ImportError as error:
-        raise _missing("allpairspy") from error
+        raise _missing_package("allpairspy") from error
     return AllPairs
 
 
-def _missing(package: str) -> InputError:
+def _missing_package(package: str) -> InputError:
     hint = 'install it with: pip install "scenario-tui[sampling]"'
     return InputError(Diagnostic(Where("scenario vary"), f"this design needs {package}", hint))

@@ -7,15 +7,15 @@ plans themselves; next to an angle it is refused, because nobody can tell degree
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Final, Literal, Protocol, TypeAlias
 
-from grammars.diagnostics import Where
-from grammars.floorplan import FloorPlan
-from grammars.variation._plan import Slot
+from grammars.floorplan import Feature, FloorPlan, Opening, Space
+from grammars.text.diagnostics import Where
+from grammars.variation._plan import PlanElement, Slot
 
-Dimension: TypeAlias = tuple[int, int]
+Powers: TypeAlias = tuple[int, int]
 """Powers of metres and radians."""
 
 PLAIN: Final = (0, 0)
@@ -32,7 +32,7 @@ UNITS: Final = {
 _TOLERANCE: Final = 1e-9
 
 
-class Drawn(Protocol):
+class EvaluationContext(Protocol):
     """What an expression may ask about one sampled plan."""
 
     def shared(self, name: str) -> float:
@@ -47,28 +47,28 @@ class Drawn(Protocol):
 
 
 @dataclass(frozen=True, slots=True)
-class Number:
+class Constant:
     """A literal."""
 
     value: float
 
 
 @dataclass(frozen=True, slots=True)
-class Shared:
+class NamedDraw:
     """A named draw."""
 
     name: str
 
 
 @dataclass(frozen=True, slots=True)
-class Attribute:
+class PlanAttribute:
     """An attribute or variable of the plan."""
 
     slot: Slot
 
 
 @dataclass(frozen=True, slots=True)
-class Measure:
+class PlanMeasure:
     """Something measured on the compiled plan; ``name`` is how it was written."""
 
     name: str
@@ -83,7 +83,7 @@ class Operation:
     operands: tuple[Expression, ...]
 
 
-Expression: TypeAlias = Number | Shared | Attribute | Measure | Operation
+Expression: TypeAlias = Constant | NamedDraw | PlanAttribute | PlanMeasure | Operation
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,10 +99,10 @@ class Requirement:
     @property
     def needs_plan(self) -> bool:
         """Whether something must be measured on the compiled plan."""
-        return any(isinstance(node, Measure) for side in (self.left, self.right)
+        return any(isinstance(node, PlanMeasure) for side in (self.left, self.right)
                    for node in parts(side))  # fmt: skip
 
-    def holds(self, drawn: Drawn) -> bool:
+    def holds(self, drawn: EvaluationContext) -> bool:
         """Return whether the comparison holds; equal within 1e-9 counts as equal."""
         difference = evaluate(self.left, drawn) - evaluate(self.right, drawn)
         equal = abs(difference) <= _TOLERANCE
@@ -127,16 +127,16 @@ def parts(expression: Expression) -> list[Expression]:
     return [expression, *(node for operand in inner for node in parts(operand))]
 
 
-def evaluate(expression: Expression, drawn: Drawn) -> float:
+def evaluate(expression: Expression, drawn: EvaluationContext) -> float:
     """Return the value of an expression; dividing by zero gives nan, which fulfils nothing."""
     match expression:
-        case Number(value):
+        case Constant(value):
             return value
-        case Shared(name):
+        case NamedDraw(name):
             return drawn.shared(name)
-        case Attribute(slot):
+        case PlanAttribute(slot):
             return drawn.attribute(slot)
-        case Measure(_, take):
+        case PlanMeasure(_, take):
             return take(drawn.plan)
         case Operation(operator, operands):
             return _combine(operator, [evaluate(operand, drawn) for operand in operands])
@@ -162,10 +162,110 @@ def _combine(operator: str, values: list[float]) -> float:
             return max(values)
 
 
-def dimension_name(dimension: Dimension) -> str:
+def dimension_name(dimension: Powers) -> str:
     """Return ``a length``, ``m^2 rad`` and so on."""
     known = {PLAIN: "a plain number", LENGTH: "a length", AREA: "an area", ANGLE: "an angle"}
     if dimension in known:
         return known[dimension]
     powers = zip(("m", "rad"), dimension, strict=True)
     return " ".join(u if p == 1 else f"{u}^{p}" for u, p in powers if p)
+
+
+Part: TypeAlias = Space | Feature | Opening
+Measurement: TypeAlias = tuple[Powers, Callable[[FloorPlan], float]]
+
+
+def _area(part: Part) -> float:
+    import shapely
+
+    assert isinstance(part, Space)
+    return float(shapely.Polygon(part.outline).area)
+
+
+def _perimeter(part: Part) -> float:
+    assert isinstance(part, Space)
+    return sum(wall.length for wall in part.walls)
+
+
+def _thickness(part: Part) -> float:
+    assert isinstance(part, Space)
+    return part.walls[0].thickness
+
+
+def _height(part: Part) -> float:
+    match part:
+        case Space():
+            return part.walls[0].height
+        case Feature():
+            return part.height
+    return part.z_max - part.z_min
+
+
+def _width(part: Part) -> float:
+    assert isinstance(part, Opening)
+    return part.width
+
+
+def _depth(part: Part) -> float:
+    assert isinstance(part, Opening)
+    return part.depth
+
+
+def _sill(part: Part) -> float:
+    assert isinstance(part, Opening)
+    return part.z_min
+
+
+_OF_SPACES: Final = {
+    "area": (AREA, _area),
+    "perimeter": (LENGTH, _perimeter),
+    "thickness": (LENGTH, _thickness),
+    "height": (LENGTH, _height),
+}
+_OF_OPENINGS: Final = {
+    "width": (LENGTH, _width),
+    "height": (LENGTH, _height),
+    "depth": (LENGTH, _depth),
+    "sill": (LENGTH, _sill),
+}
+_OF_FEATURES: Final = {"height": (LENGTH, _height)}
+
+
+def measures_of(element: PlanElement) -> Mapping[str, tuple[Powers, Callable[[Part], float]]]:
+    """Return what can be measured on an element, by the word people write."""
+    if element.is_opening:
+        return _OF_OPENINGS
+    return _OF_SPACES if element.kind == "space" else _OF_FEATURES
+
+
+def measurement(element: PlanElement, word: str) -> Measurement:
+    """Return the dimension of a measure and how to take it."""
+    dimension, take = measures_of(element)[word]
+    return dimension, lambda plan: take(find_part(plan, element))
+
+
+def distance(one: PlanElement, other: PlanElement) -> Measurement:
+    """Return how to measure the shortest distance between two elements, seen from above [m]."""
+
+    def take(plan: FloorPlan) -> float:
+        import shapely
+
+        a, b = (shapely.Polygon(_ring(find_part(plan, e))) for e in (one, other))
+        return float(shapely.distance(a, b))
+
+    return LENGTH, take
+
+
+def find_part(plan: FloorPlan, element: PlanElement) -> Part:
+    """Return the part of the compiled plan that an element of its text became."""
+    *space, name = element.address.split(".")
+    if element.kind == "space":
+        return next(part for part in plan.spaces if part.name == name)
+    if element.is_opening:
+        return next(part for part in plan.openings if part.name == name)
+    owner = space[0] if space else ""
+    return next(part for part in plan.features if (part.space, part.name) == (owner, name))
+
+
+def _ring(part: Part) -> tuple[tuple[float, float], ...]:
+    return part.outline if isinstance(part, Space) else part.footprint

@@ -1,4 +1,4 @@
-"""From a variation file to what it means."""
+"""Variations and their variants as values, and from a variation file to what it means."""
 
 from __future__ import annotations
 
@@ -6,28 +6,96 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
 
-from grammars.diagnostics import Diagnostic, InputError, Where, did_you_mean
-from grammars.floorplan import parse_floorplan
-from grammars.floorplan._source import Findings, Node, Source, with_article
-from grammars.variation._arithmetic import Arithmetic, joined_dimension
-from grammars.variation._chances import Distributions
+from grammars.floorplan import FloorPlan, parse_floorplan
+from grammars.text.diagnostics import Diagnostic, InputError, Where, did_you_mean
+from grammars.text.source import DiagnosticCollector, SourceText, SyntaxNode, with_article
+from grammars.variation._arithmetic import ExpressionReader, PlanResolver, joined_dimension
+from grammars.variation._distributions import Distribution, DistributionReader
 from grammars.variation._expressions import (
     ANGLE,
     LENGTH,
     PLAIN,
     UNITS,
-    Dimension,
+    Constant,
     Expression,
-    Number,
+    NamedDraw,
+    Powers,
     Requirement,
-    Shared,
     dimension_name,
     parts,
 )
-from grammars.variation._model import Assignment, Draw, Variation
-from grammars.variation._plan import Element, PlanText, Slot
+from grammars.variation._plan import PlanElement, PlanText, Slot
 from grammars.variation._syntax import parse
-from grammars.variation._targets import Targets
+
+
+@dataclass(frozen=True, slots=True)
+class VariationDraw:
+    """One value to draw; ``unit`` is empty when none was written."""
+
+    name: str
+    distribution: Distribution
+    unit: str
+    where: Where
+
+
+@dataclass(frozen=True, slots=True)
+class Assignment:
+    """A slot and where its value comes from: a draw by name, or arithmetic over named draws."""
+
+    slot: Slot
+    source: str | Expression
+    dimension: Powers
+    where: Where
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Variation:
+    """A loaded variation: the plan as text and as geometry, what is drawn and what must hold.
+
+    ``draws`` are in file order, the order they take numbers from a random stream; ``reported``
+    names the values of a variant (named draws and attributes) in file order.
+    """
+
+    file: str
+    plan_file: Path
+    plan_text: PlanText
+    source: FloorPlan
+    draws: tuple[VariationDraw, ...]
+    assignments: tuple[Assignment, ...]
+    requirements: tuple[Requirement, ...]
+    reported: tuple[str, ...]
+    warnings: tuple[Diagnostic, ...] = ()
+
+    @property
+    def plan_name(self) -> str:
+        """The name of the plan that is varied."""
+        return self.source.name
+
+
+@dataclass(frozen=True, slots=True)
+class VariantValue:
+    """A value of one variant: a named draw, a variable or an attribute; in ``unit`` as written."""
+
+    name: str
+    number: float
+    unit: str
+
+
+@dataclass(frozen=True, slots=True)
+class Variant:
+    """One sampled plan: its text (``.fpm``) and what the text means.
+
+    ``name`` is ``<plan>_<seed>``, also the stem of its file; ``tries`` counts the draws until
+    everything required held.
+    """
+
+    seed: int
+    values: tuple[VariantValue, ...]
+    text: str
+    name: str
+    plan: FloorPlan = field(repr=False, compare=False)
+    tries: int = 1
+
 
 _NEED: Final = {"length": LENGTH, "angle": ANGLE}
 
@@ -54,15 +122,15 @@ def parse_variation(
 
     Raises :class:`InputError` with everything that is wrong with it or its plan.
     """
-    source = Source(text, file)
+    source = SourceText(text, file)
     tree = parse(source)
-    findings = Findings(source)
+    findings = DiagnosticCollector(source)
     plan_file = _imported(tree, folder, findings)
     plan_text = read_text(plan_file, "plan")
     compiled = parse_floorplan(plan_text, str(plan_file))
     plan = PlanText(plan_text, str(plan_file))
-    targets = Targets(plan, findings, shared_defaults)
-    reader = _Reader(source, findings, targets)
+    targets = PlanResolver(plan, findings, shared_defaults)
+    reader = _VariationReader(source, findings, targets)
     for node in tree.statements:
         reader.read(node)
     reader.finish(tree)
@@ -95,7 +163,7 @@ def read_text(path: Path, what: str) -> str:
     return text.replace("\r\n", "\n").replace("\r", "\n") if lone else text
 
 
-def _imported(tree: Node, folder: Path, findings: Findings) -> Path:
+def _imported(tree: SyntaxNode, folder: Path, findings: DiagnosticCollector) -> Path:
     """Return the plan's path; nothing else can be checked without it."""
     imports = [node for node in tree.statements if type(node).__name__ == "Import"]
     example = 'write first: import "plan.fpm"'
@@ -120,22 +188,22 @@ def _imported(tree: Node, folder: Path, findings: Findings) -> Path:
 
 
 @dataclass(slots=True)
-class _Reader:
+class _VariationReader:
     """Reads statement by statement; draws keep the order they are written in."""
 
-    source: Source
-    findings: Findings
-    targets: Targets
-    draws: list[Draw] = field(default_factory=list)
+    source: SourceText
+    findings: DiagnosticCollector
+    targets: PlanResolver
+    draws: list[VariationDraw] = field(default_factory=list)
     assignments: list[Assignment] = field(default_factory=list)
     requirements: list[Requirement] = field(default_factory=list)
     reported: list[str] = field(default_factory=list)
-    _shared: dict[str, Dimension] = field(default_factory=dict)
-    _lets: dict[str, Node] = field(default_factory=dict)
+    _shared: dict[str, Powers] = field(default_factory=dict)
+    _lets: dict[str, SyntaxNode] = field(default_factory=dict)
     _used: set[str] = field(default_factory=set)
-    _varied: dict[tuple[int, str], tuple[str, Node]] = field(default_factory=dict)
+    _varied: dict[tuple[int, str], tuple[str, SyntaxNode]] = field(default_factory=dict)
 
-    def read(self, node: Node) -> None:
+    def read(self, node: SyntaxNode) -> None:
         """Read one statement."""
         match type(node).__name__:
             case "Let":
@@ -148,7 +216,7 @@ class _Reader:
                 slot = self.targets.variable(node.target)
                 self._assign(node, slot, node.value)
 
-    def finish(self, tree: Node) -> None:
+    def finish(self, tree: SyntaxNode) -> None:
         """Report what shows only at the end; raises :class:`InputError` for everything found."""
         for name, node in self._lets.items():
             if name not in self._used and not self.findings.errors:
@@ -157,7 +225,7 @@ class _Reader:
             self.findings.error(tree, "nothing is varied", 'add "NAME: uniform([1.0, 2.0])"')
         self.findings.refuse_if_errors()
 
-    def _let(self, node: Node) -> None:
+    def _let(self, node: SyntaxNode) -> None:
         name = node.name
         if name in self._lets:
             line = self.source.at(self._lets[name]).line
@@ -172,14 +240,14 @@ class _Reader:
             self.findings.error(node, "let names a distribution", hint)
             self._shared[name] = PLAIN
             return
-        read = Distributions(self.findings).read(node.value)
+        read = DistributionReader(self.findings).read(node.value)
         unit = "" if read is None else read[1]
         self._shared[name] = UNITS[unit][1] if unit else PLAIN
         if read is not None:
-            self.draws.append(Draw(name, *read, self.source.at(node)))
+            self.draws.append(VariationDraw(name, *read, self.source.at(node)))
             self.reported.append(name)
 
-    def _block(self, node: Node) -> None:
+    def _block(self, node: SyntaxNode) -> None:
         if not node.attributes:
             hint = "write what to vary between the braces"
             self.findings.error(node, f'nothing of "{".".join(node.target.parts)}" is varied', hint)
@@ -192,14 +260,14 @@ class _Reader:
                 self._check_gap(attribute, element, path)
             self._assign(attribute, slot, attribute.value)
 
-    def _check_gap(self, node: Node, element: Element, path: str) -> None:
+    def _check_gap(self, node: SyntaxNode, element: PlanElement, path: str) -> None:
         if path != "location.translation.y" or element.kind != "space":
             return
         if any(part.key == "spaced" for part in element.node.parts):
             message = f'"{element.address}" is spaced: its y translation cannot be varied'
             self.findings.error(node, message, "vary the wall thickness, or take out spaced")
 
-    def _assign(self, node: Node, slot: Slot | None, value: Node) -> None:
+    def _assign(self, node: SyntaxNode, slot: Slot | None, value: SyntaxNode) -> None:
         """Read the value of an attribute or variable; ``slot`` is missing when it was refused."""
         where = self.source.at(node)
         if slot is not None and self._is_twice(node, slot):
@@ -209,30 +277,30 @@ class _Reader:
             if typed is None:
                 return
             self._use(typed[0])
-            if slot is not None and self._fits(node, slot, typed[1], typed[0] == Number(0.0)):
-                source = typed[0].name if isinstance(typed[0], Shared) else typed[0]
+            if slot is not None and self._fits(node, slot, typed[1], typed[0] == Constant(0.0)):
+                source = typed[0].name if isinstance(typed[0], NamedDraw) else typed[0]
                 self.assignments.append(Assignment(slot, source, typed[1], where))
                 self.reported.append(slot.name)
             return
-        read = Distributions(self.findings).read(value)
+        read = DistributionReader(self.findings).read(value)
         if read is None or slot is None:
             return
         distribution, unit = read
         dimension = UNITS[unit][1] if unit else PLAIN
         if self._fits(node, slot, dimension, False):
-            self.draws.append(Draw(slot.name, distribution, unit, where))
+            self.draws.append(VariationDraw(slot.name, distribution, unit, where))
             self.assignments.append(Assignment(slot, slot.name, dimension, where))
             self.reported.append(slot.name)
 
-    def _arithmetic(self, *, draws_only: bool = False) -> Arithmetic:
-        return Arithmetic(self.findings, self.targets, self._shared, draws_only)
+    def _arithmetic(self, *, draws_only: bool = False) -> ExpressionReader:
+        return ExpressionReader(self.findings, self.targets, self._shared, draws_only)
 
     def _use(self, expression: Expression) -> None:
         for part in parts(expression):
-            if isinstance(part, Shared):
+            if isinstance(part, NamedDraw):
                 self._used.add(part.name)
 
-    def _is_twice(self, node: Node, slot: Slot) -> bool:
+    def _is_twice(self, node: SyntaxNode, slot: Slot) -> bool:
         """Report a slot that is varied already; other spaces may share it on purpose."""
         before = self._varied.get(slot.key)
         self._varied[slot.key] = (slot.name, node)
@@ -246,7 +314,7 @@ class _Reader:
         self.findings.warn(node, message)
         return False
 
-    def _fits(self, node: Node, slot: Slot, dimension: Dimension, zero: bool) -> bool:
+    def _fits(self, node: SyntaxNode, slot: Slot, dimension: Powers, zero: bool) -> bool:
         if dimension in (PLAIN, _NEED[slot.kind]) or zero:
             return True
         given = dimension_name(dimension)
@@ -254,7 +322,7 @@ class _Reader:
         self.findings.error(node, f"{slot.name} is {with_article(slot.kind)}, not {given}", hint)
         return False
 
-    def _require(self, node: Node) -> None:
+    def _require(self, node: SyntaxNode) -> None:
         left = self._arithmetic().read(node.left)
         right = self._arithmetic().read(node.right)
         if left is None or right is None:

@@ -1,25 +1,28 @@
-"""The plan that is varied: its elements by address, its attributes as places in its text."""
+"""The plan that is varied, as text: its elements by address, its attributes as places to write in.
+
+Values are written into the text itself: comments, order and layout stay as they are.
+"""
 
 from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final, Literal, TypeAlias
 
-from grammars.floorplan._source import Node, Source
-from grammars.floorplan._syntax import parse
+from grammars.floorplan import parse_syntax
+from grammars.text.source import SourceText, SyntaxNode
 from grammars.variation._syntax import without_comments
 
-Kind: TypeAlias = Literal["length", "angle"]
+QuantityKind: TypeAlias = Literal["length", "angle"]
 Span: TypeAlias = tuple[int, int]
 
-UNIT_KIND: Final[Mapping[str, Kind]] = {"m": "length", "rad": "angle", "deg": "angle"}
+UNIT_KIND: Final[Mapping[str, QuantityKind]] = {"m": "length", "rad": "angle", "deg": "angle"}
 TO_SI: Final = {"m": 1.0, "rad": 1.0, "deg": math.pi / 180.0}
 _REAL: Final = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?")
 _STEP: Final = "    "
-_DEFAULT_UNIT: Final[Mapping[Kind, str]] = {"length": "m", "angle": "rad"}
+_DEFAULT_UNIT: Final[Mapping[QuantityKind, str]] = {"length": "m", "angle": "rad"}
 _WALL: Final = {"defaults.wall.thickness": "thickness", "defaults.wall.height": "height"}
 _AXES: Final = {
     "floor": {"translation": "xy", "rotation": "z"},
@@ -41,7 +44,7 @@ class Gap:
 
 
 @dataclass(frozen=True, slots=True)
-class Reference:
+class VariableReference:
     """A use of a variable, perhaps with a minus in front."""
 
     variable: str
@@ -59,9 +62,9 @@ class Slot:
     """
 
     name: str
-    kind: Kind
+    kind: QuantityKind
     unit: str
-    value: float | Reference
+    value: float | VariableReference
     number: Span | None = None
     unit_at: Span | None = None
     gap: Gap | None = None
@@ -77,12 +80,12 @@ class Slot:
 
 
 @dataclass(frozen=True, slots=True)
-class Element:
+class PlanElement:
     """A space, feature or opening: ``address`` as written in variations, ``kind`` in lower case."""
 
     address: str
     kind: str
-    node: Node
+    node: SyntaxNode
 
     @property
     def is_opening(self) -> bool:
@@ -99,7 +102,7 @@ class Element:
         return [*shape, *location] if self.is_opening else ["height", *shape, *location]
 
 
-def _sizes(shape: Node) -> dict[str, Node]:
+def _sizes(shape: SyntaxNode) -> dict[str, SyntaxNode]:
     match type(shape).__name__:
         case "Circle":
             return {"radius": shape.radius}
@@ -118,13 +121,13 @@ class PlanText:
 
     def __init__(self, text: str, file: str) -> None:
         self.text = text
-        self.source = Source(text, file)
+        self.source = SourceText(text, file)
         self.bare = without_comments(text)
         self.newline = "\r\n" if "\r\n" in text else "\n"
-        self.tree = parse(self.source)
-        self.elements: dict[str, list[Element]] = {}
+        self.tree = parse_syntax(self.source)
+        self.elements: dict[str, list[PlanElement]] = {}
         self.variables: dict[str, Slot] = {}
-        self._defaults: Node = None
+        self._defaults: SyntaxNode = None
         for node in self.tree.statements:
             self._add(node)
 
@@ -140,7 +143,7 @@ class PlanText:
         start = self.bare.index(self.name, colon)
         return start, start + len(self.name)
 
-    def _add(self, node: Node) -> None:
+    def _add(self, node: SyntaxNode) -> None:
         match type(node).__name__:
             case "Defaults":
                 self._defaults = node
@@ -153,10 +156,10 @@ class PlanText:
             case _:
                 self._add_element(node.name, node.kind.lower(), node)
 
-    def _add_element(self, address: str, kind: str, node: Node) -> None:
-        self.elements.setdefault(address, []).append(Element(address, kind, node))
+    def _add_element(self, address: str, kind: str, node: SyntaxNode) -> None:
+        self.elements.setdefault(address, []).append(PlanElement(address, kind, node))
 
-    def _variable(self, node: Node) -> Slot:
+    def _variable(self, node: SyntaxNode) -> Slot:
         sign = self.bare.index("=", node._tx_position)
         found = _REAL.search(self.bare, sign)
         assert found is not None
@@ -165,7 +168,9 @@ class PlanText:
         unit_at = (end - len(node.unit), end)
         return Slot(node.name, UNIT_KIND[node.unit], node.unit, value, found.span(), unit_at)
 
-    def slot(self, element: Element, path: str, *, shared_defaults: bool = False) -> Slot | None:
+    def slot(
+        self, element: PlanElement, path: str, *, shared_defaults: bool = False
+    ) -> Slot | None:
         """Return the place of an attribute, or ``None`` when the element has no such path.
 
         ``shared_defaults`` makes inherited wall dimensions mean the plan's ``Defaults``.
@@ -181,11 +186,11 @@ class PlanText:
         node = element.node.height if path == "height" else _sizes(element.node.shape)[path[6:]]
         return self._quantity(name, node, "length")
 
-    def _quantity(self, name: str, node: Node, kind: Kind) -> Slot:
+    def _quantity(self, name: str, node: SyntaxNode, kind: QuantityKind) -> Slot:
         start, end = node._tx_position, node._tx_position_end
         if node.variable:
             unit = self.variables[node.variable].unit
-            reference = Reference(node.variable, -1.0 if node.negated else 1.0)
+            reference = VariableReference(node.variable, -1.0 if node.negated else 1.0)
             return Slot(name, kind, unit, reference, (start, end))
         found = _REAL.match(self.bare, start)
         assert found is not None
@@ -193,8 +198,8 @@ class PlanText:
         unit_at = (end - len(node.unit), end) if node.unit else None
         return Slot(name, kind, unit, float(node.number) * TO_SI[unit], found.span(), unit_at)
 
-    def _component_slot(self, element: Element, name: str, part: str, axis: str) -> Slot:
-        kind: Kind = "length" if part == "translation" else "angle"
+    def _component_slot(self, element: PlanElement, name: str, part: str, axis: str) -> Slot:
+        kind: QuantityKind = "length" if part == "translation" else "angle"
         parts = {node.key: node for node in element.node.parts}
         vector = parts.get(part)
         for component in vector.components if vector else ():
@@ -211,7 +216,7 @@ class PlanText:
             gap = Gap(vector._tx_position_end, 0, header, ", ")
         return Slot(name, kind, _DEFAULT_UNIT[kind], 0.0, gap=gap, label=f"{axis}: ")
 
-    def _wall_slot(self, element: Element, name: str, key: str, shared_defaults: bool) -> Slot:
+    def _wall_slot(self, element: PlanElement, name: str, key: str, shared_defaults: bool) -> Slot:
         own = {d.key: d.value for d in element.node.dimensions}
         if key in own:
             return self._quantity(name, own[key], "length")
@@ -222,7 +227,7 @@ class PlanText:
         gap = self._walls_gap(element)
         return Slot(name, "length", "m", inherited.value, gap=gap, label=f"{key}: ")
 
-    def _walls_gap(self, element: Element) -> Gap:
+    def _walls_gap(self, element: PlanElement) -> Gap:
         """Return the place for wall dimensions of a space that inherits some or all of them."""
         node = element.node
         if node.dimensions:
@@ -242,7 +247,7 @@ class PlanText:
         lead = self.newline + self._indent(found.start())
         return Gap(around.offset, 2, f"{lead}walls:{lead}{_STEP}", f"{lead}{_STEP}")
 
-    def _gap_after(self, node: Node, rank: int, header: str, joiner: str) -> Gap:
+    def _gap_after(self, node: SyntaxNode, rank: int, header: str, joiner: str) -> Gap:
         """Return a gap on a new line after a node, or behind it when more stands on its line."""
         end = node._tx_position_end
         stop = self.text.find("\n", end)
@@ -263,3 +268,79 @@ class PlanText:
         found = re.compile(r"[ \t]*").match(self.text, begin)
         assert found is not None
         return found[0]
+
+
+@dataclass(frozen=True, slots=True)
+class SlotValue:
+    """A number for a slot; without a ``unit`` it is in the unit of the slot."""
+
+    slot: Slot
+    number: float
+    unit: str = ""
+
+
+def rewrite(plan: PlanText, settings: Iterable[SlotValue], *, name: str = "") -> str:
+    """Return the text of ``plan`` with all settings written into it, and perhaps a new name.
+
+    A later setting of the same slot wins.
+    """
+    latest = {setting.slot.key: setting for setting in settings}
+    replaced: list[tuple[Span, str]] = []
+    for setting in latest.values():
+        if setting.slot.gap is None:
+            replaced.extend(_replacements(setting))
+    if name:
+        replaced.append((plan.name_at, name))
+    return _apply(plan.text, replaced, _insertions(latest.values()))
+
+
+def inserted_lines(plan: PlanText, slots: Iterable[Slot]) -> tuple[int, ...]:
+    """Return after which lines of ``plan`` a new line appears when ``slots`` are set, in order."""
+    settings = [SlotValue(slot, 0.0) for slot in slots]
+    lines: list[int] = []
+    for gap, text in _insertions(settings):
+        lines += [plan.source.where(gap.offset).line] * text.count("\n")
+    return tuple(sorted(lines))
+
+
+def _insertions(settings: Iterable[SlotValue]) -> list[tuple[Gap, str]]:
+    filled: dict[Gap, dict[str, str]] = {}
+    for setting in settings:
+        slot = setting.slot
+        if slot.gap is not None:
+            number = f"{slot.label}{_text(setting)} {setting.unit or slot.unit}"
+            filled.setdefault(slot.gap, {})[slot.label] = number
+    return [
+        (gap, gap.header + gap.joiner.join(items[label] for label in sorted(items)))
+        for gap, items in filled.items()
+    ]
+
+
+def _replacements(setting: SlotValue) -> list[tuple[Span, str]]:
+    slot = setting.slot
+    assert slot.number is not None
+    if not isinstance(slot.value, float):
+        return [(slot.number, f"{_text(setting)} {setting.unit or slot.unit}")]
+    if not setting.unit:
+        return [(slot.number, _text(setting))]
+    if slot.unit_at is None:
+        return [(slot.number, f"{_text(setting)} {setting.unit}")]
+    return [(slot.number, _text(setting)), (slot.unit_at, setting.unit)]
+
+
+def _text(setting: SlotValue) -> str:
+    return repr(setting.number + 0.0)
+
+
+def _apply(
+    text: str, replaced: Sequence[tuple[Span, str]], inserted: Sequence[tuple[Gap, str]]
+) -> str:
+    edits = [(start, 0, end, new) for (start, end), new in replaced]
+    edits.extend((gap.offset, gap.rank + 1, gap.offset, new) for gap, new in inserted)
+    pieces: list[str] = []
+    at = 0
+    # A gap may open where a replaced number ends: what starts first is written first.
+    for start, _, end, new in sorted(edits):
+        pieces += (text[at:start], new)
+        at = end
+    return "".join((*pieces, text[at:]))

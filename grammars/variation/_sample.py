@@ -10,11 +10,11 @@ from typing import Final
 
 import numpy as np
 
-from grammars.diagnostics import Diagnostic, InputError, Severity, Where
 from grammars.floorplan import FloorPlan
+from grammars.text.diagnostics import Diagnostic, InputError, Severity, Where
 from grammars.variation._designs import (
+    MAX_POINTS,
     METHODS,
-    MOST,
     Method,
     Point,
     grid,
@@ -22,10 +22,9 @@ from grammars.variation._designs import (
     latin_hypercube,
     pairwise,
 )
-from grammars.variation._load import load_variation
-from grammars.variation._model import Variant, Variation
+from grammars.variation._load import Variant, Variation, load_variation
 from grammars.variation._soundness import defects
-from grammars.variation._trial import Rejections, Trials
+from grammars.variation._variants import Rejections, VariantBuilder
 
 LAST_SEED: Final = 2**32 - 1
 _MISSES_PER_TRY: Final = 20
@@ -66,19 +65,19 @@ def sample(
         raise ValueError(f"method must be one of {', '.join(METHODS)}")
     if n is None and method not in ("grid", "pairwise"):
         raise ValueError(f"{method} needs a number of variants")
-    if n is not None and not 1 <= n <= MOST:
-        raise ValueError(f"the number of variants is between 1 and {MOST}")
+    if n is not None and not 1 <= n <= MAX_POINTS:
+        raise ValueError(f"the number of variants is between 1 and {MAX_POINTS}")
     if not 1 <= levels <= 100 or not 1 <= tries <= 1_000_000:
         raise ValueError("levels are between 1 and 100, tries between 1 and 1000000")
     if check is not None and not 0.0 < check < math.inf:
         raise ValueError("the radius must be positive")
     if not 0 <= seed <= LAST_SEED - (n or 1) + 1:
         raise ValueError(f"seeds are between 0 and {LAST_SEED}")
-    trials = Trials(variation, method, seed, check, suffix)
+    trials = VariantBuilder(variation, method, seed, check, suffix)
     if method == "random":
         assert n is not None
-        return tuple(_drawn(trials, seed + k, tries) for k in range(n))
-    return _designed(trials, method, n, levels, tries)
+        return tuple(_random_variant(trials, seed + k, tries) for k in range(n))
+    return _design_variants(trials, method, n, levels, tries)
 
 
 def floorplan_variants(
@@ -108,7 +107,7 @@ def source_defects(variation: Variation, radius: float) -> tuple[Diagnostic, ...
     )
 
 
-def _drawn(trials: Trials, seed: int, tries: int) -> Variant:
+def _random_variant(trials: VariantBuilder, seed: int, tries: int) -> Variant:
     """Return the first variant of a seed's stream that nothing rejects."""
     stream = np.random.RandomState(seed)
     rejected = Rejections()
@@ -121,8 +120,8 @@ def _drawn(trials: Trials, seed: int, tries: int) -> Variant:
     raise rejected.error(Where(trials.variation.file), message)
 
 
-def _designed(
-    trials: Trials, method: Method, n: int | None, levels: int, tries: int
+def _design_variants(
+    trials: VariantBuilder, method: Method, n: int | None, levels: int, tries: int
 ) -> tuple[Variant, ...]:
     """Return the variants of a design; point ``k`` has the seed ``seed + k``, rejected or not."""
     where = Where(trials.variation.file)
@@ -147,14 +146,19 @@ def _designed(
 
 
 def _points(
-    trials: Trials, method: Method, n: int | None, levels: int, tries: int, rejected: Rejections
+    trials: VariantBuilder,
+    method: Method,
+    n: int | None,
+    levels: int,
+    tries: int,
+    rejected: Rejections,
 ) -> Iterator[Point]:
     where = Where(trials.variation.file)
     distributions = [draw.distribution for draw in trials.variation.draws]
     if method == "grid":
         return grid(distributions, levels, where)
     if method == "pairwise":
-        accepted = _bounded(trials, _MISSES_PER_TRY * tries, rejected)
+        accepted = _bounded_acceptance(trials, _MISSES_PER_TRY * tries, rejected)
         return pairwise(distributions, levels, accepted, where)
     assert n is not None
     if method == "lhs":
@@ -162,7 +166,9 @@ def _points(
     return itertools.islice(halton(distributions, trials.seed), n * tries)
 
 
-def _bounded(trials: Trials, misses: int, rejected: Rejections) -> Callable[[Point], bool]:
+def _bounded_acceptance(
+    trials: VariantBuilder, misses: int, rejected: Rejections
+) -> Callable[[Point], bool]:
     """Return whether a point will do, asking once for each and giving up after ``misses``.
 
     The search for pairs may ask for every combination there is when none of them will do.

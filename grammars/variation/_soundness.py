@@ -11,8 +11,8 @@ from dataclasses import dataclass
 from itertools import combinations
 from typing import Final
 
-from grammars.diagnostics import Diagnostic, Where
 from grammars.floorplan import FloorPlan, Opening, Wall
+from grammars.text.diagnostics import Diagnostic, Where
 
 _SLACK: Final = 1e-3
 """By how much a defect may grow [m]."""
@@ -145,8 +145,8 @@ def _unreachable(plan: FloorPlan, radius: float) -> Iterator[tuple[str, Defect]]
     """Spaces outside of the part of the free floor that touches most spaces."""
     import shapely
 
-    from grammars.composition import compile_scene
-    from grammars.preflight.free_space import FreeSpace
+    from grammars.model.free_space import FreeSpace
+    from grammars.scenery.composition import compile_scene
 
     parts = FreeSpace(compile_scene(plan, ()), _LOW).for_radius(radius).parts
     rooms = [shapely.Polygon(space.outline) for space in plan.spaces]

@@ -8,9 +8,9 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any, Final
 
-from grammars.diagnostics import Diagnostic, InputError, did_you_mean
-from grammars.floorplan._source import Node, Source, in_source_order
-from grammars.parsing import expected_keys, metamodel, offset_of
+from grammars.text.diagnostics import Diagnostic, InputError, did_you_mean
+from grammars.text.parsing import expected_keys, load_metamodel, offset_of
+from grammars.text.source import SourceText, SyntaxNode, in_source_order
 
 _GRAMMAR: Final = Path(__file__).with_name("variation.tx")
 _MOST_ERRORS: Final = 20
@@ -48,10 +48,10 @@ _HINTS: Final = {
 
 @functools.cache
 def _metamodel() -> Any:
-    return metamodel(_GRAMMAR)
+    return load_metamodel(_GRAMMAR)
 
 
-def parse(source: Source) -> Node:
+def parse(source: SourceText) -> SyntaxNode:
     """Return the syntax tree of ``source``.
 
     Raises :class:`InputError` with one diagnostic per statement that cannot be read: after a
@@ -59,7 +59,7 @@ def parse(source: Source) -> Node:
     """
     from textx import TextXSyntaxError
 
-    _refuse_monsters(source)
+    _refuse_oversized(source)
     text = source.text
     errors: list[Diagnostic] = []
     blocks = _statements(text)
@@ -89,7 +89,7 @@ def without_comments(text: str) -> str:
     return _COMMENT.sub(lambda found: found[1] or " " * len(found[0]), text)
 
 
-def _refuse_monsters(source: Source) -> None:
+def _refuse_oversized(source: SourceText) -> None:
     """Refuse what nobody could read: the parser recurses on parentheses."""
     if len(source.text) > _LARGEST:
         raise InputError(Diagnostic(source.where(0), f"is longer than {_LARGEST} characters"))
@@ -125,7 +125,7 @@ def _blank(text: str) -> str:
     return re.sub(r"[^\n]", " ", text)
 
 
-def _explain(source: Source, text: str, offset: int, keys: set[str]) -> Diagnostic:
+def _explain(source: SourceText, text: str, offset: int, keys: set[str]) -> Diagnostic:
     found = _TOKEN.match(text, offset)
     word = found.group() if found else ""
     before = without_comments(text[:offset])

@@ -7,18 +7,18 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from templates.picture._compose import compose
-from templates.picture._driven import Driven
-from templates.picture._figure import Figure
+from templates.picture._compose import draw_world
+from templates.picture._drawing import Drawing
+from templates.picture._mission import RunOverlay
 from templates.picture._png import write_png
-from templates.world import Job
+from templates.world import ExportJob
 
-__all__ = ["Driven", "Figure", "compose", "write_picture", "write_png"]
+__all__ = ["Drawing", "RunOverlay", "draw_world", "write_picture", "write_png"]
 
 
-def write_picture(job: Job) -> tuple[Path, ...]:
+def write_picture(job: ExportJob) -> tuple[Path, ...]:
     """Write ``<world>.svg`` and ``<world>.png``."""
-    figure = compose(job.world)
+    figure = draw_world(job.world)
     svg = job.templates.render("picture.svg.j2", figure=figure)
     path = job.write(job.path(f"{job.name}.svg"), svg)
     return path, write_png(figure, job.path(f"{job.name}.png"))

@@ -1,27 +1,27 @@
-"""The mission on the page: the way in order, numbered waypoints, the robot where it starts."""
+"""What the robot does on the page: the mission with its waypoints, and the way it took in a run."""
 
 from __future__ import annotations
 
 import itertools
 import math
+from dataclasses import dataclass
 from typing import Final
 
-from grammars.mission import Mission
-from grammars.robot import Robot
-from grammars.values import Point2
-from templates.picture._figure import Disc, Item, Shape, Words
-from templates.picture._labels import LETTER, Labels
-from templates.picture._page import FLOOR, ROBOT, ROUTE, Page
+from grammars.model.geometry import Point2
+from grammars.model.mission import Mission
+from grammars.model.robot import Robot
+from templates.picture._drawing import LETTER, Disc, DrawingItem, Labels, Shape, TextLabel
+from templates.picture._page import FLOOR, FOOT, INK, MARGIN, ROBOT, ROUTE, Page
 
 _RADIUS: Final = 10.0
 _NEAR: Final = 2.0 * _RADIUS
 _NUMBER: Final = 11.0
 
 
-def way(mission: Mission, page: Page) -> list[Item]:
+def route_lines(mission: Mission, page: Page) -> list[DrawingItem]:
     """Return straight lines from the start from waypoint to waypoint, with arrow heads."""
     points = [(mission.start.x, mission.start.y), *((w.x, w.y) for w in mission.waypoints)]
-    items: list[Item] = []
+    items: list[DrawingItem] = []
     for a, b in itertools.pairwise(map(page.point, points)):
         length = math.dist(a, b)
         items.append(Shape(((a, b),), line=ROUTE, width=1.8, dash=(7.0, 5.0), open=True))
@@ -30,7 +30,7 @@ def way(mission: Mission, page: Page) -> list[Item]:
     return items
 
 
-def waypoints(mission: Mission, page: Page) -> list[Item]:
+def waypoints(mission: Mission, page: Page) -> list[DrawingItem]:
     """Return the waypoints with their places in the order, those of one place together."""
     places: list[tuple[Point2, list[int]]] = []
     for number, waypoint in enumerate(mission.waypoints, start=1):
@@ -42,7 +42,7 @@ def waypoints(mission: Mission, page: Page) -> list[Item]:
         else:
             places.append((at, [number]))
     shown: list[Point2] = []
-    items: list[Item] = [
+    items: list[DrawingItem] = [
         _look(page.point((waypoint.x, waypoint.y)), waypoint.yaw)
         for waypoint in mission.waypoints
         if waypoint.yaw is not None
@@ -56,14 +56,14 @@ def waypoints(mission: Mission, page: Page) -> list[Item]:
         text = ", ".join(map(str, numbers))
         radius = _RADIUS + 2.6 * (len(text) - 1)
         items.append(Disc(spot, radius, ROUTE, FLOOR, 2.0))
-        items.append(Words(spot, text, _NUMBER, FLOOR, bold=True, centred=True))
+        items.append(TextLabel(spot, text, _NUMBER, FLOOR, bold=True, centred=True))
     return items
 
 
-def robot(mission: Mission, machine: Robot | None, page: Page) -> list[Item]:
+def robot(mission: Mission, machine: Robot | None, page: Page) -> list[DrawingItem]:
     """Return the footprint of the robot at its start and an arrow the way it looks."""
     start = mission.start
-    items: list[Item] = []
+    items: list[DrawingItem] = []
     reach = 0.35
     if machine is not None:
         ring = page.ring(start.apply_ring(machine.footprint))
@@ -81,7 +81,9 @@ def robot(mission: Mission, machine: Robot | None, page: Page) -> list[Item]:
     return items
 
 
-def start_label(mission: Mission, machine: Robot | None, page: Page, labels: Labels) -> list[Item]:
+def start_label(
+    mission: Mission, machine: Robot | None, page: Page, labels: Labels
+) -> list[DrawingItem]:
     """Return the name of the robot, beside where it starts."""
     x, y = page.point((mission.start.x, mission.start.y))
     text = f"start, {machine.name}" if machine else "start"
@@ -89,7 +91,7 @@ def start_label(mission: Mission, machine: Robot | None, page: Page, labels: Lab
     reach = max(max(math.hypot(*c) for c in corners) * page.scale, 16.0)
     wide, high = reach + LETTER * 12.0 * len(text) / 2.0 + 4.0, reach + 11.0
     spots = [(x, y + high), (x, y - high), (x + wide, y), (x - wide, y)]
-    words = Words((x, y), text, 12.0, ROBOT, bold=True, halo=FLOOR, centred=True)
+    words = TextLabel((x, y), text, 12.0, ROBOT, bold=True, halo=FLOOR, centred=True)
     return [labels.place(words, [(round(a, 2), round(b, 2)) for a, b in spots])]
 
 
@@ -122,3 +124,62 @@ def _arrow(a: Point2, b: Point2, length: float) -> Shape:
 def _look(at: Point2, yaw: float) -> Shape:
     end = (at[0] + 2.1 * _RADIUS * math.cos(yaw), at[1] - 2.1 * _RADIUS * math.sin(yaw))
     return Shape(((at, (round(end[0], 2), round(end[1], 2))),), line=ROUTE, width=3.0, open=True)
+
+
+DRIVEN: Final = "#1d7f58"
+BELIEVED: Final = "#7d4f9e"
+CLOSE: Final = "#e08a1e"
+TOUCHED: Final = "#c4161c"
+
+
+@dataclass(frozen=True, slots=True)
+class RunOverlay:
+    """What happened, in the map frame [m]: lines of points, and single points.
+
+    ``close`` are the pieces of the way with something inside the safety buffer.
+    """
+
+    way: tuple[Point2, ...]
+    believed: tuple[Point2, ...] = ()
+    close: tuple[tuple[Point2, ...], ...] = ()
+    contacts: tuple[Point2, ...] = ()
+    about: str = ""
+
+
+def run_lines(what: RunOverlay, page: Page) -> list[DrawingItem]:
+    """Return the lines of a run, what it was told to believe below the truth."""
+    items: list[DrawingItem] = []
+    if len(what.believed) > 1:
+        line = page.ring(what.believed)
+        items.append(Shape((line,), line=BELIEVED, width=1.6, dash=(6.0, 4.0), open=True))
+    if len(what.way) > 1:
+        items.append(Shape((page.ring(what.way),), line=DRIVEN, width=2.6, open=True))
+        items.append(Disc(page.point(what.way[-1]), 5.0, DRIVEN, FLOOR, 1.5))
+    items += [
+        Shape((page.ring(piece),), line=CLOSE, width=4.5, open=True)
+        for piece in what.close
+        if len(piece) > 1
+    ]
+    for point in what.contacts:
+        x, y = page.point(point)
+        for way in (1.0, -1.0):
+            cross = ((x - 6.0, y - 6.0 * way), (x + 6.0, y + 6.0 * way))
+            items.append(Shape((cross,), line=TOUCHED, width=3.0, open=True))
+    return items
+
+
+def run_key(what: RunOverlay, page: Page) -> list[DrawingItem]:
+    """Return what the lines mean, in a row of its own at the foot of the page."""
+    y, x = page.height - FOOT / 2.0 + 22.0, MARGIN
+    items: list[DrawingItem] = []
+    for text, colour, shown in (
+        ("driven", DRIVEN, len(what.way) > 1),
+        ("believed", BELIEVED, len(what.believed) > 1),
+        ("inside the buffer", CLOSE, bool(what.close)),
+        ("contact", TOUCHED, bool(what.contacts)),
+    ):
+        if shown:
+            items.append(Shape((((x, y), (x + 16.0, y)),), line=colour, width=4.0, open=True))
+            items.append(TextLabel((x + 23.0, y + 4.5), text, 12.5, INK, "start"))
+            x = round(x + 23.0 + 7.2 * len(text) + 22.0, 2)
+    return items

@@ -1,14 +1,16 @@
-"""Where the world lies on the page, and what colours things have."""
+"""The page: where the world lies on it, colours, title, legend, scale bar, axes of the map."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Final
 
-from grammars.scene import Scene
-from grammars.values import Point2, Ring
-from templates.world import poses_at
+from grammars.model.geometry import Point2, Ring
+from grammars.model.scene import Scene
+from templates.picture._drawing import Disc, Drawing, DrawingItem, Shape, TextLabel
+from templates.world import link_poses_at
 
 PAPER: Final = "#faf8f4"
 FLOOR: Final = "#ffffff"
@@ -65,7 +67,7 @@ def page_for(scene: Scene, start: Mapping[str, float], more: tuple[Point2, ...] 
     corners += [
         pose.apply(c)
         for thing in scene.objects
-        for pose, link in zip(poses_at(thing, start).values(), thing.links, strict=True)
+        for pose, link in zip(link_poses_at(thing, start).values(), thing.links, strict=True)
         for ring in link.polygons
         for c in ring
     ]
@@ -87,3 +89,78 @@ def is_cut(z_min: float, z_max: float) -> bool:
 def is_below(z_min: float, z_max: float) -> bool:
     """Return whether something stands below that height."""
     return z_min < _CUT and z_max <= _CUT
+
+
+def heading(figure: Drawing) -> list[DrawingItem]:
+    """Return title and subtitle."""
+    return [
+        TextLabel((MARGIN, 44.0), figure.title, 26.0, INK, "start", bold=True),
+        TextLabel((MARGIN, 70.0), figure.about, 14.0, SOFT, "start"),
+    ]
+
+
+def scale_bar(page: Page) -> list[DrawingItem]:
+    """Return a bar of a round length, about a fifth of the page, in the lower right corner."""
+    length = _round_length(page.width / 5.0 / page.scale)
+    width = length * page.scale
+    x1, y = page.width - MARGIN, page.height - FOOT / 2.0
+    x0 = x1 - width
+    half = (x0 + x1) / 2.0
+    bar = ((x0, y - 3.0), (x1, y - 3.0), (x1, y + 3.0), (x0, y + 3.0))
+    dark = ((x0, y - 3.0), (half, y - 3.0), (half, y + 3.0), (x0, y + 3.0))
+    return [
+        Shape((_settled(bar),), fill=FLOOR, line=INK, width=1.0),
+        Shape((_settled(dark),), fill=INK),
+        TextLabel((round(x0, 2), y - 9.0), "0", 11.0, INK),
+        TextLabel((round(half, 2), y - 9.0), f"{length / 2:g}", 11.0, INK),
+        TextLabel((round(x1, 2), y - 9.0), f"{length:g} m", 11.0, INK),
+    ]
+
+
+def axes(page: Page, start: Point2 | None) -> list[DrawingItem]:
+    """Return the axes of the map at its origin, when that lies on the page.
+
+    They are left out where a robot that starts at ``start`` would stand on them.
+    """
+    x, y = page.point((0.0, 0.0))
+    if start is not None and math.dist(page.point(start), (x, y)) < 60.0:
+        return []
+    if not (0.0 < x < page.width and 0.0 < y < page.height - FOOT):
+        return []
+    length = 26.0
+    return [
+        Shape(((((x + length), y), (x, y), (x, y - length)),), line=FAINT, width=1.6, open=True),
+        TextLabel((x + length + 7.0, y + 4.0), "x", 11.0, SOFT),
+        TextLabel((x, y - length - 4.0), "y", 11.0, SOFT),
+    ]
+
+
+def legend(page: Page, *, doors: bool, low: bool, mission: bool) -> list[DrawingItem]:
+    """Return what the colours mean, in one row at the foot of the page."""
+    y = page.height - FOOT / 2.0
+    x = MARGIN
+    items: list[DrawingItem] = []
+    entries: list[tuple[str, str]] = [("wall", WALL)]
+    entries += [("low or sill", LOW)] if low else []
+    entries += [("door at the start", DOOR), ("where it can go", SWING)] if doors else []
+    entries += [("waypoint", ROUTE), ("robot", ROBOT)] if mission else []
+    for text, colour in entries:
+        if colour == ROUTE:
+            items.append(Disc((x + 8.0, y), 8.0, colour))
+        else:
+            ring = ((x, y - 6.0), (x + 16.0, y - 6.0), (x + 16.0, y + 6.0), (x, y + 6.0))
+            faded = 0.45 if colour == SWING else 1.0
+            items.append(Shape((ring,), fill=colour, opacity=faded))
+        items.append(TextLabel((x + 23.0, y + 4.5), text, 12.5, INK, "start"))
+        x = round(x + 23.0 + 7.2 * len(text) + 22.0, 2)
+    return items
+
+
+def _round_length(about: float) -> float:
+    """Return the largest of 1, 2 or 5 times a power of ten that is not above ``about``."""
+    power: float = 10.0 ** math.floor(math.log10(about))
+    return max(step * power for step in (1.0, 2.0, 5.0) if step * power <= about * 1.000001)
+
+
+def _settled(ring: tuple[tuple[float, float], ...]) -> tuple[tuple[float, float], ...]:
+    return tuple((round(x, 2), round(y, 2)) for x, y in ring)

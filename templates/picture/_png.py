@@ -11,18 +11,18 @@ from typing import Any, Final
 
 from PIL import Image, ImageColor, ImageDraw, ImageFont
 
-from grammars.values import Point2
-from templates.picture._figure import Disc, Figure, Shape, Words
+from grammars.model.geometry import Point2
+from templates.picture._drawing import Disc, Drawing, Shape, TextLabel
 
 _FINE: Final = 3
 _DOWN: Final = 2
-SCALE: Final = _FINE / _DOWN
+PNG_SCALE: Final = _FINE / _DOWN
 """Pixels of the PNG in a unit of the page."""
 
 
-def write_png(figure: Figure, path: Path) -> Path:
-    """Write the figure, :data:`SCALE` times as large as its page, and return the path."""
-    size = (round(figure.width * SCALE) * _DOWN, round(figure.height * SCALE) * _DOWN)
+def write_png(figure: Drawing, path: Path) -> Path:
+    """Write the figure, :data:`PNG_SCALE` times as large as its page, and return the path."""
+    size = (round(figure.width * PNG_SCALE) * _DOWN, round(figure.height * PNG_SCALE) * _DOWN)
     image = Image.new("RGB", size, figure.background)
     pen = ImageDraw.Draw(image, "RGBA")
     for group in figure.groups:
@@ -32,7 +32,7 @@ def write_png(figure: Figure, path: Path) -> Path:
                     _shape(image, pen, item)
                 case Disc():
                     _disc(pen, item)
-                case Words():
+                case TextLabel():
                     _words(image, pen, item)
     small = image.reduce(_DOWN)
     small.save(path, format="PNG", optimize=False, compress_level=4)
@@ -72,7 +72,7 @@ def _disc(pen: ImageDraw.ImageDraw, item: Disc) -> None:
     pen.ellipse((x - r, y - r, x + r, y + r), fill=item.fill, outline=line, width=width)
 
 
-def _words(image: Image.Image, pen: ImageDraw.ImageDraw, item: Words) -> None:
+def _words(image: Image.Image, pen: ImageDraw.ImageDraw, item: TextLabel) -> None:
     font = _font(max(round(item.size * _FINE), 4))
     anchor = {"start": "ls", "middle": "ms", "end": "rs"}[item.anchor]
     stroke = round(2.2 * _FINE) if item.halo else 0

@@ -14,13 +14,13 @@ from functools import partial
 
 import numpy as np
 
-from daemon.navigation.kernels import Singles
-from daemon.navigation.ros.amcl import Amcl, warm_up
-from daemon.navigation.ros.amcl._beam import map_range
-from daemon.navigation.ros.amcl._field import distance_field
-from daemon.navigation.ros.quirks import ORIGINAL
-from grammars.grid import FREE, OCCUPIED, OccupancyGrid
-from grammars.values import Pose2
+from daemon.stacks import warm_up
+from daemon.stacks.kernels import Singles
+from daemon.stacks.ros1.amcl import Amcl
+from daemon.stacks.ros1.amcl.laser_model import distance_field, map_range
+from daemon.stacks.ros1.quirks import ORIGINAL
+from grammars.model.geometry import Pose2
+from grammars.model.grid import FREE, OCCUPIED, OccupancyGrid
 from tests.daemon.navigation.ros.amcl.plain import PlainAmcl
 from tests.daemon.navigation.ros.amcl.world import LASER, PUBLISHED
 

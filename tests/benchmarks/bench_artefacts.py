@@ -22,7 +22,7 @@ PUBLISHED = 22.0
 
 def measure(kinds: list[str]) -> None:
     """Print what loading took, first and second time for ``kinds``, files and bytes."""
-    from scenario_tui.cli._worlds import world_of_plan, worlds_of_campaign
+    from scenario_tui.cli.export import world_of_plan, worlds_of_campaign
     from templates.artefacts import export
 
     begin = time.perf_counter()

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import psutil
 
-from daemon.client import Client
+from daemon.batch.client import Client
 from tests.daemon.dask_harness import dask_in, gateway_for
 from tests.daemon.harness import daemon_at, eventually, family
 from tests.daemon.samples import make_submission
@@ -28,7 +28,7 @@ Processes = Callable[[], list[psutil.Process]]
 
 @contextmanager
 def _local(folder: Path) -> Iterator[tuple[Client, Processes]]:
-    with daemon_at(folder / "state", _SLOTS) as daemon, daemon.client() as client:
+    with daemon_at(folder / "state", _SLOTS) as daemon, daemon.batch.client() as client:
         eventually(lambda: client.overview().workers, 60.0)
         yield client, lambda: family(daemon.pid)
 
@@ -37,7 +37,7 @@ def _local(folder: Path) -> Iterator[tuple[Client, Processes]]:
 def _cluster(folder: Path) -> Iterator[tuple[Client, Processes]]:
     with (
         daemon_at(folder / "state") as daemon,
-        daemon.client() as client,
+        daemon.batch.client() as client,
         dask_in(folder / "dask", _SLOTS) as dask,
         gateway_for(dask, daemon) as gateway,
     ):

@@ -15,21 +15,16 @@ from pathlib import Path
 import numpy as np
 
 from daemon.campaign import expand, load_campaign
-from daemon.navigation.ros.costmap import (
-    Costmap,
-    CostmapParameters,
-    ObservationSource,
-    SensedScan,
-    warm_up,
-)
-from daemon.navigation.ros.costmap._settling import redo
-from daemon.navigation.ros.grids import CostGrid
-from daemon.navigation.ros.quirks import ORIGINAL
 from daemon.simulator import World
-from grammars.grid import OccupancyGrid
-from grammars.robot import Robot
-from grammars.scene import Scene
-from grammars.values import Pose2
+from daemon.stacks import warm_up
+from daemon.stacks.ros1.cost_grid import CostGrid
+from daemon.stacks.ros1.costmap import Costmap, CostmapParameters, ObservationSource, SensedScan
+from daemon.stacks.ros1.costmap.master_grid import update_whole_window
+from daemon.stacks.ros1.quirks import ORIGINAL
+from grammars.model.geometry import Pose2
+from grammars.model.grid import OccupancyGrid
+from grammars.model.robot import Robot
+from grammars.model.scene import Scene
 from templates.occupancy import occupancy_grid
 
 CAMPAIGNS = Path(__file__).parents[2] / "campaigns"
@@ -85,7 +80,7 @@ def over_again(costmap: Costmap) -> tuple[float, bool]:
     copy, table = costmap._master.copy(), costmap._table
     changed = costmap._changed.copy()
     begin = time.process_time()
-    redo(
+    update_whole_window(
         copy, costmap._static, costmap._layer, costmap._shape, costmap._window, table.costs,
         table.widths, table.least, changed,
     )  # fmt: skip

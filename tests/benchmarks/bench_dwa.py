@@ -14,14 +14,13 @@ from collections.abc import Callable
 
 import numpy as np
 
-from daemon.navigation.ros.dwa import Dwa, DwaParameters, warm_up
-from daemon.navigation.ros.dwa._decide import decide
-from daemon.navigation.ros.dwa._distances import passable_cells
-from daemon.navigation.ros.dwa._rooms import build_field, build_room
-from daemon.navigation.ros.dwa._settings import longest
-from daemon.navigation.ros.grids import CostGrid
-from daemon.navigation.ros.quirks import ORIGINAL
-from grammars.values import Floats, Pose2, Twist2
+from daemon.stacks import warm_up
+from daemon.stacks.ros1.cost_grid import CostGrid
+from daemon.stacks.ros1.dwa import Dwa, DwaParameters, longest_trajectory
+from daemon.stacks.ros1.dwa.cycle import allocate_buffers, allocate_scoring_grid, choose_trajectory
+from daemon.stacks.ros1.dwa.map_grid import passable_cells
+from daemon.stacks.ros1.quirks import ORIGINAL
+from grammars.model.geometry import Floats, Pose2, Twist2
 from tests.daemon.navigation.ros.dwa.helpers import (
     A2S,
     LARGE,
@@ -72,11 +71,13 @@ def _timed(work: Callable[[], object], rounds: int) -> float:
 
 
 def _fast(p: Problem) -> Callable[[], object]:
-    field = build_field(p.local, p.outline, p.banned)
-    room = build_room(p.local.cells.shape, p.settings, longest(p.settings, 1.0, 1.0, 3.0))
+    field = allocate_scoring_grid(p.local, p.outline, p.banned)
+    room = allocate_buffers(
+        p.local.cells.shape, p.settings, longest_trajectory(p.settings, 1.0, 1.0, 3.0)
+    )
     passable_cells(p.local.cells, room.passable)
     args = (p.state, p.plan, len(p.plan), p.front_end, p.aligned, p.settings, field, room)
-    return lambda: decide(*args)
+    return lambda: choose_trajectory(*args)
 
 
 def _whole(p: Problem, parameters: DwaParameters) -> Callable[[], object]:

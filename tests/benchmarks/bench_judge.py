@@ -17,15 +17,15 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from daemon import oracles
+from daemon.analysis.rejudge import rejudge
+from daemon.batch.paths import StatePaths
 from daemon.campaign import expand, load_campaign
-from daemon.places import Places
-from daemon.rejudge import rejudge
+from daemon.judging import oracles
+from daemon.model.spec import OracleText, RunSpec
 from daemon.run import execute
-from daemon.spec import OracleText, RunSpec
 from daemon.trace import read_trace
+from grammars.model.scene import Scene
 from grammars.oracle import load_oracles
-from grammars.scene import Scene
 
 PAPER = Path(__file__).parents[2] / "campaigns" / "ortega2024"
 SECONDS = 700.0
@@ -82,7 +82,7 @@ def _many_short_runs(
         os.link(original, folder / f"{number % DIFFERENT}-{number}.mcap")
     traces = sorted(folder.glob("*.mcap"))
     start, own, theirs = time.perf_counter(), os.times(), 0
-    for judged in rejudge(traces, written, places=Places(folder / "none")):
+    for judged in rejudge(traces, written, places=StatePaths(folder / "none")):
         theirs += len(judged.verdicts)
     wall, spent = time.perf_counter() - start, os.times()
     cpu = sum(spent[:4]) - sum(own[:4])

@@ -15,7 +15,7 @@ import numpy as np
 import pymunk
 
 from daemon.simulator import World, warm_up
-from grammars.values import Floats, Pose2
+from grammars.model.geometry import Floats, Pose2
 from tests.benchmarks.corridor import LENGTH, build_world, robot
 from tests.daemon.simulator.reference import cast_by_broadcast, near_an_end, world_segments
 

@@ -16,10 +16,16 @@ from typing import Any
 from rdflib import Graph
 
 from grammars.floorplan import load_floorplan
-from grammars.metamodel import _context as contexts
-from grammars.metamodel import check_composition, compose, composed_document, decompose, validate
-from grammars.metamodel._expand import expand_text
-from grammars.metamodel._graph import graph_of
+from grammars.jsonld import (
+    check_composition,
+    compose,
+    decompose,
+    expand_text,
+    plan_document,
+    validate,
+)
+from grammars.jsonld import vocabulary as contexts
+from grammars.jsonld.rdf import graph_of
 from grammars.scenery import load_scenery
 
 FOLDER = Path(__file__).parents[2] / "campaigns" / "ortega2024"
@@ -43,7 +49,7 @@ def main() -> None:
     files = [FOLDER / f"{name}.scenery" for name in ("doors", "doors_random")]
     plan, layers = load_floorplan(plan_file), [load_scenery(file) for file in files]
     graph = compose(plan, layers)
-    document = composed_document(plan)
+    document = plan_document(plan)
     inlined = [contexts._published(c, set()) if isinstance(c, str) else c
                for c in document["@context"]]  # fmt: skip
     text = json.dumps(document | {"@context": inlined})

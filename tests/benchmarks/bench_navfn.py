@@ -13,9 +13,9 @@ import time
 
 import numpy as np
 
-from daemon.navigation.ros.grids import CostGrid
-from daemon.navigation.ros.navfn import warm_up
-from daemon.navigation.ros.navfn._field import Field
+from daemon.stacks import warm_up
+from daemon.stacks.ros1.cost_grid import CostGrid
+from daemon.stacks.ros1.navfn import PotentialField
 from tests.daemon.navigation.ros.navfn import building
 
 STEP = 0.04
@@ -48,10 +48,10 @@ def main() -> None:
         cells = original.cells.copy()
         grids = [CostGrid(original.resolution, original.x, original.y, cells) for _ in range(3)]
         fields = {
-            name: Field(grid, allow_unknown=True, certified=certified)
+            name: PotentialField(grid, allow_unknown=True, certified=certified)
             for (name, certified), grid in zip(kinds.items(), grids[1:], strict=True)
         }
-        slow = Field(grids[0], allow_unknown=True, margins=())
+        slow = PotentialField(grids[0], allow_unknown=True, margins=())
         taken: dict[str, list[float]] = {name: [] for name in kinds}
         same = dict.fromkeys(kinds, 0)
         whole: list[float] = []

@@ -15,17 +15,17 @@ import time
 from dataclasses import replace
 from pathlib import Path
 
-from daemon.campaign import expand, load_campaign
-from daemon.places import trace_name
-from daemon.report import (
-    Command,
-    folder_of_traces,
-    gather,
+from daemon.analysis.report import (
+    SuggestedCommand,
+    folder_input,
+    read_report_data,
     write_csv,
     write_junit,
     write_page,
     write_parquet,
 )
+from daemon.batch.paths import trace_name
+from daemon.campaign import expand, load_campaign
 from daemon.run import execute
 
 PAPER = Path(__file__).parents[2] / "campaigns" / "ortega2024" / "paper.yaml"
@@ -52,7 +52,7 @@ def main() -> None:
 
 
 def _report(folder: Path) -> None:
-    chosen = folder_of_traces(folder)
+    chosen = folder_input(folder)
     records = tuple(
         replace(record, id=f"{record.id}-{sut}-{repeat}", sut=sut, repeat=repeat)
         for record in chosen.records
@@ -61,9 +61,9 @@ def _report(folder: Path) -> None:
     )
     chosen = replace(chosen, records=records)
     wall, cpu = time.perf_counter(), _cpu()
-    material = gather(chosen)
+    material = read_report_data(chosen)
     read = time.perf_counter()
-    page = write_page(material, (Command("scenario judge {run}", "judge it again"),))
+    page = write_page(material, (SuggestedCommand("scenario judge {run}", "judge it again"),))
     drawn = time.perf_counter()
     print(
         f"report of {len(records)} runs: {drawn - wall:.1f} s on {os.cpu_count()} cores "

@@ -19,15 +19,15 @@ from typing import Any
 from unittest import mock
 
 from daemon.campaign import expand, load_campaign
-from daemon.navigation.ros._stack import RosStack
-from daemon.navigation.ros.amcl import Amcl
-from daemon.navigation.ros.costmap import Costmap
-from daemon.navigation.ros.dwa import Dwa
-from daemon.navigation.ros.navfn import Navfn
+from daemon.model.spec import RunSpec
 from daemon.run import execute, warm_up
-from daemon.spec import RunSpec
-from grammars.files import load_robot
-from grammars.scene import Scene
+from daemon.stacks.ros1.amcl import Amcl
+from daemon.stacks.ros1.costmap import Costmap
+from daemon.stacks.ros1.dwa import Dwa
+from daemon.stacks.ros1.navfn import Navfn
+from daemon.stacks.ros1.stack import RosStack
+from grammars.model.files import load_robot
+from grammars.model.scene import Scene
 
 CAMPAIGNS = Path(__file__).parents[2] / "campaigns"
 SUT = "a2s"

@@ -13,12 +13,12 @@ import time
 from pathlib import Path
 
 from daemon.campaign import expand, load_campaign
+from daemon.model.spec import MapSettings, RunSpec, SutReference
 from daemon.run import execute, warm_up
-from daemon.spec import MapSettings, RunSpec, SutReference
-from grammars.behaviour import KeyFrame, KeyFrames, Servo
-from grammars.mission import Mission, Waypoint
-from grammars.scene import Scene
-from grammars.values import Pose2
+from grammars.model.behaviour import KeyFrame, KeyFrames, Servo
+from grammars.model.geometry import Pose2
+from grammars.model.mission import Mission, Waypoint
+from grammars.model.scene import Scene
 from tests.benchmarks import corridor
 
 SECONDS = 300.0

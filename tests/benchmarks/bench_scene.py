@@ -7,11 +7,11 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TypeVar
 
-from grammars.composition import compile_scene
 from grammars.floorplan import load_floorplan
-from grammars.metamodel import check_composition
-from grammars.preflight import check_world
+from grammars.jsonld import check_composition
+from grammars.preflight import check_scene
 from grammars.scenery import load_scenery
+from grammars.scenery.composition import compile_scene
 
 T = TypeVar("T")
 FOLDER = Path(__file__).parents[2] / "campaigns" / "ortega2024"
@@ -30,7 +30,7 @@ def main() -> None:
         plan = timed("plan from text", lambda: load_floorplan(FOLDER / "building_c.fpm"))
         doors = timed("doors from text", lambda: load_scenery(FOLDER / "doors.scenery"))
         scene = timed("scene compiled", lambda: compile_scene(plan, [doors]))  # noqa: B023
-        timed("world checked", lambda: check_world(scene))  # noqa: B023
+        timed("world checked", lambda: check_scene(scene))  # noqa: B023
         timed("composition checked", lambda: check_composition(plan, [doors]))  # noqa: B023
     for step, seconds in best.items():
         print(f"{step:24} {1e3 * seconds:7.1f} ms")

@@ -22,14 +22,14 @@ import numpy as np
 from mcap.reader import make_reader
 from mcap.writer import Writer
 
-from daemon.spec import RunSpec, TraceInfo
-from daemon.sut import Cloud, Estimate, Odometry, Progress
-from daemon.trace import TraceWriter, layouts, read_trace
+from daemon.model.spec import RunSpec, TraceInfo
+from daemon.model.sut import Cloud, Estimate, Odometry, Progress
+from daemon.trace import TraceWriter, _layouts, read_trace
 from daemon.trace import messages as ros
-from daemon.trace.layout import HEADER, Layout
-from grammars.grid import OccupancyGrid
-from grammars.scene import Scene
-from grammars.values import Pose2, Twist2
+from daemon.trace._layouts import HEADER, MessageLayout
+from grammars.model.geometry import Pose2, Twist2
+from grammars.model.grid import OccupancyGrid
+from grammars.model.scene import Scene
 from tests.daemon.trace.recordings import ROBOT, door, scene, specification
 
 RAYS = 500
@@ -139,12 +139,12 @@ def _compare() -> None:
     random = np.random.default_rng(2)
     names = tuple(f"door-{i}.hinge" for i in range(DOORS))
     for layout in (
-        layouts.scan(replace(ROBOT.laser, rays=RAYS)),
-        layouts.odometry("/odom", "odom"),
-        layouts.transforms((("odom", "base_link"),)),
-        layouts.joints(names),
-        layouts.estimate("/pose"),
-        layouts.command(),
+        _layouts.scan(replace(ROBOT.laser, rays=RAYS)),
+        _layouts.odometry("/odom", "odom"),
+        _layouts.transforms((("odom", "base_link"),)),
+        _layouts.joints(names),
+        _layouts.estimate("/pose"),
+        _layouts.command(),
     ):
         fast, slow = _layout_cost(layout, random)
         print(
@@ -153,7 +153,7 @@ def _compare() -> None:
         )
 
 
-def _layout_cost(layout: Layout, random: np.random.Generator) -> tuple[float, float]:
+def _layout_cost(layout: MessageLayout, random: np.random.Generator) -> tuple[float, float]:
     count = 200
     times = np.arange(count, dtype=np.int64) * 50_000_000
     empty = np.zeros(count, layout.record)

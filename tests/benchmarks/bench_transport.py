@@ -15,22 +15,22 @@ import time
 from importlib.metadata import version
 from pathlib import Path
 
-from daemon import bus
-from daemon.client import Client
-from daemon.messages import (
+from daemon.batch import bus
+from daemon.batch.client import Client
+from daemon.batch.stores import TraceReference, copy_trace, encode_chunk
+from daemon.model.messages import (
     LARGEST_CHUNK,
-    Acknowledgement,
-    Chunk,
     Completion,
-    Grant,
+    Lease,
     LeaseReply,
     LeaseRequest,
-    Received,
+    LedgerAcknowledgement,
+    TraceUploadChunk,
+    UploadProgress,
     Verb,
     WorkerInfo,
 )
-from daemon.spec import TraceInfo
-from daemon.store import Recorded, bring, packed
+from daemon.model.spec import TraceInfo
 from tests.benchmarks.bench_daemon import cpu, fresh, row
 from tests.daemon.harness import DaemonPart
 from tests.daemon.samples import make_result, make_submission
@@ -44,17 +44,19 @@ def ask(client: Client, verb: Verb, request: object, kind: type) -> object:
     return bus.ask(client._session, client.endpoint, verb, request, kind, 10.0)
 
 
-def upload(client: Client, grant: Grant, data: bytes, size: int) -> None:
+def upload(client: Client, grant: Lease, data: bytes, size: int) -> None:
     sha256 = hashlib.sha256(data).hexdigest()
     for offset in range(0, len(data), size):
-        text, digest = packed(data[offset : offset + size])
-        chunk = Chunk(ME.id, grant.run, grant.token, sha256, len(data), offset, text, digest)
-        received = ask(client, Verb.UPLOAD, chunk, Received)
-        assert isinstance(received, Received)
+        text, digest = encode_chunk(data[offset : offset + size])
+        chunk = TraceUploadChunk(
+            ME.id, grant.run, grant.token, sha256, len(data), offset, text, digest
+        )
+        received = ask(client, Verb.UPLOAD, chunk, UploadProgress)
+        assert isinstance(received, UploadProgress)
         assert not received.problem, received.problem
     result = make_result(grant.spec, trace=TraceInfo(sha256, len(data), 1))
     done = Completion(ME.id, grant.run, 1, grant.token, result, uploaded=True)
-    ask(client, Verb.COMPLETE, done, Acknowledgement)
+    ask(client, Verb.COMPLETE, done, LedgerAcknowledgement)
 
 
 def rates(daemon: DaemonPart, client: Client, folder: Path) -> None:
@@ -78,8 +80,8 @@ def rates(daemon: DaemonPart, client: Client, folder: Path) -> None:
             f"daemon {1000 * spent / mega:.1f} ms CPU per MB, {took / copied:.1f} x write and copy",
         )
     spent, begun = cpu(daemon.pid), time.perf_counter()
-    trace = Recorded("c.0", "/elsewhere", hashlib.sha256(data).hexdigest(), SIZE)
-    bring(trace, client, folder / "fetched")
+    trace = TraceReference("c.0", "/elsewhere", hashlib.sha256(data).hexdigest(), SIZE)
+    copy_trace(trace, client, folder / "fetched")
     took, spent = time.perf_counter() - begun, cpu(daemon.pid) - spent
     row(
         f"fetch {SIZE / 1e6:.0f} MB",
@@ -89,9 +91,9 @@ def rates(daemon: DaemonPart, client: Client, folder: Path) -> None:
     meanwhile(daemon, client, reply.grants[2], data)
 
 
-def meanwhile(daemon: DaemonPart, client: Client, grant: Grant, data: bytes) -> None:
+def meanwhile(daemon: DaemonPart, client: Client, grant: Lease, data: bytes) -> None:
     """Status of somebody else while a trace arrives as fast as it can."""
-    with daemon.client() as other:
+    with daemon.batch.client() as other:
         before = questions(other, 200)
         sender = threading.Thread(target=upload, args=(client, grant, data, LARGEST_CHUNK))
         sender.start()
@@ -117,6 +119,6 @@ def main() -> None:
     with (
         tempfile.TemporaryDirectory(prefix="bench-transport-") as folder,
         fresh() as daemon,
-        daemon.client() as client,
+        daemon.batch.client() as client,
     ):
         rates(daemon, client, Path(folder))

@@ -23,9 +23,9 @@ from pathlib import Path
 from textual.app import ComposeResult
 
 from daemon.campaign import expand, load_campaign
-from grammars.values import Pose2
-from scenario_tui.sparing import SparingApp
-from scenario_tui.widgets.top_view import TopView, View
+from grammars.model.geometry import Pose2
+from scenario_tui.dashboard.widgets.top_view import TopView, View
+from scenario_tui.terminal.limited_terminal import LimitedTerminalApp
 
 CAMPAIGN = Path(__file__).parents[2] / "campaigns" / "demo" / "campaign.yaml"
 SECONDS, RATE, RETURNS = 10.0, 10.0, 360
@@ -66,7 +66,7 @@ def views(count: int) -> list[View]:
     return found
 
 
-class Map(SparingApp):
+class Map(LimitedTerminalApp):
     """Shows views one after the other at 10 Hz, then writes what they cost into a file."""
 
     CSS = "TopView { height: 1fr; }"

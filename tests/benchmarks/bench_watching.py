@@ -8,8 +8,8 @@ import time
 from multiprocessing import Pipe
 from pathlib import Path
 
+from daemon.batch.run_process import WATCHED, SnapshotSender
 from daemon.campaign import expand, load_campaign
-from daemon.child import WATCHED, _Reporter
 from daemon.run import execute, warm_up
 
 CAMPAIGN = Path(__file__).parents[2] / "campaigns" / "demo" / "campaign.yaml"
@@ -42,7 +42,7 @@ def _once(spec, scene, folder: Path, way: str) -> tuple[float, int]:  # type: ig
     ours, theirs = Pipe(duplex=False)
     mark = folder / WATCHED
     mark.touch() if way == "watched" else mark.unlink(missing_ok=True)
-    reporter = _Reporter("run", theirs, mark)
+    reporter = SnapshotSender("run", theirs, mark)
     asked = {} if way == "nobody asks" else {"on_progress": reporter, "interest": reporter.interest}
     messages: list[int] = []
     drain = threading.Thread(target=_drain, args=(ours, messages))

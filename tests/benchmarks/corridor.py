@@ -7,10 +7,10 @@ import math
 import numpy as np
 
 from daemon.simulator import World
-from grammars.behaviour import Behaviour
-from grammars.robot import Drive, Laser, OdometryNoise, Robot
-from grammars.scene import Joint, Link, Scene, SceneObject, Solid
-from grammars.values import Pose2, Ring, Twist2
+from grammars.model.behaviour import Behaviour
+from grammars.model.geometry import Pose2, Ring, Twist2
+from grammars.model.robot import Drive, Laser, OdometryNoise, Robot
+from grammars.model.scene import Joint, Link, Scene, SceneObject, Solid
 
 LENGTH = 60.0
 HALF_WIDTH = 1.125

@@ -7,7 +7,7 @@ import time
 from contextlib import ExitStack, closing
 from pathlib import Path
 
-from daemon.client import Client
+from daemon.batch.client import Client
 from tests.chaos.links import links, may_make_namespaces
 from tests.chaos.report import Report
 from tests.chaos.verify import verify

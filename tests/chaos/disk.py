@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from contextlib import closing, contextmanager, suppress
 from pathlib import Path
 
-from daemon.client import Client
+from daemon.batch.client import Client
 from tests.chaos.report import Report
 from tests.chaos.verify import verify
 from tests.daemon.harness import daemon_at, eventually, finished
@@ -58,7 +58,7 @@ def full_disk(folder: Path, *, runs: int = 60, times: int = 4, hold: float = 3.0
         state = disk / "state"
         with (
             daemon_at(state, 2, executor=EXECUTOR, lease=5.0) as daemon,
-            daemon.client() as client,
+            daemon.batch.client() as client,
         ):
             client.submit(make_submission("full", runs, sleep=0.1, ballast=BALLAST))
             stuffed = [_stuff(client, disk / "ballast", hold) for _ in range(times)]

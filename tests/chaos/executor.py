@@ -15,8 +15,8 @@ from pathlib import Path
 
 from mcap.writer import CompressionType, Writer
 
-from daemon.spec import RunResult, RunSpec, Snapshot, TraceInfo
-from grammars.scene import Scene
+from daemon.model.spec import RunResult, RunSpec, Snapshot, TraceInfo
+from grammars.model.scene import Scene
 from tests.daemon.samples import make_result
 
 MESSAGES = 20

@@ -10,23 +10,23 @@ from pathlib import Path
 
 import zenoh
 
-from daemon import bus
-from daemon.errors import Refused, Unreachable
-from daemon.messages import (
+from daemon.batch import bus
+from daemon.batch.errors import Refused, Unreachable
+from daemon.batch.paths import StatePaths
+from daemon.model.messages import (
     ALIVE,
-    Acknowledgement,
-    Answer,
     Completion,
-    Grant,
-    Hold,
+    Lease,
+    LeaseRef,
     LeaseReply,
     LeaseRequest,
+    LedgerAcknowledgement,
+    LedgerAnswer,
     RenewReply,
     RenewRequest,
     Verb,
     WorkerInfo,
 )
-from daemon.places import Places
 from tests.daemon.samples import make_result
 
 
@@ -39,7 +39,7 @@ class LightWorker:
         endpoint: str,
         name: str,
         slots: int = 8,
-        places: Places | None = None,
+        places: StatePaths | None = None,
     ) -> None:
         self.name = name
         self._session = session
@@ -49,19 +49,19 @@ class LightWorker:
         self._places = places
         self._token = session.liveliness().declare_token(f"{ALIVE}/{name}")
 
-    def lease(self, count: int | None = None) -> tuple[Grant, ...]:
-        """Take runs; raises like :func:`daemon.bus.ask`."""
+    def lease(self, count: int | None = None) -> tuple[Lease, ...]:
+        """Take runs; raises like :func:`daemon.batch.bus.ask`."""
         request = LeaseRequest(self._info, self._slots if count is None else count)
         return bus.ask(self._session, self._endpoint, Verb.LEASE, request, LeaseReply, 5.0).grants
 
-    def renew(self, grants: tuple[Grant, ...] = ()) -> int:
+    def renew(self, grants: tuple[Lease, ...] = ()) -> int:
         """Say which runs it has; returns how many are not its own any more."""
-        holds = tuple(Hold(grant.run, grant.token) for grant in grants)
+        holds = tuple(LeaseRef(grant.run, grant.token) for grant in grants)
         request = RenewRequest(self._info, holds)
         answer = bus.ask(self._session, self._endpoint, Verb.RENEW, request, RenewReply, 5.0)
         return len(answer.gone)
 
-    def complete(self, grant: Grant) -> Answer:
+    def complete(self, grant: Lease) -> LedgerAnswer:
         """Deliver a result that depends on the specification only."""
         if self._places is not None:
             trace = self._places.trace(grant.trace)
@@ -70,7 +70,7 @@ class LightWorker:
         result = make_result(grant.spec)
         done = Completion(self.name, grant.run, grant.attempt, grant.token, result)
         return bus.ask(
-            self._session, self._endpoint, Verb.COMPLETE, done, Acknowledgement, 5.0
+            self._session, self._endpoint, Verb.COMPLETE, done, LedgerAcknowledgement, 5.0
         ).answer
 
 
@@ -91,7 +91,7 @@ class Crew:
         self.acknowledged: dict[str, str] = {}
         self.refused: list[str] = []
         self._endpoint = endpoint
-        self._places = Places(state)
+        self._places = StatePaths(state)
         self._slots = slots
         self._stop = threading.Event()
         self._threads = [
@@ -118,11 +118,11 @@ class Crew:
                 for grant in grants:
                     self._finish(worker, grant)
 
-    def _finish(self, worker: LightWorker, grant: Grant) -> None:
+    def _finish(self, worker: LightWorker, grant: Lease) -> None:
         try:
             answer = insist(lambda: worker.complete(grant), self._stop.is_set)
         except Refused as error:
             self.refused.append(str(error))
             return
-        if answer in (Answer.RECORDED, Answer.KNOWN):
+        if answer in (LedgerAnswer.RECORDED, LedgerAnswer.KNOWN):
             self.acknowledged[grant.run] = make_result(grant.spec).digest

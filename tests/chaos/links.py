@@ -20,7 +20,7 @@ from typing import Protocol
 
 import pytest
 
-from daemon.places import INSECURE
+from daemon.batch.paths import INSECURE_VARIABLE
 
 _CHUNK = 65536
 _NUMBERS = itertools.count()
@@ -147,7 +147,7 @@ def namespaces(count: int, port: int) -> Iterator[tuple[str, list[Namespace]]]:
     endpoint = f"tcp/{address}:{port}"
     with ExitStack() as stack, pytest.MonkeyPatch.context() as patch:
         # Nobody but this machine's namespaces reaches that address.
-        patch.setenv(INSECURE, "1")
+        patch.setenv(INSECURE_VARIABLE, "1")
         _ip("addr", "add", f"{address}/32", "dev", "lo")
         stack.callback(_ip, "addr", "del", f"{address}/32", "dev", "lo")
         made = [stack.enter_context(_namespace(us, i, address, endpoint)) for i in range(count)]

@@ -10,7 +10,7 @@ import time
 from contextlib import closing
 from pathlib import Path
 
-from daemon.ledger import connect
+from daemon.batch.ledger import connect
 from tests.chaos.light import Crew
 from tests.chaos.report import Report
 from tests.chaos.verify import check_book
@@ -31,7 +31,7 @@ def torn(
     report = Report("torn writes: kills during commits, torn write-ahead logs")
     rng = random.Random(seed)
     with daemon_at(folder / "state", 0, lease=2.0, grace=1.0, attempts=10_000) as daemon:
-        with daemon.client() as client:
+        with daemon.batch.client() as client:
             client.submit(make_submission("torn", runs))
         crew = Crew(daemon.endpoint, daemon.state, CREW)
         copies = []

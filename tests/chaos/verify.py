@@ -10,9 +10,9 @@ from pathlib import Path
 
 from mcap.reader import make_reader
 
-from daemon.places import Places
-from daemon.spec import RunResult
-from grammars import codec
+from daemon.batch.paths import StatePaths
+from daemon.model.spec import RunResult
+from grammars.text import codec
 from tests.chaos.executor import MESSAGES
 from tests.chaos.report import Report
 
@@ -29,7 +29,7 @@ def verify(report: Report, state: Path, runs: int, *, traces: bool = True) -> No
         again = db.execute("SELECT total(attempt > 1), max(attempt) FROM run").fetchone()
         report.fact("runs leased again, most attempts", f"{again[0]:.0f}, {again[1]}")
         if traces:
-            _check_traces(report, db, Places(state), runs)
+            _check_traces(report, db, StatePaths(state), runs)
 
 
 def check_book(report: Report, ledger: Path) -> None:
@@ -58,7 +58,7 @@ def _check_ledger(report: Report, db: sqlite3.Connection) -> None:
     report.expect(odd == 0, f"{odd} runs disagree with their results")
 
 
-def _check_traces(report: Report, db: sqlite3.Connection, places: Places, runs: int) -> None:
+def _check_traces(report: Report, db: sqlite3.Connection, places: StatePaths, runs: int) -> None:
     opened = 0
     rows = db.execute("SELECT trace_name, body FROM run JOIN result ON result.run = run.id")
     for name, body in rows.fetchall():

@@ -13,8 +13,8 @@ from pathlib import Path
 
 import psutil
 
-from daemon.client import Client
-from daemon.errors import DaemonError
+from daemon.batch.client import Client
+from daemon.batch.errors import DaemonError
 from tests.chaos.links import Link, links, may_make_namespaces
 from tests.chaos.report import Report
 from tests.chaos.verify import verify
@@ -110,7 +110,7 @@ def yard(folder: Path, seed: int, *, isolated: bool) -> Iterator[Yard]:
         daemon = stack.enter_context(
             daemon_at(folder / "state", LOCAL, listen=endpoint, executor=EXECUTOR, **settings)
         )
-        daemon.client().close()
+        daemon.batch.client().close()
         workers = [
             stack.enter_context(
                 worker_for(

@@ -21,12 +21,12 @@ from pathlib import Path
 
 import psutil
 
-from daemon.attachments import with_paths
-from daemon.errors import SutMissing
-from daemon.spec import RunResult, RunSpec, Snapshot, TraceInfo
-from daemon.verdict import Outcome
-from grammars.scene import Scene
-from grammars.values import Pose2
+from daemon.batch.errors import SutMissing
+from daemon.model.attachments import resolve_paths
+from daemon.model.spec import RunResult, RunSpec, Snapshot, TraceInfo
+from daemon.model.verdicts import Outcome
+from grammars.model.geometry import Pose2
+from grammars.model.scene import Scene
 from tests.daemon.samples import make_result
 
 
@@ -58,7 +58,7 @@ def execute(
     _sleep(asked.get("sleep", 0.0), spec, on_progress, interest or (lambda: "progress"))
     data = f"{spec.digest} {scene.digest} {len(ballast)}".encode()
     if "reads" in asked:
-        file = Path(with_paths(asked)["files"][asked["reads"]])
+        file = Path(resolve_paths(asked)["files"][asked["reads"]])
         data += hashlib.sha256(file.read_bytes()).hexdigest().encode()
     data += random.Random(spec.seed).randbytes(asked.get("size", 0))
     if "noise" in asked:

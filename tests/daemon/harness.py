@@ -16,8 +16,8 @@ from typing import Any
 
 import psutil
 
-from daemon.client import Client
-from daemon.errors import DaemonError
+from daemon.batch.client import Client
+from daemon.batch.errors import DaemonError
 
 EXECUTOR = "tests.daemon.fake_run:execute"
 ROOT = Path(__file__).parents[2]

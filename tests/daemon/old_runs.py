@@ -6,11 +6,11 @@ from pathlib import Path
 
 import numpy as np
 
-from daemon.spec import OracleText, RunSpec
+from daemon.model.spec import OracleText, RunSpec
 from daemon.trace import TraceWriter
-from grammars.grid import OccupancyGrid
-from grammars.mission import Mission, Waypoint
-from grammars.values import Pose2, Twist2
+from grammars.model.geometry import Pose2, Twist2
+from grammars.model.grid import OccupancyGrid
+from grammars.model.mission import Mission, Waypoint
 from tests.daemon.trace.recordings import scene, specification
 
 WORLD = scene(1)

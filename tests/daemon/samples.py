@@ -4,13 +4,21 @@ from __future__ import annotations
 
 from typing import Any
 
-from daemon.protocol import Submission
-from daemon.spec import MapSettings, OracleText, RunResult, RunSpec, SutReference, Timing, TraceInfo
-from daemon.verdict import Outcome, Verdict
-from grammars.mission import Mission, Waypoint
-from grammars.robot import Drive, Laser, OdometryNoise, Robot
-from grammars.scene import Region, Scene
-from grammars.values import Pose2
+from daemon.model.spec import (
+    MapSettings,
+    OracleText,
+    RunResult,
+    RunSpec,
+    SutReference,
+    Timing,
+    TraceInfo,
+)
+from daemon.model.status import Submission
+from daemon.model.verdicts import Outcome, Verdict
+from grammars.model.geometry import Pose2
+from grammars.model.mission import Mission, Waypoint
+from grammars.model.robot import Drive, Laser, OdometryNoise, Robot
+from grammars.model.scene import Region, Scene
 
 ROBOT = Robot(
     "disc",

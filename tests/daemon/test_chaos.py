@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from daemon.ledger import Book, connect
-from daemon.server._clock import Clock
+from daemon.batch.ledger import LedgerWriter, connect
+from daemon.batch.server import DaemonClock
 from tests.chaos.clock import clock
 from tests.chaos.cut import cut_off
 from tests.chaos.disk import full_disk, may_mount
@@ -56,9 +56,9 @@ def test_leases_last_as_long_as_they_are_whatever_the_clock_says(
     tmp_path: Path, step: float
 ) -> None:
     hand = Hand()
-    clock = Clock(lambda: hand.wall, lambda: hand.steady)
+    clock = DaemonClock(lambda: hand.wall, lambda: hand.steady)
     db = connect(tmp_path / "ledger.db")
-    book = Book(db, lease=30.0)
+    book = LedgerWriter(db, lease=30.0)
     book.submit(make_submission("c", 2), clock.now())
     book.lease("w", 2, clock.now())
     hand.pass_by(20.0)
@@ -79,9 +79,9 @@ def test_a_daemon_that_starts_on_an_earlier_clock_keeps_no_lease_for_longer(
     tmp_path: Path,
 ) -> None:
     db = connect(tmp_path / "ledger.db")
-    Book(db).submit(make_submission("c", 1), 10 * HOUR)
-    Book(db).lease("w", 1, 10 * HOUR)
-    book = Book(db, lease=30.0)
+    LedgerWriter(db).submit(make_submission("c", 1), 10 * HOUR)
+    LedgerWriter(db).lease("w", 1, 10 * HOUR)
+    book = LedgerWriter(db, lease=30.0)
     assert book.extend(HOUR) == 1
     assert book.lapse(HOUR + 31.0) == 1
     db.close()

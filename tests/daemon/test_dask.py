@@ -8,14 +8,14 @@ from pathlib import Path
 import psutil
 import pytest
 
-from daemon.attachments import attach
+from daemon.batch.client import Client
 from daemon.campaign import expand, load_campaign
-from daemon.client import Client
-from daemon.executor import DEFAULT_EXECUTOR
-from daemon.protocol import Live, RunState, Submission
+from daemon.model.attachments import attach_files
+from daemon.model.execution import DEFAULT_EXECUTOR
+from daemon.model.spec import SutReference
+from daemon.model.status import LiveSnapshot, RunState, Submission
+from daemon.model.verdicts import Outcome
 from daemon.run import execute
-from daemon.spec import SutReference
-from daemon.verdict import Outcome
 from tests.daemon.dask_harness import Dask, dask_in, gateway, gateway_for
 from tests.daemon.harness import DaemonPart, Part, alive, daemon_at, eventually
 from tests.daemon.samples import make_spec, make_submission, submission_of
@@ -38,7 +38,7 @@ def daemon(tmp_path_factory: pytest.TempPathFactory) -> Iterator[DaemonPart]:
 @pytest.fixture(scope="module")
 def worker(dask: Dask, daemon: DaemonPart) -> Iterator[Part]:
     limits = ("--wall", "3", "--memory", str(2**30))
-    with gateway_for(dask, daemon, *limits) as part, daemon.client() as client:
+    with gateway_for(dask, daemon, *limits) as part, daemon.batch.client() as client:
         eventually(lambda: client.overview().workers == 1, 30.0)
         eventually(lambda: client.workers()[0].slots == 2, 30.0)
         yield part
@@ -46,7 +46,7 @@ def worker(dask: Dask, daemon: DaemonPart) -> Iterator[Part]:
 
 @pytest.fixture
 def client(daemon: DaemonPart, worker: Part) -> Iterator[Client]:
-    with daemon.client() as connected:
+    with daemon.batch.client() as connected:
         yield connected
 
 
@@ -69,7 +69,7 @@ def test_files_of_systems_travel_into_the_cluster(
 ) -> None:
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     (tmp_path / "policy").write_bytes(b"weights")
-    files = attach({"model": tmp_path / "policy"})
+    files = attach_files({"model": tmp_path / "policy"})
     client.submit(make_submission("files", 3, files=files, reads="model"))
     eventually(lambda: done(client, "files"))
     for row in client.runs("files").rows:
@@ -124,7 +124,7 @@ def started(log: Path, count: int) -> list[psutil.Process]:
 
 
 def test_running_runs_are_seen_live(client: Client) -> None:
-    seen: list[Live] = []
+    seen: list[LiveSnapshot] = []
     with client.events(lambda _: None, seen.append):
         client.submit(make_submission("live", 1, sleep=1.5))
         eventually(lambda: done(client, "live"))
@@ -134,7 +134,10 @@ def test_running_runs_are_seen_live(client: Client) -> None:
 
 
 def test_a_dead_gateway_leaves_nothing_running_in_the_cluster(dask: Dask, tmp_path: Path) -> None:
-    with daemon_at(tmp_path / "state", attempts=2, grace=0.5) as daemon, daemon.client() as client:
+    with (
+        daemon_at(tmp_path / "state", attempts=2, grace=0.5) as daemon,
+        daemon.batch.client() as client,
+    ):
         log = tmp_path / "log"
         with gateway_for(dask, daemon) as part:
             client.submit(make_submission("c", 2, sleep=60.0, log=str(log)))
@@ -203,7 +206,7 @@ def test_a_real_run_leaves_the_same_bytes_as_here(
     demo = expand(load_campaign(campaigns / "demo" / "campaign.yaml"))
     spec = replace(demo.runs[0], sut=SutReference("idle", "idle", {}), limit=1.0)
     submission = Submission("c", "C", "", "text", (spec,), demo.scenes[:1], fresh=True)
-    with daemon_at(tmp_path / "state") as daemon, daemon.client() as client:
+    with daemon_at(tmp_path / "state") as daemon, daemon.batch.client() as client:
         client.submit(submission)
         with gateway_for(dask, daemon, executor=DEFAULT_EXECUTOR):
             here = execute(spec, demo.scenes[0], trace_path=tmp_path / "here.mcap")

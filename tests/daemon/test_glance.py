@@ -10,14 +10,20 @@ import numpy as np
 import pytest
 
 from daemon.campaign import expand, load_campaign
-from daemon.glance import PLAN, RETURNS, Glance, centimetres, metres
-from daemon.protocol import Live
+from daemon.model.live_view import (
+    MOST_PLAN_POINTS,
+    MOST_RETURNS,
+    LiveView,
+    from_centimetres,
+    to_centimetres,
+)
+from daemon.model.spec import Snapshot
+from daemon.model.status import LiveSnapshot
+from daemon.model.sut import Estimate
 from daemon.run import execute
-from daemon.spec import Snapshot
-from daemon.sut import Estimate
-from grammars import codec
-from grammars.robot import Laser
-from grammars.values import Pose2
+from grammars.model.geometry import Pose2
+from grammars.model.robot import Laser
+from grammars.text import codec
 
 CAMPAIGN = Path(__file__).parents[2] / "campaigns" / "demo" / "campaign.yaml"
 LASER = Laser(Pose2(0.5), 0.3, -np.pi / 2, np.pi / 2, 181, 0.05, 10.0, 10.0, 0.01, 0.0)
@@ -26,40 +32,40 @@ BARE = Snapshot(1.0, 10.0, Pose2(1.0, 2.0), None, 0, 1, ())
 
 def test_points_keep_to_the_centimetre() -> None:
     points = np.array([(1.234, -5.678), (0.0, 12.0), (np.nan, 1.0)])
-    assert metres(centimetres(points)) == ((1.23, -5.68), (0.0, 12.0))
-    assert metres((100, 200, 300)) == ((1.0, 2.0),)
+    assert from_centimetres(to_centimetres(points)) == ((1.23, -5.68), (0.0, 12.0))
+    assert from_centimetres((100, 200, 300)) == ((1.0, 2.0),)
 
 
 def test_returns_lie_where_the_laser_saw_something() -> None:
-    glance = Glance(LASER)
+    glance = LiveView(LASER)
     ranges = np.full(181, np.inf)
     ranges[90] = 2.0  # straight ahead
     glance.look(Pose2(1.0, 2.0, np.pi / 2), ranges)
-    seen = metres(glance.added(BARE, None, None).returns)
+    seen = from_centimetres(glance.added(BARE, None, None).returns)
     assert seen == ((1.0, 4.5),)
 
 
 def test_everything_is_thinned_and_contacts_are_told_once() -> None:
-    glance = Glance(LASER)
+    glance = LiveView(LASER)
     glance.look(Pose2(), np.full(181, 3.0))
     glance.contacts.append((1.0, 2.0))
     plan = np.column_stack([np.linspace(0.0, 50.0, 5000), np.zeros(5000)])
     belief = Estimate(1.0, Pose2(), np.diag([0.04, 0.01, 0.1]))
     picture = glance.added(BARE, belief, plan)
-    assert len(picture.returns) <= 2 * RETURNS
-    assert len(picture.plan) == 2 * PLAN
-    assert metres(picture.plan)[-1] == (50.0, 0.0)
-    assert metres(picture.contacts) == ((1.0, 2.0),)
+    assert len(picture.returns) <= 2 * MOST_RETURNS
+    assert len(picture.plan) == 2 * MOST_PLAN_POINTS
+    assert from_centimetres(picture.plan)[-1] == (50.0, 0.0)
+    assert from_centimetres(picture.contacts) == ((1.0, 2.0),)
     assert picture.spread == (0.04, 0.0, 0.01)
     assert glance.added(BARE, belief, plan).contacts == ()
-    assert len(codec.to_json(Live("r" * 60, picture))) < 4000
+    assert len(codec.to_json(LiveSnapshot("r" * 60, picture))) < 4000
 
 
 def test_snapshots_of_before_are_still_read() -> None:
-    data = json.loads(codec.to_json(Live("run", BARE)))
+    data = json.loads(codec.to_json(LiveSnapshot("run", BARE)))
     for name in ("spread", "returns", "plan", "contacts"):
         del data["snapshot"][name]
-    assert codec.from_plain(Live, data).snapshot == BARE
+    assert codec.from_plain(LiveSnapshot, data).snapshot == BARE
 
 
 @pytest.mark.parametrize("interest", ["nothing", "progress", "everything"])

@@ -18,39 +18,39 @@ from typing import Any
 import pytest
 import zenoh
 
-from daemon import bus
-from daemon.client import Client
-from daemon.messages import (
+from daemon.batch import bus
+from daemon.batch.client import Client
+from daemon.batch.paths import StatePaths
+from daemon.batch.security import VERB_RULES
+from daemon.model.messages import (
     ASK,
     LARGEST_SUBMISSION,
-    Acknowledgement,
-    Answer,
-    Chunk,
     Completion,
-    Fetch,
-    FetchFile,
-    Grant,
-    Hold,
-    Keep,
+    ErrorReply,
+    FileDownloadRequest,
+    FileUploadChunk,
+    IdRequest,
+    Lease,
+    LeaseRef,
     LeaseReply,
     LeaseRequest,
-    Named,
+    LedgerAcknowledgement,
+    LedgerAnswer,
     PriorityRequest,
-    Problem,
     RecordQuery,
-    Release,
+    ReleaseRequest,
     RenewReply,
     RenewRequest,
     RetryRequest,
     RunQuery,
+    TraceDownloadRequest,
+    TraceUploadChunk,
     Verb,
     WorkerInfo,
 )
-from daemon.parcel import pack
-from daemon.places import Places
-from daemon.security import RULES
-from daemon.spec import TraceInfo
-from grammars import codec
+from daemon.model.packed_submission import pack_submission
+from daemon.model.spec import TraceInfo
+from grammars.text import codec
 from tests.daemon.harness import DaemonPart, daemon_at, eventually
 from tests.daemon.samples import make_result, make_submission
 
@@ -69,14 +69,14 @@ class Target:
         client.submit(make_submission("camp", 3))
         lease = self.ask(Verb.LEASE, LeaseRequest(ME, 2), LeaseReply)
         self.done, self.leased = lease.grants
-        trace = Places(daemon.state).trace(self.done.trace)
+        trace = StatePaths(daemon.state).trace(self.done.trace)
         trace.parent.mkdir(parents=True)
         trace.write_bytes(TRACE)
         self.completion = completion_of(self.done)
-        answer = self.ask(Verb.COMPLETE, self.completion, Acknowledgement).answer
-        assert answer is Answer.RECORDED
+        answer = self.ask(Verb.COMPLETE, self.completion, LedgerAcknowledgement).answer
+        assert answer is LedgerAnswer.RECORDED
         tokens = (self.leased.token, 9, 2**53)
-        holds = tuple(Hold(self.leased.run, token) for token in tokens)
+        holds = tuple(LeaseRef(self.leased.run, token) for token in tokens)
         gone = self.ask(Verb.RENEW, RenewRequest(ME, holds), RenewReply).gone
         assert {hold.token for hold in gone} == {9, 2**53}
 
@@ -87,7 +87,7 @@ class Target:
         """Send a message as it is; return the reason for which it was refused."""
         refused, words = self.send(verb, body)
         assert refused, (verb, body[:200], words[:200])
-        return codec.from_json(Problem, words).problem
+        return codec.from_json(ErrorReply, words).problem
 
     def send(self, verb: str, body: bytes) -> tuple[bool, bytes]:
         replies = list(self.session.get(f"{ASK}/{verb}", payload=body, timeout=20.0))
@@ -99,7 +99,7 @@ class Target:
 
     def everything(self) -> tuple[list[str], list[tuple[str, int]]]:
         """What the ledger says, statement by statement, and all files with their sizes."""
-        places = Places(self.daemon.state)
+        places = StatePaths(self.daemon.state)
         with closing(sqlite3.connect(f"file:{places.ledger}?mode=ro", uri=True)) as ledger:
             dump = [line for line in ledger.iterdump() if not line.startswith("COMMIT")]
         kept = (places.scenes, places.traces, places.spool, places.incoming, places.files)
@@ -107,7 +107,7 @@ class Target:
         return dump, [(str(path), path.stat().st_size) for path in paths]
 
 
-def completion_of(grant: Grant) -> Completion:
+def completion_of(grant: Lease) -> Completion:
     result = make_result(grant.spec, trace=INFO)
     return Completion(ME.id, grant.run, grant.attempt, grant.token, result)
 
@@ -116,7 +116,7 @@ def completion_of(grant: Grant) -> Completion:
 def target(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Target]:
     with (
         daemon_at(tmp_path_factory.mktemp("hostile") / "state", lease=900.0) as daemon,
-        daemon.client() as client,
+        daemon.batch.client() as client,
         bus.open_client(daemon.endpoint) as session,
     ):
         found = Target(daemon, client, session)
@@ -162,7 +162,7 @@ def test_what_is_no_request_is_refused_with_a_reason(target: Target, verb: Verb)
     for body in ANYWHERE:
         words = target.complaint(verb, body)
         assert words.startswith("the request is malformed: "), (body[:80], words)
-    limit = RULES[verb].largest
+    limit = VERB_RULES[verb].largest
     if limit < LARGEST_SUBMISSION:
         words = target.complaint(verb, b'{"a": "' + b"x" * limit + b'"}')
         assert f"at most {limit} are taken" in words
@@ -171,7 +171,7 @@ def test_what_is_no_request_is_refused_with_a_reason(target: Target, verb: Verb)
 @pytest.mark.parametrize("verb", [Verb.OVERVIEW, Verb.SUBMIT, Verb.COMPLETE])
 def test_a_hundred_megabytes_are_refused_with_a_reason(target: Target, verb: Verb) -> None:
     words = target.complaint(verb, b" " * 100_000_000)
-    assert words == f"the request has 100000000 bytes, at most {RULES[verb].largest} are taken"
+    assert words == f"the request has 100000000 bytes, at most {VERB_RULES[verb].largest} are taken"
 
 
 WRONG = (
@@ -184,20 +184,20 @@ WRONG = (
 
 def valid(target: Target) -> dict[Verb, object]:
     """A request of each verb that has fields; sent as they are, these would do something."""
-    chunk = Chunk(ME.id, target.leased.run, target.leased.token, "0" * 64, 4, 0, "", "")
-    release = Release(ME.id, target.leased.run, target.leased.token, "why", blame=True)
+    chunk = TraceUploadChunk(ME.id, target.leased.run, target.leased.token, "0" * 64, 4, 0, "", "")
+    release = ReleaseRequest(ME.id, target.leased.run, target.leased.token, "why", blame=True)
     return {
         Verb.RUNS: RunQuery("camp"),
-        Verb.RUN: Named("camp.0"),
-        Verb.DECLARED: Named("camp"),
+        Verb.RUN: IdRequest("camp.0"),
+        Verb.DECLARED: IdRequest("camp"),
         Verb.RECORDS: RecordQuery("camp"),
-        Verb.SCENE: Named(target.done.spec.scene),
-        Verb.FETCH: Fetch(target.done.run, 0),
-        Verb.SUBMIT: pack(make_submission("new", 2)),
-        Verb.CANCEL: Named("camp"),
+        Verb.SCENE: IdRequest(target.done.spec.scene),
+        Verb.FETCH: TraceDownloadRequest(target.done.run, 0),
+        Verb.SUBMIT: pack_submission(make_submission("new", 2)),
+        Verb.CANCEL: IdRequest("camp"),
         Verb.RETRY: RetryRequest("camp", ("pass",)),
-        Verb.PAUSE: Named("camp"),
-        Verb.RESUME: Named("camp"),
+        Verb.PAUSE: IdRequest("camp"),
+        Verb.RESUME: IdRequest("camp"),
         Verb.PRIORITISE: PriorityRequest("camp", 3),
         Verb.WELCOME: ME,
         Verb.LEASE: LeaseRequest(ME, 1),
@@ -205,8 +205,8 @@ def valid(target: Target) -> dict[Verb, object]:
         Verb.COMPLETE: completion_of(target.leased),
         Verb.RELEASE: release,
         Verb.UPLOAD: chunk,
-        Verb.KEEP: Keep("0" * 64, 4),
-        Verb.FILE: FetchFile("0" * 64, 0),
+        Verb.KEEP: FileUploadChunk("0" * 64, 4),
+        Verb.FILE: FileDownloadRequest("0" * 64, 0),
     }
 
 
@@ -305,7 +305,10 @@ def test_numbers_out_of_range_are_refused(target: Target) -> None:
 
 def test_what_is_stale_or_said_twice_changes_nothing(target: Target) -> None:
     again = codec.to_plain(target.completion)
-    assert target.ask(Verb.COMPLETE, target.completion, Acknowledgement).answer is Answer.KNOWN
+    assert (
+        target.ask(Verb.COMPLETE, target.completion, LedgerAcknowledgement).answer
+        is LedgerAnswer.KNOWN
+    )
     assert b"known" in target.send(Verb.COMPLETE, dumped(again | {"worker": "thief"}))[1]
     leased = codec.to_plain(completion_of(target.leased))
     for token in (0, target.leased.token + 1, 2**53):
@@ -316,8 +319,8 @@ def test_what_is_stale_or_said_twice_changes_nothing(target: Target) -> None:
         words = target.complaint(Verb.COMPLETE, dumped(leased | {"location": location}))
         assert "is not where the trace" in words
     for token in (0, target.done.token, target.leased.token + 1):
-        release = Release(ME.id, target.leased.run, token, "mine", blame=True)
-        assert target.ask(Verb.RELEASE, release, Acknowledgement).answer is Answer.STALE
+        release = ReleaseRequest(ME.id, target.leased.run, token, "mine", blame=True)
+        assert target.ask(Verb.RELEASE, release, LedgerAcknowledgement).answer is LedgerAnswer.STALE
 
 
 def test_ids_never_become_paths(target: Target, tmp_path: Path) -> None:
@@ -329,7 +332,7 @@ def test_ids_never_become_paths(target: Target, tmp_path: Path) -> None:
         target.complaint(Verb.FETCH, dumped({"run": name, "offset": 0}))
         target.complaint(Verb.FILE, dumped({"sha256": name, "offset": 0}))
         target.complaint(Verb.KEEP, dumped({"sha256": name, "size": 1, "data": "YQ=="}))
-        target.complaint(Verb.SUBMIT, codec.to_json(pack(make_submission(name, 1))))
+        target.complaint(Verb.SUBMIT, codec.to_json(pack_submission(make_submission(name, 1))))
         me = codec.to_plain(ME) | {"id": name}
         for verb, body in (
             (Verb.LEASE, {"worker": me, "count": 1}),
@@ -349,7 +352,7 @@ def test_keys_that_are_no_verbs_are_refused(target: Target) -> None:
 
 def test_who_asks_faster_than_the_ledger_writes_is_told_to_wait(target: Target) -> None:
     replies: list[zenoh.Reply] = []
-    ledger = Places(target.daemon.state).ledger
+    ledger = StatePaths(target.daemon.state).ledger
     with closing(sqlite3.connect(ledger, isolation_level=None)) as lock:
         lock.execute("BEGIN IMMEDIATE")
         for _ in range(2300):
@@ -357,14 +360,14 @@ def test_who_asks_faster_than_the_ledger_writes_is_told_to_wait(target: Target) 
                 f"{ASK}/cancel", replies.append, payload=b'{"id":"no"}', timeout=60.0
             )
         eventually(lambda: replies)
-        first = codec.from_json(Problem, replies[0].err.payload.to_bytes())
+        first = codec.from_json(ErrorReply, replies[0].err.payload.to_bytes())
         assert first.passing
         assert "the daemon is busy, 2048 requests wait already" in first.problem
         with target.daemon.client() as client:
             assert client.overview().running == 1
         lock.execute("ROLLBACK")
     eventually(lambda: len(replies) == 2300, 30.0)
-    problems = [codec.from_json(Problem, reply.err.payload.to_bytes()) for reply in replies]
+    problems = [codec.from_json(ErrorReply, reply.err.payload.to_bytes()) for reply in replies]
     assert sum(not problem.passing for problem in problems) >= 2048
 
 

@@ -13,16 +13,21 @@ from typing import Any
 
 import pytest
 
-from daemon.errors import Refused, Troubled
-from daemon.ledger import Book, Reader, connect, connect_reader
-from daemon.messages import Answer, Chunk, Completion, Grant, Received, RetryRequest
-from daemon.places import Places
-from daemon.server import _intake
-from daemon.server._intake import Intake
-from daemon.server._journal import Journal
-from daemon.spec import TraceInfo
-from daemon.store import packed, stored_url
-from grammars import codec
+from daemon.batch.errors import Refused, Unavailable
+from daemon.batch.ledger import LedgerReader, LedgerWriter, connect, connect_reader
+from daemon.batch.paths import StatePaths
+from daemon.batch.server import EventLog, TraceUploads, _uploads
+from daemon.batch.stores import encode_chunk, trace_url
+from daemon.model.messages import (
+    Completion,
+    Lease,
+    LedgerAnswer,
+    RetryRequest,
+    TraceUploadChunk,
+    UploadProgress,
+)
+from daemon.model.spec import TraceInfo
+from grammars.text import codec
 from tests.daemon.samples import make_result, make_submission
 
 NOW = 1e9
@@ -33,20 +38,20 @@ TRACE = random.Random(1).randbytes(1000)
 class Site:
     """A ledger with one leased run, and the intake beside it."""
 
-    places: Places
-    book: Book
-    reader: Reader
-    intake: Intake
-    journal: Journal
-    grant: Grant
+    places: StatePaths
+    book: LedgerWriter
+    reader: LedgerReader
+    intake: TraceUploads
+    journal: EventLog
+    grant: Lease
 
-    def chunk(self, offset: int, part: bytes, **changes: Any) -> Chunk:
+    def chunk(self, offset: int, part: bytes, **changes: Any) -> TraceUploadChunk:
         sha256 = hashlib.sha256(TRACE).hexdigest()
-        made = Chunk("w", self.grant.run, self.grant.token, sha256, len(TRACE), offset)
-        text, digest = packed(part)
+        made = TraceUploadChunk("w", self.grant.run, self.grant.token, sha256, len(TRACE), offset)
+        text, digest = encode_chunk(part)
         return replace(made, **({"data": text, "digest": digest} | changes))
 
-    def take(self, offset: int, part: bytes, **changes: Any) -> Received:
+    def take(self, offset: int, part: bytes, **changes: Any) -> UploadProgress:
         return self.intake.take(self.reader, self.chunk(offset, part, **changes))
 
     def completion(self, data: bytes = TRACE, **changes: Any) -> Completion:
@@ -55,10 +60,10 @@ class Site:
         made = Completion("w", self.grant.run, 1, self.grant.token, result, uploaded=True)
         return replace(made, **changes)
 
-    def complete(self, completion: Completion) -> Answer:
+    def complete(self, completion: Completion) -> LedgerAnswer:
         """What the desk does."""
         if self.intake.lacks(self.book, completion):
-            return Answer.MISSING
+            return LedgerAnswer.MISSING
         answer = self.book.complete(completion, NOW)
         self.intake.settle(self.book, completion, answer)
         return answer
@@ -73,35 +78,37 @@ class Site:
 
 @pytest.fixture
 def site(tmp_path: Path) -> Iterator[Site]:
-    places = Places(tmp_path)
+    places = StatePaths(tmp_path)
     places.make()
-    journal = Journal(places.log)
+    journal = EventLog(places.log)
     connection, reading = connect(places.ledger), connect_reader(places.ledger)
-    book = Book(connection)
+    book = LedgerWriter(connection)
     book.submit(make_submission("c", 1), NOW)
     (grant,) = book.lease("w", 1, NOW)
-    yield Site(places, book, Reader(reading, places), Intake(places, journal), journal, grant)
+    yield Site(
+        places, book, LedgerReader(reading, places), TraceUploads(places, journal), journal, grant
+    )
     journal.close()
     reading.close()
     connection.close()
 
 
 def test_a_trace_arrives_in_parts_and_gets_its_name_with_the_result(site: Site) -> None:
-    assert site.take(0, b"") == Received(0, complete=False)
-    assert site.take(0, TRACE[:400]) == Received(400, complete=False)
-    assert site.take(400, TRACE[400:]) == Received(1000, complete=True)
+    assert site.take(0, b"") == UploadProgress(0, complete=False)
+    assert site.take(0, TRACE[:400]) == UploadProgress(400, complete=False)
+    assert site.take(400, TRACE[400:]) == UploadProgress(1000, complete=True)
     assert not site.trace.exists()
-    assert site.complete(site.completion()) is Answer.RECORDED
+    assert site.complete(site.completion()) is LedgerAnswer.RECORDED
     assert site.trace.read_bytes() == TRACE
     assert site.incoming() == []
 
 
 def test_another_daemon_goes_on_where_the_first_one_was(site: Site) -> None:
     site.take(0, TRACE[:400])
-    site.intake = Intake(site.places, site.journal)
-    assert site.take(0, b"") == Received(400, complete=False)
+    site.intake = TraceUploads(site.places, site.journal)
+    assert site.take(0, b"") == UploadProgress(400, complete=False)
     assert site.take(400, TRACE[400:]).complete
-    site.intake = Intake(site.places, site.journal)
+    site.intake = TraceUploads(site.places, site.journal)
     assert site.take(0, b"").complete
 
 
@@ -132,10 +139,10 @@ def test_a_whole_that_is_another_one_begins_again(site: Site) -> None:
 
 
 def test_a_result_without_its_trace_is_not_recorded(site: Site) -> None:
-    assert site.complete(site.completion()) is Answer.MISSING
-    assert site.complete(site.completion(uploaded=False)) is Answer.MISSING
+    assert site.complete(site.completion()) is LedgerAnswer.MISSING
+    assert site.complete(site.completion(uploaded=False)) is LedgerAnswer.MISSING
     site.take(0, TRACE[:400])
-    assert site.complete(site.completion()) is Answer.MISSING
+    assert site.complete(site.completion()) is LedgerAnswer.MISSING
     assert site.book.awaited("c.0")
 
 
@@ -161,7 +168,7 @@ def test_what_is_cancelled_is_not_wanted(site: Site) -> None:
     site.book.cancel("c", NOW)
     with pytest.raises(Refused, match="not wanted"):
         site.take(400, TRACE[400:])
-    assert site.complete(site.completion()) is Answer.DROPPED
+    assert site.complete(site.completion()) is LedgerAnswer.DROPPED
     assert site.incoming() == []
 
 
@@ -169,7 +176,7 @@ def test_a_lost_acknowledgement_costs_no_second_transfer(site: Site) -> None:
     site.take(0, TRACE)
     site.complete(site.completion())
     assert site.take(0, b"").complete
-    assert site.complete(site.completion()) is Answer.KNOWN
+    assert site.complete(site.completion()) is LedgerAnswer.KNOWN
     assert site.trace.read_bytes() == TRACE
 
 
@@ -180,9 +187,9 @@ def test_a_repetition_leaves_the_trace_or_brings_it_back(site: Site) -> None:
     (site.grant,) = site.book.lease("w", 1, NOW)
     assert site.take(0, b"").complete  # it lies there already
     site.trace.unlink()
-    assert site.take(0, b"") == Received(0, complete=False)
+    assert site.take(0, b"") == UploadProgress(0, complete=False)
     site.take(0, TRACE)
-    assert site.complete(site.completion()) is Answer.KNOWN
+    assert site.complete(site.completion()) is LedgerAnswer.KNOWN
     assert site.trace.read_bytes() == TRACE
 
 
@@ -190,7 +197,7 @@ def test_another_result_never_replaces_the_trace_recorded(site: Site) -> None:
     site.take(0, TRACE)
     site.complete(site.completion())
     other = site.completion(b"something else")
-    assert site.complete(other) is Answer.DIFFERS
+    assert site.complete(other) is LedgerAnswer.DIFFERS
     assert site.trace.read_bytes() == TRACE
 
 
@@ -212,20 +219,20 @@ def test_hostile_digests_and_sizes_do_not_pass_the_border(site: Site) -> None:
         ("data", "A" * (2 * 2**20)),
     ):
         with pytest.raises(ValueError, match=field):
-            codec.from_plain(Chunk, good | {field: value})
+            codec.from_plain(TraceUploadChunk, good | {field: value})
 
 
 def test_uploads_are_bounded_in_number(site: Site, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(_intake, "_MOST", 2)
+    monkeypatch.setattr(_uploads, "_MOST", 2)
     for name in ("a", "b"):
         (site.places.incoming / name).touch()
-    with pytest.raises(Troubled, match="has to wait"):
+    with pytest.raises(Unavailable, match="has to wait"):
         site.take(0, TRACE)
 
 
 def test_a_full_disk_makes_uploads_wait(site: Site, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(Places, "shortage", lambda _: "the disk is full")
-    with pytest.raises(Troubled, match="the disk is full"):
+    monkeypatch.setattr(StatePaths, "shortage", lambda _: "the disk is full")
+    with pytest.raises(Unavailable, match="the disk is full"):
         site.take(0, TRACE)
     monkeypatch.undo()
     assert site.take(0, TRACE).complete
@@ -236,20 +243,20 @@ def test_an_upload_nobody_goes_on_with_is_given_up(site: Site) -> None:
     (part,) = site.places.incoming.iterdir()
     long_ago = time.time() - 7200.0
     os.utime(part, (long_ago, long_ago))
-    site.intake = Intake(site.places, site.journal)
-    assert site.take(0, b"") == Received(0, complete=False)
+    site.intake = TraceUploads(site.places, site.journal)
+    assert site.take(0, b"") == UploadProgress(0, complete=False)
     assert site.incoming() == []
 
 
 def test_a_trace_elsewhere_must_be_where_a_store_of_ours_has_it(site: Site) -> None:
     sha256 = hashlib.sha256(TRACE).hexdigest()
-    url = stored_url("s3://bucket/traces", site.grant.trace, sha256)
+    url = trace_url("s3://bucket/traces", site.grant.trace, sha256)
     done = site.completion(location=url, uploaded=False)
     with pytest.raises(Refused, match="is not where"):
         site.complete(done)
     site.book.know_store("s3://bucket/traces")
     with pytest.raises(Refused, match="is not where"):
         site.complete(replace(done, location="s3://bucket/traces/../secret.mcap"))
-    assert site.complete(done) is Answer.RECORDED
+    assert site.complete(done) is LedgerAnswer.RECORDED
     assert site.reader.run("c.0").row.trace == url
     assert site.reader.trace("c.0").sha256 == sha256

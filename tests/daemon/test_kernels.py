@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from daemon.kernels import CACHE_VARIABLE, kernel_environment
-from daemon.places import Places
+from daemon.batch.numba_cache import CACHE_VARIABLE, numba_cache_environment
+from daemon.batch.paths import StatePaths
 
 
 @pytest.fixture
@@ -24,17 +24,17 @@ def read_only(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
 
 def test_the_usual_places_are_left_to_numba(tmp_path: Path, read_only: Path) -> None:
     usual = (read_only / "__pycache__", tmp_path / "not-yet" / "made")
-    assert kernel_environment(Places.find(tmp_path), {"A": "1"}, usual) == {"A": "1"}
+    assert numba_cache_environment(StatePaths.find(tmp_path), {"A": "1"}, usual) == {"A": "1"}
 
 
 def test_a_read_only_installation_without_a_home_uses_the_state_directory(
     tmp_path: Path, read_only: Path
 ) -> None:
     usual = (read_only / "__pycache__", read_only / "home" / ".cache")
-    found = kernel_environment(Places.find(tmp_path), {"A": "1"}, usual)
+    found = numba_cache_environment(StatePaths.find(tmp_path), {"A": "1"}, usual)
     assert found == {"A": "1", CACHE_VARIABLE: str(tmp_path / "kernels")}
 
 
 def test_a_choice_of_the_user_stands(tmp_path: Path, read_only: Path) -> None:
     chosen = {CACHE_VARIABLE: "/somewhere"}
-    assert kernel_environment(Places.find(tmp_path), chosen, (read_only,)) == chosen
+    assert numba_cache_environment(StatePaths.find(tmp_path), chosen, (read_only,)) == chosen

@@ -4,12 +4,12 @@ from pathlib import Path
 
 import pytest
 
-from daemon.errors import DaemonError, Refused
-from daemon.ledger import Book, Reader, connect, connect_reader
-from daemon.messages import Completion, RunQuery
-from daemon.places import Places
-from daemon.spec import RunResult
-from daemon.verdict import Evidence, Outcome, Verdict
+from daemon.batch.errors import DaemonError, Refused
+from daemon.batch.ledger import LedgerReader, LedgerWriter, connect, connect_reader
+from daemon.batch.paths import StatePaths
+from daemon.model.messages import Completion, RunQuery
+from daemon.model.spec import RunResult
+from daemon.model.verdicts import Evidence, Outcome, Verdict
 from tests.daemon.samples import make_result, make_submission
 
 NOW = 1_000_000.0
@@ -19,18 +19,20 @@ NOW = 1_000_000.0
 def ledger(tmp_path: Path):  # type: ignore[no-untyped-def]
     writing = connect(tmp_path / "ledger.db")
     reading = connect_reader(tmp_path / "ledger.db")
-    yield Book(writing), Reader(reading, Places(tmp_path)), writing
+    yield LedgerWriter(writing), LedgerReader(reading, StatePaths(tmp_path)), writing
     reading.close()
     writing.close()
 
 
-def finish(book: Book, result_of: dict[int, RunResult] | None = None) -> None:
+def finish(book: LedgerWriter, result_of: dict[int, RunResult] | None = None) -> None:
     for grant in book.lease("w", 100, NOW):
         result = (result_of or {}).get(grant.spec.repeat) or make_result(grant.spec)
         book.complete(Completion("w", grant.run, grant.attempt, grant.token, result), NOW)
 
 
-def test_submitting_twice_changes_nothing(ledger: tuple[Book, Reader, sqlite3.Connection]) -> None:
+def test_submitting_twice_changes_nothing(
+    ledger: tuple[LedgerWriter, LedgerReader, sqlite3.Connection],
+) -> None:
     book, reader, _ = ledger
     submission = make_submission("c", 5)
     assert not book.submit(submission, NOW).known
@@ -40,7 +42,7 @@ def test_submitting_twice_changes_nothing(ledger: tuple[Book, Reader, sqlite3.Co
 
 
 def test_another_campaign_cannot_take_a_known_id(
-    ledger: tuple[Book, Reader, sqlite3.Connection],
+    ledger: tuple[LedgerWriter, LedgerReader, sqlite3.Connection],
 ) -> None:
     book, _, _ = ledger
     book.submit(make_submission("c", 5), NOW)
@@ -49,7 +51,7 @@ def test_another_campaign_cannot_take_a_known_id(
 
 
 def test_a_result_of_another_specification_is_refused(
-    ledger: tuple[Book, Reader, sqlite3.Connection],
+    ledger: tuple[LedgerWriter, LedgerReader, sqlite3.Connection],
 ) -> None:
     book, _, _ = ledger
     book.submit(make_submission("c", 2), NOW)
@@ -58,7 +60,9 @@ def test_a_result_of_another_specification_is_refused(
         book.complete(Completion("w", one.run, 1, one.token, make_result(other.spec)), NOW)
 
 
-def test_rows_show_the_deciding_oracle(ledger: tuple[Book, Reader, sqlite3.Connection]) -> None:
+def test_rows_show_the_deciding_oracle(
+    ledger: tuple[LedgerWriter, LedgerReader, sqlite3.Connection],
+) -> None:
     book, reader, _ = ledger
     submission = make_submission("c", 2)
     book.submit(submission, NOW)
@@ -83,7 +87,9 @@ def _with(result: RunResult, verdicts: tuple[Verdict, ...], outcome: Outcome) ->
     return RunResult(result.spec, outcome, verdicts, result.ended, trace, timing)
 
 
-def test_pages_filter_sort_and_count(ledger: tuple[Book, Reader, sqlite3.Connection]) -> None:
+def test_pages_filter_sort_and_count(
+    ledger: tuple[LedgerWriter, LedgerReader, sqlite3.Connection],
+) -> None:
     book, reader, _ = ledger
     submission = make_submission("c", 12)
     book.submit(submission, NOW)
@@ -110,7 +116,9 @@ def test_pages_filter_sort_and_count(ledger: tuple[Book, Reader, sqlite3.Connect
     assert down.rows[0].index == 11
 
 
-def test_the_worst_outcome_comes_first(ledger: tuple[Book, Reader, sqlite3.Connection]) -> None:
+def test_the_worst_outcome_comes_first(
+    ledger: tuple[LedgerWriter, LedgerReader, sqlite3.Connection],
+) -> None:
     book, reader, _ = ledger
     submission = make_submission("c", 4)
     book.submit(submission, NOW)
@@ -124,7 +132,7 @@ def test_the_worst_outcome_comes_first(ledger: tuple[Book, Reader, sqlite3.Conne
 
 
 def test_unknown_words_in_questions_come_back_with_a_hint(
-    ledger: tuple[Book, Reader, sqlite3.Connection],
+    ledger: tuple[LedgerWriter, LedgerReader, sqlite3.Connection],
 ) -> None:
     _, reader, _ = ledger
     with pytest.raises(Refused, match='did you mean "margin"'):
@@ -136,7 +144,7 @@ def test_unknown_words_in_questions_come_back_with_a_hint(
 
 
 def test_a_finished_campaign_says_so_once(
-    ledger: tuple[Book, Reader, sqlite3.Connection],
+    ledger: tuple[LedgerWriter, LedgerReader, sqlite3.Connection],
 ) -> None:
     book, reader, _ = ledger
     book.submit(make_submission("c", 2), NOW)
@@ -149,7 +157,7 @@ def test_a_finished_campaign_says_so_once(
 
 
 def test_the_rate_is_runs_per_minute_lately(
-    ledger: tuple[Book, Reader, sqlite3.Connection],
+    ledger: tuple[LedgerWriter, LedgerReader, sqlite3.Connection],
 ) -> None:
     book, reader, _ = ledger
     book.submit(make_submission("c", 7), NOW)
@@ -161,7 +169,7 @@ def test_the_rate_is_runs_per_minute_lately(
 
 
 def test_counting_does_not_read_the_runs(
-    ledger: tuple[Book, Reader, sqlite3.Connection],
+    ledger: tuple[LedgerWriter, LedgerReader, sqlite3.Connection],
 ) -> None:
     book, reader, db = ledger
     book.submit(make_submission("c", 1), NOW)
@@ -200,11 +208,11 @@ def test_a_damaged_ledger_is_named(tmp_path: Path) -> None:
 def test_everything_is_still_there_after_reopening(tmp_path: Path) -> None:
     path = tmp_path / "ledger.db"
     db = connect(path)
-    Book(db).submit(make_submission("c", 2), NOW)
-    granted = Book(db, lease=30).lease("w", 1, NOW)
+    LedgerWriter(db).submit(make_submission("c", 2), NOW)
+    granted = LedgerWriter(db, lease=30).lease("w", 1, NOW)
     db.close()
     again = connect(path)
-    book = Book(again, lease=30)
+    book = LedgerWriter(again, lease=30)
     assert book.extend(NOW + 29) == 1
     assert book.lapse(NOW + 58) == 0
     assert book.lapse(NOW + 60) == 1

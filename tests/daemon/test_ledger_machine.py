@@ -10,10 +10,17 @@ from hypothesis import settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, precondition, rule
 
-from daemon.ledger import Book, connect
-from daemon.messages import Answer, Completion, Grant, Hold, Release, RetryRequest
-from daemon.protocol import RunState
-from daemon.spec import TraceInfo
+from daemon.batch.ledger import LedgerWriter, connect
+from daemon.model.messages import (
+    Completion,
+    Lease,
+    LeaseRef,
+    LedgerAnswer,
+    ReleaseRequest,
+    RetryRequest,
+)
+from daemon.model.spec import TraceInfo
+from daemon.model.status import RunState
 from tests.daemon.samples import make_result, make_submission
 
 WORKERS = st.sampled_from(["w1", "w2"])
@@ -24,9 +31,9 @@ class LedgerMachine(RuleBasedStateMachine):
     @initialize()
     def open(self) -> None:
         self.db = connect(Path(":memory:"))
-        self.book = Book(self.db, attempts=3, lease=LEASE)
+        self.book = LedgerWriter(self.db, attempts=3, lease=LEASE)
         self.now = 1000.0
-        self.granted: list[tuple[str, Grant]] = []
+        self.granted: list[tuple[str, Lease]] = []
         self.first: dict[str, str] = {}
         self.submission = make_submission("c", 3)
         self.book.submit(self.submission, self.now)
@@ -50,23 +57,23 @@ class LedgerMachine(RuleBasedStateMachine):
         completion = Completion(worker, grant.run, grant.attempt, grant.token, result)
         answer = self.book.complete(completion, self.now)
         if before is RunState.CANCELLED:
-            assert answer is Answer.DROPPED
+            assert answer is LedgerAnswer.DROPPED
         elif grant.run not in self.first:
-            assert answer is Answer.RECORDED
+            assert answer is LedgerAnswer.RECORDED
             self.first[grant.run] = result.digest
         else:
             same = self.first[grant.run] == result.digest
-            assert answer is (Answer.KNOWN if same else Answer.DIFFERS)
+            assert answer is (LedgerAnswer.KNOWN if same else LedgerAnswer.DIFFERS)
 
     @precondition(lambda self: self.granted)
     @rule(data=st.data(), blame=st.booleans())
     def release(self, data: st.DataObject, blame: bool) -> None:
         worker, grant = data.draw(st.sampled_from(self.granted))
-        self.book.release(Release(worker, grant.run, grant.token, "why", blame), self.now)
+        self.book.release(ReleaseRequest(worker, grant.run, grant.token, "why", blame), self.now)
 
     @rule(worker=WORKERS, honest=st.booleans())
     def renew(self, worker: str, honest: bool) -> None:
-        mine = [Hold(g.run, g.token) for w, g in self.granted if w == worker]
+        mine = [LeaseRef(g.run, g.token) for w, g in self.granted if w == worker]
         held = {(row["id"], row["token"]) for row in self.rows() if row["state"] == "running"}
         gone = self.book.renew(worker, mine if honest else [], self.now)
         if honest:
@@ -96,7 +103,7 @@ class LedgerMachine(RuleBasedStateMachine):
 
     @rule()
     def restart(self) -> None:
-        self.book = Book(self.db, attempts=3, lease=LEASE)
+        self.book = LedgerWriter(self.db, attempts=3, lease=LEASE)
         self.book.extend(self.now)
 
     def rows(self) -> list[dict[str, Any]]:

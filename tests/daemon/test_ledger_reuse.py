@@ -9,16 +9,24 @@ from pathlib import Path
 
 import pytest
 
-from daemon.assessment import Comparison, Declared, Expectation, Gate, Policy, RunRecord, assess
-from daemon.errors import Refused
-from daemon.ledger import SCHEMA_VERSION, Book, Reader, connect, connect_reader
-from daemon.messages import Completion, RecordQuery, RetryRequest, RunQuery
-from daemon.places import Places
-from daemon.protocol import CampaignRow, RunRow, RunState, Submission
-from daemon.server._admission import admit
-from daemon.spec import RunResult, RunSpec
-from daemon.store import stored_url
-from daemon.verdict import Outcome
+from daemon.batch.errors import Refused
+from daemon.batch.ledger import SCHEMA_VERSION, LedgerReader, LedgerWriter, connect, connect_reader
+from daemon.batch.paths import StatePaths
+from daemon.batch.server import admit_submission
+from daemon.batch.stores import trace_url
+from daemon.judging.assessment import assess
+from daemon.model.assessments import (
+    AssessmentRules,
+    Expectation,
+    RegressionGate,
+    RepeatPolicy,
+    RunRecord,
+    ScenarioComparison,
+)
+from daemon.model.messages import Completion, RecordQuery, RetryRequest, RunQuery
+from daemon.model.spec import RunResult, RunSpec
+from daemon.model.status import CampaignRow, RunRow, RunState, Submission
+from daemon.model.verdicts import Outcome
 from tests.daemon.samples import make_result, make_spec, submission_of
 
 NOW = 1_000_000.0
@@ -29,9 +37,9 @@ Make = Callable[[RunSpec], RunResult]
 class Ledger:
     """A ledger with both its sides."""
 
-    book: Book
-    reader: Reader
-    places: Places
+    book: LedgerWriter
+    reader: LedgerReader
+    places: StatePaths
 
     def submit(self, name: str, *specs: RunSpec, **changes: object) -> Submission:
         submission = replace(submission_of(name, *specs), **{"fresh": False} | changes)  # type: ignore[arg-type]
@@ -63,12 +71,12 @@ class Ledger:
 
 @pytest.fixture
 def ledger(tmp_path: Path) -> Iterator[Ledger]:
-    places = Places(tmp_path)
+    places = StatePaths(tmp_path)
     places.make()
     writing = connect(places.ledger)
     writing.execute("PRAGMA synchronous = OFF")  # power cuts are tested elsewhere
     reading = connect_reader(places.ledger)
-    yield Ledger(Book(writing), Reader(reading, places), places)
+    yield Ledger(LedgerWriter(writing), LedgerReader(reading, places), places)
     reading.close()
     writing.close()
 
@@ -103,7 +111,7 @@ def test_a_result_used_again_has_its_trace_where_the_first_one_put_it(ledger: Le
     ledger.submit("first", *specs(1))
     (grant,) = ledger.book.lease("w", 1, NOW, store="s3://bucket")
     result = make_result(grant.spec)
-    url = stored_url(grant.store, grant.trace, result.trace.sha256)
+    url = trace_url(grant.store, grant.trace, result.trace.sha256)
     ledger.book.complete(Completion("w", grant.run, 1, grant.token, result, url), NOW)
     ledger.submit("second", *specs(1))
     assert [row.trace for row in ledger.rows("second")] == [url]
@@ -171,7 +179,7 @@ def test_what_broke_is_executed_again(ledger: Ledger) -> None:
     assert ledger.work() == 2
 
 
-PATIENT = Declared(Policy(2, "rate", 0.5, until_decided=True, at_most=16))
+PATIENT = AssessmentRules(RepeatPolicy(2, "rate", 0.5, until_decided=True, at_most=16))
 
 
 def submit_patiently(ledger: Ledger, name: str = "c") -> None:
@@ -223,11 +231,11 @@ def test_a_cancelled_campaign_is_not_extended(ledger: Ledger) -> None:
 
 
 def test_a_campaign_keeps_what_it_declares(ledger: Ledger) -> None:
-    declared = Declared(
-        Policy(5, "rate", 0.8),
-        (Comparison("d", "delay", "S1", "S2", "goal", "<=", 30.0, "s", "delay(...)", "m"),),
+    declared = AssessmentRules(
+        RepeatPolicy(5, "rate", 0.8),
+        (ScenarioComparison("d", "delay", "S1", "S2", "goal", "<=", 30.0, "s", "delay(...)", "m"),),
         (Expectation("S1", "*", ("a", "b"), "mixed", "so it is", "x.yaml:3"),),
-        Gate("last-green", 0.1),
+        RegressionGate("last-green", 0.1),
     )
     ledger.submit("c", *specs(1), declared=declared)
     assert ledger.reader.declared("c") == declared
@@ -274,18 +282,18 @@ def test_a_ledger_of_an_earlier_version_is_brought_up_to_date(tmp_path: Path, ve
         for db in (upgraded, made)
     ]
     assert indexes[0] == indexes[1]
-    reader = Reader(upgraded, Places(tmp_path))
+    reader = LedgerReader(upgraded, StatePaths(tmp_path))
     assert (reader.campaigns()[0].paused, reader.campaigns()[0].priority) == (False, 0)
-    assert reader.declared("old") == Declared()
+    assert reader.declared("old") == AssessmentRules()
     assert [row.id for row in reader.records(RecordQuery("old"))] == ["old.0"]
     upgraded.close()
     made.close()
 
 
 def test_repeats_in_reserve_are_held_to_the_same_rules(tmp_path: Path) -> None:
-    places = Places(tmp_path)
+    places = StatePaths(tmp_path)
     places.make()
     submission = replace(submission_of("c", *specs(2)), reserve=tuple(specs(2, first=1)))
     with pytest.raises(Refused, match="S1/pilot/1 is there twice"):
-        admit(submission, places)
-    admit(replace(submission, reserve=tuple(specs(2, first=2))), places)
+        admit_submission(submission, places)
+    admit_submission(replace(submission, reserve=tuple(specs(2, first=2))), places)

@@ -2,38 +2,38 @@ from dataclasses import replace
 
 import pytest
 
-from daemon.ledger import (
+from daemon.batch.ledger import (
     Cancelled,
     Completed,
-    Happening,
+    ExecutionState,
     Leased,
-    Record,
     Released,
     Renewed,
     Retried,
+    RunEvent,
     advance,
 )
-from daemon.messages import Answer
-from daemon.protocol import RunState
+from daemon.model.messages import LedgerAnswer
+from daemon.model.status import RunState
 
-QUEUED = Record()
+QUEUED = ExecutionState()
 RUNNING = advance(QUEUED, Leased("w", 7, 30.0), attempts=3).run
 
 
-def after(run: Record, *events: Happening) -> Record:
+def after(run: ExecutionState, *events: RunEvent) -> ExecutionState:
     for event in events:
         run = advance(run, event, attempts=3).run
     return run
 
 
 def test_a_lease_makes_a_queued_run_run() -> None:
-    expected = Record(RunState.RUNNING, attempt=1, worker="w", token=7, lease_until=30.0)
+    expected = ExecutionState(RunState.RUNNING, attempt=1, worker="w", token=7, lease_until=30.0)
     assert expected == RUNNING
 
 
 def test_only_queued_runs_can_be_leased() -> None:
     change = advance(RUNNING, Leased("v", 8, 40.0), attempts=3)
-    assert change.answer is Answer.STALE
+    assert change.answer is LedgerAnswer.STALE
     assert change.run == RUNNING
 
 
@@ -45,25 +45,25 @@ def test_renewing_extends_but_never_shortens_a_lease() -> None:
 def test_a_foreign_token_renews_and_releases_nothing() -> None:
     for event in (Renewed(6, 50.0), Released(6, "x", blame=True)):
         change = advance(RUNNING, event, attempts=3)
-        assert change.answer is Answer.STALE
+        assert change.answer is LedgerAnswer.STALE
         assert change.run == RUNNING
 
 
 def test_the_first_result_is_recorded_the_second_is_known() -> None:
     first = advance(RUNNING, Completed(7, "aa"), attempts=3)
     assert first.record
-    assert first.answer is Answer.RECORDED
+    assert first.answer is LedgerAnswer.RECORDED
     assert first.run.state is RunState.DONE
     second = advance(first.run, Completed(7, "aa"), attempts=3)
     assert not second.record
-    assert second.answer is Answer.KNOWN
+    assert second.answer is LedgerAnswer.KNOWN
     assert second.run == first.run
 
 
 def test_another_result_is_an_alarm_and_changes_nothing_but_the_reason() -> None:
     done = after(RUNNING, Completed(7, "aa"))
     change = advance(done, Completed(9, "bb"), attempts=3)
-    assert change.answer is Answer.DIFFERS
+    assert change.answer is LedgerAnswer.DIFFERS
     assert not change.record
     assert "nondeterministic" in change.run.reason
     assert replace(change.run, reason="") == done
@@ -72,9 +72,9 @@ def test_another_result_is_an_alarm_and_changes_nothing_but_the_reason() -> None
 def test_a_late_result_is_taken_from_a_lease_that_lapsed() -> None:
     again = after(RUNNING, Released(7, "lapsed", blame=True), Leased("v", 8, 60.0))
     change = advance(again, Completed(7, "aa"), attempts=3)
-    assert change.answer is Answer.RECORDED
+    assert change.answer is LedgerAnswer.RECORDED
     assert change.run.state is RunState.DONE
-    assert advance(change.run, Renewed(8, 90.0), attempts=3).answer is Answer.STALE
+    assert advance(change.run, Renewed(8, 90.0), attempts=3).answer is LedgerAnswer.STALE
 
 
 def test_a_run_is_lost_after_three_bad_endings() -> None:
@@ -101,18 +101,18 @@ def test_a_late_result_revives_a_lost_run() -> None:
 
 
 @pytest.mark.parametrize("run", [QUEUED, RUNNING])
-def test_cancelled_runs_take_no_result(run: Record) -> None:
+def test_cancelled_runs_take_no_result(run: ExecutionState) -> None:
     cancelled = after(run, Cancelled())
     assert cancelled.state is RunState.CANCELLED
     change = advance(cancelled, Completed(7, "aa"), attempts=3)
-    assert change.answer is Answer.DROPPED
+    assert change.answer is LedgerAnswer.DROPPED
     assert not change.record
 
 
 def test_a_retried_run_starts_with_a_clean_slate_and_its_attempts_counted() -> None:
     lost = replace(QUEUED, state=RunState.LOST, strikes=3, attempt=3, reason="crash")
     again = after(lost, Retried())
-    assert again == Record(attempt=3)
+    assert again == ExecutionState(attempt=3)
 
 
 def test_repeating_a_done_run_keeps_its_result_whatever_happens() -> None:
@@ -126,4 +126,4 @@ def test_repeating_a_done_run_keeps_its_result_whatever_happens() -> None:
 
 
 def test_what_is_under_way_is_not_retried() -> None:
-    assert advance(RUNNING, Retried(), attempts=3).answer is Answer.STALE
+    assert advance(RUNNING, Retried(), attempts=3).answer is LedgerAnswer.STALE

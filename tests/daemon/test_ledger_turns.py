@@ -11,29 +11,29 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from daemon.errors import Refused
-from daemon.ledger import Book, Reader, connect
-from daemon.messages import Completion, RetryRequest
-from daemon.places import Places
-from daemon.protocol import RunState
-from daemon.spec import SutReference
+from daemon.batch.errors import Refused
+from daemon.batch.ledger import LedgerReader, LedgerWriter, connect
+from daemon.batch.paths import StatePaths
+from daemon.model.messages import Completion, RetryRequest
+from daemon.model.spec import SutReference
+from daemon.model.status import RunState
 from tests.daemon.samples import make_result, make_spec, make_submission, submission_of
 
 NOW = 1000.0
 
 
 @pytest.fixture
-def book(tmp_path: Path) -> Iterator[Book]:
+def book(tmp_path: Path) -> Iterator[LedgerWriter]:
     db = connect(tmp_path / "ledger.db")
-    yield Book(db)
+    yield LedgerWriter(db)
     db.close()
 
 
-def leased(book: Book, count: int = 100) -> list[str]:
+def leased(book: LedgerWriter, count: int = 100) -> list[str]:
     return [grant.run for grant in book.lease("w", count, NOW)]
 
 
-def test_campaigns_take_turns_however_workers_ask(book: Book) -> None:
+def test_campaigns_take_turns_however_workers_ask(book: LedgerWriter) -> None:
     for name, runs in (("a", 4), ("b", 2)):
         book.submit(make_submission(name, runs), NOW)
     assert leased(book, 1) + leased(book, 2) + leased(book) == [
@@ -41,14 +41,14 @@ def test_campaigns_take_turns_however_workers_ask(book: Book) -> None:
     ]  # fmt: skip
 
 
-def test_one_that_comes_later_need_not_wait_for_those_before(book: Book) -> None:
+def test_one_that_comes_later_need_not_wait_for_those_before(book: LedgerWriter) -> None:
     book.submit(make_submission("long", 50), NOW)
     leased(book, 10)
     book.submit(make_submission("short", 2), NOW)
     assert leased(book, 4) == ["short.0", "long.10", "short.1", "long.11"]
 
 
-def test_higher_priority_goes_first(book: Book) -> None:
+def test_higher_priority_goes_first(book: LedgerWriter) -> None:
     for name in ("a", "b", "c"):
         book.submit(make_submission(name, 2), NOW)
     book.prioritise("b", 5, NOW)
@@ -56,7 +56,7 @@ def test_higher_priority_goes_first(book: Book) -> None:
     assert leased(book) == ["b.0", "b.1", "c.0", "c.1", "a.0", "a.1"]
 
 
-def test_runs_a_worker_cannot_execute_wait_for_another_one(book: Book) -> None:
+def test_runs_a_worker_cannot_execute_wait_for_another_one(book: LedgerWriter) -> None:
     plugged = [replace(make_spec(i), sut=SutReference("mine", "plugged", {})) for i in range(2)]
     book.submit(submission_of("a", *plugged), NOW)
     book.submit(submission_of("b", *plugged[:1], make_spec(1)), NOW)
@@ -65,7 +65,7 @@ def test_runs_a_worker_cannot_execute_wait_for_another_one(book: Book) -> None:
     assert leased(book) == ["a.0", "b.0", "a.1"]
 
 
-def test_a_paused_campaign_waits_and_finishes_what_runs(book: Book) -> None:
+def test_a_paused_campaign_waits_and_finishes_what_runs(book: LedgerWriter) -> None:
     book.submit(make_submission("a", 3), NOW)
     (running,) = book.lease("w", 1, NOW)
     assert book.pause("a", NOW, paused=True) == 2
@@ -79,7 +79,7 @@ def test_a_paused_campaign_waits_and_finishes_what_runs(book: Book) -> None:
     assert leased(book) == ["a.1", "a.2"]
 
 
-def test_a_paused_campaign_can_be_cancelled_and_tried_again(book: Book) -> None:
+def test_a_paused_campaign_can_be_cancelled_and_tried_again(book: LedgerWriter) -> None:
     book.submit(make_submission("a", 2), NOW)
     book.pause("a", NOW, paused=True)
     assert book.cancel("a", NOW) == 2
@@ -89,17 +89,17 @@ def test_a_paused_campaign_can_be_cancelled_and_tried_again(book: Book) -> None:
     assert leased(book) == ["a.0", "a.1"]
 
 
-def test_rows_say_so(tmp_path: Path, book: Book) -> None:
+def test_rows_say_so(tmp_path: Path, book: LedgerWriter) -> None:
     book.submit(make_submission("a", 1), NOW)
     book.pause("a", NOW, paused=True)
     book.prioritise("a", 7, NOW)
     db = connect(tmp_path / "ledger.db")
-    (row,) = Reader(db, Places(tmp_path)).campaigns()
+    (row,) = LedgerReader(db, StatePaths(tmp_path)).campaigns()
     db.close()
     assert (row.paused, row.priority, row.queued) == (True, 7, 1)
 
 
-def test_unknown_campaigns_are_refused(book: Book) -> None:
+def test_unknown_campaigns_are_refused(book: LedgerWriter) -> None:
     with pytest.raises(Refused, match="no campaign x"):
         book.pause("x", NOW, paused=True)
     with pytest.raises(Refused, match="no campaign x"):
@@ -121,7 +121,7 @@ STEPS = st.lists(
 def test_leases_follow_the_plain_rule(sizes: list[int], steps: list[tuple[str, int]]) -> None:
     """Against queues in memory: unpaused, highest priority, served longest ago, in order."""
     db = connect(Path(":memory:"))
-    book = Book(db)
+    book = LedgerWriter(db)
     names = ("a", "b", "c")
     for name, size in zip(names, sizes, strict=True):
         book.submit(make_submission(name, size), NOW)

@@ -12,35 +12,37 @@ from pathlib import Path
 
 import pytest
 
-from daemon.ledger import Book, connect
-from daemon.operation import Finding, Level, examine
-from daemon.places import Endpoint, Places
+from daemon.batch.ledger import LedgerWriter, connect
+from daemon.batch.operation import DoctorFinding, FindingLevel, examine
+from daemon.batch.paths import Endpoint, StatePaths
 from tests.daemon.samples import make_submission
 
 NOBODY = Endpoint("tcp/127.0.0.1:1", "default")
 
 
 @pytest.fixture
-def places(tmp_path: Path) -> Places:
+def places(tmp_path: Path) -> StatePaths:
     """A state directory after three runs were queued."""
-    places = Places(tmp_path / "state")
+    places = StatePaths(tmp_path / "state")
     places.make()
     db = connect(places.ledger)
-    Book(db).submit(make_submission("known", 3), time.time())
+    LedgerWriter(db).submit(make_submission("known", 3), time.time())
     db.close()
     return places
 
 
-def found(places: Places, subject: str, endpoint: Endpoint = NOBODY) -> tuple[Finding, ...]:
+def found(
+    places: StatePaths, subject: str, endpoint: Endpoint = NOBODY
+) -> tuple[DoctorFinding, ...]:
     findings = examine(places, endpoint, places.state.parent)
-    assert all((f.remedy == "") == (f.level is Level.OK) for f in findings)
+    assert all((f.remedy == "") == (f.level is FindingLevel.OK) for f in findings)
     return tuple(f for f in findings if f.subject == subject)
 
 
-def test_a_healthy_place_has_no_problem_and_is_not_changed(places: Places) -> None:
+def test_a_healthy_place_has_no_problem_and_is_not_changed(places: StatePaths) -> None:
     before = {path: path.read_bytes() for path in places.state.rglob("*") if path.is_file()}
     findings = examine(places, NOBODY, places.state.parent)
-    assert {f.subject: f.level for f in findings if f.level is Level.PROBLEM} == {}
+    assert {f.subject: f.level for f in findings if f.level is FindingLevel.PROBLEM} == {}
     (ledger,) = (f for f in findings if f.subject == "ledger")
     assert "3 runs, 0 results" in ledger.message
     after = {path: path.read_bytes() for path in places.state.rglob("*") if path.is_file()}
@@ -72,30 +74,33 @@ def _drop(table: str) -> Callable[[Path], None]:
     ],
 )
 def test_a_damaged_ledger_is_a_problem(
-    places: Places, damage: Callable[[Path], None], words: str
+    places: StatePaths, damage: Callable[[Path], None], words: str
 ) -> None:
     damage(places.ledger)
     (finding,) = found(places, "ledger")
-    assert finding.level is Level.PROBLEM
+    assert finding.level is FindingLevel.PROBLEM
     assert words in f"{finding.subject} {finding.message}"
 
 
-def test_a_clock_that_was_set_back_is_a_problem(places: Places) -> None:
+def test_a_clock_that_was_set_back_is_a_problem(places: StatePaths) -> None:
     with closing(sqlite3.connect(places.ledger)) as db, db:
         db.execute("UPDATE event SET at = ?", (time.time() + 3600.0,))
     (finding,) = found(places, "clock")
     assert (finding.level, "before the ledger's newest event" in finding.message) == (
-        Level.PROBLEM, True,
+        FindingLevel.PROBLEM, True,
     )  # fmt: skip
 
 
-def test_what_others_can_write_is_a_problem(places: Places) -> None:
+def test_what_others_can_write_is_a_problem(places: StatePaths) -> None:
     places.traces.chmod(0o777)
     (finding,) = found(places, "state")
-    assert (finding.level, finding.remedy) == (Level.PROBLEM, f"chmod -R go-rwx {places.state}")
+    assert (finding.level, finding.remedy) == (
+        FindingLevel.PROBLEM,
+        f"chmod -R go-rwx {places.state}",
+    )
 
 
-def test_leftovers_are_named_unless_somebody_uses_them(places: Places) -> None:
+def test_leftovers_are_named_unless_somebody_uses_them(places: StatePaths) -> None:
     here = places.state.parent
     partial = places.traces / "known" / ".a.mcap.12.tmp"
     unknown = places.traces / "unheard-of"
@@ -113,22 +118,24 @@ def test_leftovers_are_named_unless_somebody_uses_them(places: Places) -> None:
     assert not any(str(path) in messages for path in (living, busy))
 
 
-def test_a_daemon_that_does_not_answer_is_told_apart_from_one_that_is_gone(places: Places) -> None:
+def test_a_daemon_that_does_not_answer_is_told_apart_from_one_that_is_gone(
+    places: StatePaths,
+) -> None:
     contact = '{"endpoint": "tcp/127.0.0.1:1", "pid": %d, "version": "0", "started_at": 0.0}'
     told = Endpoint("tcp/127.0.0.1:1", "daemon.json")
-    assert found(places, "daemon")[0].level is Level.OK
+    assert found(places, "daemon")[0].level is FindingLevel.OK
     places.contact_file.write_text(contact % os.getpid())
-    assert found(places, "daemon", told)[0].level is Level.PROBLEM
+    assert found(places, "daemon", told)[0].level is FindingLevel.PROBLEM
     places.contact_file.write_text(contact % 2**22)
-    assert found(places, "daemon", told)[0].level is Level.WARNING
+    assert found(places, "daemon", told)[0].level is FindingLevel.WARNING
     asked = Endpoint("tcp/127.0.0.1:1", "--connect")
-    assert found(places, "daemon", asked)[0].level is Level.PROBLEM
+    assert found(places, "daemon", asked)[0].level is FindingLevel.PROBLEM
 
 
-def test_an_endpoint_is_judged(places: Places) -> None:
+def test_an_endpoint_is_judged(places: StatePaths) -> None:
     far = Endpoint("tcp/192.0.2.1:x", "SCENARIO_CONNECT")
-    assert found(places, "endpoint", far)[0].level is Level.PROBLEM
-    assert found(places, "endpoint")[0].level is Level.OK
+    assert found(places, "endpoint", far)[0].level is FindingLevel.PROBLEM
+    assert found(places, "endpoint")[0].level is FindingLevel.OK
     here = Endpoint(places.endpoint, "default")
     path = f"{places.endpoint.removeprefix('unixsock-stream/')}, from default"
     assert found(places, "endpoint", here)[0].message == path
@@ -137,7 +144,7 @@ def test_an_endpoint_is_judged(places: Places) -> None:
 
 
 def test_a_place_that_is_not_there_yet_is_fine(tmp_path: Path) -> None:
-    places = Places(tmp_path / "later")
+    places = StatePaths(tmp_path / "later")
     findings = examine(places, NOBODY, tmp_path)
-    assert not any(f.level is Level.PROBLEM for f in findings)
+    assert not any(f.level is FindingLevel.PROBLEM for f in findings)
     assert not places.state.exists()

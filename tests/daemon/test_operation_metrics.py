@@ -5,8 +5,8 @@ from __future__ import annotations
 import re
 from dataclasses import replace
 
-from daemon.operation import Standing, exposition
-from daemon.protocol import CampaignRow, Disk, Overview, WorkerRow
+from daemon.batch.operation import DaemonStatus, prometheus_text
+from daemon.model.status import CampaignRow, DaemonOverview, DiskUsage, WorkerRow
 
 _NAME = r"[a-zA-Z_:][a-zA-Z0-9_:]*"
 _LABEL = r'([a-zA-Z_][a-zA-Z0-9_]*)="((?:[^"\\\n]|\\\\|\\"|\\n)*)"'
@@ -40,7 +40,7 @@ def _unescaped(text: str) -> str:
     return re.sub(r"\\(.)", lambda m: "\n" if m[1] == "n" else m[1], text)
 
 
-OVERVIEW = Overview(
+OVERVIEW = DaemonOverview(
     version="1.2", state="/s", started_at=1.8e9, now=1.8e9 + 60.5, campaigns=2, workers=1,
     queued=3, running=2, done=9, lost=1, cancelled=0, passed=5, failed=3, inconclusive=1,
     errors=0, rate=90.0, seconds_left=4.0,
@@ -52,11 +52,13 @@ OPEN = CampaignRow(
 )  # fmt: skip
 SHUT = replace(OPEN, id="shut", queued=0, running=0, finished_at=5.0)
 WORKER = WorkerRow('w"1\\\n', "host", 1, "1.2", 4, 2, 1.8e9, 1.8e9 + 60.0)
-STANDING = Standing(OVERVIEW, (OPEN, SHUT), (WORKER,), Disk(10**12, 10**11, 4096, 10**9, 2 * 10**9))
+STANDING = DaemonStatus(
+    OVERVIEW, (OPEN, SHUT), (WORKER,), DiskUsage(10**12, 10**11, 4096, 10**9, 2 * 10**9)
+)
 
 
 def test_numbers_are_those_of_the_daemon() -> None:
-    found = read_exposition(exposition(STANDING))
+    found = read_exposition(prometheus_text(STANDING))
 
     def value(name: str, **labels: str) -> float:
         return found[f"scenario_{name}", frozenset(labels.items())]
@@ -81,6 +83,6 @@ def test_numbers_are_those_of_the_daemon() -> None:
 
 def test_an_idle_daemon_in_trouble_has_metrics_too() -> None:
     quiet = replace(STANDING, overview=replace(OVERVIEW, trouble="full"), campaigns=(), workers=())
-    found = read_exposition(exposition(quiet))
+    found = read_exposition(prometheus_text(quiet))
     assert found["scenario_trouble", frozenset()] == 1
     assert found["scenario_workers", frozenset()] == 0

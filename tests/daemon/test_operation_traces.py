@@ -9,11 +9,18 @@ from pathlib import Path
 
 import pytest
 
-from daemon.errors import DaemonError
-from daemon.ledger import Book, Reader, connect, connect_reader
-from daemon.messages import Completion, RecordQuery, RetryRequest, RunQuery
-from daemon.operation import Keeping, Swept, sweep
-from daemon.places import Places
+from daemon.batch.errors import DaemonError
+from daemon.batch.ledger import (
+    LedgerReader,
+    LedgerWriter,
+    RetentionPolicy,
+    SweepResult,
+    connect,
+    connect_reader,
+    sweep_traces,
+)
+from daemon.batch.paths import StatePaths
+from daemon.model.messages import Completion, RecordQuery, RetryRequest, RunQuery
 from tests.daemon.samples import make_result, make_spec, make_submission, submission_of
 
 SIZE = 100
@@ -23,10 +30,10 @@ class Store:
     """A state directory with campaigns that finished at 10, 20 ... seconds."""
 
     def __init__(self, folder: Path) -> None:
-        self.places = Places.find(folder)
+        self.places = StatePaths.find(folder)
         self.places.make()
         self.db = connect(self.places.ledger)
-        self.book = Book(self.db)
+        self.book = LedgerWriter(self.db)
 
     def work(self, campaign: str, at: float, count: int = 100) -> None:
         for grant in self.book.lease("w", count, at):
@@ -55,26 +62,26 @@ def store(tmp_path: Path) -> Iterator[Store]:
 
 
 def test_the_newest_campaigns_keep_their_traces(store: Store) -> None:
-    swept = sweep(store.places, Keeping(newest=1), 100.0)
+    swept = sweep_traces(store.places, RetentionPolicy(newest=1), 100.0)
     assert [trace.campaign for trace in swept.gone] == ["a"] * 3 + ["b"] * 3
     assert (swept.freed, swept.kept) == (6 * SIZE, 3 * SIZE)
     assert store.left() == {"c": 3}
-    assert sweep(store.places, Keeping(newest=1), 100.0) == Swept((), 3 * SIZE)
+    assert sweep_traces(store.places, RetentionPolicy(newest=1), 100.0) == SweepResult((), 3 * SIZE)
 
 
 def test_traces_of_campaigns_that_finished_long_ago_go(store: Store) -> None:
-    sweep(store.places, Keeping(age=15.0), 30.0)
+    sweep_traces(store.places, RetentionPolicy(age=15.0), 30.0)
     assert store.left() == {"b": 3, "c": 3}
 
 
 def test_the_oldest_go_until_the_rest_fits(store: Store) -> None:
-    swept = sweep(store.places, Keeping(size=5 * SIZE), 100.0)
+    swept = sweep_traces(store.places, RetentionPolicy(size=5 * SIZE), 100.0)
     assert (swept.freed, swept.kept) == (4 * SIZE, 5 * SIZE)
     assert store.left() == {"b": 2, "c": 3}
 
 
 def test_a_dry_run_removes_nothing(store: Store) -> None:
-    assert len(sweep(store.places, Keeping(newest=0), 100.0, dry=True).gone) == 9
+    assert len(sweep_traces(store.places, RetentionPolicy(newest=0), 100.0, dry=True).gone) == 9
     assert store.left() == {"a": 3, "b": 3, "c": 3}
 
 
@@ -86,14 +93,14 @@ def test_unfinished_campaigns_keep_theirs_and_those_they_took_results_from(store
     store.book.submit(replace(submission_of("new", shared, *others), fresh=False), 50.0)
     store.work("new", 50.0, count=1)
     store.book.retry(RetryRequest("a", ("all",)), 60.0)
-    sweep(store.places, Keeping(newest=0, age=0.0, size=0), 100.0)
+    sweep_traces(store.places, RetentionPolicy(newest=0, age=0.0, size=0), 100.0)
     assert store.left() == {"a": 3, "new": 1, "old": 1}
 
 
 def test_results_stay_and_say_that_the_trace_is_gone(store: Store) -> None:
-    sweep(store.places, Keeping(newest=0), 100.0)
+    sweep_traces(store.places, RetentionPolicy(newest=0), 100.0)
     db = connect_reader(store.places.ledger)
-    reader = Reader(db, store.places)
+    reader = LedgerReader(db, store.places)
     row = reader.runs(RunQuery("a")).rows[0]
     record = reader.records(RecordQuery("a"))[0]
     assert (row.state, row.outcome, row.trace) == ("done", "pass", "")
@@ -106,28 +113,28 @@ def test_results_stay_and_say_that_the_trace_is_gone(store: Store) -> None:
 def test_a_campaign_that_starts_again_meanwhile_keeps_its_traces(
     store: Store, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from daemon import retention
+    from daemon.batch.ledger import _retention
 
-    choose = retention._choose
+    choose = _retention._choose
 
     def choose_slowly(*arguments: object) -> object:
         chosen = choose(*arguments)  # type: ignore[arg-type]
         store.book.retry(RetryRequest("b", ("all",)), 60.0)
         return chosen
 
-    monkeypatch.setattr(retention, "_choose", choose_slowly)
-    swept = sweep(store.places, Keeping(newest=0), 100.0)
+    monkeypatch.setattr(_retention, "_choose", choose_slowly)
+    swept = sweep_traces(store.places, RetentionPolicy(newest=0), 100.0)
     assert store.left() == {"b": 3}
     assert (len(swept.gone), swept.kept) == (6, 3 * SIZE)
 
 
 def test_what_is_no_ledger_of_this_version_is_left_alone(tmp_path: Path) -> None:
     with pytest.raises(DaemonError, match="nothing was ever run there"):
-        sweep(Places(tmp_path), Keeping(), 0.0)
+        sweep_traces(StatePaths(tmp_path), RetentionPolicy(), 0.0)
     (tmp_path / "ledger.db").write_bytes(b"no database at all" * 100)
     with pytest.raises(DaemonError, match="cannot be used"):
-        sweep(Places(tmp_path), Keeping(), 0.0)
+        sweep_traces(StatePaths(tmp_path), RetentionPolicy(), 0.0)
     (tmp_path / "ledger.db").unlink()
     sqlite3.connect(tmp_path / "ledger.db").executescript("PRAGMA user_version = 99").close()
     with pytest.raises(DaemonError, match="schema 99"):
-        sweep(Places(tmp_path), Keeping(), 0.0)
+        sweep_traces(StatePaths(tmp_path), RetentionPolicy(), 0.0)

@@ -11,9 +11,9 @@ from pathlib import Path
 
 import pytest
 
-from daemon.executor import Limits
-from daemon.operation import daemon_unit, worker_unit
-from daemon.server import Settings
+from daemon.batch.operation import daemon_unit, worker_unit
+from daemon.batch.server import DaemonSettings
+from daemon.model.execution import RunLimits
 
 AWKWARD = Path('/srv/my robots/50%/$HOME/"x"\\y')
 
@@ -40,7 +40,7 @@ def test_the_daemon_is_given_the_time_its_drain_takes() -> None:
     ]  # fmt: skip
     assert service["KillMode"] == "mixed"
     # After its patience it gives its worker two last moments of 3 s, then it is gone.
-    assert float(service["TimeoutStopSec"]) >= Settings().patience + 6.0
+    assert float(service["TimeoutStopSec"]) >= DaemonSettings().patience + 6.0
     assert service["Restart"] == "on-failure"
 
 
@@ -54,7 +54,7 @@ def test_a_daemon_whose_traces_go_elsewhere_keeps_doing_so() -> None:
 def test_a_worker_is_given_the_time_of_a_run() -> None:
     service = parsed(worker_unit(Path("/bin/scenario"), "tcp/far:7447"))["Service"]
     assert words(service["ExecStart"]) == ["/bin/scenario", "worker", "--connect", "tcp/far:7447"]
-    assert float(service["TimeoutStopSec"]) > Limits().wall_of(0.0)
+    assert float(service["TimeoutStopSec"]) > RunLimits().wall_of(0.0)
     assert (service["KillMode"], service["Restart"]) == ("mixed", "always")
 
 

@@ -7,14 +7,19 @@ from pathlib import Path
 
 import pytest
 
+from daemon.batch.ledger import LedgerReader, LedgerWriter, connect
+from daemon.batch.paths import StatePaths
 from daemon.campaign import expand, load_campaign
-from daemon.ledger import Book, Reader, connect
-from daemon.messages import LARGEST_SUBMISSION
-from daemon.parcel import Parcel, fingerprint, pack, unpack
-from daemon.places import Places
-from daemon.protocol import Submission
-from daemon.spec import RunSpec
-from grammars import codec
+from daemon.model.messages import LARGEST_SUBMISSION
+from daemon.model.packed_submission import (
+    PackedSubmission,
+    fingerprint,
+    pack_submission,
+    unpack_submission,
+)
+from daemon.model.spec import RunSpec
+from daemon.model.status import Submission
+from grammars.text import codec
 from tests.daemon.samples import make_spec, submission_of
 
 
@@ -25,10 +30,10 @@ def submission(campaigns: Path) -> Submission:
 
 
 def test_a_parcel_is_the_submission_again(submission: Submission) -> None:
-    travelled = codec.from_json(Parcel, codec.to_json(pack(submission)))
-    assert unpack(travelled) == submission
+    travelled = codec.from_json(PackedSubmission, codec.to_json(pack_submission(submission)))
+    assert unpack_submission(travelled) == submission
     spare = replace(submission, runs=submission.runs[:1], reserve=submission.runs[1:])
-    assert unpack(pack(spare)) == spare
+    assert unpack_submission(pack_submission(spare)) == spare
 
 
 def test_digests_are_those_of_what_is_written_out(submission: Submission) -> None:
@@ -39,13 +44,15 @@ def test_digests_are_those_of_what_is_written_out(submission: Submission) -> Non
 
 def test_equal_parts_are_there_once_whoever_made_them() -> None:
     specs = [make_spec(repeat) for repeat in range(50)]
-    parcel = pack(submission_of("c", *specs))
+    parcel = pack_submission(submission_of("c", *specs))
     assert (len(parcel.cells), len(parcel.scripts), len(parcel.runs)) == (1, 1, 50)
 
 
 def test_a_hundred_thousand_runs_fit_into_one_submission(submission: Submission) -> None:
     runs = len(submission.runs)
-    per_run = (len(codec.to_json(pack(_repeated(submission, 20)))) - 50_000) / (20 * runs)
+    per_run = (len(codec.to_json(pack_submission(_repeated(submission, 20)))) - 50_000) / (
+        20 * runs
+    )
     assert 100_000 * per_run < LARGEST_SUBMISSION
 
 
@@ -58,15 +65,15 @@ def _repeated(submission: Submission, times: int) -> Submission:
 
 @pytest.mark.parametrize("packed", [(9, 0, 0, 0), (0, 9, 0, 0)])
 def test_a_parcel_with_a_number_for_nothing_is_none(packed: tuple[int, int, int, int]) -> None:
-    parcel = pack(submission_of("c", make_spec()))
+    parcel = pack_submission(submission_of("c", make_spec()))
     text = codec.to_json(parcel).replace(b"[0,0,0,0]", str(list(packed)).encode())
     with pytest.raises(ValueError, match="no cell"):
-        unpack(codec.from_json(Parcel, text))
+        unpack_submission(codec.from_json(PackedSubmission, text))
 
 
 def test_the_ledger_gives_back_what_was_submitted(submission: Submission, tmp_path: Path) -> None:
     db = connect(tmp_path / "ledger.db")
-    book, reader = Book(db), Reader(db, Places(tmp_path))
+    book, reader = LedgerWriter(db), LedgerReader(db, StatePaths(tmp_path))
     book.submit(submission, 1.0)
     granted = {grant.run: grant.spec for grant in book.lease("w", 1000, 2.0)}
     name = submission.campaign
@@ -80,7 +87,7 @@ def test_the_ledger_gives_back_what_was_submitted(submission: Submission, tmp_pa
 def test_runs_of_ledgers_that_wrote_them_out_are_read(tmp_path: Path) -> None:
     db = connect(tmp_path / "ledger.db")
     spec = make_spec(7)
-    Book(db).submit(submission_of("c", spec), 1.0)
+    LedgerWriter(db).submit(submission_of("c", spec), 1.0)
     db.execute("UPDATE spec SET body = ?", (codec.to_json(spec, RunSpec),))
-    assert Book(db).lease("w", 1, 2.0)[0].spec == spec
+    assert LedgerWriter(db).lease("w", 1, 2.0)[0].spec == spec
     db.close()

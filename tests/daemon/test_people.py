@@ -11,13 +11,13 @@ import numpy as np
 import pytest
 
 from daemon.campaign import check, expand, load_campaign
-from daemon.protocol import Submission
+from daemon.model.spec import RunSpec
+from daemon.model.status import Submission
 from daemon.run import execute
-from daemon.spec import RunSpec
 from daemon.trace import Trace, read_trace
-from grammars.diagnostics import Severity
-from grammars.kinematics import link_poses
-from grammars.scene import Scene
+from grammars.model.kinematics import link_poses
+from grammars.model.scene import Scene
+from grammars.text.diagnostics import Severity
 from templates.occupancy import occupancy_grid
 
 CROWDED = """

@@ -5,26 +5,26 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from daemon.places import (
-    Contact,
-    Places,
-    endpoint_of,
+from daemon.batch.paths import (
+    DaemonContact,
+    StatePaths,
     endpoint_text,
     find_endpoint,
     is_endpoint,
     is_id,
     is_run_id,
+    parse_endpoint,
     trace_name,
     write_atomically,
 )
-from grammars import codec
+from grammars.text import codec
 
 names = st.text(min_size=1, max_size=20).filter(lambda text: "\ud800" not in text)
 
 
 @given(names, names, st.integers(0, 999))
 def test_no_trace_leaves_its_directory(scenario: str, sut: str, repeat: int) -> None:
-    places = Places(Path("/nowhere"))
+    places = StatePaths(Path("/nowhere"))
     try:
         name = trace_name("camp", scenario, sut, repeat)
     except (ValueError, UnicodeEncodeError):
@@ -60,7 +60,7 @@ def test_a_campaign_that_is_no_id_has_no_traces(campaign: str) -> None:
 @pytest.mark.parametrize("name", ["../x.mcap", "a/../../b", "a/b/c.mcap", "a/.x", "a", "/etc/x"])
 def test_foreign_trace_names_are_refused(name: str) -> None:
     with pytest.raises(ValueError, match="not the name of a trace"):
-        Places(Path("/nowhere")).trace(name)
+        StatePaths(Path("/nowhere")).trace(name)
 
 
 def test_run_ids_are_campaign_and_index() -> None:
@@ -83,22 +83,22 @@ def test_people_know_a_socket_by_its_path() -> None:
 
 @pytest.mark.parametrize("endpoint", ["unixsock-stream//run/daemon.sock", "tls/server:7447", "no"])
 def test_what_people_are_shown_is_what_they_may_type(tmp_path: Path, endpoint: str) -> None:
-    assert endpoint_of(endpoint_text(endpoint)) == endpoint
+    assert parse_endpoint(endpoint_text(endpoint)) == endpoint
     typed = {"SCENARIO_CONNECT": endpoint_text(endpoint)}
     assert find_endpoint("", tmp_path, typed).address == endpoint
 
 
 def test_the_state_directory_is_the_argument_then_the_environment(tmp_path: Path) -> None:
     environ = {"SCENARIO_STATE": str(tmp_path / "env")}
-    assert Places.find(tmp_path / "arg", environ).state == tmp_path / "arg"
-    assert Places.find(None, environ).state == tmp_path / "env"
-    assert Places.find(None, {}).state.name == "scenario"
+    assert StatePaths.find(tmp_path / "arg", environ).state == tmp_path / "arg"
+    assert StatePaths.find(None, environ).state == tmp_path / "env"
+    assert StatePaths.find(None, {}).state.name == "scenario"
 
 
 def test_the_endpoint_is_argument_environment_contact_default(tmp_path: Path) -> None:
     environ = {"SCENARIO_STATE": str(tmp_path)}
     assert find_endpoint("", None, environ).origin == "default"
-    contact = Contact("tcp/127.0.0.1:1234", 1, "0", 0.0)
+    contact = DaemonContact("tcp/127.0.0.1:1234", 1, "0", 0.0)
     write_atomically(tmp_path / "daemon.json", codec.to_json(contact))
     assert find_endpoint("", None, environ).address == "tcp/127.0.0.1:1234"
     environ["SCENARIO_CONNECT"] = "tcp/h:1"
@@ -107,7 +107,7 @@ def test_the_endpoint_is_argument_environment_contact_default(tmp_path: Path) ->
 
 
 def test_an_unreadable_contact_is_no_contact(tmp_path: Path) -> None:
-    places = Places(tmp_path)
+    places = StatePaths(tmp_path)
     places.contact_file.write_text("{half")
     assert places.read_contact() is None
 
@@ -115,7 +115,7 @@ def test_an_unreadable_contact_is_no_contact(tmp_path: Path) -> None:
 def test_a_full_disk_is_said_before_runs_start(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    places = Places.find(tmp_path)
+    places = StatePaths.find(tmp_path)
     assert places.shortage() == ""
     usage = shutil.disk_usage(tmp_path)._replace(free=3 * 2**20)
     monkeypatch.setattr(shutil, "disk_usage", lambda _: usage)
@@ -123,4 +123,4 @@ def test_a_full_disk_is_said_before_runs_start(
 
 
 def test_a_state_directory_that_is_gone_is_said(tmp_path: Path) -> None:
-    assert "cannot be used" in Places.find(tmp_path / "gone").shortage()
+    assert "cannot be used" in StatePaths.find(tmp_path / "gone").shortage()

@@ -9,22 +9,22 @@ from pathlib import Path
 
 import pytest
 
-from daemon.ledger import Book, connect
-from daemon.messages import Completion
-from daemon.places import Places, trace_name
-from daemon.protocol import Submission
-from daemon.rejudge import Rejudged, find_traces, rejudge
-from daemon.spec import OracleText, RunResult, Timing, TraceInfo
+from daemon.analysis.rejudge import RejudgedTrace, find_traces, rejudge
+from daemon.batch.ledger import LedgerWriter, connect
+from daemon.batch.paths import StatePaths, trace_name
+from daemon.model.messages import Completion
+from daemon.model.spec import OracleText, RunResult, Timing, TraceInfo
+from daemon.model.status import Submission
+from daemon.model.verdicts import Outcome, Verdict
 from daemon.trace import TraceWriter
-from daemon.verdict import Outcome, Verdict
-from grammars.values import Pose2, Twist2
+from grammars.model.geometry import Pose2, Twist2
 from tests.daemon.old_runs import SLOW, THERE, WORLD, drive, spec
 
 
 def judged(
     traces: Sequence[Path], written: Sequence[OracleText] | None, state: Path
-) -> tuple[Rejudged, ...]:
-    return tuple(rejudge(traces, written, places=Places(state)))
+) -> tuple[RejudgedTrace, ...]:
+    return tuple(rejudge(traces, written, places=StatePaths(state)))
 
 
 def test_the_same_oracles_say_the_same(tmp_path: Path) -> None:
@@ -60,8 +60,8 @@ def test_a_margin_may_change_alone(tmp_path: Path) -> None:
 
 def test_many_traces_over_processes_come_in_order(tmp_path: Path) -> None:
     traces = [drive(tmp_path / f"{i:02}.mcap", spec(i), 0.5 + 0.02 * i) for i in range(12)]
-    alone = tuple(rejudge(traces, None, places=Places(tmp_path), processes=1))
-    spread = tuple(rejudge(traces, None, places=Places(tmp_path), processes=2))
+    alone = tuple(rejudge(traces, None, places=StatePaths(tmp_path), processes=1))
+    spread = tuple(rejudge(traces, None, places=StatePaths(tmp_path), processes=2))
     assert spread == alone
     assert [one.run for one in spread] == [f"S1/pilot/{i}" for i in range(12)]
     assert {one.outcome for one in spread} == {Outcome.PASS, Outcome.FAIL}
@@ -95,13 +95,13 @@ def test_a_run_that_goes_on_can_be_judged(tmp_path: Path) -> None:
 
 
 @pytest.fixture
-def kept(tmp_path: Path) -> Places:
+def kept(tmp_path: Path) -> StatePaths:
     """A state directory whose ledger says that its one run failed."""
-    places = Places(tmp_path / "state")
+    places = StatePaths(tmp_path / "state")
     places.make()
     run = spec()
     connection = connect(places.ledger)
-    book = Book(connection)
+    book = LedgerWriter(connection)
     book.submit(Submission("c", "c", "", "", (run,), (WORLD,)), 1.0)
     (grant,) = book.lease("w", 1, 1.0)
     verdict = Verdict("slow", "max(speed) <= 0.1 m/s", Outcome.FAIL, -0.4, -0.4, "m/s")
@@ -115,7 +115,7 @@ def kept(tmp_path: Path) -> Places:
     return places
 
 
-def test_the_ledger_knows_what_was_judged_before(kept: Places) -> None:
+def test_the_ledger_knows_what_was_judged_before(kept: StatePaths) -> None:
     traces = find_traces(["c"], kept)
     assert find_traces(["c.0"], kept) == traces
     (found,) = rejudge(traces, None, places=kept)
@@ -125,14 +125,14 @@ def test_the_ledger_knows_what_was_judged_before(kept: Places) -> None:
     assert [(c.oracle, c.kind) for c in found.changes] == [("slow", "verdict"), ("there", "new")]
 
 
-def test_a_campaign_of_cached_results_is_judged_by_the_traces_there_are(kept: Places) -> None:
+def test_a_campaign_of_cached_results_is_judged_by_the_traces_there_are(kept: StatePaths) -> None:
     connection = connect(kept.ledger)
-    Book(connection).submit(Submission("d", "d", "", "", (spec(), spec(1)), (WORLD,)), 3.0)
+    LedgerWriter(connection).submit(Submission("d", "d", "", "", (spec(), spec(1)), (WORLD,)), 3.0)
     connection.close()
     assert find_traces(["d"], kept) == find_traces(["d.0"], kept) == find_traces(["c"], kept)
 
 
-def test_the_ledger_is_silent_about_another_run_in_its_place(kept: Places) -> None:
+def test_the_ledger_is_silent_about_another_run_in_its_place(kept: StatePaths) -> None:
     (path,) = find_traces(["c"], kept)
     path.unlink()
     drive(path, replace(spec(), seed=8))
@@ -141,7 +141,7 @@ def test_the_ledger_is_silent_about_another_run_in_its_place(kept: Places) -> No
 
 
 def test_a_ledger_that_cannot_be_read_changes_nothing(tmp_path: Path) -> None:
-    places = Places(tmp_path)
+    places = StatePaths(tmp_path)
     places.make()
     places.ledger.write_bytes(b"this is no database" * 100)
     path = drive(places.traces / "c" / "S1.pilot.0.mcap", spec())
@@ -157,16 +157,16 @@ def test_traces_are_found_once_each_and_in_order(tmp_path: Path) -> None:
         (tmp_path / name).parent.mkdir(exist_ok=True)
         (tmp_path / name).write_bytes(b"")
     named = [str(tmp_path / name) for name in ("b", "a.mcap", "b/1.mcap")]
-    found = find_traces(named, Places(tmp_path / "state"))
+    found = find_traces(named, StatePaths(tmp_path / "state"))
     assert [path.name for path in found] == ["1.mcap", "2.mcap", "a.mcap"]
 
 
 @pytest.mark.parametrize("name", ["nowhere", "c.9", "a/b", ""])
-def test_what_names_no_trace_is_refused(kept: Places, name: str) -> None:
+def test_what_names_no_trace_is_refused(kept: StatePaths, name: str) -> None:
     with pytest.raises(ValueError, match="is no trace, no folder, and no campaign or run"):
         find_traces([name], kept)
 
 
-def test_a_folder_without_traces_is_refused(kept: Places) -> None:
+def test_a_folder_without_traces_is_refused(kept: StatePaths) -> None:
     with pytest.raises(ValueError, match="holds no traces"):
         find_traces([str(kept.scenes)], kept)

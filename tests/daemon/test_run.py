@@ -14,18 +14,18 @@ import numpy as np
 import pytest
 from mcap.reader import make_reader
 
-from daemon import suts
 from daemon.campaign import expand, load_campaign
-from daemon.protocol import Submission
+from daemon.model.spec import RunSpec, Snapshot, SutReference
+from daemon.model.status import Submission
+from daemon.model.sut import Briefing, CostmapPicture, Decision, Estimate, Observation, Progress
+from daemon.model.verdicts import Outcome
 from daemon.run import SceneMismatchError, execute
-from daemon.spec import RunSpec, Snapshot, SutReference
-from daemon.sut import Briefing, CostmapPicture, Decision, Estimate, Observation, Progress
+from daemon.stacks import registry
 from daemon.trace import read_trace
-from daemon.verdict import Outcome
-from grammars import codec
-from grammars.files import load_robot
-from grammars.scene import Scene
-from grammars.values import Pose2, Twist2
+from grammars.model.files import load_robot
+from grammars.model.geometry import Pose2, Twist2
+from grammars.model.scene import Scene
+from grammars.text import codec
 
 
 @pytest.fixture(scope="module")
@@ -86,16 +86,16 @@ def scripted(monkeypatch: pytest.MonkeyPatch) -> None:
     def make(parameters: Mapping[str, object]) -> Scripted:
         return Scripted(**{key: float(str(value)) for key, value in parameters.items()})
 
-    monkeypatch.setitem(suts._BUILT_IN, "scripted", make)
+    monkeypatch.setitem(registry._BUILT_IN, "scripted", make)
 
 
 RUN_IN_A_PROCESS = """
 import sys
 from pathlib import Path
 from daemon.run import execute
-from daemon.spec import RunSpec
+from daemon.model.spec import RunSpec
 from grammars import codec
-from grammars.scene import Scene
+from grammars.model.scene import Scene
 spec = codec.from_json(RunSpec, Path(sys.argv[1]).read_bytes())
 scene = codec.from_json(Scene, Path(sys.argv[2]).read_bytes())
 print(execute(spec, scene, trace_path=Path(sys.argv[3])).digest)
@@ -262,9 +262,9 @@ WARMED = """
 import sys
 from pathlib import Path
 from daemon.run import execute, warm_up
-from daemon.spec import RunSpec
+from daemon.model.spec import RunSpec
 from grammars import codec
-from grammars.scene import Scene
+from grammars.model.scene import Scene
 
 folder = Path(sys.argv[1])
 spec = codec.from_json(RunSpec, (folder / "spec.json").read_bytes())

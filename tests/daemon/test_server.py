@@ -8,13 +8,13 @@ from pathlib import Path
 import psutil
 import pytest
 
-from daemon import bus
-from daemon.client import Client
-from daemon.errors import Refused
-from daemon.messages import ASK, Problem, Verb
-from daemon.places import Places
-from daemon.security import RULES
-from grammars import codec
+from daemon.batch import bus
+from daemon.batch.client import Client
+from daemon.batch.errors import Refused
+from daemon.batch.paths import StatePaths
+from daemon.batch.security import VERB_RULES
+from daemon.model.messages import ASK, ErrorReply, Verb
+from grammars.text import codec
 from tests.daemon.harness import DaemonPart, Part, daemon_at
 from tests.daemon.samples import SCENE, make_spec, make_submission, submission_of
 
@@ -28,7 +28,7 @@ def daemon(tmp_path_factory: pytest.TempPathFactory) -> Iterator[DaemonPart]:
 
 @pytest.fixture
 def client(daemon: DaemonPart) -> Iterator[Client]:
-    with daemon.client() as connected:
+    with daemon.batch.client() as connected:
         yield connected
 
 
@@ -38,7 +38,7 @@ def raw(daemon: DaemonPart, key: str, payload: bytes) -> str:
         replies = list(session.get(key, payload=payload, timeout=5.0))
     assert len(replies) == 1
     assert replies[0].err is not None
-    return codec.from_json(Problem, replies[0].err.payload.to_bytes()).problem
+    return codec.from_json(ErrorReply, replies[0].err.payload.to_bytes()).problem
 
 
 def test_the_daemon_listens_once_and_on_loopback_only(daemon: DaemonPart, client: Client) -> None:
@@ -84,9 +84,11 @@ def test_names_of_scenarios_stay_inside_the_traces(client: Client, daemon: Daemo
     client.submit(submission_of("names", make_spec(scenario="../../etc/passwd")))
     with pytest.raises(Refused, match="no usable file name"):
         client.submit(submission_of("names2", make_spec(scenario="x" * 300)))
-    trace = Places(daemon.state).traces / "names" / "%2E%2E%2F%2E%2E%2Fetc%2Fpasswd.pilot.0.mcap"
+    trace = (
+        StatePaths(daemon.state).traces / "names" / "%2E%2E%2F%2E%2E%2Fetc%2Fpasswd.pilot.0.mcap"
+    )
     assert client.run("names.0").row.trace == ""
-    assert trace.parent.parent == Places(daemon.state).traces
+    assert trace.parent.parent == StatePaths(daemon.state).traces
 
 
 @pytest.mark.parametrize("payload", [b"", b"{", b"[]", b'{"id": 7}', b"\xff\xfe", b"[" * 10_000])
@@ -95,7 +97,7 @@ def test_malformed_requests_are_refused(daemon: DaemonPart, payload: bytes) -> N
 
 
 def test_oversized_requests_are_refused_unread(daemon: DaemonPart) -> None:
-    limit = RULES[Verb.RUN].largest
+    limit = VERB_RULES[Verb.RUN].largest
     complaint = raw(daemon, f"{ASK}/run", b" " * (limit + 1))
     assert f"at most {limit}" in complaint
 
@@ -164,13 +166,13 @@ def test_a_taken_port_is_named(daemon: DaemonPart, tmp_path: Path) -> None:
 @pytest.mark.parametrize("way", ["shutdown", "SIGTERM", "SIGINT"])
 def test_a_daemon_leaves_cleanly(tmp_path: Path, way: str) -> None:
     with daemon_at(tmp_path / "state") as daemon:
-        with daemon.client() as client:
+        with daemon.batch.client() as client:
             if way == "shutdown":
                 client.shutdown()
             else:
                 daemon.signal(signal.Signals[way])
             assert daemon.wait() == 0
-        assert not Places(daemon.state).contact_file.exists()
+        assert not StatePaths(daemon.state).contact_file.exists()
         assert daemon.journal()[-1]["event"] == "stopped"
         assert daemon.output == ""
 

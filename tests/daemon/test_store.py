@@ -8,19 +8,19 @@ from pathlib import Path
 
 import pytest
 
-from daemon.errors import NotAtHand
-from daemon.store import (
-    Recorded,
+from daemon.batch.errors import TraceUnavailable
+from daemon.batch.stores import (
     StoreUnusable,
-    _copies,
-    checked_store,
-    get,
+    TraceReference,
+    _transfer,
+    check_store_url,
+    file_sha256,
+    get_from_store,
     local_copy,
-    prove,
-    put,
-    remove,
-    sha256_of,
-    stored_url,
+    probe_store,
+    put_in_store,
+    remove_from_store,
+    trace_url,
 )
 
 
@@ -47,31 +47,31 @@ def store(request: pytest.FixtureRequest, tmp_path: Path) -> str:
 )
 def test_what_is_no_store_is_refused(url: str, complaint: str) -> None:
     with pytest.raises(ValueError, match=complaint) as caught:
-        checked_store(url)
+        check_store_url(url)
     assert "secret" not in str(caught.value)
 
 
 def test_usual_stores_are_taken() -> None:
-    assert checked_store("s3://bucket/traces/") == "s3://bucket/traces"
-    assert checked_store("file:///mnt/traces") == "file:///mnt/traces"
-    assert checked_store("sftp://me@host/traces") == "sftp://me@host/traces"
+    assert check_store_url("s3://bucket/traces/") == "s3://bucket/traces"
+    assert check_store_url("file:///mnt/traces") == "file:///mnt/traces"
+    assert check_store_url("sftp://me@host/traces") == "sftp://me@host/traces"
 
 
 def test_a_trace_goes_there_and_back(store: str, tmp_path: Path) -> None:
-    prove(store)
+    probe_store(store)
     source, back = tmp_path / "trace.mcap", tmp_path / "back"
     source.write_bytes(os.urandom(1000))
-    url = stored_url(store, "c/S1.pilot.0.mcap", sha256_of(source))
-    put(source, url)
-    put(source, url)  # twice is once
-    get(url, back)
+    url = trace_url(store, "c/S1.pilot.0.mcap", file_sha256(source))
+    put_in_store(source, url)
+    put_in_store(source, url)  # twice is once
+    get_from_store(url, back)
     assert back.read_bytes() == source.read_bytes()
-    trace = Recorded("c.0", url, sha256_of(source), 1000)
+    trace = TraceReference("c.0", url, file_sha256(source), 1000)
     assert local_copy(trace, cache=tmp_path / "cache").read_bytes() == source.read_bytes()
-    remove(url)
-    remove(url)
+    remove_from_store(url)
+    remove_from_store(url)
     with pytest.raises(StoreUnusable, match="cannot be used"):
-        get(url, back)
+        get_from_store(url, back)
     assert local_copy(trace, cache=tmp_path / "cache").name == f"{trace.sha256}.mcap"
 
 
@@ -87,44 +87,46 @@ def test_nothing_partial_is_left_in_a_store(
 
     monkeypatch.setattr(os, "fsync", full)
     with pytest.raises(StoreUnusable, match="No space left on device"):
-        put(source, f"{store}/c/t.mcap")
+        put_in_store(source, f"{store}/c/t.mcap")
     assert list((tmp_path / "store" / "c").iterdir()) == []
 
 
 def test_a_store_without_its_library_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(__import__("sys").modules, "s3fs", None)
     with pytest.raises(StoreUnusable, match="Install s3fs"):
-        prove("s3://bucket/traces")
+        probe_store("s3://bucket/traces")
 
 
 def test_a_damaged_trace_in_a_store_is_said_to_be(store: str, tmp_path: Path) -> None:
     source = tmp_path / "trace.mcap"
     source.write_bytes(b"x" * 1000)
-    put(source, f"{store}/t.mcap")
-    with pytest.raises(NotAtHand, match="damaged where it is kept"):
-        local_copy(Recorded("c.0", f"{store}/t.mcap", "0" * 64, 1000), cache=tmp_path / "cache")
+    put_in_store(source, f"{store}/t.mcap")
+    with pytest.raises(TraceUnavailable, match="damaged where it is kept"):
+        local_copy(
+            TraceReference("c.0", f"{store}/t.mcap", "0" * 64, 1000), cache=tmp_path / "cache"
+        )
 
 
 def test_a_trace_of_another_machine_needs_its_daemon(tmp_path: Path) -> None:
-    trace = Recorded("c.0", "/nowhere/t.mcap", "0" * 64, 1000)
-    with pytest.raises(NotAtHand, match="name its daemon with --connect"):
+    trace = TraceReference("c.0", "/nowhere/t.mcap", "0" * 64, 1000)
+    with pytest.raises(TraceUnavailable, match="name its daemon with --connect"):
         local_copy(trace, cache=tmp_path)
 
 
 def test_a_file_of_the_same_name_and_size_is_not_mistaken(tmp_path: Path) -> None:
     there = tmp_path / "t.mcap"
     there.write_bytes(b"x" * 1000)
-    with pytest.raises(NotAtHand):
-        local_copy(Recorded("c.0", str(there), "0" * 64, 1000), cache=tmp_path / "cache")
+    with pytest.raises(TraceUnavailable):
+        local_copy(TraceReference("c.0", str(there), "0" * 64, 1000), cache=tmp_path / "cache")
 
 
 def test_the_cache_is_bounded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(_copies, "LARGEST_CACHE", 2500)
-    monkeypatch.setattr(_copies, "_RECENT", -1.0)
+    monkeypatch.setattr(_transfer, "LARGEST_CACHE", 2500)
+    monkeypatch.setattr(_transfer, "_RECENT", -1.0)
     cache = tmp_path / "cache"
     for number in range(4):
         source = tmp_path / f"{number}.mcap"
         source.write_bytes(bytes([number]) * 1000)
-        trace = Recorded("c.0", source.as_uri(), sha256_of(source), 1000)
+        trace = TraceReference("c.0", source.as_uri(), file_sha256(source), 1000)
         os.utime(local_copy(trace, cache=cache), (number, number))
     assert sorted(path.read_bytes()[0] for path in cache.iterdir()) == [2, 3]

@@ -11,12 +11,11 @@ from typing import Any
 import pytest
 from distributed import KilledWorker
 
-from daemon.child import RESULT
-from daemon.executor import Limits, Scheduler
-from daemon.messages import Grant
-from daemon.worker._spool import Attempt
-from daemon.worker.cluster import Gateway
-from daemon.worker.cluster._run import RemoteRun
+from daemon.batch.run_process import RESULT
+from daemon.batch.worker import Attempt
+from daemon.batch.worker.cluster import Gateway, RemoteExecution
+from daemon.model.execution import DaskScheduler, RunLimits
+from daemon.model.messages import Lease
 from tests.daemon.samples import make_spec
 
 
@@ -64,22 +63,22 @@ def cluster() -> Cluster:
 
 @pytest.fixture
 def gateway(cluster: Cluster) -> Iterator[Gateway]:
-    made: Any = Gateway(Scheduler("tcp://nowhere:1"), "none", slots=4, log=lambda _: None)
+    made: Any = Gateway(DaskScheduler("tcp://nowhere:1"), "none", slots=4, log=lambda _: None)
     made._link = cluster
     with closing(made):
         yield made
 
 
-def start(gateway: Gateway, folder: Path, *runs: str) -> list[RemoteRun]:
+def start(gateway: Gateway, folder: Path, *runs: str) -> list[RemoteExecution]:
     started = []
     for name in runs:
         (folder / name).mkdir(exist_ok=True)
-        attempt = Attempt(Grant(name, "c", 1, 1, "c/t.mcap", make_spec()), folder / name)
-        started.append(gateway.start(attempt, folder / "scene", Limits()))
+        attempt = Attempt(Lease(name, "c", 1, 1, "c/t.mcap", make_spec()), folder / name)
+        started.append(gateway.start(attempt, folder / "scene", RunLimits()))
     return started
 
 
-def take_in(*runs: RemoteRun) -> list[bool]:
+def take_in(*runs: RemoteExecution) -> list[bool]:
     """What the agent does with ended attempts; whether they are blamed."""
     assert all(run.ended for run in runs)
     blamed = [run.blame for run in runs]

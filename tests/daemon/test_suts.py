@@ -9,8 +9,8 @@ from typing import Any
 
 import pytest
 
-from daemon import suts
-from daemon.suts import make_sut
+from daemon.stacks import registry
+from daemon.stacks.registry import make_sut
 
 STACK = """
 class Stack:
@@ -51,13 +51,13 @@ def plugged(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         "imports": "their_imports:make",
         "syntax": "their_syntax:make",
     }
-    group = suts.ENTRY_POINT_GROUP
+    group = registry.ENTRY_POINT_GROUP
     known = [EntryPoint(name, value, group) for name, value in objects.items()]
 
     def entry_points(**wanted: Any) -> list[EntryPoint]:
         return [entry for entry in known if entry.matches(**wanted)]
 
-    monkeypatch.setattr(suts, "entry_points", entry_points)
+    monkeypatch.setattr(registry, "entry_points", entry_points)
     yield
     for name in ("their_stack", "their_imports", "their_syntax"):
         sys.modules.pop(name, None)

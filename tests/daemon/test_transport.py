@@ -14,14 +14,27 @@ from pathlib import Path
 
 import pytest
 
-from daemon import bus
-from daemon.client import Client
-from daemon.errors import DaemonError, NotAtHand, Refused, WorkerBroken
-from daemon.messages import Chunk, Fetch, Piece, Received, Verb, Welcome
-from daemon.places import Places
-from daemon.protocol import RunState
-from daemon.store import Recorded, bring, leave_marker, local_copy, recorded
-from daemon.worker._base import Base, settle
+from daemon.batch import bus
+from daemon.batch.client import Client
+from daemon.batch.errors import DaemonError, Refused, TraceUnavailable, WorkerBroken
+from daemon.batch.paths import StatePaths
+from daemon.batch.stores import (
+    TraceReference,
+    copy_trace,
+    local_copy,
+    trace_reference,
+    write_marker,
+)
+from daemon.batch.worker import WorkerPaths, choose_paths
+from daemon.model.messages import (
+    DownloadChunk,
+    TraceDownloadRequest,
+    TraceUploadChunk,
+    UploadProgress,
+    Verb,
+    WelcomeReply,
+)
+from daemon.model.status import RunState
 from tests.daemon.harness import DaemonPart, daemon_at, eventually, finished, worker_for
 from tests.daemon.samples import make_submission
 from tests.daemon.test_survival import check_ledger
@@ -55,7 +68,7 @@ def done(daemon: DaemonPart, runs: int) -> bool:
 def test_a_trace_survives_the_death_of_daemon_and_worker_on_its_way(tmp_path: Path) -> None:
     elsewhere = tmp_path / "elsewhere"
     with daemon_at(tmp_path / "state", lease=30.0, grace=20.0) as daemon:
-        with daemon.client() as client:
+        with daemon.batch.client() as client:
             client.submit(make_submission("c", 1, size=LARGE))
         with worker_for(daemon, 1, "--state", str(elsewhere)) as worker:
             (part,) = eventually(lambda: parts(daemon), 20.0)
@@ -67,7 +80,7 @@ def test_a_trace_survives_the_death_of_daemon_and_worker_on_its_way(tmp_path: Pa
             worker.kill()
         after_second = part.stat().st_size
         number = part.stat().st_ino
-        with worker_for(daemon, 1, "--state", str(elsewhere)), daemon.client() as client:
+        with worker_for(daemon, 1, "--state", str(elsewhere)), daemon.batch.client() as client:
             eventually(lambda: finished(client, 1), 20.0)
             trace = whole(client, "c.0")
             row = client.run("c.0").row
@@ -87,7 +100,7 @@ def test_a_trace_survives_the_death_of_daemon_and_worker_on_its_way(tmp_path: Pa
 def remote(tmp_path_factory: pytest.TempPathFactory) -> Iterator[DaemonPart]:
     """A daemon whose only worker does not share its file system, with five runs done."""
     base = tmp_path_factory.mktemp("transport")
-    with daemon_at(base / "state", lease=10.0) as daemon, daemon.client() as client:
+    with daemon_at(base / "state", lease=10.0) as daemon, daemon.batch.client() as client:
         client.submit(make_submission("c", 5, size=1_500_000))
         with worker_for(daemon, 2, "--state", str(base / "elsewhere")) as worker:
             eventually(lambda: finished(client, 5), 20.0)
@@ -107,7 +120,7 @@ def test_a_worker_elsewhere_leaves_nothing_in_the_state_directory_but_traces(
     remote: DaemonPart, client: Client
 ) -> None:
     assert [whole(client, f"c.{i}").parent.name for i in range(5)] == ["c"] * 5
-    assert list(Places(remote.state).spool.iterdir()) == []
+    assert list(StatePaths(remote.state).spool.iterdir()) == []
     (own,) = (remote.state.parent / "elsewhere" / "work").iterdir()
     assert own.name == json.loads((remote.state / "marker.json").read_text())["identity"]
     assert [path.stem for path in (own / "scenes").iterdir()] == [client.run("c.0").spec.scene]
@@ -116,35 +129,35 @@ def test_a_worker_elsewhere_leaves_nothing_in_the_state_directory_but_traces(
 
 
 def test_a_worker_uses_the_directory_only_where_it_is_that_of_the_daemon(tmp_path: Path) -> None:
-    places = Places(tmp_path / "state")
+    places = StatePaths(tmp_path / "state")
     places.make()
-    old, marker = leave_marker(places), leave_marker(places)
+    old, marker = write_marker(places), write_marker(places)
     assert (old.identity, old.probe != marker.probe) == (marker.identity, True)
-    welcome = Welcome(str(places.state), "1", "2", 3.0, 1.0, marker.identity, marker.probe)
-    assert settle(None, welcome) == Base(places, shared=True)
+    welcome = WelcomeReply(str(places.state), "1", "2", 3.0, 1.0, marker.identity, marker.probe)
+    assert choose_paths(None, welcome) == WorkerPaths(places, shared=True)
     # The same path on another machine: a copy from a backup, say, has the marker of another start.
     moved = replace(welcome, probe=old.probe)
-    own = Places(places.state / "work" / marker.identity)
-    assert settle(places.state, moved) == Base(own, shared=False)
-    assert settle(places.state, replace(welcome, probe="")) == Base(own, shared=False)
+    own = StatePaths(places.state / "work" / marker.identity)
+    assert choose_paths(places.state, moved) == WorkerPaths(own, shared=False)
+    assert choose_paths(places.state, replace(welcome, probe="")) == WorkerPaths(own, shared=False)
     with pytest.raises(WorkerBroken, match="which state directory"):
-        settle(places.state, replace(moved, identity="../../somewhere"))
+        choose_paths(places.state, replace(moved, identity="../../somewhere"))
     with pytest.raises(WorkerBroken, match="name one with --state"):
-        settle(places.marker, moved)
+        choose_paths(places.marker, moved)
 
 
-def ask(client: Client, request: Chunk) -> Received:
-    return bus.ask(client._session, client.endpoint, Verb.UPLOAD, request, Received, 3.0)
+def ask(client: Client, request: TraceUploadChunk) -> UploadProgress:
+    return bus.ask(client._session, client.endpoint, Verb.UPLOAD, request, UploadProgress, 3.0)
 
 
 def test_hostile_uploads_are_refused_and_leave_nothing(remote: DaemonPart, client: Client) -> None:
     hostile = [
-        Chunk("w", "c.0", 1_000_000, "0" * 64, 10),
-        Chunk("w", "c.77", 1, "0" * 64, 10),
-        Chunk("w", "../../etc/passwd", 1, "0" * 64, 10),
-        Chunk("w", "c.0/../c.1", 1, "0" * 64, 10),
-        Chunk("w", "c.0", 1, "../" * 21 + "a", 10),
-        Chunk("w", "c.0", 1, "0" * 64, 2**62),
+        TraceUploadChunk("w", "c.0", 1_000_000, "0" * 64, 10),
+        TraceUploadChunk("w", "c.77", 1, "0" * 64, 10),
+        TraceUploadChunk("w", "../../etc/passwd", 1, "0" * 64, 10),
+        TraceUploadChunk("w", "c.0/../c.1", 1, "0" * 64, 10),
+        TraceUploadChunk("w", "c.0", 1, "../" * 21 + "a", 10),
+        TraceUploadChunk("w", "c.0", 1, "0" * 64, 2**62),
     ]
     for chunk in hostile:
         with pytest.raises(Refused):
@@ -156,9 +169,9 @@ def test_hostile_uploads_are_refused_and_leave_nothing(remote: DaemonPart, clien
 def test_traces_come_over_the_bus_into_the_cache_and_are_verified(
     remote: DaemonPart, client: Client, tmp_path: Path
 ) -> None:
-    trace = recorded(client.run("c.1"))
+    trace = trace_reference(client.run("c.1"))
     assert local_copy(trace, client) == Path(trace.location)  # it lies here
-    there = Recorded(trace.run, "/nowhere/" + trace.location, trace.sha256, trace.size)
+    there = TraceReference(trace.run, "/nowhere/" + trace.location, trace.sha256, trace.size)
     seen: list[int] = []
     copy = local_copy(there, client, cache=tmp_path, told=seen.append)
     assert copy.read_bytes() == Path(trace.location).read_bytes()
@@ -170,35 +183,37 @@ def test_traces_come_over_the_bus_into_the_cache_and_are_verified(
 
 
 def test_an_interrupted_download_goes_on_where_it_was(client: Client, tmp_path: Path) -> None:
-    trace = recorded(client.run("c.2"))
+    trace = trace_reference(client.run("c.2"))
     data = Path(trace.location).read_bytes()
     (tmp_path / f".{trace.sha256}.part").write_bytes(data[:1_400_000])
     asked: list[int] = []
 
     class Watched:
-        def piece(self, run: str, offset: int) -> Piece:
+        def piece(self, run: str, offset: int) -> DownloadChunk:
             asked.append(offset)
             return client.piece(run, offset)
 
-    bring(trace, Watched(), tmp_path / "t.mcap")
+    copy_trace(trace, Watched(), tmp_path / "t.mcap")
     assert asked == [1_400_000]
     assert (tmp_path / "t.mcap").read_bytes() == data
     assert [path.name for path in tmp_path.iterdir()] == ["t.mcap"]
 
 
 def test_what_arrives_damaged_is_never_a_trace(client: Client, tmp_path: Path) -> None:
-    trace = recorded(client.run("c.3"))
+    trace = trace_reference(client.run("c.3"))
 
     class Noise:
-        def piece(self, run: str, offset: int) -> Piece:
+        def piece(self, run: str, offset: int) -> DownloadChunk:
             piece = client.piece(run, offset)
-            return Piece(offset, piece.size, piece.sha256, "AAAA" + piece.data[4:], piece.digest)
+            return DownloadChunk(
+                offset, piece.size, piece.sha256, "AAAA" + piece.data[4:], piece.digest
+            )
 
-    with pytest.raises(NotAtHand, match="arrives damaged"):
-        bring(trace, Noise(), tmp_path / "t.mcap")
+    with pytest.raises(TraceUnavailable, match="arrives damaged"):
+        copy_trace(trace, Noise(), tmp_path / "t.mcap")
     (tmp_path / f".{trace.sha256}.part").write_bytes(b"x" * 1000)
-    with pytest.raises(NotAtHand, match="damaged where it is kept"):
-        bring(trace, client, tmp_path / "t.mcap")
+    with pytest.raises(TraceUnavailable, match="damaged where it is kept"):
+        copy_trace(trace, client, tmp_path / "t.mcap")
     assert not (tmp_path / "t.mcap").exists()
 
 
@@ -207,18 +222,25 @@ def test_a_download_names_a_run_and_never_a_path(client: Client) -> None:
         with pytest.raises(Refused):
             client.piece(run, 0)
     with pytest.raises(Refused, match="malformed"):
-        bus.ask(client._session, client.endpoint, Verb.FETCH, Fetch("c.0", -1), Piece, 3.0)
+        bus.ask(
+            client._session,
+            client.endpoint,
+            Verb.FETCH,
+            TraceDownloadRequest("c.0", -1),
+            DownloadChunk,
+            3.0,
+        )
     assert client.piece("c.0", 2**31).data == ""
 
 
 def test_traces_go_into_a_store_and_the_ledger_knows_where_each_lies(tmp_path: Path) -> None:
     store = (tmp_path / "shared" / "traces").as_uri()
-    with daemon_at(tmp_path / "state", traces=store) as daemon, daemon.client() as client:
+    with daemon_at(tmp_path / "state", traces=store) as daemon, daemon.batch.client() as client:
         client.submit(make_submission("c", 2, size=1000))
         with worker_for(daemon, 2, "--state", str(tmp_path / "elsewhere")):
             eventually(lambda: finished(client, 2), 20.0)
         for run in ("c.0", "c.1"):
-            trace = recorded(client.run(run))
+            trace = trace_reference(client.run(run))
             assert trace.location.startswith(f"{store}/c/S1.pilot.{run[-1]}.{trace.sha256[:16]}")
             copy = local_copy(trace, cache=tmp_path / "cache")
             assert hashlib.sha256(copy.read_bytes()).hexdigest() == trace.sha256

@@ -10,13 +10,13 @@ from pathlib import Path
 import psutil
 import pytest
 
-from daemon import bus
-from daemon.client import Client
-from daemon.errors import Refused
-from daemon.messages import LeaseReply, LeaseRequest, Verb, Welcome, WorkerInfo
-from daemon.protocol import Live, RunState
-from daemon.spec import SutReference
-from daemon.verdict import Outcome
+from daemon.batch import bus
+from daemon.batch.client import Client
+from daemon.batch.errors import Refused
+from daemon.model.messages import LeaseReply, LeaseRequest, Verb, WelcomeReply, WorkerInfo
+from daemon.model.spec import SutReference
+from daemon.model.status import LiveSnapshot, RunState
+from daemon.model.verdicts import Outcome
 from tests.daemon.harness import (
     DaemonPart,
     Part,
@@ -39,7 +39,7 @@ def daemon(tmp_path_factory: pytest.TempPathFactory) -> Iterator[DaemonPart]:
 
 @pytest.fixture
 def client(daemon: DaemonPart) -> Iterator[Client]:
-    with daemon.client() as connected:
+    with daemon.batch.client() as connected:
         yield connected
 
 
@@ -145,7 +145,7 @@ def test_cancelling_stops_the_processes_at_once(
 
 
 def test_running_runs_are_seen_live(client: Client) -> None:
-    seen: list[Live] = []
+    seen: list[LiveSnapshot] = []
     with client.events(lambda _: None, seen.append):
         client.submit(make_submission("live", 1, sleep=1.0))
         eventually(lambda: done(client, "live"))
@@ -191,7 +191,7 @@ def test_the_worker_is_on_the_list(client: Client) -> None:
 
 def test_the_wall_clock_limit_stops_a_run(tmp_path: Path) -> None:
     settings = {"wall": 0.3, "attempts": 1}
-    with daemon_at(tmp_path / "state", 1, **settings) as daemon, daemon.client() as client:
+    with daemon_at(tmp_path / "state", 1, **settings) as daemon, daemon.batch.client() as client:
         client.submit(make_submission("slow", 1, sleep=60.0))
         eventually(lambda: done(client, "slow"))
         (row,) = client.runs("slow").rows
@@ -202,7 +202,7 @@ def test_the_wall_clock_limit_stops_a_run(tmp_path: Path) -> None:
 def test_a_worker_told_to_leave_finishes_first(tmp_path: Path) -> None:
     with (
         daemon_at(tmp_path / "state") as daemon,
-        daemon.client() as client,
+        daemon.batch.client() as client,
         worker_for(daemon, 2) as worker,
     ):
         client.submit(make_submission("c", 4, sleep=0.5))
@@ -215,7 +215,7 @@ def test_a_worker_told_to_leave_finishes_first(tmp_path: Path) -> None:
 
 
 def test_a_worker_told_twice_gives_its_runs_back_without_blame(tmp_path: Path) -> None:
-    with daemon_at(tmp_path / "state", attempts=1) as daemon, daemon.client() as client:
+    with daemon_at(tmp_path / "state", attempts=1) as daemon, daemon.batch.client() as client:
         with worker_for(daemon, 2) as worker:
             client.submit(make_submission("c", 3, sleep=60.0))
             eventually(lambda: client.overview().running == 2)
@@ -233,7 +233,7 @@ def test_a_worker_told_twice_gives_its_runs_back_without_blame(tmp_path: Path) -
 def test_children_die_with_their_worker_however_far_it_steps_back(tmp_path: Path) -> None:
     with (
         daemon_at(tmp_path / "state") as daemon,
-        daemon.client() as client,
+        daemon.batch.client() as client,
         worker_for(daemon, 2, "--step-back", "3") as worker,
     ):
         client.submit(make_submission("c", 2, sleep=60.0))
@@ -248,8 +248,8 @@ def test_children_die_with_their_worker_however_far_it_steps_back(tmp_path: Path
 def test_a_worker_that_cannot_execute_says_why_and_leaves(tmp_path: Path) -> None:
     with daemon_at(tmp_path / "state") as daemon:
         options = ("--connect", daemon.endpoint, "--slots", "1", "--executor")
-        daemon.client().close()
-        worker = Part("worker", tmp_path / "w.log", *options, "tests.daemon.not_there:execute")
+        daemon.batch.client().close()
+        worker = Part("worker", tmp_path / "w.log", *options, "tests.daemon:not_there.execute")
         assert worker.wait() == 5
         assert "this worker cannot execute runs" in worker.output
         assert "ModuleNotFoundError: No module named 'tests.daemon.not_there'" in worker.output
@@ -265,7 +265,7 @@ def test_a_worker_without_a_daemon_says_so(tmp_path: Path) -> None:
 def test_results_left_by_a_dead_worker_are_delivered_by_the_next(tmp_path: Path) -> None:
     with daemon_at(tmp_path / "state", lease=60.0, grace=60.0) as daemon:
         log = tmp_path / "log"
-        with daemon.client() as client, worker_for(daemon, 2) as worker:
+        with daemon.batch.client() as client, worker_for(daemon, 2) as worker:
             client.submit(make_submission("c", 2, sleep=0.3, log=str(log)))
             eventually(lambda: client.overview().running == 2)
             daemon.freeze()
@@ -290,10 +290,10 @@ def test_a_worker_is_one_family(daemon: DaemonPart, client: Client) -> None:
 
 
 def test_a_local_worker_that_cannot_execute_is_the_daemons_trouble(tmp_path: Path) -> None:
-    missing = "tests.daemon.not_there:execute"
+    missing = "tests.daemon:not_there.execute"
     with (
         daemon_at(tmp_path / "state", 1, executor=missing) as daemon,
-        daemon.client() as client,
+        daemon.batch.client() as client,
     ):
         client.submit(make_submission("c", 1))
         trouble = eventually(lambda: client.overview().trouble)
@@ -302,7 +302,7 @@ def test_a_local_worker_that_cannot_execute_is_the_daemons_trouble(tmp_path: Pat
 
 
 def test_a_run_whose_scene_is_gone_waits_without_blame(tmp_path: Path) -> None:
-    with daemon_at(tmp_path / "state", attempts=1) as daemon, daemon.client() as client:
+    with daemon_at(tmp_path / "state", attempts=1) as daemon, daemon.batch.client() as client:
         client.submit(make_submission("c", 1))
         (scene,) = (daemon.state / "scenes").iterdir()
         scene.unlink()
@@ -315,8 +315,8 @@ def test_a_run_whose_scene_is_gone_waits_without_blame(tmp_path: Path) -> None:
 def test_details_of_a_run_are_told_while_somebody_watches_it(client: Client) -> None:
     client.submit(make_submission("watched", 1, sleep=60.0))
     (row,) = client.runs("watched").rows
-    told: list[Live] = []
-    little: list[Live] = []
+    told: list[LiveSnapshot] = []
+    little: list[LiveSnapshot] = []
     with client.events(lambda _: None, little.append):
         eventually(lambda: any(live.run == row.id for live in little))
         assert all(live.snapshot.returns == () for live in little)
@@ -336,7 +336,7 @@ def test_a_worker_of_another_version_is_refused_with_the_remedy(
     stranger = replace(WorkerInfo("w", "host", 1, ours, 1, 0), **different)
     with bus.open_client(daemon.endpoint) as session:
         with pytest.raises(Refused, match=f"pip install 'scenario-tui=={ours}'"):
-            bus.ask(session, daemon.endpoint, Verb.WELCOME, stranger, Welcome, 3.0)
+            bus.ask(session, daemon.endpoint, Verb.WELCOME, stranger, WelcomeReply, 3.0)
         lease = LeaseRequest(stranger, 1)
         with pytest.raises(Refused, match="worker w has scenario-tui"):
             bus.ask(session, daemon.endpoint, Verb.LEASE, lease, LeaseReply, 3.0)

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from grammars.behaviour import Behaviour
-from grammars.composition import compile_scene, resolve_behaviours
-from grammars.composition.behaviours import ResolvedBehaviours
 from grammars.floorplan import FloorPlan, parse_floorplan
-from grammars.scene import Scene
+from grammars.model.behaviour import Behaviour
+from grammars.model.scene import Scene
 from grammars.scenery import SceneryLayer, parse_scenery
+from grammars.scenery.composition import ResolvedBehaviours, compile_scene, resolve_behaviours
 from tests.grammars.scenery.samples import DOOR, LIFT, SLIDER
 
 MODELS = DOOR + SLIDER + LIFT

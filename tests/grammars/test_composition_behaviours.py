@@ -9,9 +9,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from grammars.behaviour import Hold, Jump, KeyFrame, KeyFrames, Servo, Spring, Trigger
-from grammars.composition import compile_scene, resolve_behaviours
-from grammars.diagnostics import InputError
+from grammars.model.behaviour import Hold, Jump, KeyFrame, KeyFrames, Servo, Spring, Trigger
+from grammars.scenery.composition import compile_scene, resolve_behaviours
+from grammars.text.diagnostics import InputError
 from tests.grammars.plans import behaviours_of, layer, resolved, scene_with, two_rooms
 
 DOORS = """

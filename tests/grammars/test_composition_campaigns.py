@@ -9,14 +9,14 @@ import numpy as np
 import pytest
 from shapely.geometry import Point, Polygon
 
-from grammars.behaviour import Hold, KeyFrames, Spring, Trigger
-from grammars.composition import compile_scene, resolve_behaviours
-from grammars.diagnostics import Severity
 from grammars.floorplan import load_floorplan
-from grammars.kinematics import link_poses
-from grammars.preflight import check_world
-from grammars.scene import Scene, SceneObject
+from grammars.model.behaviour import Hold, KeyFrames, Spring, Trigger
+from grammars.model.kinematics import link_poses
+from grammars.model.scene import Scene, SceneObject
+from grammars.preflight import check_scene
 from grammars.scenery import SceneryLayer, load_scenery
+from grammars.scenery.composition import compile_scene, resolve_behaviours
+from grammars.text.diagnostics import Severity
 
 # x, y, yaw of the doors in the published world of Scenarios 2 and 3 (frontiers2024 package)
 PUBLISHED = {
@@ -186,11 +186,11 @@ def test_the_demo_flat_is_sound(campaigns: Path, behaviour: str) -> None:
         "kitchen_doorway",
         "living_room_doorway",
     ]
-    assert check_world(scene) == ()
+    assert check_scene(scene) == ()
     result = resolve_behaviours(scene, loaded, seed=np.random.SeedSequence(1), limit=60.0)
     assert len(result.behaviours) == 3
     assert result.overridden == ()
 
 
 def test_building_c_has_no_errors(building: Scene) -> None:
-    assert [d for d in check_world(building) if d.severity is Severity.ERROR] == []
+    assert [d for d in check_scene(building) if d.severity is Severity.ERROR] == []

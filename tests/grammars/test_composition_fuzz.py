@@ -7,12 +7,12 @@ import re
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from grammars import codec
-from grammars.composition import compile_scene, static_segments
-from grammars.diagnostics import InputError
-from grammars.preflight import check_world
-from grammars.scene import Scene
+from grammars.model.scene import Scene
+from grammars.preflight import check_scene
 from grammars.scenery import parse_scenery
+from grammars.scenery.composition import compile_scene, static_segments
+from grammars.text import codec
+from grammars.text.diagnostics import InputError
 from tests.grammars.plans import MODELS, resolved, two_rooms
 
 PLAN = two_rooms()
@@ -46,7 +46,7 @@ def compose(text: str) -> None:
     except InputError as error:
         assert all(d.message for d in error.diagnostics)
         return
-    check_world(scene)
+    check_scene(scene)
     assert codec.from_json(Scene, codec.to_json(scene)) == scene
     assert len(static_segments(scene, 0.3)[0]) > 0
 

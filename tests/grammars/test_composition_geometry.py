@@ -13,10 +13,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from shapely.geometry import LineString, Polygon
 
-from grammars.composition import compile_scene, static_segments
-from grammars.composition.rings import convex_rings, is_convex, signed_area
 from grammars.floorplan import FloorPlan, Opening, load_floorplan, parse_floorplan
-from grammars.scene import Scene
+from grammars.model.scene import Scene
+from grammars.scenery.composition import (
+    compile_scene,
+    convex_rings,
+    is_convex,
+    signed_area,
+    static_segments,
+)
 from tests.grammars.plans import two_rooms
 
 HEIGHTS = (0.1, 0.7, 1.2, 1.9, 2.05, 2.3)

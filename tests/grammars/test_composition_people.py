@@ -10,8 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from grammars import codec
-from grammars.behaviour import (
+from grammars.model.behaviour import (
     Behaviour,
     JointActs,
     KeyFrames,
@@ -20,10 +19,10 @@ from grammars.behaviour import (
     Walk,
     WaypointReached,
 )
-from grammars.composition import compile_scene
-from grammars.composition.chance import Pauses, draw_pauses
-from grammars.diagnostics import InputError
-from grammars.kinematics import link_poses
+from grammars.model.kinematics import link_poses
+from grammars.scenery.composition import RandomWaits, compile_scene, draw_waits
+from grammars.text import codec
+from grammars.text.diagnostics import InputError
 from tests.grammars.plans import behaviours_of, layer, resolved, scene_with, two_rooms
 from tests.grammars.scenery.samples import PEOPLE
 
@@ -201,8 +200,8 @@ def test_waiting_times_follow_their_distribution() -> None:
         ("exponential", 0.0, 10.0, 10.0),
         ("normal", 2.0, 10.0, 2.0),
     ):
-        pauses = Pauses(kind, 10.0, second, 5.0, 30_000.0)  # type: ignore[arg-type]
-        frames = draw_pauses(pauses, np.random.SeedSequence(1), 0.0, 1.0)
+        pauses = RandomWaits(kind, 10.0, second, 5.0, 30_000.0)  # type: ignore[arg-type]
+        frames = draw_waits(pauses, np.random.SeedSequence(1), 0.0, 1.0)
         waits = np.diff([5.0, *(frame.time for frame in frames[1:])])
         assert np.mean(waits) == pytest.approx(mean, rel=0.1)
         assert np.std(waits) == pytest.approx(spread, rel=0.1)

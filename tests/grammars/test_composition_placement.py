@@ -7,11 +7,11 @@ import math
 import pytest
 from shapely.geometry import Point, Polygon
 
-from grammars.composition import compile_scene
-from grammars.diagnostics import InputError
-from grammars.kinematics import link_poses
-from grammars.scene import Scene, SceneObject
-from grammars.values import Point2, Pose2
+from grammars.model.geometry import Point2, Pose2
+from grammars.model.kinematics import link_poses
+from grammars.model.scene import Scene, SceneObject
+from grammars.scenery.composition import compile_scene
+from grammars.text.diagnostics import InputError
 from tests.grammars.plans import layer, scene_with, two_rooms
 
 

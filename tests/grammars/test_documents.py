@@ -6,17 +6,17 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import Field
 
-from grammars.diagnostics import InputError
-from grammars.documents import Length, Written, load_yaml, parse_yaml, read_model
+from grammars.text.diagnostics import InputError
+from grammars.text.documents import Length, StrictModel, load_yaml, parse_yaml, read_model
 
 
-class Room(Written):
+class Room(StrictModel):
     name: str
     width: Length
     doors: list[dict[str, Length]] = []
 
 
-class House(Written):
+class House(StrictModel):
     rooms: dict[str, Room] = Field(min_length=1)
     owner: Room | None = None
 
@@ -99,7 +99,7 @@ def test_no_text_raises_anything_but_input_errors(text: str) -> None:
         assert error.diagnostics
 
 
-class Named(Written):
+class Named(StrictModel):
     name: str = Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]{0,9}$")
     ids: dict[Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]*$")], int] = {}
     mood: Literal["calm", "rude"] = "calm"

@@ -3,11 +3,11 @@ from pathlib import Path
 
 import pytest
 
-from grammars import codec
-from grammars.diagnostics import InputError
-from grammars.files import load_mission, load_robot
-from grammars.robot import Robot
-from grammars.values import Pose2
+from grammars.model.files import load_mission, load_robot
+from grammars.model.geometry import Pose2
+from grammars.model.robot import Robot
+from grammars.text import codec
+from grammars.text.diagnostics import InputError
 
 ROBOT = """\
 robot: box

@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from grammars.kinematics import joint_motion, link_poses, link_tracks
-from grammars.scene import Joint, Link, SceneObject
-from grammars.values import Pose2
+from grammars.model.geometry import Pose2
+from grammars.model.kinematics import joint_motion, link_poses, link_tracks
+from grammars.model.scene import Joint, Link, SceneObject
 
 LEAF = ((0.0, 0.0), (0.0, 0.04), (0.9, 0.04), (0.9, 0.0))
 ORIGIN = Pose2()

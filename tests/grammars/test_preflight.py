@@ -10,7 +10,8 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from grammars.behaviour import (
+from grammars.floorplan import load_floorplan
+from grammars.model.behaviour import (
     Behaviour,
     Event,
     Hold,
@@ -26,17 +27,16 @@ from grammars.behaviour import (
     Walk,
     WaypointReached,
 )
-from grammars.composition import compile_scene
-from grammars.diagnostics import Diagnostic, Severity, Where
-from grammars.files import load_mission, load_robot
-from grammars.floorplan import load_floorplan
-from grammars.mission import Mission, Waypoint
-from grammars.preflight import check_run, check_world, places_of
-from grammars.preflight.free_space import inscribed_radius
-from grammars.robot import Robot
-from grammars.scene import Scene
+from grammars.model.files import load_mission, load_robot
+from grammars.model.free_space import inscribed_radius
+from grammars.model.geometry import Pose2
+from grammars.model.mission import Mission, Waypoint
+from grammars.model.robot import Robot
+from grammars.model.scene import Scene
+from grammars.preflight import check_run, check_scene, places_of
 from grammars.scenery import load_scenery
-from grammars.values import Pose2
+from grammars.scenery.composition import compile_scene
+from grammars.text.diagnostics import Diagnostic, Severity, Where
 from tests.grammars.plans import layer, scene_with, two_rooms
 
 DOOR = "d is a hinged_door in kitchen_doorway, hinge left, opening into kitchen"
@@ -66,7 +66,7 @@ def texts(found: tuple[Diagnostic, ...]) -> list[str]:
 
 def test_a_sound_world_and_mission_give_nothing(robot: Robot) -> None:
     scene = scene_with(DOOR)
-    assert check_world(scene) == ()
+    assert check_scene(scene) == ()
     assert run(robot, scene, mission((3, 0), (0.5, 4))) == ()
 
 
@@ -209,13 +209,13 @@ def test_behaviours_of_joints_that_cannot_follow_are_found(robot: Robot) -> None
 def test_two_objects_of_one_name_are_found() -> None:
     scene = scene_with(DOOR)
     twice = dataclasses.replace(scene, objects=scene.objects * 2)
-    assert 'there are two objects called "d"' in [d.message for d in check_world(twice)]
+    assert 'there are two objects called "d"' in [d.message for d in check_scene(twice)]
 
 
 def test_a_joint_that_starts_outside_of_its_limits_is_found() -> None:
     scene = scene_with(DOOR)
     wrong = dataclasses.replace(scene.objects[0], initial=(3.0,))
-    found = check_world(dataclasses.replace(scene, objects=(wrong,)))
+    found = check_scene(dataclasses.replace(scene, objects=(wrong,)))
     assert found[0].message == "d.hinge starts at 3, outside of its limits"
     assert found[0].severity is Severity.ERROR
 
@@ -223,7 +223,7 @@ def test_a_joint_that_starts_outside_of_its_limits_is_found() -> None:
 def test_a_door_that_starts_in_a_wall_is_found_with_its_place() -> None:
     doors = layer("d is a hinged_door at hall.walls[0], x -3 m, y 0.1 m, turned -90 deg")
     scene = compile_scene(two_rooms(), [doors])
-    (found,) = check_world(scene, places=places_of([doors]))
+    (found,) = check_scene(scene, places=places_of([doors]))
     assert found.message == "the leaf of d starts inside of hall-wall-0"
     assert found.where.file == "objects.scenery"
     assert found.severity is Severity.ERROR
@@ -233,7 +233,7 @@ def test_a_door_that_sweeps_through_a_wall_gives_a_warning(robot: Robot) -> None
     # a leaf along the east wall's face turns from the corner into the north wall
     text = "d is a hinged_door at hall, x 4.5 m, y 1.5 m, turned 180 deg"
     scene = scene_with(text)
-    (found,) = check_world(scene)
+    (found,) = check_scene(scene)
     assert found.message == "the leaf of d sweeps through hall-wall-1 somewhere in its range"
     assert found.severity is Severity.WARNING
     swing = KeyFrames("d.hinge", (KeyFrame(0, 0.0), KeyFrame(5, 1.5)), Jump())
@@ -245,7 +245,7 @@ def test_a_door_that_sweeps_through_a_wall_gives_a_warning(robot: Robot) -> None
 
 def test_two_doors_that_meet_give_one_warning() -> None:
     scene = scene_with(DOOR + "\ne is a hinged_door at kitchen, x 0.2 m, y -0.9 m")
-    (found,) = check_world(scene)
+    (found,) = check_scene(scene)
     assert found.message == "d and e can run into each other somewhere in its range"
 
 
@@ -256,12 +256,12 @@ def test_a_door_set_in_its_doorway_touches_but_does_not_sweep_through_its_wall()
                 f"d is a hinged_door in kitchen_doorway, hinge {side}, opening inwards, "
                 f"recessed {recess}"
             )
-            assert check_world(scene) == ()
+            assert check_scene(scene) == ()
 
 
 def test_an_entryway_that_forgets_a_wall_gives_a_warning() -> None:
     one = two_rooms(("in: hall.walls[0] and kitchen.walls[2]", "in: hall.walls[0]"))
-    (found,) = check_world(compile_scene(one), places=places_of([], one))
+    (found,) = check_scene(compile_scene(one), places=places_of([], one))
     assert found.where.file == "two_rooms.fpm"
     assert found.message == "kitchen_doorway is closed by kitchen-wall-2"
     assert found.severity is Severity.WARNING
@@ -279,7 +279,7 @@ def test_building_c_is_checked_fast(campaigns: Path, robot: Robot) -> None:
     scene = compile_scene(load_floorplan(folder / "building_c.fpm"), [doors])
     task, _ = load_mission(folder / "corridor.mission.yaml")
     start = time.perf_counter()
-    found = (*check_world(scene), *check_run(scene, robot, task, ()))
+    found = (*check_scene(scene), *check_run(scene, robot, task, ()))
     assert time.perf_counter() - start < 1.0
     assert [d for d in found if d.severity is Severity.ERROR] == []
 
@@ -348,7 +348,7 @@ def test_a_walk_through_a_doorway_is_sound(robot: Robot) -> None:
     scene = scene_with(PERSON)
     walk = Walk("v", ((-3, 0), (0.5, 0), (0.5, 4)), 1.0)
     assert run(robot, scene, task, walk) == ()
-    assert check_world(scene) == ()
+    assert check_scene(scene) == ()
 
 
 def test_a_route_through_a_wall_is_found(robot: Robot) -> None:
@@ -405,7 +405,7 @@ def test_a_mover_at_rest_may_be_in_the_way(robot: Robot) -> None:
 
 
 def test_furniture_in_a_wall_gives_a_warning() -> None:
-    (found,) = check_world(scene_with(TABLE + "t is a table in hall, y 1.8 m"))
+    (found,) = check_scene(scene_with(TABLE + "t is a table in hall, y 1.8 m"))
     assert (found.severity, found.message) == (
         Severity.WARNING,
         "t stands in hall-wall-0 and kitchen-wall-2",

@@ -4,8 +4,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from grammars.diagnostics import InputError, Where
-from grammars.quantity import parse_quantity, read_as, read_quantity, unit_of
+from grammars.text.diagnostics import InputError, Where
+from grammars.text.quantity import parse_quantity, read_as, read_quantity, unit_of
 
 
 @pytest.mark.parametrize(

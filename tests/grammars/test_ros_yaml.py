@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from grammars.diagnostics import InputError
-from grammars.ros_yaml import parse_ros_yaml
+from grammars.text.diagnostics import InputError
+from grammars.text.ros_yaml import parse_ros_yaml
 
 
 def read(text: str) -> object:

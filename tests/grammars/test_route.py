@@ -9,11 +9,17 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from grammars.behaviour import Walk
-from grammars.movers import carried, chain_positions, is_mover
-from grammars.route import CORNER, Profile, Route
-from grammars.scene import Joint, Link, SceneObject
-from grammars.values import Pose2
+from grammars.model.behaviour import Walk
+from grammars.model.geometry import Pose2
+from grammars.model.movers import (
+    CORNER,
+    Profile,
+    Route,
+    chain_positions,
+    is_mover,
+    with_planar_chain,
+)
+from grammars.model.scene import Joint, Link, SceneObject
 
 positive = st.floats(0.1, 5.0)
 points = st.lists(
@@ -72,7 +78,7 @@ def test_a_closed_route_turns_once_a_lap() -> None:
 
 
 def test_the_chain_puts_the_body_anywhere() -> None:
-    links, joints = carried((Link("body", (), 1.0, 0.0, 1.0),), (), "body")
+    links, joints = with_planar_chain((Link("body", (), 1.0, 0.0, 1.0),), (), "body")
     mover = SceneObject("v", "v", Pose2(1.0, 2.0, 0.7), links, joints, (0.0, 0.0, 0.0))
     positions = chain_positions(mover, Pose2(-3.0, 4.0), 9.0)
     there = mover.pose @ Pose2(*positions)
@@ -81,7 +87,7 @@ def test_the_chain_puts_the_body_anywhere() -> None:
 
 
 def test_three_joints_of_the_right_names_are_no_planar_chain() -> None:
-    _, joints = carried((), (), "body")
+    _, joints = with_planar_chain((), (), "body")
     assert is_mover(joints)
     other = Joint("yaw", "prismatic", "y_carrier", "body", (0.0, 0.0), (1.0, 0.0), 0.0, 1.0)
     assert not is_mover((*joints[:2], other))

@@ -7,7 +7,7 @@ from threading import Barrier
 
 from grammars.floorplan import _syntax as floorplan
 from grammars.oracle import _parse as oracle
-from grammars.scenery import language as scenery
+from grammars.scenery import _syntax as scenery
 from grammars.variation import _syntax as variation
 
 LANGUAGES = (floorplan, oracle, scenery, variation)

@@ -4,8 +4,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from grammars import codec
-from grammars.values import Pose2, wrap_angle
+from grammars.model.geometry import Pose2, wrap_angle
+from grammars.text import codec
 
 coordinates = st.floats(-1e3, 1e3)
 angles = st.floats(-math.pi, math.pi)

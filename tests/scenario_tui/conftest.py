@@ -7,8 +7,7 @@ from typing import NamedTuple
 
 import pytest
 
-from scenario_tui.cli import _session
-from scenario_tui.cli._main import invoke
+from scenario_tui.cli import invoke, target
 from tests.scenario_tui.fake import FakeDaemon
 from tests.scenario_tui.outputs import declared
 
@@ -39,7 +38,7 @@ def scenario(
     """Call ``scenario ...`` in this process, against the fake daemon."""
     for name in ("SCENARIO_STATE", "SCENARIO_CONNECT"):
         monkeypatch.delenv(name, raising=False)
-    monkeypatch.setattr(_session.Target, "open", lambda self: fake.open())
+    monkeypatch.setattr(target.DaemonTarget, "open", lambda self: fake.open())
 
     def call(*arguments: str) -> Said:
         code = invoke(arguments)

@@ -12,10 +12,9 @@ from typing import Any
 
 from textual.pilot import Pilot
 
-from daemon.protocol import CampaignRow, Overview
-from scenario_tui.config import Config
-from scenario_tui.equivalent import Equivalent
-from scenario_tui.transcripts import Answer
+from daemon.model.status import CampaignRow, DaemonOverview
+from scenario_tui.dashboard.background import CommandAnswer, CommandLines
+from scenario_tui.dashboard.config import Config
 from tests.scenario_tui.fake import CAMPAIGN, FakeDaemon
 from tests.scenario_tui.inline import settle
 
@@ -34,7 +33,7 @@ class SteeredDaemon(FakeDaemon):
             return ()
         return (replace(first, paused=self.paused, priority=self.priority), *others)
 
-    def overview(self) -> Overview:
+    def overview(self) -> DaemonOverview:
         return replace(super().overview(), state=self.state)
 
     def pause(self, campaign: str) -> int:
@@ -58,11 +57,11 @@ class SteeredDaemon(FakeDaemon):
 class Commands:
     """Stands for the ``scenario`` commands the dashboard starts; they answer when ``done``."""
 
-    answer: Answer = field(default_factory=dict)
+    answer: CommandAnswer = field(default_factory=dict)
     asked: list[tuple[str, ...]] = field(default_factory=list)
     done: threading.Event = field(default_factory=threading.Event)
 
-    def __call__(self, arguments: tuple[str, ...]) -> Answer:
+    def __call__(self, arguments: tuple[str, ...]) -> CommandAnswer:
         self.asked.append(arguments)
         assert self.done.wait(10.0)
         return self.answer
@@ -72,8 +71,8 @@ def configured(**settings: Any) -> Config:
     return Config(Path("config.toml"), **settings)
 
 
-def local(state: Path) -> Equivalent:
-    return Equivalent("", state)
+def local(state: Path) -> CommandLines:
+    return CommandLines("", state)
 
 
 async def until(pilot: Pilot[None], condition: Callable[[], Any], seconds: float = 10.0) -> None:

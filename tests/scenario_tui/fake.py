@@ -7,24 +7,10 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 
-from daemon.assessment import Declared, Policy, RunRecord
-from daemon.errors import Refused, Unreachable
-from daemon.messages import Piece
-from daemon.protocol import (
-    CampaignRow,
-    Disk,
-    Event,
-    Live,
-    Overview,
-    Receipt,
-    RunDetail,
-    RunPage,
-    RunRow,
-    RunState,
-    Submission,
-    WorkerRow,
-)
-from daemon.spec import (
+from daemon.batch.errors import Refused, Unreachable
+from daemon.model.assessments import AssessmentRules, RepeatPolicy, RunRecord
+from daemon.model.messages import DownloadChunk
+from daemon.model.spec import (
     MapSettings,
     OracleText,
     RunResult,
@@ -34,12 +20,26 @@ from daemon.spec import (
     Timing,
     TraceInfo,
 )
-from daemon.verdict import Evidence, Outcome, Verdict
-from grammars.behaviour import Hold
-from grammars.mission import Mission, Waypoint
-from grammars.robot import Drive, Laser, OdometryNoise, Robot
-from grammars.scene import Doorway, Joint, Link, Region, Scene, SceneObject, Solid
-from grammars.values import Pose2
+from daemon.model.status import (
+    CampaignRow,
+    ChangeEvent,
+    DaemonOverview,
+    DiskUsage,
+    LiveSnapshot,
+    RunDetail,
+    RunPage,
+    RunRow,
+    RunState,
+    Submission,
+    SubmissionReceipt,
+    WorkerRow,
+)
+from daemon.model.verdicts import Evidence, Outcome, Verdict
+from grammars.model.behaviour import Hold
+from grammars.model.geometry import Pose2
+from grammars.model.mission import Mission, Waypoint
+from grammars.model.robot import Drive, Laser, OdometryNoise, Robot
+from grammars.model.scene import Doorway, Joint, Link, Region, Scene, SceneObject, Solid
 
 NOW = 1_800_000_000.0
 CAMPAIGN = "first-ab12cd34"
@@ -180,10 +180,10 @@ def make_record(row: RunRow) -> RunRecord:
     return replace(found, verdicts=result.verdicts, ended=result.ended, timing=result.timing)
 
 
-def make_live(index: int = 7, time: float = 60.0) -> Live:
+def make_live(index: int = 7, time: float = 60.0) -> LiveSnapshot:
     pose = Pose2(1.0 + time / 20.0, 2.0, 0.1)
     snapshot = Snapshot(time, 1200.0, pose, Pose2(pose.x + 0.1, 2.1, 0.1), 1, 3, (-0.9,))
-    return Live(f"{CAMPAIGN}.{index}", snapshot)
+    return LiveSnapshot(f"{CAMPAIGN}.{index}", snapshot)
 
 
 def campaign_row(name: str, id: str, rows: tuple[RunRow, ...], submitted_at: float) -> CampaignRow:
@@ -227,15 +227,17 @@ class FakeDaemon:
     now: float = NOW
     reachable: bool = True
     calls: list[tuple[object, ...]] = field(default_factory=list)
-    listeners: list[tuple[Callable[[Event], None], Callable[[Live], None] | None]] = field(
-        default_factory=list
+    listeners: list[tuple[Callable[[ChangeEvent], None], Callable[[LiveSnapshot], None] | None]] = (
+        field(default_factory=list)
     )
-    watchers: dict[str, Callable[[Live], None]] = field(default_factory=dict)
-    live: tuple[Live, ...] = ()
+    watchers: dict[str, Callable[[LiveSnapshot], None]] = field(default_factory=dict)
+    live: tuple[LiveSnapshot, ...] = ()
     before: Callable[[FakeDaemon], None] | None = None
     trouble: str = ""
     empty: bool = False
-    declares: Declared = field(default_factory=lambda: Declared(Policy(5, "all", 1.0, False, 5)))
+    declares: AssessmentRules = field(
+        default_factory=lambda: AssessmentRules(RepeatPolicy(5, "all", 1.0, False, 5))
+    )
 
     @contextmanager
     def open(self) -> Iterator[FakeDaemon]:
@@ -249,7 +251,7 @@ class FakeDaemon:
             raise Unreachable("no daemon answers at tcp/127.0.0.1:7447: start one")
         self.calls.append(call)
 
-    def overview(self) -> Overview:
+    def overview(self) -> DaemonOverview:
         self._answer("overview")
         rows = self._campaign_rows()
         total = {
@@ -258,7 +260,7 @@ class FakeDaemon:
                          "inconclusive", "errors")
         }  # fmt: skip
         left = 95.0 if total["queued"] + total["running"] else None
-        return Overview(
+        return DaemonOverview(
             "0.1.0", "state", NOW - 3600.0, self.now, len(rows), 1, **total, rate=12.5,
             seconds_left=left, trouble=self.trouble,
         )  # fmt: skip
@@ -301,11 +303,11 @@ class FakeDaemon:
                 return RunDetail(row, make_spec(row, make_scene().digest), make_result(row))
         raise Refused(f"there is no run {run}")
 
-    def piece(self, run: str, offset: int) -> Piece:
+    def piece(self, run: str, offset: int) -> DownloadChunk:
         self._answer("piece", run, offset)
         raise Refused(f"{run}: its trace is gone")
 
-    def declared(self, campaign: str) -> Declared:
+    def declared(self, campaign: str) -> AssessmentRules:
         self._answer("declared", campaign)
         return self.declares
 
@@ -325,9 +327,9 @@ class FakeDaemon:
             WorkerRow("shed-1", "shed", 812, "0.1.0", 4, 0, NOW - 600.0, self.now - 1.0),
         )
 
-    def submit(self, submission: Submission) -> Receipt:
+    def submit(self, submission: Submission) -> SubmissionReceipt:
         self._answer("submit", submission.campaign)
-        return Receipt(submission.campaign, len(submission.runs), known=False)
+        return SubmissionReceipt(submission.campaign, len(submission.runs), known=False)
 
     def cancel(self, campaign: str) -> int:
         self._answer("cancel", campaign)
@@ -344,9 +346,9 @@ class FakeDaemon:
     def prioritise(self, campaign: str, priority: int) -> None:
         self._answer("prioritise", campaign, priority)
 
-    def disk(self) -> Disk:
+    def disk(self) -> DiskUsage:
         self._answer("disk")
-        return Disk(10**12, 10**11, 2**20)
+        return DiskUsage(10**12, 10**11, 2**20)
 
     def retry(self, campaign: str, *, only: str = "lost|cancelled") -> int:
         self._answer("retry", campaign, only)
@@ -356,7 +358,9 @@ class FakeDaemon:
         self._answer("shutdown")
 
     def events(
-        self, on_event: Callable[[Event], None], on_live: Callable[[Live], None] | None = None
+        self,
+        on_event: Callable[[ChangeEvent], None],
+        on_live: Callable[[LiveSnapshot], None] | None = None,
     ) -> FakeSubscription:
         self.listeners.append((on_event, on_live))
         if on_live is not None:
@@ -364,7 +368,7 @@ class FakeDaemon:
                 on_live(live)
         return FakeSubscription(self)
 
-    def watch(self, run: str, on_live: Callable[[Live], None]) -> FakeWatch:
+    def watch(self, run: str, on_live: Callable[[LiveSnapshot], None]) -> FakeWatch:
         self.watchers[run] = on_live
         return FakeWatch(self, run)
 

@@ -9,12 +9,11 @@ from typing import Any, Final
 from textual.pilot import Pilot
 from textual.widget import Widget
 
-from daemon.errors import DaemonError
-from daemon.protocol import Live
-from scenario_tui.app import Dashboard
-from scenario_tui.feed import Feed
-from scenario_tui.judging import Judge
-from scenario_tui.picture import Notice, Picture
+from daemon.batch.errors import DaemonError
+from daemon.model.status import LiveSnapshot
+from scenario_tui.dashboard.app import Dashboard
+from scenario_tui.dashboard.feed import Feed
+from scenario_tui.dashboard.state import CampaignAssessor, DashboardState, Notice
 from tests.scenario_tui.fake import FakeDaemon
 
 _QUIET: Final = 10
@@ -25,14 +24,14 @@ class InlineFeed(Feed):
     """Takes its picture in the caller's thread, so that tests know when it is taken."""
 
     def __init__(self, daemon: FakeDaemon) -> None:
-        judge = Judge(every=0.0, elsewhere=0.0)
+        judge = CampaignAssessor(every=0.0, elsewhere=0.0)
         super().__init__(daemon.open, clock=lambda: daemon.now, judge=judge)
         self.fake = daemon
 
     def start(self) -> None:
         """Start no thread."""
 
-    def take(self) -> tuple[Picture | None, list[Live], list[Notice]]:
+    def take(self) -> tuple[DashboardState | None, list[LiveSnapshot], list[Notice]]:
         try:
             self.step(self.fake)
             if self.judge(self.fake):

@@ -4,14 +4,24 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from daemon.assessment import DELAY, Comparison, Declared, Expectation, Policy
-from daemon.protocol import RunRow, RunState
-from daemon.verdict import Outcome
+from daemon.model.assessments import (
+    DELAY,
+    AssessmentRules,
+    Expectation,
+    RepeatPolicy,
+    ScenarioComparison,
+)
+from daemon.model.status import RunRow, RunState
+from daemon.model.verdicts import Outcome
 from tests.scenario_tui.fake import FakeDaemon, make_row
 
-DECLARED = Declared(
-    Policy(3, "all", 1.0, False, 3),
-    (Comparison("detour", DELAY, "S2", "S1", None, "<=", 30.0, "s", "delay(S2 vs S1) <= 30 s"),),
+DECLARED = AssessmentRules(
+    RepeatPolicy(3, "all", 1.0, False, 3),
+    (
+        ScenarioComparison(
+            "detour", DELAY, "S2", "S1", None, "<=", 30.0, "s", "delay(S2 vs S1) <= 30 s"
+        ),
+    ),
     (
         Expectation("S2", "no-contact", ("pilot",), "fail", "violated at the closed door"),
         Expectation("S3", "*", ("*",), "any", "nobody knows yet"),

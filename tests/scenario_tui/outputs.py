@@ -8,7 +8,7 @@ from typing import Any
 
 from jsonschema import Draft202012Validator
 
-from scenario_tui.cli._outputs import outputs_schema
+from scenario_tui.cli.output_schemas import outputs_schema
 
 
 @cache

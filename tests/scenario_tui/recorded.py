@@ -7,11 +7,11 @@ from pathlib import Path
 
 import numpy as np
 
-from daemon.spec import OracleText, RunSpec
-from daemon.sut import Estimate, Progress
+from daemon.model.spec import OracleText, RunSpec
+from daemon.model.sut import Estimate, Progress
 from daemon.trace import TraceWriter
-from grammars.grid import OccupancyGrid
-from grammars.values import Pose2, Twist2
+from grammars.model.geometry import Pose2, Twist2
+from grammars.model.grid import OccupancyGrid
 from tests.scenario_tui.fake import ROBOT, make_row, make_scene, make_spec
 
 WORLD = make_scene()

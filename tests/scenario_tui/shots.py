@@ -23,14 +23,13 @@ from textual.keys import format_key
 from textual.pilot import Pilot
 from textual.widgets import Input, Static
 
-from daemon.protocol import RunDetail
-from daemon.spec import RunResult
-from scenario_tui.bindings import catalogue
-from scenario_tui.cli import _output, _session
-from scenario_tui.cli._main import invoke
-from scenario_tui.playback import open_playback
-from scenario_tui.screens.compare import CompareScreen
-from scenario_tui.screens.replay import ReplayApp, ReplayScreen
+from daemon.model.spec import RunResult
+from daemon.model.status import RunDetail
+from scenario_tui.cli import invoke, output, target
+from scenario_tui.dashboard.key_bindings import list_key_bindings
+from scenario_tui.dashboard.playback import open_playback
+from scenario_tui.dashboard.screens.compare import CompareScreen
+from scenario_tui.dashboard.screens.replay import ReplayApp, ReplayScreen
 from tests.scenario_tui.driven import until
 from tests.scenario_tui.fake import FakeDaemon, make_live, make_result, make_rows
 from tests.scenario_tui.inline import make_dashboard, press, settle
@@ -187,8 +186,8 @@ def typed(name: str, folder: Path) -> str:
         line = f"scenario {' '.join(arguments)}"
         console.print(f"$ {line}", markup=False, style="bold")
         for patch in (
-            mock.patch.object(_session.Target, "open", side_effect=fake.open),
-            mock.patch.object(_output, "_console", return_value=console),
+            mock.patch.object(target.DaemonTarget, "open", side_effect=fake.open),
+            mock.patch.object(output, "_console", return_value=console),
             mock.patch.dict(os.environ, environment),
         ):
             patched.enter_context(patch)
@@ -236,7 +235,7 @@ def _slim(svg: str) -> str:
 def key_table() -> str:
     """Return every key of the dashboard as a table of the documentation."""
     rows = ["| keys | id | where | what it does |", "|---|---|---|---|"]
-    for bound in catalogue():
+    for bound in list_key_bindings():
         keys = " ".join(f"`{format_key(key)}`" for key in bound.keys.split(","))
         rows.append(f"| {keys} | {bound.id} | {bound.place} | {bound.meaning} |")
     return "\n".join(rows) + "\n"

@@ -8,36 +8,42 @@ from typing import Any
 import numpy as np
 import pytest
 
-from daemon.spec import SutReference
-from daemon.verdict import Evidence, Outcome, Verdict
-from scenario_tui.chronicle import Chronicle, DoorEvent, Strip, clock_of, on_clock
-from scenario_tui.comparing import differences, pairs
-from scenario_tui.playback import Playback, open_playback
-from scenario_tui.screens.compare import CompareScreen
-from scenario_tui.screens.replay import ReplayApp
-from scenario_tui.widgets.top_view import TopView
+from daemon.model.spec import SutReference
+from daemon.model.verdicts import Evidence, Outcome, Verdict
+from scenario_tui.dashboard.playback import Playback, open_playback
+from scenario_tui.dashboard.screens.compare import CompareScreen
+from scenario_tui.dashboard.screens.replay import ReplayApp
+from scenario_tui.dashboard.signal_strips import (
+    DoorEvent,
+    RunTimeline,
+    SignalStrip,
+    common_clock,
+    shift_to_clock,
+)
+from scenario_tui.dashboard.widgets.top_view import TopView
+from scenario_tui.text.comparison_text import pair_verdicts, spec_differences
 from tests.scenario_tui.inline import screen_text
 from tests.scenario_tui.recorded import HIT, make_run, record_run
 
 
-def chronicle(end: float, reached: tuple[float, ...]) -> Chronicle:
+def chronicle(end: float, reached: tuple[float, ...]) -> RunTimeline:
     time = np.array([0.0, end])
-    strip = Strip("speed", "m/s", time, time, against=((0.0, end),))
-    return Chronicle(0.0, end, (strip,), (DoorEvent(end, "door", True),), reached, 3, (end,))
+    strip = SignalStrip("speed", "m/s", time, time, against=((0.0, end),))
+    return RunTimeline(0.0, end, (strip,), (DoorEvent(end, "door", True),), reached, 3, (end,))
 
 
 def test_by_time_the_clocks_are_the_same() -> None:
-    clock = clock_of(chronicle(10.0, (2.0,)), chronicle(20.0, (4.0,)), "time")
+    clock = common_clock(chronicle(10.0, (2.0,)), chronicle(20.0, (4.0,)), "time")
     assert [clock.to_second(t) for t in (-1.0, 0.0, 15.0)] == [-1.0, 0.0, 15.0]
 
 
 def test_by_mission_waypoints_meet_and_the_rest_goes_on() -> None:
     first, second = chronicle(10.0, (2.0, 6.0)), chronicle(30.0, (10.0, 20.0, 25.0))
-    clock = clock_of(first, second, "mission")
+    clock = common_clock(first, second, "mission")
     assert [clock.to_second(t) for t in (0.0, 1.0, 2.0, 4.0, 6.0, 9.0)] == [
         0.0, 5.0, 10.0, 15.0, 20.0, 23.0,
     ]  # fmt: skip
-    moved = on_clock(second, clock)
+    moved = shift_to_clock(second, clock)
     assert moved.reached == (2.0, 6.0, 11.0)
     assert (moved.end, moved.decided, moved.doors[0].time) == (16.0, (16.0,), 16.0)
     assert moved.strips[0].against == ((0.0, 16.0),)
@@ -51,7 +57,7 @@ def verdict(name: str, outcome: Outcome, margin: float) -> Verdict:
 def test_verdicts_that_differ_come_first() -> None:
     first = (verdict("same", Outcome.PASS, 1.0), verdict("turns", Outcome.PASS, 0.5))
     second = (verdict("turns", Outcome.FAIL, -0.1), verdict("same", Outcome.PASS, 3.0))
-    found = pairs(first, (*second, verdict("new", Outcome.PASS, 1.0)))
+    found = pair_verdicts(first, (*second, verdict("new", Outcome.PASS, 1.0)))
     assert [(p.oracle, p.differs, p.change) for p in found] == [
         ("turns", True, pytest.approx(-0.6)), ("new", True, None), ("same", False, 2.0),
     ]  # fmt: skip
@@ -62,14 +68,14 @@ def test_specifications_differ_part_by_part() -> None:
     other = replace(
         spec, scenario="S9", repeat=4, seed=7, sut=SutReference("pilot", "pilot", {"speed": 0.3})
     )
-    found = {d.path: (d.first, d.second) for d in differences(spec, other)}
+    found = {d.path: (d.first, d.second) for d in spec_differences(spec, other)}
     assert found == {
         "scenario": (spec.scenario, "S9"),
         "sut.parameters": ("{}", "–"),
         "sut.parameters.speed": ("–", "0.3"),
         "seed": (str(spec.seed), "7"),
     }
-    assert differences(spec, replace(spec, repeat=3)) == ()
+    assert spec_differences(spec, replace(spec, repeat=3)) == ()
 
 
 @pytest.mark.parametrize(
@@ -86,7 +92,7 @@ def test_differences_are_short_but_never_look_the_same(
 ) -> None:
     spec = make_run()
     a, b = (replace(spec, sut=SutReference("it", "it", {"p": value})) for value in (first, second))
-    (found,) = differences(a, b)
+    (found,) = spec_differences(a, b)
     assert (found.first, found.second) == shown
 
 

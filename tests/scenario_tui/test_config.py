@@ -10,16 +10,16 @@ import pytest
 from rich.color_triplet import ColorTriplet
 from textual.color import Color
 
-from grammars.diagnostics import InputError
-from scenario_tui import palette
-from scenario_tui.bindings import (
-    bound_classes,
-    catalogue,
+from grammars.text.diagnostics import InputError
+from scenario_tui.dashboard.config import read_config
+from scenario_tui.dashboard.key_bindings import (
     check_config,
+    classes_with_bindings,
+    list_key_bindings,
 )
-from scenario_tui.config import read_config
-from scenario_tui.daylight import darker
-from scenario_tui.screens.help import key_groups, own_bindings
+from scenario_tui.dashboard.screens.help import key_groups, own_bindings
+from scenario_tui.terminal.filters import darken
+from scenario_tui.text import formatting
 from tests.scenario_tui.driven import SteeredDaemon
 from tests.scenario_tui.inline import make_dashboard, press, screen_text, settle
 
@@ -100,7 +100,7 @@ def test_a_bad_file_is_told_before_the_dashboard_starts(
     scenario: Callable[..., Any], written, monkeypatch
 ) -> None:
     path = written('[keys]\ncancle = "x"')
-    monkeypatch.setattr("scenario_tui.config.config_path", lambda: path)
+    monkeypatch.setattr("scenario_tui.dashboard.config.config_path", lambda: path)
     said = scenario("tui")
     assert said.code == 2
     assert f'{path}:2: error: unknown key id "cancle"; ids are ' in said.err
@@ -110,12 +110,12 @@ def test_a_bad_file_is_told_before_the_dashboard_starts(
 def test_the_ids_of_all_keys_are_listed(scenario: Callable[..., Any]) -> None:
     said = scenario("tui", "--bindings")
     assert said.code == 0
-    for bound in catalogue():
+    for bound in list_key_bindings():
         assert f"{bound.id} " in said.out
 
 
 def test_every_key_has_an_id_a_name_and_an_explanation() -> None:
-    for kind in bound_classes():
+    for kind in classes_with_bindings():
         for binding in own_bindings(kind):
             assert binding.id, (kind, binding)
             assert binding.description, (kind, binding)
@@ -139,7 +139,7 @@ async def test_footers_fit_and_help_tells_the_rest() -> None:
 
 
 NAMES = ("GOOD", "BAD", "UNSURE", "BROKEN", "BUSY", "FACT", "QUIET")
-PALE = [Color.parse(getattr(palette, name)).rich_color.get_truecolor() for name in NAMES]
+PALE = [Color.parse(getattr(formatting, name)).rich_color.get_truecolor() for name in NAMES]
 
 
 def luminance(colour: ColorTriplet) -> float:
@@ -151,7 +151,7 @@ def luminance(colour: ColorTriplet) -> float:
 @pytest.mark.parametrize("colour", PALE, ids=NAMES)
 def test_words_can_be_read_in_bright_themes(colour: ColorTriplet) -> None:
     """A contrast of 4.5 to 1, which the WCAG asks for, over the background of textual-light."""
-    paper, ink = (luminance(one) for one in (ColorTriplet(224, 224, 224), darker(colour)))
+    paper, ink = (luminance(one) for one in (ColorTriplet(224, 224, 224), darken(colour)))
     assert (paper + 0.05) / (ink + 0.05) >= 4.5
 
 
@@ -163,14 +163,14 @@ async def test_a_bright_theme_darkens_the_words(written) -> None:
         styles = [segment.style for strip in strips for segment in strip if segment.style]
     used = {style.color.get_truecolor() for style in styles if style.color is not None}
     assert not used & set(PALE)
-    assert darker(PALE[1]) in used
+    assert darken(PALE[1]) in used
 
 
 def test_doctor_says_which_settings_are_used(
     scenario: Callable[..., Any], written, monkeypatch, tmp_path
 ) -> None:
     path = written(GOOD)
-    monkeypatch.setattr("scenario_tui.config.config_path", lambda: path)
+    monkeypatch.setattr("scenario_tui.dashboard.config.config_path", lambda: path)
     said = scenario("doctor", "--state", str(tmp_path / "state"))
     assert f"{path} 2 keys, theme lab, read-only" in said.out
     written("[keys")

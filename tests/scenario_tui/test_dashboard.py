@@ -9,16 +9,16 @@ from typing import Any
 
 import pytest
 
-from daemon.protocol import RunState
-from daemon.verdict import Outcome
-from scenario_tui.screens.campaigns import CampaignsScreen
-from scenario_tui.screens.dialogs import Menu, Question
-from scenario_tui.screens.help import Help, key_groups
-from scenario_tui.screens.run import RunScreen
-from scenario_tui.screens.runs import FILTERS, SORTS, RunsScreen
-from scenario_tui.screens.workers import WorkersScreen
-from scenario_tui.widgets.keyed_table import KeyedTable
-from scenario_tui.widgets.top_view import TopView
+from daemon.model.status import RunState
+from daemon.model.verdicts import Outcome
+from scenario_tui.dashboard.screens.campaigns import CampaignsScreen
+from scenario_tui.dashboard.screens.dialogs import Menu, Question
+from scenario_tui.dashboard.screens.help import Help, key_groups
+from scenario_tui.dashboard.screens.run import RunScreen
+from scenario_tui.dashboard.screens.runs import FILTERS, SORTS, RunsScreen
+from scenario_tui.dashboard.screens.workers import WorkersScreen
+from scenario_tui.dashboard.widgets.tables import KeyedTable
+from scenario_tui.dashboard.widgets.top_view import TopView
 from tests.scenario_tui.fake import CAMPAIGN, NOW, OLD, FakeDaemon, make_live, make_row
 from tests.scenario_tui.inline import make_dashboard, press, screen_text, settle
 

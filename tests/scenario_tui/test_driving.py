@@ -10,16 +10,16 @@ import pytest
 from textual.command import CommandList
 from textual.widgets import Input
 
-from daemon.protocol import RunState
-from daemon.verdict import Outcome
-from grammars.codec import to_plain
-from scenario_tui.clipboard import into_tmux
-from scenario_tui.screens import recorded
-from scenario_tui.screens.campaigns import CampaignsScreen
-from scenario_tui.screens.dialogs import Menu, Prompt, Question, Told
-from scenario_tui.screens.matrix import MatrixScreen
-from scenario_tui.screens.run import RunScreen
-from scenario_tui.screens.runs import RunsScreen
+from daemon.model.status import RunState
+from daemon.model.verdicts import Outcome
+from grammars.text.codec import to_plain
+from scenario_tui.dashboard.screens import trace_actions
+from scenario_tui.dashboard.screens.campaigns import CampaignsScreen
+from scenario_tui.dashboard.screens.dialogs import Menu, Prompt, Question, TextDialog
+from scenario_tui.dashboard.screens.matrix import MatrixScreen
+from scenario_tui.dashboard.screens.run import RunScreen
+from scenario_tui.dashboard.screens.runs import RunsScreen
+from scenario_tui.terminal.capabilities import copy_to_tmux
 from tests.scenario_tui.driven import Commands, SteeredDaemon, configured, local, notices, until
 from tests.scenario_tui.fake import CAMPAIGN, OLD, make_row
 from tests.scenario_tui.inline import make_dashboard, press, screen_text, settle
@@ -188,7 +188,7 @@ async def test_a_line_of_the_commands_is_copied(fake) -> None:
 
 
 def test_outside_of_tmux_its_buffer_is_left_alone() -> None:
-    assert not into_tmux("text", {})
+    assert not copy_to_tmux("text", {})
 
 
 async def test_every_command_shown_is_one_of_the_command_line(
@@ -210,7 +210,7 @@ async def test_every_command_shown_is_one_of_the_command_line(
 
 
 async def test_the_report_is_made_and_its_place_is_said(fake, tmp_path, monkeypatch) -> None:
-    monkeypatch.setattr(recorded, "show_page", lambda page, environ: False)
+    monkeypatch.setattr(trace_actions, "show_page", lambda page, environ: False)
     (tmp_path / "ledger.db").touch()
     fake.state = str(tmp_path)
     ask = Commands({"answer": "Yes. All is as expected."})
@@ -238,7 +238,7 @@ async def test_traces_on_another_machine_are_not_judged_here(fake) -> None:
 
 
 async def test_runs_are_judged_again_by_oracles_chosen(fake, tmp_path, monkeypatch) -> None:
-    from daemon.rejudge import Rejudged
+    from daemon.analysis.rejudge import RejudgedTrace
     from tests.scenario_tui.fake import make_result
 
     monkeypatch.chdir(tmp_path)
@@ -246,7 +246,7 @@ async def test_runs_are_judged_again_by_oracles_chosen(fake, tmp_path, monkeypat
     (tmp_path / "strict.oracles.yaml").write_text("a: never(contact)\n")
     fake.state = str(tmp_path)
     good, bad = (make_result(fake.rows[i]).verdicts for i in (0, 5))
-    found = Rejudged("run.mcap", "S1/pilot/0", "0" * 64, Outcome.FAIL, bad, Outcome.PASS, good,
+    found = RejudgedTrace("run.mcap", "S1/pilot/0", "0" * 64, Outcome.FAIL, bad, Outcome.PASS, good,
                      "ledger")  # fmt: skip
     ask = Commands({"traces": [to_plain(found) | {"changes": []}]})
     async with opened(fake, ask=ask, equivalent=local(tmp_path)) as pilot:
@@ -256,7 +256,7 @@ async def test_runs_are_judged_again_by_oracles_chosen(fake, tmp_path, monkeypat
         assert "1  strict.oracles.yaml" in shown(pilot)
         ask.done.set()
         await press(pilot, "1")
-        await until(pilot, lambda: isinstance(pilot.app.screen, Told))
+        await until(pilot, lambda: isinstance(pilot.app.screen, TextDialog))
         assert "1 verdict changed" in shown(pilot)
         assert "✓ pass → ✗ fail  S1/pilot/0" in shown(pilot)
         await press(pilot, "q", "enter", "enter", "J")
@@ -275,7 +275,7 @@ async def test_runs_are_judged_again_by_oracles_chosen(fake, tmp_path, monkeypat
     ],
 )
 def test_a_browser_is_opened_only_on_a_screen_of_this_machine(environ, there) -> None:
-    assert recorded.has_display(environ) is there
+    assert trace_actions.has_display(environ) is there
 
 
 async def typed_into_the_palette(pilot: Any, text: str, wanted: str) -> None:

@@ -13,15 +13,15 @@ import pytest
 from rich.console import Console
 from textual.widgets import Input
 
-from daemon.client import Client
-from daemon.errors import DaemonError
-from daemon.protocol import CampaignRow
-from scenario_tui.app import Dashboard
-from scenario_tui.feed import Feed
-from scenario_tui.rejudged import read_judged, told
-from scenario_tui.screens.campaigns import CampaignsScreen
-from scenario_tui.screens.submit import SubmitScreen
-from scenario_tui.transcripts import ask
+from daemon.batch.client import Client
+from daemon.batch.errors import DaemonError
+from daemon.model.status import CampaignRow
+from scenario_tui.dashboard.app import Dashboard
+from scenario_tui.dashboard.background import run_command
+from scenario_tui.dashboard.feed import Feed
+from scenario_tui.dashboard.screens.campaigns import CampaignsScreen
+from scenario_tui.dashboard.screens.submit import SubmitScreen
+from scenario_tui.text.rejudge_text import parse_judge_answer, rejudge_report
 from tests.daemon.harness import daemon_at
 from tests.daemon.samples import make_submission
 from tests.scenario_tui.recorded import record_run
@@ -81,9 +81,9 @@ async def test_a_campaign_chosen_by_its_name_is_executed(tmp_path: Path, monkeyp
 
 def test_commands_answer_or_say_why_not(tmp_path: Path) -> None:
     trace = record_run(tmp_path / "run.mcap")
-    found = read_judged(ask(("judge", str(trace), "--state", str(tmp_path))))
+    found = parse_judge_answer(run_command(("judge", str(trace), "--state", str(tmp_path))))
     console = Console(record=True, width=80)
-    console.print(told(found))
+    console.print(rejudge_report(found))
     assert "1 trace judged, 1 with the verdict they had" in console.export_text()
     with pytest.raises(DaemonError, match="scenario judge nothing.*no trace, no folder"):
-        ask(("judge", "nothing", "--state", str(tmp_path)))
+        run_command(("judge", "nothing", "--state", str(tmp_path)))

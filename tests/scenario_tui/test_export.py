@@ -10,8 +10,7 @@ from pathlib import Path
 import pytest
 from ruamel.yaml import YAML
 
-from scenario_tui.cli import _export
-from scenario_tui.cli._main import invoke
+from scenario_tui.cli import export, invoke
 from templates.artefacts import ALL, KINDS
 
 
@@ -32,7 +31,7 @@ def files(folder: Path) -> set[str]:
 
 
 def test_every_kind_there_is_can_be_asked_for() -> None:
-    assert {kind.value for kind in _export.Artefact} == {ALL, *KINDS}
+    assert {kind.value for kind in export.Artefact} == {ALL, *KINDS}
 
 
 def test_a_campaign_has_a_folder_per_scenario(everything: Path) -> None:
@@ -190,7 +189,7 @@ def test_a_folder_that_cannot_be_written_is_bad_input(
 def test_pictures_need_no_mesh_library(campaigns: Path, tmp_path: Path) -> None:
     script = (
         "import sys; sys.modules['trimesh'] = sys.modules['manifold3d'] = None\n"
-        "from scenario_tui.cli._main import invoke\n"
+        "from scenario_tui.cli.command_line import invoke\n"
         "plan, out = sys.argv[1:]\n"
         "assert invoke(['export', plan, 'picture', 'map', 'tasks', '-o', out]) == 0\n"
         "sys.exit(invoke(['export', plan, 'mesh', '-o', out]))\n"

@@ -9,14 +9,14 @@ from dataclasses import replace
 
 import pytest
 
-from daemon.messages import Piece
-from daemon.protocol import Event
-from daemon.spec import TraceInfo
-from daemon.store import packed
-from scenario_tui import feed as feed_module
-from scenario_tui.feed import Feed
-from scenario_tui.picture import RunsWanted, Want
-from scenario_tui.recordings import Unseen, read_recording
+from daemon.batch.stores import encode_chunk
+from daemon.model.messages import DownloadChunk
+from daemon.model.spec import TraceInfo
+from daemon.model.status import ChangeEvent
+from scenario_tui.dashboard import feed as feed_module
+from scenario_tui.dashboard.feed import Feed
+from scenario_tui.dashboard.local_traces import UnavailableTrace, read_trace_summary
+from scenario_tui.dashboard.state import Query, RunsQuery
 from tests.scenario_tui.fake import CAMPAIGN, FakeDaemon, make_live
 
 
@@ -43,7 +43,7 @@ def test_only_what_is_wanted_is_asked_for(
     feed.start()
     eventually(lambda: feed.take()[0] is not None)
     assert {call[0] for call in fake.calls} == {"open", "overview", "campaigns"}
-    feed.look(Want(runs=RunsWanted(CAMPAIGN, limit=3), run=f"{CAMPAIGN}.5", workers=True))
+    feed.look(Query(runs=RunsQuery(CAMPAIGN, limit=3), run=f"{CAMPAIGN}.5", workers=True))
     eventually(lambda: any(call[0] == "run" for call in fake.calls))
     eventually(lambda: (p := feed.take()[0]) is not None and p.scene is not None)
     picture = feed._picture
@@ -111,7 +111,7 @@ def test_an_event_makes_the_feed_look_at_once(fake, monkeypatch) -> None:
     before = len(fake.calls)
     time.sleep(0.05)
     assert len(fake.calls) <= before + 2
-    fake.listeners[0][0](Event(1, "run", f"{CAMPAIGN}.7"))
+    fake.listeners[0][0](ChangeEvent(1, "run", f"{CAMPAIGN}.7"))
     eventually(lambda: len(fake.calls) > before + 1)
     feed.close()
 
@@ -141,23 +141,23 @@ def test_a_daemon_that_goes_while_it_is_asked_for_results_is_noticed(
 
 
 def test_a_trace_that_is_not_here_is_said_to_be_missing(fake) -> None:
-    seen = read_recording(fake.run(f"{CAMPAIGN}.0"))
-    assert isinstance(seen, Unseen)
+    seen = read_trace_summary(fake.run(f"{CAMPAIGN}.0"))
+    assert isinstance(seen, UnavailableTrace)
     assert "not on this machine" in seen.why
 
 
 def test_a_trace_elsewhere_is_brought_here_meanwhile(fake, feed, tmp_path, monkeypatch) -> None:
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     data = b"not a trace" * 1000
-    text, digest = packed(data)
+    text, digest = encode_chunk(data)
     detail = fake.run(f"{CAMPAIGN}.0")
     info = TraceInfo(digest, len(data), 1)
     detail = replace(detail, result=replace(detail.result, trace=info))
     monkeypatch.setattr(fake, "run", lambda run: detail)
-    monkeypatch.setattr(fake, "piece", lambda *_: Piece(0, len(data), digest, text, digest))
+    monkeypatch.setattr(fake, "piece", lambda *_: DownloadChunk(0, len(data), digest, text, digest))
     feed.start()
-    feed.look(Want(run=f"{CAMPAIGN}.0"))
-    eventually(lambda: isinstance(feed._picture.recording, Unseen))
+    feed.look(Query(run=f"{CAMPAIGN}.0"))
+    eventually(lambda: isinstance(feed._picture.recording, UnavailableTrace))
     eventually(lambda: "is not an MCAP file" in feed._picture.recording.why)
     assert [path.read_bytes() for path in tmp_path.rglob("*.mcap")] == [data]
 
@@ -166,13 +166,13 @@ def test_a_damaged_trace_is_said_to_be_one(fake, tmp_path) -> None:
     path = tmp_path / "broken.mcap"
     path.write_bytes(b"not a trace")
     detail = fake.run(f"{CAMPAIGN}.0")
-    seen = read_recording(replace(detail, row=replace(detail.row, trace=str(path))))
-    assert isinstance(seen, Unseen)
+    seen = read_trace_summary(replace(detail, row=replace(detail.row, trace=str(path))))
+    assert isinstance(seen, UnavailableTrace)
     assert "is not an MCAP file" in seen.why
     assert "Run it again" in seen.why
 
 
 def test_a_lost_run_has_nothing_to_look_at(fake) -> None:
-    seen = read_recording(fake.run(f"{CAMPAIGN}.9"))
-    assert isinstance(seen, Unseen)
+    seen = read_trace_summary(fake.run(f"{CAMPAIGN}.9"))
+    assert isinstance(seen, UnavailableTrace)
     assert seen.why.startswith("This run was lost")

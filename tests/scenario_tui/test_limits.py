@@ -13,26 +13,30 @@ from rich.segment import Segment
 from rich.style import Style
 from textual.color import Color
 
-from scenario_tui import limits
-from scenario_tui.colours import FewColours, reduced
-from scenario_tui.glyphs import PlainGlyphs, plain
-from scenario_tui.limits import Limits, ascii_only, terminal_knows, terminal_limits, undrawable
-from scenario_tui.palette import WORDS
-from scenario_tui.wording import GLYPHS
+from scenario_tui.terminal import capabilities
+from scenario_tui.terminal.capabilities import (
+    TerminalLimits,
+    ascii_only,
+    terminal_limits,
+    terminal_takes_utf8,
+    why_undrawable,
+)
+from scenario_tui.terminal.filters import AsciiGlyphs, ReducedColours, reduce_style, to_ascii
+from scenario_tui.text.formatting import DASHBOARD_STYLES, GLYPHS
 
 BLACK = Color.parse("#121212")
 
 
 @pytest.mark.parametrize("name", ["dumb", "unknown", ""])
 def test_a_dumb_terminal_is_refused_with_what_to_do(name: str) -> None:
-    said = undrawable({"TERM": name})
+    said = why_undrawable({"TERM": name})
     assert "cannot be drawn on" in said
     assert "scenario status" in said
 
 
 @pytest.mark.parametrize("name", ["xterm", "linux", "screen", "vt100", "tmux-256color"])
 def test_others_are_drawn_on(name: str) -> None:
-    assert undrawable({"TERM": name}) == ""
+    assert why_undrawable({"TERM": name}) == ""
 
 
 @pytest.mark.parametrize(
@@ -49,7 +53,9 @@ def test_others_are_drawn_on(name: str) -> None:
     ],
 )
 def test_colours_are_those_of_the_terminal(system: str, environ: dict[str, str], colours) -> None:
-    assert terminal_limits(system, environ | {"SCENARIO_GLYPHS": "unicode"}) == Limits(colours)
+    assert terminal_limits(system, environ | {"SCENARIO_GLYPHS": "unicode"}) == TerminalLimits(
+        colours
+    )
 
 
 @pytest.mark.parametrize(
@@ -76,13 +82,13 @@ def test_signs_follow_the_locale_and_where_it_is_silent_the_terminal(
     streams = SimpleNamespace(
         flags=SimpleNamespace(utf8_mode=utf8_mode), stderr=SimpleNamespace(encoding="utf-8")
     )
-    monkeypatch.setattr(limits, "sys", streams)
+    monkeypatch.setattr(capabilities, "sys", streams)
     assert ascii_only(environ, ask) is expected
 
 
 @pytest.mark.parametrize(("column", "knows"), [(2, True), (4, False), (None, False)])
 def test_a_terminal_is_asked_how_far_a_sign_moved_it(monkeypatch, column, knows: bool) -> None:
-    monkeypatch.setattr(limits, "_PATIENCE", 0.1 if column is None else 5.0)
+    monkeypatch.setattr(capabilities, "_PATIENCE", 0.1 if column is None else 5.0)
     master, slave = pty.openpty()
 
     def answer() -> None:
@@ -95,7 +101,7 @@ def test_a_terminal_is_asked_how_far_a_sign_moved_it(monkeypatch, column, knows:
     terminal = threading.Thread(target=answer)
     terminal.start()
     try:
-        assert terminal_knows(slave, slave) is knows
+        assert terminal_takes_utf8(slave, slave) is knows
     finally:
         terminal.join()
         os.close(master)
@@ -103,7 +109,10 @@ def test_a_terminal_is_asked_how_far_a_sign_moved_it(monkeypatch, column, knows:
 
 
 def test_every_verdict_keeps_a_colour_of_its_own_hue() -> None:
-    names = {word: reduced(Style.parse(style), colours=True).color for word, style in WORDS.items()}
+    names = {
+        word: reduce_style(Style.parse(style), colours=True).color
+        for word, style in DASHBOARD_STYLES.items()
+    }
     shown = {word: colour.name if colour else "" for word, colour in names.items()}
     assert shown["pass"] == "green"
     assert shown["fail"] == "red"
@@ -115,26 +124,26 @@ def test_every_verdict_keeps_a_colour_of_its_own_hue() -> None:
 
 def test_what_is_selected_is_in_reverse_and_nothing_else_has_a_background() -> None:
     selected, panel = Style.parse("bold #ddedf9 on #0178d4"), Style.parse("#e0e0e0 on #242f38")
-    assert reduced(selected, colours=True) == Style(bold=True, reverse=True)
-    assert reduced(selected, colours=False) == Style(bold=True, reverse=True)
-    assert reduced(panel, colours=True) == Style()
+    assert reduce_style(selected, colours=True) == Style(bold=True, reverse=True)
+    assert reduce_style(selected, colours=False) == Style(bold=True, reverse=True)
+    assert reduce_style(panel, colours=True) == Style()
 
 
 def test_on_a_light_theme_only_what_is_dark_stands_out() -> None:
     light = Style.parse("#202020 on #e0e0e0")
-    assert reduced(light, colours=True, dark=False) == Style()
-    assert reduced(Style.parse("#ffffff on #004578"), colours=True, dark=False).reverse
+    assert reduce_style(light, colours=True, dark=False) == Style()
+    assert reduce_style(Style.parse("#ffffff on #004578"), colours=True, dark=False).reverse
 
 
 def test_without_colours_only_attributes_are_left() -> None:
     segments = [Segment("✗ fail", Style.parse("bold #ff7b7b on #1e1e1e")), Segment("x")]
-    (fail, rest) = FewColours(colours=False).apply(segments, BLACK)
+    (fail, rest) = ReducedColours(colours=False).apply(segments, BLACK)
     assert fail.style == Style(bold=True)
     assert rest.text == "x"
 
 
 def test_signs_in_ascii_differ_where_words_differ() -> None:
-    signs = {word: plain(glyph) for word, glyph in GLYPHS.items()}
+    signs = {word: to_ascii(glyph) for word, glyph in GLYPHS.items()}
     assert all(sign.isascii() and len(sign) == 1 for sign in signs.values())
     assert len(set(signs.values())) == len(signs)
 
@@ -151,7 +160,7 @@ def test_signs_in_ascii_differ_where_words_differ() -> None:
     ],
 )
 def test_everything_is_said_in_ascii_as_wide_as_before(text: str, expected: str) -> None:
-    assert plain(text) == expected
+    assert to_ascii(text) == expected
     assert cell_len(expected) == cell_len(text)
-    (segment,) = PlainGlyphs().apply([Segment(text, Style(bold=True))], BLACK)
+    (segment,) = AsciiGlyphs().apply([Segment(text, Style(bold=True))], BLACK)
     assert segment == Segment(expected, Style(bold=True))

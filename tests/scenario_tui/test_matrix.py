@@ -9,14 +9,14 @@ from typing import Any
 
 import pytest
 
-from daemon.assessment import Assessment
-from daemon.protocol import RunState
-from daemon.verdict import Outcome
-from scenario_tui.judging import Judge
-from scenario_tui.screens.matrix import MatrixScreen
-from scenario_tui.screens.runs import RunsScreen
-from scenario_tui.summary import conclude, overall, unexpected
-from scenario_tui.widgets.cell_table import CellTable
+from daemon.model.assessments import Assessment
+from daemon.model.status import RunState
+from daemon.model.verdicts import Outcome
+from scenario_tui.dashboard.screens.matrix import MatrixScreen
+from scenario_tui.dashboard.screens.runs import RunsScreen
+from scenario_tui.dashboard.state import CampaignAssessor
+from scenario_tui.dashboard.widgets.tables import CellTable
+from scenario_tui.text.results import conclude, overall_conclusion, unexpected_conclusion
 from tests.scenario_tui.fake import CAMPAIGN, OLD, FakeDaemon
 from tests.scenario_tui.inline import make_dashboard, press, screen_text, settle
 from tests.scenario_tui.judged_campaign import judged_campaign
@@ -133,7 +133,7 @@ class Clock:
 def judged_at(fake: FakeDaemon, took: float, moments: Sequence[float], wanted: str) -> list[bool]:
     """Return at which moments a judge works on the first campaign, which changes all the time."""
     clock = Clock(fake, took)
-    judge, rows = Judge(clock=clock), fake._campaign_rows()[:1]
+    judge, rows = CampaignAssessor(clock=clock), fake._campaign_rows()[:1]
     found = []
     for moment in moments:
         clock.now = moment
@@ -155,7 +155,7 @@ def test_judging_large_campaigns_leaves_most_of_the_time_to_others(judged) -> No
 
 
 def test_what_did_not_change_is_not_judged_again(judged) -> None:
-    judge, rows = Judge(clock=lambda: 0.0, every=0.0), judged._campaign_rows()
+    judge, rows = CampaignAssessor(clock=lambda: 0.0, every=0.0), judged._campaign_rows()
     assert [judge.step(judged, rows, "") for _ in range(3)] == [True, True, False]
     assert judge.step(judged, rows, CAMPAIGN)  # now everything about it is wanted
     assert not judge.step(judged, rows, CAMPAIGN)
@@ -179,9 +179,9 @@ def test_a_campaign_is_told_in_two_words(code, finished, said) -> None:
 def test_the_first_line_is_about_the_newest_campaign_of_each_name(judged) -> None:
     rows = judged._campaign_rows()
     fixed = replace(rows[0], id="first-later")
-    said = {rows[0].id: unexpected(2), rows[1].id: unexpected(1), fixed.id: conclude(
+    said = {rows[0].id: unexpected_conclusion(2), rows[1].id: unexpected_conclusion(1), fixed.id: conclude(
         Assessment((), (), (), 0), finished=True)}  # fmt: skip
-    assert overall(rows, said) == unexpected(3)
-    assert overall((fixed, *rows), said) == unexpected(1)
-    assert overall((fixed,), said) == said[fixed.id]
-    assert overall(rows, {}) is None
+    assert overall_conclusion(rows, said) == unexpected_conclusion(3)
+    assert overall_conclusion((fixed, *rows), said) == unexpected_conclusion(1)
+    assert overall_conclusion((fixed,), said) == said[fixed.id]
+    assert overall_conclusion(rows, {}) is None

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from scenario_tui.screens import runs
-from scenario_tui.widgets.keyed_table import KeyedTable
+from scenario_tui.dashboard.screens import runs
+from scenario_tui.dashboard.widgets.tables import KeyedTable
 from tests.scenario_tui.fake import CAMPAIGN, FakeDaemon, make_row
 from tests.scenario_tui.inline import make_dashboard, press, screen_text, settle
 

@@ -9,10 +9,15 @@ import numpy as np
 import pytest
 
 from daemon.trace import TraceError
-from scenario_tui.frame import frame, timeline, verdict_lines
-from scenario_tui.playback import Playback, open_playback
-from scenario_tui.transport import SPEEDS, Transport
-from scenario_tui.widgets.top_view import drawn
+from scenario_tui.dashboard.playback import (
+    Playback,
+    open_playback,
+    render_frame,
+    timeline_bar,
+    verdict_lines,
+)
+from scenario_tui.dashboard.signal_strips import SPEEDS, ReplayTransport
+from scenario_tui.dashboard.widgets.top_view import draw_view
 from tests.scenario_tui.recorded import HIT, TURNED, record_run
 
 
@@ -50,17 +55,17 @@ def test_contacts_flash_for_a_moment(playback: Playback) -> None:
     assert playback.view(HIT + 0.3).contacts == ((pytest.approx(4.35), 2.0),)
     assert playback.view(HIT + 2.0).contacts == ()
     assert len(playback.view(HIT + 2.0, window=3.0).contacts) == 1
-    flash = drawn(playback.view(HIT + 0.1), 60, 20).cells()[0]
+    flash = draw_view(playback.view(HIT + 0.1), 60, 20).cells()[0]
     assert ord("✱") in flash
-    assert ord("✱") not in drawn(playback.view(2.0), 60, 20).cells()[0]
+    assert ord("✱") not in draw_view(playback.view(2.0), 60, 20).cells()[0]
 
 
 def test_plans_are_dotted_where_trails_are_not(playback: Playback) -> None:
     from dataclasses import replace
 
     view = replace(playback.view(0.0), returns=(), estimate=None)
-    with_plan = drawn(view, 80, 24).cells()[0]
-    without = drawn(replace(view, plan=()), 80, 24).cells()[0]
+    with_plan = draw_view(view, 80, 24).cells()[0]
+    without = draw_view(replace(view, plan=()), 80, 24).cells()[0]
     assert 0 < np.count_nonzero(with_plan != without) < 3.0 / 12.4 * 80
 
 
@@ -89,7 +94,7 @@ def test_what_is_no_moment_is_refused(playback: Playback, text: str) -> None:
 
 
 def test_a_frame_fits_and_says_everything(playback: Playback) -> None:
-    lines = [line.plain for line in frame(playback, 6.2, 80, 23)]
+    lines = [line.plain for line in render_frame(playback, 6.2, 80, 23)]
     assert len(lines) == 23
     assert max(map(len, lines)) <= 80
     assert lines[0] == "S2/pilot/0  6.2 s of 10.0 s  reached 1 of 3 waypoints"
@@ -102,9 +107,9 @@ def test_a_frame_fits_and_says_everything(playback: Playback) -> None:
 
 @pytest.mark.parametrize("size", [(20, 6), (40, 10), (200, 60)])
 def test_a_frame_fits_into_any_terminal(playback: Playback, size: tuple[int, int]) -> None:
-    lines = frame(playback, 5.0, *size)
+    lines = render_frame(playback, 5.0, *size)
     assert all(line.cell_len <= size[0] for line in lines)
-    assert timeline(playback, 5.0, size[0]).cell_len == size[0]
+    assert timeline_bar(playback, 5.0, size[0]).cell_len == size[0]
 
 
 def test_verdicts_that_do_not_fit_are_counted(playback: Playback) -> None:
@@ -123,7 +128,7 @@ def test_a_trace_without_a_robot_is_no_replay(playback: Playback, tmp_path: Path
 
 
 def test_time_goes_as_fast_as_the_speed_and_stops_at_the_end() -> None:
-    transport = Transport(0.0, 10.0, 0.0, speed=5.0)
+    transport = ReplayTransport(0.0, 10.0, 0.0, speed=5.0)
     assert transport.advance(1.0) == 5.0
     transport.advance(60.0)
     assert (transport.time, transport.playing) == (10.0, False)
@@ -132,7 +137,7 @@ def test_time_goes_as_fast_as_the_speed_and_stops_at_the_end() -> None:
 
 
 def test_speeds_go_from_a_tenth_to_a_thousand() -> None:
-    transport = Transport(0.0, 1.0, 0.0, speed=3.0)
+    transport = ReplayTransport(0.0, 1.0, 0.0, speed=3.0)
     transport.faster()
     assert transport.speed == 5.0
     for _ in SPEEDS:

@@ -6,8 +6,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from scenario_tui.screens.replay import ReplayScreen
-from scenario_tui.screens.run import RunScreen
+from scenario_tui.dashboard.screens.replay import ReplayScreen
+from scenario_tui.dashboard.screens.run import RunScreen
 from tests.scenario_tui.fake import CAMPAIGN, FakeDaemon
 from tests.scenario_tui.inline import make_dashboard, press, screen_text, settle
 from tests.scenario_tui.recorded import record_run

@@ -6,10 +6,10 @@ from typing import Any
 
 import pytest
 
-from scenario_tui.playback import Playback, open_playback
-from scenario_tui.screens.help import Help
-from scenario_tui.screens.replay import ReplayApp, ReplayScreen
-from scenario_tui.widgets.top_view import TopView
+from scenario_tui.dashboard.playback import Playback, open_playback
+from scenario_tui.dashboard.screens.help import Help
+from scenario_tui.dashboard.screens.replay import ReplayApp, ReplayScreen
+from scenario_tui.dashboard.widgets.top_view import TopView
 from tests.scenario_tui.inline import screen_text
 from tests.scenario_tui.recorded import HIT, TURNED, record_run
 

@@ -9,13 +9,13 @@ from typing import Any
 import pytest
 from textual.widgets import Static
 
-from daemon.oracles import judge
-from daemon.protocol import Live, RunDetail
+from daemon.judging.oracles import judge
+from daemon.model.status import LiveSnapshot, RunDetail
 from daemon.trace import read_trace
-from scenario_tui.screens.compare import CompareScreen
-from scenario_tui.screens.run import RunScreen
-from scenario_tui.tracks import Tracks
-from scenario_tui.widgets.top_view import TopView
+from scenario_tui.dashboard.screens.compare import CompareScreen
+from scenario_tui.dashboard.screens.run import RunScreen
+from scenario_tui.dashboard.state import Tracks
+from scenario_tui.dashboard.widgets.top_view import TopView
 from tests.scenario_tui.fake import CAMPAIGN, FakeDaemon, make_live
 from tests.scenario_tui.inline import make_dashboard, press, screen_text, settle
 from tests.scenario_tui.recorded import HIT, TURNED, record_run
@@ -205,7 +205,7 @@ async def test_a_run_without_a_trace_is_not_compared(fake: FakeDaemon) -> None:
         assert isinstance(pilot.app.screen, RunScreen)
 
 
-def detailed(time: float, **changes: Any) -> Live:
+def detailed(time: float, **changes: Any) -> LiveSnapshot:
     live = make_live(7, time)
     more = {
         "spread": (0.04, 0.0, 0.04),

@@ -7,15 +7,19 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from daemon.oracles import Sampler, course_of
-from daemon.spec import OracleText
+from daemon.judging.oracles import SignalSampler, oracle_timeline
+from daemon.model.spec import OracleText
 from daemon.trace import JointTrack
-from scenario_tui.chronicle import Strip
-from scenario_tui.playback import Playback, open_playback
-from scenario_tui.signals import DOORS, door_events, joined
-from scenario_tui.widgets.braille import Canvas
-from scenario_tui.widgets.cell_view import changed_spans
-from scenario_tui.widgets.timeline import TimelineView, at_cursor, fitting, ranges
+from scenario_tui.dashboard.playback import (
+    DOOR_CLEARANCE,
+    Playback,
+    door_events,
+    merge_spans,
+    open_playback,
+)
+from scenario_tui.dashboard.signal_strips import SignalStrip
+from scenario_tui.dashboard.widgets.cell_view import Canvas, changed_spans
+from scenario_tui.dashboard.widgets.timeline import TimelineView, at_cursor, fit_heights, ranges
 from tests.scenario_tui.recorded import TURNED, record_run
 
 
@@ -35,7 +39,7 @@ def drawn(playback: Playback, columns: int = 80, rows: int = 24, time: float = 2
 
 def test_the_usual_signals_come_first_then_those_oracles_read(playback: Playback) -> None:
     names = [strip.name for strip in playback.chronicle.strips]
-    assert names == ["loc.error", "clearance", DOORS, "speed", "speed.angular", "contact"]
+    assert names == ["loc.error", "clearance", DOOR_CLEARANCE, "speed", "speed.angular", "contact"]
     signals = {strip.name: strip for strip in playback.chronicle.strips}
     assert signals["speed"].limits == (0.6,)
     assert signals["speed"].against == ()
@@ -64,15 +68,17 @@ def test_the_usual_signals_come_first_then_those_oracles_read(playback: Playback
 def test_a_course_says_when_the_run_spoke_against_an_oracle(
     playback: Playback, oracle: str, against: int, limits: list[tuple[str, float]]
 ) -> None:
-    course = course_of(OracleText("it", oracle), Sampler(playback.trace))
+    course = oracle_timeline(OracleText("it", oracle), SignalSampler(playback.trace))
     assert len(course.against) == against
     assert list(course.limits) == limits
 
 
 def test_until_counts_before_its_release_only(playback: Playback) -> None:
-    sampler = Sampler(playback.trace)
+    sampler = SignalSampler(playback.trace)
     before, after = (
-        course_of(OracleText("it", f"always(elapsed < 3 s) until (elapsed >= {t} s)"), sampler)
+        oracle_timeline(
+            OracleText("it", f"always(elapsed < 3 s) until (elapsed >= {t} s)"), sampler
+        )
         for t in (5, 2)
     )
     assert before.against == ((pytest.approx(3.0), pytest.approx(5.0)),)
@@ -87,13 +93,13 @@ def test_doors_open_when_they_leave_how_they_are_drawn() -> None:
 
 
 def test_stretches_that_touch_become_one() -> None:
-    assert joined([(3.0, 4.0), (0.0, 1.0), (1.0, 2.0), (3.5, 3.6)]) == ((0.0, 2.0), (3.0, 4.0))
+    assert merge_spans([(3.0, 4.0), (0.0, 1.0), (1.0, 2.0), (3.5, 3.6)]) == ((0.0, 2.0), (3.0, 4.0))
 
 
 def test_a_spike_of_one_sample_is_seen_however_long_the_run() -> None:
     values = np.zeros(100_000)
     values[77_777] = 5.0
-    strip = Strip("it", "m", np.linspace(0.0, 1.0, 100_000), values)
+    strip = SignalStrip("it", "m", np.linspace(0.0, 1.0, 100_000), values)
     _, high = ranges(strip, 0.0, 1.0, 60)
     assert (high.max(), np.count_nonzero(high == 5.0)) == (5.0, 1)
 
@@ -121,12 +127,12 @@ def test_the_timeline_fits_into_any_room(playback: Playback, size: tuple[int, in
 def test_what_does_not_fit_is_counted(playback: Playback) -> None:
     assert any("> 4 more" in line for line in drawn(playback, 80, 8))
     few = [replace(playback.chronicle.strips[0])] * 3
-    assert fitting(few, 7) == [3, 2, 2]
-    assert fitting(few, 3) == [3]
+    assert fit_heights(few, 7) == [3, 2, 2]
+    assert fit_heights(few, 3) == [3]
 
 
 def test_values_at_the_cursor_are_those_of_the_last_sample() -> None:
-    strip = Strip("it", "bool", np.array([1.0, 2.0]), np.array([1.0, 0.0]))
+    strip = SignalStrip("it", "bool", np.array([1.0, 2.0]), np.array([1.0, 0.0]))
     assert [at_cursor(strip, t) for t in (0.5, 1.0, 1.9, 9.0)] == ["–", "yes", "yes", "no"]
 
 

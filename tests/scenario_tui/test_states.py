@@ -8,8 +8,8 @@ from typing import Any
 
 import pytest
 
-from daemon.errors import Refused
-from daemon.protocol import RunState
+from daemon.batch.errors import Refused
+from daemon.model.status import RunState
 from tests.scenario_tui.fake import FakeDaemon, campaign_row, make_live, make_row
 from tests.scenario_tui.inline import make_dashboard, press, screen_text, settle
 

@@ -6,9 +6,9 @@ from dataclasses import replace
 
 import pytest
 
-from scenario_tui.picture import Picture
-from scenario_tui.summary import Conclusion
-from scenario_tui.widgets.status_line import status_text
+from scenario_tui.dashboard.state import DashboardState
+from scenario_tui.dashboard.widgets.status_line import status_text
+from scenario_tui.text.results import Conclusion
 from tests.scenario_tui.fake import CAMPAIGN, NOW, FakeDaemon
 
 SMALL = FakeDaemon().overview()
@@ -21,7 +21,7 @@ JUDGED = {CAMPAIGN: Conclusion("fail", "3 unexpected", 3)}
 
 
 def line(width: int, **known: object) -> str:
-    found = Picture(True, at=NOW, overview=SMALL, campaigns=CAMPAIGNS, conclusions=JUDGED)
+    found = DashboardState(True, at=NOW, overview=SMALL, campaigns=CAMPAIGNS, conclusions=JUDGED)
     return status_text(replace(found, **known), NOW + 75.0, width).plain  # type: ignore[arg-type]
 
 
@@ -94,5 +94,5 @@ def test_a_daemon_that_is_not_understood_is_not_called_gone() -> None:
 
 
 def test_before_the_first_answer_it_is_connecting() -> None:
-    assert status_text(Picture(), NOW, 78).plain == "… connecting"
+    assert status_text(DashboardState(), NOW, 78).plain == "… connecting"
     assert line(78, overview=None) == "… connecting"

@@ -10,11 +10,11 @@ from typing import Any
 import pytest
 from textual.widgets import Input, Static
 
-from scenario_tui.app import Dashboard
-from scenario_tui.examining import examine
-from scenario_tui.files import fitting, is_campaign, near, typed_folder
-from scenario_tui.screens.campaigns import CampaignsScreen
-from scenario_tui.screens.submit import SubmitScreen
+from scenario_tui.campaign_files import find_files, fuzzy_matches, is_campaign, typed_folder
+from scenario_tui.dashboard.app import Dashboard
+from scenario_tui.dashboard.screens.campaigns import CampaignsScreen
+from scenario_tui.dashboard.screens.submit import SubmitScreen
+from scenario_tui.submission import check_file
 from tests.scenario_tui import inline
 from tests.scenario_tui.driven import SteeredDaemon, notices, until
 from tests.scenario_tui.inline import press, screen_text, settle
@@ -43,7 +43,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 def make_dashboard(fake: SteeredDaemon) -> Dashboard:
     """Files are examined in this process, which has loaded what that takes."""
-    return inline.make_dashboard(fake, examine=examine)
+    return inline.make_dashboard(fake, examine=check_file)
 
 
 def about(pilot: Any) -> str:
@@ -118,15 +118,15 @@ async def test_only_a_second_click_on_a_file_submits_it(fake, folder) -> None:
 
 
 def test_campaigns_near_are_found_those_changed_last_first(folder: Path) -> None:
-    found = near(folder, is_campaign)
+    found = find_files(folder, is_campaign)
     assert found == (folder / "demo" / "campaign.yaml", folder / "broken.yaml")
 
 
 def test_letters_in_order_are_enough_to_find_a_file() -> None:
     names = ("ortega2024/campaign.yaml", "demo/campaign.yaml")
-    assert fitting(names, "dcamp") == ("demo/campaign.yaml",)
-    assert fitting(names, "") == names
-    assert fitting(names, "xyz") == ()
+    assert fuzzy_matches(names, "dcamp") == ("demo/campaign.yaml",)
+    assert fuzzy_matches(names, "") == names
+    assert fuzzy_matches(names, "xyz") == ()
 
 
 def test_only_a_path_leads_to_another_folder(tmp_path: Path) -> None:

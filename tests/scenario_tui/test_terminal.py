@@ -72,7 +72,7 @@ def test_it_is_typed_at_resized_and_left_while_the_daemon_goes_and_comes(daemon)
         assert shown.wait() == 0
         assert "Left the dashboard" in shown.text
         assert restored(shown)
-    with daemon.client() as client:
+    with daemon.batch.client() as client:
         assert client.overview().done == len(OUTCOMES)
 
 

@@ -9,7 +9,7 @@ import pyte
 import pytest
 from rich.cells import cell_len
 
-from scenario_tui.thrift import Shadow
+from scenario_tui.terminal.limited_terminal import TerminalDiff
 
 COLUMNS, ROWS = 40, 10
 FRAME = (
@@ -22,7 +22,7 @@ class Pair:
     """Two terminals: one gets every frame, the other what a shadow leaves of it."""
 
     def __init__(self) -> None:
-        self.shadow = Shadow()
+        self.shadow = TerminalDiff()
         self.screens = tuple(pyte.Screen(COLUMNS, ROWS) for _ in range(2))
         self._whole, self._thin = (pyte.Stream(screen) for screen in self.screens)
 
@@ -99,7 +99,7 @@ def test_a_cleared_screen_is_drawn_whole() -> None:
 
 
 def test_what_is_no_frame_goes_through() -> None:
-    shadow = Shadow()
+    shadow = TerminalDiff()
     for data in ("\x1b[?25l", "\x07", "\x1b]52;c;aGk=\x07", "\x1b[?1006h"):
         assert shadow.thin(data) == data
 
@@ -113,7 +113,7 @@ def test_a_frame_with_something_else_in_it_goes_through() -> None:
 
 
 def test_updates_are_announced_only_when_there_are_some() -> None:
-    shadow = Shadow()
+    shadow = TerminalDiff()
     begin, end = "\x1b[?2026h", "\x1b[?2026l"
     sent = [shadow.thin(data) for data in (begin, FRAME, end)]
     assert sent[0] == ""

@@ -9,10 +9,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from grammars.values import Pose2
-from scenario_tui.tracks import Tracks
-from scenario_tui.widgets.braille import Canvas
-from scenario_tui.widgets.top_view import View, drawn, object_rings
+from grammars.model.geometry import Pose2
+from scenario_tui.dashboard.state import Tracks
+from scenario_tui.dashboard.widgets.cell_view import Canvas
+from scenario_tui.dashboard.widgets.top_view import View, draw_view, object_rings
 from tests.scenario_tui.fake import MISSION, ROBOT, make_live, make_scene
 
 # Dot positions of a braille cell by Unicode's own numbering: bit k is dot k+1.
@@ -74,7 +74,7 @@ def test_a_cell_belongs_to_its_highest_layer_and_a_glyph_hides_dots() -> None:
 
 
 def test_lintels_are_above_the_eye_and_leave_the_doorway_open() -> None:
-    canvas = drawn(view(), 76, 20)
+    canvas = draw_view(view(), 76, 20)
     scale = 151 / 12.4
     doorway = round(75.5 + (5.5 - 6.0) * scale)
     walls = {x for x, _ in dots_of(canvas)}
@@ -90,8 +90,8 @@ def test_a_door_is_drawn_at_its_angle() -> None:
     ajar = object_rings(make_scene(), (-math.pi / 2,))[0]
     assert max(y for _, y in shut) == pytest.approx(4.02)
     assert min(y for _, y in ajar) == pytest.approx(4.0 - 0.95)
-    assert text(drawn(view(), 76, 20)) != text(
-        drawn(View(make_scene(), ROBOT, MISSION, (-1.5,)), 76, 20)
+    assert text(draw_view(view(), 76, 20)) != text(
+        draw_view(View(make_scene(), ROBOT, MISSION, (-1.5,)), 76, 20)
     )
 
 
@@ -100,24 +100,24 @@ def test_a_door_is_drawn_at_its_angle() -> None:
     [(0.0, "→"), (math.pi / 2, "↑"), (math.pi, "←"), (-math.pi / 2, "↓"), (0.8, "↗")],
 )
 def test_the_robot_is_an_arrow_that_points_where_it_looks(yaw: float, arrow: str) -> None:
-    assert arrow in text(drawn(view(robot_pose=Pose2(6.0, 2.0, yaw)), 76, 20))
+    assert arrow in text(draw_view(view(robot_pose=Pose2(6.0, 2.0, yaw)), 76, 20))
 
 
 def test_reached_waypoints_look_different() -> None:
-    shown = text(drawn(view(reached=2), 76, 20))
+    shown = text(draw_view(view(reached=2), 76, 20))
     assert (shown.count("◇"), shown.count("◆")) == (2, 1)
 
 
 def test_zoom_keeps_the_robot_in_the_middle() -> None:
-    canvas = drawn(view(robot_pose=Pose2(9.0, 1.0, 0.0)), 76, 20, zoom=4)
+    canvas = draw_view(view(robot_pose=Pose2(9.0, 1.0, 0.0)), 76, 20, zoom=4)
     rows = text(canvas).splitlines()
     assert rows[9][37] == "→" or rows[10][38] == "→" or rows[9][38] == "→" or rows[10][37] == "→"
 
 
 def test_copied_walls_are_the_walls() -> None:
-    first = drawn(view(), 60, 18)
-    again = drawn(view(robot_pose=Pose2(8.0, 2.0)), 60, 18, walls=first)
-    fresh = drawn(view(robot_pose=Pose2(8.0, 2.0)), 60, 18)
+    first = draw_view(view(), 60, 18)
+    again = draw_view(view(robot_pose=Pose2(8.0, 2.0)), 60, 18, walls=first)
+    fresh = draw_view(view(robot_pose=Pose2(8.0, 2.0)), 60, 18)
     assert text(again) == text(fresh)
 
 

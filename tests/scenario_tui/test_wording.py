@@ -7,9 +7,9 @@ import sys
 
 import pytest
 
-from daemon.protocol import RunState
-from daemon.verdict import Outcome
-from scenario_tui import wording
+from daemon.model.status import RunState
+from daemon.model.verdicts import Outcome
+from scenario_tui.text import formatting
 
 
 @pytest.mark.parametrize(
@@ -30,7 +30,7 @@ from scenario_tui import wording
     ],
 )
 def test_margins_have_sign_three_digits_and_a_unit(value, unit, text) -> None:
-    assert wording.margin(value, unit) == text
+    assert formatting.margin(value, unit) == text
 
 
 @pytest.mark.parametrize(
@@ -48,7 +48,7 @@ def test_margins_have_sign_three_digits_and_a_unit(value, unit, text) -> None:
     ],
 )
 def test_durations_are_for_people(seconds, text) -> None:
-    assert wording.duration(seconds) == text
+    assert formatting.duration(seconds) == text
 
 
 @pytest.mark.parametrize(
@@ -64,7 +64,7 @@ def test_durations_are_for_people(seconds, text) -> None:
     ],
 )
 def test_spans_below_a_second_are_told_apart(seconds, text) -> None:
-    assert wording.fine_duration(seconds) == text
+    assert formatting.fine_duration(seconds) == text
 
 
 @pytest.mark.parametrize(
@@ -72,7 +72,7 @@ def test_spans_below_a_second_are_told_apart(seconds, text) -> None:
     [(0, "0 s ago"), (-5, "0 s ago"), (240, "4 min ago"), (90_000, "25 h ago"), (1e6, "11 d ago")],
 )
 def test_ages_have_one_unit(age, text) -> None:
-    assert wording.ago(1000.0, 1000.0 + age) == text
+    assert formatting.age_text(1000.0, 1000.0 + age) == text
 
 
 @pytest.mark.parametrize(
@@ -88,17 +88,17 @@ def test_ages_have_one_unit(age, text) -> None:
     ],
 )
 def test_bars_grow_from_the_middle_to_the_side_of_the_verdict(share, bar) -> None:
-    assert wording.margin_bar(share) == bar
+    assert formatting.margin_bar(share) == bar
 
 
 def test_every_outcome_and_state_has_a_glyph_and_a_style() -> None:
     for word in (*Outcome, *(state for state in RunState if state is not RunState.DONE)):
-        assert wording.glyph_word(str(word)).endswith(str(word))
-        assert str(word) in wording.STYLES
-        assert str(word) in wording.SEVERITY
+        assert formatting.glyph_word(str(word)).endswith(str(word))
+        assert str(word) in formatting.TERMINAL_STYLES
+        assert str(word) in formatting.SEVERITY
 
 
 def test_counting_uses_the_plural_for_all_but_one() -> None:
-    assert wording.counted(1, "run") == "1 run"
-    assert wording.counted(0, "run") == "0 runs"
-    assert wording.counted(12_000, "run") == "12,000 runs"
+    assert formatting.pluralise(1, "run") == "1 run"
+    assert formatting.pluralise(0, "run") == "0 runs"
+    assert formatting.pluralise(12_000, "run") == "12,000 runs"

@@ -11,14 +11,14 @@ from rdflib import Graph, Namespace
 from rdflib.namespace import PROV, RDF, RDFS
 from ruamel.yaml import YAML
 
-from grammars.behaviour import Jump, LegBegins, Reaction, Walk
-from grammars.diagnostics import InputError
 from grammars.floorplan import load_floorplan
+from grammars.model.behaviour import Jump, LegBegins, Reaction, Walk
+from grammars.text.diagnostics import InputError
 from templates.artefacts import KINDS, export
 from templates.naming import file_name
-from templates.picture._png import SCALE
-from templates.rendering import OURS, Templates, number
-from templates.world import Draw, Settings
+from templates.picture._png import PNG_SCALE
+from templates.rendering import BUILT_IN, Templates, number
+from templates.world import BehaviourDraw, ExportSettings
 from tests.templates.test_bodies import walker
 from tests.templates.worlds import BEHAVIOURS, mission, robot, scene, world
 
@@ -90,7 +90,7 @@ def test_launch_files_point_at_files_that_are_there(tmp_path: Path) -> None:
 
 
 def test_the_layout_shows_topics_that_traces_have(tmp_path: Path) -> None:
-    from daemon.trace.messages import TOPICS
+    from daemon.trace import TOPICS
 
     export(world(), ["foxglove"], tmp_path)
     layout = json.loads((tmp_path / "errand.foxglove.json").read_text())
@@ -116,7 +116,10 @@ def test_provenance_is_prov_o_with_the_hash_of_every_file(tmp_path: Path) -> Non
     source.write_text("Floor plan: x\n")
     out = tmp_path / "out"
     done = export(
-        world(sources=(source,)), ["all"], out, settings=Settings(timestamp="2026-01-31T12:00:00")
+        world(sources=(source,)),
+        ["all"],
+        out,
+        settings=ExportSettings(timestamp="2026-01-31T12:00:00"),
     )
     graph = Graph().parse(out / "errand.prov.jsonld", format="json-ld")
     made = [path for kind, paths in done.made.items() if kind != "prov" for path in paths]
@@ -172,7 +175,7 @@ def test_pictures_have_everything_in_them(tmp_path: Path) -> None:
     assert {"walls", "swings", "doors", "way", "waypoints", "robot", "scale"} <= groups
     with Image.open(tmp_path / "errand.png") as image:
         box = [float(v) for v in (root.get("viewBox") or "").split()]
-        assert image.size == pytest.approx((SCALE * box[2], SCALE * box[3]), abs=1)
+        assert image.size == pytest.approx((PNG_SCALE * box[2], PNG_SCALE * box[3]), abs=1)
         colours = image.convert("RGB").getcolors(1 << 24)
     shown = {colour for _, colour in colours or ()}
     wall, door, route, cart = (
@@ -185,7 +188,7 @@ def test_pictures_have_everything_in_them(tmp_path: Path) -> None:
 
 
 def test_a_picture_of_a_bare_plan_needs_no_mission(tmp_path: Path) -> None:
-    export(world(mission=None, robot=None, draws=(Draw("", ()),)), ["picture"], tmp_path)
+    export(world(mission=None, robot=None, draws=(BehaviourDraw("", ()),)), ["picture"], tmp_path)
     assert (tmp_path / "errand.png").stat().st_size > 1000
 
 
@@ -197,7 +200,7 @@ def test_movers_and_events_are_drawn_and_what_gazebo_lacks_is_said(tmp_path: Pat
         Walk("walker", ((1.0, 0.3), (1.8, 0.3), (1.8, 1.7)), speed=1.0),
         Reaction("entrance.hinge", 0.9, 0.0, LegBegins(2), Jump()),
     )
-    done = export(world("errand", Draw("", acts), scene=crowd), ["all"], tmp_path)
+    done = export(world("errand", BehaviourDraw("", acts), scene=crowd), ["all"], tmp_path)
     assert "walker: no plugin walks, it stands where it starts" in done.notes
     assert "entrance.hinge: no plugin waits for events, it stays where it starts" in done.notes
     frames = json.loads((tmp_path / "keyframes/entrance.json").read_text())["keyframes"]
@@ -270,17 +273,17 @@ def test_a_broken_template_is_its_authors_error(
 
 
 def test_every_template_of_ours_is_used() -> None:
-    used = set(OURS.glob("*.j2"))
+    used = set(BUILT_IN.glob("*.j2"))
     assert len(used) == 12
-    sources = "".join(p.read_text() for p in OURS.parent.rglob("*.py"))
+    sources = "".join(p.read_text() for p in BUILT_IN.parent.rglob("*.py"))
     sources += "".join(p.read_text() for p in used)
     assert all(f'"{path.name}"' in sources for path in used)
 
 
 def test_the_manual_names_every_kind_and_template() -> None:
-    manual = (OURS.parents[1] / "docs" / "artefacts.md").read_text()
+    manual = (BUILT_IN.parents[1] / "docs" / "artefacts.md").read_text()
     assert all(f"| `{kind}` |" in manual for kind in KINDS)
-    assert all(f"`{path.name}`" in manual for path in OURS.glob("*.j2"))
+    assert all(f"`{path.name}`" in manual for path in BUILT_IN.glob("*.j2"))
 
 
 @pytest.mark.parametrize(
@@ -308,13 +311,13 @@ def test_heights_and_resolutions_come_from_the_robot_and_the_campaign(tmp_path: 
     text = (tmp_path / "maps/rooms.yaml").read_text()
     assert "resolution: 0.1\n" in text
     assert f"laser at {robot().laser.z:g} m" in text
-    export(world(), ["map"], tmp_path, settings=Settings(laser_height=1.0, resolution=0.2))
+    export(world(), ["map"], tmp_path, settings=ExportSettings(laser_height=1.0, resolution=0.2))
     text = (tmp_path / "maps/rooms.yaml").read_text()
     assert "resolution: 0.2\n" in text
     assert "laser at 1 m" in text
 
 
 def test_draws_may_share_everything(tmp_path: Path) -> None:
-    several = world("errand", Draw("repeat-0", BEHAVIOURS), Draw("repeat-1", ()))
+    several = world("errand", BehaviourDraw("repeat-0", BEHAVIOURS), BehaviourDraw("repeat-1", ()))
     done = export(several, ["sdf", "keyframes"], tmp_path)
     assert len(done.paths) == len(set(done.paths))

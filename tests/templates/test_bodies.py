@@ -9,9 +9,9 @@ import trimesh
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from grammars.kinematics import link_poses
-from grammars.scene import Joint, Link, SceneObject
-from grammars.values import Pose2, Ring
+from grammars.model.geometry import Pose2, Ring
+from grammars.model.kinematics import link_poses
+from grammars.model.scene import Joint, Link, SceneObject
 from templates.bodies import Body, body_of
 from tests.templates.worlds import ROUND, box, cabinet, hinged, slider
 

@@ -9,12 +9,12 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from grammars.composition import compile_scene
 from grammars.floorplan import load_floorplan
-from grammars.grid import FREE, OCCUPIED, OccupancyGrid
-from grammars.scene import Scene
+from grammars.model.geometry import Point2
+from grammars.model.grid import FREE, OCCUPIED, OccupancyGrid
+from grammars.model.scene import Scene
 from grammars.scenery import load_scenery
-from grammars.values import Point2
+from grammars.scenery.composition import compile_scene
 from templates.occupancy import occupancy_grid
 
 

@@ -10,7 +10,7 @@ import pytest
 import shapely
 
 from grammars.floorplan import parse_floorplan
-from templates.geojson import feature_collection, write_geojson
+from templates.maps import feature_collection, write_geojson
 
 PLAN = parse_floorplan("""
 Floor plan: café

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from grammars.composition import compile_scene
 from grammars.floorplan import load_floorplan
-from grammars.metamodel import load_floorplan_jsonld, load_scenery_jsonld
+from grammars.jsonld import load_floorplan_jsonld, load_scenery_jsonld
 from grammars.scenery import load_scenery
+from grammars.scenery.composition import compile_scene
 from templates.jsonld import write_jsonld
 
 

@@ -3,9 +3,9 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-from grammars.behaviour import Hold, Jump, KeyFrame, KeyFrames
-from templates.keyframes import said, write_keyframes
-from templates.world import Draw
+from grammars.model.behaviour import Hold, Jump, KeyFrame, KeyFrames
+from templates.sdf import behaviour_by_joint, write_keyframes
+from templates.world import BehaviourDraw
 from tests.templates.worlds import BEHAVIOURS, job, scene
 
 
@@ -15,7 +15,7 @@ def frames(path: Path) -> list[dict[str, float]]:
 
 
 def test_both_forms_say_the_same(tmp_path: Path) -> None:
-    write_keyframes(job(tmp_path, "errand", Draw("", BEHAVIOURS)))
+    write_keyframes(job(tmp_path, "errand", BehaviourDraw("", BEHAVIOURS)))
     now, era = (
         frames(tmp_path / "keyframes/slider.json"),
         frames(tmp_path / "keyframes/era/slider.json"),
@@ -31,11 +31,11 @@ def test_both_forms_say_the_same(tmp_path: Path) -> None:
 
 def test_frames_are_sorted_and_a_first_one_is_kept() -> None:
     act = KeyFrames("slider.rail", (KeyFrame(4.0, 1.0), KeyFrame(0.0, 0.5)), Jump())
-    found = said(scene(), (act,))["slider.rail"]
+    found = behaviour_by_joint(scene(), (act,))["slider.rail"]
     assert isinstance(found, KeyFrames)
     assert [(f.time, f.position) for f in found.frames] == [(0.0, 0.5), (4.0, 1.0)]
 
 
 def test_only_joints_that_can_move_do_something() -> None:
-    found = said(scene(), (Hold("entrance.hinge", 1.0),))
+    found = behaviour_by_joint(scene(), (Hold("entrance.hinge", 1.0),))
     assert list(found) == ["entrance.hinge", "other.hinge", "slider.rail"]

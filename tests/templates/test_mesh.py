@@ -11,10 +11,10 @@ import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from grammars.composition import compile_scene
 from grammars.floorplan import load_floorplan
-from grammars.scene import Scene, Solid
-from grammars.values import Pose2, Ring
+from grammars.model.geometry import Pose2, Ring
+from grammars.model.scene import Scene, Solid
+from grammars.scenery.composition import compile_scene
 from templates.mesh import WallMesh, wall_mesh, write_glb, write_stl
 from tests.templates.test_occupancy import box, two_rooms
 

@@ -13,9 +13,9 @@ from hypothesis import strategies as st
 from PIL import Image
 from ruamel.yaml import YAML
 
-from grammars.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
-from grammars.scene import Doorway, Joint, Link, Region, Scene, SceneObject, Solid
-from grammars.values import Point2, Pose2, Ring
+from grammars.model.geometry import Point2, Pose2, Ring
+from grammars.model.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
+from grammars.model.scene import Doorway, Joint, Link, Region, Scene, SceneObject, Solid
 from templates.occupancy import occupancy_grid, write_map
 
 HERE = Pose2()

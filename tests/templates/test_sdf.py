@@ -8,16 +8,15 @@ from xml.etree import ElementTree
 
 import pytest
 
-from grammars.behaviour import Hold, Jump, KeyFrame, KeyFrames, Servo, Trigger
-from templates.keyframes import write_keyframes
-from templates.sdf import models_of, write_sdf
-from templates.world import Draw
+from grammars.model.behaviour import Hold, Jump, KeyFrame, KeyFrames, Servo, Trigger
+from templates.sdf import models_of, write_keyframes, write_sdf
+from templates.world import BehaviourDraw
 from tests.templates.worlds import BEHAVIOURS, OTHERS, job, scene
 
 Element = ElementTree.Element
 
 
-def exported(folder: Path, *draws: Draw) -> dict[str, Element]:
+def exported(folder: Path, *draws: BehaviourDraw) -> dict[str, Element]:
     """Write a world and return every XML file in it, by its path."""
     paths = write_sdf(job(folder, "errand", *draws))
     return {
@@ -81,7 +80,7 @@ def test_classic_worlds_use_the_plugins_of_2024(tmp_path: Path) -> None:
     (timed,) = include(world, "slider").iter("plugin")
     assert timed.get("filename") == "libdynamic_joint_plugin.so"
     assert tags(timed) == {"joint": "rail", "uri": "keyframes/era/slider.json"}
-    held = exported(tmp_path, Draw("", OTHERS))["worlds/errand.world"]
+    held = exported(tmp_path, BehaviourDraw("", OTHERS))["worlds/errand.world"]
     (initial,) = include(held, "entrance").iter("plugin")
     assert initial.get("filename") == "libinitial_plugin.so"
     assert tags(initial) == {"joint": "hinge", "position": "1.7"}
@@ -105,7 +104,7 @@ def test_worlds_for_gz_sim_use_the_present_plugins(tmp_path: Path) -> None:
     timed = {p.get("name"): p for p in include(world, "slider").iter("plugin")}
     uri = tags(timed["gz::TimedJointStateChangePlugin"])["uri"]
     assert uri == "file://keyframes/slider.json"
-    held = exported(tmp_path, Draw("", OTHERS))["worlds/errand.sdf"]
+    held = exported(tmp_path, BehaviourDraw("", OTHERS))["worlds/errand.sdf"]
     names = {p.get("name"): p for p in include(held, "entrance").iter("plugin")}
     assert tags(names["gz::InitialJointStatePlugin"]) == {"joint": "hinge", "position": "1.7"}
 
@@ -119,7 +118,7 @@ def test_a_free_door_starts_where_the_scene_has_it(tmp_path: Path) -> None:
 
 
 def test_every_draw_of_behaviours_has_its_world_and_files(tmp_path: Path) -> None:
-    draws = (Draw("repeat-0", BEHAVIOURS), Draw("repeat-3", OTHERS))
+    draws = (BehaviourDraw("repeat-0", BEHAVIOURS), BehaviourDraw("repeat-3", OTHERS))
     files = exported(tmp_path, *draws)
     assert {f for f in files if f.startswith("worlds/")} == {
         "worlds/errand-repeat-0.sdf", "worlds/errand-repeat-0.world",
@@ -138,12 +137,12 @@ def test_what_the_plugins_cannot_do_is_said(tmp_path: Path) -> None:
         Trigger("entrance.hinge", 1.0, 0.0, 1.0, Servo(), of="leaf", to="footprint", rearm=2.0),
         KeyFrames("slider.rail", (KeyFrame(1.0, 1.0),), Servo()),
     )
-    work = job(tmp_path, "errand", Draw("", acts))
+    work = job(tmp_path, "errand", BehaviourDraw("", acts))
     write_sdf(work)
     said = "\n".join(work.notes)
     for words in ("not from the leaf to its footprint", "does not rearm", "knows no servo"):
         assert words in said
-    faithful = job(tmp_path, "errand", Draw("", BEHAVIOURS))
+    faithful = job(tmp_path, "errand", BehaviourDraw("", BEHAVIOURS))
     write_sdf(faithful)
     assert faithful.notes == []
 
@@ -159,7 +158,7 @@ def test_names_of_the_simulator_are_left_alone(tmp_path: Path) -> None:
     )
     crowded = dataclasses.replace(scene(), objects=things)
     acts = (Hold("ground_plane.hinge", 0.0), KeyFrames("b.rail", (), Jump()))
-    paths = write_sdf(job(tmp_path, "w", Draw("", acts), scene=crowded))
+    paths = write_sdf(job(tmp_path, "w", BehaviourDraw("", acts), scene=crowded))
     world = ElementTree.parse(next(p for p in paths if p.suffix == ".world")).getroot()
     names = [i.findtext("name") for i in world.iter("include")]
     names += [m.get("name") for m in world.iter("model")]
@@ -172,7 +171,7 @@ CHECKER = shutil.which("gz") or shutil.which("ign")
 @pytest.mark.skipif(CHECKER is None, reason="no gz or ign to check SDF with (libsdformat)")
 @pytest.mark.parametrize("ending", ["sdf", "world"])
 def test_libsdformat_has_no_complaint(tmp_path: Path, ending: str) -> None:
-    draw = Draw("", (*BEHAVIOURS, Hold("other.hinge", 0.3)))
+    draw = BehaviourDraw("", (*BEHAVIOURS, Hold("other.hinge", 0.3)))
     write_sdf(job(tmp_path, "errand", draw))
     world = tmp_path / "gazebo" / "worlds" / f"errand.{ending}"
     done = subprocess.run(

@@ -9,14 +9,13 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 from ruamel.yaml import YAML
 
-from grammars.composition import compile_scene
-from grammars.files import load_mission
 from grammars.floorplan import load_floorplan
-from grammars.scene import Region, Scene, Solid
-from grammars.values import Pose2, Ring
-from templates.task_files import write_tasks
-from templates.tasks import inset_contour, route, too_close
-from templates.world import Job, Settings, World
+from grammars.model.files import load_mission
+from grammars.model.geometry import Pose2, Ring
+from grammars.model.scene import Region, Scene, Solid
+from grammars.scenery.composition import compile_scene
+from templates.tasks import contour_route, inset_contour, too_close, write_tasks
+from templates.world import ArtefactWorld, ExportJob, ExportSettings
 from tests.templates.test_occupancy import box
 from tests.templates.worlds import job
 
@@ -53,19 +52,19 @@ def test_a_narrow_room_has_no_contour_and_says_so() -> None:
     contour = inset_contour(Region("closet", box(0, 0, 1.3, 9)), 0.7)
     assert contour.parts == ()
     assert contour.findings == ("closet: nowhere 0.7 m from its walls, so no waypoints",)
-    assert route(contour) == ()
+    assert contour_route(contour) == ()
 
 
 def test_a_room_with_a_narrow_middle_has_two_parts() -> None:
     contour = inset_contour(Region("wing", BARBELL), 0.7)
     assert [len(part) for part in contour.parts] == [4, 4]
     assert "falls into 2 parts" in contour.findings[0]
-    assert [stop.part for stop in route(contour)] == [0] * 4 + [1] * 4
+    assert [stop.part for stop in contour_route(contour)] == [0] * 4 + [1] * 4
 
 
 def test_start_direction_and_closing_can_be_chosen() -> None:
     contour = inset_contour(Region("room", box(0, 0, 4, 4)), 1.0)
-    numbers = lambda **how: [stop.number for stop in route(contour, **how)]  # noqa: E731
+    numbers = lambda **how: [stop.number for stop in contour_route(contour, **how)]  # noqa: E731
     assert numbers() == [0, 1, 2, 3]
     assert numbers(first=1, closed=True) == [1, 2, 3, 0, 1]
     assert numbers(first=6, forward=False) == [2, 1, 0, 3]
@@ -73,9 +72,9 @@ def test_start_direction_and_closing_can_be_chosen() -> None:
 
 def test_the_robot_may_look_where_it_goes() -> None:
     contour = inset_contour(Region("room", ((0, 0), (4, 0), (4, 4), (0, 4))), 1.0)
-    yaws = [stop.yaw for stop in route(contour, closed=True, yaw="path")]
+    yaws = [stop.yaw for stop in contour_route(contour, closed=True, yaw="path")]
     assert yaws == pytest.approx([math.pi / 2, math.pi, -math.pi / 2, 0.0, 0.0])
-    assert {stop.yaw for stop in route(contour)} == {0.0}
+    assert {stop.yaw for stop in contour_route(contour)} == {0.0}
 
 
 @pytest.mark.parametrize("distance", [0.0, -1.0, math.inf, math.nan])
@@ -149,8 +148,8 @@ def test_the_shared_task_files_come_out_to_the_centimetre(
     campaigns: Path, reference_data: Path, tmp_path: Path
 ) -> None:
     scene = compile_scene(load_floorplan(campaigns / "ortega2024" / "building_c.fpm"))
-    settings = Settings(distance=0.7, first=1, closed=True)
-    write_tasks(Job(World("building_c", scene), tmp_path, settings))
+    settings = ExportSettings(distance=0.7, first=1, closed=True)
+    write_tasks(ExportJob(ArtefactWorld("building_c", scene), tmp_path, settings))
     missions = reference_data / "missions"
     ours = lambda space: _published(tmp_path / "tasks/era" / f"{space}_task.yaml")  # noqa: E731
     assert ours("left_long_corridor") == _published(missions / "left_long_corridor_task.yaml")

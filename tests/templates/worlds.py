@@ -5,12 +5,12 @@ from __future__ import annotations
 import math
 from pathlib import Path
 
-from grammars.behaviour import Behaviour, Hold, Jump, KeyFrame, KeyFrames, Spring, Trigger
-from grammars.mission import Mission, Waypoint
-from grammars.robot import Drive, Laser, OdometryNoise, Robot
-from grammars.scene import Joint, Link, Scene, SceneObject
-from grammars.values import Pose2, Ring
-from templates.world import Draw, Job, World
+from grammars.model.behaviour import Behaviour, Hold, Jump, KeyFrame, KeyFrames, Spring, Trigger
+from grammars.model.geometry import Pose2, Ring
+from grammars.model.mission import Mission, Waypoint
+from grammars.model.robot import Drive, Laser, OdometryNoise, Robot
+from grammars.model.scene import Joint, Link, Scene, SceneObject
+from templates.world import ArtefactWorld, BehaviourDraw, ExportJob
 from tests.templates.test_occupancy import two_rooms
 
 ROUND: Ring = ((0.2, 0.0), (0.06, 0.19), (-0.16, 0.12), (-0.16, -0.12), (0.06, -0.19))
@@ -76,11 +76,13 @@ OTHERS: tuple[Behaviour, ...] = (
 )
 
 
-def world(name: str = "errand", *draws: Draw, **more: object) -> World:
-    chosen = draws or (Draw("", BEHAVIOURS),)
-    made = World(name, scene(), mission=mission(), robot=robot(), draws=chosen)
-    return World(**({f: getattr(made, f) for f in World.__dataclass_fields__} | more))  # type: ignore[arg-type]
+def world(name: str = "errand", *draws: BehaviourDraw, **more: object) -> ArtefactWorld:
+    chosen = draws or (BehaviourDraw("", BEHAVIOURS),)
+    made = ArtefactWorld(name, scene(), mission=mission(), robot=robot(), draws=chosen)
+    return ArtefactWorld(
+        **({f: getattr(made, f) for f in ArtefactWorld.__dataclass_fields__} | more)
+    )  # type: ignore[arg-type]
 
 
-def job(folder: Path, name: str = "errand", *draws: Draw, **more: object) -> Job:
-    return Job(world(name, *draws, **more), folder)
+def job(folder: Path, name: str = "errand", *draws: BehaviourDraw, **more: object) -> ExportJob:
+    return ExportJob(world(name, *draws, **more), folder)

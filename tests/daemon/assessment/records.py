@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from daemon.assessment import RunRecord
-from daemon.spec import Timing
-from daemon.verdict import Evidence, Outcome, Verdict
+from daemon.model.assessments import RunRecord
+from daemon.model.spec import Timing
+from daemon.model.verdicts import Evidence, Outcome, Verdict
 
 
 def verdict(margin: float | None, oracle: str = "clear", text: str = "always(...)") -> Verdict:

@@ -9,44 +9,43 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from daemon.assessment import (
-    Comparison,
-    Declared,
+from daemon.judging.assessment import assess, undecided_cells
+from daemon.model.assessments import (
+    AssessmentRules,
+    CellVerdict,
     Expectation,
-    OracleCell,
-    Policy,
+    RepeatPolicy,
     RunRecord,
-    assess,
-    undecided,
+    ScenarioComparison,
 )
-from daemon.verdict import Evidence, Outcome, Verdict
-from grammars import codec
+from daemon.model.verdicts import Evidence, Outcome, Verdict
+from grammars.text import codec
 from tests.daemon.assessment.records import cell, lost, measure, record, timed, verdict
 
-RATE = Declared(Policy(5, "rate", 0.8))
-MEAN = Declared(Policy(5, "mean"))
+RATE = AssessmentRules(RepeatPolicy(5, "rate", 0.8))
+MEAN = AssessmentRules(RepeatPolicy(5, "mean"))
 
 
-def expecting(wanted: str, **changes: object) -> Declared:
+def expecting(wanted: str, **changes: object) -> AssessmentRules:
     base = Expectation("S1", "clear", (), wanted, "known")  # type: ignore[arg-type]
-    return Declared(expectations=(replace(base, **changes),))
+    return AssessmentRules(expectations=(replace(base, **changes),))
 
 
-def only(declared: Declared, records: tuple[RunRecord, ...]) -> OracleCell:
+def only(declared: AssessmentRules, records: tuple[RunRecord, ...]) -> CellVerdict:
     (found,) = assess(declared, records).cells
     return found.oracles[0]
 
 
 def test_all_repeats_must_pass_unless_said_otherwise() -> None:
-    assert only(Declared(), cell([0.1] * 5)).verdict is Outcome.PASS
-    failed = only(Declared(), cell([0.1, 0.2, -0.3, -0.1]))
+    assert only(AssessmentRules(), cell([0.1] * 5)).verdict is Outcome.PASS
+    failed = only(AssessmentRules(), cell([0.1, 0.2, -0.3, -0.1]))
     assert (failed.verdict, failed.passed, failed.failed, failed.n) == (Outcome.FAIL, 2, 2, 4)
     assert failed.worst is not None
     assert (failed.worst.run, failed.worst.verdict.margin) == ("c.S1-a2s-2", -0.3)
 
 
 def test_statements_do_not_flatter() -> None:
-    assert only(Declared(), cell([0.1] * 5)).statement == "5 of 5 shows at least 54.9 %"
+    assert only(AssessmentRules(), cell([0.1] * 5)).statement == "5 of 5 shows at least 54.9 %"
     found = only(RATE, cell([0.1] * 5))
     assert found.statement == "5 of 5 shows at least 54.9 %, 9 more runs needed for 80 %"
     assert (found.verdict, found.needed) == (Outcome.INCONCLUSIVE, 9)
@@ -62,9 +61,9 @@ def test_a_rate_passes_when_it_is_shown(passed: int, n: int, expected: str) -> N
 
 
 def test_looking_again_and_again_asks_for_more() -> None:
-    patient = Policy(5, "rate", 0.8, until_decided=True, at_most=30)
+    patient = RepeatPolicy(5, "rate", 0.8, until_decided=True, at_most=30)
     assert patient.looks == (5, 10, 20, 30)
-    once, often = (only(Declared(p), cell([0.1] * 14)) for p in (RATE.policy, patient))
+    once, often = (only(AssessmentRules(p), cell([0.1] * 14)) for p in (RATE.policy, patient))
     assert once.verdict is Outcome.PASS
     assert often.verdict is Outcome.INCONCLUSIVE
     assert often.at_least < once.at_least
@@ -83,13 +82,13 @@ def test_a_repeat_nobody_judged_counts_neither_way() -> None:
     found = only(RATE, cell([0.1] * 20 + [None]))
     assert (found.low, found.at_least) < (1.0, 0.9)
     assert found.high == 1.0
-    unjudged = only(Declared(), (*cell([0.1] * 4), lost(4)))
+    unjudged = only(AssessmentRules(), (*cell([0.1] * 4), lost(4)))
     assert (unjudged.verdict, unjudged.missing, unjudged.n) == (Outcome.INCONCLUSIVE, 1, 5)
 
 
 def test_nothing_a_crashed_system_did_is_trusted() -> None:
     crashed = record(0, verdict(0.1), outcome=Outcome.ERROR, ended="crashed", note="division")
-    result = assess(Declared(), (crashed,))
+    result = assess(AssessmentRules(), (crashed,))
     assert result.cells[0].verdict is Outcome.ERROR
     assert result.exit_code == 3
     worst = result.cells[0].oracles[0].worst
@@ -124,7 +123,7 @@ def test_an_unmet_expectation_is_red_in_both_directions(
 
 
 def test_a_surprise_says_where_to_look() -> None:
-    (surprise,) = assess(Declared(), cell([0.1, -0.012])).surprises
+    (surprise,) = assess(AssessmentRules(), cell([0.1, -0.012])).surprises
     assert surprise.run == "c.S1-a2s-1"
     assert surprise.text == "a2s S1 clear  -0.012 m  t=41.3 s  door-17  (1 of 2 fail)"
     (passes,) = assess(expecting("mixed"), cell([0.1, 0.2])).surprises
@@ -141,36 +140,36 @@ def test_expectations_are_patterns_and_the_last_one_counts() -> None:
     assert assess(expecting("fail", scenario="S3.2", suts=("a2s", "fro-*")), failing).exit_code == 0
     general = Expectation("*", "*", (), "pass", "all is well")
     both = (*expecting("fail", scenario="S3.2").expectations, general)
-    assert assess(Declared(expectations=both), failing).exit_code == 1
+    assert assess(AssessmentRules(expectations=both), failing).exit_code == 1
 
 
 @pytest.mark.parametrize(("state", "code"), [("lost", 3), ("cancelled", 4), ("queued", 4)])
 def test_runs_without_a_result_are_not_as_expected(state: str, code: int) -> None:
-    assert assess(Declared(), (record(0, verdict(1.0)), lost(1, state))).exit_code == code
-    assert assess(Declared(), (record(0, verdict(-1.0)), lost(1, state))).exit_code == 1
+    assert assess(AssessmentRules(), (record(0, verdict(1.0)), lost(1, state))).exit_code == code
+    assert assess(AssessmentRules(), (record(0, verdict(-1.0)), lost(1, state))).exit_code == 1
 
 
 def test_a_campaign_that_judges_nothing_decides_nothing() -> None:
-    assert assess(Declared(), ()).exit_code == 4
-    assert assess(Declared(), (record(0, measure(1.0)),)).exit_code == 4
+    assert assess(AssessmentRules(), ()).exit_code == 4
+    assert assess(AssessmentRules(), (record(0, measure(1.0)),)).exit_code == 4
 
 
 def test_measures_are_told_with_their_interval() -> None:
     runs = tuple(record(i, verdict(1.0), measure(x), took=70.0 + i) for i, x in enumerate((2, 4)))
-    buffer, duration = assess(Declared(), runs).cells[0].measures
+    buffer, duration = assess(AssessmentRules(), runs).cells[0].measures
     assert (buffer.oracle, buffer.values, buffer.mean) == ("buffer-time", (2.0, 4.0), 3.0)
     assert buffer.std == pytest.approx(2**0.5)
     assert buffer.low == pytest.approx(3.0 - 12.706, abs=1e-3)
     assert (duration.oracle, duration.unit, duration.values) == ("duration", "s", (70.0, 71.0))
 
 
-def delay(limit: float = 30.0, op: str = "<=", quantity: str = "delay") -> Declared:
+def delay(limit: float = 30.0, op: str = "<=", quantity: str = "delay") -> AssessmentRules:
     text = f"{quantity}(A vs B) {op} {limit:g} s"
-    sentence = Comparison("d", quantity, "A", "B", None, op, limit, "s", text)  # type: ignore[arg-type]
-    return Declared(comparisons=(sentence,))
+    sentence = ScenarioComparison("d", quantity, "A", "B", None, op, limit, "s", text)  # type: ignore[arg-type]
+    return AssessmentRules(comparisons=(sentence,))
 
 
-def compared(declared: Declared, *sides: tuple[RunRecord, ...]):
+def compared(declared: AssessmentRules, *sides: tuple[RunRecord, ...]):
     (found,) = assess(declared, sum(sides, ())).comparisons
     return found
 
@@ -233,33 +232,33 @@ def test_comparisons_have_expectations_too() -> None:
 
 
 def test_only_cells_that_more_repeats_can_decide_are_repeated() -> None:
-    assert undecided(RATE, cell([0.1] * 5)) == (("S1", "a2s"),)
-    assert undecided(RATE, cell([0.1] * 14)) == ()
-    assert undecided(RATE, (*cell([0.1] * 4), lost(4))) == ()
-    assert undecided(RATE, cell([0.1] * 4 + [None])) == ()
+    assert undecided_cells(RATE, cell([0.1] * 5)) == (("S1", "a2s"),)
+    assert undecided_cells(RATE, cell([0.1] * 14)) == ()
+    assert undecided_cells(RATE, (*cell([0.1] * 4), lost(4))) == ()
+    assert undecided_cells(RATE, cell([0.1] * 4 + [None])) == ()
     nobody_cares = replace(expecting("any"), policy=RATE.policy)
-    assert undecided(nobody_cares, cell([0.1] * 5)) == ()
+    assert undecided_cells(nobody_cares, cell([0.1] * 5)) == ()
 
 
 margins = st.lists(st.one_of(st.none(), st.floats(-1, 1)), min_size=1, max_size=8)
-policies = st.sampled_from([Policy(), Policy(5, "rate", 0.5), Policy(5, "mean")])
+policies = st.sampled_from([RepeatPolicy(), RepeatPolicy(5, "rate", 0.5), RepeatPolicy(5, "mean")])
 
 
 @settings(max_examples=40, deadline=None)
 @given(margins, policies, st.integers(0, 99))
-def test_the_order_of_records_does_not_matter(found, policy: Policy, seed: int) -> None:
+def test_the_order_of_records_does_not_matter(found, policy: RepeatPolicy, seed: int) -> None:
     runs = list(cell(found))
-    there = assess(Declared(policy), runs)
+    there = assess(AssessmentRules(policy), runs)
     random.Random(seed).shuffle(runs)
-    assert assess(Declared(policy), runs) == there
+    assert assess(AssessmentRules(policy), runs) == there
     assert codec.from_json(type(there), codec.to_json(there)) == there
 
 
 @settings(max_examples=40, deadline=None)
 @given(margins, policies)
-def test_a_better_margin_never_turns_a_pass_into_a_failure(found, policy: Policy) -> None:
+def test_a_better_margin_never_turns_a_pass_into_a_failure(found, policy: RepeatPolicy) -> None:
     better = [None if m is None else m + 0.2 for m in found]
-    before, after = (only(Declared(policy), cell(side)).verdict for side in (found, better))
+    before, after = (only(AssessmentRules(policy), cell(side)).verdict for side in (found, better))
     assert not (before is Outcome.PASS and after is Outcome.FAIL)
     assert policy.rule == "mean" or before is not Outcome.PASS or after is Outcome.PASS
 
@@ -267,6 +266,6 @@ def test_a_better_margin_never_turns_a_pass_into_a_failure(found, policy: Policy
 def test_a_measure_stays_one_beside_a_trace_that_cannot_be_trusted() -> None:
     broken = Verdict("buffer-time", "time(...)", Outcome.ERROR, None, None, "", Evidence())
     runs = (record(0, verdict(0.1), measure(3.0)), record(1, verdict(0.1), broken))
-    (found,) = assess(Declared(), runs).cells
+    (found,) = assess(AssessmentRules(), runs).cells
     assert [oracle.oracle for oracle in found.oracles] == ["clear"]
     assert [m.values for m in found.measures if m.oracle == "buffer-time"] == [(3.0,)]

@@ -7,21 +7,27 @@ from dataclasses import replace
 
 import pytest
 
-from daemon.assessment import Between, Declared, Judged, RunRecord, Shift, compare
+from daemon.judging.assessment import (
+    CampaignDifference,
+    JudgedCampaign,
+    QuantityChange,
+    compare_campaigns,
+)
+from daemon.model.assessments import AssessmentRules, RunRecord
 from tests.daemon.assessment.records import cell, measure, record, verdict
 
 
-def judged(name: str, *records: RunRecord) -> Judged:
-    return Judged(name, Declared(), records)
+def judged(name: str, *records: RunRecord) -> JudgedCampaign:
+    return JudgedCampaign(name, AssessmentRules(), records)
 
 
 def between(
     before: Sequence[RunRecord], after: Sequence[RunRecord], worse_by: float | None = None
-) -> Between:
-    return compare(judged("a", *before), judged("b", *after), worse_by)
+) -> CampaignDifference:
+    return compare_campaigns(judged("a", *before), judged("b", *after), worse_by)
 
 
-def shift(found: Between, quantity: str) -> Shift:
+def shift(found: CampaignDifference, quantity: str) -> QuantityChange:
     return next(s for s in found.shifts if s.quantity == quantity)
 
 

@@ -7,10 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from daemon.blame import Candidate
-from daemon.blame._runner import Judged
-from daemon.spec import RunSpec
-from daemon.verdict import Evidence, Outcome, Verdict
+from daemon.analysis.blame import Candidate, CandidateResult
+from daemon.model.spec import RunSpec
+from daemon.model.verdicts import Evidence, Outcome, Verdict
 
 CAMPAIGN = """\
 campaign: tiny
@@ -41,24 +40,24 @@ class Pretended:
         self.specs: list[RunSpec] = []
         self.interrupt_after = 10**9
 
-    def __call__(self, candidates: Sequence[Candidate]) -> list[tuple[Judged, ...]]:
+    def __call__(self, candidates: Sequence[Candidate]) -> list[tuple[CandidateResult, ...]]:
         return [self._endings(candidate) for candidate in candidates]
 
-    def _endings(self, candidate: Candidate) -> tuple[Judged, ...]:
+    def _endings(self, candidate: Candidate) -> tuple[CandidateResult, ...]:
         if len(self.specs) >= self.interrupt_after:
             raise KeyboardInterrupt
         self.specs.append(candidate.spec)
         outcome = self._rule(candidate)
         word = {Outcome.FAIL: "fail", Outcome.PASS: "pass"}.get(outcome, "unresolved")
         return tuple(
-            Judged(word, Verdict(o.name, o.text, outcome, None, None, "", Evidence()))
+            CandidateResult(word, Verdict(o.name, o.text, outcome, None, None, "", Evidence()))
             for o in candidate.spec.oracles
         )
 
 
 def pretend(monkeypatch: pytest.MonkeyPatch, rule: Rule) -> Pretended:
     pretended = Pretended(rule)
-    monkeypatch.setattr("daemon.blame._runner.executed", pretended)
+    monkeypatch.setattr("daemon.analysis.blame.execute_candidates", pretended)
     return pretended
 
 

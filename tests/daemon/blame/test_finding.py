@@ -6,19 +6,19 @@ from pathlib import Path
 
 import pytest
 
-from daemon.blame import find_run
+from daemon.analysis.blame import find_run
+from daemon.batch.paths import StatePaths
 from daemon.campaign import expand, load_campaign
-from daemon.places import Places
 from daemon.run import execute
 from tests.daemon.blame.cases import CAMPAIGN, write
 
 
 @pytest.fixture
-def places(tmp_path: Path) -> Places:
-    return Places(tmp_path / "state")
+def places(tmp_path: Path) -> StatePaths:
+    return StatePaths(tmp_path / "state")
 
 
-def test_a_place_in_a_campaign_file(places: Places) -> None:
+def test_a_place_in_a_campaign_file(places: StatePaths) -> None:
     meant = find_run(["c.yaml", "S1", "pilot", "3"], places)
     assert (meant.campaign, meant.scenario, meant.sut, meant.repeat) == (
         Path("c.yaml"),
@@ -39,13 +39,13 @@ def test_a_place_in_a_campaign_file(places: Places) -> None:
         (["a.mcap", "S1"], "or CAMPAIGN.yaml SCENARIO"),
     ],
 )
-def test_what_names_no_run_is_refused(places: Places, words: list[str], message: str) -> None:
+def test_what_names_no_run_is_refused(places: StatePaths, words: list[str], message: str) -> None:
     with pytest.raises(ValueError, match=message):
         find_run(words, places)
 
 
 def test_a_trace_is_of_the_campaign_file_that_specifies_it(
-    folder: Path, places: Places, monkeypatch: pytest.MonkeyPatch
+    folder: Path, places: StatePaths, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     file = write(folder, CAMPAIGN.replace("16 s", "1 s"))
     planned = expand(load_campaign(file))

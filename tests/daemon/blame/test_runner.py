@@ -9,10 +9,9 @@ from pathlib import Path
 
 import pytest
 
-from daemon.blame import Candidate, Runner
-from daemon.blame._runner import BudgetSpentError, executed
+from daemon.analysis.blame import BudgetSpentError, Candidate, CandidateRunner, execute_candidates
 from daemon.campaign import expand, load_campaign
-from daemon.verdict import Outcome
+from daemon.model.verdicts import Outcome
 from tests.daemon.blame.cases import CAMPAIGN, failing_if, pretend, write
 
 
@@ -39,11 +38,11 @@ def test_verdicts_come_back_and_a_process_that_dies_is_unresolved(
             os._exit(3)
         return real(spec, scene, **rest)
 
-    from daemon.blame import _runner
+    from daemon.analysis.blame import _runner
 
     real = _runner.execute
     monkeypatch.setattr(_runner, "execute", execute)
-    good, bad = executed([candidate, Candidate(doomed, candidate.scene)])
+    good, bad = execute_candidates([candidate, Candidate(doomed, candidate.scene)])
     assert [one.word for one in good] == ["fail", "pass"]
     assert [one.verdict.oracle for one in good] == ["reached", "no-contact"]
     assert {one.word for one in bad} == {"unresolved"}
@@ -62,10 +61,10 @@ def test_an_interrupt_leaves_no_process_behind(
             time.sleep(0.01)
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("daemon.blame._runner.execute", execute)
-    monkeypatch.setattr("daemon.blame._runner._await", interrupted)
+    monkeypatch.setattr("daemon.run.execute", execute)
+    monkeypatch.setattr("daemon.analysis.blame._runner._await", interrupted)
     with pytest.raises(KeyboardInterrupt):
-        executed(numbered(candidate, 2))
+        execute_candidates(numbered(candidate, 2))
     for name in tmp_path.glob("[0-9]*"):
         with pytest.raises(ProcessLookupError):
             os.kill(int(name.name), 0)
@@ -77,7 +76,7 @@ def test_candidates_run_in_batches_up_to_the_first_that_fails(
     pretended = pretend(monkeypatch, failing_if(lambda spec: spec.seed == 2))
     single = dataclasses.replace(candidate.spec, oracles=candidate.spec.oracles[:1])
     tried = numbered(Candidate(single, candidate.scene), 6)
-    runner = Runner(4)
+    runner = CandidateRunner(4)
     assert runner.first_failing([None, *tried[:2]]) is None
     assert runner.first_failing(tried) == 2
     assert [spec.seed for spec in pretended.specs] == [0, 1, 2, 3], "the batch of the failing one"

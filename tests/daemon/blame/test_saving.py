@@ -10,18 +10,23 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from daemon.blame import Candidate, Runner, blame, load_case, save
-from daemon.blame._sentences import sentences
-from daemon.blame._settings import differences
-from daemon.campaign import Cell, check, expand, load_campaign
-from daemon.campaign.layers import Library
+from daemon.analysis.blame import (
+    Candidate,
+    CandidateRunner,
+    behaviour_sentences,
+    explain_failure,
+    load_case,
+    save_campaign,
+    sut_differences,
+)
+from daemon.campaign import CampaignCell, LayerLibrary, check, expand, load_campaign
+from daemon.model.verdicts import Outcome
 from daemon.run import execute
-from daemon.verdict import Outcome
-from grammars.composition import compile_scene, resolve_behaviours
-from grammars.diagnostics import Severity
 from grammars.floorplan import load_floorplan
-from grammars.metamodel import scenery_document
+from grammars.jsonld import scenery_document
 from grammars.scenery import load_scenery, parse_scenery
+from grammars.scenery.composition import compile_scene, resolve_behaviours
+from grammars.text.diagnostics import Severity
 from tests.daemon.blame.cases import CAMPAIGN, failing_if, pretend, write
 
 EVERYTHING = """
@@ -58,7 +63,7 @@ def test_behaviours_written_as_sentences_mean_the_same_to_the_last_bit(
 
     behaviours = meant(text)
     assert len(behaviours) >= 4
-    assert meant(sentences(behaviours, scene)) == behaviours
+    assert meant(behaviour_sentences(behaviours, scene)) == behaviours
 
 
 def test_a_saved_run_is_the_smallest_one(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -74,10 +79,10 @@ def test_a_saved_run_is_the_smallest_one(folder: Path, monkeypatch: pytest.Monke
 
     pretend(monkeypatch, failing_if(fails))
     case = load_case(write(folder, text), "rude", "pilot", 1)
-    runner = Runner(200)
-    found = blame(case, runner)
+    runner = CandidateRunner(200)
+    found = explain_failure(case, runner)
     assert found.story.objects == ("kitchen_door", "visitor")
-    file = save(case, found, folder / "saved", runner)
+    file = save_campaign(case, found, folder / "saved", runner)
     assert "person" in (folder / "saved" / "kinds.scenery").read_text()
     assert "cat" not in (folder / "saved" / "kinds.scenery").read_text()
     campaign = load_campaign(file)
@@ -99,8 +104,8 @@ def test_a_run_that_fails_in_the_first_repeat_as_well_is_saved_as_one(
 ) -> None:
     pretend(monkeypatch, failing_if(lambda spec: bool(spec.behaviours)))
     case = load_case(write(folder), "rude", "pilot", 1)
-    runner = Runner(200)
-    file = save(case, blame(case, runner), folder / "saved", runner)
+    runner = CandidateRunner(200)
+    file = save_campaign(case, explain_failure(case, runner), folder / "saved", runner)
     assert [run.repeat for run in expand(load_campaign(file)).runs] == [0]
 
 
@@ -112,13 +117,13 @@ def test_it_can_be_moved_elsewhere_and_fails_in_the_same_way(folder: Path, tmp_p
         "  - {id: kitchen, x: 0.2, y: -2.1}\n"
     )
     case = load_case(write(folder, text), "rude", "pilot", 1)
-    runner = Runner(60)
-    found = blame(case, runner)
+    runner = CandidateRunner(60)
+    found = explain_failure(case, runner)
     story = found.story
     assert story.minimal
     assert (story.objects, story.waypoints) == (("kitchen_door",), ("kitchen",))
     assert str(story.flips) == "doors_in_your_face"
-    save(case, found, folder / "saved", runner)
+    save_campaign(case, found, folder / "saved", runner)
     moved = Path(shutil.move(folder / "saved", tmp_path / "elsewhere"))
     shutil.rmtree(folder)
     planned = expand(load_campaign(moved / "campaign.yaml"))
@@ -131,7 +136,7 @@ def test_it_can_be_moved_elsewhere_and_fails_in_the_same_way(folder: Path, tmp_p
         assert verdict == story.last, "the same run, the same verdict"
 
 
-def ros_cell(campaigns: Path, tmp_path: Path) -> tuple[Cell, Path]:
+def ros_cell(campaigns: Path, tmp_path: Path) -> tuple[CampaignCell, Path]:
     for name in ("ortega2024", "robots", "suts"):
         shutil.copytree(campaigns / name, tmp_path / name)
     text = (tmp_path / "ortega2024" / "first.yaml").read_text()
@@ -145,7 +150,7 @@ def test_the_three_mistakes_of_the_papers_stack_are_three_suspects(
 ) -> None:
     cell, path = ros_cell(campaigns, tmp_path)
     corrected, a2s = cell.suts
-    found = differences(cell, a2s, path.parent, Library(path.parent))
+    found = sut_differences(cell, a2s, path.parent, LayerLibrary(path.parent))
     names = [element.name.partition(":")[0] for element in found.elements]
     assert found.like == "fro-diff"
     assert len(names) == 3
@@ -162,10 +167,10 @@ def test_the_three_mistakes_of_the_papers_stack_are_three_suspects(
 
     pretend(monkeypatch, failing_if(fails))
     case = load_case(path, "S1", "a2s", 0)
-    runner = Runner(200)
-    blamed = blame(case, runner)
+    runner = CandidateRunner(200)
+    blamed = explain_failure(case, runner)
     assert [str(one.element) for one in blamed.story.layers] == [small.name]
-    file = save(case, blamed, tmp_path / "saved", runner)
+    file = save_campaign(case, blamed, tmp_path / "saved", runner)
     (run,) = expand(load_campaign(file)).runs
     assert run.sut.parameters == wanted
     assert "like:" in (tmp_path / "saved" / "suts" / "a2s.yaml").read_text()
@@ -185,10 +190,10 @@ def test_a_variant_of_a_plan_and_layers_of_others_are_saved_as_they_are(
     pretend(monkeypatch, failing_if(lambda spec: any(b.joint == "tom.x" for b in spec.behaviours)))
     path = write(folder, text)
     case = load_case(path, load_campaign(path).cells[-1].name, "", 0)
-    runner = Runner(100)
-    found = blame(case, runner)
+    runner = CandidateRunner(100)
+    found = explain_failure(case, runner)
     assert found.story.objects == ("tom",)
-    (run,) = expand(load_campaign(save(case, found, folder / "saved", runner))).runs
+    (run,) = expand(load_campaign(save_campaign(case, found, folder / "saved", runner))).runs
     assert (run.scene, run.behaviours) == (
         found.smallest.spec.scene,
         found.smallest.spec.behaviours,
@@ -200,9 +205,9 @@ def test_files_that_would_specify_another_run_are_refused(
 ) -> None:
     pretend(monkeypatch, failing_if(lambda spec: bool(spec.behaviours)))
     case = load_case(write(folder), "rude", "", 0)
-    runner = Runner(100)
-    found = blame(case, runner)
+    runner = CandidateRunner(100)
+    found = explain_failure(case, runner)
     other = replace(found.smallest.spec, limit=17.0)
     changed = replace(found, smallest=Candidate(other, found.smallest.scene))
     with pytest.raises(ValueError, match="its limit differs"):
-        save(case, changed, folder / "saved", runner)
+        save_campaign(case, changed, folder / "saved", runner)

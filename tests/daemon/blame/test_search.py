@@ -7,10 +7,16 @@ from pathlib import Path
 
 import pytest
 
-from daemon.blame import BudgetSpentError, NoFailureError, Runner, blame, load_case
-from daemon.verdict import Outcome
-from grammars.behaviour import Trigger
-from grammars.diagnostics import InputError
+from daemon.analysis.blame import (
+    BudgetSpentError,
+    CandidateRunner,
+    NoFailureError,
+    explain_failure,
+    load_case,
+)
+from daemon.model.verdicts import Outcome
+from grammars.model.behaviour import Trigger
+from grammars.text.diagnostics import InputError
 from tests.daemon.blame.cases import CAMPAIGN, failing_if, pretend, write
 
 
@@ -41,8 +47,8 @@ def test_the_layer_the_door_and_the_waypoint_are_found(
 ) -> None:
     pretended = pretend(monkeypatch, shuts("kitchen_door"))
     case = load_case(write(folder), "rude", "", 0)
-    runner = Runner(budget=100)
-    found = blame(case, runner)
+    runner = CandidateRunner(budget=100)
+    found = explain_failure(case, runner)
     story = found.story
     assert str(story.flips) == "doors_in_your_face"
     needed = {str(one.element): one.word for one in story.layers}
@@ -73,7 +79,9 @@ def test_the_reason_stays_the_same_on_the_way(
 
     pretend(monkeypatch, rule)
     text = CAMPAIGN.replace("sut: [pilot]", f"sut: [{sut}]")
-    story = blame(load_case(write(folder, text), "rude", sut, 0), Runner(200)).story
+    story = explain_failure(
+        load_case(write(folder, text), "rude", sut, 0), CandidateRunner(200)
+    ).story
     assert story.behaviours == ("kitchen_door.hinge",), "without, the door would be shut"
     ends = {str(one.element): one.word for one in story.layers}
     hasty = {"max_speed: 0.7": "pass"} if sut == "hasty" else {}
@@ -86,7 +94,7 @@ def test_what_fails_without_any_layer_is_told(
     folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     pretend(monkeypatch, lambda _: Outcome.FAIL)
-    story = blame(load_case(write(folder), "rude", "", 0), Runner(100)).story
+    story = explain_failure(load_case(write(folder), "rude", "", 0), CandidateRunner(100)).story
     assert (story.flips, story.layers, story.objects) == (None, (), ())
     assert len(story.waypoints) == 1
     assert story.minimal
@@ -105,7 +113,9 @@ def test_overrides_and_parameters_are_suspects_too(
         return near and spec.sut.parameters.get("max_speed") == 0.7
 
     pretend(monkeypatch, failing_if(fails))
-    found = blame(load_case(write(folder, text), "rude", "hasty", 0), Runner(200))
+    found = explain_failure(
+        load_case(write(folder, text), "rude", "hasty", 0), CandidateRunner(200)
+    )
     names = {str(one.element) for one in found.story.layers}
     assert names == {
         "doors",
@@ -120,10 +130,13 @@ def test_overrides_and_parameters_are_suspects_too(
 def test_the_oracle_can_be_chosen(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     pretend(monkeypatch, lambda _: Outcome.FAIL)
     case = load_case(write(folder), "rude", "", 0)
-    assert blame(case, Runner(100)).story.verdict.oracle == "reached"
-    assert blame(case, Runner(100), "no-contact").story.verdict.oracle == "no-contact"
+    assert explain_failure(case, CandidateRunner(100)).story.verdict.oracle == "reached"
+    assert (
+        explain_failure(case, CandidateRunner(100), "no-contact").story.verdict.oracle
+        == "no-contact"
+    )
     with pytest.raises(NoFailureError, match='no oracle "contact".*no-contact'):
-        blame(case, Runner(100), "contact")
+        explain_failure(case, CandidateRunner(100), "contact")
 
 
 @pytest.mark.parametrize("outcome", [Outcome.PASS, Outcome.ERROR, Outcome.INCONCLUSIVE])
@@ -132,27 +145,27 @@ def test_a_run_that_does_not_fail_is_not_to_blame(
 ) -> None:
     pretended = pretend(monkeypatch, lambda _: outcome)
     with pytest.raises(NoFailureError, match=f"does not fail: reached {outcome}"):
-        blame(load_case(write(folder), "rude", "", 0), Runner(100))
+        explain_failure(load_case(write(folder), "rude", "", 0), CandidateRunner(100))
     assert len(pretended.specs) == 1
 
 
 def test_a_spent_budget_keeps_what_was_found(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     pretended = pretend(monkeypatch, shuts("kitchen_door"))
     case = load_case(write(folder), "rude", "", 0)
-    story = blame(case, Runner(12)).story
+    story = explain_failure(case, CandidateRunner(12)).story
     assert len(pretended.specs) <= 12
     assert "budget of 12 runs" in story.stopped
     assert not story.minimal
     assert "kitchen_door" in story.objects
     assert len(story.objects) < 6
     with pytest.raises(BudgetSpentError):
-        blame(case, Runner(0))
+        explain_failure(case, CandidateRunner(0))
 
 
 def test_an_interrupt_keeps_what_was_found(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     pretended = pretend(monkeypatch, shuts("kitchen_door"))
     pretended.interrupt_after = 14
-    story = blame(load_case(write(folder), "rude", "", 0), Runner(100)).story
+    story = explain_failure(load_case(write(folder), "rude", "", 0), CandidateRunner(100)).story
     assert (story.stopped, story.minimal) == ("interrupted", False)
     assert str(story.flips) == "doors_in_your_face"
     assert "kitchen_door" in story.objects
@@ -163,7 +176,7 @@ def test_an_interrupt_before_anything_is_known_is_one(
 ) -> None:
     pretend(monkeypatch, shuts("kitchen_door")).interrupt_after = 0
     with pytest.raises(KeyboardInterrupt):
-        blame(load_case(write(folder), "rude", "", 0), Runner(100))
+        explain_failure(load_case(write(folder), "rude", "", 0), CandidateRunner(100))
 
 
 @pytest.mark.parametrize(

@@ -9,12 +9,12 @@ from pathlib import Path
 
 import pytest
 
-from daemon import suts
 from daemon.campaign import check, examine, expand, load_campaign
-from grammars.diagnostics import InputError, Severity
+from daemon.stacks import registry
 from grammars.floorplan import load_floorplan
-from grammars.metamodel import composed_document, scenery_document
+from grammars.jsonld import plan_document, scenery_document
 from grammars.scenery import load_scenery
+from grammars.text.diagnostics import InputError, Severity
 
 CAMPAIGN = """\
 campaign: tiny
@@ -222,7 +222,7 @@ def test_what_is_wrong_with_variants_is_said(
 
 def test_layers_written_as_json_ld_make_the_same_runs(folder: Path) -> None:
     plan, doors = load_floorplan(folder / "flat.fpm"), load_scenery(folder / "doors.scenery")
-    (folder / "flat2.jsonld").write_text(json.dumps(composed_document(plan)))
+    (folder / "flat2.jsonld").write_text(json.dumps(plan_document(plan)))
     (folder / "doors2.jsonld").write_text(json.dumps(scenery_document(doors, plan)))
     text = CAMPAIGN.replace("floorplan: flat", "floorplan: flat2.jsonld")
     text = text.replace("objects: doors", "objects: doors2.jsonld")
@@ -234,8 +234,8 @@ def test_layers_written_as_json_ld_make_the_same_runs(folder: Path) -> None:
 def test_a_stack_that_cannot_be_loaded_is_found_before_anything_runs(
     folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    entry = EntryPoint("mine", "a_module_nobody_has:make", suts.ENTRY_POINT_GROUP)
-    monkeypatch.setattr(suts, "entry_points", lambda **_: [entry])
+    entry = EntryPoint("mine", "a_module_nobody_has:make", registry.ENTRY_POINT_GROUP)
+    monkeypatch.setattr(registry, "entry_points", lambda **_: [entry])
     (found,) = messages(write(folder, CAMPAIGN.replace("[pilot, idle]", "[pilot, mine]")))
     assert 'the system under test "mine" (a_module_nobody_has:make) cannot be loaded' in found
     assert found.startswith("tiny.yaml:")

@@ -7,9 +7,15 @@ from pathlib import Path
 
 import pytest
 
-from daemon.assessment import Comparison, Declared, Expectation, Gate, Policy
 from daemon.campaign import Campaign, expand, load_campaign
-from grammars.diagnostics import InputError
+from daemon.model.assessments import (
+    AssessmentRules,
+    Expectation,
+    RegressionGate,
+    RepeatPolicy,
+    ScenarioComparison,
+)
+from grammars.text.diagnostics import InputError
 
 CAMPAIGN = """\
 campaign: tiny
@@ -65,22 +71,22 @@ def complaints(folder: Path, old: str, new: str) -> list[str]:
 
 def test_sentences_become_values(folder: Path) -> None:
     declared = load(folder, CAMPAIGN).declared
-    assert declared == Declared(
-        Policy(2, "rate", 0.8, until_decided=True, at_most=5),
+    assert declared == AssessmentRules(
+        RepeatPolicy(2, "rate", 0.8, until_decided=True, at_most=5),
         (
-            Comparison("slower", "delay", "rude.1", "calm.1", None, "<=", 30.0, "s",
+            ScenarioComparison("slower", "delay", "rude.1", "calm.1", None, "<=", 30.0, "s",
                        "delay(rude.1 vs calm.1) <= 0.5 min"),
-            Comparison("kitchen", "delay", "rude.1", "calm.1", "kitchen", "<", 10.0, "s",
+            ScenarioComparison("kitchen", "delay", "rude.1", "calm.1", "kitchen", "<", 10.0, "s",
                        "delay( rude.1 vs calm.1 on leg kitchen ) < 10 s",
                        "elapsed-on-leg-kitchen"),
-            Comparison("closer", "nearest", "rude.1", "calm.1", None, ">=", -0.2, "m",
+            ScenarioComparison("closer", "nearest", "rude.1", "calm.1", None, ">=", -0.2, "m",
                        "nearest(rude.1 vs calm.1) >= -20 cm"),
         ),
         (
             Expectation("rude.*", "reached", ("pilot",), "fail", "doors shut", "tiny.yaml:26"),
             Expectation("*", "slower", (), "any", "nobody knows", "tiny.yaml:27"),
         ),
-        Gate("last-green", 0.1),
+        RegressionGate("last-green", 0.1),
     )  # fmt: skip
 
 
@@ -88,7 +94,7 @@ def test_a_plain_number_of_repeats_is_what_it_was(folder: Path) -> None:
     plain = load(
         folder, CAMPAIGN.replace("{n: 2, pass: rate >= 80 %, until: decided, at-most: 5}", "2")
     )
-    assert plain.declared.policy == Policy(2, "all", 1.0, until_decided=False, at_most=2)
+    assert plain.declared.policy == RepeatPolicy(2, "all", 1.0, until_decided=False, at_most=2)
     assert expand(plain).reserve == ()
 
 

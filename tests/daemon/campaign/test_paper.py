@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from daemon.campaign import Campaign, Cell, load_campaign
-from grammars.files import load_mission
+from daemon.campaign import Campaign, CampaignCell, load_campaign
+from grammars.model.files import load_mission
 
 
 @pytest.fixture(scope="module")
@@ -15,7 +15,7 @@ def paper(campaigns: Path) -> Campaign:
     return load_campaign(campaigns / "ortega2024" / "paper.yaml")
 
 
-def cell(paper: Campaign, name: str) -> Cell:
+def cell(paper: Campaign, name: str) -> CampaignCell:
     return next(c for c in paper.cells if c.name == name)
 
 

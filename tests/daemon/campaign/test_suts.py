@@ -10,16 +10,20 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from daemon.campaign import examine
-from daemon.campaign.layers import Library
-from daemon.campaign.settings import merged, settings_of, tree_of
-from daemon.campaign.text import Reference
-from daemon.navigation.ros.configuration import read_ros
-from daemon.navigation.ros.parameters import Wiring
-from daemon.spec import SutReference
-from grammars import codec
-from grammars.diagnostics import InputError, Severity, Where
-from grammars.ros_yaml import load_ros_yaml
+from daemon.campaign import (
+    LayerLibrary,
+    LayerReference,
+    examine,
+    flatten_parameters,
+    merge_parameters,
+    parameter_tree,
+)
+from daemon.model.spec import SutReference
+from daemon.stacks.ros1.configuration import read_ros
+from daemon.stacks.ros1.topics import Wiring
+from grammars.text import codec
+from grammars.text.diagnostics import InputError, Severity, Where
+from grammars.text.ros_yaml import load_ros_yaml
 
 COMMON = """\
 # a robot's body and laser
@@ -57,8 +61,8 @@ def write(folder: Path, name: str, text: str) -> None:
 
 
 def load(folder: Path, name: str) -> tuple[SutReference, list[str]]:
-    library = Library(folder)
-    sut = library.sut(Reference(name, {}, Where("campaign.yaml", 1, 1)))
+    library = LayerLibrary(folder)
+    sut = library.sut(LayerReference(name, {}, Where("campaign.yaml", 1, 1)))
     assert all(w.severity is Severity.WARNING for w in library.warnings)
     return sut, [str(w).replace(f"{folder}/", "") for w in library.warnings]
 
@@ -253,9 +257,9 @@ def test_a_later_layer_changes_what_it_names_and_leaves_the_rest(
     base: dict[str, Any], over: dict[str, Any]
 ) -> None:
     here = Where("f")
-    one, other = (settings_of(tree, lambda _: here) for tree in (base, over))
-    assert tree_of(one) == base
-    assert tree_of(merged(one, other)) == plainly_merged(base, over)
+    one, other = (flatten_parameters(tree, lambda _: here) for tree in (base, over))
+    assert parameter_tree(one) == base
+    assert parameter_tree(merge_parameters(one, other)) == plainly_merged(base, over)
 
 
 def plainly_merged(base: Any, over: Any) -> Any:

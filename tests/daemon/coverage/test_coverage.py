@@ -9,13 +9,22 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
+from daemon.analysis.coverage import (
+    MAX_BINS,
+    MODEL,
+    Coverage,
+    RecognisedFeatures,
+    bin_edges,
+    feature_leaves,
+    margin_histograms,
+    pair_counts,
+    planned_coverage,
+    trace_coverage,
+)
 from daemon.campaign import expand, load_campaign
-from daemon.coverage import MODEL, Coverage, coverage_of, planned_coverage
-from daemon.coverage._margins import BINS, bin_edges, margin_histograms
-from daemon.coverage._pairs import Recognised, leaves, pair_counts
+from daemon.model.verdicts import Outcome, Verdict
 from daemon.run import execute
-from daemon.verdict import Outcome, Verdict
-from grammars import codec
+from grammars.text import codec
 
 
 @pytest.fixture(scope="module")
@@ -79,12 +88,14 @@ RUNS = st.lists(st.frozensets(st.sampled_from(PATHS)), max_size=6)
 
 @given(RUNS, st.frozensets(st.sampled_from(PATHS)))
 def test_another_run_never_takes_a_pair_away(runs, more) -> None:
-    told = [Recognised(tuple(run), tuple(run), False) for run in runs]
+    told = [RecognisedFeatures(tuple(run), tuple(run), False) for run in runs]
     before = {(p.first, p.second) for p in pair_counts(MODEL, told).exercised}
-    told.append(Recognised(tuple(more), tuple(more), False))
+    told.append(RecognisedFeatures(tuple(more), tuple(more), False))
     after = pair_counts(MODEL, told)
     assert before <= {(p.first, p.second) for p in after.exercised}
-    assert after.possible + after.excluded == len(leaves(MODEL, told)) * (len(PATHS) - 1) / 2
+    assert (
+        after.possible + after.excluded == len(feature_leaves(MODEL, told)) * (len(PATHS) - 1) / 2
+    )
 
 
 def verdict(outcome: Outcome, margin: float | None, unit: str = "m") -> Verdict:
@@ -117,7 +128,7 @@ def test_bins_hold_every_margin_and_have_an_edge_at_zero(values) -> None:
     assert edges[0] <= min(values) <= max(values) < edges[-1]
     assert 0.0 in edges
     assert all(low < high for low, high in pairwise(edges))
-    assert 2 <= len(edges) <= BINS + 4
+    assert 2 <= len(edges) <= MAX_BINS + 4
 
 
 @pytest.fixture(scope="module")
@@ -131,7 +142,7 @@ def rude(campaigns: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_a_recorded_run_tells_what_happened_not_what_was_planned(rude: Path) -> None:
-    found = coverage_of([rude], near=1.2)
+    found = trace_coverage([rude], near=1.2)
     assert (found.runs, found.recorded) == (1, 1)
     features = {f.feature: (f.planned, f.done) for f in found.features}
     assert features["scenery/dynamics/triggered"] == (1, 1)
@@ -151,7 +162,7 @@ def test_a_recorded_run_tells_what_happened_not_what_was_planned(rude: Path) -> 
 
 def test_a_file_that_is_no_trace_is_told(rude: Path, tmp_path: Path) -> None:
     (tmp_path / "junk.mcap").write_bytes(b"nothing of the kind")
-    found = coverage_of([tmp_path / "junk.mcap", rude])
+    found = trace_coverage([tmp_path / "junk.mcap", rude])
     assert found.runs == 1
     (one,) = found.unreadable
     assert one.trace.endswith("junk.mcap")

@@ -10,13 +10,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from daemon.coverage._facts import inside
-from daemon.coverage._floor import floor_area, floor_grid, painted, room_cells
-from daemon.coverage._kernels import paint_footprints, paint_rays
+from daemon.analysis.coverage import covered_cells, floor_area, floor_grid, room_cells
+from daemon.analysis.coverage._building import paint_footprints, paint_rays
+from daemon.analysis.coverage._rules import contains_point
 from daemon.trace import TraceWriter, read_trace
-from grammars.grid import OccupancyGrid
-from grammars.scene import Region, Scene, Solid
-from grammars.values import Pose2, Twist2
+from grammars.model.geometry import Pose2, Twist2
+from grammars.model.grid import OccupancyGrid
+from grammars.model.scene import Region, Scene, Solid
 from tests.daemon.trace.recordings import RAYS, specification
 
 RING = np.array([(0.3, 0.2), (-0.3, 0.2), (-0.3, -0.2), (0.35, -0.2)])
@@ -86,7 +86,7 @@ def test_cells_of_a_room_are_those_with_their_centre_inside(ring) -> None:
     cells = room_cells(grid, Region("room", tuple(ring)))
     for row, column in np.ndindex(cells.shape):
         centre = (-1.0 + (column + 0.5) * 0.5, -1.0 + (row + 0.5) * 0.5)
-        assert cells[row, column] == inside(tuple(ring), centre)
+        assert cells[row, column] == contains_point(tuple(ring), centre)
 
 
 def hall() -> Scene:
@@ -116,7 +116,7 @@ def driven(tmp_path: Path) -> Path:
 def test_areas_are_what_geometry_says(driven: Path) -> None:
     trace = read_trace(driven, scans=True)
     grid = floor_grid(trace.scene, 0.25)
-    area = floor_area(trace.scene, grid, [painted(grid, trace)])
+    area = floor_area(trace.scene, grid, [covered_cells(grid, trace)])
     west, east = area.rooms
     assert (west.free, east.free, area.free) == (16.0, 16.0, 32.0)
     # 2 m of way with a footprint of 0.6 m by 0.4 m.
@@ -130,7 +130,7 @@ def test_areas_are_what_geometry_says(driven: Path) -> None:
 def test_a_trace_without_scans_has_seen_nothing(driven: Path) -> None:
     trace = read_trace(driven)
     grid = floor_grid(trace.scene, 0.25)
-    cover = painted(grid, trace)
+    cover = covered_cells(grid, trace)
     area = floor_area(trace.scene, grid, [cover, cover])
     assert area.seen == 0.0
     assert area.driven > 0.0

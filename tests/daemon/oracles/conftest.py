@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from daemon.oracles import warm_up
+from daemon.judging.oracles import warm_up
 
 
 @pytest.fixture(scope="session", autouse=True)

@@ -11,15 +11,20 @@ import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from daemon.oracles._clearance import clearance, footprint_box, obstacles_of
-from daemon.oracles._kernel import cos_sin
-from daemon.oracles._links import hinge_foot, link_tracks
-from daemon.oracles._series import Series
+from daemon.judging.oracles._clearance import (
+    box_clearance_series,
+    cos_sin,
+    footprint_box,
+    hinge_foot,
+    link_tracks,
+    obstacles_of,
+)
+from daemon.judging.oracles._series import SignalSeries
 from daemon.trace import JointTrack
-from grammars import kinematics
-from grammars.kinematics import link_poses
-from grammars.scene import Joint, Link, Scene, SceneObject, Solid
-from grammars.values import Floats, Point2, Pose2, Ring
+from grammars.model import kinematics
+from grammars.model.geometry import Floats, Point2, Pose2, Ring
+from grammars.model.kinematics import link_poses
+from grammars.model.scene import Joint, Link, Scene, SceneObject, Solid
 from tests.daemon.oracles.traces import (
     CORRIDOR,
     ROBOT,
@@ -71,10 +76,10 @@ def scene_of(*rings: Ring) -> Scene:
     return Scene("test", (), (), solids)
 
 
-def sample(scene: Scene, poses: list[Pose2], centre: Point2, half: Point2) -> Series:
+def sample(scene: Scene, poses: list[Pose2], centre: Point2, half: Point2) -> SignalSeries:
     time = times((len(poses) - 1) / 20.0)
     array = np.array([(p.x, p.y, p.yaw) for p in poses])
-    return clearance(obstacles_of(make_trace(still(time), scene=scene), time), array,
+    return box_clearance_series(obstacles_of(make_trace(still(time), scene=scene), time), array,
                      centre=centre, half=half)  # fmt: skip
 
 

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from daemon.verdict import Outcome
+from daemon.model.verdicts import Outcome
 from tests.daemon.oracles.traces import along, make_trace, still, times, track, verdict
 
 

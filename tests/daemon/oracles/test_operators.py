@@ -8,11 +8,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from daemon.oracles import judge, overall, problems_of
-from daemon.spec import OracleText
+from daemon.judging.oracles import judge, overall_outcome, trace_problems
+from daemon.model.spec import OracleText
+from daemon.model.verdicts import Outcome
 from daemon.trace import ContactRecord, ProgressRecord, Trace
-from daemon.verdict import Outcome
-from grammars.values import Floats
+from grammars.model.geometry import Floats
 from tests.daemon.oracles.traces import along, cut, make_trace, mission, times, track, verdict
 
 
@@ -362,17 +362,17 @@ def test_an_untrustworthy_trace_is_never_the_fault_of_the_robot() -> None:
     found = judge(trace, (OracleText("a", "always(loc.error <= 0.35 m)"),))
     assert found[0].outcome is Outcome.ERROR
     assert "the clock jumped" in found[0].evidence.note
-    assert overall(trace, found) is Outcome.ERROR
+    assert overall_outcome(trace, found) is Outcome.ERROR
 
 
 def test_impossible_motion_is_noticed() -> None:
     trace = bump()
     truth = trace.ground_truth
     lost = np.where(truth.time > 3.0, np.nan, truth.x)
-    assert problems_of(replace(trace, ground_truth=replace(truth, x=lost)))
+    assert trace_problems(replace(trace, ground_truth=replace(truth, x=lost)))
     back = np.where(truth.time > 3.0, truth.time - 1.0, truth.time)
-    assert problems_of(replace(trace, ground_truth=replace(truth, time=back)))
-    assert not problems_of(trace)
+    assert trace_problems(replace(trace, ground_truth=replace(truth, time=back)))
+    assert not trace_problems(trace)
 
 
 def test_an_oracle_that_cannot_be_read_or_bound_is_an_error_of_its_own() -> None:
@@ -392,10 +392,10 @@ def test_a_crash_is_an_error_whatever_was_seen_before() -> None:
     crashed = replace(bump(), ended="crashed")
     kept = judge(crashed, (OracleText("a", "always(loc.error <= 0.6 m)"),))
     assert kept[0].outcome is Outcome.INCONCLUSIVE
-    assert overall(crashed, kept) is Outcome.ERROR
+    assert overall_outcome(crashed, kept) is Outcome.ERROR
     broken = judge(crashed, (OracleText("a", "always(loc.error <= 0.35 m)"),))
     assert broken[0].outcome is Outcome.FAIL
-    assert overall(crashed, broken) is Outcome.ERROR
+    assert overall_outcome(crashed, broken) is Outcome.ERROR
 
 
 def test_a_trace_without_samples_is_inconclusive() -> None:

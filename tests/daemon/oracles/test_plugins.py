@@ -10,17 +10,17 @@ from pathlib import Path
 
 import pytest
 
-from daemon.oracles import judge
-from daemon.spec import OracleText
-from daemon.verdict import Outcome
-from grammars.diagnostics import Diagnostic, InputError, Where
-from grammars.oracle import _plugins, parse_oracle
+from daemon.judging.oracles import judge
+from daemon.model.spec import OracleText
+from daemon.model.verdicts import Outcome
+from grammars.oracle import _signals, parse_oracle
+from grammars.text.diagnostics import Diagnostic, InputError, Where
 from tests.daemon.oracles.traces import along, cut, make_trace, times, verdict
 from tests.oracle_docs import PAGE
 
 MODULE = """
 import numpy as np
-from daemon.verdict import Evidence
+from daemon.model.verdicts import Evidence
 from grammars.oracle import CustomOracle, CustomSignal
 
 def hold(trace, time, least):
@@ -70,18 +70,18 @@ def plugged(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
         "number": "their_oracles:number",
     }
     groups = {
-        _plugins.SIGNAL_GROUP: objects,
-        _plugins.ORACLE_GROUP: {name: f"their_oracles:{name}" for name in ORACLES}
+        _signals.SIGNAL_GROUP: objects,
+        _signals.ORACLE_GROUP: {name: f"their_oracles:{name}" for name in ORACLES}
         | {"smooth": "their_documentation:smooth"},
     }
     entries = {
         group: {name: EntryPoint(name, value, group) for name, value in named.items()}
         for group, named in groups.items()
     }
-    _plugins._loaded.cache_clear()
-    monkeypatch.setattr(_plugins, "_entries", entries.__getitem__)
+    _signals._loaded.cache_clear()
+    monkeypatch.setattr(_signals, "_entries", entries.__getitem__)
     yield
-    _plugins._loaded.cache_clear()
+    _signals._loaded.cache_clear()
     for name in ("their_oracles", "their_imports", "their_documentation"):
         sys.modules.pop(name, None)
 

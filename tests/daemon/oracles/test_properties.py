@@ -10,10 +10,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from daemon.oracles import judge, judge_prefix
-from daemon.spec import OracleText
+from daemon.judging.oracles import judge, judge_prefix
+from daemon.model.spec import OracleText
+from daemon.model.verdicts import Outcome, Verdict
 from daemon.trace import ContactRecord, ProgressRecord, Trace
-from daemon.verdict import Outcome, Verdict
 from tests.daemon.oracles.traces import along, cut, make_trace, mission, track, verdict
 
 LIMIT = 6.0

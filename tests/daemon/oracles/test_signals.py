@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from daemon.oracles._sampler import Sampler
+from daemon.judging.oracles import SignalSampler
 from daemon.trace import CommandTrack, ContactRecord, ProgressRecord, Trace
 from grammars.oracle import SIGNALS, Signal, object_signals, obstacle_names
 from tests.daemon.oracles.traces import CORRIDOR, along, make_trace, times, track, verdict
@@ -41,7 +41,7 @@ def full() -> Trace:
 @pytest.mark.parametrize("name", [*SIGNALS, *object_signals(CORRIDOR)])
 def test_every_signal_of_the_registry_is_sampled(name: str) -> None:
     trace = full()
-    found = Sampler(trace).sample(Signal(name))
+    found = SignalSampler(trace).sample(Signal(name))
     assert found.values.shape == trace.ground_truth.time.shape
     assert np.isfinite(found.values).any()
 

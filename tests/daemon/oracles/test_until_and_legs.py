@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from daemon.model.verdicts import Outcome
 from daemon.trace import ContactRecord, ProgressRecord, Trace
-from daemon.verdict import Outcome
 from tests.daemon.oracles.traces import along, cut, make_trace, mission, times, track, verdict
 
 TOUCH = (ContactRecord(6.0, "robot", "door-17.leaf", (3.0, 0.2), (0.0, 1.0), 0.004),)

@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from daemon.oracles import judge, overall, problems_of
-from daemon.spec import OracleText
+from daemon.judging.oracles import judge, overall_outcome, trace_problems
+from daemon.model.spec import OracleText
+from daemon.model.verdicts import Outcome
 from daemon.trace import CommandTrack, Trace
-from daemon.verdict import Outcome
 from tests.daemon.oracles.traces import along, cut, make_trace, mission, still, times, track
 
 FAILING = (OracleText("a", "max(speed) <= 0.1 m/s"), OracleText("b", "reached(mission, 0.1 m)"))
@@ -23,18 +23,18 @@ def driving(**fields: object) -> Trace:
 
 
 def assert_invalid(trace: Trace, reason: str) -> None:
-    (problem,) = problems_of(trace)
+    (problem,) = trace_problems(trace)
     assert reason in problem
     verdicts = judge(trace, FAILING)
     assert {v.outcome for v in verdicts} == {Outcome.ERROR}
     assert all(reason in v.evidence.note for v in verdicts)
-    assert overall(trace, verdicts) is Outcome.ERROR
+    assert overall_outcome(trace, verdicts) is Outcome.ERROR
 
 
 def test_a_sound_trace_may_fail() -> None:
     trace = driving()
-    assert problems_of(trace) == ()
-    assert overall(trace, judge(trace, FAILING)) is Outcome.FAIL
+    assert trace_problems(trace) == ()
+    assert overall_outcome(trace, judge(trace, FAILING)) is Outcome.FAIL
 
 
 @pytest.mark.parametrize("track_name", ["estimate", "command", "joints"])
@@ -76,14 +76,14 @@ def test_a_robot_that_never_moved_though_asked_to(speed: float, told: str) -> No
 
 def test_a_robot_that_may_stay_or_may_still_set_off_is_fine() -> None:
     time = times(10.0)
-    assert problems_of(make_trace(still(time), goal=mission((0.05, 0.0)))) == ()
-    assert problems_of(make_trace(still(time), goal=mission())) == ()
-    assert problems_of(cut(make_trace(still(time), goal=mission((2.0, 0.0))), 5.0)) == ()
+    assert trace_problems(make_trace(still(time), goal=mission((0.05, 0.0)))) == ()
+    assert trace_problems(make_trace(still(time), goal=mission())) == ()
+    assert trace_problems(cut(make_trace(still(time), goal=mission((2.0, 0.0))), 5.0)) == ()
 
 
 def test_a_robot_that_only_turns_on_the_spot_fails() -> None:
     time = times(10.0)
     motion = replace(still(time), yaw=0.3 * time, wz=np.full(len(time), 0.3))
     trace = make_trace(motion, goal=mission((2.0, 0.0)))
-    assert problems_of(trace) == ()
-    assert overall(trace, judge(trace, FAILING[1:])) is Outcome.FAIL
+    assert trace_problems(trace) == ()
+    assert overall_outcome(trace, judge(trace, FAILING[1:])) is Outcome.FAIL

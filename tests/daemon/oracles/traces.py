@@ -8,23 +8,23 @@ from typing import Any
 
 import numpy as np
 
-from daemon.oracles import judge
-from daemon.oracles._prefix import prefix
-from daemon.spec import MapSettings, OracleText, RunSpec, SutReference
+from daemon.judging.oracles import judge
+from daemon.judging.oracles._judge import cut_trace
+from daemon.model.spec import MapSettings, OracleText, RunSpec, SutReference
+from daemon.model.verdicts import Verdict
 from daemon.trace import (
     CommandTrack,
     ContactRecord,
     JointTrack,
-    Motion,
+    MotionTrack,
     PoseTrack,
     ProgressRecord,
     Trace,
 )
-from daemon.verdict import Verdict
-from grammars.mission import Mission, Waypoint
-from grammars.robot import Drive, Laser, OdometryNoise, Robot
-from grammars.scene import Joint, Link, Scene, SceneObject, Solid
-from grammars.values import Floats, Pose2
+from grammars.model.geometry import Floats, Pose2
+from grammars.model.mission import Mission, Waypoint
+from grammars.model.robot import Drive, Laser, OdometryNoise, Robot
+from grammars.model.scene import Joint, Link, Scene, SceneObject, Solid
 
 ROBOT = Robot(
     name="base",
@@ -66,15 +66,15 @@ CORRIDOR = Scene(
 )
 
 
-def still(time: Floats) -> Motion:
+def still(time: Floats) -> MotionTrack:
     zero = np.zeros(len(time))
-    return Motion(time, zero, zero, zero, zero, zero, zero)
+    return MotionTrack(time, zero, zero, zero, zero, zero, zero)
 
 
-def along(time: Floats, speed: float = 0.5, **channels: Floats) -> Motion:
+def along(time: Floats, speed: float = 0.5, **channels: Floats) -> MotionTrack:
     """Straight along x from the origin at constant speed; channels can be replaced."""
     zero = np.zeros(len(time))
-    motion = Motion(time, speed * (time - time[0]), zero, zero, zero + speed, zero, zero)
+    motion = MotionTrack(time, speed * (time - time[0]), zero, zero, zero + speed, zero, zero)
     return replace(motion, **channels)
 
 
@@ -97,7 +97,7 @@ def mission(*points: tuple[float, float]) -> Mission:
 
 
 def make_trace(
-    motion: Motion,
+    motion: MotionTrack,
     *,
     scene: Scene = CORRIDOR,
     goal: Mission | None = None,
@@ -161,7 +161,7 @@ def make_trace(
 
 def cut(trace: Trace, at: float) -> Trace:
     """Return ``trace`` as if its writer had died at ``at`` [s]."""
-    return prefix(trace, at)
+    return cut_trace(trace, at)
 
 
 def verdict(trace: Trace, text: str) -> Verdict:

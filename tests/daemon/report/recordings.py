@@ -6,14 +6,14 @@ from pathlib import Path
 
 import numpy as np
 
-from daemon.assessment import Comparison, Declared, Expectation, Policy
-from daemon.places import trace_name
-from daemon.spec import MapSettings, OracleText, RunSpec, SutReference
-from daemon.sut import Estimate, Progress
+from daemon.batch.paths import trace_name
+from daemon.model.assessments import AssessmentRules, Expectation, RepeatPolicy, ScenarioComparison
+from daemon.model.spec import MapSettings, OracleText, RunSpec, SutReference
+from daemon.model.sut import Estimate, Progress
 from daemon.trace import TraceWriter
-from grammars.behaviour import Jump, Trigger
-from grammars.grid import OccupancyGrid
-from grammars.values import Pose2, Twist2
+from grammars.model.behaviour import Jump, Trigger
+from grammars.model.geometry import Pose2, Twist2
+from grammars.model.grid import OccupancyGrid
 from tests.daemon.oracles.traces import CORRIDOR, ROBOT, mission
 
 NAME = 'evil <script>alert("1")</script> & $x^2$'
@@ -34,9 +34,13 @@ ORACLES = (
     OracleText("buffer", "always(clearance(0.55 m, 0.433 m) >= 0 m)"),
     OracleText("buffer-time", "time(clearance(0.55 m, 0.433 m) < 0 m)"),
 )
-DECLARED = Declared(
-    Policy(n=REPEATS),
-    (Comparison("delay", "delay", SHUT, OPEN, None, "<=", 30.0, "s", "delay(shut vs open)"),),
+DECLARED = AssessmentRules(
+    RepeatPolicy(n=REPEATS),
+    (
+        ScenarioComparison(
+            "delay", "delay", SHUT, OPEN, None, "<=", 30.0, "s", "delay(shut vs open)"
+        ),
+    ),
     (Expectation("shut*", "buffer", (SUTS[0],), "fail", WHY),),
 )
 

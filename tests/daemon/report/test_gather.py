@@ -11,11 +11,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from daemon.errors import Refused
-from daemon.report import Gathered, Material, folder_of_traces, gather
-from daemon.report._buffer import buffer_of, limit_of
-from daemon.report._series import thinned
-from daemon.verdict import Outcome
+from daemon.analysis.report import ReportData, ReportRun, folder_input, read_report_data
+from daemon.analysis.report._safety_buffer import oracle_limit, safety_buffer
+from daemon.analysis.report._tracks import thinned_indices
+from daemon.batch.errors import Refused
+from daemon.model.verdicts import Outcome
 from tests.daemon.report.recordings import (
     ABOUT,
     DECLARED,
@@ -30,7 +30,7 @@ from tests.daemon.report.recordings import (
 )
 
 
-def run_of(material: Material, scenario: str, sut: str, repeat: int = 0) -> Gathered:
+def run_of(material: ReportData, scenario: str, sut: str, repeat: int = 0) -> ReportRun:
     (found,) = [
         run
         for run in material.runs
@@ -40,7 +40,7 @@ def run_of(material: Material, scenario: str, sut: str, repeat: int = 0) -> Gath
 
 
 def test_a_folder_is_a_campaign_with_what_it_declares(folder: Path) -> None:
-    chosen = folder_of_traces(folder)
+    chosen = folder_input(folder)
     assert (chosen.name, chosen.about, chosen.declared) == (NAME, ABOUT, DECLARED)
     assert len(chosen.records) == 4 * REPEATS
     assert [watch.name for watch in chosen.watches] == ["door-17.hinge"]
@@ -49,12 +49,12 @@ def test_a_folder_is_a_campaign_with_what_it_declares(folder: Path) -> None:
 def test_traces_without_a_note_must_all_pass(folder: Path, tmp_path: Path) -> None:
     for trace in folder.glob("*.mcap"):
         (tmp_path / trace.name).symlink_to(trace)
-    chosen = folder_of_traces(tmp_path)
+    chosen = folder_input(tmp_path)
     assert (chosen.name, chosen.declared.expectations) == (NAME, ())
-    assert gather(chosen, processes=1).assessment.exit_code == 1
+    assert read_report_data(chosen, processes=1).assessment.exit_code == 1
 
 
-def test_runs_are_judged_and_assessed(material: Material) -> None:
+def test_runs_are_judged_and_assessed(material: ReportData) -> None:
     near = run_of(material, SHUT, SUTS[0])
     assert near.record.outcome is Outcome.FAIL
     assert run_of(material, SHUT, SUTS[1]).record.outcome is Outcome.PASS
@@ -62,7 +62,7 @@ def test_runs_are_judged_and_assessed(material: Material) -> None:
     assert (surprise.scenario, surprise.sut, surprise.oracle) == (OPEN, SUTS[0], "buffer")
 
 
-def test_measures_are_those_of_plain_geometry(material: Material) -> None:
+def test_measures_are_those_of_plain_geometry(material: ReportData) -> None:
     found = run_of(material, OPEN, SUTS[0], 1).driven.measures
     # The leaf of the door stands 2 cm out of the wall at y = 1 m.
     nearest = 1.0 - 0.02 - LATERAL[SUTS[0]] - 0.233
@@ -77,13 +77,13 @@ def test_measures_are_those_of_plain_geometry(material: Material) -> None:
     assert "speed at trigger" not in found
 
 
-def test_the_far_robot_has_nothing_in_its_buffer(material: Material) -> None:
+def test_the_far_robot_has_nothing_in_its_buffer(material: ReportData) -> None:
     driven = run_of(material, SHUT, SUTS[1]).driven
     assert driven.measures["time in buffer"] == 0.0
     assert driven.inside.shape == (0, 2)
 
 
-def test_obstacles_in_the_buffer_are_seen_from_the_robot(material: Material) -> None:
+def test_obstacles_in_the_buffer_are_seen_from_the_robot(material: ReportData) -> None:
     inside = run_of(material, OPEN, SUTS[0]).driven.inside
     assert len(inside) > 100
     assert (np.abs(inside) < (0.55, 0.433)).all()
@@ -92,7 +92,7 @@ def test_obstacles_in_the_buffer_are_seen_from_the_robot(material: Material) -> 
         assert min(abs(y - beside - off) for off in (-0.02, 0.0, 0.02)) < 1e-6
 
 
-def test_a_door_that_shuts_and_the_same_door_that_does_not(material: Material) -> None:
+def test_a_door_that_shuts_and_the_same_door_that_does_not(material: ReportData) -> None:
     (fired,) = run_of(material, SHUT, SUTS[0]).driven.passings
     assert (fired.fired, fired.time, fired.speed_then) == (True, 14.0, SPEED)
     (would,) = run_of(material, OPEN, SUTS[0]).driven.passings
@@ -101,7 +101,7 @@ def test_a_door_that_shuts_and_the_same_door_that_does_not(material: Material) -
     assert would.time == pytest.approx((8.0 - ahead) / SPEED, abs=0.051)
 
 
-def test_contacts_are_kept(material: Material) -> None:
+def test_contacts_are_kept(material: ReportData) -> None:
     assert run_of(material, OPEN, SUTS[0]).driven.contacts == ((5.0, "wall-north", 2.5, 1.0),)
 
 
@@ -111,7 +111,7 @@ def copied(folder: Path, to: Path) -> list[Path]:
 
 def test_what_is_no_trace_is_named_and_left_out(folder: Path, tmp_path: Path) -> None:
     copied(folder, tmp_path)[0].write_bytes(b"nothing of the kind")
-    chosen = folder_of_traces(tmp_path)
+    chosen = folder_input(tmp_path)
     ((file, why),) = chosen.unread
     assert file.endswith(".mcap")
     assert why == "is not an MCAP file"
@@ -121,7 +121,7 @@ def test_what_is_no_trace_is_named_and_left_out(folder: Path, tmp_path: Path) ->
 def test_a_trace_that_was_cut_is_judged_as_far_as_it_goes(folder: Path, tmp_path: Path) -> None:
     first = copied(folder, tmp_path)[0]
     first.write_bytes(first.read_bytes()[:-9000])
-    material = gather(folder_of_traces(tmp_path), processes=1)
+    material = read_report_data(folder_input(tmp_path), processes=1)
     (cut,) = [run for run in material.runs if run.record.trace == str(first)]
     assert cut.record.ended == ""
     assert cut.record.outcome in (Outcome.INCONCLUSIVE, Outcome.FAIL, Outcome.ERROR)
@@ -129,20 +129,20 @@ def test_a_trace_that_was_cut_is_judged_as_far_as_it_goes(folder: Path, tmp_path
 
 def test_a_trace_that_went_away_leaves_its_run(folder: Path, tmp_path: Path) -> None:
     copied(folder, tmp_path)
-    chosen = folder_of_traces(tmp_path)
+    chosen = folder_input(tmp_path)
     Path(str(chosen.records[0].trace)).unlink()
-    material = gather(chosen, processes=1)
+    material = read_report_data(chosen, processes=1)
     assert "cannot be read" in material.runs[0].driven.problem
     assert material.runs[0].record.outcome is None
 
 
 def test_a_folder_without_traces_is_refused(tmp_path: Path) -> None:
     with pytest.raises(Refused, match="holds no traces"):
-        folder_of_traces(tmp_path)
+        folder_input(tmp_path)
 
 
-def test_many_processes_find_the_same(folder: Path, material: Material) -> None:
-    spread = gather(folder_of_traces(folder), processes=2)
+def test_many_processes_find_the_same(folder: Path, material: ReportData) -> None:
+    spread = read_report_data(folder_input(folder), processes=2)
     assert [run.record for run in spread.runs] == [run.record for run in material.runs]
     assert [r.driven.measures for r in spread.runs] == [r.driven.measures for r in material.runs]
 
@@ -159,14 +159,14 @@ def test_many_processes_find_the_same(folder: Path, material: Material) -> None:
 def test_the_buffer_is_what_the_oracles_speak_of(
     texts: tuple[str, ...], half: tuple[float, float] | None, margin: float
 ) -> None:
-    found = buffer_of(texts)
+    found = safety_buffer(texts)
     assert (found.half, found.margin) == (half, pytest.approx(margin))
 
 
 def test_the_limit_of_a_signal_is_the_strictest() -> None:
     texts = ("always(loc.error <= 0.35 m)", "never(loc.error > 1 m)", "always(loc.error < 30 cm)")
-    assert limit_of(texts, "loc.error") == pytest.approx(0.3)
-    assert limit_of(texts, "clearance") is None
+    assert oracle_limit(texts, "loc.error") == pytest.approx(0.3)
+    assert oracle_limit(texts, "clearance") is None
 
 
 @given(
@@ -179,7 +179,7 @@ def test_thinning_keeps_the_deepest_dip_and_the_highest_peak(
 ) -> None:
     clearance = np.array(values)
     error = np.roll(clearance, shift)
-    kept = thinned(clearance, error, points)
+    kept = thinned_indices(clearance, error, points)
     assert (np.diff(kept) > 0).all()
     assert (kept[0], kept[-1]) == (0, len(values) - 1)
     assert clearance[kept].min() == clearance.min()

@@ -10,14 +10,21 @@ import junitparser
 import pyarrow.parquet
 import pytest
 
-from daemon.assessment import Assessment, Cell, OracleCell
-from daemon.report import COLUMNS, MEASURES, Material, write_csv, write_junit, write_parquet
-from daemon.verdict import Outcome
+from daemon.analysis.report import (
+    COLUMNS,
+    MEASURES,
+    ReportData,
+    write_csv,
+    write_junit,
+    write_parquet,
+)
+from daemon.model.assessments import Assessment, CellAssessment, CellVerdict
+from daemon.model.verdicts import Outcome
 from tests.daemon.report.recordings import OPEN_SHOWN, SHUT, SUTS, WHY
 
 
 def test_the_table_has_every_measure_and_margin_in_full_precision(
-    material: Material, tmp_path: Path
+    material: ReportData, tmp_path: Path
 ) -> None:
     write_csv(material, tmp_path / "measures.csv")
     with (tmp_path / "measures.csv").open(encoding="utf-8", newline="") as file:
@@ -38,7 +45,7 @@ def test_the_table_has_every_measure_and_margin_in_full_precision(
             assert float(row["value"]) == (verdict.evidence.value if measured else verdict.margin)
 
 
-def test_parquet_is_the_same_table_with_types(material: Material, tmp_path: Path) -> None:
+def test_parquet_is_the_same_table_with_types(material: ReportData, tmp_path: Path) -> None:
     write_csv(material, tmp_path / "measures.csv")
     write_parquet(material, tmp_path / "measures.parquet")
     table = pyarrow.parquet.read_table(tmp_path / "measures.parquet")
@@ -50,7 +57,7 @@ def test_parquet_is_the_same_table_with_types(material: Material, tmp_path: Path
         assert {k: "" if v is None else str(v) for k, v in one.items()} == other
 
 
-def cases(material: Material, folder: Path) -> dict[tuple[str, str], junitparser.TestCase]:
+def cases(material: ReportData, folder: Path) -> dict[tuple[str, str], junitparser.TestCase]:
     path = folder / "results.xml"
     write_junit(material, path)
     return {
@@ -61,7 +68,7 @@ def cases(material: Material, folder: Path) -> dict[tuple[str, str], junitparser
 
 
 def test_build_servers_see_failures_known_ones_and_passes(
-    material: Material, tmp_path: Path
+    material: ReportData, tmp_path: Path
 ) -> None:
     found = cases(material, tmp_path)
     near, far = SUTS
@@ -76,14 +83,14 @@ def test_build_servers_see_failures_known_ones_and_passes(
     assert len(found) == 3 * 4 + 2
 
 
-def only(material: Material, **changes: object) -> Material:
+def only(material: ReportData, **changes: object) -> ReportData:
     """A campaign of one oracle of one cell, changed."""
     cell = next(c for c in material.assessment.cells if (c.scenario, c.sut) == (SHUT, SUTS[0]))
     oracle = replace(cell.oracles[-1], **changes)  # type: ignore[arg-type]
     return with_cell(material, replace(cell, oracles=(oracle,)))
 
 
-def with_cell(material: Material, cell: Cell) -> Material:
+def with_cell(material: ReportData, cell: CellAssessment) -> ReportData:
     return replace(material, assessment=Assessment((cell,), (), (), 0))
 
 
@@ -108,21 +115,21 @@ def with_cell(material: Material, cell: Cell) -> Material:
     ],
 )  # fmt: skip
 def test_each_verdict_has_its_place_in_junit(
-    material: Material, tmp_path: Path, changes: dict[str, object], kind: str | None, type_: str
+    material: ReportData, tmp_path: Path, changes: dict[str, object], kind: str | None, type_: str
 ) -> None:
     (case,) = cases(only(material, **changes), tmp_path).values()
     shown = [(type(result).__name__, result.type) for result in case.result]
     assert shown == ([] if kind is None else [(kind, type_)])
 
 
-def test_a_cell_that_nothing_judged_is_an_error(material: Material, tmp_path: Path) -> None:
+def test_a_cell_that_nothing_judged_is_an_error(material: ReportData, tmp_path: Path) -> None:
     cell = replace(material.assessment.cells[0], oracles=(), verdict=Outcome.ERROR)
     (case,) = cases(with_cell(material, cell), tmp_path).values()
     assert isinstance(case.result[0], junitparser.Error)
 
 
-def test_names_no_xml_can_hold_are_made_holdable(material: Material, tmp_path: Path) -> None:
+def test_names_no_xml_can_hold_are_made_holdable(material: ReportData, tmp_path: Path) -> None:
     oracle = replace(material.assessment.cells[0].oracles[0], oracle="bell \x07", worst=None)
-    assert isinstance(oracle, OracleCell)
+    assert isinstance(oracle, CellVerdict)
     cell = replace(material.assessment.cells[0], oracles=(oracle,), scenario="\x00")
     assert [name for _, name in cases(with_cell(material, cell), tmp_path)] == ["bell \ufffd"]

@@ -9,11 +9,11 @@ from xml.etree.ElementTree import Element
 import html5lib
 import pytest
 
-from daemon.assessment import assess
-from daemon.coverage import bars
-from daemon.report import Command, Material, answer, write_page
-from daemon.report._words import quantity, said, spread_of
-from daemon.verdict import Evidence, Outcome, Verdict
+from daemon.analysis.coverage import histogram_bars
+from daemon.analysis.report import ReportData, SuggestedCommand, headline, write_page
+from daemon.analysis.report._formatting import format_quantity, mean_and_deviation, verdict_details
+from daemon.judging.assessment import assess
+from daemon.model.verdicts import Evidence, Outcome, Verdict
 from tests.daemon.report.recordings import ABOUT, NAME, OPEN_SHOWN, REPEATS, SHUT, SUTS, WHY
 
 HTML = "{http://www.w3.org/1999/xhtml}"
@@ -79,7 +79,7 @@ def test_identifiers_are_unique_and_references_lead_somewhere(page: str, tree: E
     assert references <= set(found)
 
 
-def test_the_matrix_says_what_the_assessment_says(material: Material, tree: Element) -> None:
+def test_the_matrix_says_what_the_assessment_says(material: ReportData, tree: Element) -> None:
     rows = list(section(tree, "matrix").iter(f"{HTML}tr"))[1:]
     cells = {(c.scenario, c.sut): c for c in material.assessment.cells}
     for row, scenario in zip(rows, dict.fromkeys(s for s, _ in cells), strict=True):
@@ -93,7 +93,7 @@ def test_the_matrix_says_what_the_assessment_says(material: Material, tree: Elem
                 assert f"to {100 * oracle.high:.1f}".removesuffix(".0") in words(column)
 
 
-def test_measures_are_means_over_the_repeats(material: Material, tree: Element) -> None:
+def test_measures_are_means_over_the_repeats(material: ReportData, tree: Element) -> None:
     table = next(section(tree, "measures").iter(f"{HTML}table"))
     names = [words(e).partition(" [")[0] for e in table.iter(f"{HTML}th")]
     row = next(r for r in table.iter(f"{HTML}tr") if SUTS[1] in words(r))
@@ -103,11 +103,11 @@ def test_measures_are_means_over_the_repeats(material: Material, tree: Element) 
         for run in material.runs
         if (run.record.scenario, run.record.sut) == (material.runs[0].record.scenario, SUTS[1])
     ]
-    mean, deviation = spread_of(values)
+    mean, deviation = mean_and_deviation(values)
     assert shown["min clearance"] == f"{mean} ± {deviation}"
 
 
-def test_what_fails_comes_with_evidence_and_commands(material: Material, tree: Element) -> None:
+def test_what_fails_comes_with_evidence_and_commands(material: ReportData, tree: Element) -> None:
     found = section(tree, "findings")
     first = next(found.iter(f"{HTML}details"))
     assert OPEN_SHOWN in words(first)
@@ -119,11 +119,11 @@ def test_what_fails_comes_with_evidence_and_commands(material: Material, tree: E
     assert f"known: {WHY}" in known
 
 
-def test_comparisons_have_their_bounds(material: Material, tree: Element) -> None:
+def test_comparisons_have_their_bounds(material: ReportData, tree: Element) -> None:
     shown = words(section(tree, "comparisons"))
     for cell in material.assessment.comparisons:
-        assert quantity(cell.mean, "s", signed=True) in shown
-        assert quantity(cell.limit, "s") in shown
+        assert format_quantity(cell.mean, "s", signed=True) in shown
+        assert format_quantity(cell.limit, "s") in shown
 
 
 def test_every_figure_of_the_paper_is_there_and_has_a_name(tree: Element) -> None:
@@ -142,12 +142,14 @@ def test_every_figure_of_the_paper_is_there_and_has_a_name(tree: Element) -> Non
         assert any(label.startswith(start) for label in labels), start
 
 
-def test_the_same_runs_give_the_same_page(material: Material, page: str) -> None:
-    again = write_page(material, (Command("scenario judge {run}", "judge it again"),), processes=2)
+def test_the_same_runs_give_the_same_page(material: ReportData, page: str) -> None:
+    again = write_page(
+        material, (SuggestedCommand("scenario judge {run}", "judge it again"),), processes=2
+    )
     assert again == page
 
 
-def test_runs_that_left_nothing_are_told_and_drawn_without(material: Material) -> None:
+def test_runs_that_left_nothing_are_told_and_drawn_without(material: ReportData) -> None:
     empty = tuple(
         replace(
             run,
@@ -158,15 +160,18 @@ def test_runs_that_left_nothing_are_told_and_drawn_without(material: Material) -
     )
     lost = assess(material.chosen.declared, (run.record for run in empty))
     bare = replace(material, runs=empty, assessment=lost)
-    assert answer(lost, empty).sentence == "8 of 8 runs could not be executed or judged."
+    assert headline(lost, empty).sentence == "8 of 8 runs could not be executed or judged."
     html5lib.HTMLParser(strict=True).parse(write_page(bare, (), processes=1))
 
 
 def test_words_of_a_verdict() -> None:
     seen = Evidence(41.3, -0.012, 0.0, "door-17", "first at 40 s")
     verdict = Verdict("clear", "…", Outcome.FAIL, -0.012, -0.012, "m", seen)
-    assert said(verdict) == "−0.012 m, at 41.3 s, door-17, first at 40 s"
-    assert said(replace(verdict, unit="", lower=-1.0, upper=-1.0, evidence=Evidence())) == ""
+    assert verdict_details(verdict) == "−0.012 m, at 41.3 s, door-17, first at 40 s"
+    assert (
+        verdict_details(replace(verdict, unit="", lower=-1.0, upper=-1.0, evidence=Evidence()))
+        == ""
+    )
 
 
 @pytest.mark.parametrize(
@@ -181,10 +186,10 @@ def test_words_of_a_verdict() -> None:
 def test_means_have_digits_that_mean_something(
     values: tuple[float, ...], shown: tuple[str, str]
 ) -> None:
-    assert spread_of(values) == shown
+    assert mean_and_deviation(values) == shown
 
 
-def test_what_was_exercised_is_told_and_what_was_not(tree: Element, material: Material) -> None:
+def test_what_was_exercised_is_told_and_what_was_not(tree: Element, material: ReportData) -> None:
     part, coverage = section(tree, "coverage"), material.coverage
     assert coverage.runs == len(material.runs)
     assert f"these {coverage.runs} runs exercised" in words(part)
@@ -196,4 +201,4 @@ def test_what_was_exercised_is_told_and_what_was_not(tree: Element, material: Ma
         assert told == ", ".join(f.name for f in group.missing)
     assert {door.door for door in coverage.doors} <= set(rows)
     for margin in coverage.margins:
-        assert bars(margin) in words(rows[margin.oracle])
+        assert histogram_bars(margin) in words(rows[margin.oracle])

@@ -9,8 +9,8 @@ import numpy.typing as npt
 import pymunk
 
 from daemon.simulator import World
-from grammars.robot import Laser
-from grammars.values import Floats, Pose2
+from grammars.model.geometry import Floats, Pose2
+from grammars.model.robot import Laser
 
 
 def world_segments(world: World) -> Floats:

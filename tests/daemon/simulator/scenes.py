@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 
 from daemon.simulator import World
-from grammars.behaviour import Behaviour
-from grammars.robot import Drive, Laser, OdometryNoise, Robot
-from grammars.scene import Doorway, Joint, Link, Scene, SceneObject, Solid
-from grammars.values import Pose2, Ring
+from grammars.model.behaviour import Behaviour
+from grammars.model.geometry import Pose2, Ring
+from grammars.model.robot import Drive, Laser, OdometryNoise, Robot
+from grammars.model.scene import Doorway, Joint, Link, Scene, SceneObject, Solid
 
 
 def box(x1: float, y1: float, x2: float, y2: float) -> Ring:

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from grammars.values import Pose2, Ring, Twist2
+from grammars.model.geometry import Pose2, Ring, Twist2
 from tests.daemon.simulator.scenes import DRIVE, ROBOT, differential, wall, world
 
 WALL = wall("wall", 2.0, -5.0, 2.2, 5.0)

@@ -5,8 +5,8 @@ import math
 import pytest
 
 from daemon.simulator import World
-from daemon.simulator._proximity import Proximity
-from grammars.behaviour import (
+from daemon.simulator._behaviours import RobotProximity
+from grammars.model.behaviour import (
     Behaviour,
     Hold,
     Jump,
@@ -17,8 +17,8 @@ from grammars.behaviour import (
     Spring,
     Trigger,
 )
-from grammars.scene import Doorway
-from grammars.values import Floats, Pose2, Twist2
+from grammars.model.geometry import Floats, Pose2, Twist2
+from grammars.model.scene import Doorway
 from tests.daemon.simulator.scenes import box, door, folding, sliding_door, world
 
 AWAY = Pose2(5.0, 0.0, 0.0)
@@ -229,13 +229,13 @@ def test_triggers_are_measured_rarely_while_nothing_can_happen(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     measured = []
-    true_distance = Proximity.distance
+    true_distance = RobotProximity.distance
 
-    def counted(self: Proximity, base: Pose2, footprint: Floats) -> float:
+    def counted(self: RobotProximity, base: Pose2, footprint: Floats) -> float:
         measured.append(base)
         return true_distance(self, base, footprint)
 
-    monkeypatch.setattr(Proximity, "distance", counted)
+    monkeypatch.setattr(RobotProximity, "distance", counted)
     simulated = approach(near(Jump(), of="leaf", to="footprint", distance=0.5))
     simulated.command(Twist2(0.3, 0.0, 0.0))
     simulated.advance(600)

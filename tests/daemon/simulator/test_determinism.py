@@ -9,9 +9,9 @@ import sys
 import numpy as np
 
 from daemon.simulator import World
-from grammars.behaviour import Jump, KeyFrame, KeyFrames, Servo, Trigger
-from grammars.robot import OdometryNoise
-from grammars.values import Pose2, Twist2
+from grammars.model.behaviour import Jump, KeyFrame, KeyFrames, Servo, Trigger
+from grammars.model.geometry import Pose2, Twist2
+from grammars.model.robot import OdometryNoise
 from tests.daemon.simulator.scenes import ROBOT, door, scene, sliding_door, wall
 
 PROGRAM = "from tests.daemon.simulator.test_determinism import digest; print(digest(3))"

@@ -10,8 +10,8 @@ import math
 import pytest
 
 from daemon.simulator import World
-from grammars.behaviour import Behaviour, Jump, KeyFrame, KeyFrames, Spring, Trigger
-from grammars.values import Pose2, Twist2
+from grammars.model.behaviour import Behaviour, Jump, KeyFrame, KeyFrames, Spring, Trigger
+from grammars.model.geometry import Pose2, Twist2
 from tests.daemon.simulator.scenes import door, world
 from tests.daemon.simulator.test_imposed import IMPOSED
 

@@ -8,14 +8,14 @@ import shapely
 from hypothesis import given
 from hypothesis import strategies as st
 
-from daemon.simulator._geometry import (
+from daemon.simulator._physics import (
     area_and_centroid,
     convex_distance,
     mass_properties,
     ring_array,
     transform_array,
 )
-from grammars.values import Pose2, Ring
+from grammars.model.geometry import Pose2, Ring
 from tests.daemon.simulator.scenes import box
 
 coordinates = st.floats(-5.0, 5.0).map(lambda v: round(v, 6))

@@ -10,9 +10,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from daemon.simulator import World
-from grammars.behaviour import Hold
-from grammars.robot import Drive, OdometryNoise
-from grammars.values import Pose2, Twist2
+from grammars.model.behaviour import Hold
+from grammars.model.geometry import Pose2, Twist2
+from grammars.model.robot import Drive, OdometryNoise
 from tests.daemon.simulator.scenes import ROBOT, door, wall, world
 
 INF = math.inf

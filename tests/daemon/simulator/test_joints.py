@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from grammars.behaviour import Hold
-from grammars.kinematics import link_poses
-from grammars.values import Pose2, Twist2
+from grammars.model.behaviour import Hold
+from grammars.model.geometry import Pose2, Twist2
+from grammars.model.kinematics import link_poses
 from tests.daemon.simulator.scenes import door, folding, sliding_door, wall, world
 
 AHEAD = Pose2(1.0, 0.5, math.pi)

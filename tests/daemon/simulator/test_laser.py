@@ -11,9 +11,9 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from daemon.simulator import World
-from grammars.robot import Laser
-from grammars.scene import Link, SceneObject, Solid
-from grammars.values import Pose2, Twist2
+from grammars.model.geometry import Pose2, Twist2
+from grammars.model.robot import Laser
+from grammars.model.scene import Link, SceneObject, Solid
 from tests.daemon.simulator.reference import (
     cast_by_broadcast,
     cast_by_pymunk,

@@ -6,8 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from grammars.robot import OdometryNoise
-from grammars.values import Pose2, Twist2
+from grammars.model.geometry import Pose2, Twist2
+from grammars.model.robot import OdometryNoise
 from tests.daemon.simulator.scenes import ROBOT, wall, world
 
 

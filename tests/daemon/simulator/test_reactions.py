@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from daemon.simulator import World
-from grammars.behaviour import (
+from grammars.model.behaviour import (
     Event,
     JointActs,
     Jump,
@@ -18,7 +18,7 @@ from grammars.behaviour import (
     Trigger,
     WaypointReached,
 )
-from grammars.values import Pose2, Twist2
+from grammars.model.geometry import Pose2, Twist2
 from tests.daemon.simulator.scenes import ROBOT, door, scene, world
 
 AWAY = Pose2(5.0, 5.0, 0.0)

@@ -11,12 +11,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from daemon.simulator import World
-from daemon.simulator._walkers import Follower
-from grammars.behaviour import JointActs, KeyFrame, KeyFrames, LegBegins, Servo, Trigger, Walk
-from grammars.kinematics import link_poses
-from grammars.movers import carried
-from grammars.scene import Link, SceneObject
-from grammars.values import Pose2, Ring, Twist2
+from daemon.simulator._walkers import RouteFollower
+from grammars.model.behaviour import JointActs, KeyFrame, KeyFrames, LegBegins, Servo, Trigger, Walk
+from grammars.model.geometry import Pose2, Ring, Twist2
+from grammars.model.kinematics import link_poses
+from grammars.model.movers import with_planar_chain
+from grammars.model.scene import Link, SceneObject
 from tests.daemon.simulator.scenes import box, door, wall, world
 
 ROUND: Ring = tuple((0.25 * math.cos(a), 0.25 * math.sin(a)) for a in np.linspace(0, 6, 12))
@@ -25,7 +25,7 @@ LINE = Walk("visitor", ((-3.0, 0.0), (3.0, 0.0)), 0.8)
 
 
 def person(name: str = "visitor", pose: Pose2 = FAR, ring: Ring = ROUND) -> SceneObject:
-    links, joints = carried((Link("body", (ring,), 75.0, 0.0, 1.7),), (), "body")
+    links, joints = with_planar_chain((Link("body", (ring,), 75.0, 0.0, 1.7),), (), "body")
     return SceneObject(name, "person", pose, links, joints, (0.0, 0.0, 0.0))
 
 
@@ -65,7 +65,7 @@ def test_back_and_forth_repeats_itself(
     speed: float, acceleration: float, pause: float, length: float
 ) -> None:
     walk = Walk("v", ((0.0, 0.0), (length, 0.0)), speed, acceleration, "back-and-forth", pause)
-    follower = Follower(walk)
+    follower = RouteFollower(walk)
     top = min(speed, math.sqrt(length * acceleration))
     there = length / top + top / acceleration
     rest = max(pause, 1.0)  # turning round takes a second
@@ -78,7 +78,7 @@ def test_back_and_forth_repeats_itself(
 
 def test_a_round_goes_on_without_stopping_and_turns_with_the_way() -> None:
     square = ((0.0, 0.0), (2.0, 0.0), (2.0, 2.0), (0.0, 2.0))
-    follower = Follower(Walk("v", square, 1.0, 1.0, "round"))
+    follower = RouteFollower(Walk("v", square, 1.0, 1.0, "round"))
     samples = np.array([follower.at(t) for t in np.arange(0.0, 40.0, 0.01)])
     steps = np.diff(samples, axis=0)
     assert np.hypot(steps[:, 0], steps[:, 1])[110:].min() > 0.007  # corners are cut, not stopped at
@@ -88,7 +88,7 @@ def test_a_round_goes_on_without_stopping_and_turns_with_the_way() -> None:
 
 def test_a_round_may_pause_at_every_point() -> None:
     square = ((0.0, 0.0), (2.0, 0.0), (2.0, 2.0), (0.0, 2.0))
-    follower = Follower(Walk("v", square, 1.0, 1.0, "round", 1.0, "points"))
+    follower = RouteFollower(Walk("v", square, 1.0, 1.0, "round", 1.0, "points"))
     for corner in range(9):  # three seconds on the way, one at rest
         assert follower.at(4.0 * corner + 3.5)[:2] == pytest.approx(square[(corner + 1) % 4])
     yaws = [follower.at(t)[2] for t in np.arange(36.0, 90.0, 0.05)]
@@ -96,9 +96,9 @@ def test_a_round_may_pause_at_every_point() -> None:
 
 
 def test_who_walks_sideways_keeps_its_heading_on_the_way_back() -> None:
-    follower = Follower(replace(LINE, manner="back-and-forth", facing="sideways"))
+    follower = RouteFollower(replace(LINE, manner="back-and-forth", facing="sideways"))
     assert {follower.at(t)[2] for t in np.arange(0.0, 20.0, 0.1)} == {math.pi / 2}
-    follower = Follower(replace(LINE, manner="back-and-forth", facing="fixed", yaw=0.3))
+    follower = RouteFollower(replace(LINE, manner="back-and-forth", facing="fixed", yaw=0.3))
     assert {follower.at(t)[2] for t in np.arange(0.0, 20.0, 0.1)} == {0.3}
 
 

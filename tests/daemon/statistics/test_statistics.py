@@ -10,17 +10,17 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from scipy import stats
 
-from daemon.statistics import (
+from daemon.judging.statistics import (
     at_least,
     at_most,
     cliffs_delta,
-    holm,
-    magnitude,
+    effect_magnitude,
+    holm_adjusted,
     mean_interval,
-    paired,
+    paired_difference,
     proportion_interval,
     runs_needed,
-    welch,
+    welch_difference,
 )
 
 modest = settings(max_examples=40, deadline=None)
@@ -104,7 +104,7 @@ def test_one_value_has_no_interval() -> None:
 def test_a_paired_difference_is_the_one_sided_t_test(pairs: list[tuple[int, int]]) -> None:
     assume(len({a - b for a, b in pairs}) > 1)
     left, right = ([pair[side] / 8 for pair in pairs] for side in (0, 1))
-    found = paired(left, right)
+    found = paired_difference(left, right)
     greater = stats.ttest_rel(left, right, alternative="greater")
     assert found.low == pytest.approx(greater.confidence_interval(0.95).low, rel=1e-6, abs=1e-7)
     less = stats.ttest_rel(left, right, alternative="less")
@@ -117,7 +117,7 @@ def test_a_paired_difference_is_the_one_sided_t_test(pairs: list[tuple[int, int]
 @given(values, values)
 def test_without_pairs_it_is_welchs(left: list[float], right: list[float]) -> None:
     assume(min(np.ptp(left), np.ptp(right)) > 1.0)
-    found = welch(left, right)
+    found = welch_difference(left, right)
     greater = stats.ttest_ind(left, right, equal_var=False, alternative="greater")
     assert found.freedom == pytest.approx(greater.df)
     assert found.p_above(0.0) == pytest.approx(greater.pvalue, abs=1e-9)
@@ -125,18 +125,18 @@ def test_without_pairs_it_is_welchs(left: list[float], right: list[float]) -> No
 
 
 def test_a_difference_that_never_varies_is_known_exactly() -> None:
-    found = paired([3.0, 4.0, 5.0], [1.0, 2.0, 3.0])
+    found = paired_difference([3.0, 4.0, 5.0], [1.0, 2.0, 3.0])
     assert (found.low, found.mean, found.high) == (2.0, 2.0, 2.0)
     assert (found.p_above(1.9), found.p_above(2.0), found.p_different) == (0.0, 1.0, 0.0)
-    assert paired([1.0, 2.0], [1.0, 2.0]).p_different == 1.0
-    assert welch([1.0, 1.0], [1.0, 1.0]).high == 0.0
+    assert paired_difference([1.0, 2.0], [1.0, 2.0]).p_different == 1.0
+    assert welch_difference([1.0, 1.0], [1.0, 1.0]).high == 0.0
 
 
 def test_a_single_pair_says_nothing() -> None:
     with pytest.raises(ValueError, match="two pairs"):
-        paired([1.0], [2.0])
+        paired_difference([1.0], [2.0])
     with pytest.raises(ValueError, match="two values"):
-        welch([1.0], [2.0, 3.0])
+        welch_difference([1.0], [2.0, 3.0])
 
 
 @modest
@@ -149,7 +149,7 @@ def test_cliffs_delta_counts_who_is_larger(left: list[float], right: list[float]
 
 
 def test_magnitudes_have_words() -> None:
-    assert [magnitude(d) for d in (0.0, -0.2, 0.4, -1.0)] == [
+    assert [effect_magnitude(d) for d in (0.0, -0.2, 0.4, -1.0)] == [
         "negligible", "small", "medium", "large",
     ]  # fmt: skip
 
@@ -157,7 +157,7 @@ def test_magnitudes_have_words() -> None:
 @modest
 @given(st.lists(st.floats(0.0, 1.0), max_size=8))
 def test_holms_adjustment_is_its_definition(ps: list[float]) -> None:
-    adjusted = holm(ps)
+    adjusted = holm_adjusted(ps)
     ordered = sorted(ps)
     for p, found in zip(ps, adjusted, strict=True):
         # The largest of (m - j + 1) p_(j) over every p_(j) that is not larger, and 1 at most.

@@ -8,14 +8,14 @@ from pathlib import Path
 
 import numpy as np
 
-from daemon.spec import MapSettings, OracleText, RunSpec, SutReference, TraceInfo
-from daemon.sut import Cloud, CostmapPicture, Estimate, Odometry, Progress
+from daemon.model.spec import MapSettings, OracleText, RunSpec, SutReference, TraceInfo
+from daemon.model.sut import Cloud, CostmapPicture, Estimate, Odometry, Progress
 from daemon.trace import TraceWriter
-from grammars.grid import OccupancyGrid
-from grammars.mission import Mission, Waypoint
-from grammars.robot import Drive, Laser, OdometryNoise, Robot
-from grammars.scene import Joint, Link, Scene, SceneObject, Solid
-from grammars.values import Pose2, Twist2
+from grammars.model.geometry import Pose2, Twist2
+from grammars.model.grid import OccupancyGrid
+from grammars.model.mission import Mission, Waypoint
+from grammars.model.robot import Drive, Laser, OdometryNoise, Robot
+from grammars.model.scene import Joint, Link, Scene, SceneObject, Solid
 
 RAYS = 90
 

@@ -9,8 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from daemon.trace import MovingLinks
-from grammars.scene import Joint, Link, Scene, SceneObject
-from grammars.values import Pose2
+from grammars.model.geometry import Pose2
+from grammars.model.scene import Joint, Link, Scene, SceneObject
 from tests.daemon.trace.recordings import scene
 
 ANGLES = st.floats(-3.0, 3.0)

@@ -8,28 +8,27 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from daemon.trace import layouts
+from daemon.trace import _layouts, encode_path
 from daemon.trace import messages as ros
-from daemon.trace.layout import HEADER, Layout, stamps
-from daemon.trace.paths import encode_path
+from daemon.trace._layouts import HEADER, MessageLayout, stamps
 from tests.daemon.trace.recordings import ROBOT
 
 LAYOUTS = {
-    "clock": layouts.clock(),
-    "odometry": layouts.odometry("/odom", "odom"),
-    "ground truth": layouts.odometry("/ground_truth", "map"),
-    "one transform": layouts.transforms((("odom", "base_link"),)),
-    "doors": layouts.transforms((("map", "door-1/leaf"), ("map", "längere/tür"), ("map", "x/y"))),
-    "scan": layouts.scan(ROBOT.laser),
-    "command": layouts.command(),
-    "estimate": layouts.estimate("/pose"),
-    "count": layouts.count(),
-    "joints": layouts.joints(("a.hinge", "bc.slide", "d.hinge")),
-    "contact": layouts.contact("robot", "hall-wall-2"),
+    "clock": _layouts.clock(),
+    "odometry": _layouts.odometry("/odom", "odom"),
+    "ground truth": _layouts.odometry("/ground_truth", "map"),
+    "one transform": _layouts.transforms((("odom", "base_link"),)),
+    "doors": _layouts.transforms((("map", "door-1/leaf"), ("map", "längere/tür"), ("map", "x/y"))),
+    "scan": _layouts.scan(ROBOT.laser),
+    "command": _layouts.command(),
+    "estimate": _layouts.estimate("/pose"),
+    "count": _layouts.count(),
+    "joints": _layouts.joints(("a.hinge", "bc.slide", "d.hinge")),
+    "contact": _layouts.contact("robot", "hall-wall-2"),
 }
 
 
-def random_columns(layout: Layout, count: int) -> dict[str, np.ndarray]:
+def random_columns(layout: MessageLayout, count: int) -> dict[str, np.ndarray]:
     random = np.random.default_rng(5)
     empty = np.zeros(count, layout.record)
     columns = {

@@ -17,15 +17,22 @@ from hypothesis import strategies as st
 from mcap.reader import make_reader
 from mcap.writer import CompressionType, IndexType, Writer
 
-from daemon.spec import ENGINE_VERSION
-from daemon.sut import Estimate, Odometry, Progress
-from daemon.trace import ProgressRecord, Trace, TraceError, TraceWriter, read_trace
-from daemon.trace import recording as walking
-from daemon.trace.joints import JointSamples
-from daemon.trace.paths import decode_path, encode_path
-from grammars import codec
-from grammars.diagnostics import InputError
-from grammars.values import Pose2, Twist2
+from daemon.model.spec import ENGINE_VERSION
+from daemon.model.sut import Estimate, Odometry, Progress
+from daemon.trace import (
+    JointSamples,
+    ProgressRecord,
+    Trace,
+    TraceError,
+    TraceWriter,
+    decode_path,
+    encode_path,
+    read_trace,
+)
+from daemon.trace import _mcap_reader as walking
+from grammars.model.geometry import Pose2, Twist2
+from grammars.text import codec
+from grammars.text.diagnostics import InputError
 from tests.daemon.trace.recordings import (
     covariance_at,
     joints_at,

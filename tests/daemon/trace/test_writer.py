@@ -19,11 +19,10 @@ from mcap_ros2.decoder import DecoderFactory
 from rosbags.highlevel import AnyReader
 from rosbags.interfaces import QosDurability
 
-from daemon.sut import Cloud, CostmapPicture, Estimate, Odometry, Progress
-from daemon.trace import PARTIAL, TraceWriter, read_trace
+from daemon.model.sut import Cloud, CostmapPicture, Estimate, Odometry, Progress
+from daemon.trace import PARTIAL, TraceWriter, encode_poses, read_trace
 from daemon.trace import messages as ros
-from daemon.trace.views import encode_poses
-from grammars.values import Pose2, Twist2
+from grammars.model.geometry import Pose2, Twist2
 from tests.daemon.trace.recordings import (
     GRID,
     MISSION,

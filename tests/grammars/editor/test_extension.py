@@ -17,9 +17,9 @@ from xml.etree import ElementTree
 import pytest
 
 import grammars.editor
-from grammars.diagnostics import Diagnostic, Severity, Where
 from grammars.editor import pack_extension
-from scenario_tui.cli._diagnostics import rendered
+from grammars.text.diagnostics import Diagnostic, Severity, Where
+from scenario_tui.text.diagnostics import render_diagnostic
 
 VSCODE = Path(grammars.editor.__file__).parent / "vscode"
 PACKAGE: dict[str, Any] = json.loads((VSCODE / "package.json").read_text(encoding="utf-8"))
@@ -75,7 +75,7 @@ def test_scopes_and_endings_are_those_of_the_grammars() -> None:
 def test_the_problem_matcher_reads_what_the_check_prints(severity: Severity, column: int) -> None:
     (pattern,) = CONTRIBUTES["problemPatterns"]
     found = Diagnostic(Where("a b/flat.fpm", 7, column), "no wall: 9", "walls are 0-5", severity)
-    lines = rendered(found).plain.splitlines()
+    lines = render_diagnostic(found).plain.splitlines()
     match = re.match(pattern["regexp"], lines[0])
     assert match
     said = {key: match[pattern[key]] for key in ("file", "line", "column", "severity", "message")}

@@ -12,13 +12,12 @@ import pytest
 from jsonschema import Draft202012Validator
 
 import grammars.editor
-from daemon.campaign.layers import Library
-from daemon.campaign.text import Reference, read_campaign
-from grammars.diagnostics import InputError, Where
-from grammars.documents import load_yaml, parse_yaml
-from grammars.files import load_mission, load_robot
+from daemon.campaign import LayerLibrary, LayerReference, read_campaign
+from grammars.model.files import load_mission, load_robot
 from grammars.oracle import load_oracles
-from scenario_tui.cli._schemas import FileKind, schema_text
+from grammars.text.diagnostics import InputError, Where
+from grammars.text.documents import load_yaml, parse_yaml
+from scenario_tui.cli.editors import FileKind, schema_text
 
 SCHEMAS = Path(grammars.editor.__file__).parent / "schemas"
 MODELINE = re.compile(r"# yaml-language-server: \$schema=(\S+)")
@@ -217,7 +216,7 @@ def read(kind: str, text: str, folder: Path) -> None:
     if kind == "campaign":
         read_campaign(load_yaml(path))
     elif kind == "sut":
-        Library(folder).sut(Reference(path.name, {}, Where("", 1, 1)))
+        LayerLibrary(folder).sut(LayerReference(path.name, {}, Where("", 1, 1)))
     else:
         {"robot": load_robot, "mission": load_mission, "oracles": load_oracles}[kind](path)
 

@@ -8,9 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from grammars.editor import quantity_pattern
-from grammars.editor._units import EXAMPLES
-from grammars.quantity import read_as
+from grammars.editor import QUANTITY_EXAMPLES, quantity_pattern
+from grammars.text.quantity import read_as
 
 SIMPLE = {
     "length": ["m", "cm", "mm", "km", "metre", "metres", "meters", "centimetre"],
@@ -46,10 +45,10 @@ def reads(text: str, dimension: str) -> bool:
     return True
 
 
-@pytest.mark.parametrize("dimension", sorted(EXAMPLES))
+@pytest.mark.parametrize("dimension", sorted(QUANTITY_EXAMPLES))
 def test_examples_are_read_and_match(dimension: str) -> None:
-    assert reads(EXAMPLES[dimension], dimension)
-    assert re.search(quantity_pattern(dimension), EXAMPLES[dimension])
+    assert reads(QUANTITY_EXAMPLES[dimension], dimension)
+    assert re.search(quantity_pattern(dimension), QUANTITY_EXAMPLES[dimension])
 
 
 @given(NUMBERS, st.sampled_from(UNITS))
@@ -59,7 +58,7 @@ def test_what_the_reader_takes_matches(number: str, unit: tuple[str, str]) -> No
     assert re.search(quantity_pattern(unit[0]), text)
 
 
-@given(NUMBERS, st.sampled_from(UNITS), st.sampled_from(sorted(EXAMPLES)))
+@given(NUMBERS, st.sampled_from(UNITS), st.sampled_from(sorted(QUANTITY_EXAMPLES)))
 def test_what_matches_with_one_or_two_units_is_read(
     number: str, unit: tuple[str, str], dimension: str
 ) -> None:

@@ -9,7 +9,7 @@ import pytest
 import shapely
 
 from grammars.floorplan import FloorPlan, frame_of, load_floorplan
-from grammars.values import Point2, Pose2
+from grammars.model.geometry import Point2, Pose2
 
 # Ortega et al. 2024: doors of the experiments as found in their worlds (x, y, yaw of the door in
 # the world) and in a wall frame of the floor plan (wall, x, y, quarter turns).

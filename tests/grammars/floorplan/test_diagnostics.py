@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from grammars.diagnostics import Diagnostic, InputError
 from grammars.floorplan import parse_floorplan
+from grammars.text.diagnostics import Diagnostic, InputError
 
 HEAD = "Floor plan: t\nDefaults: walls: thickness: 0.2 m height: 2.5 m\n"
 HERE = "location: wrt: world of: this"

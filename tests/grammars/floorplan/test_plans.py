@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from grammars.diagnostics import InputError
 from grammars.floorplan import FloorPlan, frame_of, frames, load_floorplan, parse_floorplan
-from grammars.values import Pose2
+from grammars.model.geometry import Pose2
+from grammars.text.diagnostics import InputError
 
 HEAD = """Floor plan: demo
 Defaults:

@@ -12,9 +12,9 @@ import shapely
 from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
 
-from grammars.diagnostics import InputError
 from grammars.floorplan import FloorPlan, parse_floorplan
-from grammars.values import Floats, Point2, Pose2, Ring
+from grammars.model.geometry import Floats, Point2, Pose2, Ring
+from grammars.text.diagnostics import InputError
 
 LENGTHS = st.floats(0.5, 20.0).map(lambda v: round(v, 3))
 OFFSETS = st.floats(-20.0, 20.0).map(lambda v: round(v, 3))

@@ -10,9 +10,9 @@ from typing import Any
 
 import pytest
 
-from grammars.diagnostics import InputError
 from grammars.floorplan import FloorPlan, Opening, load_floorplan, parse_floorplan
-from grammars.values import Pose2
+from grammars.model.geometry import Pose2
+from grammars.text.diagnostics import InputError
 
 DATA = os.environ.get("SCENARIO_REFERENCE_DATA", "")
 pytestmark = pytest.mark.skipif(not DATA, reason="SCENARIO_REFERENCE_DATA is not set")

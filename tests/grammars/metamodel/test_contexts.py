@@ -11,12 +11,10 @@ from rdflib import Graph, URIRef
 from rdflib.compare import isomorphic
 
 from grammars.floorplan import parse_floorplan
-from grammars.metamodel import _context as contexts
-from grammars.metamodel import composed_document, documents
-from grammars.metamodel._context import Context, ContextError
-from grammars.metamodel._expand import expand
-from grammars.metamodel._graph import graph_of
-from grammars.metamodel._vocabulary import COORD
+from grammars.jsonld import expand, plan_document, plan_documents
+from grammars.jsonld import vocabulary as contexts
+from grammars.jsonld.rdf import graph_of
+from grammars.jsonld.vocabulary import COORD, ContextError, JsonLdContext
 from tests.grammars.metamodel.samples import document, hinged_door, two_leaves
 from tests.grammars.metamodel.test_plan_jsonld import CELL, DOOR
 
@@ -48,7 +46,7 @@ def settled(graph: Graph) -> Graph:
 
 @pytest.mark.parametrize(
     "data",
-    [documents(PLAN)["coordinate"], documents(PLAN)["floorplan"], document(hinged_door()),
+    [plan_documents(PLAN)["coordinate"], plan_documents(PLAN)["floorplan"], document(hinged_door()),
      document(two_leaves())],
     ids=["coordinate", "floorplan", "door", "lift"],
 )  # fmt: skip
@@ -58,7 +56,7 @@ def test_documents_mean_what_the_standard_says(data: Any) -> None:
 
 
 def test_every_type_of_a_node_brings_its_terms() -> None:
-    graph = graph_of(expand(composed_document(PLAN), "plan.json"))
+    graph = graph_of(expand(plan_document(PLAN), "plan.json"))
     for term in ("as-seen-by", "x", "y", "z", "of-pose", "alpha"):
         of_poses = set(graph.subjects(None, URIRef(COORD["PoseCoordinate"])))
         assert of_poses
@@ -87,7 +85,7 @@ def test_numbers_keep_every_digit_in_a_graph() -> None:
 )
 def test_contexts_that_cannot_be_read_are_refused(context: Any, message: str) -> None:
     with pytest.raises(ContextError, match=message):
-        Context("", "", {}).extended(context, set())
+        JsonLdContext("", "", {}).extended(context, set())
 
 
 def test_our_contexts_are_documents_with_one_context_each() -> None:
@@ -96,4 +94,4 @@ def test_our_contexts_are_documents_with_one_context_each() -> None:
     assert len(files) == 13
     for file in files:
         assert list(json.loads(file.read_text())) == ["@context"]
-        Context("", "", {}).extended(json.loads(file.read_text())["@context"], set())
+        JsonLdContext("", "", {}).extended(json.loads(file.read_text())["@context"], set())

@@ -11,17 +11,17 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from grammars.composition import compile_scene
-from grammars.diagnostics import InputError, Severity
 from grammars.floorplan import FloorPlan, load_floorplan, parse_floorplan
-from grammars.metamodel import (
+from grammars.jsonld import (
     check_jsonld,
     compose,
-    composed_document,
     decompose,
-    documents,
     load_floorplan_jsonld,
+    plan_document,
+    plan_documents,
 )
+from grammars.scenery.composition import compile_scene
+from grammars.text.diagnostics import InputError, Severity
 from templates.jsonld import write_jsonld
 
 CELL = """
@@ -75,7 +75,7 @@ def node(document: dict[str, Any], id: str) -> dict[str, Any]:
 
 
 def test_a_cell_has_the_published_number_of_nodes() -> None:
-    counts = {n: len(d["@graph"]) for n, d in documents(parse_floorplan(CELL)).items()}
+    counts = {n: len(d["@graph"]) for n, d in plan_documents(parse_floorplan(CELL)).items()}
     assert counts == {
         "skeleton": 48,
         "shape": 5,
@@ -87,7 +87,7 @@ def test_a_cell_has_the_published_number_of_nodes() -> None:
 
 
 def test_a_cell_has_the_published_nodes() -> None:
-    files = documents(parse_floorplan(CELL))
+    files = plan_documents(parse_floorplan(CELL))
     assert files["skeleton"]["@context"][0] == {
         "@base": "https://secorolab.github.io/models/floorplan/demo/",
         "fpm": "https://secorolab.github.io/models/floorplan/demo/",
@@ -152,7 +152,7 @@ def test_a_cell_has_the_published_nodes() -> None:
 
 
 def test_an_opening_says_its_walls_depth_and_unit() -> None:
-    files = documents(parse_floorplan(CELL + DOOR))
+    files = plan_documents(parse_floorplan(CELL + DOOR))
     opening = node(files["floorplan"], "door")
     assert (opening["voids"], opening["thickness"], opening["unit"]) == (["cell-wall-0"], 0.2, "M")
     near = [node(files["coordinate"], c)["y"] for c in corners("door", range(4))]
@@ -169,7 +169,7 @@ def corners(element: str, numbers: range) -> list[str]:
 
 def test_things_with_one_name_get_identifiers_of_their_own() -> None:
     plan = parse_floorplan(ODD)
-    document = documents(plan)["floorplan"]
+    document = plan_documents(plan)["floorplan"]
     ids = [n["@id"] for n in document["@graph"]]
     assert len(set(ids)) == len(ids)
     assert {"hall", "column-hall", "plan-hall", "hall-pillar", "annex-pillar", "pillar"} <= set(ids)
@@ -185,7 +185,7 @@ def test_a_plan_comes_back_bit_by_bit(text: str, tmp_path: Path) -> None:
     for source in (written(plan, tmp_path), tmp_path):
         back = load_floorplan_jsonld(source)
         assert back == plan
-        assert composed_document(back) == composed_document(plan)
+        assert plan_document(back) == plan_document(plan)
         assert compile_scene(back).digest == compile_scene(plan).digest
 
 
@@ -236,7 +236,7 @@ def test_old_ways_of_writing_are_read_with_one_warning_each(tmp_path: Path) -> N
 def test_the_files_of_the_published_tool_are_read(tmp_path: Path) -> None:
     """It writes keys its contexts lack, openings without a unit, corners of columns without z."""
     plan = parse_floorplan(ODD.replace("Column hall:", "Column post:"))
-    for name, document in documents(plan).items():
+    for name, document in plan_documents(plan).items():
         for each in document["@graph"]:
             if "features" in each and each["@type"] == "Space":
                 each["feature"] = each.pop("features")
@@ -255,7 +255,7 @@ def test_the_files_of_the_published_tool_are_read(tmp_path: Path) -> None:
 
 def test_old_namespaces_are_read(tmp_path: Path) -> None:
     plan = parse_floorplan(CELL)
-    document = composed_document(plan)
+    document = plan_document(plan)
     old = "https://hbrs-sesame.github.io/metamodels/"
     document["@context"].append(
         {
@@ -280,7 +280,7 @@ def test_a_context_nobody_knows_is_refused_without_looking_for_it(tmp_path: Path
 
 
 def test_keys_no_context_knows_are_reported(tmp_path: Path) -> None:
-    document = composed_document(parse_floorplan(CELL))
+    document = plan_document(parse_floorplan(CELL))
     node(document, "cell")["colour"] = "blue"
     file = tmp_path / "plan.json"
     file.write_text(json.dumps(document, indent=0))
@@ -316,7 +316,7 @@ def test_what_is_broken_is_said(change: tuple[str, str], message: str, tmp_path:
     assert any(message in str(d) for d in caught.value.diagnostics), str(caught.value)
 
 
-NODES = composed_document(parse_floorplan(CELL + DOOR))
+NODES = plan_document(parse_floorplan(CELL + DOOR))
 VALUES = st.sampled_from(
     [None, True, 0, -1, 1e308, "", "x", "world-frame", [], {}, [[]], {"@id": "cell"}, ["cell", 3],
      {"@value": "a"}, {"@list": [1]}, {"@id": 5}, "Frame", "_:b", "https://e.org/ x"]
@@ -327,10 +327,7 @@ KEYS = st.sampled_from(["@id", "@type", "of", "x", "points", "@graph", "voids", 
 @settings(max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(st.data())
 def test_mutated_plans_give_diagnostics_and_nothing_else(data: st.DataObject) -> None:
-    from grammars.metamodel._drift import modernised
-    from grammars.metamodel._expand import expand_text
-    from grammars.metamodel._plan_reader import read_plan
-    from grammars.metamodel._rules import refuse_broken
+    from grammars.jsonld import expand_text, read_plan, refuse_broken, replace_legacy_terms
 
     document = json.loads(json.dumps(NODES))
     nodes = document["@graph"]
@@ -351,7 +348,7 @@ def test_mutated_plans_give_diagnostics_and_nothing_else(data: st.DataObject) ->
     cut = data.draw(st.integers(0, len(text)))
     for candidate in (text, text[:cut]):
         try:
-            read = modernised(expand_text(candidate, "plan.json"))
+            read = replace_legacy_terms(expand_text(candidate, "plan.json"))
             refuse_broken(read)
             read_plan(read, "plan.json")
         except InputError as error:

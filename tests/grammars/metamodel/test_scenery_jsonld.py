@@ -13,10 +13,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from grammars.composition import compile_scene, resolve_behaviours
-from grammars.diagnostics import Diagnostic, InputError, Severity
 from grammars.floorplan import FloorPlan, load_floorplan
-from grammars.metamodel import (
+from grammars.jsonld import (
     check_jsonld,
     compose,
     decompose,
@@ -25,6 +23,8 @@ from grammars.metamodel import (
     validate,
 )
 from grammars.scenery import SceneryLayer, load_scenery
+from grammars.scenery.composition import compile_scene, resolve_behaviours
+from grammars.text.diagnostics import Diagnostic, InputError, Severity
 from tests.grammars.metamodel.samples import document, hinged_door, table, two_leaves
 from tests.grammars.plans import layer, two_rooms
 
@@ -298,10 +298,7 @@ VALUES = st.sampled_from(
 @settings(max_examples=60)
 @given(st.data())
 def test_mutated_scenery_gives_diagnostics_and_nothing_else(data: st.DataObject) -> None:
-    from grammars.metamodel._drift import modernised
-    from grammars.metamodel._expand import expand
-    from grammars.metamodel._layer_reader import read_layers
-    from grammars.metamodel._rules import refuse_broken
+    from grammars.jsonld import expand, read_layers, refuse_broken, replace_legacy_terms
 
     mutated = json.loads(json.dumps(SCENERY))
     nodes = mutated["@graph"]
@@ -313,7 +310,7 @@ def test_mutated_scenery_gives_diagnostics_and_nothing_else(data: st.DataObject)
         else:
             victim.pop(key, None)
     try:
-        read = modernised(expand(mutated, "door.json"))
+        read = replace_legacy_terms(expand(mutated, "door.json"))
         refuse_broken(read, partial=True)
         read_layers(read, "door.json")
     except InputError as error:

@@ -9,18 +9,18 @@ from typing import Any
 import pytest
 from rdflib import RDF, Literal, URIRef
 
-from grammars.diagnostics import Severity
 from grammars.floorplan import load_floorplan, parse_floorplan
-from grammars.metamodel import (
+from grammars.jsonld import (
     check_composition,
     check_jsonld,
     compose,
-    composed_document,
     decompose,
+    plan_document,
     validate,
 )
-from grammars.metamodel._vocabulary import COORD, FP, OBJ, POLY, QUDT, REL
+from grammars.jsonld.vocabulary import COORD, FP, OBJ, POLY, QUDT, REL
 from grammars.scenery import load_scenery
+from grammars.text.diagnostics import Severity
 from tests.grammars.plans import layer, two_rooms
 
 PLAN = "https://secorolab.github.io/models/floorplan/two_rooms/"
@@ -58,7 +58,7 @@ def test_campaigns_are_valid(campaigns: Path, folder: str, names: tuple[str, ...
 
 def test_one_divider_in_several_rooms_is_found(tmp_path: Path) -> None:
     """Five dividers with the same names in four spaces send the published tools 50 m astray."""
-    document = composed_document(parse_floorplan(SCREENS))
+    document = plan_document(parse_floorplan(SCREENS))
     assert "east-screen" in json.dumps(document)
     text = json.dumps(document).replace("east-screen", "screen").replace("west-screen", "screen")
     file = tmp_path / "offices.json"

@@ -8,7 +8,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from grammars.diagnostics import Diagnostic, InputError, Where
 from grammars.oracle import (
     SIGNALS,
     Amount,
@@ -27,6 +26,7 @@ from grammars.oracle import (
     parse_oracle,
     render,
 )
+from grammars.text.diagnostics import Diagnostic, InputError, Where
 
 HERE = Where("navigation.oracles.yaml", 4, 12)
 

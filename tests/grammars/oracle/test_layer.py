@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from grammars.diagnostics import InputError
 from grammars.oracle import load_oracles
+from grammars.text.diagnostics import InputError
 
 CAMPAIGNS = Path(__file__).parents[3] / "campaigns"
 

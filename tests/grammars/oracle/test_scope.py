@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import pytest
 
-from grammars.diagnostics import Where
-from grammars.mission import Mission, Waypoint
-from grammars.oracle import check_scene, object_signals, parse_oracle, signals_of
-from grammars.scene import Joint, Link, Scene, SceneObject, Solid
-from grammars.values import Pose2
+from grammars.model.geometry import Pose2
+from grammars.model.mission import Mission, Waypoint
+from grammars.model.scene import Joint, Link, Scene, SceneObject, Solid
+from grammars.oracle import check_references, object_signals, parse_oracle, signals_of
+from grammars.text.diagnostics import Where
 
 
 def leaf(name: str) -> Link:
@@ -39,7 +39,7 @@ SOMEWHERE = Mission("m", Pose2(), (Waypoint("a", 1.0, 0.0),))
 
 def findings(text: str, mission: Mission = SOMEWHERE) -> list[str]:
     oracle = parse_oracle("it", text, Where("o.yaml", 1, 1))
-    return [str(d) for d in check_scene(oracle, SCENE, mission)]
+    return [str(d) for d in check_references(oracle, SCENE, mission)]
 
 
 @pytest.mark.parametrize(

@@ -7,8 +7,8 @@ import re
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from grammars.diagnostics import InputError
 from grammars.scenery import configure, parse_scenery
+from grammars.text.diagnostics import InputError
 from tests.grammars.scenery.samples import PEOPLE_AND_ALL as EVERYTHING
 
 TOKENS = re.findall(r"\w+|[^\w\s]", EVERYTHING)

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from grammars.diagnostics import InputError
 from grammars.scenery import parse_scenery
+from grammars.text.diagnostics import InputError
 from tests.grammars.scenery.samples import DOOR, SLIDER
 
 

@@ -2,8 +2,8 @@ from __future__ import annotations
 
 import pytest
 
-from grammars.diagnostics import InputError, Where
 from grammars.scenery import configure, parse_scenery
+from grammars.text.diagnostics import InputError, Where
 
 LAYER = parse_scenery(
     """

@@ -6,14 +6,15 @@ import math
 
 import pytest
 
-from grammars.diagnostics import InputError
-from grammars.kinematics import link_poses
-from grammars.movers import is_mover
-from grammars.scene import SceneObject
+from grammars.model.geometry import Pose2
+from grammars.model.kinematics import link_poses
+from grammars.model.movers import is_mover
+from grammars.model.scene import SceneObject
 from grammars.scenery import parse_scenery
 from grammars.scenery.model import (
     Alternates,
     At,
+    Measure,
     OnLeg,
     OnObject,
     OnWaypoint,
@@ -21,8 +22,7 @@ from grammars.scenery.model import (
     Sentence,
     Walks,
 )
-from grammars.scenery.units import Measure
-from grammars.values import Pose2
+from grammars.text.diagnostics import InputError
 from tests.grammars.scenery.samples import DOOR, PEOPLE
 
 

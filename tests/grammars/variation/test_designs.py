@@ -8,10 +8,9 @@ from pathlib import Path
 
 import pytest
 
-from grammars.diagnostics import InputError
-from grammars.variation import Variation, sample
+from grammars.text.diagnostics import InputError
+from grammars.variation import Normal, Range, Variation, sample
 from grammars.variation._designs import halton, latin_hypercube
-from grammars.variation._distributions import Normal, Range
 from tests.grammars.variation.plans import numbers, vary
 
 FOUR = """

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from grammars.diagnostics import InputError
+from grammars.text.diagnostics import InputError
 from grammars.variation import load_variation, parse_variation
 from tests.grammars.variation.plans import HOUSE, vary
 

@@ -10,8 +10,8 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from grammars.diagnostics import InputError
 from grammars.floorplan import parse_floorplan
+from grammars.text.diagnostics import InputError
 from grammars.variation import Method, parse_variation, sample
 from tests.grammars.variation.plans import HOUSE
 

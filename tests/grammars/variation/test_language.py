@@ -10,9 +10,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from grammars.diagnostics import InputError
-from grammars.variation import floorplan_variants, sample
-from grammars.variation._distributions import Choice, Normal, Range
+from grammars.text.diagnostics import InputError
+from grammars.variation import Categorical, Normal, Range, floorplan_variants, sample
 from tests.grammars.variation.plans import HOUSE, numbers, one, vary
 
 
@@ -62,7 +61,7 @@ def test_a_cut_normal_has_the_quantiles_of_the_cut_curve(
 
 
 def test_weights_are_shares_of_the_quantiles() -> None:
-    choice = Choice((5.0, 2.0, 7.0), (0.5, 0.2, 0.3))
+    choice = Categorical((5.0, 2.0, 7.0), (0.5, 0.2, 0.3))
     assert [choice.at(q) for q in (0.0, 0.49, 0.5, 0.69, 0.71, 0.999)] == [5, 5, 2, 2, 7, 7]
 
 

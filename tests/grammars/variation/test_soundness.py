@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from grammars.diagnostics import InputError, Severity
+from grammars.text.diagnostics import InputError, Severity
 from grammars.variation import Variation, sample, source_defects
 from tests.grammars.variation.plans import vary
 

@@ -11,8 +11,7 @@ from hypothesis import strategies as st
 
 from grammars.floorplan import parse_floorplan
 from grammars.variation import parse_variation, sample
-from grammars.variation._edit import Setting, rewrite
-from grammars.variation._plan import TO_SI, PlanText, Slot
+from grammars.variation._plan import TO_SI, PlanText, Slot, SlotValue, rewrite
 from tests.grammars.variation.plans import HOUSE, one, vary
 
 FLAT = Path(__file__).parents[3] / "campaigns" / "demo" / "flat.fpm"
@@ -48,21 +47,21 @@ def comments(text: str) -> list[str]:
 
 
 @st.composite
-def edits(draw: st.DrawFn) -> tuple[PlanText, dict[str, Setting]]:
+def edits(draw: st.DrawFn) -> tuple[PlanText, dict[str, SlotValue]]:
     plan = PLANS[draw(st.sampled_from(sorted(PLANS)))]
     known = slots(plan)
     names = draw(st.lists(st.sampled_from(sorted(known)), min_size=1, max_size=8, unique=True))
     chosen = {}
     for name in names:
         units = ["", "m"] if known[name].kind == "length" else ["", "deg", "rad"]
-        chosen[name] = Setting(known[name], draw(NUMBERS), draw(st.sampled_from(units)))
+        chosen[name] = SlotValue(known[name], draw(NUMBERS), draw(st.sampled_from(units)))
     return plan, chosen
 
 
 @settings(max_examples=100)
 @given(edits())
 def test_values_arrive_at_their_places_and_nowhere_else(
-    edit: tuple[PlanText, dict[str, Setting]],
+    edit: tuple[PlanText, dict[str, SlotValue]],
 ) -> None:
     plan, settings_ = edit
     text = rewrite(plan, settings_.values())
@@ -85,7 +84,7 @@ def test_values_arrive_at_their_places_and_nowhere_else(
 @settings(max_examples=60)
 @given(edits())
 def test_everything_but_the_values_stays_as_it_was(
-    edit: tuple[PlanText, dict[str, Setting]],
+    edit: tuple[PlanText, dict[str, SlotValue]],
 ) -> None:
     plan, settings_ = edit
     replaced = [s for s in settings_.values() if s.slot.gap is None]
@@ -101,7 +100,7 @@ def test_every_plan_can_be_varied_everywhere_and_compiles(name: str) -> None:
     plan = PLANS[name]
     safe = {"length": 0.35, "angle": 0.0}
     chosen = [
-        Setting(slot, safe[slot.kind])
+        SlotValue(slot, safe[slot.kind])
         for slot in slots(plan).values()
         if not slot.name.endswith("translation.y") or slot.gap is None
     ]

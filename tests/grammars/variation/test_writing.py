@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from grammars.diagnostics import InputError
 from grammars.floorplan import load_floorplan
+from grammars.text.diagnostics import InputError
 from grammars.variation import load_variation, sample, write_variants
 from tests.grammars.variation.plans import HOUSE, vary
 

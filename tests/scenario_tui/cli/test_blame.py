@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from daemon.verdict import Outcome
-from scenario_tui.cli._main import invoke
+from daemon.model.verdicts import Outcome
+from scenario_tui.cli import invoke
 from tests.daemon.blame.cases import CAMPAIGN, failing_if, pretend, write
 from tests.scenario_tui.outputs import declared
 

@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 from grammars.floorplan import load_floorplan
-from grammars.metamodel import composed_document
-from scenario_tui.cli._check import checked
+from grammars.jsonld import plan_document
+from scenario_tui.file_check import check_file
 
 
 @pytest.mark.parametrize(
@@ -25,22 +25,22 @@ from scenario_tui.cli._check import checked
     ],
 )
 def test_every_kind_of_layer_is_known_and_sound(campaigns: Path, name: str, kind: str) -> None:
-    assert checked(campaigns / name) == (kind, ())
+    assert check_file(campaigns / name) == (kind, ())
 
 
 def test_a_json_ld_graph_is_checked_as_a_whole(campaigns: Path, tmp_path: Path) -> None:
-    document = composed_document(load_floorplan(campaigns / "demo" / "flat.fpm"))
+    document = plan_document(load_floorplan(campaigns / "demo" / "flat.fpm"))
     path = tmp_path / "flat.jsonld"
     path.write_text(json.dumps(document))
-    assert checked(path) == ("JSON-LD graph", ())
+    assert check_file(path) == ("JSON-LD graph", ())
     damaged = path.read_text().replace('"of": "hall-frame"', '"of": "nowhere-frame"')
     path.write_text(damaged)
-    found = checked(path)[1]
+    found = check_file(path)[1]
     assert any("nowhere-frame" in d.message for d in found)
 
 
 def test_an_unknown_kind_of_file_says_what_is_known(tmp_path: Path) -> None:
     path = tmp_path / "plan.dxf"
     path.write_text("")
-    (finding,) = checked(path)[1]
+    (finding,) = check_file(path)[1]
     assert ".fpm, .scenery, .variation, .jsonld" in finding.hint

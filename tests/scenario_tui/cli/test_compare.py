@@ -9,10 +9,10 @@ from pathlib import Path
 
 import pytest
 
-from daemon.assessment import Declared, Gate, Policy
-from daemon.verdict import Outcome
-from scenario_tui.cli import _embedded
-from scenario_tui.summary import gather
+from daemon.model.assessments import AssessmentRules, RegressionGate, RepeatPolicy
+from daemon.model.verdicts import Outcome
+from scenario_tui.cli import execute
+from scenario_tui.text.results import gather_results
 from tests.scenario_tui.fake import CAMPAIGN, OLD, FakeDaemon, make_row
 
 Keep = Callable[[FakeDaemon, str], Path]
@@ -34,7 +34,7 @@ def rows(campaign: str = CAMPAIGN, drop: float = 0.0, *, failing: bool = False):
 def two(fake: FakeDaemon) -> FakeDaemon:
     """The newest campaign has smaller margins than the one before, but passes."""
     fake.rows = (*rows(drop=0.2), *rows(OLD))
-    fake.declares = Declared(Policy(5))
+    fake.declares = AssessmentRules(RepeatPolicy(5))
     return fake
 
 
@@ -97,7 +97,7 @@ def test_a_baseline_makes_results_a_gate(scenario, two) -> None:
 
 
 def test_the_gate_of_a_campaign_holds_it_against_the_last_green_one(scenario, two, fake) -> None:
-    two.declares = replace(two.declares, gate=Gate("last-green", 0.2))
+    two.declares = replace(two.declares, gate=RegressionGate("last-green", 0.2))
     renamed = [replace(row, name="first") for row in two.campaigns()]
     fake.campaigns = lambda: tuple(renamed)
     said = scenario("results", CAMPAIGN, "--exit-status")
@@ -117,8 +117,8 @@ def test_a_campaign_run_here_is_held_against_a_file(
 ) -> None:
     path = tmp_path / "before.json"
     path.write_text(scenario("results", OLD, "--json").out)
-    found = gather(two, two.campaigns()[0])
-    monkeypatch.setattr(_embedded, "run_here", lambda *_: found)
+    found = gather_results(two, two.campaigns()[0])
+    monkeypatch.setattr(execute, "run_here", lambda *_: found)
     demo = str(campaigns / "demo" / "campaign.yaml")
     said = scenario("run", demo, "--json", "--baseline", str(path), "--worse-by", allowed)
     assert said.code == code
@@ -126,8 +126,11 @@ def test_a_campaign_run_here_is_held_against_a_file(
 
 
 def test_a_campaign_run_here_knows_no_others(scenario, two, campaigns, monkeypatch) -> None:
-    found = replace(gather(two, two.campaigns()[0]), declared=Declared(gate=Gate("last-green", 0)))
-    monkeypatch.setattr(_embedded, "run_here", lambda *_: found)
+    found = replace(
+        gather_results(two, two.campaigns()[0]),
+        declared=AssessmentRules(gate=RegressionGate("last-green", 0)),
+    )
+    monkeypatch.setattr(execute, "run_here", lambda *_: found)
     said = scenario("run", str(campaigns / "demo" / "campaign.yaml"))
     assert "not compared with last-green: without a daemon give a file of results" in said.err
     assert said.code == 0

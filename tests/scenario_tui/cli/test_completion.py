@@ -12,10 +12,10 @@ from pathlib import Path
 
 import pytest
 
-from daemon.ledger import Book, connect
-from daemon.messages import Completion
-from daemon.verdict import Outcome
-from scenario_tui.cli._main import invoke
+from daemon.batch.ledger import LedgerWriter, connect
+from daemon.model.messages import Completion
+from daemon.model.verdicts import Outcome
+from scenario_tui.cli import invoke
 from tests.daemon.samples import make_result, make_spec, submission_of
 from tests.scenario_tui.fake import CAMPAIGN, FakeDaemon
 
@@ -28,7 +28,7 @@ def state(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A state directory with a finished campaign, whose last run failed, and a queued one."""
     folder = tmp_path_factory.mktemp("state")
     with closing(connect(folder / "ledger.db")) as ledger:
-        book = Book(ledger)
+        book = LedgerWriter(ledger)
         book.submit(submission_of("old-1", *(make_spec(i, scenario="S2") for i in range(3))), NOW)
         for grant in book.lease("w", 9, NOW):
             outcome = Outcome.FAIL if grant.spec.repeat == 2 else Outcome.PASS
@@ -142,10 +142,10 @@ def test_nothing_without_a_usable_ledger(
 
 
 def test_a_daemon_somebody_names_is_asked(tab: Tab, monkeypatch: pytest.MonkeyPatch) -> None:
-    import daemon.client
+    import daemon.batch.client
 
     fake = FakeDaemon()
-    monkeypatch.setattr(daemon.client.Client, "open", lambda *_, **__: fake.open())
+    monkeypatch.setattr(daemon.batch.client.Client, "open", lambda *_, **__: fake.open())
     assert tab("scenario results --connect tcp/127.0.0.1:7 fi") == [CAMPAIGN, "first"]
     fake.reachable = False
     assert tab("scenario results --connect tcp/127.0.0.1:7 fi") == []

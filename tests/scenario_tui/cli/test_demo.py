@@ -6,9 +6,8 @@ from types import SimpleNamespace
 
 import pytest
 
-from daemon.protocol import Submission
-from scenario_tui.cli import _embedded
-from scenario_tui.cli._main import invoke
+from daemon.model.status import Submission
+from scenario_tui.cli import execute, invoke
 
 
 @pytest.mark.parametrize(
@@ -24,7 +23,7 @@ def test_the_demo_succeeds_when_every_run_was_judged(
         given.append(submission)
         return SimpleNamespace(words=tuple(words))
 
-    monkeypatch.setattr(_embedded, "run_here", run_here)
+    monkeypatch.setattr(execute, "run_here", run_here)
     assert invoke(["demo"]) == code
     (submission,) = given
     assert submission.name == "demo"

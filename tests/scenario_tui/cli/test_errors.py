@@ -10,10 +10,10 @@ from pathlib import Path
 
 import pytest
 
-from grammars.diagnostics import Diagnostic, InputError, Severity, Where
-from scenario_tui.cli import _main
-from scenario_tui.cli._diagnostics import counts, rendered
-from scenario_tui.cli._exits import ExitCode, exit_code
+from grammars.text.diagnostics import Diagnostic, InputError, Severity, Where
+from scenario_tui.cli import command_line
+from scenario_tui.cli.exit_codes import ExitCode, exit_code
+from scenario_tui.text.diagnostics import diagnostic_counts, render_diagnostic
 
 
 @pytest.fixture
@@ -22,7 +22,7 @@ def raising(monkeypatch: pytest.MonkeyPatch):
         def fail(**_: object) -> None:
             raise error
 
-        monkeypatch.setattr(_main, "app", fail)
+        monkeypatch.setattr(command_line, "app", fail)
 
     return prepare
 
@@ -45,7 +45,7 @@ def test_the_exit_code_follows_the_gravest_run(words: list[str], code: ExitCode)
 
 def test_our_own_bugs_exit_with_70_and_say_so(raising, capsys) -> None:
     raising(ZeroDivisionError("division by zero"))
-    assert _main.invoke(["status"]) == 70
+    assert command_line.invoke(["status"]) == 70
     said = capsys.readouterr()
     assert said.out == ""
     assert "This is a bug in scenario" in said.err
@@ -54,12 +54,12 @@ def test_our_own_bugs_exit_with_70_and_say_so(raising, capsys) -> None:
 
 def test_ctrl_c_exits_with_130(raising) -> None:
     raising(KeyboardInterrupt())
-    assert _main.invoke(["status"]) == 130
+    assert command_line.invoke(["status"]) == 130
 
 
 def test_a_reader_that_leaves_is_no_failure(raising) -> None:
     raising(BrokenPipeError())
-    assert _main.invoke(["results"]) == 141
+    assert command_line.invoke(["results"]) == 141
 
 
 def test_bad_input_prints_every_diagnostic(raising, capsys, tmp_path) -> None:
@@ -73,7 +73,7 @@ def test_bad_input_prints_every_diagnostic(raising, capsys, tmp_path) -> None:
             ]
         )
     )
-    assert _main.invoke(["check", "plan.fpm"]) == 2
+    assert command_line.invoke(["check", "plan.fpm"]) == 2
     said = capsys.readouterr().err
     assert "plan.fpm:2:12: error: no such shape" in said
     assert "    shape: rectangel\n           ^\n" in said
@@ -86,14 +86,14 @@ def test_bad_input_prints_every_diagnostic(raising, capsys, tmp_path) -> None:
 def test_a_place_outside_the_file_has_no_excerpt(tmp_path) -> None:
     file = tmp_path / "short.yaml"
     file.write_text("campaign: x\n")
-    shown = rendered(Diagnostic(Where(str(file), 99, 1), "gone")).plain
+    shown = render_diagnostic(Diagnostic(Where(str(file), 99, 1), "gone")).plain
     assert shown == f"{file}:99:1: error: gone"
-    missing = rendered(Diagnostic(Where(str(tmp_path / "none.yaml"), 1, 1), "gone")).plain
+    missing = render_diagnostic(Diagnostic(Where(str(tmp_path / "none.yaml"), 1, 1), "gone")).plain
     assert missing.endswith("error: gone")
 
 
 def test_counting_problems() -> None:
-    assert counts([]) == "no problems"
+    assert diagnostic_counts([]) == "no problems"
 
 
 def test_wrong_usage_exits_with_2(scenario) -> None:
@@ -129,7 +129,7 @@ def test_an_unreachable_daemon_exits_with_3(scenario, fake) -> None:
 
 def test_a_full_disk_is_no_bug_of_ours(raising, capsys) -> None:
     raising(OSError(errno.ENOSPC, "No space left on device", "/results/run.mcap"))
-    assert _main.invoke(["run"]) == ExitCode.INFRASTRUCTURE
+    assert command_line.invoke(["run"]) == ExitCode.INFRASTRUCTURE
     assert capsys.readouterr().err == "scenario: No space left on device: /results/run.mcap\n"
 
 
@@ -201,7 +201,7 @@ def test_a_malformed_endpoint_in_the_environment_is_bad_input(
     monkeypatch: pytest.MonkeyPatch, capsys
 ) -> None:
     monkeypatch.setenv("SCENARIO_CONNECT", "garbage")
-    assert _main.invoke(["status"]) == ExitCode.BAD_INPUT
+    assert command_line.invoke(["status"]) == ExitCode.BAD_INPUT
     said = capsys.readouterr().err
     assert said.startswith("SCENARIO_CONNECT: error: 'garbage' is not an endpoint")
     assert "write tcp/<host>:<port>" in said

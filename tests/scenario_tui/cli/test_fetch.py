@@ -8,40 +8,40 @@ from pathlib import Path
 
 import pytest
 
-from daemon.ledger import Book, connect
-from daemon.messages import Completion
-from daemon.oracles import judge, overall
-from daemon.places import Places, trace_name
-from daemon.protocol import Submission
-from daemon.spec import RunResult, Timing, TraceInfo
-from daemon.store import _copies, put, sha256_of, stored_url
+from daemon.batch.ledger import LedgerWriter, connect
+from daemon.batch.paths import StatePaths, trace_name
+from daemon.batch.stores import _transfer, file_sha256, put_in_store, trace_url
+from daemon.judging.oracles import judge, overall_outcome
+from daemon.model.messages import Completion
+from daemon.model.spec import RunResult, Timing, TraceInfo
+from daemon.model.status import Submission
 from daemon.trace import read_trace
-from scenario_tui.cli._main import invoke
+from scenario_tui.cli import invoke
 from tests.daemon.harness import DaemonPart, daemon_at
 from tests.daemon.oracles.traces import CORRIDOR
 from tests.daemon.report.recordings import DECLARED, OPEN, SHUT, SUTS, record, spec
 from tests.scenario_tui.outputs import declared
 
 
-def campaign_at(places: Places, store: str = "") -> None:
+def campaign_at(places: StatePaths, store: str = "") -> None:
     """Fill a state directory: two runs with traces, in a store if there is one; one that waits."""
     places.make()
     specs = (spec(SHUT, SUTS[0], 0), spec(OPEN, SUTS[0], 0), spec(OPEN, SUTS[1], 0))
     connection = connect(places.ledger)
-    book = Book(connection)
+    book = LedgerWriter(connection)
     book.know_store(store)
     book.submit(Submission("corr-1", "corr", "about", "", specs, (CORRIDOR,), DECLARED), 1.0)
     for grant in book.lease("w", 2, 1.0, store=store):
         path = record(places.trace(grant.trace), grant.spec)
         trace = read_trace(path)
         verdicts = judge(trace, grant.spec.oracles)
-        info = TraceInfo(sha256_of(path), path.stat().st_size, 1)
-        url = stored_url(store, grant.trace, info.sha256) if store else ""
+        info = TraceInfo(file_sha256(path), path.stat().st_size, 1)
+        url = trace_url(store, grant.trace, info.sha256) if store else ""
         if store:
-            put(path, url)
+            put_in_store(path, url)
             path.unlink()
         result = RunResult(
-            grant.spec.digest, overall(trace, verdicts), verdicts, "finished", info,
+            grant.spec.digest, overall_outcome(trace, verdicts), verdicts, "finished", info,
             Timing(1.5, 1.0, 20.0),
         )  # fmt: skip
         done = Completion("w", grant.run, grant.attempt, grant.token, result, url)
@@ -52,10 +52,10 @@ def campaign_at(places: Places, store: str = "") -> None:
 @pytest.fixture(scope="module")
 def far(tmp_path_factory: pytest.TempPathFactory) -> Iterator[DaemonPart]:
     """A daemon with a campaign: two runs with traces, one that waits."""
-    places = Places(tmp_path_factory.mktemp("far") / "state")
+    places = StatePaths(tmp_path_factory.mktemp("far") / "state")
     campaign_at(places)
     with daemon_at(places.state) as daemon:
-        daemon.client().close()
+        daemon.batch.client().close()
         yield daemon
 
 
@@ -66,12 +66,12 @@ def here(tmp_path: Path, far: DaemonPart, monkeypatch: pytest.MonkeyPatch) -> Pa
     monkeypatch.setenv("SCENARIO_CONNECT", far.endpoint)
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     monkeypatch.chdir(tmp_path)
-    there = _copies.is_file_of
+    there = _transfer.matches_digest
 
     def is_file_of(path: Path, size: int, sha256: str) -> bool:
         return not path.is_relative_to(far.state) and there(path, size, sha256)
 
-    monkeypatch.setattr(_copies, "is_file_of", is_file_of)
+    monkeypatch.setattr(_transfer, "is_file_of", is_file_of)
     return tmp_path
 
 
@@ -90,7 +90,7 @@ def test_a_campaign_is_fetched_once_and_verified(
     for trace, name in zip(body["traces"], names, strict=True):
         path = here / "out" / name
         assert trace["path"] == str(Path("out") / name)
-        assert path.read_bytes() == Places(far.state).trace(name).read_bytes()
+        assert path.read_bytes() == StatePaths(far.state).trace(name).read_bytes()
         before = path.stat().st_mtime_ns
         assert invoke(["fetch", trace["run"], "-o", "out"]) == 0
         assert path.stat().st_mtime_ns == before
@@ -135,7 +135,7 @@ def test_traces_in_a_store_are_read_without_a_daemon(
     monkeypatch.setenv("SCENARIO_STATE", str(tmp_path / "state"))
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     monkeypatch.chdir(tmp_path)
-    campaign_at(Places(tmp_path / "state"), (tmp_path / "store").as_uri())
+    campaign_at(StatePaths(tmp_path / "state"), (tmp_path / "store").as_uri())
     assert invoke(["plot", "corr.1", "speed"]) == 0
     assert len(cached(tmp_path)) == 1
     assert invoke(["report", "corr", "--csv", "m.csv", "-j", "1", "--json"]) == 0

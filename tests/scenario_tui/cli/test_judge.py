@@ -7,8 +7,8 @@ from typing import Any
 
 import pytest
 
-from daemon.spec import OracleText
-from scenario_tui.cli._main import invoke
+from daemon.model.spec import OracleText
+from scenario_tui.cli import invoke
 from tests.daemon.old_runs import drive, spec
 from tests.scenario_tui.outputs import declared
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from daemon.security import CLIENTS, RULES, Role
+from daemon.batch.security import CLIENT_ROLES, VERB_RULES, Role
 
 DOC = Path(__file__).parents[3] / "docs" / "security.md"
 
@@ -74,8 +74,8 @@ def test_every_command_that_connects_takes_keys(scenario, folder, monkeypatch, t
 
 def test_the_documentation_says_what_each_role_may_do() -> None:
     expected = []
-    for verb, rule in RULES.items():
-        marks = "".join("| yes " if role in rule.roles else "| " for role in CLIENTS)
+    for verb, rule in VERB_RULES.items():
+        marks = "".join("| yes " if role in rule.roles else "| " for role in CLIENT_ROLES)
         size = rule.largest // 2**10
         told = f"{size} KiB" if size < 1024 else f"{size // 1024} MiB"
         expected.append(f"| `{verb}` {marks}| {told} |")

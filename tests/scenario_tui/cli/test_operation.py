@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from scenario_tui.cli._main import invoke
+from scenario_tui.cli import invoke
 from tests.daemon.harness import daemon_at, eventually, finished
 from tests.daemon.samples import make_submission
 from tests.daemon.test_operation_metrics import read_exposition
@@ -32,7 +32,7 @@ def real(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]):
 def test_a_daemon_is_watched_and_loses_traces_while_it_works(tmp_path: Path, real) -> None:
     state = tmp_path / "state"
     scenario = partial(_with_state, real, state)
-    with daemon_at(state, 2) as daemon, daemon.client() as client:
+    with daemon_at(state, 2) as daemon, daemon.batch.client() as client:
         client.submit(make_submission("first", 4))
         eventually(lambda: finished(client, 4))
         client.submit(make_submission("second", 30, sleep=0.05))

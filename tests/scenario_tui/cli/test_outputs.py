@@ -11,10 +11,10 @@ from typing import Any
 import pytest
 import typer
 
-from scenario_tui.cli import _main
-from scenario_tui.cli._exits import ExitCode
-from scenario_tui.cli._output import emit
-from scenario_tui.cli._outputs import OUTPUTS
+from scenario_tui.cli import command_line
+from scenario_tui.cli.exit_codes import ExitCode
+from scenario_tui.cli.output import emit
+from scenario_tui.cli.output_schemas import OUTPUTS
 from tests.scenario_tui.fake import CAMPAIGN
 from tests.scenario_tui.outputs import declared
 
@@ -26,7 +26,7 @@ SILENT = {"tui", "daemon", "worker", "schema", "vscode"}
 def _emitted() -> set[str]:
     """Return the names every module of the command line emits."""
     found = set()
-    for module in Path(_main.__file__).parent.glob("*.py"):
+    for module in Path(command_line.__file__).parent.glob("*.py"):
         for node in ast.walk(ast.parse(module.read_text("utf-8"))):
             if isinstance(node, ast.Call) and getattr(node.func, "id", "") == "emit":
                 name = node.args[0]
@@ -58,9 +58,9 @@ def test_the_schema_of_outputs_is_printed_and_written(scenario, tmp_path) -> Non
 
 
 def test_every_command_that_answers_does_so_for_machines() -> None:
-    command = typer.main.get_command(_main.app)
+    command = typer.main.get_command(command_line.app)
     speaking = {name for name, one in command.commands.items() if _speaks(one)}  # type: ignore[attr-defined]
-    assert _main.command_names() - speaking == SILENT & _main.command_names()
+    assert command_line.command_names() - speaking == SILENT & command_line.command_names()
 
 
 def _speaks(command: Any) -> bool:
@@ -87,7 +87,7 @@ def test_stopping_says_what_goes_on(scenario, monkeypatch) -> None:
 
 
 def test_exporting_lists_its_files(scenario, tmp_path) -> None:
-    plan = Path(_main.__file__).parents[2] / "campaigns" / "demo" / "flat.fpm"
+    plan = Path(command_line.__file__).parents[2] / "campaigns" / "demo" / "flat.fpm"
     body = declared(scenario("export", str(plan), "geojson", "-o", str(tmp_path), "--json").out)
     assert [Path(file).parent for file in body["files"]] == [tmp_path]
 
@@ -98,7 +98,7 @@ def test_the_table_of_exit_codes_is_true() -> None:
 
 
 def test_the_table_of_commands_is_true() -> None:
-    command = typer.main.get_command(_main.app)
+    command = typer.main.get_command(command_line.app)
     told = {}
     for names, outputs, _ in _rows("Commands"):
         written = set(re.findall(r"`(\w+)`", outputs))

@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from scenario_tui.cli._main import invoke
-from scenario_tui.plotting import Curve, draw, envelope
+from scenario_tui.cli import invoke
+from scenario_tui.text.signal_plot import Curve, draw_curve, envelope
 from tests.scenario_tui.outputs import declared
 from tests.scenario_tui.recorded import record_run
 
@@ -86,6 +86,6 @@ def test_what_is_not_known_is_left_out() -> None:
 @pytest.mark.parametrize("values", [[0.0], [3.0, 3.0], [-1e9, 1e9], [1e-9, 2e-9]])
 def test_any_curve_can_be_drawn(values: list[float]) -> None:
     curve = Curve("x", "1", np.arange(float(len(values))), np.array(values))
-    drawn = draw(curve, 40, 6, colour=False, marks=(0.0,)).splitlines()
+    drawn = draw_curve(curve, 40, 6, colour=False, marks=(0.0,)).splitlines()
     assert max(map(len, drawn)) <= 40
     assert "\x1b" not in "".join(drawn)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from dataclasses import replace
 
-from daemon.assessment import Comparison, Declared, Expectation, Policy
+from daemon.model.assessments import AssessmentRules, Expectation, RepeatPolicy, ScenarioComparison
 from tests.scenario_tui.fake import CAMPAIGN, OLD, make_row, make_rows
 
 
@@ -73,7 +73,7 @@ def test_a_pass_nobody_expected_is_red_too(scenario, fake) -> None:
 
 
 def test_what_is_not_shown_yet_says_how_many_runs_are_missing(scenario, fake) -> None:
-    fake.declares = Declared(Policy(5, "rate", 0.8))
+    fake.declares = AssessmentRules(RepeatPolicy(5, "rate", 0.8))
     fake.rows = tuple(make_row(i) for i in range(5))
     said = scenario("results", "--exit-status")
     assert said.code == 4
@@ -87,10 +87,10 @@ def test_systems_under_test_stand_side_by_side(scenario, fake) -> None:
                  repeat=i, simulated=300.0 + 10 * s * (1 + j) + i / 7)
         for s in (1, 2) for j, sut in enumerate(("slow", "fast")) for i in range(5)
     )  # fmt: skip
-    delay = Comparison(
+    delay = ScenarioComparison(
         "late", "delay", "S2", "S1", None, "<=", 15.0, "s", "delay(S2 vs S1) <= 15 s"
     )
-    fake.declares = Declared(Policy(5), (delay,))
+    fake.declares = AssessmentRules(RepeatPolicy(5), (delay,))
     said = scenario("results", "--exit-status").out.splitlines()
     head = next(line for line in said if line.startswith("scenario"))
     assert head.split() == ["scenario", "slow", "fast"]
@@ -166,8 +166,8 @@ def test_results_as_json_hold_every_run(scenario) -> None:
 
 
 def test_all_runs_are_gathered_page_by_page(fake) -> None:
-    from scenario_tui import asking
+    from scenario_tui import client
 
     fake.rows = fake.rows * 60
-    assert len(asking.all_runs(fake, CAMPAIGN)) == 600
+    assert len(client.all_runs(fake, CAMPAIGN)) == 600
     assert [call[7] for call in fake.calls if call[0] == "runs"] == [0, 500]

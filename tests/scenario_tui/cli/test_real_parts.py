@@ -20,7 +20,7 @@ from pathlib import Path
 
 import pytest
 
-from scenario_tui.cli._exits import exit_code
+from scenario_tui.cli.exit_codes import exit_code
 from tests.scenario_tui.outputs import declared
 
 COMMAND = [sys.executable, "-c", "from scenario_tui.cli import main; main()"]

@@ -8,14 +8,14 @@ from pathlib import Path
 import pytest
 from PIL import Image
 
-from daemon.ledger import Book, connect
-from daemon.messages import Completion
-from daemon.oracles import judge, overall
-from daemon.places import Places, trace_name
-from daemon.protocol import Submission
-from daemon.spec import RunResult, Timing, TraceInfo
+from daemon.batch.ledger import LedgerWriter, connect
+from daemon.batch.paths import StatePaths, trace_name
+from daemon.judging.oracles import judge, overall_outcome
+from daemon.model.messages import Completion
+from daemon.model.spec import RunResult, Timing, TraceInfo
+from daemon.model.status import Submission
 from daemon.trace import read_trace
-from scenario_tui.cli._main import invoke
+from scenario_tui.cli import invoke
 from tests.daemon.oracles.traces import CORRIDOR
 from tests.daemon.report.recordings import DECLARED, OPEN, SHUT, SUTS, record, spec
 from tests.scenario_tui.outputs import declared
@@ -32,13 +32,13 @@ def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 @pytest.fixture
-def ledger(here: Path) -> Places:
+def ledger(here: Path) -> StatePaths:
     """A state directory with a campaign: two runs with results, one still waiting."""
-    places = Places(here / "state")
+    places = StatePaths(here / "state")
     places.make()
     specs = (spec(SHUT, SUTS[0], 0), spec(OPEN, SUTS[0], 0), spec(OPEN, SUTS[1], 0))
     connection = connect(places.ledger)
-    book = Book(connection)
+    book = LedgerWriter(connection)
     book.submit(Submission("corr-1", "corr", "about", "", specs, (CORRIDOR,), DECLARED), 1.0)
     for grant in book.lease("w", 2, 1.0):
         run = grant.spec
@@ -46,7 +46,7 @@ def ledger(here: Path) -> Places:
         trace = read_trace(record(places.trace(name), run))
         verdicts = judge(trace, run.oracles)
         result = RunResult(
-            run.digest, overall(trace, verdicts), verdicts, "finished",
+            run.digest, overall_outcome(trace, verdicts), verdicts, "finished",
             TraceInfo("0" * 64, 1, 1), Timing(1.5, 1.0, 20.0),
         )  # fmt: skip
         book.complete(Completion("w", grant.run, grant.attempt, grant.token, result), 2.0)
@@ -64,7 +64,7 @@ def test_tables_alone_need_no_page(here: Path, capsys: pytest.CaptureFixture[str
 
 
 def test_a_campaign_of_the_ledger_needs_no_daemon(
-    ledger: Places, capsys: pytest.CaptureFixture[str]
+    ledger: StatePaths, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert invoke(["report", "corr", "--csv", "m.csv", "--json"]) == 0
     body = declared(capsys.readouterr().out)
@@ -74,7 +74,7 @@ def test_a_campaign_of_the_ledger_needs_no_daemon(
     assert invoke(["report", "corr", "--csv", "m.csv", "--exit-status"]) == 1
 
 
-def test_the_newest_campaign_becomes_a_page_when_nothing_is_said(ledger: Places) -> None:
+def test_the_newest_campaign_becomes_a_page_when_nothing_is_said(ledger: StatePaths) -> None:
     assert invoke(["report", "-j", "1"]) == 0
     page = Path("report.html").read_text(encoding="utf-8")
     assert "scenario judge corr-1.1" in page
@@ -82,7 +82,7 @@ def test_the_newest_campaign_becomes_a_page_when_nothing_is_said(ledger: Places)
 
 
 @pytest.mark.parametrize("name", ["run.svg", "run.png"])
-def test_one_run_is_drawn(ledger: Places, name: str) -> None:
+def test_one_run_is_drawn(ledger: StatePaths, name: str) -> None:
     assert invoke(["report", "--run", "corr-1.0", "-o", name]) == 0
     if name.endswith(".svg"):
         text = Path(name).read_text(encoding="utf-8")
@@ -127,7 +127,7 @@ def test_a_ledger_that_is_none_is_said(here: Path, capsys: pytest.CaptureFixture
 
 
 def test_campaigns_that_are_not_there_are_named(
-    ledger: Places, capsys: pytest.CaptureFixture[str]
+    ledger: StatePaths, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert invoke(["report", "corridor"]) == 2
     assert 'there is no campaign "corridor"' in capsys.readouterr().err

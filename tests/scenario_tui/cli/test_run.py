@@ -9,13 +9,13 @@ from pathlib import Path
 
 import pytest
 
-from daemon.ledger import Book, connect
-from daemon.messages import Release
-from daemon.places import Places
-from daemon.protocol import RunState
-from daemon.verdict import Outcome
-from scenario_tui.cli import _progress
-from scenario_tui.cli._chosen import meant
+from daemon.batch.ledger import LedgerWriter, connect
+from daemon.batch.paths import StatePaths
+from daemon.model.messages import ReleaseRequest
+from daemon.model.status import RunState
+from daemon.model.verdicts import Outcome
+from scenario_tui.cli import progress
+from scenario_tui.cli.target import resolve_recorded
 from tests.daemon.samples import make_submission
 from tests.scenario_tui.fake import CAMPAIGN, FakeDaemon
 from tests.scenario_tui.recorded import record_run
@@ -57,10 +57,12 @@ def state(tmp_path: Path) -> Path:
     folder = tmp_path / "state"
     folder.mkdir()
     with closing(connect(folder / "ledger.db")) as ledger:
-        book = Book(ledger)
+        book = LedgerWriter(ledger)
         book.submit(make_submission("c-1", 2), NOW)
         (grant,) = book.lease("w", 1, NOW)
-        book.release(Release("w", grant.run, grant.token, "the SUT crashed\nsegfault", True), NOW)
+        book.release(
+            ReleaseRequest("w", grant.run, grant.token, "the SUT crashed\nsegfault", True), NOW
+        )
     output = folder / "spool" / "w" / "c-1.1" / "attempt-1" / "output.txt"
     output.parent.mkdir(parents=True)
     output.write_text("loading the map\n")
@@ -68,13 +70,13 @@ def state(tmp_path: Path) -> Path:
 
 
 def test_names_mean_ids_wherever_traces_are_named(state: Path, tmp_path: Path) -> None:
-    places, file = Places(state), tmp_path / "c"
-    assert meant("c", places) == "c-1"
-    assert meant("c.1", places) == "c-1.1"
+    places, file = StatePaths(state), tmp_path / "c"
+    assert resolve_recorded("c", places) == "c-1"
+    assert resolve_recorded("c.1", places) == "c-1.1"
     with pytest.raises(ValueError, match="no trace, no folder and no run: .* did you mean"):
-        meant("d-1", places)
+        resolve_recorded("d-1", places)
     file.touch()
-    assert meant(str(file), places) == str(file)
+    assert resolve_recorded(str(file), places) == str(file)
 
 
 def test_logs_tell_attempts_and_reasons(scenario, state: Path) -> None:
@@ -121,7 +123,7 @@ def _finish(daemon: FakeDaemon) -> None:
 
 
 def test_waiting_leaves_with_the_code_of_the_campaign(scenario, fake, monkeypatch) -> None:
-    monkeypatch.setattr(_progress, "INTERVAL", 0.001)
+    monkeypatch.setattr(progress, "INTERVAL", 0.001)
     looks = iter(range(10))
     fake.before = lambda daemon: next(looks, None) is None and _finish(daemon)
     said = scenario("wait", "first")
@@ -131,7 +133,7 @@ def test_waiting_leaves_with_the_code_of_the_campaign(scenario, fake, monkeypatc
 
 
 def test_waiting_ends_when_the_time_is_up(scenario, fake, monkeypatch) -> None:
-    monkeypatch.setattr(_progress, "INTERVAL", 0.001)
+    monkeypatch.setattr(progress, "INTERVAL", 0.001)
     said = scenario("wait", "first", "--timeout", "0s")
     assert said.code == 4
     assert said.err.startswith(f"{CAMPAIGN}: 2 runs left after 0s")
@@ -143,7 +145,7 @@ def test_leaving_stops_the_waiting_only(scenario, fake, monkeypatch) -> None:
     def interrupted(*_: object, **__: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(_progress, "watch", interrupted)
+    monkeypatch.setattr(progress, "watch", interrupted)
     said = scenario("wait", "first")
     assert said.code == 130
     assert f"{CAMPAIGN} goes on" in said.err

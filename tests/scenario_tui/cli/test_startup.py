@@ -25,7 +25,7 @@ def test_the_command_line_imports_nothing_heavy() -> None:
 
 
 def test_help_imports_nothing_heavy_either() -> None:
-    loaded = _loaded_after("from scenario_tui.cli._main import invoke\ninvoke(['--help'])")
+    loaded = _loaded_after("from scenario_tui.cli.command_line import invoke\ninvoke(['--help'])")
     assert loaded.isdisjoint(HEAVY)
 
 
@@ -34,10 +34,10 @@ def test_completion_of_names_imports_nothing_heavy_either() -> None:
 import os
 os.environ |= {"_SCENARIO_COMPLETE": "complete_bash", "COMP_WORDS": "scenario\\nreplay\\n",
                "COMP_CWORD": "2", "SCENARIO_STATE": "/nowhere"}
-from scenario_tui.cli._main import invoke
+from scenario_tui.cli.command_line import invoke
 invoke([])
 """
     loaded = _loaded_after(pressed)
-    assert "daemon.names" in loaded
+    assert "daemon.batch.ledger_names" in loaded
     # typer itself checks what stands before the word with pydantic.
     assert loaded.isdisjoint(set(HEAVY) - {"pydantic"})

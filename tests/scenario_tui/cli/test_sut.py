@@ -6,12 +6,12 @@ from pathlib import Path
 
 import pytest
 
-from scenario_tui.cli import _main
+from scenario_tui.cli import command_line
 from tests.scenario_tui.outputs import declared
 
 
 def shown(capsys: pytest.CaptureFixture[str], *arguments: str) -> str:
-    assert _main.invoke(["sut", *arguments]) == 0
+    assert command_line.invoke(["sut", *arguments]) == 0
     return capsys.readouterr().out
 
 
@@ -64,7 +64,7 @@ def test_bad_ros_files_are_reported_with_all_their_problems(
     path = tmp_path / "bad.yaml"
     path.write_text("sut: bad\nkind: ros\nfiles: {amcl: amcl.yaml}\n")
     for command in ("sut", "check"):
-        assert _main.invoke([command, str(path)]) == 2
+        assert command_line.invoke([command, str(path)]) == 2
         told = capsys.readouterr().err
         assert "amcl.yaml:1:14: error: odom_alpha1: must be greater than or equal to 0" in told
         assert "amcl.yaml:2:10: error: kld_err: must be a number (given: 'small')" in told

@@ -7,17 +7,17 @@ from dataclasses import replace
 import pytest
 from rich.console import Console
 
-from daemon.errors import DaemonError, Refused, Unreachable
-from daemon.protocol import RunState
-from daemon.verdict import Outcome
-from scenario_tui.cli import _progress
-from scenario_tui.cli._progress import Sight, drawn, watch
+from daemon.batch.errors import DaemonError, Refused, Unreachable
+from daemon.model.status import RunState
+from daemon.model.verdicts import Outcome
+from scenario_tui.cli import progress
+from scenario_tui.cli.progress import CampaignProgress, progress_lines, watch
 from tests.scenario_tui.fake import CAMPAIGN, FakeDaemon, make_live, make_row
 
 
 @pytest.fixture(autouse=True)
 def _no_waiting(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(_progress, "INTERVAL", 0.001)
+    monkeypatch.setattr(progress, "INTERVAL", 0.001)
 
 
 def _finish(daemon: FakeDaemon) -> None:
@@ -75,7 +75,7 @@ def test_waiting_for_the_first_run_is_explained(fake) -> None:
     fake.rows = tuple(replace(row, state=RunState.QUEUED, outcome=None) for row in fake.rows)
     console = Console(width=80)
     with console.capture() as capture:
-        console.print(drawn(Sight(fake.campaigns()[0]), 80))
+        console.print(progress_lines(CampaignProgress(fake.campaigns()[0]), 80))
     assert "0/10 runs" in capture.get()
     assert "compiles for a while" in capture.get()
 
@@ -84,10 +84,12 @@ def test_waiting_for_the_first_run_is_explained(fake) -> None:
 def test_progress_shows_counts_pace_and_what_runs(fake, width) -> None:
     row = fake.campaigns()[0]
     live = make_live(7, time=61.0)
-    sight = Sight(row, (make_row(7, state=RunState.RUNNING),), {live.run: live}, 12.5, 95.0)
+    sight = CampaignProgress(
+        row, (make_row(7, state=RunState.RUNNING),), {live.run: live}, 12.5, 95.0
+    )
     console = Console(width=width)
     with console.capture() as capture:
-        console.print(drawn(sight, width))
+        console.print(progress_lines(sight, width))
     campaign, run = capture.get().splitlines()
     assert "8/10 runs" in campaign
     assert ("✗ 2 fail" if width > 100 else "✗ 2  ! 1") in campaign
@@ -99,7 +101,7 @@ def test_progress_shows_counts_pace_and_what_runs(fake, width) -> None:
 def test_a_daemon_that_cannot_run_anything_says_why_and_when_it_is_over(
     fake, capsys, monkeypatch
 ) -> None:
-    monkeypatch.setattr(_progress, "_LOOK", 0.0)
+    monkeypatch.setattr(progress, "_LOOK", 0.0)
     looks = 0
 
     def later(daemon: FakeDaemon) -> None:
@@ -116,7 +118,7 @@ def test_a_daemon_that_cannot_run_anything_says_why_and_when_it_is_over(
 
 
 def test_nobody_waits_for_ever_for_a_daemon_of_ones_own_in_trouble(fake, monkeypatch) -> None:
-    monkeypatch.setattr(_progress, "_LOOK", 0.0)
+    monkeypatch.setattr(progress, "_LOOK", 0.0)
     fake.trouble = "the disk is full"
     with pytest.raises(DaemonError, match="the disk is full"):
         watch(fake.open, CAMPAIGN, endurance=0.01)

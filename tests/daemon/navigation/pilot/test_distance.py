@@ -5,9 +5,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from daemon.navigation.distance import FAR, distance_transform
-from daemon.navigation.pilot._field import map_field
-from grammars.grid import OCCUPIED, UNKNOWN, OccupancyGrid
+from daemon.stacks.distance_transform import FAR, distance_transform
+from daemon.stacks.pilot.map_field import map_field
+from grammars.model.grid import OCCUPIED, UNKNOWN, OccupancyGrid
 from tests.daemon.navigation.pilot.world import draw
 
 

@@ -5,20 +5,24 @@ import math
 import numpy as np
 import pytest
 
-from daemon.navigation.pilot._field import map_field
-from daemon.navigation.pilot._guard import half_planes, outline
-from daemon.navigation.pilot._parameters import PilotParameters
-from daemon.navigation.pilot._pursuit import Limits
-from daemon.navigation.pilot._recovery import find_escape
-from daemon.navigation.pilot._safety import Guard, Surroundings
-from grammars.values import Pose2, Twist2
+from daemon.stacks import PilotParameters
+from daemon.stacks.pilot.guard import (
+    CollisionGuard,
+    Surroundings,
+    find_escape,
+    half_planes,
+    outline,
+)
+from daemon.stacks.pilot.map_field import map_field
+from daemon.stacks.pilot.pursuit import DriveLimits
+from grammars.model.geometry import Pose2, Twist2
 from tests.daemon.navigation.pilot.plans import OUTER, SIZE
 from tests.daemon.navigation.pilot.world import a_robot, draw
 
 ROBOT = a_robot()
 PARAMETERS = PilotParameters()
-LIMITS = Limits.of(ROBOT.drive, PARAMETERS)
-GUARD = Guard(ROBOT, map_field(draw(OUTER, SIZE)), LIMITS, PARAMETERS)
+LIMITS = DriveLimits.of(ROBOT.drive, PARAMETERS)
+GUARD = CollisionGuard(ROBOT, map_field(draw(OUTER, SIZE)), LIMITS, PARAMETERS)
 MIDDLE = Pose2(4.5, 2.5, 0.0)
 FORWARD = Twist2(0.5, 0.0, 0.0)
 

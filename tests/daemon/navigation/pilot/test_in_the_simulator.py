@@ -9,16 +9,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from daemon.navigation import make_pilot
+from daemon.model.sut import Briefing, Estimate, LaserScan, Observation
 from daemon.simulator import World
-from daemon.sut import Briefing, Estimate, LaserScan, Observation
-from grammars.composition import compile_scene, resolve_behaviours
-from grammars.files import load_mission, load_robot
+from daemon.stacks import make_pilot
 from grammars.floorplan import load_floorplan
-from grammars.mission import Mission
-from grammars.robot import Robot
+from grammars.model.files import load_mission, load_robot
+from grammars.model.geometry import Pose2
+from grammars.model.mission import Mission
+from grammars.model.robot import Robot
 from grammars.scenery import load_scenery
-from grammars.values import Pose2
+from grammars.scenery.composition import compile_scene, resolve_behaviours
 from templates.occupancy import occupancy_grid
 
 

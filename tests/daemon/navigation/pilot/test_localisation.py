@@ -5,12 +5,12 @@ import math
 import numpy as np
 import pytest
 
-from daemon.navigation.pilot._field import map_field
-from daemon.navigation.pilot._localisation import Localiser
-from daemon.navigation.pilot._parameters import PilotParameters
-from daemon.sut import Odometry
-from grammars.robot import OdometryNoise
-from grammars.values import Pose2, Twist2, wrap_angle
+from daemon.model.sut import Odometry
+from daemon.stacks import PilotParameters
+from daemon.stacks.pilot.localisation import Localiser
+from daemon.stacks.pilot.map_field import map_field
+from grammars.model.geometry import Pose2, Twist2, wrap_angle
+from grammars.model.robot import OdometryNoise
 from tests.daemon.navigation.pilot.plans import DOOR, ONE_DOORWAY, SIZE
 from tests.daemon.navigation.pilot.world import Box, Log, a_robot, cast, draw, drive, edges
 

@@ -3,10 +3,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from daemon.navigation.pilot._field import map_field
-from daemon.navigation.pilot._obstacles import ObstacleLayer
-from grammars.robot import Laser
-from grammars.values import Pose2
+from daemon.stacks.pilot.map_field import map_field
+from daemon.stacks.pilot.obstacles import ObstacleLayer
+from grammars.model.geometry import Pose2
+from grammars.model.robot import Laser
 from tests.daemon.navigation.pilot.plans import DOOR, ONE_DOORWAY, SIZE
 from tests.daemon.navigation.pilot.world import Box, a_robot, cast, draw, edges
 

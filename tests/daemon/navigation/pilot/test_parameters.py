@@ -5,10 +5,10 @@ import sys
 
 import pytest
 
-from daemon.navigation import PilotParameters, make_idle, make_pilot
-from daemon.navigation.pilot._parameters import read_parameters
-from daemon.sut import Observation
-from grammars.values import Twist2
+from daemon.model.sut import Observation
+from daemon.stacks import PilotParameters, make_idle, make_pilot
+from daemon.stacks.pilot._parameters import read_parameters
+from grammars.model.geometry import Twist2
 
 
 def test_defaults_are_taken_and_given_values_replace_them() -> None:
@@ -62,7 +62,7 @@ def test_the_idle_system_stands_still_and_takes_no_parameters() -> None:
 
 def test_checking_parameters_loads_no_compiler() -> None:
     code = (
-        "import sys; from daemon.navigation import make_pilot; make_pilot({});"
+        "import sys; from daemon.stacks import make_pilot; make_pilot({});"
         "sys.exit('numba' in sys.modules)"
     )
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

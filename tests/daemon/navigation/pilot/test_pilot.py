@@ -5,9 +5,9 @@ import math
 import numpy as np
 import pytest
 
-from daemon.navigation import make_pilot
-from daemon.sut import Observation
-from grammars.values import Pose2, wrap_angle
+from daemon.model.sut import Observation
+from daemon.stacks import make_pilot
+from grammars.model.geometry import Pose2, wrap_angle
 from tests.daemon.navigation.pilot.plans import DOOR, ONE_DOORWAY, SIZE, TWO_DOORWAYS
 from tests.daemon.navigation.pilot.world import Box, a_robot, drive
 

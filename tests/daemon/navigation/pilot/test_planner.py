@@ -9,9 +9,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from daemon.navigation.pilot._astar import cost_factor, search
-from daemon.navigation.pilot._field import map_field
-from daemon.navigation.pilot._planner import Planner
+from daemon.stacks.pilot.map_field import map_field
+from daemon.stacks.pilot.planner import Planner, cost_factor, search_astar
 from tests.daemon.navigation.pilot.plans import ONE_DOORWAY, OUTER, SIZE
 from tests.daemon.navigation.pilot.world import Box, draw
 
@@ -59,7 +58,7 @@ def test_paths_cost_what_dijkstra_finds(rows: int, columns: int, closed: float, 
     start = (0, 0)
     goal = (rows - 1, columns - 1)
     clearance[start] = clearance[goal] = 0.5
-    path, cost = search(clearance, *start, *goal, LETHAL, PREFERRED, WEIGHT, 0.0)
+    path, cost = search_astar(clearance, *start, *goal, LETHAL, PREFERRED, WEIGHT, 0.0)
     assert cost == pytest.approx(dijkstra(clearance, start, goal), rel=1e-5)
     if math.isfinite(cost):
         cells = np.column_stack(np.divmod(path, columns))

@@ -5,9 +5,9 @@ import pkgutil
 
 from numba.core.dispatcher import Dispatcher
 
-import daemon.navigation.pilot
-from daemon.navigation.pilot import warm_up
-from grammars.values import Pose2
+import daemon.stacks.pilot
+from daemon.stacks import warm_up
+from grammars.model.geometry import Pose2
 from tests.daemon.navigation.pilot.plans import DOOR, SIZE, TWO_DOORWAYS
 from tests.daemon.navigation.pilot.world import drive
 
@@ -15,7 +15,7 @@ from tests.daemon.navigation.pilot.world import drive
 def compiled() -> dict[str, int]:
     """How many versions of each kernel of the room are compiled."""
     found = {}
-    for info in pkgutil.iter_modules(daemon.navigation.pilot.__path__, "daemon.navigation.pilot."):
+    for info in pkgutil.iter_modules(daemon.stacks.pilot.__path__, "daemon.stacks.pilot."):
         for name, value in vars(importlib.import_module(info.name)).items():
             if isinstance(value, Dispatcher):
                 found[f"{info.name}.{name}"] = len(value.signatures)

@@ -8,12 +8,12 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from daemon.navigation import make_pilot
-from daemon.sut import Briefing, Decision, Estimate, LaserScan, Observation, Odometry
-from grammars.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
-from grammars.mission import Mission, Waypoint
-from grammars.robot import Drive, Laser, OdometryNoise, Robot
-from grammars.values import Floats, Pose2, Twist2
+from daemon.model.sut import Briefing, Decision, Estimate, LaserScan, Observation, Odometry
+from daemon.stacks import make_pilot
+from grammars.model.geometry import Floats, Pose2, Twist2
+from grammars.model.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
+from grammars.model.mission import Mission, Waypoint
+from grammars.model.robot import Drive, Laser, OdometryNoise, Robot
 
 Box = tuple[float, float, float, float]
 """x_min, y_min, x_max, y_max [m]."""

@@ -8,14 +8,14 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from daemon.model.spec import MapSettings, OracleText, RunResult, RunSpec, SutReference
 from daemon.run import execute
-from daemon.spec import MapSettings, OracleText, RunResult, RunSpec, SutReference
 from daemon.trace import Trace, read_trace
-from grammars.behaviour import Behaviour
-from grammars.mission import Mission, Waypoint
-from grammars.robot import Drive, Laser, OdometryNoise, Robot
-from grammars.scene import Joint, Link, Scene, SceneObject, Solid
-from grammars.values import Pose2, Ring
+from grammars.model.behaviour import Behaviour
+from grammars.model.geometry import Pose2, Ring
+from grammars.model.mission import Mission, Waypoint
+from grammars.model.robot import Drive, Laser, OdometryNoise, Robot
+from grammars.model.scene import Joint, Link, Scene, SceneObject, Solid
 
 ROBOT = Robot(
     "planar-move",

@@ -8,9 +8,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from daemon.navigation.ros.configuration import RosParameters, read_ros
-from daemon.navigation.ros.parameters import ParameterError, Wiring
-from daemon.navigation.ros.quirks import FIXED, ORIGINAL
+from daemon.stacks.findings import ParameterError
+from daemon.stacks.ros1.configuration import RosParameters, read_ros
+from daemon.stacks.ros1.quirks import FIXED, ORIGINAL
+from daemon.stacks.ros1.topics import Wiring
 
 LASER = {"data_type": "LaserScan", "topic": "scan", "marking": True, "clearing": True}
 BOX = [[0.3, 0.2], [0.3, -0.2], [-0.3, -0.2], [-0.3, 0.2]]

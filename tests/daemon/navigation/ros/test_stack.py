@@ -8,22 +8,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from daemon.navigation import make_ros
-from daemon.navigation.ros._stack import step_of
-from daemon.sut import Briefing, LaserScan, Observation, Odometry
-from daemon.verdict import Outcome
-from grammars.behaviour import KeyFrame, KeyFrames, Servo
-from grammars.mission import Mission, Waypoint
-from grammars.values import Pose2, Twist2
+from daemon.model.sut import Briefing, LaserScan, Observation, Odometry
+from daemon.model.verdicts import Outcome
+from daemon.stacks import make_ros
+from daemon.stacks.ros1.stack import common_step
+from grammars.model.behaviour import KeyFrame, KeyFrames, Servo
+from grammars.model.geometry import Pose2, Twist2
+from grammars.model.mission import Mission, Waypoint
 from templates.occupancy import occupancy_grid
-from tests.daemon.navigation.ros.scenes import (
-    DOORWAY,
-    ROBOT,
-    configured,
-    room,
-    run,
-    said,
-)
+from tests.daemon.navigation.ros.scenes import DOORWAY, ROBOT, configured, room, run, said
 
 ACROSS = (Waypoint("across", 5.0, 2.0, 0.0),)
 
@@ -115,7 +108,7 @@ def test_without_scans_amcl_believes_odometry(tmp_path: Path) -> None:
 def test_its_step_fits_the_control_loop_and_the_turn(
     frequencies: tuple[float, ...], step: float
 ) -> None:
-    assert step_of(*frequencies) == pytest.approx(step)
+    assert common_step(*frequencies) == pytest.approx(step)
 
 
 def test_bad_parameters_are_refused_before_anything_runs() -> None:

@@ -6,11 +6,11 @@ import math
 
 import numpy as np
 
-from daemon.navigation.kernels import Singles
-from daemon.navigation.ros.amcl import AmclParameters
-from grammars.grid import FREE, OCCUPIED, OccupancyGrid
-from grammars.robot import Laser
-from grammars.values import Floats, Pose2, wrap_angle
+from daemon.stacks.kernels import Singles
+from daemon.stacks.ros1.amcl import AmclParameters
+from grammars.model.geometry import Floats, Pose2, wrap_angle
+from grammars.model.grid import FREE, OCCUPIED, OccupancyGrid
+from grammars.model.robot import Laser
 
 Bin = tuple[int, int, int]
 

@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from daemon.navigation.ros.amcl import Amcl, AmclParameters, Localisation
-from daemon.navigation.ros.quirks import ORIGINAL
-from grammars.values import Floats, Pose2, wrap_angle
+from daemon.stacks.ros1.amcl import Amcl, AmclParameters, AmclPose
+from daemon.stacks.ros1.quirks import ORIGINAL
+from grammars.model.geometry import Floats, Pose2, wrap_angle
 from tests.daemon.navigation.pilot.world import Box
 from tests.daemon.navigation.ros.amcl import plain
 from tests.daemon.navigation.ros.amcl.world import LASER, PUBLISHED, a_room, map_of, see
@@ -33,7 +33,7 @@ def drive(
     walls: list[Box] = WALLS,
     odom: Pose2 = SAME,
     seed: int = 0,
-) -> list[tuple[Pose2, Localisation]]:
+) -> list[tuple[Pose2, AmclPose]]:
     """Take a noisy scan at every pose; return the true pose of everything published.
 
     ``odom`` is the pose of odom in map, which no odometry error moves.

@@ -4,19 +4,19 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from daemon.navigation.ros.amcl._bins import Bins, fill, label
-from daemon.navigation.ros.amcl._summary import summarise
-from grammars.values import Floats
+from daemon.stacks.ros1.amcl.particle_filter import summarise
+from daemon.stacks.ros1.amcl.resampling import PoseHistogram, fill_bins, label_clusters
+from grammars.model.geometry import Floats
 from tests.daemon.navigation.ros.amcl import plain
 
 
-def labelled(poses: Floats) -> tuple[Bins, np.ndarray, int]:
+def labelled(poses: Floats) -> tuple[PoseHistogram, np.ndarray, int]:
     count = len(poses)
-    bins = Bins.for_particles(count)
+    bins = PoseHistogram.for_particles(count)
     columns = np.ascontiguousarray(poses.T)
-    used = fill(bins.slots, bins.keys, bins.places, bins.of, columns, count)
+    used = fill_bins(bins.slots, bins.keys, bins.places, bins.of, columns, count)
     labels, stack = np.empty(count, dtype=np.int32), np.empty(count, dtype=np.int32)
-    clusters = label(bins.slots, bins.keys, used, labels, stack)
+    clusters = label_clusters(bins.slots, bins.keys, used, labels, stack)
     return bins, labels, clusters
 
 

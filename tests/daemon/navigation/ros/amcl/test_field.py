@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from daemon.navigation.ros.amcl._field import distance_field
-from grammars.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
+from daemon.stacks.ros1.amcl.laser_model import distance_field
+from grammars.model.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 from tests.daemon.navigation.ros.amcl.plain import distances
 
 

@@ -8,9 +8,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from daemon.navigation.ros.amcl._motion import motion_between, move
-from daemon.navigation.ros.amcl._parameters import AmclParameters
-from grammars.values import Floats, Pose2
+from daemon.stacks.ros1.amcl import AmclParameters
+from daemon.stacks.ros1.amcl.motion_model import motion_between, move_particles
+from grammars.model.geometry import Floats, Pose2
 from tests.daemon.navigation.ros.amcl.plain import moved
 from tests.daemon.navigation.ros.amcl.world import PUBLISHED
 
@@ -23,7 +23,7 @@ def compiled(
 ) -> Floats:  # fmt: skip
     columns = np.ascontiguousarray(poses.T)
     directions = np.array([np.cos(poses[:, 2]), np.sin(poses[:, 2])])
-    move(
+    move_particles(
         p, motion_between(before, after), columns, directions, len(poses), normals.ravel(),
         full_turns=full_turns,
     )  # fmt: skip

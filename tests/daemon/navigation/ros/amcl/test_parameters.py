@@ -8,7 +8,7 @@ from dataclasses import fields
 import pytest
 from pydantic import ValidationError
 
-from daemon.navigation.ros.amcl import WITHOUT_EFFECT, AmclParameters
+from daemon.stacks.ros1.amcl import WITHOUT_EFFECT, AmclParameters
 
 
 def test_defaults_are_those_of_noetic() -> None:
@@ -71,7 +71,7 @@ def test_a_parameter_either_has_an_effect_or_a_reason_why_not() -> None:
 
 def test_reading_parameters_loads_no_compiler() -> None:
     code = (
-        "import sys; from daemon.navigation.ros.amcl import AmclParameters; AmclParameters();"
+        "import sys; from daemon.stacks.ros1.amcl import AmclParameters; AmclParameters();"
         "sys.exit('numba' in sys.modules)"
     )
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

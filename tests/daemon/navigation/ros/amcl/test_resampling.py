@@ -8,10 +8,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from daemon.navigation.ros.amcl._bins import Bins, clear
-from daemon.navigation.ros.amcl._parameters import AmclParameters
-from daemon.navigation.ros.amcl._resampling import limits, resample
-from grammars.values import Floats
+from daemon.stacks.ros1.amcl import AmclParameters
+from daemon.stacks.ros1.amcl.resampling import PoseHistogram, clear_bins, particle_limits, resample
+from grammars.model.geometry import Floats
 from tests.daemon.navigation.ros.amcl import plain
 from tests.daemon.navigation.ros.amcl.world import PUBLISHED
 
@@ -30,10 +29,10 @@ def drawn(
     everyone = np.zeros(most)
     everyone[: len(weights)] = weights
     new, new_directions = np.zeros((3, most)), np.zeros((2, most))
-    bins = Bins.for_particles(most)
+    bins = PoseHistogram.for_particles(most)
     count, used = resample(
         columns, directions, everyone, len(poses), injection, draws, free, 40, -1.0, -2.0, 0.05,
-        limits(p), new, new_directions, bins.slots, bins.keys, bins.places, bins.of,
+        particle_limits(p), new, new_directions, bins.slots, bins.keys, bins.places, bins.of,
         np.empty(most + 1), np.empty(most, dtype=np.int32),
     )  # fmt: skip
     result = new[:, :count].T
@@ -41,13 +40,13 @@ def drawn(
     keys = [tuple(bins.keys[k].tolist()) for k in bins.of[:count]]
     assert keys == [plain.bin_of(pose) for pose in result]
     np.testing.assert_array_equal(new_directions[0, :count], np.cos(result[:, 2]))
-    clear(bins.slots, bins.places, used)
+    clear_bins(bins.slots, bins.places, used)
     assert (bins.slots == -1).all()
     return result
 
 
 def test_the_table_of_limits_is_that_of_the_published_configuration() -> None:
-    table = limits(PUBLISHED)
+    table = particle_limits(PUBLISHED)
     assert (table[2:8] == 500).all()
     assert [table[k] for k in (1, 8, 10, 15, 20, 30)] == [2000, 525, 651, 955, 1249, 1822]
     assert (table[34:] == 2000).all()
@@ -57,7 +56,9 @@ def test_the_table_of_limits_is_that_of_the_published_configuration() -> None:
 @settings(deadline=None, max_examples=40)
 def test_limits_are_those_of_the_formula(err: float, z: float, most: int) -> None:
     p = replace(PUBLISHED, kld_err=err, kld_z=z, min_particles=min(20, most), max_particles=most)
-    np.testing.assert_array_equal(limits(p)[1:], [plain.limit(p, k) for k in range(1, most + 1)])
+    np.testing.assert_array_equal(
+        particle_limits(p)[1:], [plain.limit(p, k) for k in range(1, most + 1)]
+    )
 
 
 @settings(deadline=None, max_examples=40)

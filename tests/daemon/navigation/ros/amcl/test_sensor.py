@@ -6,13 +6,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from daemon.navigation.ros.amcl._beam import map_range
-from daemon.navigation.ros.amcl._parameters import AmclParameters
-from daemon.navigation.ros.amcl._sensor import Sensor, beam_indices
-from daemon.navigation.ros.quirks import FIXED, ORIGINAL
-from grammars.grid import FREE, OCCUPIED, OccupancyGrid
-from grammars.robot import Laser
-from grammars.values import Floats, Pose2
+from daemon.stacks.ros1.amcl import AmclParameters
+from daemon.stacks.ros1.amcl.laser_model import LaserModel, beam_indices, map_range
+from daemon.stacks.ros1.quirks import FIXED, ORIGINAL
+from grammars.model.geometry import Floats, Pose2
+from grammars.model.grid import FREE, OCCUPIED, OccupancyGrid
+from grammars.model.robot import Laser
 from tests.daemon.navigation.ros.amcl import plain
 from tests.daemon.navigation.ros.amcl.world import LASER, PUBLISHED, a_room, map_of, see
 
@@ -29,7 +28,7 @@ def weigh(
 ) -> Floats:  # fmt: skip
     """Weights of poses (n, 3) that all weighed 1 before."""
     p = replace(p, max_particles=max(len(poses), p.min_particles))
-    sensor = Sensor(p, ORIGINAL if original else FIXED, grid, laser)
+    sensor = LaserModel(p, ORIGINAL if original else FIXED, grid, laser)
     weights = np.ones(len(poses))
     directions = np.array([np.cos(poses[:, 2]), np.sin(poses[:, 2])])
     columns = np.ascontiguousarray(poses.T)

@@ -6,10 +6,11 @@ import pkgutil
 import numpy as np
 from numba.core.dispatcher import Dispatcher
 
-import daemon.navigation.ros.amcl as room
-from daemon.navigation.ros.amcl import Amcl, AmclParameters, warm_up
-from daemon.navigation.ros.quirks import ORIGINAL
-from grammars.values import Pose2
+import daemon.stacks.ros1.amcl as room
+from daemon.stacks import warm_up
+from daemon.stacks.ros1.amcl import Amcl, AmclParameters
+from daemon.stacks.ros1.quirks import ORIGINAL
+from grammars.model.geometry import Pose2
 from tests.daemon.navigation.ros.amcl.world import LASER, a_room, map_of, see
 
 

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from daemon.navigation.kernels import Singles
-from daemon.navigation.ros.amcl import AmclParameters
-from grammars.grid import OccupancyGrid
-from grammars.robot import Laser
-from grammars.values import Pose2
+from daemon.stacks.kernels import Singles
+from daemon.stacks.ros1.amcl import AmclParameters
+from grammars.model.geometry import Pose2
+from grammars.model.grid import OccupancyGrid
+from grammars.model.robot import Laser
 from tests.daemon.navigation.pilot.world import Box, cast, draw, edges
 
 LASER = Laser(Pose2(0.3), 0.3, -1.57, 1.57, 150, 0.05, 5.6, 10.0, 0.01, 0.0)

@@ -7,10 +7,10 @@ import math
 
 import numpy as np
 
-from daemon.navigation.ros.costmap import CostmapParameters, SensedScan, radii
-from daemon.navigation.ros.quirks import Quirks
-from grammars.grid import OccupancyGrid
-from grammars.values import Floats, Pose2
+from daemon.stacks.ros1.costmap import CostmapParameters, SensedScan, radii
+from daemon.stacks.ros1.quirks import Quirks
+from grammars.model.geometry import Floats, Pose2
+from grammars.model.grid import OccupancyGrid
 
 LETHAL, UNKNOWN, INSCRIBED = 254, 255, 253
 

@@ -8,15 +8,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from daemon.navigation.ros.costmap import (
-    Costmap,
-    CostmapParameters,
-    ObservationSource,
-    SensedScan,
-)
-from daemon.navigation.ros.quirks import FIXED, ORIGINAL, Quirks
-from grammars.grid import OccupancyGrid
-from grammars.values import Pose2
+from daemon.stacks.ros1.costmap import Costmap, CostmapParameters, ObservationSource, SensedScan
+from daemon.stacks.ros1.quirks import FIXED, ORIGINAL, Quirks
+from grammars.model.geometry import Pose2
+from grammars.model.grid import OccupancyGrid
 from tests.daemon.navigation.ros.costmap.plain import by_queue
 
 A2S = ((-0.08, -0.075), (-0.08, 0.075), (0.105, 0.075), (0.105, -0.075))

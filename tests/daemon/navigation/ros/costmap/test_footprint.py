@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from daemon.navigation.ros.costmap import CostmapParameters, padded_footprint, radii
+from daemon.stacks.ros1.costmap import CostmapParameters, padded_footprint, radii
 from tests.daemon.navigation.ros.costmap.test_costmap import A2S, DIFF, OMNI
 
 

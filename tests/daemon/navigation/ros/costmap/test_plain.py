@@ -9,10 +9,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from daemon.navigation.ros.costmap import Costmap, CostmapParameters, ObservationSource, SensedScan
-from daemon.navigation.ros.quirks import FIXED, ORIGINAL
-from grammars.grid import OccupancyGrid
-from grammars.values import Pose2
+from daemon.stacks.ros1.costmap import Costmap, CostmapParameters, ObservationSource, SensedScan
+from daemon.stacks.ros1.quirks import FIXED, ORIGINAL
+from grammars.model.geometry import Pose2
+from grammars.model.grid import OccupancyGrid
 from tests.daemon.navigation.ros.costmap.plain import PlainCostmap
 
 ROWS, COLUMNS = 22, 30

@@ -7,8 +7,8 @@ from typing import Any
 import pytest
 from pydantic import ValidationError
 
-from daemon.navigation.ros.costmap import CostmapParameters, ObservationSource, read_costmap
-from daemon.navigation.ros.parameters import ParameterError, Report
+from daemon.stacks.findings import FindingCollector, ParameterError
+from daemon.stacks.ros1.costmap import CostmapParameters, ObservationSource, read_costmap
 
 PLACE = ("move_base", "global_costmap")
 SCAN = {
@@ -23,7 +23,7 @@ LAYERS = [
 
 
 def read(given: dict[str, Any]) -> tuple[CostmapParameters, list[str]]:
-    report = Report()
+    report = FindingCollector()
     parameters = read_costmap(given, PLACE, report)
     findings = report.findings()
     return parameters, [str(problem) for problem in findings.problems]
@@ -132,7 +132,7 @@ def test_unknown_names_are_named_with_their_place() -> None:
 
 
 def test_what_has_no_effect_is_told() -> None:
-    report = Report()
+    report = FindingCollector()
     read_costmap(
         {"transform_tolerance": 2.0, "observation_sources": "scan", "scan": SCAN}, (), report
     )

@@ -5,8 +5,8 @@ import pkgutil
 
 from numba.core.dispatcher import Dispatcher
 
-import daemon.navigation.ros.costmap as package
-from grammars.values import Pose2
+import daemon.stacks.ros1.costmap as package
+from grammars.model.geometry import Pose2
 from tests.daemon.navigation.ros.costmap.test_costmap import ROLLING, build, looking
 
 

@@ -7,15 +7,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from daemon.navigation.kernels import Integers
-from daemon.navigation.ros.dwa import DwaParameters
-from daemon.navigation.ros.dwa._decide import decide
-from daemon.navigation.ros.dwa._distances import Cells, passable_cells
-from daemon.navigation.ros.dwa._rooms import build_field, build_room
-from daemon.navigation.ros.dwa._settings import Settings, longest, settings_of
-from daemon.navigation.ros.grids import CostGrid
-from daemon.navigation.ros.quirks import ORIGINAL, Quirks
-from grammars.values import Floats
+from daemon.stacks.kernels import Integers
+from daemon.stacks.ros1.cost_grid import CostGrid
+from daemon.stacks.ros1.dwa import DwaParameters, DwaSettings, longest_trajectory, settings_of
+from daemon.stacks.ros1.dwa.cycle import allocate_buffers, allocate_scoring_grid, choose_trajectory
+from daemon.stacks.ros1.dwa.map_grid import Cells, passable_cells
+from daemon.stacks.ros1.quirks import ORIGINAL, Quirks
+from grammars.model.geometry import Floats
 from tests.daemon.navigation.ros.dwa import plain
 
 A2S = DwaParameters(
@@ -64,7 +62,7 @@ def singles(*values: float) -> Floats:
     return np.array(values, dtype=np.float32).astype(np.float64)
 
 
-def settings(parameters: DwaParameters = A2S, quirks: Quirks = ORIGINAL) -> Settings:
+def settings(parameters: DwaParameters = A2S, quirks: Quirks = ORIGINAL) -> DwaSettings:
     return settings_of(parameters, quirks, 0.05, 0.05)
 
 
@@ -76,18 +74,18 @@ class Problem:
     plan: Floats
     front_end: Floats
     aligned: bool
-    settings: Settings
+    settings: DwaSettings
     local: CostGrid
     outline: Floats
     banned: Integers
 
     def fast(self) -> tuple[int, float, Floats, Floats]:
         """Return place, cost, velocity and trajectory of the winner; place -1 for none."""
-        field = build_field(self.local, self.outline, self.banned)
-        most = longest(self.settings, *self.state[3:].tolist())
-        room = build_room(self.local.cells.shape, self.settings, most)
+        field = allocate_scoring_grid(self.local, self.outline, self.banned)
+        most = longest_trajectory(self.settings, *self.state[3:].tolist())
+        room = allocate_buffers(self.local.cells.shape, self.settings, most)
         passable_cells(self.local.cells, room.passable)
-        n = decide(
+        n = choose_trajectory(
             self.state,
             self.plan,
             len(self.plan),

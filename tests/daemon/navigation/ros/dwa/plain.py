@@ -9,10 +9,10 @@ import math
 
 import numpy as np
 
-from daemon.navigation.kernels import Integers, kernel
-from daemon.navigation.ros.dwa._distances import Cells
-from daemon.navigation.ros.dwa._settings import Settings
-from grammars.values import Floats
+from daemon.stacks.kernels import Integers, kernel
+from daemon.stacks.ros1.dwa import DwaSettings
+from daemon.stacks.ros1.dwa.map_grid import Cells
+from grammars.model.geometry import Floats
 
 
 @kernel
@@ -37,7 +37,7 @@ def _speeds(low: float, high: float, count: int) -> list[float]:
 
 
 @kernel
-def speed_window(state: Floats, distance: float, s: Settings) -> Floats:
+def speed_window(state: Floats, distance: float, s: DwaSettings) -> Floats:
     acc = (s.acc_x, s.acc_y, s.acc_theta)
     low = [s.min_x, s.min_y, -s.max_theta]
     high = [s.max_x, s.max_y, s.max_theta]
@@ -56,7 +56,7 @@ def speed_window(state: Floats, distance: float, s: Settings) -> Floats:
 
 
 @kernel
-def raw_samples(state: Floats, distance: float, s: Settings) -> Floats:
+def raw_samples(state: Floats, distance: float, s: DwaSettings) -> Floats:
     """Return all samples in the original's order, shape (samples, 3), in single precision."""
     window = speed_window(state, distance, s)
     xs = _speeds(window[0, 0], window[0, 1], s.x_samples)
@@ -73,7 +73,7 @@ def raw_samples(state: Floats, distance: float, s: Settings) -> Floats:
 
 
 @kernel
-def _approach(target: Floats, now: Floats, s: Settings, dt: float) -> Floats:
+def _approach(target: Floats, now: Floats, s: DwaSettings, dt: float) -> Floats:
     acc = (s.acc_x, s.acc_y, s.acc_theta)
     out = np.zeros(3, dtype=np.float32)
     for k in range(3):
@@ -85,7 +85,7 @@ def _approach(target: Floats, now: Floats, s: Settings, dt: float) -> Floats:
 
 
 @kernel
-def trajectory(state: Floats, sample: Floats, s: Settings) -> tuple[Floats, Floats]:
+def trajectory(state: Floats, sample: Floats, s: DwaSettings) -> tuple[Floats, Floats]:
     """Return the poses (points, 3), none for an illegal sample, and the velocity."""
     none = np.zeros((0, 3))
     speed = math.hypot(sample[0], sample[1])
@@ -264,7 +264,7 @@ def oscillates(banned: Integers, velocity: Floats) -> bool:
 
 @kernel
 def obstacle(
-    points: Floats, velocity: Floats, outline: Floats, cells: Cells, frame: Floats, s: Settings
+    points: Floats, velocity: Floats, outline: Floats, cells: Cells, frame: Floats, s: DwaSettings
 ) -> float:
     speed = math.hypot(velocity[0], velocity[1])
     scale = 1.0
@@ -307,7 +307,7 @@ def cycle(
     plan: Floats,
     front_end: Floats,
     aligned: bool,
-    s: Settings,
+    s: DwaSettings,
     cells: Cells,
     frame: Floats,
     outline: Floats,

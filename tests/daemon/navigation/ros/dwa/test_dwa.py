@@ -8,10 +8,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from daemon.navigation.ros.dwa import Dwa, DwaParameters
-from daemon.navigation.ros.grids import CostGrid
-from daemon.navigation.ros.quirks import FIXED, ORIGINAL, Quirks
-from grammars.values import Floats, Pose2, Twist2
+from daemon.stacks.ros1.cost_grid import CostGrid
+from daemon.stacks.ros1.dwa import Dwa, DwaParameters
+from daemon.stacks.ros1.quirks import FIXED, ORIGINAL, Quirks
+from grammars.model.geometry import Floats, Pose2, Twist2
 from tests.daemon.navigation.ros.dwa.helpers import A2S, OMNI, SMALL
 
 

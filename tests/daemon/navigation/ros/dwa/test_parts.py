@@ -9,14 +9,23 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from daemon.navigation.ros.dwa import WITHOUT_EFFECT, DwaParameters, contradictions
-from daemon.navigation.ros.dwa._footprint import footprint_cost, growth
-from daemon.navigation.ros.dwa._oscillation import Oscillation
-from daemon.navigation.ros.dwa._plan import near
-from daemon.navigation.ros.dwa._samples import spread, steps_of, window
-from daemon.navigation.ros.dwa._trajectory import simulate
-from daemon.navigation.ros.quirks import FIXED
-from grammars.values import Floats, Pose2, Twist2
+from daemon.stacks.ros1.dwa import (
+    WITHOUT_EFFECT,
+    DwaParameters,
+    Oscillation,
+    contradictions,
+    footprint_cost,
+)
+from daemon.stacks.ros1.dwa.footprint import footprint_scale
+from daemon.stacks.ros1.dwa.map_grid import transform_plan_window
+from daemon.stacks.ros1.dwa.samples import (
+    count_points,
+    dynamic_window,
+    sample_axis,
+    simulate_trajectory,
+)
+from daemon.stacks.ros1.quirks import FIXED
+from grammars.model.geometry import Floats, Pose2, Twist2
 from tests.daemon.navigation.ros.dwa import plain
 from tests.daemon.navigation.ros.dwa.helpers import A2S, OMNI, SMALL, settings, singles
 
@@ -25,7 +34,7 @@ def counts(parameters: DwaParameters, vx: float) -> tuple[int, int]:
     """Return how many samples there are, and how many of them are legal."""
     s = settings(parameters)
     samples = plain.raw_samples(singles(0, 0, 0, vx, 0, 0), 5.0, s)
-    legal = [steps_of(math.hypot(x, y), w, s) > 0 for x, y, w in samples.tolist()]
+    legal = [count_points(math.hypot(x, y), w, s) > 0 for x, y, w in samples.tolist()]
     return len(samples), sum(legal)
 
 
@@ -46,20 +55,20 @@ def test_numbers_of_samples(
 def test_spread_has_both_ends_and_a_zero() -> None:
     out = np.zeros(10)
     expected = singles(-0.3, 0.0, 0.1, 0.5).tolist()
-    assert out[: spread(-0.3, 0.5, 3, out)].tolist() == expected
-    assert out[: spread(0.2, 0.4, 1, out)].tolist() == singles(0.2, 0.4).tolist()
-    assert out[: spread(0.2, 0.2, 5, out)].tolist() == singles(0.2).tolist()
+    assert out[: sample_axis(-0.3, 0.5, 3, out)].tolist() == expected
+    assert out[: sample_axis(0.2, 0.4, 1, out)].tolist() == singles(0.2, 0.4).tolist()
+    assert out[: sample_axis(0.2, 0.2, 5, out)].tolist() == singles(0.2).tolist()
 
 
 def test_a_measured_strafe_leaks_into_the_samples() -> None:
     state, out = singles(0, 0, 0, 0.1, 0.003, 0), np.zeros((3, 2))
-    window(state, 5.0, settings(), out)
+    dynamic_window(state, 5.0, settings(), out)
     values = np.zeros(4)
-    assert values[: spread(out[1, 0], out[1, 1], 1, values)].tolist() == [
+    assert values[: sample_axis(out[1, 0], out[1, 1], 1, values)].tolist() == [
         float(np.float32(0.003)),
         0.0,
     ]
-    window(state, 5.0, settings(A2S, FIXED), out)
+    dynamic_window(state, 5.0, settings(A2S, FIXED), out)
     assert out[1].tolist() == [0.0, 0.0]
 
 
@@ -71,7 +80,7 @@ def test_numbers_of_points(vx: float, wz: float, sim_time: float, points: int) -
     s = settings(replace(A2S, sim_time=sim_time))
     row, moving = np.zeros((80, 5)), np.zeros(3)
     vx, wz = singles(vx, wz).tolist()
-    assert simulate(singles(1, 2, 0, 0, 0, 0), vx, 0.0, wz, s, row, moving) == points
+    assert simulate_trajectory(singles(1, 2, 0, 0, 0, 0), vx, 0.0, wz, s, row, moving) == points
     assert row[0, :3].tolist() == [1.0, 2.0, 0.0]
     assert row[points - 1, 0] == pytest.approx(1.0 + vx * sim_time * (points - 1) / points)
     assert row[points - 1, 2] == pytest.approx(wz * sim_time * (points - 1) / points, abs=1e-5)
@@ -79,10 +88,10 @@ def test_numbers_of_points(vx: float, wz: float, sim_time: float, points: int) -
 
 def test_slow_samples_and_fast_ones_are_illegal() -> None:
     s = settings()
-    assert steps_of(0.1, 1.36, s) == 0
-    assert steps_of(0.1, 1.37, s) > 0
-    assert steps_of(0.1099999, 0.0, s) > 0
-    assert steps_of(0.2202, 0.0, s) == 0
+    assert count_points(0.1, 1.36, s) == 0
+    assert count_points(0.1, 1.37, s) > 0
+    assert count_points(0.1099999, 0.0, s) > 0
+    assert count_points(0.2202, 0.0, s) == 0
 
 
 def footprint(cells: Floats, outline: Floats = SMALL, *, inside: bool = False) -> int:
@@ -125,15 +134,15 @@ def test_two_corners_are_a_circle_that_inscribed_cells_stop() -> None:
 
 def test_the_footprint_grows_beyond_the_scaling_speed() -> None:
     s = settings(replace(A2S, max_vel_trans=0.45, scaling_speed=0.25, max_scaling_factor=0.2))
-    assert growth(0.25, s) == 1.0
-    assert growth(0.35, s) == pytest.approx(1.1)
-    assert growth(0.45, s) == pytest.approx(1.2)
+    assert footprint_scale(0.25, s) == 1.0
+    assert footprint_scale(0.35, s) == pytest.approx(1.1)
+    assert footprint_scale(0.45, s) == pytest.approx(1.2)
 
 
 def test_the_window_of_a_plan_ends_behind_the_first_pose_too_far_away() -> None:
     plan = np.column_stack([np.arange(-4.0, 4.01, 0.5), np.zeros(17), np.zeros(17)])
     out, turned = np.zeros((17, 2)), np.array((1.0, 0.0, 0.0, 1.0))
-    n = near(plan, 0, turned, np.zeros(2), 1.2, out)
+    n = transform_plan_window(plan, 0, turned, np.zeros(2), 1.2, out)
     np.testing.assert_allclose(out[:n, 1], [-1.0, -0.5, 0.0, 0.5, 1.0, 1.5], atol=1e-12)
     np.testing.assert_allclose(out[:n, 0], 1.0, atol=1e-12)
 

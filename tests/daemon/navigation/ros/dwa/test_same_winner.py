@@ -9,20 +9,20 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from daemon.navigation.kernels import Integers
-from daemon.navigation.ros.dwa import DwaParameters
-from daemon.navigation.ros.dwa._distances import (
+from daemon.stacks.kernels import Integers
+from daemon.stacks.ros1.dwa import DwaParameters
+from daemon.stacks.ros1.dwa.map_grid import (
     DIGITS,
     Bits,
-    box,
+    add_cell,
+    compute_distances,
+    distance_at,
     empty_set,
-    everywhere_fit,
     passable_cells,
-    spread_out,
-    steps_at,
+    unrestricted_distances,
+    write_box,
 )
-from daemon.navigation.ros.dwa._distances import add as add_cell
-from daemon.navigation.ros.quirks import FIXED, ORIGINAL
+from daemon.stacks.ros1.quirks import FIXED, ORIGINAL
 from tests.daemon.navigation.ros.dwa import plain
 from tests.daemon.navigation.ros.dwa.helpers import A2S, OMNI, Problem, random_problem
 
@@ -66,7 +66,7 @@ def as_integers(distances: Bits, shape: tuple[int, int]) -> Integers:
     """Return the distances of all cells of a grid of ``shape``."""
     cells = [(row, column) for row in range(shape[0]) for column in range(shape[1])]
     size, digits = shape[0] * shape[1], distances.shape[0] - DIGITS
-    values = [steps_at(distances, row, column, size, digits) for row, column in cells]
+    values = [distance_at(distances, row, column, size, digits) for row, column in cells]
     return np.array(values, dtype=np.int32).reshape(shape)
 
 
@@ -99,9 +99,9 @@ def test_distances_are_those_of_a_queue(seed: int) -> None:
         add_cell(seeds, row, column)
     passable_cells(cells, passable)
     low, first = int(rng.integers(columns)), int(rng.integers(rows))
-    box(low, columns, first, rows, wanted)
-    out = everywhere_fit(cells.shape)
-    spread_out(seeds, passable, wanted, out, np.array([seeds, seeds]))
+    write_box(low, columns, first, rows, wanted)
+    out = unrestricted_distances(cells.shape)
+    compute_distances(seeds, passable, wanted, out, np.array([seeds, seeds]))
     expected = plain.distances(np.array(found, dtype=np.int32), cells)
     got = as_integers(out, (rows, columns))
     np.testing.assert_array_equal(got[first:, low:], expected[first:, low:])

@@ -8,16 +8,16 @@ from typing import Any
 
 import numpy as np
 
-from daemon.navigation.ros.move_base import (
-    Advance,
-    Around,
+from daemon.stacks.ros1.move_base import (
     MoveBase,
     MoveBaseParameters,
+    MoveBaseStatus,
     PlannerThread,
-    Status,
+    RecoveryStep,
+    RobotPoses,
 )
-from daemon.navigation.ros.quirks import ORIGINAL, Quirks
-from grammars.values import Floats, Pose2, Twist2
+from daemon.stacks.ros1.quirks import ORIGINAL, Quirks
+from grammars.model.geometry import Floats, Pose2, Twist2
 
 STEP = 0.05
 GOAL = Pose2(10.0, 0.0, 0.0)
@@ -52,12 +52,12 @@ class Tried:
     period: float = STEP
     since: float = 0.0
 
-    def start(self, around: Around) -> None:
+    def start(self, around: RobotPoses) -> None:
         self.since = self.bench.now
         self.bench.tried.append((self.since, self.name))
 
-    def step(self, around: Around) -> Advance:
-        return Advance(None, self.bench.now - self.since >= self.lasts - 1e-9)
+    def step(self, around: RobotPoses) -> RecoveryStep:
+        return RecoveryStep(None, self.bench.now - self.since >= self.lasts - 1e-9)
 
 
 @dataclass
@@ -81,7 +81,7 @@ class Bench:
         }
         given = MoveBaseParameters(**(defaults | self.parameters))
         self.now, self.pose = 0.0, Pose2()
-        self.status = Status()
+        self.status = MoveBaseStatus()
         self.tried: list[tuple[float, str]] = []
         self.planned: list[float] = []
         self.states: list[tuple[float, str]] = []
@@ -98,8 +98,8 @@ class Bench:
         self.planned.append(self.now)
         return PLAN if self.plans(self.now) else None
 
-    def _look(self) -> Around:
-        return Around(odom=self.pose, map=self.pose)
+    def _look(self) -> RobotPoses:
+        return RobotPoses(odom=self.pose, map=self.pose)
 
     def accept(self) -> None:
         self.move_base.accept(self.now, GOAL)

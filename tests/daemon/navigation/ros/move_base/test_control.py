@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from grammars.values import Twist2
+from grammars.model.geometry import Twist2
 from tests.daemon.navigation.ros.move_base.bench import FORWARD, Bench, without
 
 

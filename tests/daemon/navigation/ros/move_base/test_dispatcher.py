@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-from daemon.navigation.ros.move_base import Dispatcher, DispatcherParameters
-from grammars.mission import Waypoint
-from grammars.values import Pose2
+from daemon.stacks.ros1.move_base import DispatcherParameters, WaypointDispatcher
+from grammars.model.geometry import Pose2
+from grammars.model.mission import Waypoint
 
 WAYPOINTS = (Waypoint("a", 1.0, 0.0, 0.5), Waypoint("b", 2.0, 0.0), Waypoint("c", 3.0, 0.0))
 HERE = Pose2(0.1, 0.2, 0.3)
 
 
-def make(**given: object) -> tuple[Dispatcher, list[tuple[Pose2, Pose2]]]:
+def make(**given: object) -> tuple[WaypointDispatcher, list[tuple[Pose2, Pose2]]]:
     asked: list[tuple[Pose2, Pose2]] = []
     parameters = DispatcherParameters(**given)  # type: ignore[arg-type]
-    return Dispatcher(parameters, WAYPOINTS, lambda a, b: asked.append((a, b))), asked
+    return WaypointDispatcher(parameters, WAYPOINTS, lambda a, b: asked.append((a, b))), asked
 
 
 def test_it_sends_the_first_goal_at_once_and_waits_for_its_result() -> None:

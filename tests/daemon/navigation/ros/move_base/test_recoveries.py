@@ -10,23 +10,23 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from daemon.navigation.ros.grids import LETHAL, CostGrid
-from daemon.navigation.ros.move_base import (
+from daemon.stacks.ros1.cost_grid import LETHAL, CostGrid
+from daemon.stacks.ros1.move_base import (
     CLEAR,
     ROTATE,
-    Around,
     ClearCostmapParameters,
     ClearTarget,
     ClearTargets,
     MoveBaseParameters,
     Recovery,
     RecoveryBehavior,
+    RobotPoses,
     RotateRecoveryParameters,
     make_recoveries,
+    turn_is_free,
 )
-from daemon.navigation.ros.move_base._footprint import turn_is_free
-from daemon.navigation.ros.quirks import FIXED, ORIGINAL, Quirks
-from grammars.values import Floats, Pose2, Twist2
+from daemon.stacks.ros1.quirks import FIXED, ORIGINAL, Quirks
+from grammars.model.geometry import Floats, Pose2, Twist2
 
 RING = np.array([(-0.36, -0.24), (0.36, -0.24), (0.36, 0.24), (-0.36, 0.24)])
 
@@ -53,8 +53,8 @@ def make(
     return made, cleared
 
 
-def around(yaw: float = 0.0) -> Around:
-    return Around(odom=Pose2(0.0, 0.0, yaw), map=Pose2(3.0, 4.0, yaw))
+def around(yaw: float = 0.0) -> RobotPoses:
+    return RobotPoses(odom=Pose2(0.0, 0.0, yaw), map=Pose2(3.0, 4.0, yaw))
 
 
 def test_the_default_behaviours_are_those_of_move_base() -> None:

@@ -6,9 +6,9 @@ import math
 
 import pytest
 
-from daemon.navigation.ros.move_base import TransformBuffer
-from daemon.sut import Odometry
-from grammars.values import Pose2, Twist2
+from daemon.model.sut import Odometry
+from daemon.stacks.ros1.move_base import TransformBuffer
+from grammars.model.geometry import Pose2, Twist2
 
 
 def at(time: float, x: float = 0.0, yaw: float = 0.0) -> Odometry:

@@ -8,13 +8,13 @@ from pathlib import Path
 import numpy as np
 from scipy.ndimage import distance_transform_edt
 
-from daemon.navigation.ros.grids import CostGrid
-from grammars.composition import compile_scene
-from grammars.files import load_mission
+from daemon.stacks.ros1.cost_grid import CostGrid
 from grammars.floorplan import load_floorplan
-from grammars.grid import OCCUPIED
+from grammars.model.files import load_mission
+from grammars.model.geometry import Pose2
+from grammars.model.grid import OCCUPIED
 from grammars.scenery import load_scenery
-from grammars.values import Pose2
+from grammars.scenery.composition import compile_scene
 from templates.occupancy import occupancy_grid
 
 FOLDER = Path(__file__).parents[5] / "campaigns" / "ortega2024"

@@ -7,8 +7,8 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from daemon.navigation.ros.grids import CostGrid
-from grammars.values import Floats, Pose2
+from daemon.stacks.ros1.cost_grid import CostGrid
+from grammars.model.geometry import Floats, Pose2
 
 F = np.float32
 HIGH = F(1e10)

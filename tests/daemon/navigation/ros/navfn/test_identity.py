@@ -9,13 +9,17 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.ndimage import distance_transform_edt, gaussian_filter
 
-from daemon.navigation.ros.grids import CostGrid
-from daemon.navigation.ros.navfn import Navfn, NavfnParameters
-from daemon.navigation.ros.navfn._costs import UNREACHED, translate, translation
-from daemon.navigation.ros.navfn._field import Field
-from daemon.navigation.ros.navfn._propagation import GAINS, propagate
-from daemon.navigation.ros.quirks import ORIGINAL
-from grammars.values import Pose2
+from daemon.stacks.ros1.cost_grid import CostGrid
+from daemon.stacks.ros1.navfn import Navfn, NavfnParameters, PotentialField
+from daemon.stacks.ros1.navfn.propagation import (
+    GAINS,
+    UNREACHED,
+    propagate_wave,
+    translate_costs,
+    translation_table,
+)
+from daemon.stacks.ros1.quirks import ORIGINAL
+from grammars.model.geometry import Pose2
 from tests.daemon.navigation.ros.navfn import building, plain
 
 seeds = st.integers(0, 2**32 - 1)
@@ -84,11 +88,11 @@ def test_what_does_not_fit_into_a_buffer_is_lost(size: int) -> None:
     random = np.random.default_rng(size)
     cells = random.integers(0, 200, (40, 40)).astype(np.uint8)
     costs = np.full(1600, 254, dtype=np.uint16)
-    translate(cells, costs, translation(allow_unknown=True), 0, 0, 40, 40)
+    translate_costs(cells, costs, translation_table(allow_unknown=True), 0, 0, 40, 40)
     potentials = np.full(1600, UNREACHED, dtype=np.float32)
     buffers, reached = np.empty((3, size), dtype=np.int32), np.empty(1601, dtype=np.int32)
     start, goal = 20 * 40 + 20, 35 * 40 + 37
-    propagate(costs, potentials, GAINS, 40, start, goal, 80, UNREACHED, buffers, reached)
+    propagate_wave(costs, potentials, GAINS, 40, start, goal, 80, UNREACHED, buffers, reached)
     expected = plain.wave(plain.costs_of(cells), 40, start, goal, size)
     assert np.array_equal(potentials, expected)
 
@@ -100,8 +104,8 @@ def test_the_restricted_wave_gives_the_same_path_while_costs_and_start_change(se
     cells = random_cells(random, 20, 130)
     grids = [CostGrid(0.05, 0.0, 0.0, cells) for _ in range(2)]
     margins = tuple(np.sort(random.integers(100, 2500, 3)).astype(float).tolist())
-    restricted = Field(grids[0], allow_unknown=True, margins=margins, worthwhile=1)
-    whole = Field(grids[1], allow_unknown=True, margins=())
+    restricted = PotentialField(grids[0], allow_unknown=True, margins=margins, worthwhile=1)
+    whole = PotentialField(grids[1], allow_unknown=True, margins=())
     # On maps this small the limit of cycles would leave the restricted wave nothing to do.
     if seed % 4:
         restricted._cycles = whole._cycles = 100_000
@@ -124,8 +128,8 @@ def test_the_restricted_wave_is_at_work_and_exact_in_the_corridor_of_building_c(
     random = np.random.default_rng(1)
     grid = building.costmap()
     twin = CostGrid(grid.resolution, grid.x, grid.y, grid.cells)
-    restricted = Field(grid, allow_unknown=True)
-    whole = Field(twin, allow_unknown=True, margins=())
+    restricted = PotentialField(grid, allow_unknown=True)
+    whole = PotentialField(twin, allow_unknown=True, margins=())
     columns = grid.cells.shape[1]
     trips = building.drive(0.04)[1100:1140]
     for k, (start, goal) in enumerate(trips):

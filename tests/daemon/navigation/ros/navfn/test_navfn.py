@@ -6,19 +6,26 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from daemon.navigation.ros.grids import CostGrid
-from daemon.navigation.ros.navfn import WITHOUT_EFFECT, Navfn, NavfnParameters, warm_up
-from daemon.navigation.ros.navfn._costs import translate, translation
-from daemon.navigation.ros.navfn._descent import descend, turn_round
-from daemon.navigation.ros.navfn._propagation import forget, interpolated, propagate
-from daemon.navigation.ros.navfn._remainder import _ease
-from daemon.navigation.ros.navfn._restricted import (
-    depends_on_cut,
-    looks_at_cut,
+from daemon.stacks import warm_up
+from daemon.stacks.ros1.cost_grid import CostGrid
+from daemon.stacks.ros1.navfn import WITHOUT_EFFECT, Navfn, NavfnParameters
+from daemon.stacks.ros1.navfn.cost_to_go import relax_lowered_costs
+from daemon.stacks.ros1.navfn.propagation import (
+    descend_gradient,
+    interpolate_potential,
+    path_to_poses,
+    propagate_wave,
+    reset_potentials,
+    translate_costs,
+    translation_table,
+)
+from daemon.stacks.ros1.navfn.restricted import (
+    descent_reads_cut,
+    history_reads_cut,
     propagate_towards,
 )
-from daemon.navigation.ros.quirks import FIXED, ORIGINAL
-from grammars.values import Floats, Pose2
+from daemon.stacks.ros1.quirks import FIXED, ORIGINAL
+from grammars.model.geometry import Floats, Pose2
 
 F = np.float32
 
@@ -40,10 +47,10 @@ def plan(
 
 
 def test_costs_rise_with_the_costmap_and_inscribed_cells_are_blocked() -> None:
-    table = translation(allow_unknown=True)
+    table = translation_table(allow_unknown=True)
     assert [int(table[v]) for v in (0, 1, 100, 161, 252)] == [50, 50, 130, 178, 251]
     assert [int(table[v]) for v in (253, 254, 255)] == [254, 254, 253]
-    assert int(translation(allow_unknown=False)[255]) == 254
+    assert int(translation_table(allow_unknown=False)[255]) == 254
 
 
 @pytest.mark.parametrize(
@@ -59,7 +66,7 @@ def test_costs_rise_with_the_costmap_and_inscribed_cells_are_blocked() -> None:
 def test_a_cell_is_interpolated_between_its_two_lowest_neighbours(
     across: float, along: float, expected: float
 ) -> None:
-    assert interpolated(F(across), F(along), F(50.0)) == pytest.approx(expected, rel=1e-6)
+    assert interpolate_potential(F(across), F(along), F(50.0)) == pytest.approx(expected, rel=1e-6)
 
 
 def test_a_straight_path_runs_from_corner_to_corner_half_a_cell_at_a_time() -> None:
@@ -145,8 +152,8 @@ def test_parameters_are_those_of_noetic_and_checked() -> None:
 def test_everything_is_compiled_by_the_warm_up_and_only_once() -> None:
     warm_up()
     kernels = (
-        translate, propagate, propagate_towards, looks_at_cut, depends_on_cut, descend, forget,
-        turn_round, _ease,
+        translate_costs, propagate_wave, propagate_towards, descent_reads_cut, history_reads_cut, descend_gradient, reset_potentials,
+        path_to_poses, relax_lowered_costs,
     )  # fmt: skip
     grid = a_grid()
     plan(grid, centre(grid, 5, 10), centre(grid, 30, 10), tolerance=0.1)

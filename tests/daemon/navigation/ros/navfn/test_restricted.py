@@ -7,12 +7,16 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from daemon.navigation.ros.grids import CostGrid
-from daemon.navigation.ros.navfn._costs import UNREACHED, translate, translation
-from daemon.navigation.ros.navfn._field import Field
-from daemon.navigation.ros.navfn._propagation import GAINS
-from daemon.navigation.ros.navfn._remainder import Remainder
-from daemon.navigation.ros.navfn._restricted import depends_on_cut, propagate_towards
+from daemon.stacks.ros1.cost_grid import CostGrid
+from daemon.stacks.ros1.navfn import PotentialField
+from daemon.stacks.ros1.navfn.cost_to_go import CostToGo
+from daemon.stacks.ros1.navfn.propagation import (
+    GAINS,
+    UNREACHED,
+    translate_costs,
+    translation_table,
+)
+from daemon.stacks.ros1.navfn.restricted import history_reads_cut, propagate_towards
 from tests.daemon.navigation.ros.navfn.test_identity import disturb, random_cells
 
 COLUMNS = 10
@@ -45,14 +49,14 @@ def test_a_cell_left_out_counts_until_what_it_could_change_is_settled(
 ) -> None:
     mark = np.zeros(100, dtype=np.uint8)
     mark[46] = 2
-    assert depends_on_cut(COLUMNS, np.array(log, dtype=np.int32), len(log), mark, 2) is depends
+    assert history_reads_cut(COLUMNS, np.array(log, dtype=np.int32), len(log), mark, 2) is depends
 
 
 def test_the_restricted_wave_gives_up_where_a_buffer_could_run_over() -> None:
     size = 1600
     costs = np.full(size, 254, dtype=np.uint16)
     free = np.zeros((40, 40), dtype=np.uint8)
-    translate(free, costs, translation(allow_unknown=True), 0, 0, 40, 40)
+    translate_costs(free, costs, translation_table(allow_unknown=True), 0, 0, 40, 40)
     potentials = np.full(size, UNREACHED, dtype=np.float32)
     flags = np.zeros(size, dtype=np.uint8)
     log = np.empty(2 * size, dtype=np.int32)
@@ -74,13 +78,16 @@ def test_up_to_its_limit_the_remainder_is_that_without_one(seed: int) -> None:
     random = np.random.default_rng(seed)
     grid = CostGrid(0.05, 0.0, 0.0, random_cells(random, 20, 80))
     rows, columns = grid.cells.shape
-    costs, table = np.full(rows * columns, 254, dtype=np.uint16), translation(allow_unknown=True)
-    translate(grid.cells, costs, table, 0, 0, columns, rows)
+    costs, table = (
+        np.full(rows * columns, 254, dtype=np.uint16),
+        translation_table(allow_unknown=True),
+    )
+    translate_costs(grid.cells, costs, table, 0, 0, columns, rows)
     free = np.flatnonzero(costs < 254)
     if free.size == 0:
         return
     goal, limit = int(random.choice(free)), float(random.integers(200, 3000))
-    limited, endless = Remainder(costs.size, columns), Remainder(costs.size, columns)
+    limited, endless = CostToGo(costs.size, columns), CostToGo(costs.size, columns)
     assert limited.renew(costs, goal, limit)
     assert endless.renew(costs, goal, FAR)
     assert endless.whole
@@ -91,7 +98,7 @@ def test_up_to_its_limit_the_remainder_is_that_without_one(seed: int) -> None:
     for _ in range(3):
         disturb(random, grid)
         window = grid.take_changed()
-        if translate(grid.cells, costs, table, *window):
+        if translate_costs(grid.cells, costs, table, *window):
             limited.follow(costs, window)
             endless.follow(costs, window)
     # Relaxed in another order, values differ by less than the wave would care for.
@@ -102,8 +109,8 @@ def test_up_to_its_limit_the_remainder_is_that_without_one(seed: int) -> None:
 def test_a_goal_walled_in_has_no_path_until_the_wall_is_gone() -> None:
     grid = CostGrid(0.05, 0.0, 0.0, np.zeros((150, 150), dtype=np.uint8))
     twin = CostGrid(0.05, 0.0, 0.0, grid.cells)
-    field = Field(grid, allow_unknown=True, worthwhile=1)
-    whole = Field(twin, allow_unknown=True, margins=())
+    field = PotentialField(grid, allow_unknown=True, worthwhile=1)
+    whole = PotentialField(twin, allow_unknown=True, margins=())
     goal, wall = 75 * 150 + 120, (110, 65, 131, 86)
     for step, value in enumerate((0, 0, 0, 254, 254, 254, 0, 0, 0)):
         grid.cells[65:86, 110:131] = value

@@ -9,8 +9,9 @@ import pytest
 from pydantic import Field, model_validator
 from pydantic.dataclasses import dataclass
 
-from daemon.navigation.ros.parameters import ParameterError, Report, read_quirks, read_section
-from daemon.navigation.ros.quirks import FIXED, ORIGINAL
+from daemon.stacks.findings import FindingCollector, ParameterError
+from daemon.stacks.ros1.parameters import read_section
+from daemon.stacks.ros1.quirks import FIXED, ORIGINAL, read_quirks
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,8 +30,8 @@ class Model:
         return self
 
 
-def read(given: Mapping[str, Any], **options: Any) -> tuple[Model, Report]:
-    report = Report()
+def read(given: Mapping[str, Any], **options: Any) -> tuple[Model, FindingCollector]:
+    report = FindingCollector()
     return read_section(Model, given, ("ns",), report, **options), report
 
 
@@ -96,7 +97,7 @@ def test_in_a_section_that_no_ros_node_reads_an_unknown_name_is_an_error() -> No
 
 
 def test_quirks_are_a_profile_or_one_with_switches_turned() -> None:
-    report = Report()
+    report = FindingCollector()
     assert read_quirks("fixed", ("quirks",), report) == FIXED
     mixed = read_quirks({"like": "fixed", "strafe_leaks": True}, ("quirks",), report)
     assert mixed.strafe_leaks
@@ -115,6 +116,6 @@ def test_quirks_are_a_profile_or_one_with_switches_turned() -> None:
     ],
 )
 def test_wrong_quirks_are_errors(given: object, message: str) -> None:
-    report = Report()
+    report = FindingCollector()
     read_quirks(given, ("quirks",), report)
     assert message in str(ParameterError(report.fatal))

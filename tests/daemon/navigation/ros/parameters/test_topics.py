@@ -4,12 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from daemon.navigation.ros.parameters import (
-    TopicParameters,
-    Wiring,
-    resolve_name,
-    resolve_topics,
-)
+from daemon.stacks.ros1.topics import TopicParameters, Wiring, resolve_name, resolve_topics
 
 LAUNCH = {"/robile_john/scan_front": "/scan_front"}
 GAZEBO, DRIVER = "/robile_john/scan_front", "/scan_front"

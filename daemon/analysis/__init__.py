@@ -1,0 +1,1 @@
+"""What recorded runs tell: judged again, reported, their coverage, the causes of failures."""

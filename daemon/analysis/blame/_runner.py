@@ -1,0 +1,177 @@
+"""Executing candidates: a few at a time, each once, within a budget."""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import signal
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from multiprocessing.connection import wait
+from multiprocessing.context import ForkProcess
+from pathlib import Path
+from typing import Final, TypeAlias
+
+from daemon.analysis.blame._case import Candidate
+from daemon.analysis.blame._elements import TestOutcome
+from daemon.batch.paths import write_atomically
+from daemon.model.execution import RunLimits
+from daemon.model.spec import RunResult
+from daemon.model.verdicts import Evidence, Outcome, Verdict
+from daemon.run import execute, warm_up
+from grammars.text import codec
+
+SLOTS: Final = 2
+"""Candidates that run at the same time; what is found depends on it, not on who is faster."""
+_NICENESS: Final = 10
+
+
+class BudgetSpentError(Exception):
+    """Another run was needed and none is left."""
+
+
+@dataclass(frozen=True, slots=True)
+class CandidateResult:
+    """How a candidate ended by the oracle in question."""
+
+    word: TestOutcome
+    verdict: Verdict
+
+
+RunnerWatch: TypeAlias = Callable[["CandidateRunner"], None]
+
+
+@dataclass(slots=True)
+class CandidateRunner:
+    """Executes runs in processes of their own and remembers how they ended, by their digests.
+
+    ``runs`` counts what was executed, ``cached`` what was known already. ``watch`` is called
+    after each batch.
+    """
+
+    budget: int
+    watch: RunnerWatch | None = None
+    runs: int = 0
+    cached: int = 0
+    started: float = field(default_factory=time.monotonic)
+    _known: dict[str, CandidateResult] = field(default_factory=dict)
+
+    @property
+    def seconds(self) -> float:
+        """Wall clock since the beginning [s]."""
+        return time.monotonic() - self.started
+
+    def known(self, candidate: Candidate) -> CandidateResult | None:
+        """Return how a run ended that was executed before."""
+        return self._known.get(candidate.spec.digest)
+
+    def remember(self, candidate: Candidate, ended: CandidateResult) -> None:
+        """Take it as known how a run ends."""
+        self._known[candidate.spec.digest] = ended
+
+    def judge_all(self, candidate: Candidate) -> tuple[CandidateResult, ...]:
+        """Execute one run and return how it ended by each of its oracles."""
+        if self.runs >= self.budget:
+            raise BudgetSpentError
+        self.runs += 1
+        (endings,) = execute_candidates([candidate])
+        return endings
+
+    def settle(self, candidates: Sequence[Candidate]) -> None:
+        """Execute all of these that are not known yet."""
+        for start in range(0, len(candidates), SLOTS):
+            self._execute(candidates[start : start + SLOTS])
+
+    def first_failing(self, candidates: Sequence[Candidate | None]) -> int | None:
+        """Return the index of the first candidate that fails; ``None`` in it cannot be run.
+
+        Candidates are executed in order, :data:`SLOTS` at a time, up to the batch of the first
+        one that fails. Raises :class:`BudgetSpentError` when the budget does not last so far.
+        """
+        for start in range(0, len(candidates), SLOTS):
+            batch = candidates[start : start + SLOTS]
+            self._execute([candidate for candidate in batch if candidate is not None])
+            for index, candidate in enumerate(batch, start):
+                if candidate is not None and self._known[candidate.spec.digest].word == "fail":
+                    return index
+        return None
+
+    def _execute(self, candidates: Sequence[Candidate]) -> None:
+        new = {c.spec.digest: c for c in candidates if c.spec.digest not in self._known}
+        self.cached += len(candidates) - len(new)
+        if self.runs + len(new) > self.budget:
+            raise BudgetSpentError
+        if new:
+            endings = execute_candidates(list(new.values()))
+            self._known |= {digest: one for digest, (one,) in zip(new, endings, strict=True)}
+            self.runs += len(new)
+        if self.watch is not None:
+            self.watch(self)
+
+
+def execute_candidates(candidates: Sequence[Candidate]) -> list[tuple[CandidateResult, ...]]:
+    """Execute runs at the same time, each in a forked process, and judge each by its oracles.
+
+    A process that dies, is killed or takes too long leaves its run unresolved. Whatever is
+    raised here, Ctrl-C included, no process survives it.
+    """
+    warm_up()
+    with tempfile.TemporaryDirectory(prefix="scenario-blame-") as folder:
+        places = [Path(folder) / str(index) for index in range(len(candidates))]
+        context = multiprocessing.get_context("fork")
+        processes = [
+            context.Process(target=_run_candidate, args=(candidate, place), daemon=True)
+            for candidate, place in zip(candidates, places, strict=True)
+        ]
+        try:
+            for process in processes:
+                process.start()
+            _await(processes, max(RunLimits().wall_of(c.spec.limit) for c in candidates))
+        finally:
+            for process in processes:
+                if process.is_alive():
+                    process.kill()
+                if process.pid is not None:
+                    process.join()
+        return [_read_results(c, place) for c, place in zip(candidates, places, strict=True)]
+
+
+def _await(processes: Sequence[ForkProcess], seconds: float) -> None:
+    end = time.monotonic() + seconds
+    waiting = {process.sentinel for process in processes}
+    while waiting and (left := end - time.monotonic()) > 0.0:
+        waiting -= set(wait(list(waiting), left))
+
+
+def _run_candidate(candidate: Candidate, place: Path) -> None:
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent tells when to end
+    os.setpriority(os.PRIO_PROCESS, 0, max(_NICENESS, os.getpriority(os.PRIO_PROCESS, 0)))
+    sys.stdout = sys.stderr = open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115, PTH123
+    place.mkdir()
+    result = execute(candidate.spec, candidate.scene, trace_path=place / "trace.mcap")
+    write_atomically(place / "result.json", codec.to_json(result))
+
+
+def _read_results(candidate: Candidate, place: Path) -> tuple[CandidateResult, ...]:
+    file = place / "result.json"
+    if file.is_file():
+        result = codec.from_json(RunResult, file.read_bytes())
+        return tuple(judge_candidate(result, verdict) for verdict in result.verdicts)
+    evidence = Evidence(note="its process did not end well")
+    return tuple(
+        CandidateResult(
+            "unresolved", Verdict(o.name, o.text, Outcome.ERROR, None, None, "", evidence)
+        )
+        for o in candidate.spec.oracles
+    )
+
+
+def judge_candidate(result: RunResult, verdict: Verdict) -> CandidateResult:
+    """Return how a run ended by one oracle; a run that cannot be trusted is unresolved."""
+    trusted = result.ended != "crashed" and verdict.outcome in (Outcome.PASS, Outcome.FAIL)
+    if not trusted:
+        return CandidateResult("unresolved", verdict)
+    return CandidateResult("fail" if verdict.outcome is Outcome.FAIL else "pass", verdict)

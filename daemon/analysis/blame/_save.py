@@ -1,0 +1,234 @@
+"""The smallest failing run as a campaign of its own: a folder that can be handed on."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final, TypeVar
+
+import numpy as np
+
+from daemon.analysis.blame._case import Candidate, RunCase
+from daemon.analysis.blame._elements import Blame
+from daemon.analysis.blame._layer_text import (
+    behaviour_sentences,
+    is_scenery_text,
+    layer_text,
+    reduce_layers,
+    start_sentences,
+)
+from daemon.analysis.blame._runner import BudgetSpentError, CandidateRunner
+from daemon.analysis.blame._search import BlameResult
+from daemon.campaign import (
+    FLOORPLAN,
+    ROBOT,
+    expand,
+    find_layer,
+    load_campaign,
+    parameter_tree,
+    repeat_seed,
+)
+from daemon.model.spec import RunSpec
+from grammars.jsonld import plan_document, scenery_document
+from grammars.scenery import load_scenery
+from grammars.scenery.composition import compile_scene
+
+T = TypeVar("T")
+
+SCENARIO: Final = "minimal"
+_PLAIN: Final = re.compile(r"[A-Za-z_][A-Za-z0-9_]*\Z")
+
+
+@dataclass(frozen=True, slots=True)
+class _Folder:
+    """Files to be, by their names."""
+
+    path: Path
+
+    def write(self, name: str, text: str) -> str:
+        """Write a file and return its name."""
+        target = self.path / name
+        target.parent.mkdir(parents=True, exist_ok=True)
+        target.write_text(text, encoding="utf-8")
+        return name
+
+
+def save_campaign(case: RunCase, found: BlameResult, path: Path, runner: CandidateRunner) -> Path:
+    """Write the smallest failing run to the folder ``path`` and return the campaign file.
+
+    Layers are copied with only what is left of them, paths are relative; the run that the
+    campaign specifies is the one that failed, seed included. Raises ``OSError``, and
+    ``ValueError`` when the files would specify another run: nothing may be handed on that does
+    not fail in the same way.
+    """
+    folder = _Folder(path)
+    smallest, repeat = _earliest_repeat(case, found, runner)
+    scenery = [*_objects(case, smallest, folder), *_behaviours(smallest, folder)]
+    slots = {
+        "floorplan": _plan(case, folder),
+        "objects": [name for name, objects in scenery if objects],
+        "behaviours": [name for name, objects in scenery if not objects],
+        "mission": folder.write("minimal.mission.yaml", _mission(smallest.spec)),
+        "sut": _sut(case, found, folder),
+        "oracles": [smallest.spec.oracles[0].name],
+    }
+    robot = find_layer(case.folder, _required(case.cell.scenario.robot), ROBOT)
+    folder.write("robot.yaml", _without_schema(robot.read_text(encoding="utf-8")))
+    oracle = smallest.spec.oracles[0]
+    folder.write("minimal.oracles.yaml", _yaml({oracle.name: oracle.text}))
+    head = {
+        "campaign": _name(case),
+        "about": f"{case.spec.label} of {case.campaign.name}, reduced to what makes it fail",
+        "seed": case.campaign.seed,
+        "repeats": repeat + 1,
+        "limit": f"{case.spec.limit!r} s",
+        "robot": "robot.yaml",
+        "oracles": "minimal.oracles.yaml",
+        "map": {"resolution": f"{case.spec.map.resolution!r} m", "doors": case.spec.map.doors},
+        "scenarios": {SCENARIO: {key: value for key, value in slots.items() if value}},
+    }
+    name = folder.write("campaign.yaml", _comment(found.story, repeat) + _yaml(head))
+    _verify(path / name, smallest.spec)
+    return path / name
+
+
+def _earliest_repeat(
+    case: RunCase, found: BlameResult, runner: CandidateRunner
+) -> tuple[Candidate, int]:
+    """Return the run in repeat 0 if it fails there too, else as it is, with its repeat.
+
+    A campaign always has the repeats before one, so the first one is the one to have.
+    """
+    smallest, repeat = found.smallest, case.spec.repeat
+    if repeat == 0 or found.story.stopped:
+        return smallest, repeat
+    seed = int(repeat_seed(case.campaign.seed, 0).generate_state(1, np.uint64)[0])
+    first = Candidate(dataclasses.replace(smallest.spec, repeat=0, seed=seed), smallest.scene)
+    try:
+        return (first, 0) if runner.first_failing([first]) == 0 else (smallest, repeat)
+    except (BudgetSpentError, KeyboardInterrupt):
+        return smallest, repeat  # what was found is kept
+
+
+def _plan(case: RunCase, folder: _Folder) -> str:
+    scenario = case.cell.scenario
+    if scenario.vary is not None:
+        text = json.dumps(plan_document(case.cell.plan), indent=1)
+        return folder.write(f"{case.cell.plan.name}.jsonld", text)
+    source = find_layer(case.folder, _required(scenario.floorplan), FLOORPLAN)
+    return folder.write(source.name, source.read_text(encoding="utf-8"))
+
+
+def _objects(case: RunCase, smallest: Candidate, folder: _Folder) -> list[tuple[str, bool]]:
+    """Write the object layers that still place something, and how their objects start."""
+    names = {thing.name for thing in smallest.scene.objects}
+    whole = {o.plain.file: o.plain for o in case.layers if o.element.kind == "objects"}
+    layers = reduce_layers(tuple(whole.values()), names)
+    written, loaded = [], []
+    for layer in layers:
+        if is_scenery_text(layer):
+            text = layer_text(layer, whole[layer.file])
+            written.append((folder.write(f"{layer.name}.scenery", text), True))
+            loaded.append(load_scenery(folder.path / written[-1][0]))
+        else:
+            document = scenery_document(layer, case.cell.plan, layers)
+            text = json.dumps(document, indent=1)
+            written.append((folder.write(f"{layer.name}.jsonld", text), True))
+            loaded.append(layer)
+    text = start_sentences(smallest.scene, compile_scene(case.cell.plan, loaded)) if loaded else ""
+    if text:
+        written.append((folder.write("starts.scenery", text), True))
+    return written
+
+
+def _behaviours(smallest: Candidate, folder: _Folder) -> list[tuple[str, bool]]:
+    behaviours = smallest.spec.behaviours
+    if not behaviours:
+        return []
+    return [
+        (folder.write("minimal.scenery", behaviour_sentences(behaviours, smallest.scene)), False)
+    ]
+
+
+def _mission(spec: RunSpec) -> str:
+    mission = spec.mission
+    start = {"x": mission.start.x, "y": mission.start.y, "yaw": mission.start.yaw}
+    waypoints = [
+        {"id": w.id, "x": w.x, "y": w.y} | ({} if w.yaw is None else {"yaw": w.yaw})
+        for w in mission.waypoints
+    ]
+    return _yaml({"mission": mission.name, "start": start, "waypoints": waypoints})
+
+
+def _sut(case: RunCase, found: BlameResult, folder: _Folder) -> str:
+    """Write the system under test, as differences from the one it is like where it has any."""
+    sut, settings = found.smallest.spec.sut, case.settings
+    file = f"suts/{sut.name}.yaml"
+    changes = parameter_tree(settings.kept(found.left))
+    if not settings.like or not changes:
+        whole = {"sut": sut.name, "kind": sut.kind, "parameters": sut.parameters}
+        return folder.write(file, _yaml(whole))
+    like = settings.like if settings.like != sut.name else f"{sut.name}-base"
+    base = {"sut": like, "kind": sut.kind, "parameters": parameter_tree(settings.base)}
+    folder.write(f"suts/{like}.yaml", _yaml(base))
+    return folder.write(file, _yaml({"sut": sut.name, "like": like, "parameters": changes}))
+
+
+def _name(case: RunCase) -> str:
+    words = ("blame", case.campaign.name, *case.spec.label.split("/"))
+    return re.sub(r"[^A-Za-z0-9_-]+", "-", "-".join(words))[:60]
+
+
+def _comment(story: Blame, repeat: int) -> str:
+    otherwise = ", or fail for another reason" if story.flips else ""
+    lines = [
+        f"What is left of {story.run}, which failed {story.verdict.oracle}.",
+        f"Nothing else can be taken away: it would pass{otherwise}."
+        if story.minimal
+        else f"There may be more to take away: {story.stopped}.",
+    ]
+    if repeat:
+        lines.append(f"It is repeat {repeat} that fails; the ones before may pass.")
+    return "".join(f"# {line}\n" for line in lines)
+
+
+def _without_schema(text: str) -> str:
+    """Return a file without the line that tells editors where its schema is: it has moved."""
+    lines = text.splitlines(keepends=True)
+    return "".join(line for line in lines if not line.startswith("# yaml-language-server:"))
+
+
+def _required(value: T | None) -> T:
+    if value is None:
+        raise ValueError("a loaded scenario has no empty slot")
+    return value
+
+
+def _yaml(tree: Mapping[str, Any], indent: str = "") -> str:
+    """Return mappings as block YAML, everything else as JSON, which YAML 1.2 reads the same."""
+    lines = []
+    for key, value in tree.items():
+        name = key if _PLAIN.match(key) else json.dumps(key, ensure_ascii=False)
+        if isinstance(value, Mapping) and value:
+            lines.append(f"{indent}{name}:\n{_yaml(value, indent + '  ')}")
+        elif isinstance(value, list) and value and isinstance(value[0], Mapping):
+            items = (f"{indent}  - {json.dumps(item, ensure_ascii=False)}\n" for item in value)
+            lines.append(f"{indent}{name}:\n{''.join(items)}")
+        else:
+            lines.append(f"{indent}{name}: {json.dumps(value, ensure_ascii=False)}\n")
+    return "".join(lines)
+
+
+def _verify(file: Path, wanted: RunSpec) -> None:
+    """Hold the written campaign to specifying the run it was written for."""
+    runs = expand(load_campaign(file)).runs
+    found = next(run for run in runs if run.repeat == wanted.repeat)
+    for name in ("scene", "robot", "mission", "behaviours", "oracles", "map", "seed", "limit"):
+        if getattr(found, name) != getattr(wanted, name):
+            raise ValueError(f"{file} would specify another run: its {name} differs")
+    if (found.sut.kind, found.sut.parameters) != (wanted.sut.kind, wanted.sut.parameters):
+        raise ValueError(f"{file} would specify another run: its system under test differs")

@@ -1,0 +1,83 @@
+"""Coverage of the space of scenarios: what a campaign exercises, and what it leaves out.
+
+:data:`MODEL` declares the features of scenarios (Ortega et al. 2024, figure 1).
+:func:`planned_coverage` holds run specifications against it, :func:`trace_coverage` recorded runs,
+for which it also tells doors, floor and margins. Who has read traces already sums up
+:func:`run_coverage` of each by :func:`sum_coverage`.
+"""
+
+from daemon.analysis.coverage._building import (
+    CoveredCells,
+    covered_cells,
+    floor_area,
+    floor_grid,
+    room_cells,
+)
+from daemon.analysis.coverage._coverage import (
+    MAX_BINS,
+    NEAR,
+    RunCoverage,
+    bin_edges,
+    histogram_bars,
+    margin_histograms,
+    planned_coverage,
+    run_coverage,
+    sum_coverage,
+    trace_coverage,
+)
+from daemon.analysis.coverage._features import (
+    MODEL,
+    Exclusion,
+    FeatureModel,
+    RecognisedFeatures,
+    ScenarioFeature,
+    feature_leaves,
+    pair_counts,
+)
+from daemon.analysis.coverage._results import (
+    Coverage,
+    DoorCount,
+    FeatureCount,
+    FeatureGroup,
+    FloorArea,
+    MarginHistogram,
+    PairCount,
+    Pairs,
+    RoomArea,
+    Unreadable,
+)
+
+__all__ = [
+    "MAX_BINS",
+    "MODEL",
+    "NEAR",
+    "Coverage",
+    "CoveredCells",
+    "DoorCount",
+    "Exclusion",
+    "FeatureCount",
+    "FeatureGroup",
+    "FeatureModel",
+    "FloorArea",
+    "MarginHistogram",
+    "PairCount",
+    "Pairs",
+    "RecognisedFeatures",
+    "RoomArea",
+    "RunCoverage",
+    "ScenarioFeature",
+    "Unreadable",
+    "bin_edges",
+    "covered_cells",
+    "feature_leaves",
+    "floor_area",
+    "floor_grid",
+    "histogram_bars",
+    "margin_histograms",
+    "pair_counts",
+    "planned_coverage",
+    "room_cells",
+    "run_coverage",
+    "sum_coverage",
+    "trace_coverage",
+]

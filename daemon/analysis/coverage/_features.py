@@ -1,0 +1,260 @@
+"""The feature model of scenarios (Ortega et al. 2024, figure 1 and sections 2.2, 3.1), and counts.
+
+Four mandatory features as in the paper: testing objective, system under test, mission, scenery.
+The figure is not exhaustive by its own account; what stands below its second level is taken from
+the prose of sections 2.2, 3.1, 3.3 and table 1, and kept to what a run can be asked about. Where
+the paper gives no number (how many waypoints are many) the rule does, in its ``about``. Counted
+are the features, and the pairs of features, that a set of runs exercises.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from itertools import combinations
+from typing import Final, Literal, TypeAlias
+
+from daemon.analysis.coverage import _rules as rules
+from daemon.analysis.coverage._results import FeatureCount, PairCount, Pairs
+from daemon.analysis.coverage._rules import RunFacts
+
+FeatureRule: TypeAlias = Callable[[RunFacts], bool]
+FeatureNamer: TypeAlias = Callable[[RunFacts], str]
+ChildGroup: TypeAlias = Literal["all", "or", "alternative"]
+
+
+@dataclass(frozen=True, slots=True)
+class ScenarioFeature:
+    """A node of the model: ``path`` is its place in the tree, names joined by ``/``.
+
+    A node with children says by ``group`` how many of them a scenario has: ``all`` of the
+    mandatory ones, at least one (``or``), exactly one (``alternative``). A leaf has the rule
+    that recognises it in a run as planned and, where planned and done may differ, the rule
+    ``done`` that finds it in the trace. A node with ``named`` has one alternative for each name
+    the campaign brings.
+    """
+
+    path: str
+    about: str
+    planned: FeatureRule | None = None
+    done: FeatureRule | None = None
+    named: FeatureNamer | None = None
+    group: ChildGroup = "all"
+    optional: bool = False
+
+    @property
+    def parent(self) -> str:
+        """Path of the node above, empty for the four main features."""
+        return self.path.rpartition("/")[0]
+
+
+@dataclass(frozen=True, slots=True)
+class Exclusion:
+    """Two features that no scenario can have both, and why."""
+
+    first: str
+    second: str
+    why: str
+
+
+@dataclass(frozen=True, slots=True)
+class FeatureModel:
+    """Features, parents before children, and what excludes what beyond alternatives."""
+
+    features: tuple[ScenarioFeature, ...]
+    exclusions: tuple[Exclusion, ...] = ()
+
+
+_OBJECTIVE: Final = (
+    ScenarioFeature("objective", "what the test is for; told by what its oracles read", group="or"),
+    ScenarioFeature(
+        "objective/functional",
+        "an oracle judges whether the mission is done, or the localisation",
+        rules.functional,
+    ),
+    ScenarioFeature(
+        "objective/robustness",
+        "something judges a run whose scenery changes of itself: by the clock, on an occasion, "
+        "walking about",
+        rules.robustness,
+    ),
+    ScenarioFeature("objective/safety", "an oracle judges clearance or contact", rules.safety),
+    ScenarioFeature(
+        "objective/performance",
+        "an oracle judges or measures time, way or speed",
+        rules.performance,
+    ),
+)
+_SUT: Final = (
+    ScenarioFeature("sut", "what is tested, on which robot"),
+    ScenarioFeature(
+        "sut/configuration", "the systems under test", named=rules.sut, group="alternative"
+    ),
+    ScenarioFeature("sut/base", "how the robot can move", group="alternative"),
+    ScenarioFeature("sut/base/differential", "forwards and turning", rules.differential),
+    ScenarioFeature("sut/base/omnidirectional", "sideways as well", rules.omnidirectional),
+    ScenarioFeature("sut/odometry", "what the wheels tell", group="alternative"),
+    ScenarioFeature("sut/odometry/perfect", "equals the true motion", rules.perfect_odometry),
+    ScenarioFeature("sut/odometry/erring", "grows wrong on the way", rules.erring_odometry),
+    ScenarioFeature("sut/map", "whether the map shows the objects", group="alternative"),
+    ScenarioFeature(
+        "sut/map/bare", "walls only: the world differs from it by its objects", rules.bare_map
+    ),
+    ScenarioFeature(
+        "sut/map/furnished", "with objects as they stand at the start", rules.furnished_map
+    ),
+)
+_MISSION: Final = (
+    ScenarioFeature("mission", "what the robot has to do"),
+    ScenarioFeature("mission/waypoints", "how many places it has to reach", group="alternative"),
+    ScenarioFeature("mission/waypoints/one", "a single Go To action", rules.one_waypoint),
+    ScenarioFeature("mission/waypoints/few", "two to five in a sequence", rules.few_waypoints),
+    ScenarioFeature("mission/waypoints/many", "more than five in a sequence", rules.many_waypoints),
+    ScenarioFeature(
+        "mission/distance", "longest straight line between two of them", group="alternative"
+    ),
+    ScenarioFeature("mission/distance/near", "less than 15 m", rules.near),
+    ScenarioFeature("mission/distance/far", "15 m or more", rules.far),
+    ScenarioFeature("mission/reach", "whether a doorway lies between them", group="alternative"),
+    ScenarioFeature("mission/reach/one-room", "start and waypoints in one space", rules.one_room),
+    ScenarioFeature(
+        "mission/reach/across-rooms", "in several spaces", rules.across_rooms, rules.crossed_rooms
+    ),
+    ScenarioFeature(
+        "mission/circuit", "comes back to where it has been", rules.circuit, optional=True
+    ),
+    ScenarioFeature(
+        "mission/heading", "asks for a heading somewhere", rules.heading, optional=True
+    ),
+)
+_SCENERY: Final = (
+    ScenarioFeature("scenery", "the world around the robot"),
+    ScenarioFeature(
+        "scenery/plan", "features of the floor plan besides walls", group="or", optional=True
+    ),
+    ScenarioFeature("scenery/plan/doorways", "passages between spaces", rules.doorways),
+    ScenarioFeature(
+        "scenery/plan/narrow-doorways",
+        "with less than 0.2 m on either side of the robot (safety distance of section 4.3)",
+        rules.narrow_doorways,
+    ),
+    ScenarioFeature("scenery/plan/columns", "columns", rules.columns),
+    ScenarioFeature("scenery/plan/dividers", "dividers", rules.dividers),
+    ScenarioFeature("scenery/objects", "what is put into the building", group="or", optional=True),
+    ScenarioFeature("scenery/objects/hinged", "objects with a revolute joint", rules.hinged),
+    ScenarioFeature("scenery/objects/sliding", "objects with a prismatic joint", rules.sliding),
+    ScenarioFeature("scenery/objects/furniture", "objects that cannot move", rules.furniture),
+    ScenarioFeature("scenery/objects/agents", "movers: people, animals, carts", rules.agents),
+    ScenarioFeature("scenery/dynamics", "how it changes during a run", group="or"),
+    ScenarioFeature("scenery/dynamics/static", "nothing moves of itself", rules.static),
+    ScenarioFeature(
+        "scenery/dynamics/posed", "joints held in a pose (initial joint pose)", rules.posed
+    ),
+    ScenarioFeature(
+        "scenery/dynamics/pushable", "joints that nothing holds or drives", rules.pushable
+    ),
+    ScenarioFeature("scenery/dynamics/timed", "joints move by the clock", rules.timed, rules.keyed),
+    ScenarioFeature(
+        "scenery/dynamics/triggered", "joints move as the robot nears", rules.triggers, rules.fired
+    ),
+    ScenarioFeature(
+        "scenery/dynamics/reacting", "joints move on an occasion", rules.reacting, rules.reacted
+    ),
+    ScenarioFeature("scenery/dynamics/walking", "movers walk", rules.walking, rules.walked),
+)
+_STILL: Final = "where something moves, the scenery is not static"
+MODEL: Final = FeatureModel(
+    (*_OBJECTIVE, *_SUT, *_MISSION, *_SCENERY),
+    (
+        *(
+            Exclusion("scenery/dynamics/static", f"scenery/dynamics/{kind}", _STILL)
+            for kind in ("timed", "triggered", "reacting", "walking")
+        ),
+        Exclusion("scenery/dynamics/static", "objective/robustness", "robustness needs change"),
+        Exclusion("mission/waypoints/one", "mission/circuit", "one waypoint makes no circuit"),
+    ),
+)
+"""The model campaigns are held against."""
+
+
+@dataclass(frozen=True, slots=True)
+class RecognisedFeatures:
+    """Paths of the leaves one run plans, and of those it exercised: by its trace if it has one."""
+
+    planned: tuple[str, ...]
+    exercised: tuple[str, ...]
+    recorded: bool
+
+
+def recognise_features(model: FeatureModel, facts: RunFacts) -> RecognisedFeatures:
+    """Return the leaves of ``model`` that a run has."""
+    planned, exercised = [], []
+    for feature in model.features:
+        path = _present_path(feature, facts)
+        if path is None:
+            continue
+        planned.append(path)
+        if facts.trace is None or feature.done is None or feature.done(facts):
+            exercised.append(path)
+    return RecognisedFeatures(tuple(planned), tuple(exercised), facts.trace is not None)
+
+
+def _present_path(feature: ScenarioFeature, facts: RunFacts) -> str | None:
+    if feature.named is not None:
+        return f"{feature.path}/{feature.named(facts)}"
+    return feature.path if feature.planned is not None and feature.planned(facts) else None
+
+
+def feature_leaves(model: FeatureModel, runs: Iterable[RecognisedFeatures]) -> dict[str, str]:
+    """Return every leaf and what it is about, in the order of the model.
+
+    A feature with names from the campaign has one leaf for each name that ``runs`` bring.
+    """
+    met = dict.fromkeys(path for run in runs for path in run.planned)
+    found: dict[str, str] = {}
+    for feature in model.features:
+        if feature.named is not None:
+            prefix = f"{feature.path}/"
+            found |= {path: feature.about for path in met if path.startswith(prefix)}
+        elif feature.planned is not None:
+            found[feature.path] = feature.about
+    return found
+
+
+def feature_counts(
+    model: FeatureModel, runs: Sequence[RecognisedFeatures]
+) -> tuple[FeatureCount, ...]:
+    """Count runs per leaf."""
+    planned = Counter(path for run in runs for path in run.planned)
+    done = Counter(path for run in runs if run.recorded for path in run.exercised)
+    return tuple(
+        FeatureCount(path, about, planned[path], done[path])
+        for path, about in feature_leaves(model, runs).items()
+    )
+
+
+def pair_counts(model: FeatureModel, runs: Sequence[RecognisedFeatures]) -> Pairs:
+    """Count runs per pair of leaves; a pair is exercised by a run that exercises both."""
+    excluded = {frozenset((e.first, e.second)) for e in model.exclusions}
+    choices = {f.path for f in model.features if f.group == "alternative"}
+    counted = Counter(
+        pair for run in runs for pair in combinations(sorted(run.exercised), 2)
+    )  # sorted, so that a pair is counted under one key
+    exercised, missing, impossible = [], [], 0
+    for first, second in combinations(feature_leaves(model, runs), 2):
+        either = _parent(first) == _parent(second) and _parent(first) in choices
+        if either or frozenset((first, second)) in excluded:
+            impossible += 1
+            continue
+        low, high = sorted((first, second))
+        if counted[low, high]:
+            exercised.append(PairCount(first, second, counted[low, high]))
+        else:
+            missing.append((first, second))
+    possible = len(exercised) + len(missing)
+    return Pairs(possible, impossible, tuple(exercised), tuple(missing))
+
+
+def _parent(path: str) -> str:
+    return path.rpartition("/")[0]

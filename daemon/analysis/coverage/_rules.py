@@ -1,0 +1,342 @@
+"""Rules that recognise a feature in a run, one function each, and the facts they look at.
+
+A run is told before or after it was executed; see the model for what each rule means.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import math
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+from grammars.model.behaviour import Behaviour, Hold, KeyFrames, Reaction, Trigger, Walk
+from grammars.model.geometry import Point2, Ring
+from grammars.model.movers import is_mover, own_joints
+from grammars.model.robot import Robot
+from grammars.model.scene import Scene, SceneObject
+from grammars.oracle import Reached, parse_oracle, signals_of
+from grammars.text.diagnostics import InputError, Where
+
+if TYPE_CHECKING:
+    from daemon.model.spec import RunSpec
+    from daemon.trace import Trace
+
+MOVED = 0.01
+"""A joint has moved once it is this far from where it started [rad or m]."""
+MISSION = "mission"
+"""Stands for the mission among the signals an oracle reads: ``reached(mission, …)``."""
+
+
+@dataclass(frozen=True, slots=True)
+class OracleSignals:
+    """An oracle as far as objectives go: the signals it reads, whether it has a limit."""
+
+    signals: frozenset[str]
+    judges: bool
+
+
+@dataclass(frozen=True, slots=True)
+class RunFacts:
+    """A run to recognise features in; ``trace`` is ``None`` for one that is only planned."""
+
+    spec: RunSpec
+    scene: Scene
+    asked: tuple[OracleSignals, ...]
+    rooms: tuple[str, ...]
+    trace: Trace | None = None
+
+    def judges(self, *names: str) -> bool:
+        """Say whether an oracle with a limit reads a signal of these names or below them."""
+        return any(one.judges and _reads_signal(one, names) for one in self.asked)
+
+    def measures(self, *names: str) -> bool:
+        """Say whether any oracle, a mere measure included, reads such a signal."""
+        return any(_reads_signal(one, names) for one in self.asked)
+
+    def behaves(self, *kinds: type[Behaviour]) -> bool:
+        """Say whether a joint has a behaviour of one of these kinds."""
+        return any(isinstance(behaviour, kinds) for behaviour in self.spec.behaviours)
+
+    @property
+    def points(self) -> tuple[Point2, ...]:
+        """The start and every waypoint, in order [m]."""
+        mission = self.spec.mission
+        start = (mission.start.x, mission.start.y)
+        return (start, *((w.x, w.y) for w in mission.waypoints))
+
+    @property
+    def longest_leg(self) -> float:
+        """Longest straight line from one point of the mission to the next [m]."""
+        return max((math.dist(a, b) for a, b in pairwise(self.points)), default=0.0)
+
+    def happened(self, *beginnings: str) -> bool:
+        """Say whether the log of the world has a line that begins so; only with a trace."""
+        events = self.trace.events if self.trace is not None else ()
+        return any(event.text.startswith(beginnings) for event in events)
+
+
+def run_facts(spec: RunSpec, scene: Scene, trace: Trace | None = None) -> RunFacts:
+    """Return what rules look at."""
+    asked = tuple(_oracle_signals(oracle.text) for oracle in spec.oracles)
+    facts = RunFacts(spec, scene, asked, (), trace)
+    rooms = tuple(room_at(scene, point) for point in facts.points)
+    return dataclasses.replace(facts, rooms=rooms)
+
+
+@functools.lru_cache(maxsize=256)
+def _oracle_signals(text: str) -> OracleSignals:
+    """Read an oracle; one that cannot be read asks for nothing (its verdict says so)."""
+    try:
+        oracle = parse_oracle("", text, Where("an oracle"))
+    except InputError:
+        return OracleSignals(frozenset(), False)
+    judged = dataclasses.replace(oracle, guard=None)
+    names = {signal.name for signal in signals_of(judged)}
+    if isinstance(oracle.judgement, Reached):
+        names.add(MISSION)
+    return OracleSignals(frozenset(names), not oracle.is_measure)
+
+
+def _reads_signal(asked: OracleSignals, names: tuple[str, ...]) -> bool:
+    return any(
+        signal == name or signal.startswith(f"{name}.")
+        for signal in asked.signals
+        for name in names
+    )
+
+
+def room_at(scene: Scene, point: Point2) -> str:
+    """Return the region a point stands in, empty outside of all; the first one where they meet."""
+    return next((r.name for r in scene.regions if contains_point(r.outline, point)), "")
+
+
+def contains_point(ring: Ring, point: Point2) -> bool:
+    """Say whether a point lies in a simple polygon (even-odd rule; its border counts by half)."""
+    x, y = point
+    found = False
+    for (ax, ay), (bx, by) in zip(ring, (*ring[1:], *ring[:1]), strict=True):
+        if (ay > y) != (by > y) and x < ax + (y - ay) * (bx - ax) / (by - ay):
+            found = not found
+    return found
+
+
+def articulated_objects(scene: Scene) -> tuple[SceneObject, ...]:
+    """Return the articulated objects: those with a joint that has room to move, no movers."""
+    return tuple(
+        thing for thing in scene.objects if not is_mover(thing.joints) and own_joints(thing.joints)
+    )
+
+
+FAR: Final = 15.0
+"""Waypoints this far apart [m] are far from each other."""
+FEW: Final = 5
+"""More waypoints than this are many."""
+SPARE: Final = 0.2
+"""A doorway with less room than this [m] on either side of the robot is narrow."""
+SAME: Final = 0.5
+"""Points nearer than this [m] are the same place."""
+
+
+def functional(facts: RunFacts) -> bool:
+    return facts.judges(MISSION, "mission", "loc")
+
+
+def robustness(facts: RunFacts) -> bool:
+    changes = facts.behaves(KeyFrames, Reaction, Walk)
+    return changes and any(one.judges for one in facts.asked)
+
+
+def safety(facts: RunFacts) -> bool:
+    return facts.judges("clearance", "contact")
+
+
+def performance(facts: RunFacts) -> bool:
+    return facts.measures("elapsed", "mission.leg.elapsed", "path.length", "speed")
+
+
+def sut(facts: RunFacts) -> str:
+    return facts.spec.sut.name
+
+
+def differential(facts: RunFacts) -> bool:
+    return facts.spec.robot.drive.kind == "differential"
+
+
+def omnidirectional(facts: RunFacts) -> bool:
+    return facts.spec.robot.drive.kind == "omnidirectional"
+
+
+def perfect_odometry(facts: RunFacts) -> bool:
+    noise = facts.spec.robot.odometry
+    return noise.translation == noise.rotation == noise.drift == 0.0
+
+
+def erring_odometry(facts: RunFacts) -> bool:
+    return not perfect_odometry(facts)
+
+
+def bare_map(facts: RunFacts) -> bool:
+    return facts.spec.map.doors == "none"
+
+
+def furnished_map(facts: RunFacts) -> bool:
+    return facts.spec.map.doors == "initial"
+
+
+def one_waypoint(facts: RunFacts) -> bool:
+    return len(facts.spec.mission.waypoints) == 1
+
+
+def few_waypoints(facts: RunFacts) -> bool:
+    return 2 <= len(facts.spec.mission.waypoints) <= FEW
+
+
+def many_waypoints(facts: RunFacts) -> bool:
+    return len(facts.spec.mission.waypoints) > FEW
+
+
+def near(facts: RunFacts) -> bool:
+    return facts.longest_leg < FAR
+
+
+def far(facts: RunFacts) -> bool:
+    return facts.longest_leg >= FAR
+
+
+def one_room(facts: RunFacts) -> bool:
+    return len(set(facts.rooms)) == 1
+
+
+def across_rooms(facts: RunFacts) -> bool:
+    return len(set(facts.rooms)) > 1
+
+
+def crossed_rooms(facts: RunFacts) -> bool:
+    """Say whether the robot has been in two of the rooms its mission is about."""
+    if facts.trace is None:
+        return False
+    truth, wanted = facts.trace.ground_truth, set(facts.rooms) - {""}
+    # Once a second is enough: no robot crosses a room in less.
+    points = zip(truth.x[::20].tolist(), truth.y[::20].tolist(), strict=True)
+    return len({room_at(facts.scene, point) for point in points} & wanted) > 1
+
+
+def circuit(facts: RunFacts) -> bool:
+    points = facts.points
+    return len(points) > 2 and any(
+        math.dist(point, earlier) < SAME
+        for index, point in enumerate(points)
+        for earlier in points[: max(0, index - 1)]
+    )
+
+
+def heading(facts: RunFacts) -> bool:
+    return any(waypoint.yaw is not None for waypoint in facts.spec.mission.waypoints)
+
+
+def doorways(facts: RunFacts) -> bool:
+    return any(door.z_min <= 0.0 for door in facts.scene.doorways)
+
+
+def narrow_doorways(facts: RunFacts) -> bool:
+    least = _width(facts.spec.robot) + 2.0 * SPARE
+    return any(door.z_min <= 0.0 and door.width < least for door in facts.scene.doorways)
+
+
+def _width(robot: Robot) -> float:
+    across = [y for _, y in robot.footprint]
+    return max(across) - min(across)
+
+
+def columns(facts: RunFacts) -> bool:
+    return any(solid.kind == "column" for solid in facts.scene.solids)
+
+
+def dividers(facts: RunFacts) -> bool:
+    return any(solid.kind == "divider" for solid in facts.scene.solids)
+
+
+def hinged(facts: RunFacts) -> bool:
+    return any(
+        joint.kind == "revolute" for o in facts.scene.objects for joint in own_joints(o.joints)
+    )
+
+
+def sliding(facts: RunFacts) -> bool:
+    return any(
+        joint.kind == "prismatic" for o in facts.scene.objects for joint in own_joints(o.joints)
+    )
+
+
+def furniture(facts: RunFacts) -> bool:
+    return any(not own_joints(o.joints) and not is_mover(o.joints) for o in facts.scene.objects)
+
+
+def agents(facts: RunFacts) -> bool:
+    return any(is_mover(o.joints) for o in facts.scene.objects)
+
+
+def static(facts: RunFacts) -> bool:
+    return not facts.behaves(KeyFrames, Trigger, Reaction, Walk)
+
+
+def posed(facts: RunFacts) -> bool:
+    return facts.behaves(Hold)
+
+
+def pushable(facts: RunFacts) -> bool:
+    spoken_of = {behaviour.joint for behaviour in facts.spec.behaviours}
+    return any(
+        f"{thing.name}.{joint.name}" not in spoken_of
+        for thing in facts.scene.objects
+        if not thing.frozen
+        for joint in own_joints(thing.joints)
+    )
+
+
+def timed(facts: RunFacts) -> bool:
+    return facts.behaves(KeyFrames)
+
+
+def keyed(facts: RunFacts) -> bool:
+    return facts.happened("key frame ")
+
+
+def triggers(facts: RunFacts) -> bool:
+    return facts.behaves(Trigger)
+
+
+def fired(facts: RunFacts) -> bool:
+    return facts.happened("triggered ")
+
+
+def reacting(facts: RunFacts) -> bool:
+    return facts.behaves(Reaction)
+
+
+def reacted(facts: RunFacts) -> bool:
+    return facts.happened("reacts: ")
+
+
+def walking(facts: RunFacts) -> bool:
+    return facts.behaves(Walk)
+
+
+def walked(facts: RunFacts) -> bool:
+    """Say whether any walking joint has left where it stood."""
+    if facts.trace is None:
+        return False
+    track, walks = (
+        facts.trace.joints,
+        {b.joint for b in facts.spec.behaviours if isinstance(b, Walk)},
+    )
+    columns = [i for i, name in enumerate(track.names) if name.rpartition(".")[0] + ".x" in walks]
+    if not columns or not len(track.time):
+        return False
+    position = track.position[:, columns]
+    return bool((np.abs(position - position[0]) > MOVED).any())

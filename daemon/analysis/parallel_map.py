@@ -1,0 +1,50 @@
+"""A map over many items by forked processes, where there is enough of them."""
+
+from __future__ import annotations
+
+import multiprocessing
+import signal
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
+from typing import Final, TypeVar
+
+from daemon.batch.errors import DaemonError
+from daemon.model.execution import available_cores
+
+T = TypeVar("T")
+R = TypeVar("R")
+
+_CHUNK: Final = 8
+FEW_ITEMS: Final = 8
+"""So few traces are read sooner than other processes are started."""
+
+
+def parallel_map(
+    task: Callable[[T], R], items: Sequence[T], *, doing: str, processes: int | None = None
+) -> Iterator[R]:
+    """Return ``task`` of each item, in order, by forked children where there are many items.
+
+    ``processes`` defaults to one per core. What must be loaded or compiled should be before:
+    children have it in memory then. Raises :class:`daemon.batch.errors.DaemonError`, saying what it was
+    ``doing``, when a child dies.
+    """
+    count = min(processes or available_cores(), len(items))
+    if count < 2 or len(items) <= FEW_ITEMS:
+        yield from map(task, items)
+        return
+    context = multiprocessing.get_context("fork")
+    executor = ProcessPoolExecutor(count, mp_context=context, initializer=_ignore_interrupts)
+    try:
+        yield from executor.map(task, items, chunksize=min(_CHUNK, 1 + len(items) // (4 * count)))
+    except BrokenProcessPool as error:
+        raise DaemonError(
+            f"a process {doing} died, by lack of memory or by an oracle that plugs in"
+        ) from error
+    finally:
+        executor.shutdown(cancel_futures=True)
+
+
+def _ignore_interrupts() -> None:
+    """Leave Ctrl-C to the process that people see."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)

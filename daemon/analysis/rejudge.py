@@ -1,0 +1,210 @@
+"""Judging recorded runs again: other oracles, or the same ones, on old traces.
+
+A trace is read and never written. What it is compared with is what the ledger says of the run when
+the trace is one of a state directory's, otherwise what the oracles inside of the trace itself say.
+"""
+
+from __future__ import annotations
+
+import sqlite3
+from collections.abc import Iterator, Sequence
+from contextlib import closing
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+from typing import Literal
+
+from daemon.analysis.parallel_map import parallel_map
+from daemon.batch.ledger import connect_reader
+from daemon.batch.ledger import find_traces as traces_in_ledger
+from daemon.batch.paths import StatePaths
+from daemon.batch.stores import is_url, local_copy
+from daemon.judging import oracles
+from daemon.model.spec import OracleText, RunResult
+from daemon.model.verdicts import Outcome, Verdict
+from daemon.trace import TraceError, read_trace
+from grammars.text import codec
+
+VerdictOrigin = Literal["ledger", "trace"]
+
+
+@dataclass(frozen=True, slots=True)
+class RejudgedTrace:
+    """A trace judged again: ``before`` are the verdicts it had, as the ``origin`` tells.
+
+    ``problem`` says why nothing could be judged; everything else is empty then.
+    """
+
+    trace: str
+    run: str = ""
+    digest: str = ""
+    outcome: Outcome = Outcome.ERROR
+    verdicts: tuple[Verdict, ...] = ()
+    outcome_before: Outcome | None = None
+    before: tuple[Verdict, ...] = ()
+    origin: VerdictOrigin = "trace"
+    problem: str = ""
+
+    @property
+    def changes(self) -> tuple[OracleChange, ...]:
+        """What is different now, in the order of the oracles; new and dropped ones at the end."""
+        now, then = ({v.oracle: v for v in side} for side in (self.verdicts, self.before))
+        names = (*now, *(name for name in then if name not in now))
+        pairs = (OracleChange(name, then.get(name), now.get(name)) for name in names)
+        return tuple(sorted((c for c in pairs if c.kind != "same"), key=lambda c: c.rank))
+
+
+@dataclass(frozen=True, slots=True)
+class OracleChange:
+    """One oracle's verdict before and now; ``None`` where it was, or is, not judged."""
+
+    oracle: str
+    before: Verdict | None
+    now: Verdict | None
+
+    @property
+    def kind(self) -> Literal["same", "verdict", "margin", "new", "dropped"]:
+        """What changed: the verdict, only its margin (or measured value), or who judges."""
+        if self.before is None:
+            return "new"
+        if self.now is None:
+            return "dropped"
+        if self.before.outcome is not self.now.outcome:
+            return "verdict"
+        here, there = (
+            (v.lower, v.upper, v.unit, v.evidence.value) for v in (self.before, self.now)
+        )
+        return "same" if here == there else "margin"
+
+    @property
+    def rank(self) -> int:
+        """Order for people: changed verdicts first."""
+        return ("verdict", "margin", "new", "dropped", "same").index(self.kind)
+
+
+def rejudge(
+    traces: Sequence[Path],
+    written: Sequence[OracleText] | None,
+    *,
+    places: StatePaths,
+    processes: int | None = None,
+) -> Iterator[RejudgedTrace]:
+    """Judge ``traces`` by the oracles ``written`` (``None``: those in each trace), in order.
+
+    Spreads over ``processes`` (default: one per core). A trace that cannot be read gives a
+    :class:`RejudgedTrace` with its ``problem``. Raises :class:`daemon.batch.errors.DaemonError` when a judging
+    process dies.
+    """
+    recorded = _LedgerVerdicts(places)
+    oracles.warm_up()
+    task = partial(_judge_file, None if written is None else tuple(written))
+    judged_files = parallel_map(task, traces, doing="that judges", processes=processes)
+    with closing(recorded):
+        for path, judged in zip(traces, judged_files, strict=True):
+            yield recorded.compared(path, judged)
+
+
+def _judge_file(written: tuple[OracleText, ...] | None, path: Path) -> RejudgedTrace:
+    """Judge one file by the oracles given and by its own; the signals are computed once."""
+    try:
+        trace = read_trace(path)
+    except TraceError as error:
+        problem = "; ".join(found.message for found in error.diagnostics)
+        return RejudgedTrace(str(path), problem=problem)
+    own = trace.spec.oracles
+    asked = own if written is None else written
+    found = oracles.judge(trace, (*asked, *own))
+    verdicts, before = found[: len(asked)], found[len(asked) :]
+    return RejudgedTrace(
+        trace=str(path),
+        run=trace.spec.label,
+        digest=trace.spec.digest,
+        outcome=oracles.overall_outcome(trace, verdicts),
+        verdicts=verdicts,
+        outcome_before=oracles.overall_outcome(trace, before),
+        before=before,
+    )
+
+
+class _LedgerVerdicts:
+    """The verdicts a state directory's ledger has of its traces."""
+
+    def __init__(self, places: StatePaths) -> None:
+        self._places, self._folder = places, places.traces.resolve()
+        self._ledger: sqlite3.Connection | None = None
+
+    def close(self) -> None:
+        """Let go of the ledger."""
+        if self._ledger is not None:
+            self._ledger.close()
+
+    def compared(self, path: Path, judged: RejudgedTrace) -> RejudgedTrace:
+        """Return ``judged`` with the verdicts the ledger has of the run, if it has any."""
+        result = self._result(path) if not judged.problem else None
+        if result is None or result.spec != judged.digest:
+            return judged
+        return replace(
+            judged, before=result.verdicts, outcome_before=result.outcome, origin="ledger"
+        )
+
+    def _result(self, path: Path) -> RunResult | None:
+        place = path.resolve()
+        if not self._places.ledger.is_file() or not place.is_relative_to(self._folder):
+            return None
+        name = place.relative_to(self._folder).as_posix()
+        query = "SELECT body FROM result JOIN run ON run.id = result.run WHERE trace_name = ?"
+        try:
+            # Opened when first asked: by then the judging processes have been forked.
+            self._ledger = self._ledger or connect_reader(self._places.ledger)
+            row = self._ledger.execute(query, (name,)).fetchone()
+            return None if row is None else codec.from_json(RunResult, row[0])
+        except (sqlite3.Error, ValueError):
+            # A ledger of another version says nothing; the trace itself still does.
+            return None
+
+
+def find_traces(named: Sequence[str], places: StatePaths) -> tuple[Path, ...]:
+    """Return the traces meant: files, all in a folder, a campaign's or a run's by its id.
+
+    Each once, in the order named, those of a folder by name. Raises ``ValueError`` for what names
+    none.
+    """
+    found: dict[Path, None] = {}
+    for name in named:
+        found |= dict.fromkeys(_named_traces(name, places))
+    return tuple(found)
+
+
+def _named_traces(name: str, places: StatePaths) -> Sequence[Path]:
+    path = Path(name)
+    if path.is_file():
+        return [path]
+    recorded = [] if path.is_dir() and name else _recorded_traces(name, places)
+    if recorded:
+        return recorded
+    folder = path if name and path.is_dir() else _campaign_folder(name, places)
+    if folder is None:
+        raise ValueError(f"{name} is no trace, no folder, and no campaign or run in {places.state}")
+    traces = sorted(folder.rglob("*.mcap"))
+    if not traces:
+        raise ValueError(f"{folder} holds no traces (.mcap files)")
+    return traces
+
+
+def _campaign_folder(name: str, places: StatePaths) -> Path | None:
+    folder = places.traces / name
+    return folder if "/" not in name and name not in ("", "..", ".") and folder.is_dir() else None
+
+
+def _recorded_traces(name: str, places: StatePaths) -> Sequence[Path]:
+    """Return the traces of a campaign or a run, also where earlier ones were used again."""
+    if not places.ledger.is_file():
+        return []
+    try:
+        with closing(connect_reader(places.ledger)) as ledger:
+            found = traces_in_ledger(ledger, places, name)
+    except sqlite3.Error:
+        return []
+    return [
+        local_copy(trace) if is_url(trace.location) else Path(trace.location) for trace in found
+    ]

@@ -1,0 +1,99 @@
+"""Reading the traces of a campaign in parallel, and judging runs nobody has judged yet."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+from typing import Final, TypeAlias
+
+from daemon.analysis.coverage import Coverage, RunCoverage, run_coverage, sum_coverage
+from daemon.analysis.parallel_map import parallel_map
+from daemon.analysis.report._input import ReportInput, RunTracks, SafetyBuffer, TriggerWatch
+from daemon.analysis.report._safety_buffer import safety_buffer
+from daemon.analysis.report._tracks import extract_tracks
+from daemon.judging import oracles
+from daemon.judging.assessment import assess
+from daemon.judging.oracles import SignalSampler
+from daemon.model.assessments import Assessment, RunRecord
+from daemon.model.spec import Timing
+from daemon.trace import TraceError, read_trace
+
+_SAMPLES: Final = 36_000
+"""Samples drawn in all figures of one kind together: what keeps a report small."""
+_FEWEST, _MOST = 90, 600
+"""Samples drawn of one run."""
+
+ProgressWrapper: TypeAlias = Callable[[Iterable["ReportRun"], int], Iterable["ReportRun"]]
+
+
+@dataclass(frozen=True, slots=True)
+class ReportRun:
+    """A run, judged, and what its trace says."""
+
+    record: RunRecord
+    driven: RunTracks
+    covered: RunCoverage | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class ReportData:
+    """Everything a report is written from."""
+
+    chosen: ReportInput
+    runs: tuple[ReportRun, ...]
+    assessment: Assessment
+    buffer: SafetyBuffer
+    coverage: Coverage
+
+
+def read_report_data(
+    chosen: ReportInput, *, processes: int | None = None, watched: ProgressWrapper | None = None
+) -> ReportData:
+    """Read all traces and assess the campaign; ``watched`` may show how far it is.
+
+    Runs that are not judged yet are judged by the oracles inside of their traces. A trace that is
+    missing or damaged leaves a run without tracks, never without its verdicts.
+    """
+    buffer = safety_buffer(chosen.oracles)
+    points = max(_FEWEST, min(_MOST, _SAMPLES // max(len(chosen.records), 1)))
+    oracles.warm_up()
+    task = partial(_read_run, buffer=buffer, watches=chosen.watches, points=points)
+    found: Iterable[ReportRun] = parallel_map(
+        task, chosen.records, doing="that reads traces", processes=processes
+    )
+    runs = tuple(found if watched is None else watched(found, len(chosen.records)))
+    assessment = assess(chosen.declared, (run.record for run in runs))
+    coverage = sum_coverage([run.covered for run in runs if run.covered is not None])
+    return ReportData(chosen, runs, assessment, buffer, coverage)
+
+
+def _read_run(
+    record: RunRecord, *, buffer: SafetyBuffer, watches: tuple[TriggerWatch, ...], points: int
+) -> ReportRun:
+    if record.trace is None:
+        return ReportRun(record, RunTracks(record.id, problem=record.note or "there is no trace"))
+    try:
+        trace = read_trace(Path(record.trace), scans=True)
+    except TraceError as error:
+        problem = "; ".join(found.message for found in error.diagnostics)
+        return ReportRun(record, RunTracks(record.id, problem=problem))
+    invalid = oracles.trace_problems(trace)
+    sampler = None if invalid else SignalSampler(trace)
+    if record.outcome is None and record.state == "done":
+        verdicts = oracles.judge(trace, trace.spec.oracles, sampler=sampler)
+        record = replace(
+            record,
+            outcome=oracles.overall_outcome(trace, verdicts),
+            verdicts=verdicts,
+            ended=trace.ended or "",
+            timing=Timing(0.0, 0.0, trace.valid_until),
+            note=trace.note,
+        )
+    if sampler is None:
+        return ReportRun(record, RunTracks(record.id, problem="; ".join(invalid)))
+    covered = run_coverage(trace, record.verdicts)
+    return ReportRun(
+        record, extract_tracks(record.id, trace, sampler, buffer, watches, points), covered
+    )

@@ -1,0 +1,284 @@
+"""Which figures a report has, drawn in parallel, and the moment that decided a verdict."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+
+from daemon.analysis.parallel_map import parallel_map
+from daemon.analysis.report import _plots
+from daemon.analysis.report._data import ReportData
+from daemon.analysis.report._exports import require_extra
+from daemon.analysis.report._input import RunTracks, TriggerEncounter
+from daemon.analysis.report._safety_buffer import oracle_limit, outlines_near
+from daemon.analysis.report._svg import BAD, BODY, LINE, SECOND, SOFT, WALL, new_figure, to_svg
+from daemon.judging.oracles import SignalSampler
+from daemon.model.assessments import CellVerdict
+from daemon.model.verdicts import Outcome
+from daemon.trace import TraceError, read_scene, read_trace
+from grammars.model.geometry import Floats, Point2
+from grammars.model.scene import Scene
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+_WIDE, _HIGH = 3.2, 2.0
+"""Half of what is shown [m]."""
+_WAY_SHOWN: Final = 10.0
+"""Seconds of the way there that are shown."""
+
+
+def draw_moment(
+    name: str, label: str, trace: Path, time: float, involved: str, buffer: Point2
+) -> str:
+    """Return the place at ``time`` [s] of a run, the object ``involved`` in red; empty if the trace
+    cannot be read any more.
+    """
+    try:
+        recorded = read_trace(trace)
+    except TraceError:
+        return ""
+    sampler = SignalSampler(recorded)
+    stamps = sampler.timeline.time
+    index = min(int(np.searchsorted(stamps, time)), len(stamps) - 1)
+    pose = sampler.poses[index]
+    sheet, axes = new_figure(3.5, 3.5 * _HIGH / _WIDE, bare=True)
+    for owner, moves, ring in outlines_near(sampler, index, float(np.hypot(_WIDE, _HIGH))):
+        colour = BAD if owner == involved else SECOND if moves else WALL
+        axes.fill(ring[:, 0], ring[:, 1], facecolor=colour, edgecolor=colour, lw=0.5)
+    first = int(np.searchsorted(stamps, time - _WAY_SHOWN))
+    axes.plot(sampler.x[first : index + 1], sampler.y[first : index + 1], color=LINE, lw=1.2)
+    _draw_robot(axes, np.array(recorded.spec.robot.footprint), pose, buffer)
+    axes.set(
+        xlim=(pose[0] - _WIDE, pose[0] + _WIDE),
+        ylim=(pose[1] - _HIGH, pose[1] + _HIGH),
+        aspect="equal",
+    )
+    axes.set_axis_off()
+    return to_svg(sheet, name, label)
+
+
+def _draw_robot(axes: Axes, footprint: Floats, pose: Floats, buffer: Point2) -> None:
+    hx, hy = buffer
+    box = np.array([(hx, hy), (-hx, hy), (-hx, -hy), (hx, -hy), (hx, hy)])
+    around, body = _transform_points(box, pose), _transform_points(footprint, pose)
+    nose = _transform_points(
+        np.array([(0.0, 0.0), (0.7 * float(footprint[:, 0].max()), 0.0)]), pose
+    )
+    axes.plot(around[:, 0], around[:, 1], color=SOFT, lw=0.9, ls=(0, (4, 3)))
+    axes.fill(body[:, 0], body[:, 1], facecolor=BODY, edgecolor=BODY, alpha=0.55)
+    axes.plot(nose[:, 0], nose[:, 1], color=BODY, lw=2.0)
+
+
+def _transform_points(points: Floats, pose: Floats) -> Any:
+    c, s = np.cos(pose[2]), np.sin(pose[2])
+    return points @ np.array([(c, s), (-s, c)]) + pose[:2]
+
+
+MOST_CELLS: Final = 60
+"""Cells that get figures of their own; in larger campaigns the first ones, and it is said so."""
+
+
+MOST_MOMENTS: Final = 24
+"""Findings whose deciding moment is drawn."""
+
+
+@dataclass(frozen=True, slots=True)
+class ReportFigure:
+    """A drawn figure: ``svg`` and what it shows of which cell."""
+
+    kind: str
+    scenario: str
+    sut: str
+    caption: str
+    svg: str
+
+
+@dataclass(frozen=True, slots=True)
+class _FigureTask:
+    """A figure to draw: ``draw(name, label)`` gives its SVG."""
+
+    kind: str
+    scenario: str
+    sut: str
+    caption: str
+    label: str
+    draw: Callable[[str, str], str]
+
+
+def draw_figures(material: ReportData, *, processes: int | None = None) -> tuple[ReportFigure, ...]:
+    """Draw every figure of a report; raises :class:`InputError` without the extra ``report``."""
+    require_extra("matplotlib.figure", "a report with figures")
+    require_extra("matplotlib.backends.backend_svg", "a report with figures")
+    drawn = (*_moments(material), *_of_cells(material), *_of_campaign(material))
+    tasks = tuple(enumerate(drawn))
+    return tuple(parallel_map(_draw_task, tasks, doing="that draws figures", processes=processes))
+
+
+def _draw_task(numbered: tuple[int, _FigureTask]) -> ReportFigure:
+    number, task = numbered
+    svg = task.draw(f"f{number}", task.label)
+    return ReportFigure(task.kind, task.scenario, task.sut, task.caption, svg)
+
+
+def notable_verdicts(material: ReportData) -> tuple[CellVerdict, ...]:
+    """Return the verdicts to look at: what contradicts, is open or fails, unexpected ones first."""
+    wanted = [
+        oracle
+        for cell in material.assessment.cells
+        for oracle in cell.oracles
+        if not oracle.met or oracle.verdict is not Outcome.PASS
+    ]
+    return tuple(sorted(wanted, key=lambda oracle: oracle.met))
+
+
+def _moments(material: ReportData) -> Iterator[_FigureTask]:
+    """Draw the deciding moments of the first findings."""
+    runs = {run.record.id: run for run in material.runs}
+    for oracle in notable_verdicts(material)[:MOST_MOMENTS]:
+        worst = oracle.worst
+        time = None if worst is None else worst.verdict.evidence.time
+        if worst is None or time is None:
+            continue
+        run, involved = runs[worst.run], worst.verdict.evidence.object
+        if run.record.trace is None or not len(run.driven.time):
+            continue
+        caption = f"repeat {worst.repeat} at {time:.1f} s"
+        yield _FigureTask(
+            f"moment {oracle.oracle}", oracle.scenario, oracle.sut, caption,
+            f"The moment that decides {oracle.oracle}, {oracle.scenario} with {oracle.sut}",
+            partial(
+                draw_moment, trace=Path(run.record.trace), time=time, involved=involved,
+                buffer=run.driven.buffer,
+            ),
+        )  # fmt: skip
+
+
+def _cells(material: ReportData) -> dict[tuple[str, str], list[RunTracks]]:
+    found: dict[tuple[str, str], list[RunTracks]] = {}
+    for run in material.runs:
+        if len(run.driven.time) > 1:
+            found.setdefault((run.record.scenario, run.record.sut), []).append(run.driven)
+    return dict(list(found.items())[:MOST_CELLS])
+
+
+def _of_cells(material: ReportData) -> Iterator[_FigureTask]:
+    cells, scenes = _cells(material), _scenes(material)
+    limit = oracle_limit(material.chosen.oracles, "loc.error")
+    for scenario in dict.fromkeys(scenario for scenario, _ in cells):
+        here = {sut: runs for (name, sut), runs in cells.items() if name == scenario}
+        frame = _plots.plot_limits([run for runs in here.values() for run in runs])
+        for sut, runs in here.items():
+            of = f"{scenario} with {sut}"
+            if any(not np.isnan(run.error).all() for run in runs):
+                yield _FigureTask(
+                    "localisation", scenario, sut, sut,
+                    f"Localisation error and spread over time, {of}",
+                    partial(_plots.plot_localisation, runs=runs, frame=frame, limit=limit),
+                )  # fmt: skip
+            if any(np.isnan(run.clearance).all() for run in runs):
+                continue
+            yield _FigureTask(
+                "distance", scenario, sut, sut, f"Clearance over time, {of}",
+                partial(_plots.plot_clearance, runs=runs, frame=frame),
+            )  # fmt: skip
+            scene = scenes.get(runs[0].scene)
+            if scene is not None:
+                yield _FigureTask(
+                    "way", scenario, sut, sut, f"Clearance along the way on the map, {of}",
+                    partial(_plots.plot_way, runs=runs, frame=frame, scene=scene),
+                )  # fmt: skip
+            if any(len(run.inside) for run in runs):
+                yield _FigureTask(
+                    "inside", scenario, sut, f"{scenario}, {sut}",
+                    f"Obstacles inside the safety buffer as seen from the robot, {of}",
+                    partial(_plots.plot_buffer, runs=runs),
+                )  # fmt: skip
+
+
+def _of_campaign(material: ReportData) -> Iterator[_FigureTask]:
+    yield from _worst_localisation(material)
+    yield from _boxes(material, "time in buffer", "time in buffer [s]")
+    yield from _boxes(material, "error p95", "95 % of the error [m]")
+    yield from _boxes(material, "duration", "duration [s]")
+    yield from _triggers(material)
+
+
+def _worst_localisation(material: ReportData) -> Iterator[_FigureTask]:
+    known = [run for run in material.runs if "error max" in run.driven.measures]
+    if not known:
+        return
+    worst = max(known, key=lambda run: run.driven.measures["error max"])
+    scene = _scenes(material).get(worst.driven.scene)
+    if scene is None:
+        return
+    of = f"{worst.record.scenario} with {worst.record.sut}, repeat {worst.record.repeat}"
+    limit = oracle_limit(material.chosen.oracles, "loc.error")
+    yield _FigureTask(
+        "worst-localisation", worst.record.scenario, of, "around the peak",
+        f"The largest localisation error over time, {of}",
+        partial(_plots.plot_error_peak, run=worst.driven, limit=limit),
+    )  # fmt: skip
+    yield _FigureTask(
+        "worst-localisation", worst.record.scenario, of, "where it was",
+        f"The largest localisation error on the map, {of}",
+        partial(_plots.plot_peak_map, run=worst.driven, scene=scene),
+    )  # fmt: skip
+
+
+def _boxes(material: ReportData, measure: str, axis: str) -> Iterator[_FigureTask]:
+    values: dict[str, dict[str, list[float]]] = {}
+    for run in material.runs:
+        if measure in run.driven.measures:
+            of = values.setdefault(run.record.scenario, {}).setdefault(run.record.sut, [])
+            of.append(run.driven.measures[measure])
+    if not values or not any(v for cells in values.values() for vs in cells.values() for v in vs):
+        return
+    suts = tuple(dict.fromkeys(sut for cells in values.values() for sut in cells))
+    table = tuple((scenario, tuple(cells.items())) for scenario, cells in values.items())
+    yield _FigureTask(
+        f"boxes {measure}", "", "", measure, f"Boxplots of {measure} by scenario",
+        partial(_plots.plot_boxes, values=table, suts=suts, axis=axis),
+    )  # fmt: skip
+
+
+def scenarios_with_triggers(material: ReportData) -> tuple[str, ...]:
+    """Return the scenarios in the figures around triggers, in the order of their colours."""
+    names = (run.record.scenario for run in material.runs if run.driven.passings)
+    return tuple(dict.fromkeys(names))
+
+
+def _triggers(material: ReportData) -> Iterator[_FigureTask]:
+    colours = {name: number for number, name in enumerate(scenarios_with_triggers(material))}
+    found: dict[tuple[str, str], dict[int, list[TriggerEncounter]]] = {}
+    for run in material.runs:
+        for passing in run.driven.passings:
+            if len(passing.since) > 1:
+                by_scenario = found.setdefault((passing.joint, run.record.sut), {})
+                by_scenario.setdefault(colours[run.record.scenario], []).append(passing)
+    for (joint, sut), by_scenario in sorted(found.items()):
+        door = joint.rpartition(".")[0] or joint
+        yield _FigureTask(
+            "trigger", door, sut, sut,
+            f"Speed and turning speed around the trigger of {door} with {sut}",
+            partial(_plots.plot_triggers, scenarios=tuple(by_scenario.items())),
+        )  # fmt: skip
+
+
+def _scenes(material: ReportData) -> dict[str, Scene]:
+    """Return the scenes of the runs by digest, each read from one of the traces."""
+    found: dict[str, Scene] = {}
+    for run in material.runs:
+        digest, trace = run.driven.scene, run.record.trace
+        if digest and trace is not None and digest not in found:
+            try:
+                found[digest] = read_scene(Path(trace))
+            except TraceError:
+                # Read a moment ago and gone now: the figure has no walls then.
+                continue
+    return found

@@ -1,0 +1,259 @@
+"""What a report is about: a campaign of a state directory, or a folder of traces.
+
+With the values a report is made from: runs, and what their traces say, thinned for paper and
+screen.
+"""
+
+from __future__ import annotations
+
+import sqlite3
+from collections.abc import Iterator, Sequence
+from contextlib import closing, contextmanager
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+
+from daemon.batch.errors import DaemonError, Refused, TraceUnavailable
+from daemon.batch.ledger import LedgerReader, connect_reader
+from daemon.batch.paths import StatePaths
+from daemon.batch.stores import is_url, local_copy
+from daemon.model.assessments import AssessmentRules, RunRecord
+from daemon.model.messages import LARGEST_PAGE, RecordQuery
+from daemon.model.spec import RunSpec
+from daemon.model.status import CampaignRow, Submission
+from daemon.trace import TraceError, read_spec
+from grammars.model.behaviour import Trigger
+from grammars.model.geometry import Point2, Ring
+from grammars.text import codec
+
+ThinnedSamples = npt.NDArray[np.float32]
+"""Samples kept for drawing; numbers that count are taken from all samples before."""
+
+
+@dataclass(frozen=True, slots=True)
+class TriggerWatch:
+    """A trigger of some scenario: runs without it are looked at when they come as near."""
+
+    trigger: Trigger
+
+    @property
+    def name(self) -> str:
+        """The joint that is triggered, ``door-17.hinge``."""
+        return self.trigger.joint
+
+
+@dataclass(frozen=True, slots=True)
+class ReportInput:
+    """A campaign chosen for a report.
+
+    ``id`` is empty for a folder of traces, ``where`` says which folder or state directory.
+    ``oracles`` are the texts of all oracles, ``watches`` the triggers of all scenarios, each once.
+    ``unread`` are files that are no usable traces, with the reason.
+    """
+
+    id: str
+    name: str
+    about: str
+    where: str
+    declared: AssessmentRules
+    records: tuple[RunRecord, ...]
+    oracles: tuple[str, ...] = ()
+    watches: tuple[TriggerWatch, ...] = ()
+    unread: tuple[tuple[str, str], ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class SafetyBuffer:
+    """The safety buffer the report looks at: a box in the base frame, half extents [m].
+
+    Without ``half`` it is the box around the footprint and ``margin`` [m] more on every side.
+    ``source`` says in words where it is from.
+    """
+
+    half: Point2 | None
+    margin: float
+    source: str
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TriggerEncounter:
+    """The robot near what triggers, from ``before`` to ``after`` the moment it came so near.
+
+    ``fired``: the trigger is part of the scenario; otherwise it only would have been. ``time`` [s]
+    of the run; ``since`` (n,) [s] around it, with ``speed`` [m/s] and ``turning`` [rad/s].
+    """
+
+    joint: str
+    time: float
+    fired: bool
+    speed_then: float
+    since: ThinnedSamples
+    speed: ThinnedSamples
+    turning: ThinnedSamples
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RunTracks:
+    """What the trace of one run says. Tracks have the shape (n,), all on ``time`` [s].
+
+    ``x``, ``y`` [m]: true position. ``clearance`` [m]: distance from the box around the footprint
+    to the nearest obstacle, negative inside. ``error``, ``sigma_x``, ``sigma_y`` [m]: localisation;
+    NaN where unknown. ``inside`` (k, 2) [m]: points of obstacles that were inside the buffer, base
+    frame. ``contacts`` (time, object, x, y). ``measures`` by name, in the units of
+    :data:`daemon.analysis.report.MEASURES`. ``problem`` says why there is nothing, if so.
+    """
+
+    run: str
+    problem: str = ""
+    footprint: Ring = ()
+    body: Point2 = (0.0, 0.0)
+    buffer: Point2 = (0.0, 0.0)
+    limit: float = 0.0
+    time: ThinnedSamples = field(default_factory=lambda: np.empty(0, np.float32))
+    x: ThinnedSamples = field(default_factory=lambda: np.empty(0, np.float32))
+    y: ThinnedSamples = field(default_factory=lambda: np.empty(0, np.float32))
+    clearance: ThinnedSamples = field(default_factory=lambda: np.empty(0, np.float32))
+    error: ThinnedSamples = field(default_factory=lambda: np.empty(0, np.float32))
+    sigma_x: ThinnedSamples = field(default_factory=lambda: np.empty(0, np.float32))
+    sigma_y: ThinnedSamples = field(default_factory=lambda: np.empty(0, np.float32))
+    inside: ThinnedSamples = field(default_factory=lambda: np.empty((0, 2), np.float32))
+    contacts: tuple[tuple[float, str, float, float], ...] = ()
+    passings: tuple[TriggerEncounter, ...] = ()
+    measures: dict[str, float] = field(default_factory=dict)
+    scene: str = ""
+
+
+NOTE: Final = "campaign.json"
+"""What `scenario run` leaves beside its traces."""
+
+
+@dataclass(frozen=True, slots=True)
+class CampaignNote:
+    """What a campaign says about itself and its results."""
+
+    name: str
+    about: str
+    declared: AssessmentRules
+
+
+@contextmanager
+def open_ledger(places: StatePaths) -> Iterator[LedgerReader]:
+    """Open the ledger of a state directory for questions; no daemon is needed for that.
+
+    Raises :class:`daemon.batch.errors.DaemonError` when there is none, or none this version can read.
+    """
+    if not places.ledger.is_file():
+        raise DaemonError(
+            f"{places.state} is no state directory: name a folder of traces, or choose another "
+            "directory with --state"
+        )
+    with closing(connect_reader(places.ledger)) as connection:
+        try:
+            yield LedgerReader(connection, places)
+        except sqlite3.DatabaseError as error:
+            message = f"{places.ledger} is not a usable ledger: {error}"
+            raise DaemonError(message) from error
+
+
+def ledger_input(reader: LedgerReader, row: CampaignRow, places: StatePaths) -> ReportInput:
+    """Return a campaign of a state directory with all its runs, also those without a result."""
+    records: list[RunRecord] = []
+    while True:
+        page = reader.records(RecordQuery(row.id, len(records), LARGEST_PAGE))
+        records += page
+        if len(page) < LARGEST_PAGE:
+            break
+    specs = [reader.run(record.id).spec for record in records]
+    records = [_local_record(reader, record) for record in records]
+    return campaign_input(row, str(places.state), reader.declared(row.id), records, specs)
+
+
+def _local_record(reader: LedgerReader, record: RunRecord) -> RunRecord:
+    """Return a record whose trace is a file of this machine, also when it lies in a store."""
+    if record.trace is None or not is_url(record.trace):
+        return record
+    try:
+        return replace(record, trace=str(local_copy(reader.trace(record.id))))
+    except TraceUnavailable as error:
+        return replace(record, trace=None, note=f"{record.note} {error}".strip())
+
+
+def campaign_input(
+    row: CampaignRow,
+    where: str,
+    declared: AssessmentRules,
+    records: Sequence[RunRecord],
+    specs: Sequence[RunSpec],
+) -> ReportInput:
+    """Return a campaign with its runs in order, whose traces are files of this machine."""
+    chosen = ReportInput(row.id, row.name, row.about, where, declared, tuple(records))
+    return _add_specs(chosen, specs)
+
+
+def write_campaign_note(folder: Path, submission: Submission) -> None:
+    """Write into a folder of traces what their campaign declares, for reports about them."""
+    note = CampaignNote(submission.name, submission.about, submission.declared)
+    (folder / NOTE).write_bytes(codec.to_json(note))
+
+
+def _read_note(folder: Path, otherwise: str) -> CampaignNote:
+    """Read what :func:`write_campaign_note` wrote; raises :class:`daemon.batch.errors.Refused` for nonsense."""
+    path = folder / NOTE
+    if not path.is_file():
+        return CampaignNote(otherwise, "", AssessmentRules())
+    try:
+        return codec.from_json(CampaignNote, path.read_bytes())
+    except ValueError as error:
+        raise Refused(f"{path} is not what `scenario run` leaves: delete it ({error})") from error
+
+
+def folder_input(folder: Path) -> ReportInput:
+    """Return the traces below ``folder`` as runs nobody has judged yet, in the order of names.
+
+    Raises :class:`daemon.batch.errors.Refused` when there are none, or none that can be read.
+    """
+    traces = sorted(folder.rglob("*.mcap"))
+    records: list[RunRecord] = []
+    specs: list[RunSpec] = []
+    unread: list[tuple[str, str]] = []
+    for trace in traces:
+        try:
+            spec = read_spec(trace)
+        except TraceError as error:
+            unread.append((str(trace), "; ".join(d.message for d in error.diagnostics)))
+            continue
+        specs.append(spec)
+        records.append(
+            RunRecord(
+                id=trace.relative_to(folder).as_posix(),
+                scenario=spec.scenario,
+                sut=spec.sut.name,
+                repeat=spec.repeat,
+                digest=spec.digest,
+                outcome=None,
+                trace=str(trace),
+                seed=spec.seed,
+            )
+        )
+    if not records:
+        why = f": {unread[0][0]}: {unread[0][1]}" if unread else " (.mcap files)"
+        raise Refused(f"{folder} holds no traces that can be read{why}")
+    note = _read_note(folder, ", ".join(dict.fromkeys(spec.campaign for spec in specs)))
+    chosen = ReportInput(
+        "", note.name, note.about, str(folder), note.declared, tuple(records), unread=tuple(unread)
+    )
+    return _add_specs(chosen, specs)
+
+
+def _add_specs(chosen: ReportInput, specs: Sequence[RunSpec]) -> ReportInput:
+    """Return ``chosen`` with the oracles and triggers of all its runs, each once."""
+    oracles = dict.fromkeys(oracle.text for spec in specs for oracle in spec.oracles)
+    watches: dict[tuple[str, float], TriggerWatch] = {}
+    for spec in specs:
+        for behaviour in spec.behaviours:
+            if isinstance(behaviour, Trigger):
+                watches.setdefault((behaviour.joint, behaviour.distance), TriggerWatch(behaviour))
+    return replace(chosen, oracles=tuple(oracles), watches=tuple(watches.values()))

@@ -1,0 +1,271 @@
+"""The report as a page: what it says, in what order, in which words."""
+
+from __future__ import annotations
+
+import shlex
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final, Literal
+
+from markupsafe import Markup
+
+from daemon.analysis.coverage import histogram_bars
+from daemon.analysis.report._data import ReportData, ReportRun
+from daemon.analysis.report._figures import (
+    MOST_CELLS,
+    ReportFigure,
+    draw_figures,
+    notable_verdicts,
+    scenarios_with_triggers,
+)
+from daemon.analysis.report._formatting import (
+    GLYPHS,
+    NOTHING,
+    count_noun,
+    duration_text,
+    format_quantity,
+    mean_and_deviation,
+    percentage,
+    verdict_details,
+)
+from daemon.analysis.report._svg import SERIES
+from daemon.analysis.report._tracks import MEASURES, RunMeasure
+from daemon.model.assessments import Assessment, CellAssessment, CellVerdict
+from daemon.model.verdicts import Outcome
+from templates.report import render_report
+
+_FIGURE_KINDS: Final = ("localisation", "way", "distance", "inside", "trigger")
+
+
+@dataclass(frozen=True, slots=True)
+class Headline:
+    """Whether it is fine: one word for its colour, a short word, the sentence."""
+
+    tone: Literal["good", "bad", "open"]
+    word: str
+    sentence: str
+
+
+@dataclass(frozen=True, slots=True)
+class ReportFinding:
+    """An oracle of a cell worth a closer look: its repeats, what to type, the deciding moment."""
+
+    oracle: CellVerdict
+    text: str
+    runs: tuple[tuple[str, str, str], ...]
+    commands: tuple[tuple[str, str], ...]
+    moment: tuple[str, Markup] | None
+
+
+@dataclass(frozen=True, slots=True)
+class MeasureRow:
+    """One measure of one cell: mean, deviation, and the range as words."""
+
+    mean: str
+    deviation: str
+    range: str
+
+
+@dataclass(frozen=True, slots=True)
+class SuggestedCommand:
+    """Something to type about a run: ``{run}`` is replaced by the run's id or trace.
+
+    With ``failing`` only about runs that failed.
+    """
+
+    text: str
+    purpose: str
+    failing: bool = False
+
+
+def write_page(
+    material: ReportData, commands: Sequence[SuggestedCommand], *, processes: int | None = None
+) -> str:
+    """Return the report as HTML; ``commands`` are what people can type about a run.
+
+    Raises :class:`InputError` without the extra ``report``.
+    """
+    figures = draw_figures(material, processes=processes)
+    assessment = material.assessment
+    scenarios = tuple(dict.fromkeys(cell.scenario for cell in assessment.cells))
+    suts = tuple(dict.fromkeys(cell.sut for cell in assessment.cells))
+    used = tuple(m for m in MEASURES if any(m.name in r.driven.measures for r in material.runs))
+    filters = {
+        "quantity": format_quantity,
+        "share": percentage,
+        "glyph": lambda word: GLYPHS.get(str(word), "?"),
+        "said": verdict_details,
+        "bars": histogram_bars,
+        "joined": lambda text: text.replace("  ", ", ").replace(" -", " −"),
+    }
+    return render_report(
+        filters,
+        chosen=material.chosen,
+        assessment=assessment,
+        answer=headline(assessment, material.runs),
+        facts=_facts(material, scenarios, suts),
+        scenarios=scenarios,
+        suts=suts,
+        cells={(cell.scenario, cell.sut): cell for cell in assessment.cells},
+        surprised={(s.scenario, s.sut) for s in assessment.surprises},
+        findings=_findings(material, commands, figures),
+        compared=[(group, _compared(material, group)) for group in _grouped(used)],
+        declared_measures=_declared(assessment),
+        boxes=[_as_markup(f) for f in figures if f.kind.startswith("boxes")],
+        worst=[_as_markup(f) for f in figures if f.kind == "worst-localisation"],
+        worst_run=next((f.sut for f in figures if f.kind == "worst-localisation"), ""),
+        by_kind={k: _by_scenario([f for f in figures if f.kind == k]) for k in _FIGURE_KINDS},
+        sut_colours=_colours(suts),
+        trigger_colours=_colours(scenarios_with_triggers(material)),
+        runs=material.runs,
+        buffer=material.buffer,
+        most=MOST_CELLS if len(assessment.cells) > MOST_CELLS else 0,
+        nothing=NOTHING,
+        honest=_strongest_claim(assessment),
+        coverage=material.coverage if material.coverage.runs else None,
+    )
+
+
+def headline(assessment: Assessment, runs: Sequence[ReportRun]) -> Headline:
+    """Return the one line that says whether it is fine."""
+    oracles = [oracle for cell in assessment.cells for oracle in cell.oracles]
+    total = len(oracles) + len(assessment.comparisons)
+    verdicts = count_noun(total, "verdict")
+    if assessment.exit_code == 0:
+        known = sum(oracle.expected != "pass" for oracle in oracles)
+        extra = f", {known} of them known to fail" if known else ""
+        return Headline("good", "Yes", f"All {verdicts} are as expected{extra}.")
+    missed = [oracle for oracle in oracles if not oracle.met]
+    undecided = len(missed) + sum(not cell.met for cell in assessment.comparisons)
+    undecided -= len(assessment.surprises)
+    if assessment.exit_code == 1:
+        count = len(assessment.surprises)
+        also = f", {undecided} undecided" if undecided > 0 else ""
+        verb = "is" if count == 1 else "are"
+        return Headline("bad", "No", f"{count} of {verdicts} {verb} not as expected{also}.")
+    judged = sum(run.record.outcome not in (None, Outcome.ERROR) for run in runs)
+    broken = len(runs) - judged
+    if broken:
+        text = f"{broken} of {count_noun(len(runs), 'run')} could not be executed or judged."
+        return Headline("open", "Not known", text)
+    if not total:
+        return Headline("open", "Not known", "No oracle judges these runs.")
+    return Headline("open", "Not known", f"{undecided} of {verdicts} undecided by these runs.")
+
+
+def _strongest_claim(assessment: Assessment) -> str:
+    """Return what the repeats of a cell can show at best, in words."""
+    clean = [o for c in assessment.cells for o in c.oracles if o.n and o.passed == o.n]
+    return clean[0].statement if clean else ""
+
+
+def _facts(
+    material: ReportData, scenarios: Sequence[str], suts: Sequence[str]
+) -> tuple[tuple[str, str], ...]:
+    records = [run.record for run in material.runs]
+    simulated = sum(record.timing.simulated for record in records if record.timing)
+    counts = dict.fromkeys(("pass", "fail", "inconclusive", "error", "without a result"), 0)
+    for record in records:
+        counts[str(record.outcome or "without a result")] += 1
+    verdicts = ", ".join(f"{count} {word}" for word, count in counts.items() if count)
+    return (
+        ("runs", f"{len(records)}: {verdicts}"),
+        ("cells", f"{count_noun(len(scenarios), 'scenario')} × {count_noun(len(suts), 'SUT')}"),
+        ("simulated", duration_text(simulated)),
+        ("from", material.chosen.id or material.chosen.where),
+    )
+
+
+def _findings(
+    material: ReportData, commands: Sequence[SuggestedCommand], figures: Sequence[ReportFigure]
+) -> tuple[ReportFinding, ...]:
+    shown = {(f.scenario, f.sut, f.kind): f for f in figures if f.svg}
+    return tuple(
+        _finding(o, material, commands, shown.get((o.scenario, o.sut, f"moment {o.oracle}")))
+        for o in notable_verdicts(material)
+    )
+
+
+def _finding(
+    oracle: CellVerdict,
+    material: ReportData,
+    commands: Sequence[SuggestedCommand],
+    moment: ReportFigure | None,
+) -> ReportFinding:
+    here = [
+        run.record
+        for run in material.runs
+        if (run.record.scenario, run.record.sut) == (oracle.scenario, oracle.sut)
+    ]
+    judged = [(r, v) for r in here if (v := r.verdict(oracle.oracle)) is not None]
+    runs = tuple((f"repeat {r.repeat}", str(v.outcome), verdict_details(v)) for r, v in judged)
+    text = judged[0][1].text if judged else ""
+    shown = next((r for r in here if oracle.worst and r.id == oracle.worst.run), None)
+    picture = None if moment is None else _as_markup(moment)
+    if shown is None:
+        return ReportFinding(oracle, text, runs, (), picture)
+    name = shown.id if material.chosen.id else shown.trace or shown.id
+    failed = shown.outcome is Outcome.FAIL
+    typed = tuple(
+        (c.text.format(run=shlex.quote(name)), c.purpose)
+        for c in commands
+        if failed or not c.failing
+    )
+    return ReportFinding(oracle, text, runs, typed, picture)
+
+
+def _grouped(measures: Sequence[RunMeasure]) -> list[tuple[RunMeasure, ...]]:
+    """Return the measures in tables that fit on paper: those of localisation by themselves."""
+    groups = ([m for m in measures if m.localisation is wanted] for wanted in (False, True))
+    return [tuple(group) for group in groups if group]
+
+
+def _compared(
+    material: ReportData, measures: Sequence[RunMeasure]
+) -> tuple[tuple[CellAssessment, tuple[MeasureRow | None, ...]], ...]:
+    """Return the measures of every cell, in the order of ``measures``."""
+    found = []
+    for cell in material.assessment.cells:
+        of = set(cell.runs)
+        runs = [run.driven.measures for run in material.runs if run.record.id in of]
+        rows = []
+        for measure in measures:
+            values = [run[measure.name] for run in runs if measure.name in run]
+            rows.append(_row(values, measure.unit) if values else None)
+        found.append((cell, tuple(rows)))
+    return tuple(found)
+
+
+def _row(values: Sequence[float], unit: str) -> MeasureRow:
+    mean, deviation = mean_and_deviation(values)
+    extent = f"{format_quantity(min(values), unit)} to {format_quantity(max(values), unit)}, n={len(values)}"
+    return MeasureRow(mean, deviation, extent)
+
+
+def _declared(
+    assessment: Assessment,
+) -> tuple[tuple[str, str, tuple[tuple[CellAssessment, MeasureRow], ...]], ...]:
+    """Return the measures the campaign names itself: name, unit, and the cells that have it."""
+    found: dict[tuple[str, str], list[tuple[CellAssessment, MeasureRow]]] = {}
+    for cell in assessment.cells:
+        for measure in cell.measures:
+            row = _row(measure.values, measure.unit)
+            found.setdefault((measure.oracle, measure.unit), []).append((cell, row))
+    return tuple((name, unit, tuple(rows)) for (name, unit), rows in found.items())
+
+
+def _colours(names: Sequence[str]) -> list[tuple[str, str]]:
+    """Return names with the variable of the page that holds their colour in figures."""
+    return [(name, f"--s{number % len(SERIES)}") for number, name in enumerate(names)]
+
+
+def _as_markup(figure: ReportFigure) -> tuple[str, Markup]:
+    # Figures are drawn here, from numbers and escaped names, never taken from a file.
+    return figure.caption, Markup(figure.svg)
+
+
+def _by_scenario(figures: Sequence[ReportFigure]) -> dict[str, list[tuple[str, Markup]]]:
+    found: dict[str, list[tuple[str, Markup]]] = {}
+    for figure in figures:
+        found.setdefault(figure.scenario, []).append(_as_markup(figure))
+    return found

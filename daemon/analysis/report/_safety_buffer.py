@@ -1,0 +1,177 @@
+"""The safety buffer: which box a campaign's oracles mean, and what of the world gets inside."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import fields, is_dataclass
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+
+from daemon.analysis.report._input import SafetyBuffer, ThinnedSamples
+from daemon.judging.oracles import SignalSampler
+from grammars.model.geometry import Floats, Point2
+from grammars.oracle import Comparison, Number, Signal, parse_oracle
+from grammars.text.diagnostics import InputError, Where
+
+if TYPE_CHECKING:
+    from daemon.judging.oracles._clearance import ObstaclePolygons
+
+DEFAULT_MARGIN: Final = 0.2
+"""Distance [m] kept to obstacles where no oracle names one: the paper's (section 4.3.1)."""
+_STEP: Final = 0.03
+"""Points on the outline of an obstacle are at most this far apart [m]."""
+_MOMENTS: Final = 160
+"""Most moments of one run at which the buffer is looked into."""
+_POINTS: Final = 4000
+
+
+def safety_buffer(texts: Iterable[str]) -> SafetyBuffer:
+    """Return the largest box that oracles call clear, ``clearance(hx, hy)``.
+
+    Without one, the largest limit of a plain ``clearance``; without that, the paper's 0.2 m.
+    """
+    boxes: dict[Point2, str] = {}
+    limits: dict[float, str] = {}
+    for text in sorted(set(texts)):
+        for part in _oracle_nodes(_parse_judgement(text)):
+            match part:
+                case Signal(name="clearance", arguments=(Number() as hx, Number() as hy)):
+                    boxes.setdefault((hx.value, hy.value), text)
+                case Comparison(left=Signal(name="clearance", arguments=()), right=Number() as n):
+                    limits.setdefault(n.value, text)
+    if boxes:
+        half = max(boxes, key=lambda box: box[0] * box[1])
+        size = f"{2 * half[0]:g} m × {2 * half[1]:g} m"
+        return SafetyBuffer(half, 0.0, f"the box of {size} around the robot in “{boxes[half]}”")
+    positive = [limit for limit in limits if limit > 0.0]
+    if positive:
+        return SafetyBuffer(
+            None, max(positive), f"{max(positive):g} m as in “{limits[max(positive)]}”"
+        )
+    source = f"{DEFAULT_MARGIN:g} m around the robot, since no oracle names a clearance"
+    return SafetyBuffer(None, DEFAULT_MARGIN, source)
+
+
+def _parse_judgement(text: str) -> object:
+    try:
+        return parse_oracle("report", text, Where("report")).judgement
+    except InputError:
+        return None
+
+
+def _oracle_nodes(node: Any) -> Iterator[Any]:
+    """Return every value in an oracle, however deep."""
+    yield node
+    if isinstance(node, tuple):
+        for item in node:
+            yield from _oracle_nodes(item)
+    elif is_dataclass(node):
+        for field in fields(node):
+            yield from _oracle_nodes(getattr(node, field.name))
+
+
+def points_inside(
+    sampler: SignalSampler, near: Floats, centre: Point2, half: Point2
+) -> ThinnedSamples:
+    """Return points (k, 2) [m, base frame] of obstacle outlines inside the box.
+
+    ``near`` (n,) is negative at the samples at which something is in the box; of those, some
+    evenly over the run are looked at.
+    """
+    moments = np.flatnonzero(near < 0.0)
+    if not len(moments):
+        return np.empty((0, 2), np.float32)
+    if len(moments) > _MOMENTS:
+        moments = moments[np.linspace(0, len(moments) - 1, _MOMENTS).astype(np.int64)]
+    obstacles = sampler.obstacles
+    outlines = _ObstacleOutlines(obstacles)
+    reach = float(np.hypot(*half)) + float(np.hypot(*centre))
+    found = []
+    for moment in moments.tolist():
+        pose = sampler.poses[moment]
+        for polygon in outlines.within(moment, pose, reach):
+            points = outlines.seen_from(moment, pose, polygon) - centre
+            found.append(points[(np.abs(points) < half).all(axis=1)] + centre)
+    inside = np.concatenate(found) if found else np.empty((0, 2))
+    if len(inside) > _POINTS:
+        inside = inside[np.linspace(0, len(inside) - 1, _POINTS).astype(np.int64)]
+    return inside.astype(np.float32)
+
+
+def outlines_near(
+    sampler: SignalSampler, moment: int, reach: float
+) -> Iterator[tuple[str, bool, Floats]]:
+    """Return the obstacles within ``reach`` [m] of the robot at a sample: whose, whether it can
+    move, its corners (k, 2) [m] in the map frame.
+    """
+    obstacles = sampler.obstacles
+    for polygon in _ObstacleOutlines(obstacles).within(moment, sampler.poses[moment], reach):
+        first, last = obstacles.offsets[polygon : polygon + 2]
+        corners, frame = obstacles.corners[first:last], int(obstacles.frame[polygon])
+        if frame >= 0:
+            corners = _transform_points(corners, obstacles.tracks[moment, frame][None])
+        yield obstacles.names[polygon], frame >= 0, corners
+
+
+class _ObstacleOutlines:
+    """Obstacles as closely spaced points, where they are at any moment."""
+
+    def __init__(self, obstacles: ObstaclePolygons) -> None:
+        self._obstacles = obstacles
+        self._points: dict[int, Floats] = {}
+
+    def within(self, moment: int, pose: Floats, reach: float) -> list[int]:
+        """Return the polygons whose circle comes as near as ``reach`` [m]."""
+        frame, circle = self._obstacles.frame, self._obstacles.circle
+        centres = circle[:, :2].copy()
+        moving = frame >= 0
+        if moving.any():
+            track = self._obstacles.tracks[moment, frame[moving]]
+            centres[moving] = _transform_points(centres[moving], track)
+        away = np.hypot(centres[:, 0] - pose[0], centres[:, 1] - pose[1])
+        near: list[int] = np.flatnonzero(away <= reach + circle[:, 2]).tolist()
+        return near
+
+    def seen_from(self, moment: int, pose: Floats, polygon: int) -> Floats:
+        """Return the outline of a polygon in the base frame (k, 2)."""
+        if polygon not in self._points:
+            first, last = self._obstacles.offsets[polygon : polygon + 2]
+            self._points[polygon] = _dense_outline(self._obstacles.corners[first:last])
+        points, frame = self._points[polygon], int(self._obstacles.frame[polygon])
+        if frame >= 0:
+            points = _transform_points(points, self._obstacles.tracks[moment, frame][None])
+        c, s = np.cos(pose[2]), np.sin(pose[2])
+        dx, dy = points[:, 0] - pose[0], points[:, 1] - pose[1]
+        return np.column_stack((c * dx + s * dy, c * dy - s * dx))
+
+
+def _transform_points(points: Floats, poses: Floats) -> Floats:
+    """Return points (n, 2) moved by poses (n or 1, 3)."""
+    c, s = np.cos(poses[:, 2]), np.sin(poses[:, 2])
+    x = poses[:, 0] + c * points[:, 0] - s * points[:, 1]
+    return np.column_stack((x, poses[:, 1] + s * points[:, 0] + c * points[:, 1]))
+
+
+def _dense_outline(ring: Floats) -> Floats:
+    """Return the outline of a polygon (n, 2) as points close to each other."""
+    parts = []
+    for a, b in zip(ring, np.roll(ring, -1, axis=0), strict=True):
+        count = max(int(np.ceil(np.hypot(*(b - a)) / _STEP)), 1)
+        parts.append(a + (b - a) * (np.arange(count) / count)[:, None])
+    return np.concatenate(parts)
+
+
+def oracle_limit(texts: Iterable[str], signal: str) -> float | None:
+    """Return the smallest constant that an oracle holds ``signal`` below, if any does."""
+    found = [
+        part.right.value
+        for text in sorted(set(texts))
+        for part in _oracle_nodes(_parse_judgement(text))
+        if isinstance(part, Comparison)
+        and isinstance(part.left, Signal)
+        and part.left.name == signal
+        and isinstance(part.right, Number)
+        and part.operator in ("<=", "<")
+    ]
+    return min(found, default=None)

@@ -1,0 +1,313 @@
+"""What one trace says: tracks for the figures and numbers for the tables, by the oracles' signals.
+
+Nothing here computes a signal of its own: the same samples that were judged are drawn. Also how
+the robot drove around doors that shut in its face, and around the same doors when they do not.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+import numpy.typing as npt
+
+from daemon.analysis.report._input import (
+    RunTracks,
+    SafetyBuffer,
+    ThinnedSamples,
+    TriggerEncounter,
+    TriggerWatch,
+)
+from daemon.analysis.report._safety_buffer import points_inside
+from daemon.judging.oracles import SignalSampler
+from grammars.model.behaviour import Trigger
+from grammars.model.geometry import Floats, Point2
+from grammars.model.scene import Joint, SceneObject
+from grammars.oracle import Dimension, Number, Signal, object_signals
+
+if TYPE_CHECKING:
+    from daemon.trace import Trace
+
+BEFORE: Final = 5.0
+AFTER: Final = 15.0
+"""Seconds around a trigger that are shown."""
+_RATE: Final = 5.0
+
+
+def find_encounters(
+    trace: Trace, sampler: SignalSampler, watches: Sequence[TriggerWatch]
+) -> tuple[TriggerEncounter, ...]:
+    """Return how the robot drove around each trigger, in the order of time.
+
+    A trigger of the run itself counts from when the trace says that it fired, the first time. One
+    of another scenario counts from when the robot came as near, if that can be told (measured from
+    what stands still to the base).
+    """
+    own = {b.joint for b in trace.spec.behaviours if isinstance(b, Trigger)}
+    found = [
+        _encounter(sampler, joint, time, fired=True)
+        for joint, time in _fired_triggers(trace).items()
+    ]
+    for watch in watches:
+        if watch.name not in own:
+            time = _approach_time(trace, sampler, watch.trigger)
+            if time is not None:
+                found.append(_encounter(sampler, watch.name, time, fired=False))
+    return tuple(sorted(found, key=lambda p: (p.time, p.joint)))
+
+
+def _fired_triggers(trace: Trace) -> dict[str, float]:
+    """Return when each trigger fired first, as the simulator says in the log of the run."""
+    triggers = {b.joint for b in trace.spec.behaviours if isinstance(b, Trigger)}
+    found: dict[str, float] = {}
+    for event in trace.events:
+        if event.source in triggers and event.text.startswith("triggered"):
+            found.setdefault(event.source, event.time)
+    return found
+
+
+def _approach_time(trace: Trace, sampler: SignalSampler, trigger: Trigger) -> float | None:
+    if trigger.to != "base" or trigger.of == "leaf":
+        return None
+    for item in trace.scene.objects:
+        for joint in item.joints:
+            if f"{item.name}.{joint.name}" == trigger.joint:
+                away = _distance(trace, sampler, item, joint, trigger)
+                near = np.flatnonzero(away < trigger.distance)
+                return float(sampler.timeline.time[near[0]]) if len(near) else None
+    return None
+
+
+def _distance(
+    trace: Trace, sampler: SignalSampler, item: SceneObject, joint: Joint, trigger: Trigger
+) -> Floats:
+    if trigger.of == "hinge" and joint.kind == "revolute":
+        for name, reference in object_signals(trace.scene).items():
+            here = reference.object is item and reference.joint is joint
+            if here and name.endswith(".distance"):
+                return sampler.sample(Signal(name)).values
+    x_still, y_still = item.pose.x, item.pose.y
+    if trigger.of == "doorway":
+        for doorway in trace.scene.doorways:
+            if doorway.name == item.doorway:
+                xs, ys = zip(*doorway.footprint, strict=True)
+                x_still, y_still = sum(xs) / len(xs), sum(ys) / len(ys)
+    return np.hypot(sampler.x - x_still, sampler.y - y_still)
+
+
+def _encounter(sampler: SignalSampler, joint: str, time: float, *, fired: bool) -> TriggerEncounter:
+    """Return speed and turning speed around ``time``, thinned to five samples a second."""
+    stamps, truth = sampler.timeline.time, sampler.trace.ground_truth
+    first, last = np.searchsorted(stamps, (time - BEFORE, time + AFTER))
+    rate = len(stamps) / max(float(stamps[-1] - stamps[0]), 1e-9) if len(stamps) > 1 else _RATE
+    kept = slice(int(first), int(last), max(1, round(rate / _RATE)))
+    speed = np.hypot(truth.vx[kept], truth.vy[kept])
+    then = min(int(np.searchsorted(stamps, time)), len(stamps) - 1)
+    return TriggerEncounter(
+        joint=joint,
+        time=time,
+        fired=fired,
+        speed_then=float(np.hypot(truth.vx[then], truth.vy[then])),
+        since=(stamps[kept] - time).astype(np.float32),
+        speed=speed.astype(np.float32),
+        turning=np.asarray(truth.wz[kept], dtype=np.float32),
+    )
+
+
+Indices = npt.NDArray[np.int64]
+
+_ROBOT: Final = "robot"
+_METRE: Final = Dimension((1, 0, 0, 0))
+
+
+@dataclass(frozen=True, slots=True)
+class RunMeasure:
+    """A number every run has: what it is called, its unit, what it is in words."""
+
+    name: str
+    unit: str
+    about: str
+
+    @property
+    def localisation(self) -> bool:
+        """Whether it is about where the robot believed to be."""
+        return self.name.startswith(("error", "inside"))
+
+
+MEASURES: Final = (
+    RunMeasure("duration", "s", "simulated time from the start of the run to its end"),
+    RunMeasure("path length", "m", "length of the way the robot really went"),
+    RunMeasure("min clearance", "m", "nearest an obstacle came to the box around the footprint"),
+    RunMeasure("time in buffer", "s", "time with an obstacle inside the safety buffer"),
+    RunMeasure("longest in buffer", "s", "longest such time without a break"),
+    RunMeasure("error mean", "m", "localisation error, mean over time"),
+    RunMeasure("error median", "m", "localisation error, half of the time below"),
+    RunMeasure("error p95", "m", "localisation error, 95 % of the time below"),
+    RunMeasure("error max", "m", "largest localisation error"),
+    RunMeasure("inside 2 sigma", "%", "share of time with the true position within two deviations"),
+    RunMeasure(
+        "speed at trigger", "m/s", "speed when a door was triggered, mean over the triggers"
+    ),
+    RunMeasure("max speed in buffer", "m/s", "highest speed with an obstacle inside the buffer"),
+)
+"""The measures of every run; one that says nothing about a run (no estimate, no door) is left out
+of it."""
+
+
+def extract_tracks(
+    run: str,
+    trace: Trace,
+    sampler: SignalSampler,
+    buffer: SafetyBuffer,
+    watches: Sequence[TriggerWatch],
+    points: int,
+) -> RunTracks:
+    """Return what ``trace`` says, thinned to about ``points`` samples for drawing."""
+    timeline = sampler.timeline
+    if not len(timeline.time):
+        return RunTracks(run, problem="nothing was recorded")
+    centre, body, half, limit = _boxes(trace, buffer)
+    clearance = _signal(sampler, "clearance")
+    inside = clearance - limit
+    if buffer.half is not None and not _is_even_buffer(body, half, centre):
+        inside = _signal(sampler, "clearance", *half)
+    error, sigma_x, sigma_y = (
+        _signal(sampler, name) for name in ("loc.error", "loc.sigma.x", "loc.sigma.y")
+    )
+    kept = thinned_indices(clearance, error, points)
+    passed = find_encounters(trace, sampler, watches)
+    speeds = [p.speed_then for p in passed if p.fired]
+    measures = {
+        "duration": timeline.end - timeline.start,
+        "path length": float(_signal(sampler, "path.length")[-1]),
+        **_clearance_measures(sampler, clearance, inside),
+        **_localisation_measures(sampler, error),
+        **({"speed at trigger": float(np.mean(speeds))} if speeds else {}),
+    }
+    return RunTracks(
+        run=run,
+        footprint=trace.spec.robot.footprint,
+        body=body,
+        buffer=half,
+        limit=limit,
+        time=_pick_samples(timeline.time, kept),
+        x=_pick_samples(sampler.x, kept),
+        y=_pick_samples(sampler.y, kept),
+        clearance=_pick_samples(clearance, kept),
+        error=_pick_samples(error, kept),
+        sigma_x=_pick_samples(sigma_x, kept),
+        sigma_y=_pick_samples(sigma_y, kept),
+        inside=points_inside(sampler, inside, centre if buffer.half is None else (0.0, 0.0), half),
+        contacts=_contacts(trace),
+        passings=passed,
+        measures={name: value for name, value in measures.items() if np.isfinite(value)},
+        scene=trace.spec.scene,
+    )
+
+
+def _boxes(trace: Trace, buffer: SafetyBuffer) -> tuple[Point2, Point2, Point2, float]:
+    """Return centre and half extents of the footprint's box, the buffer's, and their distance."""
+    xs, ys = zip(*trace.spec.robot.footprint, strict=True)
+    centre = ((max(xs) + min(xs)) / 2.0, (max(ys) + min(ys)) / 2.0)
+    body = ((max(xs) - min(xs)) / 2.0, (max(ys) - min(ys)) / 2.0)
+    if buffer.half is None:
+        return centre, body, (body[0] + buffer.margin, body[1] + buffer.margin), buffer.margin
+    limit = min(buffer.half[0] - body[0], buffer.half[1] - body[1])
+    return centre, body, buffer.half, limit
+
+
+def _is_even_buffer(body: Point2, half: Point2, centre: Point2) -> bool:
+    """Whether the buffer is equally wide on all sides: then one clearance gives the other."""
+    along, across = half[0] - body[0], half[1] - body[1]
+    return abs(along - across) < 1e-9 and max(map(abs, centre)) < 1e-9
+
+
+def _signal(sampler: SignalSampler, name: str, *arguments: float) -> Floats:
+    numbers = tuple(Number(value, _METRE, f"{value} m") for value in arguments)
+    return sampler.sample(Signal(name, numbers)).values
+
+
+def _clearance_measures(
+    sampler: SignalSampler, clearance: Floats, inside: Floats
+) -> dict[str, float]:
+    if np.isnan(clearance).all():
+        return {}
+    weight = sampler.timeline.weight
+    within = inside < 0.0
+    found = {
+        "min clearance": float(np.nanmin(clearance)),
+        "time in buffer": float(weight[within].sum()),
+        "longest in buffer": _longest_time(within, weight),
+    }
+    if within.any():
+        found["max speed in buffer"] = float(_signal(sampler, "speed")[within].max())
+    return found
+
+
+def _longest_time(held: npt.NDArray[np.bool_], weight: Floats) -> float:
+    edges = np.flatnonzero(np.diff(np.concatenate(([0], held.astype(np.int8), [0]))))
+    total = np.concatenate(([0.0], np.cumsum(weight)))
+    spans = total[edges[1::2]] - total[edges[::2]]
+    return float(spans.max()) if len(spans) else 0.0
+
+
+def _localisation_measures(sampler: SignalSampler, error: Floats) -> dict[str, float]:
+    """Return the distribution of the error, every value weighed by how long it held."""
+    known = ~np.isnan(error)
+    weight = sampler.timeline.weight * known
+    if not weight.sum() > 0.0:
+        return {}
+    values, share = error[known], weight[known]
+    order = np.argsort(values, kind="stable")
+    passed = np.cumsum(share[order]) / share.sum()
+    found: dict[str, float] = {}
+    for name, quantile in (("median", 0.5), ("p95", 0.95)):
+        index = min(int(np.searchsorted(passed, quantile)), len(order) - 1)
+        found[f"error {name}"] = float(values[order[index]])
+    found |= {"error mean": float(np.average(values, weights=share))}
+    found |= {"error max": float(values.max())}
+    inside = _signal(sampler, "loc.inside_2sigma")
+    known = ~np.isnan(inside)
+    if (sampler.timeline.weight * known).sum() > 0.0:
+        covered = np.average(inside[known], weights=sampler.timeline.weight[known])
+        found["inside 2 sigma"] = 100.0 * float(covered)
+    return found
+
+
+def thinned_indices(clearance: Floats, error: Floats, points: int) -> Indices:
+    """Return the indices of about ``points`` samples that keep every dip and every peak.
+
+    Of each stretch the first sample, the least clearance and the largest error are kept.
+    """
+    count = len(clearance)
+    width = max(1, -(-3 * count // points))
+    if width <= 2:
+        return np.arange(count)
+    starts = np.arange(0, count, width)
+    padded = -(-count // width) * width - count
+
+    def worst(values: Floats) -> Indices:
+        whole = np.append(np.nan_to_num(values, nan=-np.inf), np.full(padded, -np.inf))
+        found: Indices = starts + whole.reshape(-1, width).argmax(axis=1)
+        return found
+
+    kept = np.concatenate((starts, worst(-clearance), worst(error), [count - 1]))
+    return np.unique(kept)
+
+
+def _pick_samples(values: Floats, kept: Indices) -> ThinnedSamples:
+    thin: ThinnedSamples = values[kept].astype(np.float32)
+    return thin
+
+
+def _contacts(trace: Trace) -> tuple[tuple[float, str, float, float], ...]:
+    """Return when and where the robot touched what; one entry for each second and object."""
+    found: dict[tuple[int, str], tuple[float, str, float, float]] = {}
+    for record in trace.contacts:
+        if _ROBOT in (record.first, record.second):
+            other = record.second if record.first == _ROBOT else record.first
+            entry = (record.time, other, record.point[0], record.point[1])
+            found.setdefault((int(record.time), other), entry)
+    return tuple(found.values())

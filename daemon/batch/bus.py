@@ -1,0 +1,210 @@
+"""The bus: Zenoh sessions as this project uses them, and question and answer over them.
+
+A router session inside the daemon listens; everybody else is a client of it. On one machine they
+meet at a socket in the state directory, across machines over TLS with keys on both sides
+(:mod:`daemon.batch.security`). No multicast, no gossip, no shared memory (its transport optimisation
+drops queries when a receiver is not scheduled for ~100 ms, eclipse-zenoh/zenoh#2628).
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import time
+from collections.abc import Sequence
+from typing import Final, TypeVar
+
+import zenoh
+
+from daemon.batch.errors import DaemonError, Refused, Unavailable, Unreachable
+from daemon.batch.paths import (
+    INSECURE_VARIABLE,
+    endpoint_text,
+    is_encrypted,
+    is_endpoint,
+    is_local,
+    socket_path,
+)
+from daemon.batch.security import (
+    VERB_RULES,
+    Credentials,
+    DaemonCredentials,
+    access_control,
+    denial_text,
+)
+from daemon.model.messages import ASK, LARGEST_SUBMISSION, ErrorReply, Verb
+from grammars.text import codec
+
+T = TypeVar("T")
+
+_LINK_LEASE_MS: Final = 4000
+"""A peer that is silent for this long is gone (a killed one is noticed at once)."""
+
+_LARGEST_MESSAGE: Final = 2 * LARGEST_SUBMISSION
+"""Bytes; larger ones are dropped unread. Up to that, what is too large is refused with a reason."""
+
+_PATIENCE: Final = 0.5
+"""Seconds to ask again when nobody answers: a restarting daemon needs a moment."""
+
+
+def open_router(listen: Sequence[str], keys: DaemonCredentials | None = None) -> zenoh.Session:
+    """Open the daemon's session, listening at every endpoint of ``listen``.
+
+    With ``keys`` it admits who has a key, each to what its role may. Raises :class:`DaemonError`
+    when an endpoint is malformed or taken.
+    """
+    settings: dict[str, object] = {"listen/endpoints": [_checked(one) for one in listen]}
+    if keys is not None:
+        settings["transport/link/tls"] = keys.holder.listening
+        settings["access_control"] = access_control(keys.register)
+    try:
+        return zenoh.open(_config("router", settings))
+    except zenoh.ZError as error:
+        where = " and ".join(map(endpoint_text, listen))
+        raise DaemonError(f"cannot listen at {where}: {_last_words(error)}") from error
+
+
+def open_client(endpoint: str, holder: Credentials | None = None) -> zenoh.Session:
+    """Open a session connected to the daemon at ``endpoint``; it reconnects by itself.
+
+    ``holder`` is whose key opens an encrypted endpoint. Raises :class:`Unreachable` when nothing
+    listens there, and :class:`DaemonError` for an endpoint that is not to be trusted.
+    """
+    retry = {"period_init_ms": 100, "period_max_ms": 500, "period_increase_factor": 2}
+    settings: dict[str, object] = {
+        "connect/endpoints": [_checked_trust(_checked(endpoint))],
+        "connect/retry": retry,
+    }
+    if holder is not None:
+        settings["transport/link/tls"] = holder.connecting
+    try:
+        return zenoh.open(_config("client", settings))
+    except zenoh.ZError as error:
+        raise unreachable_error(endpoint, holder) from error
+
+
+def unreachable_error(endpoint: str, holder: Credentials | None = None) -> Unreachable:
+    """Say that nobody answers at ``endpoint`` and what to do about it."""
+    if holder is not None:
+        from daemon.batch.security.handshake import handshake_problem
+
+        words = handshake_problem(endpoint, holder)
+        if words:
+            return Unreachable(f"{endpoint}: {words}")
+    return Unreachable(
+        f"no daemon answers at {endpoint_text(endpoint)}: start one with `scenario daemon`, "
+        "or name another with --connect or SCENARIO_CONNECT"
+    )
+
+
+def _checked(endpoint: str) -> str:
+    if not is_endpoint(endpoint):
+        raise DaemonError(
+            f"{endpoint!r} is not an endpoint: write tcp/<host>:<port> or tls/<host>:<port>"
+        )
+    return endpoint
+
+
+def _checked_trust(endpoint: str) -> str:
+    """Refuse to talk where anybody may listen, or may have put himself in the daemon's place."""
+    path = socket_path(endpoint)
+    if path is not None and path.exists() and path.stat().st_uid != os.getuid():
+        raise DaemonError(f"{path} belongs to somebody else: a daemon there is not yours")
+    if path is None and not (is_encrypted(endpoint) or is_local(endpoint)):
+        _only_if_insecure(endpoint)
+    return endpoint
+
+
+def _only_if_insecure(endpoint: str) -> None:
+    if not os.environ.get(INSECURE_VARIABLE):
+        raise DaemonError(
+            f"{endpoint} is neither encrypted nor does it say who listens: use tls/ with keys "
+            f"(`scenario keys`), or set {INSECURE_VARIABLE}=1 in a network you trust"
+        )
+
+
+def _config(mode: str, settings: dict[str, object]) -> zenoh.Config:
+    config = zenoh.Config()
+    common = {
+        "mode": mode,
+        "scouting/multicast/enabled": False,
+        "scouting/gossip/enabled": False,
+        "scouting/delay": 0,  # else opening a router waits half a second, deaf but connectable
+        "transport/shared_memory/enabled": False,
+        "transport/link/tx/lease": _LINK_LEASE_MS,
+        "transport/link/rx/max_message_size": _LARGEST_MESSAGE,
+    }
+    for key, value in (common | settings).items():
+        config.insert_json5(key, json.dumps(value))
+    return config
+
+
+def _last_words(error: zenoh.ZError) -> str:
+    return str(error).split(" at /")[0].strip()
+
+
+def ask(
+    session: zenoh.Session,
+    endpoint: str,
+    verb: Verb,
+    request: object,
+    kind: type[T],
+    timeout: float,
+    holder: Credentials | None = None,
+) -> T:
+    """Ask the daemon and return its validated answer.
+
+    No reply at all is no answer: after a moment of patience it is :class:`Unreachable`, as is a
+    timeout. An error reply is :class:`Refused` with the daemon's words, and so is what the key of
+    the ``holder`` is not enough for: the bus would drop it without a word.
+    """
+    if holder is not None and (no := denial_text(holder.name, holder.role, verb)):
+        raise Refused(no)
+    payload = codec.to_json(request)
+    largest = VERB_RULES[verb].largest
+    if len(payload) > largest:
+        raise Refused(
+            f"{verb}: {len(payload) / 2**20:.1f} MiB is too much for one request, the daemon takes "
+            f"{largest / 2**20:.1f} MiB{': split the campaign' if verb is Verb.SUBMIT else ''}"
+        )
+    deadline = time.monotonic() + min(timeout, _PATIENCE)
+    while True:
+        for reply in session.get(
+            f"{ASK}/{verb}",
+            payload=payload,
+            timeout=timeout,
+            consolidation=zenoh.ConsolidationMode.NONE,
+        ):
+            if reply.ok is not None:
+                return _validated_answer(kind, reply.ok.payload.to_bytes())
+            words = b"" if reply.err is None else reply.err.payload.to_bytes()
+            raise _error_reply(words, endpoint, timeout)
+        if time.monotonic() > deadline:
+            raise _no_answer_error(endpoint, holder)
+        time.sleep(0.02)
+
+
+def _no_answer_error(endpoint: str, holder: Credentials | None) -> Unreachable:
+    if holder is None:
+        return unreachable_error(endpoint)
+    return Unreachable(
+        f'the daemon at {endpoint} does not answer to the key "{holder.name}": it is leaving, or '
+        "it has started before the key was made, or the key was revoked (`scenario keys list`)"
+    )
+
+
+def _validated_answer(kind: type[T], payload: bytes) -> T:
+    try:
+        return codec.from_json(kind, payload)
+    except ValueError as error:
+        raise Refused(f"the daemon's answer is not understood, versions differ? {error}") from error
+
+
+def _error_reply(payload: bytes, endpoint: str, timeout: float) -> DaemonError:
+    try:
+        problem = codec.from_json(ErrorReply, payload)
+    except ValueError:
+        # Zenoh's own error replies (its timeout) are plain text, never one of our problems.
+        where = endpoint_text(endpoint)
+        return Unreachable(f"the daemon at {where} did not answer within {timeout:g} s")
+    return (Unavailable if problem.passing else Refused)(problem.problem)

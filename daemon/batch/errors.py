@@ -1,0 +1,64 @@
+"""What can go wrong between a client, the daemon and its workers.
+
+DaemonError
+├── Unreachable     nobody answers at the endpoint
+│   └── Troubled    the daemon answered that it cannot just now: its disk is full, say
+├── Refused         the daemon answered and said no; the message is its words
+├── AlreadyRunning  another daemon keeps this state directory
+├── NotAtHand       a trace cannot be read here: it is gone, or where nobody reaches it
+├── KeysUnusable    the keys for a connection are missing, damaged or of the wrong kind
+├── LaunchFailed    a daemon was started and did not come up
+└── WorkerBroken    a worker cannot execute runs at all
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+EXIT_FAILED: Final = 3
+EXIT_ALREADY_RUNNING: Final = 4
+EXIT_BROKEN: Final = 5
+"""How ``python -m daemon`` ends when one of these errors ends it."""
+
+
+class DaemonError(Exception):
+    """Root of everything the daemon's client side raises on purpose."""
+
+
+class Unreachable(DaemonError):  # noqa: N818  (reads as a sentence where it is raised)
+    """Nobody answers at the endpoint."""
+
+
+class Unavailable(Unreachable):
+    """The daemon answered that it cannot do it just now; asking again later may help."""
+
+
+class Refused(DaemonError):  # noqa: N818  (reads as a sentence where it is raised)
+    """The daemon answered and said no."""
+
+
+class AlreadyRunning(DaemonError):  # noqa: N818  (reads as a sentence where it is raised)
+    """Another daemon keeps this state directory."""
+
+
+class TraceUnavailable(DaemonError):  # noqa: N818  (reads as a sentence where it is raised)
+    """A trace cannot be read here: it is gone, damaged, or where it cannot be reached."""
+
+
+class KeysUnusable(DaemonError):  # noqa: N818  (reads as a sentence where it is raised)
+    """The keys for a connection are missing, damaged, or those of somebody else."""
+
+
+class SutMissing(ValueError):  # noqa: N818  (reads as a sentence where it is raised)
+    """A kind of system under test is not installed on this machine, or cannot be loaded there.
+
+    No :class:`DaemonError`: it is about parameters, and comes from there.
+    """
+
+
+class LaunchFailed(DaemonError):  # noqa: N818  (reads as a sentence where it is raised)
+    """A daemon was started and did not come up."""
+
+
+class WorkerBroken(DaemonError):  # noqa: N818  (reads as a sentence where it is raised)
+    """A worker cannot execute runs at all: a missing module, a version mismatch, no spool."""

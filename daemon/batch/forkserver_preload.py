@@ -1,0 +1,48 @@
+"""Imported by the fork server alone: loads and warms what every run needs, once for all.
+
+Children are forked from there and start with everything in memory. The fork server swallows
+import errors, so a failure is kept here and every child reports it.
+"""
+
+from __future__ import annotations
+
+import gc
+import importlib
+import os
+import traceback
+from collections.abc import Callable
+from typing import Any
+
+from daemon.model.execution import EXECUTOR_VARIABLE
+from daemon.model.messages import Lease
+from daemon.model.spec import RunResult
+from daemon.model.status import LiveSnapshot
+from grammars.model.scene import Scene
+from grammars.text import codec
+
+execute: Callable[..., Any] | None = None
+problem: str = ""
+
+
+def _load(name: str) -> Callable[..., Any]:
+    module_name, _, function = name.partition(":")
+    module = importlib.import_module(module_name)
+    warm_up = getattr(module, "warm_up", None)
+    if warm_up is not None:
+        warm_up()
+    found: Callable[..., Any] = getattr(module, function)
+    return found
+
+
+def _prepare() -> None:
+    global execute, problem
+    codec.warm_up(Lease, Scene, RunResult, LiveSnapshot)
+    try:
+        execute = _load(os.environ[EXECUTOR_VARIABLE])
+    except Exception:
+        problem = traceback.format_exc()
+    gc.collect()
+    gc.freeze()  # shared pages stay shared: the collector of a child does not touch them
+
+
+_prepare()

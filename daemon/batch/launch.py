@@ -1,0 +1,133 @@
+"""Starting daemons from other programs: one that stays, or one that lives as long as we do."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import IO, Final
+
+from daemon.batch.client import Client
+from daemon.batch.errors import EXIT_ALREADY_RUNNING, DaemonError, LaunchFailed
+from daemon.batch.paths import StatePaths
+from daemon.model.execution import DEFAULT_EXECUTOR
+
+_START_LIMIT: Final = 20.0
+_LEAVE_LIMIT: Final = 5.0
+_LOG_TAIL: Final = 20
+
+
+def running_daemon(state: Path) -> str | None:
+    """Return the endpoint of the daemon that keeps ``state``, or ``None`` when none answers."""
+    places = StatePaths.find(state)
+    contact = places.read_contact()
+    if contact is None:
+        return None
+    try:
+        with Client.open(contact.endpoint, timeout=2.0) as client:
+            # Another directory's daemon may have taken the port since.
+            return contact.endpoint if Path(client.overview().state) == places.state else None
+    except DaemonError:
+        return None
+
+
+def ensure_daemon(
+    state: Path, *, slots: int | None = None, executor: str = DEFAULT_EXECUTOR
+) -> str:
+    """Return the endpoint of the daemon that keeps ``state``, starting one if need be.
+
+    A started daemon is detached: it outlives this process. Raises :class:`LaunchFailed` with the
+    end of its log when it does not come up.
+    """
+    found = running_daemon(state)
+    if found is not None:
+        return found
+    places = StatePaths.find(state)
+    places.make()
+    command = _command(places, slots, executor)
+    with places.worker_log.open("ab") as output:
+        process = subprocess.Popen(
+            command,
+            stdin=subprocess.DEVNULL,
+            stdout=output,
+            stderr=output,
+            start_new_session=True,
+        )
+    # It stays when we leave; should it end before, somebody has to take notice of it.
+    threading.Thread(target=process.wait, daemon=True).start()
+    return _wait_until_up(process, places)
+
+
+@contextmanager
+def embedded_daemon(
+    state: Path, *, slots: int | None = None, executor: str = DEFAULT_EXECUTOR
+) -> Iterator[str]:
+    """Run a daemon and its worker for the duration of a ``with`` block; yields its endpoint.
+
+    Afterwards no process is left, also when this process is
+    killed: the daemon, its worker and their children hang on a pipe that we hold.
+
+    Raises :class:`LaunchFailed` when it does not come up.
+    """
+    places = StatePaths.find(state)
+    places.make()
+    command = [*_command(places, slots, executor), "--tether"]
+    with tempfile.TemporaryFile() as output:
+        process = subprocess.Popen(
+            command,
+            stdin=subprocess.PIPE,
+            stdout=output,
+            stderr=output,
+            # Ctrl-C in a terminal is ours to answer, not the daemon's.
+            start_new_session=True,
+        )
+        try:
+            yield _wait_until_up(process, places, output)
+        finally:
+            assert process.stdin is not None
+            process.stdin.close()
+            try:
+                process.wait(_LEAVE_LIMIT)
+            except subprocess.TimeoutExpired:
+                process.kill()
+                process.wait()
+
+
+def _command(places: StatePaths, slots: int | None, executor: str) -> list[str]:
+    command = [sys.executable, "-m", "daemon", "serve", "--state", str(places.state)]
+    command += ["--executor", executor]
+    return command if slots is None else [*command, "--slots", str(slots)]
+
+
+def _wait_until_up(
+    process: subprocess.Popen[bytes], places: StatePaths, output: IO[bytes] | None = None
+) -> str:
+    deadline = time.monotonic() + _START_LIMIT
+    while time.monotonic() < deadline:
+        endpoint = running_daemon(places.state)
+        if endpoint is not None:
+            return endpoint
+        code = process.poll()
+        # Somebody else may have been faster: then theirs is the daemon we want.
+        if code is not None and (code != EXIT_ALREADY_RUNNING or output is not None):
+            raise LaunchFailed(f"the daemon ended with code {code}:\n{_tail(places, output)}")
+        time.sleep(0.05)
+    process.kill()
+    process.wait()
+    raise LaunchFailed(
+        f"the daemon did not answer within {_START_LIMIT:g} s:\n{_tail(places, output)}"
+    )
+
+
+def _tail(places: StatePaths, output: IO[bytes] | None) -> str:
+    if output is not None:
+        output.seek(0)
+        text = output.read().decode("utf-8", "replace")
+    else:
+        text = places.worker_log.read_text("utf-8", "replace")
+    return "\n".join(text.splitlines()[-_LOG_TAIL:])

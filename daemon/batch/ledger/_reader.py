@@ -1,0 +1,308 @@
+"""Reading the ledger: the answers to questions of people, from SQLite."""
+
+from __future__ import annotations
+
+import re
+import sqlite3
+from collections import Counter
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Any, Final
+
+from daemon.batch.errors import Refused
+from daemon.batch.ledger._records import (
+    SpecReader,
+    find_trace,
+    missing_trace_text,
+    read_declared,
+    read_records,
+)
+from daemon.batch.paths import StatePaths
+from daemon.batch.stores import TraceReference
+from daemon.model.assessments import AssessmentRules, RunRecord
+from daemon.model.messages import RecordQuery, RunQuery
+from daemon.model.spec import RunResult
+from daemon.model.status import CampaignRow, RunDetail, RunPage, RunRow, RunState
+from daemon.model.verdicts import Outcome
+from grammars.text import codec
+from grammars.text.diagnostics import did_you_mean
+
+_SEVERITY: Final = (
+    "CASE outcome WHEN 'fail' THEN 0 WHEN 'error' THEN 1 WHEN 'inconclusive' THEN 2"
+    " WHEN 'pass' THEN 3 ELSE 4 END"
+)
+SORTABLE: Final = {
+    "index": "serial",
+    "campaign": "campaign",
+    "scenario": "scenario",
+    "sut": "sut",
+    "repeat": "repeat",
+    "state": "state",
+    "attempt": "attempt",
+    "worker": "worker",
+    "outcome": _SEVERITY,
+    "oracle": "oracle",
+    "margin": "margin",
+    "simulated": "simulated",
+    "limit": "time_limit",
+    "wall": "wall",
+}
+_ROW: Final = (
+    "id, campaign, position, scenario, sut, repeat, state, attempt, worker, outcome, oracle,"
+    " margin, unit, simulated, time_limit, wall, trace_name, reason, cached, trace_at"
+)
+_TEXT: Final = (
+    "scenario || '/' || sut || '/' || repeat || ' ' || oracle || ' ' || reason || ' ' || id"
+)
+_WORDS: Final = ("scenario", "sut", "oracle", "id", "repeat", "reason")
+"""The columns of that text: what neither slash nor space is in stands in one of them."""
+_WILD: Final = re.compile(r"[\\%_]")
+_ESCAPED: Final = r"\\\g<0>"
+_RATE_SPAN: Final = 600.0
+_RATE_RUNS: Final = 64
+
+
+@dataclass(frozen=True, slots=True)
+class ExpectedUpload:
+    """An upload the ledger has nothing against: the name of the trace, whether it is ``wanted``.
+
+    It is not when the run has ended already: only the acknowledgement got lost.
+    """
+
+    name: str
+    wanted: bool
+
+
+class LedgerReader:
+    """The read side of the ledger on one connection, used by one thread."""
+
+    def __init__(self, connection: sqlite3.Connection, places: StatePaths) -> None:
+        self._db = connection
+        self._db.row_factory = sqlite3.Row
+        self._places = places
+        self._specs = SpecReader(connection)
+
+    def campaigns(self) -> tuple[CampaignRow, ...]:
+        """All campaigns, the newest first."""
+        counts: dict[str, Counter[str]] = {}
+        for campaign, state, outcome, runs in self._db.execute("SELECT * FROM tally"):
+            counts.setdefault(campaign, Counter())
+            _count(counts[campaign], state, outcome, runs)
+        rows = self._db.execute(
+            "SELECT id, name, about, submitted_at, finished_at, total, cached, paused,"
+            " priority FROM campaign"
+            " ORDER BY serial DESC"
+        )
+        return tuple(_campaign_row(row, counts.get(row[0], Counter())) for row in rows)
+
+    def counts(self) -> tuple[int, Counter[str]]:
+        """Number of campaigns, and of runs by state and by ``outcome <word>``, over all of them."""
+        campaigns = self._db.execute("SELECT count(*) FROM campaign").fetchone()[0]
+        total: Counter[str] = Counter()
+        for state, outcome, runs in self._db.execute("SELECT state, outcome, runs FROM tally"):
+            _count(total, state, outcome, runs)
+        return campaigns, total
+
+    def rate(self, now: float) -> float:
+        """Runs finished per minute lately; 0 when less than two.
+
+        Over the last 64 runs within ten minutes, not before the oldest unfinished campaign came:
+        an idle hour says nothing about speed.
+        """
+        came = self._db.execute(
+            "SELECT min(submitted_at) FROM campaign WHERE finished_at IS NULL"
+        ).fetchone()[0]
+        times = [
+            row[0]
+            for row in self._db.execute(
+                "SELECT finished_at FROM run WHERE finished_at > ?"
+                " ORDER BY finished_at DESC LIMIT ?",
+                (max(now - _RATE_SPAN, came or 0.0), _RATE_RUNS),
+            )
+        ]
+        if len(times) < 2 or now <= times[-1]:
+            return 0.0
+        return 60.0 * (len(times) - 1) / float(now - times[-1])
+
+    def runs(self, query: RunQuery) -> RunPage:
+        """One page of runs, filtered and sorted; equal values keep the order of submission."""
+        where, values = _filter(query)
+        rows = self._db.execute(
+            f"SELECT {_ROW} FROM run {where} ORDER BY {_order(query)} LIMIT ? OFFSET ?",
+            (*values, query.limit, query.offset),
+        ).fetchall()
+        return RunPage(
+            tuple(self._run_row(row) for row in rows),
+            self._total(query, len(rows), where, values),
+        )
+
+    def _total(self, query: RunQuery, found: int, where: str, values: list[Any]) -> int:
+        """How many runs the filter admits, where a page of them has ``found``."""
+        if found < query.limit and (found or not query.offset):
+            return query.offset + found  # the last page
+        # The tally knows how many of a state there are; 100,000 runs need not be counted.
+        tallied = not (query.text or query.scenario or query.sut)
+        counting = "total(runs) FROM tally" if tallied else "count(*) FROM run"
+        return int(self._db.execute(f"SELECT {counting} {where}", values).fetchone()[0])
+
+    def run(self, name: str) -> RunDetail:
+        """Everything about one run."""
+        row = self._db.execute(f"SELECT {_ROW} FROM run WHERE id = ?", (name,)).fetchone()
+        if row is None:
+            raise Refused(f"there is no run {name}")
+        spec = self._db.execute("SELECT body FROM spec WHERE run = ?", (name,)).fetchone()
+        result = self._db.execute("SELECT body FROM result WHERE run = ?", (name,)).fetchone()
+        return RunDetail(
+            self._run_row(row),
+            self._specs.read(spec[0]),
+            None if result is None else codec.from_json(RunResult, result[0]),
+        )
+
+    def declared(self, campaign: str) -> AssessmentRules:
+        """What a campaign declares about its results."""
+        return read_declared(self._db, campaign)
+
+    def records(self, query: RecordQuery) -> tuple[RunRecord, ...]:
+        """A page of the runs of a campaign as assessments want them, in order."""
+        read_declared(self._db, query.campaign)
+        return read_records(
+            self._db,
+            query.campaign,
+            find_trace=self._find_trace,
+            offset=query.offset,
+            limit=query.limit,
+        )
+
+    def _find_trace(self, name: str, source: str, location: str) -> str:
+        return find_trace(self._db, self._places, name, source, location)
+
+    def trace(self, run: str) -> TraceReference:
+        """Where the trace of a run lies and what it is; refuses when there is none."""
+        query = (
+            "SELECT trace_name, cached, trace_at, result.body FROM run"
+            " LEFT JOIN result ON result.run = run.id WHERE run.id = ?"
+        )
+        row = self._db.execute(query, (run,)).fetchone()
+        if row is None:
+            raise Refused(f"there is no run {run}")
+        if row[3] is None:
+            raise Refused(f"{run} has no trace yet")
+        location = self._find_trace(row[0], row[1], row[2])
+        if not location:
+            raise Refused(f"{run}: {missing_trace_text(row[1])}")
+        info = codec.from_json(RunResult, row[3]).trace
+        return TraceReference(run, location, info.sha256, info.size)
+
+    def upload(self, run: str, token: int) -> ExpectedUpload:
+        """Return what the ledger has to say to an upload under a lease.
+
+        Refuses when it is not the latest lease of the run, which nobody else has taken since.
+        """
+        row = self._db.execute(
+            "SELECT state, granted, result, trace_name FROM run WHERE id = ?", (run,)
+        ).fetchone()
+        if row is None:
+            raise Refused(f"there is no run {run}")
+        if row[1] != token or row[0] == RunState.CANCELLED:
+            raise Refused(f"the lease {token} of {run} is stale: its trace is not wanted")
+        return ExpectedUpload(str(row[3]), wanted=row[0] != RunState.DONE)
+
+    def _run_row(self, row: sqlite3.Row) -> RunRow:
+        outcome = Outcome(row["outcome"]) if row["outcome"] else None
+        place = (row["trace_name"], row["cached"], row["trace_at"])
+        trace = self._find_trace(*place) if outcome is not None else ""
+        gone = missing_trace_text(row["cached"]) if outcome is not None and not trace else ""
+        return RunRow(
+            id=row["id"],
+            campaign=row["campaign"],
+            index=row["position"],
+            scenario=row["scenario"],
+            sut=row["sut"],
+            repeat=row["repeat"],
+            state=RunState(row["state"]),
+            attempt=row["attempt"],
+            worker=row["worker"],
+            outcome=outcome,
+            oracle=row["oracle"],
+            margin=row["margin"],
+            unit=row["unit"],
+            simulated=row["simulated"],
+            limit=row["time_limit"],
+            wall=row["wall"],
+            trace=trace,
+            reason="; ".join(reason for reason in (row["reason"], gone) if reason),
+            cached=row["cached"],
+        )
+
+
+def _count(counts: Counter[str], state: str, outcome: str, runs: int) -> None:
+    counts[state] += runs
+    if state == RunState.DONE and outcome:
+        counts[f"outcome {outcome}"] += runs
+
+
+def count_states(counts: Counter[str]) -> dict[str, int]:
+    """Return how runs stand, under the field names of campaign rows and the overview."""
+    return {
+        "queued": counts["queued"],
+        "running": counts["running"],
+        "done": counts["done"],
+        "lost": counts["lost"],
+        "cancelled": counts["cancelled"],
+        "passed": counts["outcome pass"],
+        "failed": counts["outcome fail"],
+        "inconclusive": counts["outcome inconclusive"],
+        "errors": counts["outcome error"],
+    }
+
+
+def _campaign_row(row: sqlite3.Row, counts: Counter[str]) -> CampaignRow:
+    return CampaignRow(
+        id=row["id"],
+        name=row["name"],
+        about=row["about"],
+        submitted_at=row["submitted_at"],
+        finished_at=row["finished_at"],
+        total=row["total"],
+        cached=row["cached"],
+        paused=bool(row["paused"]),
+        priority=row["priority"],
+        **count_states(counts),
+    )
+
+
+def _order(query: RunQuery) -> str:
+    column = SORTABLE.get(query.sort)
+    if column is None:
+        raise Refused(f"cannot sort by {query.sort!r}: {did_you_mean(query.sort, SORTABLE)}")
+    if column == "serial" and query.campaign:
+        column = "position"  # the same order, and there is an index on it
+    order = f"{column} {'DESC' if query.descending else 'ASC'}"
+    if column == "margin":
+        order = f"margin IS NULL, {order}"  # what has none comes last, either way
+    return order if column in ("serial", "position") else f"{order}, serial"
+
+
+def _filter(query: RunQuery) -> tuple[str, list[Any]]:
+    conditions: list[str] = []
+    values: list[Any] = []
+    for column in ("campaign", "state", "outcome", "scenario", "sut"):
+        wanted = getattr(query, column)
+        if wanted:
+            _check_word(column, wanted)
+            conditions.append(f"{column} = ?")
+            values.append(wanted)
+    if query.text:
+        # Looking through 100,000 texts put together takes twice as long as through their parts.
+        places = (f"({_TEXT})",) if set(query.text) & {"/", " "} else _WORDS
+        found = " OR ".join(f"{place} LIKE ? ESCAPE '\\'" for place in places)
+        conditions.append(f"({found})")
+        values += [f"%{_WILD.sub(_ESCAPED, query.text)}%"] * len(places)
+    return ("WHERE " + " AND ".join(conditions) if conditions else ""), values
+
+
+def _check_word(column: str, word: str) -> None:
+    known: Iterable[str] = {"state": RunState, "outcome": Outcome}.get(column, ())
+    names = [str(name) for name in known]
+    if names and word not in names:
+        raise Refused(f"there is no {column} {word!r}: {did_you_mean(word, names)}")

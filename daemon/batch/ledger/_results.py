@@ -1,0 +1,209 @@
+"""Results in the ledger: those workers bring, those used again, and repeats in reserve.
+
+A run whose specification has a result in the ledger gets that result: equal digests mean equal traces. Results of runs that broke are not used again, since the machine may have been at fault. Repeats in reserve become runs when their cell is still undecided after all repeats before.
+"""
+
+from __future__ import annotations
+
+import sqlite3
+from collections.abc import Iterable, Sequence
+from typing import Final
+
+from daemon.batch.errors import Refused
+from daemon.batch.ledger._records import SpecReader, SpecWriter, read_declared, read_records
+from daemon.batch.paths import is_digest, trace_name
+from daemon.batch.stores import trace_url
+from daemon.judging.assessment import undecided_cells
+from daemon.model.messages import Completion
+from daemon.model.spec import RunResult, RunSpec
+from daemon.model.verdicts import Outcome, Verdict
+from grammars.text import codec
+
+
+def check_result(db: sqlite3.Connection, completion: Completion) -> str:
+    """Refuse what is no result of a run of ours; returns the run's campaign."""
+    known = db.execute(
+        "SELECT digest, campaign, CASE granted WHEN 0 THEN"
+        " (SELECT value FROM meta WHERE key = 'token') ELSE granted END FROM run WHERE id = ?",
+        (completion.run,),
+    ).fetchone()
+    if known is None:
+        raise Refused(f"there is no run {completion.run}")
+    if not 0 < completion.token <= known[2]:
+        raise Refused(f"run {completion.run} was never leased under token {completion.token}")
+    if known[0] != completion.result.spec:
+        raise Refused(f"the result is not of run {completion.run}: its specification differs")
+    if not is_digest(completion.result.trace.sha256):
+        raise Refused(f"the trace of {completion.run} has no digest")
+    _check_location(db, completion)
+    return str(known[1])
+
+
+def _check_location(db: sqlite3.Connection, completion: Completion) -> None:
+    """Refuse a trace that is said to lie where no store of ours would have it."""
+    if not completion.location:
+        return
+    name, _ = read_trace_location(db, completion.run)
+    stores = db.execute("SELECT url FROM store").fetchall()
+    sha256 = completion.result.trace.sha256
+    if all(trace_url(url, name, sha256) != completion.location for (url,) in stores):
+        raise Refused(f"{completion.location} is not where the trace of {completion.run} goes")
+
+
+def read_trace_location(db: sqlite3.Connection, run: str) -> tuple[str, str]:
+    """Return the name of a run's trace and its URL, empty when it has none."""
+    row = db.execute("SELECT trace_name, trace_at FROM run WHERE id = ?", (run,))
+    found = row.fetchone()
+    if found is None:
+        raise Refused(f"there is no run {run}")
+    return str(found[0]), str(found[1])
+
+
+def store_result(db: sqlite3.Connection, completion: Completion, digest: str, now: float) -> None:
+    """Write down what a run gave, for good."""
+    db.execute(
+        "INSERT OR IGNORE INTO result (run, attempt, worker, digest, at, body)"
+        " VALUES (?, ?, ?, ?, ?, ?)",
+        (
+            completion.run,
+            completion.attempt,
+            completion.worker,
+            digest,
+            now,
+            codec.to_json(completion.result),
+        ),
+    )
+    result, verdict = completion.result, deciding_verdict(completion.result)
+    db.execute(
+        "UPDATE run SET outcome = ?, oracle = ?, margin = ?, unit = ?, simulated = ?, wall = ?,"
+        " finished_at = ?, trace_at = ? WHERE id = ?",
+        (
+            result.outcome,
+            verdict.oracle if verdict else "",
+            verdict.margin if verdict else None,
+            verdict.unit if verdict else "",
+            result.timing.simulated,
+            result.timing.wall,
+            now,
+            completion.location,
+            completion.run,
+        ),
+    )
+
+
+def deciding_verdict(result: RunResult) -> Verdict | None:
+    """The verdict a list shows: the first failing one, else the one with the smallest margin."""
+    judged = [v for v in result.verdicts if v.outcome is not Outcome.MEASURE]
+    for verdict in judged:
+        if verdict.outcome is Outcome.FAIL:
+            return verdict
+    measured = [v for v in judged if v.margin is not None]
+    return min(measured, key=lambda v: v.margin or 0.0, default=judged[0] if judged else None)
+
+
+_INSERT_RUN: Final = (
+    "INSERT INTO run (id, campaign, position, scenario, sut, repeat, time_limit, digest,"
+    " trace_name, seed, kind) VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)"
+)
+_FIND_RESULTS: Final = (
+    "SELECT new.id, max(old.serial) FROM run AS new JOIN run AS old"
+    " ON old.digest = new.digest AND old.result <> ''"
+    " WHERE new.campaign = ? AND new.state = 'queued' AND new.result = ''"
+    " AND old.state = 'done' AND old.outcome <> 'error' GROUP BY new.id"
+)
+_TAKE_RESULT: Final = (
+    "UPDATE run SET (state, result, outcome, oracle, margin, unit, simulated, wall, trace_at,"
+    " cached) = (SELECT 'done', result, outcome, oracle, margin, unit, simulated, wall, trace_at,"
+    " CASE cached WHEN '' THEN id ELSE cached END FROM run WHERE serial = ?) WHERE id = ?"
+)
+_COPY_RESULT: Final = (
+    "INSERT INTO result (run, attempt, worker, digest, at, body)"
+    " SELECT ?, attempt, worker, digest, at, body FROM result"
+    " WHERE run = (SELECT id FROM run WHERE serial = ?)"
+)
+
+
+def insert_runs(
+    db: sqlite3.Connection,
+    campaign: str,
+    runs: Sequence[RunSpec],
+    digests: Sequence[str],
+    first: int = 0,
+) -> None:
+    """Enter runs of a campaign and their digests as queued, at positions from ``first``."""
+    specs, placed = SpecWriter(db), list(enumerate(runs, start=first))
+    rows = zip(placed, digests, strict=True)
+    db.executemany(
+        _INSERT_RUN,
+        (_run_row(campaign, position, run, digest) for (position, run), digest in rows),
+    )
+    db.executemany(
+        "INSERT INTO spec (run, body) VALUES (?, ?)",
+        ((f"{campaign}.{position}", specs.body(run)) for position, run in placed),
+    )
+
+
+def _run_row(campaign: str, position: int, run: RunSpec, digest: str) -> tuple[object, ...]:
+    sut = run.sut.name
+    trace = trace_name(campaign, run.scenario, sut, run.repeat)
+    name = f"{campaign}.{position}"
+    known = (name, campaign, position, run.scenario, sut, run.repeat, run.limit, digest)
+    return (*known, trace, str(run.seed), run.sut.kind)
+
+
+def store_reserve(db: sqlite3.Connection, campaign: str, reserve: Iterable[RunSpec]) -> None:
+    """Put repeats aside that may be needed later."""
+    specs = SpecWriter(db)
+    db.executemany(
+        "INSERT INTO reserve (campaign, position, scenario, sut, repeat, body)"
+        " VALUES (?, ?, ?, ?, ?, ?)",
+        (
+            (campaign, i, run.scenario, run.sut.name, run.repeat, specs.body(run))
+            for i, run in enumerate(reserve)
+        ),
+    )
+
+
+def reuse_results(db: sqlite3.Connection, campaign: str) -> int:
+    """Give queued runs of a campaign the results their specifications have; returns how many.
+
+    Does nothing for a campaign that was submitted to run everything anew.
+    """
+    fresh = db.execute("SELECT fresh FROM campaign WHERE id = ?", (campaign,)).fetchone()[0]
+    found = [] if fresh else db.execute(_FIND_RESULTS, (campaign,)).fetchall()
+    for run, source in found:
+        db.execute(_TAKE_RESULT, (source, run))
+        db.execute(_COPY_RESULT, (run, source))
+    db.execute("UPDATE campaign SET cached = cached + ? WHERE id = ?", (len(found), campaign))
+    return len(found)
+
+
+def queue_reserve(db: sqlite3.Connection, campaign: str) -> int:
+    """Make runs of the repeats that undecided cells get next; returns how many.
+
+    A cell gets as many as bring it to its next look (see :class:`daemon.model.assessments.RepeatPolicy`).
+    """
+    if not db.execute("SELECT 1 FROM reserve WHERE campaign = ?", (campaign,)).fetchone():
+        return 0
+    declared, records = read_declared(db, campaign), read_records(db, campaign)
+    chosen: list[tuple[int, bytes]] = []
+    for scenario, sut in undecided_cells(declared, records):
+        so_far = sum((r.scenario, r.sut) == (scenario, sut) for r in records)
+        upto = _next_look(declared.policy.looks, so_far)
+        chosen += db.execute(
+            "SELECT position, body FROM reserve WHERE campaign = ? AND scenario = ? AND sut = ?"
+            " AND repeat < ? ORDER BY position",
+            (campaign, scenario, sut, upto),
+        ).fetchall()
+    if chosen:
+        specs = SpecReader(db)
+        runs = [specs.read(body) for _, body in chosen]
+        insert_runs(db, campaign, runs, [run.digest for run in runs], first=len(records))
+        gone = ((campaign, position) for position, _ in chosen)
+        db.executemany("DELETE FROM reserve WHERE campaign = ? AND position = ?", gone)
+        db.execute("UPDATE campaign SET total = total + ? WHERE id = ?", (len(runs), campaign))
+    return len(chosen)
+
+
+def _next_look(looks: Sequence[int], so_far: int) -> int:
+    return next((look for look in looks if look > so_far), so_far)

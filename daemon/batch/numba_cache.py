@@ -1,0 +1,39 @@
+"""Where numba keeps compiled kernels when neither of its usual places can be written."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Final
+
+import platformdirs
+
+import daemon
+from daemon.batch.paths import StatePaths
+
+CACHE_VARIABLE: Final = "NUMBA_CACHE_DIR"
+
+
+def numba_cache_environment(
+    places: StatePaths,
+    environ: Mapping[str, str] = os.environ,
+    usual: tuple[Path, ...] | None = None,
+) -> dict[str, str]:
+    """Return ``environ`` for a worker, with a cache in the state directory if it takes one.
+
+    numba keeps what it compiles beside the sources, else in the user's cache folder, and raises
+    where it can keep nothing: a container with a read-only installation and no home, say.
+    ``usual`` are these two places.
+    """
+    beside = Path(daemon.__file__).parent / "__pycache__"
+    folders = usual or (beside, platformdirs.user_cache_path("numba"))
+    if environ.get(CACHE_VARIABLE) or any(_writable(folder) for folder in folders):
+        return dict(environ)
+    return {**environ, CACHE_VARIABLE: str(places.state / "kernels")}
+
+
+def _writable(folder: Path) -> bool:
+    """Whether ``folder`` can be written, or made."""
+    existing = next((f for f in (folder, *folder.parents) if f.exists()), folder)
+    return os.access(existing, os.W_OK)

@@ -1,0 +1,17 @@
+"""Keeping a daemon going: what is wrong with it, its numbers, its systemd units."""
+
+from daemon.batch.operation._checks import DoctorFinding, FindingLevel, check_keys
+from daemon.batch.operation._doctor import examine
+from daemon.batch.operation._metrics import DaemonStatus, prometheus_text
+from daemon.batch.operation._systemd import daemon_unit, worker_unit
+
+__all__ = [
+    "DaemonStatus",
+    "DoctorFinding",
+    "FindingLevel",
+    "check_keys",
+    "daemon_unit",
+    "examine",
+    "prometheus_text",
+    "worker_unit",
+]

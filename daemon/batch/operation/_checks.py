@@ -1,0 +1,269 @@
+"""The doctor's checks of what lies on disk: keys, the ledger, what something killed left behind.
+
+Each finding is one line, with the remedy. Nothing is changed; locks are tried for a moment, shared.
+"""
+
+from __future__ import annotations
+
+import fcntl
+import shlex
+import sqlite3
+import stat
+from collections.abc import Iterable, Iterator
+from contextlib import closing, suppress
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from enum import StrEnum
+from pathlib import Path
+from typing import Final
+from urllib.parse import quote
+
+from daemon.batch.errors import KeysUnusable
+from daemon.batch.ledger import SCHEMA_VERSION
+from daemon.batch.paths import StatePaths, is_id
+from daemon.batch.security import IssuedKey, Role, find_credentials, is_authority, load_register
+
+
+class FindingLevel(StrEnum):
+    """How a finding is to be taken; a problem keeps runs from being executed or kept safe."""
+
+    OK = "ok"
+    WARNING = "warning"
+    PROBLEM = "problem"
+
+
+@dataclass(frozen=True, slots=True)
+class DoctorFinding:
+    """``subject`` is what was looked at, ``remedy`` what to do, empty when all is well."""
+
+    level: FindingLevel
+    subject: str
+    message: str
+    remedy: str = ""
+
+
+def ok(subject: str, message: str) -> DoctorFinding:
+    """All is well."""
+    return DoctorFinding(FindingLevel.OK, subject, message)
+
+
+def warning(subject: str, message: str, remedy: str) -> DoctorFinding:
+    """Works, but somebody should know."""
+    return DoctorFinding(FindingLevel.WARNING, subject, message, remedy)
+
+
+def problem(subject: str, message: str, remedy: str) -> DoctorFinding:
+    """Does not work."""
+    return DoctorFinding(FindingLevel.PROBLEM, subject, message, remedy)
+
+
+_EXPIRES_SOON: Final = 30 * 86_400.0
+_RENEWAL: Final = "`scenario keys issue {role} NAME` makes another, `scenario keys bundle` packs it"
+
+
+def check_keys(folder: Path, now: float, *, needed: bool) -> Iterator[DoctorFinding]:
+    """Look at the keys in ``folder``; that there are none is a problem only when ``needed``."""
+    if not folder.exists():
+        if needed:
+            yield problem("keys", f"there are none in {folder}", "get some: `scenario keys bundle`")
+        return
+    try:
+        if folder.stat().st_mode & (stat.S_IRWXG | stat.S_IRWXO):
+            yield warning("keys", f"others can look into {folder}", f"chmod 700 {folder}")
+        if is_authority(folder):
+            for issued in load_register(folder).issued:
+                yield from _issued_findings(issued, now)
+        else:
+            holder = find_credentials(Role.OPERATOR, folder)
+            yield _expiry_finding(holder.name, holder.role, holder.expires_at, now)
+    except (KeysUnusable, OSError) as error:
+        yield problem("keys", str(error), "see `scenario keys --help`")
+
+
+def _issued_findings(issued: IssuedKey, now: float) -> Iterator[DoctorFinding]:
+    if issued.revoked_at is None:
+        yield _expiry_finding(issued.name, issued.role, issued.expires_at, now)
+
+
+def _expiry_finding(name: str, role: Role, expires_at: float, now: float) -> DoctorFinding:
+    day = f"{datetime.fromtimestamp(expires_at, UTC):%Y-%m-%d}"
+    if now >= expires_at:
+        return problem("keys", f'"{name}" has expired on {day}', _RENEWAL.format(role=role))
+    if now > expires_at - _EXPIRES_SOON:
+        return warning("keys", f'"{name}" expires on {day}', _RENEWAL.format(role=role))
+    return ok("keys", f'"{name}", good until {day}')
+
+
+_LEDGER_SKEW: Final = 5.0
+_INVARIANTS: Final = {
+    "runs are counted as done and have no result": (
+        "SELECT count(*) FROM run LEFT JOIN result ON result.run = run.id"
+        " WHERE run.result <> '' AND result.run IS NULL"
+    ),
+    "results differ from what their run says": (
+        "SELECT count(*) FROM result JOIN run ON run.id = result.run"
+        " WHERE run.result <> result.digest"
+    ),
+    "runs have no specification": (
+        "SELECT count(*) FROM run LEFT JOIN spec ON spec.run = run.id WHERE spec.run IS NULL"
+    ),
+    "runs are queued in campaigns that are closed": (
+        "SELECT count(*) FROM run JOIN campaign ON campaign.id = run.campaign"
+        " WHERE state IN ('queued', 'running') AND campaign.finished_at IS NOT NULL"
+    ),
+    "counts differ from the runs": (
+        "SELECT count(*) FROM (SELECT campaign, state, outcome, count(*) AS runs FROM run"
+        " GROUP BY campaign, state, outcome) AS found LEFT JOIN tally USING"
+        " (campaign, state, outcome) WHERE tally.runs IS NOT found.runs"
+    ),
+}
+_BACKUP: Final = (
+    "stop the daemon, keep a copy of the directory, restore the ledger from a backup "
+    "or save what is readable with `sqlite3 ledger.db .recover`"
+)
+
+
+def check_ledger(places: StatePaths, now: float) -> Iterator[DoctorFinding]:
+    """Check the file, the references in it, its own rules, and that ``now`` is not in its past."""
+    if not places.ledger.exists():
+        yield ok("ledger", "none yet: the first daemon makes it")
+        return
+    try:
+        uri = f"file:{quote(str(places.ledger))}?mode=ro"
+        with closing(sqlite3.connect(uri, uri=True, isolation_level=None)) as db:
+            db.execute("BEGIN")
+            yield from _ledger_findings(db, now)
+    except sqlite3.Error as error:
+        yield problem("ledger", f"{places.ledger} cannot be read: {error}", _BACKUP)
+
+
+def _ledger_findings(db: sqlite3.Connection, now: float) -> Iterator[DoctorFinding]:
+    version = db.execute("PRAGMA user_version").fetchone()[0]
+    if version > SCHEMA_VERSION:
+        yield problem(
+            "ledger",
+            f"has schema {version}, this version knows {SCHEMA_VERSION}",
+            "use the version that made it, or another state directory",
+        )
+        return
+    broken = [row[0] for row in db.execute("PRAGMA integrity_check(3)") if row[0] != "ok"]
+    broken += [f"{row[0]} refers to nothing" for row in db.execute("PRAGMA foreign_key_check")][:3]
+    if broken:
+        yield problem("ledger", f"is damaged: {'; '.join(broken)}", _BACKUP)
+        return
+    if version < SCHEMA_VERSION:
+        yield warning(
+            "ledger",
+            f"whole, schema {version} of an earlier version",
+            "the next daemon brings it up to date; copy it if you may go back",
+        )
+        return
+    yield from _content_findings(db, now)
+
+
+def _content_findings(db: sqlite3.Connection, now: float) -> Iterator[DoctorFinding]:
+    wrong = [f"{n} {words}" for words, rule in _INVARIANTS.items() if (n := _count(db, rule))]
+    if wrong:
+        yield problem("ledger", "; ".join(wrong), "please report it, with a copy of the ledger")
+    else:
+        runs, results = (_count(db, f"SELECT count(*) FROM {t}") for t in ("run", "result"))
+        yield ok("ledger", f"whole, schema {SCHEMA_VERSION}, {runs} runs, {results} results")
+    alarms = _count(db, "SELECT count(*) FROM event WHERE kind = 'alarm'")
+    if alarms:
+        yield warning(
+            "determinism",
+            f"{alarms} times another execution of a run came out differently",
+            "see `scenario results --runs --filter nondeterministic`",
+        )
+    last = db.execute("SELECT max(at) FROM event").fetchone()[0] or 0.0
+    if last > now + _LEDGER_SKEW:
+        yield problem(
+            "clock",
+            f"it is {last - now:.0f} s before the ledger's newest event",
+            "set the clock (timedatectl); leases end late until it has caught up",
+        )
+    else:
+        yield ok("clock", "not before the ledger's newest event")
+
+
+def _count(db: sqlite3.Connection, query: str) -> int:
+    return int(db.execute(query).fetchone()[0])
+
+
+_SHOWN = 3
+
+
+def check_leftovers(places: StatePaths, here: Path) -> Iterator[DoctorFinding]:
+    """Look for partial traces, orphan spools, unknown traces, and workshops at and below ``here``.
+
+    Locks are tried for a moment, shared; nothing is changed.
+    """
+    found = [
+        *_leftover_findings(
+            "partial traces", _partial_traces(places), "remove them while no worker runs: {remove}"
+        ),
+        *_leftover_findings(
+            "spools of dead workers",
+            _orphan_spools(places),
+            "the next worker to start delivers what is finished and removes them",
+        ),
+        *_leftover_findings(
+            "traces unknown to the ledger", _unknown_traces(places), "if unwanted: {remove}"
+        ),
+        *_leftover_findings(
+            "workshops of interrupted runs",
+            _temporary_folders(here),
+            "if no `scenario run` uses them: {remove}",
+        ),
+    ]
+    yield from found or [ok("leftovers", "none")]
+
+
+def _leftover_findings(what: str, paths: Iterable[Path], remedy: str) -> Iterator[DoctorFinding]:
+    found = sorted(paths)
+    if not found:
+        return
+    names = " ".join(shlex.quote(str(path)) for path in found[:_SHOWN])
+    more = f" and {len(found) - _SHOWN} more" if len(found) > _SHOWN else ""
+    message = f"{what}: {', '.join(str(path) for path in found[:_SHOWN])}{more}"
+    yield warning("leftovers", message, remedy.format(remove=f"rm -r {names}"))
+
+
+def _partial_traces(places: StatePaths) -> Iterator[Path]:
+    for pattern in ("*/.*.tmp", "*/*.partial"):
+        yield from places.traces.glob(pattern)
+
+
+def _orphan_spools(places: StatePaths) -> Iterator[Path]:
+    for folder in places.spool.glob("*"):
+        if is_id(folder.name) and (folder / "lock").exists() and not is_locked(folder / "lock"):
+            yield folder
+
+
+def _unknown_traces(places: StatePaths) -> tuple[Path, ...]:
+    known: set[str] = set()
+    if places.ledger.exists():
+        uri = f"file:{quote(str(places.ledger))}?mode=ro"
+        try:
+            with closing(sqlite3.connect(uri, uri=True)) as db:
+                known = {row[0] for row in db.execute("SELECT id FROM campaign")}
+        except sqlite3.Error:
+            return ()  # the ledger's own finding says so
+    return tuple(folder for folder in places.traces.glob("*") if folder.name not in known)
+
+
+def _temporary_folders(here: Path) -> Iterator[Path]:
+    for pattern in (".scenario-*", "*/.scenario-*", "scenario-results/*/.scenario-*"):
+        for folder in here.glob(pattern):
+            if folder.is_dir() and not is_locked(folder / "daemon.lock"):
+                yield folder
+
+
+def is_locked(path: Path) -> bool:
+    """Whether somebody holds the lock that ``path`` is."""
+    with suppress(FileNotFoundError), path.open("rb") as lock:
+        try:
+            fcntl.flock(lock, fcntl.LOCK_SH | fcntl.LOCK_NB)
+        except BlockingIOError:
+            return True
+    return False

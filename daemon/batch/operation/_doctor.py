@@ -1,0 +1,264 @@
+"""The examination: what is configured, what answers, what is wrong; nothing is changed."""
+
+from __future__ import annotations
+
+import os
+import platform
+import stat
+import time
+from collections.abc import Iterator
+from importlib.metadata import version
+from pathlib import Path
+from typing import Final
+
+import platformdirs
+
+import daemon
+from daemon.batch.client import Client
+from daemon.batch.errors import DaemonError
+from daemon.batch.operation._checks import (
+    DoctorFinding,
+    check_keys,
+    check_ledger,
+    check_leftovers,
+    ok,
+    problem,
+    warning,
+)
+from daemon.batch.paths import (
+    Endpoint,
+    StatePaths,
+    endpoint_text,
+    is_encrypted,
+    is_endpoint,
+    is_local,
+)
+from daemon.batch.security import keys_folder
+from daemon.batch.sizes import size_text
+from daemon.model.execution import available_cores
+from daemon.model.spec import ENGINE_VERSION
+from daemon.model.status import DaemonOverview, DiskUsage, WorkerRow
+
+_PACKAGES: Final = ("eclipse-zenoh", "numpy", "numba", "pymunk", "pydantic", "mcap", "textual")
+_SILENCE: Final = 30.0
+_SKEW: Final = 2.0
+_ROOMY: Final = 2 * 2**30
+_OLDEST_NOW: Final = 1_735_689_600.0
+"""2025-01-01: a clock before that was never set."""
+
+
+def examine(places: StatePaths, endpoint: Endpoint, here: Path) -> tuple[DoctorFinding, ...]:
+    """Return all findings, for the state directory, the endpoint and leftovers below ``here``."""
+    now = time.time()
+    return (
+        *_versions(),
+        ok(
+            "slots",
+            f"{available_cores()} cores may be used: one run each unless --slots says otherwise",
+        ),
+        *_kernels(places),
+        *_state(places),
+        *check_ledger(places, now),
+        *_clock(now),
+        *_endpoint(endpoint),
+        *check_keys(keys_folder(), now, needed=is_encrypted(endpoint.address)),
+        *(_daemon(places, endpoint) if is_endpoint(endpoint.address) else ()),
+        *check_leftovers(places, here),
+    )
+
+
+def _versions() -> Iterator[DoctorFinding]:
+    packages = ", ".join(f"{name} {version(name)}" for name in _PACKAGES)
+    own = f"scenario-tui {version('scenario-tui')}, engine {ENGINE_VERSION}"
+    yield ok("versions", f"{own}, python {platform.python_version()}, {packages}")
+
+
+def _kernels(places: StatePaths) -> Iterator[DoctorFinding]:
+    beside = Path(daemon.__file__).parent
+    asked = os.environ.get("NUMBA_CACHE_DIR")
+    folders = [Path(asked)] if asked else [beside, platformdirs.user_cache_path("numba")]
+    counts = [(sum(1 for _ in f.rglob("*.nbi")), f) for f in (*folders, places.state / "kernels")]
+    count, folder = max(counts, key=lambda pair: pair[0])
+    if count:
+        yield ok("kernels", f"{count} compiled ones are kept below {folder}")
+    else:
+        yield warning("kernels", "none is compiled yet", "the first runs take longer, once")
+
+
+def _state(places: StatePaths) -> Iterator[DoctorFinding]:
+    state = places.state
+    if not state.exists():
+        yield ok("state", f"{state} is not there yet: the first daemon makes it")
+        return
+    if not state.is_dir() or not os.access(state, os.R_OK | os.W_OK | os.X_OK):
+        yield problem(
+            "state",
+            f"{state} is no directory you can write",
+            "choose another with --state, or change its owner",
+        )
+        return
+    yield from _permissions(places)
+    disk = places.disk()
+    sizes = f"{disk.free / 2**30:.1f} of {disk.total / 2**30:.1f} GiB free, "
+    sizes += f"ledger {disk.ledger / 2**20:.1f} MiB"
+    if shortage := places.shortage():
+        yield problem("disk", shortage, "free some: `scenario gc --max-size 10GiB --dry-run`")
+    elif disk.free < _ROOMY:
+        yield warning("disk", sizes, "free some: `scenario gc --max-size 10GiB --dry-run`")
+    else:
+        yield ok("disk", sizes)
+
+
+def _permissions(places: StatePaths) -> Iterator[DoctorFinding]:
+    folders = (places.state, places.scenes, places.traces, places.spool)
+    modes = {folder: folder.stat() for folder in folders if folder.exists()}
+    foreign = [str(f) for f, found in modes.items() if found.st_uid != os.getuid()]
+    writable = [
+        str(f) for f, found in modes.items() if found.st_mode & (stat.S_IWGRP | stat.S_IWOTH)
+    ]
+    readable = places.state.stat().st_mode & (stat.S_IRWXG | stat.S_IRWXO)
+    if foreign:
+        yield warning(
+            "state",
+            f"{', '.join(foreign)} belong to somebody else",
+            "run the daemon as their owner",
+        )
+    if writable:
+        yield problem(
+            "state", f"others can write {', '.join(writable)}", f"chmod -R go-rwx {places.state}"
+        )
+    elif readable:
+        yield warning("state", f"others can read {places.state}", f"chmod go-rwx {places.state}")
+    elif not foreign:
+        yield ok("state", f"{places.state}, yours alone")
+
+
+def _clock(now: float) -> Iterator[DoctorFinding]:
+    if now < _OLDEST_NOW:
+        yield problem("clock", f"it says {time.ctime(now)}", "set the clock (timedatectl)")
+
+
+def _endpoint(endpoint: Endpoint) -> Iterator[DoctorFinding]:
+    known = is_endpoint(endpoint.address)
+    where = endpoint_text(endpoint.address) if known else endpoint.address
+    told = f"{where}, from {endpoint.origin}"
+    if not known:
+        remedy = "write tcp/<host>:<port> or tls/<host>:<port>"
+        yield problem("endpoint", f"{told}: that is none", remedy)
+    elif not (is_encrypted(endpoint.address) or is_local(endpoint.address)):
+        yield warning(
+            "endpoint",
+            f"{told}: plain TCP to another machine",
+            "whoever is in the network may read, submit and cancel: use tls/ (`scenario keys`)",
+        )
+    else:
+        yield ok("endpoint", told)
+
+
+def _daemon(places: StatePaths, endpoint: Endpoint) -> Iterator[DoctorFinding]:
+    try:
+        with Client.open(endpoint.address) as client:
+            before = time.time()
+            overview, after = client.overview(), time.time()
+            workers, disk = client.workers(), client.disk()
+    except DaemonError as error:
+        yield _silence(places, endpoint, error)
+        return
+    yield from _answering(overview, places, endpoint)
+    skew = overview.now - (before + after) / 2
+    if abs(skew) > _SKEW:
+        yield warning(
+            "clock",
+            f"the daemon's differs by {skew:+.1f} s from this machine's",
+            "synchronise both (timedatectl set-ntp true)",
+        )
+    yield _traces(disk)
+    yield from _workers(workers, overview)
+
+
+def _traces(disk: DiskUsage) -> DoctorFinding:
+    told = f"{size_text(disk.traces)} in the state directory"
+    if not disk.quota:
+        return ok("traces", f"{told}, no quota: `scenario daemon --quota 20GiB` sets one")
+    told += f", the quota is {size_text(disk.quota)}"
+    if disk.traces <= disk.quota:
+        return ok("traces", told)
+    return problem("traces", told, "start the daemon with a larger --quota, or cancel a campaign")
+
+
+def _silence(places: StatePaths, endpoint: Endpoint, error: DaemonError) -> DoctorFinding:
+    if endpoint.origin in ("--connect", "SCENARIO_CONNECT"):
+        return problem("daemon", str(error), f"start it there, or correct {endpoint.origin}")
+    contact = places.read_contact()
+    if contact is None:
+        return ok("daemon", "none runs: `scenario submit` or `scenario daemon` starts one")
+    if _lives(contact.pid):
+        return problem(
+            "daemon",
+            f"process {contact.pid} keeps the directory and does not answer",
+            f"see {places.log}; end it with kill, else kill -9 (what it recorded stays)",
+        )
+    return warning(
+        "daemon",
+        f"process {contact.pid} was killed and left daemon.json behind",
+        "the next daemon replaces it and goes on with what is queued",
+    )
+
+
+def _lives(pid: int) -> bool:
+    try:
+        os.kill(pid, 0)
+    except ProcessLookupError:
+        return False
+    except PermissionError:
+        return True
+    return True
+
+
+def _answering(
+    overview: DaemonOverview, places: StatePaths, endpoint: Endpoint
+) -> Iterator[DoctorFinding]:
+    own = version("scenario-tui")
+    if Path(overview.state) != places.state and endpoint.origin in ("daemon.json", "default"):
+        yield problem(
+            "daemon",
+            f"the one at {endpoint_text(endpoint.address)} keeps {overview.state}",
+            f"name it with --state, or start one for {places.state}",
+        )
+        return
+    if overview.version != own:
+        yield warning(
+            "daemon",
+            f"it is version {overview.version}, this is {own}",
+            "`scenario stop` and start it again",
+        )
+    else:
+        waiting = f"{overview.queued} runs queued, {overview.running} running"
+        yield ok("daemon", f"answers at {endpoint_text(endpoint.address)}, {waiting}")
+    if overview.trouble:
+        last = overview.trouble.strip().splitlines()[-1]
+        yield problem("daemon", f"no run can start: {last}", f"see {places.worker_log}")
+
+
+def _workers(workers: tuple[WorkerRow, ...], overview: DaemonOverview) -> Iterator[DoctorFinding]:
+    if not workers:
+        yield warning(
+            "workers",
+            "none is connected: nothing will be executed",
+            "start one with `scenario worker`",
+        )
+    for worker in workers:
+        silent = overview.now - worker.last_seen_at
+        told = f"{worker.id} on {worker.host}, {worker.busy} of {worker.slots} slots busy"
+        if worker.version != overview.version:
+            yield warning(
+                "workers", f"{told}, version {worker.version}", f"install {overview.version} there"
+            )
+        elif silent > _SILENCE:
+            yield warning(
+                "workers",
+                f"{told}, not heard of for {silent:.0f} s",
+                "see whether its machine is well",
+            )
+        else:
+            yield ok("workers", told)

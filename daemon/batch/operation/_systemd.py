@@ -1,0 +1,110 @@
+"""systemd user units for the daemon and for workers.
+
+Stopping sends SIGTERM to the main process only (``KillMode=mixed``): the daemon tells its worker,
+a worker lets its children finish; systemd's default would kill the runs instead. What systemd then
+waits is a little more than the drain may take. Quoting follows systemd.syntax(7) and
+systemd.service(5): C escapes in double quotes, ``%`` and, in commands, ``$`` doubled.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Final
+
+from daemon.batch.server import STOP_MARGIN, DaemonSettings
+from daemon.model.execution import RunLimits
+
+_MARGIN: Final = 10.0
+_UNSAFE: Final = frozenset("\"'\\$")
+_UNIT: Final = """\
+[Unit]
+Description={about}
+StartLimitIntervalSec=0
+
+[Service]
+Type=exec
+ExecStart={command}
+Restart={restart}
+RestartSec={pause}
+RestartPreventExitStatus=2
+KillMode=mixed
+TimeoutStopSec={patience:.0f}
+OOMPolicy=continue
+UMask=0077
+{more}
+[Install]
+WantedBy=default.target
+"""
+
+
+def daemon_unit(
+    command: Path,
+    state: Path,
+    listen: str = "",
+    slots: int | None = None,
+    *,
+    keys: Path | None = None,
+    insecure: bool = False,
+    traces: str = "",
+    quota: str = "",
+) -> str:
+    """Return the unit of a daemon; ``command`` is the ``scenario`` executable, absolute.
+
+    It starts again after a failure, not after ``scenario stop``.
+    """
+    words = [str(command), "daemon", "--state", str(state)]
+    words += ["--listen", listen] if listen else []
+    words += ["--keys", str(keys.absolute())] if keys else []
+    words += ["--insecure"] if insecure else []
+    words += ["--traces", traces] if traces else []
+    words += ["--quota", quota] if quota else []
+    return _UNIT.format(
+        about="scenario: queue and results of simulated runs",
+        command=_command(words, slots),
+        restart="on-failure",
+        pause=2,
+        patience=DaemonSettings().patience + STOP_MARGIN + _MARGIN,
+        more="",
+    )
+
+
+def worker_unit(
+    command: Path,
+    connect: str = "",
+    state: Path | None = None,
+    slots: int | None = None,
+    *,
+    limits: RunLimits | None = None,
+    options: Sequence[str] = (),
+) -> str:
+    """Return the unit of a worker; it starts again whenever it ends, the daemon's leaving included.
+
+    It is given the time the shortest wall clock limit of a run leaves it, and its processes step
+    back as far as runs do. ``options`` are more words for its command.
+    """
+    limits = limits or RunLimits()
+    words = [str(command), "worker"]
+    words += ["--connect", connect] if connect else []
+    words += ["--state", str(state)] if state else []
+    return _UNIT.format(
+        about="scenario: worker, executes simulated runs",
+        command=_command((*words, *options), slots),
+        restart="always",
+        pause=5,
+        patience=limits.wall_of(0.0) + _MARGIN,
+        more=f"Nice={limits.nice}\n",
+    )
+
+
+def _command(words: Sequence[str], slots: int | None) -> str:
+    more = () if slots is None else ("--slots", str(slots))
+    # systemd refuses such names for what it executes itself, whatever the quoting.
+    detour = ("/usr/bin/env",) if _UNSAFE & set(words[0]) else ()
+    return " ".join(_quoted(word) for word in (*detour, *words, *more))
+
+
+def _quoted(word: str) -> str:
+    """Quote a word of ``ExecStart``."""
+    escaped = word.replace("\\", "\\\\").replace('"', '\\"').replace("\n", "\\n")
+    return '"' + escaped.replace("%", "%%").replace("$", "$$") + '"'

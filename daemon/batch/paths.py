@@ -1,0 +1,338 @@
+"""Where the daemon keeps things: the state directory and the endpoint.
+
+ledger.db  daemon.lock  daemon.json  daemon.log  worker.log
+socket/daemon.sock
+scenes/<digest>.json  files/<digest>
+traces/<campaign>/<scenario>.<sut>.<repeat>.mcap
+spool/<worker>/<run>/attempt-<k>/
+incoming/<run>.<token>.<digest>.part|mcap
+marker.json
+
+Shell completion asks at every TAB where the ledger lies: what is heavy is imported when needed.
+"""
+
+from __future__ import annotations
+
+import errno
+import functools
+import hashlib
+import ipaddress
+import os
+import re
+import shutil
+import stat
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Final, Literal
+from urllib.parse import quote
+
+import platformdirs
+
+if TYPE_CHECKING:
+    from daemon.model.status import DiskUsage
+
+INSECURE_VARIABLE: Final = "SCENARIO_INSECURE"
+"""Set to speak plain TCP to other machines all the same."""
+_ID: Final = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,99}\Z")
+_RUN_ID: Final = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,99}\.[0-9]{1,9}\Z")
+_DIGEST: Final = re.compile(r"[0-9a-f]{64}\Z")
+_ENDPOINT: Final = re.compile(r"(?:tcp|tls)/(\[[0-9A-Fa-f:.]+\]|[A-Za-z0-9._-]+):([0-9]{1,5})\Z")
+_SOCKET: Final = "unixsock-stream/"
+_SOCKET_PATH: Final = re.compile(r"/[^?#\x00-\x1f]+\Z")
+_LONGEST_SOCKET: Final = 100
+"""Bytes of a socket's path: systems take 103 or 107."""
+_LONGEST_NAME: Final = 200
+_SPARE_SPACE: Final = 32 * 2**20
+"""Bytes that must be free before a run starts: some long traces and the ledger's growth."""
+
+
+def is_id(text: str) -> bool:
+    """Whether ``text`` may name a campaign or a worker, in paths and on the bus."""
+    return _ID.match(text) is not None
+
+
+def is_run_id(text: str) -> bool:
+    """Whether ``text`` may name a run: ``<campaign>.<index>``."""
+    return _RUN_ID.match(text) is not None
+
+
+def is_digest(text: str) -> bool:
+    """Whether ``text`` looks like a SHA-256: 64 lower-case hexadecimal digits."""
+    return _DIGEST.match(text) is not None
+
+
+def is_endpoint(text: str) -> bool:
+    """Whether ``text`` is an endpoint we speak.
+
+    ``tcp/<host>:<port>``, ``tls/<host>:<port>``, or ``unixsock-stream/<path>`` for the socket of a
+    daemon of this machine.
+    """
+    if text.startswith(_SOCKET):
+        return _SOCKET_PATH.match(text.removeprefix(_SOCKET)) is not None
+    found = _ENDPOINT.match(text)
+    return found is not None and int(found[2]) < 65536
+
+
+def socket_path(endpoint: str) -> Path | None:
+    """Return the path of an endpoint that is a socket, ``None`` for others."""
+    return Path(endpoint.removeprefix(_SOCKET)) if endpoint.startswith(_SOCKET) else None
+
+
+def endpoint_text(endpoint: str) -> str:
+    """Return an endpoint as people know it: a socket by its path alone."""
+    return str(socket_path(endpoint) or endpoint)
+
+
+def parse_endpoint(text: str) -> str:
+    """Return the endpoint people mean: the path of a socket stands for the socket."""
+    return f"{_SOCKET}{text}" if text.startswith("/") else text
+
+
+def is_encrypted(endpoint: str) -> bool:
+    """Whether what travels there is encrypted and both sides prove who they are."""
+    return endpoint.startswith("tls/")
+
+
+def is_local(endpoint: str) -> bool:
+    """Whether what travels there never leaves this machine: a socket, or its loopback."""
+    found = _ENDPOINT.match(endpoint)
+    if found is None:
+        return endpoint.startswith(_SOCKET)
+    try:
+        return ipaddress.ip_address(found[1].strip("[]")).is_loopback
+    except ValueError:
+        return found[1] == "localhost"
+
+
+def trace_name(campaign: str, scenario: str, sut: str, repeat: int) -> str:
+    """Path of a run's trace below the traces directory, ``/`` separated.
+
+    Different runs get different names and no name leaves the directory: everything outside
+    ``[A-Za-z0-9_~-]``, the dot included, is percent-encoded. Raises ``ValueError`` for a
+    campaign id that is none and for names no file system would take.
+    """
+    if not is_id(campaign):
+        raise ValueError(f"{campaign!r} is not a campaign id")
+    parts = (_quoted(scenario), _quoted(sut), str(int(repeat)))
+    name = ".".join(parts) + ".mcap"
+    if not all(parts) or repeat < 0 or len(name) > _LONGEST_NAME:
+        raise ValueError(f"{scenario!r} with {sut!r}, repeat {repeat}, makes no usable file name")
+    return f"{campaign}/{name}"
+
+
+@functools.lru_cache(4096)
+def _quoted(name: str) -> str:
+    return quote(name, safe="").replace(".", "%2E")
+
+
+@dataclass(frozen=True, slots=True)
+class DaemonContact:
+    """Content of ``daemon.json``: how to reach the daemon that keeps the state directory."""
+
+    endpoint: str
+    pid: int
+    version: str
+    started_at: float
+
+
+@dataclass(frozen=True, slots=True)
+class StatePaths:
+    """The state directory and what lies in it."""
+
+    state: Path
+
+    @classmethod
+    def find(cls, state: Path | None = None, environ: Mapping[str, str] = os.environ) -> StatePaths:
+        """Choose the directory: the argument, ``SCENARIO_STATE``, else the user's state folder."""
+        chosen = state or environ.get("SCENARIO_STATE")
+        path = Path(chosen) if chosen else platformdirs.user_state_path("scenario")
+        return cls(path.expanduser().absolute())
+
+    @property
+    def ledger(self) -> Path:
+        """The SQLite file."""
+        return self.state / "ledger.db"
+
+    @property
+    def lock(self) -> Path:
+        """Locked by the daemon as long as it lives."""
+        return self.state / "daemon.lock"
+
+    @property
+    def contact_file(self) -> Path:
+        """Endpoint and process id of the running daemon."""
+        return self.state / "daemon.json"
+
+    @property
+    def socket(self) -> Path:
+        """The socket by which its owner's clients and workers on this machine reach the daemon.
+
+        It lies in a folder for its owner alone: who may connect is for the file system to say.
+        Systems limit the length of its path; for a long one the folder lies with the temporary
+        files.
+        """
+        path = self.state / "socket" / "daemon.sock"
+        if len(os.fsencode(path)) <= _LONGEST_SOCKET and _SOCKET_PATH.match(str(path)):
+            return path
+        import tempfile
+
+        name = hashlib.sha256(os.fsencode(self.state)).hexdigest()[:16]
+        return Path(tempfile.gettempdir()) / f"scenario-{os.getuid()}" / f"{name}.sock"
+
+    @property
+    def endpoint(self) -> str:
+        """Endpoint of the socket."""
+        return f"{_SOCKET}{self.socket}"
+
+    @property
+    def scenes(self) -> Path:
+        """Compiled scenes by digest."""
+        return self.state / "scenes"
+
+    @property
+    def traces(self) -> Path:
+        """Traces by campaign."""
+        return self.state / "traces"
+
+    @property
+    def spool(self) -> Path:
+        """Attempts that are running or not yet acknowledged, by worker."""
+        return self.state / "spool"
+
+    @property
+    def files(self) -> Path:
+        """Files of systems under test by digest."""
+        return self.state / "files"
+
+    @property
+    def incoming(self) -> Path:
+        """Traces that workers on other machines are sending."""
+        return self.state / "incoming"
+
+    @property
+    def marker(self) -> Path:
+        """What only those can read who share the daemon's file system."""
+        return self.state / "marker.json"
+
+    @property
+    def log(self) -> Path:
+        """What the daemon did, one JSON object per line."""
+        return self.state / "daemon.log"
+
+    @property
+    def worker_log(self) -> Path:
+        """What the local worker, its children and a dying daemon wrote to standard error."""
+        return self.state / "worker.log"
+
+    def make(self) -> None:
+        """Create the directories, readable by their owner only; raises ``OSError``."""
+        for folder in (self.state, self.scenes, self.files, self.traces, self.spool, self.incoming):
+            folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+
+    def make_socket_folder(self) -> None:
+        """Create the folder of the socket; raises ``OSError`` when it is not ours alone."""
+        _make_private(self.socket.parent)
+
+    def shortage(self) -> str:
+        """Say so when the disk is too full to keep what a run leaves, empty when it is not."""
+        try:
+            free = shutil.disk_usage(self.state).free
+        except OSError as error:
+            return f"{self.state} cannot be used: {error.strerror}"
+        if free >= _SPARE_SPACE:
+            return ""
+        return (
+            f"the disk of {self.state} is full ({free / 2**20:.0f} MiB left): "
+            f"runs wait until {_SPARE_SPACE // 2**20} MiB are free"
+        )
+
+    def disk(self) -> DiskUsage:
+        """Measure the file system of the state directory; raises ``OSError``."""
+        from daemon.model.status import DiskUsage
+
+        usage = shutil.disk_usage(self.state)
+        journal = self.ledger.with_name(f"{self.ledger.name}-wal")
+        sizes = (path.stat().st_size for path in (self.ledger, journal) if path.exists())
+        return DiskUsage(usage.total, usage.free, sum(sizes))
+
+    def scene(self, digest: str) -> Path:
+        """Path of a scene; raises ``ValueError`` when ``digest`` is none."""
+        if not is_digest(digest):
+            raise ValueError(f"{digest!r} is not a digest")
+        return self.scenes / f"{digest}.json"
+
+    def trace(self, name: str) -> Path:
+        """Path of a trace named by :func:`trace_name`; raises ``ValueError`` for other names."""
+        campaign, _, file = name.partition("/")
+        if not is_id(campaign) or not re.fullmatch(r"[A-Za-z0-9_~%-][A-Za-z0-9_~%.-]*", file):
+            raise ValueError(f"{name!r} is not the name of a trace")
+        return self.traces / campaign / file
+
+    def read_contact(self) -> DaemonContact | None:
+        """Return who keeps this directory, or ``None`` when no daemon has said so."""
+        from grammars.text import codec
+
+        try:
+            return codec.from_json(DaemonContact, self.contact_file.read_bytes())
+        except (OSError, ValueError):
+            return None
+
+
+def _make_private(folder: Path) -> None:
+    """Make ``folder`` and see to it that it is ours alone; raises ``OSError``."""
+    folder.mkdir(mode=0o700, exist_ok=True)
+    found = folder.lstat()
+    if not stat.S_ISDIR(found.st_mode) or found.st_uid != os.getuid():
+        raise PermissionError(errno.EPERM, "belongs to somebody else", str(folder))
+    if found.st_mode & (stat.S_IRWXG | stat.S_IRWXO):
+        folder.chmod(0o700)
+
+
+@dataclass(frozen=True, slots=True)
+class Endpoint:
+    """An endpoint and where it was found."""
+
+    address: str
+    origin: Literal["--connect", "SCENARIO_CONNECT", "daemon.json", "default"]
+
+
+def find_endpoint(
+    connect: str = "", state: Path | None = None, environ: Mapping[str, str] = os.environ
+) -> Endpoint:
+    """Choose the endpoint: ``connect``, ``SCENARIO_CONNECT``, ``daemon.json``, the default.
+
+    The default is the socket of the state directory, so nobody talks to a daemon of somebody else
+    without having named it.
+    """
+    if connect:
+        return Endpoint(connect, "--connect")
+    if environ.get("SCENARIO_CONNECT"):
+        return Endpoint(parse_endpoint(environ["SCENARIO_CONNECT"]), "SCENARIO_CONNECT")
+    places = StatePaths.find(state, environ)
+    contact = places.read_contact()
+    if contact is not None:
+        return Endpoint(contact.endpoint, "daemon.json")
+    return Endpoint(places.endpoint, "default")
+
+
+def write_atomically(path: Path, data: bytes) -> None:
+    """Write ``data`` so that ``path`` holds either all of it or what it held before, also after
+    a power cut: temporary file, fsync, rename, fsync of the directory.
+    """
+    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
+    with temporary.open("wb") as file:
+        file.write(data)
+        file.flush()
+        os.fsync(file.fileno())
+    temporary.replace(path)
+    sync_directory(path.parent)
+
+
+def sync_directory(folder: Path) -> None:
+    """Make renames in ``folder`` durable."""
+    descriptor = os.open(folder, os.O_RDONLY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)

@@ -1,0 +1,178 @@
+"""The process of one run: fresh, niced, limited, and gone with its worker.
+
+It reads ``grant.json`` and the scene, executes the run, and leaves ``trace.mcap`` and, last,
+``result.json`` in its attempt's folder: where there is a result, the trace is complete. What it
+prints, and where it was when it crashed, goes to ``output.txt``.
+"""
+
+from __future__ import annotations
+
+import errno
+import faulthandler
+import os
+import resource
+import select
+import signal
+import sys
+import threading
+import time
+import traceback
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from multiprocessing import parent_process
+from multiprocessing.connection import Connection, wait
+from pathlib import Path
+from typing import Final, Literal, NoReturn
+
+from daemon.batch.errors import SutMissing
+from daemon.batch.paths import sync_directory, write_atomically
+from daemon.model.attachments import FILES_VARIABLE
+from daemon.model.messages import Lease
+from daemon.model.spec import RunResult, Snapshot
+from daemon.model.status import LiveSnapshot
+from grammars.model.scene import Scene
+from grammars.text import codec
+
+GRANT: Final = "grant.json"
+TRACE: Final = "trace.mcap"
+OUTPUT: Final = "output.txt"
+RESULT: Final = "result.json"
+FILES: Final = "files"
+"""Leads to the files of systems under test, where one needs any."""
+WATCHED: Final = "watched"
+"""Lies in the folder of an attempt while somebody watches it."""
+
+LIVE: Final = b"L"
+FAILED: Final = b"F"
+DISK_FULL: Final = b"N"
+SUT_MISSING: Final = b"K"
+"""The system under test is not installed here: nothing the run could help."""
+READY: Final = b"R"
+
+_DISK_FULL_ERRORS: Final = (errno.ENOSPC, errno.EDQUOT)
+_LIVE_PERIOD: Final = 0.2
+_OOM_SCORE: Final = "500"
+_WATCHED_PERIOD: Final = 0.1
+
+
+@dataclass(frozen=True, slots=True)
+class RunTask:
+    """What a child is told: its attempt's folder, the scene's file, memory limit [B] or 0, and
+    how far it steps back behind other processes.
+    """
+
+    folder: Path
+    scene: Path
+    memory: int
+    nice: int
+
+
+def report_readiness(wire: Connection) -> None:
+    """Report whether runs can be executed at all: nothing, or what is wrong."""
+    from daemon.batch import forkserver_preload
+
+    wire.send_bytes(
+        FAILED + forkserver_preload.problem.encode() if forkserver_preload.problem else READY
+    )
+
+
+def run_attempt(task: RunTask, wire: Connection) -> None:
+    """Execute one run; exits with 0 when there is a result."""
+    from daemon.batch import forkserver_preload
+
+    _prepare_process(task)
+    try:
+        if forkserver_preload.execute is None:
+            raise ImportError(forkserver_preload.problem)
+        grant = codec.from_json(Lease, (task.folder / GRANT).read_bytes())
+        scene = codec.from_json(Scene, task.scene.read_bytes())
+        trace = task.folder / TRACE
+        reporter = SnapshotSender(grant.run, wire, task.folder / WATCHED)
+        result: RunResult = forkserver_preload.execute(
+            grant.spec, scene, trace_path=trace, on_progress=reporter, interest=reporter.interest
+        )
+        _write_result(result, trace, task.folder)
+    except SutMissing as error:
+        wire.send_bytes(SUT_MISSING + str(error).encode())
+        _exit(1)
+    except Exception as error:
+        # No verdict comes of this: the worker gives the run back with these words.
+        no_room = isinstance(error, OSError) and error.errno in _DISK_FULL_ERRORS
+        wire.send_bytes((DISK_FULL if no_room else FAILED) + traceback.format_exc().encode())
+        _exit(1)
+    _exit(0)
+
+
+def _exit(code: int) -> NoReturn:
+    """End without waiting for whatever threads the system under test has left running."""
+    sys.stdout.flush()
+    sys.stderr.flush()
+    os._exit(code)
+
+
+def _write_result(result: RunResult, trace: Path, folder: Path) -> None:
+    if not trace.is_file():
+        raise FileNotFoundError(f"the run left no trace at {trace.name}")
+    data = codec.to_json(result)
+    codec.from_json(RunResult, data)  # raises for what JSON cannot carry, a NaN say
+    sync_directory(folder)
+    write_atomically(folder / RESULT, data)
+
+
+def _prepare_process(task: RunTask) -> None:
+    output = os.open(task.folder / OUTPUT, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o600)
+    os.dup2(output, 1)
+    os.dup2(output, 2)
+    os.close(output)
+    if (task.folder / FILES).exists():
+        os.environ[FILES_VARIABLE] = str(task.folder / FILES)
+    faulthandler.enable()
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    os.setpriority(os.PRIO_PROCESS, 0, max(task.nice, os.getpriority(os.PRIO_PROCESS, 0)))
+    with suppress(OSError):  # where there is such a thing: short of memory, a run goes first
+        Path("/proc/self/oom_score_adj").write_text(_OOM_SCORE)
+    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+    if task.memory:
+        resource.setrlimit(resource.RLIMIT_AS, (task.memory, task.memory))
+    threading.Thread(target=_die_with_worker, daemon=True).start()
+
+
+def _die_with_worker() -> None:
+    worker = parent_process()
+    if worker is not None:
+        wait([worker.sentinel])
+        os._exit(1)
+
+
+class SnapshotSender:
+    """Sends snapshots to the worker and never waits for it.
+
+    A few a second, twice as many and with all there is to see while the worker says, by a file in
+    the attempt's folder, that somebody watches this run.
+    """
+
+    def __init__(self, run: str, wire: Connection, watched: Path) -> None:
+        self._run = run
+        self._wire = wire
+        self._watched = watched
+        self._next = 0.0
+
+    def interest(self) -> Literal["nothing", "progress", "everything"]:
+        """Say whether a snapshot is due; asked often, it mostly costs a look at the clock."""
+        now = time.monotonic()
+        if now < self._next:
+            return "nothing"
+        watched = self._watched.exists()
+        self._next = now + (_WATCHED_PERIOD if watched else _LIVE_PERIOD)
+        return "everything" if watched else "progress"
+
+    def __call__(self, snapshot: Snapshot) -> None:
+        """Send a snapshot, without what makes it too long for the pipe, or not at all."""
+        bare = replace(snapshot, returns=(), plan=(), contacts=())
+        for picture in (snapshot, bare):
+            message = LIVE + codec.to_json(LiveSnapshot(self._run, picture))
+            # A pipe that is ready takes PIPE_BUF bytes, the length prefix included, at once.
+            if len(message) + 8 <= select.PIPE_BUF:
+                if select.select([], [self._wire], [], 0)[1]:
+                    self._wire.send_bytes(message)
+                return

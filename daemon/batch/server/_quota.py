@@ -1,0 +1,100 @@
+"""The quota of the traces: when they take more, those of the oldest finished campaigns go.
+
+A thread of its own looks; what it removes, it removes a few at a time while the ledger's writer
+waits. Traces of unfinished campaigns stay whatever they take: then no more runs start.
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable
+from typing import Final
+
+from daemon.batch.errors import DaemonError
+from daemon.batch.ledger import RetentionPolicy, stored_bytes, sweep_traces
+from daemon.batch.paths import StatePaths
+from daemon.batch.server._runtime import EventLog
+from daemon.batch.sizes import size_text
+
+_PERIOD: Final = 60.0
+_REST: Final = 1.0
+"""Seconds between two looks: regularly, and at least, when the quota is reached."""
+_SHARE: Final = 20.0
+"""A look is followed by a rest of at least so many times its length."""
+_LEAST: Final = 0.95
+"""Part of the quota that is left after sweeping, so that not every trace makes us look again."""
+
+
+class Quota(threading.Thread):
+    """Keeps the traces below ``limit`` bytes (0: no limit) until closed.
+
+    ``used`` is what they take now, as far as is known; ``trouble`` says why no run may start.
+    """
+
+    def __init__(
+        self, places: StatePaths, journal: EventLog, limit: int, now: Callable[[], float]
+    ) -> None:
+        super().__init__(name="quota", daemon=True)
+        self.limit = limit
+        self.used = 0
+        self.trouble = ""
+        self._places = places
+        self._journal = journal
+        self._now = now
+        self._wake = threading.Event()
+        self._closing = threading.Event()
+
+    def added(self, size: int) -> None:
+        """A trace of ``size`` bytes came; looks soon if that was too much."""
+        self.used += size
+        if self.limit and self.used > self.limit:
+            self._wake.set()
+
+    def run(self) -> None:
+        """Look now and then until closed."""
+        while not self._closing.is_set():
+            begun = time.monotonic()
+            try:
+                self._look()
+            except (DaemonError, OSError) as error:
+                self._journal.write("quota not kept", problem=str(error))
+            self._closing.wait(max(_REST, _SHARE * (time.monotonic() - begun)))
+            if not self.trouble:
+                self._wake.wait(_PERIOD)
+            self._wake.clear()
+
+    def close(self) -> None:
+        """Finish what is under way."""
+        self._closing.set()
+        self._wake.set()
+        if self.is_alive():
+            self.join()
+
+    def _look(self) -> None:
+        self.used = stored_bytes(self._places)
+        if self.limit and self.used > self.limit:
+            swept = sweep_traces(
+                self._places, RetentionPolicy(size=int(_LEAST * self.limit)), self._now()
+            )
+            self.used = swept.kept
+            if swept.gone:
+                campaigns = list(dict.fromkeys(trace.campaign for trace in swept.gone))
+                self._journal.write(
+                    "traces removed", bytes=swept.freed, traces=len(swept.gone), of=campaigns[:20]
+                )
+        self._judge()
+
+    def _judge(self) -> None:
+        before, self.trouble = self.trouble, self._complaint()
+        if bool(before) != bool(self.trouble):
+            self._journal.write("quota", trouble=self.trouble, bytes=self.used)
+
+    def _complaint(self) -> str:
+        if not self.limit or self.used <= self.limit:
+            return ""
+        return (
+            f"traces of unfinished campaigns take {size_text(self.used)}, the quota is "
+            f"{size_text(self.limit)}: no more runs start until there is room; start the daemon "
+            "with a larger --quota, or cancel a campaign"
+        )

@@ -1,0 +1,228 @@
+"""The daemon's workers: the registry of those connected, and the local one it starts itself."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import threading
+import time
+from contextlib import suppress
+from dataclasses import dataclass, field
+from typing import Final
+
+from daemon.batch.numba_cache import numba_cache_environment
+from daemon.batch.paths import StatePaths
+from daemon.batch.server._runtime import EventLog
+from daemon.model.execution import RunLimits
+from daemon.model.messages import WorkerInfo
+from daemon.model.status import WorkerRow
+
+MOST_WORKERS: Final = 4096
+
+
+@dataclass(slots=True)
+class _ConnectedWorker:
+    info: WorkerInfo
+    connected_at: float
+    last_seen_at: float
+    gone_at: float | None = None
+
+
+@dataclass(slots=True)
+class WorkerRegistry:
+    """Workers by id; a lost connection starts a ``grace`` [s] before a worker counts as gone.
+
+    A worker not heard of for ``silence`` seconds is gone too, whatever its connection says.
+    """
+
+    grace: float
+    silence: float
+    _entries: dict[str, _ConnectedWorker] = field(default_factory=dict)
+    _lock: threading.Lock = field(default_factory=threading.Lock)
+
+    def full(self, worker: str) -> bool:
+        """Whether there is no room for this worker."""
+        with self._lock:
+            return worker not in self._entries and len(self._entries) >= MOST_WORKERS
+
+    def seen(self, info: WorkerInfo, now: float) -> bool:
+        """A request came from this worker; returns whether it is a new one."""
+        with self._lock:
+            entry = self._entries.get(info.id)
+            if entry is None:
+                self._entries[info.id] = _ConnectedWorker(info, now, now)
+                return True
+            entry.info, entry.last_seen_at, entry.gone_at = info, now, None
+            return False
+
+    def connected(self, worker: str) -> None:
+        """The worker's liveliness token appeared."""
+        with self._lock:
+            if worker in self._entries:
+                self._entries[worker].gone_at = None
+
+    def disconnected(self, worker: str, now: float) -> None:
+        """The worker's liveliness token vanished."""
+        with self._lock:
+            if worker in self._entries:
+                self._entries[worker].gone_at = now
+
+    def shift(self, seconds: float) -> None:
+        """Move along with a clock that was set."""
+        with self._lock:
+            for entry in self._entries.values():
+                entry.connected_at += seconds
+                entry.last_seen_at += seconds
+                if entry.gone_at is not None:
+                    entry.gone_at += seconds
+
+    def take_gone(self, now: float) -> tuple[str, ...]:
+        """Forget the workers whose time is up and return their ids."""
+        with self._lock:
+            gone = tuple(
+                name
+                for name, entry in self._entries.items()
+                if (entry.gone_at is not None and now - entry.gone_at >= self.grace)
+                or now - entry.last_seen_at >= self.silence
+            )
+            for name in gone:
+                del self._entries[name]
+        return gone
+
+    def rows(self) -> tuple[WorkerRow, ...]:
+        """Workers as people see them, in order of appearance."""
+        with self._lock:
+            return tuple(
+                WorkerRow(
+                    id=e.info.id,
+                    host=e.info.host,
+                    pid=e.info.pid,
+                    version=e.info.version,
+                    slots=e.info.slots,
+                    busy=e.info.busy,
+                    connected_at=e.connected_at,
+                    last_seen_at=e.last_seen_at,
+                )
+                for e in self._entries.values()
+                if e.gone_at is None
+            )
+
+
+_FIRST_PAUSE: Final = 0.1
+_LONGEST_PAUSE: Final = 10.0
+_STEADY: Final = 30.0
+_LARGEST_LOG: Final = 4 * 2**20
+_LAST_WORDS: Final = 2000
+_SETTLED: Final = 5.0
+
+
+class LocalWorker:
+    """Starts the worker, starts it again when it dies, and ends it.
+
+    ``trouble`` holds its last words from its death until a new one has settled.
+    """
+
+    def __init__(
+        self,
+        places: StatePaths,
+        journal: EventLog,
+        *,
+        endpoint: str,
+        slots: int,
+        executor: str,
+        limits: RunLimits,
+        tether: bool,
+    ) -> None:
+        self._places = places
+        self._journal = journal
+        self._tether = tether
+        self._command = [sys.executable, "-m", "daemon", "worker", "--connect", endpoint]
+        self._command += ["--slots", str(slots), "--executor", executor]
+        self._command += ["--wall", str(limits.wall), "--memory", str(limits.memory)]
+        self._command += ["--nice", str(limits.nice)]
+        self._command += ["--parent", str(os.getpid())] + (["--tether"] if tether else [])
+        self._process: subprocess.Popen[bytes] | None = None
+        self._started = 0.0
+        self._pause = _FIRST_PAUSE
+        self._next_start = 0.0
+        self._log_start = 0
+        self.trouble = ""
+
+    def look_after(self) -> None:
+        """Start the worker unless it runs or has just died; call this every now and then."""
+        now = time.monotonic()
+        if self.trouble and now - self._started > _SETTLED and self.alive:
+            self.trouble = ""
+        if self._process is not None:
+            code = self._process.poll()
+            if code is None:
+                self._rotate()
+                return
+            self._process = None
+            steady = now - self._started > _STEADY
+            self._pause = _FIRST_PAUSE if steady else min(2 * self._pause, _LONGEST_PAUSE)
+            self._next_start = now + self._pause
+            self.trouble = self._last_words(code)
+            self._journal.write(
+                "local worker ended", code=code, restart_in=self._pause, words=self.trouble
+            )
+        if now >= self._next_start:
+            self._start(now)
+
+    def _rotate(self) -> None:
+        """Put a log aside that has grown; the worker goes on at the beginning of the file.
+
+        What it writes in that very moment is lost.
+        """
+        log = self._places.worker_log
+        with suppress(FileNotFoundError):
+            if log.stat().st_size > _LARGEST_LOG:
+                shutil.copyfile(log, log.with_suffix(".log.1"))
+                os.truncate(log, 0)
+                self._log_start = 0
+
+    def _start(self, now: float) -> None:
+        self._rotate()
+        log = self._places.worker_log
+        with log.open("ab") as output:
+            self._log_start = output.tell()
+            self._process = subprocess.Popen(
+                self._command,
+                # A tethered daemon's standard input is the tether: both see its end.
+                stdin=None if self._tether else subprocess.DEVNULL,
+                stdout=output,
+                stderr=output,
+                start_new_session=True,
+                env=numba_cache_environment(self._places),
+            )
+        self._started = now
+        self._journal.write("local worker started", pid=self._process.pid)
+
+    def _last_words(self, code: int) -> str:
+        with self._places.worker_log.open("rb") as log:
+            log.seek(self._log_start)
+            words = log.read().decode("utf-8", "replace").strip()
+        return words[-_LAST_WORDS:] or f"the worker ended with code {code}"
+
+    @property
+    def alive(self) -> bool:
+        """Whether the process runs."""
+        return self._process is not None and self._process.poll() is None
+
+    def signal(self, number: signal.Signals) -> None:
+        """Pass a signal on: SIGTERM finishes runs, SIGQUIT gives them back."""
+        if self._process is not None and self._process.poll() is None:
+            self._process.send_signal(number)
+
+    def wait(self, seconds: float) -> bool:
+        """Wait for the end of the process; returns whether it came."""
+        if self._process is None:
+            return True
+        try:
+            self._process.wait(seconds)
+        except subprocess.TimeoutExpired:
+            return False
+        return True

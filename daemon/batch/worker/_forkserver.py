@@ -1,0 +1,192 @@
+"""One process per run, forked from a warm fork server, and the environment that server needs."""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import signal
+import sys
+import time
+import types
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from multiprocessing.connection import Connection
+from multiprocessing.context import ForkServerContext, ForkServerProcess
+from pathlib import Path
+from typing import Final
+
+from daemon.batch import run_process
+from daemon.batch.errors import WorkerBroken
+from daemon.batch.run_process import RunTask
+from daemon.batch.worker._attempts import Attempt, Waitable
+from daemon.model.execution import EXECUTOR_VARIABLE, RunLimits
+
+
+def prepare_environment(executor: str) -> None:
+    """Say what executes runs, and that a run is one thread of one core."""
+    os.environ[EXECUTOR_VARIABLE] = executor
+    for variable in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
+        os.environ.setdefault(variable, "1")
+
+
+def lower_session_priority(nice: int) -> None:
+    """Let this worker's session step back as a whole, if it has one of its own.
+
+    With autogroups (sched(7), usual on Linux) sessions share processors evenly whatever the
+    niceness of their processes: that of the runs counts inside the worker's session only.
+    """
+    if os.getsid(0) == os.getpid():
+        with suppress(OSError):  # another system, or a kernel without them
+            Path("/proc/self/autogroup").write_text(str(nice))
+
+
+_LONGEST_REASON: Final = 4000
+_WARM_UP_LIMIT: Final = 300.0
+
+
+@dataclass(slots=True)
+class ForkedExecution:
+    """A running attempt and its process; ``live`` is what it last told about itself.
+
+    There is no ``blame`` when it failed for want of space on the disk, or of the system under
+    test.
+    """
+
+    attempt: Attempt
+    process: ForkServerProcess
+    wire: Connection
+    limit: float
+    deadline: float
+    words: str = ""
+    live: bytes = b""
+    blame: bool = True
+    lacks: bool = False
+
+    @property
+    def waitables(self) -> tuple[Waitable, ...]:
+        """The end of the process, and what it sends."""
+        return self.process.sentinel, self.wire
+
+    def listen(self) -> None:
+        """Read what the child has sent, keep the newest snapshot and its last words; end it
+        when its time is up.
+        """
+        with suppress(EOFError):  # it is gone: its end is noticed by its process
+            self._read()
+        if time.monotonic() > self.deadline and not self.ended:
+            self.kill(f"stopped after {self.limit:g} s of wall clock time")
+
+    def _read(self) -> None:
+        while self.wire.poll():
+            message = self.wire.recv_bytes()
+            if message[:1] == run_process.LIVE:
+                self.live = message[1:]
+            elif message[:1] in (
+                run_process.FAILED,
+                run_process.DISK_FULL,
+                run_process.SUT_MISSING,
+            ):
+                self.blame = message[:1] == run_process.FAILED
+                self.lacks = message[:1] == run_process.SUT_MISSING
+                self.words = message[1:].decode("utf-8", "replace")[-_LONGEST_REASON:]
+
+    @property
+    def ended(self) -> bool:
+        """Whether the process is gone."""
+        return self.process.exitcode is not None
+
+    def kill(self, why: str = "") -> None:
+        """End the process at once."""
+        self.words = why or self.words
+        self.process.kill()
+        self.process.join()
+
+    def close(self) -> None:
+        """Free what belongs to the ended process."""
+        self.listen()
+        self.wire.close()
+        self.process.close()
+
+    def why(self) -> str:
+        """Why there is no result: what was printed, and last what ended it."""
+        return "\n".join(filter(None, (self.attempt.output(), self.words or self._fate())))
+
+    def _fate(self) -> str:
+        code = self.process.exitcode or 0
+        if code < 0:
+            known = {int(number): number.name for number in signal.Signals}
+            return f"the run's process was killed by {known.get(-code, f'signal {-code}')}"
+        return f"the run's process ended with code {code} and no result"
+
+
+class ForkServerPool:
+    """Starts children, ``slots`` at a time.
+
+    The first one shows whether runs can be executed at all.
+    """
+
+    waitables: tuple[Waitable, ...] = ()
+
+    def __init__(self, slots: int) -> None:
+        self.slots = slots
+        self._context: ForkServerContext = multiprocessing.get_context("forkserver")
+        self._context.set_forkserver_preload(
+            ["daemon.batch.run_process", "daemon.batch.forkserver_preload"]
+        )
+
+    def listen(self) -> None:
+        """Children are listened to one by one."""
+
+    def prove(self) -> None:
+        """Start the fork server and wait until it is warm.
+
+        Raises :class:`WorkerBroken` with the reason when it cannot execute runs.
+        """
+        try:
+            process, wire = self._fork(run_process.report_readiness)
+            with wire:
+                answer = wire.recv_bytes() if wire.poll(_WARM_UP_LIMIT) else b""
+        except (EOFError, OSError) as error:
+            raise WorkerBroken(f"this worker's fork server ended: {error}") from error
+        process.join()
+        process.close()
+        if answer != run_process.READY:
+            words = answer[1:].decode("utf-8", "replace") or "the first child did not answer"
+            raise WorkerBroken(f"this worker cannot execute runs:\n{words}")
+
+    def start(self, attempt: Attempt, scene: Path, limits: RunLimits) -> ForkedExecution:
+        """Start the process of an attempt; raises ``OSError`` or ``EOFError`` when there is none
+        to be had.
+        """
+        task = RunTask(attempt.folder, scene, limits.memory, limits.nice)
+        process, wire = self._fork(run_process.run_attempt, task)
+        limit = limits.wall_of(attempt.grant.spec.limit)
+        return ForkedExecution(attempt, process, wire, limit, time.monotonic() + limit)
+
+    def _fork(
+        self, target: Callable[..., None], *task: RunTask
+    ) -> tuple[ForkServerProcess, Connection]:
+        ours, theirs = self._context.Pipe(duplex=False)
+        process = self._context.Process(target=target, args=(*task, theirs))
+        try:
+            with theirs, _without_main_module():
+                process.start()
+        except (EOFError, OSError):
+            ours.close()
+            raise
+        return process, ours
+
+
+@contextmanager
+def _without_main_module() -> Iterator[None]:
+    """Keep children from importing the program's main module (60 ms for a command line).
+
+    They need nothing of it: what they run is imported by name.
+    """
+    kept = sys.modules["__main__"]
+    sys.modules["__main__"] = types.ModuleType("__main__")
+    try:
+        yield
+    finally:
+        sys.modules["__main__"] = kept

@@ -1,0 +1,140 @@
+"""A worker's life: get to know the daemon, warm up, work, leave."""
+
+from __future__ import annotations
+
+import os
+import re
+import secrets
+import socket
+import sys
+from contextlib import ExitStack, suppress
+from dataclasses import replace
+from datetime import datetime
+from importlib.metadata import version
+from pathlib import Path
+from typing import Final
+
+from daemon.batch import bus
+from daemon.batch.errors import Refused, WorkerBroken
+from daemon.batch.paths import is_encrypted
+from daemon.batch.security import Role, find_credentials
+from daemon.batch.worker._attempts import Backend, Spool
+from daemon.batch.worker._connection import choose_paths
+from daemon.batch.worker._forkserver import (
+    ForkServerPool,
+    lower_session_priority,
+    prepare_environment,
+)
+from daemon.batch.worker._loop import DaemonConnection, WorkerLoop
+from daemon.batch.worker._signals import WorkerSignals
+from daemon.batch.worker._signals import exit_when_stdin_closes as hold_tether
+from daemon.model.execution import DEFAULT_EXECUTOR, DaskScheduler, RunLimits, available_cores
+from daemon.model.messages import ALIVE, WORK, Verb, WelcomeReply, WorkerInfo
+
+_HOST_PART: Final = 40
+
+
+def work(
+    connect: str,
+    *,
+    slots: int | None = None,
+    state: Path | None = None,
+    limits: RunLimits | None = None,
+    executor: str = DEFAULT_EXECUTOR,
+    parent: int = 0,
+    keys: Path | None = None,
+    tether: bool = False,
+    scheduler: DaskScheduler | None = None,
+    nice: int = 0,
+) -> None:
+    """Execute runs of the daemon at ``connect`` until told to leave.
+
+    ``slots`` runs at a time (``None``: one per core, or per thread of the Dask cluster that
+    executes them if there is a ``scheduler``). Where the daemon's state directory can be reached,
+    under the path it says or as ``state``, spool and traces lie there. Elsewhere the worker has a
+    folder of its own, in ``state`` or the user's state folder, and sends traces.
+    ``executor`` (``module:function``) executes runs and is never taken from the network. With
+    ``parent`` the worker finishes and leaves when that process is not its parent any more; with
+    ``tether`` it dies when its standard input closes. With ``nice`` the session it leads steps
+    back behind others, not only each run behind the worker. To be called from the main thread.
+
+    SIGTERM or SIGINT: finish what runs, then leave. A second one, or SIGQUIT: give it back.
+
+    Raises :class:`daemon.batch.errors.Unreachable` when no daemon answers at the start and
+    :class:`WorkerBroken` when runs cannot be executed here.
+    """
+    if tether:
+        hold_tether()
+    if nice:
+        lower_session_priority(nice)
+    me = _describe_worker()
+    with ExitStack() as stack:
+        orders = WorkerSignals(parent=parent)
+        stack.callback(orders.close)
+        stack.enter_context(orders.signals())
+        backend = _open_backend(slots, executor, scheduler, stack)
+        holder = find_credentials(Role.WORKER, keys) if is_encrypted(connect) else None
+        session = stack.enter_context(bus.open_client(connect, holder))
+        link = DaemonConnection(session, connect, holder)
+        welcome = _ask_welcome(link, me)
+        base = choose_paths(state, welcome)
+        spool = Spool(base.places, me.id)
+        stack.callback(spool.close)
+        stack.enter_context(session.liveliness().declare_token(f"{ALIVE}/{me.id}"))
+        stack.enter_context(session.declare_subscriber(WORK, lambda _: orders.hint()))
+        agent = WorkerLoop(
+            link,
+            lambda busy: replace(me, busy=busy, slots=backend.slots),
+            base,
+            spool,
+            backend,
+            orders,
+            limits=limits or RunLimits(),
+            renew=welcome.renew,
+            log=_log,
+        )
+        _log(f"{me.id} works for {connect} with {backend.slots} slots in {base.places.state}")
+        agent.run()
+        _log(f"{me.id} leaves")
+
+
+def _open_backend(
+    slots: int | None, executor: str, scheduler: DaskScheduler | None, stack: ExitStack
+) -> Backend:
+    """What executes runs, proven to; raises :class:`WorkerBroken`."""
+    if scheduler is None:
+        prepare_environment(executor)
+        nursery = ForkServerPool(available_cores() if slots is None else slots)
+        nursery.prove()
+        return nursery
+    try:
+        from daemon.batch.worker.cluster import Gateway
+    except ImportError as error:
+        raise WorkerBroken(
+            f"a Dask cluster needs the extra: pip install 'scenario-tui[dask]' ({error})"
+        ) from error
+    gateway = Gateway(scheduler, executor, slots=slots, log=_log)
+    stack.callback(gateway.close)
+    gateway.open()
+    return gateway
+
+
+def _describe_worker() -> WorkerInfo:
+    host = socket.gethostname()
+    safe = re.sub(r"[^A-Za-z0-9_-]", "-", host)[:_HOST_PART].lstrip("-_") or "host"
+    name = f"{safe}-{os.getpid()}-{secrets.token_hex(2)}"
+    return WorkerInfo(name, host, os.getpid(), version("scenario-tui"), 0, 0)
+
+
+def _ask_welcome(link: DaemonConnection, me: WorkerInfo) -> WelcomeReply:
+    try:
+        return link.ask(Verb.WELCOME, me, WelcomeReply)
+    except Refused as error:
+        raise WorkerBroken(str(error)) from error
+
+
+def _log(message: str) -> None:
+    now = datetime.now().astimezone().isoformat(timespec="milliseconds")
+    # A full disk must not end a worker whose log lies there.
+    with suppress(OSError):
+        print(now, message, file=sys.stderr, flush=True)

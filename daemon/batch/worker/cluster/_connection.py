@@ -1,0 +1,264 @@
+"""The connection to a Dask scheduler: kept up, and clear about which of its workers are fit."""
+
+from __future__ import annotations
+
+import logging
+import threading
+import uuid
+from collections.abc import Callable, Sequence
+from typing import Final
+
+from distributed import Client, Future
+from distributed.security import Security
+
+from daemon.batch.errors import WorkerBroken
+from daemon.batch.worker.cluster import _remote
+from daemon.batch.worker.cluster._remote import JobReport, JobStatus
+from daemon.model.execution import DaskScheduler
+from daemon.model.versions import install_hint, own_version
+from grammars.text import codec
+
+_TIMEOUT: Final = 5.0
+_PERIOD: Final = 0.5
+_AFTER_LOSS: Final = 1.0
+
+_NO_CONNECTION: Final = (OSError, ValueError, TypeError, RuntimeError)
+"""What Dask raises for an address, a certificate or a scheduler that is of no use."""
+
+
+def _security(scheduler: DaskScheduler) -> Security:
+    """Raises ``OSError`` or ``ValueError`` for what would not do.
+
+    A client that fails for such a reason never ends: its destructor waits for ever (distributed
+    2026.8), so it is not made.
+    """
+    files = {
+        "tls_ca_file": scheduler.ca,
+        "tls_client_cert": scheduler.certificate,
+        "tls_client_key": scheduler.key,
+    }
+    security = Security(**{name: str(path) for name, path in files.items() if path is not None})
+    if not scheduler.address.startswith("tls://"):
+        if security.require_encryption:
+            raise ValueError("Dask's configuration wants encryption, so tls://")
+    elif security.get_connection_args("client").get("ssl_context") is None:
+        raise ValueError("tls:// needs --tls-ca, --tls-cert and --tls-key")
+    return security
+
+
+class ClusterConnection:
+    """A thread that looks at the cluster twice a second, and connects again when it is gone."""
+
+    def __init__(
+        self,
+        scheduler: DaskScheduler,
+        executor: str,
+        *,
+        changed: Callable[[], None],
+        told: Callable[[str], None],
+        log: Callable[[str], None],
+    ) -> None:
+        self._scheduler = scheduler
+        self._executor = executor
+        self._changed = changed
+        self._told = told
+        self._log = log
+        self._client: Client | None = None
+        self._lock = threading.Lock()
+        self._proofs: dict[str, Future] = {}
+        self._fit: dict[str, int] = {}
+        self._unfit: dict[str, str] = {}
+        self._leaving = threading.Event()
+        self._keeper = threading.Thread(target=self._keep, name="cluster", daemon=True)
+        self.topic = f"scenario-{uuid.uuid4().hex}"
+
+    @property
+    def useless(self) -> bool:
+        """Whether there are workers and none of them is fit."""
+        with self._lock:
+            return bool(self._unfit) and not self._fit and not self._proofs
+
+    def open(self) -> None:
+        """Connect; raises :class:`WorkerBroken` when nobody answers or versions differ."""
+        # Its traceback for every loss of the connection would bury what we say about it.
+        logging.getLogger("distributed.client").setLevel(logging.CRITICAL)
+        try:
+            self._connect()
+        except _NO_CONNECTION as error:
+            raise WorkerBroken(
+                f"no connection to the Dask scheduler {self._scheduler.address}: {error}"
+            ) from error
+        self._keeper.start()
+
+    def close(self) -> None:
+        """Leave the cluster; what it still executes for us is stopped there."""
+        self._leaving.set()
+        if self._keeper.ident is not None:
+            self._keeper.join(_TIMEOUT)
+        self._drop()
+
+    @property
+    def connected(self) -> bool:
+        """Whether jobs can be submitted."""
+        client = self._client
+        return client is not None and client.status == "running"
+
+    @property
+    def threads(self) -> int:
+        """How many jobs the fit workers of the cluster execute at a time."""
+        with self._lock:
+            return sum(self._fit.values())
+
+    def submit(self, job: bytes, given: Sequence[bytes]) -> tuple[Future, frozenset[str]]:
+        """Have the cluster execute a job; raises ``OSError`` when that is not possible now.
+
+        The workers returned are the only ones that may; none: whoever is there or comes. A Dask
+        worker that cannot import what it is told to execute dies of it, so unfit ones are spared.
+        """
+        client = self._client
+        if client is None or not self.connected:
+            raise ConnectionError(f"the Dask scheduler {self._scheduler.address} is gone")
+        with self._lock:
+            workers = frozenset(self._fit if self._unfit else ())
+        try:
+            future = client.submit(
+                _remote.execute_job,
+                own_version(),
+                job,
+                *given,
+                workers=list(workers) or None,
+                retries=0,
+                pure=False,
+            )
+        except (RuntimeError, TypeError) as error:  # it was closed in the meantime
+            raise ConnectionError(f"the Dask client is gone: {error}") from error
+        return future, workers
+
+    def stranded(self, workers: frozenset[str]) -> bool:
+        """Whether a job that only these workers may execute waits for ever."""
+        with self._lock:
+            return bool(workers) and workers.isdisjoint(self._fit)
+
+    def distrust(self, worker: str, words: str) -> None:
+        """Give that worker no more jobs."""
+        with self._lock:
+            self._fit.pop(worker, None)
+            self._unfit[worker] = words
+        self._log(f"not used: {words}")
+        self._changed()
+
+    def _keep(self) -> None:
+        lost = False
+        while not self._leaving.wait(_AFTER_LOSS if lost else _PERIOD):
+            try:
+                if not self.connected:
+                    self._drop()
+                    self._connect()
+                self._look()
+            except (WorkerBroken, *_NO_CONNECTION) as error:
+                if not lost:
+                    self._log(f"without the Dask scheduler {self._scheduler.address}: {error}")
+                lost = True
+            else:
+                if lost:
+                    self._log(f"the Dask scheduler {self._scheduler.address} is back")
+                lost = False
+
+    def _connect(self) -> None:
+        client = Client(
+            self._scheduler.address,
+            security=_security(self._scheduler),
+            timeout=_TIMEOUT,
+            set_as_default=False,
+        )
+        try:
+            self._check_scheduler(client)
+        except BaseException:
+            client.close()
+            raise
+        client.subscribe_topic(self.topic, lambda event: self._told(event[1]))
+        self._client = client
+
+    def _check_scheduler(self, client: Client) -> None:
+        try:
+            answer = client.run_on_scheduler(own_version)
+        except (ImportError, AttributeError) as error:
+            answer = error
+        words = _version_mismatch(f"the Dask scheduler {self._scheduler.address}", answer)
+        if words:
+            raise WorkerBroken(words)
+
+    def _drop(self) -> None:
+        client, self._client = self._client, None
+        with self._lock:
+            self._proofs.clear()
+            self._fit.clear()
+            self._unfit.clear()
+        if client is not None:
+            client.close(timeout=_TIMEOUT)
+        self._changed()
+
+    def _look(self) -> None:
+        client = self._client
+        assert client is not None
+        threads: dict[str, int] = client.nthreads()
+        with self._lock:
+            before = (dict(self._fit), dict(self._unfit))
+            for known in (self._proofs, self._fit, self._unfit):
+                for gone in known.keys() - threads.keys():
+                    del known[gone]
+        new = threads.keys() - self._proofs.keys() - self._fit.keys() - self._unfit.keys()
+        if new:
+            self._meet(client, sorted(new))
+        for address in [a for a, proof in self._proofs.items() if proof.done()]:
+            self._settle(address, threads[address])
+        if before != (self._fit, self._unfit):
+            self._changed()
+
+    def _meet(self, client: Client, new: list[str]) -> None:
+        """Ask new workers who they are, and those of our version to get ready."""
+        answers = client.run(own_version, workers=new, on_error="return")
+        for address, answer in answers.items():
+            if isinstance(answer, OSError):
+                continue  # gone already, or asked again at the next look
+            words = _version_mismatch(f"Dask worker {address}", answer)
+            if words:
+                self.distrust(address, words)
+                continue
+            proof = client.submit(
+                _remote.start_launcher, self._executor, workers=[address], retries=0, pure=False
+            )
+            with self._lock:
+                self._proofs[address] = proof
+
+    def _settle(self, address: str, threads: int) -> None:
+        future = self._proofs[address]
+        if future.status == "cancelled":
+            del self._proofs[address]  # asked again at the next look
+            return
+        words = _unfit_reason(address, future)
+        if words:
+            self.distrust(address, words)
+        with self._lock:
+            if not words:
+                self._fit[address] = threads
+            del self._proofs[address]
+
+
+def _unfit_reason(address: str, proof: Future) -> str:
+    """What is wrong with the worker at ``address``, empty when nothing is."""
+    error = proof.exception(timeout=_TIMEOUT)
+    if error is not None:
+        return f"Dask worker {address}: {error!r}"
+    report = codec.from_json(JobReport, proof.result(timeout=_TIMEOUT))
+    return report.words if report.fate is JobStatus.UNFIT else ""
+
+
+def _version_mismatch(place: str, answer: object) -> str:
+    """What is wrong at ``place``, which said who it is, or raised; empty when nothing is."""
+    ours = own_version()
+    if answer == ours:
+        return ""
+    if isinstance(answer, Exception):
+        return f"{place} cannot import this program ({answer}): {install_hint(ours)}"
+    return f"{place} has {answer}, the gateway {ours}: {install_hint(ours)}"

@@ -1,0 +1,392 @@
+"""A campaign file with every layer it names: loaded, composed, checked, expanded to its runs.
+
+Repeat ``i`` of every cell draws from the same seed, whatever the scenario or the system under
+test: the doors and the sensor noise are paired across cells, so cells can be compared run by run.
+"""
+
+from __future__ import annotations
+
+import secrets
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from functools import partial
+from pathlib import Path
+from typing import Any, TypeVar
+
+import numpy as np
+
+from daemon.campaign._declarations import DeclarationScope, LegTimings, read_declarations
+from daemon.campaign._file import (
+    CampaignFile,
+    LayerReference,
+    ResolvedScenario,
+    read_campaign,
+    repeat_policy,
+)
+from daemon.campaign._layers import LayerLibrary
+from daemon.model.assessments import AssessmentRules
+from daemon.model.packed_submission import fingerprint
+from daemon.model.spec import MapSettings, OracleText, RunSpec, SutReference
+from daemon.model.status import Submission
+from grammars.floorplan import FloorPlan
+from grammars.jsonld import check_composition
+from grammars.model.behaviour import Behaviour
+from grammars.model.free_space import inscribed_radius
+from grammars.model.mission import Mission
+from grammars.model.robot import Robot
+from grammars.model.scene import Scene
+from grammars.oracle import Oracle, check_references
+from grammars.preflight import check_run, check_scene, places_of
+from grammars.scenery import SceneryLayer, configure
+from grammars.scenery.composition import ResolvedBehaviours, compile_scene, resolve_behaviours
+from grammars.text.diagnostics import Diagnostic, InputError, Where, did_you_mean
+from grammars.text.documents import YamlDocument, load_yaml
+
+T = TypeVar("T")
+
+
+@dataclass(frozen=True, slots=True)
+class CampaignCell:
+    """One scenario in one world, with everything it names loaded.
+
+    ``name`` is the scenario's, with ``@<seed>`` for a variant of its plan. ``behaviours`` holds
+    those of each repeat, also of repeats that only come when a cell is not decided; ``places``
+    says where waypoints, objects and the sentences about joints were written. ``plan`` and
+    ``layers`` are what the scene was composed of, with the campaign's overrides, objects before
+    behaviours.
+    """
+
+    name: str
+    scenario: ResolvedScenario
+    plan: FloorPlan
+    layers: tuple[SceneryLayer, ...]
+    scene: Scene
+    mission: Mission
+    mission_where: Where
+    places: Mapping[str, Where]
+    robot: Robot
+    suts: tuple[SutReference, ...]
+    oracles: tuple[Oracle, ...]
+    behaviours: tuple[tuple[Behaviour, ...], ...]
+    map: MapSettings
+    limit: float
+
+
+@dataclass(frozen=True, slots=True)
+class Campaign:
+    """A loaded campaign: ``cells`` in file order, ``warnings`` about its layers."""
+
+    name: str
+    about: str
+    source: str
+    file: str
+    seed: int
+    repeats: int
+    declared: AssessmentRules
+    cells: tuple[CampaignCell, ...]
+    warnings: tuple[Diagnostic, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class _LoadedWorld:
+    """The part of a cell that needs neither robot nor mission."""
+
+    name: str
+    plan: FloorPlan
+    layers: tuple[SceneryLayer, ...]
+    scene: Scene
+    resolved: tuple[ResolvedBehaviours, ...]
+    places: Mapping[str, Where]
+
+
+@dataclass(slots=True)
+class _CampaignLoader:
+    """A campaign while it is loaded; one bad layer does not hide what is wrong with another."""
+
+    text: CampaignFile
+    library: LayerLibrary
+    findings: list[Diagnostic] = field(default_factory=list)
+    worlds: list[_LoadedWorld] = field(default_factory=list)
+    cells: list[CampaignCell] = field(default_factory=list)
+    scenes: dict[Any, Scene] = field(default_factory=dict)
+
+    def attempt(self, make: Callable[[], T]) -> T | None:
+        """Return what ``make`` returns, or ``None`` when it reports bad input."""
+        try:
+            return make()
+        except InputError as error:
+            self.findings.extend(error.diagnostics)
+            return None
+
+
+def load_campaign(path: str | Path) -> Campaign:
+    """Load a campaign file and every layer it names.
+
+    Raises :class:`InputError` with the problems of all layers at once.
+    """
+    campaign, loading = _load_all(path)
+    if loading.findings:
+        raise InputError(dict.fromkeys(loading.findings))
+    return campaign
+
+
+def examine(path: str | Path) -> tuple[Campaign, tuple[Diagnostic, ...]]:
+    """Load a campaign as far as it goes and return it with everything there is to say about it.
+
+    Unlike :func:`load_campaign` it goes on after a bad layer: what the pre-flight finds in sound
+    scenarios is reported together with what cannot be read. Raises :class:`InputError` only when
+    the campaign file itself cannot be understood.
+    """
+    campaign, loading = _load_all(path)
+    found = (*loading.findings, *campaign.warnings, *_check(loading.worlds, campaign.cells))
+    return campaign, tuple(dict.fromkeys(found))
+
+
+def check(campaign: Campaign) -> tuple[Diagnostic, ...]:
+    """Return warnings of the layers and what the pre-flight of every cell finds."""
+    found = (*campaign.warnings, *_check(campaign.cells, campaign.cells))
+    return tuple(dict.fromkeys(found))
+
+
+def _check(
+    worlds: Iterable[_LoadedWorld | CampaignCell], cells: Iterable[CampaignCell]
+) -> list[Diagnostic]:
+    found: list[Diagnostic] = []
+    for world in {id(world.scene): world for world in worlds}.values():
+        found.extend(check_composition(world.plan, world.layers))
+        found.extend(check_scene(world.scene, places=world.places))
+    for cell in cells:
+        for behaviours in dict.fromkeys(cell.behaviours):
+            found.extend(
+                check_run(
+                    cell.scene,
+                    cell.robot,
+                    cell.mission,
+                    behaviours,
+                    where=cell.mission_where,
+                    places=cell.places,
+                )
+            )
+    return found
+
+
+def _load_all(path: str | Path) -> tuple[Campaign, _CampaignLoader]:
+    document = load_yaml(path)
+    text, scenarios = read_campaign(document)
+    loading = _CampaignLoader(text, LayerLibrary(Path(path).parent))
+    pool = loading.attempt(lambda: loading.library.oracles(_oracle_layers(text, document)))
+    declared = AssessmentRules(repeat_policy(text.repeats))
+    if pool is not None:
+        named = {scenario.name: scenario for scenario in scenarios}
+        declared, problems = read_declarations(DeclarationScope(text, document, named, pool))
+        loading.findings += problems
+    for scenario in scenarios:
+        timed = tuple(c for c in declared.comparisons if scenario.name in (c.left, c.right))
+        _load_cells(scenario, loading, pool, LegTimings(timed, document))
+    campaign = Campaign(
+        name=text.campaign,
+        about=text.about,
+        source=document.text,
+        file=str(path),
+        seed=text.seed,
+        repeats=declared.policy.n,
+        declared=declared,
+        cells=tuple(loading.cells),
+        warnings=tuple(dict.fromkeys(loading.library.warnings)),
+    )
+    return campaign, loading
+
+
+def _oracle_layers(text: CampaignFile, document: YamlDocument) -> tuple[LayerReference, ...]:
+    names = text.oracles or []
+    return tuple(
+        LayerReference(name, {}, document.where(("oracles", i))) for i, name in enumerate(names)
+    )
+
+
+def _load_cells(
+    scenario: ResolvedScenario,
+    loading: _CampaignLoader,
+    pool: dict[str, Oracle] | None,
+    timed: LegTimings,
+) -> None:
+    """Add the cells of a scenario: one, or one for each variant of its floor plan."""
+    attempt, library = loading.attempt, loading.library
+    robot = attempt(lambda: library.robot(_required_reference(scenario.robot)))
+    mission = attempt(lambda: library.mission(_required_reference(scenario.mission)))
+    suts = [attempt(partial(library.sut, reference)) for reference in scenario.suts]
+    picked = None if pool is None else attempt(lambda: _pick_oracles(scenario, pool))
+    oracles = (*(picked or ()), *timed.measures())
+    if mission is not None:
+        loading.findings += timed.problems(mission[0])
+    for world in _load_worlds(scenario, robot, loading):
+        if robot is None or mission is None:
+            continue
+        errand, document = mission
+        judging = picked or ()
+        loading.findings += [d for o in judging for d in check_references(o, world.scene, errand)]
+        loading.cells.append(
+            CampaignCell(
+                name=world.name,
+                scenario=scenario,
+                plan=world.plan,
+                layers=world.layers,
+                scene=world.scene,
+                mission=errand,
+                mission_where=document.where(),
+                places=dict(world.places) | _waypoint_places(errand, document),
+                robot=robot,
+                suts=tuple(sut for sut in suts if sut is not None),
+                oracles=oracles,
+                behaviours=tuple(r.behaviours for r in world.resolved),
+                map=scenario.map,
+                limit=scenario.limit,
+            )
+        )
+
+
+def _load_worlds(
+    scenario: ResolvedScenario, robot: Robot | None, loading: _CampaignLoader
+) -> list[_LoadedWorld]:
+    """Return the worlds of a scenario; empty when a layer of it cannot be used."""
+    attempt, library = loading.attempt, loading.library
+    plans = attempt(lambda: _plans(scenario, robot, library))
+    references = (*scenario.objects, *scenario.behaviours)
+    layers = [attempt(partial(_configured_layer, library, reference)) for reference in references]
+    sound = tuple(layer for layer in layers if layer is not None)
+    if plans is None or len(sound) < len(layers):
+        return []
+    worlds = []
+    for name, plan in plans:
+        scene = attempt(partial(_scene, scenario, plan, sound, loading))
+        if scene is None:
+            continue
+        resolved = attempt(partial(_resolve_all, scenario, loading.text, sound, scene))
+        if resolved is None:
+            continue
+        library.warnings.extend(resolved[0].overridden)
+        places = places_of(sound, plan) | dict(resolved[0].places)
+        worlds.append(_LoadedWorld(name, plan, sound, scene, resolved, places))
+    loading.worlds += worlds
+    return worlds
+
+
+def _waypoint_places(mission: Mission, document: YamlDocument) -> dict[str, Where]:
+    places = {w.id: document.where(("waypoints", i)) for i, w in enumerate(mission.waypoints)}
+    return places | {"start": document.where(("start",))}
+
+
+def _required_reference(reference: LayerReference | None) -> LayerReference:
+    if reference is None:
+        raise ValueError("read_campaign admits no scenario with an empty slot")
+    return reference
+
+
+def _plans(
+    scenario: ResolvedScenario, robot: Robot | None, library: LayerLibrary
+) -> list[tuple[str, FloorPlan]]:
+    """Return the floor plans of a scenario with the names of their cells.
+
+    A variant of the plan drawn with seed 1003 makes the cell ``<scenario>@1003``.
+    """
+    if scenario.vary is None:
+        return [(scenario.name, library.floorplan(_required_reference(scenario.floorplan)))]
+    if robot is None:
+        return []
+    variants = library.variants(scenario.vary, inscribed_radius(robot.footprint))
+    return [(f"{scenario.name}@{name.rpartition('_')[2]}", plan) for name, plan in variants]
+
+
+def _configured_layer(library: LayerLibrary, reference: LayerReference) -> SceneryLayer:
+    """Return a scenery layer as the campaign wants it."""
+    return configure(library.scenery(reference), reference.overrides, reference.where)
+
+
+def _scene(
+    scenario: ResolvedScenario,
+    plan: FloorPlan,
+    layers: tuple[SceneryLayer, ...],
+    loading: _CampaignLoader,
+) -> Scene:
+    """Return the scene of a plan and the scenario's objects, each compiled once."""
+    objects = layers[: len(scenario.objects)]
+    key = (plan, objects)
+    if key not in loading.scenes:
+        loading.scenes[key] = compile_scene(plan, objects)
+    return loading.scenes[key]
+
+
+def _pick_oracles(scenario: ResolvedScenario, pool: dict[str, Oracle]) -> tuple[Oracle, ...]:
+    unknown = [
+        Diagnostic(r.where, f'no oracle "{r.name}"', did_you_mean(r.name, pool))
+        for r in scenario.oracles
+        if r.name not in pool
+    ]
+    if unknown:
+        raise InputError(unknown)
+    return tuple(pool[r.name] for r in scenario.oracles)
+
+
+def _resolve_all(
+    scenario: ResolvedScenario, text: CampaignFile, layers: tuple[SceneryLayer, ...], scene: Scene
+) -> tuple[ResolvedBehaviours, ...]:
+    """Return the concrete behaviours of every repeat, drawn anew or once for all."""
+    repeats = repeat_policy(text.repeats).at_most
+    draws = repeats if scenario.chance == "per repeat" else 1
+    resolved = tuple(
+        resolve_behaviours(scene, layers, seed=repeat_seed(text.seed, draw), limit=scenario.limit)
+        for draw in range(draws)
+    )
+    return resolved if draws == repeats else resolved * repeats
+
+
+def repeat_seed(seed: int, repeat: int) -> np.random.SeedSequence:
+    """Return the seed of repeat ``repeat``: the same in every cell of the campaign."""
+    return np.random.SeedSequence(seed, spawn_key=(repeat,))
+
+
+def expand(campaign: Campaign, *, fresh: bool = False) -> Submission:
+    """Return every run of the campaign, scenario by scenario, SUT by SUT, repeat by repeat.
+
+    The campaign's id is its name and a digest of all there is to it, so that submitting the same
+    campaign twice is submitting it once; ``fresh`` asks for a new id, to run everything again.
+    Repeats beyond those every cell gets are in reserve, for cells that are not decided by then.
+    """
+    specs = tuple(_specs(campaign))
+    scenes = {cell.scene.digest: cell.scene for cell in campaign.cells}
+    submission = Submission(
+        campaign="",
+        name=campaign.name,
+        about=campaign.about,
+        source=campaign.source,
+        runs=tuple(spec for spec in specs if spec.repeat < campaign.repeats),
+        scenes=tuple(scenes.values()),
+        declared=campaign.declared,
+        reserve=tuple(spec for spec in specs if spec.repeat >= campaign.repeats),
+        fresh=fresh,
+    )
+    identity = secrets.token_hex(4) if fresh else fingerprint(submission)[0][:8]
+    return replace(submission, campaign=f"{campaign.name}-{identity}")
+
+
+def _specs(campaign: Campaign) -> Iterator[RunSpec]:
+    for cell in campaign.cells:
+        digest = cell.scene.digest
+        oracles = tuple(OracleText(o.name, o.text) for o in cell.oracles)
+        for sut in cell.suts:
+            for repeat, behaviours in enumerate(cell.behaviours):
+                seed = repeat_seed(campaign.seed, repeat).generate_state(1, np.uint64)
+                yield RunSpec(
+                    campaign=campaign.name,
+                    scenario=cell.name,
+                    sut=sut,
+                    repeat=repeat,
+                    scene=digest,
+                    robot=cell.robot,
+                    mission=cell.mission,
+                    behaviours=behaviours,
+                    oracles=oracles,
+                    map=cell.map,
+                    seed=int(seed[0]),
+                    limit=cell.limit,
+                )

@@ -1,0 +1,258 @@
+"""From sentences about results to what the campaign declares, checked against what it runs."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from fnmatch import fnmatchcase
+from pathlib import Path
+from typing import Final
+
+from daemon.campaign._file import CampaignFile, ExpectText, ResolvedScenario, repeat_policy
+from daemon.model.assessments import (
+    DELAY,
+    AssessmentRules,
+    Expectation,
+    RegressionGate,
+    ScenarioComparison,
+)
+from grammars.model.mission import Mission
+from grammars.oracle import Amount, Leg, Oracle, Statistic, kind_of, leg_number, parse_oracle
+from grammars.text.diagnostics import Diagnostic, InputError, Where, did_you_mean
+from grammars.text.documents import YamlDocument
+from grammars.text.quantity import read_quantity
+
+_NAME: Final = r"[A-Za-z0-9][A-Za-z0-9._-]*"
+_SENTENCE: Final = re.compile(
+    rf"\s*(?P<quantity>{_NAME})\s*\(\s*(?P<left>{_NAME})\s+vs\s+(?P<right>{_NAME})"
+    rf"(?:\s+on\s+leg\s+(?P<leg>{_NAME}|\"[^\"]*\"))?\s*\)\s*(?P<op><=|>=|<|>)\s*(?P<limit>.+?)\s*"
+)
+_EXAMPLE: Final = "write it as delay(S3.2 vs S3.5) <= 30 s, or delay(A vs B on leg door) <= 1 min"
+
+
+@dataclass(frozen=True, slots=True)
+class DeclarationScope:
+    """What sentences may speak of: concrete scenarios, the oracles that judge each, the file."""
+
+    text: CampaignFile
+    document: YamlDocument
+    scenarios: Mapping[str, ResolvedScenario]
+    oracles: Mapping[str, Oracle]
+
+    def judged_by(self, scenario: str) -> tuple[str, ...]:
+        """Return the names of a scenario's oracles."""
+        return tuple(reference.name for reference in self.scenarios[scenario].oracles)
+
+    def suts_of(self, scenario: str) -> tuple[str, ...]:
+        """Return the names of a scenario's systems under test."""
+        return tuple(reference.name for reference in self.scenarios[scenario].suts)
+
+
+def read_declarations(sources: DeclarationScope) -> tuple[AssessmentRules, list[Diagnostic]]:
+    """Return what the campaign declares, and everything that is wrong with how it says it."""
+    problems: list[Diagnostic] = []
+    comparisons: list[ScenarioComparison] = []
+    for name, sentence in sources.text.compare.items():
+        try:
+            comparisons.append(_comparison(name, sentence, sources))
+        except InputError as error:
+            problems.extend(error.diagnostics)
+    names = tuple(sources.text.compare)
+    expectations = []
+    for index, written in enumerate(sources.text.expect):
+        path = ("expect", index)
+        problems.extend(_unmatched_expectation(written, path, names, sources))
+        where = sources.document.where(path)
+        expectations.append(
+            Expectation(
+                written.scenario,
+                written.oracle,
+                tuple(written.sut),
+                written.verdict,
+                written.why,
+                f"{Path(where.file).name}:{where.line}",
+            )
+        )
+    gate = sources.text.gate
+    declared = AssessmentRules(
+        repeat_policy(sources.text.repeats),
+        tuple(comparisons),
+        tuple(expectations),
+        RegressionGate(gate.baseline, gate.worse_by) if gate else None,
+    )
+    return declared, problems
+
+
+@dataclass(frozen=True, slots=True)
+class LegTimings:
+    """The comparisons of a scenario, some of which need one of its legs timed."""
+
+    comparisons: tuple[ScenarioComparison, ...]
+    document: YamlDocument
+
+    def measures(self) -> tuple[Oracle, ...]:
+        """Return the measures that time legs, each once."""
+        places = ((c, _sentence_place(c.name, self.document)) for c in self.comparisons)
+        found = (_leg_measure(comparison, where) for comparison, where in places)
+        return tuple({measure.name: measure for measure in found if measure is not None}.values())
+
+    def problems(self, mission: Mission) -> list[Diagnostic]:
+        """Return what is wrong with the legs in the scenario's mission."""
+        return [
+            problem
+            for comparison in self.comparisons
+            for problem in _check_leg(
+                comparison, mission, _sentence_place(comparison.name, self.document)
+            )
+        ]
+
+
+def _leg_measure(comparison: ScenarioComparison, where: Where) -> Oracle | None:
+    """Return the measure that times the leg a comparison is about, ``None`` for whole runs."""
+    if comparison.leg is None:
+        return None
+    plain = comparison.leg.isdigit() or re.fullmatch(r"[A-Za-z_][A-Za-z0-9_-]*", comparison.leg)
+    leg = comparison.leg if plain else f'"{comparison.leg}"'
+    return parse_oracle(comparison.measure, f"max(mission.leg.elapsed) on leg {leg}", where)
+
+
+def _check_leg(
+    comparison: ScenarioComparison, mission: Mission, where: Where
+) -> Iterator[Diagnostic]:
+    """Yield what is wrong with the leg of a comparison in one of its missions."""
+    if comparison.leg is None:
+        return
+    number = int(comparison.leg) if comparison.leg.isdigit() else 0
+    try:
+        leg_number(Leg(number, "" if number else comparison.leg), mission)
+    except ValueError as error:
+        yield Diagnostic(where, str(error))
+
+
+def _sentence_place(name: str, document: YamlDocument) -> Where:
+    """Return where the sentence of a comparison begins: after its key, when on the same line."""
+    key, text = document.where(("compare", name)), document.data["compare"][name]
+    lines = document.text.splitlines()
+    line = lines[key.line - 1] if 0 < key.line <= len(lines) else ""
+    column = line.find(str(text), key.column)
+    return Where(key.file, key.line, column + 1) if column >= 0 else key
+
+
+def _comparison(name: str, sentence: str, sources: DeclarationScope) -> ScenarioComparison:
+    where = _sentence_place(name, sources.document)
+    found = _SENTENCE.fullmatch(sentence)
+    if found is None:
+        raise InputError(Diagnostic(where, f'"{sentence}" is not a comparison', _EXAMPLE))
+
+    def at(part: str) -> Where:
+        return Where(where.file, where.line, where.column + found.start(part))
+
+    left, right, quantity = found["left"], found["right"], found["quantity"]
+    problems = [d for part in ("left", "right") for d in _unknown(found[part], at(part), sources)]
+    if problems:
+        raise InputError(problems)
+    if left == right:
+        raise InputError(Diagnostic(at("right"), f'"{left}" is compared with itself'))
+    if not set(sources.suts_of(left)) & set(sources.suts_of(right)):
+        message = f'"{left}" and "{right}" have no system under test in common'
+        raise InputError(Diagnostic(at("left"), message))
+    leg = found["leg"].strip('"') if found["leg"] else None
+    if leg is not None and quantity != DELAY:
+        message = f'"on leg" goes with delay; let the measure "{quantity}" say "on leg {leg}"'
+        raise InputError(Diagnostic(at("leg"), message))
+    unit = "s" if quantity == DELAY else _unit(quantity, at("quantity"), (left, right), sources)
+    limit = _limit(found["limit"], unit, quantity, at("limit"))
+    return ScenarioComparison(
+        name=name,
+        quantity=quantity,
+        left=left,
+        right=right,
+        leg=leg,
+        op=found["op"],  # type: ignore[arg-type]
+        limit=limit,
+        unit=unit,
+        text=" ".join(sentence.split()),
+        measure="" if leg is None else f"elapsed-on-leg-{leg}",
+    )
+
+
+def _unknown(name: str, where: Where, sources: DeclarationScope) -> Iterator[Diagnostic]:
+    if name in sources.scenarios:
+        return
+    if name in sources.text.scenarios:
+        hint = "compare scenarios that are like it"
+        yield Diagnostic(where, f'scenario "{name}" is abstract, it is never run', hint)
+        return
+    yield Diagnostic(where, f'no scenario "{name}" here', did_you_mean(name, sources.scenarios))
+
+
+def _unit(
+    quantity: str, where: Where, scenarios: tuple[str, str], sources: DeclarationScope
+) -> str:
+    """Return the unit of a measure that both scenarios have; raises :class:`InputError`."""
+    measures = [name for name, oracle in sources.oracles.items() if oracle.is_measure]
+    oracle = sources.oracles.get(quantity)
+    if oracle is None:
+        hint = did_you_mean(quantity, [DELAY, *measures])
+        raise InputError(Diagnostic(where, f'no measure "{quantity}"', hint))
+    if not oracle.is_measure:
+        hint = f"compare one of: {', '.join([DELAY, *measures])}"
+        raise InputError(Diagnostic(where, f'"{quantity}" has a limit, it is no measure', hint))
+    for scenario in scenarios:
+        if quantity not in sources.judged_by(scenario):
+            hint = f"add it to the oracles of {scenario}"
+            raise InputError(Diagnostic(where, f'"{scenario}" does not measure {quantity}', hint))
+    match oracle.judgement:
+        case Amount(operator=operator):
+            return "s" if operator in ("time", "longest") else "1"
+        case Statistic(signal=signal):
+            kind = kind_of(signal)
+            return kind.unit if kind is not None else "1"
+        case _:
+            return "1"
+
+
+def _limit(text: str, unit: str, quantity: str, where: Where) -> float:
+    try:
+        found = read_quantity(text)
+    except ValueError as error:
+        raise InputError(Diagnostic(where, str(error))) from error
+    if found.unit != unit:
+        given = "has no unit" if found.unit == "1" else f"is in {found.unit}"
+        wanted = "a plain number" if unit == "1" else unit
+        raise InputError(Diagnostic(where, f'"{text}" {given}, {quantity} is in {wanted}'))
+    return found.value
+
+
+def _unmatched_expectation(
+    written: ExpectText,
+    path: tuple[str, int],
+    comparisons: Sequence[str],
+    sources: DeclarationScope,
+) -> Iterator[Diagnostic]:
+    """Yield what an expectation speaks of that is not there."""
+    scenarios = _matching(written.scenario, sources.scenarios)
+    if not scenarios:
+        where = sources.document.where((*path, "scenario"))
+        hint = did_you_mean(written.scenario, sources.scenarios)
+        yield Diagnostic(where, f'no scenario "{written.scenario}" to expect anything of', hint)
+        return
+    names = dict.fromkeys(n for s in scenarios for n in sources.judged_by(s))
+    oracles = _matching(written.oracle, (*names, *comparisons))
+    where = sources.document.where((*path, "oracle"))
+    if not oracles:
+        hint = did_you_mean(written.oracle, (*names, *comparisons))
+        yield Diagnostic(where, f'no oracle "{written.oracle}" judges {written.scenario}', hint)
+    elif all(n in sources.oracles and sources.oracles[n].is_measure for n in oracles):
+        yield Diagnostic(where, f'"{written.oracle}" is a measure, it has no verdict')
+    suts = dict.fromkeys(n for s in scenarios for n in sources.suts_of(s))
+    for index, pattern in enumerate(written.sut):
+        if not _matching(pattern, suts):
+            where = sources.document.where((*path, "sut", index))
+            hint = did_you_mean(pattern, suts)
+            yield Diagnostic(where, f'no system under test "{pattern}" there', hint)
+
+
+def _matching(pattern: str, names: Iterable[str]) -> list[str]:
+    return [name for name in names if fnmatchcase(name, pattern)]

@@ -1,0 +1,273 @@
+"""Files that describe systems under test: layers on each other and on ROS parameter files.
+
+What a file says holds over what its ROS files say, and both over the system it is ``like``. The
+outcome is one tree of parameters; every complaint about it stands where the value was written.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Annotated, Any, Final, TypeAlias
+
+from pydantic import BeforeValidator, Field
+
+from daemon.campaign._file import LayerReference
+from daemon.campaign._parameters import (
+    ParameterValues,
+    apply_common_costmap,
+    flatten_parameters,
+    load_package_folder,
+    load_parameter_files,
+    merge_parameters,
+    parameter_place,
+    parameter_tree,
+)
+from daemon.model.attachments import FILES_PARAMETER, attach_files
+from daemon.model.spec import SutReference
+from daemon.stacks.findings import ParameterError, ParameterFinding, ParameterFindings
+from daemon.stacks.registry import check_parameters, is_built_in
+from grammars.text.diagnostics import Diagnostic, InputError, Severity, Where
+from grammars.text.documents import StrictModel, YamlDocument, load_yaml, read_model
+
+ROS: Final = "ros"
+_MOST_NAMED: Final = 6
+"""So many parameters without effect are named in a warning."""
+_Files: TypeAlias = Annotated[
+    list[str],
+    BeforeValidator(
+        lambda value: [value] if isinstance(value, str) else value,
+        json_schema_input_type=str | list[str],
+    ),
+]
+FindSutFile: TypeAlias = Callable[[Path, LayerReference], Path]
+"""Finds the SUT file a reference in a file of a folder names; raises :class:`InputError`."""
+
+
+class SutFile(StrictModel):
+    """The keys of a file that describes a system under test."""
+
+    sut: str = Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]{0,59}$")
+    """Name of this system under test, as verdicts show it."""
+    about: str = ""
+    """One line for people."""
+    like: str | None = None
+    """Another system under test: this one is the same except for what is written here."""
+    kind: str | None = None
+    """What is run: a kind that ships here, or one plugged in as "scenario.suts"."""
+    ros: str | None = Field(default=None, min_length=1)
+    """A folder with the parameter files of a robot's navigation package (amcl.yaml,
+    costmap_common_params.yaml, move_base_params.yaml ...), loaded as usual launch files do."""
+    files: dict[str, _Files] = Field(default_factory=dict)
+    """ROS parameter files by the namespace they are loaded into, such as move_base/global_costmap;
+    costmap_common is loaded into both costmaps. For a kind plugged in: files it needs, one each by
+    a name of your choice; they travel to the workers."""
+    parameters: dict[str, Any] = Field(default_factory=dict)
+    """What differs from the files, from the system this one is like, from the defaults of the
+    kind. null takes an inherited value away."""
+
+
+@dataclass(frozen=True, slots=True)
+class LoadedSut:
+    """A loaded system under test: what runs, where each value was written, what to say about it.
+
+    ``files`` are the SUT files it is made of, the one that was asked for first.
+    """
+
+    reference: SutReference
+    about: str
+    settings: ParameterValues
+    findings: ParameterFindings
+    files: tuple[str, ...]
+    warnings: tuple[Diagnostic, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class _SutLayer:
+    """A file with everything below it."""
+
+    text: SutFile
+    kind: str
+    settings: ParameterValues
+    files: tuple[str, ...]
+    warnings: tuple[Diagnostic, ...]
+    attached: dict[str, Path] = field(default_factory=dict)
+
+
+def load_sut(path: Path, find: FindSutFile) -> LoadedSut:
+    """Load a SUT file and all it stands on.
+
+    Raises :class:`InputError` with everything wrong, each where it stands.
+    """
+    document = load_yaml(path)
+    layer = _load(path, document, find, ())
+    settings = apply_common_costmap(layer.settings) if layer.kind == ROS else layer.settings
+    tree = parameter_tree(settings)
+    if layer.attached:
+        tree = {**tree, FILES_PARAMETER: _attach(layer, document)}
+    try:
+        findings = check_parameters(layer.kind, tree)
+    except ValueError as error:
+        raise InputError(_diagnostics(error, document, settings)) from error
+    return LoadedSut(
+        reference=SutReference(layer.text.sut, layer.kind, tree),
+        about=layer.text.about,
+        settings=settings,
+        findings=findings,
+        files=layer.files,
+        warnings=(*layer.warnings, *_warnings(findings, document, settings)),
+    )
+
+
+def _load(
+    path: Path, document: YamlDocument, find: FindSutFile, above: tuple[Path, ...]
+) -> _SutLayer:
+    text = read_model(document, SutFile)
+    base = _base(path, document, text, find, above)
+    kind = _kind(document, text, base)
+    settings: ParameterValues = {} if base is None else base.settings
+    warnings = [] if base is None else list(base.warnings)
+    if text.ros and kind != ROS:
+        message = f"ros: only kind {ROS} reads ROS parameter files, this is {kind}"
+        raise InputError(Diagnostic(document.where(("ros",)), message))
+    if text.files and is_built_in(kind) and kind != ROS:
+        message = f"files: {kind} needs none"
+        raise InputError(Diagnostic(document.where(("files",)), message))
+    if text.ros:
+        where = document.where(("ros",))
+        found = load_package_folder(path.parent / text.ros, where, warnings, whole=base is None)
+        settings = merge_parameters(settings, found)
+    attached = {} if base is None else base.attached
+    if kind == ROS:
+        settings = merge_parameters(
+            settings, load_parameter_files(_named_files(path, document, text), warnings)
+        )
+    else:
+        attached = attached | _attached(path, document, text)
+    settings = merge_parameters(settings, _written(document, text))
+    files = (str(path), *(() if base is None else base.files))
+    return _SutLayer(text, kind, settings, files, tuple(warnings), attached)
+
+
+def _attached(path: Path, document: YamlDocument, text: SutFile) -> dict[str, Path]:
+    """Return the files that travel with a kind plugged in, by name."""
+    found: dict[str, Path] = {}
+    for name, places in _named_files(path, document, text).items():
+        if len(places) != 1 or not places[0][0].is_file():
+            where = document.where(("files", name))
+            what = (
+                "no file " + str(places[0][0]) if len(places) == 1 else "is one file, not several"
+            )
+            raise InputError(Diagnostic(where, f"{name}: {what}"))
+        found[name] = places[0][0]
+    return found
+
+
+def _attach(layer: _SutLayer, document: YamlDocument) -> dict[str, str]:
+    try:
+        return attach_files(layer.attached)
+    except ValueError as error:
+        raise InputError(Diagnostic(document.where(("files",)), str(error))) from error
+    except OSError as error:
+        message = f"files: {error.filename} cannot be read: {error.strerror}"
+        raise InputError(Diagnostic(document.where(("files",)), message)) from error
+
+
+def _base(
+    path: Path, document: YamlDocument, text: SutFile, find: FindSutFile, above: tuple[Path, ...]
+) -> _SutLayer | None:
+    """Return the layer this one is ``like``."""
+    if text.like is None:
+        return None
+    where = document.where(("like",))
+    chain = (*above, path.resolve())
+    other = find(path.parent, LayerReference(text.like, {}, where))
+    if other.resolve() in chain:
+        circle = " -> ".join(p.stem for p in (*chain[chain.index(other.resolve()) :], other))
+        raise InputError(Diagnostic(where, f"like: goes round in a circle, {circle}"))
+    return _load(other, load_yaml(other), find, chain)
+
+
+def _kind(document: YamlDocument, text: SutFile, base: _SutLayer | None) -> str:
+    if base is None:
+        if text.kind is None:
+            hint = 'write "kind", or "like" with the name of another system under test'
+            raise InputError(Diagnostic(document.where(), 'key "kind" is missing', hint))
+        return text.kind
+    if text.kind not in (None, base.kind):
+        message = f"kind: {text.like} is of kind {base.kind}, so this one is as well"
+        raise InputError(Diagnostic(document.where(("kind",)), message, "leave it out"))
+    return base.kind
+
+
+def _named_files(
+    path: Path, document: YamlDocument, text: SutFile
+) -> dict[str, list[tuple[Path, Where]]]:
+    return {
+        namespace: [
+            (path.parent / name, document.where(("files", namespace, index)))
+            for index, name in enumerate(names)
+        ]
+        for namespace, names in text.files.items()
+    }
+
+
+def _written(document: YamlDocument, text: SutFile) -> ParameterValues:
+    return flatten_parameters(text.parameters, lambda p: document.where(("parameters", *p)))
+
+
+def _diagnostics(
+    error: ValueError, document: YamlDocument, settings: ParameterValues
+) -> list[Diagnostic]:
+    """Put complaints where the values they are about stand."""
+    if isinstance(error, ParameterError):
+        found = [_placed(problem, document, settings) for problem in error.problems]
+        return list(dict.fromkeys(found))
+    message = str(error)
+    for path, setting in settings.items():
+        if f'"{path[0]}"' in message or message.startswith(f"{path[0]}:"):
+            return [Diagnostic(setting.where, message)]
+    key = next((key for key in ("parameters", "kind", "like") if key in document.data), "sut")
+    return [Diagnostic(document.where((key,)), message)]
+
+
+def _warnings(
+    findings: ParameterFindings, document: YamlDocument, settings: ParameterValues
+) -> list[Diagnostic]:
+    found = [
+        _placed(problem, document, settings, Severity.WARNING) for problem in findings.problems
+    ]
+    # What both costmaps have in common is one line of a file, so it is said once.
+    idle = {parameter_place(settings, f.path): _short(f.path) for f in findings.without_effect}
+    if idle:
+        names = list(idle.values())
+        more = f" and {len(names) - _MOST_NAMED} more" if len(names) > _MOST_NAMED else ""
+        message = f"without effect here: {', '.join(names[:_MOST_NAMED])}{more}"
+        hint = f"scenario sut {document.file} says why"
+        found.append(Diagnostic(document.where(("sut",)), message, hint, Severity.WARNING))
+    return list(dict.fromkeys(found))
+
+
+def _short(path: tuple[str | int, ...]) -> str:
+    return "/".join(str(part) for part in path[-2:])
+
+
+def _placed(
+    finding: ParameterFinding,
+    document: YamlDocument,
+    settings: ParameterValues,
+    severity: Severity = Severity.ERROR,
+) -> Diagnostic:
+    where = parameter_place(settings, finding.path) or document.where(("sut",))
+    return Diagnostic(where, _named(finding), finding.hint, severity)
+
+
+def _named(finding: ParameterFinding) -> str:
+    """Return the message with the name of the value before it, unless it says it itself."""
+    names = [part for part in finding.path if isinstance(part, str)]
+    name = names[-1] if names else ""
+    if not name or finding.message.startswith(name) or f'"{name}"' in finding.message:
+        return finding.message
+    indices = "".join(f"[{part}]" for part in finding.path if isinstance(part, int))
+    return f"{name}{indices}: {finding.message}"

@@ -1,0 +1,33 @@
+"""From run records and what their campaign declares to cells, comparisons and surprises."""
+
+from daemon.judging.assessment._assess import assess, evidence_text, undecided_cells
+from daemon.judging.assessment._campaign_difference import (
+    CampaignDifference,
+    JudgedCampaign,
+    QuantityChange,
+    VerdictChange,
+    compare_campaigns,
+)
+from daemon.judging.assessment._cell_verdicts import (
+    DURATION,
+    base_name,
+    expectation_matches,
+    measured_value,
+)
+from daemon.judging.assessment._comparisons import mission_completed
+
+__all__ = [
+    "DURATION",
+    "CampaignDifference",
+    "JudgedCampaign",
+    "QuantityChange",
+    "VerdictChange",
+    "assess",
+    "base_name",
+    "compare_campaigns",
+    "evidence_text",
+    "expectation_matches",
+    "measured_value",
+    "mission_completed",
+    "undecided_cells",
+]

@@ -1,0 +1,288 @@
+"""Two campaigns side by side: which verdicts changed, which quantities, what got worse.
+
+Repeats of equal number and seed met the same doors and the same noise, so they are paired. All
+quantities are tested at once, hence the p values are Holm's. Worse is a smaller margin and a
+longer duration; whether a measure should be small or large, nobody said.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Final, Literal, TypeAlias
+
+from daemon.judging.assessment._assess import assess
+from daemon.judging.assessment._cell_verdicts import DURATION, measured_value, trusted_verdicts
+from daemon.judging.statistics import (
+    MeanDifference,
+    cliffs_delta,
+    holm_adjusted,
+    paired_difference,
+    welch_difference,
+)
+from daemon.model.assessments import Assessment, AssessmentRules, CellVerdict, RunRecord
+from daemon.model.verdicts import Outcome
+
+QuantityKind: TypeAlias = Literal["margin", "measure", "duration"]
+SIGNIFICANT: Final = 0.05
+_EACH_SIDE: Final = 0.975
+"""Confidence of each bound of a two-sided 95 % interval."""
+_CellKey: TypeAlias = tuple[str, str]
+
+
+@dataclass(frozen=True, slots=True)
+class JudgedCampaign:
+    """A campaign with its runs, as it is compared: ``name`` is how people call it."""
+
+    name: str
+    declared: AssessmentRules
+    records: tuple[RunRecord, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class VerdictChange:
+    """An oracle's verdict on a cell before and after; ``None`` where it was not judged."""
+
+    scenario: str
+    sut: str
+    oracle: str
+    before: Outcome | None
+    after: Outcome | None
+    passed_before: str
+    passed_after: str
+
+    @property
+    def worse(self) -> bool:
+        """Whether it fails now and did not."""
+        return self.after is Outcome.FAIL and self.before not in (None, Outcome.FAIL)
+
+
+@dataclass(frozen=True, slots=True)
+class QuantityChange:
+    """A quantity of one cell before and after: means [``unit``] and what their difference shows.
+
+    ``mean`` is after minus before, ``low`` to ``high`` its two-sided 95 % interval; ``delta`` is
+    Cliff's, from -1 (always smaller now) to 1. ``p`` is two-sided and Holm's: ``changed`` when it
+    is below 5 %. ``worse`` when it is shown, Holm's again, to have got worse by more than the gate
+    allows. Without enough values all of these are ``None`` or false.
+    """
+
+    scenario: str
+    sut: str
+    quantity: str
+    kind: QuantityKind
+    unit: str
+    before: float
+    after: float
+    n: int
+    method: Literal["paired", "welch", ""]
+    mean: float
+    low: float | None = None
+    high: float | None = None
+    delta: float | None = None
+    p: float | None = None
+    changed: bool = False
+    worse: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class CampaignDifference:
+    """What differs between two campaigns; cells, (scenario, SUT), that only one has are named."""
+
+    before: str
+    after: str
+    worse_by: float | None
+    verdicts: tuple[VerdictChange, ...]
+    shifts: tuple[QuantityChange, ...]
+    only_before: tuple[tuple[str, str], ...]
+    only_after: tuple[tuple[str, str], ...]
+
+    @property
+    def regressed(self) -> bool:
+        """Whether a verdict or a quantity got worse."""
+        return any(v.worse for v in self.verdicts) or any(s.worse for s in self.shifts)
+
+
+def compare_campaigns(
+    before: JudgedCampaign, after: JudgedCampaign, worse_by: float | None = None
+) -> CampaignDifference:
+    """Compare two campaigns cell by cell.
+
+    ``worse_by`` is how much, as a share of what it was before, a margin or a duration may get
+    worse; ``None`` asks for no such thing.
+    """
+    sides = tuple(_cells(side.records) for side in (before, after))
+    shared = [key for key in sides[1] if key in sides[0]]
+    shifts = [
+        shift
+        for key in shared
+        for shift in _quantity_changes(sides[0][key], sides[1][key], worse_by)
+    ]
+    return CampaignDifference(
+        before=before.name,
+        after=after.name,
+        worse_by=worse_by,
+        verdicts=tuple(_verdicts(before, after, set(shared))),
+        shifts=_adjust_together(shifts),
+        only_before=tuple(key for key in sides[0] if key not in sides[1]),
+        only_after=tuple(key for key in sides[1] if key not in sides[0]),
+    )
+
+
+def _cells(records: Iterable[RunRecord]) -> dict[_CellKey, list[RunRecord]]:
+    found: dict[_CellKey, list[RunRecord]] = {}
+    for record in records:
+        found.setdefault((record.scenario, record.sut), []).append(record)
+    return found
+
+
+def _verdicts(
+    before: JudgedCampaign, after: JudgedCampaign, shared: set[_CellKey]
+) -> Iterable[VerdictChange]:
+    old, new = (_oracles(assess(side.declared, side.records)) for side in (before, after))
+    for key in dict.fromkeys((*new, *old)):
+        scenario, sut, oracle = key
+        was, now = old.get(key), new.get(key)
+        if (scenario, sut) not in shared or (was and now and was.verdict is now.verdict):
+            continue
+        yield VerdictChange(
+            scenario,
+            sut,
+            oracle,
+            was.verdict if was else None,
+            now.verdict if now else None,
+            f"{was.passed}/{was.n}" if was else "",
+            f"{now.passed}/{now.n}" if now else "",
+        )
+
+
+def _oracles(assessment: Assessment) -> Mapping[tuple[str, str, str], CellVerdict]:
+    return {(o.scenario, o.sut, o.oracle): o for cell in assessment.cells for o in cell.oracles}
+
+
+@dataclass(frozen=True, slots=True)
+class _TestedChange:
+    """A shift with what its tests say, before all of them are adjusted together."""
+
+    shift: QuantityChange
+    p_different: float | None
+    p_worse: float | None
+
+
+def _quantity_changes(
+    before: Sequence[RunRecord], after: Sequence[RunRecord], worse_by: float | None
+) -> Iterable[_TestedChange]:
+    for name, (kind, unit) in _quantities((*after, *before)).items():
+        old, new = (_values(side, name, kind) for side in (before, after))
+        if old and new:
+            yield _test_change(after[0], name, kind, unit, old, new, worse_by)
+
+
+def _quantities(records: Iterable[RunRecord]) -> dict[str, tuple[QuantityKind, str]]:
+    found: dict[str, tuple[QuantityKind, str]] = {}
+    for record in records:
+        for verdict in record.verdicts:
+            kind: QuantityKind = "measure" if verdict.outcome is Outcome.MEASURE else "margin"
+            found.setdefault(verdict.oracle, (kind, verdict.unit))
+    found.setdefault(DURATION, ("duration", "s"))
+    return found
+
+
+def _values(
+    records: Iterable[RunRecord], name: str, kind: QuantityKind
+) -> dict[tuple[int, int], float]:
+    values: dict[tuple[int, int], float] = {}
+    for record in records:
+        value = _margin(record, name) if kind == "margin" else measured_value(record, name)
+        if value is not None:
+            values[record.repeat, record.seed] = value
+    return values
+
+
+def _margin(record: RunRecord, name: str) -> float | None:
+    decided = (Outcome.PASS, Outcome.FAIL)
+    found = (
+        v.margin for v in trusted_verdicts(record) if v.oracle == name and v.outcome in decided
+    )
+    return next(found, None)
+
+
+def _test_change(
+    record: RunRecord,
+    name: str,
+    kind: QuantityKind,
+    unit: str,
+    old: Mapping[tuple[int, int], float],
+    new: Mapping[tuple[int, int], float],
+    worse_by: float | None,
+) -> _TestedChange:
+    pairs = sorted(old.keys() & new.keys())
+    difference = _difference(old, new, pairs)
+    was, now = (sum(side.values()) / len(side) for side in (old, new))
+    shift = QuantityChange(
+        scenario=record.scenario,
+        sut=record.sut,
+        quantity=name,
+        kind=kind,
+        unit=unit,
+        before=was,
+        after=now,
+        n=difference.n if difference else len(pairs),
+        method=difference.method if difference else "",
+        mean=difference.mean if difference else now - was,
+    )
+    if difference is None:
+        return _TestedChange(shift, None, None)
+    shift = replace(
+        shift,
+        low=difference.low,
+        high=difference.high,
+        delta=cliffs_delta(tuple(new.values()), tuple(old.values())),
+    )
+    return _TestedChange(shift, difference.p_different, _p_worse(difference, kind, was, worse_by))
+
+
+def _difference(
+    old: Mapping[tuple[int, int], float],
+    new: Mapping[tuple[int, int], float],
+    pairs: Sequence[tuple[int, int]],
+) -> MeanDifference | None:
+    if len(pairs) > 1:
+        sides = ([new[key] for key in pairs], [old[key] for key in pairs])
+        return paired_difference(*sides, confidence=_EACH_SIDE)
+    if not pairs and min(len(old), len(new)) > 1:
+        return welch_difference(tuple(new.values()), tuple(old.values()), confidence=_EACH_SIDE)
+    return None
+
+
+def _p_worse(
+    difference: MeanDifference, kind: QuantityKind, before: float, worse_by: float | None
+) -> float | None:
+    """Return the p value for "worse by more than allowed"; ``None`` when nobody asks."""
+    if worse_by is None or kind == "measure":
+        return None
+    allowed = worse_by * abs(before)
+    if kind == "duration":
+        return difference.p_above(allowed)
+    down = replace(difference, mean=-difference.mean, low=-difference.high, high=-difference.low)
+    return down.p_above(allowed)
+
+
+def _adjust_together(tested: Sequence[_TestedChange]) -> tuple[QuantityChange, ...]:
+    """Return the shifts with p values that know how many they are."""
+    different = _holm_or_none([one.p_different for one in tested])
+    worse = _holm_or_none([one.p_worse for one in tested])
+    return tuple(
+        replace(
+            one.shift,
+            p=p,
+            changed=p is not None and p < SIGNIFICANT,
+            worse=q is not None and q < SIGNIFICANT,
+        )
+        for one, p, q in zip(tested, different, worse, strict=True)
+    )
+
+
+def _holm_or_none(values: Sequence[float | None]) -> list[float | None]:
+    adjusted = iter(holm_adjusted([value for value in values if value is not None]))
+    return [None if value is None else next(adjusted) for value in values]

@@ -1,0 +1,273 @@
+"""One cell, all repeats: what each oracle shows, what was measured, whether that was expected."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from enum import Enum
+from fnmatch import fnmatchcase
+from typing import Final
+
+from daemon.judging.statistics import (
+    at_least,
+    at_most,
+    mean_interval,
+    proportion_interval,
+    runs_needed,
+)
+from daemon.model.assessments import (
+    AssessmentRules,
+    CellMeasure,
+    CellVerdict,
+    Expectation,
+    ExpectedVerdict,
+    RepeatPolicy,
+    RunRecord,
+    WorstRun,
+)
+from daemon.model.verdicts import Evidence, Outcome, Verdict
+
+
+class ExpectationStatus(Enum):
+    """How a verdict stands to what is expected; ``open``: it may yet turn out either way."""
+
+    MET = "met"
+    OPEN = "open"
+    CONTRADICTED = "contradicted"
+
+
+def base_name(scenario: str) -> str:
+    """Return the scenario's name in the file: ``S1`` for its variant ``S1@1003``."""
+    return scenario.partition("@")[0]
+
+
+def expectation_matches(expectation: Expectation, scenario: str, oracle: str, sut: str) -> bool:
+    """Whether an expectation is about an oracle of a scenario with a system under test.
+
+    A pattern that matches a scenario matches its variants.
+    """
+    names = (scenario, base_name(scenario))
+    return (
+        any(fnmatchcase(name, expectation.scenario) for name in names)
+        and fnmatchcase(oracle, expectation.oracle)
+        and any(fnmatchcase(sut, pattern) for pattern in expectation.suts or ("*",))
+    )
+
+
+def expected_verdict(
+    expectations: Sequence[Expectation], scenario: str, oracle: str, sut: str
+) -> tuple[ExpectedVerdict, str]:
+    """Return the verdict expected and why: that of the last expectation that matches, or pass."""
+    for expectation in reversed(expectations):
+        if expectation_matches(expectation, scenario, oracle, sut):
+            return expectation.verdict, expectation.why
+    return "pass", ""
+
+
+def expectation_status(
+    wanted: ExpectedVerdict, verdict: Outcome, *, passed: int, failed: int, n: int
+) -> ExpectationStatus:
+    """Compare what came out of ``n`` repeats with what was expected."""
+    if wanted == "any":
+        return ExpectationStatus.MET
+    if wanted == "pass":
+        met, contradicted = verdict is Outcome.PASS, verdict is Outcome.FAIL
+    elif wanted == "fail":
+        met, contradicted = failed == n > 0, passed > 0
+    else:
+        met, contradicted = failed > 0, passed == n > 0
+    if met:
+        return ExpectationStatus.MET
+    return ExpectationStatus.CONTRADICTED if contradicted else ExpectationStatus.OPEN
+
+
+DURATION: Final = "duration"
+"""The measure every run has: the simulated time it took [s]."""
+
+
+def measured_value(record: RunRecord, name: str) -> float | None:
+    """Return what the measure ``name`` found in a run, ``None`` when there is nothing to trust."""
+    if record.outcome is None or record.ended == "crashed":
+        return None
+    verdict = record.verdict(name)
+    if verdict is None:
+        return duration(record) if name == DURATION else None
+    return verdict.evidence.value if verdict.outcome is Outcome.MEASURE else None
+
+
+def duration(record: RunRecord) -> float | None:
+    """Return the simulated time a run took [s]."""
+    return None if record.timing is None else record.timing.simulated
+
+
+def cell_measures(records: Sequence[RunRecord]) -> tuple[CellMeasure, ...]:
+    """Return every measure of one cell that has values, the duration last."""
+    units: dict[str, str] = {}
+    for record in records:
+        for verdict in record.verdicts:
+            if verdict.outcome is Outcome.MEASURE:
+                units.setdefault(verdict.oracle, verdict.unit)
+    if DURATION not in {v.oracle for r in records for v in r.verdicts}:
+        units[DURATION] = "s"
+    cells = (_cell_measure(name, unit, records) for name, unit in units.items())
+    return tuple(cell for cell in cells if cell is not None)
+
+
+def _cell_measure(name: str, unit: str, records: Sequence[RunRecord]) -> CellMeasure | None:
+    found = [(r.repeat, value) for r in records if (value := measured_value(r, name)) is not None]
+    if not found:
+        return None
+    repeats, values = zip(*found, strict=True)
+    interval = mean_interval(values)
+    return CellMeasure(
+        scenario=records[0].scenario,
+        sut=records[0].sut,
+        oracle=name,
+        unit=unit,
+        repeats=repeats,
+        values=values,
+        mean=interval.mean,
+        std=interval.std,
+        low=interval.low,
+        high=interval.high,
+    )
+
+
+BY_GRAVITY: Final = (Outcome.FAIL, Outcome.ERROR, Outcome.INCONCLUSIVE, Outcome.PASS)
+_CONFIDENCE: Final = 0.95
+
+
+def trusted_verdicts(record: RunRecord) -> tuple[Verdict, ...]:
+    """Return the verdicts of a run as they count: none is trusted when its system crashed."""
+    if record.ended != "crashed":
+        return record.verdicts
+    return tuple(_distrust(verdict, record.note) for verdict in record.verdicts)
+
+
+def _distrust(verdict: Verdict, note: str) -> Verdict:
+    evidence = Evidence(note=note)
+    return Verdict(verdict.oracle, verdict.text, Outcome.ERROR, None, None, verdict.unit, evidence)
+
+
+def cell_verdict(
+    name: str, records: Sequence[RunRecord], declared: AssessmentRules
+) -> tuple[CellVerdict, ExpectationStatus]:
+    """Return what the oracle ``name`` says about the repeats of one cell."""
+    found = [(r, v) for r in records for v in trusted_verdicts(r) if v.oracle == name]
+    verdicts = [v for _, v in found]
+    counts, n = Counter(v.outcome for v in verdicts), len(records)
+    passed, failed = counts[Outcome.PASS], counts[Outcome.FAIL]
+    policy = declared.policy
+    verdict = _policy_verdict(policy, verdicts, n)
+    scenario, sut = records[0].scenario, records[0].sut
+    wanted, why = expected_verdict(declared.expectations, scenario, name, sut)
+    stands = expectation_status(wanted, verdict, passed=passed, failed=failed, n=n)
+    confidence = confidence_of(policy)
+    needed = runs_needed(passed, n, policy.rate, confidence) if policy.rule == "rate" else None
+    cell = CellVerdict(
+        scenario=scenario,
+        sut=sut,
+        oracle=name,
+        passed=passed,
+        failed=failed,
+        inconclusive=counts[Outcome.INCONCLUSIVE],
+        errors=counts[Outcome.ERROR],
+        missing=n - len(verdicts),
+        n=n,
+        low=proportion_interval(passed, n)[0],
+        high=proportion_interval(n - failed, n)[1],
+        at_least=at_least(passed, n, confidence),
+        needed=needed,
+        statement=_statement(policy, passed, failed, n, needed),
+        worst=_worst_run(found),
+        verdict=verdict,
+        expected=wanted,
+        met=stands is ExpectationStatus.MET,
+        why=why,
+    )
+    return cell, stands
+
+
+def confidence_of(policy: RepeatPolicy) -> float:
+    """Return the confidence of each look at a cell.
+
+    Whoever looks again and again until something shows finds it by chance: with ``k`` looks each
+    may err in 5 %/k (Bonferroni), so that all of them together err in at most 5 %.
+    """
+    return 1.0 - (1.0 - _CONFIDENCE) / len(policy.looks)
+
+
+def _policy_verdict(policy: RepeatPolicy, verdicts: Sequence[Verdict], n: int) -> Outcome:
+    counts = Counter(v.outcome for v in verdicts)
+    if policy.rule == "all":
+        found = [outcome for outcome in BY_GRAVITY[:3] if counts[outcome]]
+        if found and found[0] is not Outcome.INCONCLUSIVE:
+            return found[0]
+        return Outcome.PASS if counts[Outcome.PASS] == n else Outcome.INCONCLUSIVE
+    shown = _rate(policy, counts, n) if policy.rule == "rate" else _mean(policy, verdicts, n)
+    undecided = shown is Outcome.INCONCLUSIVE
+    return Outcome.ERROR if undecided and counts[Outcome.ERROR] else shown
+
+
+def _rate(policy: RepeatPolicy, counts: Counter[Outcome], n: int) -> Outcome:
+    """Judge by the rate that is shown; a repeat that was not judged may have been either."""
+    confidence = confidence_of(policy)
+    if at_least(counts[Outcome.PASS], n, confidence) >= policy.rate:
+        return Outcome.PASS
+    if at_most(n - counts[Outcome.FAIL], n, confidence) < policy.rate:
+        return Outcome.FAIL
+    return Outcome.INCONCLUSIVE
+
+
+def _mean(policy: RepeatPolicy, verdicts: Sequence[Verdict], n: int) -> Outcome:
+    """Judge by the mean margin; one that is not known leaves everything open."""
+    margins = [
+        v.margin
+        for v in verdicts
+        if v.margin is not None and v.outcome in (Outcome.PASS, Outcome.FAIL)
+    ]
+    if len(margins) < max(n, 2):
+        return Outcome.INCONCLUSIVE
+    # A bound of a two-sided interval is a one-sided bound with half the doubt.
+    interval = mean_interval(margins, 2.0 * confidence_of(policy) - 1.0)
+    if interval.low is not None and interval.low >= 0.0:
+        return Outcome.PASS
+    if interval.high is not None and interval.high < 0.0:
+        return Outcome.FAIL
+    return Outcome.INCONCLUSIVE
+
+
+def _statement(policy: RepeatPolicy, passed: int, failed: int, n: int, needed: int | None) -> str:
+    confidence = confidence_of(policy)
+    if failed == n:
+        text = f"{passed} of {n} shows at most {_percent(at_most(0, n, confidence))}"
+    else:
+        text = f"{passed} of {n} shows at least {_percent(at_least(passed, n, confidence))}"
+    if policy.rule != "rate":
+        return text
+    most = at_most(n - failed, n, confidence)
+    if most < policy.rate:
+        text += f", at most {_percent(most)}" if failed < n else ""
+        text += f": less than {_percent(policy.rate)}"
+    elif needed:
+        runs = "1 more run" if needed == 1 else f"{needed} more runs"
+        text += f", {runs} needed for {_percent(policy.rate)}"
+    looks = len(policy.looks)
+    return f"{text} ({looks} looks)" if looks > 1 else text
+
+
+def _percent(rate: float) -> str:
+    """Return ``54.9 %``, cut and not rounded: nothing is shown that was not."""
+    return f"{int(rate * 1000 + 1e-9) / 10:g} %"
+
+
+def _worst_run(found: Sequence[tuple[RunRecord, Verdict]]) -> WorstRun | None:
+    if not found:
+        return None
+    record, verdict = min(found, key=lambda pair: _severity(pair[1]))
+    return WorstRun(record.id, record.repeat, verdict)
+
+
+def _severity(verdict: Verdict) -> tuple[int, bool, float]:
+    margin = verdict.margin
+    return BY_GRAVITY.index(verdict.outcome), margin is None, margin or 0.0

@@ -1,0 +1,360 @@
+"""Clearance: how far the nearest obstacle is outside a box around the robot, signed.
+
+``clearance(hx, hy)`` is the minimum over all obstacle points (x, y) in the body frame of
+``max(|x| - hx, |y| - hy)``: positive outside the box, negative inside. One function is both the
+collision box and the safety buffer of the paper (sections 4.2.3 and 4.4.1).
+
+Obstacles are filled convex polygons: everything that overlaps the robot in height; joints and
+links of objects are placed over the whole trace at once. In the body frame ``g(p) = max(|x| - hx,
+|y| - hy)`` is convex and piecewise linear. Over a filled convex polygon its minimum is -min(hx,
+hy) when the polygon holds the box centre, and lies on an edge otherwise; along an edge it lies at
+an end or where two of the four planes of ``g`` cross.
+"""
+
+from __future__ import annotations
+
+import functools
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
+import numpy.typing as npt
+from numba import njit
+
+from daemon.judging.oracles._series import SignalSeries
+from grammars.model import kinematics
+from grammars.model.geometry import Floats, Point2, Ring
+from grammars.model.kinematics import WORLD, link_poses
+from grammars.model.scene import Joint, Link, Scene, SceneObject
+
+if TYPE_CHECKING:
+    from daemon.trace import Trace
+
+
+@njit(cache=True)
+def cos_sin(angles: Floats) -> tuple[Floats, Floats]:
+    """Return cosine and sine of ``angles`` (n,) [rad] from the C library.
+
+    numpy's own differ in the last bit between machines with different vector units, and verdicts
+    must not.
+    """
+    cosines, sines = np.empty(len(angles)), np.empty(len(angles))
+    for i in range(len(angles)):
+        cosines[i], sines[i] = math.cos(angles[i]), math.sin(angles[i])
+    return cosines, sines
+
+
+@njit(cache=True)
+def _edge_minimum(ax: float, ay: float, bx: float, by: float, hx: float, hy: float) -> float:
+    """Return the minimum of ``g`` over the segment a-b."""
+    dx, dy = bx - ax, by - ay
+    best = min(max(abs(ax) - hx, abs(ay) - hy), max(abs(bx) - hx, abs(by) - hy))
+    gap = hx - hy
+    # Crossings: x = 0, y = 0, x - hx = +-y - hy, -x - hx = +-y - hy, as (value at a, slope).
+    for k in range(6):
+        if k == 0:
+            value, slope = ax, dx
+        elif k == 1:
+            value, slope = ay, dy
+        elif k == 2:
+            value, slope = ax - ay - gap, dx - dy
+        elif k == 3:
+            value, slope = ax + ay - gap, dx + dy
+        elif k == 4:
+            value, slope = ax + ay + gap, dx + dy
+        else:
+            value, slope = ax - ay + gap, dx - dy
+        if slope != 0.0:
+            t = -value / slope
+            if 0.0 < t < 1.0:
+                best = min(best, max(abs(ax + t * dx) - hx, abs(ay + t * dy) - hy))
+    return best
+
+
+@njit(cache=True)
+def _polygon_minimum(
+    corners: Floats, first: int, last: int, c: float, s: float, tx: float, ty: float,
+    hx: float, hy: float,
+) -> float:  # fmt: skip
+    """Return the minimum of ``g`` over a filled convex polygon moved by (c, s, tx, ty)."""
+    best = math.inf
+    left = right = True
+    px = tx + c * corners[last - 1, 0] - s * corners[last - 1, 1]
+    py = ty + s * corners[last - 1, 0] + c * corners[last - 1, 1]
+    for k in range(first, last):
+        qx = tx + c * corners[k, 0] - s * corners[k, 1]
+        qy = ty + s * corners[k, 0] + c * corners[k, 1]
+        side = px * qy - py * qx
+        left = left and side >= 0.0
+        right = right and side <= 0.0
+        best = min(best, _edge_minimum(px, py, qx, qy, hx, hy))
+        px, py = qx, qy
+    if left != right:
+        return -min(hx, hy)
+    return best
+
+
+@njit(cache=True)
+def box_clearance(
+    poses: Floats, centre: Floats, half: Floats, corners: Floats, offsets: npt.NDArray[np.int64],
+    frame: npt.NDArray[np.int64], circle: Floats, tracks: Floats,
+) -> tuple[Floats, npt.NDArray[np.int32]]:  # fmt: skip
+    """Return clearance (n,) [m] and the index of the nearest polygon (n,) for each pose (n, 3).
+
+    ``centre`` and ``half`` extents of the box in the base frame; the polygons are those of
+    :class:`daemon.judging.oracles._clearance.ObstaclePolygons`, at least one. Of equally near polygons the first
+    one counts.
+
+    A polygon whose circle is at distance d from the box centre has ``g >= d / sqrt(2) - max(hx,
+    hy)``, so most are skipped; starting from the previous sample's nearest one keeps it tight.
+    """
+    samples, polygons = len(poses), len(frame)
+    values = np.empty(samples)
+    nearest = np.empty(samples, dtype=np.int32)
+    hx, hy = half[0], half[1]
+    reach = max(hx, hy)
+    guess = 0
+    for i in range(samples):
+        c, s = math.cos(poses[i, 2]), math.sin(poses[i, 2])
+        bx = poses[i, 0] + c * centre[0] - s * centre[1]
+        by = poses[i, 1] + s * centre[0] + c * centre[1]
+        best, owner = math.inf, -1
+        for step in range(-1, polygons):
+            p = guess if step < 0 else step
+            f = frame[p]
+            wx, wy = circle[p, 0], circle[p, 1]
+            lc, ls, lx, ly = 1.0, 0.0, 0.0, 0.0
+            if f >= 0:
+                lx, ly = tracks[i, f, 0], tracks[i, f, 1]
+                lc, ls = math.cos(tracks[i, f, 2]), math.sin(tracks[i, f, 2])
+                wx, wy = lx + lc * wx - ls * wy, ly + ls * wx + lc * wy
+            # Farther than this no point of the circle can be as near as the best so far.
+            limit = (best + reach) * 1.4142135623730951 + circle[p, 2] + 1e-9
+            if (wx - bx) ** 2 + (wy - by) ** 2 > limit * limit:
+                continue
+            found = _polygon_minimum(
+                corners, offsets[p], offsets[p + 1],
+                c * lc + s * ls, c * ls - s * lc,
+                c * (lx - bx) + s * (ly - by), c * (ly - by) - s * (lx - bx),
+                hx, hy,
+            )  # fmt: skip
+            if found < best or (found == best and p < owner):
+                best, owner = found, p
+        values[i], nearest[i] = best, owner
+        guess = owner
+    return values, nearest
+
+
+def joint_positions(trace: Trace, obj: SceneObject, time: Floats) -> Floats:
+    """Return recorded positions (n, joints) of ``obj`` [rad or m] on ``time`` (n,).
+
+    Between recorded samples positions are interpolated, as :class:`daemon.trace.JointTrack` asks;
+    joints stand at their initial position until first recorded.
+    """
+    track = trace.joints
+    column = {name: index for index, name in enumerate(track.names)}
+    positions = np.empty((len(time), len(obj.joints)))
+    for index, (joint, initial) in enumerate(zip(obj.joints, obj.initial, strict=True)):
+        name = f"{obj.name}.{joint.name}"
+        if name not in column or not len(track.time):
+            positions[:, index] = initial
+            continue
+        recorded = track.position[:, column[name]]
+        positions[:, index] = np.interp(time, track.time, recorded, left=initial)
+    return positions
+
+
+def link_tracks(obj: SceneObject, positions: Floats) -> dict[str, Floats]:
+    """Return :func:`grammars.model.kinematics.link_tracks`, compiled where it is slow.
+
+    Most doors never move: theirs are computed once and cannot be written to.
+    """
+    if len(positions) < 2 or (positions != positions[:1]).any():
+        return kinematics.link_tracks(obj, positions, cos_sin)
+    once = kinematics.link_tracks(obj, positions[:1], cos_sin)
+    return {name: np.broadcast_to(track, (len(positions), 3)) for name, track in once.items()}
+
+
+def hinge_foot(obj: SceneObject, joint: Joint, positions: Floats) -> tuple[Floats, Floats]:
+    """Return where the anchor of ``joint`` is in the world over time: x (n,), y (n,) [m]."""
+    if joint.parent == WORLD:
+        parent = np.tile((obj.pose.x, obj.pose.y, obj.pose.yaw), (len(positions), 1))
+    else:
+        parent = link_tracks(obj, positions)[joint.parent]
+    c, s = cos_sin(parent[:, 2].copy())
+    x, y = joint.anchor
+    return parent[:, 0] + c * x - s * y, parent[:, 1] + s * x + c * y
+
+
+IndexArray = npt.NDArray[np.int64]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ObstaclePolygons:
+    """Convex polygons as flat arrays.
+
+    ``corners`` (v, 2) [m]; polygon ``p`` has corners ``offsets[p]:offsets[p + 1]`` in the frame
+    ``frame[p]`` (-1: world), inside the circle ``circle[p]`` = (x, y, radius). ``tracks``
+    (n, frames, 3) are the poses of the frames over time. ``names`` (p,) say whose each is.
+    """
+
+    corners: Floats
+    offsets: IndexArray
+    frame: IndexArray
+    circle: Floats
+    tracks: Floats
+    names: tuple[str, ...]
+
+
+def footprint_box(footprint: Ring) -> tuple[Point2, Point2]:
+    """Return centre and half extents [m] of the box around ``footprint``, base frame."""
+    xs, ys = [x for x, _ in footprint], [y for _, y in footprint]
+    centre = ((max(xs) + min(xs)) / 2.0, (max(ys) + min(ys)) / 2.0)
+    return centre, ((max(xs) - min(xs)) / 2.0, (max(ys) - min(ys)) / 2.0)
+
+
+def box_clearance_series(
+    obstacles: ObstaclePolygons, poses: Floats, *, centre: Point2, half: Point2
+) -> SignalSeries:
+    """Return the clearance [m] of a box in the base frame at ``poses`` (n, 3), with the object.
+
+    The tracks of ``obstacles`` are sampled at the same times as the poses.
+    """
+    if not obstacles.names:
+        return SignalSeries(
+            np.full(len(poses), np.nan), note="nothing there as high as the robot to keep clear of"
+        )
+    values, nearest = box_clearance(
+        poses,
+        np.array(centre, dtype=np.float64),
+        np.array(half, dtype=np.float64),
+        obstacles.corners,
+        obstacles.offsets,
+        obstacles.frame,
+        obstacles.circle,
+        obstacles.tracks,
+    )
+    return SignalSeries(values, nearest, obstacles.names)
+
+
+def obstacles_of(trace: Trace, time: Floats) -> ObstaclePolygons:
+    """Collect what the robot's body can hit: solids and links that overlap its height."""
+    shapes = _obstacle_shapes(
+        _SceneAtHeight(trace.spec.scene, trace.spec.robot.height, trace.scene)
+    )
+    tracks: list[Floats] = []
+    for item, links in shapes.moving:
+        poses = link_tracks(item, joint_positions(trace, item, time))
+        tracks.extend(poses[name] for name in links)
+    stacked = np.stack(tracks, axis=1) if tracks else np.empty((len(time), 0, 3))
+    still = shapes.still
+    return ObstaclePolygons(
+        still.corners, still.offsets, still.frame, still.circle,
+        np.ascontiguousarray(stacked), still.names,
+    )  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class _SceneAtHeight:
+    """A scene for robots of one height; equal when the ``digest`` of the scene is."""
+
+    digest: str
+    height: float
+    scene: Scene = field(compare=False)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _ObstacleShapes:
+    """Obstacles of a building without their tracks, and the links whose tracks they are."""
+
+    still: ObstaclePolygons
+    moving: tuple[tuple[SceneObject, tuple[str, ...]], ...]
+
+
+@functools.lru_cache(maxsize=16)
+def _obstacle_shapes(building: _SceneAtHeight) -> _ObstacleShapes:
+    """Collect the polygons once for all traces in the same building."""
+    scene, height = building.scene, building.height
+    rings, names, frames = _fixed_rings(scene, height)
+    moving: list[tuple[SceneObject, tuple[str, ...]]] = []
+    count = 0
+    for item in scene.objects:
+        if item.frozen or not item.joints:
+            continue
+        links = [link for link in item.links if _in_reach(link.z_min, link.z_max, height)]
+        for link in links:
+            rings.extend(link.polygons)
+            names.extend([f"{item.name}.{link.name}"] * len(link.polygons))
+            frames.extend([count] * len(link.polygons))
+            count += 1
+        moving.append((item, tuple(link.name for link in links)))
+    return _ObstacleShapes(_flatten(rings, names, frames), tuple(moving))
+
+
+def obstacles_named(obstacles: ObstaclePolygons, name: str) -> ObstaclePolygons:
+    """Return the polygons of one solid, object (with all its links) or link."""
+    kept = [i for i, owner in enumerate(obstacles.names) if belongs_to(owner, name)]
+    offsets = obstacles.offsets
+    parts = [obstacles.corners[offsets[i] : offsets[i + 1]] for i in kept]
+    return ObstaclePolygons(
+        np.concatenate(parts) if parts else np.empty((0, 2)),
+        np.cumsum([0, *(len(part) for part in parts)], dtype=np.int64),
+        obstacles.frame[kept],
+        obstacles.circle[kept],
+        obstacles.tracks,
+        tuple(obstacles.names[i] for i in kept),
+    )
+
+
+def belongs_to(owner: str, name: str) -> bool:
+    """Whether the polygon or contact of ``owner`` is one of the thing called ``name``."""
+    return owner == name or owner.startswith(f"{name}.")
+
+
+def _fixed_rings(scene: Scene, height: float) -> tuple[list[Ring], list[str], list[int]]:
+    rings: list[Ring] = []
+    names: list[str] = []
+    for solid in scene.solids:
+        if _in_reach(solid.z_min, solid.z_max, height):
+            rings.append(solid.polygon)
+            names.append(solid.owner)
+    for item in scene.objects:
+        if not item.frozen and item.joints:
+            continue
+        poses = link_poses(item, item.initial)
+        for link in item.links:
+            if _in_reach(link.z_min, link.z_max, height):
+                rings.extend(_placed(link, poses[link.name].apply_ring))
+                names.extend([f"{item.name}.{link.name}"] * len(link.polygons))
+    return rings, names, [-1] * len(rings)
+
+
+def _placed(link: Link, place: Callable[[Ring], Ring]) -> list[Ring]:
+    return [place(ring) for ring in link.polygons]
+
+
+def _in_reach(z_min: float, z_max: float, height: float) -> bool:
+    return z_min < height and z_max > 0.0
+
+
+def _flatten(rings: list[Ring], names: list[str], frames: list[int]) -> ObstaclePolygons:
+    """Return polygons as flat arrays, without tracks."""
+    corners = np.array([corner for ring in rings for corner in ring], dtype=np.float64)
+    offsets = np.cumsum([0, *(len(ring) for ring in rings)], dtype=np.int64)
+    circle = np.array([_circle(ring) for ring in rings], dtype=np.float64)
+    return ObstaclePolygons(
+        corners.reshape(-1, 2),
+        offsets,
+        np.array(frames, dtype=np.int64),
+        circle.reshape(-1, 3),
+        np.empty((0, 0, 3)),
+        tuple(names),
+    )
+
+
+def _circle(ring: Ring) -> tuple[float, float, float]:
+    """Return a circle around ``ring``: centre of its bounding box and radius [m]."""
+    (x, y), _ = footprint_box(ring)
+    return x, y, max(float(np.hypot(cx - x, cy - y)) for cx, cy in ring)

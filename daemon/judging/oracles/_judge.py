@@ -1,0 +1,329 @@
+"""From trace and oracles to verdicts: live, after the run and years later, one function.
+
+A trace that says nothing about the robot (impossible clocks, numbers, motion) is an error of the
+simulation, the recording or the set-up, never a failure of the robot, whatever its oracles would
+say. A trace can be cut to what it was while its run was going on.
+"""
+
+from __future__ import annotations
+
+import functools
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field, fields, replace
+from importlib import import_module
+from typing import Any, Final
+
+import numpy as np
+
+from daemon import trace
+from daemon.judging.oracles._clearance import box_clearance, cos_sin
+from daemon.judging.oracles._operators import (
+    judge_amount,
+    judge_reached,
+    judge_statistic,
+    judge_temporal,
+    judge_until,
+)
+from daemon.judging.oracles._predicate import unit_of_margin
+from daemon.judging.oracles._sampler import PluginError, SignalSampler, judge_by_plugin, plugin_unit
+from daemon.model.spec import OracleText
+from daemon.model.verdicts import Evidence, MarginInterval, Outcome, Verdict, combine
+from daemon.trace import Trace
+from grammars.model.mission import Mission
+from grammars.model.scene import Scene
+from grammars.oracle import (
+    Amount,
+    CustomCall,
+    Oracle,
+    Reached,
+    Statistic,
+    Temporal,
+    Until,
+    check_references,
+    custom_signal_names,
+    kind_of,
+    parse_oracle,
+)
+from grammars.text.diagnostics import InputError, Where
+
+_EPSILON = 1e-9
+
+
+def cut_trace(trace: Trace, at: float) -> Trace:
+    """Return ``trace`` as if its recording had been cut at ``at`` [s]; nothing later is in it.
+
+    ``trace`` itself when it is cut and ends before that.
+    """
+    if not trace.complete and trace.valid_until <= at:
+        return trace
+    tracks = ("ground_truth", "odometry", "command", "estimate", "joints", "scans")
+    changes: dict[str, Any] = {name: _cut_track(getattr(trace, name), at) for name in tracks}
+    for name in ("contacts", "progress", "events"):
+        records = getattr(trace, name)
+        changes[name] = tuple(r for r in records if r.time <= at + _EPSILON)
+    return replace(
+        trace,
+        ended=None,
+        note="judged while it was going on",
+        complete=False,
+        valid_until=min(at, trace.valid_until),
+        cloud=_cut_track(trace.cloud, at),
+        cloud_count=trace.cloud_count[: _samples_until(trace.cloud.time, at)],
+        **changes,
+    )
+
+
+def _cut_track(track: Any, at: float) -> Any:
+    if track is None:
+        return None
+    count = _samples_until(track.time, at)
+    names = [field.name for field in fields(track)]
+    arrays = {n: getattr(track, n) for n in names if isinstance(getattr(track, n), np.ndarray)}
+    return replace(track, **{name: array[:count] for name, array in arrays.items()})
+
+
+def _samples_until(time: Any, at: float) -> int:
+    """Return how many leading samples are not later than ``at``; clocks may run backwards."""
+    later = np.flatnonzero(time > at + _EPSILON)
+    return int(later[0]) if len(later) else len(time)
+
+
+_SHORTEST_LEAP: Final = 0.5
+"""Shortest step [m] between two samples that may be an explosion of the physics."""
+_LEAP_SPEED_FACTOR: Final = 5.0
+_FASTEST_ROBOT: Final = 20.0
+"""A step is impossible when it is so many times faster than the robot can drive, or as fast [m/s]
+when nothing limits its drive."""
+MOVED_DISTANCE: Final = 0.01
+MOVED_ANGLE: Final = 0.05
+"""A robot that has not left a circle of this radius [m], nor turned by this angle [rad], has never
+moved. One that turns on the spot and goes nowhere is alive, and fails."""
+AT_START_DISTANCE: Final = 0.1
+"""A mission asks a robot to move when a waypoint is farther [m] than this from where it starts."""
+
+
+def trace_problems(trace: Trace) -> tuple[str, ...]:
+    """Return why ``trace`` cannot be trusted, in words; empty when it can.
+
+    What its reader found; numbers that are none; clocks that run backwards; leaps no robot can
+    make; a robot that never moved during a whole run although its mission asked it to.
+    """
+    found = [*trace.problems, *_not_finite(trace)]
+    if not found:
+        found += [*_clock(trace), *_leaps(trace)]
+    if not found:
+        found += _standstill(trace)
+    return tuple(found)
+
+
+def _not_finite(trace: Trace) -> list[str]:
+    truth, command = trace.ground_truth, trace.command
+    channels = {
+        "the ground truth": (truth.time, truth.x, truth.y, truth.yaw, truth.vx, truth.vy, truth.wz),
+        "a command": (command.time, command.vx, command.vy, command.wz),
+        "the joint states": (trace.joints.time, trace.joints.position),
+    }
+    for name, track in (("the estimate", trace.estimate), ("the particle cloud", trace.cloud)):
+        channels[name] = (track.time, track.x, track.y, track.yaw, track.covariance)
+    return [
+        f"{name} is not finite"
+        for name, arrays in channels.items()
+        if not all(np.isfinite(array).all() for array in arrays)
+    ]
+
+
+def _clock(trace: Trace) -> list[str]:
+    time = trace.ground_truth.time
+    backwards = len(time) > 1 and float(np.diff(time).min()) < 0.0
+    return ["the clock runs backwards"] if backwards else []
+
+
+def _leaps(trace: Trace) -> list[str]:
+    truth, drive = trace.ground_truth, trace.spec.robot.drive
+    if len(truth.time) < 2:
+        return []
+    steps = np.hypot(np.diff(truth.x), np.diff(truth.y))
+    fastest = min(_FASTEST_ROBOT, _LEAP_SPEED_FACTOR * float(np.hypot(drive.max_vx, drive.max_vy)))
+    leaps = np.flatnonzero(steps > np.maximum(_SHORTEST_LEAP, fastest * np.diff(truth.time)))
+    if not len(leaps):
+        return []
+    first = int(leaps[0])
+    return [f"the robot leaps {steps[first]:.2f} m at {truth.time[first + 1]:.2f} s"]
+
+
+def _standstill(trace: Trace) -> list[str]:
+    """Judge whole runs only: as long as a run goes on, the robot may still set off."""
+    truth, waypoints = trace.ground_truth, trace.spec.mission.waypoints
+    if not trace.complete or not len(truth.time):
+        return []
+    x, y = truth.x - truth.x[0], truth.y - truth.y[0]
+    turned = float(np.ptp(np.unwrap(truth.yaw)))
+    farthest = max((np.hypot(w.x - truth.x[0], w.y - truth.y[0]) for w in waypoints), default=0.0)
+    if (
+        farthest <= AT_START_DISTANCE
+        or turned > MOVED_ANGLE
+        or float(np.hypot(x, y).max()) > MOVED_DISTANCE
+    ):
+        return []
+    return [f"the robot never moved, though its mission asks it to; {_command_summary(trace)}"]
+
+
+def _command_summary(trace: Trace) -> str:
+    """Say what the robot was told to do, which is where to look for the reason."""
+    command = trace.command
+    if not len(command.time):
+        return "no command was recorded"
+    fastest = float(np.hypot(command.vx, command.vy).max())
+    turning = float(np.abs(command.wz).max())
+    if fastest == 0.0 and turning == 0.0:
+        return "every command was zero"
+    return f"it was commanded up to {fastest:.2f} m/s and {turning:.2f} rad/s"
+
+
+def judge(
+    trace: Trace, oracles: Sequence[OracleText], *, sampler: SignalSampler | None = None
+) -> tuple[Verdict, ...]:
+    """Judge ``trace`` by each oracle, in order.
+
+    A trace that cannot be trusted (``problems``) and an oracle that cannot be read or speaks of
+    what is not in the scene give ``error`` verdicts that say why; nothing is raised. A trace that
+    is not ``complete`` is judged as a prefix: its verdicts hold for the whole run or are
+    inconclusive. With a ``sampler`` of that trace, signals it has sampled already cost nothing.
+    """
+    problems = trace_problems(trace)
+    sampler = None if problems else sampler or SignalSampler(trace)
+    return tuple(
+        _error_verdict(oracle, f"invalid trace: {'; '.join(problems)}")
+        if sampler is None
+        else _judge_one(oracle, sampler)
+        for oracle in oracles
+    )
+
+
+def judge_prefix(trace: Trace, oracles: Sequence[OracleText], at: float) -> tuple[Verdict, ...]:
+    """Judge ``trace`` by what is recorded up to ``at`` [s], as if the run were still going on.
+
+    Three-valued: pass and fail are final, whatever the rest of the run brings, unless that makes
+    the trace invalid; everything else is inconclusive. The file of a run that is still being
+    written can be judged by :func:`judge` itself.
+    """
+    return judge(cut_trace(trace, at), oracles)
+
+
+def overall_outcome(trace: Trace, verdicts: Sequence[Verdict]) -> Outcome:
+    """Combine the verdicts of a run: invalid > fail > error > inconclusive > pass.
+
+    A run in which the system under test crashed is invalid: an error, never a failure of the
+    robot. What its oracles had seen before is kept in their verdicts.
+    """
+    valid = trace.ended != "crashed" and not trace_problems(trace)
+    return combine(verdicts, valid=valid)
+
+
+def _judge_one(written: OracleText, sampler: SignalSampler) -> Verdict:
+    trace = sampler.trace
+    try:
+        place = SceneAndMission(trace.spec.scene, trace.spec.mission, trace.scene)
+        oracle = bind_oracle(written.name, written.text, place)
+        finding = _evaluate(oracle, sampler)
+    except InputError as error:
+        return _error_verdict(written, "; ".join(d.message for d in error.diagnostics))
+    except PluginError as error:
+        return _error_verdict(written, str(error))
+    return Verdict(
+        written.name,
+        written.text,
+        finding.outcome,
+        _bound_or_none(finding.lower),
+        _bound_or_none(finding.upper),
+        _unit(oracle),
+        finding.evidence,
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class SceneAndMission:
+    """Where a run was: equal when the ``digest`` of the scene and the mission are."""
+
+    digest: str
+    mission: Mission
+    scene: Scene = field(compare=False)
+
+
+@functools.lru_cache(maxsize=1024)
+def bind_oracle(name: str, text: str, place: SceneAndMission) -> Oracle:
+    """Parse an oracle and bind it to a scene, once for the thousands of runs it judges there.
+
+    Raises :class:`InputError`.
+    """
+    oracle = _parse(name, text)
+    found = check_references(oracle, place.scene, place.mission)
+    if found:
+        raise InputError(found)
+    return oracle
+
+
+@functools.lru_cache(maxsize=1024)
+def _parse(name: str, text: str) -> Oracle:
+    return parse_oracle(name, text, Where(f"oracle {name}"))
+
+
+def _evaluate(oracle: Oracle, sampler: SignalSampler) -> MarginInterval:
+    match oracle.judgement:
+        case Temporal() as judgement:
+            return judge_temporal(oracle, judgement, sampler)
+        case Until() as judgement:
+            return judge_until(oracle, judgement, sampler)
+        case Amount() as judgement:
+            return judge_amount(oracle, judgement, sampler)
+        case Statistic() as judgement:
+            return judge_statistic(oracle, judgement, sampler)
+        case Reached() as judgement:
+            return judge_reached(oracle, judgement, sampler)
+        case CustomCall() as judgement:
+            return judge_by_plugin(judgement, sampler)
+
+
+def _unit(oracle: Oracle) -> str:
+    match oracle.judgement:
+        case Temporal(predicate=predicate) | Until(predicate=predicate):
+            return unit_of_margin(predicate)
+        case Amount(operator=operator):
+            return "s" if operator in ("time", "longest") else "1"
+        case Statistic(signal=signal):
+            kind = kind_of(signal)
+            return kind.unit if kind is not None else ""
+        case Reached():
+            return "m"
+        case CustomCall() as judgement:
+            return plugin_unit(judgement)
+
+
+def _bound_or_none(value: float) -> float | None:
+    return None if math.isinf(value) else value
+
+
+def _error_verdict(oracle: OracleText, note: str) -> Verdict:
+    evidence = Evidence(note=note)
+    return Verdict(oracle.name, oracle.text, Outcome.ERROR, None, None, "", evidence)
+
+
+def warm_up() -> None:
+    """Compile or load what judging a trace takes, so that forked children do not."""
+    import_module("daemon.judging.oracles._judge")
+    trace.warm_up()
+    custom_signal_names()  # looks through all that is installed
+    # A limit with a unit loads the registry of units.
+    parse_oracle("warm-up", "always(clearance >= 0.1 m)", Where("warm-up"))
+    cos_sin(np.zeros(1))
+    box_clearance(
+        np.zeros((1, 3)),
+        np.zeros(2),
+        np.ones(2),
+        np.array([(2.0, 0.0), (3.0, 0.0), (3.0, 1.0)]),
+        np.array([0, 3]),
+        np.array([-1]),
+        np.array([(2.5, 0.5, 1.0)]),
+        np.empty((1, 0, 3)),
+    )

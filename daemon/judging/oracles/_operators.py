@@ -1,0 +1,340 @@
+"""The operators of the oracle language on one trace: always, fraction, max, until, reached.
+
+Between two samples everything is held constant. On a trace that was cut, the unknown rest of the
+run (at most until its time limit) widens the interval of the margin; what was already seen stays.
+
+``always(...) until (...)``: the margin is that of the predicate before the release, in the
+predicate's unit; a release that never came has no amount in that unit, so it is missed by as
+little as a number can say.
+
+``reached(mission, tolerance)``: all waypoints, in strict order, by the true position. A run is as
+good as its best reading: of all ways to name a moment for every waypoint, in order, the one whose
+worst distance is smallest. That distance against the tolerance is the margin, so a waypoint
+passed at 0.26 m instead of 0.25 m misses by 0.01 m, whatever comes after it. Waypoints that also
+give a heading are judged on position only: the paper's requirement is to reach them (section
+4.1.1).
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+
+from daemon.judging.oracles._predicate import (
+    JUST_BELOW,
+    VACUOUS,
+    JudgedWindow,
+    PredicateSeries,
+    SampleMask,
+    evaluate_predicate,
+    evaluate_quantity,
+    margin_of,
+    scope_of,
+    unit_of_margin,
+    window_of,
+)
+from daemon.judging.oracles._sampler import SignalSampler
+from daemon.judging.oracles._series import TimeBase
+from daemon.model.verdicts import Evidence, MarginInterval, join_notes, unknown_margin
+from grammars.model.geometry import Floats
+from grammars.model.mission import Waypoint
+from grammars.oracle import Amount, Limit, Oracle, Reached, Statistic, Temporal, Until, render
+
+
+def judge_temporal(oracle: Oracle, judgement: Temporal, sampler: SignalSampler) -> MarginInterval:
+    """Judge ``always``, ``never`` or ``eventually``."""
+    timeline = sampler.timeline
+    found = evaluate_predicate(judgement.predicate, sampler, negated=judgement.operator == "never")
+    window = window_of(oracle, sampler)
+    scope = scope_of(oracle, sampler, window, found.margin)
+    allowed, closed = scope.allowed, window.closed
+    if judgement.within is not None:
+        horizon = window.start + judgement.within.value
+        closed = closed or window.end >= horizon
+        allowed = allowed & (timeline.time <= horizon + 1e-9)
+    if not allowed.any():
+        return unknown_margin(scope.reason)
+    eventually = judgement.operator == "eventually"
+    margin = np.where(allowed, found.margin, -math.inf if eventually else math.inf)
+    index = int(margin.argmax() if eventually else margin.argmin())
+    worst = float(margin[index])
+    first = _first_note(timeline, allowed & ((found.margin >= 0.0) == eventually), index)
+    evidence = evidence_at_sample(found, timeline, index, first, scope.note, window.cut)
+    if not unit_of_margin(judgement.predicate) and (worst >= 0.0) != eventually:
+        # True or false, and nothing happened: no moment of the run is more telling than another.
+        evidence = Evidence(note=join_notes(*found.notes, scope.note, window.cut))
+    if eventually:
+        return MarginInterval(worst, worst if closed else math.inf, evidence)
+    return MarginInterval(worst if closed else -math.inf, worst, evidence)
+
+
+def judge_amount(oracle: Oracle, judgement: Amount, sampler: SignalSampler) -> MarginInterval:
+    """Judge or measure ``fraction``, ``time``, ``longest`` or ``count``."""
+    timeline, limit = sampler.timeline, judgement.limit
+    found = evaluate_predicate(judgement.predicate, sampler)
+    window = window_of(oracle, sampler)
+    scope = scope_of(oracle, sampler, window, found.margin)
+    if not scope.allowed.any():
+        return unknown_margin(scope.reason, measured=limit is None)
+    allowed = scope.allowed
+    holds = allowed & (found.margin >= 0.0)
+    value, low, high = _amount(judgement.operator, timeline, window, allowed, holds)
+    if math.isnan(value):
+        return unknown_margin("no time has passed", measured=limit is None)
+    wants_more = limit is not None and limit.operator in (">=", ">")
+    stretch = _longest(timeline, allowed & ~holds if wants_more else holds)
+    note = join_notes(*found.notes, scope.note, window.cut)
+    evidence = Evidence(value=value, note=note)
+    if stretch is not None:
+        inside = found.margin[stretch]
+        index = stretch.start + int(inside.argmin() if wants_more else inside.argmax())
+        clause = found.clauses[found.decided[index]]
+        evidence = Evidence(
+            float(timeline.time[stretch.start]), value, None, clause.value.object_at(index), note
+        )
+    return _compare_with_limit(limit, low, high, evidence)
+
+
+def judge_statistic(oracle: Oracle, judgement: Statistic, sampler: SignalSampler) -> MarginInterval:
+    """Judge or measure ``max``, ``min``, ``mean``, ``final`` or ``p95`` of a signal."""
+    timeline, limit = sampler.timeline, judgement.limit
+    signal = evaluate_quantity(judgement.signal, sampler)
+    window = window_of(oracle, sampler)
+    scope = scope_of(oracle, sampler, window, signal.values)
+    if not scope.allowed.any():
+        return unknown_margin(scope.reason, measured=limit is None)
+    value, index = _statistic(judgement.operator, timeline, scope.allowed, signal.values)
+    low, high = value, value
+    if not window.closed:
+        low = value if judgement.operator == "max" else -math.inf
+        high = value if judgement.operator == "min" else math.inf
+    note = join_notes(signal.note, scope.note, window.cut)
+    evidence = Evidence(value=value, note=note)
+    if index is not None:
+        evidence = Evidence(float(timeline.time[index]), value, None, signal.object_at(index), note)
+    return _compare_with_limit(limit, low, high, evidence)
+
+
+def _amount(
+    operator: str, timeline: TimeBase, window: JudgedWindow, allowed: SampleMask, holds: SampleMask
+) -> tuple[float, float, float]:
+    """Return the amount so far and the bounds of what it can be at the end of the run."""
+    rest = window.remaining
+    held = float(timeline.weight[holds].sum())
+    if operator == "time":
+        return held, held, held + rest
+    if operator == "fraction":
+        total = float(timeline.weight[allowed].sum())
+        if total <= 0.0:
+            return math.nan, 0.0, 1.0
+        return held / total, held / (total + rest), (held + rest) / (total + rest)
+    if operator == "longest":
+        lengths = [float(timeline.weight[s].sum()) for s in true_stretches(holds)]
+        longest = max(lengths, default=0.0)
+        current = lengths[-1] if lengths and not window.closed and holds[-1] else 0.0
+        return longest, longest, max(longest, current + rest) if rest else longest
+    count = float(len(true_stretches(holds)))
+    return count, count, count if window.closed else math.inf
+
+
+def _statistic(
+    operator: str, timeline: TimeBase, allowed: SampleMask, values: Floats
+) -> tuple[float, int | None]:
+    """Return the statistic and the sample that decides it (``None``: all of them)."""
+    indices = np.flatnonzero(allowed)
+    judged, weight = values[indices], timeline.weight[indices]
+    if weight.sum() <= 0.0:
+        weight = np.ones(len(judged))
+    if operator == "mean":
+        return float(np.average(judged, weights=weight)), None
+    if operator == "p95":
+        order = np.argsort(judged, kind="stable")
+        covered = np.cumsum(weight[order])
+        rank = min(int(np.searchsorted(covered, 0.95 * covered[-1] - 1e-9)), len(order) - 1)
+        chosen = int(order[rank])
+    elif operator == "final":
+        chosen = len(indices) - 1
+    else:
+        chosen = int(judged.argmax() if operator == "max" else judged.argmin())
+    return float(judged[chosen]), int(indices[chosen])
+
+
+def _compare_with_limit(
+    limit: Limit | None, low: float, high: float, evidence: Evidence
+) -> MarginInterval:
+    """Compare the bounds of a value with its limit, if it has one."""
+    if limit is None:
+        return MarginInterval(-math.inf, math.inf, evidence, measured=True)
+    target = limit.number.value
+    judged = Evidence(evidence.time, evidence.value, target, evidence.object, evidence.note)
+    ends = np.array([low, high])
+    if limit.operator in ("==", "!=") and low <= target <= high:
+        ends = np.array([low, target, high])
+    margins = margin_of(limit.operator, ends, np.full(len(ends), target))
+    return MarginInterval(float(margins.min()), float(margins.max()), judged)
+
+
+def true_stretches(holds: SampleMask) -> list[slice]:
+    """Return the unbroken runs of true samples."""
+    edges = np.flatnonzero(np.diff(holds.astype(np.int8), prepend=0, append=0))
+    return [slice(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]
+
+
+def _longest(timeline: TimeBase, holds: SampleMask) -> slice | None:
+    return max(true_stretches(holds), key=lambda s: float(timeline.weight[s].sum()), default=None)
+
+
+def _first_note(timeline: TimeBase, samples: SampleMask, decisive: int) -> str:
+    """Say when it first happened, when that is not the decisive moment."""
+    if not samples.any():
+        return ""
+    index = int(samples.argmax())
+    return f"first at {timeline.time[index]:.2f} s" if index != decisive else ""
+
+
+def evidence_at_sample(
+    found: PredicateSeries, timeline: TimeBase, index: int, *notes: str
+) -> Evidence:
+    """Return the evidence for a predicate at sample ``index``: of the clause that decided there."""
+    clause = found.clauses[found.decided[index]]
+    value = float(clause.value.values[index])
+    limit = None if clause.limit is None else float(clause.limit[index])
+    decided = f"decided by {clause.text}" if len(found.clauses) > 1 else ""
+    note = join_notes(decided, *found.notes, *notes)
+    return Evidence(float(timeline.time[index]), value, limit, clause.value.object_at(index), note)
+
+
+def judge_until(oracle: Oracle, judgement: Until, sampler: SignalSampler) -> MarginInterval:
+    """Judge ``always`` or ``never`` a predicate until another one holds.
+
+    The release counts wherever it comes inside the window; the guard says where the predicate is
+    judged. Violated before the release: fail, whatever comes.
+    """
+    timeline = sampler.timeline
+    window, closed, awaited = _release_window(oracle, judgement, sampler)
+    held = evaluate_predicate(judgement.predicate, sampler, negated=judgement.operator == "never")
+    release = evaluate_predicate(judgement.release, sampler)
+    scope = scope_of(oracle, sampler, window, held.margin)
+    came = awaited & (release.margin >= 0.0)
+    first = int(came.argmax()) if came.any() else len(came)
+    before = scope.allowed & awaited & (np.arange(len(came)) < first)
+    if not before.any():
+        at_once = came.any() and scope.allowed.any()
+        return unknown_margin(f"vacuous: {_RELEASED}" if at_once else scope.reason)
+    margin = np.where(before, held.margin, math.inf)
+    index = int(margin.argmin())
+    worst = float(margin[index])
+    if not came.any() and closed and worst >= 0.0:
+        return _release_never_came(judgement, release, sampler, awaited)
+    ended = f"until {timeline.time[first]:.2f} s" if came.any() else window.cut
+    evidence = evidence_at_sample(held, timeline, index, scope.note, ended)
+    if not unit_of_margin(judgement.predicate) and worst >= 0.0:
+        # True or false, and nothing happened: no moment is more telling than another.
+        evidence = Evidence(note=join_notes(*held.notes, scope.note, ended))
+    return MarginInterval(worst if came.any() or closed else -math.inf, worst, evidence)
+
+
+_RELEASED = "what it waits for held from the start"
+
+
+def _release_window(
+    oracle: Oracle, judgement: Until, sampler: SignalSampler
+) -> tuple[JudgedWindow, bool, SampleMask]:
+    """Return the window, whether the release can come no more, and where it would count."""
+    window = window_of(oracle, sampler)
+    if judgement.within is None:
+        return window, window.closed, window.inside
+    horizon = window.start + judgement.within.value
+    awaited = window.inside & (sampler.timeline.time <= horizon + 1e-9)
+    return window, window.closed or window.end >= horizon, awaited
+
+
+def _release_never_came(
+    judgement: Until, release: PredicateSeries, sampler: SignalSampler, awaited: SampleMask
+) -> MarginInterval:
+    """Fail, with the moment at which the release was nearest, if it can be near."""
+    margin = JUST_BELOW if unit_of_margin(judgement.predicate) else -1.0
+    note = f"{render(judgement.release)} never came"
+    nearness = np.where(awaited & ~np.isnan(release.margin), release.margin, -math.inf)
+    if not unit_of_margin(judgement.release) or np.isinf(nearness).all():
+        return MarginInterval(margin, margin, Evidence(note=note))
+    evidence = evidence_at_sample(release, sampler.timeline, int(nearness.argmax()), note)
+    return MarginInterval(margin, margin, evidence)
+
+
+VisitMask: TypeAlias = npt.NDArray[np.bool_]
+
+
+def judge_reached(oracle: Oracle, judgement: Reached, sampler: SignalSampler) -> MarginInterval:
+    """Judge the mission; with a guard, only positions where it holds count as visits."""
+    timeline, tolerance = sampler.timeline, judgement.tolerance.value
+    if not len(timeline.time):
+        return unknown_margin("nothing was recorded")
+    usable = np.full(len(timeline.time), True)
+    if oracle.guard is not None:
+        usable = evaluate_predicate(oracle.guard, sampler).margin >= 0.0
+        if not usable.any():
+            return unknown_margin(VACUOUS)
+    waypoints = sampler.trace.spec.mission.waypoints
+    closest = _closest(sampler, usable, waypoints)
+    if math.isinf(closest):
+        return unknown_margin(VACUOUS)
+    evidence = _decisive_visit(sampler, usable, waypoints, closest, tolerance)
+    margin = tolerance - closest
+    return MarginInterval(margin, margin if timeline.closed else math.inf, evidence)
+
+
+def _distance(sampler: SignalSampler, usable: VisitMask, waypoint: Waypoint) -> Floats:
+    """Return the distance [m] at every sample, infinite where a guard forbids to count it."""
+    distance = np.hypot(sampler.x - waypoint.x, sampler.y - waypoint.y)
+    distance[~usable] = math.inf
+    return distance
+
+
+def _closest(sampler: SignalSampler, usable: VisitMask, waypoints: tuple[Waypoint, ...]) -> float:
+    """Return the smallest worst distance [m] over all ways to visit the waypoints in order."""
+    best = np.zeros(len(sampler.timeline.time))
+    for waypoint in waypoints:
+        worst = np.maximum(best, _distance(sampler, usable, waypoint))
+        best = np.minimum.accumulate(worst)
+    return float(best[-1])
+
+
+def _decisive_visit(
+    sampler: SignalSampler,
+    usable: VisitMask,
+    waypoints: tuple[Waypoint, ...],
+    closest: float,
+    tolerance: float,
+) -> Evidence:
+    """Return where the worst distance of the best reading comes about."""
+    time, start = sampler.timeline.time, 0
+    worst, decisive, when = -math.inf, 0, 0
+    for index, waypoint in enumerate(waypoints):
+        distance = _distance(sampler, usable, waypoint)[start:]
+        visit = _first_visit(distance, max(closest, tolerance))
+        best = visit.start + int(distance[visit].argmin())
+        if distance[best] > worst:
+            worst, decisive, when = float(distance[best]), index, start + best
+        start += visit.start
+    count = len(waypoints)
+    if closest <= tolerance:
+        note = f"all {count} waypoints visited, the last at {time[start]:.2f} s"
+    else:
+        note = f"in order, waypoint {decisive + 1} of {count} is not visited nearer"
+    if not sampler.timeline.closed:
+        cut = f"the trace ends at {sampler.timeline.end:.2f} s, before the run"
+        note = join_notes(note, "" if closest <= tolerance else cut)
+    return Evidence(float(time[when]), closest, tolerance, waypoints[decisive].id, note)
+
+
+def _first_visit(distance: Floats, within: float) -> slice:
+    """Return the first unbroken stay within a distance that is known to be reached."""
+    near = distance <= within
+    first = int(near.argmax())
+    away = ~near[first:]
+    last = first + int(away.argmax()) if away.any() else len(near)
+    return slice(first, last)

@@ -1,0 +1,146 @@
+"""How a run went by one oracle over time: what it reads, its limits, when it did not hold.
+
+For drawing only. A verdict sums up a run; its course says at which moments the run spoke against
+it, also where a limit on the sum (80 % of the time, say) let that pass.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from daemon.judging.oracles._judge import SceneAndMission, bind_oracle
+from daemon.judging.oracles._operators import true_stretches
+from daemon.judging.oracles._predicate import (
+    PredicateSeries,
+    SampleMask,
+    evaluate_predicate,
+    evaluate_quantity,
+    margin_of,
+    scope_of,
+    window_of,
+)
+from daemon.judging.oracles._sampler import PluginError, SignalSampler
+from daemon.model.spec import OracleText
+from grammars.oracle import (
+    Amount,
+    Comparison,
+    Expression,
+    Function,
+    Logic,
+    Not,
+    Number,
+    Oracle,
+    Signal,
+    Statistic,
+    Temporal,
+    Until,
+    render,
+    signals_of,
+)
+from grammars.text.diagnostics import InputError
+
+Stretch = tuple[float, float]
+
+
+@dataclass(frozen=True, slots=True)
+class OracleTimeline:
+    """One oracle over a run.
+
+    ``signals`` as written, each once; ``limits`` pairs a signal with a constant [SI] it is
+    compared with; ``against`` are the stretches [s] in which the run spoke against the oracle,
+    ascending and disjoint.
+    """
+
+    oracle: str
+    signals: tuple[Signal, ...]
+    limits: tuple[tuple[str, float], ...]
+    against: tuple[Stretch, ...]
+
+
+def oracle_timeline(written: OracleText, sampler: SignalSampler) -> OracleTimeline:
+    """Return the course of an oracle; an empty one when it cannot be read or evaluated."""
+    trace = sampler.trace
+    try:
+        place = SceneAndMission(trace.spec.scene, trace.spec.mission, trace.scene)
+        oracle = bind_oracle(written.name, written.text, place)
+        against = _violations(oracle, sampler) if len(sampler.timeline.time) else ()
+    except (InputError, PluginError):
+        return OracleTimeline(written.name, (), (), ())
+    named = {render(signal): signal for signal in signals_of(oracle)}
+    return OracleTimeline(written.name, tuple(named.values()), tuple(_limits(oracle)), against)
+
+
+def _violations(oracle: Oracle, sampler: SignalSampler) -> tuple[Stretch, ...]:
+    window = window_of(oracle, sampler)
+
+    def where(found: PredicateSeries, wrong: SampleMask) -> tuple[Stretch, ...]:
+        return _time_stretches(
+            sampler, scope_of(oracle, sampler, window, found.margin).allowed & wrong
+        )
+
+    match oracle.judgement:
+        case Temporal(operator=operator, predicate=predicate) if operator != "eventually":
+            found = evaluate_predicate(predicate, sampler, negated=operator == "never")
+            return where(found, found.margin < 0.0)
+        case Until(operator=operator, predicate=predicate, release=release):
+            found = evaluate_predicate(predicate, sampler, negated=operator == "never")
+            released = np.logical_or.accumulate(evaluate_predicate(release, sampler).margin >= 0.0)
+            return where(found, (found.margin < 0.0) & ~released)
+        case Amount(predicate=predicate, limit=limit) if limit is not None:
+            found = evaluate_predicate(predicate, sampler)
+            holds = found.margin >= 0.0
+            return where(found, ~holds if limit.operator in (">=", ">") else holds)
+        case Statistic(operator="max" | "min", signal=signal, limit=limit) if limit is not None:
+            values = evaluate_quantity(signal, sampler).values
+            limits = np.full(len(values), limit.number.value)
+            wrong = margin_of(limit.operator, values, limits) < 0.0
+            return _time_stretches(
+                sampler, scope_of(oracle, sampler, window, values).allowed & wrong
+            )
+        case _:
+            return ()
+
+
+def _time_stretches(sampler: SignalSampler, wrong: SampleMask) -> tuple[Stretch, ...]:
+    """Return stretches of time; a sample counts until the next one."""
+    ends = np.append(sampler.timeline.time[1:], sampler.timeline.end)
+    return tuple(
+        (float(sampler.timeline.time[part.start]), float(ends[part.stop - 1]))
+        for part in true_stretches(wrong)
+    )
+
+
+def _limits(oracle: Oracle) -> Sequence[tuple[str, float]]:
+    match oracle.judgement:
+        case Statistic(signal=Signal() as signal, limit=limit):
+            return [(render(signal), limit.number.value)] if limit is not None else []
+        case Temporal(predicate=predicate) | Amount(predicate=predicate):
+            return _compared_limits(predicate)
+        case Until(predicate=predicate, release=release):
+            return [*_compared_limits(predicate), *_compared_limits(release)]
+        case _:
+            return []
+
+
+def _compared_limits(expression: Expression) -> list[tuple[str, float]]:
+    """Return which signals a predicate compares with which constants."""
+    match expression:
+        case Comparison(left=left, right=right):
+            found = [_signal_and_limit(left, right), _signal_and_limit(right, left)]
+            return [pair for pair in found if pair is not None]
+        case Not(operand=operand):
+            return _compared_limits(operand)
+        case Logic(operands=operands):
+            return [pair for operand in operands for pair in _compared_limits(operand)]
+        case _:
+            return []
+
+
+def _signal_and_limit(signal: Expression, number: Expression) -> tuple[str, float] | None:
+    value = number.value if isinstance(number, Number) else None
+    if isinstance(number, Function) and isinstance(number.operand, Number) and number.name == "-":
+        value = -number.operand.value
+    return (render(signal), value) if isinstance(signal, Signal) and value is not None else None

@@ -1,0 +1,276 @@
+"""Expressions and predicates over sampled signals, and the part of a run an oracle judges.
+
+A predicate becomes a margin per sample: >= 0 where it holds, < 0 where it does not, NaN where it
+cannot be known. Negations are pushed down to the comparisons, so that ``<`` and ``<=`` keep their
+exact meaning. Judged is the whole of a run, or the leg of one waypoint.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+
+from daemon.judging.oracles._sampler import SignalSampler
+from daemon.judging.oracles._series import ObjectIndices, SignalSeries, TimeBase
+from grammars.model.geometry import Floats
+from grammars.oracle import (
+    Arithmetic,
+    Comparison,
+    Expression,
+    Function,
+    Leg,
+    Logic,
+    Not,
+    Number,
+    Oracle,
+    Signal,
+    kind_of,
+    leg_number,
+    margin_kind,
+    render,
+)
+
+JUST_BELOW: Final = -float(np.finfo(np.float64).tiny)
+"""Margin of a strict comparison whose sides are equal: it does not hold, by nothing."""
+
+_NEGATED: Final = {"<=": ">", "<": ">=", ">=": "<", ">": "<=", "==": "!=", "!=": "=="}
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PredicateClause:
+    """A comparison or a true-or-false signal inside a predicate, with its sampled sides."""
+
+    text: str
+    unit: str
+    value: SignalSeries
+    limit: Floats | None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PredicateSeries:
+    """A predicate on the time base: ``margin`` (n,), and which clause decided (n,)."""
+
+    margin: Floats
+    decided: ObjectIndices
+    clauses: tuple[PredicateClause, ...]
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """Where the signals come from, each said once."""
+        return tuple(dict.fromkeys(c.value.note for c in self.clauses if c.value.note))
+
+
+def unit_of_margin(predicate: Expression) -> str:
+    """Return the unit of a predicate's margin; empty when it only holds or not."""
+    kind = margin_kind(predicate)
+    return "" if kind is None else kind.unit
+
+
+def evaluate_predicate(
+    predicate: Expression, sampler: SignalSampler, *, negated: bool = False
+) -> PredicateSeries:
+    """Evaluate a checked predicate, or its negation, on the time base."""
+    match predicate:
+        case Not(operand=operand):
+            return evaluate_predicate(operand, sampler, negated=not negated)
+        case Logic(operator=word, operands=operands):
+            parts = [evaluate_predicate(operand, sampler, negated=negated) for operand in operands]
+            comparable = margin_kind(predicate) is not None
+            return _combine(parts, every=(word == "and") != negated, comparable=comparable)
+        case Comparison():
+            return _evaluate_comparison(predicate, sampler, negated)
+        case _:
+            return _evaluate_flag(predicate, sampler, negated)
+
+
+def evaluate_quantity(expression: Expression, sampler: SignalSampler) -> SignalSeries:
+    """Evaluate a checked quantity on the time base; division by zero is unknown (NaN)."""
+    match expression:
+        case Number(value=value):
+            return SignalSeries(np.full(len(sampler.timeline.time), value))
+        case Signal():
+            return sampler.sample(expression)
+        case Function(name=name, operand=operand):
+            inner = evaluate_quantity(operand, sampler)
+            values = -inner.values if name == "-" else np.abs(inner.values)
+            return SignalSeries(values, inner.objects, inner.names, inner.note)
+        case Arithmetic():
+            return _arithmetic(expression, sampler)
+        case _:
+            raise TypeError(f"{render(expression)} is not a quantity")
+
+
+def _arithmetic(expression: Arithmetic, sampler: SignalSampler) -> SignalSeries:
+    left, right = (
+        evaluate_quantity(expression.left, sampler),
+        evaluate_quantity(expression.right, sampler),
+    )
+    a, b = left.values, right.values
+    match expression.operator:
+        case "+":
+            values = a + b
+        case "-":
+            values = a - b
+        case "*":
+            values = a * b
+        case _:
+            values = np.divide(a, b, out=np.full(len(a), np.nan), where=b != 0.0)
+    about = left if left.objects is not None else right
+    note = "; ".join(dict.fromkeys(n for n in (left.note, right.note) if n))
+    return SignalSeries(values, about.objects, about.names, note)
+
+
+def margin_of(operator: str, value: Floats, limit: Floats) -> Floats:
+    """Return the signed margin of ``value operator limit``, elementwise: >= 0 iff it holds."""
+    match operator:
+        case "<=" | "<":
+            margin = limit - value
+        case ">=" | ">":
+            margin = value - limit
+        case "==":
+            margin = 0.0 - np.abs(value - limit)
+        case _:
+            margin = np.abs(value - limit)
+    if operator in ("<", ">", "!="):
+        margin = np.where(margin == 0.0, JUST_BELOW, margin)
+    return margin + 0.0
+
+
+def _evaluate_comparison(
+    comparison: Comparison, sampler: SignalSampler, negated: bool
+) -> PredicateSeries:
+    left, right = (
+        evaluate_quantity(comparison.left, sampler),
+        evaluate_quantity(comparison.right, sampler),
+    )
+    operator = _NEGATED[comparison.operator] if negated else comparison.operator
+    if left.objects is None and right.objects is not None:
+        left = SignalSeries(left.values, right.objects, right.names, left.note)
+    margin = margin_of(operator, left.values, right.values)
+    kind = kind_of(comparison.left)
+    clause = PredicateClause(render(comparison), kind.unit if kind else "", left, right.values)
+    return PredicateSeries(margin, np.zeros(len(margin), dtype=np.int32), (clause,))
+
+
+def _evaluate_flag(signal: Expression, sampler: SignalSampler, negated: bool) -> PredicateSeries:
+    if not isinstance(signal, Signal):
+        raise TypeError(f"{render(signal)} is not true or false")
+    sampled = sampler.sample(signal)
+    margin = 2.0 * sampled.values - 1.0
+    clause = PredicateClause(render(signal), "", sampled, None)
+    decided = np.zeros(len(margin), dtype=np.int32)
+    return PredicateSeries(-margin if negated else margin, decided, (clause,))
+
+
+def _combine(parts: list[PredicateSeries], *, every: bool, comparable: bool) -> PredicateSeries:
+    """Join predicates by ``and`` (``every``) or ``or``, in Kleene's three-valued logic.
+
+    Margins in unlike units only keep their sign.
+    """
+    margins = np.stack([p.margin if comparable else _sign(p.margin) for p in parts])
+    unknown = np.isnan(margins)
+    known = np.where(unknown, np.inf if every else -np.inf, margins)
+    winner = known.argmin(axis=0) if every else known.argmax(axis=0)
+    columns = np.arange(margins.shape[1])
+    margin = known[winner, columns]
+    settled = (margin < 0.0) if every else (margin >= 0.0)
+    margin = np.where(unknown.any(axis=0) & ~settled, np.nan, margin)
+    shifts = np.cumsum([0, *(len(p.clauses) for p in parts[:-1])])
+    decided = np.stack([p.decided + shift for p, shift in zip(parts, shifts, strict=True)])
+    clauses = tuple(clause for part in parts for clause in part.clauses)
+    return PredicateSeries(margin, decided[winner, columns].astype(np.int32), clauses)
+
+
+def _sign(margin: Floats) -> Floats:
+    return np.where(np.isnan(margin), np.nan, np.where(margin >= 0.0, 1.0, -1.0))
+
+
+SampleMask = npt.NDArray[np.bool_]
+
+VACUOUS = "vacuous: the guard never held"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class JudgedWindow:
+    """Samples (n,) that are ``inside``, and what is still unknown of them.
+
+    ``start`` and ``end`` [s] span what is recorded; ``closed``: nothing can be added to it,
+    otherwise up to ``remaining`` seconds. ``absent`` says why it is empty, if it must be.
+    """
+
+    inside: SampleMask
+    start: float
+    end: float
+    closed: bool
+    remaining: float
+    absent: str = ""
+
+    @property
+    def cut(self) -> str:
+        """A note that more of it is to come, empty when all of it is known."""
+        return "" if self.closed else f"the trace ends at {self.end:.2f} s, before the run"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class JudgedSamples:
+    """Samples to judge (n,); why there are none, if so; from when on there are."""
+
+    allowed: SampleMask
+    reason: str
+    note: str
+
+
+def window_of(oracle: Oracle, sampler: SignalSampler) -> JudgedWindow:
+    """Return the part of the run that ``oracle`` is about."""
+    timeline = sampler.timeline
+    if oracle.leg is None:
+        everything = np.full(len(timeline.time), True)
+        return JudgedWindow(
+            everything, timeline.start, timeline.end, timeline.closed, timeline.remaining
+        )
+    return _leg_window(oracle.leg, sampler, timeline)
+
+
+def _leg_window(leg: Leg, sampler: SignalSampler, timeline: TimeBase) -> JudgedWindow:
+    """Return the first unbroken time in which the leg's waypoint is approached.
+
+    Coming back to it later does not count: otherwise a leg would never be known to be over.
+    """
+    number = leg_number(leg, sampler.trace.spec.mission)
+    there = sampler.current == number - 1
+    first = int(there.argmax()) if there.any() else len(there)
+    gone = np.flatnonzero(~there[first:])
+    last = first + int(gone[0]) if len(gone) else len(there)
+    inside = np.zeros(len(there), dtype=np.bool_)
+    inside[first:last] = True
+    if last < len(there):
+        return JudgedWindow(
+            inside, float(timeline.time[first]), float(timeline.time[last]), True, 0.0
+        )
+    start = float(timeline.time[first]) if first < len(there) else timeline.end
+    absent = "" if there.any() else f"vacuous: {leg} was never begun"
+    return JudgedWindow(inside, start, timeline.end, timeline.closed, timeline.remaining, absent)
+
+
+def scope_of(
+    oracle: Oracle, sampler: SignalSampler, window: JudgedWindow, values: Floats
+) -> JudgedSamples:
+    """Return where in ``window`` the guard holds and ``values`` (n,) are known."""
+    time = sampler.timeline.time
+    known = window.inside & ~np.isnan(values)
+    if not len(time):
+        return JudgedSamples(known, "nothing was recorded", "")
+    if window.absent:
+        return JudgedSamples(known, window.absent, "")
+    first = int(known.argmax())
+    late = known.any() and first > int(window.inside.argmax())
+    note = f"known from {time[first]:.2f} s on" if late else ""
+    reason = "what it speaks of was not recorded"
+    if oracle.guard is None:
+        return JudgedSamples(known, reason, note)
+    guard = evaluate_predicate(oracle.guard, sampler).margin
+    held = window.inside & ~np.isnan(guard) & (guard >= 0.0)
+    return JudgedSamples(known & held, reason if held.any() else VACUOUS, note)

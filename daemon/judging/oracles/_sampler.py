@@ -1,0 +1,319 @@
+"""Signals of a trace, sampled on its time base when an oracle asks for them.
+
+Also running signals and oracles of other people: read-only in, checked values out.
+"""
+
+from __future__ import annotations
+
+import functools
+import math
+from collections.abc import Callable
+from dataclasses import fields, is_dataclass, replace
+from typing import TYPE_CHECKING, Any, TypeVar
+
+import numpy as np
+
+from daemon.judging.oracles._clearance import (
+    ObstaclePolygons,
+    belongs_to,
+    box_clearance_series,
+    footprint_box,
+    hinge_foot,
+    joint_positions,
+    obstacles_named,
+    obstacles_of,
+)
+from daemon.judging.oracles._series import (
+    RECORDED_SIGNALS,
+    LocalisationSignals,
+    ObjectIndices,
+    SignalSeries,
+    hold_last,
+    recorded_signal,
+    time_base_of,
+)
+from daemon.model.verdicts import Evidence, MarginInterval
+from grammars.model.geometry import Floats
+from grammars.oracle import (
+    SIGNALS,
+    CustomCall,
+    JointReference,
+    Number,
+    Signal,
+    custom_oracle,
+    custom_signal,
+    custom_signal_names,
+    object_signals,
+)
+from grammars.text.plugins import explain_plugin_error
+
+if TYPE_CHECKING:
+    from daemon.trace import Trace
+
+T = TypeVar("T")
+
+
+class PluginError(Exception):
+    """A plug-in raised or answered nonsense; the message says which and what."""
+
+
+def sample_plugin_signal(
+    name: str, sampler: SignalSampler, arguments: tuple[float, ...]
+) -> SignalSeries:
+    """Sample a signal that plugs in; raises :class:`PluginError`."""
+    declared = _require_plugin(custom_signal(name), "signal", name)
+    time = read_only_view(sampler.timeline.time)
+    answer = _call_plugin(f'the signal "{name}"', declared.sample, sampler.sealed, time, *arguments)
+    values = _as_floats(answer, f'the signal "{name}"')
+    if values.shape != time.shape:
+        raise PluginError(
+            f'the signal "{name}" gave values of shape {values.shape} for {len(time)} times'
+        )
+    if np.isinf(values).any():
+        raise PluginError(f'the signal "{name}" is infinite: NaN means it is not known')
+    if declared.unit == "bool":
+        values = np.where(np.isnan(values), np.nan, (values != 0.0).astype(np.float64))
+    return SignalSeries(values)
+
+
+def judge_by_plugin(judgement: CustomCall, sampler: SignalSampler) -> MarginInterval:
+    """Judge by an oracle that plugs in; raises :class:`PluginError`."""
+    name = f'the oracle "{judgement.name}"'
+    declared = _require_plugin(custom_oracle(judgement.name), "oracle", judgement.name)
+    arguments = tuple(number.value for number in judgement.arguments)
+    answer = _call_plugin(name, declared.judge, sampler.sealed, *arguments)
+    lower, upper, evidence = _interval(answer, name)
+    if sampler.timeline.closed or declared.judges_prefixes:
+        return MarginInterval(lower, upper, evidence)
+    # What it says of a trace that was cut is what it would say of a run that ended there.
+    return MarginInterval(-math.inf, math.inf, evidence)
+
+
+def plugin_unit(judgement: CustomCall) -> str:
+    """Return the unit of the margin of an oracle that plugs in, empty for true or false."""
+    declared = _require_plugin(custom_oracle(judgement.name), "oracle", judgement.name)
+    return "" if declared.unit == "bool" else declared.unit
+
+
+def read_only_view(array: Floats) -> Floats:
+    """Return a view of ``array`` that nobody can write through."""
+    view = array.view()
+    view.flags.writeable = False
+    return view
+
+
+def read_only_copy(value: T) -> T:
+    """Return a value type whose arrays, however deep, are read-only views; lists stay as they are.
+
+    A plug-in that writes into a trace would change the verdicts of every other oracle.
+    """
+    changes: dict[str, Any] = {}
+    for field in fields(value):  # type: ignore[arg-type]
+        part = getattr(value, field.name)
+        if isinstance(part, np.ndarray):
+            changes[field.name] = read_only_view(part)
+        elif is_dataclass(part) and any(
+            isinstance(getattr(part, inner.name), np.ndarray) for inner in fields(part)
+        ):
+            changes[field.name] = read_only_copy(part)
+    return replace(value, **changes)  # type: ignore[type-var]
+
+
+def _require_plugin(declared: T | None, kind: str, name: str) -> T:
+    if declared is None:
+        raise PluginError(f'the {kind} "{name}" is not installed')
+    return declared
+
+
+def _call_plugin(what: str, function: Any, *arguments: object) -> object:
+    try:
+        answer: object = function(*arguments)
+    except (Exception, SystemExit) as error:
+        raise PluginError(explain_plugin_error(f"{what} failed", error, __file__)) from error
+    return answer
+
+
+def _as_floats(answer: object, what: str) -> Floats:
+    try:
+        return np.array(answer, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise PluginError(f"{what} gave no numbers: {error}") from error
+
+
+def _interval(answer: object, what: str) -> tuple[float, float, Evidence]:
+    """Read ``(lower, upper)`` or ``(lower, upper, evidence)``."""
+    if not isinstance(answer, tuple) or len(answer) not in (2, 3):
+        raise PluginError(f"{what} must return (lower, upper) or (lower, upper, Evidence)")
+    evidence = answer[2] if len(answer) == 3 else Evidence()
+    if not isinstance(evidence, Evidence):
+        raise PluginError(f"{what} gave {type(evidence).__name__} instead of Evidence")
+    lower, upper = _as_floats(answer[:2], what).tolist()
+    if not lower <= upper:
+        raise PluginError(f"{what} gave the interval [{lower}, {upper}]")
+    return lower, upper, _plain_evidence(evidence, what)
+
+
+def _plain_evidence(evidence: Evidence, what: str) -> Evidence:
+    """Return evidence with nothing in it but finite floats and text, as ledgers keep it."""
+    numbers = (evidence.time, evidence.value, evidence.limit)
+    given = [number for number in numbers if number is not None]
+    if not np.isfinite(_as_floats(given, what)).all():
+        raise PluginError(f"{what} gave evidence that is not finite")
+    time, value, limit = (None if number is None else float(number) for number in numbers)
+    return Evidence(time, value, limit, str(evidence.object), str(evidence.note))
+
+
+ROBOT = "robot"
+"""What recorded contacts call the robot's body."""
+
+
+class SignalSampler:
+    """Samples the signals of one trace; each is computed once."""
+
+    def __init__(self, trace: Trace) -> None:
+        self.trace = trace
+        self.timeline = time_base_of(trace)
+        count = len(self.timeline.time)
+        truth = trace.ground_truth
+        self.x, self.y = truth.x[:count], truth.y[:count]
+        self.poses = np.column_stack((self.x, self.y, truth.yaw[:count]))
+        self._cache: dict[tuple[str, str, tuple[float, ...]], SignalSeries] = {}
+        self._localisation = LocalisationSignals(trace, self.timeline.time)
+
+    def sample(self, signal: Signal) -> SignalSeries:
+        """Return ``signal`` on the time base; it must have passed the static checks.
+
+        Raises :class:`daemon.judging.oracles._sampler.PluginError` for a signal of one's own that fails.
+        """
+        thing = signal.object.name if signal.object is not None else ""
+        arguments = tuple(a.value for a in signal.arguments if isinstance(a, Number))
+        key = (signal.name, thing, arguments)
+        if key not in self._cache:
+            self._cache[key] = self._compute(signal.name, thing, arguments)
+        return self._cache[key]
+
+    @functools.cached_property
+    def sealed(self) -> Trace:
+        """The trace as plug-ins get it: none of its arrays can be written to."""
+        return read_only_copy(self.trace)
+
+    @functools.cached_property
+    def _objects(self) -> dict[str, JointReference]:
+        return object_signals(self.trace.scene)
+
+    @functools.cached_property
+    def current(self) -> Floats:
+        """The waypoint being approached (n,), from 0, as reported; NaN before the first report.
+
+        The number of waypoints once all are done.
+        """
+        return self._progress([float(p.current) for p in self.trace.progress])
+
+    def _compute(self, name: str, thing: str, arguments: tuple[float, ...]) -> SignalSeries:
+        if name not in SIGNALS:
+            if name in custom_signal_names():
+                return sample_plugin_signal(name, self, arguments)
+            return self._object_signal(name)
+        if name in RECORDED_SIGNALS:
+            return SignalSeries(recorded_signal(self.trace, name, self.timeline.time))
+        if name.startswith("loc."):
+            return self._localisation.sample(name)
+        if name == "clearance":
+            return self._clearance(thing, arguments)
+        if name.startswith("contact"):
+            depth, objects, names = self._contacts(thing)
+            values = depth if name == "contact.depth" else (objects >= 0).astype(np.float64)
+            return SignalSeries(values, objects, names)
+        plain: dict[str, Callable[[], Floats]] = {
+            "speed": self._speed,
+            "speed.angular": self._angular_speed,
+            "path.length": self._path_length,
+            "elapsed": lambda: self.timeline.time - self.timeline.start,
+            "mission.leg": lambda: self._leg() + 1.0,
+            "mission.leg.elapsed": self._leg_elapsed,
+            "mission.reached": self._reached,
+            "mission.distance": self._distance_to_go,
+        }
+        return SignalSeries(plain[name]())
+
+    def _clearance(self, thing: str, arguments: tuple[float, ...]) -> SignalSeries:
+        if arguments:
+            centre, half = (0.0, 0.0), (arguments[0], arguments[1])
+        else:
+            centre, half = footprint_box(self.trace.spec.robot.footprint)
+        obstacles = obstacles_named(self.obstacles, thing) if thing else self.obstacles
+        return box_clearance_series(obstacles, self.poses, centre=centre, half=half)
+
+    @functools.cached_property
+    def obstacles(self) -> ObstaclePolygons:
+        """Everything the robot's body can hit, over time."""
+        return obstacles_of(self.trace, self.timeline.time)
+
+    def _contacts(self, thing: str) -> tuple[Floats, ObjectIndices, tuple[str, ...]]:
+        """Deepest contact of the robot per sample, since the previous sample, and with what.
+
+        With ``thing``, only contacts with that.
+        """
+        time = self.timeline.time
+        depth = np.zeros(len(time))
+        objects = np.full(len(time), -1, dtype=np.int32)
+        names: dict[str, int] = {}
+        for record in self.trace.contacts:
+            if ROBOT not in (record.first, record.second):
+                continue
+            other = record.second if record.first == ROBOT else record.first
+            if thing and not belongs_to(other, thing):
+                continue
+            index = int(np.searchsorted(time, record.time - 1e-9))
+            if index < len(time) and (objects[index] < 0 or record.depth > depth[index]):
+                depth[index] = max(depth[index], record.depth)
+                objects[index] = names.setdefault(other, len(names))
+        return depth, objects, tuple(names)
+
+    def _speed(self) -> Floats:
+        truth, count = self.trace.ground_truth, len(self.timeline.time)
+        return np.hypot(truth.vx[:count], truth.vy[:count])
+
+    def _angular_speed(self) -> Floats:
+        return np.abs(self.trace.ground_truth.wz[: len(self.timeline.time)])
+
+    def _path_length(self) -> Floats:
+        steps = np.hypot(np.diff(self.x, prepend=self.x[:1]), np.diff(self.y, prepend=self.y[:1]))
+        return np.cumsum(steps)
+
+    def _leg(self) -> Floats:
+        """The waypoint being approached (n,), from 0; the last one stays once all are done."""
+        return np.minimum(self.current, len(self.trace.spec.mission.waypoints) - 1.0)
+
+    def _leg_elapsed(self) -> Floats:
+        leg, time = self._leg(), self.timeline.time
+        begun: dict[float, float] = {}
+        for now, value in zip(time.tolist(), leg.tolist(), strict=True):
+            begun.setdefault(value, now)
+        since = [begun[value] for value in leg.tolist()]
+        return np.where(np.isnan(leg), np.nan, time - np.array(since))
+
+    def _reached(self) -> Floats:
+        return self._progress([float(p.reached) for p in self.trace.progress])
+
+    def _distance_to_go(self) -> Floats:
+        waypoints = self.trace.spec.mission.waypoints
+        if not waypoints:
+            return np.full(len(self.timeline.time), np.nan)
+        leg = self._leg()
+        unknown = np.isnan(leg)
+        index = np.where(unknown, 0.0, leg).astype(np.int64)
+        x, y = (np.array([getattr(w, axis) for w in waypoints]) for axis in "xy")
+        return np.where(unknown, np.nan, np.hypot(self.x - x[index], self.y - y[index]))
+
+    def _progress(self, values: list[float]) -> Floats:
+        stamps = np.array([p.time for p in self.trace.progress], dtype=np.float64)
+        return hold_last(stamps, np.array(values), self.timeline.time)
+
+    def _object_signal(self, name: str) -> SignalSeries:
+        reference = self._objects[name]
+        positions = joint_positions(self.trace, reference.object, self.timeline.time)
+        if name.endswith(".distance"):
+            foot_x, foot_y = hinge_foot(reference.object, reference.joint, positions)
+            return SignalSeries(np.hypot(self.x - foot_x, self.y - foot_y))
+        return SignalSeries(positions[:, reference.object.joints.index(reference.joint)])

@@ -1,0 +1,176 @@
+"""Signals on the time base of judging: ground-truth samples, how long each counts, what is unknown.
+
+Signals that are recorded as they are (true motion, commands, the estimate) and the localisation
+signals: an estimate is compared with the true pose at the time it was taken (its stamp),
+interpolated between ground-truth samples, and held until the next one.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+import numpy.typing as npt
+
+from grammars.model.geometry import Floats
+
+if TYPE_CHECKING:
+    from daemon.trace import PoseTrack, Trace
+
+ObjectIndices = npt.NDArray[np.int32]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SignalSeries:
+    """A signal on the time base: ``values`` (n,) in SI units, 1 or 0 for true or false.
+
+    NaN where the signal is not known (yet). ``objects`` (n,) index into ``names``, -1 for none:
+    the object the value is about, such as the nearest wall. ``note`` says where it comes from.
+    """
+
+    values: Floats
+    objects: ObjectIndices | None = None
+    names: tuple[str, ...] = ()
+    note: str = ""
+
+    def object_at(self, index: int) -> str:
+        """Return the name of the object involved at sample ``index``, or nothing."""
+        if self.objects is None or self.objects[index] < 0:
+            return ""
+        return self.names[int(self.objects[index])]
+
+
+_TICK: Final = 0.01
+"""A run may end one simulation tick past its limit [s]."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TimeBase:
+    """Samples of a trace that can be trusted.
+
+    ``time`` (n,) [s]; ``weight`` (n,) [s]: a sample counts until the next one, the last one until
+    ``end``. ``closed``: the end of the trace is the end of the run; otherwise up to ``remaining``
+    seconds are unknown.
+    """
+
+    time: Floats
+    weight: Floats
+    end: float
+    closed: bool
+    remaining: float
+
+    @property
+    def start(self) -> float:
+        """Time of the first sample [s], 0 without samples."""
+        return float(self.time[0]) if len(self.time) else 0.0
+
+
+def time_base_of(trace: Trace) -> TimeBase:
+    """Return the time base of ``trace``: its ground truth up to ``valid_until``.
+
+    A run that crashed counts as cut: what the robot would have done is unknown.
+    """
+    recorded = np.asarray(trace.ground_truth.time, dtype=np.float64)
+    count = int(np.searchsorted(recorded, trace.valid_until + 1e-9, side="right"))
+    time = recorded[:count]
+    end = max(float(trace.valid_until), float(time[-1])) if count else float(trace.valid_until)
+    weight = np.diff(time, append=end) if count else np.empty(0)
+    closed = trace.complete and trace.ended != "crashed"
+    start = float(time[0]) if count else 0.0
+    remaining = 0.0 if closed else max(0.0, start + trace.spec.limit + _TICK - end)
+    return TimeBase(time, weight, end, closed, remaining)
+
+
+def hold_last(stamps: Floats, values: Floats, time: Floats) -> Floats:
+    """Sample ``values`` (m,) taken at ``stamps`` (m,) at ``time`` (n,), holding the last one.
+
+    NaN before the first stamp.
+    """
+    if not len(stamps):
+        return np.full(len(time), np.nan)
+    index = np.searchsorted(stamps, time + 1e-9, side="right") - 1
+    return np.where(index < 0, np.nan, values[np.maximum(index, 0)])
+
+
+_TRUTH = {
+    "pose.x": "x",
+    "pose.y": "y",
+    "pose.yaw": "yaw",
+    "speed.forward": "vx",
+    "speed.sideways": "vy",
+}
+_COMMAND = {"command.forward": "vx", "command.sideways": "vy", "command.angular": "wz"}
+_ESTIMATE = {"estimate.x": "x", "estimate.y": "y", "estimate.yaw": "yaw"}
+RECORDED_SIGNALS = frozenset({*_TRUTH, *_COMMAND, *_ESTIMATE, "estimate.particles"})
+"""Names of the signals that :func:`recorded_signal` knows."""
+
+
+def recorded_signal(trace: Trace, name: str, time: Floats) -> Floats:
+    """Return a recorded signal at ``time`` (n,), the first samples of the ground truth.
+
+    Commands and estimates are held until the next one; NaN before the first.
+    """
+    if name in _TRUTH:
+        channel: Floats = getattr(trace.ground_truth, _TRUTH[name])[: len(time)]
+        return channel
+    if name in _COMMAND:
+        return hold_last(trace.command.time, getattr(trace.command, _COMMAND[name]), time)
+    if name in _ESTIMATE:
+        return hold_last(trace.estimate.time, getattr(trace.estimate, _ESTIMATE[name]), time)
+    return hold_last(trace.cloud.time, trace.cloud_count.astype(np.float64), time)
+
+
+class LocalisationSignals:
+    """Samples ``loc.*`` of one trace on ``time`` (n,)."""
+
+    def __init__(self, trace: Trace, time: Floats) -> None:
+        self._trace, self._time = trace, time
+        has_cloud = len(trace.cloud.time) > 0
+        self._spread = trace.cloud if has_cloud else trace.estimate
+        self._note = "from the particle cloud" if has_cloud else "from the estimate's covariance"
+
+    def sample(self, name: str) -> SignalSeries:
+        """Return the signal ``name`` (``loc.error``, ``loc.sigma.x``, …)."""
+        estimate = self._trace.estimate
+        if name == "loc.age":
+            return SignalSeries(self._time - hold_last(estimate.time, estimate.time, self._time))
+        if name == "loc.inside_2sigma":
+            return self._hold(self._spread, self._inside(), self._note)
+        if name.startswith("loc.sigma"):
+            axis = ("x", "y", "yaw").index(name.rpartition(".")[2])
+            return self._hold(self._spread, self._sigma(axis), self._note)
+        dx, dy, dyaw = self._difference(estimate)
+        values = {
+            "loc.error": np.hypot(dx, dy),
+            "loc.error.x": dx,
+            "loc.error.y": dy,
+            "loc.error.yaw": dyaw,
+        }[name]
+        return self._hold(estimate, values, "")
+
+    def _hold(self, track: PoseTrack, values: Floats, note: str) -> SignalSeries:
+        return SignalSeries(hold_last(track.time, values, self._time), note=note)
+
+    def _sigma(self, axis: int) -> Floats:
+        variance = self._spread.covariance[:, axis, axis]
+        sigma: Floats = np.sqrt(np.maximum(variance, 0.0))
+        return sigma
+
+    def _inside(self) -> Floats:
+        """Equation 1 of the paper, on x and on y: ``|mean - truth| <= 2 sigma``."""
+        dx, dy, _ = self._difference(self._spread)
+        inside = (np.abs(dx) <= 2.0 * self._sigma(0)) & (np.abs(dy) <= 2.0 * self._sigma(1))
+        return inside.astype(np.float64)
+
+    def _difference(self, track: PoseTrack) -> tuple[Floats, Floats, Floats]:
+        """Return ``track`` minus truth at its stamps: x, y [m], yaw [rad] in (-pi, pi]."""
+        truth, stamps = self._trace.ground_truth, track.time
+        if not len(truth.time):
+            empty = np.full(len(stamps), np.nan)
+            return empty, empty, empty
+        x = np.interp(stamps, truth.time, truth.x)
+        y = np.interp(stamps, truth.time, truth.y)
+        yaw = np.interp(stamps, truth.time, np.unwrap(truth.yaw))
+        turned = np.pi - np.mod(np.pi - (track.yaw - yaw), 2.0 * np.pi)
+        return track.x - x, track.y - y, turned

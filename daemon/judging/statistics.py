@@ -1,0 +1,239 @@
+"""Small samples told honestly: exact and t intervals, effect sizes, many tests at once.
+
+Rates come from counts by the exact interval of Clopper and Pearson (Biometrika 26, 1934): its
+bounds are quantiles of beta distributions; it covers at least as often as it says, for any number
+of runs, which is what a test of a robot with five repeats needs. Only the quantiles come from
+scipy (``scipy.special``, which loads fast enough for a command line); the rest is a line of a
+definition each, held by tests to ``scipy.stats``.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final, Literal
+
+CONFIDENCE: Final = 0.95
+_TOO_MANY: Final = 1_000_000
+
+
+def at_least(passed: int, n: int, confidence: float = CONFIDENCE) -> float:
+    """Return the rate that ``passed`` of ``n`` runs show at least, one-sided.
+
+    Raises ``ValueError`` for counts that cannot be.
+    """
+    _check(passed, n)
+    if passed == 0:
+        return 0.0
+    return _beta_quantile(passed, n - passed + 1, 1.0 - confidence)
+
+
+def at_most(passed: int, n: int, confidence: float = CONFIDENCE) -> float:
+    """Return the rate that ``passed`` of ``n`` runs show at most, one-sided."""
+    _check(passed, n)
+    return 1.0 - at_least(n - passed, n, confidence)
+
+
+def proportion_interval(passed: int, n: int, confidence: float = CONFIDENCE) -> tuple[float, float]:
+    """Return the two-sided exact interval of a rate; (0, 1) without runs."""
+    each = 0.5 * (1.0 + confidence)
+    return at_least(passed, n, each), at_most(passed, n, each)
+
+
+def runs_needed(passed: int, n: int, rate: float, confidence: float = CONFIDENCE) -> int | None:
+    """Return how many more runs, all of them passing, would show ``rate``; 0 when it is shown.
+
+    ``None`` when no number of runs does: nothing shows a rate of 1.
+    """
+    _check(passed, n)
+    if rate >= 1.0:
+        return None
+
+    def shown(more: int) -> bool:
+        return at_least(passed + more, n + more, confidence) >= rate
+
+    if shown(0):
+        return 0
+    high = 1
+    while not shown(high):
+        if high > _TOO_MANY:
+            return None
+        high *= 2
+    low = high // 2
+    # The bound grows with every run that passes, so the first number that is enough is bisected.
+    while high - low > 1:
+        middle = (low + high) // 2
+        low, high = (low, middle) if shown(middle) else (middle, high)
+    return high
+
+
+def _check(passed: int, n: int) -> None:
+    if not 0 <= passed <= n:
+        raise ValueError(f"{passed} of {n} runs cannot have passed")
+
+
+def _beta_quantile(a: float, b: float, q: float) -> float:
+    from scipy.special import betaincinv
+
+    return float(betaincinv(a, b, q))
+
+
+@dataclass(frozen=True, slots=True)
+class MeanInterval:
+    """A mean of ``n`` values, their standard deviation, the two-sided t interval of the mean.
+
+    With one value there is neither deviation nor interval.
+    """
+
+    n: int
+    mean: float
+    std: float | None
+    low: float | None
+    high: float | None
+
+
+@dataclass(frozen=True, slots=True)
+class MeanDifference:
+    """How much larger the first of two samples is.
+
+    ``low`` and ``high`` are one-sided bounds, each of its own: the mean difference is shown to be
+    at least ``low``, or at most ``high``. ``n`` counts pairs, or the smaller sample; ``error`` is
+    the standard error and ``freedom`` the degrees of freedom of the t distribution.
+    """
+
+    n: int
+    mean: float
+    low: float
+    high: float
+    error: float
+    freedom: float
+    method: Literal["paired", "welch"]
+
+    def p_above(self, limit: float) -> float:
+        """Return the one-sided p value for "the mean difference is above ``limit``"."""
+        if self.error == 0.0:
+            return 0.0 if self.mean > limit else 1.0
+        return _t_cdf((limit - self.mean) / self.error, self.freedom)
+
+    @property
+    def p_different(self) -> float:
+        """Return the two-sided p value for "there is a difference"."""
+        if self.error == 0.0:
+            return 1.0 if self.mean == 0.0 else 0.0
+        return 2.0 * _t_cdf(-abs(self.mean / self.error), self.freedom)
+
+
+def mean_interval(values: Sequence[float], confidence: float = CONFIDENCE) -> MeanInterval:
+    """Return mean, deviation and t interval of at least one value; raises ``ValueError``."""
+    if not values:
+        raise ValueError("the mean of no values is unknown")
+    n, mean = len(values), math.fsum(values) / len(values)
+    if n == 1:
+        return MeanInterval(1, mean, None, None, None)
+    std = _deviation(values)
+    half = _t_quantile(0.5 * (1.0 + confidence), n - 1) * std / math.sqrt(n)
+    return MeanInterval(n, mean, std, mean - half, mean + half)
+
+
+def paired_difference(
+    left: Sequence[float], right: Sequence[float], confidence: float = CONFIDENCE
+) -> MeanDifference:
+    """Return left minus right, pair by pair; raises ``ValueError`` for less than two pairs."""
+    differences = [a - b for a, b in zip(left, right, strict=True)]
+    n = len(differences)
+    if n < 2:
+        raise ValueError("less than two pairs say nothing about how they vary")
+    error = _deviation(differences) / math.sqrt(n)
+    return _difference(n, math.fsum(differences) / n, error, n - 1.0, confidence, "paired")
+
+
+def welch_difference(
+    left: Sequence[float], right: Sequence[float], confidence: float = CONFIDENCE
+) -> MeanDifference:
+    """Return the mean of left minus that of right, for samples that have no pairs.
+
+    The degrees of freedom are those of Welch and Satterthwaite; the variances may differ. Raises
+    ``ValueError`` for less than two values on a side.
+    """
+    if min(len(left), len(right)) < 2:
+        raise ValueError("less than two values on a side say nothing about how they vary")
+    a, b = (_deviation(side) ** 2 / len(side) for side in (left, right))
+    spread = a + b
+    freedom = 1.0
+    if spread > 0.0:
+        # As shares, because squares of tiny variances would underflow.
+        p, q = a / spread, b / spread
+        freedom = 1.0 / (p * p / (len(left) - 1) + q * q / (len(right) - 1))
+    mean = math.fsum(left) / len(left) - math.fsum(right) / len(right)
+    n = min(len(left), len(right))
+    return _difference(n, mean, math.sqrt(spread), freedom, confidence, "welch")
+
+
+def _difference(
+    n: int,
+    mean: float,
+    error: float,
+    freedom: float,
+    confidence: float,
+    method: Literal["paired", "welch"],
+) -> MeanDifference:
+    half = _t_quantile(confidence, freedom) * error
+    return MeanDifference(n, mean, mean - half, mean + half, error, freedom, method)
+
+
+def _deviation(values: Sequence[float]) -> float:
+    """Return the sample's standard deviation; exactly 0 for equal values."""
+    if min(values) == max(values):
+        return 0.0
+    import numpy as np
+
+    return float(np.std(np.asarray(values, dtype=float), ddof=1))
+
+
+def _t_quantile(q: float, freedom: float) -> float:
+    from scipy.special import stdtrit
+
+    return float(stdtrit(freedom, q))
+
+
+def _t_cdf(t: float, freedom: float) -> float:
+    from scipy.special import stdtr
+
+    return float(stdtr(freedom, t))
+
+
+def cliffs_delta(left: Sequence[float], right: Sequence[float]) -> float:
+    """Return how much more often a value of left is larger than one of right than smaller, -1 to 1.
+
+    Cliff, "Dominance statistics", Psychological Bulletin 114 (1993). Raises ``ValueError`` for an
+    empty side.
+    """
+    if not left or not right:
+        raise ValueError("Cliff's delta needs values on both sides")
+    import numpy as np
+
+    ordered = np.sort(np.asarray(right, dtype=float))
+    values = np.asarray(left, dtype=float)
+    above = np.searchsorted(ordered, values, side="left").sum()
+    below = (len(ordered) - np.searchsorted(ordered, values, side="right")).sum()
+    return float(above - below) / (len(values) * len(ordered))
+
+
+def effect_magnitude(delta: float) -> str:
+    """Return the usual word for a delta (Romano et al. 2006): negligible, small, medium, large."""
+    for word, limit in (("negligible", 0.147), ("small", 0.33), ("medium", 0.474)):
+        if abs(delta) < limit:
+            return word
+    return "large"
+
+
+def holm_adjusted(p_values: Sequence[float]) -> tuple[float, ...]:
+    """Return p values adjusted for being many, after Holm (Scand. J. Statistics 6, 1979)."""
+    order = sorted(range(len(p_values)), key=lambda i: p_values[i])
+    adjusted = [0.0] * len(p_values)
+    largest = 0.0
+    for rank, index in enumerate(order):
+        largest = max(largest, min(1.0, (len(order) - rank) * p_values[index]))
+        adjusted[index] = largest
+    return tuple(adjusted)

@@ -1,0 +1,271 @@
+"""What a campaign declares about its results, and what its runs make of that."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final, Literal, TypeAlias
+
+from daemon.model.spec import Timing
+from daemon.model.verdicts import Outcome, Verdict
+
+PolicyRule: TypeAlias = Literal["all", "rate", "mean"]
+ExpectedVerdict: TypeAlias = Literal["pass", "fail", "mixed", "any"]
+ComparisonOperator: TypeAlias = Literal["<=", "<", ">=", ">"]
+
+DELAY: Final = "delay"
+"""The quantity of a comparison that every run has: how long it took [s]."""
+
+
+@dataclass(frozen=True, slots=True)
+class RepeatPolicy:
+    """How many repeats a cell has, and when all of them together pass.
+
+    ``all``: every repeat passes. ``rate``: the share that passes is shown to be at least ``rate``.
+    ``mean``: the mean margin is shown to be at least 0. With ``until_decided`` a cell that is
+    neither shown to pass nor to fail after ``n`` repeats gets more of them, up to ``at_most``.
+    """
+
+    n: int = 1
+    rule: PolicyRule = "all"
+    rate: float = 1.0
+    until_decided: bool = False
+    at_most: int = 1
+
+    @property
+    def looks(self) -> tuple[int, ...]:
+        """Numbers of repeats after which a cell is judged: one, or each time twice as many."""
+        if not self.until_decided:
+            return (self.n,)
+        found = [self.n]
+        while found[-1] < self.at_most:
+            found.append(min(2 * found[-1], self.at_most))
+        return tuple(found)
+
+
+@dataclass(frozen=True, slots=True)
+class ScenarioComparison:
+    """A sentence about two scenarios: ``delay(S3.2 vs S3.5) <= 30 s``.
+
+    ``quantity`` is ``delay`` or the name of a measure of both; what is compared with ``limit`` [SI
+    unit ``unit``] is left minus right, paired by repeat. ``leg`` is the waypoint, or the number, of
+    the leg meant, ``None`` for the whole run; ``measure`` then names the measure that times it.
+    """
+
+    name: str
+    quantity: str
+    left: str
+    right: str
+    leg: str | None
+    op: ComparisonOperator
+    limit: float
+    unit: str
+    text: str
+    measure: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Expectation:
+    """What is known to be otherwise than passing, and why.
+
+    ``scenario``, ``oracle`` (or the name of a comparison) and ``suts`` are patterns with ``*`` and
+    ``?``; the last expectation that matches counts. ``fail``: every repeat fails; ``mixed``: at
+    least one does. ``where`` is file and line.
+    """
+
+    scenario: str
+    oracle: str
+    suts: tuple[str, ...]
+    verdict: ExpectedVerdict
+    why: str
+    where: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class RegressionGate:
+    """Against what a campaign must not get worse, and by how much (a ratio).
+
+    ``baseline`` is a campaign, a file of results, or ``last-green``: the newest one before of the
+    same name in which everything was as expected.
+    """
+
+    baseline: str
+    worse_by: float
+
+
+@dataclass(frozen=True, slots=True)
+class AssessmentRules:
+    """Everything a campaign says about its results beyond its oracles."""
+
+    policy: RepeatPolicy = RepeatPolicy()
+    comparisons: tuple[ScenarioComparison, ...] = ()
+    expectations: tuple[Expectation, ...] = ()
+    gate: RegressionGate | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class RunRecord:
+    """One run and what came out; ``outcome`` is ``None`` while, or when, there is no result.
+
+    ``state`` is a word of :class:`daemon.model.status.RunState`; ``ended`` one of
+    :class:`daemon.model.spec.RunResult`, empty without a result. ``trace`` is the path of the trace on
+    the machine that keeps it. ``seed`` tells whether runs of two campaigns can be paired.
+    ``cached`` is the earlier run this result was taken from.
+    """
+
+    id: str
+    scenario: str
+    sut: str
+    repeat: int
+    digest: str
+    outcome: Outcome | None
+    verdicts: tuple[Verdict, ...] = ()
+    ended: str = ""
+    timing: Timing | None = None
+    trace: str | None = None
+    note: str = ""
+    state: str = "done"
+    seed: int = 0
+    cached: str = ""
+
+    def verdict(self, oracle: str) -> Verdict | None:
+        """Return the verdict of an oracle, ``None`` when it did not judge this run."""
+        return next((v for v in self.verdicts if v.oracle == oracle), None)
+
+
+@dataclass(frozen=True, slots=True)
+class WorstRun:
+    """The run of a cell to look at first and its verdict, with the evidence."""
+
+    run: str
+    repeat: int
+    verdict: Verdict
+
+
+@dataclass(frozen=True, slots=True)
+class CellVerdict:
+    """One oracle over all repeats of a scenario with a system under test.
+
+    ``n`` counts all repeats, ``missing`` those without a result. ``low`` and ``high`` bound the
+    pass rate, the exact 95 % interval; a repeat not judged may have been either. ``at_least`` is
+    the rate shown (one-sided 95 %; ``needed`` is how many more repeats, all passing, would show
+    that of the policy, ``None`` when it asks for no rate). ``statement`` says it in words.
+    ``verdict`` follows the policy; ``met`` says whether it is as ``expected`` (``why``).
+    """
+
+    scenario: str
+    sut: str
+    oracle: str
+    passed: int
+    failed: int
+    inconclusive: int
+    errors: int
+    missing: int
+    n: int
+    low: float
+    high: float
+    at_least: float
+    needed: int | None
+    statement: str
+    worst: WorstRun | None
+    verdict: Outcome
+    expected: ExpectedVerdict
+    met: bool
+    why: str
+
+
+@dataclass(frozen=True, slots=True)
+class CellMeasure:
+    """A measured quantity over all repeats of a cell: ``values[i]`` is that of ``repeats[i]``.
+
+    ``low`` and ``high`` are the 95 % t interval of the mean; ``std`` the sample's standard
+    deviation. With one value there is neither. The run's ``duration`` [s] is a measure of all.
+    """
+
+    scenario: str
+    sut: str
+    oracle: str
+    unit: str
+    repeats: tuple[int, ...]
+    values: tuple[float, ...]
+    mean: float
+    std: float | None
+    low: float | None
+    high: float | None
+
+
+@dataclass(frozen=True, slots=True)
+class CellAssessment:
+    """A scenario with a system under test: the gravest verdict of its oracles, and all of them."""
+
+    scenario: str
+    sut: str
+    verdict: Outcome
+    oracles: tuple[CellVerdict, ...]
+    measures: tuple[CellMeasure, ...]
+    runs: tuple[str, ...] = ()
+
+    @property
+    def met(self) -> bool:
+        """Whether every oracle says what is expected."""
+        return all(oracle.met for oracle in self.oracles)
+
+
+@dataclass(frozen=True, slots=True)
+class ComparisonVerdict:
+    """A comparison with one system under test: ``mean`` of left minus right [``unit``].
+
+    ``low`` and ``high`` are one-sided 95 % bounds of the mean; ``method`` is ``paired`` or
+    ``welch`` (no pairs), empty when there is too little to say. ``n`` counts the pairs, or the
+    runs of the smaller side; ``left_out`` those that have no such value because a run did not
+    end its mission. ``note`` says what stands in the way of a verdict.
+    """
+
+    comparison: str
+    text: str
+    sut: str
+    unit: str
+    limit: float
+    n: int
+    left_out: int
+    differences: tuple[float, ...]
+    mean: float | None
+    low: float | None
+    high: float | None
+    method: Literal["paired", "welch", ""]
+    verdict: Outcome
+    note: str
+    expected: ExpectedVerdict
+    met: bool
+    why: str
+
+
+@dataclass(frozen=True, slots=True)
+class UnexpectedVerdict:
+    """Something that is not as expected: what to look at, in one line of words.
+
+    ``verdict`` is what came out, ``expected`` what should have. ``run`` is empty for comparisons.
+    """
+
+    scenario: str
+    sut: str
+    oracle: str
+    verdict: Outcome
+    expected: ExpectedVerdict
+    run: str
+    repeat: int | None
+    why: str
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
+class Assessment:
+    """A campaign judged: cells in the order of the runs, comparisons in that of the file.
+
+    ``exit_code``: 0 everything as expected, 1 something unexpected, 3 runs that could not be
+    executed or judged, 4 runs or statistics that decide nothing.
+    """
+
+    cells: tuple[CellAssessment, ...]
+    comparisons: tuple[ComparisonVerdict, ...]
+    surprises: tuple[UnexpectedVerdict, ...]
+    exit_code: int

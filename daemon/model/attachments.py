@@ -1,0 +1,96 @@
+"""Files that a plugged-in system under test needs: they travel by digest, beside specifications.
+
+A specification has, below the parameter ``files``, the digest of each by name. Whoever submits has
+the files in a folder by digest (:func:`user_files_folder`), as have the daemon and its workers. A system
+under test gets paths.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import re
+import secrets
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, Final
+
+import platformdirs
+
+from daemon.batch.errors import SutMissing
+from daemon.batch.paths import is_digest
+
+FILES_PARAMETER: Final = "files"
+LARGEST_FILE: Final = 64 * 2**20
+MOST_FILES: Final = 16
+FILES_VARIABLE: Final = "SCENARIO_FILES"
+"""Environment variable that names the folder of files to the process of a run."""
+_MARK: Final = "sha256:"
+_NAME: Final = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,59}\Z")
+
+
+def attached_digests(parameters: Mapping[str, Any]) -> dict[str, str]:
+    """Return the digests of the files that parameters name, by name; empty when there are none.
+
+    A parameter of that name that means something else is left alone.
+    """
+    files = parameters.get(FILES_PARAMETER)
+    if not isinstance(files, Mapping):
+        return {}
+    found = {str(name): str(value).removeprefix(_MARK) for name, value in files.items()}
+    marked = all(str(value).startswith(_MARK) for value in files.values())
+    return found if marked and all(map(is_digest, found.values())) else {}
+
+
+def user_files_folder() -> Path:
+    """The folder of files of this user's systems under test, by digest."""
+    return platformdirs.user_cache_path("scenario") / "files"
+
+
+def attach_files(files: Mapping[str, Path]) -> dict[str, str]:
+    """Take files in, and return what the parameter says of them.
+
+    Raises ``ValueError`` for too many or too large ones and for names that are none, ``OSError``
+    for those that cannot be read.
+    """
+    if len(files) > MOST_FILES:
+        raise ValueError(f"files: {len(files)} are too many, {MOST_FILES} may be attached")
+    wrong = [name for name in files if not _NAME.match(name)]
+    if wrong:
+        raise ValueError(f"files: {wrong[0]!r} is no name, use A-Z a-z 0-9 _ -")
+    return {name: _MARK + _store_file(name, path) for name, path in files.items()}
+
+
+def _store_file(name: str, path: Path) -> str:
+    size = path.stat().st_size
+    if size > LARGEST_FILE:
+        limit = LARGEST_FILE // 2**20
+        raise ValueError(f"files: {name} has {size / 2**20:.0f} MiB, at most {limit} may have")
+    data = path.read_bytes()
+    digest = hashlib.sha256(data).hexdigest()
+    kept = user_files_folder() / digest
+    if not kept.exists() or kept.stat().st_size != len(data):
+        kept.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+        temporary = kept.with_name(f".{digest}.{secrets.token_hex(4)}.tmp")
+        temporary.write_bytes(data)
+        temporary.chmod(0o400)
+        temporary.replace(kept)
+    return digest
+
+
+def resolve_paths(
+    parameters: Mapping[str, Any], environ: Mapping[str, str] = os.environ
+) -> Mapping[str, Any]:
+    """Return parameters with paths of this machine instead of digests.
+
+    Raises :class:`daemon.batch.errors.SutMissing` for a file that is not here.
+    """
+    digests = attached_digests(parameters)
+    if not digests:
+        return parameters
+    folder = Path(environ.get(FILES_VARIABLE) or user_files_folder())
+    paths = {name: folder / digest for name, digest in digests.items()}
+    for name, path in paths.items():
+        if not path.is_file():
+            raise SutMissing(f'the file "{name}" of the system under test is not here: {path}')
+    return {**parameters, FILES_PARAMETER: {name: str(path) for name, path in paths.items()}}

@@ -1,0 +1,89 @@
+"""What somebody who watches a run sees beyond its progress: laser returns, plan, contacts.
+
+Made only while somebody watches, and small: a snapshot is to fit into a pipe's buffer.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+
+from daemon.model.spec import Snapshot
+from daemon.model.sut import Cloud, Estimate
+from grammars.model.geometry import Floats, Point2, Pose2
+from grammars.model.robot import Laser
+
+MOST_RETURNS: Final = 90
+"""Laser returns of a snapshot at most."""
+MOST_PLAN_POINTS: Final = 40
+"""Points of the plan at most."""
+MOST_CONTACTS: Final = 8
+
+
+@dataclass(slots=True)
+class LiveView:
+    """What was seen last: the scan, from where; and the contacts since the snapshot before."""
+
+    laser: Laser
+    eye: Pose2 | None = None
+    ranges: npt.NDArray[np.floating] | None = None
+    contacts: list[Point2] = field(default_factory=list)
+
+    def look(self, pose: Pose2, ranges: npt.NDArray[np.floating]) -> None:
+        """Take in a scan made at ``pose``: ``ranges`` (rays,) [m]."""
+        self.eye, self.ranges = pose @ self.laser.mount, ranges
+
+    def added(
+        self, snapshot: Snapshot, belief: Cloud | Estimate | None, plan: Floats | None
+    ) -> Snapshot:
+        """Return ``snapshot`` with everything there is to see; contacts are told once."""
+        touched, self.contacts = self.contacts[-MOST_CONTACTS:], []
+        return replace(
+            snapshot,
+            spread=_covariance_xy(belief),
+            returns=to_centimetres(self._returns()),
+            plan=() if plan is None else to_centimetres(_thin_points(plan, MOST_PLAN_POINTS)),
+            contacts=to_centimetres(np.array(touched).reshape(-1, 2)),
+        )
+
+    def _returns(self) -> Floats:
+        if self.eye is None or self.ranges is None:
+            return np.empty((0, 2))
+        laser, step = self.laser, max(1, -(-self.laser.rays // MOST_RETURNS))
+        ranges = np.asarray(self.ranges[::step], dtype=np.float64)
+        seen = np.isfinite(ranges) & (ranges > 0.0)
+        angles = np.linspace(laser.angle_min, laser.angle_max, laser.rays)[::step][seen]
+        bearing, ranges = self.eye.yaw + angles, ranges[seen]
+        return np.column_stack(
+            [self.eye.x + ranges * np.cos(bearing), self.eye.y + ranges * np.sin(bearing)]
+        )
+
+
+def _covariance_xy(belief: Cloud | Estimate | None) -> tuple[float, float, float] | None:
+    if belief is None:
+        return None
+    covariance = belief.covariance
+    return float(covariance[0, 0]), float(covariance[0, 1]), float(covariance[1, 1])
+
+
+def _thin_points(points: Floats, most: int) -> Floats:
+    """Return at most ``most`` of points (n, k), first and last among them."""
+    if len(points) <= most:
+        return points
+    return points[np.linspace(0, len(points) - 1, most).round().astype(np.int64)]
+
+
+def to_centimetres(points: Floats) -> tuple[int, ...]:
+    """Return points (n, 2 or more) [m] as x, y, x, y, ... [cm]."""
+    known = points[np.isfinite(points).all(axis=1), :2]
+    return tuple(np.rint(known * 100.0).astype(np.int64).ravel().tolist())
+
+
+def from_centimetres(numbers: Sequence[int]) -> tuple[Point2, ...]:
+    """Return x, y, x, y, ... [cm] as points [m]; a number without its partner is left out."""
+    pairs = zip(numbers[::2], numbers[1::2], strict=False)
+    return tuple((x / 100.0, y / 100.0) for x, y in pairs)

@@ -1,0 +1,349 @@
+"""Requests and answers of the bus that people never see: questions, leases, completions.
+
+The values people see are in :mod:`daemon.model.status`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import Annotated, Final
+
+from pydantic import Field
+
+from daemon.model.attachments import LARGEST_FILE
+from daemon.model.spec import ENGINE_VERSION, RunResult, RunSpec
+from daemon.model.status import PREFIX
+
+ASK: Final = f"{PREFIX}/ask"
+EVENTS: Final = f"{PREFIX}/event"
+LIVE: Final = f"{PREFIX}/live"
+ALIVE: Final = f"{PREFIX}/alive"
+WORK: Final = f"{PREFIX}/work"
+"""Published without content when runs become available or unwanted: a hint, workers also poll."""
+
+LARGEST_SUBMISSION: Final = 64 * 2**20
+LARGEST_REQUEST: Final = 4 * 2**20
+LARGEST_PAGE: Final = 1000
+LARGEST_CHUNK: Final = 2**20
+"""Bytes of a trace in one request; they travel as base64, a third more."""
+LARGEST_TRACE: Final = 4 * 2**30
+HIGHEST_PRIORITY: Final = 1000
+
+IdText = Annotated[str, Field(max_length=128)]
+WorkerId = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]{0,99}$")]
+ShortText = Annotated[str, Field(max_length=400)]
+NonNegativeInt = Annotated[int, Field(ge=0, le=2**53)]
+Sha256Text = Annotated[str, Field(pattern=r"^[0-9a-f]{64}$")]
+Base64Text = Annotated[str, Field(max_length=LARGEST_CHUNK * 4 // 3 + 4)]
+
+
+class Verb(StrEnum):
+    """Everything the daemon can be asked; the last part of the request's key."""
+
+    OVERVIEW = "overview"
+    CAMPAIGNS = "campaigns"
+    RUNS = "runs"
+    RUN = "run"
+    DECLARED = "declared"
+    RECORDS = "records"
+    SCENE = "scene"
+    WORKERS = "workers"
+    DISK = "disk"
+    FETCH = "fetch"
+    FILE = "file"
+    KEEP = "keep"
+    SUBMIT = "submit"
+    CANCEL = "cancel"
+    RETRY = "retry"
+    PAUSE = "pause"
+    RESUME = "resume"
+    PRIORITISE = "prioritise"
+    SHUTDOWN = "shutdown"
+    WELCOME = "welcome"
+    LEASE = "lease"
+    RENEW = "renew"
+    COMPLETE = "complete"
+    RELEASE = "release"
+    UPLOAD = "upload"
+
+
+@dataclass(frozen=True, slots=True)
+class ErrorReply:
+    """An error reply: what the daemon has against the request, or what keeps it from doing it.
+
+    A ``passing`` one is about the daemon, not the request: the same may be done later.
+    """
+
+    problem: str
+    passing: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Empty:
+    """A request or an answer without content."""
+
+
+@dataclass(frozen=True, slots=True)
+class IdRequest:
+    """A request about one campaign, run or scene."""
+
+    id: IdText
+
+
+@dataclass(frozen=True, slots=True)
+class Count:
+    """An answer that counts something."""
+
+    count: int
+
+
+@dataclass(frozen=True, slots=True)
+class RunQuery:
+    """A page of runs: empty strings filter nothing; ``sort`` names a column of the row."""
+
+    campaign: IdText = ""
+    state: ShortText = ""
+    outcome: ShortText = ""
+    text: ShortText = ""
+    sort: ShortText = "index"
+    descending: bool = False
+    offset: NonNegativeInt = 0
+    limit: Annotated[int, Field(ge=0, le=LARGEST_PAGE)] = 200
+    scenario: ShortText = ""
+    sut: ShortText = ""
+
+
+@dataclass(frozen=True, slots=True)
+class RecordQuery:
+    """A page of the runs of a campaign with their verdicts, in order."""
+
+    campaign: IdText
+    offset: NonNegativeInt = 0
+    limit: Annotated[int, Field(ge=0, le=LARGEST_PAGE)] = 200
+
+
+@dataclass(frozen=True, slots=True)
+class RetryRequest:
+    """Queue runs again: those lost, cancelled, or with one of these outcomes."""
+
+    campaign: IdText
+    only: tuple[ShortText, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class PriorityRequest:
+    """Let a campaign go before those of lower priority; 0 is usual."""
+
+    campaign: IdText
+    priority: Annotated[int, Field(ge=-HIGHEST_PRIORITY, le=HIGHEST_PRIORITY)]
+
+
+@dataclass(frozen=True, slots=True)
+class WorkerInfo:
+    """Who a worker is, sent with every request so that a new daemon knows it at once."""
+
+    id: WorkerId
+    host: ShortText
+    pid: NonNegativeInt
+    version: ShortText
+    slots: NonNegativeInt
+    busy: NonNegativeInt
+    engine: ShortText = ENGINE_VERSION
+
+
+@dataclass(frozen=True, slots=True)
+class WelcomeReply:
+    """What a worker must know before it starts: where to keep things, how often to renew.
+
+    ``identity`` names the state directory for good, ``probe`` only since this daemon's start: the
+    worker that reads it in the daemon's directory shares its file system. ``store`` is the URL of
+    the place for traces, empty when they belong into the state directory.
+    """
+
+    state: str
+    version: str
+    engine: str
+    lease: float
+    renew: float
+    identity: str = ""
+    probe: str = ""
+    store: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class LeaseRequest:
+    """Ask for up to ``count`` runs, but none of a kind of system under test it ``lacks``."""
+
+    worker: WorkerInfo
+    count: Annotated[int, Field(ge=0, le=1024)]
+    lacks: Annotated[tuple[ShortText, ...], Field(max_length=64)] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Lease:
+    """One leased run: ``token`` fences it, ``trace`` names its trace in the ``store``.
+
+    ``store`` is a URL, empty for the daemon's state directory.
+    """
+
+    run: str
+    campaign: str
+    attempt: int
+    token: int
+    trace: str
+    spec: RunSpec
+    store: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class LeaseReply:
+    """Runs to execute; ``draining`` says that none will come, the daemon is leaving."""
+
+    grants: tuple[Lease, ...]
+    draining: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class LeaseRef:
+    """A lease a worker believes to hold."""
+
+    run: IdText
+    token: NonNegativeInt
+
+
+@dataclass(frozen=True, slots=True)
+class RenewRequest:
+    """All leases a worker holds, finished but unacknowledged runs included."""
+
+    worker: WorkerInfo
+    holds: Annotated[tuple[LeaseRef, ...], Field(max_length=4096)]
+
+
+@dataclass(frozen=True, slots=True)
+class RenewReply:
+    """Leases that are not the worker's any more: stop those runs."""
+
+    gone: tuple[LeaseRef, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Completion:
+    """A finished run; its trace lies where the grant said, or was ``uploaded`` before.
+
+    ``location`` is the URL of the trace, empty when it lies in the daemon's state directory.
+    """
+
+    worker: WorkerId
+    run: IdText
+    attempt: NonNegativeInt
+    token: NonNegativeInt
+    result: RunResult
+    location: Annotated[str, Field(max_length=2000)] = ""
+    uploaded: bool = False
+
+
+class LedgerAnswer(StrEnum):
+    """What the ledger made of a completion, a release or a renewal.
+
+    ``recorded``: this is the result. ``known``: the same result was there. ``differs``: another
+    result was there, a nondeterminism alarm. ``dropped``: the run is cancelled. ``stale``: the
+    lease is not the sender's any more. ``missing``: nothing was recorded, since the trace is not
+    there: bring it again. ``done``: as asked.
+    """
+
+    RECORDED = "recorded"
+    KNOWN = "known"
+    DIFFERS = "differs"
+    DROPPED = "dropped"
+    STALE = "stale"
+    MISSING = "missing"
+    DONE = "done"
+
+
+@dataclass(frozen=True, slots=True)
+class LedgerAcknowledgement:
+    """Answer to a completion or a release, sent after the ledger has committed it."""
+
+    answer: LedgerAnswer
+
+
+@dataclass(frozen=True, slots=True)
+class ReleaseRequest:
+    """A run given back without a result; ``blame`` counts it against the run's attempts."""
+
+    worker: WorkerId
+    run: IdText
+    token: NonNegativeInt
+    reason: Annotated[str, Field(max_length=20_000)]
+    blame: bool
+
+
+@dataclass(frozen=True, slots=True)
+class TraceUploadChunk:
+    """A part of the trace of a finished run, on its way to the daemon.
+
+    ``sha256`` and ``size`` are those of the whole trace, ``digest`` is the SHA-256 of the bytes
+    that ``data`` carries in base64. Without data it asks how far the upload is.
+    """
+
+    worker: WorkerId
+    run: IdText
+    token: NonNegativeInt
+    sha256: Sha256Text
+    size: Annotated[int, Field(ge=0, le=LARGEST_TRACE)]
+    offset: NonNegativeInt = 0
+    data: Base64Text = ""
+    digest: ShortText = ""
+
+
+@dataclass(frozen=True, slots=True)
+class UploadProgress:
+    """How far an upload is: go on at ``offset``, unless it is ``complete``.
+
+    ``problem`` says why a chunk was not taken.
+    """
+
+    offset: int
+    complete: bool
+    problem: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class TraceDownloadRequest:
+    """Ask for up to ``count`` bytes of the trace of a run, from ``offset`` on."""
+
+    run: IdText
+    offset: NonNegativeInt
+    count: Annotated[int, Field(ge=1, le=LARGEST_CHUNK)] = LARGEST_CHUNK
+
+
+@dataclass(frozen=True, slots=True)
+class DownloadChunk:
+    """A part of a trace: ``size`` and ``sha256`` are those of the whole, ``digest`` of the data."""
+
+    offset: int
+    size: Annotated[int, Field(ge=0, le=LARGEST_TRACE)]
+    sha256: Sha256Text
+    data: Base64Text
+    digest: ShortText
+
+
+@dataclass(frozen=True, slots=True)
+class FileUploadChunk:
+    """A part of a file of a system under test, on its way to the daemon; see :class:`TraceUploadChunk`."""
+
+    sha256: Sha256Text
+    size: Annotated[int, Field(ge=0, le=LARGEST_FILE)]
+    offset: NonNegativeInt = 0
+    data: Base64Text = ""
+    digest: ShortText = ""
+
+
+@dataclass(frozen=True, slots=True)
+class FileDownloadRequest:
+    """Ask for up to ``count`` bytes of a file of a system under test, from ``offset`` on."""
+
+    sha256: Sha256Text
+    offset: NonNegativeInt
+    count: Annotated[int, Field(ge=1, le=LARGEST_CHUNK)] = LARGEST_CHUNK

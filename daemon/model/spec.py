@@ -1,0 +1,154 @@
+"""A run, before and after: the specification that identifies it and the result it leaves.
+
+``RunSpec`` holds everything that decides the bytes of a trace. Same digest, same trace.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Final, Literal
+
+from daemon.model.verdicts import Outcome, Verdict
+from grammars.model.behaviour import Behaviour
+from grammars.model.geometry import Pose2
+from grammars.model.mission import Mission
+from grammars.model.robot import Robot
+from grammars.text import codec
+
+ENGINE_VERSION: Final = "2"
+"""Raised whenever a change alters traces of unchanged specifications."""
+
+
+@dataclass(frozen=True, slots=True)
+class SutReference:
+    """A configured system under test: its name in the campaign, its kind and its parameters."""
+
+    name: str
+    kind: str
+    parameters: dict[str, Any]
+
+
+@dataclass(frozen=True, slots=True)
+class MapSettings:
+    """How the map given to the system under test is drawn.
+
+    ``doors``: ``none`` leaves objects out (what a surveyor would keep), ``initial`` draws them
+    in their initial state.
+    """
+
+    resolution: float = 0.05
+    doors: Literal["none", "initial"] = "none"
+
+
+@dataclass(frozen=True, slots=True)
+class OracleText:
+    """An oracle by name, as written."""
+
+    name: str
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
+class RunSpec:
+    """One run: a cell of the campaign (scenario x SUT), one repeat of it.
+
+    ``scene`` is the digest of the compiled scene; ``limit`` is simulated time [s]; ``seed`` the
+    root of the run's seed tree. Behaviours are concrete: whatever was random in the campaign has
+    been drawn, so a specification says exactly what the doors do.
+    """
+
+    campaign: str
+    scenario: str
+    sut: SutReference
+    repeat: int
+    scene: str
+    robot: Robot
+    mission: Mission
+    behaviours: tuple[Behaviour, ...]
+    oracles: tuple[OracleText, ...]
+    map: MapSettings
+    seed: int
+    limit: float
+    engine: str = ENGINE_VERSION
+
+    @property
+    def digest(self) -> str:
+        """Identity of the run: 64 hexadecimal digits."""
+        return codec.digest(self)
+
+    @property
+    def label(self) -> str:
+        """A short name for people: ``S1/pilot/3``."""
+        return f"{self.scenario}/{self.sut.name}/{self.repeat}"
+
+
+@dataclass(frozen=True, slots=True)
+class Snapshot:
+    """How far a run is, for live views only: never recorded, never judged.
+
+    ``pose`` is the true pose, ``estimate`` what the SUT believes; ``joints`` are positions in the
+    order of :attr:`grammars.model.scene.Scene.joint_names`. The rest is there only while somebody
+    watches: ``spread`` is xx, xy and yy of the estimate's covariance [m²]; laser ``returns``, the
+    global ``plan`` and ``contacts`` since the snapshot before are points of the map frame, thinned
+    and rounded: x, y, x, y, ... [cm].
+    """
+
+    time: float
+    limit: float
+    pose: Pose2
+    estimate: Pose2 | None
+    reached: int
+    waypoints: int
+    joints: tuple[float, ...]
+    spread: tuple[float, float, float] | None = None
+    returns: tuple[int, ...] = ()
+    plan: tuple[int, ...] = ()
+    contacts: tuple[int, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class TraceInfo:
+    """A written trace file: its SHA-256, size in bytes and number of messages."""
+
+    sha256: str
+    size: int
+    messages: int
+
+
+@dataclass(frozen=True, slots=True)
+class Timing:
+    """What a run cost [s]: wall clock, CPU, and the simulated time it covered."""
+
+    wall: float
+    cpu: float
+    simulated: float
+
+
+@dataclass(frozen=True, slots=True)
+class RunResult:
+    """What a run leaves: verdicts, the trace's identity, why it ended, what it cost.
+
+    ``ended``: ``finished`` (the SUT says the mission is over), ``limit`` (simulated time is up)
+    or ``crashed`` (the SUT raised; ``note`` says what).
+    """
+
+    spec: str
+    outcome: Outcome
+    verdicts: tuple[Verdict, ...]
+    ended: Literal["finished", "limit", "crashed"]
+    trace: TraceInfo
+    timing: Timing
+    note: str = ""
+
+    @property
+    def digest(self) -> str:
+        """Digest of what must be equal when the same specification runs again (not timing)."""
+        return codec.digest(_Outcome(self.spec, self.outcome, self.verdicts, self.trace))
+
+
+@dataclass(frozen=True, slots=True)
+class _Outcome:
+    spec: str
+    outcome: Outcome
+    verdicts: tuple[Verdict, ...]
+    trace: TraceInfo

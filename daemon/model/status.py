@@ -1,0 +1,222 @@
+"""What people hand in and see of it: submissions, and how campaigns, runs, workers and the disk stand.
+
+Everything is JSON made and validated by :mod:`grammars.text.codec`. Times named ``..._at`` are wall
+clock seconds since the epoch: they inform people and leases, never a run.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from enum import StrEnum
+from typing import Final
+
+from daemon.model.assessments import AssessmentRules
+from daemon.model.spec import RunResult, RunSpec, Snapshot
+from daemon.model.verdicts import Outcome
+from grammars.model.scene import Scene
+
+PREFIX: Final = "scenario/v1"
+
+
+class RunState(StrEnum):
+    """Life of a run in the ledger; ``lost`` means no result after every attempt."""
+
+    QUEUED = "queued"
+    RUNNING = "running"
+    DONE = "done"
+    LOST = "lost"
+    CANCELLED = "cancelled"
+
+
+@dataclass(frozen=True, slots=True)
+class Submission:
+    """A campaign on its way to the daemon; ``campaign`` is a client-made unique id.
+
+    Submitting the same id again changes nothing. ``source`` is the campaign file's text. Runs in
+    ``reserve`` wait for cells that ``declared`` leaves undecided after the repeats before. Runs
+    that have a result in the ledger under another campaign are not run again unless ``fresh``.
+    """
+
+    campaign: str
+    name: str
+    about: str
+    source: str
+    runs: tuple[RunSpec, ...]
+    scenes: tuple[Scene, ...]
+    declared: AssessmentRules = field(default_factory=AssessmentRules)
+    reserve: tuple[RunSpec, ...] = ()
+    fresh: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class SubmissionReceipt:
+    """Answer to a submission, sent after the ledger has committed it.
+
+    ``cached`` runs had a result already, which is used again.
+    """
+
+    campaign: str
+    runs: int
+    known: bool
+    cached: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class CampaignRow:
+    """A campaign and how its runs stand; ``cached`` counts results taken from earlier campaigns.
+
+    While it is ``paused`` no more runs start; those of higher ``priority`` start first.
+    """
+
+    id: str
+    name: str
+    about: str
+    submitted_at: float
+    finished_at: float | None
+    total: int
+    queued: int
+    running: int
+    done: int
+    lost: int
+    cancelled: int
+    passed: int
+    failed: int
+    inconclusive: int
+    errors: int
+    cached: int = 0
+    paused: bool = False
+    priority: int = 0
+
+    @property
+    def finished(self) -> bool:
+        """Whether no run of the campaign is waiting or running."""
+        return self.queued == 0 and self.running == 0
+
+
+@dataclass(frozen=True, slots=True)
+class RunRow:
+    """One run as a list shows it.
+
+    ``oracle`` and ``margin`` name the oracle that decides the outcome (the first failing one,
+    else the one with the smallest margin) and its margin in ``unit``. ``trace`` is the path of
+    the trace on the machine that keeps it, empty while there is none. ``cached`` is the earlier
+    run whose result this is, empty when it was executed itself.
+    """
+
+    id: str
+    campaign: str
+    index: int
+    scenario: str
+    sut: str
+    repeat: int
+    state: RunState
+    attempt: int
+    worker: str
+    outcome: Outcome | None
+    oracle: str
+    margin: float | None
+    unit: str
+    simulated: float
+    limit: float
+    wall: float
+    trace: str
+    reason: str = ""
+    cached: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class RunPage:
+    """A page of run rows; ``total`` counts all rows the filter admits."""
+
+    rows: tuple[RunRow, ...]
+    total: int
+
+
+@dataclass(frozen=True, slots=True)
+class RunDetail:
+    """Everything the daemon knows about one run."""
+
+    row: RunRow
+    spec: RunSpec
+    result: RunResult | None
+
+
+@dataclass(frozen=True, slots=True)
+class WorkerRow:
+    """A worker connected to the daemon: ``busy`` of ``slots`` are running something."""
+
+    id: str
+    host: str
+    pid: int
+    version: str
+    slots: int
+    busy: int
+    connected_at: float
+    last_seen_at: float
+
+
+@dataclass(frozen=True, slots=True)
+class DiskUsage:
+    """The file system of the state directory and what the ledger takes of it, in bytes.
+
+    ``traces`` take at most ``quota`` of it, if that is not 0.
+    """
+
+    total: int
+    free: int
+    ledger: int
+    traces: int = 0
+    quota: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class DaemonOverview:
+    """The line that answers "is it fine?"; ``rate`` is runs finished per minute lately.
+
+    ``trouble`` says why runs cannot be executed here (the daemon's own worker broke, the disk is
+    full), empty when they can.
+    """
+
+    version: str
+    state: str
+    started_at: float
+    now: float
+    campaigns: int
+    workers: int
+    queued: int
+    running: int
+    done: int
+    lost: int
+    cancelled: int
+    passed: int
+    failed: int
+    inconclusive: int
+    errors: int
+    rate: float
+    seconds_left: float | None
+    trouble: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class ChangeEvent:
+    """Something changed: ``seq`` grows by one each; a gap means: ask for the whole again.
+
+    ``kind``: ``campaign`` (submitted, paused, resumed, prioritised, cancelled, retried,
+    finished), ``run`` (state changed),
+    ``worker`` (came, gone), ``alarm`` (another attempt of the run gave another result). ``id``
+    names it.
+    """
+
+    seq: int
+    kind: str
+    id: str
+    campaign: str = ""
+    state: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class LiveSnapshot:
+    """A running run's snapshot, published while it runs (telemetry: may be lost)."""
+
+    run: str
+    snapshot: Snapshot

@@ -1,0 +1,156 @@
+"""The protocol a system under test fulfils: observations in, command and telemetry out.
+
+A system under test never sees the simulator: it gets what a robot would get (a map, a mission,
+odometry, laser scans), in lock step with simulated time, and answers with a velocity command and
+what it wants recorded. The same protocol fits a follower of a few lines and the whole ROS
+navigation stack. Frames per REP 105: ``map``, ``odom``, ``base_link``.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal, Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from grammars.model.geometry import Floats, Pose2, Twist2
+from grammars.model.grid import OccupancyGrid
+from grammars.model.mission import Mission
+from grammars.model.robot import Robot
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Briefing:
+    """What a system under test knows before it starts.
+
+    ``start`` is the initial pose it is told (map frame); ``seed`` feeds everything random in it.
+    """
+
+    robot: Robot
+    map: OccupancyGrid
+    mission: Mission
+    start: Pose2
+    seed: np.random.SeedSequence
+
+
+@dataclass(frozen=True, slots=True)
+class Odometry:
+    """A wheel odometry sample: ``pose`` of base_link in odom, ``twist`` in base_link."""
+
+    time: float
+    pose: Pose2
+    twist: Twist2
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LaserScan:
+    """One sweep, taken at one instant: ``ranges`` [m] of shape (rays,), float32.
+
+    ``inf`` means no return within range, ``nan`` a lost ray (REP 117).
+    """
+
+    time: float
+    ranges: npt.NDArray[np.float32]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Observation:
+    """Everything new since the previous update, oldest first; ``time`` is now [s].
+
+    ``ground_truth`` is only given to systems that ask for it (``needs_ground_truth``).
+    """
+
+    time: float
+    odometry: tuple[Odometry, ...]
+    scans: tuple[LaserScan, ...]
+    ground_truth: Pose2 | None = None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Estimate:
+    """A pose estimate in the map frame; ``covariance`` (3, 3) over x, y, yaw [m, m, rad]."""
+
+    time: float
+    pose: Pose2
+    covariance: Floats
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Cloud:
+    """Summary of a particle cloud: ``count``, mean pose and (3, 3) covariance of all particles."""
+
+    time: float
+    count: int
+    mean: Pose2
+    covariance: Floats
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class CostmapPicture:
+    """A costmap as it was at ``time``, to be looked at: nothing is judged by it.
+
+    ``cells`` of shape (rows, columns), uint8, row 0 at the bottom, are costs as costmap_2d has
+    them: 0 free, 253 inscribed, 254 lethal, 255 unknown. ``x``, ``y`` is the lower left corner
+    in ``frame`` [m], ``resolution`` in m.
+    """
+
+    time: float
+    frame: Literal["map", "odom"]
+    resolution: float
+    x: float
+    y: float
+    cells: npt.NDArray[np.uint8]
+
+
+@dataclass(frozen=True, slots=True)
+class Progress:
+    """Where the mission stands: ``current`` is the index of the waypoint being approached.
+
+    ``reached`` waypoints are done; when all are, ``state`` is ``succeeded``.
+    """
+
+    current: int
+    reached: int
+    state: Literal["active", "succeeded", "aborted"]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Decision:
+    """Answer to one observation; ``None`` fields mean "nothing new".
+
+    ``command`` is a body-frame velocity. ``plan`` and ``local_plan`` have shape (n, 2) in the map
+    frame. ``events`` are short sentences for the log of the run.
+
+    For viewers alone, recorded at most once a second: ``particles`` (n, 3) of x, y, yaw in the
+    map frame, already thinned to a hundred or so, at the time of ``cloud`` if there is one; and a
+    picture of a ``costmap``.
+    """
+
+    command: Twist2 | None
+    progress: Progress
+    estimate: Estimate | None = None
+    cloud: Cloud | None = None
+    plan: Floats | None = None
+    local_plan: Floats | None = None
+    events: tuple[str, ...] = ()
+    particles: Floats | None = None
+    costmap: CostmapPicture | None = None
+
+
+class SystemUnderTest(Protocol):
+    """A system under test. ``period`` [s] is a multiple of 0.01; ``update`` runs every period."""
+
+    @property
+    def period(self) -> float:
+        """Seconds of simulated time between two updates."""
+
+    @property
+    def needs_ground_truth(self) -> bool:
+        """Whether observations must carry the true pose (only for baselines that say so)."""
+
+    def start(self, briefing: Briefing) -> None:
+        """Prepare for one run; called once, before the first update."""
+
+    def update(self, observation: Observation) -> Decision:
+        """Take what is new and answer; called every ``period``."""

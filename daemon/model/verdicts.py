@@ -1,0 +1,102 @@
+"""Verdicts: what an oracle says about a trace, and why.
+
+An oracle maps a trace to an interval of signed margin in the unit of the judged quantity; the
+verdict falls out of it: pass when the whole interval is >= 0, fail when it is < 0, inconclusive
+when it is neither, error when there is no interval.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from enum import StrEnum
+
+
+class Outcome(StrEnum):
+    """The four verdicts, and ``measure`` for an oracle without a limit (never red)."""
+
+    PASS = "pass"
+    FAIL = "fail"
+    INCONCLUSIVE = "inconclusive"
+    ERROR = "error"
+    MEASURE = "measure"
+
+
+@dataclass(frozen=True, slots=True)
+class Evidence:
+    """The decisive moment: ``time`` [s], the ``value`` and ``limit`` there, the object involved."""
+
+    time: float | None = None
+    value: float | None = None
+    limit: float | None = None
+    object: str = ""
+    note: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Verdict:
+    """One oracle's verdict on one trace.
+
+    ``lower`` and ``upper`` bound the signed margin in ``unit`` (``None``: unbounded on that
+    side). For a measure, ``evidence.value`` is the measured value.
+    """
+
+    oracle: str
+    text: str
+    outcome: Outcome
+    lower: float | None
+    upper: float | None
+    unit: str
+    evidence: Evidence = Evidence()
+
+    @property
+    def margin(self) -> float | None:
+        """The decisive bound: the lower one, or ``None`` when the margin is unknown."""
+        return self.lower if self.outcome is not Outcome.FAIL else self.upper
+
+
+def combine(verdicts: Iterable[Verdict], *, valid: bool = True) -> Outcome:
+    """Combine the verdicts of one run: invalid > fail > error > inconclusive > pass.
+
+    A suite that judged nothing is inconclusive; measures do not count.
+    """
+    if not valid:
+        return Outcome.ERROR
+    found = {v.outcome for v in verdicts} - {Outcome.MEASURE}
+    for outcome in (Outcome.FAIL, Outcome.ERROR, Outcome.INCONCLUSIVE, Outcome.PASS):
+        if outcome in found:
+            return outcome
+    return Outcome.INCONCLUSIVE
+
+
+@dataclass(frozen=True, slots=True)
+class MarginInterval:
+    """An interval of signed margin (infinite where unbounded) and the evidence for it.
+
+    A measure has no interval, only evidence.
+    """
+
+    lower: float
+    upper: float
+    evidence: Evidence = field(default_factory=Evidence)
+    measured: bool = False
+
+    @property
+    def outcome(self) -> Outcome:
+        """The verdict that falls out of the interval."""
+        if self.measured:
+            return Outcome.MEASURE
+        if self.lower >= 0.0:
+            return Outcome.PASS
+        return Outcome.FAIL if self.upper < 0.0 else Outcome.INCONCLUSIVE
+
+
+def unknown_margin(note: str, *, measured: bool = False) -> MarginInterval:
+    """Return the finding of an oracle that had nothing to judge."""
+    return MarginInterval(-math.inf, math.inf, Evidence(note=note), measured)
+
+
+def join_notes(*notes: str) -> str:
+    """Join notes for people, leaving out empty ones."""
+    return "; ".join(note for note in notes if note)

@@ -1,0 +1,239 @@
+"""The mobile base: a rigid body, and how its drive moves it.
+
+A base driven by motors has a control body that is kinematic and carries the commanded velocity; a
+pivot and a gear joint with bounded effort and no position correction make the robot follow it. So
+it pushes doors with what its motors have, stalls at walls and never tunnels, which writing
+velocities into the robot body would do.
+
+A base whose velocity is imposed has it written into its body once a tick, before it moves, as
+Gazebo's planar-move plugin does. That alone would press the body through walls; so while anything
+touches it, the velocity is written where Gazebo's plugin writes it in effect: after the step has
+found the contacts and before their forces are solved.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+import pymunk
+
+from daemon.simulator._physics import DT, FRICTION, ROBOT_COLLISION_TYPE, ROBOT_FILTER, TICK_RATE
+from grammars.model.geometry import Pose2, Twist2
+from grammars.model.robot import Robot
+
+
+class MobileBase:
+    """The robot body, its command and a body of its own to be driven by.
+
+    The mass is balanced about the base frame's origin.
+
+    Attributes:
+        touching: pairs of shapes in contact, kept by whoever records contacts.
+    """
+
+    def __init__(self, space: pymunk.Space, robot: Robot, start: Pose2) -> None:
+        self._drive = robot.drive
+        self.touching = 0
+        corners = list(robot.footprint)
+        self.body = pymunk.Body(robot.mass, pymunk.moment_for_poly(robot.mass, corners))
+        self.body.angle = start.yaw
+        self.body.position = (start.x, start.y)
+        self.shape = pymunk.Poly(self.body, corners)
+        self.shape.collision_type = ROBOT_COLLISION_TYPE
+        self.shape.filter = ROBOT_FILTER
+        self.shape.friction = FRICTION
+        self._control = pymunk.Body(body_type=pymunk.Body.KINEMATIC)
+        self._control.position = self.body.position
+        space.add(self.body, self.shape, self._control)
+        self._goal = (0.0, 0.0, 0.0)
+        self._expiry = math.inf
+
+    def command(self, twist: Twist2, tick: int) -> None:
+        """Take a body-frame velocity command, within the drive's speed limits.
+
+        Raises:
+            ValueError: a component is not finite.
+        """
+        vx, vy, wz = twist.vx, twist.vy, twist.wz
+        if not math.isfinite(vx + vy + wz):
+            raise ValueError(f"velocity command is not finite: {twist}")
+        drive = self._drive
+        vy = 0.0 if drive.kind == "differential" else _clamp(vy, drive.max_vy)
+        self._goal = (_clamp(vx, drive.max_vx), vy, _clamp(wz, drive.max_wz))
+        if drive.timeout > 0.0:
+            self._expiry = tick + round(drive.timeout * TICK_RATE)
+
+    def update(self, tick: int) -> None:
+        """Set velocities for the tick that starts now."""
+        raise NotImplementedError
+
+    def depth(self) -> float:
+        """Return how deep the robot is in what it touches at most [m]."""
+        deepest = [0.0]
+
+        def look(arbiter: pymunk.Arbiter) -> None:
+            deepest.extend(-point.distance for point in arbiter.contact_point_set.points)
+
+        self.body.each_arbiter(look)
+        return max(deepest)
+
+    def pose(self) -> Pose2:
+        """Return the true pose of the base frame in the world."""
+        position = self.body.position
+        return Pose2(position.x, position.y, math.remainder(self.body.angle, math.tau))
+
+    def twist(self) -> Twist2:
+        """Return the true velocity in the body frame."""
+        raise NotImplementedError
+
+
+class MotorDrivenBase(MobileBase):
+    """A base whose motors follow the command within their accelerations, force and torque."""
+
+    def __init__(self, space: pymunk.Space, robot: Robot, start: Pose2) -> None:
+        super().__init__(space, robot, start)
+        pull = pymunk.PivotJoint(self._control, self.body, (0.0, 0.0), (0.0, 0.0))
+        turn = pymunk.GearJoint(self._control, self.body, 0.0, 1.0)
+        pull.max_bias = turn.max_bias = 0.0
+        pull.max_force, turn.max_force = robot.drive.max_force, robot.drive.max_torque
+        space.add(pull, turn)
+        self._speed = (0.0, 0.0, 0.0)
+        self._written_yaw = math.nan
+
+    def update(self, tick: int) -> None:
+        """Set the velocity of the control body for the tick that starts now."""
+        if tick >= self._expiry:
+            self._goal, self._expiry = (0.0, 0.0, 0.0), math.inf
+        body, speed = self.body, self._speed
+        yaw = body.angle
+        settled = speed == self._goal
+        if settled and yaw == self._written_yaw:
+            return
+        # The step that starts now first moves the body with the velocity it has, then finds the
+        # velocity of the next one: halfway through that one is the heading that makes an arc.
+        if settled:
+            vx, vy, wz = speed
+            heading = yaw + 1.5 * DT * wz
+        else:
+            spin = body.angular_velocity
+            vx, vy, wz = self._ramp(yaw, spin)
+            heading = yaw + DT * (spin + 0.5 * wz)
+            self._control.angular_velocity = wz
+        c, s = math.cos(heading), math.sin(heading)
+        self._control.velocity = (c * vx - s * vy, s * vx + c * vy)
+        self._written_yaw = yaw
+
+    def _ramp(self, yaw: float, spin: float) -> tuple[float, float, float]:
+        """Bring the demanded speed nearer to the commanded one, within the accelerations."""
+        drive, goal, speed = self._drive, self._goal, self._speed
+        vx, vy = self._body_velocity(yaw, spin)
+        self._speed = (
+            _approach(goal[0], speed[0], vx, drive.max_ax * DT),
+            _approach(goal[1], speed[1], vy, drive.max_ay * DT),
+            _approach(goal[2], speed[2], spin, drive.max_az * DT),
+        )
+        return self._speed
+
+    def twist(self) -> Twist2:
+        """Return the true velocity in the body frame."""
+        wz = self.body.angular_velocity
+        vx, vy = self._body_velocity(self.body.angle, wz)
+        return Twist2(vx, vy, wz)
+
+    def _body_velocity(self, yaw: float, spin: float) -> tuple[float, float]:
+        x, y = self.body.velocity
+        heading = yaw + 0.5 * DT * spin
+        c, s = math.cos(heading), math.sin(heading)
+        return c * x + s * y, c * y - s * x
+
+
+def _approach(goal: float, demanded: float, true: float, limit: float) -> float:
+    """Return the next demanded speed, at most ``limit`` from the last one.
+
+    A stalled robot that is told to turn back starts from its true speed, not from the speed it
+    was pushing for.
+    """
+    change = goal - demanded
+    if change == 0.0:
+        return goal
+    if (goal - true) * (demanded - true) < 0.0:
+        demanded, change = true, goal - true
+    return goal if -limit <= change <= limit else demanded + math.copysign(limit, change)
+
+
+def _clamp(value: float, limit: float) -> float:
+    return value if -limit <= value <= limit else math.copysign(limit, value)
+
+
+_MEAN_UPDATE_TIME: Final = 0.0045
+"""Mean time of ten updates of the plugin at the start of each millisecond of a tick [s]."""
+
+
+class ImposedVelocityBase(MobileBase):
+    """A base that has the commanded velocity from the next tick on, less what the ground takes."""
+
+    def __init__(self, space: pymunk.Space, robot: Robot, start: Pose2) -> None:
+        super().__init__(space, robot, start)
+        # A joint to a kinematic body, without force: it keeps the robot from falling asleep.
+        leash = pymunk.GearJoint(self._control, self.body, 0.0, 1.0)
+        leash.max_force = 0.0
+        space.add(leash)
+        self._resisted = False
+        self._written = (self._goal, start.yaw)
+
+    def update(self, tick: int) -> None:
+        """Write the velocity for the tick that starts now, or have it written in contact."""
+        if tick >= self._expiry:
+            self._goal, self._expiry = (0.0, 0.0, 0.0), math.inf
+        body = self.body
+        if self._resisted != (self.touching > 0):
+            self._resisted = not self._resisted
+            body.velocity_func = self._insist if self._resisted else pymunk.Body.update_velocity
+            self._written = (self._goal, math.nan)
+        if self._resisted:
+            return
+        yaw, (goal, heading) = body.angle, self._written
+        if yaw != heading or goal != self._goal:
+            self._written = (self._goal, yaw)
+            self._impose(yaw)
+
+    def _insist(
+        self, body: pymunk.Body, gravity: tuple[float, float], damping: float, dt: float
+    ) -> None:
+        """Have the commanded velocity again, for the solver to take away what meets resistance."""
+        self._impose(body.angle)
+
+    def _impose(self, yaw: float) -> None:
+        vx, vy, wz = self._goal
+        loss = self._drive.friction_loss
+        spin = _reduced_speed(wz, self._drive.turning_loss)
+        # The plugin turns the velocity with the heading at the start of each of its steps; over a
+        # tick the mean of those directions is the one in the middle.
+        heading = yaw + spin * _MEAN_UPDATE_TIME
+        c, s = math.cos(heading), math.sin(heading)
+        self.body.velocity = (
+            _reduced_speed(c * vx - s * vy, loss),
+            _reduced_speed(s * vx + c * vy, loss),
+        )
+        self.body.angular_velocity = spin
+
+    def twist(self) -> Twist2:
+        """Return the true velocity of the last tick in the body frame."""
+        body = self.body
+        x, y = body.velocity
+        wz = body.angular_velocity
+        heading = body.angle if self._resisted else body.angle - (DT - _MEAN_UPDATE_TIME) * wz
+        c, s = math.cos(heading), math.sin(heading)
+        return Twist2(c * x + s * y, c * y - s * x, wz)
+
+
+def make_base(space: pymunk.Space, robot: Robot, start: Pose2) -> MobileBase:
+    """Put the robot into ``space`` with the drive it has."""
+    return (ImposedVelocityBase if robot.drive.law == "imposed" else MotorDrivenBase)(
+        space, robot, start
+    )
+
+
+def _reduced_speed(speed: float, loss: float) -> float:
+    return math.copysign(max(0.0, abs(speed) - loss), speed)

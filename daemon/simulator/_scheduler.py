@@ -1,0 +1,305 @@
+"""Lets behaviours act at the right ticks, and costs next to nothing in between.
+
+Reactions and walks wait in a queue for events of the run: each happens once.
+"""
+
+from __future__ import annotations
+
+import heapq
+import math
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
+
+from daemon.simulator._assembly import BodyAssembly
+from daemon.simulator._behaviours import (
+    EventReporter,
+    JointActuator,
+    KeyFramePlayer,
+    ReactingJoint,
+    RobotProximity,
+    TriggeredJoint,
+)
+from daemon.simulator._joints import JointDrive, JointJumper
+from daemon.simulator._mobile_base import MobileBase
+from daemon.simulator._physics import TICK_RATE, area_and_centroid, ring_array, transform_array
+from daemon.simulator._walkers import Walker
+from grammars.model.behaviour import (
+    Behaviour,
+    Event,
+    Hold,
+    JointActs,
+    KeyFrames,
+    LegBegins,
+    Reaction,
+    Trigger,
+    Walk,
+    WaypointReached,
+)
+from grammars.model.geometry import Floats, Point2
+from grammars.model.robot import Robot
+from grammars.model.scene import Scene
+
+Action = Callable[[], None]
+MOVED_BY = 0.01
+"""A joint this far from where it started has started to move [rad or m]."""
+
+
+class EventQueue:
+    """Who waits for what, and what is due after its delay.
+
+    Attributes:
+        due: tick at which the next act is due, if any.
+    """
+
+    def __init__(
+        self, waypoints: Sequence[str], positions: Mapping[str, Callable[[], float]]
+    ) -> None:
+        self._waypoints = list(waypoints)
+        self._positions = positions
+        self._waiting: list[tuple[Event, int, Action]] = []
+        self._agenda: list[tuple[int, int, Action]] = []
+        self._watched: dict[str, float] = {}
+        self._count = 0
+
+    def wait(self, event: Event, delay: int, act: Action) -> None:
+        """Let ``act`` be called ``delay`` ticks after ``event``.
+
+        Raises:
+            ValueError: the mission has no such waypoint.
+        """
+        if isinstance(event, WaypointReached) and event.waypoint not in self._waypoints:
+            raise ValueError(f"the mission has no waypoint {event.waypoint!r}")
+        self._waiting.append((event, delay, act))
+        self._watch()
+
+    def _watch(self) -> None:
+        """Look at the joints that somebody waits to see moving, from where they are now."""
+        wanted = {
+            name
+            for event, _, _ in self._waiting
+            if isinstance(event, JointActs) and event.act == "moves"
+            for name in event.joints
+            if name in self._positions
+        }
+        self._watched = {
+            name: self._watched.get(name, self._positions[name]()) for name in sorted(wanted)
+        }
+
+    @property
+    def due(self) -> float:
+        """The tick of the next act on the agenda; infinite without one."""
+        return self._agenda[0][0] if self._agenda else float("inf")
+
+    @property
+    def watching(self) -> bool:
+        """Whether :meth:`look` must be called every tick."""
+        return bool(self._watched)
+
+    def progress(self, current: int, reached: int, tick: int) -> None:
+        """Take note of the mission: index of the waypoint approached, number of those reached."""
+
+        def happened(event: Event) -> bool:
+            if isinstance(event, LegBegins):
+                return current >= event.leg - 1
+            if isinstance(event, WaypointReached):
+                return reached > self._waypoints.index(event.waypoint)
+            return False
+
+        self._happen(happened, tick)
+
+    def fired(self, joint: str, tick: int) -> None:
+        """Take note that the behaviour of a joint went off."""
+        self._happen(lambda e: isinstance(e, JointActs) and e.act == "fires" and joint in e.joints,
+                     tick)  # fmt: skip
+
+    def look(self, tick: int) -> None:
+        """Take note of joints that started to move."""
+        stirred = {
+            name
+            for name, start in self._watched.items()
+            if abs(self._positions[name]() - start) >= MOVED_BY
+        }
+        if stirred:
+            self._happen(
+                lambda e: (
+                    isinstance(e, JointActs)
+                    and e.act == "moves"
+                    and not stirred.isdisjoint(e.joints)
+                ),
+                tick,
+            )
+            self._watch()
+
+    def _happen(self, happened: Callable[[Event], bool], tick: int) -> None:
+        waiting, self._waiting = self._waiting, []
+        for event, delay, act in waiting:
+            if happened(event):
+                self._count += 1
+                heapq.heappush(self._agenda, (tick + delay, self._count, act))
+            else:
+                self._waiting.append((event, delay, act))
+
+    def play(self, tick: int) -> None:
+        """Do what is due, also what becomes due by doing it."""
+        while self._agenda and self._agenda[0][0] <= tick:
+            heapq.heappop(self._agenda)[2]()
+
+
+class BehaviourScheduler:
+    """Owns the controllers of one run and calls them when, and only when, they can matter.
+
+    Attributes:
+        active: whether there is anything to do at all.
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        robot: Robot,
+        behaviours: Sequence[Behaviour],
+        drives: Mapping[str, JointDrive],
+        assembly: BodyAssembly,
+        base: MobileBase,
+        report: EventReporter,
+        waypoints: Sequence[str] = (),
+    ) -> None:
+        self._base, self._report, self._assembly, self._drives = base, report, assembly, drives
+        self._footprint = ring_array(robot.footprint)
+        self._timed: list[KeyFramePlayer] = []
+        self._triggers: list[TriggeredJoint] = []
+        self._reacting: list[ReactingJoint] = []
+        self._walkers: list[Walker] = []
+        self._tick = 0
+        self._radius = max(math.hypot(*corner) for corner in robot.footprint)
+        self._doorways = {d.name: area_and_centroid(d.footprint)[1] for d in scene.doorways}
+        positions: dict[str, Callable[[], float]] = {
+            name: drive.position for name, drive in drives.items()
+        }
+        self._cues = EventQueue(waypoints, positions)
+        walks = [b for b in behaviours if isinstance(b, Walk)]
+        for walk in walks:
+            walker = self._add_walker(walk)
+            positions.update(dict.fromkeys(walk.joints, walker.moved))
+        for walk, walker in zip(walks, self._walkers, strict=True):
+            if walk.event is not None:
+                self._wait(walk.event, walk.start, partial(self._set_out, walker))
+        for behaviour in behaviours:
+            if not isinstance(behaviour, Hold | Walk):
+                self._add(behaviour)
+        self.active = bool(self._timed or self._triggers or self._reacting or self._walkers)
+        self._due = min((t.due for t in self._timed), default=math.inf)
+        self._close: list[RobotProximity] = []
+        self._seen = (0.0, 0.0, 0.0)
+        self._slack = 0.0
+
+    def _add(self, behaviour: KeyFrames | Trigger | Reaction) -> None:
+        name, drive = behaviour.joint, self._drives[behaviour.joint]
+        mover = JointActuator(
+            behaviour.motion, drive, JointJumper(drive, self._assembly), self._report
+        )
+        if isinstance(behaviour, KeyFrames):
+            self._timed.append(KeyFramePlayer(behaviour, mover))
+        elif isinstance(behaviour, Trigger):
+            centre = _doorway_centre(behaviour, drive, self._doorways)
+            near = RobotProximity(
+                drive, self._assembly, behaviour.of, behaviour.to, centre, self._footprint
+            )
+            self._triggers.append(
+                TriggeredJoint(behaviour, mover, near, lambda: self._cues.fired(name, self._tick))
+            )
+        else:
+            reacting = ReactingJoint(behaviour, mover)
+            self._reacting.append(reacting)
+            self._wait(behaviour.event, behaviour.delay, lambda: self._react(reacting))
+
+    def _set_out(self, walker: Walker) -> None:
+        walker.begin(self._tick)
+
+    def _add_walker(self, walk: Walk) -> Walker:
+        (slot,) = {m.child for m in self._assembly.walks if m.name == walk.joint}
+        rings = [
+            ring
+            for placement in self._assembly.placements_on(slot)
+            if placement.owner in self._assembly.owners.values()
+            for ring in placement.rings
+        ]
+        walker = Walker(
+            walk, self._assembly.bodies[slot], rings, self._base, self._footprint, self._report
+        )
+        self._walkers.append(walker)
+        return walker
+
+    def _wait(self, event: Event, delay: float, act: Callable[[], None]) -> None:
+        self._cues.wait(event, round(delay * TICK_RATE), act)
+
+    def _react(self, reacting: ReactingJoint) -> None:
+        reacting.act(self._world_footprint())
+        self._cues.fired(reacting.mover.name, self._tick)
+
+    def progress(self, current: int, reached: int, tick: int) -> None:
+        """Take note of what the mission has come to."""
+        self._cues.progress(current, reached, tick)
+
+    def update(self, tick: int) -> None:
+        """Let everything happen that is due at the start of ``tick``."""
+        self._tick = tick
+        if tick >= self._due:
+            self._play(tick)
+        if self._triggers and not self._motion() < self._slack:
+            self._watch()
+        if self._cues.watching:
+            self._cues.look(tick)
+        if tick >= self._cues.due:
+            self._cues.play(tick)
+        if self._reacting:
+            self._retry()
+        if self._walkers:
+            for walker in self._walkers:
+                walker.update(tick)
+
+    def _retry(self) -> None:
+        for reacting in self._reacting:
+            if reacting.mover.unfinished:
+                reacting.mover.retry(self._world_footprint())
+
+    def _motion(self) -> float:
+        """Return a bound on what moved since the triggers were watched [m]."""
+        x, y = self._base.body.position
+        motion = math.hypot(x - self._seen[0], y - self._seen[1])
+        if self._close:
+            motion += self._radius * abs(self._base.body.angle - self._seen[2])
+            motion += max(proximity.moved() for proximity in self._close)
+        return motion
+
+    def _play(self, tick: int) -> None:
+        footprint = self._world_footprint()
+        for timed in self._timed:
+            while timed.due <= tick:
+                timed.act(footprint)
+        self._due = min(timed.due for timed in self._timed)
+
+    def _watch(self) -> None:
+        pose, footprint = self._base.pose(), self._world_footprint()
+        slacks = []
+        for trigger in self._triggers:
+            trigger.mover.retry(footprint)
+            slack = trigger.watch(pose, footprint)
+            slacks.append(0.0 if trigger.mover.unfinished else slack)
+        self._close = [trigger.proximity for trigger in self._triggers if trigger.close]
+        self._seen = (pose.x, pose.y, self._base.body.angle)
+        # Slightly less than the bound, so that rounding cannot make a check late.
+        self._slack = min(slacks) - 1e-6
+
+    def _world_footprint(self) -> Floats:
+        return transform_array(self._base.pose(), self._footprint)
+
+
+def _doorway_centre(
+    behaviour: Trigger, drive: JointDrive, doorways: Mapping[str, Point2]
+) -> Point2 | None:
+    if behaviour.of != "doorway":
+        return None
+    name = drive.motion.doorway
+    if name not in doorways:
+        raise ValueError(f"trigger of joint {behaviour.joint!r}: its object stands in no doorway")
+    return doorways[name]

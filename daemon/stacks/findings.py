@@ -1,0 +1,65 @@
+"""What is found while parameters of a stack are read: what cannot run, what means nothing."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from typing import TypeAlias
+
+ParameterLocation: TypeAlias = tuple[str | int, ...]
+"""Where a value stands in the tree, such as ``("move_base", "DWAPlannerROS", "sim_time")``."""
+
+
+@dataclass(frozen=True, slots=True)
+class ParameterFinding:
+    """One thing to say about the value at ``path``, with what to do about it in ``hint``."""
+
+    path: ParameterLocation
+    message: str
+    hint: str = ""
+
+    def __str__(self) -> str:
+        hint = f"; {self.hint}" if self.hint else ""
+        return f"{format_path(self.path)}: {self.message}{hint}"
+
+
+@dataclass(frozen=True, slots=True)
+class ParameterFindings:
+    """What a run can live with: ``problems`` are warnings, most of them unknown names.
+
+    ``without_effect`` are known parameters that change nothing here, each with the reason.
+    """
+
+    problems: tuple[ParameterFinding, ...] = ()
+    without_effect: tuple[ParameterFinding, ...] = ()
+
+
+class ParameterError(ValueError):
+    """Parameters no robot could be driven with: ``problems`` holds everything wrong."""
+
+    def __init__(self, problems: Iterable[ParameterFinding]) -> None:
+        self.problems = tuple(dict.fromkeys(problems))
+        super().__init__("; ".join(str(problem) for problem in self.problems))
+
+
+@dataclass(slots=True)
+class FindingCollector:
+    """Collects findings while a tree is read."""
+
+    fatal: list[ParameterFinding] = field(default_factory=list)
+    problems: list[ParameterFinding] = field(default_factory=list)
+    without_effect: list[ParameterFinding] = field(default_factory=list)
+
+    def findings(self) -> ParameterFindings:
+        """Return what was found; raises :class:`ParameterError` for what is fatal."""
+        if self.fatal:
+            raise ParameterError(self.fatal)
+        return ParameterFindings(
+            tuple(dict.fromkeys(self.problems)), tuple(dict.fromkeys(self.without_effect))
+        )
+
+
+def format_path(path: ParameterLocation) -> str:
+    """Return a path as ROS writes names, indices in brackets: ``move_base/footprint[2]``."""
+    words = "/".join(str(part) for part in path if isinstance(part, str))
+    return words + "".join(f"[{part}]" for part in path if isinstance(part, int))

@@ -1,0 +1,118 @@
+"""Systems under test by name: the ones that ship here and those that plug in.
+
+A package of one's own adds a stack by an entry point in the group ``scenario.suts``: its name is
+the ``kind`` written in SUT files, its object a function from parameters to a
+:class:`daemon.model.sut.SystemUnderTest` that raises ``ValueError`` for parameters it does not take.
+Files written below ``files`` in a SUT file reach it as the parameter ``files``: paths, by name.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from importlib.metadata import EntryPoint, entry_points
+from typing import Any, Final, TypeAlias
+
+from daemon.batch.errors import SutMissing
+from daemon.model.attachments import resolve_paths
+from daemon.model.sut import SystemUnderTest
+from daemon.stacks.findings import ParameterFindings
+from daemon.stacks.pilot import make_idle, make_pilot
+from daemon.stacks.ros1 import make_ros
+from grammars.text.diagnostics import did_you_mean
+from grammars.text.plugins import explain_plugin_error, plugin_origin
+
+Factory: TypeAlias = Callable[[Mapping[str, Any]], SystemUnderTest]
+ENTRY_POINT_GROUP: Final = "scenario.suts"
+_ROUNDING: Final = 1e-6
+
+_BUILT_IN: Final[dict[str, Factory]] = {
+    "idle": make_idle,
+    "pilot": make_pilot,
+    "ros": make_ros,
+}
+
+
+def sut_kinds() -> tuple[str, ...]:
+    """Names of every kind of system under test that is installed."""
+    plugged = {entry.name for entry in entry_points(group=ENTRY_POINT_GROUP)}
+    return tuple(sorted(plugged | set(_BUILT_IN)))
+
+
+def is_built_in(kind: str) -> bool:
+    """Whether a kind ships here, rather than plugs in."""
+    return kind in _BUILT_IN
+
+
+def make_sut(kind: str, parameters: Mapping[str, Any]) -> SystemUnderTest:
+    """Make a fresh system under test.
+
+    Raises ``ValueError`` for parameters it does not take, and for a plugged one that cannot be
+    made or is no system under test; :class:`daemon.batch.errors.SutMissing`, a ``ValueError`` too, for
+    a kind that is unknown on this machine or cannot be loaded.
+    """
+    factory = _BUILT_IN.get(kind)
+    if factory is not None:
+        return factory(parameters)
+    made = _make_plugged(kind, parameters)
+    problem = _unlike_protocol(made)
+    if problem:
+        raise ValueError(
+            f'what the system under test "{kind}" makes {problem}, see daemon/model/sut.py'
+        )
+    return made
+
+
+def check_parameters(kind: str, parameters: Mapping[str, Any]) -> ParameterFindings:
+    """Return what a kind has to say about parameters it takes.
+
+    Raises ``ValueError`` for what it does not take; its subclass
+    :class:`daemon.stacks.ros1.parameters.ParameterError`, which plug-ins may raise as well,
+    says where in the tree each problem stands.
+    """
+    if kind == "ros":
+        # Loads a compiler, which nobody needs who tests another stack.
+        from daemon.stacks.ros1.configuration import read_ros
+
+        return read_ros(parameters).findings
+    make_sut(kind, parameters)
+    return ParameterFindings()
+
+
+def _make_plugged(kind: str, parameters: Mapping[str, Any]) -> SystemUnderTest:
+    """Call the factory of a plug-in: code of other people, of which anything may come."""
+    entry = next(iter(entry_points(group=ENTRY_POINT_GROUP, name=kind)), None)
+    if entry is None:
+        hint = did_you_mean(kind, sut_kinds())
+        raise SutMissing(f'no system under test of kind "{kind}": {hint}')
+    try:
+        factory: Factory = entry.load()
+    except (Exception, SystemExit) as error:
+        raise SutMissing(_cannot("loaded", entry, error)) from error
+    try:
+        return factory(resolve_paths(parameters))
+    except ValueError:
+        raise
+    except (Exception, SystemExit) as error:
+        raise ValueError(_cannot("made", entry, error)) from error
+
+
+def _cannot(what: str, entry: EntryPoint, error: BaseException) -> str:
+    name = f'the system under test "{entry.name}" ({plugin_origin(entry)})'
+    return explain_plugin_error(f"{name} cannot be {what}", error, __file__)
+
+
+def _unlike_protocol(made: object) -> str:
+    """Say what keeps an object from being a system under test, empty when nothing does."""
+    for name in ("start", "update"):
+        if not callable(getattr(made, name, None)):
+            return f"has no method {name}()"
+    if not isinstance(getattr(made, "needs_ground_truth", None), bool):
+        return "does not say needs_ground_truth: True or False"
+    period = getattr(made, "period", None)
+    if isinstance(period, bool) or not isinstance(period, int | float):
+        return "has no period in seconds"
+    ticks = 100.0 * period
+    if not math.isfinite(ticks) or ticks < 1.0 - _ROUNDING or abs(ticks - round(ticks)) > _ROUNDING:
+        return f"has a period of {period!r} s, not a multiple of 0.01 s"
+    return ""

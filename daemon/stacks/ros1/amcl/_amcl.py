@@ -1,0 +1,131 @@
+"""When the filter updates, and what it publishes (amcl ``AmclNode::laserReceived``)."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from daemon.stacks.kernels import Singles
+from daemon.stacks.ros1.amcl._parameters import AmclParameters
+from daemon.stacks.ros1.amcl.laser_model import LaserModel
+from daemon.stacks.ros1.amcl.motion_model import motion_between
+from daemon.stacks.ros1.amcl.particle_filter import ParticleFilter
+from daemon.stacks.ros1.quirks import ORIGINAL, Quirks
+from grammars.model.geometry import Floats, Pose2, wrap_angle
+from grammars.model.grid import FREE, OCCUPIED, OccupancyGrid
+from grammars.model.robot import Laser
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class AmclPose:
+    """A published estimate: ``pose`` of base_link in map, the mean of the heaviest cluster.
+
+    ``covariance`` (3, 3) over x, y, yaw [m, m, rad] and ``mean`` are those of all ``count``
+    particles.
+    """
+
+    time: float
+    pose: Pose2
+    covariance: Floats
+    mean: Pose2
+    count: int
+
+
+class Amcl:
+    """Adaptive Monte Carlo localisation as the ROS package ``amcl`` of Noetic does it.
+
+    ``start`` is the initial pose. The same ``seed`` gives the same particles to the last bit.
+    """
+
+    def __init__(
+        self,
+        parameters: AmclParameters,
+        quirks: Quirks,
+        grid: OccupancyGrid,
+        laser: Laser,
+        start: Pose2,
+        seed: np.random.SeedSequence,
+    ) -> None:
+        self._parameters, self._rays = parameters, laser.rays
+        self._sensor = LaserModel(parameters, quirks, grid, laser)
+        random = np.random.Generator(np.random.PCG64(seed))
+        self._filter = ParticleFilter(parameters, quirks, grid, start, random)
+        self._odom: Pose2 | None = None
+        self._updates = 0
+        self._map_to_odom = Pose2()
+
+    @property
+    def map_to_odom(self) -> Pose2:
+        """The pose of odom in map, as of the latest publication; identity before the first scan.
+
+        The original broadcasts it at every scan, ``transform_tolerance`` ahead of its stamp, from
+        the first scan on.
+        """
+        return self._map_to_odom
+
+    @property
+    def particles(self) -> Floats:
+        """The particles, shape (n, 3): x, y, yaw; a view that the next scan changes."""
+        return self._filter.poses
+
+    @property
+    def weights(self) -> Floats:
+        """Their weights, shape (n,); a view that the next scan changes."""
+        return self._filter.weights
+
+    def scan(self, time: float, ranges: Singles, odom: Pose2) -> AmclPose | None:
+        """Take a scan taken at ``odom``, the pose of base_link in odom at its stamp.
+
+        Returns what is published: at the first scan the start distribution, later only when
+        the particles are resampled. Raises ``ValueError`` when ``ranges`` has not as many rays
+        as the laser.
+        """
+        if ranges.shape != (self._rays,):
+            raise ValueError(
+                f"the scan at {time} s has shape {ranges.shape}: the laser has {self._rays} rays"
+            )
+        first = self._odom is None
+        if self._odom is not None:
+            if not self._has_moved(self._odom, odom):
+                return None
+            self._filter.move(motion_between(self._odom, odom))
+        self._odom = odom
+        self._filter.weigh(self._sensor, ranges)
+        self._updates += 1
+        resampled = self._updates % self._parameters.resample_interval == 0
+        if resampled:
+            self._filter.resample()
+        return self._publish(time, odom) if first or resampled else None
+
+    def _has_moved(self, before: Pose2, after: Pose2) -> bool:
+        """Tell whether odometry moved enough: along x or y of the odom frame, or in heading."""
+        p = self._parameters
+        return (
+            abs(after.x - before.x) > p.update_min_d
+            or abs(after.y - before.y) > p.update_min_d
+            or abs(wrap_angle(after.yaw - before.yaw)) > p.update_min_a
+        )
+
+    def _publish(self, time: float, odom: Pose2) -> AmclPose | None:
+        summary = self._filter.summary
+        if summary is None:
+            return None
+        self._map_to_odom = summary.pose @ odom.inverse()
+        return AmclPose(time, summary.pose, summary.covariance, summary.mean, self._filter.count)
+
+
+def warm_up() -> None:
+    """Update a few small filters with a scan of nothing but walls, then of nothing at all."""
+    cells = np.full((20, 20), FREE, dtype=np.int8)
+    cells[0], cells[-1] = OCCUPIED, OCCUPIED
+    grid = OccupancyGrid(0.1, 0.0, 0.0, cells)
+    laser = Laser(Pose2(), 0.3, -math.pi / 2, math.pi / 2, 7, 0.05, 5.0, 10.0, 0.01, 0.0)
+    few = AmclParameters(min_particles=4, max_particles=8, resample_interval=1)
+    omni = replace(few, odom_model_type="omni-corrected")
+    for parameters in (few, omni, replace(few, laser_model_type="beam")):
+        seed = np.random.SeedSequence(0)
+        amcl = Amcl(parameters, ORIGINAL, grid, laser, Pose2(1.0, 1.0), seed)
+        for k, r in enumerate((0.8, math.inf)):
+            amcl.scan(0.1 * k, np.full(7, r, dtype=np.float32), Pose2(0.3 * k))

@@ -1,0 +1,170 @@
+"""How odometry moves and spreads the particles (amcl ``AMCLOdom::UpdateAction``).
+
+Models after Thrun, Burgard and Fox, Probabilistic Robotics, section 5.4 (``diff``), and the omni
+model of amcl. N(s) below is zero-mean noise of standard deviation s, drawn for each particle.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from daemon.stacks.kernels import kernel, wrap_angle_modulo
+from daemon.stacks.ros1.amcl._parameters import AmclParameters
+from grammars.model.geometry import Floats, Pose2, wrap_angle
+
+_TURN_ON_THE_SPOT = 0.01
+"""[m] With less translation its direction means nothing (diff)."""
+
+
+@dataclass(frozen=True, slots=True)
+class OdometryMotion:
+    """What odometry did since the last update: a translation at ``bearing`` [rad] and a turn.
+
+    ``bearing`` is relative to the heading before the motion.
+    """
+
+    translation: float
+    bearing: float
+    turn: float
+
+
+def motion_between(before: Pose2, after: Pose2) -> OdometryMotion:
+    """Return the motion between two odometry poses."""
+    dx, dy = after.x - before.x, after.y - before.y
+    turn = wrap_angle(after.yaw - before.yaw)
+    return OdometryMotion(math.hypot(dx, dy), wrap_angle(math.atan2(dy, dx) - before.yaw), turn)
+
+
+def omni_spread(parameters: AmclParameters, motion: OdometryMotion) -> tuple[float, float, float]:
+    """Return the standard deviations of translation, rotation and strafing [m, rad, m]."""
+    p, trans, rot = parameters, motion.translation**2, motion.turn**2
+    return _deviations(
+        p,
+        p.odom_alpha3 * trans + p.odom_alpha4 * rot,
+        p.odom_alpha1 * rot + p.odom_alpha2 * trans,
+        p.odom_alpha4 * rot + p.odom_alpha5 * trans,
+    )
+
+
+def diff_turns(motion: OdometryMotion) -> tuple[float, float]:
+    """Return the turns before and after the translation [rad]."""
+    first = 0.0 if motion.translation < _TURN_ON_THE_SPOT else motion.bearing
+    return first, wrap_angle(motion.turn - first)
+
+
+def diff_spread(parameters: AmclParameters, motion: OdometryMotion) -> tuple[float, float, float]:
+    """Return the standard deviations of first turn, translation and second turn [rad, m, rad].
+
+    Driving backwards is no turn by pi: forwards and backwards spread alike.
+    """
+    p, trans = parameters, motion.translation**2
+    first, second = (
+        min(abs(turn), abs(wrap_angle(turn - math.pi))) ** 2 for turn in diff_turns(motion)
+    )
+    return _deviations(
+        p,
+        p.odom_alpha1 * first + p.odom_alpha2 * trans,
+        p.odom_alpha3 * trans + p.odom_alpha4 * (first + second),
+        p.odom_alpha1 * second + p.odom_alpha2 * trans,
+    )
+
+
+def _deviations(
+    parameters: AmclParameters, a: float, b: float, c: float
+) -> tuple[float, float, float]:
+    if parameters.odom_model_type.endswith("-corrected"):
+        return math.sqrt(a), math.sqrt(b), math.sqrt(c)
+    return a, b, c
+
+
+def move_particles(
+    parameters: AmclParameters,
+    motion: OdometryMotion,
+    poses: Floats,
+    directions: Floats,
+    count: int,
+    normals: Floats,
+    *,
+    full_turns: bool = True,
+) -> None:
+    """Move the first ``count`` particles in ``poses`` (3, n) by ``motion``, each with its noise.
+
+    ``directions`` (2, n) holds cosine and sine of their headings and is kept up to date;
+    ``normals`` (3 count,) standard normal deviates. ``full_turns`` says whether driving backwards
+    may add full turns to headings, as in the original (diff).
+    """
+    if parameters.odom_model_type.startswith("omni"):
+        spread = omni_spread(parameters, motion)
+        _move_omni(
+            poses, directions, count, normals, motion.translation, motion.bearing, motion.turn,
+            *spread,
+        )  # fmt: skip
+    else:
+        first, second = diff_turns(motion)
+        spread = diff_spread(parameters, motion)
+        _move_diff(
+            poses, directions, count, normals, first, motion.translation, second, *spread,
+            full_turns,
+        )  # fmt: skip
+
+
+@kernel
+def _move_omni(
+    poses: Floats,
+    directions: Floats,
+    count: int,
+    normals: Floats,
+    translation: float,
+    bearing: float,
+    turn: float,
+    translation_sigma: float,
+    turn_sigma: float,
+    strafe_sigma: float,
+) -> None:
+    """``t = translation + N, r = turn + N, s = N``; move t along and s across the bearing."""
+    cb, sb = math.cos(bearing), math.sin(bearing)
+    for i in range(count):
+        c = cb * directions[0, i] - sb * directions[1, i]
+        s = sb * directions[0, i] + cb * directions[1, i]
+        along = translation + translation_sigma * normals[i]
+        across = strafe_sigma * normals[2 * count + i]
+        yaw = poses[2, i] + (turn + turn_sigma * normals[count + i])
+        poses[0, i] += along * c + across * s
+        poses[1, i] += along * s - across * c
+        poses[2, i] = yaw
+        directions[0, i] = math.cos(yaw)
+        directions[1, i] = math.sin(yaw)
+
+
+@kernel
+def _move_diff(
+    poses: Floats,
+    directions: Floats,
+    count: int,
+    normals: Floats,
+    first: float,
+    translation: float,
+    second: float,
+    first_sigma: float,
+    translation_sigma: float,
+    second_sigma: float,
+    full_turns: bool,
+) -> None:
+    """Turn by ``first - N``, drive ``translation - N``, turn by ``second - N``.
+
+    The turns are wrapped; their sum is not with ``full_turns``: after driving backwards, which is
+    two half turns, some headings are then a full turn from others and fall into other bins.
+    """
+    for i in range(count):
+        before = wrap_angle_modulo(first - first_sigma * normals[i])
+        along = translation - translation_sigma * normals[count + i]
+        after = wrap_angle_modulo(second - second_sigma * normals[2 * count + i])
+        heading = poses[2, i] + before
+        turn = before + after if full_turns else wrap_angle_modulo(before + after)
+        yaw = poses[2, i] + turn
+        poses[0, i] += along * math.cos(heading)
+        poses[1, i] += along * math.sin(heading)
+        poses[2, i] = yaw
+        directions[0, i] = math.cos(yaw)
+        directions[1, i] = math.sin(yaw)

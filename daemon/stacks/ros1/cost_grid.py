@@ -1,0 +1,70 @@
+"""The grid that costmaps, planners and controllers share."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+
+FREE_SPACE: Final = 0
+INSCRIBED: Final = 253
+LETHAL: Final = 254
+NO_INFORMATION: Final = 255
+EMPTY_WINDOW: Final = (0, 0, 0, 0)
+
+
+@dataclass(slots=True, eq=False)
+class CostGrid:
+    """A costmap's master grid: ``cells`` of shape (rows, columns), uint8, row 0 at the lowest y.
+
+    The lower-left corner of cell (0, 0) lies at (``x``, ``y``) [m] in the costmap's global frame
+    (``map`` or ``odom``). Whoever changes cells calls :meth:`touch`; ``version`` then differs and
+    ``changed`` holds the union of what was touched since its reader emptied it with
+    :meth:`take_changed` (one reader: the planner of the global costmap, nobody of the local one).
+    """
+
+    resolution: float
+    x: float
+    y: float
+    cells: npt.NDArray[np.uint8]
+    version: int = 0
+    changed: tuple[int, int, int, int] = field(default=EMPTY_WINDOW)
+    """Half-open window (first column, first row, end column, end row)."""
+    disturbed: tuple[int, int, int, int] = field(default=EMPTY_WINDOW)
+    """The same since the costmap's last update: what others wrote over its cells."""
+
+    def touch(self, window: tuple[int, int, int, int]) -> None:
+        """Say that cells of the half-open ``window`` may have changed."""
+        if window[0] >= window[2] or window[1] >= window[3]:
+            return
+        self.version += 1
+        self.changed = _window_union(self.changed, window)
+        self.disturbed = _window_union(self.disturbed, window)
+
+    def take_changed(self) -> tuple[int, int, int, int]:
+        """Return what changed since the last call, and forget it."""
+        changed, self.changed = self.changed, EMPTY_WINDOW
+        return changed
+
+    def cell(self, x: float, y: float) -> tuple[int, int] | None:
+        """Return (column, row) of a point, or ``None`` off the grid (costmap_2d ``worldToMap``)."""
+        if x < self.x or y < self.y:
+            return None
+        column, row = int((x - self.x) / self.resolution), int((y - self.y) / self.resolution)
+        rows, columns = self.cells.shape
+        return (column, row) if column < columns and row < rows else None
+
+
+def _window_union(
+    old: tuple[int, int, int, int], window: tuple[int, int, int, int]
+) -> tuple[int, int, int, int]:
+    if old[0] >= old[2]:
+        return window
+    return (
+        min(old[0], window[0]),
+        min(old[1], window[1]),
+        max(old[2], window[2]),
+        max(old[3], window[3]),
+    )

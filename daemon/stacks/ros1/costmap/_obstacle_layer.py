@@ -1,0 +1,337 @@
+"""The obstacle layer: rays clear, returns mark, the footprint is free.
+
+Cells are flat, row by row. Every cell whose value changes is put on a list once (``flags``), for
+the master grid to follow. Formulas are those of costmap_2d's ``obstacle_layer`` and of
+``raytraceLine`` and ``convexFillCells`` in ``costmap_2d.h``.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+
+from daemon.stacks.kernels import Integers, Singles, kernel
+from grammars.model.geometry import Floats, Pose2
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SensedScan:
+    """A scan as a costmap sees it.
+
+    ``laser`` is the laser's pose in the costmap's global frame at the stamp of the scan,
+    ``ranges`` (rays,) and ``angles`` (rays,) [m, rad] count from its x axis. Rays outside
+    [``range_min``, ``range_max``), infinite or nan, tell nothing. ``height`` is the laser's [m].
+    """
+
+    laser: Pose2
+    ranges: Singles
+    angles: Floats
+    range_min: float
+    range_max: float
+    height: float = 0.0
+
+
+Cells: TypeAlias = npt.NDArray[np.uint8]
+
+LETHAL = 254
+UNKNOWN = 255
+STALE = 1
+"""Flag: the master's value may be out of date."""
+LOW = 2
+"""Flag: somebody else wrote the master's value, which may be too low."""
+LISTED = 128
+"""Flag: on the list of this update."""
+OBSTACLE_RANGE, RAYTRACE_RANGE, MARKING, CLEARING, INFINITE = 0, 1, 2, 3, 4
+"""Columns of the sources' table."""
+_BELOW_MAX_RANGE = np.float32(0.0001)
+
+
+@kernel
+def cell_value(cells: Cells, cell: int) -> int:
+    """Return a cell as a signed number: numba makes real numbers of mixed signs."""
+    return int(np.int64(cells[cell]))
+
+
+@kernel
+def _set_cell(
+    layer: Cells, cell: int, value: int, flags: Cells, queue: Integers, queued: int
+) -> int:
+    """Set a cell of the layer; list it if that changes it. Returns how many are listed."""
+    if layer[cell] == value:
+        return queued
+    layer[cell] = value
+    flag = flags[cell]
+    flags[cell] = flag | STALE
+    if flag == 0:
+        flags[cell] = STALE | LISTED
+        queue[queued] = cell
+        return queued + 1
+    return queued
+
+
+@kernel
+def _grow_bounds(bounds: Floats, x: float, y: float) -> None:
+    bounds[0], bounds[1] = min(bounds[0], x), min(bounds[1], y)
+    bounds[2], bounds[3] = max(bounds[2], x), max(bounds[3], y)
+
+
+@kernel
+def project(
+    ranges: Singles,
+    directions: Floats,
+    laser: Floats,
+    range_min: float,
+    range_max: float,
+    infinite: bool,
+    points: Singles,
+) -> int:
+    """Write the end points of valid rays in the global frame, return how many.
+
+    A ray is valid from ``range_min`` up to but not including ``range_max`` (laser_geometry); with
+    ``infinite``, a ray without return counts as one just short of ``range_max``.
+    """
+    c, s = math.cos(laser[2]), math.sin(laser[2])
+    # A scan carries its limits as single precision, so a range clamped to one equals it.
+    nearest, farthest = np.float32(range_min), np.float32(range_max)
+    count = 0
+    for i in range(ranges.shape[0]):
+        away = ranges[i]
+        if infinite and away == np.inf:
+            away = farthest - _BELOW_MAX_RANGE
+        if not (away >= nearest and away < farthest):
+            continue
+        x, y = np.float32(away * directions[i, 0]), np.float32(away * directions[i, 1])
+        points[count, 0] = laser[0] + c * x - s * y
+        points[count, 1] = laser[1] + s * x + c * y
+        count += 1
+    return count
+
+
+@kernel
+def _clear_line(
+    layer: Cells,
+    columns: int,
+    x0: int,
+    y0: int,
+    x1: int,
+    y1: int,
+    most: int,
+    flags: Cells,
+    queue: Integers,
+    queued: int,
+) -> int:
+    """Clear along a Bresenham line of at most ``most`` cells, both ends included."""
+    dx, dy = x1 - x0, y1 - y0
+    across, up = abs(dx), abs(dy)
+    step_x, step_y = (1 if dx > 0 else -1), (columns if dy > 0 else -columns)
+    away = math.hypot(float(dx), float(dy))
+    scale = 1.0 if away == 0.0 else min(1.0, most / away)
+    cell = y0 * columns + x0
+    if across >= up:
+        long, short, step_long, step_short = across, up, step_x, step_y
+    else:
+        long, short, step_long, step_short = up, across, step_y, step_x
+    error = long // 2
+    for _ in range(int(scale * long)):
+        if layer[cell] != 0:
+            queued = _set_cell(layer, cell, 0, flags, queue, queued)
+        cell += step_long
+        error += short
+        if error >= long:
+            cell += step_short
+            error -= long
+    if layer[cell] != 0:
+        queued = _set_cell(layer, cell, 0, flags, queue, queued)
+    return queued
+
+
+@kernel
+def _clear_rays(
+    layer: Cells,
+    shape: tuple[int, int],
+    frame: Floats,
+    laser: Floats,
+    points: Singles,
+    count: int,
+    reach: float,
+    bounds: Floats,
+    flags: Cells,
+    queue: Integers,
+    queued: int,
+) -> int:
+    """Clear from the laser to every end point, cut off at the edge of the grid."""
+    rows, columns = shape
+    left, low, resolution = frame[0], frame[1], frame[2]
+    ox, oy = laser[0], laser[1]
+    if ox < left or oy < low:
+        return queued
+    x0, y0 = int((ox - left) / resolution), int((oy - low) / resolution)
+    if x0 >= columns or y0 >= rows:
+        return queued
+    right, high = left + columns * resolution, low + rows * resolution
+    most = int(max(0.0, math.ceil(reach / resolution)))
+    _grow_bounds(bounds, ox, oy)
+    for i in range(count):
+        wx, wy = float(points[i, 0]), float(points[i, 1])
+        a, b = wx - ox, wy - oy
+        if wx < left:
+            wx, wy = left, oy + b * ((left - ox) / a)
+        if wy < low:
+            wx, wy = ox + a * ((low - oy) / b), low
+        if wx > right:
+            wx, wy = right - 0.001, oy + b * ((right - ox) / a)
+        if wy > high:
+            wx, wy = ox + a * ((high - oy) / b), high - 0.001
+        if wx < left or wy < low:
+            continue
+        x1, y1 = int((wx - left) / resolution), int((wy - low) / resolution)
+        if x1 >= columns or y1 >= rows:
+            continue
+        queued = _clear_line(layer, columns, x0, y0, x1, y1, most, flags, queue, queued)
+        length = math.hypot(wx - ox, wy - oy)
+        part = 1.0 if length == 0.0 else min(1.0, reach / length)
+        _grow_bounds(bounds, ox + (wx - ox) * part, oy + (wy - oy) * part)
+    return queued
+
+
+@kernel
+def _mark(
+    layer: Cells,
+    shape: tuple[int, int],
+    frame: Floats,
+    laser: Floats,
+    points: Singles,
+    count: int,
+    reach: float,
+    bounds: Floats,
+    flags: Cells,
+    queue: Integers,
+    queued: int,
+) -> int:
+    """Make the cells of end points nearer than ``reach`` lethal."""
+    rows, columns = shape
+    left, low, resolution = frame[0], frame[1], frame[2]
+    for i in range(count):
+        px, py = float(points[i, 0]), float(points[i, 1])
+        dx, dy = px - laser[0], py - laser[1]
+        if dx * dx + dy * dy >= reach * reach or px < left or py < low:
+            continue
+        x, y = int((px - left) / resolution), int((py - low) / resolution)
+        if x >= columns or y >= rows:
+            continue
+        queued = _set_cell(layer, y * columns + x, LETHAL, flags, queue, queued)
+        _grow_bounds(bounds, px, py)
+    return queued
+
+
+@kernel
+def polygon_spans(
+    corners: Floats, shape: tuple[int, int], frame: Floats, first: Integers, last: Integers
+) -> tuple[int, int]:
+    """Return the half-open range of columns a convex polygon covers, empty off the grid.
+
+    ``first`` and ``last`` (columns,) get the lowest and the highest row in each of them. With a
+    corner off the grid nothing is covered (costmap_2d ``setConvexPolygonCost``).
+    """
+    rows, columns = shape
+    count = corners.shape[0]
+    cells = np.empty((count, 2), dtype=np.int64)
+    begin, end = columns, 0
+    for i in range(count):
+        x, y = corners[i, 0] - frame[0], corners[i, 1] - frame[1]
+        if x < 0.0 or y < 0.0:
+            return 0, 0
+        cells[i, 0], cells[i, 1] = int(x / frame[2]), int(y / frame[2])
+        if cells[i, 0] >= columns or cells[i, 1] >= rows:
+            return 0, 0
+        begin, end = min(begin, cells[i, 0]), max(end, cells[i, 0] + 1)
+    for x in range(begin, end):
+        first[x], last[x] = rows, -1
+    for i in range(count):
+        k = (i + 1) % count
+        x, y = cells[i, 0], cells[i, 1]
+        dx, dy = cells[k, 0] - x, cells[k, 1] - y
+        step_x, step_y = (1 if dx > 0 else -1), (1 if dy > 0 else -1)
+        flat = abs(dx) >= abs(dy)
+        long, short = max(abs(dx), abs(dy)), min(abs(dx), abs(dy))
+        error = long // 2
+        for _ in range(long + 1):
+            first[x], last[x] = min(first[x], y), max(last[x], y)
+            error += short
+            aside = error >= long
+            if aside:
+                error -= long
+            x += step_x if flat or aside else 0
+            y += step_y if not flat or aside else 0
+            if long == 0:
+                break
+    return begin, end
+
+
+@kernel
+def _transform_corners(corners: Floats, x: float, y: float, yaw: float, bounds: Floats) -> Floats:
+    """Return ``corners`` of the base frame in the global frame, within ``bounds`` from now on."""
+    c, s = math.cos(yaw), math.sin(yaw)
+    placed = np.empty_like(corners)
+    for k in range(corners.shape[0]):
+        placed[k, 0] = x + (corners[k, 0] * c - corners[k, 1] * s)
+        placed[k, 1] = y + (corners[k, 0] * s + corners[k, 1] * c)
+        _grow_bounds(bounds, placed[k, 0], placed[k, 1])
+    return placed
+
+
+@kernel
+def observe(
+    layer: Cells,
+    shape: tuple[int, int],
+    frame: Floats,
+    ranges: Singles,
+    directions: Floats,
+    now: Floats,
+    sources: Floats,
+    points: Singles,
+    footprint: Floats,
+    first: Integers,
+    last: Integers,
+    bounds: Floats,
+    flags: Cells,
+    queue: Integers,
+) -> int:
+    """Bring the layer up to date; return how many cells changed and are listed in ``queue``.
+
+    ``now`` (8,) holds the poses of base and laser and the scan's least and greatest range [m].
+    ``sources`` has no rows when nothing was received, ``footprint`` (corners in the base frame) has
+    none when the layer does not clear it. ``bounds`` (x0, y0, x1, y1) [m] grow around all that was
+    looked at.
+    """
+    queued, count, projected = 0, 0, -1
+    laser = now[3:6]
+    for task in (CLEARING, MARKING):
+        for k in range(sources.shape[0]):
+            if sources[k, task] == 0.0:
+                continue
+            infinite = int(sources[k, INFINITE])
+            if infinite != projected:
+                count = project(ranges, directions, laser, now[6], now[7], infinite > 0, points)
+                projected = infinite
+            if task == CLEARING:
+                reach = sources[k, RAYTRACE_RANGE]
+                queued = _clear_rays(
+                    layer, shape, frame, laser, points, count, reach, bounds, flags, queue, queued
+                )
+            else:
+                reach = sources[k, OBSTACLE_RANGE]
+                queued = _mark(
+                    layer, shape, frame, laser, points, count, reach, bounds, flags, queue, queued
+                )
+    if footprint.shape[0] > 0:
+        corners = _transform_corners(footprint, now[0], now[1], now[2], bounds)
+        begin, end = polygon_spans(corners, shape, frame, first, last)
+        for x in range(begin, end):
+            for y in range(first[x], last[x] + 1):
+                queued = _set_cell(layer, y * shape[1] + x, 0, flags, queue, queued)
+    return queued

@@ -1,0 +1,30 @@
+"""dwa_local_planner of ROS Noetic with the parts of base_local_planner it stands on.
+
+Samples velocities the robot can reach within one control period, follows each for ``sim_time``
+and takes the one whose trajectory costs least, by distances on the local costmap.
+"""
+
+from daemon.stacks.ros1.dwa._dwa import Dwa, DwaAnswer, Oscillation, warm_up
+from daemon.stacks.ros1.dwa._parameters import (
+    WITHOUT_EFFECT,
+    DwaParameters,
+    DwaSettings,
+    contradictions,
+    longest_trajectory,
+    settings_of,
+)
+from daemon.stacks.ros1.dwa.footprint import footprint_cost
+
+__all__ = [
+    "WITHOUT_EFFECT",
+    "Dwa",
+    "DwaAnswer",
+    "DwaParameters",
+    "DwaSettings",
+    "Oscillation",
+    "contradictions",
+    "footprint_cost",
+    "longest_trajectory",
+    "settings_of",
+    "warm_up",
+]

@@ -1,0 +1,358 @@
+"""The controller: follows a global plan by trying velocities.
+
+Two memories beside the search: which directions oscillation rules out, and what the robot does
+within tolerance of the goal (stop, then turn).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from daemon.stacks.kernels import Integers
+from daemon.stacks.ros1.cost_grid import CostGrid
+from daemon.stacks.ros1.dwa._parameters import (
+    DwaParameters,
+    DwaSettings,
+    longest_trajectory,
+    settings_of,
+    sim_period,
+)
+from daemon.stacks.ros1.dwa._scoring import ScoringGrid
+from daemon.stacks.ros1.dwa.cycle import (
+    LastCycleDistances,
+    SearchBuffers,
+    allocate_buffers,
+    allocate_scoring_grid,
+    choose_trajectory,
+    sample_cost,
+)
+from daemon.stacks.ros1.dwa.map_grid import passable_cells, transform_plan_window
+from daemon.stacks.ros1.quirks import ORIGINAL, Quirks
+from grammars.model.geometry import Floats, Pose2, Twist2, wrap_angle
+
+_VX, _VY, _WZ = 0, 2, 4
+
+
+class Oscillation:
+    """Directions ruled out (base_local_planner ``OscillationCostFunction``).
+
+    ``banned`` (6,) holds a flag each for negative and positive vx, vy, wz: after a change of sign
+    the old sign is ruled out until the robot has moved or turned far enough.
+    """
+
+    def __init__(self, distance: float, angle: float) -> None:
+        self.banned: Integers = np.zeros(6, dtype=np.int32)
+        self._last_signs = [0, 0, 0]
+        self._distance, self._angle = distance, angle
+        self._turned_at = Pose2()
+
+    def reset(self) -> None:
+        """Forget everything."""
+        self.banned[:] = 0
+        self._last_signs = [0, 0, 0]
+
+    def chosen(self, pose: Pose2, twist: Twist2, min_vel_trans: float) -> None:
+        """Take in what was commanded at ``pose``; sideways and turning count only when slow."""
+        flipped = self._take(_VX, twist.vx)
+        if abs(twist.vx) <= min_vel_trans:
+            flipped |= self._take(_VY, twist.vy)
+            flipped |= self._take(_WZ, twist.wz)
+        if flipped:
+            self._turned_at = pose
+        if self.banned.any() and self._moved(pose):
+            self.reset()
+
+    def _take(self, place: int, speed: float) -> bool:
+        """Remember the sign of ``speed`` and rule out the other one when it changed."""
+        sign = (speed > 0.0) - (speed < 0.0)
+        if sign == 0:
+            return False
+        last, self._last_signs[place // 2] = self._last_signs[place // 2], sign
+        if last != -sign:
+            return False
+        self.banned[place if sign > 0 else place + 1] = 1
+        return True
+
+    def _moved(self, pose: Pose2) -> bool:
+        dx, dy = pose.x - self._turned_at.x, pose.y - self._turned_at.y
+        far = dx * dx + dy * dy > self._distance * self._distance
+        return far or abs(pose.yaw - self._turned_at.yaw) > self._angle
+
+
+class StopRotate:
+    """base_local_planner ``LatchedStopRotateController``.
+
+    ``latch`` keeps a goal position once reached until the next plan, though the estimate moves on.
+    """
+
+    def __init__(
+        self, parameters: DwaParameters, period: float, *, latch: bool, raise_to_minimum: bool
+    ) -> None:
+        self._p = parameters
+        self._period = period
+        self._latch = latch
+        self._raise_to_minimum = raise_to_minimum
+        self._latched = False
+        self._rotating = False
+
+    def reset_latch(self) -> None:
+        """Forget that the position was reached."""
+        self._latched = False
+
+    def position_reached(self, pose: Pose2, goal: Pose2) -> bool:
+        """Whether ``pose`` is within ``xy_goal_tolerance`` of ``goal``, or was if latched."""
+        near = math.hypot(goal.x - pose.x, goal.y - pose.y) <= self._p.xy_goal_tolerance
+        reached = near or (self._latch and self._latched)
+        self._latched = self._latched or reached
+        return reached
+
+    def goal_reached(self, pose: Pose2, twist: Twist2, goal: Pose2) -> bool:
+        """Whether the robot stands at ``goal`` with its heading."""
+        return (
+            self.position_reached(pose, goal)
+            and abs(wrap_angle(goal.yaw - pose.yaw)) <= self._p.yaw_goal_tolerance
+            and self._stopped(twist)
+        )
+
+    def command(
+        self, pose: Pose2, twist: Twist2, goal: Pose2, legal: Callable[[Twist2], bool]
+    ) -> Twist2 | None:
+        """Return the next command, ``None`` when it is not ``legal``."""
+        error = wrap_angle(goal.yaw - pose.yaw)
+        if abs(error) <= self._p.yaw_goal_tolerance:
+            self._rotating = False
+            return Twist2()
+        if self._rotating or self._stopped(twist):
+            self._rotating = True
+            command = Twist2(0.0, 0.0, self._turn(error, twist.wz))
+        else:
+            command = self._slow_down(twist)
+        return command if legal(command) else None
+
+    def _stopped(self, twist: Twist2) -> bool:
+        still = max(abs(twist.vx), abs(twist.vy)) <= self._p.trans_stopped_vel
+        return still and abs(twist.wz) <= self._p.theta_stopped_vel
+
+    def _slow_down(self, twist: Twist2) -> Twist2:
+        def slower(speed: float, limit: float) -> float:
+            return math.copysign(max(0.0, abs(speed) - limit * self._period), speed)
+
+        p = self._p
+        return Twist2(
+            slower(twist.vx, p.acc_lim_x),
+            slower(twist.vy, p.acc_lim_y),
+            slower(twist.wz, p.acc_lim_theta),
+        )
+
+    def _turn(self, error: float, wz: float) -> float:
+        p = self._p
+        change = p.acc_lim_theta * self._period
+        speed = min(p.max_vel_theta, max(p.min_vel_theta, abs(error)))
+        speed = min(max(speed, abs(wz) - change), abs(wz) + change)
+        speed = min(math.sqrt(2.0 * p.acc_lim_theta * abs(error)), speed)
+        if self._raise_to_minimum:
+            speed = max(p.min_vel_theta, speed)
+        return math.copysign(min(p.max_vel_theta, speed), error)
+
+
+NO_POINTS: Final[Floats] = np.empty((0, 2))
+_PRUNED_BEYOND: Final = 1.0
+"""[m] What ``prune_plan`` forgets lies further away than this."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class DwaAnswer:
+    """What one control cycle found.
+
+    ``twist`` is zero unless ``ok``. ``local_plan`` has shape (points, 2): x, y in odom of the
+    trajectory it belongs to, without points when the robot stops or turns at the goal.
+    """
+
+    ok: bool
+    twist: Twist2
+    local_plan: Floats
+
+
+NO_VELOCITY: Final = DwaAnswer(False, Twist2(), NO_POINTS)
+
+
+class Dwa:
+    """dwa_local_planner ``DWAPlannerROS`` of ROS Noetic.
+
+    ``footprint`` is the padded outline, shape (corners, 2) [m]; ``control_period_default`` [s]
+    that of move_base, for a configuration without ``controller_frequency`` of its own.
+    ``latch_goal`` is ``latch_xy_goal_tolerance``, which the original reads in the namespace of
+    move_base.
+    """
+
+    def __init__(
+        self,
+        parameters: DwaParameters,
+        quirks: Quirks,
+        footprint: Floats,
+        control_period_default: float,
+        *,
+        latch_goal: bool = False,
+    ) -> None:
+        self._p, self._quirks = parameters, quirks
+        self._outline = np.ascontiguousarray(footprint, dtype=np.float64)
+        self._period_default = control_period_default
+        self._oscillation = Oscillation(
+            parameters.oscillation_reset_dist, parameters.oscillation_reset_angle
+        )
+        self._stop_rotate = StopRotate(
+            parameters,
+            sim_period(parameters, control_period_default),
+            latch=latch_goal,
+            raise_to_minimum=quirks.rotation_raised_to_minimum,
+        )
+        self._plan: Floats = np.empty((0, 3))
+        self._start = 0
+        self._window: Floats = np.empty((0, 2))
+        self._front_end = np.zeros(2)
+        self._state = np.zeros(6)
+        self._settings: DwaSettings | None = None
+        self._seen: int | None = None
+        self._last: LastCycleDistances | None = None
+        self._field: ScoringGrid
+        self._room: SearchBuffers
+        self._aligned = False
+
+    def set_plan(self, plan: Floats) -> None:
+        """Follow ``plan``, shape (poses, 3): x, y, yaw in the map frame, the goal last."""
+        self._plan = np.ascontiguousarray(plan, dtype=np.float64)
+        self._start = 0
+        if self._window.shape[0] < plan.shape[0]:
+            self._window = np.empty((plan.shape[0], 2))
+        self._stop_rotate.reset_latch()
+        if self._quirks.plans_reset_oscillation:
+            self._oscillation.reset()
+
+    def goal_reached(self, pose: Pose2, twist: Twist2, map_to_odom: Pose2) -> bool:
+        """Whether the robot stands at the end of the plan; ``pose`` is in odom."""
+        if self._start >= len(self._plan):
+            return False
+        return self._stop_rotate.goal_reached(pose, twist, self._goal(map_to_odom.inverse()))
+
+    def command(self, pose: Pose2, twist: Twist2, map_to_odom: Pose2, local: CostGrid) -> DwaAnswer:
+        """Return the next velocity; ``pose`` and ``local`` are in odom.
+
+        ``map_to_odom`` is the pose of odom in the map. Not ok without a plan near the robot, or
+        when every velocity is illegal (``DWAPlannerROS::computeVelocityCommands``).
+        """
+        settings = self._prepare(local)
+        odom_to_map = map_to_odom.inverse()
+        window = self._near(pose, map_to_odom, odom_to_map, local)
+        if len(window) == 0:
+            return NO_VELOCITY
+        twist = Twist2(twist.vx, twist.vy, wrap_angle(twist.wz))
+        self._take_state(pose, twist, settings, local)
+        self._aim(window, settings)
+        goal = self._goal(odom_to_map)
+        if self._stop_rotate.position_reached(pose, goal):
+            turn = self._stop_rotate.command(pose, twist, goal, self._is_legal)
+            return NO_VELOCITY if turn is None else DwaAnswer(True, turn, NO_POINTS)
+        return self._sample(window, pose, settings)
+
+    def _goal(self, odom_to_map: Pose2) -> Pose2:
+        x, y, yaw = self._plan[-1].tolist()
+        return odom_to_map @ Pose2(x, y, yaw)
+
+    def _prepare(self, local: CostGrid) -> DwaSettings:
+        """Make room for the costmap when it has another shape, and note what is passable."""
+        settings = self._settings
+        if settings is None or self._field.cells.shape != local.cells.shape:
+            settings = settings_of(self._p, self._quirks, local.resolution, self._period_default)
+            self._settings = settings
+            self._field = allocate_scoring_grid(local, self._outline, self._oscillation.banned)
+            self._room = allocate_buffers(
+                local.cells.shape, settings, longest_trajectory(settings, 0.0, 0.0, 0.0)
+            )
+            self._last, self._seen = None, None
+        elif self._field.cells is not local.cells:
+            self._field, self._seen = self._field._replace(cells=local.cells), None
+        if local.version != self._seen:
+            passable_cells(local.cells, self._room.passable)
+            self._seen = local.version
+        frame = self._field.frame
+        frame[0], frame[1], frame[2] = local.x, local.y, local.resolution
+        return settings
+
+    def _near(self, pose: Pose2, map_to_odom: Pose2, odom_to_map: Pose2, local: CostGrid) -> Floats:
+        if self._start >= len(self._plan):
+            return NO_POINTS
+        o, here = odom_to_map, map_to_odom.apply((pose.x, pose.y))
+        transform = np.array((o.x, o.y, math.cos(o.yaw), math.sin(o.yaw)))
+        reach = max(local.cells.shape) * local.resolution / 2.0
+        robot = np.array(here)
+        n = transform_plan_window(self._plan, self._start, transform, robot, reach, self._window)
+        window = self._window[:n]
+        return self._pruned(window, pose) if self._p.prune_plan else window
+
+    def _pruned(self, window: Floats, pose: Pose2) -> Floats:
+        """Forget as many poses of the plan as the window has before it comes near the robot."""
+        square = (window[:, 0] - pose.x) ** 2 + (window[:, 1] - pose.y) ** 2
+        kept = np.flatnonzero(square < _PRUNED_BEYOND**2)
+        gone = int(kept[0]) if kept.size else len(window)
+        self._start += gone
+        return window[gone:]
+
+    def _take_state(
+        self, pose: Pose2, twist: Twist2, settings: DwaSettings, local: CostGrid
+    ) -> None:
+        row = (pose.x, pose.y, pose.yaw, twist.vx, twist.vy, twist.wz)
+        self._state[:] = np.array(row, dtype=np.float32)
+        needed = longest_trajectory(settings, twist.vx, twist.vy, twist.wz)
+        if needed > len(self._room.points):
+            passable = self._room.passable
+            self._room = allocate_buffers(local.cells.shape, settings, needed)
+            self._room.passable[:] = passable
+
+    def _aim(self, window: Floats, settings: DwaSettings) -> None:
+        """Push the end of the window ahead and see whether the nose counts."""
+        x, y = window[-1].tolist()
+        at_x, at_y = self._state[:2].tolist()
+        forward = self._p.forward_point_distance
+        angle = math.atan2(y - at_y, x - at_x)
+        self._front_end[:] = x + forward * math.cos(angle), y + forward * math.sin(angle)
+        square = (at_x - x) * (at_x - x) + (at_y - y) * (at_y - y)
+        far = square > forward * forward * self._p.cheat_factor
+        self._aligned = far and settings.path_scale != 0.0
+
+    def _sample(self, window: Floats, pose: Pose2, settings: DwaSettings) -> DwaAnswer:
+        field, room = self._field, self._room
+        n = choose_trajectory(
+            self._state, window, len(window), self._front_end, self._aligned, settings, field, room
+        )
+        self._last = LastCycleDistances(window, field)
+        if n == 0:
+            return NO_VELOCITY
+        vx, vy, wz = room.answer[:3].tolist()
+        twist = Twist2(vx, vy, wrap_angle(wz))
+        here = Pose2(*self._state[:3].tolist())
+        self._oscillation.chosen(here, Twist2(vx, vy, wz), self._p.min_vel_trans)
+        return DwaAnswer(True, twist, room.points[:n, :2].copy())
+
+    def _is_legal(self, twist: Twist2) -> bool:
+        """Whether a trajectory is legal now, by the distances of the last sampling cycle."""
+        self._oscillation.reset()
+        settings, room = self._settings, self._room
+        assert settings is not None
+        sample = np.array((twist.vx, twist.vy, twist.wz), dtype=np.float32).astype(np.float64)
+        field = self._field if self._last is None else self._last.complete(self._field, room)
+        return bool(sample_cost(self._state, sample, self._aligned, settings, field, room) >= 0.0)
+
+
+def warm_up() -> None:
+    """Take one step along a short plan, then turn at its end."""
+    outline = np.array([[0.2, 0.2], [-0.2, 0.2], [-0.2, -0.2], [0.2, -0.2]])
+    dwa = Dwa(DwaParameters(), ORIGINAL, outline, 0.1)
+    local = CostGrid(0.05, -1.5, -1.5, np.zeros((60, 60), dtype=np.uint8))
+    dwa.set_plan(np.array([[0.0, 0.0, 0.0], [0.5, 0.0, 0.0], [1.0, 0.0, 1.5]]))
+    dwa.command(Pose2(), Twist2(), Pose2(), local)
+    dwa.command(Pose2(1.0, 0.0, 0.0), Twist2(), Pose2(), local)

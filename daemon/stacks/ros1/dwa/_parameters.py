@@ -1,0 +1,261 @@
+"""The parameters of dwa_local_planner as ROS names them, with the defaults of Noetic.
+
+Kernels read them as plain numbers, taken from the parameters once (:class:`DwaSettings`).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Annotated, Final, NamedTuple, TypeAlias
+
+import numpy as np
+from pydantic import ConfigDict, Field
+from pydantic.dataclasses import dataclass
+
+from daemon.stacks.ros1.quirks import Quirks
+
+_Number: TypeAlias = Annotated[float, Field(allow_inf_nan=False)]
+_Positive: TypeAlias = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
+_NotNegative: TypeAlias = Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
+_Acceleration: TypeAlias = Annotated[float, Field(ge=0.0, le=20.0, allow_inf_nan=False)]
+_Samples: TypeAlias = Annotated[int, Field(ge=0, le=1000)]
+
+
+@dataclass(frozen=True, slots=True, config=ConfigDict(extra="forbid"))
+class DwaParameters:
+    """What can be set on the controller (section ``DWAPlannerROS``).
+
+    Source: dynamic reconfigure descriptions of dwa_local_planner and base_local_planner, Noetic.
+    """
+
+    max_vel_trans: _NotNegative = 0.55
+    """[m/s] Largest speed, whatever the direction."""
+    min_vel_trans: _NotNegative = 0.1
+    """[m/s] Slower motions are legal only when they turn with ``min_vel_theta`` at least."""
+    max_vel_x: _Number = 0.55
+    """[m/s] Largest speed forward."""
+    min_vel_x: _Number = 0.0
+    """[m/s] Smallest speed forward; negative: the robot may reverse."""
+    max_vel_y: _Number = 0.1
+    """[m/s] Largest speed to the left."""
+    min_vel_y: _Number = -0.1
+    """[m/s] Smallest speed to the left; negative: to the right."""
+    max_vel_theta: _NotNegative = 1.0
+    """[rad/s] Fastest turn, either way."""
+    min_vel_theta: _NotNegative = 0.4
+    """[rad/s] Slower turns are legal only with ``min_vel_trans`` at least; also the slowest turn
+    at the goal."""
+    acc_lim_x: _Acceleration = 2.5
+    """[m/s^2] Forward."""
+    acc_lim_y: _Acceleration = 2.5
+    """[m/s^2] Sideways."""
+    acc_lim_theta: _Acceleration = 3.2
+    """[rad/s^2] Turning."""
+    prune_plan: bool = False
+    """Forget the plan behind the robot for good, up to the first pose within 1 m of it."""
+    xy_goal_tolerance: _NotNegative = 0.1
+    """[m] This near to the goal the robot stops and turns."""
+    yaw_goal_tolerance: _NotNegative = 0.1
+    """[rad] Turned far enough."""
+    trans_stopped_vel: _NotNegative = 0.1
+    """[m/s] Standing still below this speed, per axis."""
+    theta_stopped_vel: _NotNegative = 0.1
+    """[rad/s] Not turning below this speed."""
+    sim_time: _NotNegative = 1.7
+    """[s] How far ahead trajectories look."""
+    sim_granularity: _Positive = 0.025
+    """[m] Largest distance between points of a trajectory."""
+    angular_sim_granularity: _Positive = 0.1
+    """[rad] Largest turn between points of a trajectory."""
+    path_distance_bias: _NotNegative = 32.0
+    """Weight of the distance from the path, per metre."""
+    goal_distance_bias: _NotNegative = 24.0
+    """Weight of the distance from the local goal, per metre."""
+    occdist_scale: _NotNegative = 0.01
+    """Weight of the highest cost under the footprint."""
+    twirling_scale: _NotNegative = 0.0
+    """Weight of the turning speed."""
+    oscillation_reset_dist: _NotNegative = 0.05
+    """[m] Moved this far, the robot may change its direction again."""
+    oscillation_reset_angle: _NotNegative = 0.2
+    """[rad] The same, turned this far."""
+    forward_point_distance: _Number = 0.325
+    """[m] Where the nose is, which is kept on the path as well; 0 counts the centre twice."""
+    scaling_speed: _NotNegative = 0.25
+    """[m/s] Faster than this, the footprint grows."""
+    max_scaling_factor: _NotNegative = 0.2
+    """By how much of its size the footprint has grown at ``max_vel_trans``."""
+    vx_samples: _Samples = 3
+    """Samples of the forward speed; 0 counts as 1, and a window of two speeds gets both ends."""
+    vy_samples: _Samples = 10
+    """Samples of the sideways speed; as above."""
+    vth_samples: _Samples = 20
+    """Samples of the turning speed; as above."""
+    use_dwa: bool = True
+    """Sample what is reachable in one control period; otherwise in ``sim_time``, and trajectories
+    accelerate."""
+    sum_scores: bool = False
+    """Sum the costs under the footprint along a trajectory instead of taking the highest."""
+    cheat_factor: _NotNegative = 1.0
+    """The nose counts while the end of the local plan is further than ``forward_point_distance``
+    times the root of this."""
+    controller_frequency: Annotated[float | None, Field(allow_inf_nan=False)] = None
+    """[Hz] Of the dynamic window only; without it that of move_base counts."""
+
+
+WITHOUT_EFFECT: Final[Mapping[str, str]] = {
+    "acc_lim_trans": "dwa_local_planner stores it and never reads it",
+    "global_frame_id": "it only names the frame of a debug point cloud",
+    "holonomic_robot": "dwa_local_planner does not know it; the limits of y decide about strafing",
+    "latch_xy_goal_tolerance": "dwa_local_planner reads it in the namespace of move_base",
+    "publish_cost_grid_pc": "it only publishes a debug point cloud",
+    "publish_traj_pc": "it only publishes a debug point cloud",
+    "restore_defaults": "it is a button of rqt_reconfigure",
+    "stop_time_buffer": "dwa_local_planner stores it and never reads it",
+}
+"""Names that change nothing here, with the reason."""
+
+
+def contradictions(parameters: DwaParameters) -> tuple[str, ...]:
+    """Return what in ``parameters`` keeps the robot from moving as asked, in words."""
+    return tuple(text for wrong, text in _rules(parameters) if wrong)
+
+
+def _rules(p: DwaParameters) -> tuple[tuple[bool, str], ...]:
+    resting = p.min_vel_trans > 1e-4 and p.min_vel_theta > p.max_vel_theta
+    return (
+        (
+            p.min_vel_trans > p.max_vel_trans + 2e-4,
+            f"min_vel_trans {p.min_vel_trans} is above max_vel_trans {p.max_vel_trans}: no motion "
+            "is legal but fast turns, so the robot cannot drive",
+        ),
+        (p.max_vel_trans == 0.0, "max_vel_trans is 0: the robot can never drive"),
+        (
+            p.min_vel_x > p.max_vel_x,
+            f"min_vel_x {p.min_vel_x} is above max_vel_x {p.max_vel_x}: there is no speed between",
+        ),
+        (
+            p.min_vel_y > p.max_vel_y,
+            f"min_vel_y {p.min_vel_y} is above max_vel_y {p.max_vel_y}: there is no speed between",
+        ),
+        (
+            min(abs(p.min_vel_x), abs(p.max_vel_x)) > p.max_vel_trans + 1e-4
+            and p.min_vel_x * p.max_vel_x > 0.0,
+            f"every speed between min_vel_x {p.min_vel_x} and max_vel_x {p.max_vel_x} is beyond "
+            f"max_vel_trans {p.max_vel_trans}: no motion is legal",
+        ),
+        (
+            p.min_vel_theta > p.max_vel_theta,
+            f"min_vel_theta {p.min_vel_theta} is above max_vel_theta {p.max_vel_theta}: "
+            + ("slow motions never turn fast enough to be legal" if resting else "set it lower"),
+        ),
+        (p.sim_time == 0.0, "sim_time is 0: trajectories have no points, so none is ever chosen"),
+        (
+            p.acc_lim_x == 0.0 and p.acc_lim_y == 0.0 and p.use_dwa,
+            "acc_lim_x and acc_lim_y are 0: no other speed than the present one can be reached",
+        ),
+        (
+            p.acc_lim_theta == 0.0,
+            "acc_lim_theta is 0: no other turning speed than the present one can be reached",
+        ),
+        (
+            p.scaling_speed == p.max_vel_trans and p.max_scaling_factor > 0.0,
+            f"scaling_speed equals max_vel_trans {p.max_vel_trans}: the footprint of samples "
+            "faster by rounding grows without bound; set it apart or max_scaling_factor to 0",
+        ),
+    )
+
+
+class DwaSettings(NamedTuple):
+    """Limits in SI units, weights and switches; the types are the same for every configuration."""
+
+    max_trans: float
+    min_trans: float
+    max_x: float
+    min_x: float
+    max_y: float
+    min_y: float
+    max_theta: float
+    min_theta: float
+    acc_x: float
+    acc_y: float
+    acc_theta: float
+    period: float
+    sim_time: float
+    granularity: float
+    angular_granularity: float
+    path_scale: float
+    goal_scale: float
+    obstacle_scale: float
+    twirling_scale: float
+    forward: float
+    scaling_speed: float
+    max_scaling: float
+    x_samples: int
+    y_samples: int
+    theta_samples: int
+    use_dwa: bool
+    sum_scores: bool
+    strafe_leaks: bool
+    perimeter_only: bool
+
+
+def settings_of(
+    parameters: DwaParameters, quirks: Quirks, resolution: float, period_default: float
+) -> DwaSettings:
+    """Return the settings for a costmap of ``resolution`` [m].
+
+    The distance weights count cells, hence times the resolution; accelerations are single
+    precision (Eigen::Vector3f); sample numbers below one count as one (dynamic reconfigure).
+    """
+    p = parameters
+    return DwaSettings(
+        max_trans=float(p.max_vel_trans),
+        min_trans=float(p.min_vel_trans),
+        max_x=float(p.max_vel_x),
+        min_x=float(p.min_vel_x),
+        max_y=float(p.max_vel_y),
+        min_y=float(p.min_vel_y),
+        max_theta=float(p.max_vel_theta),
+        min_theta=float(p.min_vel_theta),
+        acc_x=float(np.float32(p.acc_lim_x)),
+        acc_y=float(np.float32(p.acc_lim_y)),
+        acc_theta=float(np.float32(p.acc_lim_theta)),
+        period=sim_period(p, period_default),
+        sim_time=float(p.sim_time),
+        granularity=float(p.sim_granularity),
+        angular_granularity=float(p.angular_sim_granularity),
+        path_scale=resolution * p.path_distance_bias,
+        goal_scale=resolution * p.goal_distance_bias,
+        obstacle_scale=float(p.occdist_scale),
+        twirling_scale=float(p.twirling_scale),
+        forward=float(p.forward_point_distance),
+        scaling_speed=float(p.scaling_speed),
+        max_scaling=float(p.max_scaling_factor),
+        x_samples=max(1, p.vx_samples),
+        y_samples=max(1, p.vy_samples),
+        theta_samples=max(1, p.vth_samples),
+        use_dwa=bool(p.use_dwa),
+        sum_scores=bool(p.sum_scores),
+        strafe_leaks=quirks.strafe_leaks,
+        perimeter_only=quirks.perimeter_only,
+    )
+
+
+def sim_period(parameters: DwaParameters, default: float) -> float:
+    """Return the period [s] of the dynamic window; 0.05 when the frequency makes no sense."""
+    frequency = parameters.controller_frequency
+    if frequency is None:
+        return float(default)
+    return 1.0 / frequency if frequency > 0.0 else 0.05
+
+
+def longest_trajectory(settings: DwaSettings, vx: float, vy: float, wz: float) -> int:
+    """Return more points than any trajectory has that starts with these velocities."""
+    reach = settings.period if settings.use_dwa else settings.sim_time
+    x = max(abs(settings.max_x), abs(settings.min_x), abs(vx) + settings.acc_x * reach)
+    y = max(abs(settings.max_y), abs(settings.min_y), abs(vy) + settings.acc_y * reach)
+    w = max(settings.max_theta, abs(wz) + settings.acc_theta * reach)
+    straight = math.hypot(x, y) * settings.sim_time / settings.granularity
+    return math.ceil(max(straight, w * settings.sim_time / settings.angular_granularity)) + 2

@@ -1,0 +1,184 @@
+"""What a trajectory costs: the critics in the original's order."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from daemon.stacks.kernels import Integers, kernel
+from daemon.stacks.ros1.dwa._parameters import DwaSettings
+from daemon.stacks.ros1.dwa.footprint import footprint_cost, footprint_scale
+from daemon.stacks.ros1.dwa.map_grid import DIGITS, Bits, Cells, cell_of, distance_at, is_fit
+from daemon.stacks.ros1.dwa.samples import translation_speed
+from grammars.model.geometry import Floats
+
+
+class ScoringGrid(NamedTuple):
+    """What trajectories are scored on.
+
+    ``frame`` is x, y and resolution of the ``cells``; ``outline`` the footprint, (corners, 2) in
+    metres; ``path``, ``goal`` and ``front`` are grid distances, the latter to the goal pushed
+    ahead; ``banned`` (6,) the signs of vx, vy, wz that oscillation forbids: negative vx, positive
+    vx, and so on; ``spans`` is room for a rasterised footprint.
+    """
+
+    cells: Cells
+    frame: Floats
+    outline: Floats
+    path: Bits
+    goal: Bits
+    front: Bits
+    banned: Integers
+    spans: Integers
+
+
+@kernel
+def oscillates(banned: Integers, vx: float, vy: float, wz: float) -> bool:
+    return bool(
+        (banned[0] and vx < 0.0)
+        or (banned[1] and vx > 0.0)
+        or (banned[2] and vy < 0.0)
+        or (banned[3] and vy > 0.0)
+        or (banned[4] and wz < 0.0)
+        or (banned[5] and wz > 0.0)
+    )
+
+
+@kernel
+def total_cost(
+    obstacle: float, front: int, along: int, path: int, goal: int, wz: float, weights: Floats
+) -> float:
+    """Sum the critics in the original's order; ``weights`` is what :func:`set_critic_weights` wrote.
+
+    ``front`` and ``along`` are the distances of the nose from the goal pushed ahead and from the
+    path, ``path`` and ``goal`` those of the centre.
+    """
+    cost = 0.0
+    if weights[0] != 0.0:
+        cost += obstacle * weights[0]
+    if weights[1] != 0.0:
+        cost += front * weights[1]
+    if weights[2] != 0.0:
+        cost += along * weights[2]
+    if weights[3] != 0.0:
+        cost += path * weights[3]
+    if weights[4] != 0.0:
+        cost += goal * weights[4]
+    if weights[5] != 0.0:
+        cost += abs(wz) * weights[5]
+    return cost
+
+
+@kernel
+def set_critic_weights(aligned: bool, s: DwaSettings, out: Floats) -> None:
+    """Write the weights of obstacle, front, alignment, path, goal and twirling to ``out``.
+
+    Critics of weight 0 are not asked, so they reject nothing either.
+    """
+    out[0], out[1], out[3] = s.obstacle_scale, s.goal_scale, s.path_scale
+    out[2] = s.path_scale if aligned else 0.0
+    out[4], out[5] = s.goal_scale, s.twirling_scale
+
+
+@kernel
+def _end_cells(points: Floats, n: int, weights: Floats, forward: float, f: ScoringGrid) -> int:
+    """Return the cells of the last pose and its nose as one number, -1 when a pose is illegal.
+
+    The number is centre * size + nose; 0 when no critic of distances is asked.
+    """
+    rows, columns = f.cells.shape
+    path, goal = weights[3] != 0.0, weights[4] != 0.0
+    if not (path or goal):
+        return 0
+    noses = weights[1] != 0.0 or weights[2] != 0.0
+    at, nose = 0, 0
+    for i in range(n):
+        at = cell_of(points[i, 0], points[i, 1], f.frame, rows, columns)
+        if at < 0:
+            return -1
+        row, column = at // columns, at % columns
+        if path and not is_fit(f.path, row, column):
+            return -1
+        if goal and not is_fit(f.goal, row, column):
+            return -1
+        if noses:
+            x, y = points[i, 0] + forward * points[i, 3], points[i, 1] + forward * points[i, 4]
+            nose = cell_of(x, y, f.frame, rows, columns)
+            if nose < 0:
+                return -1
+    return at * f.cells.size + nose
+
+
+@kernel
+def _cost_of_end_cells(
+    obstacle: float, at: int, nose: int, wz: float, weights: Floats, f: ScoringGrid
+) -> float:
+    """Return the cost of a trajectory that ends in these cells."""
+    columns, size = f.cells.shape[1], f.cells.size
+    digits = f.path.shape[0] - DIGITS
+    row, column, nose_row, nose_column = (
+        at // columns,
+        at % columns,
+        nose // columns,
+        nose % columns,
+    )
+    return total_cost(
+        obstacle,
+        distance_at(f.front, nose_row, nose_column, size, digits),
+        distance_at(f.path, nose_row, nose_column, size, digits),
+        distance_at(f.path, row, column, size, digits),
+        distance_at(f.goal, row, column, size, digits),
+        wz,
+        weights,
+    )
+
+
+@kernel
+def score_trajectory(
+    points: Floats,
+    n: int,
+    moving: Floats,
+    weights: Floats,
+    limit: float,
+    s: DwaSettings,
+    f: ScoringGrid,
+) -> float:
+    """Return the cost of a trajectory, negative when it is illegal.
+
+    Gives up with -1 as soon as the cost is above ``limit``. A trajectory without points costs 0,
+    as the original has it (``SimpleScoredSamplingPlanner::scoreTrajectory``).
+    """
+    if n == 0:
+        return 0.0
+    if oscillates(f.banned, moving[0], moving[1], moving[2]):
+        return -1.0
+    ends = _end_cells(points, n, weights, s.forward, f)
+    if ends < 0:
+        return -1.0
+    rest = _cost_of_end_cells(0.0, ends // f.cells.size, ends % f.cells.size, moving[2], weights, f)
+    if weights[0] == 0.0:
+        return rest
+    scale = footprint_scale(translation_speed(moving[0], moving[1]), s)
+    cells, frame, outline, spans, inside = (
+        f.cells,
+        f.frame,
+        f.outline,
+        f.spans,
+        not s.perimeter_only,
+    )
+    obstacle = 0.0
+    for i in range(n):
+        cost = footprint_cost(cells, frame, outline, scale, points[i], spans, inside)
+        if cost < 0:
+            return -1.0
+        if s.sum_scores:
+            obstacle += cost
+        elif cost > obstacle:
+            obstacle = float(cost)
+        else:
+            continue
+        # A hair below, since the terms are not summed in their order here.
+        if (rest + obstacle * weights[0]) * (1.0 - 1e-12) > limit:
+            return -1.0
+    return _cost_of_end_cells(
+        obstacle, ends // f.cells.size, ends % f.cells.size, moving[2], weights, f
+    )

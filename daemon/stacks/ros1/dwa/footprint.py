@@ -1,0 +1,138 @@
+"""The footprint cost of DWA: what a footprint lies on, and how speed enlarges it."""
+
+from __future__ import annotations
+
+import math
+
+from daemon.stacks.kernels import Integers, kernel
+from daemon.stacks.ros1.cost_grid import INSCRIBED, LETHAL
+from daemon.stacks.ros1.dwa._parameters import DwaSettings
+from daemon.stacks.ros1.dwa.map_grid import Cells, cell_of
+from grammars.model.geometry import Floats
+
+
+@kernel
+def footprint_scale(speed: float, s: DwaSettings) -> float:
+    """Return the factor by which speed enlarges the footprint (``getScalingFactor``)."""
+    if speed <= s.scaling_speed or s.max_scaling == 0.0:
+        return 1.0
+    beyond = s.max_trans - s.scaling_speed
+    if beyond == 0.0:
+        return math.inf
+    return s.max_scaling * (speed - s.scaling_speed) / beyond + 1.0
+
+
+@kernel
+def _line_cost(cells: Cells, start: int, end: int, spans: Integers, inside: bool) -> int:
+    """Return the highest cost on the line between two cells, -1 on lethal or unknown ones.
+
+    Bresenham as in base_local_planner ``LineIterator``. ``spans`` collects the first and last
+    column per row when the ``inside`` is asked for as well.
+    """
+    columns = cells.shape[1]
+    x, y, to_x, to_y = start % columns, start // columns, end % columns, end // columns
+    dx, dy = abs(to_x - x), abs(to_y - y)
+    step_x, step_y = (1 if to_x >= x else -1), (1 if to_y >= y else -1)
+    steep = dy > dx
+    length, across = (dy, dx) if steep else (dx, dy)
+    rest = length // 2
+    worst = 0
+    for _ in range(length + 1):
+        cost = int(cells[y, x])
+        if cost >= LETHAL:
+            return -1
+        worst = max(worst, cost)
+        if inside:
+            spans[y, 0], spans[y, 1] = min(spans[y, 0], x), max(spans[y, 1], x)
+        rest += across
+        turn = rest >= length
+        if turn:
+            rest -= length
+        if steep or turn:
+            y += step_y
+        if turn or not steep:
+            x += step_x
+    return worst
+
+
+@kernel
+def _inside_cost(cells: Cells, spans: Integers) -> int:
+    worst = 0
+    for row in range(cells.shape[0]):
+        for column in range(spans[row, 0], spans[row, 1] + 1):
+            cost = int(cells[row, column])
+            if cost >= LETHAL:
+                return -1
+            worst = max(worst, cost)
+    return worst
+
+
+@kernel
+def footprint_cost(
+    cells: Cells,
+    frame: Floats,
+    outline: Floats,
+    scale: float,
+    pose: Floats,
+    spans: Integers,
+    inside: bool,
+) -> int:
+    """Return the highest cost under the outline and the centre, -1 when that is no place to be.
+
+    ``pose`` is x, y, yaw, cos(yaw), sin(yaw). Lethal and unknown cells under the outline reject,
+    and so does any corner off the grid; inscribed cells do not (``CostmapModel``). Fewer than
+    three corners are a circle whose centre must stay off inscribed cells. ``inside`` looks at
+    the cells between the lines as well.
+    """
+    rows, columns = cells.shape
+    centre = cell_of(pose[0], pose[1], frame, rows, columns)
+    if centre < 0:
+        return -1
+    worst = int(cells[centre // columns, centre % columns])
+    corners = outline.shape[0]
+    if corners < 3:
+        return worst if worst < INSCRIBED else -1
+    if scale == math.inf:
+        return -1
+    if inside:
+        spans[:, 0], spans[:, 1] = columns, -1
+    x, y = scale * outline[corners - 1, 0], scale * outline[corners - 1, 1]
+    last = cell_of(
+        pose[0] + (x * pose[3] - y * pose[4]),
+        pose[1] + (x * pose[4] + y * pose[3]),
+        frame,
+        rows,
+        columns,
+    )
+    if last < 0:
+        return -1
+    first, before = -1, -1
+    for k in range(corners):
+        at = last
+        if k < corners - 1:
+            x, y = scale * outline[k, 0], scale * outline[k, 1]
+            at = cell_of(
+                pose[0] + (x * pose[3] - y * pose[4]),
+                pose[1] + (x * pose[4] + y * pose[3]),
+                frame,
+                rows,
+                columns,
+            )
+            if at < 0:
+                return -1
+        if k == 0:
+            first = at
+        else:
+            cost = _line_cost(cells, before, at, spans, inside)
+            if cost < 0:
+                return -1
+            worst = max(worst, cost)
+        before = at
+    cost = _line_cost(cells, last, first, spans, inside)
+    if cost < 0:
+        return -1
+    worst = max(worst, cost)
+    if inside:
+        cost = _inside_cost(cells, spans)
+        return -1 if cost < 0 else max(worst, cost)
+    return worst

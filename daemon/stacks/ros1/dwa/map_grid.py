@@ -1,0 +1,251 @@
+"""The plan near the robot, and distances from it on the grid (base_local_planner ``MapGrid``).
+
+Distances are breadth first, all cells of a row at once. Every step costs the same, so the
+original's queue finds a cell in the round that is its distance. Here a round is a few operations
+per 64 cells, one bit per cell, and the number of the round is kept as bits as well: only the few
+cells that trajectories end in are ever read.
+
+A set of cells has shape (words + 2, rows + 2): 64 columns per word, with an empty rim. Distances
+are a stack of sets: reached; reached and fit to stand in; then the binary digits of the
+distance.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Final, TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+
+from daemon.stacks.kernels import kernel
+from daemon.stacks.ros1.cost_grid import INSCRIBED, NO_INFORMATION
+from grammars.model.geometry import Floats
+
+Bits: TypeAlias = npt.NDArray[np.uint64]
+Cells: TypeAlias = npt.NDArray[np.uint8]
+
+REACHED: Final = 0
+FIT: Final = 1
+DIGITS: Final = 2
+_ONE: Final = np.uint64(1)
+_NONE: Final = np.uint64(0)
+_TOP: Final = np.uint64(63)
+
+
+def empty_set(shape: tuple[int, ...]) -> Bits:
+    """Return a set of no cells for a grid of ``shape`` (rows, columns)."""
+    return np.zeros(((shape[1] + 63) // 64 + 2, shape[0] + 2), dtype=np.uint64)
+
+
+def unrestricted_distances(shape: tuple[int, ...]) -> Bits:
+    """Return distances for a grid of ``shape`` that reject nothing, whatever they are."""
+    cells = empty_set(shape)
+    digits = int(shape[0] * shape[1]).bit_length()
+    out = np.zeros((DIGITS + digits, *cells.shape), dtype=np.uint64)
+    out[FIT] = ~_NONE
+    return out
+
+
+@kernel
+def add_cell(cells: Bits, row: int, column: int) -> None:
+    """Add one cell to a set."""
+    cells[(column >> 6) + 1, row + 1] |= _ONE << np.uint64(column & 63)
+
+
+@kernel
+def contains_cell(cells: Bits, row: int, column: int) -> bool:
+    """Whether a set contains a cell."""
+    return bool(((cells[(column >> 6) + 1, row + 1] >> np.uint64(column & 63)) & _ONE) != _NONE)
+
+
+@kernel
+def passable_cells(cells: Cells, out: Bits) -> None:
+    """Write the set of cells that distances spread through: known and below inscribed."""
+    out[:] = _NONE
+    for row in range(cells.shape[0]):
+        for column in range(cells.shape[1]):
+            if cells[row, column] < INSCRIBED:
+                add_cell(out, row, column)
+
+
+@kernel
+def write_box(low: int, high: int, first: int, end: int, out: Bits) -> None:
+    """Write the set of cells in columns [low, high) and rows [first, end) to ``out``."""
+    out[:] = _NONE
+    if first >= end:
+        return
+    for column in range(low, high):
+        add_cell(out, first, column)
+    for word in range(out.shape[0]):
+        for row in range(first + 1, end):
+            out[word, row + 1] = out[word, first + 1]
+
+
+@kernel
+def write_single_cell(row: int, column: int, out: Bits) -> None:
+    """Write the set of a single cell to ``out``."""
+    out[:] = _NONE
+    add_cell(out, row, column)
+
+
+@kernel
+def compute_distances(seeds: Bits, passable: Bits, wanted: Bits, out: Bits, front: Bits) -> int:
+    """Write the distances [steps] from the nearest seed to ``out``, until all ``wanted`` have one.
+
+    A cell that is not passable is reached but spreads no further and is not fit to stand in,
+    unless it is a seed. ``front`` (2, ...) is room for two sets. Returns how many digits are used.
+    """
+    words, rows = seeds.shape
+    out[:] = _NONE
+    old, new = 0, 1
+    front[:] = _NONE
+    for word in range(1, words - 1):
+        for row in range(1, rows - 1):
+            front[0, word, row] = seeds[word, row]
+            out[REACHED, word, row] = seeds[word, row]
+            out[FIT, word, row] = seeds[word, row]
+    level, digit = 0, DIGITS
+    while True:
+        level += 1
+        fresh_any, missing = _NONE, _NONE
+        for word in range(1, words - 1):
+            for row in range(1, rows - 1):
+                here = front[old, word, row]
+                bits = (here << _ONE) | (here >> _ONE)
+                bits |= (front[old, word - 1, row] >> _TOP) | (front[old, word + 1, row] << _TOP)
+                bits |= front[old, word, row - 1] | front[old, word, row + 1]
+                bits &= ~out[REACHED, word, row]
+                reached = out[REACHED, word, row] | bits
+                fresh = bits & passable[word, row]
+                out[REACHED, word, row] = reached
+                out[FIT, word, row] |= fresh
+                front[new, word, row] = fresh
+                fresh_any |= fresh
+                missing |= wanted[word, row] & ~reached
+        digit, rest = DIGITS, level
+        while rest:
+            if rest & 1:
+                for word in range(1, words - 1):
+                    for row in range(1, rows - 1):
+                        out[digit, word, row] |= front[new, word, row]
+            rest >>= 1
+            digit += 1
+        if fresh_any == _NONE or missing == _NONE:
+            return digit - DIGITS
+        old, new = new, old
+
+
+@kernel
+def distance_at(distances: Bits, row: int, column: int, size: int, digits: int) -> int:
+    """Return the distance of a cell: ``size`` when not fit, one more when not reached.
+
+    ``digits`` is how many of them are used, or more.
+    """
+    word, at, shift = (column >> 6) + 1, row + 1, np.uint64(column & 63)
+    if (distances[FIT, word, at] >> shift) & _ONE == _NONE:
+        return size + int((distances[REACHED, word, at] >> shift) & _ONE == _NONE)
+    steps = 0
+    for digit in range(digits):
+        steps |= int((distances[DIGITS + digit, word, at] >> shift) & _ONE) << digit
+    return steps
+
+
+@kernel
+def is_fit(distances: Bits, row: int, column: int) -> bool:
+    """Whether a cell is reached and fit to stand in."""
+    return contains_cell(distances[FIT], row, column)
+
+
+@kernel
+def transform_plan_window(
+    plan: Floats, start: int, transform: Floats, pose: Floats, reach: float, out: Floats
+) -> int:
+    """Write the poses of ``plan`` near the robot to ``out`` and return how many.
+
+    Leaves out the poses before the first one within ``reach`` [m] and stops behind the first one
+    beyond it (base_local_planner ``transformGlobalPlan``). ``plan`` has rows x, y, yaw in the map
+    frame, ``transform`` (x, y, cos, sin) is the map in odom, ``pose`` (x, y) the robot in the map;
+    ``out`` gets x, y in odom.
+    """
+    limit = reach * reach
+    first = start
+    while first < plan.shape[0]:
+        dx, dy = pose[0] - plan[first, 0], pose[1] - plan[first, 1]
+        if dx * dx + dy * dy <= limit:
+            break
+        first += 1
+    n = 0
+    square = 0.0
+    while first + n < plan.shape[0] and square <= limit:
+        x, y = plan[first + n, 0], plan[first + n, 1]
+        out[n, 0] = transform[0] + transform[2] * x - transform[3] * y
+        out[n, 1] = transform[1] + transform[3] * x + transform[2] * y
+        dx, dy = pose[0] - x, pose[1] - y
+        square = dx * dx + dy * dy
+        n += 1
+    return n
+
+
+@kernel
+def cell_of(x: float, y: float, frame: Floats, rows: int, columns: int) -> int:
+    """Return row * columns + column of a point, -1 off the grid (costmap_2d ``worldToMap``).
+
+    ``frame`` is x, y of the lower-left corner and the resolution.
+    """
+    if x < frame[0] or y < frame[1]:
+        return -1
+    column, row = int((x - frame[0]) / frame[2]), int((y - frame[1]) / frame[2])
+    if column >= columns or row >= rows:
+        return -1
+    return row * columns + column
+
+
+@kernel
+def _mark_cell(x: float, y: float, cells: Cells, frame: Floats, seeds: Bits) -> int:
+    rows, columns = cells.shape
+    at = cell_of(x, y, frame, rows, columns)
+    if at < 0:
+        return -1
+    row, column = at // columns, at % columns
+    if cells[row, column] == NO_INFORMATION:
+        return -1
+    add_cell(seeds, row, column)
+    return at
+
+
+@kernel
+def mark_plan_cells(
+    plan: Floats, n: int, end: Floats, cells: Cells, frame: Floats, seeds: Bits
+) -> int:
+    """Mark the known cells a plan runs through and return the last one, -1 when there is none.
+
+    The last of the ``n`` points is replaced by ``end``; gaps above the resolution are filled
+    (``MapGrid::adjustPlanResolution``). Counts from the first point on a known cell until one is
+    not (``setTargetCells``, ``setLocalGoal``). ``seeds`` is set to the cells, one bit each.
+    """
+    seeds[:] = np.uint64(0)
+    last = -1
+    before_x, before_y = 0.0, 0.0
+    for i in range(n):
+        x, y = plan[i, 0], plan[i, 1]
+        if i == n - 1:
+            x, y = end[0], end[1]
+        if i > 0:
+            square = (x - before_x) * (x - before_x) + (y - before_y) * (y - before_y)
+            if square > frame[2] * frame[2]:
+                steps = math.ceil(math.sqrt(square) / frame[2])
+                dx, dy = (x - before_x) / steps, (y - before_y) / steps
+                for j in range(1, steps):
+                    at = _mark_cell(before_x + j * dx, before_y + j * dy, cells, frame, seeds)
+                    if at >= 0:
+                        last = at
+                    elif last >= 0:
+                        return last
+        at = _mark_cell(x, y, cells, frame, seeds)
+        if at >= 0:
+            last = at
+        elif last >= 0:
+            return last
+        before_x, before_y = x, y
+    return last

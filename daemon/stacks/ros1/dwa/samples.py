@@ -1,0 +1,140 @@
+"""Which velocities are tried (the dynamic window and its samples), and where each takes the robot."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from daemon.stacks.kernels import kernel
+from daemon.stacks.ros1.dwa._parameters import DwaSettings
+from grammars.model.geometry import Floats
+
+
+@kernel
+def round_to_single(value: float) -> float:
+    """Return ``value`` rounded to single precision, as the original stores poses and speeds."""
+    return float(np.float64(np.float32(value)))
+
+
+@kernel
+def sample_axis(low: float, high: float, count: int, out: Floats) -> int:
+    """Write evenly spaced speeds from ``low`` to ``high`` to ``out`` and return how many.
+
+    Both ends belong to them, and a zero where the spacing would step over it
+    (base_local_planner ``VelocityIterator``). ``out`` holds max(2, count) + 1 values.
+    """
+    if low == high:
+        out[0] = round_to_single(low)
+        return 1
+    count = max(2, count)
+    step = (high - low) / float(count - 1)
+    following = low
+    n = 0
+    for _ in range(count - 1):
+        current = following
+        following += step
+        out[n] = round_to_single(current)
+        n += 1
+        if current < 0.0 and following > 0.0:
+            out[n] = 0.0
+            n += 1
+    out[n] = round_to_single(high)
+    return n + 1
+
+
+@kernel
+def dynamic_window(state: Floats, distance: float, s: DwaSettings, out: Floats) -> None:
+    """Write the lowest and highest speeds per axis (x, y, theta) to ``out``, shape (3, 2).
+
+    ``state`` is x, y, yaw, vx, vy, wz in single precision, ``distance`` [m] that to the goal
+    (base_local_planner ``SimpleTrajectoryGenerator::initialise``). The window may be upside down
+    when the robot is faster than its limits.
+    """
+    reach = s.period
+    max_x, max_y = s.max_x, s.max_y
+    if not s.use_dwa and s.sim_time > 0.0:
+        reach = s.sim_time
+        max_x = max(min(max_x, distance / s.sim_time), s.min_x)
+        max_y = max(min(max_y, distance / s.sim_time), s.min_y)
+    out[0, 0] = round_to_single(max(s.min_x, state[3] - s.acc_x * reach))
+    out[0, 1] = round_to_single(min(max_x, state[3] + s.acc_x * reach))
+    out[1, 0] = round_to_single(max(s.min_y, state[4] - s.acc_y * reach))
+    out[1, 1] = round_to_single(min(max_y, state[4] + s.acc_y * reach))
+    out[2, 0] = round_to_single(max(-s.max_theta, state[5] - s.acc_theta * reach))
+    out[2, 1] = round_to_single(min(s.max_theta, state[5] + s.acc_theta * reach))
+    if not s.strafe_leaks:
+        out[1, 0] = min(out[1, 0], round_to_single(max_y))
+        out[1, 1] = max(out[1, 1], round_to_single(s.min_y))
+
+
+@kernel
+def translation_speed(vx: float, vy: float) -> float:
+    """Return the length of a velocity."""
+    return abs(vx) if vy == 0.0 else math.hypot(vx, vy)
+
+
+@kernel
+def count_points(speed: float, wz: float, s: DwaSettings) -> int:
+    """Return the number of points of a sample's trajectory; 0 when the sample is illegal.
+
+    Illegal are samples slower than both minimum speeds or faster than the largest
+    (``SimpleTrajectoryGenerator::generateTrajectory``).
+    """
+    if speed + 1e-4 < s.min_trans and abs(wz) + 1e-4 < s.min_theta:
+        return 0
+    if speed - 1e-4 > s.max_trans:
+        return 0
+    straight = speed * s.sim_time / s.granularity
+    turning = abs(wz) * s.sim_time / s.angular_granularity
+    return math.ceil(max(straight, turning))
+
+
+@kernel
+def _accelerate(target: float, speed: float, change: float) -> float:
+    if speed < target:
+        return round_to_single(min(target, speed + change))
+    return round_to_single(max(target, speed - change))
+
+
+@kernel
+def simulate_trajectory(
+    state: Floats, vx: float, vy: float, wz: float, s: DwaSettings, points: Floats, moving: Floats
+) -> int:
+    """Write the trajectory of a sample to ``points`` and return the number of points, maybe 0.
+
+    A row of ``points`` is x, y, yaw and the cosine and sine of yaw; the first row is the pose in
+    ``state``, the end pose is left out. ``moving`` receives the velocity of the trajectory, which
+    is the sample unless trajectories accelerate. Poses are integrated after Euler and rounded to
+    single precision at every step (``SimpleTrajectoryGenerator``).
+    """
+    moving[:] = 0.0
+    n = count_points(translation_speed(vx, vy), wz, s)
+    if n == 0:
+        return 0
+    dt = s.sim_time / n
+    ux, uy, uw = vx, vy, wz
+    if not s.use_dwa:
+        ux = _accelerate(vx, state[3], s.acc_x * dt)
+        uy = _accelerate(vy, state[4], s.acc_y * dt)
+        uw = _accelerate(wz, state[5], s.acc_theta * dt)
+    moving[0], moving[1], moving[2] = ux, uy, uw
+    x, y, yaw = state[0], state[1], state[2]
+    for i in range(n):
+        c, d = math.cos(yaw), math.sin(yaw)
+        points[i, 0], points[i, 1], points[i, 2] = x, y, yaw
+        points[i, 3], points[i, 4] = c, d
+        if not s.use_dwa:
+            ux = _accelerate(vx, ux, s.acc_x * dt)
+            uy = _accelerate(vy, uy, s.acc_y * dt)
+            uw = _accelerate(wz, uw, s.acc_theta * dt)
+        along_x, along_y = ux * c, ux * d
+        if uy != 0.0:
+            along_x += uy * math.cos(math.pi / 2.0 + yaw)
+            along_y += uy * math.sin(math.pi / 2.0 + yaw)
+        x, y, yaw = (
+            round_to_single(x + along_x * dt),
+            round_to_single(y + along_y * dt),
+            round_to_single(yaw + uw * dt),
+        )
+    return n

@@ -1,0 +1,345 @@
+"""The control loop and the planner thread of move_base: one goal, from plan to success or abort.
+
+The states, timers and the order of the checks are those of ``MoveBase::executeCycle`` (ROS 1
+Noetic). Two things there surprise people and are kept: a failing controller sends the loop back
+to planning, where a plan is found at once, so that it fails again until ``controller_patience``
+is over; and that patience is counted from the last valid command even across recoveries.
+
+The planner thread (``planThread``) says when a plan is made and what failing means; the two
+share a :class:`MoveBaseStatus`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from enum import StrEnum
+from typing import Final, Protocol, TypeAlias
+
+from daemon.stacks.ros1.move_base._dispatcher import Outcome
+from daemon.stacks.ros1.move_base._parameters import MoveBaseParameters
+from daemon.stacks.ros1.move_base._recoveries import Recovery, RobotPoses
+from daemon.stacks.ros1.quirks import Quirks
+from grammars.model.geometry import Floats, Pose2, Twist2
+
+
+class MoveBaseState(StrEnum):
+    """The three states of move_base while it has a goal (``MoveBaseState``)."""
+
+    PLANNING = "planning"
+    CONTROLLING = "controlling"
+    CLEARING = "clearing"
+
+
+class RecoveryTrigger(StrEnum):
+    """Why recoveries run, and what the goal is aborted for (``RecoveryTrigger``)."""
+
+    PLANNING = "no valid plan"
+    CONTROLLING = "no valid velocity command"
+    OSCILLATION = "it does not get on"
+
+
+@dataclass(slots=True)
+class MoveBaseStatus:
+    """Members of move_base that both threads write; times in seconds.
+
+    ``plan`` (n, 3) in map is the latest one, ``fresh`` until the control loop takes it.
+    ``running`` lets the planner thread work (``runPlanner_``). ``said`` are sentences for the log
+    of the run, taken by whoever writes it.
+    """
+
+    state: MoveBaseState = MoveBaseState.PLANNING
+    trigger: RecoveryTrigger = RecoveryTrigger.PLANNING
+    goal: Pose2 | None = None
+    running: bool = False
+    plan: Floats | None = None
+    fresh: bool = False
+    last_valid_plan: float = 0.0
+    planning_retries: int = 0
+    zeroed: bool = False
+    """Whether the planner thread has published a zero velocity since it was last looked at."""
+    said: list[str] = field(default_factory=list)
+
+
+MakePlan: TypeAlias = Callable[[Pose2], Floats | None]
+"""From a goal (map) to a plan (n, 3) from where the robot is now, or ``None``."""
+_PLAN_TIME_TOLERANCE: Final = 1e-9
+
+
+class PlannerThread:
+    """Plans at ``planner_frequency`` from the start of one plan to the start of the next.
+
+    The control loop wakes it early whenever it waits for a plan. Planning takes no simulated
+    time. With a frequency of 0 it plans once when asked, and after a failure again at every step
+    of the stack, where the original tries as fast as it can.
+    """
+
+    def __init__(
+        self,
+        parameters: MoveBaseParameters,
+        quirks: Quirks,
+        status: MoveBaseStatus,
+        make_plan: MakePlan,
+    ) -> None:
+        rate = parameters.planner_frequency
+        self._period = 1.0 / rate if rate > 0.0 else 0.0
+        self._patience = parameters.planner_patience
+        retries = parameters.max_planning_retries
+        self._retries = retries if retries >= 0 else math.inf
+        self._ignores_failures = quirks.failed_replanning_ignored
+        self._status, self._make_plan = status, make_plan
+        self._due = 0.0
+        self._failing_since: float | None = None
+
+    def wake(self) -> None:
+        """Let it plan at the next step, whatever its period (``planner_cond_.notify_one``)."""
+        self._due = 0.0
+
+    def step(self, now: float) -> None:
+        """Make a plan if it is time to."""
+        status = self._status
+        if not status.running or status.goal is None or now < self._due - _PLAN_TIME_TOLERANCE:
+            return
+        self._due = now + self._period
+        plan = self._make_plan(status.goal)
+        if plan is not None and len(plan):
+            self._succeed(now, plan)
+        elif status.state is MoveBaseState.PLANNING:
+            self._fail(now)
+        elif status.state is MoveBaseState.CONTROLLING and not self._ignores_failures:
+            status.state = MoveBaseState.PLANNING
+            status.zeroed = True
+
+    def _succeed(self, now: float, plan: Floats) -> None:
+        status = self._status
+        status.plan, status.fresh = plan, True
+        status.last_valid_plan, status.planning_retries = now, 0
+        status.state = MoveBaseState.CONTROLLING
+        if self._period == 0.0:
+            status.running = False
+        if self._failing_since is not None:
+            status.said.append(f"found a plan after {now - self._failing_since:.1f} s without one")
+            self._failing_since = None
+
+    def _fail(self, now: float) -> None:
+        status = self._status
+        if self._failing_since is None:
+            self._failing_since = now
+            status.said.append("no plan to the goal")
+        status.planning_retries += 1
+        late = now > status.last_valid_plan + self._patience
+        if late or status.planning_retries > self._retries:
+            status.state, status.trigger = MoveBaseState.CLEARING, RecoveryTrigger.PLANNING
+            status.running = False
+            status.zeroed = True
+
+
+STILL: Final = Twist2()
+_TIME_TOLERANCE: Final = 1e-9
+
+
+class Controller(Protocol):
+    """The local planner, with everything it needs to know about the robot at hand."""
+
+    def set_plan(self, plan: Floats) -> None:
+        """Take a new global plan (n, 3) in map."""
+
+    def goal_reached(self) -> bool:
+        """Tell whether the robot is at the goal of the plan, and stands."""
+
+    def command(self) -> Twist2 | None:
+        """Return a velocity command, ``None`` when there is no valid one."""
+
+
+@dataclass(slots=True)
+class _Timers:
+    """When things last were well, all reset by a new goal [s]."""
+
+    control: float = 0.0
+    oscillation: float = 0.0
+
+
+class MoveBase:
+    """The control loop; ``step`` runs it when it is due.
+
+    ``look`` returns where the robot is. What is published stays in :attr:`command` until it is
+    taken; sentences for the log go to ``status.said``.
+    """
+
+    def __init__(
+        self,
+        parameters: MoveBaseParameters,
+        quirks: Quirks,
+        status: MoveBaseStatus,
+        planner: PlannerThread,
+        controller: Controller,
+        recoveries: Sequence[Recovery],
+        look: Callable[[], RobotPoses],
+    ) -> None:
+        self._parameters, self._status, self._planner = parameters, status, planner
+        self._controller, self._recoveries, self._look = controller, recoveries, look
+        self._period = 1.0 / parameters.controller_frequency
+        self._control_survives = quirks.control_patience_survives_recovery
+        self._timers = _Timers()
+        self._anchor = (0.0, 0.0)
+        """Where the robot was when it last had moved far enough (``oscillation_pose_``)."""
+        self._index = 0
+        self._due = math.inf
+        self._recovery: Recovery | None = None
+        self._result: Outcome | None = None
+        self._failing_since: float | None = None
+        self.command: Twist2 | None = None
+
+    @property
+    def active(self) -> bool:
+        """Whether it has a goal."""
+        return self._status.goal is not None
+
+    def take_command(self) -> Twist2 | None:
+        """Return what was published last since the previous call, ``None`` for nothing."""
+        command, self.command = self.command, None
+        return command
+
+    def take_result(self) -> Outcome | None:
+        """Return what became of the goal, once."""
+        result, self._result = self._result, None
+        return result
+
+    def accept(self, now: float, goal: Pose2) -> None:
+        """Begin with ``goal`` (map): the first cycle runs at once (``executeCb``)."""
+        status = self._status
+        self.command = STILL
+        status.goal, status.running = goal, True
+        self._planner.wake()
+        status.last_valid_plan = now
+        status.planning_retries = 0
+        self._timers = _Timers(now, now)
+        self._failing_since = None
+        self._due = now
+        self.step(now)
+
+    def step(self, now: float) -> None:
+        """Run a cycle, or the recovery that blocks it, if it is time to."""
+        status = self._status
+        if status.zeroed:
+            self.command, status.zeroed = STILL, False
+        if not self.active or now < self._due - _TIME_TOLERANCE:
+            return
+        if self._recovery is not None:
+            self._go_on(now, self._recovery)
+        if self.active and self._recovery is None and now >= self._due - _TIME_TOLERANCE:
+            late = now - self._due > self._period
+            self._due = (now if late else self._due) + self._period
+            self._cycle(now)
+
+    def _cycle(self, now: float) -> None:
+        status = self._status
+        self._notice_motion(now)
+        if status.fresh and status.plan is not None:
+            status.fresh = False
+            self._controller.set_plan(status.plan)
+            if status.trigger is RecoveryTrigger.PLANNING:
+                self._index = 0
+        if status.state is MoveBaseState.PLANNING:
+            status.running = True
+            self._planner.wake()
+        elif status.state is MoveBaseState.CONTROLLING:
+            self._control(now)
+        else:
+            self._clear(now)
+
+    def _notice_motion(self, now: float) -> None:
+        pose = self._look().map
+        away = math.hypot(pose.x - self._anchor[0], pose.y - self._anchor[1])
+        if away >= self._parameters.oscillation_distance:
+            self._timers.oscillation = now
+            self._anchor = (pose.x, pose.y)
+            if self._status.trigger is RecoveryTrigger.OSCILLATION:
+                self._index = 0
+
+    def _control(self, now: float) -> None:
+        status, timeout = self._status, self._parameters.oscillation_timeout
+        if self._controller.goal_reached():
+            self._end("succeeded")
+            return
+        if timeout > 0.0 and self._timers.oscillation + timeout < now:
+            self.command = STILL
+            self._give_way(RecoveryTrigger.OSCILLATION)
+        # The original computes and sends one more command here, oscillating or not.
+        command = self._controller.command()
+        if command is not None:
+            self._obey(now, command)
+        elif now > self._timers.control + self._parameters.controller_patience:
+            self.command = STILL
+            self._give_way(RecoveryTrigger.CONTROLLING)
+        else:
+            self._note_failure(now)
+            status.last_valid_plan, status.planning_retries = now, 0
+            status.state = MoveBaseState.PLANNING
+            self.command = STILL
+            status.running = True
+            self._planner.wake()
+
+    def _obey(self, now: float, command: Twist2) -> None:
+        self._timers.control = now
+        self.command = command
+        if self._status.trigger is RecoveryTrigger.CONTROLLING:
+            self._index = 0
+        if self._failing_since is not None:
+            away = now - self._failing_since
+            self._status.said.append(f"velocity commands again after {away:.1f} s")
+            self._failing_since = None
+
+    def _note_failure(self, now: float) -> None:
+        if self._failing_since is None:
+            self._failing_since = now
+            self._status.said.append("no valid velocity command, planning again")
+
+    def _give_way(self, trigger: RecoveryTrigger) -> None:
+        self._status.state, self._status.trigger = MoveBaseState.CLEARING, trigger
+
+    def _clear(self, now: float) -> None:
+        status = self._status
+        if self._index < len(self._recoveries):
+            recovery = self._recoveries[self._index]
+            status.said.append(f"recovery {self._index + 1}, {recovery.name}: {status.trigger}")
+            recovery.start(self._look())
+            self._recovery = recovery
+            self._go_on(now, recovery)
+            return
+        tried = ", even after recoveries" if self._recoveries else ""
+        status.said.append(f"goal aborted: {status.trigger}{tried}")
+        self._end("aborted")
+
+    def _go_on(self, now: float, recovery: Recovery) -> None:
+        """Run the recovery on; when it ends, the loop goes on planning.
+
+        After one that took its time the next cycle is due at once, as with ``ros::Rate``.
+        """
+        advance = recovery.step(self._look())
+        if advance.command is not None:
+            self.command = advance.command
+        if advance.say:
+            self._status.said.append(advance.say)
+        if not advance.ended:
+            self._due = now + recovery.period
+            return
+        self._recovery = None
+        self._timers.oscillation = now
+        if not self._control_survives:
+            self._timers.control = now
+        status = self._status
+        status.last_valid_plan, status.planning_retries = now, 0
+        status.state = MoveBaseState.PLANNING
+        self._index += 1
+
+    def _end(self, outcome: Outcome) -> None:
+        """Forget the goal and stop (``resetState``)."""
+        status = self._status
+        status.running, status.state = False, MoveBaseState.PLANNING
+        status.trigger, status.goal = RecoveryTrigger.PLANNING, None
+        self._index = 0
+        self._due = math.inf
+        self.command = STILL
+        self._result = outcome

@@ -1,0 +1,99 @@
+"""The node that sends the waypoints of a mission to move_base, one after the other.
+
+As argenos/waypoint_dispatcher does: ask for a plan, which is thrown away but whose request has
+side effects, send the goal, wait for its result, keep to a rate of one goal a second, give the
+whole mission up when a goal is not reached. No time-out, no second try.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Final, Literal, TypeAlias
+
+from daemon.model.sut import Progress
+from daemon.stacks.ros1.move_base._parameters import DispatcherParameters
+from grammars.model.geometry import Pose2
+from grammars.model.mission import Waypoint
+
+Outcome: TypeAlias = Literal["succeeded", "aborted"]
+_TIME_TOLERANCE: Final = 1e-9
+
+
+@dataclass(slots=True)
+class RosRate:
+    """``rospy.Rate``: how long is left of a period, without drifting and without catching up."""
+
+    period: float
+    last: float
+
+    def sleep(self, now: float) -> float:
+        """Return until when [s] a call at ``now`` sleeps, which may be before ``now``."""
+        until = self.last + self.period
+        self.last = until
+        if now - self.last > 2.0 * self.period:
+            self.last = now
+        return until
+
+
+class WaypointDispatcher:
+    """Hands out goals; ``step`` is called once per instant, after move_base.
+
+    ``make_plan`` is the service of that name, from a start and a goal in map.
+    """
+
+    def __init__(
+        self,
+        parameters: DispatcherParameters,
+        waypoints: Sequence[Waypoint],
+        make_plan: Callable[[Pose2, Pose2], None],
+    ) -> None:
+        self._parameters, self._make_plan = parameters, make_plan
+        self._goals = tuple(_goal(waypoint, parameters.default_yaw) for waypoint in waypoints)
+        self._rate: RosRate | None = None
+        self._sleeps_until = 0.0
+        self._waiting = False
+        self.progress = Progress(0, 0, "active")
+        """Where the mission stands."""
+
+    @property
+    def waits(self) -> bool:
+        """Whether a goal is on its way: nothing to do before there is a result."""
+        return self._waiting
+
+    def step(self, now: float, result: Outcome | None, pose: Pose2) -> Pose2 | None:
+        """Return a goal to send now, if there is one.
+
+        ``result`` is what has become of the last one, ``pose`` the last that AMCL published.
+        """
+        if self._rate is None:
+            self._rate = RosRate(1.0 / self._parameters.rate, now)
+        if result is not None:
+            self._take(now, result, self._rate)
+        over = self.progress.state != "active"
+        if self._waiting or over or now < self._sleeps_until - _TIME_TOLERANCE:
+            return None
+        if self.progress.reached == len(self._goals):
+            self._note(self.progress.reached, "succeeded")
+            return None
+        goal = self._goals[self.progress.reached]
+        if self._parameters.make_plan:
+            self._make_plan(pose, goal)
+        self._waiting = True
+        return goal
+
+    def _take(self, now: float, result: Outcome, rate: RosRate) -> None:
+        self._waiting = False
+        if result == "aborted":
+            self._note(self.progress.reached, "aborted")
+            return
+        self._note(self.progress.reached + 1, "active")
+        self._sleeps_until = rate.sleep(now)
+
+    def _note(self, reached: int, state: Literal["active", "succeeded", "aborted"]) -> None:
+        self.progress = Progress(min(reached, max(len(self._goals) - 1, 0)), reached, state)
+
+
+def _goal(waypoint: Waypoint, default_yaw: float) -> Pose2:
+    yaw = default_yaw if waypoint.yaw is None else waypoint.yaw
+    return Pose2(waypoint.x, waypoint.y, yaw)

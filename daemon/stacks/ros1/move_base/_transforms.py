@@ -1,0 +1,116 @@
+"""The two transforms the stack lives on: map <- odom of AMCL and odom <- base_link of the wheels.
+
+AMCL stamps its correction ``transform_tolerance`` ahead of the scan it is from. A look-up at the
+stamp of an odometry sample or of a scan therefore finds the correction of that much earlier,
+interpolated between two broadcasts; only a look-up of the latest correction, as DWA does for goal
+and plan, sees what AMCL has just found (amcl_node, tf2 ``lookupTransform``).
+"""
+
+from __future__ import annotations
+
+import math
+from bisect import bisect_right
+from typing import Final
+
+from daemon.model.sut import Odometry
+from grammars.model.geometry import Pose2, Twist2, wrap_angle
+
+_KEPT_SECONDS: Final = 2.0
+"""Nothing is looked up farther back than this [s]."""
+_KEPT_ENTRIES: Final = 200
+"""Entries kept before the old ones among them are forgotten."""
+
+
+class TransformBuffer:
+    """Poses of odom in map and of the base in odom, over time.
+
+    ``start`` is where the robot is told to be (map): until AMCL has broadcast something, the first
+    odometry sample lies there. ``tolerance`` [s] is how far ahead AMCL stamps; with ``delayed``
+    false corrections hold at once.
+    """
+
+    def __init__(self, start: Pose2, tolerance: float, *, delayed: bool) -> None:
+        self._start = start
+        self._ahead = tolerance if delayed else -math.inf
+        self._stamps: list[float] = []
+        self._samples: list[Odometry] = []
+        self._due: list[float] = []
+        self._corrections: list[Pose2] = []
+        self.map_to_odom = start
+        """The latest pose of odom in map, whatever its stamp."""
+        self.odom_to_base = Pose2()
+        """The latest pose of base_link in odom."""
+        self.twist = Twist2()
+        """The latest odometry twist."""
+        self._base: Pose2 | None = None
+        self.time = -1.0
+        """Stamp of the latest odometry sample [s]; negative before the first."""
+
+    def move(self, sample: Odometry) -> None:
+        """Take an odometry sample; they come in order."""
+        if self.time < 0.0:
+            self.map_to_odom = self._start @ sample.pose.inverse()
+        self._stamps.append(sample.time)
+        self._samples.append(sample)
+        self.odom_to_base, self.twist, self.time = sample.pose, sample.twist, sample.time
+        self._base = None
+        if len(self._stamps) > _KEPT_ENTRIES:
+            old = max(bisect_right(self._stamps, sample.time - _KEPT_SECONDS) - 1, 0)
+            del self._stamps[:old], self._samples[:old]
+
+    def correct(self, stamp: float, map_to_odom: Pose2) -> None:
+        """Take what AMCL broadcasts at a scan taken at ``stamp`` [s]; they come in order."""
+        stamps, corrections = self._due, self._corrections
+        if not stamps:
+            stamps.append(-math.inf)
+            corrections.append(self.map_to_odom)
+        self.map_to_odom, self._base = map_to_odom, None
+        stamps.append(stamp + self._ahead)
+        corrections.append(map_to_odom)
+        if len(stamps) > _KEPT_ENTRIES:
+            old = bisect_right(stamps, stamp - _KEPT_SECONDS) - 1
+            del stamps[: max(old, 0)], corrections[: max(old, 0)]
+
+    def correction_at(self, time: float) -> Pose2:
+        """Return the pose of odom in map at ``time`` [s].
+
+        Before the first broadcast takes effect that is the initial one, after the last the last.
+        """
+        if not self._corrections:
+            return self.map_to_odom
+        k = bisect_right(self._due, time)
+        first = self._corrections[k - 1]
+        second = self._corrections[min(k, len(self._corrections) - 1)]
+        if first is second or self._due[k - 1] == -math.inf:
+            return first
+        before = self._due[k - 1]
+        return _interpolate_pose(first, second, (time - before) / (self._due[k] - before))
+
+    def base_at(self, time: float) -> Pose2:
+        """Return the pose of base_link in odom at ``time`` [s], held beyond what is known."""
+        stamps, samples = self._stamps, self._samples
+        if time >= self.time:
+            return self.odom_to_base
+        k = bisect_right(stamps, time)
+        if k == 0:
+            return samples[0].pose
+        share = (time - stamps[k - 1]) / (stamps[k] - stamps[k - 1])
+        if share == 0.0:
+            return samples[k - 1].pose
+        return _interpolate_pose(samples[k - 1].pose, samples[k].pose, share)
+
+    def base_in_map(self) -> Pose2:
+        """Return where the stack takes the robot to be at the stamp of its newest odometry."""
+        if self._base is None:
+            self._base = self.correction_at(self.time) @ self.odom_to_base
+        return self._base
+
+
+def _interpolate_pose(first: Pose2, second: Pose2, share: float) -> Pose2:
+    """Interpolate position and heading linearly, as tf2 does."""
+    turn = wrap_angle(second.yaw - first.yaw)
+    return Pose2(
+        first.x + share * (second.x - first.x),
+        first.y + share * (second.y - first.y),
+        wrap_angle(first.yaw + share * turn),
+    )

@@ -1,0 +1,367 @@
+"""The global planner of the stack: navfn behind the interface of NavfnROS.
+
+Costs, potential and path of one costmap are kept from plan to plan (:class:`PotentialField`).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Annotated, Final
+
+import numpy as np
+from pydantic import ConfigDict, Field
+from pydantic.dataclasses import dataclass
+
+from daemon.stacks.kernels import Singles
+from daemon.stacks.ros1.cost_grid import FREE_SPACE, CostGrid
+from daemon.stacks.ros1.navfn.cost_to_go import CostToGo
+from daemon.stacks.ros1.navfn.propagation import (
+    BLOCKED,
+    BUFFER,
+    GAINS,
+    UNREACHED,
+    descend_gradient,
+    path_to_poses,
+    propagate_wave,
+    reset_potentials,
+    translate_costs,
+    translation_table,
+)
+from daemon.stacks.ros1.navfn.restricted import (
+    descent_reads_cut,
+    history_reads_cut,
+    propagate_towards,
+)
+from daemon.stacks.ros1.quirks import ORIGINAL, Quirks
+from grammars.model.geometry import Floats, Pose2
+
+
+@dataclass(frozen=True, slots=True, config=ConfigDict(extra="forbid", strict=True))
+class NavfnParameters:
+    """What can be set under ``NavfnROS``."""
+
+    allow_unknown: bool = True
+    """Whether a path may lead through cells that are unknown in the global costmap."""
+    default_tolerance: Annotated[float, Field(ge=0.0, allow_inf_nan=False)] = 0.0
+    """[m] A path may end this far from the goal in x and in y; 0 demands the goal's own cell."""
+    visualize_potential: bool = False
+    """Publish the potential as a point cloud."""
+    planner_window_x: float = 0.0
+    """[m] Size of a window around the robot to plan in; the original reads and ignores it."""
+    planner_window_y: float = 0.0
+    """[m] The same in y."""
+
+
+WITHOUT_EFFECT: Final[Mapping[str, str]] = {
+    "visualize_potential": "nothing is published while a run lasts",
+    "planner_window_x": "NavfnROS reads it and never uses it",
+    "planner_window_y": "NavfnROS reads it and never uses it",
+}
+
+
+MARGINS: Final = (2000.0, 4000.0, 8000.0, 16_000.0)
+"""Detours [cost] that the restricted search looks at, one after the other; 50 is a free cell."""
+WORTHWHILE: Final = 12_000
+"""Cells of a whole wave from which on a restricted one pays."""
+_NO_TRIP: Final = (-1, -1)
+_OUTDATED: Final = 1000.0
+"""Detour [cost] by which changed costs may make the way longer before the remainder is renewed."""
+_EXTRA_REACH: Final = 2500.0
+"""Cost by which the remainder reaches farther than it must."""
+_EPOCHS: Final = 255
+_RETRY: Final = 12
+"""Plans after which a smaller margin is tried again."""
+
+
+class PotentialField:
+    """The planner's own view of a costmap.
+
+    With ``margins`` the wave is restricted to what can matter, and checked afterwards; without it
+    is always whole. ``certified`` paths have their history checked; without it they rest on the
+    margin and on what the descent looked at. ``whole`` and ``restricted`` count the
+    waves that gave an answer.
+    """
+
+    def __init__(
+        self,
+        grid: CostGrid,
+        *,
+        allow_unknown: bool,
+        margins: tuple[float, ...] = MARGINS,
+        worthwhile: int = WORTHWHILE,
+        certified: bool = True,
+    ) -> None:
+        rows, columns = grid.cells.shape
+        size = rows * columns
+        self.grid, self.columns, self.size = grid, columns, size
+        self.whole, self.restricted = 0, 0
+        self._margins, self._worthwhile, self._certified = margins, worthwhile, certified
+        self._cycles = max(size // 20, rows + columns)
+        self._costs = np.full(size, BLOCKED, dtype=np.uint16)
+        self._potentials = np.full(size, UNREACHED, dtype=np.float32)
+        self._table = translation_table(allow_unknown=allow_unknown)
+        self._buffers = np.empty((3, BUFFER), dtype=np.int32)
+        self._guesses = np.empty((3, BUFFER), dtype=np.float32)
+        self._log = np.empty(2 * size + 1, dtype=np.int32)
+        self._count = 0
+        self._cut, self._mark = np.zeros(size, np.uint8), np.zeros(size, np.uint8)
+        self._epoch, self._level, self._steady = 0, 0, 0
+        self._remainder = CostToGo(size, columns)
+        self._excess, self._usable = 0.0, False
+        self._trip = _NO_TRIP
+        self._repeated = False
+        self._path = np.empty((4 * columns, 2), dtype=np.float32)
+        self._cells = np.empty(4 * columns, dtype=np.int32)
+        self._length = 0
+        grid.take_changed()
+        translate_costs(grid.cells, self._costs, self._table, 0, 0, columns, rows)
+
+    def path(self, start: int, goal: int) -> Singles:
+        """Return the path from ``goal`` down to ``start``, (n, 2) column and row, n may be 0."""
+        changed = self._follow()
+        if changed or self._trip != (start, goal):
+            self._repeated = self._trip[1] == goal
+            self._trip = (start, goal)
+            self._length = self._search(start, goal)
+        return self._path[: self._length]
+
+    def spread(self, start: int, goal: int) -> None:
+        """Spread the whole wave, for :meth:`reached` and :meth:`descend`."""
+        self._follow()
+        self._trip = _NO_TRIP
+        self._spread(start, goal)
+
+    def descend(self, start: int, cell: int) -> Singles:
+        """Return the path from any reached cell down to ``start``, (n, 2)."""
+        return self._path[: self._descend(start, cell)]
+
+    def reached(self, cell: int) -> bool:
+        """Tell whether the wave reached a cell."""
+        return bool(self._potentials[cell] < UNREACHED)
+
+    def _follow(self) -> bool:
+        window = self.grid.take_changed()
+        changed = bool(translate_costs(self.grid.cells, self._costs, self._table, *window))
+        if changed:
+            self._remainder.follow(self._costs, window)
+        return changed
+
+    def _search(self, start: int, goal: int) -> int:
+        if goal != start and self._costs[goal] >= BLOCKED:
+            return 0
+        if self._margins and self._guided(start, goal):
+            if self._cut_off(start, goal):
+                return 0
+            length = self._search_restricted(start, goal)
+            if length > 0:
+                return length
+        fill = self._spread(start, goal)
+        length = self._descend(start, goal) if self.reached(goal) else 0
+        self._learn(start, goal, fill)
+        return length
+
+    def _guided(self, start: int, goal: int) -> bool:
+        """Tell whether the remainder is there for this goal, after making it if that pays."""
+        if start == goal or not self._repeated:
+            return False
+        if self._remainder.goal != goal and self._usable and self._count >= self._worthwhile:
+            reach = float(self._potentials[goal]) + self._margins[0] + _EXTRA_REACH
+            self._usable = self._remainder.renew(self._costs, goal, reach)
+            self._excess = self._surplus(start, goal)
+        return self._remainder.goal == goal
+
+    def _cut_off(self, start: int, goal: int) -> bool:
+        """Tell whether the goal is certain to be out of reach."""
+        remainder = self._remainder
+        if remainder.at(start) < UNREACHED:
+            return False
+        if remainder.whole:
+            return True
+        renewed = remainder.renew(self._costs, goal, float(UNREACHED))
+        return renewed and remainder.at(start) >= float(UNREACHED)
+
+    def _bound(self, start: int, goal: int, margin: float) -> float:
+        """Return what the way through a cell may cost; the remainder is made to reach as far."""
+        bound = self._remainder.at(start) + self._excess + margin
+        if bound > self._remainder.limit:
+            self._usable = self._remainder.renew(self._costs, goal, bound + _EXTRA_REACH)
+        return bound
+
+    def _surplus(self, start: int, goal: int) -> float:
+        """Return by how much the last wave took longer than the remainder says."""
+        spent, remaining = float(self._potentials[goal]), self._remainder.at(start)
+        return max(0.0, spent - remaining) if max(spent, remaining) < UNREACHED else 0.0
+
+    def _search_restricted(self, start: int, goal: int) -> int:
+        first = self._level
+        if first > 0 and self._steady >= _RETRY:
+            first, self._steady = first - 1, 0
+        for level in range(first, len(self._margins)):
+            length = self._restricted(start, goal, self._margins[level])
+            if length > 0:
+                self._steady = self._steady + 1 if level == self._level else 0
+                self._level = level
+                self.restricted += 1
+                return length
+        return 0
+
+    def _restricted(self, start: int, goal: int, margin: float) -> int:
+        """Return the length of the path, 0 when it is not certain to be that of the whole wave."""
+        ahead = self._remainder.ahead
+        bound = np.float32(self._bound(start, goal, margin))
+        if self._remainder.goal != goal:
+            return 0
+        reset_potentials(self._potentials, self._log, self._count)
+        self._begin_epoch()
+        self._count, fill, used, threshold = propagate_towards(
+            self._costs, self._potentials, GAINS, ahead, bound, self.columns, start, goal,
+            self._cycles, self._buffers, self._guesses, self._log, self._cut, self._epoch,
+        )  # fmt: skip
+        # A wave that passed through what was left out is later than the bound at the goal.
+        spare = bound - threshold - margin / 4.0
+        if not self.reached(goal) or spare < margin / 4.0:
+            return 0
+        # What is left out takes room in the buffers and cycles too: keep well off both limits.
+        if fill > BUFFER // 2 or used > self._cycles // 4:
+            return 0
+        length = self._descend(start, goal)
+        if length == 0 or descent_reads_cut(
+            self._costs, self._potentials, ahead, np.float32(spare), self.columns, self._cells,
+            length, self._cut, self._mark, self._epoch,
+        ):  # fmt: skip
+            return 0
+        if self._certified and history_reads_cut(
+            self.columns, self._log, self._count, self._mark, self._epoch
+        ):
+            return 0
+        self._excess = self._surplus(start, goal)
+        self._remainder.limit = min(self._remainder.limit, float(bound) + _EXTRA_REACH)
+        return length
+
+    def _begin_epoch(self) -> None:
+        """Make the flags of earlier waves void; flags of one byte take little of the cache."""
+        self._epoch += 2
+        if self._epoch >= _EPOCHS:
+            self._cut.fill(0)
+            self._mark.fill(0)
+            self._epoch = 2
+
+    def _learn(self, start: int, goal: int, fill: int) -> None:
+        """Find out from a whole wave whether the next one can be guided, and how well."""
+        # Buffers that run over lose cells anywhere: then nothing may be left out.
+        self._usable = fill <= BUFFER // 2
+        if self._remainder.goal != goal:
+            return
+        excess = self._surplus(start, goal)
+        if not self.reached(goal) or excess > self._excess + _OUTDATED:
+            self._remainder.drop()
+        self._excess = excess
+
+    def _spread(self, start: int, goal: int) -> int:
+        reset_potentials(self._potentials, self._log, self._count)
+        self._count, fill, _ = propagate_wave(
+            self._costs, self._potentials, GAINS, self.columns, start, goal, self._cycles,
+            UNREACHED, self._buffers, self._log,
+        )  # fmt: skip
+        self.whole += 1
+        return int(fill)
+
+    def _descend(self, start: int, goal: int) -> int:
+        return int(
+            descend_gradient(self._potentials, self.columns, start, goal, self._path, self._cells)
+        )
+
+
+class Navfn:
+    """Plans on a global costmap as NavfnROS does; ``quirks`` says what of its oddities is kept.
+
+    Without ``certified`` fewer plans are checked by a whole wave, see :class:`PotentialField`.
+    """
+
+    def __init__(
+        self, parameters: NavfnParameters, quirks: Quirks, *, certified: bool = True
+    ) -> None:
+        self._parameters, self._quirks, self._certified = parameters, quirks, certified
+        self._field: PotentialField | None = None
+
+    def plan(self, grid: CostGrid, start: Pose2, goal: Pose2) -> Floats | None:
+        """Return x, y, yaw from ``start`` to ``goal`` in the grid's frame, (n, 3), or ``None``.
+
+        The points are half a cell apart with yaw 0; the last one is the goal with its own yaw.
+        There is no plan from or to a point off the grid, to a goal that is blocked or out of
+        reach, or with all four cells beside the robot blocked. The only reader of the grid's
+        changes is this planner (:meth:`CostGrid.take_changed`).
+        """
+        here, there = grid.cell(start.x, start.y), grid.cell(goal.x, goal.y)
+        tolerance = self._parameters.default_tolerance
+        if here is None or (there is None and tolerance <= 0.0):
+            return None
+        self._free(grid, *here)
+        columns = grid.cells.shape[1]
+        field = self._field_of(grid)
+        begin = here[1] * columns + here[0]
+        target = 0 if there is None else there[1] * columns + there[0]
+        if tolerance <= 0.0:
+            return self._poses(grid, field.path(begin, target), goal)
+        field.spread(begin, target)
+        end = self._end(grid, field, goal)
+        cell = None if end is None else grid.cell(end.x, end.y)
+        if end is None or cell is None:
+            return None
+        return self._poses(grid, field.descend(begin, cell[1] * columns + cell[0]), end)
+
+    def _free(self, grid: CostGrid, column: int, row: int) -> None:
+        # What the start cell costs never matters to its own wave, only to whoever looks later.
+        if self._quirks.planner_frees_start_cell and grid.cells[row, column] != FREE_SPACE:
+            grid.cells[row, column] = FREE_SPACE
+            grid.touch((column, row, column + 1, row + 1))
+
+    def _field_of(self, grid: CostGrid) -> PotentialField:
+        field = self._field
+        if field is None or field.grid is not grid or field.size != grid.cells.size:
+            field = PotentialField(
+                grid, allow_unknown=self._parameters.allow_unknown, certified=self._certified
+            )
+            self._field = field
+        return field
+
+    def _end(self, grid: CostGrid, field: PotentialField, goal: Pose2) -> Pose2 | None:
+        """Return the reached point nearest to the goal within the tolerance, a square raster."""
+        tolerance = self._parameters.default_tolerance
+        best, nearest = None, math.inf
+        y = goal.y - tolerance
+        while y <= goal.y + tolerance:
+            x = goal.x - tolerance
+            while x <= goal.x + tolerance:
+                cell = grid.cell(x, y)
+                away = (x - goal.x) ** 2 + (y - goal.y) ** 2
+                reached = cell is not None and field.reached(cell[1] * field.columns + cell[0])
+                if reached and away < nearest:
+                    best, nearest = Pose2(x, y, goal.yaw), away
+                x += grid.resolution
+            y += grid.resolution
+        return best
+
+    def _poses(self, grid: CostGrid, path: Singles, end: Pose2) -> Floats | None:
+        """Turn a path from the goal, in cells, round and into the grid's frame."""
+        count = path.shape[0]
+        if count == 0:
+            return None
+        shift = 0.0 if self._quirks.navfn_corner_coordinates else 0.5
+        poses = np.empty((count + 1, 3))
+        path_to_poses(path, shift, grid.resolution, grid.x, grid.y, poses)
+        poses[count] = end.x, end.y, end.yaw
+        return poses
+
+
+def warm_up() -> None:
+    """Plan across a small costmap, whole and restricted, while its costs change."""
+    # So large that the limit of cycles, which grows with it, leaves room for a restricted wave.
+    grid = CostGrid(0.05, 0.0, 0.0, np.zeros((80, 80), dtype=np.uint8))
+    field = PotentialField(grid, allow_unknown=True, worthwhile=1)
+    for step in range(4):
+        grid.cells[15, 15] = 254 - step
+        grid.touch((15, 15, 16, 16))
+        field.path(1600 + step, 1610)
+    Navfn(NavfnParameters(), ORIGINAL).plan(grid, Pose2(0.2, 0.2), Pose2(1.2, 0.7))

@@ -1,0 +1,319 @@
+"""What a cell costs navfn, the wave that spreads from the robot, and the path down its potential.
+
+Costs are those of ``setCostmap``, the wave that of ``propNavFnDijkstra`` (blocks of rising
+priority), the path that of ``calcPath`` (down the gradient, half a cell at a time).
+
+What a cell ends up with depends on the order of the updates, because an improvement is passed on
+only to neighbours that gain more than 0.7 of their cost; the order is therefore the original's.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Final, TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+
+from daemon.stacks.kernels import Integers, Singles, kernel
+from daemon.stacks.ros1.cost_grid import INSCRIBED, NO_INFORMATION
+from grammars.model.geometry import Floats
+
+NEUTRAL: Final = 50
+BLOCKED: Final = 254
+PENDING: Final = 256
+"""Flag of a cell that waits in a buffer; added to its cost, so that one look tells both."""
+UNREACHED: Final = np.float32(1.0e10)
+
+Bytes: TypeAlias = npt.NDArray[np.uint8]
+States: TypeAlias = npt.NDArray[np.uint16]
+
+
+def translation_table(*, allow_unknown: bool) -> States:
+    """Return the cost of every costmap value, (256,) (navfn ``setCostmap``)."""
+    values = np.arange(256)
+    costs: States = np.minimum(NEUTRAL + 0.8 * values, BLOCKED - 1).astype(np.uint16)
+    costs[INSCRIBED:] = BLOCKED
+    if allow_unknown:
+        costs[NO_INFORMATION] = BLOCKED - 1
+    return costs
+
+
+@kernel
+def translate_costs(
+    cells: Bytes, costs: States, table: States, x0: int, y0: int, x1: int, y1: int
+) -> bool:
+    """Renew the costs of a half-open window, never of the border; return whether any changed."""
+    rows, columns = cells.shape
+    changed = False
+    for row in range(max(y0, 1), min(y1, rows - 1)):
+        for column in range(max(x0, 1), min(x1, columns - 1)):
+            cost = table[cells[row, column]]
+            n = row * columns + column
+            if cost != costs[n]:
+                costs[n] = cost
+                changed = True
+    return changed
+
+
+BUFFER: Final = 10_000
+"""Cells a priority buffer holds; what does not fit is lost (navfn ``PRIORITYBUFSIZE``)."""
+THRESHOLD_STEP: Final = 100.0
+GAINS: Final = np.full(2 * PENDING, np.inf, dtype=np.float32)
+"""By cost: how much a neighbour must at least gain, so that it is looked at again. No gain is
+enough for a cell that is blocked or waits already."""
+GAINS[:BLOCKED] = 0.707106781 * np.arange(BLOCKED)
+
+
+@kernel
+def interpolate_potential(first: np.float32, second: np.float32, cost: np.float32) -> np.float32:
+    """Return the potential of a cell from its lowest horizontal and vertical neighbour, float32."""
+    lowest, difference = min(first, second), abs(first - second)
+    # The constants of the original are doubles: the polynomial is rounded only at its end.
+    q = np.float64(difference / cost)
+    share = np.float32(-0.2301 * q * q + 0.5307 * q + 0.7040)
+    return lowest + cost * (share if difference < cost else np.float32(1.0))
+
+
+@kernel
+def propagate_wave(
+    costs: States,
+    potentials: Singles,
+    gains: Singles,
+    columns: int,
+    start: int,
+    goal: int,
+    cycles: int,
+    limit: np.float32,
+    buffers: Integers,
+    reached: Integers,
+) -> tuple[int, int, bool]:
+    """Spread the wave until ``goal`` has a potential, or the threshold passes ``limit``.
+
+    ``costs`` and ``potentials`` are flat, the latter ``UNREACHED`` everywhere; ``buffers`` of
+    shape (3, size) is scratch. The cells reached stand in ``reached``, so that :func:`reset_potentials`
+    need not look at others. ``goal`` -1 is never reached. Returns how many cells were
+    reached, the fill, which is the largest number of cells that ever waited in one buffer, and
+    whether nothing was left to do.
+    """
+    capacity = buffers.shape[1]
+    potentials[start] = np.float32(0.0)
+    reached[0] = start
+    count, fill = 1, 0
+    a, b, c = 0, 1, 2
+    now, later, over = 0, 0, 0
+    for cell in (start + 1, start - 1, start - columns, start + columns):
+        if 0 <= cell < costs.size and costs[cell] < BLOCKED:
+            buffers[a, now] = cell
+            now += 1
+            costs[cell] |= PENDING
+    threshold = np.float32(BLOCKED)
+    # Unsigned, so that an index is not looked at for being negative.
+    one, line = np.uintp(1), np.uintp(columns)
+    for _ in range(cycles):
+        if now == 0:
+            break
+        current, following, postponed = buffers[a], buffers[b], buffers[c]
+        for i in range(now):
+            costs[current[i]] &= PENDING - 1
+        for i in range(now):
+            n = np.uintp(current[i])
+            left, right = potentials[n - one], potentials[n + one]
+            up, down = potentials[n - line], potentials[n + line]
+            across = left if left < right else right
+            along = up if up < down else down
+            # A cell in the queue again is pending, its cost stands below the flag.
+            p = interpolate_potential(across, along, np.float32(costs[n] & (PENDING - 1)))
+            old = potentials[n]
+            if p >= old:
+                continue
+            if old == UNREACHED:
+                reached[count] = n
+                count += 1
+            potentials[n] = p
+            soon = p < threshold
+            for k in range(4):
+                if k == 0:
+                    m, value = n - one, left
+                elif k == 1:
+                    m, value = n + one, right
+                elif k == 2:
+                    m, value = n - line, up
+                else:
+                    m, value = n + line, down
+                cost = costs[m]
+                if value <= p + gains[cost]:
+                    continue
+                if soon:
+                    if later < capacity:
+                        following[later] = m
+                        later += 1
+                        costs[m] = cost | PENDING
+                elif over < capacity:
+                    postponed[over] = m
+                    over += 1
+                    costs[m] = cost | PENDING
+        a, b = b, a
+        fill = max(fill, later, over)
+        now, later = later, 0
+        if now == 0:
+            threshold += np.float32(THRESHOLD_STEP)
+            a, c = c, a
+            now, over = over, 0
+            if threshold > limit:
+                break
+        if goal >= 0 and potentials[goal] < UNREACHED:
+            break
+    for i in range(now):
+        costs[buffers[a, i]] &= PENDING - 1
+    for i in range(over):
+        costs[buffers[c, i]] &= PENDING - 1
+    return count, fill, now == 0
+
+
+@kernel
+def reset_potentials(potentials: Singles, log: Integers, count: int) -> None:
+    """Make the cells among the first ``count`` of ``log`` unreached again; others are negative."""
+    for i in range(count):
+        if log[i] >= 0:
+            potentials[log[i]] = UNREACHED
+
+
+STEP: Final = np.float32(0.5)
+
+
+@kernel
+def _round_half_away(offset: np.float32) -> int:
+    """Round half away from zero, as C does."""
+    return math.floor(offset + 0.5) if offset >= 0.0 else math.ceil(offset - 0.5)
+
+
+@kernel
+def _gradient(potentials: Singles, n: int, columns: int) -> tuple[np.float32, np.float32]:
+    """Return the normalised gradient at a reached cell, float32; neighbours may be unreached."""
+    here = potentials[n]
+    dx, dy = np.float32(0.0), np.float32(0.0)
+    if potentials[n - 1] < UNREACHED:
+        dx += potentials[n - 1] - here
+    if potentials[n + 1] < UNREACHED:
+        dx += here - potentials[n + 1]
+    if potentials[n - columns] < UNREACHED:
+        dy += potentials[n - columns] - here
+    if potentials[n + columns] < UNREACHED:
+        dy += here - potentials[n + columns]
+    norm = np.sqrt(dx * dx + dy * dy)
+    if norm > np.float32(0.0):
+        scale = np.float32(1.0) / norm
+        return scale * dx, scale * dy
+    return np.float32(0.0), np.float32(0.0)
+
+
+@kernel
+def at_edge(potentials: Singles, n: int, columns: int) -> bool:
+    """Tell whether a cell or one of its eight neighbours was not reached."""
+    for row in range(-1, 2):
+        for column in range(-1, 2):
+            if potentials[n + row * columns + column] >= UNREACHED:
+                return True
+    return False
+
+
+@kernel
+def _lowest(potentials: Singles, n: int, columns: int) -> int:
+    """Return the lowest of a cell and its eight neighbours; potentials compare as integers."""
+    best, value = n, int(potentials[n])
+    for row in range(-1, 2):
+        for column in range(-1, 2):
+            m = n + row * columns + column
+            if potentials[m] < value:
+                best, value = m, int(potentials[m])
+    return best
+
+
+@kernel
+def _interpolate_rounded(a: np.float32, b: np.float32, share: np.float32) -> np.float32:
+    """Return a + share (b - a) rounded as in the original, float32."""
+    return np.float32((1.0 - np.float64(share)) * np.float64(a) + np.float64(share * b))
+
+
+@kernel
+def descend_gradient(
+    potentials: Singles, columns: int, start: int, goal: int, path: Singles, cells: Integers
+) -> int:
+    """Write the path from ``goal`` down to ``start`` into ``path``; return its length, or 0.
+
+    ``path`` has shape (steps, 2), column and row of each point [cells], float32; no path is longer.
+    ``cells`` (steps,) takes the cell each point was reckoned from.
+    """
+    size = potentials.size
+    n, dx, dy = goal, np.float32(0.0), np.float32(0.0)
+    before, edge = -1, False
+    ax, ay, bx, by = dx, dx, dx, dx
+    cx, cy, ex, ey = dx, dx, dx, dx
+    for count in range(path.shape[0]):
+        cells[count] = n
+        nearest = max(0, min(size - 1, n + _round_half_away(dx) + columns * _round_half_away(dy)))
+        if potentials[nearest] < NEUTRAL:
+            path[count, 0], path[count, 1] = start % columns, start // columns
+            return count + 1
+        if n <= columns or n >= size - columns - 1:
+            return 0
+        path[count, 0] = np.float32(n % columns) + dx
+        path[count, 1] = np.float32(n // columns) + dy
+        swinging = (
+            count >= 2
+            and path[count, 0] == path[count - 2, 0]
+            and path[count, 1] == path[count - 2, 1]
+        )
+        # Half a cell at a time, every other point is reckoned from the same cells.
+        if n != before:
+            before, edge = n, at_edge(potentials, n, columns)
+            if not edge:
+                ax, ay = _gradient(potentials, n, columns)
+                bx, by = _gradient(potentials, n + 1, columns)
+                cx, cy = _gradient(potentials, n + columns, columns)
+                ex, ey = _gradient(potentials, n + columns + 1, columns)
+        if swinging or edge:
+            n = _lowest(potentials, n, columns)
+            dx, dy = np.float32(0.0), np.float32(0.0)
+            continue
+        x = _interpolate_rounded(
+            _interpolate_rounded(ax, bx, dx), _interpolate_rounded(cx, ex, dx), dy
+        )
+        y = _interpolate_rounded(
+            _interpolate_rounded(ay, by, dx), _interpolate_rounded(cy, ey, dx), dy
+        )
+        if x == np.float32(0.0) and y == np.float32(0.0):
+            return 0
+        scale = STEP / np.sqrt(x * x + y * y)
+        dx += x * scale
+        dy += y * scale
+        if dx > 1.0:
+            n += 1
+            dx -= np.float32(1.0)
+        if dx < -1.0:
+            n -= 1
+            dx += np.float32(1.0)
+        if dy > 1.0:
+            n += columns
+            dy -= np.float32(1.0)
+        if dy < -1.0:
+            n -= columns
+            dy += np.float32(1.0)
+    return 0
+
+
+@kernel
+def path_to_poses(
+    path: Singles, shift: float, resolution: float, x: float, y: float, poses: Floats
+) -> None:
+    """Write a path, cells from the goal, as x, y, yaw 0 from the start into ``poses``, (n, 3).
+
+    ``shift`` [cells] is added; the corner of cell (0, 0) lies at ``x``, ``y``.
+    """
+    count = path.shape[0]
+    for i in range(count):
+        k = count - 1 - i
+        poses[i, 0] = (np.float64(path[k, 0]) + shift) * resolution + x
+        poses[i, 1] = (np.float64(path[k, 1]) + shift) * resolution + y
+        poses[i, 2] = 0.0

@@ -1,0 +1,155 @@
+"""From one namespace of a ROS parameter tree to the model of the component that reads it.
+
+The original ignores names it does not know and values of another type without a word, and then
+runs with a default nobody asked for. Here a name nobody reads is a warning; a value of another
+type or out of range is an error.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterable, Mapping
+from functools import cache
+from typing import Annotated, Any, TypeVar
+
+from pydantic import TypeAdapter, ValidationError
+
+from daemon.stacks.findings import FindingCollector, ParameterFinding, ParameterLocation
+from grammars.text.diagnostics import did_you_mean
+
+M = TypeVar("M")
+
+
+def read_section(
+    model: type[M],
+    given: Mapping[str, Any],
+    path: ParameterLocation,
+    report: FindingCollector,
+    *,
+    without_effect: Mapping[str, str] | None = None,
+    elsewhere: frozenset[str] = frozenset(),
+    strict: bool = False,
+) -> M:
+    """Return ``model`` (a pydantic dataclass with ROS names) with the values ``given`` at ``path``.
+
+    ``without_effect`` holds names that change nothing here, with the reason; names in
+    ``elsewhere`` are read by somebody else. ``strict`` makes unknown names fatal, for sections
+    that no ROS node reads. What is wrong goes to ``report``; the model then has defaults there.
+    """
+    kind: Any = model
+    adapters = _adapters(kind)
+    idle = without_effect or {}
+    values: dict[str, Any] = {}
+    for name, value in given.items():
+        place = (*path, name)
+        if name in idle:
+            report.without_effect.append(ParameterFinding(place, idle[name]))
+        if name in adapters:
+            _take(adapters[name], value, place, values, report)
+        elif name not in elsewhere and name not in idle:
+            where = report.fatal if strict else report.problems
+            where.append(_unknown_name(place, value, (*adapters, *idle), elsewhere))
+    try:
+        return model(**values)
+    except ValidationError as error:
+        report.fatal += [_finding(issue, path) for issue in error.errors()]
+    return model()
+
+
+def _unknown_name(
+    place: ParameterLocation, value: Any, names: Iterable[str], namespaces: Iterable[str]
+) -> ParameterFinding:
+    """Say that nobody reads a name, with the nearest one of the same sort."""
+    name = str(place[-1])
+    if isinstance(value, Mapping):
+        hint = did_you_mean(name, namespaces)
+        return ParameterFinding(place, f'nothing reads a namespace "{name}"', hint)
+    return ParameterFinding(place, f'nothing reads a parameter "{name}"', did_you_mean(name, names))
+
+
+@cache
+def _adapters(model: type[Any]) -> dict[str, TypeAdapter[Any]]:
+    """Return what checks each field on its own, so that a bad one does not hide another."""
+    fields = model.__pydantic_fields__
+    return {
+        name: TypeAdapter(_constrained(info.annotation, info.metadata))
+        for name, info in fields.items()
+    }
+
+
+def _constrained(annotation: Any, constraints: list[Any]) -> Any:
+    return Annotated[(annotation, *constraints)] if constraints else annotation
+
+
+def _take(
+    adapter: TypeAdapter[Any],
+    value: Any,
+    place: ParameterLocation,
+    values: dict[str, Any],
+    report: FindingCollector,
+) -> None:
+    """Keep ``value`` under its name when it fits; JSON is strict about types, not about tuples."""
+    if isinstance(value, float) and not math.isfinite(value):
+        report.fatal.append(ParameterFinding(place, f"must be a finite number (given: {value})"))
+        return
+    try:
+        values[str(place[-1])] = adapter.validate_json(
+            json.dumps(_integral_as_int(value)), strict=True
+        )
+    except ValidationError as error:
+        report.fatal += [_finding(issue, place) for issue in error.errors()]
+    except TypeError:
+        report.fatal.append(ParameterFinding(place, f"cannot be a {type(value).__name__}"))
+
+
+def _integral_as_int(value: Any) -> Any:
+    """Write 3.0 as 3, which roscpp takes for a whole number as well as for a real one."""
+    return int(value) if isinstance(value, float) and value.is_integer() else value
+
+
+_MESSAGES = {
+    "float_type": "must be a number",
+    "int_type": "must be a whole number",
+    "int_from_float": "must be a whole number",
+    "bool_type": "must be true or false",
+    "string_type": "must be text",
+    "string_pattern_mismatch": "must be a name such as /scan",
+    "tuple_type": "must be a list",
+    "list_type": "must be a list",
+    "dict_type": "must be names with values",
+    "dataclass_type": "must be names with values",
+}
+_MESSAGES_BY_NAME = {("too_short", "footprint"): "a polygon needs at least three points"}
+
+
+def _finding(issue: Any, path: ParameterLocation) -> ParameterFinding:
+    place = (*path, *(part for part in issue["loc"] if part != "[key]"))
+    known = _MESSAGES.get(issue["type"]) or _MESSAGES_BY_NAME.get((issue["type"], str(place[-1])))
+    message = known or _reword(issue)
+    given = issue["input"]
+    simple = isinstance(given, str | int | float) or given is None
+    return ParameterFinding(
+        place, f"{message} (given: {given!r})" if simple else message, _advice(given)
+    )
+
+
+def _reword(issue: Any) -> str:
+    if issue["type"] in ("too_short", "too_long"):
+        bound = issue["ctx"]["min_length" if issue["type"] == "too_short" else "max_length"]
+        return f"must have {bound} or {'more' if issue['type'] == 'too_short' else 'fewer'}"
+    message: str = issue["msg"].removeprefix("Value error, ")
+    return message.replace("Input should be", "must be", 1)
+
+
+def _advice(given: Any) -> str:
+    """Say what a text in the place of a number usually is."""
+    if not isinstance(given, str):
+        return ""
+    if "$(" in given:
+        return "that is for launch files to fill in: write the value"
+    try:
+        float(given)
+    except ValueError:
+        return ""
+    return "ROS takes that for text: write it with a point and without quotes, such as 1.0e-3"

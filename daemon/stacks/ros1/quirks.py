@@ -1,0 +1,119 @@
+"""Every oddity of the original stack that is kept for fidelity: a switch each, in one place.
+
+The default of each switch is what the ROS 1 Noetic packages do. ``FIXED`` turns all of them off,
+so that people see what an oddity costs them.
+
+A file asks for a profile by name, or for one with switches turned.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, fields, replace
+from typing import Any, Final
+
+from daemon.stacks.findings import FindingCollector, ParameterFinding, ParameterLocation
+from grammars.text.diagnostics import did_you_mean
+
+
+@dataclass(frozen=True, slots=True)
+class Quirks:
+    """What the original does that nobody would ask for; ``False`` is the sane behaviour."""
+
+    amcl_half_cell_shift: bool = True
+    """AMCL looks its likelihood field up half a cell off, a bias of 2.5 cm in x and y (amcl
+    map_t: ``MAP_GXWX`` rounds about an origin in the middle of the map)."""
+    delayed_map_to_odom: bool = True
+    """The correction map->odom is stamped ``transform_tolerance`` ahead, so poses looked up at a
+    sensor's stamp use the correction of that much earlier (amcl_node)."""
+    amcl_reversing_splits_cloud: bool = True
+    """Driving backwards is two half turns to AMCL's diff models; each is wrapped, their sum is
+    not, so some headings end up a full turn from others, in bins and clusters of their own (amcl
+    ``AMCLOdom::UpdateAction``)."""
+    unknown_becomes_free: bool = True
+    """The obstacle layer merges its free default over unknown cells of the global costmap
+    (costmap_2d, pre-Hydro parameters)."""
+    truncated_window_shift: bool = True
+    """The rolling window moves by whole cells truncated toward zero, so it lags by up to one cell
+    either way (costmap_2d ``updateOrigin``)."""
+    planner_frees_start_cell: bool = True
+    """navfn sets the cost under the robot to free in the costmap itself, for good."""
+    navfn_corner_coordinates: bool = True
+    """Path points stand at cell corners, half a cell low in x and y (navfn ``mapToWorld``)."""
+    dispatcher_clears_square: bool = True
+    """Every make_plan request of the dispatcher clears a square of twice ``clearing_radius``
+    around the robot in both costmaps (move_base ``planService``)."""
+    plans_reset_oscillation: bool = True
+    """Each new global plan resets the oscillation flags of DWA, five times a second."""
+    strafe_leaks: bool = True
+    """With no sideways acceleration the measured sideways speed is still sampled (DWA sample
+    generator), so tiny strafe commands leak out of a differential robot."""
+    perimeter_only: bool = True
+    """The obstacle critic looks at the outline of the footprint, not at its inside."""
+    rotation_raised_to_minimum: bool = True
+    """Turning at the goal, the speed is raised to ``min_vel_theta`` again after it was limited so
+    that the robot could stop (base_local_planner ``LatchedStopRotateController``)."""
+    resets_clear_nothing: bool = True
+    """The reset recoveries look for a layer ``obstacles``, which pre-Hydro parameters call
+    ``obstacle_layer``: they clear nothing (ros-planning/navigation #641, #656, #1005)."""
+    rotate_reads_other_namespace: bool = True
+    """The rotate recovery reads its limits from ``TrajectoryPlannerROS``, so the limits of DWA
+    mean nothing to it."""
+    turn_ends_unstopped: bool = True
+    """The turn on the spot ends without a command to stop: a base without a time-out turns on
+    until the controller has a plan again (rotate_recovery)."""
+    control_patience_survives_recovery: bool = True
+    """A recovery does not restart ``controller_patience``: after the first 15 s without a command
+    all recoveries run within about a second and the goal aborts (move_base)."""
+    failed_replanning_ignored: bool = True
+    """While the controller runs, a failed replanning changes nothing: the old plan is followed
+    (move_base ``planThread``)."""
+
+
+ORIGINAL: Final = Quirks()
+FIXED: Final = Quirks(**{field.name: False for field in fields(Quirks)})
+PROFILES: Final = {"original": ORIGINAL, "fixed": FIXED}
+
+
+_SWITCHES: Final = tuple(field.name for field in fields(Quirks))
+
+
+def read_quirks(given: object, path: ParameterLocation, report: FindingCollector) -> Quirks:
+    """Return the quirks ``given``: ``original``, ``fixed``, or ``{like: PROFILE, NAME: bool}``."""
+    if isinstance(given, str):
+        return _profile(given, path, report)
+    if not isinstance(given, Mapping):
+        report.fatal.append(
+            ParameterFinding(path, "must be original, fixed, or switches with true or false")
+        )
+        return ORIGINAL
+    quirks = _profile(given.get("like", "original"), (*path, "like"), report)
+    return replace(quirks, **_switched(given, path, report))
+
+
+def _profile(name: object, path: ParameterLocation, report: FindingCollector) -> Quirks:
+    if isinstance(name, str) and name in PROFILES:
+        return PROFILES[name]
+    hint = did_you_mean(str(name), PROFILES)
+    report.fatal.append(ParameterFinding(path, f'there are no quirks "{name}"', hint))
+    return ORIGINAL
+
+
+def _switched(
+    given: Mapping[str, Any], path: ParameterLocation, report: FindingCollector
+) -> dict[str, bool]:
+    switches: dict[str, bool] = {}
+    for name, value in given.items():
+        place = (*path, name)
+        if name == "like":
+            continue
+        if name not in _SWITCHES:
+            hint = did_you_mean(name, _SWITCHES)
+            report.fatal.append(ParameterFinding(place, f'there is no quirk "{name}"', hint))
+        elif not isinstance(value, bool):
+            report.fatal.append(
+                ParameterFinding(place, f"must be true or false (given: {value!r})")
+            )
+        else:
+            switches[name] = value
+    return switches

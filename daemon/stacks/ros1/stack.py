@@ -1,0 +1,400 @@
+"""The stack as a system under test: its nodes, and the order of events within one instant.
+
+The original runs as threads and processes whose order at one instant is up to the machine. Here
+time stands still while anybody works, and everything due at an instant happens in this order:
+
+1. **Odometry** enters the transform buffer.
+2. **Scans** whose odometry is known go to AMCL, which broadcasts its correction (with a stamp
+   ``transform_tolerance`` ahead). A scan waits for the first odometry sample that is not older, at
+   51 ms an instant or two, as in the message filter of the original.
+3. **Observation buffers**: the costmaps' latest scan becomes one whose transforms are known up to
+   50 ms beyond its stamp, a tolerance of costmap_2d, so it is one or two instants older still.
+4. **Global costmap**, 5. **local costmap**: one update cycle each when due, first at time 0.
+6. **Planner thread** when due or woken.
+7. **Control loop** or the recovery that blocks it.
+8. **Dispatcher**: takes the result of the goal at the instant it is known and sends the next one,
+   for which the control loop runs its first cycle at once.
+
+A plan is there for the control loop at the instant it is made (6 before 7). In the original
+planning took 5 to 20 ms of the 100 ms between two control cycles and the two threads have no
+fixed phase: a plan reaches the controller at the next cycle after that. Making it wait for the
+cycle after the next would add ten times the delay there was. A plan that the control loop asks
+for is made at the next instant, as the thread has had its turn by then, and used by the next
+control cycle: as in the original.
+
+An instant is a step of the stack: a multiple of 10 ms that divides the period of the control
+loop and of the turn on the spot, 50 ms with the parameters of the paper. With frequencies that
+fit no multiple of 10 ms a step is 10 ms, and what is due happens at the first step not before.
+
+If AMCL gets no scans, odom stays where it was in the map at the start (the original would wait
+for that transform for ever and drive nowhere).
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from daemon.model.sut import Briefing, Cloud, Decision, Estimate, LaserScan, Observation
+from daemon.stacks.ros1 import amcl, costmap, dwa, move_base, navfn
+from daemon.stacks.ros1.amcl import Amcl, AmclParameters, AmclPose
+from daemon.stacks.ros1.configuration import RosParameters
+from daemon.stacks.ros1.cost_grid import CostGrid
+from daemon.stacks.ros1.costmap import Costmap, SensedScan
+from daemon.stacks.ros1.dwa import Dwa
+from daemon.stacks.ros1.move_base import (
+    ClearTarget,
+    ClearTargets,
+    MoveBase,
+    MoveBaseStatus,
+    PlannerThread,
+    RobotPoses,
+    TransformBuffer,
+    WaypointDispatcher,
+    make_recoveries,
+)
+from daemon.stacks.ros1.navfn import Navfn
+from daemon.stacks.ros1.telemetry import (
+    CostmapRecorder,
+    EstimateRecorder,
+    LocalPlanRecorder,
+    PlanRecorder,
+)
+from grammars.model.geometry import Floats, Pose2, Twist2
+from grammars.model.robot import Laser
+
+_SCAN_TOLERANCE: Final = 0.05
+"""Costmaps take a scan only when transforms reach this far beyond its stamp [s]
+(costmap_2d ``ObstacleLayer``: the tolerance of its message filter)."""
+_TIME_TOLERANCE: Final = 1e-9
+
+
+@dataclass(slots=True)
+class _UpdateTimer:
+    """Instants of something that runs at ``rate`` [Hz]: the first ones not before k / rate."""
+
+    rate: float
+    count: int = 0
+
+    def due(self, now: float) -> bool:
+        """Tell whether it runs at ``now``, and move on if so."""
+        if now < self.count / self.rate - _TIME_TOLERANCE:
+            return False
+        self.count += 1
+        return True
+
+
+class ScanBuffer:
+    """The scans the costmaps have got: the latest one, seen from either frame."""
+
+    def __init__(self, laser: Laser, transforms: TransformBuffer) -> None:
+        step = (laser.angle_max - laser.angle_min) / max(1, laser.rays - 1)
+        self._angles: Floats = laser.angle_min + np.arange(laser.rays, dtype=np.float64) * step
+        self._laser, self._transforms = laser, transforms
+        self._waiting: deque[LaserScan] = deque(maxlen=50)
+        self._latest: LaserScan | None = None
+
+    def take(self, scan: LaserScan) -> None:
+        """Queue a scan until the transforms at its stamp are known."""
+        self._waiting.append(scan)
+
+    def look(self) -> None:
+        """Let the costmaps have the scans whose transforms are known by now."""
+        known = self._transforms.time - _SCAN_TOLERANCE + _TIME_TOLERANCE
+        while self._waiting and self._waiting[0].time <= known:
+            self._latest = self._waiting.popleft()
+
+    def in_odom(self) -> SensedScan | None:
+        """Return the latest scan from where the laser was in odom."""
+        scan = self._latest
+        return None if scan is None else self._sensed(scan, Pose2())
+
+    def in_map(self) -> SensedScan | None:
+        """Return the latest scan from where the laser was in map, by the delayed correction."""
+        scan = self._latest
+        if scan is None:
+            return None
+        return self._sensed(scan, self._transforms.correction_at(scan.time))
+
+    def _sensed(self, scan: LaserScan, frame: Pose2) -> SensedScan:
+        laser = self._laser
+        pose = frame @ self._transforms.base_at(scan.time) @ laser.mount
+        return SensedScan(
+            pose, scan.ranges, self._angles, laser.range_min, laser.range_max, laser.z
+        )
+
+
+class _DwaController:
+    """DWA with what it needs to know at hand; keeps the trajectory it chose last."""
+
+    def __init__(self, dwa: Dwa, transforms: TransformBuffer, local: CostGrid) -> None:
+        self._dwa, self._transforms, self._local = dwa, transforms, local
+        self.trajectory: Floats | None = None
+
+    def set_plan(self, plan: Floats) -> None:
+        """Take a new global plan (n, 3) in map."""
+        self._dwa.set_plan(plan)
+
+    def goal_reached(self) -> bool:
+        """Tell whether the robot is at the goal of the plan, and stands."""
+        t = self._transforms
+        return self._dwa.goal_reached(t.odom_to_base, t.twist, t.map_to_odom)
+
+    def command(self) -> Twist2 | None:
+        """Return a velocity command, ``None`` when there is no valid one."""
+        t = self._transforms
+        answer = self._dwa.command(t.odom_to_base, t.twist, t.map_to_odom, self._local)
+        self.trajectory = answer.local_plan
+        return answer.twist if answer.ok else None
+
+
+class Navigation:
+    """All nodes of the stack for one run; the order of :meth:`update` is documented in
+    :mod:`daemon.stacks.ros1.stack`."""
+
+    def __init__(self, briefing: Briefing, parameters: RosParameters) -> None:
+        self._parameters = parameters
+        quirks, robot = parameters.quirks, briefing.robot
+        self._transforms = TransformBuffer(
+            briefing.start,
+            parameters.amcl.transform_tolerance,
+            delayed=quirks.delayed_map_to_odom,
+        )
+        self._amcl = Amcl(
+            parameters.amcl, quirks, briefing.map, robot.laser, briefing.start, briefing.seed
+        )
+        self._pose = briefing.start
+        """What AMCL has published last."""
+        self._broadcasts = False
+        self._unheard: deque[LaserScan] = deque(maxlen=100)
+        self._eyes = ScanBuffer(robot.laser, self._transforms)
+        self._set_up_costmaps(briefing)
+        self._set_up_move_base(briefing)
+        self._plans, self._local_plans = PlanRecorder(), LocalPlanRecorder()
+        self._pictures = CostmapRecorder(parameters.local_costmap.publish_frequency)
+        self._beliefs = EstimateRecorder(_start_covariance(parameters.amcl))
+        self._events = _describe_findings(parameters)
+
+    def _set_up_costmaps(self, briefing: Briefing) -> None:
+        quirks = self._parameters.quirks
+        wide, near = self._parameters.global_costmap, self._parameters.local_costmap
+        self._global = Costmap.global_(wide, wide.padded_footprint(), quirks, briefing.map)
+        self._local = Costmap.local(near, near.padded_footprint(), quirks)
+        self._global_clock = _UpdateTimer(wide.update_frequency)
+        self._local_clock = _UpdateTimer(near.update_frequency)
+
+    def _set_up_move_base(self, briefing: Briefing) -> None:
+        p = self._parameters
+        wide, near = p.global_costmap, p.local_costmap
+        footprint = near.padded_footprint()
+        self._navfn = Navfn(p.navfn, p.quirks)
+        dwa = Dwa(
+            p.dwa, p.quirks, footprint, 1.0 / p.move_base.controller_frequency,
+            latch_goal=p.move_base.latch_xy_goal_tolerance,
+        )  # fmt: skip
+        self._steering = _DwaController(dwa, self._transforms, self._local.grid)
+        recoveries = make_recoveries(
+            p.move_base, p.rotate_recovery, p.resets, p.quirks, footprint, self._local.grid,
+            ClearTargets(
+                ClearTarget(wide.obstacle_layer_name, self._global.clear_obstacles_outside),
+                ClearTarget(near.obstacle_layer_name, self._local.clear_obstacles_outside),
+            ),
+        )  # fmt: skip
+        self._status = MoveBaseStatus()
+        self._planner = PlannerThread(p.move_base, p.quirks, self._status, self._plan)
+        self._move_base = MoveBase(
+            p.move_base, p.quirks, self._status, self._planner, self._steering, recoveries,
+            self._around,
+        )  # fmt: skip
+        waypoints = briefing.mission.waypoints
+        self._dispatcher = WaypointDispatcher(p.dispatcher, waypoints, self._make_plan)
+
+    def update(self, observation: Observation) -> Decision:
+        """Take what is new and let every node that is due do its work."""
+        now = observation.time
+        for sample in observation.odometry:
+            self._transforms.move(sample)
+        for scan in observation.scans:
+            self._unheard.append(scan)
+            self._eyes.take(scan)
+        if self._transforms.time < 0.0:
+            return Decision(None, self._dispatcher.progress)
+        found = self._localise()
+        self._eyes.look()
+        self._update_costmaps(now)
+        self._planner.step(now)
+        self._steering.trajectory = None
+        self._move_base.step(now)
+        self._dispatch(now)
+        return self._decide(now, found)
+
+    def _localise(self) -> AmclPose | None:
+        """Give AMCL the scans whose odometry is known by now, broadcast its correction."""
+        found = None
+        known = self._transforms.time + _TIME_TOLERANCE
+        while self._unheard and self._unheard[0].time <= known:
+            scan = self._unheard.popleft()
+            if not self._parameters.wiring.amcl:
+                continue
+            odom = self._transforms.base_at(scan.time)
+            published = self._amcl.scan(scan.time, scan.ranges, odom)
+            if published is not None:
+                found, self._pose = published, published.pose
+            # Nothing is broadcast before the first publication, afterwards at every scan.
+            self._broadcasts = self._broadcasts or published is not None
+            if self._broadcasts:
+                self._transforms.correct(scan.time, self._amcl.map_to_odom)
+        return found
+
+    def _update_costmaps(self, now: float) -> None:
+        wiring, transforms = self._parameters.wiring, self._transforms
+        if self._global_clock.due(now):
+            scan = self._eyes.in_map() if wiring.global_costmap else None
+            self._global.update(transforms.base_in_map(), scan)
+        if self._local_clock.due(now):
+            scan = self._eyes.in_odom() if wiring.local_costmap else None
+            self._local.update(transforms.odom_to_base, scan)
+
+    def _plan(self, goal: Pose2) -> Floats | None:
+        return self._navfn.plan(self._global.grid, self._transforms.base_in_map(), goal)
+
+    def _around(self) -> RobotPoses:
+        return RobotPoses(self._transforms.odom_to_base, self._transforms.base_in_map())
+
+    def _make_plan(self, start: Pose2, goal: Pose2) -> None:
+        """Serve make_plan: nobody wants the plan, its side effects stay (``planService``)."""
+        parameters = self._parameters
+        square = parameters.quirks.dispatcher_clears_square
+        if square and parameters.move_base.make_plan_clear_costmap:
+            around, half = self._around(), parameters.move_base.clearing_radius
+            self._global.clear_square(around.map, half)
+            self._local.clear_square(around.odom, half)
+        self._navfn.plan(self._global.grid, start, goal)
+
+    def _dispatch(self, now: float) -> None:
+        self._take_sentences()
+        result = self._move_base.take_result()
+        if result is None and self._dispatcher.waits:
+            return
+        before = self._dispatcher.progress
+        goal = self._dispatcher.step(now, result, self._pose)
+        after = self._dispatcher.progress
+        if result == "succeeded":
+            self._events.append(f"waypoint {after.reached} reached")
+        if after.state != before.state:
+            self._events.append(f"mission {after.state}")
+        if goal is not None:
+            number = after.reached + 1
+            self._events.append(f"goal {number} sent: {goal.x:.2f}, {goal.y:.2f}, {goal.yaw:.2f}")
+            self._move_base.accept(now, goal)
+            self._take_sentences()
+
+    def _take_sentences(self) -> None:
+        if self._status.said:
+            self._events += self._status.said
+            self._status.said.clear()
+
+    def _decide(self, now: float, found: AmclPose | None) -> Decision:
+        estimate: Estimate | None
+        cloud: Cloud | None = None
+        particles = None
+        transforms = self._transforms
+        if found is not None:
+            estimate, cloud = self._beliefs.published(found)
+            particles = self._beliefs.particles(now, self._amcl.particles)
+        else:
+            estimate = self._beliefs.believed(
+                transforms.time, transforms.map_to_odom, transforms.odom_to_base
+            )
+        events, self._events = tuple(self._events), []
+        trajectory = self._steering.trajectory
+        return Decision(
+            command=self._move_base.take_command(),
+            progress=self._dispatcher.progress,
+            estimate=estimate,
+            cloud=cloud,
+            plan=self._plans.take(now, self._status.plan),
+            local_plan=self._local_plans.take(now, trajectory, transforms.map_to_odom),
+            events=events,
+            particles=particles,
+            costmap=self._pictures.take(now, self._local.grid),
+        )
+
+
+def _start_covariance(parameters: AmclParameters) -> Floats:
+    """Return the spread (3, 3) of the particles AMCL begins with."""
+    return np.diag(
+        (parameters.initial_cov_xx, parameters.initial_cov_yy, parameters.initial_cov_aa)
+    )
+
+
+def _describe_findings(parameters: RosParameters) -> list[str]:
+    """Return what is to be said once about the parameters."""
+    findings = parameters.findings
+    said = [f"doubtful parameter: {problem}" for problem in findings.problems]
+    idle = ["/".join(map(str, finding.path)) for finding in findings.without_effect]
+    if idle:
+        said.append(f"parameters without effect: {', '.join(idle)}")
+    return said
+
+
+_TICKS: Final = 100
+"""Steps the simulator takes per second."""
+
+
+class RosStack:
+    """The ROS navigation stack; fulfils ``daemon.model.sut.SystemUnderTest``."""
+
+    def __init__(self, parameters: RosParameters) -> None:
+        self.parameters = parameters
+        self._period = common_step(
+            parameters.move_base.controller_frequency, parameters.rotate_recovery.frequency
+        )
+        self._navigation: Navigation | None = None
+
+    @property
+    def period(self) -> float:
+        """Seconds of simulated time between two updates."""
+        return self._period
+
+    @property
+    def needs_ground_truth(self) -> bool:
+        """It localises itself."""
+        return False
+
+    def start(self, briefing: Briefing) -> None:
+        """Bring the nodes up; raises ``ValueError`` for parameters that do not fit the map."""
+        # Compiled kernels are only needed to drive, not to check a campaign's parameters.
+
+        self._navigation = Navigation(briefing, self.parameters)
+
+    def update(self, observation: Observation) -> Decision:
+        """Decide; raises ``RuntimeError`` before ``start``."""
+        if self._navigation is None:
+            raise RuntimeError("the ROS stack was not started")
+        return self._navigation.update(observation)
+
+
+def common_step(*frequencies: float) -> float:
+    """Return the longest step [s], a multiple of 10 ms, that fits all ``frequencies`` [Hz].
+
+    10 ms when there is none.
+    """
+    ticks = [_TICKS / frequency for frequency in frequencies]
+    if any(abs(tick - round(tick)) > 1e-6 for tick in ticks):
+        return 1.0 / _TICKS
+    return math.gcd(*(round(tick) for tick in ticks)) / _TICKS
+
+
+def warm_up() -> None:
+    """Warm up every component, and what is recorded of them."""
+    for component in (amcl, costmap, navfn, dwa, move_base):
+        component.warm_up()
+    log = PlanRecorder()
+    log.take(0.0, np.zeros((2, 3)))
+    log.take(9.0, np.zeros((2, 3)))
+    LocalPlanRecorder().take(0.0, np.zeros((2, 2)), Pose2())

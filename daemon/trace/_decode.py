@@ -1,0 +1,208 @@
+"""From runs of message records to tracks and records."""
+
+from __future__ import annotations
+
+import math
+import struct
+from collections.abc import Callable, Iterator, Mapping
+from typing import Any, Final, TypeVar
+
+import numpy as np
+import numpy.typing as npt
+
+from daemon.trace import _layouts, _mission
+from daemon.trace import messages as ros
+from daemon.trace._layouts import HEADER, ByteArray, MessageLayout
+from daemon.trace._mcap_reader import DamagedTraceError
+from daemon.trace._model import (
+    CommandTrack,
+    ContactRecord,
+    EventRecord,
+    JointTrack,
+    MotionTrack,
+    PlanRecord,
+    PoseTrack,
+    ProgressRecord,
+    ScanTrack,
+)
+from daemon.trace._views import decode_path
+from grammars.model.geometry import Floats
+from grammars.model.robot import Laser
+
+Runs = Mapping[str, list[ByteArray]]
+Fields = dict[str, npt.NDArray[Any]]
+T = TypeVar("T")
+
+_RARE_LIMIT: Final = 1 << 20
+_LEVELS: Final = {10: "debug", 20: "info", 30: "warn", 40: "error", 50: "fatal"}
+_LOG_TIME: Final = struct.Struct("<Q")
+_LOG_TIME_AT: Final = 15
+
+
+def motion(runs: Runs, topic: str, frame: str) -> MotionTrack:
+    """Decode ``/ground_truth`` or ``/odom``."""
+    found = _fields(runs, _layouts.odometry(topic, frame))
+    return MotionTrack(
+        _seconds(found), found["x"], found["y"], _yaw(found), found["vx"], found["vy"], found["wz"]
+    )
+
+
+def command(runs: Runs) -> CommandTrack:
+    """Decode ``/cmd_vel``."""
+    found = _fields(runs, _layouts.command())
+    return CommandTrack(_seconds(found), found["vx"], found["vy"], found["wz"])
+
+
+def poses(runs: Runs, topic: str) -> PoseTrack:
+    """Decode ``/pose`` or ``/particle_cloud/summary``."""
+    found = _fields(runs, _layouts.estimate(topic))
+    covariance = np.stack([found[f"c{i}"] for i in range(9)], axis=1).reshape(-1, 3, 3)
+    return PoseTrack(_seconds(found), found["x"], found["y"], _yaw(found), covariance)
+
+
+def cloud_count(runs: Runs) -> npt.NDArray[np.int64]:
+    """Decode ``/particle_cloud/count``."""
+    return _fields(runs, _layouts.count())["count"].astype(np.int64)
+
+
+def joints(runs: Runs, names: tuple[str, ...]) -> JointTrack:
+    """Decode ``/joint_states``; a scene without joints has none."""
+    if not names:
+        nothing = np.empty((0, 0))
+        return JointTrack((), np.empty(0), nothing, nothing)
+    found = _fields(runs, _layouts.joints(names))
+    return JointTrack(names, _seconds(found), found["position"], found["velocity"])
+
+
+def scans(runs: Runs, laser: Laser) -> ScanTrack:
+    """Decode ``/scan``."""
+    rows = runs.get("/scan", [])
+    if not rows:
+        return ScanTrack(np.empty(0), np.empty((0, max(laser.rays, 0)), np.float32))
+    if not 0 < 4 * laser.rays < rows[0].shape[1] or not laser.rate > 0:
+        raise DamagedTraceError("scans of another size than the robot's laser makes")
+    found = _fields(runs, _layouts.scan(laser))
+    return ScanTrack(_seconds(found), found["ranges"])
+
+
+def contacts(runs: Runs) -> tuple[ContactRecord, ...]:
+    """Decode ``/contacts``, in the order of their times."""
+    found: list[ContactRecord] = []
+    for rows in runs.get("/contacts", []):
+        while len(rows):
+            first, second = _contact_names(rows[0].tobytes()[HEADER.size :])
+            layout = _layouts.contact(first, second)
+            fits = layout.fits(rows)
+            if not fits[0]:
+                raise DamagedTraceError("/contacts holds something else")
+            found += _contact_records(layout.view(rows[fits]), first, second)
+            rows = rows[~fits]
+    return tuple(sorted(found, key=lambda contact: contact.time))
+
+
+def progress(runs: Runs) -> tuple[ProgressRecord, ...]:
+    """Decode ``/mission/status``."""
+    found = []
+    for time, state in _rare(runs, "/mission/status", _mission.progress):
+        found.append(ProgressRecord(time, state.current, state.reached, state.state))
+    return tuple(found)
+
+
+def events(runs: Runs) -> tuple[EventRecord, ...]:
+    """Decode ``/events``, in the order of their times."""
+    found = []
+    for time, log in _rare(runs, "/events", lambda message: message):
+        level = _LEVELS.get(int(log.level), "info")
+        found.append(EventRecord(time, str(log.name), str(log.msg), level))
+    return tuple(sorted(found, key=lambda event: event.time))
+
+
+def plans(runs: Runs) -> tuple[PlanRecord, ...]:
+    """Decode ``/plan``, in the order of their times."""
+    found = []
+    for rows in runs.get("/plan", []):
+        for row in rows:
+            data = row.tobytes()
+            try:
+                points = decode_path(data[HEADER.size :])
+            except ValueError as error:
+                raise DamagedTraceError("a damaged message on /plan") from error
+            found.append(PlanRecord(_LOG_TIME.unpack_from(data, _LOG_TIME_AT)[0] / 1e9, points))
+    return tuple(sorted(found, key=lambda plan: plan.time))
+
+
+def number(text: str) -> float:
+    """Read a finite, non-negative number from metadata."""
+    try:
+        value = float(text)
+    except ValueError as error:
+        raise DamagedTraceError("the outcome's times are damaged") from error
+    if not 0.0 <= value < math.inf:
+        raise DamagedTraceError("the outcome's times are damaged")
+    return value
+
+
+def _fields(runs: Runs, layout: MessageLayout) -> Fields:
+    """Return the varying fields of all messages on a topic, each of shape (n, ...)."""
+    views = []
+    for rows in runs.get(layout.topic, []):
+        if not layout.fits(rows).all():
+            raise DamagedTraceError(f"{layout.topic} holds something else than expected")
+        views.append(layout.view(rows))
+    views = views or [np.empty(0, layout.record)]
+    names = ("log_time", *(name for name in layout.names if not name.startswith("stamp")))
+    return {name: np.concatenate([view[name] for view in views]) for name in names}
+
+
+def _seconds(fields: Fields) -> Floats:
+    seconds: Floats = fields["log_time"] / 1e9
+    return seconds
+
+
+def _yaw(fields: Fields) -> Floats:
+    """Return yaws in (-pi, pi]; by the C library one by one, equal on every machine."""
+    halves = map(math.atan2, fields["qz"].tolist(), fields["qw"].tolist())
+    yaw = 2.0 * np.fromiter(halves, np.float64, len(fields["qz"]))
+    yaw[yaw > math.pi] -= math.tau
+    yaw[yaw <= -math.pi] += math.tau
+    return yaw
+
+
+def _contact_records(
+    records: npt.NDArray[np.void], first: str, second: str
+) -> Iterator[ContactRecord]:
+    times = (records["log_time"] / 1e9).tolist()
+    columns = [records[name].tolist() for name in ("px", "py", "nx", "ny", "depth")]
+    for time, px, py, nx, ny, depth in zip(times, *columns, strict=True):
+        yield ContactRecord(time, first, second, (px, py), (nx, ny), depth)
+
+
+def _contact_names(payload: bytes) -> tuple[str, str]:
+    """Read the two names from a ``ContactsState`` with one state."""
+    at, found = 12, []
+    try:
+        for skip in (4, 0, 0, 0):
+            (length,) = struct.unpack_from("<I", payload, at)
+            text = payload[at + 4 : at + 4 + length]
+            if not length or len(text) != length:
+                raise DamagedTraceError("a damaged contact")
+            found.append(text[:-1].decode())
+            at += 4 + length
+            at += -at % 4 + skip
+    except (struct.error, UnicodeDecodeError) as error:
+        raise DamagedTraceError("a damaged contact") from error
+    return found[2], found[3]
+
+
+def _rare(runs: Runs, topic: str, read: Callable[[Any], T]) -> Iterator[tuple[float, T]]:
+    """Yield time and content of messages that are decoded one by one."""
+    for rows in runs.get(topic, []):
+        if rows.shape[1] > _RARE_LIMIT:
+            raise DamagedTraceError(f"a message on {topic} is too large")
+        for row in rows:
+            data = row.tobytes()
+            try:
+                content = read(ros.deserialize(data[HEADER.size :], ros.KINDS[topic]))
+            except Exception as error:
+                raise DamagedTraceError(f"a damaged message on {topic}") from error
+            yield _LOG_TIME.unpack_from(data, _LOG_TIME_AT)[0] / 1e9, content

@@ -1,0 +1,368 @@
+"""Fixed-size CDR messages as numpy record types, derived from rosbags' own serializer.
+
+A prototype message carries unmistakable marker values where the data will go; serializing it
+once with rosbags shows where each field lies. Whole columns of messages are then written and
+read with a handful of numpy assignments, and agree with rosbags byte for byte by construction.
+The frequent topics have one prototype each.
+"""
+
+from __future__ import annotations
+
+import functools
+import struct
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any, Final
+
+import numpy as np
+import numpy.typing as npt
+
+from daemon.trace import messages as ros
+from daemon.trace.messages import make, serialize
+from grammars.model.robot import Laser
+
+MESSAGE_OPCODE: Final = 0x05
+HEADER: Final = struct.Struct("<BQHIQQ")
+"""Head of an MCAP message record: opcode, length, channel, sequence, log and publish time."""
+
+_HEADER_FIELDS: Final = {
+    "channel": ("<u2", 9),
+    "log_time": ("<u8", 15),
+    "publish_time": ("<u8", 23),
+}
+
+ByteArray = npt.NDArray[np.uint8]
+IntArray = npt.NDArray[np.int64]
+
+
+@dataclass(slots=True)
+class FieldMarker:
+    """Hands out marker values for a prototype message and remembers what they stand for."""
+
+    slots: list[tuple[str, str, tuple[int, ...], bytes]] = field(default_factory=list)
+
+    def stamp(self, name: str = "stamp") -> Any:
+        """Mark a ``builtin_interfaces/Time``, stored as one number: sec + nanosec * 2**32."""
+        number = len(self.slots)
+        sec, nanosec = 0x5A5B0000 + number, 0x3C3D0000 + number
+        self.slots.append((name, "<u8", (), struct.pack("<iI", sec, nanosec)))
+        return make("builtin_interfaces/msg/Time", sec=sec, nanosec=nanosec)
+
+    def u4(self, name: str) -> int:
+        """Mark a uint32."""
+        value = 0x6C6D0000 + len(self.slots)
+        self.slots.append((name, "<u4", (), struct.pack("<I", value)))
+        return value
+
+    def f8(self, name: str) -> float:
+        """Mark a float64."""
+        return float(self._floats(name, 1, np.float64, ())[0])
+
+    def f8s(self, name: str, count: int) -> npt.NDArray[Any]:
+        """Mark ``count`` consecutive float64."""
+        return self._floats(name, count, np.float64, (count,))
+
+    def f4s(self, name: str, count: int) -> npt.NDArray[Any]:
+        """Mark ``count`` consecutive float32."""
+        return self._floats(name, count, np.float32, (count,))
+
+    def _floats(
+        self, name: str, count: int, kind: type, shape: tuple[int, ...]
+    ) -> npt.NDArray[Any]:
+        steps = np.arange(count) / max(3 * count, 1)
+        values: npt.NDArray[Any] = (12345.0 + len(self.slots) + steps).astype(kind)
+        self.slots.append((name, "<f8" if kind is np.float64 else "<f4", shape, values.tobytes()))
+        return values
+
+
+@dataclass(frozen=True, slots=True)
+class MessageLayout:
+    """A fixed-size message on ``topic``: ``record`` is the numpy type of its MCAP record.
+
+    ``template`` holds the record's constant bytes; ``constant`` lists where they lie, as
+    (start, stop), for checking what a file claims to contain.
+    """
+
+    topic: str
+    record: np.dtype[np.void]
+    template: ByteArray
+    constant: tuple[tuple[int, int], ...]
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Fields of the message that vary, without the header's."""
+        assert self.record.names is not None
+        return tuple(n for n in self.record.names if n not in _HEADER_FIELDS)
+
+    def encode(
+        self, channel: int, times: IntArray, columns: Mapping[str, npt.NDArray[Any]]
+    ) -> ByteArray:
+        """Return the MCAP message records of a channel, one row of bytes per message.
+
+        ``times`` (n,) in nanoseconds; ``columns`` holds an array (n, ...) per field but the
+        stamps, which are the times.
+        """
+        rows = np.empty((len(times), len(self.template)), np.uint8)
+        rows[:] = self.template
+        records = rows.view(self.record)[:, 0]
+        records["channel"] = channel
+        records["log_time"] = times
+        records["publish_time"] = times
+        now = stamps(times)
+        for name in self.names:
+            records[name] = now if name.startswith("stamp") else columns[name]
+        return rows
+
+    def view(self, rows: ByteArray) -> npt.NDArray[np.void]:
+        """Return rows of bytes (n, size) read from a file as records (n,)."""
+        records: npt.NDArray[np.void] = np.ascontiguousarray(rows).view(self.record)[:, 0]
+        return records
+
+    def fits(self, rows: ByteArray) -> npt.NDArray[np.bool_]:
+        """Return which rows of bytes (n, size) have this layout: size and constant bytes."""
+        if rows.shape[1] != len(self.template):
+            return np.zeros(len(rows), np.bool_)
+        fits = np.ones(len(rows), np.bool_)
+        for start, stop in self.constant:
+            fits &= (rows[:, start:stop] == self.template[start:stop]).all(axis=1)
+        return fits
+
+
+def stamps(times: IntArray) -> npt.NDArray[np.uint64]:
+    """Return nanoseconds as CDR ``Time`` (int32 sec, uint32 nanosec) in one little-endian u64."""
+    seconds, rest = np.divmod(times, 1_000_000_000)
+    both: npt.NDArray[np.uint64] = (seconds | rest << 32).astype(np.uint64)
+    return both
+
+
+def derive_layout(topic: str, kind: str, build: Callable[[FieldMarker], Any]) -> MessageLayout:
+    """Derive the layout of the message type ``kind`` from a prototype built with marks."""
+    mark = FieldMarker()
+    payload = serialize(build(mark), kind)
+    head = HEADER.pack(MESSAGE_OPCODE, HEADER.size - 9 + len(payload), 0, 0, 0, 0)
+    data = head + payload
+    fields = {name: (np.dtype(form), at) for name, (form, at) in _HEADER_FIELDS.items()}
+    constant = np.ones(len(data), np.bool_)
+    constant[9 : HEADER.size] = False
+    template = np.frombuffer(data, np.uint8).copy()
+    for name, form, shape, marker in mark.slots:
+        at = _find_marker(data, marker)
+        fields[name] = (np.dtype((form, shape)), at)
+        constant[at : at + len(marker)] = False
+        template[at : at + len(marker)] = 0
+    record = np.dtype(
+        {
+            "names": list(fields),
+            "formats": [form for form, _ in fields.values()],
+            "offsets": [at for _, at in fields.values()],
+            "itemsize": len(data),
+        }
+    )
+    edges = np.flatnonzero(np.diff(constant, prepend=False, append=False)).tolist()
+    spans = tuple(zip(edges[::2], edges[1::2], strict=True))
+    return MessageLayout(topic, record, template, spans)
+
+
+def _find_marker(data: bytes, marker: bytes) -> int:
+    """Return where ``marker`` lies; it must lie at exactly one place."""
+    if not marker:
+        return len(data)
+    offset = data.find(marker, HEADER.size)
+    if offset < 0 or data.find(marker, offset + 1) >= 0:
+        raise AssertionError("marker values of a message prototype are not unique")
+    return offset
+
+
+COVARIANCE_SLOTS: Final = (0, 1, 5, 6, 7, 11, 30, 31, 35)
+"""Where x, y, yaw of a (3, 3) covariance lie in a row-major (6, 6) one over x..yaw."""
+
+_NO_COVARIANCE: Final = np.zeros(36)
+
+
+@functools.cache
+def clock() -> MessageLayout:
+    """``/clock``: only the time."""
+    kind = "rosgraph_msgs/msg/Clock"
+    return derive_layout("/clock", kind, lambda mark: ros.make(kind, clock=mark.stamp()))
+
+
+@functools.cache
+def odometry(topic: str, frame: str) -> MessageLayout:
+    """``/odom`` and ``/ground_truth``: x, y, qz, qw in ``frame``, vx, vy, wz in base_link."""
+    kind = "nav_msgs/msg/Odometry"
+
+    def build(mark: FieldMarker) -> Any:
+        return ros.make(
+            kind,
+            header=ros.header(mark.stamp(), frame),
+            child_frame_id="base_link",
+            pose=ros.make(
+                "geometry_msgs/msg/PoseWithCovariance",
+                pose=ros.pose(mark.f8("x"), mark.f8("y"), mark.f8("qz"), mark.f8("qw")),
+                covariance=_NO_COVARIANCE,
+            ),
+            twist=ros.make(
+                "geometry_msgs/msg/TwistWithCovariance",
+                twist=ros.twist(mark.f8("vx"), mark.f8("vy"), mark.f8("wz")),
+                covariance=_NO_COVARIANCE,
+            ),
+        )
+
+    return derive_layout(topic, kind, build)
+
+
+@functools.lru_cache(maxsize=64)
+def transforms(frames: tuple[tuple[str, str], ...]) -> MessageLayout:
+    """``/tf`` with one transform per (parent, child): x0, y0, qz0, qw0, x1, ..."""
+    kind = "tf2_msgs/msg/TFMessage"
+
+    def build(mark: FieldMarker) -> Any:
+        return ros.make(
+            kind,
+            transforms=[
+                ros.transform(
+                    mark.stamp(f"stamp{i}"),
+                    parent,
+                    child,
+                    x=mark.f8(f"x{i}"),
+                    y=mark.f8(f"y{i}"),
+                    qz=mark.f8(f"qz{i}"),
+                    qw=mark.f8(f"qw{i}"),
+                )
+                for i, (parent, child) in enumerate(frames)
+            ],
+        )
+
+    return derive_layout("/tf", kind, build)
+
+
+@functools.lru_cache(maxsize=16)
+def scan(laser: Laser) -> MessageLayout:
+    """``/scan``: ranges (rays,) float32."""
+    kind = "sensor_msgs/msg/LaserScan"
+    steps = max(laser.rays - 1, 1)
+
+    def build(mark: FieldMarker) -> Any:
+        return ros.make(
+            kind,
+            header=ros.header(mark.stamp(), "laser"),
+            angle_min=laser.angle_min,
+            angle_max=laser.angle_max,
+            angle_increment=(laser.angle_max - laser.angle_min) / steps,
+            time_increment=0.0,
+            scan_time=1.0 / laser.rate,
+            range_min=laser.range_min,
+            range_max=laser.range_max,
+            ranges=mark.f4s("ranges", laser.rays),
+            intensities=np.zeros(0, np.float32),
+        )
+
+    return derive_layout("/scan", kind, build)
+
+
+@functools.cache
+def command() -> MessageLayout:
+    """``/cmd_vel``: vx, vy, wz in base_link."""
+    kind = "geometry_msgs/msg/TwistStamped"
+    return derive_layout(
+        "/cmd_vel",
+        kind,
+        lambda mark: ros.make(
+            kind,
+            header=ros.header(mark.stamp(), "base_link"),
+            twist=ros.twist(mark.f8("vx"), mark.f8("vy"), mark.f8("wz")),
+        ),
+    )
+
+
+@functools.cache
+def estimate(topic: str) -> MessageLayout:
+    """``/pose`` and ``/particle_cloud/summary``: x, y, qz, qw and c0..c8 in map."""
+    kind = "geometry_msgs/msg/PoseWithCovarianceStamped"
+
+    def build(mark: FieldMarker) -> Any:
+        covariance = np.zeros(36)
+        for i, slot in enumerate(COVARIANCE_SLOTS):
+            covariance[slot] = mark.f8(f"c{i}")
+        return ros.make(
+            kind,
+            header=ros.header(mark.stamp(), "map"),
+            pose=ros.make(
+                "geometry_msgs/msg/PoseWithCovariance",
+                pose=ros.pose(mark.f8("x"), mark.f8("y"), mark.f8("qz"), mark.f8("qw")),
+                covariance=covariance,
+            ),
+        )
+
+    return derive_layout(topic, kind, build)
+
+
+@functools.cache
+def count() -> MessageLayout:
+    """``/particle_cloud/count``: how many particles the summary of the same time stands for."""
+    kind = "std_msgs/msg/UInt32"
+    return derive_layout(
+        "/particle_cloud/count", kind, lambda m: ros.make(kind, data=m.u4("count"))
+    )
+
+
+@functools.lru_cache(maxsize=64)
+def joints(names: tuple[str, ...]) -> MessageLayout:
+    """``/joint_states``: position (k,) and velocity (k,) of the named joints."""
+    kind = "sensor_msgs/msg/JointState"
+    return derive_layout(
+        "/joint_states",
+        kind,
+        lambda mark: ros.make(
+            kind,
+            header=ros.header(mark.stamp(), ""),
+            name=list(names),
+            position=mark.f8s("position", len(names)),
+            velocity=mark.f8s("velocity", len(names)),
+            effort=np.zeros(0),
+        ),
+    )
+
+
+@functools.lru_cache(maxsize=1024)
+def contact(first: str, second: str) -> MessageLayout:
+    """``/contacts`` with one contact between two named bodies: px, py, nx, ny, depth in map."""
+
+    def build(mark: FieldMarker) -> Any:
+        nothing = ros.vector(0.0, 0.0)
+        state = ros.make(
+            "gazebo_msgs/msg/ContactState",
+            info="",
+            collision1_name=first,
+            collision2_name=second,
+            wrenches=[],
+            total_wrench=ros.make("geometry_msgs/msg/Wrench", force=nothing, torque=nothing),
+            contact_positions=[ros.vector(mark.f8("px"), mark.f8("py"))],
+            contact_normals=[ros.vector(mark.f8("nx"), mark.f8("ny"))],
+            depths=np.array([mark.f8("depth")]),
+        )
+        return ros.make(ros.CONTACTS, header=ros.header(mark.stamp(), "map"), states=[state])
+
+    return derive_layout("/contacts", ros.CONTACTS, build)
+
+
+@functools.cache
+def path(count: int) -> MessageLayout:
+    """A ``nav_msgs/Path`` in map with ``count`` poses: x0, y0, x1, ... (see ``paths``)."""
+    kind = "nav_msgs/msg/Path"
+
+    def build(mark: FieldMarker) -> Any:
+        return ros.make(
+            kind,
+            header=ros.header(mark.stamp("stamp"), "map"),
+            poses=[
+                ros.make(
+                    "geometry_msgs/msg/PoseStamped",
+                    header=ros.header(mark.stamp(f"stamp{i}"), "map"),
+                    pose=ros.pose(mark.f8(f"x{i}"), mark.f8(f"y{i}"), 0.0, 1.0),
+                )
+                for i in range(count)
+            ],
+        )
+
+    return derive_layout("/plan", kind, build)

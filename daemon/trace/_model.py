@@ -1,0 +1,162 @@
+"""What a trace says, as flat arrays: the value types every reader of traces works on.
+
+Times are simulated seconds (float64). Arrays of one track share their first dimension.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from daemon.model.spec import RunSpec
+from grammars.model.geometry import Floats
+from grammars.model.scene import Scene
+from grammars.text.diagnostics import Diagnostic, InputError, Where
+
+
+class TraceError(InputError):
+    """A trace file cannot be used: which file, what is wrong with it, what to do."""
+
+    def __init__(self, path: Path | str, message: str, hint: str = "") -> None:
+        super().__init__(Diagnostic(Where(str(path)), message, hint))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class MotionTrack:
+    """A moving base: ``time`` (n,), pose ``x, y`` [m] and ``yaw`` [rad, wrapped], body twist.
+
+    ``vx, vy`` [m/s] and ``wz`` [rad/s] are in the body frame (REP 103), all of shape (n,).
+    """
+
+    time: Floats
+    x: Floats
+    y: Floats
+    yaw: Floats
+    vx: Floats
+    vy: Floats
+    wz: Floats
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class CommandTrack:
+    """Velocity commands in the body frame as the system under test gave them, shape (n,)."""
+
+    time: Floats
+    vx: Floats
+    vy: Floats
+    wz: Floats
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PoseTrack:
+    """Pose estimates in the map frame, shape (n,); ``covariance`` (n, 3, 3) over x, y, yaw."""
+
+    time: Floats
+    x: Floats
+    y: Floats
+    yaw: Floats
+    covariance: Floats
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class JointTrack:
+    """Joint states: ``position`` and ``velocity`` (n, k) in the order of ``names``.
+
+    Samples that repeat the one before are not all kept, but linear interpolation between the
+    kept ones gives every recorded sample back (the last repeat before a change is kept).
+    """
+
+    names: tuple[str, ...]
+    time: Floats
+    position: Floats
+    velocity: Floats
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ScanTrack:
+    """Laser scans: ``ranges`` (n, rays) float32; ``inf`` no return, ``nan`` lost (REP 117)."""
+
+    time: Floats
+    ranges: npt.NDArray[np.float32]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PlanRecord:
+    """A global plan as the system under test had it from ``time`` [s] on: ``points`` (n, 2) [m]."""
+
+    time: float
+    points: Floats
+
+
+@dataclass(frozen=True, slots=True)
+class ContactRecord:
+    """Two bodies touching at ``point`` [m, map frame]; ``depth`` [m] of penetration.
+
+    ``normal`` points from ``first`` to ``second``.
+    """
+
+    time: float
+    first: str
+    second: str
+    point: tuple[float, float]
+    normal: tuple[float, float]
+    depth: float
+
+
+@dataclass(frozen=True, slots=True)
+class ProgressRecord:
+    """A change of the mission: ``reached`` waypoints done, ``current`` being approached.
+
+    ``current`` equals the number of waypoints once all are reached.
+    """
+
+    time: float
+    current: int
+    reached: int
+    state: Literal["active", "succeeded", "aborted"]
+
+
+@dataclass(frozen=True, slots=True)
+class EventRecord:
+    """A sentence in the log of the run, said by ``source``."""
+
+    time: float
+    source: str
+    text: str
+    level: str = "info"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Trace:
+    """One recorded run.
+
+    ``ended`` is ``None`` and ``complete`` false for a trace that was cut (its writer died);
+    everything up to ``valid_until`` [s] can still be judged. ``problems`` says what makes the
+    recording itself doubtful: a judge must not trust a trace that has any.
+    """
+
+    path: Path
+    spec: RunSpec
+    scene: Scene
+    ended: str | None
+    note: str
+    complete: bool
+    valid_until: float
+    problems: tuple[str, ...]
+    versions: dict[str, str]
+    ground_truth: MotionTrack
+    odometry: MotionTrack
+    command: CommandTrack
+    estimate: PoseTrack
+    cloud: PoseTrack
+    cloud_count: npt.NDArray[np.int64]
+    joints: JointTrack
+    contacts: tuple[ContactRecord, ...]
+    progress: tuple[ProgressRecord, ...]
+    events: tuple[EventRecord, ...]
+    scans: ScanTrack | None
+    plans: tuple[PlanRecord, ...] = ()

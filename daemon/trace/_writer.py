@@ -1,0 +1,363 @@
+"""Recording a run as MCAP: ROS 2 messages in CDR, simulated time only, same calls same bytes.
+
+What is judged and what is only looked at go into separate chunks of the same ten seconds, so
+that a judge never decompresses scans. What need not be written is left out where readers lose
+nothing: joint states that repeat (see :class:`~daemon.trace._signals.JointSamples`), clock ticks
+and door frames beyond 10 Hz, local plans beyond 5 Hz, plans, particles and costmaps beyond 1 Hz
+(see :class:`~daemon.trace._views.ViewerMessages`), plans and progress that did not change.
+"""
+
+from __future__ import annotations
+
+import functools
+import hashlib
+import math
+import os
+from collections import deque
+from collections.abc import Mapping
+from pathlib import Path
+from types import TracebackType
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+import zstandard
+
+from daemon.model.spec import RunSpec, TraceInfo
+from daemon.model.sut import Cloud, CostmapPicture, Estimate, Odometry, Progress
+from daemon.trace import _mission, _statics
+from daemon.trace import messages as ros
+from daemon.trace._mcap_writer import McapWriter, MessageRecords, SampleColumns
+from daemon.trace._signals import SignalBuffers
+from grammars.model.geometry import Floats, Point2, Pose2, Twist2
+from grammars.model.grid import OccupancyGrid
+from grammars.model.mission import Mission
+from grammars.model.robot import Robot
+from grammars.model.scene import Scene
+from grammars.text import codec
+
+
+def write_preamble(
+    container: McapWriter, spec: RunSpec, scene: bytes, versions: Mapping[str, str]
+) -> None:
+    """Declare the topics and write what identifies the run, ahead of everything recorded."""
+    for topic in ros.TOPICS:
+        qos = {"offered_qos_profiles": ros.latched_qos() if topic.latched else ""}
+        container.add_channel(topic.name, topic.kind, ros.schema(topic.kind), qos)
+    container.add_attachment("spec.json", "application/json", codec.to_json(spec))
+    container.add_attachment("scene.json.zst", "application/zstd", scene)
+    facts = {
+        "digest": spec.digest,
+        "label": spec.label,
+        "campaign": spec.campaign,
+        "scenario": spec.scenario,
+        "sut": spec.sut.name,
+        "repeat": str(spec.repeat),
+        "seed": str(spec.seed),
+        "limit": repr(spec.limit),
+        "scene": spec.scene,
+        "robot": spec.robot.name,
+        "mission": spec.mission.name,
+    }
+    container.add_metadata("run", facts)
+    container.add_metadata("versions", {"engine": spec.engine, **dict(sorted(versions.items()))})
+
+
+@functools.lru_cache(maxsize=4)
+def latched_payloads(scene: Scene, robot: Robot, course: Mission) -> tuple[tuple[str, bytes], ...]:
+    """Return the payloads of the latched topics but the map, the same for every repeat."""
+    messages = {
+        "/footprint": _statics.footprint(robot),
+        "/tf_static": _statics.fixed_frames(robot, scene),
+        "/scene": _statics.markers(scene, course),
+    }
+    return tuple((topic, ros.serialize(m, ros.KINDS[topic])) for topic, m in messages.items())
+
+
+def compress_scene(scene: Scene, digest: str) -> bytes:
+    """Return the scene's canonical JSON, compressed; it must be the one the run specifies."""
+    data = codec.to_json(scene)
+    found = hashlib.sha256(data).hexdigest()
+    if found != digest:
+        raise ValueError(f"scene {found[:12]} given, {digest[:12]} specified")
+    return _compressed(data)
+
+
+@functools.lru_cache(maxsize=4)
+def _compressed(data: bytes) -> bytes:
+    return zstandard.ZstdCompressor(level=9).compress(data)
+
+
+PARTIAL: Final = ".partial"
+"""Added to the name of a trace while it is written, and left there when its writer dies."""
+
+LEVELS: Final = {"debug": 10, "info": 20, "warn": 30, "error": 40, "fatal": 50}
+
+_SECOND: Final = 1_000_000_000
+_CHUNK: Final = 10 * _SECOND
+_EVENT_BYTES: Final = 8 << 20
+_CLOCK_PERIOD: Final = _SECOND // 10
+_LATEST: Final = 2.0**31
+_TEXT_LIMIT: Final = 10_000
+_CONTACT: Final = ("px", "py", "nx", "ny", "depth")
+
+
+class TraceWriter:
+    """Writes one trace; a context manager.
+
+    Times are simulated seconds in [0, 2**31); calls come in the order things happen. The file
+    appears under its name when :meth:`close` returns; leaving the context without it (or dying)
+    leaves a ``.partial`` file, readable up to the last complete chunk. Values of the wrong
+    shape, times out of range and a scene that is not the specified one raise ``ValueError``.
+    """
+
+    def __init__(
+        self, path: Path, spec: RunSpec, scene: Scene, *, versions: Mapping[str, str] | None = None
+    ) -> None:
+        self._ids = {topic.name: number for number, topic in enumerate(ros.TOPICS, start=1)}
+        self._signals = SignalBuffers(scene, spec.robot.laser, self._ids)
+        self._goals = _mission.goal_ids(spec.digest, spec.mission)
+        packed = compress_scene(scene, spec.scene)
+        self._spec, self._scene = spec, scene
+        self._odometers: deque[Odometry] = deque(maxlen=64)
+        self._localised = False
+        self._progress_last = Progress(-1, -1, "active")
+        self._clock_due = 0
+        self._due = _CHUNK
+        self._path, self._partial = path, path.with_name(path.name + PARTIAL)
+        self._partial.unlink(missing_ok=True)
+        self._file = self._partial.open("xb")
+        self._container = McapWriter(self._file)
+        write_preamble(self._container, spec, packed, versions or {})
+
+    def static(self, grid: OccupancyGrid) -> None:
+        """Write everything that holds for the whole run, at time 0."""
+        latched = latched_payloads(self._scene, self._spec.robot, self._spec.mission)
+        drawn = ros.serialize(_statics.occupancy_grid(grid), ros.KINDS["/map"])
+        blocks = []
+        for topic, payload in (("/map", drawn), *latched):
+            records = MessageRecords(self._ids[topic])
+            records.add(0, payload)
+            blocks.append(records.take())
+        self._container.add_chunk(blocks)
+        self.progress(0.0, Progress(0, 0, "active"))
+
+    def clock(self, time: float) -> None:
+        """Record the simulated time; more than ten times a second are left out."""
+        now = self._at(time)
+        if now >= self._clock_due:
+            self._signals.clock.add(now, ())
+            self._clock_due = now + _CLOCK_PERIOD
+            self._signals.views.flush(now)
+
+    def scan(self, time: float, ranges: npt.NDArray[np.float32]) -> None:
+        """Record a laser scan; ``ranges`` (rays,) float32."""
+        now = self._at(time)
+        if ranges.shape != (self._spec.robot.laser.rays,) or ranges.dtype != np.float32:
+            raise ValueError(f"ranges must be float32 of shape ({self._spec.robot.laser.rays},)")
+        self._signals.scan_times.append(now)
+        self._signals.scan_ranges.append(ranges.tobytes())
+
+    def odometry(self, sample: Odometry) -> None:
+        """Record an odometry sample, and odom -> base_link.
+
+        The first one also fixes map -> odom by the pose the mission starts at, which holds
+        until there is an estimate.
+        """
+        now = self._at(sample.time)
+        pose, twist = sample.pose, sample.twist
+        qz, qw = _yaw_quaternion(pose.yaw)
+        self._signals.odometry.add(now, (pose.x, pose.y, qz, qw, twist.vx, twist.vy, twist.wz))
+        self._odometers.append(sample)
+        if not self._localised:
+            self._correct(now, self._spec.mission.start, pose)
+
+    def ground_truth(self, time: float, pose: Pose2, twist: Twist2) -> None:
+        """Record the true pose in map and the true body twist."""
+        now = self._at(time)
+        qz, qw = _yaw_quaternion(pose.yaw)
+        self._signals.truth.add(now, (pose.x, pose.y, qz, qw, twist.vx, twist.vy, twist.wz))
+
+    def joints(self, time: float, positions: Floats, velocities: Floats) -> None:
+        """Record all joints (k,) in the order of ``scene.joint_names``; repeats are thinned."""
+        self._signals.joints.add(self._at(time), positions, velocities)
+
+    def command(self, time: float, twist: Twist2) -> None:
+        """Record a velocity command in the body frame."""
+        self._signals.command.add(self._at(time), (twist.vx, twist.vy, twist.wz))
+
+    def estimate(self, estimate: Estimate) -> None:
+        """Record a pose estimate, and map -> odom as it follows from odometry at that time."""
+        now = self._at(estimate.time)
+        self._signals.estimate.add(now, _estimate_columns(estimate.pose, estimate.covariance))
+        self._correct(now, estimate.pose, self._odometer_at(estimate.time))
+
+    def cloud(self, cloud: Cloud) -> None:
+        """Record the summary of a particle cloud and the number of particles."""
+        now = self._at(cloud.time)
+        belief = _estimate_columns(cloud.mean, cloud.covariance)
+        self._signals.cloud.add(now, (*belief, float(cloud.count)))
+
+    def plan(self, time: float, points: Floats) -> None:
+        """Record a global plan (n, 2) in map when it has changed, at most one a second."""
+        self._signals.views.plan(self._at(time), points)
+
+    def local_plan(self, time: float, points: Floats) -> None:
+        """Record a local plan (n, 2) in map; more than five a second are left out."""
+        self._signals.views.local_plan(self._at(time), points)
+
+    def particles(self, time: float, poses: Floats) -> None:
+        """Record particles (n, 3) of x, y, yaw in map; more than once a second is left out."""
+        self._signals.views.particles(self._at(time), poses)
+
+    def costmap(self, picture: CostmapPicture) -> None:
+        """Record a costmap; more than one a second is left out."""
+        self._signals.views.costmap(self._at(picture.time), picture)
+
+    def progress(self, time: float, progress: Progress) -> None:
+        """Record where the mission stands when that has changed, and the current waypoint."""
+        now = self._at(time)
+        if progress == self._progress_last:
+            return
+        status = _mission.status(self._goals, progress)
+        self._signals.status.add(now, ros.serialize(status, _mission.STATUS))
+        waypoints = self._spec.mission.waypoints
+        moved = progress.current != self._progress_last.current
+        if moved and 0 <= progress.current < len(waypoints):
+            target = _mission.goal(waypoints[progress.current], now)
+            self._signals.goal.add(now, ros.serialize(target, ros.KINDS["/mission/goal"]))
+        self._progress_last = progress
+
+    def contact(
+        self, time: float, first: str, second: str, point: Point2, normal: Point2, depth: float
+    ) -> None:
+        """Record two bodies touching; ``normal`` points from first to second, in map."""
+        now = self._at(time)
+        columns = self._signals.contacts.get((first, second))
+        if columns is None:
+            columns = self._signals.contacts[first, second] = SampleColumns(_CONTACT)
+        columns.add(now, (point[0], point[1], normal[0], normal[1], depth))
+
+    def event(self, time: float, source: str, text: str, *, level: str = "info") -> None:
+        """Record a sentence for the log; ``level`` is debug, info, warn, error or fatal."""
+        now = self._at(time)
+        if level not in LEVELS:
+            raise ValueError(f"the level of an event is one of {', '.join(LEVELS)}, not {level!r}")
+        message = ros.make(
+            "rcl_interfaces/msg/Log",
+            stamp=ros.time(now), level=LEVELS[level], name=_utf8_text(source), msg=_utf8_text(text),
+            file="", function="", line=0,
+        )  # fmt: skip
+        self._signals.events.add(now, ros.serialize(message, ros.KINDS["/events"]))
+        if self._signals.events.size > _EVENT_BYTES:
+            self._flush()
+
+    def close(self, ended: str, note: str = "") -> TraceInfo:
+        """Finish the file and give it its name; ``ended`` and ``note`` say why the run ended."""
+        self._signals.joints.release()
+        self._signals.views.flush(0, end=True)
+        self._flush()
+        container = self._container
+        container.add_metadata(
+            "outcome",
+            {
+                "ended": _utf8_text(ended),
+                "complete": "true",
+                "valid_until": repr(container.last / _SECOND),
+                "note": _utf8_text(note),
+            },
+        )
+        container.finish()
+        self._file.flush()
+        os.fsync(self._file.fileno())
+        self._publish()
+        return TraceInfo(container.sha256, container.size, container.messages)
+
+    def _publish(self) -> None:
+        """Rename the file; another writer of the same trace must not have taken its place."""
+        mine = os.fstat(self._file.fileno())
+        self._file.close()
+        there = self._partial.stat()
+        if (mine.st_dev, mine.st_ino) != (there.st_dev, there.st_ino):
+            raise FileExistsError(f"{self._partial} is being written by another process")
+        self._partial.replace(self._path)
+        directory = os.open(self._path.parent, os.O_RDONLY)
+        try:
+            os.fsync(directory)
+        finally:
+            os.close(directory)
+
+    def __enter__(self) -> TraceWriter:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        if not self._file.closed:
+            with self._file:
+                self._signals.joints.release()
+                self._flush()
+
+    def _at(self, time: float) -> int:
+        """Return a time in nanoseconds; a chunk is written whenever ten seconds have passed."""
+        if not 0.0 <= time < _LATEST:
+            raise ValueError(f"a recorded time must be in [0, 2**31) seconds, not {time!r}")
+        now = int(time * 1e9 + 0.5)
+        if now >= self._due:
+            self._flush()
+            self._due = (now // _CHUNK + 1) * _CHUNK
+        return now
+
+    def _odometer_at(self, time: float) -> Pose2:
+        """Return base_link in odom, carried on by its twist since the last sample."""
+        for sample in reversed(self._odometers):
+            if sample.time <= time:
+                since, twist = time - sample.time, sample.twist
+                way = Pose2(since * twist.vx, since * twist.vy, since * twist.wz)
+                return sample.pose @ way if since > 0.0 else sample.pose
+        return Pose2()
+
+    def _correct(self, now: int, pose: Pose2, odometry: Pose2) -> None:
+        """Record map -> odom such that ``odometry`` (base in odom) lies at ``pose`` in map.
+
+        A pose that is not a number has no frame; viewers keep the one before.
+        """
+        turn = pose.yaw - odometry.yaw
+        if math.isfinite(turn):
+            qz, qw = _yaw_quaternion(math.remainder(turn, math.tau))
+            c, s = qw * qw - qz * qz, 2.0 * qz * qw
+            x = pose.x - c * odometry.x + s * odometry.y
+            y = pose.y - s * odometry.x - c * odometry.y
+            self._signals.correction.add(now, (x, y, qz, qw))
+        self._localised = True
+
+    def _flush(self) -> None:
+        judged, watched = self._signals.take()
+        self._container.add_chunk(judged)
+        self._container.add_chunk(watched)
+        self._file.flush()
+
+
+def _estimate_columns(pose: Pose2, covariance: Floats) -> tuple[float, ...]:
+    if covariance.shape != (3, 3):
+        raise ValueError(f"a covariance must have shape (3, 3), not {covariance.shape}")
+    return (pose.x, pose.y, *_yaw_quaternion(pose.yaw), *covariance.ravel().tolist())
+
+
+def _yaw_quaternion(yaw: float) -> tuple[float, float]:
+    """Return z and w of the quaternion of a yaw, nan when it is not finite."""
+    half = yaw * 0.5
+    try:
+        return math.sin(half), math.cos(half)
+    except ValueError:
+        return math.nan, math.nan
+
+
+def _utf8_text(text: str) -> str:
+    """Return text that UTF-8 can hold (what a crashed program says may not be), not endless."""
+    if len(text) > _TEXT_LIMIT:
+        text = text[: _TEXT_LIMIT - 1] + "…"
+    return text.encode("utf-8", "backslashreplace").decode()

@@ -1,0 +1,346 @@
+"""JSON Schemas that editors complete and check YAML files with.
+
+Pydantic's own schema describes what a model holds; people write something else: quantities are
+text with a unit, lists of one may be the one, unset keys are left out. This module says so, and
+takes each key's description from the string below its field. Oracle layers, which are lines of
+text, get their words from the grammar of the oracle language.
+
+The regular expressions of quantities accept what :func:`grammars.text.quantity.read_as` accepts in
+the usual spellings, and refuse a missing unit and a unit of something else. They keep to what
+ECMA-262 with the ``u`` flag and Python's ``re`` have in common.
+"""
+
+from __future__ import annotations
+
+import ast
+import dataclasses
+import inspect
+import re
+import textwrap
+import typing
+from collections.abc import Iterator, Mapping
+from functools import cache
+from importlib.resources import files
+from types import MappingProxyType
+from typing import Any, Final
+
+from pydantic import BaseModel, TypeAdapter
+
+from grammars.oracle import OBJECT_SIGNALS, SIGNALS, SignalDeclaration, custom_oracle_names
+from grammars.text.quantity import unit_of
+
+_NUMBER: Final = r"(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
+_PREFIX: Final = "(?:milli|centi|kilo|[mck])?"
+_LENGTH: Final = rf"{_PREFIX}(?:metres?|meters?|m)"
+_TIME: Final = rf"{_PREFIX}(?:seconds?|s|minutes?|mins?|hours?|h)"
+_ANGLE: Final = rf"(?:{_PREFIX}(?:radians?|rads?|degrees?|degs?)|°)"
+_MASS: Final = rf"{_PREFIX}(?:grams?|g)"
+_FREQUENCY: Final = rf"{_PREFIX}(?:hertzs?|Hz)"
+_FORCE: Final = rf"{_PREFIX}(?:newtons?|N)"
+_ROOT: Final = r"\^0?\.5"
+_PER: Final = r"\s*/\s*"
+_TIMES: Final = r"(?:\s*\*\s*|\s+)"
+_FACTOR: Final = r"[A-Za-z°]+(?:\^[0-9.]+)?"
+_LONG_PRODUCT: Final = rf"{_FACTOR}(?:(?:{_PER}|{_TIMES}){_FACTOR}){{2,5}}"
+"""Three factors or more: spelled out in base units, which only the reader can judge."""
+
+_UNITS: Final = {
+    "ratio": "(?:%|percents?|pcts?)?",
+    "length": _LENGTH,
+    "angle": _ANGLE,
+    "time": _TIME,
+    "mass": _MASS,
+    "frequency": _FREQUENCY,
+    "speed": f"{_LENGTH}{_PER}{_TIME}",
+    "angular speed": f"{_ANGLE}{_PER}{_TIME}",
+    "acceleration": rf"{_LENGTH}{_PER}{_TIME}\^2",
+    "angular acceleration": rf"{_ANGLE}{_PER}{_TIME}\^2",
+    "force": _FORCE,
+    "torque": f"(?:{_FORCE}{_TIMES}{_LENGTH}|{_LENGTH}{_TIMES}{_FORCE})",
+    "stiffness": f"{_FORCE}{_PER}{_LENGTH}",
+    "noise per root length": f"{_LENGTH}(?:{_PER}{_LENGTH})?{_ROOT}",
+    "noise per root angle": f"{_ANGLE}(?:{_PER}{_ANGLE})?{_ROOT}",
+    "drift per root length": f"{_ANGLE}{_PER}{_LENGTH}{_ROOT}",
+}
+"""The unit of each dimension that YAML files use."""
+
+_SIMPLE: Final = ("ratio", "length", "angle", "time", "mass", "frequency")
+
+QUANTITY_EXAMPLES: Final = {
+    "ratio": "5 %",
+    "length": "0.35 m",
+    "angle": "90 deg",
+    "time": "30 s",
+    "mass": "30 kg",
+    "frequency": "10 Hz",
+    "speed": "0.8 m/s",
+    "angular speed": "60 deg/s",
+    "acceleration": "1.0 m/s^2",
+    "angular acceleration": "2.0 rad/s^2",
+    "force": "80 N",
+    "torque": "20 N m",
+    "stiffness": "100 N/m",
+    "noise per root length": "0.01 m/m^0.5",
+    "noise per root angle": "0.02 rad/rad^0.5",
+    "drift per root length": "0.005 rad/m^0.5",
+}
+"""One usual value of each dimension."""
+
+
+def quantity_pattern(dimension: str, *, signed: bool = True, nonzero: bool = False) -> str:
+    """Return the expression a whole text must match to be a quantity of ``dimension``.
+
+    ``signed`` allows a minus, ``nonzero`` wants a digit other than 0 before the unit.
+    """
+    unit = _UNITS[dimension]
+    if dimension not in _SIMPLE:
+        unit = f"(?:{unit}|{_LONG_PRODUCT})"
+    sign = "[+-]?" if signed else r"\+?"
+    some = "(?=[^A-Za-z]*[1-9])" if nonzero else ""
+    return rf"^\s*{some}{sign}{_NUMBER}\s*{unit}\s*$"
+
+
+Schema = dict[str, Any]
+
+DIALECT: Final = "https://json-schema.org/draft/2020-12/schema"
+_BOUNDS: Final = {
+    "gt": "exclusiveMinimum",
+    "ge": "minimum",
+    "lt": "exclusiveMaximum",
+    "le": "maximum",
+}
+"""Bounds as pydantic names them where JSON Schema's words have no place, beside ``anyOf``."""
+
+_WORDS: Final = {
+    "exclusiveMinimum": "above",
+    "minimum": "at least",
+    "exclusiveMaximum": "below",
+    "maximum": "at most",
+}
+
+
+def editor_schema(model: type[Any], title: str) -> Schema:
+    """Return the JSON Schema (draft 2020-12) of files read by ``model``.
+
+    ``model`` is a pydantic model or pydantic dataclass; strings below its fields become
+    descriptions. Definitions are called after their classes.
+    """
+    raw = TypeAdapter(model).json_schema(by_alias=True)
+    classes = {found.__name__: found for found in _reachable(model, set())}
+    definitions = raw.pop("$defs", {})
+    schema: Schema = {"$schema": DIALECT, "title": title}
+    schema |= _with_descriptions(raw, model)
+    if definitions:
+        schema["$defs"] = {
+            _short(name): _with_descriptions(body, classes[name])
+            for name, body in sorted(definitions.items())
+        }
+    return schema
+
+
+def _reachable(kind: Any, seen: set[Any]) -> Iterator[type[Any]]:
+    """Yield the classes with fields that ``kind`` is made of."""
+    if isinstance(kind, type) and (issubclass(kind, BaseModel) or dataclasses.is_dataclass(kind)):
+        if kind in seen:
+            return
+        seen.add(kind)
+        yield kind
+        for hint in typing.get_type_hints(kind, include_extras=True).values():
+            yield from _reachable(hint, seen)
+    for argument in typing.get_args(kind):
+        yield from _reachable(argument, seen)
+
+
+def _short(name: str) -> str:
+    return name.removeprefix("_").removesuffix("Text").lower()
+
+
+def _with_descriptions(raw: Schema, owner: type[Any]) -> Schema:
+    """Return the schema of one class in the words of its docstrings."""
+    schema: Schema = _as_written(raw)
+    schema.setdefault("description", " ".join((owner.__doc__ or "").split()))
+    words = _field_docs(owner)
+    aliases = {
+        field.alias: name
+        for name, field in getattr(owner, "model_fields", {}).items()
+        if field.alias
+    }
+    for key, body in schema.get("properties", {}).items():
+        said = words.get(aliases.get(key, key), "")
+        parts = [part for part in (said, body.get("description", "")) if part]
+        if parts:
+            schema["properties"][key] = {"description": " ".join(parts)} | {
+                k: v for k, v in body.items() if k != "description"
+            }
+    return schema
+
+
+def _field_docs(owner: type[Any]) -> dict[str, str]:
+    """Return the strings written below the fields of a class."""
+    (body,) = ast.parse(textwrap.dedent(inspect.getsource(owner))).body
+    assert isinstance(body, ast.ClassDef)
+    docs: dict[str, str] = {}
+    for field, below in zip(body.body, body.body[1:], strict=False):
+        if (
+            isinstance(field, ast.AnnAssign)
+            and isinstance(field.target, ast.Name)
+            and isinstance(below, ast.Expr)
+            and isinstance(below.value, ast.Constant)
+        ):
+            docs[field.target.id] = " ".join(str(below.value.value).split())
+    return docs
+
+
+def _as_written(node: Any) -> Any:
+    """Rewrite a pydantic schema, from the leaves up, into what people write."""
+    if isinstance(node, list):
+        return [_as_written(item) for item in node]
+    if not isinstance(node, dict):
+        return node
+    if "quantity" in node:
+        return _quantity(node)
+    schema = {key: _values(key, value) for key, value in node.items() if key != "title"}
+    if "$ref" in schema:
+        schema["$ref"] = f"#/$defs/{_short(schema['$ref'].rpartition('/')[2])}"
+    if "prefixItems" in schema:
+        # Both items are alike, and older drafts read a plain "items" as well.
+        schema["items"] = schema.pop("prefixItems")[0]
+    if "patternProperties" in schema:
+        schema["additionalProperties"] = False
+    if schema.get("default", 0) in (None, "", {}) or isinstance(schema.get("default"), dict):
+        del schema["default"]
+    return _without_null(schema)
+
+
+def _values(key: str, value: Any) -> Any:
+    """Polish a value; under ``properties`` every key is a name, ``title`` as well."""
+    if key in ("properties", "patternProperties", "$defs"):
+        return {name: _as_written(body) for name, body in value.items()}
+    return (
+        value if key in ("default", "enum", "const", "required", "examples") else _as_written(value)
+    )
+
+
+def _without_null(schema: Schema) -> Schema:
+    """Leave out the choice of ``null``: what is not set is not written."""
+    choices = [c for c in schema.get("anyOf", ()) if c != {"type": "null"}]
+    if len(choices) == len(schema.get("anyOf", ())):
+        return schema
+    rest = {key: value for key, value in schema.items() if key != "anyOf"}
+    return choices[0] | rest if len(choices) == 1 else rest | {"anyOf": choices}
+
+
+def _quantity(node: Schema) -> Schema:
+    """Return the schema of a quantity: text with a unit, a plain number where that is read."""
+    dimension, plain = node["quantity"]["dimension"], node["quantity"]["plain"]
+    bounds = {_BOUNDS.get(k, k): v for k, v in node.items() if _BOUNDS.get(k, k) in _WORDS}
+    low, above = bounds.get("minimum"), bounds.get("exclusiveMinimum")
+    example = QUANTITY_EXAMPLES[dimension]
+    limits = ", ".join(
+        f"{_WORDS[k]} {_quantity_text(bounds[k], dimension)}" for k in _WORDS if k in bounds
+    )
+    article = "an" if dimension[0] in "aeiou" else "a"
+    expected = f'expected {article} {dimension} such as "{example}"'
+    schema: Schema = {"description": _quantity_sentence(dimension, limits, plain)}
+    schema["type"] = "string"
+    if plain or dimension == "ratio":
+        # Patterns speak of strings alone and bounds of numbers alone.
+        schema |= {"type": ["number", "string"]} | bounds
+    schema["pattern"] = quantity_pattern(
+        dimension,
+        signed=low is None and above is None,
+        nonzero=above is not None or (low is not None and low > 0),
+    )
+    # Read by the YAML language server; unknown keywords mean nothing to others.
+    schema |= {"errorMessage": f"{expected}{limits and ', '}{limits}", "examples": [example]}
+    default = node.get("default")
+    if default is not None:
+        schema["default"] = default if plain else _quantity_text(default, dimension)
+    return schema
+
+
+def _quantity_sentence(dimension: str, limits: str, plain: bool) -> str:
+    start = f"{dimension[0].upper()}{dimension[1:]}"
+    unit, example = unit_of(dimension), QUANTITY_EXAMPLES[dimension]
+    if dimension == "ratio":
+        form = f"a number or percentage such as {example}"
+    elif plain:
+        form = f"a number in {unit}, or with a unit such as {example}"
+    else:
+        form = f"with its unit, such as {example}"
+    return f"{start}, {form}{limits and '; '}{limits}."
+
+
+def _quantity_text(value: float, dimension: str) -> str:
+    unit = unit_of(dimension)
+    return f"{value:g}" if unit == "1" else f"{value:g} {unit}"
+
+
+_TOKEN: Final = re.compile(
+    r"""(?P<comment>//[^\n]*|/\*.*?\*/)
+      | '(?P<literal>(?:\\.|[^'\\])*)'
+      | /(?P<regex>(?:\\.|[^/\\\n])+)/
+      | (?P<rule>^\w+)(?=\s*:)""",
+    re.VERBOSE | re.DOTALL | re.MULTILINE,
+)
+
+
+@cache
+def literals(package: str, grammar: str) -> Mapping[str, tuple[str, ...]]:
+    """Return by rule the quoted words and signs of a textX grammar file, in file order.
+
+    ``package`` holds the file ``grammar``: ``literals("grammars.oracle", "oracle.tx")``.
+    """
+    text = (files(package) / grammar).read_text(encoding="utf-8")
+    found: dict[str, list[str]] = {}
+    rule = ""
+    for match in _TOKEN.finditer(text):
+        if match["rule"]:
+            rule = match["rule"]
+        elif match["literal"] is not None:
+            found.setdefault(rule, []).append(match["literal"])
+    return MappingProxyType({rule: tuple(words) for rule, words in found.items()})
+
+
+_RULES = ("TemporalOperator", "AmountOperator", "StatisticOperator", "Reached")
+
+
+def oracle_schema(title: str) -> dict[str, Any]:
+    """Return the JSON Schema of an oracle layer; what a line says is checked as it begins."""
+    rules = literals("grammars.oracle", "oracle.tx")
+    operators = [word for rule in _RULES for word in rules[rule] if word.isalnum()]
+    operators.remove("mission")
+    operators += map(re.escape, custom_oracle_names())
+    signals = [*map(_signal_line, SIGNALS.values())]
+    signals += [_signal_line(kind, "<object>.") for kind in OBJECT_SIGNALS.values()]
+    return {
+        "$schema": DIALECT,
+        "title": title,
+        "description": "Oracles by name: what must hold for a run, one line each, with units. "
+        "A line without a limit is a measure: reported, never red.",
+        "type": "object",
+        "minProperties": 1,
+        "additionalProperties": False,
+        "patternProperties": {r"^[A-Za-z0-9][A-Za-z0-9._-]{0,99}$": {"$ref": "#/$defs/oracle"}},
+        "$defs": {
+            "oracle": {
+                "type": "string",
+                "description": "What must hold, and optionally when it is judged.\n\nSignals:\n"
+                + "\n".join(signals),
+                "pattern": rf"^\s*(?:{'|'.join(operators)})(?![A-Za-z0-9_])[^(]*\(.*\)",
+                "errorMessage": f"an oracle begins with one of: {', '.join(operators)}",
+                "examples": [
+                    "always(loc.error <= 0.35 m)",
+                    "never(contact)",
+                    "eventually within 60 s (mission.leg == 2)",
+                    "fraction(loc.inside_2sigma) >= 95 %",
+                    "max(speed) <= 0.8 m/s when clearance < 0.1 m",
+                    "reached(mission, 0.25 m)",
+                ],
+            }
+        },
+    }
+
+
+def _signal_line(kind: SignalDeclaration, prefix: str = "") -> str:
+    return f"- {prefix}{kind.name} [{kind.unit}]: {kind.doc}"

@@ -1,0 +1,188 @@
+"""What is written about one element: quantities with units or variables, and its location."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final, Literal, TypeAlias
+
+from grammars.text.diagnostics import did_you_mean
+from grammars.text.source import DiagnosticCollector, SyntaxNode, with_article
+
+QuantityKind: TypeAlias = Literal["length", "angle"]
+
+_LARGEST: Final = 1e6
+_TO_SI: Final = {"m": 1.0, "rad": 1.0, "deg": math.pi / 180.0}
+_UNIT_KIND: Final[dict[str, QuantityKind]] = {"m": "length", "rad": "angle", "deg": "angle"}
+_UNIT_ADVICE: Final = {"length": "lengths are in metres: m", "angle": "angles are in deg or rad"}
+
+
+class QuantityReader:
+    """Reads the quantities of one plan; broken ones are reported and read as ``None``."""
+
+    def __init__(self, variables: Sequence[SyntaxNode], findings: DiagnosticCollector) -> None:
+        self._findings = findings
+        self._variables: dict[str, list[SyntaxNode]] = {}
+        for variable in variables:
+            self._variables.setdefault(variable.name, []).append(variable)
+        for name, nodes in self._variables.items():
+            for node in nodes[1:]:
+                first = findings.source.at(nodes[0]).line
+                findings.warn(node, f'variable "{name}" is already defined in line {first}')
+
+    def length(self, node: SyntaxNode) -> float | None:
+        """Return a length in metres."""
+        return self._read(node, "length")
+
+    def angle(self, node: SyntaxNode) -> float | None:
+        """Return an angle in radians."""
+        return self._read(node, "angle")
+
+    def _read(self, node: SyntaxNode, kind: QuantityKind) -> float | None:
+        value = self._variable(node, kind) if node.variable else self._literal(node, node, kind)
+        if value is None:
+            return None
+        return -value if node.negated else value
+
+    def _literal(self, node: SyntaxNode, place: SyntaxNode, kind: QuantityKind) -> float | None:
+        unit = node.unit or ("m" if kind == "length" else "rad")
+        if _UNIT_KIND[unit] != kind:
+            self._findings.error(
+                place,
+                f'expected {with_article(kind)}, not "{node.number} {unit}"',
+                _UNIT_ADVICE[kind],
+            )
+            return None
+        number = float(node.number)
+        if abs(number) > _LARGEST:
+            self._findings.error(place, f"{node.number} is too large", "the limit is 1000 km")
+            return None
+        if kind == "angle" and not node.unit and abs(number) > math.tau:
+            self._findings.warn(
+                place,
+                f"{node.number} without a unit means radians",
+                f'write "{node.number} deg" for degrees',
+            )
+        return number * _TO_SI[unit]
+
+    def _variable(self, node: SyntaxNode, kind: QuantityKind) -> float | None:
+        name = node.variable
+        known = self._variables.get(name, [])
+        if not known:
+            hint = did_you_mean(name, self._variables) or f'define it: "var {name} = 1.0 m"'
+            self._findings.error(node, f'unknown variable "{name}"', hint)
+            return None
+        if len(known) > 1:
+            lines = " and ".join(str(self._findings.source.at(v).line) for v in known)
+            self._findings.error(node, f'variable "{name}" is not unique: defined in lines {lines}')
+            return None
+        variable = known[0]
+        if _UNIT_KIND[variable.unit] != kind:
+            self._findings.error(
+                node,
+                f'expected {with_article(kind)}, but variable "{name}" is in {variable.unit}',
+                _UNIT_ADVICE[kind],
+            )
+            return None
+        return self._literal(variable, node, kind)
+
+
+_ALLOWED: Final = {
+    "space": {"wrt", "of", "translation", "rotation", "spaced", "not aligned"},
+    "column": {"wrt", "translation", "rotation"},
+    "divider": {"wrt", "translation", "rotation"},
+    "entryway": {"in", "translation", "rotation"},
+    "window": {"in", "translation", "rotation"},
+}
+_NEEDED: Final = {
+    "space": ("wrt", "of"),
+    "column": ("wrt",),
+    "divider": ("wrt",),
+    "entryway": ("in",),
+    "window": ("in",),
+}
+_EXAMPLE: Final = {
+    "wrt": 'say what it is placed against: "wrt: world", "wrt: hall" or "wrt: hall.walls[0]"',
+    "of": 'say which own frame is placed: "of: this" or "of: this.walls[0]"',
+    "in": 'say which walls it cuts: "in: hall.walls[0]" or "in: hall.walls[0] and room.walls[2]"',
+}
+_IN_FLOOR: Final = {"translation": "xy", "rotation": "z"}
+_IN_WALL: Final = {"translation": "xz", "rotation": "y"}
+
+
+@dataclass(frozen=True, slots=True)
+class Location:
+    """The parts of a location; ``offset`` has the values per ``translation.x`` and so on.
+
+    Components that are not written are 0. ``parts`` are the syntax nodes by keyword.
+    """
+
+    parts: dict[str, SyntaxNode]
+    offset: dict[str, float]
+
+    def get(self, name: str) -> float:
+        """Return a component such as ``translation.x`` [m or rad]."""
+        return self.offset.get(name, 0.0)
+
+    def __contains__(self, part: str) -> bool:
+        return part in self.parts
+
+
+def read_location(
+    element: SyntaxNode, kind: str, quantities: QuantityReader, findings: DiagnosticCollector
+) -> Location | None:
+    """Return the location of an element, or ``None`` when a needed part is missing.
+
+    Broken components are reported and read as 0, so that the rest can be checked too.
+    """
+    parts: dict[str, SyntaxNode] = {}
+    offset: dict[str, float] = {}
+    for node in element.parts:
+        key = " ".join(node.key.split())
+        if key not in _ALLOWED[kind]:
+            needed = " and ".join(_NEEDED[kind])
+            findings.error(
+                node, f'{with_article(kind)} has no "{key}"', f"it is placed by {needed}"
+            )
+        elif key in parts:
+            findings.error(node, f'"{key}" is given twice')
+        else:
+            parts[key] = node
+            if key in ("translation", "rotation"):
+                _read_vector(node, key, kind, offset, quantities, findings)
+    for key in _NEEDED[kind]:
+        if key not in parts:
+            findings.error(
+                element, f'{kind} "{element.name}" has no "{key}" in its location', _EXAMPLE[key]
+            )
+    complete = all(key in parts for key in _NEEDED[kind])
+    return Location(parts, offset) if complete else None
+
+
+def _read_vector(
+    node: SyntaxNode,
+    key: str,
+    kind: str,
+    offset: dict[str, float],
+    quantities: QuantityReader,
+    findings: DiagnosticCollector,
+) -> None:
+    """Read the components of a translation or rotation; axes out of its plane must be 0."""
+    free = (_IN_WALL if kind in ("entryway", "window") else _IN_FLOOR)[key]
+    for component in node.components:
+        name = f"{key}.{component.axis}"
+        read = quantities.length if key == "translation" else quantities.angle
+        value = read(component.value)
+        if name in offset:
+            findings.error(component, f'"{component.axis}" is given twice in this {key}')
+        elif value and component.axis not in free:
+            allowed = " and ".join(free)
+            findings.error(
+                component,
+                f"the {key} of {with_article(kind)} about {component.axis} must be 0"
+                if key == "rotation"
+                else f"the {key} of {with_article(kind)} along {component.axis} must be 0",
+                f"only {allowed} can be given",
+            )
+        offset[name] = value or 0.0

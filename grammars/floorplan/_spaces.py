@@ -1,0 +1,269 @@
+"""Spaces: their walls in their own frame, and their place in the world.
+
+Formulas: wall frames and mitred corners from the outline; a placement relates an own frame to
+another one, ``world_from_space = world_from_wrt @ T(x, y, yaw) @ inverse(space_from_of)``.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from grammars.floorplan._attributes import Location
+from grammars.floorplan.model import Placement, Space, Wall
+from grammars.model.geometry import Point2, Pose2, Ring
+from grammars.text.diagnostics import Where, did_you_mean
+from grammars.text.source import DiagnosticCollector, SyntaxNode
+
+IDENTITY = Pose2()
+
+
+@dataclass(slots=True, eq=False)
+class SpaceDraft:
+    """A space while it is being compiled; ``None`` stands for a part that was refused.
+
+    ``frames`` and ``outer`` are the wall frames and outer corners in the space frame. ``own`` is
+    the wall index of the ``of`` frame, ``against`` and ``other`` name the space and the wall of the
+    ``wrt`` frame (no space: the world); an index is ``None`` for the frame of the space itself.
+    """
+
+    node: SyntaxNode
+    name: str
+    ring: Ring | None
+    thickness: float | None
+    height: float | None
+    location: Location | None
+    frames: tuple[Pose2, ...] = ()
+    outer: Ring = ()
+    own: int | None = None
+    against: SpaceDraft | None = None
+    other: int | None = None
+
+    def frame(self, wall: int | None) -> Pose2:
+        """Return the frame of an own wall, or of the space itself, in the space frame."""
+        return IDENTITY if wall is None else self.frames[wall]
+
+
+def wall_frames(ring: Ring) -> tuple[Pose2, ...]:
+    """Return the frame of every edge: on its middle, x along it, y to its left."""
+    frames = []
+    for (x0, y0), (x1, y1) in zip(ring, ring[1:] + ring[:1], strict=True):
+        frames.append(Pose2((x0 + x1) / 2, (y0 + y1) / 2, math.atan2(y1 - y0, x1 - x0)))
+    return tuple(frames)
+
+
+def outer_corners(ring: Ring, thickness: float) -> Ring:
+    """Return the corners of the offset outline, mitred.
+
+    ``O_i = P_i + t (n_(i-1) + n_i) / (1 + n_(i-1) . n_i)`` with the left normals n of the edges;
+    it holds for collinear neighbours too and fails only for a spike, which must be refused before.
+    """
+    normals: list[Point2] = []
+    for (x0, y0), (x1, y1) in zip(ring, ring[1:] + ring[:1], strict=True):
+        length = math.hypot(x1 - x0, y1 - y0)
+        normals.append(((y0 - y1) / length, (x1 - x0) / length))
+    corners: list[Point2] = []
+    for k, (x, y) in enumerate(ring):
+        (ax, ay), (bx, by) = normals[k - 1], normals[k]
+        reach = thickness / (1.0 + ax * bx + ay * by)
+        corners.append((x + reach * (ax + bx), y + reach * (ay + by)))
+    return tuple(corners)
+
+
+def find_wall(
+    node: SyntaxNode, draft: SpaceDraft, findings: DiagnosticCollector
+) -> tuple[bool, int | None]:
+    """Return whether a frame reference is good, and its wall index (``None``: the space frame)."""
+    if not node.index:
+        return True, None
+    index = int(node.index)
+    if draft.ring is None:
+        return False, None
+    count = len(draft.ring)
+    if not -count <= index < count:
+        findings.error(node, f'wall index {index}: space "{draft.name}" has walls 0..{count - 1}')
+        return False, None
+    if index < 0:
+        findings.warn(
+            node, f"wall index {index} counts from the end", f"write walls[{index + count}]"
+        )
+    return True, index % count
+
+
+def find_space(
+    node: SyntaxNode, spaces: dict[str, SpaceDraft], findings: DiagnosticCollector
+) -> SpaceDraft | None:
+    """Return the space a frame reference names, or ``None`` after reporting it."""
+    draft = spaces.get(node.name)
+    if draft is None:
+        findings.error(node, f'unknown space "{node.name}"', did_you_mean(node.name, spaces))
+    return draft
+
+
+def resolve_placement(
+    draft: SpaceDraft, spaces: dict[str, SpaceDraft], findings: DiagnosticCollector
+) -> None:
+    """Resolve what a space is placed against and check the flags of its location."""
+    location = draft.location
+    if location is None:
+        return
+    _resolve_of(draft, location, findings)
+    _resolve_wrt(draft, location, spaces, findings)
+    _check_flags(draft, location, findings)
+
+
+def _resolve_of(draft: SpaceDraft, location: Location, findings: DiagnosticCollector) -> None:
+    reference = location.parts["of"].frame
+    if reference.name not in ("this", draft.name):
+        findings.error(
+            reference,
+            f'"of" names a frame of the space itself, not "{reference.name}"',
+            'write "of: this" or "of: this.walls[0]"',
+        )
+        return
+    draft.own = find_wall(reference, draft, findings)[1]
+
+
+def _resolve_wrt(
+    draft: SpaceDraft,
+    location: Location,
+    spaces: dict[str, SpaceDraft],
+    findings: DiagnosticCollector,
+) -> None:
+    reference = location.parts["wrt"].frame
+    if reference.name == "world":
+        if reference.index:
+            findings.error(reference, "the world has no walls")
+        return
+    if reference.name in ("this", draft.name):
+        findings.error(
+            reference,
+            f'space "{draft.name}" is placed against itself',
+            'place it against "world" or another space',
+        )
+        return
+    other = find_space(reference, spaces, findings)
+    if other is not None:
+        draft.against = other
+        draft.other = find_wall(reference, other, findings)[1]
+
+
+def _check_flags(draft: SpaceDraft, location: Location, findings: DiagnosticCollector) -> None:
+    wall_to_wall = bool(location.parts["of"].frame.index and location.parts["wrt"].frame.index)
+    spaced = location.parts.get("spaced")
+    if spaced is not None:
+        if location.parts["wrt"].frame.name == "world":
+            findings.error(
+                spaced, '"spaced" means the gap between two walls, but "wrt" is the world'
+            )
+        elif not wall_to_wall:
+            findings.warn(spaced, '"spaced" has no effect: it needs a wall in "of" and in "wrt"')
+        if location.get("translation.y"):
+            findings.error(
+                location.parts["translation"],
+                'a y translation and "spaced" exclude each other',
+                "spaced sets the gap to the thickness of both walls",
+            )
+    unaligned = location.parts.get("not aligned")
+    if unaligned is not None and not wall_to_wall:
+        findings.warn(
+            unaligned, '"not aligned" has no effect: it needs a wall in "of" and in "wrt"'
+        )
+
+
+def check_anchored(drafts: list[SpaceDraft], findings: DiagnosticCollector) -> None:
+    """Report every loop of placements: nothing ties its spaces to the world."""
+    state: dict[int, int] = {}
+    for turn, start in enumerate(drafts):
+        path: list[SpaceDraft] = []
+        draft: SpaceDraft | None = start
+        while draft is not None and id(draft) not in state:
+            state[id(draft)] = turn
+            path.append(draft)
+            draft = draft.against
+        if draft is not None and state[id(draft)] == turn:
+            loop = path[next(k for k, d in enumerate(path) if d is draft) :]
+            names = " -> ".join(f'"{d.name}"' for d in [*loop, draft])
+            findings.error(
+                loop[0].node,
+                f"the placements {names} form a loop: nothing ties them to the world",
+                'place one of them "wrt: world"',
+            )
+
+
+def pose_in_world(draft: SpaceDraft, world: dict[str, Pose2]) -> Pose2:
+    """Return the world pose of a space whose ``against`` is already in ``world``."""
+    other = draft.against
+    base = IDENTITY if other is None else world[other.name] @ other.frame(draft.other)
+    return base @ offset_of(draft) @ draft.frame(draft.own).inverse()
+
+
+def offset_of(draft: SpaceDraft) -> Pose2:
+    """Return the transform from the ``of`` frame to the ``wrt`` frame of a space."""
+    location = draft.location
+    assert location is not None
+    x, y = location.get("translation.x"), location.get("translation.y")
+    yaw = location.get("rotation.z")
+    other = draft.against
+    if other is not None and draft.own is not None and draft.other is not None:
+        if "spaced" in location:
+            y += (draft.thickness or 0.0) + (other.thickness or 0.0)
+        if "not aligned" not in location:
+            yaw += math.pi
+    return Pose2(x, y, yaw)
+
+
+def frame_id(name: str, wall: int | None) -> str:
+    """Return the published identifier of the frame of a space (none: the world) or its wall."""
+    return f"{name or 'world'}-frame" if wall is None else f"{name}-wall-{wall}-frame"
+
+
+def place_all(drafts: list[SpaceDraft]) -> dict[str, Pose2]:
+    """Return the world pose of every space; placements must be free of loops."""
+    world: dict[str, Pose2] = {}
+    for start in drafts:
+        chain: list[SpaceDraft] = []
+        draft: SpaceDraft | None = start
+        while draft is not None and draft.name not in world:
+            chain.append(draft)
+            draft = draft.against
+        for link in reversed(chain):
+            world[link.name] = pose_in_world(link, world)
+    return world
+
+
+def build_space(draft: SpaceDraft, pose: Pose2, findings: DiagnosticCollector) -> Space:
+    """Return the space with its walls in the world frame."""
+    ring, thickness, height = draft.ring, draft.thickness, draft.height
+    assert ring is not None
+    assert thickness is not None
+    assert height is not None
+    placement = Placement(
+        frame_id(draft.name, draft.own),
+        frame_id(draft.against.name if draft.against else "", draft.other),
+        offset_of(draft),
+        tuple((x, y, 0.0) for x, y in ring),
+    )
+    where = findings.source.at(draft.node)
+    return space_at(draft.name, pose, ring, thickness, height, where, placement)
+
+
+def space_at(
+    name: str,
+    pose: Pose2,
+    ring: Ring,
+    thickness: float,
+    height: float,
+    where: Where,
+    placement: Placement | None = None,
+) -> Space:
+    """Return a space whose outline in its own frame is ``ring``, with the walls it implies."""
+    count = len(ring)
+    frames, outer = wall_frames(ring), outer_corners(ring, thickness)
+    walls = []
+    for k in range(count):
+        after = (k + 1) % count
+        footprint = pose.apply_ring((outer[k], outer[after], ring[after], ring[k]))
+        length = math.dist(ring[k], ring[after])
+        walls.append(Wall(name, k, pose @ frames[k], length, thickness, height, footprint))
+    return Space(name, pose, pose.apply_ring(ring), tuple(walls), where, placement)

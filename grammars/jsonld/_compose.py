@@ -1,0 +1,183 @@
+"""Composition: a floor plan and scenery layers become one graph, and the scene comes back.
+
+Also the way from and to files: reading a plan or a layer that is written in JSON-LD, checking it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from grammars.floorplan import FloorPlan
+from grammars.jsonld._expand import expand, expand_text
+from grammars.jsonld._layer_reader import read_layers
+from grammars.jsonld._layer_writer import LayerWriter
+from grammars.jsonld._legacy_terms import replace_legacy_terms
+from grammars.jsonld._nodes import NodeGraph, Ref
+from grammars.jsonld._plan_reader import read_plan
+from grammars.jsonld._plan_writer import FILES, PlanWriter, plan_context
+from grammars.jsonld._rules import check_structure, refuse_broken
+from grammars.jsonld.vocabulary import FP, ITEMS, SCN
+from grammars.scenery import SceneryLayer
+from grammars.text.diagnostics import Diagnostic, InputError, Severity, Where
+from grammars.text.documents import read_text
+
+if TYPE_CHECKING:
+    from rdflib import Graph
+
+    from grammars.jsonld.rdf import ModelGraph
+
+SCENARIO = f"{ITEMS}scenario"
+
+
+def composed_nodes(plan: FloorPlan, layers: Sequence[SceneryLayer] = ()) -> NodeGraph:
+    """Return what a plan and its layers say together, each node with its place in the texts."""
+    writer = PlanWriter(plan)
+    nodes = NodeGraph()
+    for name, addresses in FILES.items():
+        document = {
+            "@context": plan_context(writer.base, addresses),
+            "@graph": writer.files[name],
+        }
+        nodes.merge(expand(document, name))
+    nodes.places.update(writer.places)
+    for layer in layers:
+        layer_writer = LayerWriter(layer, writer, layers)
+        nodes.merge(expand(layer_writer.document(), layer.file))
+        nodes.places.update(layer_writer.places)
+    if layers:
+        scenario = nodes.get(SCENARIO)
+        scenario.add_type(SCN["Scenario"])
+        scenario.add(SCN["layers"], tuple(Ref(f"{ITEMS}layer.{layer.name}") for layer in layers))
+    return nodes
+
+
+def compose(plan: FloorPlan, layers: Sequence[SceneryLayer] = ()) -> ModelGraph:
+    """Return a plan and scenery layers, in order, as one rdflib graph.
+
+    The graph knows where its nodes were written (``graph.places``). Raises
+    :class:`grammars.text.diagnostics.InputError` for objects that cannot be placed.
+    """
+    from grammars.jsonld.rdf import graph_of
+
+    return graph_of(composed_nodes(plan, layers))
+
+
+def decompose(graph: Graph) -> tuple[FloorPlan, tuple[SceneryLayer, ...]]:
+    """Return the plan and the layers a graph describes: the inverse of :func:`compose`.
+
+    Also of a graph others composed. Raises :class:`grammars.text.diagnostics.InputError` with
+    everything that cannot be read.
+    """
+    from grammars.jsonld.rdf import nodes_of
+
+    nodes = replace_legacy_terms(nodes_of(graph))
+    return read_plan(nodes, "<graph>"), read_layers(nodes, "<graph>")
+
+
+def validate(graph: Graph) -> tuple[Diagnostic, ...]:
+    """Return everything that is wrong with a composed graph: SHACL, and what SHACL cannot say.
+
+    Every diagnostic names its element, with its place in the text where the graph knows it.
+    """
+    from grammars.jsonld.rdf import check_shapes, graph_of, nodes_of
+
+    nodes = nodes_of(graph)
+    before = len(nodes.findings)
+    nodes = replace_legacy_terms(nodes)
+    # Shapes are about current names: what was written with old ones is looked at as it is read.
+    current = graph if len(nodes.findings) == before else graph_of(nodes)
+    nodes.findings.extend(getattr(graph, "findings", ()))
+    found = (*nodes.findings, *check_structure(nodes), *check_shapes(current, nodes.places))
+    return tuple(dict.fromkeys(found))
+
+
+def check_composition(
+    plan: FloorPlan, layers: Sequence[SceneryLayer] = ()
+) -> tuple[Diagnostic, ...]:
+    """Return what is wrong with layers of our own languages once they are put together.
+
+    The fast part of :func:`validate`, without rdflib: our writer only produces what fits the
+    shapes, so only what depends on the layers' content is looked at.
+    """
+    nodes = composed_nodes(plan, layers)
+    return tuple(dict.fromkeys((*nodes.findings, *check_structure(nodes))))
+
+
+def load_nodes(path: str | Path) -> NodeGraph:
+    """Read a JSON-LD file, or every ``*.json`` of a folder, into one graph.
+
+    Raises :class:`InputError` with everything that cannot be read; warnings are in ``findings``.
+    """
+    file = Path(path)
+    files = [file]
+    if file.is_dir():
+        files = sorted(p for p in file.iterdir() if p.suffix == ".json")
+        if not files:
+            raise InputError(Diagnostic(Where(str(path)), "there is no .json file in this folder"))
+    nodes = NodeGraph()
+    problems: list[Diagnostic] = []
+    for each in files:
+        try:
+            nodes.merge(expand_text(read_text(each), str(each)))
+        except InputError as error:
+            problems.extend(error.diagnostics)
+    if problems:
+        raise InputError(problems)
+    return replace_legacy_terms(nodes)
+
+
+def load_floorplan_jsonld(path: str | Path) -> FloorPlan:
+    """Read a floor plan from JSON-LD in the published vocabulary: one file, or a folder of them.
+
+    The graph is checked as a whole first (:func:`grammars.jsonld.validate`). Raises
+    :class:`InputError` with everything that is wrong; warnings are in the plan.
+    """
+    nodes = load_nodes(path)
+    refuse_broken(nodes)
+    return read_plan(nodes, str(path))
+
+
+def load_scenery_jsonld(path: str | Path, warnings: list[Diagnostic] | None = None) -> SceneryLayer:
+    """Read a scenery layer from JSON-LD: objects, states, instances, and behaviours of ours.
+
+    A file that refers to a floor plan or to objects of other layers is complete without them.
+    Names are made such that sentences can say them (``door-instance-1`` is ``door_instance_1``).
+    What was read although it was written in an outdated or incomplete way is added to
+    ``warnings``. Raises :class:`InputError` with everything that is wrong.
+    """
+    nodes = load_nodes(path)
+    refuse_broken(nodes, partial=True)
+    layers = read_layers(nodes, str(path))
+    if len(layers) == 1:
+        if warnings is not None:
+            warnings.extend(dict.fromkeys(nodes.findings))
+        return layers[0]
+    hint = "an Object, an ObjectInstance or a layer of ours is needed"
+    message = f"there are {len(layers)} layers in it" if layers else "there is no scenery in it"
+    raise InputError(Diagnostic(Where(str(path)), message, "" if layers else hint))
+
+
+def check_jsonld(path: str | Path) -> tuple[Diagnostic, ...]:
+    """Return everything that is wrong with a JSON-LD file or folder, errors and warnings.
+
+    A floor plan is held to the SHACL shapes as well; a scenery file alone is not a whole graph.
+    Raises :class:`InputError` when it cannot be read at all.
+    """
+    from grammars.jsonld.rdf import check_shapes, graph_of
+
+    nodes = load_nodes(path)
+    whole = bool(nodes.of_type(FP["FloorPlan"]))
+    found = [*nodes.findings, *check_structure(nodes, partial=not whole)]
+    if whole:
+        found += check_shapes(graph_of(nodes), nodes.places)
+    if not any(d.severity is Severity.ERROR for d in found):
+        try:
+            if whole:
+                found += read_plan(nodes, str(path)).warnings
+            read_layers(nodes, str(path))
+        except InputError as error:
+            found += error.diagnostics
+        found += nodes.findings
+    return tuple(dict.fromkeys(found))

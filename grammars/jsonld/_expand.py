@@ -1,0 +1,353 @@
+"""From JSON-LD documents to nodes, with everything that could not be read reported in its place.
+
+JSON is read strictly. Everything a document says arrives: terms scoped to several types of one node
+are all known (rdflib applies only the first type's), keys no context knows are reported instead of
+vanishing.
+"""
+
+from __future__ import annotations
+
+import bisect
+import functools
+import json
+import math
+import re
+from typing import Any, Final
+
+from grammars.jsonld._nodes import Node, NodeGraph, Ref, Value
+from grammars.jsonld.vocabulary import XSD, ContextError, JsonLdContext, Term
+from grammars.text.diagnostics import Diagnostic, InputError, Severity, Where
+
+_ID: Final = re.compile(r'"(?:@id|id)"\s*:\s*"([^"\\]*)"')
+
+
+class JsonText:
+    """The text of a JSON-LD document, able to tell where an ``@id`` stands in it."""
+
+    def __init__(self, text: str, file: str) -> None:
+        self.text = text
+        self.file = file
+
+    @functools.cached_property
+    def _ids(self) -> dict[str, int]:
+        found: dict[str, int] = {}
+        for match in _ID.finditer(self.text):
+            found.setdefault(match[1], match.start())
+        return found
+
+    @functools.cached_property
+    def _starts(self) -> list[int]:
+        return [0, *(match.end() for match in re.finditer("\n", self.text))]
+
+    def parsed(self) -> Any:
+        """Return the JSON in the text; raises :class:`InputError` when it is none."""
+        try:
+            return json.loads(self.text, object_pairs_hook=_unique, parse_constant=_refused)
+        except json.JSONDecodeError as error:
+            where = Where(self.file, error.lineno, error.colno)
+            raise InputError(Diagnostic(where, f"is not JSON: {error.msg}")) from error
+        except (RecursionError, ValueError) as error:
+            reason = str(error) if isinstance(error, ValueError) else "it is nested too deeply"
+            where = Where(self.file)
+            raise InputError(Diagnostic(where, f"is not JSON: {reason}")) from error
+
+    def where(self, id: str) -> Where:
+        """Return where an ``@id``, as written, first stands."""
+        position = self._ids.get(id)
+        if position is None:
+            return Where(self.file, 1, 1)
+        line = bisect.bisect_right(self._starts, position)
+        return Where(self.file, line, position - self._starts[line - 1] + 1)
+
+
+def _unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    found = dict(pairs)
+    if len(found) < len(pairs):
+        keys = [key for key, _ in pairs]
+        twice = next(key for key in keys if keys.count(key) > 1)
+        raise ValueError(f'the key "{twice}" is written twice in one object')
+    return found
+
+
+def _refused(constant: str) -> float:
+    raise ValueError(f"{constant} is not a number")
+
+
+_NO_IRI: Final = re.compile(r'[\x00-\x20<>"{}|\\^`]')
+_MOST_FINDINGS: Final = 50
+_DEEPEST_LIST: Final = 8
+_DOUBLE: Final = XSD["double"]
+_NUMERIC: Final = frozenset(
+    XSD[name] for name in ("double", "float", "decimal", "integer", "int", "long")
+)
+_PLAIN: Final = Term("")
+
+
+def expand_text(text: str, file: str) -> NodeGraph:
+    """Return what the JSON-LD ``text`` says; raises :class:`InputError` with every problem."""
+    document = JsonText(text, file)
+    return expand(document.parsed(), file, document)
+
+
+def expand(data: Any, file: str, document: JsonText | None = None) -> NodeGraph:
+    """Return what parsed JSON-LD says; raises :class:`InputError` with every problem."""
+    expansion = _Expansion(document or JsonText("", file))
+    try:
+        expansion.top(data)
+    except ContextError as error:
+        expansion.error("", str(error))
+    except RecursionError:
+        expansion.error("", "is nested too deeply")
+    return expansion.finished()
+
+
+class _Expansion:
+    """One document on its way to nodes."""
+
+    def __init__(self, document: JsonText) -> None:
+        self.document = document
+        self.nodes = NodeGraph()
+        self.outdated: set[str] = set()
+        self.blanks = 0
+        self.dropped: dict[str, list[str]] = {}
+        self.written: dict[str, str] = {}
+        self.good: set[str] = set()
+
+    def error(self, id: str, message: str, hint: str = "") -> None:
+        if len(self.nodes.findings) < _MOST_FINDINGS:
+            self.nodes.findings.append(Diagnostic(self.document.where(id), message, hint))
+
+    def warn(self, id: str, message: str, hint: str = "") -> None:
+        where = self.document.where(id)
+        self.nodes.findings.append(Diagnostic(where, message, hint, Severity.WARNING))
+
+    def finished(self) -> NodeGraph:
+        errors = [d for d in self.nodes.findings if d.severity is Severity.ERROR]
+        if errors:
+            raise InputError(errors)
+        for address in sorted(self.outdated):
+            self.warn("", f'"{address}" is an outdated address', "read as the current context")
+        for key, ids in self.dropped.items():
+            more = f" (and in {len(ids) - 1} other nodes)" if len(ids) > 1 else ""
+            self.warn(
+                ids[0],
+                f'"{key}" of {ids[0] or "a node without @id"}{more} is in no context: ignored',
+                "RDF tools drop it; add a context that defines it or remove it",
+            )
+        if self.document.text:
+            for iri, written in self.written.items():
+                self.nodes.places[iri] = self.document.where(written)
+        return self.nodes
+
+    def top(self, data: Any) -> None:
+        context = JsonLdContext("", "", {})
+        for item in data if isinstance(data, list) else [data]:
+            if isinstance(item, dict):
+                self.node(item, context, top=True)
+            else:
+                self.error("", f"expected nodes in braces, found {_short(item)}")
+
+    def node(
+        self, data: dict[str, Any], context: JsonLdContext, *, top: bool = False
+    ) -> Ref | None:
+        """Add a node object; return a reference to it (``None`` for a mere envelope)."""
+        if "@context" in data:
+            context = context.extended(data["@context"], self.outdated)
+        terms = context.terms
+        types, written, rest = self._split(data, terms)
+        typed = context.for_types(types, self.outdated) if types else context
+        if top and written is None and any(k == "@graph" for k, _, _ in rest):
+            self._envelope(rest, context)
+            return None
+        id = self._identify(written, typed)
+        node = self.nodes.get(id)
+        for name in types:
+            known = name in terms or ":" in name or context.vocabulary
+            iri = context.iri(name, vocabulary=True) if known else ""
+            if ":" in iri and not _NO_IRI.search(iri):
+                node.add_type(iri)
+            else:
+                self._drop(name, written)
+        for key, _, value in rest:
+            self._property(node, key, value, typed, context)
+        return Ref(id)
+
+    def _split(
+        self, data: dict[str, Any], terms: dict[str, Term | None]
+    ) -> tuple[list[str], str | None, list[tuple[str, str, Any]]]:
+        """Return types and id as written, and every other key with what it means."""
+        types: list[str] = []
+        written: str | None = None
+        rest: list[tuple[str, str, Any]] = []
+        for key, value in data.items():
+            if key == "@context":
+                continue
+            term = terms.get(key)
+            meaning = term.iri if term is not None and term.iri[:1] == "@" else key
+            if meaning == "@type":
+                types.extend(self._type_names(value))
+            elif meaning == "@id":
+                if isinstance(value, str):
+                    written = value
+                else:
+                    self.error("", f"an @id is text, not {_short(value)}")
+            else:
+                rest.append((meaning, key, value))
+        return types, written, rest
+
+    def _type_names(self, value: Any) -> list[str]:
+        names = value if isinstance(value, list) else [value]
+        for name in names:
+            if not isinstance(name, str):
+                self.error("", f"a @type is text, not {_short(name)}")
+        return [name for name in names if isinstance(name, str)]
+
+    def _envelope(self, rest: list[tuple[str, str, Any]], context: JsonLdContext) -> None:
+        for meaning, _, value in rest:
+            if meaning != "@graph":
+                self._drop(meaning, None)
+                continue
+            for item in value if isinstance(value, list) else [value]:
+                if isinstance(item, dict):
+                    self.node(item, context, top=True)
+                else:
+                    self.error("", f"expected nodes in @graph, found {_short(item)}")
+
+    def _identify(self, written: str | None, context: JsonLdContext) -> str:
+        if written is None:
+            self.blanks += 1
+            return f"_:{self.document.file}#{self.blanks}"
+        id = context.iri(written, vocabulary=False)
+        if id.startswith("_:"):
+            return f"_:{self.document.file}#{id[2:]}"
+        if ":" not in id or _NO_IRI.search(id):
+            self.error(written, f'"{written}" is no IRI', "give a @base, or a prefix known here")
+        self.written.setdefault(id, written)
+        return id
+
+    def _property(
+        self, node: Node, key: str, value: Any, typed: JsonLdContext, outer: JsonLdContext
+    ) -> None:
+        if key[:1] == "@":
+            if key in ("@graph", "@included"):
+                self._envelope([("@graph", key, value)], outer)
+            elif key != "@index":
+                self.error(self.written.get(node.id, ""), f'"{key}" is not read here')
+            return
+        term = typed.terms.get(key)
+        if term is None:
+            meant = key not in typed.terms and (":" in key or bool(typed.vocabulary))
+            iri = typed.iri(key, vocabulary=True) if meant else ""
+            if ":" not in iri or _NO_IRI.search(iri):
+                self._drop(key, self.written.get(node.id))
+                return
+            term = Term(iri)
+        inner = outer
+        if term.scoped is not None:
+            inner = outer.extended(term.scoped, self.outdated)
+        if term.container == "@list" and not (isinstance(value, dict) and "@list" in value):
+            items = value if isinstance(value, list) else [value]
+            node.add(term.iri, self._list(items, term, typed, inner, node.id))
+            return
+        for item in value if isinstance(value, list) else [value]:
+            known = self._value(item, term, typed, inner, node.id)
+            if known is not None:
+                node.add(term.iri, known)
+
+    def _list(
+        self,
+        items: Any,
+        term: Term,
+        typed: JsonLdContext,
+        inner: JsonLdContext,
+        owner: str,
+        depth: int = 0,
+    ) -> tuple[Value, ...]:
+        if depth > _DEEPEST_LIST:
+            self.error(self.written.get(owner, ""), "a list is nested too deeply")
+            return ()
+        found: list[Value] = []
+        for item in items if isinstance(items, list) else [items]:
+            value = (
+                self._list(item, term, typed, inner, owner, depth + 1)
+                if isinstance(item, list)
+                else self._value(item, term, typed, inner, owner)
+            )
+            if value is not None:
+                found.append(value)
+        return tuple(found)
+
+    def _value(
+        self, item: Any, term: Term, typed: JsonLdContext, inner: JsonLdContext, owner: str
+    ) -> Value | None:
+        if item is None:
+            return None
+        if isinstance(item, str):
+            if term.kind == "@id":
+                return Ref(self._reference(item, typed, vocabulary=False))
+            if term.kind == "@vocab":
+                return Ref(self._reference(item, typed, vocabulary=True))
+            return self._literal(item, term.kind, owner)
+        if isinstance(item, dict):
+            return self._object(item, term, typed, inner, owner)
+        if isinstance(item, list):
+            self.error(self.written.get(owner, ""), "a list inside a set is not JSON-LD")
+            return None
+        return self._literal(item, term.kind, owner)
+
+    def _reference(self, text: str, context: JsonLdContext, *, vocabulary: bool) -> str:
+        iri = context.iri(text, vocabulary=vocabulary)
+        if iri.startswith("_:"):
+            return f"_:{self.document.file}#{iri[2:]}"
+        if iri not in self.good:
+            if ":" not in iri or _NO_IRI.search(iri):
+                self.error(text, f'"{text}" is no IRI', "give a @base, or a prefix known here")
+            self.good.add(iri)
+        return iri
+
+    def _object(
+        self,
+        item: dict[str, Any],
+        term: Term,
+        typed: JsonLdContext,
+        inner: JsonLdContext,
+        owner: str,
+    ) -> Value | None:
+        if "@value" in item:
+            kind = item.get("@type") or term.kind
+            kind = typed.iri(kind, vocabulary=True) if isinstance(kind, str) else ""
+            return self._literal(item["@value"], kind, owner)
+        if "@list" in item:
+            return self._list(item["@list"], term, typed, inner, owner)
+        if "@set" in item:
+            self.error(self.written.get(owner, ""), "@set is not read here; write the values")
+            return None
+        return self.node(item, inner)
+
+    def _literal(self, value: Any, kind: str, owner: str) -> Value | None:
+        written = self.written.get(owner, "")
+        if isinstance(value, bool):
+            return value
+        if kind in _NUMERIC or isinstance(value, int | float):
+            try:
+                number = float(value)
+            except (TypeError, ValueError, OverflowError):
+                self.error(written, f"{_short(value)} of {written or 'a node'} is not a number")
+                return None
+            if not math.isfinite(number):
+                self.error(written, f"a number of {written or 'a node'} is not finite")
+                return None
+            whole = isinstance(value, int) and kind != _DOUBLE
+            return value if whole else number
+        if isinstance(value, str):
+            return value
+        self.error(written, f"{_short(value)} is no value")
+        return None
+
+    def _drop(self, key: str, written: str | None) -> None:
+        self.dropped.setdefault(key, []).append(written or "")
+
+
+def _short(value: Any) -> str:
+    shown = json.dumps(value, ensure_ascii=False)
+    return shown if len(shown) <= 40 else f"{shown[:39]}…"

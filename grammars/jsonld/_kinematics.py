@@ -1,0 +1,322 @@
+"""Poses and joints in a graph: frames joined by relative poses, joint limits, axes and positions.
+
+``Pose(of=A, with-respect-to=B)`` with coordinates T is the transform A -> B: from B to A one
+multiplies by T, from A to B by its inverse. Names of nodes carry no meaning here.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Final
+
+from grammars.floorplan import Point3
+from grammars.jsonld._nodes import Node, NodeGraph, Ref, index_by
+from grammars.jsonld.vocabulary import (
+    COORD,
+    GEOM,
+    KC,
+    KC_STATE,
+    OBJ,
+    QUDT,
+    REL,
+    ST,
+    UNIT,
+    local_name,
+)
+from grammars.model.geometry import Pose2
+
+LENGTHS: Final = {UNIT["M"]: 1.0, UNIT["CentiM"]: 0.01, UNIT["MilliM"]: 0.001}
+ANGLES: Final = {UNIT["RAD"]: 1.0, UNIT["DEG"]: math.pi / 180.0}
+_LARGEST: Final = 1e6
+
+
+@dataclass(frozen=True, slots=True)
+class PoseEdge:
+    """One relative pose: the transform ``of`` -> ``wrt``, its height and its tilt about y."""
+
+    id: str
+    of: str
+    wrt: str
+    pose: Pose2
+    z: float = 0.0
+    tilt: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class PlacedFrame:
+    """A frame seen from a root; ``edge`` is the pose it was reached by, ``parent`` from where."""
+
+    pose: Pose2
+    z: float = 0.0
+    tilt: float = 0.0
+    parent: str = ""
+    edge: PoseEdge | None = None
+
+    @property
+    def offset(self) -> Pose2:
+        """The transform this frame -> ``parent``."""
+        if self.edge is None:
+            return Pose2()
+        return self.edge.pose if self.edge.wrt == self.parent else self.edge.pose.inverse()
+
+
+def scaled(node: Node, predicate: str, units: dict[str, float]) -> float | None:
+    """Return a number of ``node`` in metres or radians, by the first fitting unit it names."""
+    value = node.number(predicate)
+    if value is None:
+        return None
+    factor = next((units[u] for u in node.refs(QUDT["unit"]) if u in units), 1.0)
+    return value if factor == 1.0 else value * factor
+
+
+class PoseGraph:
+    """Every relative pose of a graph, ready to be walked from any frame."""
+
+    def __init__(self, nodes: NodeGraph) -> None:
+        self._nodes = nodes
+        self.edges: list[PoseEdge] = []
+        self._around: dict[str, list[PoseEdge]] = {}
+        numbers = index_by(nodes.by_id, COORD["PoseCoordinate"], COORD["of-pose"])
+        for node in nodes.of_type(REL["Pose"]):
+            edge = self._edge(node, numbers.get(node.id, []))
+            if edge is not None:
+                self.edges.append(edge)
+                self._around.setdefault(edge.of, []).append(edge)
+                self._around.setdefault(edge.wrt, []).append(edge)
+
+    def _edge(self, node: Node, coordinates: list[Node]) -> PoseEdge | None:
+        of, wrt = node.ref(REL["of"]), node.ref(REL["with-respect-to"])
+        if of is None or wrt is None:
+            self._nodes.error(node.id, f"pose {local_name(node.id)} lacks a frame")
+            return None
+        if not coordinates:
+            self._nodes.error(node.id, f"pose {local_name(node.id)} has no coordinates")
+            return None
+        seen = coordinates[0].ref(COORD["as-seen-by"])
+        if seen is not None and seen != wrt:
+            self._nodes.error(
+                coordinates[0].id,
+                f"{local_name(coordinates[0].id)} is seen by {local_name(seen)}, "
+                f"its pose is with respect to {local_name(wrt)}",
+                "write the coordinates in the frame the pose is with respect to",
+            )
+        x, y, z = (scaled(coordinates[0], COORD[axis], LENGTHS) or 0.0 for axis in ("x", "y", "z"))
+        alpha, beta = (
+            scaled(coordinates[0], COORD[angle], ANGLES) or 0.0 for angle in ("alpha", "beta")
+        )
+        if max(abs(v) for v in (x, y, z)) > _LARGEST:
+            self._nodes.error(coordinates[0].id, "a coordinate is farther away than 1000 km")
+            return None
+        return PoseEdge(node.id, of, wrt, Pose2(x, y, alpha), z, beta)
+
+    def around(self, frame: str) -> list[PoseEdge]:
+        """Return the poses that involve ``frame``."""
+        return self._around.get(frame, [])
+
+    def reach(self, root: str) -> dict[str, PlacedFrame]:
+        """Return every frame that is connected to ``root``, in the root's coordinates.
+
+        A frame reached against its direction hangs on the frame it is placed by: the wall by which
+        a room is placed is put, once the room is known, where the room has it.
+        """
+        found = {root: PlacedFrame(Pose2())}
+        queue = [root]
+        for frame in queue:
+            edges = self.around(frame)
+            for edge in [e for e in edges if e.of == frame]:
+                if edge.wrt not in found:
+                    here = found[frame]
+                    back = here.pose @ edge.pose.inverse()
+                    found[edge.wrt] = PlacedFrame(
+                        back, here.z - edge.z, here.tilt - edge.tilt, frame, edge
+                    )
+                    queue.append(edge.wrt)
+                    if frame != root:
+                        settled = back @ edge.pose
+                        found[frame] = PlacedFrame(
+                            settled, here.z, here.tilt, here.parent, here.edge
+                        )
+            here = found[frame]
+            for edge in edges:
+                if edge.wrt == frame and edge.of not in found:
+                    found[edge.of] = PlacedFrame(
+                        here.pose @ edge.pose, here.z + edge.z, here.tilt + edge.tilt, frame, edge
+                    )
+                    queue.append(edge.of)
+        return found
+
+
+class Positions:
+    """Where points are: the frame that sees them, and their coordinates in it [m]."""
+
+    def __init__(self, nodes: NodeGraph) -> None:
+        self._frames: dict[str, str] = {}
+        self._points: dict[str, Point3] = {}
+        numbers = index_by(nodes.by_id, COORD["PositionCoordinate"], COORD["of-position"])
+        origins: dict[str, str] = {}
+        for frame in nodes.of_type(GEOM["Frame"]):
+            origin = frame.ref(GEOM["origin"])
+            if origin is not None:
+                origins.setdefault(origin, frame.id)
+        for position in nodes.of_type(REL["Position"]):
+            point = position.ref(REL["of"])
+            for coordinate in numbers.get(position.id, [])[:1] if point else []:
+                seen = coordinate.ref(COORD["as-seen-by"]) or origins.get(
+                    position.ref(REL["with-respect-to"]) or ""
+                )
+                if seen is None or point is None:
+                    continue
+                x, y, z = (
+                    scaled(coordinate, COORD[axis], LENGTHS) or 0.0 for axis in ("x", "y", "z")
+                )
+                self._frames[point] = seen
+                self._points[point] = (x, y, z)
+
+    def outline(self, points: Iterable[str]) -> tuple[str, tuple[Point3, ...]] | None:
+        """Return the one frame that sees all ``points``, and their coordinates; else nothing."""
+        names = list(points)
+        frames = {self._frames.get(name) for name in names}
+        if len(frames) != 1 or None in frames:
+            return None
+        return str(self._frames[names[0]]), tuple(self._points[name] for name in names)
+
+
+_TOLERANCE: Final = 1e-9
+_SLOTS: Final = ("vector-x", "vector-y", "vector-z")
+
+
+def limits(nodes: NodeGraph) -> dict[str, tuple[list[Node], list[Node]]]:
+    """Return the lower and upper limit nodes of every joint that has some.
+
+    Positions that a state refers to are not limits, whatever their type says.
+    """
+    of_states = {
+        target for node in nodes.of_type(ST["JointState"]) for target in node.refs(ST["pose"])
+    }
+    found: dict[str, tuple[list[Node], list[Node]]] = {}
+    for side, kind in enumerate(("JointLowerLimit", "JointUpperLimit")):
+        for node in nodes.of_type(OBJ[kind]):
+            for joint in node.refs(KC_STATE["of-joint"]) if node.id not in of_states else ():
+                found.setdefault(joint, ([], []))[side].append(node)
+    return found
+
+
+def is_turning(joint: Node) -> bool:
+    """Return whether a joint is revolute."""
+    return KC["RevoluteJoint"] in joint.types
+
+
+def is_moving(joint: Node) -> bool:
+    """Return whether a joint is revolute or prismatic."""
+    return is_turning(joint) or OBJ["PrismaticJoint"] in joint.types
+
+
+def joint_position(node: Node, joint: Node) -> float | None:
+    """Return a joint position in rad or m."""
+    return scaled(node, QUDT["value"], ANGLES if is_turning(joint) else LENGTHS)
+
+
+def check_joints(nodes: NodeGraph, found: NodeGraph) -> None:
+    """Report joints without proper limits or axis, and states outside the limits."""
+    bounds = limits(nodes)
+    states = index_by(nodes.by_id, ST["JointState"], ST["joint"])
+    for joint in nodes.of_type(KC["Joint"]):
+        if is_moving(joint):
+            _check_limits(nodes, found, joint, bounds.get(joint.id, ([], [])), states)
+        _check_axis(nodes, found, joint)
+    _check_state_types(nodes, found)
+
+
+def _check_limits(
+    nodes: NodeGraph,
+    found: NodeGraph,
+    joint: Node,
+    bounds: tuple[list[Node], list[Node]],
+    states: dict[str, list[Node]],
+) -> None:
+    name = local_name(joint.id)
+    for side, have in zip(("lower", "upper"), bounds, strict=True):
+        if not have:
+            found.error(joint.id, f"joint {name} has no {side} limit")
+        elif len(have) > 1:
+            listed = ", ".join(local_name(node.id) for node in have)
+            message = f"joint {name} has {len(have)} {side} limits: {listed}"
+            found.error(have[1].id, message, "keep one of them")
+    if len(bounds[0]) != 1 or len(bounds[1]) != 1:
+        return
+    lower, upper = (joint_position(have[0], joint) for have in bounds)
+    if lower is None or upper is None:
+        found.error(joint.id, f"a limit of joint {name} has no value")
+        return
+    if lower > upper:
+        message = f"the lower limit of joint {name} ({lower:g}) is above the upper ({upper:g})"
+        found.error(bounds[0][0].id, message)
+    for state in states.get(joint.id, []):
+        _check_state(nodes, found, state, joint, (lower, upper))
+
+
+def _check_state(
+    nodes: NodeGraph, found: NodeGraph, state: Node, joint: Node, bounds: tuple[float, float]
+) -> None:
+    pose = nodes.by_id.get(state.ref(ST["pose"]) or "")
+    value = joint_position(pose, joint) if pose is not None else None
+    label = local_name(state.ref(ST["state"]) or state.id)
+    if value is None:
+        found.error(state.id, f"state {label} gives joint {local_name(joint.id)} no position")
+    elif not bounds[0] - _TOLERANCE <= value <= bounds[1] + _TOLERANCE:
+        found.error(
+            state.id,
+            f"state {label} puts joint {local_name(joint.id)} at {value:g}, outside its limits",
+            f"between {bounds[0]:g} and {bounds[1]:g}",
+        )
+
+
+def _check_state_types(nodes: NodeGraph, found: NodeGraph) -> None:
+    for state in nodes.of_type(ST["JointState"]):
+        pose = nodes.by_id.get(state.ref(ST["pose"]) or "")
+        for kind in ("JointLowerLimit", "JointUpperLimit") if pose is not None else ():
+            if pose is not None and OBJ[kind] in pose.types:
+                message = f"{local_name(pose.id)} is the position of a state and typed {kind}"
+                found.warn(pose.id, message, "it is not taken as a limit; remove the type")
+
+
+def axis_vectors(nodes: NodeGraph, joint: Node) -> list[Ref]:
+    """Return the vectors of the line a joint turns about or slides along."""
+    axis = nodes.by_id.get(joint.ref(KC["common-axis"]) or "")
+    return axis.refs(REL["lines"]) if axis is not None else []
+
+
+def slots(nodes: NodeGraph) -> dict[str, list[tuple[str, str]]]:
+    """Return of every vector the frames it is an axis of, with the axis (``x``, ``y``, ``z``)."""
+    found: dict[str, list[tuple[str, str]]] = {}
+    for frame in nodes.of_type(GEOM["Frame"]):
+        for slot in _SLOTS:
+            for vector in frame.refs(GEOM[slot]):
+                found.setdefault(vector, []).append((frame.id, slot[-1]))
+    return found
+
+
+def _check_axis(nodes: NodeGraph, found: NodeGraph, joint: Node) -> None:
+    name = local_name(joint.id)
+    bodies = joint.refs(KC["between-attachments"])
+    if len(bodies) != 2:
+        found.error(joint.id, f"joint {name} is between {len(bodies)} bodies, not two")
+        return
+    lines = axis_vectors(nodes, joint)
+    if not is_moving(joint):
+        return
+    if len(lines) != 2:
+        message = f"the axis of joint {name} is on {len(lines)} lines, not two"
+        found.error(joint.id, message, "one vector of each body is collinear with the other's")
+        return
+    parts = [set(nodes.get(body).refs(GEOM["simplices"])) for body in bodies]
+    sides = [{k for k, part in enumerate(parts) if line in part} for line in lines]
+    if not any(a in sides[0] and b in sides[1] for a, b in ((0, 1), (1, 0))):
+        found.error(
+            joint.id,
+            f"the axis of joint {name} is not on both of its bodies",
+            f"{' and '.join(map(local_name, lines))} are vectors of "
+            f"{' and '.join(map(local_name, bodies))}, one of each",
+        )

@@ -1,0 +1,211 @@
+"""Scenery layers as JSON-LD: objects and instances as published, behaviours in our own words."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from typing import Any, TypeAlias
+
+from grammars.floorplan import WORLD_FRAME, FloorPlan
+from grammars.jsonld._object_writer import frame_nodes, object_nodes, pose_nodes, trim_rounding
+from grammars.jsonld._plan_writer import PlanWriter, plan_base
+from grammars.jsonld._sentences import frame_name, sentence_fields, value_to_jsonld
+from grammars.jsonld.vocabulary import ITEMS, ROB2B_CONTEXTS, SCN, SECORO_CONTEXTS, rob2b, secoro
+from grammars.model.geometry import Pose2
+from grammars.scenery import SceneryLayer
+from grammars.scenery.composition import (
+    Catalogue,
+    frame_named,
+    mirrored_joints,
+    mirrored_links,
+    place_instance,
+)
+from grammars.scenery.model import At, FrameName, Instance, Name, ObjectModel
+from grammars.text.diagnostics import InputError, Where
+
+Json: TypeAlias = dict[str, Any]
+
+
+def scenery_document(
+    layer: SceneryLayer, plan: FloorPlan, layers: Sequence[SceneryLayer] = ()
+) -> Json:
+    """Return a layer as one JSON-LD document; ``layers`` are all of the scenario, in order.
+
+    Objects, states and instances are in the published vocabulary: every instance has a pose with
+    respect to a frame of ``plan``, also one that is fitted into an entryway (a door that hangs
+    the other way round is an instance of the mirrored model). Behaviours, groups, parameters and
+    settings are in words of our own. Raises :class:`InputError` for what cannot be placed.
+    """
+    return LayerWriter(layer, PlanWriter(plan), layers or (layer,)).document()
+
+
+class LayerWriter:
+    """Builds the nodes of one layer; ``places`` tells where each was written in the text."""
+
+    def __init__(
+        self, layer: SceneryLayer, frames: PlanWriter, layers: Sequence[SceneryLayer]
+    ) -> None:
+        self._layer = layer
+        self._plan = frames.plan
+        self._catalogue = Catalogue(layers)
+        self._frames = frames
+        self._mirrored: set[str] = set()
+        self.nodes: list[Json] = []
+        self.places: dict[str, Where] = {}
+
+    def document(self) -> Json:
+        """Return the document."""
+        for model in self._layer.models:
+            id = self._model(model.name)
+            self._add(object_nodes(id, model), model.where)
+            for state in model.states:
+                self.places[f"{ITEMS}{id.removeprefix('item:')}.state.{state.name}"] = state.where
+        for instance in self._layer.instances:
+            self._instance(instance)
+        self._say()
+        return {"@context": _context(self._plan.name), "@graph": self.nodes}
+
+    def _add(self, nodes: list[Json], where: Where) -> None:
+        self.nodes += nodes
+        for node in nodes:
+            if where.line and "@id" in node:
+                self.places[ITEMS + node["@id"].removeprefix("item:")] = where
+
+    def _model(self, name: str) -> str:
+        """Return the identifier of an object model: its name, unless an instance has it."""
+        return f"item:{name}.model" if name in self._catalogue.instances else f"item:{name}"
+
+    def _instance(self, instance: Instance) -> None:
+        model = self._catalogue.models[instance.model.text]
+        id, kind = f"item:{instance.name}", self._model(model.name)
+        node: Json = {"@id": id, "@type": "ObjectInstance", "frame": f"{id}.frame"}
+        node["world"] = f"fpm:{self._frames.ids['plan', self._plan.name]}"
+        node["scn:name"] = instance.name
+        if isinstance(instance.place, At):
+            wrt = self._frame(instance.place.frame)
+            pose = self._at(instance, model, node, wrt)
+        else:
+            placed = place_instance(self._plan, instance, model)
+            opening = next(o for o in self._plan.openings if o.name == instance.place.entryway.text)
+            wall = next(w for w in self._plan.walls if w.id == opening.walls[0])
+            relative = wall.frame.inverse() @ placed.pose
+            wrt = f"fpm:{self._frames.frame(f'{wall.id}-frame')}"
+            pose = Pose2(trim_rounding(relative.x), trim_rounding(relative.y), relative.yaw)
+            node["scn:stands-in"] = {"@id": f"fpm:{self._frames.ids[opening.kind, opening.id]}"}
+            node["scn:placement"] = value_to_jsonld(instance.place)
+            if placed.mirrored:
+                kind = self._mirror(model, placed.across)
+        node["of-object"] = kind
+        self._start(node, instance, model)
+        if instance.frozen:
+            node["scn:frozen"] = True
+        frames = [*frame_nodes(f"{id}.frame"), *pose_nodes(f"{id}.frame", wrt, pose)]
+        self._add([*frames, node], instance.where)
+
+    def _at(self, instance: Instance, model: ObjectModel, node: Json, wrt: str) -> Pose2:
+        """Return the pose in the frame; a place that says more than a pose is written too."""
+        at = instance.place
+        assert isinstance(at, At)
+        read_back = frame_name(wrt.removeprefix("fpm:"), at.frame.where)
+        if at == At(read_back, at.x, at.y, at.yaw):
+            return Pose2(at.x, at.y, at.yaw)
+        node["scn:placement"] = value_to_jsonld(at)
+        frame = frame_named(self._plan, at.frame)
+        relative = frame.inverse() @ place_instance(self._plan, instance, model).pose
+        return Pose2(trim_rounding(relative.x), trim_rounding(relative.y), relative.yaw)
+
+    def _start(self, node: Json, instance: Instance, model: ObjectModel) -> None:
+        starts = instance.starts
+        if isinstance(starts, Name) and any(s.name == starts.text for s in model.states):
+            node["start-state"] = f"{node['of-object']}.state.{starts.text}"
+        elif starts is not None:
+            node["scn:starts"] = value_to_jsonld(starts)
+
+    def _mirror(self, model: ObjectModel, across: tuple[float, float]) -> str:
+        """Write the mirror image of a model, once, and return its identifier."""
+        source = self._model(model.name)
+        id = f"{source}.mirrored"
+        if id not in self._mirrored:
+            self._mirrored.add(id)
+            turning = {joint.name for joint in model.joints if joint.kind == "revolute"}
+            image = dataclasses.replace(
+                model,
+                links=mirrored_links(model.links, across),
+                joints=mirrored_joints(model.joints, across),
+                states=tuple(
+                    dataclasses.replace(
+                        state,
+                        positions=tuple(
+                            (name, -value + 0.0 if name in turning else value)
+                            for name, value in state.positions
+                        ),
+                    )
+                    for state in model.states
+                ),
+            )
+            self._add(object_nodes(id, image, mirror_of=source), model.where)
+        return id
+
+    def _frame(self, name: FrameName) -> str:
+        """Return the identifier of a frame of the plan; raises ``InputError`` if there is none."""
+        frame_named(self._plan, name)
+        published = WORLD_FRAME if name.name == "world" else f"{name.name}-frame"
+        if name.wall is not None:
+            published = f"{name.name}-wall-{name.wall}-frame"
+        elif name.part:
+            published = next(
+                f"{f.kind}-{f.id}-frame"
+                for f in self._plan.features
+                if f.space == name.name and f.name == name.part
+            )
+        elif name.name != "world" and all(s.name != name.name for s in self._plan.spaces):
+            published = next(
+                f"{kind}-{id}-frame"
+                for kind, id, called in (
+                    *((o.kind, o.id, o.name) for o in self._plan.openings),
+                    *((f.kind, f.id, f.name) for f in self._plan.features),
+                )
+                if name.name in (called, id)
+            )
+        return f"fpm:{self._frames.frame(published)}"
+
+    def _say(self) -> None:
+        """Write the layer itself, with what it says about objects."""
+        layer = self._layer
+        id = f"item:layer.{layer.name}"
+        node: Json = {"@id": id, "@type": "scn:Layer", "scn:name": layer.name}
+        node["scn:models"] = _references(self._model(model.name) for model in layer.models)
+        node["scn:instances"] = _references(f"item:{i.name}" for i in layer.instances)
+        for word in sentence_fields():
+            said = [
+                {"@id": f"{id}.{word}-{k}", **value_to_jsonld(value), **self._about(value)}
+                for k, value in enumerate(getattr(layer, word))
+            ]
+            for part, value in zip(said, getattr(layer, word), strict=True):
+                self._add([part], value.where)
+            node[f"scn:{word}"] = _references(part["@id"] for part in said)
+        self._add([node], Where(layer.file))
+
+    def _about(self, value: Any) -> Json:
+        """Link a sentence to the objects it is about, where they can be told."""
+        subject = getattr(value, "subject", getattr(value, "members", None))
+        if subject is None:
+            return {}
+        try:
+            targets = self._catalogue.targets(self._layer, subject)
+        except InputError:
+            # Names of a layer that is not here; resolving behaviours reports those that matter.
+            return {}
+        names = dict.fromkeys(f"item:{target.object}" for target in targets)
+        return {"scn:about": [{"@id": name} for name in names]} if names else {}
+
+
+def _references(ids: Any) -> Json:
+    return {"@list": [{"@id": id} for id in ids]}
+
+
+def _context(plan: str) -> list[Any]:
+    addresses = [rob2b(path) for path, ours in ROB2B_CONTEXTS.items() if ours != "dynamics.json"]
+    addresses.append(rob2b("newtonian-rigid-body-dynamics.json"))
+    addresses += [secoro(path) for path in SECORO_CONTEXTS if path != "qudt.json"]
+    return [*addresses, {"fpm": plan_base(plan), "item": ITEMS, "scn": str(SCN)}]

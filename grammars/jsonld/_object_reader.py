@@ -1,0 +1,339 @@
+"""From objects in the published vocabulary to :class:`ObjectModel` values, whoever wrote them."""
+
+from __future__ import annotations
+
+import math
+import re
+from typing import Final
+
+from grammars.jsonld._kinematics import (
+    LENGTHS,
+    PlacedFrame,
+    PoseGraph,
+    Positions,
+    axis_vectors,
+    is_moving,
+    is_turning,
+    joint_position,
+    limits,
+    scaled,
+    slots,
+)
+from grammars.jsonld._nodes import Node, NodeGraph, index_by
+from grammars.jsonld._object_writer import WORLD, trim_rounding
+from grammars.jsonld.vocabulary import DYN, GEOM, KC, OBJ, POLY, SCN, ST, local_name
+from grammars.model.geometry import Point2, Pose2, Ring
+from grammars.model.scene import Joint, Link
+from grammars.scenery.model import NamedState, ObjectModel
+from grammars.text.diagnostics import Where
+
+_LEVEL: Final = 1e-6
+
+
+class LinkShapes:
+    """Reads the shapes of links; problems are noted in the nodes' findings."""
+
+    def __init__(self, nodes: NodeGraph) -> None:
+        self._nodes = nodes
+        self._positions = Positions(nodes)
+        self._views: dict[str, list[Node]] = {}
+        for kind in ("LinkPhysicsRepresentation", "LinkVisualRepresentation"):
+            for body, found in index_by(nodes.by_id, OBJ[kind], OBJ["link"]).items():
+                self._views.setdefault(body, found)
+
+    def of(self, body: str) -> list[Node]:
+        """Return what shows the shapes of a body: for collisions, else for the eye."""
+        return self._views.get(body, [])
+
+    def shape(
+        self, view: Node, here: PlacedFrame, placed: dict[str, PlacedFrame]
+    ) -> tuple[Ring, tuple[float, float]] | None:
+        """Return the outline and the lowest and highest point of a shape, in the object frame.
+
+        ``here`` is the frame of its link; ``None`` after noting why it cannot be read.
+        """
+        shape = self._nodes.by_id.get(view.ref(OBJ["polytope"]) or "")
+        if shape is None:
+            return None
+        if POLY["CuboidWithSize"] in shape.types:
+            sizes = [scaled(shape, POLY[f"{axis}-size"], LENGTHS) for axis in "xyz"]
+            if any(size is None or not 1e-6 < size < 1e6 for size in sizes):
+                self._nodes.error(shape.id, f"cuboid {local_name(shape.id)} lacks a size")
+                return None
+            x, y, z = (size / 2 for size in sizes if size is not None)
+            ring = here.pose.apply_ring(((-x, -y), (x, -y), (x, y), (-x, y)))
+            return _tidy_ring(ring), (trim_rounding(here.z - z), trim_rounding(here.z + z))
+        points = shape.refs(POLY["points"])
+        drawn = self._positions.outline(points) if len(points) >= 6 else None
+        frame = placed.get(drawn[0]) if drawn is not None else None
+        if drawn is None or frame is None or not is_level(frame):
+            message = (
+                f"shape {local_name(shape.id)} is neither a cuboid nor a prism of known corners"
+            )
+            self._nodes.error(shape.id, message)
+            return None
+        corners = frame.pose.apply_ring(tuple((x, y) for x, y, _ in drawn[1]))
+        return self._prism(shape, corners, [trim_rounding(z + frame.z) for _, _, z in drawn[1]])
+
+    def _prism(
+        self, shape: Node, corners: Ring, heights: list[float]
+    ) -> tuple[Ring, tuple[float, float]] | None:
+        import shapely
+
+        hull = shapely.MultiPoint(corners).convex_hull
+        half = len(corners) // 2
+        ring = _tidy_ring(corners[:half])
+        if not isinstance(hull, shapely.Polygon) or hull.area < 1e-9:
+            self._nodes.error(shape.id, f"shape {local_name(shape.id)} has no area")
+            return None
+        if shapely.Polygon(ring).is_valid and abs(shapely.Polygon(ring).area - hull.area) < 1e-9:
+            return ring, (min(heights), max(heights))
+        outline = [(float(x), float(y)) for x, y in hull.exterior.coords[:-1]]
+        message = f"shape {local_name(shape.id)} is no convex prism: its convex hull is taken"
+        self._nodes.warn(shape.id, message)
+        return _tidy_ring(tuple(reversed(outline))), (min(heights), max(heights))
+
+
+def is_level(placed: PlacedFrame) -> bool:
+    return abs(placed.tilt) < _LEVEL
+
+
+def _tidy_ring(ring: Ring) -> Ring:
+    return tuple((trim_rounding(x), trim_rounding(y)) for x, y in ring)
+
+
+_AXES: Final = {"x": 0.0, "y": math.pi / 2}
+
+
+def scenery_name(name: str) -> str:
+    """Return a name the scenery language can say: letters, digits and underscores."""
+    word = re.sub(r"\W+", "_", name).strip("_") or "unnamed"
+    return f"_{word}" if word[0].isdigit() else word
+
+
+def name_of(node: Node, owner: Node | None = None) -> str:
+    """Return what a node is called: as it says, or by its identifier without its owner's."""
+    said = node.text(SCN["name"])
+    if said is not None:
+        return said
+    name = local_name(node.id)
+    if owner is not None:
+        name = name.removeprefix(f"{local_name(owner.id)}-")
+    return scenery_name(name)
+
+
+class ObjectReader:
+    """Reads object models; problems are noted in the nodes' findings."""
+
+    def __init__(self, nodes: NodeGraph, file: str) -> None:
+        self._nodes = nodes
+        self._file = file
+        self._poses = PoseGraph(nodes)
+        self._slots = slots(nodes)
+        self._limits = limits(nodes)
+        self._shapes = LinkShapes(nodes)
+        self._inertias = index_by(nodes.by_id, DYN["RigidBodyInertia"], DYN["of-body"])
+        self._trees = index_by(nodes.by_id, OBJ["JointWithTree"], OBJ["joint-without-tree"])
+        self._states = index_by(nodes.by_id, ST["JointState"], ST["joint"])
+
+    def read(self, node: Node) -> ObjectModel | None:
+        """Return the model an ``Object`` node describes, or ``None`` after noting why not."""
+        before = len(self._nodes.findings)
+        base = node.ref(OBJ["object-frame"])
+        if base is None:
+            self._nodes.error(node.id, f"object {local_name(node.id)} has no object-frame")
+            return None
+        placed = self._poses.reach(base)
+        order = {str(id): k for k, id in enumerate(node.refs(SCN["order"]))}
+        bodies = self._bodies(node, order)
+        links = {body: self._link(body, link, placed) for body, link in bodies.items()}
+        chain = self._nodes.by_id.get(node.ref(OBJ["kinematic-chain"]) or "")
+        ids = sorted(
+            chain.refs(KC["joints"]) if chain is not None else [],
+            key=lambda id: order.get(id, len(order)),
+        )
+        joints = {str(id): self._joint(self._nodes.get(id), node, bodies, placed) for id in ids}
+        states = self._object_states(node, joints, order)
+        if any(d.severity.value == "error" for d in self._nodes.findings[before:]):
+            return None
+        return ObjectModel(
+            name_of(node),
+            tuple(link for link in links.values() if link is not None),
+            self._needed(joints),
+            states,
+            self._nodes.where(node.id, Where(self._file)),
+        )
+
+    def _bodies(self, node: Node, order: dict[str, int]) -> dict[str, Node]:
+        """Return the object links of an object by their body, in order."""
+        ids = sorted(node.refs(OBJ["object-links"]), key=lambda id: order.get(id, len(order)))
+        found: dict[str, Node] = {}
+        for id in ids:
+            link = self._nodes.get(id)
+            body = link.ref(OBJ["link"])
+            if body is None:
+                self._nodes.error(id, f"link {local_name(id)} has no body")
+            else:
+                found[body] = link
+        if not found:
+            self._nodes.error(node.id, f"object {local_name(node.id)} has no links")
+        return found
+
+    def _link(self, body: str, link: Node, placed: dict[str, PlacedFrame]) -> Link | None:
+        name = self._body_name(body)
+        frame = link.ref(OBJ["link-frame"])
+        here = placed.get(frame or "")
+        if here is None or not is_level(here):
+            problem = "is not connected to its object" if here is None else "is tilted"
+            self._nodes.error(link.id, f"the frame of link {name} {problem}")
+            return None
+        if link.all(SCN["carrier"])[:1] == [True]:
+            return Link(name, (), 0.0, 0.0, 0.0)
+        rings: list[Ring] = []
+        heights: list[float] = []
+        for view in self._shapes.of(body):
+            drawn = self._shapes.shape(view, here, placed)
+            if drawn is not None:
+                rings.append(drawn[0])
+                heights.extend(drawn[1])
+        if not rings:
+            self._nodes.error(link.id, f"link {name} has no shape that can be read")
+            return None
+        return Link(name, tuple(rings), self._mass(body, name), min(heights), max(heights))
+
+    def _body_name(self, body: str) -> str:
+        return name_of(self._nodes.get(body))
+
+    def _mass(self, body: str, name: str) -> float:
+        for inertia in self._inertias.get(body, []):
+            mass = inertia.number(DYN["mass"])
+            if mass is not None and 0.0 < mass < 1e6:
+                return mass
+            self._nodes.error(inertia.id, f"the mass of link {name} is not greater than 0 kg")
+            return 1.0
+        self._nodes.warn(body, f"link {name} has no mass", "1 kg is taken")
+        return 1.0
+
+    def _joint(
+        self, joint: Node, owner: Node, bodies: dict[str, Node], placed: dict[str, PlacedFrame]
+    ) -> Joint | None:
+        name = name_of(joint, owner)
+        ends = self._ends(joint, bodies, placed)
+        if ends is None:
+            self._nodes.error(joint.id, f"joint {name} is not between two links of its object")
+            return None
+        parent, child = ends
+        if not is_moving(joint):
+            at = placed.get(bodies[child].ref(OBJ["link-frame"]) or "", PlacedFrame(Pose2())).pose
+            return self._made(joint, name, ends, bodies, (at.x, at.y), (0.0, 0.0), (0.0, 0.0))
+        frame, slot = self._axis_frame(joint, parent)
+        here = placed.get(frame)
+        bounds = self._limits.get(joint.id, ([], []))
+        values = [joint_position(side[0], joint) if side else None for side in bounds]
+        if here is None or not is_level(here) or values[0] is None or values[1] is None:
+            message = f"joint {name} has no axis in its object, or no limits"
+            self._nodes.error(joint.id, message)
+            return None
+        if is_turning(joint) != (slot == "z"):
+            what = "turns about a lying axis" if is_turning(joint) else "slides up and down"
+            message = f"joint {name} {what}: only motion in the plane is simulated"
+            self._nodes.error(joint.id, message)
+            return None
+        anchor = (trim_rounding(here.pose.x), trim_rounding(here.pose.y))
+        axis = (0.0, 0.0)
+        if not is_turning(joint):
+            angle = here.pose.yaw + _AXES[slot]
+            axis = (trim_rounding(math.cos(angle)), trim_rounding(math.sin(angle)))
+        return self._made(joint, name, ends, bodies, anchor, axis, (values[0], values[1]))
+
+    def _made(
+        self,
+        joint: Node,
+        name: str,
+        ends: tuple[str, str],
+        bodies: dict[str, Node],
+        anchor: Point2,
+        axis: Point2,
+        bounds: tuple[float, float],
+    ) -> Joint:
+        parent = self._body_name(ends[0]) if ends[0] in bodies else WORLD
+        friction, stiffness, damping, rest = (
+            joint.number(SCN[word]) or 0.0 for word in ("friction", "stiffness", "damping", "rest")
+        )
+        if min(friction, stiffness, damping) < 0.0:
+            self._nodes.error(joint.id, f"friction, stiffness or damping of {name} is negative")
+        return Joint(
+            name,
+            "prismatic" if OBJ["PrismaticJoint"] in joint.types else "revolute",
+            parent,
+            self._body_name(ends[1]),
+            anchor,
+            axis,
+            *bounds,
+            friction,
+            stiffness,
+            damping,
+            rest,
+        )
+
+    def _ends(
+        self, joint: Node, bodies: dict[str, Node], placed: dict[str, PlacedFrame]
+    ) -> tuple[str, str] | None:
+        """Return parent and child body: as the tree says, else the nearer to the object frame."""
+        for tree in self._trees.get(joint.id, []):
+            parent, children = tree.ref(OBJ["parent"]), tree.refs(OBJ["children"])
+            if parent is not None and len(children) == 1 and children[0] in bodies:
+                return parent, children[0]
+        near = list(placed)
+        both = joint.refs(KC["between-attachments"])
+        if len(both) != 2:
+            return None
+
+        def distance(body: str) -> int:
+            parts = self._nodes.get(body).refs(GEOM["simplices"])
+            return min((near.index(part) for part in parts if part in placed), default=len(near))
+
+        parent, child = sorted(both, key=distance)
+        return (parent, child) if child in bodies else None
+
+    def _axis_frame(self, joint: Node, parent: str) -> tuple[str, str]:
+        """Return the frame of the parent whose axis the joint moves along, and which axis."""
+        members = set(self._nodes.get(parent).refs(GEOM["simplices"]))
+        lines = sorted(axis_vectors(self._nodes, joint), key=lambda line: line not in members)
+        for line in lines:
+            for frame, slot in self._slots.get(line, []):
+                return frame, slot
+        return "", ""
+
+    def _needed(self, joints: dict[str, Joint | None]) -> tuple[Joint, ...]:
+        """Leave out fixed joints to what stands still: such links need no joint here."""
+        known = {id: joint for id, joint in joints.items() if joint is not None}
+        moving = {id for id in known if is_moving(self._nodes.get(id))}
+        moved = {known[id].child for id in moving}
+        while True:
+            more = {id for id, j in known.items() if id not in moving and j.parent in moved}
+            if not more:
+                return tuple(joint for id, joint in known.items() if id in moving)
+            moving |= more
+            moved |= {known[id].child for id in more}
+
+    def _object_states(
+        self, owner: Node, joints: dict[str, Joint | None], order: dict[str, int]
+    ) -> tuple[NamedState, ...]:
+        found: dict[str, dict[str, float]] = {}
+        for id, joint in joints.items():
+            for entry in self._states.get(id, []):
+                state = entry.ref(ST["state"])
+                pose = self._nodes.by_id.get(entry.ref(ST["pose"]) or "")
+                value = joint_position(pose, self._nodes.get(id)) if pose is not None else None
+                if state is not None and value is not None and joint is not None:
+                    found.setdefault(state, {})[joint.name] = value
+        ids = sorted(found, key=lambda id: order.get(id, len(order)))
+        return tuple(
+            NamedState(
+                name_of(self._nodes.get(id), owner),
+                tuple(found[id].items()),
+                self._nodes.where(id, Where(self._file)),
+            )
+            for id in ids
+        )

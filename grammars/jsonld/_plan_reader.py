@@ -1,0 +1,334 @@
+"""From nodes in the published vocabulary to a :class:`FloorPlan`, whoever wrote them."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import Final, Literal
+
+from grammars.floorplan import (
+    WORLD_FRAME,
+    Feature,
+    FloorPlan,
+    Opening,
+    Placement,
+    Point3,
+    Space,
+    Wall,
+)
+from grammars.jsonld._kinematics import LENGTHS, PlacedFrame, PoseGraph, Positions, scaled
+from grammars.jsonld._nodes import Node, NodeGraph, Ref
+from grammars.jsonld._plan_writer import implied_space, is_polygon
+from grammars.jsonld.vocabulary import FP, OBJ, POLY, SCN, local_name
+from grammars.model.geometry import Ring
+from grammars.text.diagnostics import Diagnostic, InputError, Severity, Where, did_you_mean
+
+_LARGEST: Final = 1e6
+
+
+def read_plan(nodes: NodeGraph, file: str = "") -> FloorPlan:
+    """Return the floor plan that ``nodes`` describe.
+
+    Raises :class:`InputError` with everything that keeps them from being one; what was read
+    although it was written in an outdated or incomplete way is among the plan's warnings.
+    """
+    return _PlanReader(nodes, file).read()
+
+
+class _PlanReader:
+    def __init__(self, nodes: NodeGraph, file: str) -> None:
+        self.nodes = nodes
+        self.file = file
+        self.names: dict[str, str] = {}
+        self.walls: dict[str, Wall] = {}
+        self.placed: dict[str, PlacedFrame] = {}
+        self.positions = Positions(nodes)
+        self.drawn: dict[str, tuple[str, tuple[Point3, ...]]] = {}
+
+    def read(self) -> FloorPlan:
+        root = self._root()
+        self.placed = PoseGraph(self.nodes).reach(self._world(root))
+        spaces = [self._space(node) for node in self._listed(root, FP["spaces"], "Space")]
+        if not root.refs(FP["spaces"]):
+            self.nodes.error(root.id, f"plan {local_name(root.id)} has no spaces")
+        if "" in self.drawn or not _name(root):
+            self.nodes.error(root.id, "the plan or a space has no name: its IRI ends with /")
+        if len(self.drawn) < sum(space is not None for space in spaces):
+            self.nodes.error(root.id, "two spaces have the same name")
+        self._refuse()
+        features = self._features(root)
+        openings = [
+            self._opening(node)
+            for kind in ("Entryway", "Window")
+            for node in self.nodes.of_type(FP[kind])
+        ]
+        self._refuse()
+        listed = {str(iri): k for k, iri in enumerate(root.refs(FP["openings"]))}
+        known = [o for o in openings if o is not None]
+        known.sort(key=lambda pair: listed.get(pair[0], len(listed)))
+        plan = FloorPlan(
+            _name(root),
+            tuple(
+                # A space may be placed against one that comes later: all names are known now.
+                replace(space, placement=self._placement(*self.drawn[space.name]))
+                for space in spaces
+                if space is not None
+            ),
+            features,
+            tuple(opening for _, opening in known),
+        )
+        return replace(plan, warnings=self._warnings(plan))
+
+    def _root(self) -> Node:
+        plans = self.nodes.of_type(FP["FloorPlan"])
+        if len(plans) == 1:
+            return plans[0]
+        if plans:
+            names = " and ".join(local_name(plan.id) for plan in plans)
+            self.nodes.error(plans[1].id, f"there are several floor plans: {names}")
+        else:
+            hint = "one node has the type FloorPlan and lists the spaces"
+            where = Where(self.file or "<graph>")
+            self.nodes.findings.append(Diagnostic(where, "there is no floor plan in it", hint))
+        raise InputError(_errors(self.nodes))
+
+    def _world(self, root: Node) -> str:
+        """Return the world frame: declared the old way, or called so beside the plan."""
+        for node in self.nodes.of_type(OBJ["WorldFrame"]):
+            frame = node.ref(OBJ["frame"])
+            if frame is not None:
+                self.names[frame] = WORLD_FRAME
+                return frame
+        world = root.id[: len(root.id) - len(local_name(root.id))] + WORLD_FRAME
+        if world not in self.nodes.by_id:
+            frames = [id for id in self.nodes.by_id if local_name(id).endswith("frame")]
+            hint = did_you_mean(local_name(world), map(local_name, frames)) if frames else ""
+            self.nodes.error(root.id, f"there is no frame <{world}> to start from", hint)
+            raise InputError(_errors(self.nodes))
+        self.names[world] = WORLD_FRAME
+        return world
+
+    def _listed(self, owner: Node, predicate: str, kind: str) -> list[Node]:
+        """Return what ``owner`` lists, each checked to be of its type."""
+        found = []
+        for id in owner.refs(predicate):
+            node = self.nodes.by_id.get(id)
+            if node is None or FP[kind] not in node.types:
+                self.nodes.error(
+                    id if node else owner.id,
+                    f"{local_name(owner.id)} lists {local_name(id)}, which is no {kind}",
+                    did_you_mean(local_name(id), _names_of(self.nodes, kind)),
+                )
+            else:
+                found.append(node)
+        return found
+
+    def _outline(self, node: Node, predicate: str) -> tuple[str, tuple[Point3, ...]] | None:
+        """Return the frame an element's shape is drawn in, and its corners."""
+        shape = self.nodes.by_id.get(node.ref(predicate) or "")
+        points = shape.refs(POLY["points"]) if shape else []
+        what = f"the {'body' if predicate == FP['3d-shape'] else 'shape'} of {local_name(node.id)}"
+        if len(points) < 3:
+            self.nodes.error(node.id, f"{what} has no points", "list at least three of them")
+            return None
+        drawn = self.positions.outline(points)
+        if drawn is None:
+            self.nodes.error(node.id, f"{what} is not drawn in one frame", "give every position")
+            return None
+        if max(abs(v) for point in drawn[1] for v in point) > _LARGEST:
+            self.nodes.error(node.id, f"{what} is larger than 1000 km")
+            return None
+        return drawn
+
+    def _frame(self, node: Node, frame: str, name: str) -> PlacedFrame | None:
+        placed = self.placed.get(frame)
+        if placed is None:
+            self.nodes.error(
+                node.id,
+                f"{local_name(node.id)} is not connected to the world: no chain of poses leads "
+                f"from {local_name(frame)} to {WORLD_FRAME}",
+            )
+            return None
+        self.names.setdefault(frame, name)
+        return placed
+
+    def _space(self, node: Node) -> Space | None:
+        name = _name(node)
+        drawn = self._outline(node, FP["shape"])
+        placed = self._frame(node, drawn[0], f"{name}-frame") if drawn else None
+        walls = self._listed(node, FP["walls"], "Wall")
+        bodies = [self._wall(wall, name, k) for k, wall in enumerate(walls)]
+        known = [body for body in bodies if body is not None]
+        if drawn is None or placed is None or len(known) < len(bodies):
+            return None
+        if not known:
+            self.nodes.error(node.id, f"{local_name(node.id)} has no walls")
+            return None
+        ring: Ring = tuple((x, y) for x, y, _ in drawn[1])
+        if not is_polygon(ring):
+            self.nodes.error(node.id, f"the shape of {local_name(node.id)} has no area")
+            return None
+        space = self._made(node, name, placed, ring, known)
+        for wall, made in zip(walls, space.walls, strict=True):
+            self.walls[wall.id] = made
+        self.drawn[name] = drawn
+        return space
+
+    def _wall(self, node: Node, space: str, index: int) -> Wall | None:
+        drawn = self._outline(node, FP["shape"])
+        thickness = scaled(node, FP["thickness"], LENGTHS)
+        height = scaled(node, FP["height"], LENGTHS)
+        if thickness is None or height is None:
+            self.nodes.error(node.id, f"wall {local_name(node.id)} lacks thickness or height")
+        if drawn is None or thickness is None or height is None:
+            return None
+        placed = self._frame(node, drawn[0], f"{space}-wall-{index}-frame")
+        if placed is None:
+            return None
+        if len(drawn[1]) != 4:
+            self.nodes.error(node.id, f"the shape of wall {local_name(node.id)} has not 4 corners")
+            return None
+        local = tuple((x, y) for x, y, _ in drawn[1])
+        footprint = placed.pose.apply_ring(local)
+        length = math.dist(footprint[2], footprint[3])
+        return Wall(space, index, placed.pose, length, thickness, height, footprint)
+
+    def _made(
+        self, node: Node, name: str, placed: PlacedFrame, ring: Ring, walls: list[Wall]
+    ) -> Space:
+        """Return the space its outline implies where that is what is published, bit by bit."""
+        where = self.nodes.where(node.id, Where(self.file))
+        published = Space(name, placed.pose, placed.pose.apply_ring(ring), tuple(walls), where)
+        return implied_space(published, ring) or published
+
+    def _placement(self, frame: str, outline: tuple[Point3, ...]) -> Placement | None:
+        """Return how a frame was placed, in names of frames; nothing when a name is unknown."""
+        placed = self.placed[frame]
+        of = frame
+        if placed.edge is not None and placed.edge.wrt == frame:
+            # Placed by one of its own walls: that one's pose says where.
+            of = placed.parent
+            placed = self.placed[of]
+        names = (self.names.get(of), self.names.get(placed.parent))
+        if names[0] is None or names[1] is None:
+            return None
+        return Placement(names[0], names[1], placed.offset, outline)
+
+    def _features(self, root: Node) -> tuple[Feature, ...]:
+        owners = [(node, _name(node)) for node in self._spaces(root)]
+        found: dict[str, Feature] = {}
+        for owner, space in (*owners, (root, "")):
+            for id in owner.refs(FP["features"]):
+                self._feature(id, owner, space, found)
+        for kind in ("Column", "Divider"):
+            for node in self.nodes.of_type(FP[kind]):
+                if node.id not in found:
+                    message = f"{kind.lower()} {local_name(node.id)} is in no space's features"
+                    self.nodes.warn(node.id, message, "it is taken as a feature of the plan")
+                    self._feature(node.id, root, "", found)
+        order = {str(id): k for k, id in enumerate(root.refs(SCN["order"]))}
+        ids = sorted(found, key=lambda id: order.get(id, len(order)))
+        return tuple(found[id] for id in ids)
+
+    def _spaces(self, root: Node) -> list[Node]:
+        return [self.nodes.by_id[id] for id in root.refs(FP["spaces"])]
+
+    def _feature(self, id: Ref | str, owner: Node, space: str, found: dict[str, Feature]) -> None:
+        node = self.nodes.by_id.get(id)
+        kind: Literal["column", "divider"] | None = None
+        if node is not None:
+            kind = (
+                "column"
+                if FP["Column"] in node.types
+                else "divider"
+                if FP["Divider"] in node.types
+                else None
+            )
+        if node is None or kind is None:
+            message = f"{local_name(owner.id)} lists {local_name(id)}, no column or divider"
+            self.nodes.error(owner.id, message)
+            return
+        height = scaled(node, FP["height"], LENGTHS)
+        if height is None:
+            self.nodes.error(node.id, f"{kind} {local_name(id)} has no height")
+        drawn = self._outline(node, FP["shape"])
+        if node.id in found:
+            message = f'{kind} {local_name(id)} is listed by "{found[node.id].space}" and "{space}"'
+            self.nodes.error(node.id, message, "give each its own identifier: <space>-<name>")
+            return
+        local = local_name(id)
+        if node.text(SCN["name"]) is not None:
+            local = local.removeprefix(f"{kind}-")
+        placed = self._frame(node, drawn[0], f"{kind}-{local}-frame") if drawn else None
+        if drawn is None or height is None or placed is None:
+            return
+        name = node.text(SCN["name"]) or (local.removeprefix(f"{space}-") if space else local)
+        where = self.nodes.where(node.id, Where(self.file))
+        ring = placed.pose.apply_ring(tuple((x, y) for x, y, _ in drawn[1]))
+        found[node.id] = Feature(
+            kind,
+            local,
+            name,
+            space,
+            placed.pose,
+            ring,
+            height,
+            where,
+            self._placement(drawn[0], drawn[1]),
+        )
+
+    def _opening(self, node: Node) -> tuple[str, Opening] | None:
+        from grammars.floorplan import OpeningPrism, opening_at
+
+        kind: Literal["entryway", "window"] = (
+            "entryway" if FP["Entryway"] in node.types else "window"
+        )
+        near, body = self._outline(node, FP["shape"]), self._outline(node, FP["3d-shape"])
+        voids = [(id, self.walls.get(id)) for id in node.refs(FP["voids"])]
+        for id, wall in voids:
+            if wall is None:
+                message = f"{kind} {local_name(node.id)} voids {local_name(id)}, which is no wall"
+                hint = did_you_mean(local_name(id), map(local_name, self.walls))
+                self.nodes.error(node.id, message, hint)
+        if not 1 <= len(voids) <= 2:
+            message = f"{kind} {local_name(node.id)} voids {len(voids)} walls, one or two are cut"
+            self.nodes.error(node.id, message)
+            return None
+        name = _name(node)
+        placed = self._frame(node, near[0], f"{kind}-{name}-frame") if near else None
+        walls = tuple(wall.id for _, wall in voids if wall is not None)
+        if near is None or body is None or placed is None or len(walls) < len(voids):
+            return None
+        depth = scaled(node, FP["thickness"], LENGTHS)
+        if depth is None:
+            depth = max(point[1] for point in body[1])
+        prism = OpeningPrism(near[1], depth, placed.z, placed.tilt)
+        where = self.nodes.where(node.id, Where(self.file))
+        placement = self._placement(*near)
+        return node.id, opening_at(kind, name, walls, placed.pose, prism, where, placement)
+
+    def _refuse(self) -> None:
+        errors = _errors(self.nodes)
+        if errors:
+            raise InputError(errors)
+
+    def _warnings(self, plan: FloorPlan) -> tuple[Diagnostic, ...]:
+        from grammars.floorplan import check_geometry
+        from grammars.text.source import DiagnosticCollector, SourceText
+
+        findings = DiagnosticCollector(SourceText("", self.file))
+        check_geometry(plan, (), findings)
+        return (*self.nodes.findings, *findings.warnings)
+
+
+def _errors(nodes: NodeGraph) -> tuple[Diagnostic, ...]:
+    return tuple(dict.fromkeys(d for d in nodes.findings if d.severity is Severity.ERROR))
+
+
+def _name(node: Node) -> str:
+    """Return what an element is called, where its identifier had to be another one."""
+    return node.text(SCN["name"]) or local_name(node.id)
+
+
+def _names_of(nodes: NodeGraph, kind: str) -> list[str]:
+    return [local_name(node.id) for node in nodes.of_type(FP[kind])]

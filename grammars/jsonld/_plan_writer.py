@@ -1,0 +1,410 @@
+"""A floor plan as the six published JSON-LD files, or as one.
+
+Nothing is computed that the plan does not hold: poses and outlines are those its text gives, so a
+reader gets the same numbers back, bit by bit. Where published walls are those that the outline
+implies, the outline's own numbers are written.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from typing import Any, Final, TypeAlias
+
+from grammars.floorplan import (
+    Feature,
+    FloorPlan,
+    Opening,
+    Point3,
+    Space,
+    Wall,
+    outer_corners,
+    space_at,
+    wall_frames,
+)
+from grammars.jsonld.vocabulary import PLANS, SCN, rob2b, secoro
+from grammars.model.geometry import Pose2, Ring
+from grammars.text.diagnostics import Where
+
+_SAME: Final = 1e-9
+
+
+def has_implied_walls(space: Space, ring: Ring) -> bool:
+    """Return whether the walls of a space are those its outline ``ring`` (own frame) implies."""
+    return implied_space(space, ring) is not None
+
+
+def implied_space(space: Space, ring: Ring) -> Space | None:
+    """Return the space that the language makes of ``ring``, if ``space`` is the same."""
+    if not space.walls or len(space.walls) != len(ring) or not has_mitres(ring):
+        return None
+    first = space.walls[0]
+    made = space_at(space.name, space.frame, ring, first.thickness, first.height, space.where)
+    return made if same_walls(made, space) else None
+
+
+def is_polygon(ring: Ring) -> bool:
+    """Return whether a ring has an area."""
+    pairs = zip(ring, ring[1:] + ring[:1], strict=True)
+    return abs(sum(p[0] * q[1] - q[0] * p[1] for p, q in pairs)) > _SAME
+
+
+def has_mitres(ring: Ring) -> bool:
+    """Return whether every corner has one: no edge without length, none that turns back."""
+    edges = [(q[0] - p[0], q[1] - p[1]) for p, q in zip(ring, ring[1:] + ring[:1], strict=True)]
+    if any(math.hypot(*edge) < _SAME for edge in edges):
+        return False
+    units = [(x / math.hypot(x, y), y / math.hypot(x, y)) for x, y in edges]
+    turns = zip(units[-1:] + units[:-1], units, strict=True)
+    return all(1.0 + a[0] * b[0] + a[1] * b[1] > _SAME for a, b in turns)
+
+
+def same_walls(one: Space, other: Space) -> bool:
+    """Return whether two spaces have the same walls, to a nanometre."""
+    return all(
+        a.thickness == b.thickness
+        and a.height == b.height
+        and _close(a.frame, b.frame)
+        and all(math.dist(p, q) < _SAME for p, q in zip(a.footprint, b.footprint, strict=True))
+        for a, b in zip(one.walls, other.walls, strict=True)
+    )
+
+
+def _close(a: Pose2, b: Pose2) -> bool:
+    turn = abs(math.remainder(a.yaw - b.yaw, math.tau))
+    return math.dist((a.x, a.y), (b.x, b.y)) < _SAME and turn < _SAME
+
+
+Json: TypeAlias = dict[str, Any]
+
+WORLD: Final = "world"
+_QUDT: Final = rob2b("qudt.json").replace("https:", "http:")
+FILES: Final = {
+    "skeleton": [rob2b("geometry/structural-entities.json")],
+    "shape": [secoro("geometry/polytope.json")],
+    "polyhedron": [secoro("geometry/polytope.json")],
+    "spatial_relations": [rob2b("geometry/spatial-relations.json")],
+    "coordinate": [
+        _QUDT,
+        rob2b("geometry/coordinates.json"),
+        secoro("geometry/coordinates.json"),
+    ],
+    "floorplan": [_QUDT, secoro("floorplan/floorplan.json")],
+}
+"""The published files, in order, and the contexts each refers to."""
+_POINT: Final = ["3D", "Euclidean", "Point"]
+_POSE_COORDINATE: Final = ["PoseReference", "PoseCoordinate", "VectorXYZ", "EulerAngles"]
+_POSITION_COORDINATE: Final = ["PositionReference", "PositionCoordinate", "VectorXYZ"]
+
+
+@dataclass(slots=True)
+class _Element:
+    """One thing with a frame, an outline and a body; ``stem`` names its frame and origin."""
+
+    id: str
+    stem: str
+    corners: tuple[Point3, ...]
+    outline: int
+    solid: bool
+    where: Where
+
+
+@dataclass(slots=True)
+class PlanWriter:
+    """Builds the nodes of every file; ``files`` holds them by file name."""
+
+    plan: FloorPlan
+    files: dict[str, list[Json]] = field(default_factory=lambda: {name: [] for name in FILES})
+    places: dict[str, Where] = field(default_factory=dict)
+    ids: dict[tuple[str, str], str] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        self._name_everything()
+        self._skeleton_frame(WORLD, None)
+        for space in self.plan.spaces:
+            self._space(space)
+        for feature in self.plan.features:
+            self._feature(feature)
+        for opening in self.plan.openings:
+            self._opening(opening)
+        self._structure()
+
+    @property
+    def base(self) -> str:
+        """The IRI every identifier of the plan is relative to."""
+        return plan_base(self.plan.name)
+
+    def frame(self, published: str) -> str:
+        """Return the identifier of a frame as written here."""
+        return self.ids.get(("frame", published), published)
+
+    def _name_everything(self) -> None:
+        """Give every element an identifier of its own; spaces keep their names."""
+        taken = {f"{WORLD}-frame", WORLD}
+        for space in self.plan.spaces:
+            id = space.name if space.name not in taken else f"space-{space.name}"
+            self.ids["space", space.name] = id
+            taken.add(id)
+            self.ids["frame", f"{space.name}-frame"] = f"{id}-frame"
+            for wall in space.walls:
+                self.ids["wall", wall.id] = f"{id}-wall-{wall.index}"
+                self.ids["frame", f"{wall.id}-frame"] = f"{id}-wall-{wall.index}-frame"
+        self.ids["frame", f"{WORLD}-frame"] = f"{WORLD}-frame"
+        for kind, name in (
+            *((f.kind, f.id) for f in self.plan.features),
+            *((o.kind, o.id) for o in self.plan.openings),
+            ("plan", self.plan.name),
+        ):
+            id = name if name not in taken else f"{kind}-{name}"
+            taken.add(id)
+            self.ids[kind, name] = id
+
+    def _space(self, space: Space) -> None:
+        id = self.ids["space", space.name]
+        placed = space.placement
+        offset = placed.offset if placed else space.frame
+        of = self.frame(placed.of) if placed else f"{id}-frame"
+        ring = _flat(placed.outline) if placed else space.frame.inverse().apply_ring(space.outline)
+        solid = tuple((x, y, 0.0) for x, y in ring)
+        self._element(_Element(id, id, solid, len(ring), False, space.where))
+        self._pose(of, self.frame(placed.wrt if placed else f"{WORLD}-frame"), offset)
+        for wall, (pose, footprint) in zip(space.walls, _walls(space, ring), strict=True):
+            wall_id = self.ids["wall", wall.id]
+            corners = _prism(footprint, wall.height)
+            self._element(_Element(wall_id, wall_id, corners, 4, True, space.where))
+            self._pose(f"{wall_id}-frame", f"{id}-frame", pose)
+
+    def _feature(self, feature: Feature) -> None:
+        id, placed = self.ids[feature.kind, feature.id], feature.placement
+        stem = f"{feature.kind}-{feature.id}"
+        local = feature.frame.inverse().apply_ring(feature.footprint)
+        ring = _flat(placed.outline) if placed else local
+        corners = _prism(ring, feature.height)
+        self._element(_Element(id, stem, corners, len(ring), True, feature.where))
+        wrt = self.frame(placed.wrt if placed else f"{WORLD}-frame")
+        self._pose(f"{stem}-frame", wrt, placed.offset if placed else feature.frame)
+
+    def _opening(self, opening: Opening) -> None:
+        id, placed = self.ids[opening.kind, opening.id], opening.placement
+        stem = f"{opening.kind}-{opening.id}"
+        near = placed.outline if placed else _untilted(opening)
+        far = tuple((x, opening.depth, z) for x, _, z in near)
+        self._element(_Element(id, stem, (*near, *far), len(near), True, opening.where))
+        wrt = placed.wrt if placed else f"{WORLD}-frame"
+        offset = placed.offset if placed else opening.frame
+        self._pose(f"{stem}-frame", self.frame(wrt), offset, opening.z, opening.tilt)
+
+    def _element(self, element: _Element) -> None:
+        """Write frame, corners with their positions, outline and body of one element."""
+        frame, origin = f"{element.stem}-frame", f"{element.stem}-origin"
+        self._skeleton_frame(element.stem, element.where)
+        points = [f"{element.id}-corner-{k}" for k in range(len(element.corners))]
+        self._place(element.where, element.id, f"{element.id}-polygon", *points)
+        count = element.outline
+        self.files["shape"].append(
+            {"@id": f"{element.id}-polygon", "@type": "Polygon", "points": points[:count]}
+        )
+        if element.solid:
+            self._place(element.where, f"{element.id}-polyhedron")
+            self.files["polyhedron"].append(
+                {
+                    "@id": f"{element.id}-polyhedron",
+                    "@type": "Polyhedron",
+                    "points": points,
+                    "faces": [[points[k] for k in face] for face in prism_faces(count)],
+                }
+            )
+        for point, (x, y, z) in zip(points, element.corners, strict=True):
+            position = f"position-{point}-wrt-{frame}"
+            self._place(element.where, position, f"coord-{position}")
+            self.files["skeleton"].append({"@id": point, "@type": _POINT})
+            self.files["spatial_relations"].append(
+                {"@id": position, "@type": "Position", "of": point, "with-respect-to": origin}
+            )
+            self.files["coordinate"].append(
+                {
+                    "@id": f"coord-{position}",
+                    "@type": _POSITION_COORDINATE,
+                    "of-position": position,
+                    "as-seen-by": frame,
+                    "unit": "M",
+                    "x": x,
+                    "y": y,
+                    "z": z,
+                }
+            )
+
+    def _skeleton_frame(self, stem: str, where: Where | None) -> None:
+        origin, frame = f"{stem}-origin", f"{stem}-frame"
+        self._place(where, origin, frame)
+        self.files["skeleton"] += [
+            {"@id": origin, "@type": _POINT},
+            {"@id": frame, "@type": "Frame", "origin": origin},
+        ]
+
+    def _pose(self, of: str, wrt: str, pose: Pose2, z: float = 0.0, tilt: float = 0.0) -> None:
+        id = f"pose-{of}-wrt-{wrt}"
+        where = self.places.get(self.base + of)
+        self._place(where, id, f"coord-{id}")
+        self.files["spatial_relations"].append(
+            {"@id": id, "@type": "Pose", "of": of, "with-respect-to": wrt}
+        )
+        self.files["coordinate"].append(
+            {
+                "@id": f"coord-{id}",
+                "@type": _POSE_COORDINATE,
+                "of-pose": id,
+                "as-seen-by": wrt,
+                "unit": ["M", "RAD"],
+                "alpha": pose.yaw,
+                "beta": tilt,
+                "x": pose.x,
+                "y": pose.y,
+                "z": z,
+            }
+        )
+
+    def _structure(self) -> None:
+        nodes, plan = self.files["floorplan"], self.plan
+        whole: Json = {"@id": self.ids["plan", plan.name], "@type": "FloorPlan"}
+        whole["spaces"] = [self.ids["space", s.name] for s in plan.spaces]
+        loose = [self.ids[f.kind, f.id] for f in plan.features if not f.space]
+        if loose:
+            whole["features"] = loose
+            order = [{"@id": self.ids[f.kind, f.id]} for f in plan.features]
+            whole[SCN["order"]] = {"@list": order}
+        if plan.openings:
+            whole["openings"] = [self.ids[o.kind, o.id] for o in plan.openings]
+        nodes.append(self._named(whole, plan.name))
+        for space in plan.spaces:
+            nodes.append(self._space_node(space))
+            nodes.extend(self._wall_node(wall) for wall in space.walls)
+        nodes.extend(self._feature_node(feature) for feature in plan.features)
+        nodes.extend(self._opening_node(opening) for opening in plan.openings)
+
+    def _named(self, node: Json, name: str) -> Json:
+        """Keep a name the identifier had to differ from."""
+        return node if node["@id"] == name else node | {SCN["name"]: name}
+
+    def _space_node(self, space: Space) -> Json:
+        id = self.ids["space", space.name]
+        inside = [self.ids[f.kind, f.id] for f in self.plan.features if f.space == space.name]
+        node = {
+            "@id": id,
+            "@type": "Space",
+            "walls": [self.ids["wall", wall.id] for wall in space.walls],
+            "features": inside,
+            "shape": f"{id}-polygon",
+        }
+        return self._named(node, space.name)
+
+    def _wall_node(self, wall: Wall) -> Json:
+        id = self.ids["wall", wall.id]
+        body = {"thickness": wall.thickness, "height": wall.height, "unit": "M"}
+        return {"@id": id, "@type": "Wall", **_shapes(id), **body}
+
+    def _feature_node(self, feature: Feature) -> Json:
+        id = self.ids[feature.kind, feature.id]
+        body = {"height": feature.height, "unit": "M"}
+        node = {"@id": id, "@type": feature.kind.capitalize(), **_shapes(id), **body}
+        return self._named(node, feature.name)
+
+    def _opening_node(self, opening: Opening) -> Json:
+        id = self.ids[opening.kind, opening.id]
+        node = {"@id": id, "@type": opening.kind.capitalize(), **_shapes(id)}
+        node |= {"thickness": opening.depth, "unit": "M"}
+        node["voids"] = [self.ids["wall", wall] for wall in opening.walls]
+        return self._named(node, opening.name)
+
+    def _place(self, where: Where | None, *ids: str) -> None:
+        if where is not None and where.line:
+            for id in ids:
+                self.places[self.base + id] = where
+
+
+def plan_base(name: str) -> str:
+    """Return the IRI the identifiers of a plan are relative to."""
+    return f"{PLANS}{name}/"
+
+
+def prism_faces(count: int) -> list[list[int]]:
+    """Return the faces of a prism: near ring, far ring, then the sides, as corner indices."""
+    sides = [[k, (k + 1) % count, (k + 1) % count + count, k + count] for k in range(count)]
+    return [list(range(count)), list(range(count, 2 * count)), *sides]
+
+
+def plan_documents(plan: FloorPlan) -> dict[str, Json]:
+    """Return the six published files of a plan by name (without ``.json``)."""
+    writer = PlanWriter(plan)
+    return {
+        name: {"@context": plan_context(writer.base, FILES[name]), "@graph": writer.files[name]}
+        for name in FILES
+    }
+
+
+def plan_document(plan: FloorPlan) -> Json:
+    """Return a plan as one document, the nodes of the six files one after the other."""
+    writer = PlanWriter(plan)
+    contexts = list(dict.fromkeys(context for used in FILES.values() for context in used))
+    nodes = [node for name in FILES for node in writer.files[name]]
+    return {"@context": plan_context(writer.base, contexts), "@graph": nodes}
+
+
+def plan_context(base: str, contexts: Iterable[str]) -> list[Any]:
+    """Return the ``@context`` of a plan's file: its base and the published contexts."""
+    return [{"@base": base, "fpm": base}, *contexts]
+
+
+def _walls(space: Space, ring: Ring) -> list[tuple[Pose2, Ring]]:
+    """Return pose in the space and own footprint of every wall.
+
+    Where the walls are those that the outline implies (always, but for plans others published),
+    the numbers are those of the outline itself: both faces exactly level, the inner one at y = 0,
+    which consumers test with equality.
+    """
+    if not has_implied_walls(space, ring):
+        return [
+            (
+                space.frame.inverse() @ wall.frame,
+                wall.frame.inverse().apply_ring(wall.footprint),
+            )
+            for wall in space.walls
+        ]
+    thickness = space.walls[0].thickness
+    outer = outer_corners(ring, thickness)
+    found: list[tuple[Pose2, Ring]] = []
+    for wall, pose, ends in zip(
+        space.walls, wall_frames(ring), zip(outer, outer[1:] + outer[:1], strict=True), strict=True
+    ):
+        start, end = pose.inverse().apply_ring(ends)
+        half = wall.length / 2
+        level: Ring = ((start[0], thickness), (end[0], thickness), (half, 0.0), (-half, 0.0))
+        found.append((pose, level))
+    return found
+
+
+def _shapes(id: str) -> Json:
+    return {"shape": f"{id}-polygon", "3d-shape": f"{id}-polyhedron"}
+
+
+def _flat(points: Iterable[Point3]) -> Ring:
+    return tuple((x, y) for x, y, _ in points)
+
+
+def _prism(ring: Ring, height: float) -> tuple[Point3, ...]:
+    return (*((x, y, 0.0) for x, y in ring), *((x, y, height) for x, y in ring))
+
+
+def _untilted(opening: Opening) -> tuple[Point3, ...]:
+    """Return the near ring in the opening's own frame: neither lifted nor tilted."""
+    import math
+
+    to_local = opening.frame.inverse()
+    c, s = math.cos(opening.tilt), math.sin(opening.tilt)
+    found = []
+    for px, py, pz in opening.near:
+        x, y = to_local.apply((px, py))
+        z = pz - opening.z
+        found.append((c * x - s * z, y, s * x + c * z))
+    return tuple(found)

@@ -1,0 +1,397 @@
+"""What must hold in a composed graph and SHACL cannot say, or not fast enough.
+
+References resolve and have the right types, nothing is said twice with two meanings, the poses
+are one tree from the world (and one per object model), coordinates are there exactly once.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Iterable
+from typing import Final
+
+from grammars.jsonld._kinematics import check_joints
+from grammars.jsonld._nodes import Node, NodeGraph, index_by
+from grammars.jsonld.vocabulary import (
+    COORD,
+    DYN,
+    FP,
+    GEOM,
+    GZB,
+    ITEMS,
+    KC,
+    KC_STATE,
+    OBJ,
+    POLY,
+    QUDT,
+    REL,
+    SCN,
+    ST,
+    local_name,
+)
+from grammars.text.diagnostics import Diagnostic, InputError, Severity, did_you_mean
+
+_FRAMES_SHOWN: Final = 4
+_MOST_LOOPS: Final = 50
+
+
+def check_pose_tree(nodes: NodeGraph, found: NodeGraph, *, partial: bool) -> None:
+    """Report loops of poses, and frames that no chain of poses connects to the world."""
+    frames = [node.id for node in nodes.of_type(GEOM["Frame"])]
+    links = _Forest(frames)
+    tree: dict[str, list[Node]] = {}
+    placing: dict[str, list[Node]] = {}
+    looping: list[Node] = []
+    for pose in nodes.of_type(REL["Pose"]):
+        of, wrt = _ends(pose)
+        if of and wrt:
+            placing.setdefault(of, []).append(pose)
+            if links.join(of, wrt):
+                tree.setdefault(of, []).append(pose)
+                tree.setdefault(wrt, []).append(pose)
+            else:
+                looping.append(pose)
+    for pose in looping[:_MOST_LOOPS]:
+        _report_loop(found, pose, tree, placing)
+    roots, defined = _roots(nodes), frozenset(frames)
+    anchors = {links.top(root) for root in roots}
+    if partial:
+        anchors |= {links.top(id) for id in links.known() if id not in defined}
+    plans = nodes.of_type(FP["FloorPlan"])
+    if plans and not any(_is_world(nodes, root) for root in roots):
+        known = map(local_name, frames)
+        message = "there is no frame world-frame to start from"
+        found.error(plans[0].id, message, did_you_mean("world-frame", known))
+        return
+    loose: dict[str, list[str]] = {}
+    for frame in frames:
+        if links.top(frame) not in anchors:
+            loose.setdefault(links.top(frame), []).append(frame)
+    for group in loose.values():
+        _report_loose(nodes, found, group)
+
+
+def _ends(pose: Node) -> tuple[str, str]:
+    return pose.ref(REL["of"]) or "", pose.ref(REL["with-respect-to"]) or ""
+
+
+def _report_loop(
+    found: NodeGraph, pose: Node, tree: dict[str, list[Node]], placing: dict[str, list[Node]]
+) -> None:
+    """Name the frames that make the loop by being placed more than once in it."""
+    loop = [pose, *_path(tree, *_ends(pose))]
+    times = Counter(_ends(step)[0] for step in loop)
+    often = [frame for frame, count in times.items() if count > 1]
+    most = max((len(placing[frame]) for frame in often), default=0)
+    for frame in often:
+        if len(placing[frame]) == most:
+            against = ", ".join(local_name(_ends(p)[1]) for p in placing[frame][:_FRAMES_SHOWN])
+            found.error(
+                frame,
+                f"{local_name(frame)} is placed {most} times: with respect to {against}",
+                "do several things share this identifier? Give each its own: <space>-<name>",
+            )
+    if not often:
+        message = f"pose {local_name(pose.id)} closes a loop of poses"
+        found.error(pose.id, message, "poses are a tree: one way from the world to every frame")
+
+
+def _path(tree: dict[str, list[Node]], start: str, end: str) -> list[Node]:
+    """Return the poses of the tree on the way between two frames."""
+    came: dict[str, Node | None] = {start: None}
+    queue = [start]
+    for frame in queue:
+        for pose in tree.get(frame, []):
+            other = next((e for e in _ends(pose) if e != frame), frame)
+            if other not in came:
+                came[other] = pose
+                queue.append(other)
+    path: list[Node] = []
+    step = came.get(end)
+    while step is not None:
+        path.append(step)
+        end = next((e for e in _ends(step) if e != end), start)
+        step = came.get(end)
+    return path
+
+
+def _report_loose(nodes: NodeGraph, found: NodeGraph, group: list[str]) -> None:
+    instances = {
+        str(instance.ref(OBJ["frame"])): instance
+        for instance in nodes.of_type(OBJ["ObjectInstance"])
+    }
+    names = ", ".join(local_name(frame) for frame in group[:_FRAMES_SHOWN])
+    more = ", …" if len(group) > _FRAMES_SHOWN else ""
+    hint = "add a pose of it with respect to a frame of the floor plan"
+    for frame in group:
+        if frame in instances:
+            name = local_name(instances[frame].id)
+            message = f"instance {name} is not connected to the world"
+            found.error(instances[frame].id, message, hint)
+            return
+    found.error(group[0], f"no chain of poses connects {names}{more} to the world", hint)
+
+
+def _roots(nodes: NodeGraph) -> list[str]:
+    roots = [id for id in nodes.by_id if local_name(id) == "world-frame"]
+    for kind, predicate in (("WorldFrame", "frame"), ("Object", "object-frame")):
+        for node in nodes.of_type(OBJ[kind]):
+            roots.extend(node.refs(OBJ[predicate]))
+    return roots
+
+
+def _is_world(nodes: NodeGraph, frame: str) -> bool:
+    declared = any(frame in node.refs(OBJ["frame"]) for node in nodes.of_type(OBJ["WorldFrame"]))
+    return declared or local_name(frame) == "world-frame"
+
+
+class _Forest:
+    """Disjoint sets of frames (union by path halving)."""
+
+    def __init__(self, members: Iterable[str]) -> None:
+        self._above = {member: member for member in members}
+
+    def known(self) -> list[str]:
+        return list(self._above)
+
+    def top(self, member: str) -> str:
+        above = self._above
+        above.setdefault(member, member)
+        while above[member] != member:
+            above[member] = above[above[member]]
+            member = above[member]
+        return member
+
+    def join(self, one: str, other: str) -> bool:
+        """Put two sets together; return whether they were apart."""
+        a, b = self.top(one), self.top(other)
+        self._above[a] = b
+        return a != b
+
+
+_BODY: Final = (GEOM["SimplicialComplex"], GEOM["RigidBody"])
+_SHAPE: Final = (POLY["Polygon"], POLY["Polyhedron"], POLY["Polytope"], POLY["CuboidWithSize"])
+_SOLID: Final = (*_SHAPE, POLY["3DPolytope"], POLY["Cylinder"])
+_FRAME: Final = (GEOM["Frame"],)
+_JOINT: Final = (KC["Joint"], KC["RevoluteJoint"], OBJ["PrismaticJoint"])
+
+TARGETS: Final[dict[str, tuple[str, ...]]] = {
+    GEOM["origin"]: (GEOM["Point"],),
+    GEOM["start"]: (GEOM["Point"],),
+    GEOM["vector-x"]: (GEOM["Vector"],),
+    GEOM["vector-y"]: (GEOM["Vector"],),
+    GEOM["vector-z"]: (GEOM["Vector"],),
+    GEOM["simplices"]: (GEOM["Point"], GEOM["Vector"], GEOM["Frame"]),
+    REL["lines"]: (GEOM["Vector"],),
+    COORD["of-pose"]: (REL["Pose"],),
+    COORD["of-position"]: (REL["Position"],),
+    COORD["as-seen-by"]: _FRAME,
+    POLY["points"]: (GEOM["Point"],),
+    POLY["faces"]: (GEOM["Point"],),
+    FP["spaces"]: (FP["Space"],),
+    FP["walls"]: (FP["Wall"],),
+    FP["features"]: (FP["Column"], FP["Divider"], FP["Feature"]),
+    FP["openings"]: (FP["Entryway"], FP["Window"], FP["Opening"]),
+    FP["voids"]: (FP["Wall"],),
+    FP["shape"]: _SHAPE,
+    FP["3d-shape"]: _SOLID,
+    KC["between-attachments"]: _BODY,
+    KC["common-axis"]: (REL["LineCollinearity"],),
+    KC["origin-offset"]: (REL["Position"],),
+    KC["joints"]: _JOINT,
+    KC_STATE["of-joint"]: _JOINT,
+    DYN["of-body"]: _BODY,
+    DYN["reference-point"]: (GEOM["Point"],),
+    OBJ["object-frame"]: _FRAME,
+    OBJ["object-links"]: (OBJ["ObjectLink"],),
+    OBJ["kinematic-chain"]: (KC["KinematicChain"],),
+    OBJ["link"]: _BODY,
+    OBJ["link-frame"]: _FRAME,
+    OBJ["polytope"]: _SOLID,
+    OBJ["joint-without-tree"]: _JOINT,
+    OBJ["parent"]: _BODY,
+    OBJ["children"]: _BODY,
+    OBJ["frame"]: _FRAME,
+    OBJ["of-object"]: (OBJ["Object"],),
+    OBJ["world"]: (FP["FloorPlan"],),
+    ST["joint"]: _JOINT,
+    ST["pose"]: (KC_STATE["JointPosition"],),
+    ST["state"]: (ST["State"],),
+    ST["start-state"]: (ST["State"],),
+    ST["end-state"]: (ST["State"],),
+    GZB["visual"]: (OBJ["LinkVisualRepresentation"],),
+    GZB["collision"]: (OBJ["LinkPhysicsRepresentation"],),
+    GZB["inertia"]: (DYN["RigidBodyInertia"],),
+    GZB["gz-link"]: (OBJ["ObjectLink"],),
+    SCN["mirror-of"]: (OBJ["Object"],),
+    SCN["stands-in"]: (FP["Entryway"],),
+    SCN["about"]: (OBJ["ObjectInstance"], *_JOINT),
+}
+"""What may stand at the end of each reference."""
+_HARMLESS: Final = frozenset((GEOM["start"], GEOM["simplices"], KC["origin-offset"]))
+"""References whose loss changes nothing that is read."""
+_SHARED: Final = frozenset(
+    (
+        *(GEOM["simplices"], REL["lines"], KC["between-attachments"], KC["joints"]),
+        *(GZB["visual"], GZB["collision"]),
+        *(OBJ["object-links"], OBJ["children"], QUDT["unit"], QUDT["quantityKind"], SCN["about"]),
+    )
+)
+"""Predicates of our vocabularies that may have several values."""
+_OURS: Final = tuple(
+    str(n) for n in (GEOM, REL, COORD, KC, KC_STATE, DYN, POLY, FP, OBJ, ST, GZB, QUDT, SCN)
+)
+_KIND_NAMES: Final = {
+    **{FP[k]: k for k in ("FloorPlan", "Space", "Wall", "Column", "Divider")},
+    **{FP[k]: k for k in ("Entryway", "Window")},
+    **{GEOM[k]: k for k in ("Point", "Frame", "Vector", "SimplicialComplex")},
+    **{REL[k]: k for k in ("Pose", "Position", "LineCollinearity")},
+    **{POLY[k]: k for k in ("Polygon", "Polyhedron", "CuboidWithSize")},
+    **{OBJ[k]: k for k in ("Object", "ObjectLink", "ObjectInstance")},
+    **{KC[k]: k for k in ("Joint", "KinematicChain")},
+    **{ST[k]: k for k in ("State", "JointState")},
+    COORD["PoseReference"]: "pose coordinate",
+    COORD["PositionReference"]: "position coordinate",
+    KC_STATE["JointPosition"]: "joint position",
+}
+"""Kinds of things of which one identifier can only be one."""
+_SHOWN: Final = 4
+_HINTS: Final = 20
+"""Looking for similar names takes time in a large graph: later errors go without."""
+
+
+def refuse_broken(nodes: NodeGraph, *, partial: bool = False) -> None:
+    """Check ``nodes``; warnings are added to their findings, errors raise ``InputError``."""
+    found = check_structure(nodes, partial=partial)
+    errors = tuple(d for d in found if d.severity is Severity.ERROR)
+    if errors:
+        raise InputError(errors)
+    nodes.findings.extend(found)
+
+
+def check_structure(nodes: NodeGraph, *, partial: bool = False) -> tuple[Diagnostic, ...]:
+    """Return everything that is wrong with the structure of a graph.
+
+    A ``partial`` graph is one layer: what it refers to may be in another one.
+    """
+    found = NodeGraph(places=nodes.places)
+    _check_identity(nodes, found)
+    _check_references(nodes, found, partial)
+    _check_coordinates(nodes, found)
+    check_pose_tree(nodes, found, partial=partial)
+    _check_owners(nodes, found)
+    check_joints(nodes, found)
+    return tuple(dict.fromkeys(found.findings))
+
+
+def _check_identity(nodes: NodeGraph, found: NodeGraph) -> None:
+    """One identifier is one thing, which says one thing of each sort."""
+    for node in nodes.by_id.values():
+        kinds = [_KIND_NAMES[kind] for kind in node.types if kind in _KIND_NAMES]
+        if len(kinds) > 1:
+            listed = " and a ".join(kinds)
+            found.error(
+                node.id,
+                f'"{local_name(node.id)}" is a {listed}: two things have one identifier',
+                "rename one of them",
+            )
+        for predicate, values in node.values.items():
+            if len(values) > 1 and predicate not in _SHARED and predicate.startswith(_OURS):
+                shown = ", ".join(_shown(v) for v in values[:_SHOWN])
+                found.error(
+                    node.id,
+                    f'"{local_name(node.id)}" has {len(values)} values of '
+                    f"{local_name(predicate)}: {shown}",
+                    "do two things share this identifier?",
+                )
+
+
+def _shown(value: object) -> str:
+    if isinstance(value, tuple):
+        return f"a list of {len(value)}"
+    return local_name(value) if isinstance(value, str) else f"{value}"
+
+
+def _check_references(nodes: NodeGraph, found: NodeGraph, partial: bool) -> None:
+    homes = {_home(node.id) for node in nodes.by_id.values() if node.types}
+
+    def elsewhere(target: str) -> bool:
+        return partial and _home(target) not in homes
+
+    for node in nodes.by_id.values():
+        for predicate in node.values:
+            allowed = TARGETS.get(predicate)
+            if allowed is None and predicate in (REL["of"], REL["with-respect-to"]):
+                pose = REL["Pose"] in node.types
+                allowed = (GEOM["Frame"],) if pose else (GEOM["Point"],)
+            if allowed is not None:
+                for target in node.refs(predicate):
+                    _check_reference(nodes, found, elsewhere, node, predicate, target, allowed)
+
+
+def _home(id: str) -> str:
+    """Return what belongs together: a namespace, or an object of ours with all its parts."""
+    if id.startswith(ITEMS):
+        return id.partition(".")[0]
+    return id[: len(id) - len(local_name(id))]
+
+
+def _check_reference(
+    nodes: NodeGraph,
+    found: NodeGraph,
+    elsewhere: Callable[[str], bool],
+    node: Node,
+    predicate: str,
+    target: str,
+    allowed: tuple[str, ...],
+) -> None:
+    other = nodes.by_id.get(target)
+    if other is not None and any(kind in other.types for kind in allowed):
+        return
+    words = f"{local_name(predicate)} of {local_name(node.id)} is {local_name(target)}"
+    if other is not None and other.types:
+        kinds = ", ".join(map(local_name, other.types))
+        wanted = " or ".join(dict.fromkeys(map(local_name, allowed)))
+        found.error(node.id, f"{words}, a {kinds}", f"expected a {wanted}")
+    elif not elsewhere(target):
+        hint = ""
+        if len(found.findings) < _HINTS:
+            near = [n.id for kind in allowed for n in nodes.of_type(kind)]
+            hint = did_you_mean(local_name(target), map(local_name, near))
+        message = f"{words}, which does not exist"
+        note = found.warn if predicate in _HARMLESS else found.error
+        note(node.id, message, hint)
+
+
+def _check_coordinates(nodes: NodeGraph, found: NodeGraph) -> None:
+    """Every pose and position has its numbers exactly once."""
+    for kind, numbers, of in (
+        ("Pose", "PoseCoordinate", "of-pose"),
+        ("Position", "PositionCoordinate", "of-position"),
+    ):
+        by_relation = index_by(nodes.by_id, COORD[numbers], COORD[of])
+        for node in nodes.of_type(REL[kind]):
+            have = by_relation.get(node.id, [])
+            if not have:
+                found.error(node.id, f"{kind.lower()} {local_name(node.id)} has no coordinates")
+            elif len(have) > 1:
+                names = ", ".join(local_name(n.id) for n in have[:_SHOWN])
+                message = f"{kind.lower()} {local_name(node.id)} has {len(have)} coordinates"
+                found.error(have[1].id, message, f"keep one of {names}")
+
+
+def _check_owners(nodes: NodeGraph, found: NodeGraph) -> None:
+    """A wall or feature belongs to one space, an opening to one plan."""
+    for predicate in ("walls", "features"):
+        owners: dict[str, list[str]] = {}
+        for kind in ("Space", "FloorPlan"):
+            for owner in nodes.of_type(FP[kind]):
+                for target in map(str, owner.refs(FP[predicate])):
+                    owners.setdefault(target, []).append(local_name(owner.id))
+        for target, names in owners.items():
+            if len(names) > 1:
+                found.error(
+                    target,
+                    f"{local_name(target)} belongs to {' and to '.join(names[:_SHOWN])}",
+                    "give each its own identifier: <space>-<name>",
+                )

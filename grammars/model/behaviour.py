@@ -1,0 +1,190 @@
+"""How joints of scenery objects behave during a run, and how movers walk.
+
+The three behaviours of the paper (section 3.3): hold a joint position, move at given times, move
+when the robot comes near. Beyond it: move when something happens, and walk a route. Each motion
+is declared instead of hidden in a simulator plugin: ``Jump`` sets the joint at once, ``Servo``
+drives it at a rate with bounded effort, ``Spring`` pulls it with a torsion (or linear) spring.
+Times are simulated seconds.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated, Literal, TypeAlias
+
+from pydantic import Field
+
+from grammars.model.geometry import Point2
+
+
+@dataclass(frozen=True, slots=True)
+class Jump:
+    """The joint is set to its target within one physics step."""
+
+    kind: Literal["jump"] = "jump"
+
+
+@dataclass(frozen=True, slots=True)
+class Servo:
+    """The joint is driven at ``rate`` [rad/s or m/s] with at most ``effort`` [N m or N]."""
+
+    rate: float = 1.0
+    effort: float = 40.0
+    kind: Literal["servo"] = "servo"
+
+
+@dataclass(frozen=True, slots=True)
+class Spring:
+    """The joint is pulled to its target: ``stiffness`` [N m/rad or N/m], ``damping`` [.. s]."""
+
+    stiffness: float = 0.5
+    damping: float = 0.0
+    kind: Literal["spring"] = "spring"
+
+
+Motion: TypeAlias = Annotated[Jump | Servo | Spring, Field(discriminator="kind")]
+
+
+@dataclass(frozen=True, slots=True)
+class Hold:
+    """The joint stays at ``position`` for the whole run; nothing can push it."""
+
+    joint: str
+    position: float
+    kind: Literal["hold"] = "hold"
+
+
+@dataclass(frozen=True, slots=True)
+class KeyFrame:
+    """At ``time`` the joint starts to move to ``position``."""
+
+    time: float
+    position: float
+
+
+@dataclass(frozen=True, slots=True)
+class KeyFrames:
+    """The joint moves at given times, in order; between frames it is free to be pushed.
+
+    A frame at time 0 also sets where the joint starts.
+    """
+
+    joint: str
+    frames: tuple[KeyFrame, ...]
+    motion: Motion
+    kind: Literal["key-frames"] = "key-frames"
+
+
+@dataclass(frozen=True, slots=True)
+class Trigger:
+    """The joint moves from ``start`` to ``end`` once the robot is nearer than ``distance``.
+
+    ``of`` says what the distance is measured from (the anchor of the hinge, the origin of the
+    object: its ``foot``, the moving leaf, or the centre of the doorway the object stands in),
+    ``to`` whether it is measured to the robot's base frame or to its footprint. With ``begin``
+    the joint is there at first, and its motion takes it to ``start`` from time 0 on. Without
+    ``rearm`` the trigger latches; with it the joint returns to ``start`` when the robot is
+    farther than ``rearm`` (> ``distance``) and can fire again.
+    """
+
+    joint: str
+    start: float
+    end: float
+    distance: float
+    motion: Motion
+    of: Literal["hinge", "foot", "leaf", "doorway"] = "hinge"
+    to: Literal["base", "footprint"] = "base"
+    rearm: float | None = None
+    begin: float | None = None
+    kind: Literal["trigger"] = "trigger"
+
+
+@dataclass(frozen=True, slots=True)
+class LegBegins:
+    """The robot heads for waypoint number ``leg`` of its mission, counted from 1."""
+
+    leg: int
+    kind: Literal["leg-begins"] = "leg-begins"
+
+
+@dataclass(frozen=True, slots=True)
+class WaypointReached:
+    """The robot has reached the (first) waypoint with the id ``waypoint``."""
+
+    waypoint: str
+    kind: Literal["waypoint-reached"] = "waypoint-reached"
+
+
+@dataclass(frozen=True, slots=True)
+class JointActs:
+    """The first of ``joints`` does something.
+
+    ``fires``: its trigger or reaction goes off. ``moves``: it has left the position it started
+    in by 0.01 rad or 1 cm, whatever moved it.
+    """
+
+    joints: tuple[str, ...]
+    act: Literal["fires", "moves"]
+    kind: Literal["joint-acts"] = "joint-acts"
+
+
+Event: TypeAlias = Annotated[LegBegins | WaypointReached | JointActs, Field(discriminator="kind")]
+
+
+@dataclass(frozen=True, slots=True)
+class Reaction:
+    """The joint moves from ``start`` to ``end``, once, ``delay`` seconds after ``event``."""
+
+    joint: str
+    start: float
+    end: float
+    event: Event
+    motion: Motion
+    delay: float = 0.0
+    kind: Literal["reaction"] = "reaction"
+
+
+@dataclass(frozen=True, slots=True)
+class Walk:
+    """A mover (see :mod:`grammars.model.movers`) goes along ``route``, world points [m].
+
+    It sets out ``start`` seconds into the run or, with an ``event``, so long after that; until
+    then it stands on the first point. Way and time follow a trapezoidal profile with ``speed``
+    [m/s] and ``acceleration`` [m/s^2], at rest at stops: the ends of the route or, with
+    ``stops`` at points, all of its points. It rests ``pause`` seconds there, and longer if it
+    must turn round (half a turn a second). ``round`` goes on from the last point to the first,
+    and stops there only to pause.
+
+    ``facing``: ``ahead``, ``sideways`` (the way to its right, both ways) or ``fixed`` at ``yaw``.
+    With ``yielding`` [m] it brakes while the robot is ahead (60 deg to
+    either side of its way) and nearer than that, outline to outline.
+    """
+
+    object: str
+    route: tuple[Point2, ...]
+    speed: float
+    acceleration: float = 1.0
+    manner: Literal["once", "back-and-forth", "round"] = "once"
+    pause: float = 0.0
+    stops: Literal["ends", "points"] = "ends"
+    start: float = 0.0
+    event: Event | None = None
+    facing: Literal["ahead", "sideways", "fixed"] = "ahead"
+    yaw: float = 0.0
+    yielding: float | None = None
+    kind: Literal["walk"] = "walk"
+
+    @property
+    def joint(self) -> str:
+        """The first of the joints that the walk moves."""
+        return f"{self.object}.x"
+
+    @property
+    def joints(self) -> tuple[str, ...]:
+        """All joints that the walk moves: ``x``, ``y`` and ``yaw``."""
+        return (f"{self.object}.x", f"{self.object}.y", f"{self.object}.yaw")
+
+
+Behaviour: TypeAlias = Annotated[
+    Hold | KeyFrames | Trigger | Reaction | Walk, Field(discriminator="kind")
+]

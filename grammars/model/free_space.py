@@ -1,0 +1,206 @@
+"""What the links of a scene cover at rest and while their joints move, and the floor they leave free.
+
+Everything is seen from above, as shapely geometry in the world [m]; heights decide what meets.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any, Final
+
+import numpy as np
+import shapely
+from shapely.geometry import Point, Polygon
+from shapely.geometry.base import BaseGeometry
+
+from grammars.model.geometry import Point2, Ring
+from grammars.model.kinematics import link_poses
+from grammars.model.movers import is_fixed
+from grammars.model.scene import Joint, Link, Scene, SceneObject
+
+_TURN: Final = math.radians(4.0)
+_SLIDE: Final = 0.05
+TOUCHING_DEPTH: Final = 0.01
+"""Overlaps that are nowhere deeper than this [m] are taken for touching."""
+JAMB_RADIUS: Final = 0.08
+"""Around a hinge, wall and leaf may overlap: doors turn in rebates."""
+
+
+def link_shape(body: SceneObject, link: Link, positions: Sequence[float]) -> BaseGeometry:
+    """Return the outline of ``link`` in the world."""
+    pose = link_poses(body, positions)[link.name]
+    return shapely.union_all([Polygon(pose.apply_ring(ring)) for ring in link.polygons])
+
+
+def moving_links(body: SceneObject) -> tuple[Link, ...]:
+    """Return the links with a shape that a joint can move, directly or through others."""
+    moved = _moved_link_names(body)
+    return tuple(link for link in body.links if link.name in moved and link.polygons)
+
+
+def still_links(body: SceneObject) -> tuple[Link, ...]:
+    """Return the links that stand still whatever the joints do."""
+    moved = _moved_link_names(body)
+    return tuple(link for link in body.links if link.name not in moved)
+
+
+def _moved_link_names(body: SceneObject) -> set[str]:
+    above = {joint.child: joint for joint in body.joints}
+    moved: set[str] = set()
+    for link in body.links:
+        name = link.name
+        while name in above:
+            if not is_fixed(above[name]):
+                moved.add(link.name)
+                break
+            name = above[name].parent
+    return moved
+
+
+def swept_area(
+    body: SceneObject, link: Link, ranges: Mapping[str, tuple[float, float]]
+) -> BaseGeometry:
+    """Return what ``link`` covers while each joint moves alone through its range [rad or m].
+
+    Joints without a range stay where they are at the start. Between steps the convex hull of two
+    neighbouring placements is taken, so nothing is missed but the bulge of a short arc.
+    """
+    shapes = [link_shape(body, link, body.initial)]
+    for index, joint in enumerate(body.joints):
+        if joint.name not in ranges:
+            continue
+        low, high = ranges[joint.name]
+        placements = [
+            link_shape(body, link, [*body.initial[:index], q, *body.initial[index + 1 :]])
+            for q in _steps(joint, low, high)
+        ]
+        shapes.extend(placements)
+        shapes.extend(
+            shapely.convex_hull(shapely.union(a, b))
+            for a, b in itertools.pairwise(placements)
+            if len(link.polygons) == 1
+        )
+    return shapely.union_all(shapes)
+
+
+def _steps(joint: Joint, low: float, high: float) -> list[float]:
+    step = _TURN if joint.kind == "revolute" else _SLIDE
+    count = min(2 + int(abs(high - low) / step), 400)
+    return [float(q) for q in np.linspace(low, high, count)]
+
+
+def without_jamb(body: SceneObject, link: Link, overlap: BaseGeometry) -> BaseGeometry:
+    """Return ``overlap`` without the surroundings of the hinge that carries ``link``."""
+    for joint in body.joints:
+        if joint.child == link.name and joint.kind == "revolute":
+            return overlap.difference(Point(body.pose.apply(joint.anchor)).buffer(JAMB_RADIUS))
+    return overlap
+
+
+def is_overlap(overlap: BaseGeometry) -> bool:
+    """Return whether an overlap is more than touching."""
+    return not overlap.is_empty and not overlap.buffer(-TOUCHING_DEPTH).is_empty
+
+
+class SolidIndex:
+    """The solids of a scene, searchable by place."""
+
+    def __init__(self, scene: Scene) -> None:
+        self.solids = scene.solids
+        self.shapes = [Polygon(s.polygon) for s in scene.solids]
+        self._tree = shapely.STRtree(self.shapes)
+
+    def hit_by(self, shape: BaseGeometry, z_min: float, z_max: float) -> dict[str, BaseGeometry]:
+        """Return the overlap of ``shape`` between two heights with solids, by owner."""
+        found: dict[str, list[BaseGeometry]] = {}
+        for index in sorted(self._tree.query(shape, predicate="intersects").tolist()):
+            solid = self.solids[index]
+            if solid.z_min < z_max and z_min < solid.z_max:
+                overlap = shape.intersection(self.shapes[index])
+                found.setdefault(solid.owner, []).append(overlap)
+        return {owner: shapely.union_all(parts) for owner, parts in found.items()}
+
+    def nearest(self, x: float, y: float, z_max: float) -> tuple[float, str]:
+        """Return distance [m] and owner of the solid below ``z_max`` that is nearest to a point.
+
+        The distance is 0 inside of a solid, infinite when there is none.
+        """
+        point = Point(x, y)
+        best = (math.inf, "")
+        for radius in (2.0, 1e6):
+            for index in self._tree.query(point.buffer(radius)).tolist():
+                if self.solids[index].z_min < z_max:
+                    distance = self.shapes[index].distance(point)
+                    best = min(best, (distance, self.solids[index].owner))
+            if best[0] <= radius:
+                break
+        return best
+
+
+_CORNERS: Final = 8
+_FLOOR: Final = 0.01
+SNAP_DISTANCE: Final = 0.05
+"""A pose this near to free space [m] still counts as being in it; maps are no finer."""
+
+
+def inscribed_radius(footprint: Ring) -> float:
+    """Return the distance from the base frame to the nearest side of the footprint [m]."""
+    ring = [*footprint, footprint[0]]
+    return min(_to_side(a, b) for a, b in itertools.pairwise(ring))
+
+
+def _to_side(a: Point2, b: Point2) -> float:
+    length = math.hypot(b[0] - a[0], b[1] - a[1])
+    return abs(a[0] * b[1] - a[1] * b[0]) / length if length else math.hypot(*a)
+
+
+class FreeSpace:
+    """The floor below ``height`` [m] that no solid and no standing part of an object covers."""
+
+    def __init__(self, scene: Scene, height: float, standing: Sequence[BaseGeometry] = ()) -> None:
+        low = [s for s in scene.solids if s.z_min < height and s.z_max > _FLOOR]
+        solid: list[BaseGeometry] = [Polygon(s.polygon) for s in low]
+        posts = [
+            link_shape(body, link, body.initial)
+            for body in scene.objects
+            for link in still_links(body)
+            if link.z_min < height
+        ]
+        rooms = [_valid_polygon(r.outline) for r in scene.regions]
+        passages = [
+            _valid_polygon(d.footprint).buffer(0.02)
+            for d in scene.doorways
+            if d.z_min < _FLOOR + 0.02
+        ]
+        floor = shapely.union_all([*rooms, *passages])
+        self.area: BaseGeometry = floor.difference(shapely.union_all([*solid, *posts]))
+
+    def for_radius(self, radius: float, blocked: Iterable[BaseGeometry] = ()) -> ConnectedParts:
+        """Return where the centre of a disc can be, in parts that are not connected.
+
+        ``blocked`` are further outlines that nothing passes, such as doors that stay shut.
+        """
+        area = self.area.difference(shapely.union_all(list(blocked)))
+        return ConnectedParts(area.buffer(-radius, quad_segs=_CORNERS))
+
+
+class ConnectedParts:
+    """Parts of the plane without a way from one to another."""
+
+    def __init__(self, area: BaseGeometry) -> None:
+        self.parts: list[Any] = [p for p in shapely.get_parts(area).tolist() if p.area > 0.0]
+
+    def of(self, point: Point2, reach: float = SNAP_DISTANCE) -> int | None:
+        """Return the part that holds ``point`` or is within ``reach`` [m] of it."""
+        if not self.parts:
+            return None
+        distances = shapely.distance(np.array(self.parts, dtype=object), Point(point))
+        nearest = int(np.argmin(distances))
+        return nearest if float(distances[nearest]) <= reach else None
+
+
+def _valid_polygon(ring: Ring) -> BaseGeometry:
+    polygon = Polygon(ring)
+    return polygon if polygon.is_valid else polygon.buffer(0)

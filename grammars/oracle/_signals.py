@@ -1,0 +1,296 @@
+"""The signals an oracle can speak of, those that ship here and those that plug in.
+
+Signals of scenery objects are built from the object's name: ``<object>.angle`` for an object with
+one joint, ``<object>.<joint>.angle`` for any joint.
+
+Packages add signals and oracles of their own by entry points. The entry point's name is the
+signal's or the oracle's, as it is written in oracle lines; its object is a :class:`CustomSignal`
+(group ``scenario.signals``) or a :class:`CustomOracle` (group ``scenario.oracles``). Names that
+ship here are never replaced. They are the code of other people: nothing is loaded before a line
+names it, and whatever goes wrong in it becomes a message.
+"""
+
+from __future__ import annotations
+
+import functools
+import re
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Final
+
+from grammars.oracle._model import (
+    ANGLE,
+    ANGULAR_SPEED,
+    LENGTH,
+    RATIO,
+    SPEED,
+    TIME,
+    Dimension,
+    dimension,
+)
+from grammars.text.plugins import explain_plugin_error, plugin_origin
+from grammars.text.quantity import read_quantity
+
+if TYPE_CHECKING:
+    from importlib.metadata import EntryPoint
+
+SIGNAL_GROUP: Final = "scenario.signals"
+ORACLE_GROUP: Final = "scenario.oracles"
+_NAME: Final = re.compile(r"[A-Za-z_][A-Za-z0-9_-]*(\.[A-Za-z0-9_][A-Za-z0-9_-]*)*")
+
+
+@dataclass(frozen=True, slots=True)
+class CustomSignal:
+    """A signal of one's own.
+
+    ``sample(trace, time, *arguments)`` takes a :class:`daemon.trace.Trace` (read-only), the time
+    base (n,) [s] and the SI values of its arguments, and returns the signal at those times: (n,)
+    numbers in ``unit``, NaN where it is not known. A value at a time must not depend on what is
+    recorded later, or verdicts on a run that is still going may contradict the final ones.
+
+    ``unit`` is an SI unit such as ``m/s``, ``1`` for a plain number, or ``bool``; ``arguments`` are
+    the units of its arguments.
+    """
+
+    sample: Callable[..., Any]
+    unit: str
+    doc: str = ""
+    arguments: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class CustomOracle:
+    """An oracle of one's own, for what the language cannot say.
+
+    ``judge(trace, *arguments)`` takes a :class:`daemon.trace.Trace` (read-only) and the SI values
+    of its arguments, and returns the interval of the signed margin ``(lower, upper)`` in ``unit``,
+    or ``(lower, upper, daemon.model.verdicts.Evidence(...))``. On a trace that was cut its answer only
+    counts when it ``judges_prefixes``: when it takes what is not recorded yet for unknown.
+    """
+
+    judge: Callable[..., Any]
+    unit: str
+    doc: str = ""
+    arguments: tuple[str, ...] = ()
+    judges_prefixes: bool = False
+
+
+def custom_signal_names() -> tuple[str, ...]:
+    """Names of the signals that plug in, without loading any."""
+    return _names(SIGNAL_GROUP)
+
+
+def custom_oracle_names() -> tuple[str, ...]:
+    """Names of the oracles that plug in, without loading any."""
+    return _names(ORACLE_GROUP)
+
+
+def custom_signal(name: str) -> CustomSignal | None:
+    """Return the signal that plugs in as ``name``, ``None`` when there is none.
+
+    Raises ``ValueError`` when it cannot be loaded or is no :class:`CustomSignal` that can be used.
+    """
+    loaded = _loaded(SIGNAL_GROUP, name)
+    if loaded is None:
+        return None
+    if not isinstance(loaded, CustomSignal):
+        raise ValueError(
+            _wrong_type_message("signal", name, "a grammars.oracle.CustomSignal", loaded)
+        )
+    _check_declaration("signal", name, loaded.sample, loaded.unit, loaded.arguments)
+    return loaded
+
+
+def custom_oracle(name: str) -> CustomOracle | None:
+    """Return the oracle that plugs in as ``name``, ``None`` when there is none.
+
+    Raises ``ValueError`` when it cannot be loaded or is no :class:`CustomOracle` that can be used.
+    """
+    loaded = _loaded(ORACLE_GROUP, name)
+    if loaded is None:
+        return None
+    if not isinstance(loaded, CustomOracle):
+        raise ValueError(
+            _wrong_type_message("oracle", name, "a grammars.oracle.CustomOracle", loaded)
+        )
+    _check_declaration("oracle", name, loaded.judge, loaded.unit, loaded.arguments)
+    return loaded
+
+
+def dimension_of(unit: str) -> Dimension | None:
+    """Return the dimension of an SI unit, ``None`` for ``bool``; ``ValueError`` for others."""
+    if unit == "bool":
+        return None
+    quantity = read_quantity("1" if unit == "1" else f"1 {unit}")
+    if quantity.value != 1.0:
+        raise ValueError(f'"{unit}" is not an SI unit: values are kept in {quantity.unit}')
+    return dimension(quantity.dimension)
+
+
+@functools.cache
+def _entries(group: str) -> dict[str, EntryPoint]:
+    from importlib.metadata import entry_points
+
+    found = sorted(entry_points(group=group), key=lambda entry: (entry.name, entry.value))
+    return {entry.name: entry for entry in reversed(found) if _NAME.fullmatch(entry.name)}
+
+
+def _names(group: str) -> tuple[str, ...]:
+    return tuple(sorted(_entries(group)))
+
+
+@functools.cache
+def _loaded(group: str, name: str) -> object | None:
+    entry = _entries(group).get(name)
+    if entry is None:
+        return None
+    try:
+        loaded: object = entry.load()
+    except (Exception, SystemExit) as error:
+        kind = "signal" if group == SIGNAL_GROUP else "oracle"
+        what = f'the {kind} "{name}" ({plugin_origin(entry)}) cannot be loaded'
+        raise ValueError(explain_plugin_error(what, error, __file__)) from error
+    return loaded
+
+
+def _check_declaration(
+    kind: str, name: str, function: object, unit: object, arguments: object
+) -> None:
+    if not callable(function):
+        raise ValueError(f'the {kind} "{name}" has no function to call')
+    if not isinstance(arguments, tuple) or "bool" in arguments:
+        raise ValueError(f'the {kind} "{name}" must declare its arguments as a tuple of units')
+    for declared in (unit, *arguments):
+        try:
+            dimension_of(str(declared))
+        except ValueError as error:
+            raise ValueError(f'the {kind} "{name}" declares {declared!r}: {error}') from error
+
+
+def _wrong_type_message(kind: str, name: str, wanted: str, found: object) -> str:
+    return f'the {kind} "{name}" must be {wanted}, not {type(found).__name__}'
+
+
+@dataclass(frozen=True, slots=True)
+class SignalDeclaration:
+    """A declared signal; ``dimension`` is ``None`` when it is true or false.
+
+    ``arguments`` are the dimensions of its arguments, which may be left out altogether unless
+    ``required``. A signal that ``takes_object`` may name a thing in the scene before them.
+    """
+
+    name: str
+    dimension: Dimension | None
+    doc: str
+    arguments: tuple[Dimension, ...] = ()
+    takes_object: bool = False
+    required: bool = False
+
+    @property
+    def unit(self) -> str:
+        """SI unit, or ``bool``."""
+        return "bool" if self.dimension is None else self.dimension.unit
+
+
+_DECLARATIONS: Final = (
+    SignalDeclaration("loc.error", LENGTH, "distance from estimated to true position"),
+    SignalDeclaration("loc.error.x", LENGTH, "estimated minus true x, map frame"),
+    SignalDeclaration("loc.error.y", LENGTH, "estimated minus true y, map frame"),
+    SignalDeclaration("loc.error.yaw", ANGLE, "estimated minus true heading, wrapped to (-pi, pi]"),
+    SignalDeclaration(
+        "loc.inside_2sigma",
+        None,
+        "true position within mean +- 2 sigma of the particle cloud, on x and on y (Eq. 1)",
+    ),
+    SignalDeclaration("loc.sigma.x", LENGTH, "standard deviation of the position estimate along x"),
+    SignalDeclaration("loc.sigma.y", LENGTH, "standard deviation of the position estimate along y"),
+    SignalDeclaration("loc.sigma.yaw", ANGLE, "standard deviation of the heading estimate"),
+    SignalDeclaration("loc.age", TIME, "time since the latest estimate was taken"),
+    SignalDeclaration("estimate.x", LENGTH, "estimated position, map frame"),
+    SignalDeclaration("estimate.y", LENGTH, "estimated position, map frame"),
+    SignalDeclaration("estimate.yaw", ANGLE, "estimated heading, in (-pi, pi]"),
+    SignalDeclaration("estimate.particles", RATIO, "particles in the cloud of the estimate"),
+    SignalDeclaration("pose.x", LENGTH, "true position of the robot's base, map frame"),
+    SignalDeclaration("pose.y", LENGTH, "true position of the robot's base, map frame"),
+    SignalDeclaration("pose.yaw", ANGLE, "true heading of the robot, in (-pi, pi]"),
+    SignalDeclaration(
+        "clearance",
+        LENGTH,
+        "min over obstacle points of max(|x| - hx, |y| - hy) in the base frame: negative when an "
+        "obstacle is inside the box; without hx, hy, the box around the robot's footprint; with "
+        "the name of an object, of that one alone: clearance(door-17, 0.35 m, 0.2 m)",
+        (LENGTH, LENGTH),
+        takes_object=True,
+    ),
+    SignalDeclaration(
+        "contact",
+        None,
+        "the robot's body touched something, or the object named, since the previous sample",
+        takes_object=True,
+    ),
+    SignalDeclaration(
+        "contact.depth",
+        LENGTH,
+        "deepest recorded overlap with the robot, 0 without",
+        takes_object=True,
+    ),
+    SignalDeclaration("speed", SPEED, "true speed of the robot's base"),
+    SignalDeclaration("speed.forward", SPEED, "true speed ahead, negative when driving backwards"),
+    SignalDeclaration("speed.sideways", SPEED, "true speed to the left"),
+    SignalDeclaration(
+        "speed.angular", ANGULAR_SPEED, "true turning speed of the robot, without sign"
+    ),
+    SignalDeclaration("command.forward", SPEED, "latest command: speed ahead"),
+    SignalDeclaration("command.sideways", SPEED, "latest command: speed to the left"),
+    SignalDeclaration(
+        "command.angular", ANGULAR_SPEED, "latest command: turning speed, to the left"
+    ),
+    SignalDeclaration("path.length", LENGTH, "length of the true path so far"),
+    SignalDeclaration("elapsed", TIME, "time since the start of the run"),
+    SignalDeclaration(
+        "mission.leg", RATIO, "waypoint being approached, from 1, as the system reports"
+    ),
+    SignalDeclaration("mission.leg.elapsed", TIME, "time since that waypoint was first approached"),
+    SignalDeclaration("mission.reached", RATIO, "waypoints done, as the system under test reports"),
+    SignalDeclaration("mission.distance", LENGTH, "true distance to the waypoint being approached"),
+)
+
+SIGNALS: Final = {kind.name: kind for kind in _DECLARATIONS}
+"""Signals every run has, by name."""
+
+OBJECT_SIGNALS: Final = {
+    kind.name: kind
+    for kind in (
+        SignalDeclaration("angle", ANGLE, "position of a revolute joint, 0 as drawn"),
+        SignalDeclaration("position", LENGTH, "position of a prismatic joint, 0 as drawn"),
+        SignalDeclaration(
+            "distance", LENGTH, "from the robot's base frame to the foot of the joint"
+        ),
+    )
+}
+"""Signals of a scenery object or joint, by the last part of their name."""
+
+
+def signal_declaration(name: str) -> SignalDeclaration | None:
+    """Return the declaration of a signal by name (object signals by their ending), or ``None``.
+
+    Signals that ship here come first, then those that plug in, then those of objects. Raises
+    ``ValueError`` when the name is that of a plug-in that cannot be used.
+    """
+    declared = SIGNALS.get(name) or _custom_declaration(name)
+    if declared is None and "." in name:
+        return OBJECT_SIGNALS.get(name.rpartition(".")[2])
+    return declared
+
+
+def signal_names() -> tuple[str, ...]:
+    """Names of every signal that needs no scene: those that ship here and those that plug in."""
+    return (*SIGNALS, *custom_signal_names())
+
+
+def _custom_declaration(name: str) -> SignalDeclaration | None:
+    custom = custom_signal(name)
+    if custom is None:
+        return None
+    arguments = tuple(d for unit in custom.arguments if (d := dimension_of(unit)) is not None)
+    return SignalDeclaration(name, dimension_of(custom.unit), custom.doc, arguments, required=True)

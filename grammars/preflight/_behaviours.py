@@ -1,0 +1,313 @@
+"""Checks of behaviours that move about or wait: routes through walls, events that never come."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Mapping, Sequence
+from typing import TypeAlias
+
+import shapely
+from shapely.geometry import LineString, Point, Polygon
+from shapely.geometry.base import BaseGeometry
+
+from grammars.model.behaviour import (
+    Behaviour,
+    Event,
+    Hold,
+    JointActs,
+    LegBegins,
+    Reaction,
+    Trigger,
+    Walk,
+    WaypointReached,
+)
+from grammars.model.free_space import (
+    SNAP_DISTANCE,
+    FreeSpace,
+    SolidIndex,
+    inscribed_radius,
+    is_overlap,
+    link_shape,
+    still_links,
+    swept_area,
+)
+from grammars.model.geometry import Pose2
+from grammars.model.kinematics import WORLD
+from grammars.model.mission import Mission
+from grammars.model.movers import Route, body_link, is_fixed, is_mover, own_joints
+from grammars.model.robot import Robot
+from grammars.model.scene import Link, Scene, SceneObject
+from grammars.preflight._reach import immobile_leaves
+from grammars.preflight._scene import place_of, starts_in_wall
+from grammars.text.diagnostics import Diagnostic, Severity, Where, did_you_mean
+
+_ROUTE_STEP = 0.1
+
+
+def check_walks(
+    scene: Scene,
+    obstacles: SolidIndex,
+    behaviours: Sequence[Behaviour],
+    places: Mapping[str, Where],
+    home: Where,
+) -> list[Diagnostic]:
+    """Return what is wrong with the routes of movers.
+
+    Errors: walks of what is no mover, points inside of a wall or outside of every room, ways that
+    lead through a wall, movers that stand in one. Warnings: bodies that brush a wall, or walk
+    through what stands still.
+    """
+    bodies = {body.name: body for body in scene.objects}
+    walking = {walk.object for walk in behaviours if isinstance(walk, Walk)}
+    findings = [
+        problem
+        for body in scene.objects
+        if is_mover(body.joints) and body.name not in walking
+        for problem in starts_in_wall(body, obstacles, places, home)
+    ]
+    for walk in behaviours:
+        if not isinstance(walk, Walk):
+            continue
+        place = place_of(places, walk.joint, home)
+        body = bodies.get(walk.object)
+        if body is None:
+            hint = did_you_mean(walk.object, bodies)
+            findings.append(Diagnostic(place, f'there is no object "{walk.object}"', hint))
+        elif body.frozen or not is_mover(body.joints):
+            why = "frozen" if body.frozen else "an object, not a mover"
+            findings.append(Diagnostic(place, f"{body.name} cannot walk, it is {why}"))
+        else:
+            findings.extend(_check_route(scene, obstacles, body, walk, place))
+    return findings
+
+
+def _check_route(
+    scene: Scene, obstacles: SolidIndex, body: SceneObject, walk: Walk, place: Where
+) -> list[Diagnostic]:
+    low = min(link.z_min for link in body.links if link.polygons)
+    high = max(link.z_max for link in body.links if link.polygons)
+    rooms = [_valid_polygon(r.outline) for r in scene.regions]
+    rooms.extend(_valid_polygon(d.footprint).buffer(0.02) for d in scene.doorways)
+    findings = []
+    for number, point in enumerate(walk.route, start=1):
+        label = f"point {number} of the route of {body.name} ({point[0]:g}, {point[1]:g})"
+        distance, owner = obstacles.nearest(*point, z_max=high)
+        if distance == 0.0:
+            findings.append(Diagnostic(place, f"{label} is inside of {owner}", "move it"))
+        elif not any(room.covers(Point(point)) for room in rooms):
+            hint = "check its frame and the signs of x and y"
+            findings.append(Diagnostic(place, f"{label} is outside of every room", hint))
+    return findings or _check_way(scene, obstacles, body, walk, place, (low, high))
+
+
+def _check_way(
+    scene: Scene,
+    obstacles: SolidIndex,
+    body: SceneObject,
+    walk: Walk,
+    place: Where,
+    heights: tuple[float, float],
+) -> list[Diagnostic]:
+    ends = [*walk.route, walk.route[0]] if walk.manner == "round" else walk.route
+    through = list(obstacles.hit_by(LineString(ends), *heights))
+    if through:
+        message = f"{body.name} walks through {' and '.join(through)}"
+        return [Diagnostic(place, message, "lead the route through a doorway")]
+    link = next(part for part in body.links if part.name == body_link(body))
+    area = walked_area(walk, link)
+    brushed = [o for o, part in obstacles.hit_by(area, *heights).items() if is_overlap(part)]
+    met = [
+        other.name
+        for other in scene.objects
+        if other is not body
+        and any(
+            part.z_min < heights[1]
+            and part.z_max > heights[0]
+            and is_overlap(area.intersection(link_shape(other, part, other.initial)))
+            for part in still_links(other)
+        )
+    ]
+    return [
+        Diagnostic(
+            place,
+            f"{body.name} {what} {' and '.join(names)} on its way",
+            "nothing stops a mover but the robot: move the route",
+            Severity.WARNING,
+        )
+        for what, names in (("brushes", brushed), ("walks through", met))
+        if names
+    ]
+
+
+def walked_area(walk: Walk, link: Link) -> BaseGeometry:
+    """Return the floor that the body ``link`` covers on the route once."""
+    route = Route(walk)
+    count = max(2, int(route.length / _ROUTE_STEP) + 1)
+    ways = [route.length * i / (count - 1) for i in range(count)]
+    placements = [
+        shapely.union_all(
+            [Polygon(Pose2(*route.point(w), route.yaw(w)).apply_ring(r)) for r in link.polygons]
+        )
+        for w in ways
+    ]
+    hulls = [shapely.convex_hull(shapely.union(a, b)) for a, b in itertools.pairwise(placements)]
+    return shapely.union_all(hulls if len(link.polygons) == 1 else [*placements, *hulls])
+
+
+def _valid_polygon(ring: tuple[tuple[float, float], ...]) -> BaseGeometry:
+    polygon = Polygon(ring)
+    return polygon if polygon.is_valid else polygon.buffer(0)
+
+
+_WaitingBehaviour: TypeAlias = Reaction | Walk
+
+
+def check_events(
+    scene: Scene,
+    mission: Mission,
+    behaviours: Sequence[Behaviour],
+    places: Mapping[str, Where],
+    home: Where,
+) -> list[Diagnostic]:
+    """Return errors for events that name what is not there, warnings for those that never come."""
+    waiting = [(b, b.event) for b in behaviours if isinstance(b, Reaction | Walk) and b.event]
+    unknown = {
+        behaviour.joint: _unknown_names(
+            scene, mission, event, place_of(places, behaviour.joint, home)
+        )
+        for behaviour, event in waiting
+    }
+    findings = [problem for problems in unknown.values() for problem in problems]
+    return findings + [
+        Diagnostic(
+            place_of(places, behaviour.joint, home),
+            f"{_name(behaviour)} waits for {_event_text(event)}, which never happens",
+            "say what makes it happen, or wait for something else",
+            Severity.WARNING,
+        )
+        for behaviour, event in _never_coming(scene, behaviours)
+        if not unknown[behaviour.joint]
+    ]
+
+
+def _name(behaviour: _WaitingBehaviour) -> str:
+    return behaviour.object if isinstance(behaviour, Walk) else behaviour.joint
+
+
+def _event_text(event: JointActs) -> str:
+    act = "fire" if event.act == "fires" else "move"
+    return f"{' or '.join(event.joints)} to {act}"
+
+
+def _unknown_names(scene: Scene, mission: Mission, event: Event, place: Where) -> list[Diagnostic]:
+    ids = [waypoint.id for waypoint in mission.waypoints]
+    if isinstance(event, LegBegins) and not 1 <= event.leg <= len(ids):
+        message = f"there is no leg {event.leg}, mission {mission.name} has {len(ids)}"
+        return [Diagnostic(place, message, "legs are counted from 1")]
+    if isinstance(event, WaypointReached) and event.waypoint not in ids:
+        message = f'mission {mission.name} has no waypoint "{event.waypoint}"'
+        return [Diagnostic(place, message, did_you_mean(event.waypoint, ids))]
+    if isinstance(event, JointActs):
+        known = scene.joint_names
+        return [
+            Diagnostic(place, f'there is no joint "{name}" in the scene', did_you_mean(name, known))
+            for name in event.joints
+            if name not in known
+        ]
+    return []
+
+
+def _never_coming(
+    scene: Scene, behaviours: Sequence[Behaviour]
+) -> list[tuple[_WaitingBehaviour, JointActs]]:
+    """Return who waits for what cannot come; those who wait in a circle wait for ever."""
+    movable = _movable(scene, behaviours)
+    fires = {b.joint for b in behaviours if isinstance(b, Trigger)}
+    waiting = [b for b in behaviours if isinstance(b, Reaction | Walk)]
+    while True:
+        coming = [b for b in waiting if _can_come(b.event, fires, movable)]
+        waiting = [b for b in waiting if b not in coming]
+        if not coming:
+            return [(b, b.event) for b in waiting if isinstance(b.event, JointActs)]
+        fires |= {b.joint for b in coming if isinstance(b, Reaction)}
+        movable |= {joint for b in coming if isinstance(b, Walk) for joint in b.joints}
+
+
+def _can_come(event: Event | None, fires: set[str], movable: set[str]) -> bool:
+    if not isinstance(event, JointActs):
+        return True
+    return not (fires if event.act == "fires" else movable).isdisjoint(event.joints)
+
+
+def _movable(scene: Scene, behaviours: Sequence[Behaviour]) -> set[str]:
+    """Return the joints that a behaviour or the robot can move, those of movers left out."""
+    held = {b.joint for b in behaviours if isinstance(b, Hold)}
+    return {
+        f"{body.name}.{joint.name}"
+        for body in scene.objects
+        if not body.frozen
+        for joint in own_joints(body.joints)
+    } - held
+
+
+def check_triggers(
+    scene: Scene,
+    robot: Robot,
+    mission: Mission,
+    behaviours: Sequence[Behaviour],
+    places: Mapping[str, Where],
+    home: Where,
+) -> list[Diagnostic]:
+    """Return a warning for every trigger whose distance the robot can never get down to.
+
+    The robot is a disc of its inscribed radius that goes wherever there is a way from its start,
+    through all doors that are not held shut: what is said never to happen never does.
+    """
+    triggers = [b for b in behaviours if isinstance(b, Trigger)]
+    if not triggers:
+        return []
+    shut = [s for shapes in immobile_leaves(scene, robot, behaviours).values() for s in shapes]
+    parts = FreeSpace(scene, robot.height).for_radius(inscribed_radius(robot.footprint), shut)
+    home_part = parts.of((mission.start.x, mission.start.y))
+    if home_part is None:
+        return []
+    radius = max(math.hypot(*corner) for corner in robot.footprint)
+    findings = []
+    for trigger in triggers:
+        measured = _measured_from(scene, trigger)
+        nearest = measured.distance(parts.parts[home_part]) - SNAP_DISTANCE
+        if trigger.to == "footprint":
+            nearest -= radius
+        if nearest >= trigger.distance:
+            point = f"{trigger.joint.partition('.')[0]}'s {trigger.of}"
+            message = f"{trigger.joint} never fires: {robot.name} gets no nearer to {point}"
+            findings.append(
+                Diagnostic(
+                    place_of(places, trigger.joint, home),
+                    f"{message} than {nearest:.2f} m, it must be within {trigger.distance:g} m",
+                    "take a larger distance, or look for what is in the way",
+                    Severity.WARNING,
+                )
+            )
+    return findings
+
+
+def _measured_from(scene: Scene, trigger: Trigger) -> BaseGeometry:
+    """Return where the distance of a trigger is measured from, wherever its joint may be."""
+    name, _, joint_name = trigger.joint.partition(".")
+    body = next(b for b in scene.objects if b.name == name)
+    joint = next(j for j in body.joints if j.name == joint_name)
+    if trigger.of == "doorway":
+        doorway = next(d for d in scene.doorways if d.name == body.doorway)
+        return Polygon(doorway.footprint).centroid
+    ranges = {j.name: (j.lower, j.upper) for j in body.joints if not is_fixed(j)}
+    if trigger.of == "leaf":
+        link = next(part for part in body.links if part.name == joint.child)
+        return swept_area(body, link, ranges)
+    if joint.parent == WORLD or joint.parent in {part.name for part in still_links(body)}:
+        hinge = joint.kind == "revolute" and trigger.of == "hinge"
+        foot = joint.anchor if hinge else (0.0, 0.0)
+        return Point(body.pose.apply(foot))
+    link = next(part for part in body.links if part.name == joint.parent)
+    return swept_area(body, link, ranges)

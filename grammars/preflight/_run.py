@@ -1,0 +1,230 @@
+"""Checks of what a robot is asked to do in a scene."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+from typing import Final
+
+from shapely.geometry import Point, Polygon
+
+from grammars.model.behaviour import Behaviour, Hold, KeyFrames, Reaction, Trigger, Walk
+from grammars.model.free_space import (
+    SolidIndex,
+    inscribed_radius,
+    is_overlap,
+    moving_links,
+    swept_area,
+)
+from grammars.model.geometry import Point2
+from grammars.model.mission import Mission
+from grammars.model.movers import PLANAR_JOINTS, is_mover
+from grammars.model.robot import Robot
+from grammars.model.scene import Joint, Scene, SceneObject
+from grammars.preflight._behaviours import check_events, check_triggers, check_walks
+from grammars.preflight._reach import check_reach
+from grammars.preflight._scene import Sweeps, object_hits, place_of, wall_hits
+from grammars.text.diagnostics import Diagnostic, Severity, Where, did_you_mean
+
+_TOLERANCE: Final = 1e-9
+
+
+def check_run(
+    scene: Scene,
+    robot: Robot,
+    mission: Mission,
+    behaviours: Sequence[Behaviour],
+    *,
+    where: Where | None = None,
+    places: Mapping[str, Where] | None = None,
+) -> tuple[Diagnostic, ...]:
+    """Return what cannot work when ``robot`` does ``mission`` while doors behave.
+
+    Errors: start or waypoint inside a wall, outside of every room or nearer to a wall than half
+    of the robot's width; waypoints without a way, and the doorway that is too narrow; behaviours
+    of joints that do not exist, cannot move or would leave their limits. Warnings: waypoints
+    behind doors that stay shut or under a leaf; leaves that move through walls or other objects;
+    triggers the robot can never get near enough to. Errors of events and routes:
+    :func:`grammars.preflight._behaviours.check_events`, :func:`grammars.preflight._behaviours.check_walks`.
+
+    ``where`` is the mission's place; ``places`` gives finer ones: ``start``, ids of waypoints,
+    names of joints and objects.
+    """
+    known = places or {}
+    home = where or Where(mission.name)
+    obstacles = SolidIndex(scene)
+    spots = [("the start", (mission.start.x, mission.start.y), known.get("start", home))]
+    spots.extend((f"waypoint {w.id}", (w.x, w.y), known.get(w.id, home)) for w in mission.waypoints)
+    problems = [_check_spot(scene, obstacles, robot, *spot) for spot in spots]
+    findings = [problem for problem in problems if problem is not None]
+    sound = [spot for spot, problem in zip(spots, problems, strict=True) if problem is None]
+    if problems[0] is None:
+        findings.extend(_start_overlaps(obstacles, robot, mission, spots[0][2]))
+        findings.extend(check_reach(scene, robot, sound, behaviours))
+    findings.extend(check_events(scene, mission, behaviours, known, home))
+    findings.extend(check_walks(scene, obstacles, behaviours, known, home))
+    told = check_behaviours(scene, behaviours, known, home)
+    findings.extend(told)
+    if not told:
+        findings.extend(_moving_doors(scene, obstacles, behaviours, sound, known, home))
+        findings.extend(check_triggers(scene, robot, mission, behaviours, known, home))
+    return tuple(dict.fromkeys(findings))
+
+
+def _check_spot(
+    scene: Scene, obstacles: SolidIndex, robot: Robot, label: str, point: Point2, place: Where
+) -> Diagnostic | None:
+    distance, owner = obstacles.nearest(*point, z_max=robot.height)
+    if distance == 0.0:
+        return Diagnostic(place, f"{label} is inside of {owner}", "move it into a room")
+    spot = Point(point)
+    rooms = [r.outline for r in scene.regions] + [d.footprint for d in scene.doorways]
+    if not any(Polygon(ring).covers(spot) for ring in rooms):
+        return Diagnostic(
+            place,
+            f"{label} ({point[0]:g}, {point[1]:g}) is outside of every room",
+            "check the signs of x and y, and whether the mission belongs to this floor plan",
+        )
+    radius = inscribed_radius(robot.footprint)
+    if distance < radius - _TOLERANCE:
+        return Diagnostic(
+            place,
+            f"{label} is {distance:.2f} m from {owner}, {robot.name} needs {radius:.2f} m",
+            f"move it {radius - distance:.2f} m away from the wall",
+        )
+    return None
+
+
+def _start_overlaps(
+    obstacles: SolidIndex, robot: Robot, mission: Mission, place: Where
+) -> list[Diagnostic]:
+    """The start has a heading, so the whole footprint must fit there."""
+    body = Polygon(mission.start.apply_ring(robot.footprint))
+    hits = [o for o, part in obstacles.hit_by(body, 0.0, robot.height).items() if part.area > 1e-6]
+    if not hits:
+        return []
+    message = f"at the start {robot.name} stands in {' and '.join(hits)}"
+    return [Diagnostic(place, message, "move or turn the start")]
+
+
+def check_behaviours(
+    scene: Scene, behaviours: Sequence[Behaviour], places: Mapping[str, Where], home: Where
+) -> list[Diagnostic]:
+    """Return errors for joints that are unknown, frozen, told twice or sent out of their limits."""
+    joints = {f"{b.name}.{j.name}": (b, j) for b in scene.objects for j in b.joints}
+    findings: list[Diagnostic] = []
+    told: set[str] = set()
+    for behaviour in behaviours:
+        if isinstance(behaviour, Walk):
+            findings.extend(_walks_twice(behaviour, told, place_of(places, behaviour.joint, home)))
+            told.update(behaviour.joints)
+            continue
+        name = behaviour.joint
+        place = place_of(places, name, home)
+        if name not in joints:
+            hint = did_you_mean(name, joints)
+            findings.append(Diagnostic(place, f'there is no joint "{name}" in the scene', hint))
+            continue
+        if name in told:
+            findings.append(Diagnostic(place, f"{name} has two behaviours", "one must go"))
+        told.add(name)
+        body, joint = joints[name]
+        findings.extend(_one_behaviour(behaviour, body, joint, place))
+    return findings
+
+
+def _walks_twice(walk: Walk, told: set[str], place: Where) -> list[Diagnostic]:
+    if told.isdisjoint(walk.joints):
+        return []
+    return [Diagnostic(place, f"{walk.object} has two behaviours", "one must go")]
+
+
+def _one_behaviour(
+    behaviour: Hold | KeyFrames | Trigger | Reaction, body: SceneObject, joint: Joint, place: Where
+) -> list[Diagnostic]:
+    name = behaviour.joint
+    positions = commanded_positions(behaviour)
+    initial = body.initial[body.joints.index(joint)]
+    moves = any(abs(q - initial) > _TOLERANCE for q in positions)
+    if body.frozen and (moves or not isinstance(behaviour, Hold)):
+        return [
+            Diagnostic(
+                place,
+                f"{name} is to move, but {body.name} is frozen",
+                "leave out frozen, or the behaviour",
+            )
+        ]
+    if is_mover(body.joints) and joint.name in PLANAR_JOINTS and not isinstance(behaviour, Hold):
+        return [Diagnostic(place, f"{name} belongs to a mover", f"let {body.name} walk")]
+    findings = [
+        Diagnostic(
+            place,
+            f"{name} is sent to {q:g}, outside of its limits",
+            f"between {joint.lower:g} and {joint.upper:g}",
+        )
+        for q in dict.fromkeys(positions)
+        if not joint.lower - _TOLERANCE <= q <= joint.upper + _TOLERANCE
+    ]
+    stuck = not body.frozen and joint.upper - joint.lower < _TOLERANCE
+    if stuck and not isinstance(behaviour, Hold):
+        findings.append(Diagnostic(place, f"{name} is to move, but its limits leave no room"))
+    if isinstance(behaviour, Trigger) and behaviour.of == "doorway" and not body.doorway:
+        message = f"{name} measures from its doorway, but {body.name} stands in none"
+        findings.append(Diagnostic(place, message, "measure from its hinge or leaf"))
+    return findings
+
+
+def commanded_positions(behaviour: Hold | KeyFrames | Trigger | Reaction) -> tuple[float, ...]:
+    """Return the positions a behaviour sends its joint to."""
+    match behaviour:
+        case Hold():
+            return (behaviour.position,)
+        case KeyFrames():
+            return tuple(frame.position for frame in behaviour.frames)
+        case Trigger(begin=float(begin)):
+            return (begin, behaviour.start, behaviour.end)
+        case Trigger() | Reaction():
+            return (behaviour.start, behaviour.end)
+
+
+def _moving_doors(
+    scene: Scene,
+    obstacles: SolidIndex,
+    behaviours: Sequence[Behaviour],
+    points: Sequence[tuple[str, Point2, Where]],
+    places: Mapping[str, Where],
+    home: Where,
+) -> list[Diagnostic]:
+    used: dict[str, dict[str, tuple[float, float]]] = {}
+    for behaviour in behaviours:
+        if isinstance(behaviour, Walk):
+            continue
+        name, _, joint = behaviour.joint.partition(".")
+        positions = commanded_positions(behaviour)
+        used.setdefault(name, {})[joint] = (min(positions), max(positions))
+    sweeps: Sweeps = [
+        (body, link, swept_area(_starting_in_range(body, used[body.name]), link, used[body.name]))
+        for body in scene.objects
+        if body.name in used
+        for link in moving_links(body)
+    ]
+    findings = wall_hits(sweeps, obstacles, places, home, "as it is told to move")
+    findings.extend(object_hits(sweeps, scene, places, home, "as they are told to move"))
+    for label, point, place in points:
+        spot = Point(point).buffer(0.02)
+        for body, _, area in sweeps:
+            if is_overlap(area.intersection(spot)):
+                message = f"{body.name} sweeps over {label}"
+                findings.append(
+                    Diagnostic(place, message, "the robot may be hit there", Severity.WARNING)
+                )
+    return findings
+
+
+def _starting_in_range(body: SceneObject, used: Mapping[str, tuple[float, float]]) -> SceneObject:
+    """Return ``body`` with told joints starting inside the range they are told to move in."""
+    initial = tuple(
+        min(max(q, used[j.name][0]), used[j.name][1]) if j.name in used else q
+        for j, q in zip(body.joints, body.initial, strict=True)
+    )
+    return dataclasses.replace(body, initial=initial)

@@ -1,0 +1,162 @@
+"""From the text of a ``.scenery`` file to a :class:`SceneryLayer`, and a campaign's overrides."""
+
+from __future__ import annotations
+
+import dataclasses
+import re
+from collections.abc import Mapping, Sequence
+from functools import partial
+from pathlib import Path as FilePath
+from typing import Any, Final, TypeAlias
+
+from grammars.scenery._objects import read_instance, read_object
+from grammars.scenery._sentences import read_predicate
+from grammars.scenery._syntax import NodeReader, TextPositions, parse_tree
+from grammars.scenery.model import (
+    Group,
+    Instance,
+    ObjectModel,
+    Parameter,
+    Path,
+    SceneryLayer,
+    Sentence,
+    Setting,
+    Subject,
+    parse_measure,
+    require_dimension,
+)
+from grammars.text.diagnostics import Diagnostic, InputError, Where, did_you_mean
+from grammars.text.documents import read_text
+
+_Statement: TypeAlias = ObjectModel | Instance | Group | Parameter | Setting | Sentence
+_OBJECT: Final = re.compile(r"([^\d\W]\w*)(?:\.([^\d\W]\w*))?")
+
+
+def load_scenery(path: str | FilePath) -> SceneryLayer:
+    """Read a ``.scenery`` file; raises :class:`InputError` with every problem found in it."""
+    return parse_scenery(read_text(path), str(path))
+
+
+def parse_scenery(text: str, file: str) -> SceneryLayer:
+    """Read the text of a layer; ``file`` is the name used in messages, its stem names the layer.
+
+    Raises :class:`InputError` with every problem found (of a syntax error only the first).
+    """
+    places = TextPositions(text, file)
+    reader = NodeReader(places)
+    tree = parse_tree(text, places)
+    nodes = getattr(tree, "statements", ())  # an empty text gives no tree
+    values = reader.each(nodes, partial(_statement, reader))
+    _check_names(reader, values)
+    if reader.findings:
+        raise InputError(sorted(reader.findings, key=lambda d: (d.where.line, d.where.column)))
+    return SceneryLayer(
+        name=FilePath(file).name.removesuffix(".scenery"),
+        file=file,
+        models=tuple(v for v in values if isinstance(v, ObjectModel)),
+        instances=tuple(v for v in values if isinstance(v, Instance)),
+        groups=tuple(v for v in values if isinstance(v, Group)),
+        parameters=tuple(v for v in values if isinstance(v, Parameter)),
+        settings=tuple(v for v in values if isinstance(v, Setting)),
+        sentences=tuple(v for v in values if isinstance(v, Sentence)),
+    )
+
+
+def _statement(reader: NodeReader, node: Any) -> _Statement:
+    match type(node).__name__:
+        case "ObjectModel":
+            return read_object(reader, node)
+        case "Group":
+            members = reader.subject(node.members)
+            return Group(str(node.name.text), members, reader.where(node))
+        case "Parameter":
+            return Parameter(str(node.name.text), reader.measure(node.value), reader.where(node))
+        case _:
+            subject = reader.subject(node.subject)
+            if type(node.predicate).__name__ == "IsA":
+                return read_instance(reader, subject, node.predicate)
+            return read_predicate(reader, subject, node.predicate)
+
+
+def _check_names(reader: NodeReader, values: Sequence[_Statement]) -> None:
+    seen: dict[str, Where] = {}
+    for value in values:
+        if not isinstance(value, ObjectModel | Instance | Group | Parameter):
+            continue
+        if value.name in seen:
+            hint = f"first used at {seen[value.name]}"
+            reader.report(value.where, f'the name "{value.name}" is taken', hint)
+        seen.setdefault(value.name, value.where)
+
+
+def configure(
+    layer: SceneryLayer, overrides: Mapping[str, object], where: Where | None = None
+) -> SceneryLayer:
+    """Return ``layer`` with other parameter values and group members.
+
+    ``overrides`` is what a campaign says: a quantity with its unit for a parameter (``"1.3 m"``),
+    a name or a list of names for a group. ``where`` is the place in the campaign, for messages.
+    Raises :class:`InputError` with every override that does not fit.
+    """
+    place = where or Where(layer.file)
+    groups = {group.name: group for group in layer.groups}
+    parameters = {parameter.name: parameter for parameter in layer.parameters}
+    findings: list[Diagnostic] = []
+    for key, value in overrides.items():
+        name = str(key).replace("-", "_")
+        try:
+            if name in groups:
+                groups[name] = _regrouped(groups[name], value, place)
+            elif name in parameters:
+                parameters[name] = _changed(parameters[name], value, place)
+            else:
+                hint = did_you_mean(name, (*groups, *parameters))
+                findings.append(
+                    Diagnostic(place, f'layer {layer.name} has no parameter "{key}"', hint)
+                )
+        except InputError as error:
+            findings.extend(error.diagnostics)
+    if findings:
+        raise InputError(findings)
+    return dataclasses.replace(
+        layer, groups=tuple(groups.values()), parameters=tuple(parameters.values())
+    )
+
+
+def _regrouped(group: Group, value: object, where: Where) -> Group:
+    names = [value] if isinstance(value, str) else value
+    if not isinstance(names, list | tuple) or not names:
+        raise InputError(
+            Diagnostic(where, f"{group.name} is a group", f"write {group.name}: [door_1, door_2]")
+        )
+    paths = []
+    for name in names:
+        match = _OBJECT.fullmatch(name) if isinstance(name, str) else None
+        if match is None:
+            message = f'{group.name}: "{name}" is not the name of an object'
+            raise InputError(Diagnostic(where, message, "write names, such as door_1"))
+        paths.append(Path(match[1], match[2] or "", where))
+    return Group(group.name, Subject(False, tuple(paths), (), where), where)
+
+
+def _changed(parameter: Parameter, value: object, where: Where) -> Parameter:
+    if not isinstance(value, str | int | float) or isinstance(value, bool):
+        raise InputError(
+            Diagnostic(
+                where,
+                f"{parameter.name} is a quantity",
+                f"write {parameter.name}: {parameter.value.text}",
+            )
+        )
+    given = parse_measure(str(value), where)
+    try:
+        require_dimension(given, parameter.value.dimension)
+    except InputError as error:
+        raise InputError(
+            Diagnostic(
+                where,
+                f"{parameter.name}: {error.diagnostics[0].message}",
+                f"write {parameter.name}: {parameter.value.text}",
+            )
+        ) from error
+    return Parameter(parameter.name, given, where)

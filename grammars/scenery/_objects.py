@@ -1,0 +1,392 @@
+"""Reading object models (links, joints, named states) and instances: which object stands where."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from functools import partial
+from typing import Any, Final
+
+from grammars.model.geometry import Point2, Pose2, Ring
+from grammars.model.kinematics import WORLD
+from grammars.model.movers import PLANAR_JOINTS, with_planar_chain
+from grammars.model.scene import Joint, Link
+from grammars.scenery._syntax import NodeReader
+from grammars.scenery.model import (
+    At,
+    FrameName,
+    In,
+    Instance,
+    Name,
+    NamedState,
+    ObjectModel,
+    Subject,
+    Towards,
+    require_dimension,
+)
+from grammars.text.diagnostics import Diagnostic, InputError, Where, did_you_mean
+
+CIRCLE_CORNERS: Final = 32
+_AXES: Final = {"x": (1.0, 0.0), "y": (0.0, 1.0)}
+_SMALLEST: Final = 1e-3
+_TOLERANCE: Final = 1e-9
+
+
+def read_object(reader: NodeReader, node: Any) -> ObjectModel:
+    """Return the object model of an ``object`` node; problems go to ``reader.findings``."""
+    parts: dict[str, list[Any]] = {"Link": [], "Joint": [], "State": []}
+    for part in node.parts:
+        parts[type(part).__name__.removeprefix("Fixed")].append(part)
+    name = str(node.name.text)
+    for kind, nodes in parts.items():
+        _unique(reader, kind.lower(), nodes)
+    links = reader.each(parts["Link"], partial(_link, reader))
+    known = {str(n.name.text) for n in parts["Link"]}
+    if not known:
+        reader.report(reader.where(node), f"object {name} has no link", "it needs a shape")
+    joints = reader.each(parts["Joint"], partial(_joint, reader, known))
+    _check_tree(reader, parts["Joint"])
+    written = {str(n.name.text) for n in parts["Joint"]}
+    states = reader.each(parts["State"], partial(_state, reader, joints, written))
+    model = ObjectModel(name, tuple(links), tuple(joints), tuple(states), reader.where(node))
+    return _mover(reader, model) if node.kind == "mover" and not reader.findings else model
+
+
+def _mover(reader: NodeReader, model: ObjectModel) -> ObjectModel:
+    """Put the model on its virtual chain: one link carries all others, by joints."""
+    hung = {joint.child for joint in model.joints}
+    feet = [link.name for link in model.links if link.name not in hung]
+    taken = {joint.name for joint in model.joints} & set(PLANAR_JOINTS)
+    world = [joint.name for joint in model.joints if joint.parent == WORLD]
+    if len(feet) != 1 or world:
+        hint = "join the others to it: joint … fixed from body to …"
+        raise InputError(Diagnostic(model.where, f"one link of {model.name} must carry all", hint))
+    if taken:
+        message = f"a mover has joints x, y and yaw already: {', '.join(sorted(taken))}"
+        raise InputError(Diagnostic(model.where, message, "take other names"))
+    links, joints = with_planar_chain(model.links, model.joints, feet[0])
+    return dataclasses.replace(model, links=links, joints=joints)
+
+
+def _unique(reader: NodeReader, kind: str, nodes: list[Any]) -> None:
+    seen: dict[str, Where] = {}
+    for node in nodes:
+        name, where = str(node.name.text), reader.where(node)
+        if name in seen:
+            reader.report(where, f'{kind} "{name}" exists already', f"see {seen[name]}")
+        seen.setdefault(name, where)
+        if kind == "link" and name == "world":
+            reader.report(where, 'a link cannot be called "world"', "that is what stands still")
+
+
+def _link(reader: NodeReader, node: Any) -> Link:
+    bottom, top = reader.value(node.bottom, "length"), reader.value(node.top, "length")
+    mass = reader.value(node.mass, "mass")
+    where = reader.where(node)
+    if top <= bottom:
+        raise InputError(Diagnostic(where, "the link has no height", "write from the lower z up"))
+    if mass <= 0.0:
+        raise InputError(Diagnostic(reader.where(node.mass), "a mass is greater than 0 kg"))
+    rings = tuple(_shape(reader, shape) for shape in node.shapes)
+    return Link(str(node.name.text), rings, mass, bottom, top)
+
+
+def _point(reader: NodeReader, node: Any) -> Point2:
+    if node is None:
+        return (0.0, 0.0)
+    return (reader.value(node.x, "length"), reader.value(node.y, "length"))
+
+
+def _positive(reader: NodeReader, node: Any) -> float:
+    value = reader.value(node, "length")
+    if value < _SMALLEST:
+        raise InputError(Diagnostic(reader.where(node), "a size is at least 1 mm"))
+    return value
+
+
+def _shape(reader: NodeReader, node: Any) -> Ring:
+    kind = type(node).__name__
+    if kind == "Polygon":
+        return _convex([_point(reader, p) for p in node.points], reader.where(node))
+    at = _point(reader, node.at)
+    if kind == "Circle":
+        radius = _positive(reader, node.radius)
+        return tuple(
+            (at[0] + radius * math.cos(a), at[1] + radius * math.sin(a))
+            for a in (math.tau * i / CIRCLE_CORNERS for i in range(CIRCLE_CORNERS))
+        )
+    hx, hy = _positive(reader, node.width) / 2, _positive(reader, node.depth) / 2
+    corners = ((-hx, -hy), (hx, -hy), (hx, hy), (-hx, hy))
+    if node.turned is None:
+        return tuple((at[0] + x, at[1] + y) for x, y in corners)
+    return Pose2(at[0], at[1], reader.value(node.turned, "angle")).apply_ring(corners)
+
+
+def _convex(points: list[Point2], where: Where) -> Ring:
+    """Return the corners counter-clockwise; raises unless they are those of a convex polygon."""
+    turns = [_turn(points[i - 2], points[i - 1], points[i]) for i in range(len(points))]
+    one_way = all(t > _TOLERANCE for t in turns) or all(t < -_TOLERANCE for t in turns)
+    if len(points) < 3 or not one_way or not _turns_once(points):
+        raise InputError(
+            Diagnostic(
+                where,
+                "the polygon is not convex",
+                "list three or more corners in order; join several convex shapes with and",
+            )
+        )
+    return tuple(points) if turns[0] > 0.0 else tuple(reversed(points))
+
+
+def _turn(a: Point2, b: Point2, c: Point2) -> float:
+    return (b[0] - a[0]) * (c[1] - b[1]) - (b[1] - a[1]) * (c[0] - b[0])
+
+
+def _turns_once(points: list[Point2]) -> bool:
+    """A star polygon also turns one way only, but more than once around."""
+    headings = [
+        math.atan2(b[1] - a[1], b[0] - a[0])
+        for a, b in zip(points, [*points[1:], points[0]], strict=True)
+    ]
+    total = sum(math.remainder(b - a, math.tau) for a, b in zip(headings[-1:] + headings, headings))  # noqa: B905
+    return abs(abs(total) - math.tau) < 1e-6
+
+
+def _joint(reader: NodeReader, links: set[str], node: Any) -> Joint:
+    _check_ends(reader, links, node)
+    return _fixed(node) if type(node).__name__ == "FixedJoint" else _movable(reader, node)
+
+
+def _fixed(node: Any) -> Joint:
+    """Return a joint without room to move: the child rides on its carrier."""
+    name, carrier, child = (str(n.text) for n in (node.name, node.carrier, node.child))
+    return Joint(name, "prismatic", carrier, child, (0.0, 0.0), (1.0, 0.0), 0.0, 0.0)
+
+
+def _check_ends(reader: NodeReader, links: set[str], node: Any) -> None:
+    for end in (node.carrier, node.child):
+        if end.text not in links and not (end is node.carrier and end.text == "world"):
+            hint = did_you_mean(end.text, links)
+            raise InputError(Diagnostic(reader.where(end), f'there is no link "{end.text}"', hint))
+
+
+def _movable(reader: NodeReader, node: Any) -> Joint:
+    revolute = node.kind == "revolute"
+    position = "angle" if revolute else "length"
+    lower, upper = reader.value(node.lower, position), reader.value(node.upper, position)
+    if upper < lower:
+        raise InputError(
+            Diagnostic(reader.where(node.lower), "the lower limit is above the upper limit")
+        )
+    turning = "torsional " if revolute else ""
+    friction = reader.value(node.friction, "torque" if revolute else "force")
+    stiffness = reader.value(node.stiffness, f"{turning}stiffness")
+    damping = reader.value(node.damping, f"{turning}damping")
+    if min(friction, stiffness, damping) < 0.0:
+        raise InputError(
+            Diagnostic(reader.where(node), "friction, stiffness and damping are never negative")
+        )
+    return Joint(
+        name=str(node.name.text),
+        kind=node.kind,
+        parent=str(node.carrier.text),
+        child=str(node.child.text),
+        anchor=_anchor(reader, node, revolute),
+        axis=_axis(reader, node, revolute),
+        lower=lower,
+        upper=upper,
+        friction=friction,
+        stiffness=stiffness,
+        damping=damping,
+        rest=reader.value(node.rest, position),
+    )
+
+
+def _anchor(reader: NodeReader, node: Any, revolute: bool) -> Point2:
+    if revolute and node.anchor is None:
+        raise InputError(
+            Diagnostic(
+                reader.where(node), "a revolute joint turns about a point", "add at (0 m, 0 m)"
+            )
+        )
+    return _point(reader, node.anchor)
+
+
+def _axis(reader: NodeReader, node: Any, revolute: bool) -> Point2:
+    if revolute:
+        if node.axis is not None:
+            raise InputError(
+                Diagnostic(
+                    reader.where(node.axis), "a revolute joint turns about z, it has no axis"
+                )
+            )
+        return (0.0, 0.0)
+    if node.axis is None:
+        raise InputError(
+            Diagnostic(reader.where(node), "a prismatic joint needs a direction", "add along x")
+        )
+    if node.axis.name:
+        sign = -1.0 if node.axis.name[0] == "-" else 1.0
+        x, y = _AXES[node.axis.name[-1]]
+        return (sign * x + 0.0, sign * y + 0.0)
+    angle = reader.value(node.axis.angle, "angle")
+    return (math.cos(angle), math.sin(angle))
+
+
+def _check_tree(reader: NodeReader, nodes: list[Any]) -> None:
+    above: dict[str, str] = {}
+    for node in nodes:
+        child = str(node.child.text)
+        if child in above:
+            reader.report(
+                reader.where(node.child), f'link "{child}" is moved by two joints', "remove one"
+            )
+        above.setdefault(child, str(node.carrier.text))
+    for node in nodes:
+        link, seen = str(node.child.text), set[str]()
+        while link in above and link not in seen:
+            seen.add(link)
+            link = above[link]
+        if link in seen:
+            reader.report(reader.where(node), f'link "{link}" carries itself through its joints')
+            return
+
+
+def _state(reader: NodeReader, joints: list[Joint], written: set[str], node: Any) -> NamedState:
+    by_name = {joint.name: joint for joint in joints}
+    positions: dict[str, float] = {}
+    for entry in node.positions:
+        joint = by_name.get(entry.joint.text)
+        if joint is None:
+            if entry.joint.text in written:
+                continue  # the joint itself is wrong and has been reported
+            hint = did_you_mean(entry.joint.text, by_name)
+            raise InputError(
+                Diagnostic(reader.where(entry), f'there is no joint "{entry.joint.text}"', hint)
+            )
+        if joint.name in positions:
+            raise InputError(Diagnostic(reader.where(entry), f'"{joint.name}" is given twice'))
+        given = reader.measure(entry.position)
+        value = require_dimension(given, "angle" if joint.kind == "revolute" else "length")
+        if not joint.lower - _TOLERANCE <= value <= joint.upper + _TOLERANCE:
+            raise InputError(
+                Diagnostic(
+                    given.where,
+                    f"{given.text} is outside the limits of joint {joint.name}",
+                    f"between {joint.lower:g} and {joint.upper:g} "
+                    + ("rad" if joint.kind == "revolute" else "m"),
+                )
+            )
+        positions[joint.name] = value
+    return NamedState(str(node.name.text), tuple(positions.items()), reader.where(node))
+
+
+_WORDS: Final = {
+    "XIs": "x",
+    "YIs": "y",
+    "Turned": "turned",
+    "Hinge": "hinge",
+    "Sliding": "sliding",
+    "Opening": "opening",
+    "OnSide": "on the",
+    "Recessed": "recessed",
+}
+
+
+def read_instance(reader: NodeReader, subject: Subject, node: Any) -> Instance:
+    """Return the instance of a ``… is a …`` sentence."""
+    if subject.every or len(subject.names) != 1 or subject.exceptions or subject.names[0].joint:
+        hint = "door_1 is a hinged_door at …"
+        raise InputError(Diagnostic(subject.where, "one object is placed at a time", hint))
+    options = reader.once(node.options)
+    starts = options.pop("StartsIn", None)
+    frozen = options.pop("FrozenOption", None) is not None
+    read = _at if type(node.place).__name__ == "At" else _in
+    return Instance(
+        subject.names[0].object,
+        reader.name(node.model),
+        read(reader, node.place, options),
+        None if starts is None else reader.amount(starts.position, "angle", "length"),
+        frozen,
+        subject.where,
+    )
+
+
+def _at(reader: NodeReader, node: Any, options: dict[str, Any]) -> At:
+    at = _offsets(reader, options)
+    _refuse(reader, options, "is for objects placed in an entryway", "write in <entryway>, …")
+    return At(reader.frame(node.frame), *at)
+
+
+def _offsets(reader: NodeReader, options: dict[str, Any]) -> tuple[float, float, float]:
+    return (
+        _value(reader, options.pop("XIs", None), "length"),
+        _value(reader, options.pop("YIs", None), "length"),
+        _value(reader, options.pop("Turned", None), "angle"),
+    )
+
+
+def _in(reader: NodeReader, node: Any, options: dict[str, Any]) -> At | In:
+    entryway = reader.name(node.entryway)
+    offsets = [kind for kind in options if kind in ("XIs", "YIs")]
+    if offsets and not {"Hinge", "Sliding", "Opening", "OnSide", "Recessed"} & set(options):
+        at = _offsets(reader, options)
+        return At(FrameName(entryway.text, None, "", entryway.where), *at, inside=True)
+    refused = {kind: options.pop(kind) for kind in offsets}
+    _refuse(reader, refused, "is for objects placed at a frame", "write at <frame>, …")
+    if "Hinge" in options and "Sliding" in options:
+        where = reader.where(options["Sliding"])
+        raise InputError(Diagnostic(where, "a door has a hinge or slides, not both"))
+    if "Hinge" in options:
+        return _hinged(reader, entryway, options)
+    if "Sliding" in options:
+        return _sliding(reader, entryway, options)
+    yaw = _value(reader, options.pop("Turned", None), "angle")
+    _refuse(reader, options, "needs hinge left, hinge right or sliding …", "say which side")
+    return In(entryway, yaw=yaw)
+
+
+def _hinged(reader: NodeReader, entryway: Name, options: dict[str, Any]) -> In:
+    hinge = options.pop("Hinge")
+    opening = options.pop("Opening", None)
+    if opening is None:
+        hint = "add opening inwards, opening outwards or opening into <space>"
+        message = "to which side does the leaf open?"
+        raise InputError(Diagnostic(reader.where(hinge), message, hint))
+    recess = _value(reader, options.pop("Recessed", None), "length")
+    _refuse(reader, options, "is not for doors with a hinge", "leave it out")
+    return In(
+        entryway,
+        manner="hinge",
+        side=hinge.side,
+        seen_from=None if hinge.seen is None else reader.name(hinge.seen),
+        towards=_towards(reader, opening),
+        recess=recess,
+    )
+
+
+def _sliding(reader: NodeReader, entryway: Name, options: dict[str, Any]) -> In:
+    sliding = options.pop("Sliding")
+    side = options.pop("OnSide", None)
+    _refuse(reader, options, "is not for sliding doors", "leave it out")
+    return In(
+        entryway,
+        manner="sliding",
+        side=sliding.side,
+        seen_from=None if sliding.seen is None else reader.name(sliding.seen),
+        towards="in" if side is None else _towards(reader, side),
+    )
+
+
+def _towards(reader: NodeReader, option: Any) -> Towards:
+    if option.space is not None:
+        return reader.name(option.space)
+    return "in" if option.direction in ("inwards", "inside") else "out"
+
+
+def _refuse(reader: NodeReader, options: dict[str, Any], because: str, hint: str) -> None:
+    for kind, option in options.items():
+        reader.report(reader.where(option), f'"{_WORDS[kind]}" {because}', hint)
+
+
+def _value(reader: NodeReader, option: Any, dimension: str) -> float:
+    return 0.0 if option is None else reader.value(option.value, dimension)

@@ -1,0 +1,300 @@
+"""The textX side of the scenery language: text to parse tree, syntax errors for people, and the
+reader of the nodes every part of the language has (names, quantities, frames, subjects).
+"""
+
+from __future__ import annotations
+
+import bisect
+import difflib
+import functools
+import re
+from collections.abc import Callable, Iterable
+from functools import partial
+from pathlib import Path
+from typing import Any, Final, TypeVar
+
+from grammars.scenery.model import (
+    NUMBER,
+    UNIT,
+    Amount,
+    FrameName,
+    Measure,
+    Name,
+    Subject,
+    parse_measure,
+    require_dimension,
+)
+from grammars.scenery.model import Path as Path_reader
+from grammars.text.diagnostics import Diagnostic, InputError, Where, did_you_mean
+from grammars.text.parsing import load_metamodel, offset_of
+from grammars.text.quantity import parse_quantity
+
+_GRAMMAR: Final = Path(__file__).with_name("scenery.tx")
+_STARTERS: Final = (
+    "object",
+    "mover",
+    "link",
+    "joint",
+    "state",
+    "group",
+    "parameter",
+    "every",
+    "all",
+)
+_COMMENT: Final = re.compile(r"//[^\n]*")
+_UNITLESS: Final = re.compile(r'\b(?:leg\s+\d+|waypoint\s+(?:"[^"\n]*"|[\w-]+))')
+"""Numbers of legs and names of waypoints, which look like quantities without a unit."""
+_NUMBER: Final = re.compile(rf"(?<![\w.^])(?<!\d,)(?<!\[)({NUMBER})(?!\.)")
+_UNIT: Final = re.compile(rf"[ \t]*({UNIT})")
+_DECIMAL_COMMA: Final = re.compile(r",\d")
+_WORD: Final = re.compile(r"[ \t]*([^\W\d_]+|°)(?!\w)")
+_KEYWORDS: Final = """
+    x y at turned from to mass and friction closer damped between along until every with up late in
+    by is when again of starts frozen hinge sliding opening on recessed seen stays moves toggles
+    goes except within probability are start stay move toggle go their its walks walk accelerating
+    once back pausing facing yielding not round after deviation every begins
+"""
+_NOT_UNITS: Final = frozenset(_KEYWORDS.split())
+_READABLE: Final = {
+    "NameText": "a name",
+    "NumberText": "a number",
+    "UnitText": "a unit",
+    "AxisName": "x or y",
+    "INT": "a whole number",
+    "EOF": "the end of the file",
+    r"[^\d\W]\w*": "a name",
+    r"an?\b": '"a"',
+    r"robot's\s+footprint\b": '"robot\'s footprint"',
+    r"back\s+and\s+forth\b": '"back and forth"',
+    "WaypointName": "a waypoint",
+}
+"""What rules and patterns of the grammar are called in messages."""
+_SHOWN: Final = 8
+_UNSAID: Final = frozenset(
+    {"are", "all", "start", "stay", "move", "toggle", "go", "their", "walk", "cylinder"}
+)
+"""Plural forms: accepted, but not suggested beside the singular."""
+
+
+class TextPositions:
+    """Lines and columns of a text."""
+
+    def __init__(self, text: str, file: str) -> None:
+        self.text = text
+        self.file = file
+        self._starts = [0, *(m.end() for m in re.finditer("\n", text))]
+
+    def at(self, position: int) -> Where:
+        """Return the place of the character at ``position``."""
+        line = bisect.bisect_right(self._starts, position)
+        return Where(self.file, line, position - self._starts[line - 1] + 1)
+
+
+@functools.cache
+def _metamodel() -> Any:
+    return load_metamodel(_GRAMMAR, autokwd=True)
+
+
+def parse_tree(text: str, places: TextPositions) -> Any:
+    """Return the textX model of ``text``; raises :class:`InputError` with every unit problem.
+
+    Units are looked at first: a missing or misspelt one would otherwise show up as a syntax error
+    some words later.
+    """
+    from textx.exceptions import TextXError, TextXSyntaxError
+
+    findings = _unit_findings(text, places)
+    if findings:
+        raise InputError(findings)
+    try:
+        return _metamodel().model_from_str(text)
+    except TextXSyntaxError as error:
+        raise InputError(_syntax_error(error, text, places)) from error
+    except TextXError as error:
+        where = Where(places.file, error.line or 0, error.col or 0)
+        raise InputError(Diagnostic(where, str(error.message))) from error
+    except RecursionError as error:
+        raise InputError(Diagnostic(Where(places.file), "is nested too deeply")) from error
+
+
+def _unit_findings(text: str, places: TextPositions) -> list[Diagnostic]:
+    blanked = _blank(_UNITLESS, _blank(_COMMENT, text))
+    findings: list[Diagnostic] = []
+    for match in _NUMBER.finditer(blanked):
+        if blanked[: match.start()].rstrip().endswith("probability"):
+            continue
+        where = places.at(match.start())
+        if _DECIMAL_COMMA.match(blanked, match.end()):
+            findings.append(Diagnostic(where, "decimals are written with a point", "1.5, not 1,5"))
+            continue
+        unit = _UNIT.match(blanked, match.end())
+        if unit is None:
+            findings.append(_without_unit(match[1], _WORD.match(blanked, match.end()), where))
+            continue
+        try:
+            parse_quantity(f"{match[1]} {unit[1]}", where)
+        except InputError as error:
+            findings.extend(error.diagnostics)
+    return findings
+
+
+def _blank(pattern: re.Pattern[str], text: str) -> str:
+    return pattern.sub(lambda m: " " * len(m[0]), text)
+
+
+def _without_unit(number: str, word: re.Match[str] | None, where: Where) -> Diagnostic:
+    if word is not None and word[1] not in _NOT_UNITS:
+        return Diagnostic(where, f'"{word[1]}" is not a unit known here', _unit_hint(word[1]))
+    hint = f"write {number} m, {number} rad, {number} s, … as is meant"
+    return Diagnostic(where, f"a unit is missing after {number}", hint)
+
+
+def _unit_hint(word: str) -> str:
+    if word.lower() == "nm":
+        return "write N m, with a blank"
+    known = ("rad", "deg", "cm", "mm", "min", "kg", "m", "s", "N", "N m", "m/s", "rad/s")
+    longer = next((unit for unit in known if len(unit) > 1 and word.startswith(unit)), None)
+    return f'did you mean "{longer}"?' if longer else did_you_mean(word, known)
+
+
+def _syntax_error(error: Any, text: str, places: TextPositions) -> Diagnostic:
+    position = min(len(text), offset_of(text, error.line, error.col))
+    rest = re.match(r"\w+|\S", text[position:])
+    found = _quoted(rest[0]) if rest else "the end of the file"
+    words = _expected(error)
+    if not words and rest and rest[0] in (*_STARTERS, "except"):
+        return Diagnostic(places.at(position), f"{found} cannot be a name", "take another word")
+    message = f"expected {_listed(words)}, found {found}" if words else f"{found} is not expected"
+    return Diagnostic(places.at(position), message, _syntax_hint(text, position, rest, words))
+
+
+def _quoted(word: str) -> str:
+    return f"'{word}'" if word == '"' else f'"{word}"'
+
+
+def _expected(error: Any) -> list[str]:
+    """Return what could stand there, words before signs."""
+    names = dict.fromkeys(_spelled(rule) for rule in error.expected_rules or ())
+    return sorted(filter(None, names), key=lambda name: not name.strip('"')[:1].isalnum())
+
+
+def _listed(words: list[str]) -> str:
+    if len(words) > _SHOWN:
+        return ", ".join(words[:_SHOWN]) + ", …"
+    return " or ".join(filter(None, (", ".join(words[:-1]), words[-1])))
+
+
+def _spelled(rule: Any) -> str:
+    pattern = str(getattr(rule, "to_match", ""))
+    known = _READABLE.get(rule.rule_name) or _READABLE.get(pattern)
+    if known or not pattern or pattern in _UNSAID or pattern.startswith(r"\/\/"):
+        return known or ""
+    return f'"{pattern}"'
+
+
+def _syntax_hint(text: str, position: int, rest: re.Match[str] | None, expected: list[str]) -> str:
+    """Compare the word found with those expected, and the first of its line with openings."""
+    if rest is not None and rest[0] == "#":
+        return "comments start with //"
+    line = text[text.rfind("\n", 0, position) + 1 : position]
+    first = re.match(r"\s*(\w+)", line)
+    candidates = [
+        (rest[0] if rest else "", [word.strip('"') for word in expected]),
+        (first[1] if first else "", list(_STARTERS)),
+    ]
+    for word, known in candidates:
+        if len(word) < 3 or word in known:
+            continue
+        if word.lower() in known:
+            return f'write "{word.lower()}" in small letters'
+        close = difflib.get_close_matches(word, known, 1, 0.75)
+        if close:
+            return f'did you mean "{close[0]}"?'
+    return ""
+
+
+T = TypeVar("T")
+
+
+class NodeReader:
+    """Turns parse tree nodes into values and collects what is wrong with them."""
+
+    def __init__(self, places: TextPositions) -> None:
+        self._places = places
+        self.findings: list[Diagnostic] = []
+
+    def where(self, node: Any) -> Where:
+        """Return where ``node`` starts."""
+        return self._places.at(node._tx_position)
+
+    def report(self, where: Where, message: str, hint: str = "") -> None:
+        """Note an error and go on."""
+        self.findings.append(Diagnostic(where, message, hint))
+
+    def attempt(self, read: Callable[[], T]) -> T | None:
+        """Return ``read()``, or ``None`` after noting the errors it raised."""
+        try:
+            return read()
+        except InputError as error:
+            self.findings.extend(error.diagnostics)
+            return None
+
+    def each(self, nodes: Iterable[Any], read: Callable[[Any], T]) -> list[T]:
+        """Return ``read(node)`` of all nodes that are in order; the others are noted."""
+        values = [self.attempt(partial(read, node)) for node in nodes]
+        return [value for value in values if value is not None]
+
+    def name(self, node: Any) -> Name:
+        """Read a word."""
+        return Name(str(node.text), self.where(node))
+
+    def measure(self, node: Any) -> Measure:
+        """Read a number with its unit."""
+        return parse_measure(f"{node.number} {node.unit}", self.where(node))
+
+    def value(self, node: Any, *dimensions: str, default: float = 0.0) -> float:
+        """Read a quantity of one of ``dimensions`` in SI units; ``default`` when it is absent."""
+        return default if node is None else require_dimension(self.measure(node), *dimensions)
+
+    def amount(self, node: Any, *dimensions: str) -> Amount:
+        """Read a quantity or a name; a quantity must have one of ``dimensions`` (if any)."""
+        if type(node).__name__ == "Word":
+            return self.name(node)
+        given = self.measure(node)
+        if dimensions:
+            require_dimension(given, *dimensions)
+        return given
+
+    def optional(self, node: Any, *dimensions: str) -> Amount | None:
+        """Read an amount that may be absent."""
+        return None if node is None else self.amount(node, *dimensions)
+
+    def path(self, node: Any) -> Path_reader:
+        """Read ``object`` or ``object.joint``."""
+        joint = node.joint.text if node.joint is not None else ""
+        return Path_reader(str(node.object.text), str(joint), self.where(node))
+
+    def frame(self, node: Any) -> FrameName:
+        """Read the name of a frame of the floor plan."""
+        wall = int(node.wall) if node.walls else None
+        part = str(node.part.text) if node.part is not None else ""
+        return FrameName(str(node.name.text), wall, part, self.where(node))
+
+    def subject(self, node: Any) -> Subject:
+        """Read whom a sentence is about."""
+        return Subject(
+            bool(node.every),
+            tuple(self.path(n) for n in node.names),
+            tuple(self.path(n) for n in node.exceptions),
+            self.where(node),
+        )
+
+    def once(self, options: Any) -> dict[str, Any]:
+        """Return options by class name; one that is written twice is an error."""
+        found: dict[str, Any] = {}
+        for option in options:
+            kind = type(option).__name__
+            if kind in found:
+                self.report(self.where(option), f'"{option.keyword}" is written twice')
+            found.setdefault(kind, option)
+        return found

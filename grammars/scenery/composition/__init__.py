@@ -1,0 +1,36 @@
+"""Composition: a floor plan and scenery layers become one world, sentences become behaviours.
+
+Layers meet here by name and nowhere else; what does not fit together is reported with both places.
+"""
+
+from grammars.scenery.composition._behaviours import ResolvedBehaviours, resolve_behaviours
+from grammars.scenery.composition._building import static_segments
+from grammars.scenery.composition._catalogue import Catalogue
+from grammars.scenery.composition._chance import RandomWaits, draw_waits
+from grammars.scenery.composition._compiler import compile_scene
+from grammars.scenery.composition._placement import (
+    ObjectPlacement,
+    frame_named,
+    mirrored_joints,
+    mirrored_links,
+    place_instance,
+)
+from grammars.scenery.composition._rings import convex_rings, is_convex, signed_area
+
+__all__ = [
+    "Catalogue",
+    "ObjectPlacement",
+    "RandomWaits",
+    "ResolvedBehaviours",
+    "compile_scene",
+    "convex_rings",
+    "draw_waits",
+    "frame_named",
+    "is_convex",
+    "mirrored_joints",
+    "mirrored_links",
+    "place_instance",
+    "resolve_behaviours",
+    "signed_area",
+    "static_segments",
+]

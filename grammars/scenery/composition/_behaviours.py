@@ -1,0 +1,133 @@
+"""From sentences about objects to concrete behaviours of joints.
+
+Everything random is drawn here, once, from a seed: what a run specification then says is exactly
+what the doors do.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from grammars.model.behaviour import Behaviour, Walk
+from grammars.model.scene import Scene, SceneObject
+from grammars.scenery._layer import configure
+from grammars.scenery.composition._amounts import SentenceContext
+from grammars.scenery.composition._catalogue import Catalogue
+from grammars.scenery.composition._compiler import refuse_unapplied
+from grammars.scenery.composition._sentences import SentenceResolver
+from grammars.scenery.model import SceneryLayer, Sentence
+from grammars.text.diagnostics import Diagnostic, InputError, Severity, Where, did_you_mean
+
+
+@dataclass(frozen=True, slots=True)
+class ResolvedBehaviours:
+    """One behaviour per joint at most, in scene order, and who gave way to whom.
+
+    ``overridden`` has one warning for each sentence that a later layer replaced for a joint.
+    ``places`` gives for every joint the place of the sentence that won.
+    """
+
+    behaviours: tuple[Behaviour, ...]
+    overridden: tuple[Diagnostic, ...] = ()
+    places: tuple[tuple[str, Where], ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class _AppliedSentence:
+    layer: int
+    where: Where
+    behaviour: Behaviour
+
+
+def resolve_behaviours(
+    scene: Scene,
+    layers: Sequence[SceneryLayer],
+    *,
+    seed: np.random.SeedSequence,
+    limit: float,
+    overrides: Mapping[str, Mapping[str, object]] | None = None,
+) -> ResolvedBehaviours:
+    """Return what the joints of ``scene`` do in a run of ``limit`` seconds.
+
+    ``layers`` are all layers of the scenario, those with the objects included, in order; later
+    layers win on the same joint. ``overrides`` gives by layer name the values a campaign wants
+    (see :func:`grammars.scenery.configure`). Random toggles are drawn from a child of ``seed`` per
+    joint that depends on nothing but the joint's name, so another door changes none of the others.
+
+    Raises :class:`InputError` for unknown names, wrong units, positions outside of joint limits,
+    and two sentences of one layer about the same joint (both places are named).
+    """
+    layers = _configured(layers, overrides or {})
+    catalogue = Catalogue(layers)
+    refuse_unapplied(scene, layers, catalogue)
+    bodies = {body.name: body for body in scene.objects}
+    frames = dict(scene.frames)
+    said: dict[str, _AppliedSentence] = {}
+    overridden: list[Diagnostic] = []
+    findings: list[Diagnostic] = []
+    for number, layer in enumerate(layers):
+        context = SentenceContext(layer, seed, limit, frames)
+        for sentence in layer.sentences:
+            try:
+                for behaviour in _behaviours(context, catalogue, bodies, sentence):
+                    new = _AppliedSentence(number, sentence.where, behaviour)
+                    overridden.extend(_replaced(said.get(behaviour.joint), new))
+                    said.update(dict.fromkeys(_joints(behaviour), new))
+            except InputError as error:
+                findings.extend(error.diagnostics)
+    if findings:
+        raise InputError(findings)
+    order = [joint for joint in scene.joint_names if joint in said]
+    return ResolvedBehaviours(
+        tuple(said[joint].behaviour for joint in order if said[joint].behaviour.joint == joint),
+        tuple(overridden),
+        tuple((joint, said[joint].where) for joint in order),
+    )
+
+
+def _joints(behaviour: Behaviour) -> tuple[str, ...]:
+    return behaviour.joints if isinstance(behaviour, Walk) else (behaviour.joint,)
+
+
+def _configured(
+    layers: Sequence[SceneryLayer], overrides: Mapping[str, Mapping[str, object]]
+) -> list[SceneryLayer]:
+    names = [layer.name for layer in layers]
+    for name in overrides:
+        if name not in names:
+            hint = did_you_mean(name, names)
+            raise InputError(Diagnostic(Where(name), f'there is no layer "{name}"', hint))
+    return [configure(layer, overrides.get(layer.name, {})) for layer in layers]
+
+
+def _replaced(old: _AppliedSentence | None, new: _AppliedSentence) -> list[Diagnostic]:
+    if old is None:
+        return []
+    behaviour = new.behaviour
+    joint = behaviour.object if isinstance(behaviour, Walk) else behaviour.joint
+    if old.layer == new.layer:
+        raise InputError(
+            Diagnostic(
+                new.where,
+                f"{joint} already has a behaviour in this layer",
+                f"the other one: {old.where}; leave one out (every … except …)",
+            )
+        )
+    message = f"{joint} follows this sentence, not the one at {old.where}"
+    return [Diagnostic(new.where, message, severity=Severity.WARNING)]
+
+
+def _behaviours(
+    context: SentenceContext,
+    catalogue: Catalogue,
+    bodies: Mapping[str, SceneObject],
+    sentence: Sentence,
+) -> list[Behaviour]:
+    found: list[Behaviour] = []
+    for target in catalogue.targets(context.layer, sentence.subject):
+        speaker = SentenceResolver(context, catalogue, bodies, target.object, target.joint)
+        found.extend(speaker.behaviours(sentence))
+    return found

@@ -1,0 +1,152 @@
+"""Names across layers: which objects a sentence is about."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import TypeVar
+
+from grammars.scenery.model import Group, Instance, ObjectModel, Path, SceneryLayer, Subject
+from grammars.text.diagnostics import Diagnostic, InputError, Where, did_you_mean
+
+Named = TypeVar("Named", ObjectModel, Instance)
+
+
+@dataclass(frozen=True, slots=True)
+class SubjectTarget:
+    """An object, or one joint of it (``joint`` empty: all of them)."""
+
+    object: str
+    joint: str
+    where: Where
+
+
+class Catalogue:
+    """Models, instances and groups of several layers; raises for names that are taken twice."""
+
+    def __init__(self, layers: Sequence[SceneryLayer]) -> None:
+        findings: list[Diagnostic] = []
+        self._layers = layers
+        self.models = _index((m for layer in layers for m in layer.models), "object", findings)
+        self.instances = _index(
+            (i for layer in layers for i in layer.instances), "object", findings
+        )
+        for name, instance in self.instances.items():
+            if instance.model.text not in self.models:
+                hint = did_you_mean(instance.model.text, self.models)
+                message = f'{name}: there is no object model "{instance.model.text}"'
+                findings.append(Diagnostic(instance.model.where, message, hint))
+        if findings:
+            raise InputError(findings)
+
+    def model_of(self, name: str) -> ObjectModel:
+        """Return the model of the instance called ``name``."""
+        return self.models[self.instances[name].model.text]
+
+    def targets(self, layer: SceneryLayer, subject: Subject) -> tuple[SubjectTarget, ...]:
+        """Return whom ``subject``, written in ``layer``, is about: each once, in order.
+
+        Raises :class:`InputError` for unknown names, with the closest known one.
+        """
+        left_out = {t.object for path in subject.exceptions for t in self._either(layer, path, ())}
+        return self._resolve(layer, subject, left_out, ())
+
+    def _resolve(
+        self,
+        layer: SceneryLayer,
+        subject: Subject,
+        left_out: Iterable[str],
+        trail: tuple[str, ...],
+    ) -> tuple[SubjectTarget, ...]:
+        found: dict[tuple[str, str], SubjectTarget] = {}
+        for path in subject.names:
+            members = self._many(layer, path, trail) if subject.every else (self._one(layer, path),)
+            for target in members:
+                if target.object not in left_out:
+                    found.setdefault((target.object, target.joint), target)
+        return tuple(found.values())
+
+    def _one(self, layer: SceneryLayer, path: Path) -> SubjectTarget:
+        instance = self.instances.get(path.object)
+        if instance is not None:
+            self._check_joint(path, (path.object,))
+            return SubjectTarget(path.object, path.joint, path.where)
+        if path.object in self.models or self._groups(layer, path.object):
+            kind = "an object model" if path.object in self.models else "a group"
+            raise InputError(
+                Diagnostic(path.where, f'"{path.object}" is {kind}', f"write every {path.object}")
+            )
+        hint = did_you_mean(path.object, self.instances)
+        raise InputError(Diagnostic(path.where, f'there is no object "{path.object}"', hint))
+
+    def _many(
+        self, layer: SceneryLayer, path: Path, trail: tuple[str, ...]
+    ) -> tuple[SubjectTarget, ...]:
+        groups = self._groups(layer, path.object)
+        if groups:
+            return self._members(path, groups, trail)
+        if path.object in self.models:
+            names = tuple(n for n, i in self.instances.items() if i.model.text == path.object)
+            self._check_joint(path, names)
+            return tuple(SubjectTarget(name, path.joint, path.where) for name in names)
+        if path.object in self.instances:
+            raise InputError(
+                Diagnostic(path.where, f'"{path.object}" is one object', "leave out every")
+            )
+        known = (*self.models, *(g.name for other in self._layers for g in other.groups))
+        hint = did_you_mean(path.object, known)
+        message = f'there is no group or object model "{path.object}"'
+        raise InputError(Diagnostic(path.where, message, hint))
+
+    def _members(
+        self, path: Path, groups: list[tuple[SceneryLayer, Group]], trail: tuple[str, ...]
+    ) -> tuple[SubjectTarget, ...]:
+        home, group = groups[0]
+        if len(groups) > 1:
+            places = " and ".join(str(g.where) for _, g in groups)
+            raise InputError(
+                Diagnostic(path.where, f'"{path.object}" may mean several groups', places)
+            )
+        if group.name in trail:
+            raise InputError(Diagnostic(group.where, f'group "{group.name}" contains itself'))
+        left_out = {
+            t.object
+            for exception in group.members.exceptions
+            for t in self._either(home, exception, (*trail, group.name))
+        }
+        members = self._resolve(home, group.members, left_out, (*trail, group.name))
+        if not path.joint:
+            return members
+        self._check_joint(path, [t.object for t in members])
+        return tuple(SubjectTarget(t.object, path.joint, t.where) for t in members)
+
+    def _either(
+        self, layer: SceneryLayer, path: Path, trail: tuple[str, ...]
+    ) -> tuple[SubjectTarget, ...]:
+        if path.object in self.instances:
+            return (self._one(layer, path),)
+        return self._many(layer, path, trail)
+
+    def _groups(self, layer: SceneryLayer, name: str) -> list[tuple[SceneryLayer, Group]]:
+        own = [(layer, g) for g in layer.groups if g.name == name]
+        return own or [(other, g) for other in self._layers for g in other.groups if g.name == name]
+
+    def _check_joint(self, path: Path, objects: Iterable[str]) -> None:
+        for name in objects if path.joint else ():
+            joints = [joint.name for joint in self.model_of(name).joints]
+            if path.joint not in joints:
+                hint = did_you_mean(path.joint, joints)
+                message = f'{name} has no joint "{path.joint}"'
+                raise InputError(Diagnostic(path.where, message, hint))
+
+
+def _index(items: Iterable[Named], kind: str, findings: list[Diagnostic]) -> dict[str, Named]:
+    index: dict[str, Named] = {}
+    for item in items:
+        if item.name in index:
+            message = f'there are two {kind}s called "{item.name}"'
+            findings.append(
+                Diagnostic(item.where, message, f"the other one: {index[item.name].where}")
+            )
+        index.setdefault(item.name, item)
+    return index

@@ -1,0 +1,225 @@
+"""From a floor plan and scenery layers to one :class:`Scene`: objects placed, later layers' settings
+applied.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+from typing import Final
+
+from shapely.geometry import Polygon
+
+from grammars.floorplan import FloorPlan
+from grammars.model.geometry import Pose2
+from grammars.model.kinematics import link_poses
+from grammars.model.movers import is_mover
+from grammars.model.scene import Doorway, Joint, Link, Region, Scene, SceneObject
+from grammars.scenery.composition._amounts import closed_positions, joint_positions
+from grammars.scenery.composition._building import solids_of
+from grammars.scenery.composition._catalogue import Catalogue
+from grammars.scenery.composition._placement import (
+    frames_of,
+    mirrored_joints,
+    mirrored_links,
+    place_instance,
+)
+from grammars.scenery.composition._rings import canonical_ring, rounded, rounded_point, rounded_pose
+from grammars.scenery.model import In, Instance, SceneryLayer, Setting, Starts
+from grammars.text.diagnostics import Diagnostic, InputError
+
+
+def apply_settings(
+    layers: Sequence[SceneryLayer], catalogue: Catalogue, placed: Mapping[str, SceneObject]
+) -> dict[str, SceneObject]:
+    """Return the objects as the settings of all layers leave them; later layers win.
+
+    Raises :class:`InputError` for unknown names, states and units.
+    """
+    objects = dict(placed)
+    findings: list[Diagnostic] = []
+    for layer in layers:
+        for setting in layer.settings:
+            try:
+                for target in catalogue.targets(layer, setting.subject):
+                    body = objects[target.object]
+                    objects[body.name] = _with(catalogue, body, setting, target.joint)
+            except InputError as error:
+                findings.extend(error.diagnostics)
+    if findings:
+        raise InputError(findings)
+    return objects
+
+
+def _with(catalogue: Catalogue, body: SceneObject, setting: Setting, joint: str) -> SceneObject:
+    if not isinstance(setting, Starts):
+        return dataclasses.replace(body, frozen=True)
+    initial = dict(zip((j.name for j in body.joints), body.initial, strict=True))
+    model = catalogue.model_of(body.name)
+    initial.update(joint_positions(body, model, setting.position, joint))
+    return dataclasses.replace(body, initial=tuple(initial.values()))
+
+
+def refuse_unapplied(scene: Scene, layers: Sequence[SceneryLayer], catalogue: Catalogue) -> None:
+    """Raise for objects and settings in ``layers`` that ``scene`` was compiled without.
+
+    What stands where and how it starts belongs to the scene; a layer that says so must take part
+    in compiling it, or its words would be lost without notice.
+    """
+    bodies = {body.name: body for body in scene.objects}
+    hint = "name this layer among the objects, not only among the behaviours"
+    findings = [
+        Diagnostic(i.where, f"{i.name} does not stand in the scene", hint)
+        for i in catalogue.instances.values()
+        if i.name not in bodies
+    ]
+    if not findings:
+        wanted = apply_settings(layers, catalogue, bodies)
+        changed = {name for name, body in wanted.items() if body != bodies[name]}
+        findings = [
+            Diagnostic(setting.where, f"{target.object} is not so in the scene", hint)
+            for layer in layers
+            for setting in layer.settings
+            for target in catalogue.targets(layer, setting.subject)
+            if target.object in changed
+        ]
+    if findings:
+        raise InputError(dict.fromkeys(findings))
+
+
+_STANDS_IN: Final = 0.5
+"""Share of a closed leaf that must lie in a doorway for the object to count as standing in it."""
+
+
+def compile_scene(plan: FloorPlan, layers: Sequence[SceneryLayer] = ()) -> Scene:
+    """Return the world of ``plan`` with the objects of ``layers`` in it.
+
+    Walls are cut by the openings that list them and become convex solids; objects stand in layer
+    order. All coordinates are rounded to 1e-9 m, so that equal input gives equal digests.
+    Raises :class:`InputError` with every unknown name and every object that cannot be placed.
+    """
+    doorways = _doorways(plan)
+    catalogue = Catalogue(layers)
+    objects: list[SceneObject] = []
+    findings: list[Diagnostic] = []
+    for instance in catalogue.instances.values():
+        try:
+            objects.append(_object(plan, doorways, catalogue, instance))
+        except InputError as error:
+            findings.extend(error.diagnostics)
+    if findings:
+        raise InputError(findings)
+    placed = {o.name: o for o in objects}
+    placed.update(apply_settings(layers, catalogue, placed))
+    return Scene(
+        plan.name,
+        tuple(Region(s.name, tuple(map(rounded_point, s.outline))) for s in plan.spaces),
+        doorways,
+        solids_of(plan),
+        tuple(placed.values()),
+        _frames(plan) if any(is_mover(body.joints) for body in placed.values()) else (),
+    )
+
+
+def _frames(plan: FloorPlan) -> tuple[tuple[str, Pose2], ...]:
+    return tuple((name, rounded_pose(pose)) for name, pose in frames_of(plan))
+
+
+def _doorways(plan: FloorPlan) -> tuple[Doorway, ...]:
+    return tuple(
+        Doorway(
+            o.name,
+            rounded_pose(o.frame),
+            canonical_ring(o.footprint),
+            rounded(o.width),
+            rounded(o.z_min),
+            rounded(o.z_max),
+        )
+        for o in plan.openings
+        if o.kind == "entryway"
+    )
+
+
+def _object(
+    plan: FloorPlan, doorways: tuple[Doorway, ...], catalogue: Catalogue, instance: Instance
+) -> SceneObject:
+    model = catalogue.models[instance.model.text]
+    placed = place_instance(plan, instance, model)
+    links, joints = model.links, model.joints
+    if placed.mirrored:
+        links = mirrored_links(links, placed.across)
+        joints = mirrored_joints(joints, placed.across)
+    signs = [-1.0 if placed.mirrored and j.kind == "revolute" else 1.0 for j in joints]
+    closed = tuple(s * p + 0.0 for s, p in zip(signs, closed_positions(model), strict=True))
+    body = SceneObject(
+        instance.name,
+        model.name,
+        rounded_pose(placed.pose),
+        tuple(map(_rounded_link, links)),
+        tuple(map(_rounded_joint, joints)),
+        closed,
+        instance.frozen,
+        mirrored=placed.mirrored,
+    )
+    initial = dict(zip((j.name for j in joints), closed, strict=True))
+    if instance.starts is not None:
+        initial.update(joint_positions(body, model, instance.starts, ""))
+    doorway = _doorway_of(instance, body, closed, doorways)
+    return dataclasses.replace(body, initial=tuple(initial.values()), doorway=doorway)
+
+
+def _doorway_of(
+    instance: Instance,
+    body: SceneObject,
+    closed: tuple[float, ...],
+    doorways: tuple[Doorway, ...],
+) -> str:
+    if is_mover(body.joints):
+        return ""
+    if isinstance(instance.place, In):
+        name = instance.place.entryway.text
+        return name if any(doorway.name == name for doorway in doorways) else ""
+    return _doorway_around(body, closed, doorways)
+
+
+def _rounded_link(link: Link) -> Link:
+    rings = tuple(canonical_ring(ring) for ring in link.polygons)
+    return Link(link.name, rings, link.mass, rounded(link.z_min), rounded(link.z_max))
+
+
+def _rounded_joint(joint: Joint) -> Joint:
+    return Joint(
+        joint.name,
+        joint.kind,
+        joint.parent,
+        joint.child,
+        rounded_point(joint.anchor),
+        (rounded(joint.axis[0], 12), rounded(joint.axis[1], 12)),
+        joint.lower,
+        joint.upper,
+        joint.friction,
+        joint.stiffness,
+        joint.damping,
+        joint.rest,
+    )
+
+
+def _doorway_around(
+    body: SceneObject, closed: tuple[float, ...], doorways: tuple[Doorway, ...]
+) -> str:
+    """Return the doorway that most of the closed moving links lie in, or nothing."""
+    moving = {j.child for j in body.joints}
+    poses = link_poses(body, closed)
+    leaves = [
+        Polygon(poses[link.name].apply_ring(ring))
+        for link in body.links
+        if link.name in moving
+        for ring in link.polygons
+    ]
+    best, name = _STANDS_IN * sum(leaf.area for leaf in leaves), ""
+    for doorway in doorways if leaves else ():
+        passage = Polygon(doorway.footprint)
+        covered = sum(passage.intersection(leaf).area for leaf in leaves)
+        if covered > best:
+            best, name = covered, doorway.name
+    return name

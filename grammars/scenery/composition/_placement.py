@@ -1,0 +1,315 @@
+"""Where objects stand: in a frame of the floor plan, or fitted into an entryway, hinge at the jamb
+and leaf in the plane of the wall, as modelled or seen in a mirror.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from dataclasses import dataclass
+from typing import Final
+
+from shapely.geometry import Point, Polygon
+
+from grammars.floorplan import FloorPlan, Opening
+from grammars.model.geometry import Point2, Pose2, Ring
+from grammars.model.kinematics import link_poses
+from grammars.model.movers import own_joints
+from grammars.model.scene import Joint, Link, SceneObject
+from grammars.scenery.composition._amounts import closed_positions
+from grammars.scenery.model import At, FrameName, In, Instance, Name, ObjectModel
+from grammars.text.diagnostics import Diagnostic, InputError, Where, did_you_mean
+
+
+def mirrored_links(links: tuple[Link, ...], across: Point2) -> tuple[Link, ...]:
+    """Return links reflected about the line through the origin along the axis ``across``."""
+    return tuple(
+        dataclasses.replace(
+            link, polygons=tuple(tuple(_reflect(p, across) for p in r) for r in link.polygons)
+        )
+        for link in links
+    )
+
+
+def mirrored_joints(joints: tuple[Joint, ...], across: Point2) -> tuple[Joint, ...]:
+    """Return joints reflected the same way; what turned left turns right."""
+    return tuple(
+        dataclasses.replace(joint, axis=_reflect(joint.axis, across))
+        if joint.kind == "prismatic"
+        else dataclasses.replace(
+            joint,
+            anchor=_reflect(joint.anchor, across),
+            lower=-joint.upper + 0.0,
+            upper=-joint.lower + 0.0,
+            rest=-joint.rest + 0.0,
+        )
+        for joint in joints
+    )
+
+
+def _reflect(point: Point2, across: Point2) -> Point2:
+    along = point[0] * across[0] + point[1] * across[1]
+    return (2 * along * across[0] - point[0], 2 * along * across[1] - point[1])
+
+
+SLIDER_GAP: Final = 0.01
+"""Between a sliding leaf and the face of the wall it hangs on [m]."""
+_FIT: Final = 1e-3
+_PROBE: Final = 0.15
+_AXES: Final[tuple[Point2, ...]] = ((1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0))
+
+
+@dataclass(frozen=True, slots=True)
+class ObjectPlacement:
+    """Pose of an object frame in the world; a mirrored object is its model seen in a mirror."""
+
+    pose: Pose2
+    mirrored: bool = False
+    across: Point2 = (1.0, 0.0)
+
+
+@dataclass(frozen=True, slots=True)
+class _Gap:
+    """The hole in the wall, in the opening's frame: x from ``start`` to ``end``, y into the wall.
+
+    ``left`` says at which end the hinge is or to which a slider goes, ``outwards`` which face of
+    the wall counts, both seen from the first room.
+    """
+
+    opening: Opening
+    start: float
+    end: float
+    left: bool
+    outwards: bool
+
+    @property
+    def width(self) -> float:
+        return self.end - self.start
+
+    @property
+    def middle(self) -> float:
+        return (self.start + self.end) / 2
+
+
+def place_in_entryway(
+    plan: FloorPlan, instance: Instance, model: ObjectModel, how: In
+) -> ObjectPlacement:
+    """Return where an object stands that is placed in an entryway.
+
+    Raises :class:`InputError` for unknown entryways and spaces, for objects of another kind than
+    the sentence is about, and for doors wider than the hole.
+    """
+    opening = _entryway(plan, how.entryway)
+    xs = [opening.frame.inverse().apply((p[0], p[1]))[0] for p in opening.near]
+    outwards = bool(how.manner) and _towards(plan, opening, how.towards) == "out"
+    seen_outside = how.seen_from is not None and _towards(plan, opening, how.seen_from) == "out"
+    gap = _Gap(opening, min(xs), max(xs), (how.side == "left") != seen_outside, outwards)
+    if how.manner == "hinge":
+        return _hinged(instance, model, how, gap)
+    if how.manner == "sliding":
+        return _sliding(instance, model, how, gap)
+    joints = own_joints(model.joints)
+    if len(joints) == 1 and joints[0].kind == "revolute":
+        message = f"{instance.name}: on which side is the hinge?"
+        hint = "add hinge left or hinge right, and opening inwards or outwards"
+        raise InputError(Diagnostic(how.entryway.where, message, hint))
+    return ObjectPlacement(opening.frame @ Pose2(gap.middle, opening.depth / 2, how.yaw))
+
+
+def _towards(plan: FloorPlan, opening: Opening, side: str | Name) -> str:
+    """Return ``in`` or ``out``; a space is looked for on both sides of the wall."""
+    if isinstance(side, str):
+        return side
+    outlines = {s.name: Polygon(s.outline) for s in plan.spaces}
+    if side.text not in outlines:
+        hint = did_you_mean(side.text, outlines)
+        raise InputError(Diagnostic(side.where, f'there is no space "{side}"', hint))
+    x = sum(opening.frame.inverse().apply((p[0], p[1]))[0] for p in opening.near) / len(
+        opening.near
+    )
+    probes = {
+        "in": Point(opening.frame.apply((x, -_PROBE))),
+        "out": Point(opening.frame.apply((x, opening.depth + _PROBE))),
+    }
+    owners = {w.id: w.space for w in plan.walls}
+    walls = [owners.get(w, "") for w in opening.walls]
+    by_wall = {walls[0]: "in"} | ({walls[1]: "out"} if len(walls) > 1 else {})
+    found = by_wall.get(side.text) or next(
+        (way for way, p in probes.items() if outlines[side.text].covers(p)), None
+    )
+    if found is None:
+        beside = sorted(
+            {n for n, o in outlines.items() if any(o.covers(p) for p in probes.values())}
+            | {name for name in walls if name}
+        )
+        raise InputError(
+            Diagnostic(
+                side.where,
+                f"{opening.name} does not lead to {side}",
+                f"it leads to {' and '.join(beside)}" if beside else "",
+            )
+        )
+    return found
+
+
+def _only_joint(instance: Instance, model: ObjectModel, how: In, kind: str) -> Joint:
+    joints = own_joints(model.joints)
+    if len(joints) == 1 and joints[0].kind == kind:
+        return joints[0]
+    leaf = "with one leaf on one hinge" if kind == "revolute" else "with one sliding leaf"
+    message = f"{instance.name}: {how.manner} {how.side} is for doors {leaf}"
+    hint = f"{model.name} has other joints; place it with in {how.entryway} alone, or with at …"
+    raise InputError(Diagnostic(how.entryway.where, message, hint))
+
+
+def _opening_way(joint: Joint, closed: float) -> float:
+    """Return the sign of the joint motion that opens: towards the farther limit."""
+    return 1.0 if joint.upper - closed >= closed - joint.lower else -1.0
+
+
+def _hinged(instance: Instance, model: ObjectModel, how: In, gap: _Gap) -> ObjectPlacement:
+    """Put the hinge side flush with the jamb, the leaf flush with the face it opens to."""
+    joint = _only_joint(instance, model, how, "revolute")
+    turns = _opening_way(joint, _closed(model, joint))
+    leaf = _corners(model, joint.child)
+    along = _leaf_direction(leaf, joint.anchor)
+    low, high = _extent([c for link in model.links for c in _corners(model, link.name)], along)
+    if high - low > gap.width + _FIT:
+        name, width = instance.name, high - low
+        message = f"{name} is {width:.3f} m wide, {gap.opening.name} only {gap.width:.3f} m"
+        hint = "take a narrower door or widen the entryway"
+        raise InputError(Diagnostic(how.entryway.where, message, hint))
+    wanted = 1.0 if gap.left else -1.0
+    face = 1.0 if gap.outwards else -1.0
+    mirrored = wanted * turns != face
+    depth = _extent(leaf, (-along[1] * turns, along[0] * turns))[1] + how.recess
+    pose = Pose2(
+        (gap.start if gap.left else gap.end) - wanted * low,
+        (gap.opening.depth if gap.outwards else 0.0) - face * depth,
+        (0.0 if gap.left else math.pi) - math.atan2(along[1], along[0]),
+    )
+    return ObjectPlacement(gap.opening.frame @ pose, mirrored, along)
+
+
+def _sliding(instance: Instance, model: ObjectModel, how: In, gap: _Gap) -> ObjectPlacement:
+    """Hang the leaf in front of the hole, just off the face of the wall."""
+    joint = _only_joint(instance, model, how, "prismatic")
+    way = _opening_way(joint, _closed(model, joint))
+    slides = math.atan2(joint.axis[1] * way, joint.axis[0] * way)
+    turned = Pose2(0.0, 0.0, (math.pi if gap.left else 0.0) - slides)
+    leaf = turned.apply_ring(tuple(_corners(model, joint.child)))
+    everything = [turned.apply(c) for link in model.links for c in _corners(model, link.name)]
+    low, high = _extent(leaf, (1.0, 0.0))
+    near, far = _extent(everything, (0.0, 1.0))
+    y = gap.opening.depth + SLIDER_GAP - near if gap.outwards else -SLIDER_GAP - far
+    return ObjectPlacement(gap.opening.frame @ Pose2(gap.middle - (low + high) / 2, y, turned.yaw))
+
+
+def _closed(model: ObjectModel, joint: Joint) -> float:
+    return closed_positions(model)[model.joints.index(joint)]
+
+
+def _corners(model: ObjectModel, name: str) -> list[Point2]:
+    """Return the corners of a link with the object closed, in the object frame."""
+    closed = closed_positions(model)
+    body = SceneObject(model.name, model.name, Pose2(), model.links, model.joints, closed)
+    pose = link_poses(body, closed)[name]
+    link = next(part for part in model.links if part.name == name)
+    return [corner for ring in link.polygons for corner in pose.apply_ring(ring)]
+
+
+def _leaf_direction(leaf: list[Point2], anchor: Point2) -> Point2:
+    x = sum(p[0] for p in leaf) / len(leaf) - anchor[0]
+    y = sum(p[1] for p in leaf) / len(leaf) - anchor[1]
+    return max(_AXES, key=lambda axis: axis[0] * x + axis[1] * y)
+
+
+def _extent(points: list[Point2] | Ring, along: Point2) -> tuple[float, float]:
+    values = [p[0] * along[0] + p[1] * along[1] for p in points]
+    return min(values), max(values)
+
+
+def _entryway(plan: FloorPlan, name: Name) -> Opening:
+    entryways = {o.name: o for o in plan.openings if o.kind == "entryway"}
+    if name.text not in entryways:
+        window = any(o.name == name.text for o in plan.openings)
+        hint = "it is a window" if window else did_you_mean(name.text, entryways)
+        if any(s.name == name.text for s in plan.spaces):
+            hint = f"it is a space: write at {name}, or in {name}, x 1 m, y 50 cm"
+        raise InputError(
+            Diagnostic(name.where, f'there is no entryway "{name}" in the floor plan', hint)
+        )
+    return entryways[name.text]
+
+
+def place_instance(plan: FloorPlan, instance: Instance, model: ObjectModel) -> ObjectPlacement:
+    """Return where ``instance`` stands; raises :class:`InputError` for what cannot be."""
+    if isinstance(instance.place, At):
+        at = instance.place
+        if at.inside:
+            _check_space(plan, at.frame)
+        return ObjectPlacement(frame_named(plan, at.frame) @ Pose2(at.x, at.y, at.yaw))
+    return place_in_entryway(plan, instance, model, instance.place)
+
+
+def _check_space(plan: FloorPlan, name: FrameName) -> None:
+    """Only a space has an inside that ``x`` and ``y`` could be meant in."""
+    spaces = [s.name for s in plan.spaces]
+    if name.name in spaces:
+        return
+    if any(o.name == name.name for o in plan.openings):
+        message = f"x and y are meant in a space, {name} is an opening"
+        raise InputError(Diagnostic(name.where, message, f"write at {name}, x …"))
+    hint = did_you_mean(name.name, spaces)
+    raise InputError(Diagnostic(name.where, f'there is no space "{name}"', hint))
+
+
+def frames_of(plan: FloorPlan) -> tuple[tuple[str, Pose2], ...]:
+    """Return the world poses of all frames that :func:`frame_named` knows but ``world``."""
+    frames: dict[str, Pose2] = {}
+    for space in plan.spaces:
+        frames[space.name] = space.frame
+        for number, wall in enumerate(space.walls):
+            frames[f"{space.name}.walls[{number}]"] = wall.frame
+    for opening in plan.openings:
+        frames.setdefault(opening.name, opening.frame)
+    for feature in plan.features:
+        frames[f"{feature.space}.{feature.name}" if feature.space else feature.name] = feature.frame
+        frames.setdefault(feature.id, feature.frame)
+        if sum(f.name == feature.name for f in plan.features) == 1:
+            frames.setdefault(feature.name, feature.frame)
+    return tuple(frames.items())
+
+
+def frame_named(plan: FloorPlan, name: FrameName) -> Pose2:
+    """Return the world pose of a frame; raises :class:`InputError` with the closest name."""
+    if name.name == "world" and name.wall is None and not name.part:
+        return Pose2()
+    space = next((s for s in plan.spaces if s.name == name.name), None)
+    if name.wall is not None or name.part:
+        if space is None:
+            hint = did_you_mean(name.name, (s.name for s in plan.spaces))
+            raise InputError(Diagnostic(name.where, f'there is no space "{name.name}"', hint))
+        if name.wall is not None:
+            if not 0 <= name.wall < len(space.walls):
+                hint = f"it has walls 0 to {len(space.walls) - 1}"
+                raise InputError(Diagnostic(name.where, f"there is no {name}", hint))
+            return space.walls[name.wall].frame
+        inside = {f.name: f.frame for f in plan.features if f.space == space.name}
+        return _known(inside, name.part, f"feature in {space.name}", name.where)
+    frames = {f.name: f.frame for f in plan.features}
+    frames.update((f.id, f.frame) for f in plan.features)
+    frames.update((o.name, o.frame) for o in plan.openings)
+    frames.update((s.name, s.frame) for s in plan.spaces)
+    doubles = [f for f in plan.features if f.name == name.name]
+    if len(doubles) > 1 and space is None:
+        hint = " or ".join(f"{f.space}.{f.name}" if f.space else f.id for f in doubles)
+        raise InputError(Diagnostic(name.where, f'"{name}" may mean several features', hint))
+    return _known(frames, name.name, "space, opening or feature", name.where)
+
+
+def _known(frames: dict[str, Pose2], name: str, kind: str, where: Where) -> Pose2:
+    if name not in frames:
+        hint = did_you_mean(name, (*frames, "world"))
+        raise InputError(Diagnostic(where, f'there is no {kind} "{name}" in the floor plan', hint))
+    return frames[name]

@@ -1,0 +1,122 @@
+"""Polygons in canonical form, so that equal geometry gives equal bytes on every machine."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterable, Sequence
+from typing import Any, Final
+
+import shapely
+from shapely.geometry import Polygon
+from shapely.geometry.base import BaseGeometry
+
+from grammars.model.geometry import Point2, Pose2, Ring
+
+DIGITS: Final = 9
+SLIVER: Final = 1e-9
+"""Pieces with less area [m^2] are numerical dust."""
+_FLAT: Final = 1e-10
+
+
+def rounded(value: float, digits: int = DIGITS) -> float:
+    """Return ``value`` rounded to nanometres, without negative zero."""
+    return round(value, digits) + 0.0
+
+
+def rounded_point(point: Point2) -> Point2:
+    """Return ``point`` with settled coordinates."""
+    return (rounded(point[0]), rounded(point[1]))
+
+
+def rounded_pose(pose: Pose2) -> Pose2:
+    """Return ``pose`` with settled numbers (yaw to 1e-12 rad)."""
+    return Pose2(rounded(pose.x), rounded(pose.y), rounded(pose.yaw, 12))
+
+
+def canonical_ring(points: Iterable[Point2]) -> Ring:
+    """Return the corners counter-clockwise from the lowest (x, y), without repeated corners."""
+    corners: list[Point2] = []
+    for point in map(rounded_point, points):
+        if not corners or point != corners[-1]:
+            corners.append(point)
+    while len(corners) > 1 and corners[0] == corners[-1]:
+        corners.pop()
+    if signed_area(corners) < 0.0:
+        corners.reverse()
+    start = corners.index(min(corners)) if corners else 0
+    return tuple(corners[start:] + corners[:start])
+
+
+def signed_area(corners: Sequence[Point2]) -> float:
+    """Return the area of a ring [m^2], positive when counter-clockwise."""
+    following = [*corners[1:], *corners[:1]]
+    twice = sum(a[0] * b[1] - b[0] * a[1] for a, b in zip(corners, following, strict=True))
+    return float(twice) / 2
+
+
+def outline_of(polygon: Polygon) -> Ring:
+    """Return the canonical outer ring of ``polygon``."""
+    return canonical_ring((float(x), float(y)) for x, y in polygon.exterior.coords[:-1])
+
+
+def polygons_of(geometry: BaseGeometry) -> list[Polygon]:
+    """Return the polygons in ``geometry`` that are more than dust."""
+    parts: list[Any] = list(getattr(geometry, "geoms", [geometry]))
+    return [p for p in parts if isinstance(p, Polygon) and p.area > SLIVER]
+
+
+def convex_rings(geometry: BaseGeometry) -> list[Ring]:
+    """Cut ``geometry`` into convex rings, in a fixed order."""
+    rings: list[Ring] = []
+    for polygon in polygons_of(geometry):
+        outline = without_flat_corners(outline_of(polygon))
+        if not polygon.interiors and is_convex(outline):
+            rings.append(outline)
+        else:
+            rings.extend(_convex_parts(polygon))
+    return sorted(rings)
+
+
+def without_flat_corners(ring: Ring) -> Ring:
+    """Drop corners on the straight line between their neighbours."""
+    kept = [
+        point
+        for i, point in enumerate(ring)
+        if abs(_turn(ring[i - 1], point, ring[(i + 1) % len(ring)])) > _FLAT
+    ]
+    return canonical_ring(kept) if len(kept) >= 3 else ring
+
+
+def is_convex(ring: Ring) -> bool:
+    """Return whether a counter-clockwise ring has no dents (up to rounding)."""
+    return all(_turn(ring[i - 2], ring[i - 1], ring[i]) >= -_FLAT for i in range(len(ring)))
+
+
+def _turn(a: Point2, b: Point2, c: Point2) -> float:
+    return (b[0] - a[0]) * (c[1] - b[1]) - (b[1] - a[1]) * (c[0] - b[0])
+
+
+def _convex_parts(polygon: Polygon) -> list[Ring]:
+    """Triangulate and put triangles together again while the result stays convex."""
+    triangles = shapely.constrained_delaunay_triangles(polygon)
+    parts = sorted(outline_of(t) for t in polygons_of(triangles))
+    merged = True
+    while merged:
+        merged = False
+        for i, j in itertools.combinations(range(len(parts)), 2):
+            union = _convex_union(parts[i], parts[j])
+            if union is not None:
+                parts = sorted([*parts[:i], *parts[i + 1 : j], *parts[j + 1 :], union])
+                merged = True
+                break
+    return parts
+
+
+def _convex_union(a: Ring, b: Ring) -> Ring | None:
+    if len(set(a) & set(b)) < 2:
+        return None
+    union = shapely.union(Polygon(a), Polygon(b))
+    if not isinstance(union, Polygon) or union.interiors:
+        return None
+    ring = without_flat_corners(outline_of(union))
+    return ring if is_convex(ring) else None

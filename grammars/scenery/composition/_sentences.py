@@ -1,0 +1,407 @@
+"""What one sentence means for one object: behaviours of its joints, the events they wait for, walks."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Literal
+
+from grammars.model.behaviour import (
+    Behaviour,
+    Event,
+    Hold,
+    JointActs,
+    Jump,
+    KeyFrame,
+    KeyFrames,
+    LegBegins,
+    Motion,
+    Reaction,
+    Servo,
+    Spring,
+    Trigger,
+    Walk,
+    WaypointReached,
+)
+from grammars.model.geometry import Point2, Pose2
+from grammars.model.movers import PLANAR_JOINTS, is_fixed, is_mover
+from grammars.model.scene import SceneObject
+from grammars.scenery.composition._amounts import SentenceContext, joint_of, joint_positions
+from grammars.scenery.composition._catalogue import Catalogue
+from grammars.scenery.composition._chance import (
+    MOST_DRAWS,
+    RandomToggles,
+    RandomWaits,
+    child_seed,
+    draw_toggles,
+    draw_waits,
+)
+from grammars.scenery.composition._rings import rounded, rounded_point
+from grammars.scenery.model import (
+    Alternates,
+    Amount,
+    EventPhrase,
+    Goes,
+    Measure,
+    MotionAs,
+    Moves,
+    Name,
+    OnLeg,
+    OnWaypoint,
+    Reacts,
+    RoutePoint,
+    Sentence,
+    Stays,
+    Subject,
+    Toggles,
+    Walks,
+)
+from grammars.text.diagnostics import Diagnostic, InputError, did_you_mean
+
+_SHORTEST = 0.01
+"""Points of a route are at least this far apart [m]."""
+_PACE = 1.0
+"""Walking speed when nothing is said [m/s]."""
+
+
+def event_of(
+    context: SentenceContext,
+    catalogue: Catalogue,
+    bodies: Mapping[str, SceneObject],
+    said: EventPhrase,
+) -> Event:
+    """Return the concrete event; raises :class:`InputError` for unknown objects and joints."""
+    if isinstance(said, OnLeg):
+        return LegBegins(said.leg)
+    if isinstance(said, OnWaypoint):
+        return WaypointReached(said.waypoint)
+    path = said.path
+    (target,) = catalogue.targets(context.layer, Subject(False, (path,), (), path.where))
+    body = bodies[target.object]
+    joints = tuple(joint for joint in body.joints if not is_fixed(joint))
+    names = [target.joint] if target.joint else [joint.name for joint in joints]
+    if not names:
+        hint = "wait for something with a joint"
+        raise InputError(Diagnostic(path.where, f"{body.name} has no joint that moves", hint))
+    return JointActs(tuple(f"{body.name}.{name}" for name in names), said.act)
+
+
+def walk_of(context: SentenceContext, body: SceneObject, said: Walks, event: Event | None) -> Walk:
+    """Return the walk of ``body``; raises :class:`InputError` for what it cannot mean."""
+    if not is_mover(body.joints):
+        message = f"{body.name} cannot walk: {body.model} is an object, not a mover"
+        raise InputError(Diagnostic(said.where, message, f"write mover {body.model} …"))
+    facing, yaw = _facing(context, said)
+    yielding = None if said.yielding is None else _positive(context, said, "yielding")
+    pause = context.optional(said.pause, 0.0, "time")
+    since = context.optional(said.since, 0.0, "time")
+    if pause < 0.0 or since < 0.0:
+        raise InputError(Diagnostic(said.where, "times of a walk are never negative"))
+    if said.manner == "once" and pause > 0.0 and not said.everywhere:
+        hint = "add back and forth, or write pausing … at every point"
+        raise InputError(Diagnostic(said.where, "a walk done once ends at its end", hint))
+    return Walk(
+        body.name,
+        _route(context, said),
+        _PACE if said.speed is None else _positive(context, said, "speed"),
+        1.0 if said.acceleration is None else _positive(context, said, "acceleration"),
+        said.manner,
+        pause,
+        "points" if said.everywhere else "ends",
+        since,
+        event,
+        facing,
+        yaw,
+        yielding,
+    )
+
+
+Facing = Literal["ahead", "sideways", "fixed"]
+_DIMENSIONS = {"speed": "speed", "acceleration": "acceleration", "yielding": "length"}
+
+
+def _positive(context: SentenceContext, said: Walks, field: str) -> float:
+    amount = getattr(said, field)
+    value = context.value(amount, _DIMENSIONS[field])
+    if value <= 0.0:
+        raise InputError(Diagnostic(amount.where, "this must be greater than 0"))
+    return value
+
+
+def _facing(context: SentenceContext, said: Walks) -> tuple[Facing, float]:
+    if isinstance(said.facing, Name | Measure):
+        angle = context.value(said.facing, "angle")
+        frame = frame_in(context.frames, said.route[-1])
+        return "fixed", rounded((frame @ Pose2(yaw=angle)).yaw, 12)
+    return said.facing, 0.0
+
+
+def _route(context: SentenceContext, said: Walks) -> tuple[Point2, ...]:
+    if len(said.route) < 2:
+        raise InputError(Diagnostic(said.where, "a route has two points or more", "add a point"))
+    points: list[Point2] = []
+    for point in said.route:
+        spot = rounded_point(frame_in(context.frames, point).apply((point.x, point.y)))
+        if points and math.dist(spot, points[-1]) < _SHORTEST:
+            message = "two points of the route are the same"
+            raise InputError(Diagnostic(said.where, message, "pausing … waits at points"))
+        points.append(spot)
+    if said.manner == "round" and math.dist(points[0], points[-1]) < _SHORTEST:
+        points.pop()  # round closes the route by itself
+    if said.manner == "round" and len(points) < 3:
+        hint = "write back and forth"
+        raise InputError(Diagnostic(said.where, "a round needs three points or more", hint))
+    return tuple(points)
+
+
+def frame_in(frames: Mapping[str, Pose2], point: RoutePoint) -> Pose2:
+    """Return the world pose of the frame of ``point``; raises for names that are unknown."""
+    name = str(point.frame)
+    if name == "world":
+        return Pose2()
+    if name not in frames:
+        hint = did_you_mean(name, (*frames, "world"))
+        message = f'there is no frame "{name}" in the floor plan'
+        raise InputError(Diagnostic(point.frame.where, message, hint))
+    return frames[name]
+
+
+class SentenceResolver:
+    """Applies sentences to one object."""
+
+    def __init__(
+        self,
+        context: SentenceContext,
+        catalogue: Catalogue,
+        bodies: Mapping[str, SceneObject],
+        name: str,
+        joint: str,
+    ) -> None:
+        self._context = context
+        self._catalogue, self._bodies = catalogue, bodies
+        self._body = bodies[name]
+        self._model = catalogue.model_of(name)
+        self._joint = joint
+
+    def behaviours(self, said: Sentence) -> list[Behaviour]:
+        """Return one behaviour for each joint the sentence moves."""
+        match said:
+            case Stays():
+                return self._stays(said)
+            case Moves():
+                return self._moves(said)
+            case Toggles():
+                return self._toggles(said)
+            case Goes():
+                return self._goes(said)
+            case Alternates():
+                return self._alternates(said)
+            case Reacts():
+                return self._reacts(said)
+            case Walks():
+                return self._walks(said)
+
+    def _stays(self, said: Stays) -> list[Behaviour]:
+        positions = self._positions(said.position)
+        return [Hold(self._full(joint), position) for joint, position in positions.items()]
+
+    def _moves(self, said: Moves) -> list[Behaviour]:
+        frames: dict[str, list[KeyFrame]] = {}
+        last = -1.0
+        for position, time in said.frames:
+            at = self._time(time)
+            if at <= last:
+                raise InputError(
+                    Diagnostic(time.where, f"{at:g} s is not after {last:g} s", "put them in order")
+                )
+            last = at
+            for joint, value in self._positions(position).items():
+                frames.setdefault(joint, []).append(KeyFrame(at, value))
+        return [
+            KeyFrames(self._full(joint), tuple(f), self._motion(said.motion, joint))
+            for joint, f in frames.items()
+        ]
+
+    def _toggles(self, said: Toggles) -> list[Behaviour]:
+        first, second = self._positions(said.first), self._positions(said.second)
+        self._same_joints(said, first, second)
+        chance = self._chance(said)
+        found: list[Behaviour] = []
+        for joint, start in first.items():
+            seed = child_seed(self._context.seed, self._full(joint))
+            frames = draw_toggles(chance, seed, self._context.limit, start, second[joint])
+            found.append(KeyFrames(self._full(joint), frames, self._motion(said.motion, joint)))
+        return found
+
+    def _chance(self, said: Toggles) -> RandomToggles:
+        limit = self._context.limit
+        period = self._time(said.every)
+        if period <= 0.0:
+            raise InputError(Diagnostic(said.every.where, "the period is greater than 0 s"))
+        chance = RandomToggles(
+            period=period,
+            since=period if said.since is None else self._time(said.since),
+            until=min(limit, limit if said.until is None else self._time(said.until)),
+            probability=said.probability,
+            delay=0.0 if said.delay is None else self._time(said.delay),
+            step=0.0 if said.step is None else self._time(said.step),
+        )
+        if chance.delay > period:
+            raise InputError(
+                Diagnostic(said.where, "a change may come later than the next one", "delay it less")
+            )
+        if chance.count > MOST_DRAWS:
+            message = f"that makes more than {MOST_DRAWS} draws"
+            raise InputError(Diagnostic(said.every.where, message, "are the units right?"))
+        return chance
+
+    def _goes(self, said: Goes) -> list[Behaviour]:
+        start, end = self._positions(said.start), self._positions(said.end)
+        distance = self._context.value(said.distance, "length")
+        rearm = None if said.again is None else self._context.value(said.again, "length")
+        if distance <= 0.0:
+            raise InputError(Diagnostic(said.distance.where, "a distance is greater than 0 m"))
+        if rearm is not None and said.again is not None and rearm <= distance:
+            message = f"it would be ready again at {rearm:g} m, inside of {distance:g} m"
+            raise InputError(
+                Diagnostic(said.again.where, message, "again beyond a larger distance")
+            )
+        begin = start if said.begin is None else self._positions(said.begin)
+        self._same_joints(said, start, begin)
+        self._same_joints(said, start, end)
+        if said.begin is not None and said.motion.kind == "jump":
+            message = "what jumps is where it goes from at once"
+            raise InputError(Diagnostic(said.begin.where, message, "leave out starting at …"))
+        if said.of == "doorway" and not self._body.doorway:
+            message = f"{self._body.name} does not stand in a doorway"
+            raise InputError(Diagnostic(said.where, message, "measure from its hinge or leaf"))
+        return [
+            Trigger(
+                self._full(joint),
+                start[joint],
+                end[joint],
+                distance,
+                self._motion(said.motion, joint),
+                said.of,
+                said.to,
+                rearm,
+                None if said.begin is None else begin[joint],
+            )
+            for joint in start
+        ]
+
+    def _alternates(self, said: Alternates) -> list[Behaviour]:
+        first, second = self._positions(said.first), self._positions(said.second)
+        self._same_joints(said, first, second)
+        pauses = self._pauses(said)
+        found: list[Behaviour] = []
+        for joint, start in first.items():
+            seed = child_seed(self._context.seed, self._full(joint))
+            frames = draw_waits(pauses, seed, start, second[joint])
+            found.append(KeyFrames(self._full(joint), frames, self._motion(said.motion, joint)))
+        return found
+
+    def _pauses(self, said: Alternates) -> RandomWaits:
+        limit, waiting = self._context.limit, said.waiting
+        first = self._time(waiting.first)
+        second = 0.0 if waiting.second is None else self._time(waiting.second)
+        if waiting.kind == "uniform" and second < first:
+            raise InputError(Diagnostic(said.where, "the longest wait is less than the shortest"))
+        if (second if waiting.kind == "uniform" else first) <= 0.0:
+            raise InputError(Diagnostic(waiting.first.where, "it waits longer than 0 s"))
+        pauses = RandomWaits(
+            waiting.kind,
+            first,
+            second,
+            0.0 if said.since is None else self._time(said.since),
+            min(limit, limit if said.until is None else self._time(said.until)),
+        )
+        if pauses.count > MOST_DRAWS:
+            message = f"that makes more than {MOST_DRAWS} draws"
+            raise InputError(Diagnostic(waiting.first.where, message, "are the units right?"))
+        return pauses
+
+    def _reacts(self, said: Reacts) -> list[Behaviour]:
+        start, end = self._positions(said.start), self._positions(said.end)
+        self._same_joints(said, start, end)
+        event = self._event(said.occasion)
+        delay = 0.0 if said.after is None else self._time(said.after)
+        return [
+            Reaction(
+                self._full(joint),
+                start[joint],
+                end[joint],
+                event,
+                self._motion(said.motion, joint),
+                delay,
+            )
+            for joint in start
+        ]
+
+    def _walks(self, said: Walks) -> list[Behaviour]:
+        if self._joint:
+            raise InputError(Diagnostic(said.where, f"{self._body.name} walks as a whole"))
+        event = None if said.occasion is None else self._event(said.occasion)
+        return [walk_of(self._context, self._body, said, event)]
+
+    def _event(self, said: EventPhrase) -> Event:
+        return event_of(self._context, self._catalogue, self._bodies, said)
+
+    def _same_joints(
+        self,
+        said: Toggles | Goes | Alternates | Reacts,
+        one: Mapping[str, float],
+        other: Mapping[str, float],
+    ) -> None:
+        if set(one) != set(other):
+            first, second = (
+                (said.start, said.end)
+                if isinstance(said, Goes | Reacts)
+                else (said.first, said.second)
+            )
+            raise InputError(Diagnostic(said.where, f"{first} and {second} move different joints"))
+
+    def _full(self, joint: str) -> str:
+        return f"{self._body.name}.{joint}"
+
+    def _positions(self, position: Amount) -> dict[str, float]:
+        positions = joint_positions(
+            self._body, self._model, position, self._joint, self._context.parameters
+        )
+        if is_mover(self._body.joints) and set(PLANAR_JOINTS) & set(positions):
+            message = f"{self._body.name} is a mover: it walks, or stands where it is placed"
+            hint = f"{self._body.name} walks along …"
+            raise InputError(Diagnostic(position.where, message, hint))
+        return positions
+
+    def _time(self, amount: Amount) -> float:
+        value = self._context.value(amount, "time")
+        if value < 0.0:
+            message = f"{value:g} s is before the start of the run"
+            raise InputError(Diagnostic(amount.where, message, "times count from 0 s"))
+        return value
+
+    def _motion(self, said: MotionAs, joint: str) -> Motion:
+        value = self._context.optional
+        turns = joint_of(self._body, joint).kind == "revolute"
+        kind = "torsional " if turns else ""
+        if said.kind == "jump":
+            return Jump()
+        if said.kind == "servo":
+            plain = Servo()
+            rate = value(said.rate, plain.rate, "angular speed" if turns else "speed")
+            effort = value(said.effort, plain.effort, "torque" if turns else "force")
+            self._positive(said.rate, rate)
+            self._positive(said.effort, effort)
+            return Servo(rate, effort)
+        soft = Spring()
+        stiffness = value(said.stiffness, soft.stiffness, f"{kind}stiffness")
+        damping = value(said.damping, soft.damping, f"{kind}damping")
+        self._positive(said.stiffness, stiffness)
+        if damping < 0.0 and said.damping is not None:
+            raise InputError(Diagnostic(said.damping.where, "damping is never negative"))
+        return Spring(stiffness, damping)
+
+    def _positive(self, amount: Amount | None, value: float) -> None:
+        if amount is not None and value <= 0.0:
+            raise InputError(Diagnostic(amount.where, "this must be greater than 0"))

@@ -1,0 +1,166 @@
+"""ROS parameter files: the YAML that ``rosparam load`` reads, every value with its place.
+
+Robots' files are YAML 1.1 and hold what a strict reader refuses: a key twice in one mapping (ROS
+takes the last one), ``yes`` for true, anchors, angles in degrees. All of it is read here the way
+ROS reads it; what is probably a slip is a warning. Nothing is evaluated, and a file is bounded in
+size, depth and number of values. Source: rosparam (ROS Noetic), YAML 1.1.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Final
+
+from grammars.text.diagnostics import Diagnostic, InputError, Severity, Where
+from grammars.text.documents import KeyPath, YamlDocument, read_text
+
+_DEEPEST: Final = 20
+_MOST_VALUES: Final = 20_000
+"""More than any robot has; aliases of aliases end here."""
+_PLAIN: Final = frozenset(f"tag:yaml.org,2002:{kind}" for kind in ("bool", "int", "float", "str"))
+_COLLECTIONS: Final = frozenset(f"tag:yaml.org,2002:{kind}" for kind in ("map", "seq"))
+_NULL: Final = "tag:yaml.org,2002:null"
+_NO_VALUE: Final = "write a value or leave it out"
+_DATE: Final = "tag:yaml.org,2002:timestamp"
+_FLOAT: Final = "tag:yaml.org,2002:float"
+_ANGLES: Final = {"!degrees": math.radians, "!radians": float}
+_ANGLE: Final = re.compile(r"^(deg|rad)\(\s*([-+]?[0-9.]+(?:[eE][-+]?\d+)?)\s*\)$")
+
+
+def load_ros_yaml(path: str | Path) -> tuple[YamlDocument, tuple[Diagnostic, ...]]:
+    """Read a ROS parameter file; the second value holds warnings.
+
+    Raises :class:`InputError` for what is no YAML, no mapping, or larger than files of people.
+    """
+    return parse_ros_yaml(read_text(path), str(path))
+
+
+def parse_ros_yaml(text: str, file: str) -> tuple[YamlDocument, tuple[Diagnostic, ...]]:
+    """Parse the text of a ROS parameter file; ``file`` is the name used in messages."""
+    from ruamel.yaml import YAML
+    from ruamel.yaml.error import MarkedYAMLError, YAMLError
+
+    yaml = YAML(typ="safe", pure=True)
+    yaml.version = (1, 1)
+    try:
+        root = yaml.compose(text)
+    except MarkedYAMLError as error:
+        mark = error.problem_mark or error.context_mark
+        where = Where(file, mark.line + 1, mark.column + 1) if mark else Where(file)
+        message = str(error.problem or error.context or "").splitlines()[0]
+        raise InputError(Diagnostic(where, f"is not valid YAML: {message}")) from error
+    except RecursionError as error:
+        raise InputError(Diagnostic(Where(file), "is nested too deeply")) from error
+    except (YAMLError, ValueError) as error:
+        first = str(error).splitlines()[0] if str(error) else type(error).__name__
+        raise InputError(Diagnostic(Where(file), f"is not valid YAML: {first}")) from error
+    reader = _RosYamlReader(file, yaml.constructor)
+    if root is None or root.tag == _NULL:
+        return YamlDocument(file, {}, {(): Where(file, 1, 1)}, text), ()
+    data = reader.value(root, ())
+    if not isinstance(data, dict):
+        raise InputError(Diagnostic(Where(file, 1, 1), "expected parameters, NAME: VALUE"))
+    return YamlDocument(file, data, reader.places, text), tuple(reader.warnings)
+
+
+@dataclass(slots=True)
+class _RosYamlReader:
+    """Turns YAML nodes into plain data."""
+
+    file: str
+    constructor: Any
+    places: dict[KeyPath, Where] = field(default_factory=dict)
+    warnings: list[Diagnostic] = field(default_factory=list)
+    count: int = 0
+
+    def value(self, node: Any, path: KeyPath) -> Any:
+        """Return the plain value of a node that stands at ``path``."""
+        where = self.place(node)
+        self.count += 1
+        if len(path) > _DEEPEST:
+            raise InputError(Diagnostic(where, f"is nested deeper than {_DEEPEST} levels"))
+        if self.count > _MOST_VALUES:
+            raise InputError(Diagnostic(where, f"holds more than {_MOST_VALUES} values"))
+        self.places[path] = where
+        if node.id != "scalar" and node.tag not in _COLLECTIONS:
+            raise InputError(Diagnostic(where, f"tag {node.tag} is not read here"))
+        if node.id == "mapping":
+            return self.mapping(node, path)
+        if node.id == "sequence":
+            return [self.value(item, (*path, i)) for i, item in enumerate(node.value)]
+        return self.scalar(node)
+
+    def mapping(self, node: Any, path: KeyPath) -> dict[str, Any]:
+        """Return a mapping; of a name written twice ROS takes the last value."""
+        result: dict[str, Any] = {}
+        for key, value in self.pairs(node):
+            name = str(key.value)
+            if value.tag == _NULL:
+                message = f"{name}: has no value, which rosparam cannot load"
+                raise InputError(Diagnostic(self.place(key), message, _NO_VALUE))
+            if name in result:
+                message = f"{name}: is written twice, ROS takes this one"
+                self.warn(key, message, f"the other one: line {self.places[(*path, name)].line}")
+                self.forget((*path, name))
+            result[name] = self.value(value, (*path, name))
+        return result
+
+    def pairs(self, node: Any) -> list[tuple[Any, Any]]:
+        """Return keys and values, those that ``<<`` brings in first."""
+        own, merged = [], []
+        for key, value in node.value:
+            if key.id != "scalar":
+                raise InputError(Diagnostic(self.place(key), "a name must be plain text"))
+            if key.value != "<<":
+                own.append((key, value))
+                continue
+            for part in value.value if value.id == "sequence" else (value,):
+                if part.id != "mapping":
+                    raise InputError(Diagnostic(self.place(part), "<< takes mappings only"))
+                merged += part.value
+        names = {key.value for key, _ in own}
+        return [pair for pair in merged if pair[0].value not in names] + own
+
+    def scalar(self, node: Any) -> Any:
+        """Return a number, text or truth value as YAML 1.1 reads it."""
+        if node.tag == _NULL:
+            raise InputError(Diagnostic(self.place(node), "is no value", _NO_VALUE))
+        if node.tag in _ANGLES:
+            return self.angle(node, node.tag, node.value)
+        if node.tag not in _PLAIN:
+            if node.tag == _DATE:
+                return str(node.value)
+            raise InputError(Diagnostic(self.place(node), f"tag {node.tag} is not read here"))
+        found = _ANGLE.match(node.value) if node.tag.endswith(":str") else None
+        if found:
+            return self.angle(node, {"deg": "!degrees", "rad": "!radians"}[found[1]], found[2])
+        if node.tag == _FLOAT and re.fullmatch(r"[-+]?\d+[eE][-+]?\d+", node.value):
+            return str(node.value)  # PyYAML, which rosparam uses, takes 1e-3 for text.
+        try:
+            return self.constructor.construct_object(node)
+        except (ValueError, LookupError) as error:
+            message = f'"{node.value}" is no {node.tag.rpartition(":")[2]}'
+            raise InputError(Diagnostic(self.place(node), message)) from error
+
+    def angle(self, node: Any, tag: str, text: str) -> float:
+        """Return an angle in radians."""
+        try:
+            return _ANGLES[tag](float(text))
+        except ValueError as error:
+            raise InputError(Diagnostic(self.place(node), f'"{text}" is no angle')) from error
+
+    def forget(self, path: KeyPath) -> None:
+        """Drop the places of a value that another one replaces."""
+        for place in [p for p in self.places if p[: len(path)] == path]:
+            del self.places[place]
+
+    def place(self, node: Any) -> Where:
+        """Return where a node begins."""
+        return Where(self.file, node.start_mark.line + 1, node.start_mark.column + 1)
+
+    def warn(self, node: Any, message: str, hint: str) -> None:
+        """Note something that reads well and is probably a slip."""
+        self.warnings.append(Diagnostic(self.place(node), message, hint, Severity.WARNING))

@@ -1,0 +1,235 @@
+"""One variant: from a point of a sampling to its plan, or what speaks against it, and to its file."""
+
+from __future__ import annotations
+
+import math
+import os
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Final, Literal
+
+from grammars.floorplan import FloorPlan, parse_floorplan
+from grammars.text.diagnostics import Diagnostic, InputError, Severity, Where
+from grammars.variation._designs import Method
+from grammars.variation._expressions import PLAIN, Expression, Powers, Requirement, evaluate
+from grammars.variation._load import Variant, VariantValue, Variation
+from grammars.variation._plan import TO_SI, Slot, SlotValue, inserted_lines, rewrite
+from grammars.variation._soundness import Defect, check_soundness, defects
+
+_HEADER_LINES: Final = 2
+_LISTED: Final = 12
+_DECIMALS: Final = 9
+_NUMBER: Final = re.compile(r"-?\d+(?:\.\d+)?(?:e[+-]?\d+)?")
+
+
+class Rejections:
+    """What rejected how many points; messages that differ in their numbers count as one."""
+
+    def __init__(self) -> None:
+        self._counts: dict[tuple[Where, str], int] = {}
+        self._first: dict[tuple[Where, str], Diagnostic] = {}
+
+    def add(self, reasons: Iterable[Diagnostic]) -> None:
+        """Count the reasons against one point."""
+        for reason in reasons:
+            key = (reason.where, _NUMBER.sub("#", reason.message))
+            self._counts[key] = self._counts.get(key, 0) + 1
+            self._first.setdefault(key, reason)
+
+    def error(self, where: Where, message: str) -> InputError:
+        """Return ``message`` as an error, with what rejected most often first."""
+        hint = "loosen what is required, or the distributions it is about"
+        findings = [Diagnostic(where, message, hint)]
+        for key, count in sorted(self._counts.items(), key=lambda item: -item[1])[:_LISTED]:
+            reason = self._first[key]
+            findings.append(Diagnostic(reason.where, f"rejected {count} times: {reason.message}"))
+        if len(self._counts) > _LISTED:
+            more = f"and {len(self._counts) - _LISTED} more reasons"
+            findings.append(Diagnostic(where, more))
+        return InputError(findings)
+
+
+@dataclass(slots=True)
+class VariantBuilder:
+    """Turns points into variants; ``radius`` is that of the robot a sound plan has room for."""
+
+    variation: Variation
+    method: Method
+    seed: int
+    radius: float | None
+    suffix: bool
+    _source: Mapping[str, Defect] = field(init=False)
+    _inserted: tuple[int, ...] = field(init=False)
+
+    def __post_init__(self) -> None:
+        radius = self.radius
+        self._source = {} if radius is None else defects(self.variation.source, radius)
+        slots = [assignment.slot for assignment in self.variation.assignments]
+        self._inserted = inserted_lines(self.variation.plan_text, slots)
+
+    def variant(
+        self, point: Sequence[float], seed: int, rejected: Rejections, tries: int = 1
+    ) -> Variant | None:
+        """Return the variant of one point, or ``None`` after noting what rejected it."""
+        drawn = SampledPoint(self.variation, point)
+        cheap = [r for r in self.variation.requirements if not r.needs_plan]
+        failing = _failing(cheap, drawn)
+        if failing:
+            rejected.add(failing)
+            return None
+        name = f"{self.variation.plan_name}_{seed}"
+        edited = rewrite(
+            self.variation.plan_text, drawn.settings.values(), name=name if self.suffix else ""
+        )
+        text = self._header(seed) + edited
+        plan = self._sound(drawn, text, name, rejected)
+        return None if plan is None else Variant(seed, drawn.values(), text, name, plan, tries)
+
+    def _sound(
+        self, drawn: SampledPoint, text: str, name: str, rejected: Rejections
+    ) -> FloorPlan | None:
+        try:
+            plan = parse_floorplan(text, f"{name}.fpm")
+            drawn.compiled = plan
+            costly = [r for r in self.variation.requirements if r.needs_plan]
+            failing = _failing(costly, drawn)
+            if not failing and self.radius is not None:
+                failing = self._in_source(check_soundness(plan, self._source, self.radius))
+        except InputError as error:
+            errors = [d for d in error.diagnostics if d.severity is Severity.ERROR]
+            failing = self._in_source(errors)
+        rejected.add(failing)
+        return None if failing else plan
+
+    def _header(self, seed: int) -> str:
+        plan, newline = self.variation.plan_text, self.variation.plan_text.newline
+        how = f", {self.method} design {self.seed}" if self.method != "random" else ""
+        # A file name may hold anything, but must not end the comment it stands in.
+        file = "".join(c if c.isprintable() else "?" for c in self.variation.plan_file.name)
+        source = f"{plan.name} ({file})"
+        return f"// Source plan: {source}{newline}// Seed: {seed}{how}{newline}"
+
+    def _in_source(self, findings: Iterable[Diagnostic]) -> list[Diagnostic]:
+        """Return findings about a variant at the lines of the plan it comes from."""
+        moved = []
+        for finding in findings:
+            line = max(0, finding.where.line - _HEADER_LINES)
+            for before in self._inserted:
+                line -= line > before
+            where = Where(str(self.variation.plan_file), line, finding.where.column)
+            moved.append(Diagnostic(where, finding.message))
+        return moved
+
+
+def _failing(requirements: Iterable[Requirement], drawn: SampledPoint) -> list[Diagnostic]:
+    return [Diagnostic(r.where, r.text) for r in requirements if not r.holds(drawn)]
+
+
+class SampledPoint:
+    """One point as settings of slots, and as the answers a requirement asks for."""
+
+    def __init__(self, variation: Variation, point: Sequence[float]) -> None:
+        self._variation = variation
+        self._units = {draw.name: draw.unit for draw in variation.draws}
+        self._numbers = {
+            draw.name: number for draw, number in zip(variation.draws, point, strict=True)
+        }
+        self.compiled: FloorPlan | None = None
+        self.settings: dict[str, SlotValue] = {}
+        self._by_key: dict[tuple[int, str], SlotValue] = {}
+        for assignment in variation.assignments:
+            setting = self._setting(assignment.slot, assignment.source, assignment.dimension)
+            self.settings[assignment.slot.name] = setting
+            self._by_key[assignment.slot.key] = setting
+
+    def _setting(self, slot: Slot, source: str | Expression, dimension: Powers) -> SlotValue:
+        if isinstance(source, str):
+            return SlotValue(slot, self._numbers[source], self._units[source])
+        value = evaluate(source, self)
+        number = value if dimension == PLAIN else value / TO_SI[slot.unit]
+        return SlotValue(slot, round(number, _DECIMALS) if math.isfinite(number) else number)
+
+    def values(self) -> tuple[VariantValue, ...]:
+        """Return everything drawn and set, in file order."""
+        found = []
+        for name in self._variation.reported:
+            setting = self.settings.get(name)
+            if setting is None:
+                found.append(VariantValue(name, self._numbers[name], self._units[name]))
+            else:
+                found.append(VariantValue(name, setting.number, setting.unit or setting.slot.unit))
+        return tuple(found)
+
+    def shared(self, name: str) -> float:
+        """Return a named draw [m, rad or plain]."""
+        return self._numbers[name] * TO_SI.get(self._units[name], 1.0)
+
+    def attribute(self, slot: Slot) -> float:
+        """Return what the sampled plan says at a place [m or rad]."""
+        setting = self._by_key.get(slot.key)
+        if setting is not None:
+            return setting.number * TO_SI[setting.unit or slot.unit]
+        if isinstance(slot.value, float):
+            return slot.value
+        variable = self._variation.plan_text.variables[slot.value.variable]
+        return slot.value.sign * self.attribute(variable)
+
+    @property
+    def plan(self) -> FloorPlan:
+        """The sampled plan, once it is compiled."""
+        assert self.compiled is not None
+        return self.compiled
+
+
+@dataclass(frozen=True, slots=True)
+class VariantFile:
+    """What became of one variant's file: new, replaced, the same already, or kept as it was."""
+
+    path: Path
+    variant: Variant
+    outcome: Literal["written", "overwritten", "unchanged", "kept"]
+
+
+def write_variants(
+    variants: Iterable[Variant],
+    folder: str | Path,
+    *,
+    overwrite: bool = False,
+    source: str | Path | None = None,
+) -> tuple[VariantFile, ...]:
+    """Write every variant to ``<folder>/<plan>_<seed>.fpm``; the folder is made when missing.
+
+    Files that exist are kept unless ``overwrite``; ``source``, the plan the variants come from, is
+    never overwritten. Raises :class:`InputError` when a file cannot be written.
+    """
+    directory = Path(folder)
+    try:
+        directory.mkdir(parents=True, exist_ok=True)
+        return tuple(_write(v, directory, overwrite, source) for v in variants)
+    except OSError as error:
+        reason = error.strerror or str(error)
+        place = Where(str(error.filename or directory))
+        raise InputError(Diagnostic(place, f"cannot be written: {reason}")) from error
+
+
+def _write(
+    variant: Variant, directory: Path, overwrite: bool, source: str | Path | None
+) -> VariantFile:
+    path = directory / f"{variant.name}.fpm"
+    data = variant.text.encode()
+    existed = path.exists()
+    if existed:
+        if path.read_bytes() == data:
+            return VariantFile(path, variant, "unchanged")
+        if source is not None and path.samefile(source):
+            message = "is the plan itself and is not overwritten"
+            raise InputError(Diagnostic(Where(str(path)), message, "take another folder or seed"))
+        if not overwrite:
+            return VariantFile(path, variant, "kept")
+    # Written beside and renamed: nobody ever reads half a plan.
+    unfinished = path.with_name(f".{path.name}.{os.getpid()}")
+    unfinished.write_bytes(data)
+    unfinished.replace(path)
+    return VariantFile(path, variant, "overwritten" if existed else "written")

@@ -1,0 +1,104 @@
+"""Files near a folder: campaigns and oracle layers, those changed last first."""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Final
+
+_DEPTH: Final = 6
+_LOOKED_AT: Final = 20_000
+"""Directory entries looked at; who starts in `/` shall get an answer too."""
+_MOST: Final = 500
+_HEAD: Final = 65_536
+_PASSED: Final = frozenset(
+    {"node_modules", "site-packages", "__pycache__", "build", "dist", "scenario-results", "venv"}
+)
+
+
+def is_campaign(path: Path) -> bool:
+    """Whether a YAML file describes a campaign."""
+    return has_key(path, "campaign")
+
+
+def has_key(path: Path, key: str) -> bool:
+    """Whether a YAML file has ``key`` at its outermost level."""
+    if path.suffix not in (".yaml", ".yml"):
+        return False
+    try:
+        with path.open("rb") as file:
+            head = file.read(_HEAD)
+    except OSError:
+        return False
+    return re.search(rb"^%s\s*:" % key.encode(), head, re.MULTILINE) is not None
+
+
+def find_files(folder: Path, wanted: Callable[[Path], bool]) -> tuple[Path, ...]:
+    """Return the files wanted in and below a folder, those changed last first.
+
+    Hidden folders and those with what was built or downloaded are passed by.
+    """
+    found = [(entry.stat().st_mtime, Path(entry.path)) for entry in _walk(folder, wanted)]
+    found.sort(key=lambda pair: (-pair[0], pair[1]))
+    return tuple(path for _, path in found)
+
+
+def _walk(folder: Path, wanted: Callable[[Path], bool]) -> Iterator[os.DirEntry[str]]:
+    # Breadth first: what is near is found also where the limits cut.
+    folders, looked, yielded = [(str(folder), 0)], 0, 0
+    for place, depth in folders:
+        for entry in _entries(place):
+            looked += 1
+            if looked > _LOOKED_AT or yielded >= _MOST:
+                return
+            if entry.is_dir(follow_symlinks=False):
+                if depth < _DEPTH and entry.name[0] != "." and entry.name not in _PASSED:
+                    folders.append((entry.path, depth + 1))
+            elif wanted(Path(entry.path)) and entry.is_file():
+                yielded += 1
+                yield entry
+
+
+def _entries(place: str) -> list[os.DirEntry[str]]:
+    try:
+        with os.scandir(place) as entries:
+            return sorted(entries, key=lambda entry: entry.name)
+    except OSError:
+        return []
+
+
+def newest_change(folder: Path) -> float:
+    """Return when something in a folder changed last [s since the epoch], 0 for an empty one."""
+    return max((entry.stat().st_mtime for entry in _entries(str(folder))), default=0.0)
+
+
+def relative_name(path: Path, here: Path) -> str:
+    """Return a path as people would type it from ``here``."""
+    return str(path.relative_to(here)) if path.is_relative_to(here) else str(path)
+
+
+def fuzzy_matches(names: tuple[str, ...], typed: str) -> tuple[str, ...]:
+    """Return the names that fit what was typed, letters in order, the best first."""
+    if not typed:
+        return names
+    # TAB looks for campaigns with the functions above, and must not wait for this.
+    from textual.fuzzy import FuzzySearch
+
+    search = FuzzySearch()
+    scored = [(search.match(typed, name)[0], name) for name in names]
+    best = sorted((pair for pair in scored if pair[0] > 0), key=lambda pair: -pair[0])
+    return tuple(name for _, name in best)
+
+
+def typed_folder(typed: str, here: Path) -> tuple[Path, str] | None:
+    """Return the folder a path begins with and the rest; ``None`` where no path is typed.
+
+    ``../lab/cam`` looks for ``cam`` in ``../lab``; a folder below ``here`` is no reason to leave.
+    """
+    above, slash, rest = typed.rpartition("/")
+    if not slash or typed[0] not in "/~.":
+        return None
+    folder = (here / Path(above or "/").expanduser()).resolve()
+    return (folder, rest) if folder.is_dir() else None

@@ -1,0 +1,223 @@
+"""The command that says why a run fails."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from scenario_tui.cli import completion
+from scenario_tui.cli.completion import campaign_files
+from scenario_tui.cli.exit_codes import ExitCode
+from scenario_tui.cli.options import AsJson, State
+
+if TYPE_CHECKING:
+    from daemon.analysis.blame import Blame, CampaignRun, CandidateRunner, Element, RunCase, Without
+
+
+def blame(
+    run: Annotated[
+        list[str],
+        typer.Argument(
+            metavar="RUN | CAMPAIGN.yaml SCENARIO [SUT [REPEAT]]",
+            help="A failed run: its trace (.mcap), its id, or its place in a campaign file.",
+            autocompletion=completion.blame_arguments,
+        ),
+    ],
+    oracle: Annotated[
+        str,
+        typer.Option(
+            "--oracle",
+            help="The verdict to explain. Default: the first failing.",
+            autocompletion=completion.oracles,
+        ),
+    ] = "",
+    runs: Annotated[
+        int, typer.Option("--runs", "-n", min=1, max=100_000, help="At most so many runs.")
+    ] = 100,
+    campaign: Annotated[
+        Path | None,
+        typer.Option(
+            "--campaign",
+            metavar="FILE",
+            help="Campaign file of a trace or id. Default: looked for below this folder.",
+            autocompletion=completion.files(campaign_files),
+        ),
+    ] = None,
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            "--out",
+            "-o",
+            metavar="DIR",
+            help="Where the smallest failing scenario goes. Default: scenario-results/blame/RUN/.",
+        ),
+    ] = None,
+    state: State = None,
+    as_json: AsJson = False,
+) -> None:
+    """Find the layer or parameter that makes a run fail, and the least that still fails.
+
+    Runs are executed here, two at a time. Ctrl-C keeps what was found.
+    """
+    from daemon.analysis.blame import (
+        BudgetSpentError,
+        CandidateRunner,
+        NoFailureError,
+        load_case,
+        save_campaign,
+    )
+    from daemon.analysis.blame import explain_failure as search
+    from scenario_tui.cli.output import emit, say
+
+    meant = _resolve_run(run, state, campaign)
+    case = load_case(meant.campaign, meant.scenario, meant.sut, meant.repeat)
+    if meant.note:
+        say(f"{case.spec.label}: {meant.note}")
+    try:
+        with _run_counter() as watch:
+            runner = CandidateRunner(runs, watch=watch)
+            found = search(case, runner, oracle)
+            file = save_campaign(case, found, out or _folder(case), runner)
+    except NoFailureError as error:
+        say(f"scenario: {error}")
+        raise typer.Exit(ExitCode.INCONCLUSIVE) from error
+    except BudgetSpentError as error:
+        raise typer.BadParameter("not even the run itself fits", param_hint="--runs") from error
+    if as_json:
+        spent = {"runs": runner.runs, "cached": runner.cached, "seconds": runner.seconds}
+        emit("blame", blame=found.story, **spent, saved=str(file))
+    else:
+        _print_blame(case, found.story, runner, file)
+    raise typer.Exit(
+        ExitCode.INTERRUPTED if found.story.stopped == "interrupted" else ExitCode.EXPECTED
+    )
+
+
+def _resolve_run(run: list[str], state: State, campaign: Path | None) -> CampaignRun:
+    from daemon.analysis.blame import find_run
+    from daemon.batch.paths import StatePaths
+    from grammars.text.diagnostics import InputError
+    from scenario_tui.cli.target import resolve_recorded
+
+    places = StatePaths.find(state)
+    try:
+        words = (
+            [resolve_recorded(run[0], places)] if len(run) == 1 and not _is_yaml(run[0]) else run
+        )
+        return find_run(words, places, campaign)
+    except InputError:
+        raise
+    except ValueError as error:
+        raise typer.BadParameter(str(error), param_hint="RUN") from error
+
+
+def _is_yaml(word: str) -> bool:
+    return word.endswith((".yaml", ".yml"))
+
+
+def _folder(case: RunCase) -> Path:
+    from daemon.batch.paths import trace_name
+
+    spec = case.spec
+    name = trace_name(case.campaign.name, spec.scenario, spec.sut.name, spec.repeat)
+    return Path("scenario-results") / "blame" / name.removesuffix(".mcap")
+
+
+@contextmanager
+def _run_counter() -> Iterator[_RunCounter]:
+    """Show how many runs it took so far, on one line, where somebody looks."""
+    watch = _RunCounter()
+    try:
+        yield watch
+    finally:
+        watch.wipe()
+
+
+class _RunCounter:
+    """A line of progress without a thread: runs are forked, and threads do not survive that."""
+
+    def __init__(self) -> None:
+        from scenario_tui.cli.output import stderr_console
+
+        self._console = stderr_console()
+        # Where the line cannot be written again, every count would be a line of its own.
+        self._moves = self._console.is_terminal and not self._console.is_dumb_terminal
+
+    def __call__(self, runner: CandidateRunner) -> None:
+        if self._moves:
+            text = f"{runner.runs} runs, {runner.seconds:.0f} s"
+            self._console.file.write(f"\r{text}\x1b[K")
+            self._console.file.flush()
+
+    def wipe(self) -> None:
+        if self._moves:
+            self._console.file.write("\r\x1b[K")
+            self._console.file.flush()
+
+
+def _print_blame(case: RunCase, story: Blame, runner: CandidateRunner, file: Path) -> None:
+    from scenario_tui.cli.output import stdout_console
+    from scenario_tui.cli.results import print_commands
+    from scenario_tui.text.formatting import duration, pluralise, verdict_line
+
+    console = stdout_console()
+    console.print(f"{story.run} fails {verdict_line(story.verdict)}", soft_wrap=True)
+    console.print()
+    for line in (*_layer_lines(case, story), *_part_lines(story)):
+        console.print(f"  {line}", soft_wrap=True)
+    console.print()
+    if story.stopped:
+        console.print(f"stopped before nothing else could go: {story.stopped}")
+    took = f"{pluralise(runner.runs, 'run')}, {duration(runner.seconds)}"
+    console.print(f"{took}; {runner.cached} more were known already")
+    print_commands((f"scenario run {file}", "the smallest failing scenario, on its own"))
+
+
+def _layer_lines(case: RunCase, story: Blame) -> Iterator[str]:
+    if not story.layers:
+        if story.stopped:
+            yield "which of its layers makes it fail is not known yet"
+        else:
+            like = f" with {case.settings.like}" if case.settings.like else ""
+            yield f"fails in the bare building{like} as well: no layer is to blame"
+        return
+    on_top = case.settings.like if story.parameters else ""
+    names = _join_names([one.element.name for one in story.layers])
+    yield f"fails with {names}{f' on top of {on_top}' if on_top else ''}"
+    for one in story.layers:
+        yield f"without {_short_name(one.element)}: {_outcome_without(one)}"
+    if story.flips is not None and len(case.added) > 1:
+        yield f"in the order of the campaign, it is {_short_name(story.flips)} that flips it"
+
+
+def _short_name(element: Element) -> str:
+    """Return what to call an element once it has been told in full."""
+    return element.name.partition(": ")[0] if element.kind == "parameter" else element.name
+
+
+def _outcome_without(one: Without) -> str:
+    if one.word == "fail":
+        return "fails as well, but for another reason"
+    return "passes" if one.word == "pass" else one.note or "cannot be judged"
+
+
+def _part_lines(story: Blame) -> Iterator[str]:
+    before = dict(story.before)
+    doors = ", ".join(story.objects) or "no objects"
+    waypoints = ", ".join(story.waypoints)
+    yield f"{'minimal' if story.minimal else 'so far'}: {doors} (of {before['object']})"
+    yield f"  waypoints {waypoints} (of {before['waypoint']})"
+    behaviours = ", ".join(story.behaviours) or "none"
+    yield f"  behaviours {behaviours} (of {before['behaviour']})"
+    if before["parameter"]:
+        names = (name.partition(": ")[0] for name in story.parameters)
+        parameters = ", ".join(names) or "none"
+        yield f"  parameters {parameters} (of {before['parameter']})"
+
+
+def _join_names(names: list[str]) -> str:
+    return " and ".join(part for part in (", ".join(names[:-1]), names[-1]) if part)

@@ -1,0 +1,220 @@
+"""The command line as a whole: its commands, how help shows them, and what becomes of errors."""
+
+from __future__ import annotations
+
+import os
+import sys
+import traceback
+from collections.abc import Callable, Sequence
+from typing import Annotated, Any, Final
+
+import typer
+from typer.core import TyperCommand, TyperGroup, TyperOption
+
+from grammars.text.diagnostics import InputError
+from scenario_tui.cli import (
+    blame,
+    compare,
+    coverage,
+    editors,
+    export,
+    judge,
+    keys,
+    look,
+    machines,
+    operate,
+    recorded_runs,
+    report,
+    run_campaigns,
+    steer,
+    sut,
+    vary,
+)
+from scenario_tui.cli.exit_codes import ExitCode
+from scenario_tui.cli.options import with_keys_option
+from scenario_tui.cli.output import settle_streams
+
+
+class PlainFlagsCommand(TyperCommand):
+    """A command whose flags are shown without ``<bool>``."""
+
+    def get_params(self, ctx: Any) -> Any:
+        """Return the parameters as help shows them."""
+        return _without_flag_types(super().get_params(ctx))
+
+
+class PlainFlagsGroup(TyperGroup):
+    """A group of commands whose flags are shown without ``<bool>``."""
+
+    def get_params(self, ctx: Any) -> Any:
+        """Return the parameters as help shows them."""
+        return _without_flag_types(super().get_params(ctx))
+
+
+def _without_flag_types(parameters: list[Any]) -> list[Any]:
+    for parameter in parameters:
+        if isinstance(parameter, TyperOption) and parameter.is_flag and parameter.metavar is None:
+            parameter.metavar = ""
+    return parameters
+
+
+_PANELS: Final[dict[str, tuple[Callable[..., None], ...]]] = {
+    "Run campaigns": (
+        run_campaigns.demo,
+        run_campaigns.check,
+        sut.sut,
+        run_campaigns.run,
+        run_campaigns.submit,
+        run_campaigns.wait,
+    ),
+    "Look": (
+        machines.tui,
+        look.status,
+        look.results,
+        look.show,
+        look.logs,
+        recorded_runs.fetch,
+        recorded_runs.replay,
+        recorded_runs.plot,
+    ),
+    "Understand": (
+        judge.judge,
+        compare.compare,
+        report.report,
+        coverage.coverage,
+        blame.blame,
+    ),
+    "Steer": (
+        steer.cancel,
+        steer.retry,
+        steer.pause,
+        steer.resume,
+        steer.priority,
+        steer.stop,
+    ),
+    "Machines": (machines.daemon, machines.worker),
+    "Operate": (operate.doctor, operate.metrics, operate.gc),
+    "Artefacts": (export.export, vary.vary),
+    "Editors": (editors.schema, editors.vscode),
+}
+
+app = typer.Typer(
+    name="scenario",
+    help="Test mobile robots in scenarios: run campaigns in simulation, judge every run, "
+    "see what happened.",
+    epilog="Start with: scenario demo",
+    cls=PlainFlagsGroup,
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+for _panel, _commands in _PANELS.items():
+    for _command in _commands:
+        app.command(rich_help_panel=_panel, cls=PlainFlagsCommand)(with_keys_option(_command))
+app.add_typer(keys.keys_app, rich_help_panel="Machines")
+
+
+def command_names() -> frozenset[str]:
+    """Return the names of all commands."""
+    commands = {command.__name__ for group in _PANELS.values() for command in group}
+    return frozenset(commands | {"keys"})
+
+
+def _print_version(wanted: bool) -> None:
+    if wanted:
+        from importlib.metadata import version
+
+        typer.echo(f"scenario {version('scenario-tui')}")
+        raise typer.Exit
+
+
+@app.callback()
+def options(
+    version: Annotated[
+        bool,
+        typer.Option("--version", callback=_print_version, is_eager=True, help="Say the version."),
+    ] = False,
+) -> None:
+    """Test mobile robots in scenarios: run campaigns in simulation, judge every run."""
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Run the command line and leave with its exit code."""
+    settle_streams()
+    code = invoke(sys.argv[1:] if arguments is None else arguments)
+    try:
+        sys.stdout.flush()
+    except OSError as error:
+        # Whoever read us has left (`scenario results | head`) or a disk is full: nothing more
+        # can be said there.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        code = _report_unhandled(error)
+    sys.exit(code)
+
+
+def invoke(arguments: Sequence[str]) -> int:
+    """Run the command line and return its exit code; every error has been reported."""
+    try:
+        return _exit_code_of(app(args=list(arguments), prog_name="scenario", standalone_mode=False))
+    except typer.TyperException as error:
+        return _report_wrong_usage(error)
+    except InputError as error:
+        return _report_bad_input(error)
+    except (KeyboardInterrupt, typer.Abort):
+        return ExitCode.INTERRUPTED
+    except SystemExit as left:
+        return _typer_left(left)
+    except Exception as error:
+        return _report_unhandled(error)
+
+
+def _exit_code_of(code: Any) -> int:
+    return code if isinstance(code, int) else ExitCode.EXPECTED
+
+
+def _typer_left(left: SystemExit) -> int:
+    """Commands leave with typer.Exit; what else leaves is typer itself."""
+    # It asks shells by its code whether there is anything to complete; otherwise it and rich call
+    # sys.exit(1) when a pipe is broken.
+    if not left.code or "_SCENARIO_COMPLETE" in os.environ:
+        return _exit_code_of(left.code)
+    return ExitCode.BROKEN_PIPE
+
+
+def _report_wrong_usage(error: typer.TyperException) -> int:
+    # Usage errors show themselves with the command they are about; the root has only its words.
+    show: Callable[[], None] | None = getattr(error, "show", None)
+    if show is not None:
+        show()
+    else:
+        sys.stderr.write(f"{error}\n")
+    return ExitCode.BAD_INPUT
+
+
+def _report_bad_input(error: InputError) -> int:
+    from scenario_tui.cli.output import say
+    from scenario_tui.text.diagnostics import diagnostic_counts, report_diagnostics
+
+    report_diagnostics(error.diagnostics)
+    say(diagnostic_counts(error.diagnostics))
+    return ExitCode.BAD_INPUT
+
+
+def _report_unhandled(error: Exception) -> int:
+    from scenario_tui.cli.output import say
+
+    if isinstance(error, BrokenPipeError):
+        return ExitCode.BROKEN_PIPE
+    from daemon.batch.errors import DaemonError, Refused
+
+    if isinstance(error, DaemonError):
+        say(f"scenario: {error}")
+        # A daemon that refuses is fine itself: it was asked for something that is not there.
+        return ExitCode.BAD_INPUT if isinstance(error, Refused) else ExitCode.INFRASTRUCTURE
+    if isinstance(error, OSError):
+        where = f": {error.filename}" if error.filename else ""
+        say(f"scenario: {error.strerror or error}{where}")
+        return ExitCode.INFRASTRUCTURE
+    say("".join(traceback.format_exception(error)).rstrip())
+    say(f"scenario: {type(error).__name__}: {error}\nThis is a bug in scenario; please report it.")
+    return ExitCode.BUG

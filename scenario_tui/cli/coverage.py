@@ -1,0 +1,189 @@
+"""The command that says what a campaign exercises, and what it leaves out."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Annotated, Final
+
+import typer
+
+from scenario_tui.cli import completion
+from scenario_tui.cli.exit_codes import ExitCode
+from scenario_tui.cli.options import AsJson, Connect, State
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+    from daemon.analysis.coverage import Coverage, FeatureCount, FloorArea, RoomArea
+    from scenario_tui.cli.target import DaemonTarget
+
+LISTED: Final = 12
+
+
+def coverage(
+    subject: Annotated[
+        list[str],
+        typer.Argument(
+            metavar="CAMPAIGN.yaml|TRACES...",
+            help="A campaign file, before it runs; or what it left: traces (.mcap), folders of "
+            "them, ids of campaigns or runs.",
+            autocompletion=completion.campaign_files_or_recorded,
+        ),
+    ],
+    near: Annotated[
+        float,
+        typer.Option(min=0.01, max=1000.0, help="A door is met when the robot is so near, metres."),
+    ] = 1.5,
+    processes: Annotated[
+        int | None,
+        typer.Option("--processes", "-j", min=1, max=1024, help="Default: one per core."),
+    ] = None,
+    connect: Connect = "",
+    state: State = None,
+    as_json: AsJson = False,
+) -> None:
+    """Say which features a campaign exercises, in pairs too, and which it does not.
+
+    Of recorded runs also: doors met and triggered, floor seen and driven on, margins.
+    """
+    from scenario_tui.cli.output import emit
+    from scenario_tui.cli.target import DaemonTarget
+
+    found = _measure_coverage(subject, near, processes, DaemonTarget(connect, state))
+    if as_json:
+        emit("coverage", coverage=found, share_of_pairs=found.pairs.share)
+    else:
+        _print_coverage(found)
+    raise typer.Exit(ExitCode.INFRASTRUCTURE if found.unreadable else ExitCode.EXPECTED)
+
+
+def _measure_coverage(
+    subject: list[str], near: float, processes: int | None, target: DaemonTarget
+) -> Coverage:
+    from daemon.analysis.coverage import planned_coverage, trace_coverage
+    from scenario_tui.cli.target import all_traces
+
+    files = [name for name in subject if name.endswith((".yaml", ".yml"))]
+    if files and len(subject) > 1:
+        raise typer.BadParameter("one campaign file, or traces, not both", param_hint="CAMPAIGN")
+    if files:
+        from daemon.campaign import expand, load_campaign
+
+        planned = expand(load_campaign(files[0]))
+        return planned_coverage(planned.runs, planned.scenes)
+    paths = all_traces(subject, target, "TRACES")
+    return trace_coverage(paths, near=near, processes=processes)
+
+
+def _print_coverage(found: Coverage) -> None:
+    from scenario_tui.cli.output import say, stdout_console
+    from scenario_tui.text.formatting import pluralise
+
+    console = stdout_console()
+    told = "by their traces" if found.recorded else "as planned"
+    console.print(f"{pluralise(found.runs, 'run')}, {told}")
+    console.print()
+    console.print(_feature_table(found))
+    _print_pairs(found)
+    if found.doors:
+        console.print()
+        console.print(_door_table(found))
+    if found.floor:
+        console.print()
+        console.print(_floor_table(found))
+    if found.margins:
+        console.print()
+        console.print(_margin_table(found))
+    for one in found.unreadable:
+        say(f"{one.trace}: error: {one.problem}")
+
+
+def _table(*titles: str) -> Table:
+    """Return a table whose columns after the first are figures."""
+    from rich import box
+    from rich.table import Table
+
+    table = Table(box=box.SIMPLE_HEAD, pad_edge=False, show_edge=False)
+    for index, title in enumerate(titles):
+        table.add_column(title, overflow="fold", justify="right" if index else "left")
+    return table
+
+
+def _feature_table(found: Coverage) -> Table:
+    """One row per group of features: those exercised with their runs, and those not."""
+    table = _table("feature", "", "not exercised")
+    for column in table.columns[1:]:
+        column.justify = "left"
+    for group in found.groups:
+        met = ", ".join(_feature_with_runs(feature, found) for feature in group.planned)
+        unmet = ", ".join(feature.name for feature in group.missing)
+        table.add_row(group.path.replace("/", " / "), met, unmet)
+    return table
+
+
+def _feature_with_runs(feature: FeatureCount, found: Coverage) -> str:
+    runs = found.exercised(feature)
+    if found.recorded and runs < feature.planned:
+        return f"{feature.name} {runs} (of {feature.planned} planned)"
+    return f"{feature.name} {runs}"
+
+
+def _print_pairs(found: Coverage) -> None:
+    from scenario_tui.cli.output import stdout_console
+
+    pairs, console = found.pairs, stdout_console()
+    console.print()
+    console.print(
+        f"pairs of features: {len(pairs.exercised)} of {pairs.possible} exercised "
+        f"({pairs.share:.0%}), {pairs.excluded} cannot be",
+        soft_wrap=True,
+    )
+    news = found.never_together
+    for first, second in news[:LISTED]:
+        console.print(f"  never together: {first} and {second}", soft_wrap=True)
+    if len(news) > LISTED:
+        console.print(f"  and {len(news) - LISTED} more such pairs (--json lists all)")
+
+
+def _door_table(found: Coverage) -> Table:
+    from scenario_tui.text.formatting import quantity
+
+    table = _table(
+        "door", "runs", "moving", "moved", "triggered", f"within {found.near:g} m", "nearest"
+    )
+    several = len({door.scene for door in found.doors}) > 1
+    for door in found.doors:
+        figures = (door.runs, door.planned, door.moved, door.triggered, door.met)
+        name = f"{door.scene} {door.door}" if several else door.door
+        table.add_row(name, *map(str, figures), quantity(door.nearest, "m"))
+    return table
+
+
+def _floor_table(found: Coverage) -> Table:
+    table = _table("floor", "free", "seen by the laser", "driven on")
+    for floor in found.floor:
+        table.add_row(floor.scene, *_area_cells(floor))
+        for room in floor.rooms:
+            table.add_row(f"  {room.room}", *_area_cells(room))
+    return table
+
+
+def _area_cells(area: FloorArea | RoomArea) -> tuple[str, str, str]:
+    seen, driven = _share(area.seen, area.free), _share(area.driven, area.free)
+    return f"{area.free:.0f} m²", seen, driven
+
+
+def _share(part: float, whole: float) -> str:
+    return f"{part:.1f} m²  {part / whole:4.0%}" if whole else "–"
+
+
+def _margin_table(found: Coverage) -> Table:
+    from daemon.analysis.coverage import histogram_bars
+    from scenario_tui.text.formatting import margin
+
+    table = _table("oracle", "pass", "fail", "undecided", "least margin", "greatest", "margins")
+    table.columns[-1].justify = "left"
+    for one in found.margins:
+        figures = map(str, (one.passed, one.failed, one.undecided))
+        ends = (margin(one.least, one.unit), margin(one.greatest, one.unit))
+        table.add_row(one.oracle, *figures, *ends, histogram_bars(one))
+    return table

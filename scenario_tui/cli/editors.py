@@ -1,0 +1,281 @@
+"""Commands that serve editors: JSON Schemas of the YAML files people write, the VS Code extension.
+
+The schemas come from the models that read the files; that of systems under test includes the
+parameters of the ROS stack.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated, Any, Final
+
+import typer
+
+
+class FileKind(StrEnum):
+    """The kinds of YAML files; each has a schema file of its name."""
+
+    CAMPAIGN = "campaign"
+    MISSION = "mission"
+    ROBOT = "robot"
+    SUT = "sut"
+    ORACLES = "oracles"
+
+    @property
+    def file(self) -> str:
+        """Name of the published schema."""
+        return f"{self.value}.schema.json"
+
+
+_TITLES: Final = {
+    FileKind.CAMPAIGN: "Campaign of scenario-tui",
+    FileKind.MISSION: "Mission of scenario-tui",
+    FileKind.ROBOT: "Robot of scenario-tui",
+    FileKind.SUT: "System under test of scenario-tui",
+    FileKind.ORACLES: "Oracles of scenario-tui",
+}
+
+
+def schema_of(kind: FileKind) -> dict[str, Any]:
+    """Return the JSON Schema (draft 2020-12) of one kind of file."""
+    from daemon.campaign import CampaignFile
+    from grammars.editor import editor_schema, oracle_schema
+    from grammars.model.files import MissionText, RobotText
+
+    models: dict[FileKind, type[Any]] = {
+        FileKind.CAMPAIGN: CampaignFile,
+        FileKind.MISSION: MissionText,
+        FileKind.ROBOT: RobotText,
+    }
+    if kind is FileKind.ORACLES:
+        return oracle_schema(_TITLES[kind])
+    if kind is FileKind.SUT:
+        return sut_schema(_TITLES[kind])
+    return editor_schema(models[kind], _TITLES[kind])
+
+
+def schema_text(kind: FileKind) -> str:
+    """Return the schema as the text of its file."""
+    import json
+
+    return json.dumps(schema_of(kind), ensure_ascii=False, indent=2) + "\n"
+
+
+Schema = dict[str, Any]
+
+_COMPUTED_FIELDS: Final = ("sources", "obstacle_layer", "obstacle_layer_name", "inflation_layer")
+"""Fields of a costmap's model that nobody writes."""
+
+
+def sut_schema(title: str) -> Schema:
+    """Check the parameters of the kinds that ship; those that plug in check their own."""
+    from daemon.campaign import SutFile
+    from daemon.stacks import PilotParameters
+    from grammars.editor import editor_schema
+
+    schema = editor_schema(SutFile, title)
+    definitions = ros_definitions()
+    definitions["pilot"] = editor_schema(PilotParameters, "Parameters of the pilot")
+    del definitions["pilot"]["$schema"]
+    takes = {name: {"$ref": f"#/$defs/{name}"} for name in ("pilot", "ros")}
+    kinds = takes | {"idle": {"maxProperties": 0}}
+    schema["properties"]["kind"]["examples"] = list(kinds)
+    schema["properties"]["like"]["examples"] = ["pilot"]
+    schema["anyOf"] = [{"required": ["kind"]}, {"required": ["like"]}]
+    schema["allOf"] = [
+        {
+            "if": {"properties": {"kind": {"const": kind}}, "required": ["kind"]},
+            "then": {"properties": {"parameters": parameters}},
+        }
+        for kind, parameters in kinds.items()
+    ]
+    # What another file says the kind is cannot be known here: offer what any of them takes.
+    schema["allOf"].append(
+        {
+            "if": {"required": ["like"], "not": {"required": ["kind"]}},
+            "then": {"properties": {"parameters": {"anyOf": list(takes.values())}}},
+        }
+    )
+    schema["$defs"] = dict(sorted(definitions.items()))
+    return schema
+
+
+def ros_definitions() -> dict[str, Schema]:
+    """Return the sections of the tree of ROS parameters, and the tree as ``ros``.
+
+    Names that no node knows are left to ``scenario check``, which warns of them; ``null`` takes
+    an inherited value away.
+    """
+    from daemon.stacks.ros1 import amcl, costmap, dwa, move_base, navfn
+    from daemon.stacks.ros1.quirks import Quirks
+    from daemon.stacks.ros1.topics import TopicParameters
+
+    found: dict[str, Schema] = {}
+    _add_section(found, "amcl", amcl.AmclParameters, amcl.WITHOUT_EFFECT)
+    _add_section(found, "costmap", costmap.CostmapParameters, costmap.WITHOUT_EFFECT)
+    _add_section(found, "source", costmap.ObservationSource, costmap.SOURCE_WITHOUT_EFFECT)
+    _add_section(found, "dwa", dwa.DwaParameters, dwa.WITHOUT_EFFECT)
+    _add_section(found, "navfn", navfn.NavfnParameters, navfn.WITHOUT_EFFECT)
+    _add_section(
+        found, "move_base", move_base.MoveBaseParameters, move_base.MOVE_BASE_WITHOUT_EFFECT
+    )
+    _add_section(found, "rotation", move_base.RotateRecoveryParameters, {})
+    _add_section(found, "dispatcher", move_base.DispatcherParameters, None)
+    _add_section(found, "topics", TopicParameters, None)
+    _add_section(found, "quirks", Quirks, None)
+    found["quirks"]["properties"]["like"] = {
+        "description": "The profile the switches change.",
+        "enum": ["original", "fixed"],
+    }
+    _name_costmap_sources(found)
+    found["move_base"]["properties"] |= {
+        "global_costmap": _reference("costmap"),
+        "local_costmap": _reference("costmap"),
+        "DWAPlannerROS": _reference("dwa"),
+        "NavfnROS": _reference("navfn"),
+        "rotate_recovery": _reference("rotation"),
+    }
+    return found | {"ros": _ros_tree()}
+
+
+def _add_section(
+    found: dict[str, Schema],
+    name: str,
+    model: type[Any],
+    without_effect: Mapping[str, str] | None,
+) -> None:
+    """Add a section; ``None`` for one that no ROS node reads, where every name must be known."""
+    from grammars.editor import editor_schema
+
+    schema = editor_schema(model, name)
+    for key in ("$schema", "title"):
+        del schema[key]
+    for nested, body in schema.pop("$defs", {}).items():
+        found.setdefault(nested, body)
+    schema["additionalProperties"] = without_effect is not None
+    schema["properties"] = {key: _nullable(body) for key, body in schema["properties"].items()}
+    for idle, reason in (without_effect or {}).items():
+        schema["properties"].setdefault(idle, {})["description"] = f"Without effect here: {reason}."
+    found[name] = schema
+
+
+def _nullable(body: Schema) -> Schema:
+    """Let ``null`` take an inherited value away."""
+    if "anyOf" in body:
+        return body | {"anyOf": [*body["anyOf"], {"type": "null"}]}
+    changed = dict(body)
+    if isinstance(body.get("type"), str):
+        changed["type"] = [body["type"], "null"]
+    if "const" in body:
+        changed["enum"] = [changed.pop("const")]
+    if "enum" in changed:
+        changed["enum"] = [*changed["enum"], None]
+    return changed
+
+
+def _name_costmap_sources(found: dict[str, Schema]) -> None:
+    """Write a costmap as people do: sources by name, not as a list."""
+    costmap = found["costmap"]["properties"]
+    for name in _COMPUTED_FIELDS:
+        del costmap[name]
+    del found["source"]["properties"]["name"]
+    found.pop("observationsource", None)
+    costmap["observation_sources"] = {
+        "type": ["string", "null"],
+        "description": "Names of sources with spaces between them; each is described under its "
+        "name.",
+    }
+    costmap["scan"] = _reference("source")
+
+
+def _reference(name: str) -> Schema:
+    return {"$ref": f"#/$defs/{name}"}
+
+
+def _ros_tree() -> Schema:
+    quirks = {
+        "description": "Oddities of the original that are kept: original, fixed, or switches.",
+        "anyOf": [
+            {"enum": ["original", "fixed"]},
+            _reference("quirks"),
+        ],
+    }
+    return {
+        "description": "Parameters of the ROS navigation stack by namespace.",
+        "type": "object",
+        "properties": {
+            "amcl": _reference("amcl"),
+            "move_base": _reference("move_base"),
+            "costmap_common": _reference("costmap"),
+            "dispatcher": _reference("dispatcher"),
+            "topics": _reference("topics"),
+            "quirks": quirks,
+        },
+    }
+
+
+def schema(
+    kind: Annotated[
+        FileKind | None,
+        typer.Argument(
+            metavar="[" + "|".join(FileKind) + "]",
+            help="Kind of YAML file. With --out, all of them when left out.",
+            show_default=False,
+        ),
+    ] = None,
+    out: Annotated[
+        Path | None,
+        typer.Option("--out", "-o", metavar="DIR", help="Write KIND.schema.json files there."),
+    ] = None,
+    outputs: Annotated[
+        bool, typer.Option("--outputs", help="Instead the schema of what --json writes.")
+    ] = False,
+) -> None:
+    """Print or write the JSON Schemas that editors complete and check YAML files with."""
+
+    if outputs:
+        if kind is not None:
+            raise typer.BadParameter("is about no kind of file", param_hint="--outputs")
+        _outputs(out)
+        return
+    if out is None:
+        if kind is None:
+            raise typer.BadParameter("name a kind to print, or a folder to write to with --out")
+        typer.echo(schema_text(kind), nl=False)
+        return
+    out.mkdir(parents=True, exist_ok=True)
+    for each in FileKind if kind is None else (kind,):
+        path = out / each.file
+        path.write_text(schema_text(each), encoding="utf-8")
+        typer.echo(path)
+
+
+def _outputs(out: Path | None) -> None:
+    from scenario_tui.cli.output_schemas import SCHEMA_FILE, outputs_text
+
+    if out is None:
+        typer.echo(outputs_text(), nl=False)
+        return
+    out.mkdir(parents=True, exist_ok=True)
+    path = out / SCHEMA_FILE
+    path.write_text(outputs_text(), encoding="utf-8")
+    typer.echo(path)
+
+
+def vscode(
+    out: Annotated[
+        Path, typer.Option("--out", "-o", metavar="DIR", help="Folder to write to.")
+    ] = Path(),
+) -> None:
+    """Write the extension for Visual Studio Code.
+
+    Install it with: code --install-extension scenario.vsix
+    """
+    from grammars.editor import pack_extension
+
+    out.mkdir(parents=True, exist_ok=True)
+    path = out / "scenario.vsix"
+    path.write_bytes(pack_extension())
+    typer.echo(path)

@@ -1,0 +1,156 @@
+"""Executing a campaign to its end: by a daemon that lives as long as the command, or one that stays.
+
+Imports the client and the launcher; commands import this module when they need it.
+"""
+
+from __future__ import annotations
+
+import shutil
+import signal
+import tempfile
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Final, TypeVar
+
+from daemon.analysis.report import write_campaign_note
+from daemon.batch.client import Client
+from daemon.batch.launch import embedded_daemon, ensure_daemon, running_daemon
+from daemon.batch.paths import StatePaths, endpoint_text
+from daemon.model.assessments import RunRecord
+from daemon.model.status import RunRow
+from scenario_tui.cli.compare import compare_with_baseline, final_code, print_comparison
+from scenario_tui.cli.exit_codes import ExitCode
+from scenario_tui.cli.output import say, stdout_console
+from scenario_tui.cli.progress import watch
+from scenario_tui.cli.results import emit_results, print_commands, print_summary
+from scenario_tui.cli.target import DaemonTarget
+from scenario_tui.text.formatting import pluralise
+from scenario_tui.text.results import CampaignResults, gather_results
+
+if TYPE_CHECKING:
+    from daemon.model.status import Submission
+
+RunOrRecord = TypeVar("RunOrRecord", RunRow, RunRecord)
+_MAX_TROUBLE: Final = 20.0
+"""Seconds without a worker, or with a full disk, after which nobody is going to help."""
+
+
+def run_here(
+    submission: Submission, folder: Path | None, slots: int | None, as_json: bool
+) -> CampaignResults:
+    """Run every run of ``submission``, print the summary unless it is for JSON, return the results.
+
+    Traces end up in ``folder``; everything else the daemon needed is removed, also when the
+    command is interrupted.
+    """
+    target = (folder or Path("scenario-results") / submission.campaign).absolute()
+    target.mkdir(parents=True, exist_ok=True)
+    write_campaign_note(target, submission)
+    started = time.perf_counter()
+    with (
+        _temporary_state(target, submission.campaign) as state,
+        embedded_daemon(state, slots=slots) as endpoint,
+    ):
+        opened = partial(Client.open, endpoint)
+        with opened() as daemon:
+            daemon.submit(submission)
+        row = watch(opened, submission.campaign, endurance=_MAX_TROUBLE)
+        with opened() as daemon:
+            found = gather_results(daemon, row)
+    results = replace(
+        found,
+        rows=tuple(_with_moved_trace(run, target) for run in found.rows),
+        records=tuple(_with_moved_trace(record, target) for record in found.records),
+    )
+    if not as_json:
+        print_summary(results, took=time.perf_counter() - started)
+        kept = sum(1 for run in results.rows if run.trace)
+        stdout_console().print(
+            f"{pluralise(kept, 'trace')} in {typed_path(target)}\n", markup=False, soft_wrap=True
+        )
+    return results
+
+
+@contextmanager
+def _temporary_state(target: Path, campaign: str) -> Iterator[Path]:
+    """Lend a state directory beside the traces; at the end its traces move out, it goes away."""
+    state = Path(tempfile.mkdtemp(prefix=".scenario-", dir=target))
+    # Being told to end is being interrupted: what has finished is kept, nothing else is left.
+    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
+    try:
+        yield state
+    except KeyboardInterrupt:
+        kept = _move_traces(state, target, campaign)
+        say(f"\ninterrupted; {pluralise(kept, 'finished trace')} in {typed_path(target)}")
+        raise
+    else:
+        _move_traces(state, target, campaign)
+    finally:
+        signal.signal(signal.SIGTERM, before)
+        shutil.rmtree(state, ignore_errors=True)
+
+
+def _move_traces(state: Path, target: Path, campaign: str) -> int:
+    traces = sorted((StatePaths(state).traces / campaign).glob("*.mcap"))
+    for trace in traces:
+        trace.replace(target / trace.name)
+    return len(traces)
+
+
+def _with_moved_trace(run: RunOrRecord, target: Path) -> RunOrRecord:
+    return replace(run, trace=str(target / Path(run.trace).name)) if run.trace else run
+
+
+def typed_path(path: Path) -> str:
+    """Return a path the way people type it."""
+    try:
+        return f"{path.relative_to(Path.cwd())}/"
+    except ValueError:
+        return f"{path}/"
+
+
+def start_daemon_if_needed(target: DaemonTarget, slots: int | None) -> None:
+    """See to it that the daemon answers; one is started unless people named it themselves."""
+    if target.named:
+        return
+    state = StatePaths.find(target.state).state
+    if running_daemon(state) is None:
+        where = endpoint_text(ensure_daemon(state, slots=slots))
+        say(f"started a daemon on this machine at {where} (`scenario stop` ends it)")
+
+
+def watch_to_end(
+    target: DaemonTarget,
+    campaign: str,
+    as_json: bool,
+    baseline: str = "",
+    worse_by: str | None = None,
+) -> int:
+    """Watch a campaign, print its summary, return the exit code it deserves.
+
+    Ctrl-C ends the watching only.
+    """
+    try:
+        row = watch(target.open, campaign)
+    except KeyboardInterrupt:
+        say(f"\n{campaign} goes on; come back with `scenario tui` or `scenario results {campaign}`")
+        return ExitCode.INTERRUPTED
+    with target.open() as daemon:
+        results = gather_results(daemon, row)
+    between = compare_with_baseline(results, baseline, worse_by, target.open)
+    if as_json:
+        emit_results(results, comparison=between)
+    else:
+        took = (row.finished_at or row.submitted_at) - row.submitted_at
+        print_summary(results, took=took)
+        if between is not None:
+            print_comparison(between)
+        print_commands(
+            ("scenario tui", "look at it in the dashboard"),
+            (f"scenario results {campaign} --runs", "every run and its trace"),
+        )
+    return final_code(results, between)

@@ -1,0 +1,259 @@
+"""The command that makes artefacts of a floor plan or a campaign, and the worlds they are made from."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from scenario_tui.cli import completion
+from scenario_tui.cli.completion import plan_or_campaign_files
+from scenario_tui.cli.options import AsJson
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from daemon.campaign import Campaign, CampaignCell
+    from grammars.text.diagnostics import Diagnostic
+    from templates.world import ArtefactWorld, BehaviourDraw
+
+
+def world_of_plan(path: Path) -> tuple[ArtefactWorld, tuple[Diagnostic, ...]]:
+    """Return the world of a floor plan (`.fpm` or `.jsonld`), and the warnings about it."""
+    from grammars.floorplan import load_floorplan
+    from grammars.scenery.composition import compile_scene
+    from templates.world import ArtefactWorld
+
+    if path.suffix == ".jsonld":
+        from grammars.jsonld import load_floorplan_jsonld
+
+        plan = load_floorplan_jsonld(path)
+    else:
+        plan = load_floorplan(path)
+    world = ArtefactWorld(path.stem, compile_scene(plan), plan, sources=(path,))
+    return world, plan.warnings
+
+
+def worlds_of_campaign(
+    path: Path, repeats: int | None = None
+) -> tuple[tuple[ArtefactWorld, ...], tuple[Diagnostic, ...]]:
+    """Return the worlds of a campaign, and the warnings about its layers.
+
+    Scenarios that differ in nothing artefacts show (only in oracles or systems under test, say)
+    are one world, under the name of the first; every variant of a floor plan is a world of its
+    own. ``repeats`` limits whose behaviours are drawn.
+    """
+    from dataclasses import replace
+
+    from daemon.campaign import load_campaign
+
+    campaign = load_campaign(path)
+    worlds: list[ArtefactWorld] = []
+    for cell in campaign.cells:
+        world = _world_of_cell(campaign, cell, repeats)
+        if not any(
+            replace(other, name=world.name, sources=world.sources) == world for other in worlds
+        ):
+            worlds.append(replace(world, name=_free_name(world.name, [w.name for w in worlds])))
+    return tuple(worlds), campaign.warnings
+
+
+def _world_of_cell(campaign: Campaign, cell: CampaignCell, repeats: int | None) -> ArtefactWorld:
+    from templates.world import ArtefactWorld, named_states
+
+    return ArtefactWorld(
+        cell.name,
+        cell.scene,
+        cell.plan,
+        cell.mission,
+        robot=cell.robot,
+        draws=_draws(cell, repeats),
+        states=named_states(cell.scene, cell.layers),
+        sources=_sources(campaign, cell),
+        resolution=cell.map.resolution,
+        layers=cell.layers,
+    )
+
+
+def _draws(cell: CampaignCell, repeats: int | None) -> tuple[BehaviourDraw, ...]:
+    """Return the behaviours that differ, each under the number of its first repeat."""
+    from templates.world import BehaviourDraw
+
+    first: dict[object, int] = {}
+    for repeat, behaviours in enumerate(cell.behaviours[:repeats]):
+        first.setdefault(behaviours, repeat)
+    several = len(first) > 1
+    return tuple(
+        BehaviourDraw(f"repeat-{repeat}" if several else "", cell.behaviours[repeat])
+        for repeat in first.values()
+    )
+
+
+def _sources(campaign: Campaign, cell: CampaignCell) -> tuple[Path, ...]:
+    """Return the files the cell was written in, the campaign first."""
+    from daemon.campaign import FLOORPLAN, MISSION, ROBOT, SCENERY, VARIATION, find_layer
+
+    scenario, folder = cell.scenario, Path(campaign.file).parent
+    named = [
+        (scenario.vary.floorplan, VARIATION) if scenario.vary else (scenario.floorplan, FLOORPLAN),
+        *((reference, SCENERY) for reference in (*scenario.objects, *scenario.behaviours)),
+        (scenario.mission, MISSION),
+        (scenario.robot, ROBOT),
+    ]
+    found = [find_layer(folder, reference, kind) for reference, kind in named if reference]
+    return (Path(campaign.file), *found)
+
+
+def _free_name(name: str, taken: list[str]) -> str:
+    free, number = name, 2
+    while free in taken:
+        free, number = f"{name}-{number}", number + 1
+    return free
+
+
+class Artefact(StrEnum):
+    """What a floor plan or a campaign can be exported as."""
+
+    ALL = "all"
+    GEOJSON = "geojson"
+    MAP = "map"
+    JSONLD = "jsonld"
+    MESH = "mesh"
+    SDF = "sdf"
+    KEYFRAMES = "keyframes"
+    TASKS = "tasks"
+    LAUNCH = "launch"
+    FOXGLOVE = "foxglove"
+    PICTURE = "picture"
+    PROV = "prov"
+
+
+class WaypointYaw(StrEnum):
+    """Where the robot looks at generated waypoints."""
+
+    ZERO = "zero"
+    PATH = "path"
+
+
+def export(
+    source: Annotated[
+        Path,
+        typer.Argument(
+            metavar="PLAN.fpm|CAMPAIGN.yaml",
+            help="A floor plan or a campaign.",
+            autocompletion=completion.files(plan_or_campaign_files),
+        ),
+    ],
+    kinds: Annotated[
+        list[Artefact],
+        typer.Argument(
+            metavar="KIND",
+            help="all, or any of: geojson, jsonld, map, mesh, sdf (Gazebo), "
+            "keyframes (of campaigns only), tasks, launch (ROS), foxglove, picture, prov.",
+        ),
+    ],
+    out: Annotated[
+        Path,
+        typer.Option("--out", "-o", metavar="DIR", help="Folder to write to.", file_okay=False),
+    ] = Path(),
+    templates: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="DIR",
+            exists=True,
+            file_okay=False,
+            help="Your own templates: a file here replaces ours of the same name.",
+        ),
+    ] = None,
+    laser_height: Annotated[
+        float | None,
+        typer.Option(min=0.0, help="For map: height of the laser, metres. Default: the robot's."),
+    ] = None,
+    resolution: Annotated[
+        float | None,
+        typer.Option(
+            min=0.005, max=1.0, help="For map: size of a cell, metres. Default: the campaign's."
+        ),
+    ] = None,
+    distance: Annotated[
+        float, typer.Option(min=0.01, help="For tasks: how far from the walls, metres.")
+    ] = 0.7,
+    first: Annotated[int, typer.Option(min=0, help="For tasks: waypoint to begin with.")] = 0,
+    backward: Annotated[
+        bool, typer.Option("--backward", help="For tasks: the other way round.")
+    ] = False,
+    closed: Annotated[
+        bool, typer.Option("--closed", help="For tasks: come back to the first waypoint.")
+    ] = False,
+    yaw: Annotated[
+        WaypointYaw, typer.Option(help="For tasks: look along the path, or along x of the map.")
+    ] = WaypointYaw.ZERO,
+    repeats: Annotated[
+        int | None,
+        typer.Option(min=1, help="Behaviours of the first repeats only. Default: of all."),
+    ] = None,
+    timestamp: Annotated[
+        str, typer.Option(metavar="ISO8601", help="For prov: when. Default: left out.")
+    ] = "",
+    as_json: AsJson = False,
+) -> None:
+    """Write artefacts of a floor plan or a campaign: maps, meshes, Gazebo worlds, tasks, …
+
+    A campaign gets one folder per scenario; scenarios with equal worlds share one.
+    """
+    from grammars.text.diagnostics import Diagnostic, InputError, Severity, Where
+    from scenario_tui.cli.output import emit
+    from scenario_tui.text.diagnostics import report_diagnostics
+    from templates.artefacts import export as write
+    from templates.naming import file_name
+    from templates.rendering import Templates
+    from templates.world import ExportSettings
+
+    worlds: Iterable[ArtefactWorld]
+    if is_campaign := source.suffix in (".yaml", ".yml"):
+        worlds, warnings = worlds_of_campaign(source, repeats)
+    else:
+        world, warnings = world_of_plan(source)
+        worlds = (world,)
+    report_diagnostics(warnings)
+    settings = ExportSettings(
+        laser_height=laser_height,
+        resolution=resolution,
+        distance=distance,
+        first=first,
+        forward=not backward,
+        closed=closed,
+        yaw=yaw.value,
+        timestamp=_check_time(timestamp),
+    )
+    own = Templates(templates)
+    written: list[str] = []
+    report_diagnostics(own.unused())
+    for world in worlds:
+        folder = out / file_name(world.name) if is_campaign else out
+        try:
+            done = write(world, kinds, folder, settings=settings, templates=own)
+        except OSError as error:
+            place = Where(str(error.filename or folder))
+            raise InputError(Diagnostic(place, f"cannot be written: {error.strerror}")) from error
+        where = Where(f"{source} ({world.name})" if is_campaign else str(source))
+        report_diagnostics(
+            Diagnostic(where, note, severity=Severity.WARNING) for note in done.notes
+        )
+        written += map(str, done.paths)
+        if not as_json:
+            for path in done.paths:
+                typer.echo(path)
+    if as_json:
+        emit("export", files=written)
+
+
+def _check_time(text: str) -> str:
+    from datetime import datetime
+
+    try:
+        return datetime.fromisoformat(text).isoformat() if text else ""
+    except ValueError as error:
+        raise typer.BadParameter(f"{text!r} is no time, write 2026-01-31T12:00:00+00:00") from error

@@ -1,0 +1,163 @@
+"""The keys of a daemon and of those who connect to it: init, issue, list, bundle, revoke."""
+
+from __future__ import annotations
+
+import shlex
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, TypeAlias
+
+import typer
+
+from scenario_tui.cli.options import AsJson
+
+if TYPE_CHECKING:
+    from daemon.batch.security import IssuedKey
+
+keys_app = typer.Typer(
+    name="keys",
+    help="Make the keys with which machines prove to each other who they are.",
+    no_args_is_help=True,
+)
+
+Hosts: TypeAlias = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--host",
+        metavar="NAME",
+        help="A name or address the daemon is reached by; say it again for more. "
+        "Default: this machine's name. Loopback is always among them.",
+    ),
+]
+Days: TypeAlias = Annotated[
+    int, typer.Option("--days", min=1, max=3650, help="How long a certificate is good for.")
+]
+KeysFolder: TypeAlias = Annotated[
+    Path | None,
+    typer.Option(
+        "--keys",
+        metavar="DIR",
+        help="Where the keys lie. Default: $SCENARIO_KEYS, then keys in your settings folder.",
+    ),
+]
+KeyName: TypeAlias = Annotated[
+    str, typer.Argument(metavar="KEY", help="A key as `scenario keys list` calls it.")
+]
+
+
+@keys_app.command()
+def init(
+    folder: Annotated[
+        Path | None,
+        typer.Argument(metavar="[DIR]", help="Where. Default: $SCENARIO_KEYS, then your settings."),
+    ] = None,
+    host: Hosts = None,
+    days: Days = 730,
+) -> None:
+    """Make an authority, and a key each for the daemon, a worker, an operator and a viewer.
+
+    Nothing that is there is ever overwritten.
+    """
+    from daemon.batch.security import keys_folder
+    from daemon.batch.security.authority import create_authority, utc_now
+    from scenario_tui.cli.output import say
+
+    place = keys_folder(folder)
+    register = create_authority(place, _certificate_hosts(host), utc_now(), days)
+    _print_keys(register.issued)
+    named = f" --keys {shlex.quote(str(folder))}" if folder else ""
+    next_step = f"scenario keys bundle worker -o worker.tar{named}"
+    say(f"keys in {place}; next: `{next_step}` for another machine")
+
+
+@keys_app.command()
+def issue(
+    role: Annotated[
+        str, typer.Argument(metavar="ROLE", help="viewer, operator, worker or daemon.")
+    ],
+    name: Annotated[str, typer.Argument(metavar="NAME", help="Whose it is: a-z 0-9 and -.")],
+    keys: KeysFolder = None,
+    host: Hosts = None,
+    days: Days = 730,
+) -> None:
+    """Make one more key; a daemon admits it from its next start on."""
+    from daemon.batch.security import Role, keys_folder
+    from daemon.batch.security.authority import issue_key as make
+    from daemon.batch.security.authority import utc_now
+
+    try:
+        wanted = Role(role)
+    except ValueError:
+        raise typer.BadParameter(f"{role!r} is no role: {', '.join(Role)}") from None
+    hosts = _certificate_hosts(host) if wanted is Role.DAEMON else tuple(host or ())
+    _print_keys((make(keys_folder(keys), wanted, name, hosts, utc_now(), days),))
+
+
+@keys_app.command("list")
+def list_(keys: KeysFolder = None, as_json: AsJson = False) -> None:
+    """List who has a key, for what, until when, and its fingerprint."""
+    from daemon.batch.security import keys_folder, load_register
+    from scenario_tui.cli.output import emit
+
+    place = keys_folder(keys)
+    issued = load_register(place).issued
+    if as_json:
+        emit("keys", folder=str(place), keys=list(issued))
+    else:
+        _print_keys(issued)
+
+
+@keys_app.command()
+def revoke(key: KeyName, keys: KeysFolder = None) -> None:
+    """Take a key's rights away, from the daemon's next start on."""
+    from daemon.batch.security import keys_folder
+    from daemon.batch.security.authority import revoke_key as withdraw
+    from daemon.batch.security.authority import utc_now
+    from scenario_tui.cli.output import say
+
+    withdraw(keys_folder(keys), key, utc_now())
+    say(f'"{key}" is revoked; a daemon that runs still admits it until it is started again')
+
+
+@keys_app.command()
+def bundle(
+    key: KeyName,
+    output: Annotated[
+        Path,
+        typer.Option("--output", "-o", metavar="PATH", help="A .tar file, or a folder to make."),
+    ],
+    keys: KeysFolder = None,
+) -> None:
+    """Pack a key for another machine: secret, to be carried by a safe road (scp, a stick).
+
+    There: tar -xf FILE.tar -C ~/.config/scenario
+    """
+    from daemon.batch.security import keys_folder
+    from daemon.batch.security.authority import pack_key
+    from scenario_tui.cli.output import say
+
+    pack_key(keys_folder(keys), key, output)
+    say(f'"{key}" is in {output}: whoever has it is "{key}" for the daemon')
+
+
+def _certificate_hosts(chosen: list[str] | None) -> tuple[str, ...]:
+    import socket
+
+    wanted = [*(chosen or [socket.gethostname()]), "localhost", "127.0.0.1", "::1"]
+    return tuple(dict.fromkeys(wanted))
+
+
+def _print_keys(issued: tuple[IssuedKey, ...]) -> None:
+    from datetime import UTC, datetime
+
+    from rich.table import Table
+
+    from scenario_tui.cli.output import stdout_console
+
+    table = Table(box=None, pad_edge=False, header_style="bold")
+    for title in ("KEY", "ROLE", "UNTIL", "FINGERPRINT", "FOR"):
+        table.add_column(title, no_wrap=True)
+    for one in issued:
+        until = f"{datetime.fromtimestamp(one.expires_at, UTC):%Y-%m-%d}"
+        told = "revoked" if one.revoked_at is not None else until
+        table.add_row(one.name, one.role, told, one.fingerprint[:16], " ".join(one.hosts))
+    stdout_console().print(table)

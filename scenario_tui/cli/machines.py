@@ -1,0 +1,382 @@
+"""Commands that stay: the daemon, the worker, the dashboard."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, nullcontext
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated, Final, TypeAlias
+
+import typer
+
+from daemon.model.execution import DaskScheduler, RunLimits
+from scenario_tui.cli.exit_codes import ExitCode
+from scenario_tui.cli.options import Connect, Keys, State, check_endpoint, read_duration, read_size
+
+PrintUnit: TypeAlias = Annotated[
+    bool, typer.Option("--print-unit", help="Write a systemd user unit for this and leave.")
+]
+
+
+def _check_store(url: str) -> str:
+    """Refuse what is no store, as wrong usage."""
+    if url:
+        from daemon.batch.stores import check_store_url
+
+        try:
+            return check_store_url(url)
+        except ValueError as error:
+            raise typer.BadParameter(str(error)) from error
+    return url
+
+
+def _check_size(text: str) -> str:
+    """Refuse what is no size, as wrong usage."""
+    if text:
+        from scenario_tui.cli.options import read_size
+
+        read_size(text)
+    return text
+
+
+def daemon(
+    listen: Annotated[
+        str,
+        typer.Option(
+            "--listen",
+            metavar="ENDPOINT",
+            callback=check_endpoint,
+            help="Where to listen for other machines, tls/host:port. Default: nowhere; this "
+            "machine is served through the state directory.",
+        ),
+    ] = "",
+    keys: Keys = None,
+    insecure: Annotated[
+        bool,
+        typer.Option("--insecure", help="Listen at plain tcp/ to the network, without any keys."),
+    ] = False,
+    slots: Annotated[
+        int | None,
+        typer.Option(
+            "--slots", "-j", min=0, max=1024,
+            help="Runs at a time on this machine; 0: none here. Default: one per core.",
+        ),
+    ] = None,
+    state: State = None,
+    traces: Annotated[
+        str,
+        typer.Option(
+            "--traces", metavar="URL", callback=_check_store,
+            help="Where workers put traces, file:///mnt/shared/traces or s3://bucket/folder; "
+            "they need credentials in their environment. Default: the state directory.",
+        ),
+    ] = "",
+    quota: Annotated[
+        str,
+        typer.Option(
+            "--quota", metavar="SIZE", envvar="SCENARIO_QUOTA", callback=_check_size,
+            help="What traces may take in the state directory, 20GiB: then those of the oldest "
+            "finished campaigns go. Default: no limit.",
+        ),
+    ] = "",
+    print_unit: PrintUnit = False,
+) -> None:  # fmt: skip
+    """Run the daemon in the foreground.
+
+    It keeps the queue and the results, and executes runs on this machine.
+    """
+    from daemon.batch.paths import StatePaths
+    from daemon.batch.server import DaemonSettings, exposure_warning, serve
+    from scenario_tui.cli.options import read_size
+    from scenario_tui.cli.output import say
+
+    places = StatePaths.find(state)
+    if print_unit:
+        from daemon.batch.operation import daemon_unit
+
+        unit = daemon_unit(
+            scenario_executable(), places.state, listen, slots,
+            keys=keys, insecure=insecure, traces=traces, quota=quota,
+        )  # fmt: skip
+        typer.echo(unit, nl=False)
+        return
+    if words := exposure_warning(listen):
+        say(words)
+    where = f" at {listen}" if listen else ""
+    say(f"starting a daemon{where}, state in {places.state}, Ctrl-C to leave")
+    settings = DaemonSettings(store=traces, quota=read_size(quota) if quota else 0)
+    serve(places.state, listen=listen, keys=keys, insecure=insecure, slots=slots, settings=settings)
+    say("the daemon has left; what is queued waits for the next one")
+
+
+def scenario_executable() -> Path:
+    """The ``scenario`` command of this installation."""
+    import sys
+
+    beside = Path(sys.executable).with_name("scenario")
+    return beside if beside.exists() else Path(sys.argv[0]).absolute()
+
+
+def tui(
+    connect: Connect = "",
+    state: State = None,
+    read_only: Annotated[
+        bool, typer.Option("--read-only", help="Look only: nothing can be changed from it.")
+    ] = False,
+    bindings: Annotated[
+        bool,
+        typer.Option("--bindings", help="List the ids of all keys, for config.toml, and leave."),
+    ] = False,
+) -> None:
+    """Open the dashboard; leaving it never stops any work.
+
+    Keys, colours and more are set in config.toml; `scenario doctor` says where it is.
+    """
+    from scenario_tui.cli.output import say
+
+    if bindings:
+        _print_bindings()
+        return
+    why = _why_no_dashboard()
+    with nullcontext() if why else _connecting_screen():
+        from dataclasses import replace
+
+        from scenario_tui.cli.target import DaemonTarget
+        from scenario_tui.dashboard.app import run_dashboard
+        from scenario_tui.dashboard.background import CommandLines
+        from scenario_tui.dashboard.config import read_config
+        from scenario_tui.dashboard.key_bindings import check_config
+
+        config = read_config()
+        check_config(config)
+    if why:
+        say(f"scenario: {why}")
+        raise typer.Exit(ExitCode.BAD_INPUT)
+    config = replace(config, read_only=config.read_only or read_only)
+    equivalent = CommandLines(connect, state)
+    code, farewell = run_dashboard(DaemonTarget(connect, state).open, config, equivalent)
+    if code:
+        raise typer.Exit(ExitCode.BUG)
+    say(farewell)
+
+
+def _why_no_dashboard() -> str:
+    """Say why there can be no dashboard here, empty when there can."""
+    import sys
+
+    from scenario_tui.terminal.capabilities import why_undrawable
+
+    # The dashboard is drawn on standard error, so that standard output stays for words.
+    if not (sys.stdin.isatty() and sys.stderr.isatty()):
+        return "the dashboard needs a terminal; scripts use `scenario status --json`"
+    return why_undrawable()
+
+
+@contextmanager
+def _connecting_screen() -> Iterator[None]:
+    """Answer at once: the libraries of the dashboard take several times as long as this line."""
+    import sys
+
+    def write(text: str) -> None:
+        sys.stderr.write(text)
+        sys.stderr.flush()
+
+    write("\x1b[?1049h\x1b[?25l\x1b[2J\x1b[1;2H... connecting")
+    try:
+        yield
+    except BaseException:
+        write("\x1b[?1049l\x1b[?25h")
+        raise
+
+
+def _print_bindings() -> None:
+    """One line per binding: its id, its keys, where it works, what it does."""
+    from rich import box
+    from rich.table import Table
+
+    from scenario_tui.cli.output import stdout_console
+    from scenario_tui.dashboard.config import config_path
+    from scenario_tui.dashboard.key_bindings import list_key_bindings
+
+    table = Table(box=box.SIMPLE_HEAD, pad_edge=False, show_edge=False)
+    for title in ("id", "keys", "where", "what it does"):
+        table.add_column(title, overflow="fold")
+    for bound in list_key_bindings():
+        table.add_row(bound.id, bound.keys.replace(",", " "), bound.place, bound.meaning)
+    console = stdout_console()
+    console.print(table)
+    console.print(f'\nTo change them, write below [keys] in {config_path()}: id = "key"',
+                  markup=False, soft_wrap=True)  # fmt: skip
+
+
+_TLS_OPTIONS: Final = "--tls-ca, --tls-cert and --tls-key"
+
+
+class WorkerBackend(StrEnum):
+    """What executes the runs of a worker."""
+
+    LOCAL = "local"
+    DASK = "dask"
+
+
+def _check_scheduler(address: str) -> str:
+    """Refuse what is no address of a Dask scheduler, as wrong usage."""
+    protocol, _, rest = address.partition("://")
+    if address and not (protocol in ("tcp", "tls") and rest.rpartition(":")[2].isdigit()):
+        raise typer.BadParameter(f"{address!r} is no address, write tcp://<host>:<port> or tls://")
+    return address
+
+
+Certificate: TypeAlias = Path | None
+
+
+def _file_option(name: str, what: str) -> object:
+    return typer.Option(name, metavar="FILE", exists=True, dir_okay=False, help=what)
+
+
+def worker(
+    connect: Connect = "",
+    slots: Annotated[
+        int | None,
+        typer.Option(
+            "--slots", "-j", min=1, max=1024,
+            help="Runs at a time. Default: one per core, or per thread of the cluster.",
+        ),
+    ] = None,
+    backend: Annotated[
+        WorkerBackend, typer.Option("--backend", help="What executes: this machine or a Dask cluster.")
+    ] = WorkerBackend.LOCAL,
+    scheduler: Annotated[
+        str,
+        typer.Option(
+            "--scheduler", metavar="ADDRESS", callback=_check_scheduler,
+            help="The scheduler of the Dask cluster, tcp://host:8786 or tls://host:8786.",
+        ),
+    ] = "",
+    tls_ca: Annotated[Certificate, _file_option("--tls-ca", "Who signed the scheduler's certificate.")]
+    = None,
+    tls_cert: Annotated[Certificate, _file_option("--tls-cert", "Our certificate for the scheduler.")]
+    = None,
+    tls_key: Annotated[Certificate, _file_option("--tls-key", "The key of our certificate.")] = None,
+    memory: Annotated[
+        str,
+        typer.Option("--memory", metavar="SIZE", help="Address space of a run; 0B: no limit."),
+    ] = "4GiB",
+    wall: Annotated[
+        str,
+        typer.Option(
+            "--wall", metavar="TIME",
+            help="Wall clock limit of a run, 10min. Default: ten times its simulated limit, at "
+            "least 5min.",
+        ),
+    ] = "",
+    nice: Annotated[
+        int | None,
+        typer.Option(
+            "--nice", min=0, max=19,
+            help="How far this worker steps back behind whatever else runs here. Default: its "
+            "runs by 10, itself not.",
+        ),
+    ] = None,
+    state: Annotated[
+        Path | None,
+        typer.Option(
+            "--state", metavar="DIR",
+            help="The daemon's state directory, where this machine has it; elsewhere a folder for "
+            "this worker. Default: the daemon's, then your user state folder.",
+        ),
+    ] = None,
+    print_unit: PrintUnit = False,
+) -> None:  # fmt: skip
+    """Run a worker in the foreground.
+
+    It executes runs of a daemon, on this machine, on another one or in a Dask cluster.
+    """
+    usual = RunLimits()
+    limits = RunLimits(
+        read_duration(wall) if wall else usual.wall,
+        read_size(memory),
+        usual.nice if nice is None else nice,
+    )
+    cluster = _cluster(backend, scheduler, tls_ca, tls_cert, tls_key)
+    if print_unit:
+        _print_unit(connect, state, slots, limits, cluster)
+        return
+    from daemon.batch.paths import endpoint_text, find_endpoint
+    from daemon.batch.worker import work
+    from scenario_tui.cli.output import say
+
+    endpoint = find_endpoint(connect, state)
+    where = endpoint_text(endpoint.address)
+    say(f"worker for {where}, Ctrl-C to leave after the running runs")
+    work(
+        endpoint.address,
+        slots=slots,
+        state=state,
+        limits=limits,
+        scheduler=cluster,
+        nice=nice or 0,
+    )
+
+
+def _cluster(
+    backend: WorkerBackend,
+    scheduler: str,
+    ca: Path | None,
+    certificate: Path | None,
+    key: Path | None,
+) -> DaskScheduler | None:
+    if backend is WorkerBackend.LOCAL:
+        if scheduler or ca or certificate or key:
+            raise typer.BadParameter(f"--scheduler, {_TLS_OPTIONS} need --backend dask")
+        return None
+    if not scheduler:
+        raise typer.BadParameter("--backend dask needs --scheduler tcp://<host>:<port>")
+    if not scheduler.startswith("tls://") and (ca or certificate or key):
+        raise typer.BadParameter(f"{_TLS_OPTIONS} need --scheduler tls://<host>:<port>")
+    return DaskScheduler(scheduler, ca, certificate, key)
+
+
+def _print_unit(
+    connect: str,
+    state: Path | None,
+    slots: int | None,
+    limits: RunLimits,
+    cluster: DaskScheduler | None,
+) -> None:
+    """A unit has no variables of this shell: what they say is written into it."""
+    from daemon.batch.operation import worker_unit
+    from daemon.batch.paths import StatePaths, find_endpoint
+
+    found = find_endpoint(connect, state)
+    named = found.address if found.origin in ("--connect", "SCENARIO_CONNECT") else ""
+    # Without an endpoint it is the state directory that says where the daemon is.
+    told = state or os.environ.get("SCENARIO_STATE") or not named
+    folder = StatePaths.find(state).state if told else None
+    options = [*_limit_options(limits), *_cluster_options(cluster), *_key_options()]
+    unit = worker_unit(scenario_executable(), named, folder, slots, limits=limits, options=options)
+    typer.echo(unit, nl=False)
+
+
+def _limit_options(limits: RunLimits) -> Sequence[str]:
+    usual = RunLimits()
+    words = ["--memory", f"{limits.memory}B"] if limits.memory != usual.memory else []
+    words += ["--wall", f"{limits.wall:g}s"] if limits.wall != usual.wall else []
+    return words + (["--nice", str(limits.nice)] if limits.nice != usual.nice else [])
+
+
+def _cluster_options(cluster: DaskScheduler | None) -> Sequence[str]:
+    if cluster is None:
+        return ()
+    words = ["--backend", "dask", "--scheduler", cluster.address]
+    files = {"ca": cluster.ca, "cert": cluster.certificate, "key": cluster.key}
+    for name, path in files.items():
+        words += [f"--tls-{name}", str(path.absolute())] if path else []
+    return words
+
+
+def _key_options() -> Sequence[str]:
+    keys = os.environ.get("SCENARIO_KEYS")
+    return ("--keys", str(Path(keys).absolute())) if keys else ()

@@ -1,0 +1,146 @@
+"""Options several commands share, and the amounts people type in them: ages, times, sizes."""
+
+from __future__ import annotations
+
+import functools
+import inspect
+import os
+import re
+from collections.abc import Callable
+from pathlib import Path
+from typing import Annotated, Any, Final, TypeAlias
+
+import typer
+
+from daemon.batch.sizes import parse_size
+from scenario_tui.cli import completion
+from scenario_tui.cli.completion import campaign_files
+
+_AGES: Final = {"s": 1.0, "min": 60.0, "h": 3600.0, "d": 86400.0, "w": 604800.0}
+_NUMBER_AND_UNIT: Final = re.compile(r"\s*([0-9]+(?:\.[0-9]+)?)\s*([A-Za-z]+)\s*\Z")
+
+
+def read_age(text: str) -> float:
+    """Return ``30d`` in seconds; raises :class:`typer.BadParameter`."""
+    return _read_seconds(text, "an age", "30d")
+
+
+def read_duration(text: str) -> float:
+    """Return ``10min`` in seconds; raises :class:`typer.BadParameter`."""
+    return _read_seconds(text, "a time", "10min")
+
+
+def _read_seconds(text: str, what: str, example: str) -> float:
+    found = _NUMBER_AND_UNIT.match(text)
+    if found is None or found[2] not in _AGES:
+        raise typer.BadParameter(
+            f"{text!r} is not {what}: write a number and one of {', '.join(_AGES)}, as in {example}"
+        )
+    return float(found[1]) * _AGES[found[2]]
+
+
+def read_size(text: str) -> int:
+    """Return ``20GiB`` in bytes; raises :class:`typer.BadParameter`."""
+    try:
+        return parse_size(text)
+    except ValueError as error:
+        raise typer.BadParameter(str(error)) from error
+
+
+def check_endpoint(value: str) -> str:
+    """Return the endpoint; refuse what is none, as wrong usage."""
+    if not value:
+        return value
+    from daemon.batch.paths import is_endpoint, parse_endpoint
+
+    if not is_endpoint(parse_endpoint(value)):
+        raise typer.BadParameter(
+            f"{value!r} is not an endpoint, write tcp/<host>:<port>, tls/<host>:<port> "
+            "or the path of a socket"
+        )
+    return parse_endpoint(value)
+
+
+Connect: TypeAlias = Annotated[
+    str,
+    typer.Option(
+        "--connect",
+        "-c",
+        metavar="ENDPOINT",
+        callback=check_endpoint,
+        help="Daemon to talk to, tls/host:port. Default: $SCENARIO_CONNECT, "
+        "then the daemon of this machine.",
+    ),
+]
+State: TypeAlias = Annotated[
+    Path | None,
+    typer.Option(
+        "--state",
+        metavar="DIR",
+        help="State directory of the daemon of this machine. Default: $SCENARIO_STATE, "
+        "then your user state folder.",
+    ),
+]
+Keys: TypeAlias = Annotated[
+    Path | None,
+    typer.Option(
+        "--keys",
+        metavar="DIR",
+        help="The key for tls/host:port. Default: $SCENARIO_KEYS, then keys in your settings.",
+    ),
+]
+AsJson: TypeAlias = Annotated[
+    bool, typer.Option("--json", help="Write one JSON object to standard output.")
+]
+Slots: TypeAlias = Annotated[
+    int | None,
+    typer.Option("--slots", "-j", min=1, max=1024, help="Runs at a time. Default: one per core."),
+]
+CampaignFile: TypeAlias = Annotated[
+    Path,
+    typer.Argument(
+        metavar="CAMPAIGN.yaml",
+        help="The campaign file.",
+        autocompletion=completion.files(campaign_files),
+    ),
+]
+CampaignName: TypeAlias = Annotated[
+    str,
+    typer.Argument(
+        metavar="CAMPAIGN",
+        help="Id or name of a campaign, or how it begins.",
+        autocompletion=completion.campaigns,
+    ),
+]
+RunOrTrace: TypeAlias = Annotated[
+    str,
+    typer.Argument(
+        metavar="RUN",
+        help="Id of a run, or a trace (.mcap).",
+        autocompletion=completion.runs_or_traces,
+    ),
+]
+
+
+def with_keys_option(command: Callable[..., None]) -> Callable[..., None]:
+    """Give a command that talks to a daemon the option ``--keys``, read where keys are looked for.
+
+    It says the same as ``SCENARIO_KEYS``, to this process and those it starts.
+    """
+    signature = inspect.signature(command, eval_str=True)
+    if "connect" not in signature.parameters:
+        return command
+
+    @functools.wraps(command)
+    def called(*arguments: Any, keys: Path | None = None, **options: Any) -> None:
+        if keys is not None:
+            os.environ["SCENARIO_KEYS"] = str(keys)
+        command(*arguments, **options)
+
+    option = inspect.Parameter(
+        "keys", inspect.Parameter.KEYWORD_ONLY, default=None, annotation=Keys
+    )
+    parameters = (*signature.parameters.values(), option)
+    called.__annotations__["keys"] = Keys
+    called.__signature__ = signature.replace(parameters=parameters)  # type: ignore[attr-defined]
+    return called

@@ -1,0 +1,125 @@
+"""Where words go: results to standard output, messages and progress to standard error."""
+
+from __future__ import annotations
+
+import codecs
+import io
+import json
+import math
+import os
+import sys
+from collections.abc import Iterable
+from contextlib import suppress
+from typing import TYPE_CHECKING, Any, Final, TypeVar
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+T = TypeVar("T")
+
+_ASCII_SIGNS: Final = {
+    "✓": "+", "✗": "x", "‼": "!!", "·": ".", "…": "~", "▶": ">",
+    "−": "-", "–": "-", "∞": "inf", "×": "x", "→": "->", "°": " deg",
+}  # fmt: skip
+"""Our signs for terminals that lack them; a minus must never become a question mark."""
+
+
+def _replace_signs(error: UnicodeError) -> tuple[str, int]:
+    if not isinstance(error, UnicodeEncodeError):
+        raise error
+    lacking = error.object[error.start : error.end]
+    return "".join(_ASCII_SIGNS.get(sign, "?") for sign in lacking), error.end
+
+
+def settle_streams() -> None:
+    """Make standard streams usable that are closed or cannot encode what we print.
+
+    A closed stream gets the null device, so that no file of ours takes its descriptor; signs that
+    the terminal's encoding lacks are replaced.
+    """
+    codecs.register_error("scenario.plainly", _replace_signs)
+    for name, mode in (("stdin", "r"), ("stdout", "w"), ("stderr", "w")):
+        stream = getattr(sys, name)
+        if stream is None:
+            setattr(sys, name, open(os.devnull, mode, encoding="utf-8"))  # noqa: SIM115, PTH123
+        elif name != "stdin" and isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="scenario.plainly")
+
+
+def stdout_console() -> Console:
+    """Return the console of results."""
+    return _console(stderr=False)
+
+
+def stderr_console() -> Console:
+    """Return the console of messages and progress."""
+    return _console(stderr=True)
+
+
+def _console(*, stderr: bool) -> Console:
+    from rich.console import Console
+
+    # A pipe has no width; 80 columns would cut identifiers that scripts look for.
+    stream = sys.stderr if stderr else sys.stdout
+    width = None if stream.isatty() or os.environ.get("COLUMNS", "").isdigit() else 160
+    return Console(stderr=stderr, highlight=False, soft_wrap=False, width=width)
+
+
+def track_progress(found: Iterable[T], total: int, description: str) -> Iterable[T]:
+    """Pass ``found`` on and show how far it is, where somebody looks and it takes a while."""
+    from rich.progress import track
+
+    console = stderr_console()
+    return track(
+        found,
+        description=description,
+        total=total,
+        console=console,
+        transient=True,
+        disable=not console.is_terminal,
+    )
+
+
+def wrap_parts(parts: Iterable[str], width: int) -> str:
+    """Return parts two blanks apart, in lines of at most ``width`` that begin with a part."""
+    lines: list[str] = []
+    for part in parts:
+        if lines and len(lines[-1]) + 2 + len(part) <= width:
+            lines[-1] += f"  {part}"
+        else:
+            lines.append(part)
+    return "\n".join(lines)
+
+
+def say(message: str) -> None:
+    """Write a message for people to standard error; that nobody reads it changes nothing."""
+    with suppress(BrokenPipeError):
+        sys.stderr.write(message + "\n")
+        sys.stderr.flush()
+
+
+def emit(schema: str, **fields: Any) -> None:
+    """Write one JSON object to standard output; values are value types or plain data.
+
+    :mod:`scenario_tui.cli.output_schemas` declares what is written; numbers that JSON has not are null.
+    """
+    from grammars.text.codec import to_plain
+    from scenario_tui.cli.output_schemas import schema_identifier
+
+    told = {name: _null_for_nonfinite(to_plain(value)) for name, value in fields.items()}
+    body = {"schema": schema_identifier(schema)} | told
+    # Escapes carry any text through any encoding; a stream that knows them all needs none.
+    escaped = (sys.stdout.encoding or "").lower().replace("-", "") != "utf8"
+    text = json.dumps(body, ensure_ascii=escaped, indent=2, allow_nan=False)
+    sys.stdout.write(text + "\n")
+
+
+def _null_for_nonfinite(plain: Any) -> Any:
+    """Return plain data with ``None`` for what is infinite or no number."""
+    if isinstance(plain, float):
+        return plain if math.isfinite(plain) else None
+    if isinstance(plain, dict):
+        return {key: _null_for_nonfinite(value) for key, value in plain.items()}
+    if isinstance(plain, (list, tuple)):
+        return [_null_for_nonfinite(value) for value in plain]
+    return plain

@@ -1,0 +1,273 @@
+"""Watching a campaign until its last run: over daemon restarts, with progress on terminals."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from typing import Final, Protocol
+
+from rich.console import Console, Group, RenderableType
+from rich.live import Live as Screen
+from rich.progress_bar import ProgressBar
+from rich.table import Table
+from rich.text import Text
+
+from daemon.batch.errors import DaemonError, Refused, Unreachable
+from daemon.model.status import CampaignRow, ChangeEvent, LiveSnapshot, RunRow
+from scenario_tui.cli.output import say, stderr_console
+from scenario_tui.client import ClientOpener, DaemonClient
+from scenario_tui.text.formatting import (
+    GLYPHS,
+    TERMINAL_STYLES,
+    duration,
+    glyph_word,
+    pluralise,
+    rate_text,
+    run_counts,
+    run_label,
+)
+
+INTERVAL: Final = 0.25
+PATIENCE: Final = 120.0
+"""Seconds a watcher waits for a daemon that went away."""
+_LOOK: Final = 2.0
+"""Seconds between two questions whether the daemon is in trouble."""
+_SHOWN_RUNS: Final = 8
+_BAR: Final = 16
+_WAITING: Final = "waiting for a worker; the first one on a machine compiles for a while"
+
+
+@dataclass(slots=True)
+class CampaignProgress:
+    """What a watcher has seen last."""
+
+    row: CampaignRow
+    running: tuple[RunRow, ...] = ()
+    live: dict[str, LiveSnapshot] = field(default_factory=dict)
+    per_minute: float = 0.0
+    seconds_left: float | None = None
+
+
+class ProgressDisplay(Protocol):
+    """Where a watcher tells what it sees."""
+
+    def show(self, sight: CampaignProgress) -> None:
+        """Show the campaign as it stands."""
+
+    def note(self, message: str) -> None:
+        """Say something that must not be overwritten."""
+
+
+class QuietDisplay:
+    """The display when standard error is no terminal: notes only."""
+
+    def show(self, sight: CampaignProgress) -> None:
+        """Show nothing: a log file is no place for progress."""
+
+    def note(self, message: str) -> None:
+        """Write the message to standard error."""
+        say(message)
+
+
+class LiveDisplay:
+    """The display on a terminal: one line for the campaign, one for each running run."""
+
+    def __init__(self, console: Console, screen: Screen) -> None:
+        self._console, self._screen = console, screen
+
+    def show(self, sight: CampaignProgress) -> None:
+        """Draw the campaign as it stands."""
+        self._screen.update(progress_lines(sight, self._console.width), refresh=True)
+
+    def note(self, message: str) -> None:
+        """Print the message above the bar."""
+        self._console.print(message, style="yellow")
+
+
+@contextmanager
+def open_display() -> Iterator[ProgressDisplay]:
+    """Choose the display that fits standard error."""
+    console = stderr_console()
+    if not console.is_terminal:
+        yield QuietDisplay()
+        return
+    with Screen(console=console, auto_refresh=False, transient=True) as screen:
+        yield LiveDisplay(console, screen)
+
+
+def progress_lines(sight: CampaignProgress, width: int) -> RenderableType:
+    """Return the lines that show how far a campaign is, on a terminal ``width`` cells wide."""
+    for words, pace in ((True, True), (True, False), (False, False)):
+        head, tail = _campaign_line(sight, words=words, pace=pace)
+        if head.cell_len + tail.cell_len + _BAR + 4 <= width:
+            break
+    row = sight.row
+    line = Table.grid(padding=(0, 2))
+    for _ in range(3):
+        line.add_column(no_wrap=True)
+    finished = row.total - row.queued - row.running
+    bar = ProgressBar(total=max(1, row.total), completed=finished, width=_BAR)
+    line.add_row(head, bar, tail)
+    runs = [_run_line(run, sight.live.get(run.id)) for run in sight.running[:_SHOWN_RUNS]]
+    if not finished and not sight.running:
+        runs.append(Text(f"  {_WAITING}", style="dim"))
+    hidden = len(sight.running) - len(runs)
+    if hidden > 0:
+        runs.append(Text(f"  and {hidden} more", style="dim"))
+    return Group(line, *runs)
+
+
+def _campaign_line(sight: CampaignProgress, *, words: bool, pace: bool) -> tuple[Text, Text]:
+    """Return what stands before and after the bar, with or without words and rate."""
+    row = sight.row
+    finished = row.total - row.queued - row.running
+    tail = Text(f"{finished}/{pluralise(row.total, 'run')}")
+    for word, count in run_counts(row).items():
+        if word not in ("queued", "running"):
+            tail.append(
+                f"  {GLYPHS[word]} {count}{' ' + word if words else ''}",
+                style=TERMINAL_STYLES[word],
+            )
+    if sight.seconds_left is not None:
+        tail.append(f"  {duration(sight.seconds_left)} left", style="default")
+    if pace and sight.per_minute:
+        tail.append(f"  {rate_text(sight.per_minute)}", style="default")
+    return Text(row.name, style="bold"), tail
+
+
+def _run_line(row: RunRow, live: LiveSnapshot | None) -> Text:
+    text = Text.assemble(
+        (f"  {glyph_word('running')}  ", TERMINAL_STYLES["running"]), run_label(row)
+    )
+    if live is not None:
+        seen = live.snapshot
+        text.append(f"  waypoint {min(seen.reached + 1, seen.waypoints)} of {seen.waypoints}")
+        text.append(f"  {seen.time:.0f} s simulated, limit {seen.limit:.0f} s", style="dim")
+    return text
+
+
+@dataclass(slots=True)
+class _RunRate:
+    """Measures how fast runs finish while somebody watches."""
+
+    started: float
+    before: int
+
+    def look(self, row: CampaignRow, now: float) -> tuple[float, float | None]:
+        """Return runs per minute and the seconds left at that pace."""
+        left = row.queued + row.running
+        since = row.total - left - self.before
+        elapsed = now - self.started
+        if since <= 0 or elapsed <= 0:
+            return 0.0, None
+        return 60.0 * since / elapsed, left * elapsed / since
+
+
+@dataclass(slots=True)
+class _TroubleReporter:
+    """Says once what keeps runs from being executed, and when it is over."""
+
+    shown: ProgressDisplay
+    endurance: float
+    words: str = ""
+    since: float = 0.0
+    look_at: float = 0.0
+
+    def look(self, daemon: DaemonClient, now: float) -> None:
+        """Ask every now and then; raises :class:`DaemonError` when endurance is at its end."""
+        if now < self.look_at:
+            return
+        self.look_at = now + _LOOK
+        words = daemon.overview().trouble.strip()
+        if words and not self.words:
+            self.since = now
+        if words != self.words:
+            last = words.splitlines()[-1] if words else ""
+            self.shown.note(f"no run can start: {last}" if words else "runs can start again")
+        self.words = words
+        if words and now - self.since > self.endurance:
+            raise DaemonError(words)
+
+
+def watch(
+    open_daemon: ClientOpener,
+    campaign: str,
+    *,
+    patience: float = PATIENCE,
+    endurance: float = math.inf,
+    limit: float = math.inf,
+) -> CampaignRow:
+    """Show progress until no run of ``campaign`` waits or runs; return how it ended.
+
+    After ``limit`` seconds it is returned as it stands then. A daemon that goes away is waited for
+    and found again. Raises :class:`daemon.batch.errors.Unreachable` when it stays away for ``patience``
+    seconds, or at the limit, and :class:`daemon.batch.errors.DaemonError` when it cannot execute runs
+    for ``endurance`` seconds.
+    """
+    begun = time.monotonic()
+    live: dict[str, LiveSnapshot] = {}
+    gone: float | None = None
+    pace: _RunRate | None = None
+    with open_display() as shown:
+        trouble = _TroubleReporter(shown, endurance)
+        while True:
+            try:
+                with open_daemon() as daemon, _collect_telemetry(daemon, live):
+                    while True:
+                        row = _ask_campaign(daemon, campaign)
+                        now = time.monotonic()
+                        if gone is not None:
+                            shown.note("the daemon is back, watching again")
+                            gone = None
+                        if row.finished or now - begun >= limit:
+                            return row
+                        pace = pace or _RunRate(now, row.total - row.queued - row.running)
+                        trouble.look(daemon, now)
+                        shown.show(_ask_progress(daemon, row, live, pace, now))
+                        time.sleep(INTERVAL)
+            except Unreachable:
+                now = time.monotonic()
+                if gone is None:
+                    shown.note("the daemon does not answer, waiting for it (Ctrl-C to leave)")
+                    gone = now
+                if now - gone > patience or now - begun >= limit:
+                    raise
+                time.sleep(INTERVAL)
+
+
+@contextmanager
+def _collect_telemetry(daemon: DaemonClient, live: dict[str, LiveSnapshot]) -> Iterator[None]:
+    def on_live(message: LiveSnapshot) -> None:
+        live[message.run] = message
+
+    subscription = daemon.events(_ignore_event, on_live)
+    try:
+        yield
+    finally:
+        subscription.close()
+
+
+def _ignore_event(event: ChangeEvent) -> None:
+    """The campaign is asked for anyway."""
+
+
+def _ask_campaign(daemon: DaemonClient, campaign: str) -> CampaignRow:
+    for row in daemon.campaigns():
+        if row.id == campaign:
+            return row
+    raise Refused(f"the daemon does not know the campaign {campaign} (any more)")
+
+
+def _ask_progress(
+    daemon: DaemonClient,
+    row: CampaignRow,
+    live: dict[str, LiveSnapshot],
+    pace: _RunRate,
+    now: float,
+) -> CampaignProgress:
+    running = daemon.runs(row.id, state="running", limit=_SHOWN_RUNS + 1).rows
+    per_minute, left = pace.look(row, now)
+    return CampaignProgress(row, running, live, per_minute, left)

@@ -1,0 +1,320 @@
+"""Commands about recorded runs: fetch their traces, replay them, plot their signals."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from scenario_tui.cli import completion
+from scenario_tui.cli.exit_codes import ExitCode
+from scenario_tui.cli.options import AsJson, Connect, RunOrTrace, State
+
+if TYPE_CHECKING:
+    from daemon.batch.stores import TraceReference
+    from scenario_tui.dashboard.playback import Playback
+    from scenario_tui.text.signal_plot import Curve, Curves
+
+
+def fetch(
+    subject: Annotated[
+        str,
+        typer.Argument(
+            metavar="CAMPAIGN|RUN",
+            help="Id or name of a campaign, or the id of a run.",
+            autocompletion=completion.runs,
+        ),
+    ],
+    folder: Annotated[
+        Path,
+        typer.Option(
+            "--output", "-o", metavar="DIR", file_okay=False,
+            help="Folder to write to, one folder per campaign in it.",
+        ),
+    ] = Path(),
+    connect: Connect = "",
+    state: State = None,
+    as_json: AsJson = False,
+) -> None:  # fmt: skip
+    """Bring the traces of a campaign or a run here, from a daemon or the store they lie in.
+
+    Each is verified. What was interrupted goes on where it was; what is here already stays.
+    """
+    from daemon.batch.errors import TraceUnavailable
+    from daemon.batch.paths import trace_name
+    from daemon.batch.stores import copy_trace, trace_reference
+    from scenario_tui.cli.output import say
+    from scenario_tui.cli.target import DaemonTarget, recorded_runs, transfer_progress
+
+    begun = time.perf_counter()
+    wanted: list[tuple[TraceReference, Path]] = []
+    missing: dict[str, str] = {}
+    with DaemonTarget(connect, state).open() as daemon:
+        for run in recorded_runs(daemon, subject):
+            row = run.row
+            try:
+                name = trace_name(row.campaign, row.scenario, row.sut, row.repeat)
+                wanted.append((trace_reference(run), folder / name))
+            except TraceUnavailable as error:
+                missing[row.id] = str(error)
+        with transfer_progress(sum(trace.size for trace, _ in wanted)) as told:
+            for trace, path in wanted:
+                try:
+                    copy_trace(trace, daemon, path, told=told)
+                except TraceUnavailable as error:
+                    missing[trace.run] = str(error)
+    for why in missing.values():
+        say(why)
+    brought = [(trace, path) for trace, path in wanted if trace.run not in missing]
+    _print_fetched(brought, missing, time.perf_counter() - begun, as_json=as_json)
+    raise typer.Exit(ExitCode.INFRASTRUCTURE if missing or not brought else ExitCode.EXPECTED)
+
+
+def _print_fetched(
+    brought: list[tuple[TraceReference, Path]],
+    missing: dict[str, str],
+    seconds: float,
+    *,
+    as_json: bool,
+) -> None:
+    from scenario_tui.cli.output import emit, stdout_console
+    from scenario_tui.text.formatting import pluralise
+
+    size = sum(trace.size for trace, _ in brought)
+    if as_json:
+        traces = [
+            {"run": trace.run, "path": str(path), "bytes": trace.size, "sha256": trace.sha256}
+            for trace, path in brought
+        ]
+        emit("fetch", traces=traces, missing=missing, bytes=size, seconds=seconds)
+        return
+    folders = ", ".join(sorted({str(path.parent) for _, path in brought}))
+    where = f" in {folders}" if folders else ""
+    words = f"{pluralise(len(brought), 'trace')}{where}, {size / 1e6:.1f} MB, {seconds:.1f} s"
+    stdout_console().print(words, markup=False, soft_wrap=True)
+
+
+def replay(
+    run: RunOrTrace,
+    other: Annotated[
+        str,
+        typer.Argument(
+            metavar="[OTHER]",
+            help="Another run, to see both side by side.",
+            autocompletion=completion.runs_or_traces,
+        ),
+    ] = "",
+    start: Annotated[
+        str,
+        typer.Option(
+            "--from",
+            metavar="SECONDS|ORACLE",
+            help="Begin there: a moment, or when that oracle was decided.",
+            autocompletion=completion.oracles,
+        ),
+    ] = "",
+    speed: Annotated[
+        float,
+        typer.Option("--speed", min=0.1, max=1000.0, help="Simulated seconds a second."),
+    ] = 1.0,
+    frame: Annotated[
+        str,
+        typer.Option(
+            "--frame",
+            metavar="SECONDS|ORACLE",
+            help="Only print this moment as text; needs no terminal.",
+            autocompletion=completion.oracles,
+        ),
+    ] = "",
+    connect: Connect = "",
+    state: State = None,
+    as_json: AsJson = False,
+) -> None:  # fmt: skip
+    """Watch a recorded run from above, with what its oracles say, or two of them side by side."""
+    import sys
+
+    from scenario_tui.cli.output import say
+    from scenario_tui.cli.target import DaemonTarget, one_trace
+    from scenario_tui.dashboard.playback import open_playback
+    from scenario_tui.terminal.capabilities import why_undrawable
+
+    if as_json and not frame:
+        raise typer.BadParameter("goes with --frame only", param_hint="--json")
+    target = DaemonTarget(connect, state)
+    trace = one_trace(run, target, "RUN")
+    if other:
+        if frame:
+            raise typer.BadParameter("goes with one run only", param_hint="--frame")
+        _replay_side_by_side(trace, one_trace(other, target, "OTHER"), start, speed)
+        return
+    if not frame and not (sys.stdin.isatty() and sys.stderr.isatty()):
+        say("scenario: a replay needs a terminal; scripts use `scenario replay RUN --frame 10`")
+        raise typer.Exit(ExitCode.BAD_INPUT)
+    if not frame and (why := why_undrawable()):
+        say(f"scenario: {why}")
+        raise typer.Exit(ExitCode.BAD_INPUT)
+    playback = open_playback(trace)
+    if frame:
+        _print_frame(playback, _resolve_time(playback, frame, "--frame"), as_json=as_json)
+        return
+    from scenario_tui.dashboard.screens.replay import ReplayScreen, run_replay
+
+    begin = _resolve_time(playback, start, "--from") if start else playback.start
+    code = run_replay(ReplayScreen(playback, begin, speed))
+    if code:
+        raise typer.Exit(ExitCode.BUG)
+
+
+def _replay_side_by_side(first: Path, second: Path, start: str, speed: float) -> None:
+    """Show two runs side by side; without a terminal print how they differ."""
+    import sys
+
+    from scenario_tui.cli.output import stdout_console
+    from scenario_tui.dashboard.playback import open_playback
+    from scenario_tui.terminal.capabilities import why_undrawable
+    from scenario_tui.text.comparison_text import comparison_text
+
+    both = open_playback(first), open_playback(second)
+    begin = _resolve_time(both[0], start, "--from") if start else both[0].start
+    if why_undrawable() or not (sys.stdin.isatty() and sys.stderr.isatty()):
+        verdicts, specs = zip(*((one.verdicts, one.trace.spec) for one in both), strict=True)
+        stdout_console().print(comparison_text(*verdicts, *specs), soft_wrap=True)
+        return
+    from scenario_tui.dashboard.screens.compare import CompareScreen
+    from scenario_tui.dashboard.screens.replay import run_replay
+
+    code = run_replay(CompareScreen(*both, begin=begin, speed=speed))
+    if code:
+        raise typer.Exit(ExitCode.BUG)
+
+
+def _resolve_time(playback: Playback, text: str, option: str) -> float:
+    try:
+        return playback.time_of(text)
+    except ValueError as error:
+        raise typer.BadParameter(str(error), param_hint=option) from error
+
+
+def _print_frame(playback: Playback, time: float, *, as_json: bool) -> None:
+    import shutil
+
+    from scenario_tui.cli.output import emit, stdout_console
+    from scenario_tui.dashboard.playback import render_frame
+
+    if not as_json:
+        size = shutil.get_terminal_size((80, 24))
+        for line in render_frame(playback, time, size.columns, size.lines - 1):
+            stdout_console().print(line, no_wrap=True, soft_wrap=True)
+        return
+    view = playback.view(time)
+    names = playback.trace.scene.joint_names
+    emit(
+        "frame",
+        run=playback.label,
+        trace=str(playback.trace.path),
+        time=time,
+        start=playback.start,
+        end=playback.end,
+        pose=view.where,
+        estimate=view.estimate,
+        joints=dict(zip(names, view.joints, strict=True)),
+        reached=view.reached,
+        waypoints=playback.waypoints,
+        returns=list(view.returns),
+        plan=list(view.plan),
+        contacts=list(view.contacts),
+        verdicts=list(playback.verdicts),
+    )
+
+
+def plot(
+    run: RunOrTrace,
+    signals: Annotated[
+        list[str],
+        typer.Argument(
+            metavar="SIGNAL",
+            help="Signals as oracles name them: clearance speed loc.error door-17.angle "
+            "'clearance(0.35 m, 0.2 m)'.",
+            autocompletion=completion.signals,
+        ),
+    ],
+    connect: Connect = "",
+    state: State = None,
+    as_json: AsJson = False,
+) -> None:
+    """Draw signals of a recorded run over time, with the moments that decided against it."""
+    from scenario_tui.cli.target import DaemonTarget, one_trace
+    from scenario_tui.text.signal_plot import read_curves
+
+    trace = one_trace(run, DaemonTarget(connect, state), "RUN")
+    try:
+        found = read_curves(trace, signals)
+    except ValueError as error:
+        raise typer.BadParameter(str(error), param_hint="SIGNAL") from error
+    if as_json:
+        _emit_curves(found)
+    else:
+        _print_curves(found)
+
+
+def _emit_curves(found: Curves) -> None:
+    from scenario_tui.cli.output import emit
+
+    emit(
+        "plot",
+        run=found.trace.spec.label,
+        trace=str(found.trace.path),
+        signals=[_plain_curve(curve) for curve in found.curves],
+        verdicts=list(found.verdicts),
+    )
+
+
+def _plain_curve(curve: Curve) -> dict[str, object]:
+    """Return a curve as JSON can hold it: null where the signal is not known or not finite."""
+    import math
+
+    values = [value if math.isfinite(value) else None for value in curve.values.tolist()]
+    return {"name": curve.name, "unit": curve.unit, "time": curve.time.tolist(), "values": values}
+
+
+def _print_curves(found: Curves) -> None:
+    import shutil
+
+    import numpy as np
+    from rich.text import Text
+
+    from daemon.model.verdicts import Outcome
+    from scenario_tui.cli.output import stdout_console
+    from scenario_tui.text.formatting import glyph_word, quantity, time_text
+
+    console = stdout_console()
+    size = shutil.get_terminal_size((80, 24))
+    against = [v for v in found.verdicts if v.outcome is Outcome.FAIL]
+    marks = tuple(v.evidence.time for v in against if v.evidence.time is not None)
+    colour = console.is_terminal and console.color_system is not None
+    # A graph has five lines besides its rows: what it is, the unit, the top and the axis of time.
+    rows = (size.lines - 1 - len(against)) // len(found.curves) - 5
+    for curve in found.curves:
+        known = curve.values[np.isfinite(curve.values)]
+        said = "never known in this run"
+        if len(known):
+            unit = "" if curve.unit == "bool" else curve.unit
+            low, high = quantity(float(known.min()), ""), quantity(float(known.max()), unit)
+            said = f"{low} to {high}, at the end {quantity(float(known[-1]), unit)}"
+        console.print(Text.assemble((curve.name, "bold"), f"  {said}"), soft_wrap=True)
+        if len(known):
+            console.print(Text.from_ansi(_draw_curve(curve, size.columns, rows, colour, marks)))
+    for verdict in against:
+        line = f"{glyph_word(verdict.outcome)}  {verdict.oracle}"
+        when = (
+            f" at {time_text(verdict.evidence.time)}" if verdict.evidence.time is not None else ""
+        )
+        console.print(line + when, markup=False, soft_wrap=True)
+
+
+def _draw_curve(curve: Curve, width: int, rows: int, colour: bool, marks: tuple[float, ...]) -> str:
+    from scenario_tui.text.signal_plot import draw_curve
+
+    return draw_curve(curve, width, rows, colour=colour, marks=marks)

@@ -1,0 +1,218 @@
+"""The command that writes reports, and pictures of single runs."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Final
+
+import typer
+
+from scenario_tui.cli import completion
+from scenario_tui.cli.exit_codes import ExitCode
+from scenario_tui.cli.options import AsJson, Connect, State
+
+if TYPE_CHECKING:
+    from daemon.analysis.report import ReportData, ReportInput, SuggestedCommand
+    from scenario_tui.cli.target import DaemonTarget
+
+_DEFAULT_PAGE: Final = Path("report.html")
+_RUN_COMMANDS: Final = (
+    ("replay", "scenario replay {run}", "watch it again", False),
+    ("report", "scenario report --run {run} -o run.svg", "a picture of it", False),
+    ("judge", "scenario judge {run}", "judge it again", False),
+    ("blame", "scenario blame {run}", "find out what makes it fail", True),
+)
+
+
+def report(
+    campaign: Annotated[
+        str,
+        typer.Argument(
+            metavar="CAMPAIGN",
+            help="A folder of traces, or id or name of a campaign, or how it begins. "
+            "Default: the newest campaign.",
+            autocompletion=completion.campaigns_or_folders,
+        ),
+    ] = "",
+    output: Annotated[
+        Path | None,
+        typer.Option(
+            "--output", "-o", metavar="FILE", help="The page to write. Default: report.html."
+        ),
+    ] = None,
+    junit: Annotated[
+        Path | None,
+        typer.Option("--junit", metavar="FILE", help="Write verdicts as JUnit XML."),
+    ] = None,
+    csv: Annotated[
+        Path | None,
+        typer.Option("--csv", metavar="FILE", help="Write all measures and margins as CSV."),
+    ] = None,
+    parquet: Annotated[
+        Path | None,
+        typer.Option("--parquet", metavar="FILE", help="The same as Parquet."),
+    ] = None,
+    run: Annotated[
+        str,
+        typer.Option(
+            "--run",
+            metavar="RUN",
+            help="Only draw this run: an id or a trace (.svg or .png).",
+            autocompletion=completion.runs_or_traces,
+        ),
+    ] = "",
+    exit_status: Annotated[
+        bool,
+        typer.Option("--exit-status", help="Leave with the code of the verdicts, 1 for a failure."),
+    ] = False,
+    processes: Annotated[
+        int | None,
+        typer.Option("--processes", "-j", min=1, max=1024, help="Default: one per core."),
+    ] = None,
+    connect: Connect = "",
+    state: State = None,
+    as_json: AsJson = False,
+) -> None:
+    """Write a campaign as one page with figures, or as tables for machines."""
+    from daemon.analysis.report import (
+        read_report_data,
+        write_csv,
+        write_junit,
+        write_page,
+        write_parquet,
+    )
+    from scenario_tui.cli.output import track_progress
+    from scenario_tui.cli.target import DaemonTarget
+
+    target = DaemonTarget(connect, state)
+    if run:
+        _draw_run(run, campaign, output, target, as_json=as_json)
+        return
+    tables = {"junit": junit, "csv": csv, "parquet": parquet}
+    page = output or (None if any(tables.values()) else _DEFAULT_PAGE)
+    chosen = _choose_campaign(campaign, target)
+    bar = partial(track_progress, description="reading traces")
+    material = read_report_data(chosen, processes=processes, watched=bar)
+    if page is not None:
+        _write(page, write_page(material, _run_commands(), processes=processes))
+    for writer, path in ((write_junit, junit), (write_csv, csv), (write_parquet, parquet)):
+        if path is not None:
+            writer(material, path)
+    written = {"page": page} | tables
+    _print_written(
+        material, {kind: path for kind, path in written.items() if path}, as_json=as_json
+    )
+    if exit_status:
+        raise typer.Exit(ExitCode(material.assessment.exit_code))
+
+
+def _choose_campaign(campaign: str, target: DaemonTarget) -> ReportInput:
+    """Return what is meant: a folder of traces, else a campaign of the state directory.
+
+    Of a daemon that was named, the traces are brought here.
+    """
+    from daemon.analysis.report import folder_input, ledger_input, open_ledger
+    from scenario_tui.cli.target import find_campaign
+
+    folder = Path(campaign)
+    if campaign and folder.is_dir():
+        return folder_input(folder)
+    if folder.suffix == ".mcap":
+        message = "a report is about a campaign or a folder of traces"
+        raise typer.BadParameter(f"{message}: for one run there is --run", param_hint="CAMPAIGN")
+    if target.named:
+        return _fetch_campaign(campaign, target)
+    with open_ledger(target.places) as reader:
+        return ledger_input(reader, find_campaign(reader, campaign), target.places)
+
+
+def _fetch_campaign(campaign: str, target: DaemonTarget) -> ReportInput:
+    from daemon.analysis.report import campaign_input
+    from daemon.batch.errors import TraceUnavailable
+    from daemon.batch.stores import local_copy
+    from daemon.batch.stores import trace_reference as recorded_trace
+    from scenario_tui.cli.target import find_campaign, transfer_progress
+
+    with target.open() as daemon:
+        row = find_campaign(daemon, campaign)
+        records = list(daemon.records(row.id))
+        runs = [daemon.run(record.id) for record in records]
+        size = sum(run.result.trace.size for run in runs if run.result is not None)
+        with transfer_progress(size) as told:
+            for position, run in enumerate(runs):
+                if records[position].trace is None:
+                    continue
+                try:
+                    path = local_copy(recorded_trace(run), daemon, told=told)
+                    records[position] = replace(records[position], trace=str(path))
+                except TraceUnavailable as error:
+                    note = f"{records[position].note} {error}".strip()
+                    records[position] = replace(records[position], trace=None, note=note)
+        declared = daemon.declared(row.id)
+    specs = [run.spec for run in runs]
+    return campaign_input(row, target.endpoint, declared, records, specs)
+
+
+def _run_commands() -> tuple[SuggestedCommand, ...]:
+    """Return what can be typed about a run with this version."""
+    from daemon.analysis.report import SuggestedCommand
+    from scenario_tui.cli.command_line import command_names
+
+    known = command_names()
+    return tuple(
+        SuggestedCommand(text, purpose, failing)
+        for name, text, purpose, failing in _RUN_COMMANDS
+        if name in known
+    )
+
+
+def _write(path: Path, text: str) -> None:
+    path.write_text(text, encoding="utf-8")
+
+
+def _print_written(material: ReportData, written: dict[str, Path], *, as_json: bool) -> None:
+    from daemon.analysis.report import headline
+    from scenario_tui.cli.output import emit, stdout_console
+
+    said = headline(material.assessment, material.runs)
+    if as_json:
+        emit(
+            "report",
+            campaign=material.chosen.name,
+            runs=len(material.runs),
+            answer=f"{said.word}. {said.sentence}",
+            exit_code=material.assessment.exit_code,
+            written={kind: str(path) for kind, path in written.items()},
+        )
+        return
+    console = stdout_console()
+    # A folder may be called like a campaign: say which of them this is about.
+    about = f"{material.chosen.name} ({material.chosen.id or material.chosen.where})"
+    console.print(f"{about}: {said.word}. {said.sentence}", markup=False, soft_wrap=True)
+    for file, problem in material.chosen.unread:
+        console.print(f"not read: {file}: {problem}", markup=False, soft_wrap=True)
+    for path in written.values():
+        size = path.stat().st_size / 1e6
+        console.print(f"{path} ({size:.2f} MB)", markup=False, soft_wrap=True)
+
+
+def _draw_run(
+    run: str, campaign: str, output: Path | None, target: DaemonTarget, *, as_json: bool
+) -> None:
+    from daemon.analysis.report import draw_run
+    from scenario_tui.cli.output import emit, stdout_console
+    from scenario_tui.cli.target import one_trace
+
+    if campaign:
+        raise typer.BadParameter("name a campaign or a run, not both", param_hint="--run")
+    path = output or Path("run.svg")
+    if path.suffix not in (".svg", ".png"):
+        raise typer.BadParameter(f"{path} must end in .svg or .png", param_hint="--output")
+    trace = one_trace(run, target, "--run")
+    draw_run(trace, path)
+    if as_json:
+        emit("picture", trace=str(trace), written=str(path))
+        return
+    stdout_console().print(str(path), markup=False, soft_wrap=True)

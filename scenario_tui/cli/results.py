@@ -1,0 +1,167 @@
+"""The results of a campaign: as a table with what is not as expected, as JSON, and read back."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Final
+
+from rich import box
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
+
+from daemon.judging.assessment import CampaignDifference, JudgedCampaign
+from daemon.judging.statistics import at_least
+from daemon.model.assessments import AssessmentRules, ComparisonVerdict, RunRecord
+from grammars.text import codec
+from grammars.text.diagnostics import Diagnostic, InputError, Where
+from scenario_tui.cli.output import emit, stdout_console
+from scenario_tui.text.assessment_text import (
+    BOUNDS,
+    Footnotes,
+    attention_lists,
+    cell_text,
+    comparison_cell_text,
+    quiet_style,
+)
+from scenario_tui.text.formatting import NOTHING, TERMINAL_STYLES, fine_duration, pluralise
+from scenario_tui.text.results import CampaignResults
+
+RESULTS_SCHEMA: Final = "scenario/results/1"
+
+
+def emit_results(results: CampaignResults, comparison: CampaignDifference | None = None) -> None:
+    """Write everything about a campaign as one JSON object, with what it was held against."""
+    emit(
+        "results",
+        campaign=results.row,
+        declared=results.declared,
+        assessment=results.assessment,
+        runs=list(results.rows),
+        records=list(results.records),
+        comparison=comparison,
+    )
+
+
+def read_results(path: Path) -> JudgedCampaign:
+    """Read what ``--json`` wrote; raises :class:`InputError` for anything else."""
+    where = Where(str(path))
+    try:
+        body = json.loads(path.read_text(encoding="utf-8"))
+        if body["schema"] != RESULTS_SCHEMA:
+            raise ValueError(f"it holds {body['schema']}")
+        declared = codec.from_plain(AssessmentRules, body["declared"])
+        records = codec.from_plain(tuple[RunRecord, ...], body["records"])
+        return JudgedCampaign(str(body["campaign"]["id"]), declared, records)
+    except OSError as error:
+        message = f"cannot be read: {error.strerror}"
+        raise InputError(Diagnostic(where, message)) from error
+    except (ValueError, KeyError, TypeError) as error:
+        hint = "write one with: scenario results CAMPAIGN --json"
+        raise InputError(Diagnostic(where, "is no file of results", hint)) from error
+
+
+def matrix_table(results: CampaignResults, notes: Footnotes) -> Table:
+    """Return one row for each scenario and one column for each system under test."""
+    cells = {(cell.scenario, cell.sut): cell for cell in results.assessment.cells}
+    suts = tuple(dict.fromkeys(sut for _, sut in cells))
+    alone = len(suts) == 1
+    table = _empty_table("scenario", *suts)
+    for scenario in dict.fromkeys(scenario for scenario, _ in cells):
+        found = (cells.get((scenario, sut)) for sut in suts)
+        row = (c and cell_text(c, results, notes, TERMINAL_STYLES, alone=alone) for c in found)
+        table.add_row(scenario, *(shown or NOTHING for shown in row))
+    return table
+
+
+def _empty_table(*titles: str) -> Table:
+    table = Table(box=box.SIMPLE_HEAD, pad_edge=False, show_edge=False)
+    for title in titles:
+        table.add_column(title, overflow="fold")
+    return table
+
+
+def comparison_table(cells: Sequence[ComparisonVerdict], notes: Footnotes) -> Table:
+    """Return one row for each comparison and one column for each system under test."""
+    found = {(cell.comparison, cell.sut): cell for cell in cells}
+    suts = tuple(dict.fromkeys(cell.sut for cell in cells))
+    table = _empty_table("comparison", *suts, "is to be")
+    for name, text in {cell.comparison: cell.text for cell in cells}.items():
+        row = (found.get((name, sut)) for sut in suts)
+        shown = (cell and comparison_cell_text(cell, notes, TERMINAL_STYLES) for cell in row)
+        table.add_row(
+            name, *(one or NOTHING for one in shown), Text(text, style=quiet_style(TERMINAL_STYLES))
+        )
+    return table
+
+
+LISTED: Final = 12
+
+
+def print_summary(results: CampaignResults, *, took: float | None = None) -> None:
+    """Print the matrix of cells, the comparisons, and what is not as expected."""
+    console, notes, judged = stdout_console(), Footnotes(), results.assessment
+    console.print(_headline(results, took))
+    console.print()
+    console.print(matrix_table(results, notes))
+    if judged.comparisons:
+        console.print()
+        console.print(comparison_table(judged.comparisons, notes))
+        console.print(BOUNDS, style="dim", markup=False)
+    for line in notes.lines():
+        console.print(line)
+    console.print()
+    for title, lines in attention_lists(results, TERMINAL_STYLES):
+        _print_list(console, title, lines)
+    console.print(_conclusion_line(results), markup=False)
+    console.print()
+
+
+def _headline(results: CampaignResults, took: float | None) -> Text:
+    row = results.row
+    text = Text.assemble((row.name, "bold"))
+    if row.about:
+        text.append(f"  {row.about}", style="dim")
+    text.append(f"\n{pluralise(row.total, 'run')}")
+    if row.cached:
+        text.append(f", {row.cached:,} cached")
+    if took is not None:
+        text.append(f" in {fine_duration(took)}")
+    return text
+
+
+def _print_list(console: Console, title: str, lines: list[Text]) -> None:
+    console.print(Text(f"{len(lines):,} {title}:", style="bold"))
+    for line in lines[:LISTED]:
+        console.print(line, soft_wrap=True)
+    if len(lines) > LISTED:
+        console.print(f"and {len(lines) - LISTED} more")
+    console.print()
+
+
+def _conclusion_line(results: CampaignResults) -> str:
+    """Return the last word: whether all is as expected, and how little that shows."""
+    code = results.assessment.exit_code
+    said = {
+        0: "everything is as expected",
+        1: "not as expected",
+        3: "some runs could not be executed or judged",
+    }.get(code, "not everything is decided")
+    n = results.declared.policy.n
+    if code == 0 and results.declared.policy.rule == "all":
+        said += f"; {n} of {n} shows a pass rate of at least {100 * at_least(n, n):.1f} %"
+    return said
+
+
+def print_commands(*commands: tuple[str, str]) -> None:
+    """Print what to type next: ``(command, what it does)`` pairs, the purpose where it fits."""
+    console = stdout_console()
+    width = max(len(command) for command, _ in commands)
+    roomy = all(width + len(purpose) + 4 <= console.width for _, purpose in commands)
+    for command, purpose in commands:
+        line = Text.assemble("  ", (command, "bold cyan"))
+        if roomy:
+            line.append(f"{'':{width - len(command)}}  {purpose}", style="dim")
+        console.print(line, soft_wrap=True)

@@ -1,0 +1,233 @@
+"""Commands that run campaigns: demo, check, run, submit, wait."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from scenario_tui.cli import completion
+from scenario_tui.cli.compare import Baseline, WorseBy
+from scenario_tui.cli.completion import layer_files
+from scenario_tui.cli.exit_codes import ExitCode
+from scenario_tui.cli.options import AsJson, CampaignFile, CampaignName, Connect, Slots, State
+
+if TYPE_CHECKING:
+    from daemon.model.status import Submission
+    from grammars.text.diagnostics import Diagnostic
+
+Out = Annotated[
+    Path | None,
+    typer.Option(
+        "--out", "-o", metavar="DIR", help="Where traces go. Default: scenario-results/<campaign>/."
+    ),
+]
+
+
+def demo(out: Out = None, slots: Slots = None, as_json: AsJson = False) -> None:
+    """Show everything once: a robot, moving doors, verdicts.
+
+    Takes seconds and needs nothing but this installation.
+    """
+    from importlib.resources import as_file, files
+
+    from scenario_tui.cli.execute import run_here
+    from scenario_tui.cli.output import stdout_console as console
+    from scenario_tui.cli.results import emit_results, print_commands
+
+    with as_file(files("campaigns")) as folder:
+        found = run_here(
+            _prepare_submission(folder / "demo" / "campaign.yaml"), out, slots, as_json
+        )
+    if as_json:
+        emit_results(found)
+    else:
+        console().print("This is what testing with scenarios looks like. Make it yours:")
+        print_commands(
+            ("scenario check CAMPAIGN.yaml", "find every problem before anything runs"),
+            ("scenario submit CAMPAIGN.yaml", "hand a campaign to the daemon and go on"),
+            ("scenario tui", "watch it in the dashboard"),
+        )
+    # A demo may well show a failing robot: it succeeds when every run was judged.
+    judged = set(found.words) <= {"pass", "fail", "inconclusive"}
+    raise typer.Exit(ExitCode.EXPECTED if judged else ExitCode.INFRASTRUCTURE)
+
+
+def run(
+    campaign: CampaignFile,
+    baseline: Baseline = "",
+    worse_by: WorseBy = None,
+    out: Out = None,
+    slots: Slots = None,
+    as_json: AsJson = False,
+) -> None:
+    """Run a campaign here and now, without a daemon.
+
+    Nothing is left behind but the traces and what they are about, in scenario-results/ unless
+    told otherwise.
+    """
+    from scenario_tui.cli.compare import compare_with_baseline, final_code, print_comparison
+    from scenario_tui.cli.execute import run_here, typed_path
+    from scenario_tui.cli.results import emit_results, print_commands
+
+    found = run_here(_prepare_submission(campaign), out, slots, as_json)
+    between = compare_with_baseline(found, baseline, worse_by, None)
+    if as_json:
+        emit_results(found, comparison=between)
+    else:
+        if between is not None:
+            print_comparison(between)
+        kept = {Path(row.trace).parent for row in found.rows if row.trace}
+        print_commands(
+            *(
+                (f"scenario report {typed_path(folder)}", "one page with figures")
+                for folder in kept
+            ),
+            (f"scenario submit {campaign}", "run it with the daemon, results are kept"),
+            ("scenario tui", "the dashboard of the daemon"),
+        )
+    raise typer.Exit(final_code(found, between))
+
+
+def submit(
+    campaign: CampaignFile,
+    watch: Annotated[
+        bool, typer.Option("--watch", "-w", help="Stay until it is finished, show progress.")
+    ] = False,
+    fresh: Annotated[
+        bool,
+        typer.Option(
+            "--fresh",
+            help="Run everything anew. Otherwise runs whose specification has a result keep it, "
+            "also when the code of a system under test has changed since.",
+        ),
+    ] = False,
+    baseline: Baseline = "",
+    worse_by: WorseBy = None,
+    slots: Slots = None,
+    connect: Connect = "",
+    state: State = None,
+    as_json: AsJson = False,
+) -> None:
+    """Hand a campaign to the daemon, watch it if you like.
+
+    Only runs that have no result yet are executed. A daemon is started on this machine if none
+    answers.
+    """
+    from scenario_tui.cli.execute import start_daemon_if_needed, watch_to_end
+    from scenario_tui.cli.output import emit, say
+    from scenario_tui.cli.target import DaemonTarget
+    from scenario_tui.submission import receipt_text
+
+    if baseline and not watch:
+        raise typer.BadParameter("is judged at the end: add --watch", param_hint="--baseline")
+    submission = _prepare_submission(campaign, fresh=fresh)
+    target = DaemonTarget(connect, state)
+    start_daemon_if_needed(target, slots)
+    endpoint = target.endpoint
+    with target.open() as daemon:
+        receipt = daemon.submit(submission)
+    say(receipt_text(receipt))
+    if watch:
+        code = watch_to_end(target, submission.campaign, as_json, baseline, worse_by)
+        raise typer.Exit(code)
+    if as_json:
+        emit("submit", receipt=receipt, endpoint=endpoint)
+        return
+    from scenario_tui.cli.results import print_commands
+
+    print_commands(
+        ("scenario tui", "watch it in the dashboard"),
+        (f"scenario results {submission.campaign}", "verdicts so far"),
+        (f"scenario cancel {submission.campaign}", "stop it"),
+    )
+
+
+def check(
+    files: Annotated[
+        list[Path],
+        typer.Argument(
+            metavar="FILE",
+            help="Campaigns, floor plans, scenery or other layers.",
+            autocompletion=completion.files(layer_files),
+        ),
+    ],
+    as_json: AsJson = False,
+) -> None:
+    """Find every problem of campaigns and layers.
+
+    Nothing is run; the geometry of what would run is examined.
+    """
+    from grammars.text.diagnostics import Severity
+    from scenario_tui.cli.output import emit, say
+    from scenario_tui.file_check import check_file
+    from scenario_tui.text.diagnostics import diagnostic_counts, report_diagnostics
+
+    findings: dict[str, tuple[Diagnostic, ...]] = {}
+    for file in files:
+        about, found = check_file(file)
+        findings[str(file)] = found
+        if not as_json:
+            report_diagnostics(found)
+            say(f"{file}: {about + ', ' if about else ''}{diagnostic_counts(found)}")
+    if as_json:
+        emit("check", files=findings)
+    everything = [d for found in findings.values() for d in found]
+    if any(d.severity is Severity.ERROR for d in everything):
+        raise typer.Exit(ExitCode.BAD_INPUT)
+
+
+def _prepare_submission(path: Path, *, fresh: bool = False) -> Submission:
+    """Load, check and expand a campaign; warnings are printed, errors raise ``InputError``."""
+    from scenario_tui.submission import prepare_submission
+    from scenario_tui.text.diagnostics import report_diagnostics
+
+    submission, warnings = prepare_submission(path, fresh=fresh)
+    report_diagnostics(warnings)
+    return submission
+
+
+def wait(
+    campaign: CampaignName,
+    timeout: Annotated[
+        str, typer.Option("--timeout", metavar="AGE", help="At most so long: 30s, 10min, 2h.")
+    ] = "",
+    connect: Connect = "",
+    state: State = None,
+    as_json: AsJson = False,
+) -> None:
+    """Wait until a campaign is over, and leave with its exit code.
+
+    Leaves with 4 when the time is up before. Ctrl-C ends the waiting only.
+    """
+    from math import inf
+
+    from scenario_tui.cli.options import read_age
+    from scenario_tui.cli.output import say
+    from scenario_tui.cli.progress import watch
+    from scenario_tui.cli.results import emit_results
+    from scenario_tui.cli.target import DaemonTarget, find_campaign
+    from scenario_tui.text.formatting import pluralise
+    from scenario_tui.text.results import conclude, gather_results
+
+    limit = read_age(timeout) if timeout else inf
+    target = DaemonTarget(connect, state)
+    with target.open() as daemon:
+        found = find_campaign(daemon, campaign)
+    try:
+        row = watch(target.open, found.id, limit=limit)
+    except KeyboardInterrupt:
+        say(f"\n{found.id} goes on; come back with `scenario wait {found.id}`")
+        raise typer.Exit(ExitCode.INTERRUPTED) from None
+    with target.open() as daemon:
+        results = gather_results(daemon, row)
+    if as_json:
+        emit_results(results)
+    said = conclude(results.assessment, finished=row.finished).said
+    if not row.finished:
+        left = pluralise(row.queued + row.running, "run")
+        say(f"{row.id}: {left} left after {timeout}, {said}")
+        raise typer.Exit(ExitCode.INCONCLUSIVE)
+    say(f"{row.id}: {said}")
+    raise typer.Exit(results.assessment.exit_code)

@@ -1,0 +1,203 @@
+"""The command that shows a system under test: every parameter, where it comes from, who hears."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Final
+
+import typer
+
+from scenario_tui.cli import completion
+from scenario_tui.cli.completion import sut_files
+from scenario_tui.cli.options import AsJson
+
+if TYPE_CHECKING:
+    from daemon.campaign import LoadedSut
+    from daemon.stacks.ros1.configuration import RosParameters
+
+_NOT_ROS_PARAMETERS: Final = frozenset(
+    {"sources", "obstacle_layer", "obstacle_layer_name", "inflation_layer", "recovery_behaviors"}
+)
+"""Fields of the models that are no parameters, or say nothing when they are not given."""
+
+
+def sut(
+    file: Annotated[
+        Path,
+        typer.Argument(
+            metavar="SUT.yaml",
+            help="A system under test.",
+            autocompletion=completion.files(sut_files),
+        ),
+    ],
+    as_json: AsJson = False,
+) -> None:
+    """Show a system under test: its parameters and where each was written.
+
+    For the ROS stack also the defaults that apply, what has no effect here, and who hears the
+    laser.
+    """
+    from daemon.campaign import LayerLibrary
+    from scenario_tui.cli.output import emit
+    from scenario_tui.text.diagnostics import report_diagnostics
+
+    found = LayerLibrary(file.parent).sut_file(file)
+    read = _read_ros_parameters(found)
+    if as_json:
+        emit(
+            "sut",
+            name=found.reference.name,
+            kind=found.reference.kind,
+            files=list(found.files),
+            parameters=found.reference.parameters,
+            places={"/".join(path): str(s.where) for path, s in found.settings.items()},
+            defaults={} if read is None else _defaults(found, read),
+            topics=None if read is None else read.topics,
+            wiring=None if read is None else read.wiring,
+            without_effect={
+                "/".join(map(str, f.path)): f.message for f in found.findings.without_effect
+            },
+            warnings=list(found.warnings),
+        )
+        return
+    _print_head(found)
+    _print_given(found)
+    if read is not None:
+        _print_defaults(_defaults(found, read))
+        _print_quirks(read)
+        _print_wiring(read)
+    report_diagnostics(w for w in found.warnings if "without effect here" not in w.message)
+
+
+def _read_ros_parameters(found: LoadedSut) -> RosParameters | None:
+    if found.reference.kind != "ros":
+        return None
+    from daemon.stacks.ros1.configuration import read_ros
+
+    return read_ros(found.reference.parameters)
+
+
+def _defaults(found: LoadedSut, read: RosParameters) -> dict[str, dict[str, Any]]:
+    """Return the values nobody wrote, by namespace."""
+    from daemon.stacks.ros1 import navfn
+
+    namespaces: dict[str, Any] = {
+        "amcl": read.amcl,
+        "move_base": read.move_base,
+        "move_base/global_costmap": read.global_costmap,
+        "move_base/local_costmap": read.local_costmap,
+        "move_base/NavfnROS": read.navfn,
+        "move_base/DWAPlannerROS": read.dwa,
+        "move_base/rotate_recovery": read.rotate_recovery,
+        "dispatcher": read.dispatcher,
+    }
+    left_out = {*_NOT_ROS_PARAMETERS, *navfn.WITHOUT_EFFECT}
+    return {
+        namespace: {
+            field.name: getattr(model, field.name)
+            for field in dataclasses.fields(model)
+            if field.name not in left_out | _written_names(found, namespace)
+        }
+        for namespace, model in namespaces.items()
+    }
+
+
+def _written_names(found: LoadedSut, namespace: str) -> set[str]:
+    """Return the names somebody wrote in a namespace, or in the layers of a costmap."""
+    above = tuple(namespace.split("/"))
+    deepest = len(above) + (2 if namespace.endswith("costmap") else 1)
+    spaces = [above]
+    if namespace.endswith("rotate_recovery"):
+        spaces.append(("move_base", "TrajectoryPlannerROS"))
+    return {
+        path[-1] for path in found.settings if path[: len(above)] in spaces and len(path) <= deepest
+    }
+
+
+def _print_head(found: LoadedSut) -> None:
+    from scenario_tui.cli.output import stdout_console
+
+    reference = found.reference
+    about = f": {found.about}" if found.about else ""
+    stdout_console().print(
+        f"{reference.name}, kind {reference.kind}{about}", markup=False, soft_wrap=True
+    )
+    stdout_console().print(" < ".join(found.files), markup=False, style="dim", soft_wrap=True)
+
+
+def _print_given(found: LoadedSut) -> None:
+    from rich import box
+    from rich.table import Table
+    from rich.text import Text
+
+    from scenario_tui.cli.output import stdout_console
+
+    if not found.settings:
+        return
+    reasons = {f.path: f.message for f in found.findings.without_effect}
+    table = Table(box=box.SIMPLE_HEAD, pad_edge=False, show_edge=False)
+    for title in ("parameter", "value", "written in", "without effect here"):
+        table.add_column(title, overflow="fold")
+    above = ""
+    for path, setting in sorted(found.settings.items(), key=lambda item: (item[0][:-1], item[0])):
+        namespace = "/".join(path[:-1])
+        if namespace != above:
+            table.add_row(Text(namespace, style="bold"))
+            above = namespace
+        where = f"{Path(setting.where.file).name}:{setting.where.line}"
+        indent = "  " if namespace else ""
+        cells = (f"{indent}{path[-1]}", _yaml_text(setting.value), where, reasons.get(path, ""))
+        table.add_row(*(Text(cell) for cell in cells))
+    stdout_console().print(table)
+
+
+def _yaml_text(value: Any) -> str:
+    """Return a value as YAML would have it."""
+    if isinstance(value, bool):
+        return str(value).lower()
+    if value is None:
+        return "not set"
+    if isinstance(value, list):
+        return json.dumps(value)
+    return f"{value:.6g}" if isinstance(value, float) else str(value)
+
+
+def _print_defaults(defaults: dict[str, dict[str, Any]]) -> None:
+    from scenario_tui.cli.output import stdout_console
+
+    stdout_console().print("\nnot written anywhere", style="bold")
+    for namespace, values in defaults.items():
+        if values:
+            listed = ", ".join(f"{name} {_yaml_text(value)}" for name, value in values.items())
+            stdout_console().print(f"  {namespace}: {listed}", markup=False, soft_wrap=True)
+
+
+def _print_quirks(read: RosParameters) -> None:
+    from scenario_tui.cli.output import stdout_console
+
+    off = [name for name, on in dataclasses.asdict(read.quirks).items() if not on]
+    if off:
+        stdout_console().print("\noddities of the original that are off", style="bold")
+        stdout_console().print(f"  {', '.join(off)}", markup=False, soft_wrap=True)
+
+
+def _print_wiring(read: RosParameters) -> None:
+    from scenario_tui.cli.output import stdout_console
+
+    console = stdout_console()
+    console.print(f"\nthe scan comes on {read.topics.published}", style="bold")
+    listeners = {
+        "amcl": ((read.topics.amcl,), read.wiring.amcl),
+        "global costmap": (read.topics.global_costmap, read.wiring.global_costmap),
+        "local costmap": (read.topics.local_costmap, read.wiring.local_costmap),
+    }
+    for name, (topics, hears) in listeners.items():
+        answer = "hears it" if hears else "does not hear it"
+        listens = ", ".join(topics) or "nothing"
+        console.print(
+            f"  {name} listens to {listens}: {answer}",
+            markup=False,
+            style="" if hears else "yellow",
+        )

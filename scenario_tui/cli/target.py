@@ -1,0 +1,256 @@
+"""What a command is about: the daemon its options name, and a campaign, a run or traces there.
+
+Traces are those of this machine, or brought here from where they lie.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Protocol
+
+import typer
+
+from daemon.batch.errors import Refused, Unreachable
+from daemon.model.status import CampaignRow, RunDetail
+from grammars.text.diagnostics import Diagnostic, InputError, Where, did_you_mean
+from scenario_tui.client import DaemonClient
+
+if TYPE_CHECKING:
+    from daemon.batch.paths import StatePaths
+    from daemon.batch.stores import ByteProgress
+
+
+@dataclass(frozen=True, slots=True)
+class DaemonTarget:
+    """The daemon a command is about, as told by its options."""
+
+    connect: str = ""
+    state: Path | None = None
+
+    @property
+    def endpoint(self) -> str:
+        """Where the daemon listens as far as known now; it may move when it restarts.
+
+        Raises :class:`daemon.batch.errors.Unreachable` for a state directory somebody chose that no
+        daemon keeps: there is no need to look for its socket. Raises
+        :class:`InputError` when the environment names what is no endpoint.
+        """
+        from daemon.batch.paths import StatePaths, find_endpoint, is_endpoint
+
+        found = find_endpoint(self.connect, self.state)
+        if found.origin == "SCENARIO_CONNECT" and not is_endpoint(found.address):
+            message = f"{found.address!r} is not an endpoint"
+            hint = "write tcp/<host>:<port> or tls/<host>:<port>"
+            raise InputError(Diagnostic(Where(found.origin), message, hint))
+        if found.origin == "default" and (self.state or os.environ.get("SCENARIO_STATE")):
+            folder = StatePaths.find(self.state).state
+            raise Unreachable(
+                f"no daemon keeps {folder}: start one with `scenario daemon` or `scenario submit`"
+            )
+        return found.address
+
+    @property
+    def places(self) -> StatePaths:
+        """The state directory of this machine that is meant."""
+        from daemon.batch.paths import StatePaths
+
+        return StatePaths.find(self.state)
+
+    @property
+    def named(self) -> bool:
+        """Whether people said which daemon: then none is started behind their back."""
+        from daemon.batch.paths import find_endpoint
+
+        return find_endpoint(self.connect, self.state).origin in ("--connect", "SCENARIO_CONNECT")
+
+    @contextmanager
+    def open(self) -> Iterator[DaemonClient]:
+        """Open a client; raises :class:`daemon.batch.errors.Unreachable`."""
+        from daemon.batch.client import Client
+
+        with Client.open(self.endpoint) as client:
+            yield client
+
+
+class CampaignSource(Protocol):
+    """Whoever knows the campaigns: a daemon, or the ledger itself."""
+
+    def campaigns(self) -> tuple[CampaignRow, ...]:
+        """All campaigns, the newest first."""
+
+
+class RunSource(CampaignSource, Protocol):
+    """Whoever knows the runs as well."""
+
+    def run(self, run: str, /) -> RunDetail:
+        """Everything about one run; raises :class:`daemon.batch.errors.Refused` for an unknown id."""
+
+
+def find_run(daemon: RunSource, wanted: str) -> RunDetail:
+    """Return the run meant by its id, or by a campaign as :func:`find_campaign` and its number.
+
+    Raises :class:`daemon.batch.errors.Refused` when there is none, with what there is.
+    """
+    name, dot, number = wanted.rpartition(".")
+    try:
+        return daemon.run(wanted)
+    except Refused:
+        campaign = find_campaign(daemon, name if dot else wanted)
+    meant = f"{campaign.id}.{number}"
+    if dot and meant != wanted:
+        with suppress(Refused):
+            return daemon.run(meant)
+    last = f"{campaign.id}.{campaign.total - 1}"
+    raise Refused(f'"{wanted}" is no run: those of {campaign.id} are {campaign.id}.0 to {last}')
+
+
+def find_campaign(daemon: CampaignSource, wanted: str) -> CampaignRow:
+    """Return the campaign meant by an id, a name (the newest of it) or their beginning.
+
+    Without a word it is the newest. Raises :class:`daemon.batch.errors.Refused` when there is none or
+    when several different names begin that way.
+    """
+    rows = daemon.campaigns()
+    if not rows:
+        raise Refused("there are no campaigns yet: submit one with `scenario submit CAMPAIGN.yaml`")
+    if not wanted:
+        return rows[0]
+    for key in ("id", "name"):
+        for row in rows:
+            if getattr(row, key) == wanted:
+                return row
+    close = [row for row in rows if row.id.startswith(wanted)]
+    if len({row.name for row in close}) > 1:
+        ids = ", ".join(row.id for row in close[:5])
+        raise Refused(f'several campaigns begin with "{wanted}": {ids}')
+    if close:
+        return close[0]
+    names = {row.name for row in rows} | {row.id for row in rows}
+    raise Refused(f'there is no campaign "{wanted}": {did_you_mean(wanted, names)}')
+
+
+def one_trace(run: str, target: DaemonTarget, hint: str) -> Path:
+    """Return the trace of a run named by its id or as a file; wrong usage for none or several.
+
+    It is brought here first when it lies in a store, or with a daemon that ``target`` names.
+    ``hint`` is the parameter the words came from.
+    """
+    from daemon.analysis.rejudge import find_traces
+
+    if _is_on_named_daemon(run, target):
+        return _fetch_traces([run], target, hint)[0]
+    try:
+        traces = find_traces([resolve_recorded(run, target.places)], target.places)
+    except ValueError as error:
+        raise typer.BadParameter(str(error), param_hint=hint) from error
+    if len(traces) != 1:
+        message = f"{run} means {len(traces)} traces, name one of them"
+        raise typer.BadParameter(message, param_hint=hint)
+    return traces[0]
+
+
+def all_traces(named: Sequence[str], target: DaemonTarget, hint: str) -> tuple[Path, ...]:
+    """Return the traces meant: files, folders, and ids of campaigns and runs.
+
+    Like :func:`one_trace`; wrong usage for what names none.
+    """
+    from daemon.analysis.rejudge import find_traces
+
+    far = [name for name in named if _is_on_named_daemon(name, target)]
+    if not far:
+        try:
+            return find_traces(
+                [resolve_recorded(name, target.places) for name in named], target.places
+            )
+        except ValueError as error:
+            raise typer.BadParameter(str(error), param_hint=hint) from error
+    near = [name for name in named if name not in far]
+    return (*(all_traces(near, target, hint) if near else ()), *_fetch_traces(far, target, hint))
+
+
+def recorded_runs(daemon: DaemonClient, name: str) -> tuple[RunDetail, ...]:
+    """Return the run, or the runs of the campaign, that ``name`` means; those with a result.
+
+    Raises :class:`daemon.batch.errors.Refused` when it means neither.
+    """
+    from daemon.batch.errors import Refused
+    from scenario_tui.client import all_runs
+
+    if "." in name:
+        return (find_run(daemon, name),)
+    try:
+        campaign = find_campaign(daemon, name)
+    except Refused as error:
+        raise Refused(f"{name} is no file and no run: {error}") from error
+    rows = all_runs(daemon, campaign.id)
+    return tuple(daemon.run(row.id) for row in rows if row.outcome is not None)
+
+
+@contextmanager
+def transfer_progress(total: int) -> Iterator[ByteProgress]:
+    """Show on a terminal how much of ``total`` bytes has come; yields what is to be told."""
+    from rich.progress import BarColumn, DownloadColumn, Progress, TransferSpeedColumn
+
+    from scenario_tui.cli.output import stderr_console
+
+    console = stderr_console()
+    columns = ("bringing traces", BarColumn(), DownloadColumn(), TransferSpeedColumn())
+    with Progress(
+        *columns, console=console, transient=True, disable=not console.is_terminal
+    ) as shown:
+        task = shown.add_task("", total=total)
+        yield lambda count: shown.advance(task, count)
+
+
+def _is_on_named_daemon(name: str, target: DaemonTarget) -> bool:
+    """Whether a daemon that was named has to be asked."""
+    return target.named and not Path(name).exists() and not name.endswith(".mcap")
+
+
+def _fetch_traces(named: Sequence[str], target: DaemonTarget, hint: str) -> tuple[Path, ...]:
+    from daemon.batch.errors import Refused, TraceUnavailable
+    from daemon.batch.stores import TraceReference, local_copy, trace_reference
+    from scenario_tui.cli.output import say
+
+    traces: dict[str, TraceReference] = {}
+    with target.open() as daemon:
+        for name in named:
+            try:
+                runs = recorded_runs(daemon, name)
+            except Refused as error:
+                raise typer.BadParameter(str(error), param_hint=hint) from error
+            for run in runs:
+                try:
+                    traces[run.row.id] = trace_reference(run)
+                except TraceUnavailable as error:
+                    say(str(error))
+        if not traces:
+            raise TraceUnavailable(f"{', '.join(named)}: there are no traces")
+        with transfer_progress(sum(trace.size for trace in traces.values())) as told:
+            return tuple(local_copy(trace, daemon, told=told) for trace in traces.values())
+
+
+def resolve_recorded(name: str, places: StatePaths) -> str:
+    """Return the id of the campaign or run that ``name`` means here; a file or folder as it is.
+
+    Raises ``ValueError`` for what is none of them.
+    """
+    from daemon.analysis.report import open_ledger
+    from daemon.batch.errors import Refused
+
+    if Path(name).exists() or name.endswith(".mcap") or not places.ledger.is_file():
+        return name
+    try:
+        with open_ledger(places) as ledger:
+            if "." in name:
+                return find_run(ledger, name).row.id
+            return find_campaign(ledger, name).id
+    except Refused as error:
+        # Traces of a campaign the ledger has forgotten may still be there.
+        if "/" not in name and (places.traces / name).is_dir():
+            return name
+        raise ValueError(f"{name} is no trace, no folder and no run: {error}") from error

@@ -1,0 +1,213 @@
+"""The command that makes variants of a floor plan."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from scenario_tui.cli import completion
+from scenario_tui.cli.completion import variation_files
+from scenario_tui.cli.options import AsJson
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+    from grammars.variation import Variant, VariantFile, VariantValue, Variation
+
+_DEFAULT_NUMBER = 10
+
+
+class SamplingMethod(StrEnum):
+    """How the values of the variants are chosen."""
+
+    RANDOM = "random"
+    GRID = "grid"
+    HALTON = "halton"
+    LHS = "lhs"
+    PAIRWISE = "pairwise"
+
+
+def vary(
+    file: Annotated[
+        Path,
+        typer.Argument(
+            metavar="FILE.variation",
+            help="What to vary, and how.",
+            autocompletion=completion.files(variation_files),
+        ),
+    ],
+    number: Annotated[
+        int | None,
+        typer.Option(
+            "--number",
+            "-n",
+            min=1,
+            max=100_000,
+            help=f"Variants to make. Default: {_DEFAULT_NUMBER}; grid and pairwise: all they have.",
+        ),
+    ] = None,
+    seed: Annotated[
+        int, typer.Option(min=0, max=2**32 - 1, help="Seed of the first variant; they count up.")
+    ] = 0,
+    method: Annotated[
+        SamplingMethod,
+        typer.Option(
+            help="random: draw each by its seed. grid: every combination. halton, lhs: fill the "
+            "space evenly. pairwise: every pair of values meets."
+        ),
+    ] = SamplingMethod.RANDOM,
+    levels: Annotated[
+        int, typer.Option(min=1, max=100, help="Values per range, for grid and pairwise.")
+    ] = 3,
+    out: Annotated[
+        Path, typer.Option("--out", "-o", metavar="DIR", help="Folder to write to.")
+    ] = Path(),
+    overwrite: Annotated[
+        bool, typer.Option("--overwrite", help="Replace files that exist, instead of keeping them.")
+    ] = False,
+    suffix: Annotated[
+        bool, typer.Option("--suffix", help="Write the seed into the name of each plan.")
+    ] = False,
+    check: Annotated[
+        float | None,
+        typer.Option(
+            min=0.01,
+            max=100.0,
+            metavar="RADIUS",
+            help="Only sound plans: no rooms that overlap, openings inside of their walls, and a "
+            "robot of this radius, in metres, reaches every space.",
+        ),
+    ] = None,
+    tries: Annotated[
+        int, typer.Option(min=1, max=1_000_000, help="Draws per variant before giving up.")
+    ] = 200,
+    shared_defaults: Annotated[
+        bool,
+        typer.Option(
+            "--shared-defaults",
+            help="An inherited wall thickness or height changes for every space that inherits it.",
+        ),
+    ] = False,
+    as_json: AsJson = False,
+) -> None:
+    """Write variants of a floor plan, drawn from distributions."""
+    from grammars.variation import load_variation, sample, source_defects, write_variants
+    from scenario_tui.cli.output import emit, say
+    from scenario_tui.cli.output import stdout_console as results
+    from scenario_tui.text.diagnostics import report_diagnostics
+
+    variation = load_variation(file, shared_defaults=shared_defaults)
+    report_diagnostics(variation.warnings)
+    if check is not None:
+        report_diagnostics(source_defects(variation, check))
+    if number is None and method not in (SamplingMethod.GRID, SamplingMethod.PAIRWISE):
+        number = _DEFAULT_NUMBER
+    try:
+        variants = sample(
+            variation,
+            number,
+            seed=seed,
+            method=method.value,
+            levels=levels,
+            tries=tries,
+            check=check,
+            suffix=suffix,
+        )
+    except ValueError as error:
+        raise typer.BadParameter(str(error)) from error
+    written = write_variants(variants, out, overwrite=overwrite, source=variation.plan_file)
+    if as_json:
+        emit("vary", **_output_fields(variation, method, seed, written))
+    else:
+        for table in _tables(written):
+            results().print(table)
+    say(_summary(written, number, out))
+    if check is None:
+        doubtful = sum(len(v.plan.warnings) > len(variation.source.warnings) for v in variants)
+        if doubtful:
+            say(f"{doubtful} of them may not be sound: --check RADIUS makes only sound ones")
+
+
+def _output_fields(
+    variation: Variation, method: SamplingMethod, seed: int, written: tuple[VariantFile, ...]
+) -> dict[str, object]:
+    return {
+        "variation": variation.file,
+        "plan": str(variation.plan_file),
+        "method": method.value,
+        "seed": seed,
+        "variants": [
+            {
+                "file": str(entry.path),
+                "outcome": entry.outcome,
+                "seed": entry.variant.seed,
+                "tries": entry.variant.tries,
+                "values": [
+                    {"name": v.name, "value": v.number, "unit": v.unit}
+                    for v in entry.variant.values
+                ],
+            }
+            for entry in written
+        ],
+    }
+
+
+def _tables(written: tuple[VariantFile, ...]) -> list[Table]:
+    """Return what the columns are, and the values of every variant."""
+    from rich import box
+    from rich.table import Table
+    from rich.text import Text
+
+    names = Table(box=None, show_header=False, pad_edge=False)
+    values = Table(box=box.SIMPLE_HEAD, pad_edge=False, show_edge=False)
+    values.add_column("file", overflow="fold", no_wrap=True)
+    for index, value in enumerate(written[0].variant.values):
+        names.add_row(
+            _column_name(index), value.name, Text(f"[{value.unit}]" if value.unit else "")
+        )
+        values.add_column(_column_name(index), justify="right", overflow="fold")
+    values.add_column("")
+    for entry in written:
+        numbers = [_number(v) for v in entry.variant.values]
+        values.add_row(entry.path.name, *numbers, _remark(entry.variant, entry.outcome))
+    return [names, Table.grid(), values]
+
+
+def _number(value: VariantValue) -> str:
+    return f"{value.number:.6g}".replace("-", "−")
+
+
+def _remark(variant: Variant, outcome: str) -> str:
+    """Return what is worth a word: a file that was there, draws that were rejected."""
+    found = [] if outcome == "written" else [outcome]
+    if variant.tries > 1:
+        found.append(f"draw {variant.tries}")
+    return ", ".join(found)
+
+
+def _column_name(index: int) -> str:
+    """Return a, b, … z, aa, ab, … as in a spreadsheet."""
+    name = ""
+    index += 1
+    while index:
+        index, digit = divmod(index - 1, 26)
+        name = chr(ord("a") + digit) + name
+    return name
+
+
+def _summary(written: tuple[VariantFile, ...], number: int | None, folder: Path) -> str:
+    from scenario_tui.text.formatting import pluralise
+
+    outcomes = [entry.outcome for entry in written]
+    new = len(outcomes) - outcomes.count("kept") - outcomes.count("unchanged")
+    words = [f"{pluralise(new, 'plan')} written to {folder}"]
+    if "unchanged" in outcomes:
+        words.append(f"{outcomes.count('unchanged')} there already")
+    if "kept" in outcomes:
+        words.append(f"{outcomes.count('kept')} kept as they were: --overwrite replaces them")
+    if number is not None and len(written) < number:
+        words.append(f"{number - len(written)} fewer than asked for: the rest is left out")
+    return "; ".join(words)

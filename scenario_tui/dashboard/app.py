@@ -1,0 +1,183 @@
+"""The dashboard: a client of the daemon and nothing else; leaving it never stops any work."""
+
+from __future__ import annotations
+
+import logging
+import warnings
+from collections.abc import Sequence
+from functools import partial
+from importlib import import_module
+from typing import ClassVar, Final
+
+from textual import work
+from textual.binding import Binding, BindingType
+from textual.filter import LineFilter
+from textual.screen import ModalScreen, Screen
+from textual.theme import Theme
+
+from scenario_tui.client import ClientOpener
+from scenario_tui.dashboard.background import CommandLines
+from scenario_tui.dashboard.base_app import BaseDashboard
+from scenario_tui.dashboard.config import Config
+from scenario_tui.dashboard.feed import Feed
+from scenario_tui.dashboard.screens.base import BaseScreen
+from scenario_tui.dashboard.screens.campaigns import CampaignsScreen
+from scenario_tui.dashboard.screens.help import ActionCommands, CampaignCommands, Help, RunCommands
+from scenario_tui.dashboard.screens.workers import WorkersScreen
+from scenario_tui.terminal.filters import BrightThemeColours
+from scenario_tui.text.formatting import pluralise
+
+FRAMES: Final = 10
+"""How often a second the screen takes over what the feed has found."""
+_READY: Final = 0.5
+"""Seconds after which the first screen is there and other ones can be loaded."""
+
+
+class Dashboard(BaseDashboard):
+    """Campaigns, their runs, one run, the workers; fed by a :class:`Feed`."""
+
+    TITLE = "scenario"
+    CSS_PATH = ["dashboard.tcss", "playing.tcss"]  # noqa: RUF012
+    HORIZONTAL_BREAKPOINTS = [(0, "-narrow"), (110, "-wide")]  # noqa: RUF012
+    VERTICAL_BREAKPOINTS = [(0, "-short"), (16, "-tall")]  # noqa: RUF012
+    COMMAND_PALETTE_BINDING = "colon"
+    COMMANDS = {ActionCommands, CampaignCommands, RunCommands}  # noqa: RUF012
+    BINDINGS: ClassVar[list[BindingType]] = [
+        Binding("1", "go('campaigns')", "Campaigns", show=False, id="campaigns", tooltip="All"),
+        Binding("2", "go('runs')", "Runs", show=False, id="runs", tooltip="Of every campaign"),
+        Binding("3", "go('workers')", "Workers", show=False, id="workers", tooltip="Who executes"),
+        Binding("s", "submit", "Submit", id="submit", tooltip="Choose, check, submit a campaign"),
+        Binding(
+            "colon", "command_palette", "Go", id="palette", tooltip="Type what to do or where to go"
+        ),
+        Binding("question_mark,f1", "keys", "Help", id="help", tooltip="This list"),
+        Binding("q", "quit", "Quit", id="quit", tooltip="Leave; all work goes on"),
+        Binding(
+            "ctrl+c", "quit", "Quit", show=False, priority=True, id="quit-at-once",
+            tooltip="Leave from anywhere; all work goes on",
+        ),
+    ]  # fmt: skip
+
+    def get_default_screen(self) -> Screen[None]:
+        """Begin with the campaigns."""
+        return CampaignsScreen()
+
+    def get_line_filters(self) -> Sequence[LineFilter]:
+        """Return what makes colours fit: ours are for dark backgrounds."""
+        filters = super().get_line_filters()
+        return filters if self.current_theme.dark else [BrightThemeColours(), *filters]
+
+    def on_mount(self) -> None:
+        """Start asking and looking, the way the user likes it."""
+        for name, values in self.config.themes.items():
+            self.register_theme(Theme(name, **values))
+        if self.config.theme:
+            self.theme = self.config.theme
+        self.set_keymap(self.config.keys)
+        self.feed.on_answer = partial(self.call_later, self.look)
+        self.feed.start()
+        self.set_interval(1.0 / FRAMES, self.look)
+        self.set_timer(_READY, self._load_screens)
+
+    @work(thread=True)
+    def _load_screens(self) -> None:
+        """Load the screens behind the first one, whose libraries take longer than it does."""
+        import_module("scenario_tui.dashboard.screens.matrix")
+        import_module("scenario_tui.dashboard.screens.runs")
+
+    def on_unmount(self) -> None:
+        """Stop asking."""
+        self.feed.close()
+
+    def look(self) -> None:
+        """Take over what is new and bring the screen in front up to date."""
+        picture, lives, notices = self.feed.take()
+        self.errands.settle()
+        for live in lives:
+            self.tracks.add(live)
+        for notice in notices:
+            self.notify(notice.text, severity=notice.severity, markup=False)
+        if picture is not None:
+            self.picture = picture
+        now = self.clock()
+        # Ages grow even when nothing is new.
+        if picture is not None or lives or now - self._said >= 1.0:
+            self._said = now
+            self._present()
+
+    def _present(self) -> None:
+        for screen in reversed(self.screen_stack):
+            if isinstance(screen, BaseScreen):
+                screen.present()
+                return
+
+    def action_submit(self) -> None:
+        """Choose a campaign file and submit it."""
+        # What checks campaigns takes a while to load, and the dashboard is to be there at once.
+        from scenario_tui.dashboard.screens.submit import SubmitScreen
+
+        if self.may_steer():
+            self.push_screen(SubmitScreen())
+
+    def open_matrix(self, campaign: str) -> None:
+        """Show a campaign judged."""
+        from scenario_tui.dashboard.screens.matrix import MatrixScreen
+
+        self.push_screen(MatrixScreen(campaign))
+
+    def open_runs(self, campaign: str, scenario: str = "", sut: str = "") -> None:
+        """Show the runs of a campaign, or of one of its cells."""
+        from scenario_tui.dashboard.screens.runs import RunsScreen
+
+        self.push_screen(RunsScreen(campaign, scenario, sut))
+
+    def open_run(self, run: str) -> None:
+        """Show one run."""
+        from scenario_tui.dashboard.screens.run import RunScreen
+
+        self.push_screen(RunScreen(run))
+
+    def action_go(self, place: str) -> None:
+        """Go to one of the main screens from wherever we are."""
+        if isinstance(self.screen, Help):
+            self.pop_screen()
+        while len(self.screen_stack) > 1:
+            self.pop_screen()
+        if place == "runs":
+            self.open_runs("")
+        elif place == "workers":
+            self.push_screen(WorkersScreen())
+
+    def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
+        """Leave replays alone, which have keys of their own; keys never reach below dialogs."""
+        ours = isinstance(self.screen, BaseScreen | ModalScreen)
+        return ours or action not in ("go", "keys", "command_palette", "submit")
+
+    def action_keys(self) -> None:
+        """Show the keys of the screen in front."""
+        self.push_screen(Help(self.screen))
+
+    def farewell(self) -> str:
+        """Say what goes on without the dashboard."""
+        overview = self.picture.overview
+        said = ["Left the dashboard"]
+        if overview is not None and self.picture.connected:
+            waiting = overview.queued + overview.running
+            runs = pluralise(waiting, "unfinished run")
+            said.append(f"the daemon goes on with {runs}" if waiting else "no run is waiting")
+        said += [f"a process of its own goes on {doing}" for doing in sorted(self.going_on)]
+        return f"{'; '.join(said)}. Back with: {self.equivalent.line('tui')}"
+
+
+def run_dashboard(
+    open_daemon: ClientOpener, config: Config | None = None, equivalent: CommandLines | None = None
+) -> tuple[int, str]:
+    """Show the dashboard until somebody leaves it; return exit code and parting words."""
+    app = Dashboard(Feed(open_daemon), config=config, equivalent=equivalent)
+    # The screen is drawn on standard error: a warning printed there would tear it.
+    logging.getLogger().addHandler(logging.NullHandler())
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        app.limit_to_terminal()
+        app.run(mouse=app.config.mouse)
+    return app.return_code or 0, app.farewell()

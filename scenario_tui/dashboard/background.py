@@ -1,0 +1,150 @@
+"""What the dashboard has done elsewhere: in threads, or by ``scenario`` commands as child processes.
+
+Every background task has a thread of its own. What comes of it waits until the thread that draws
+asks, so that nothing touches the screen from elsewhere, also while it is being taken down. Judging
+and reports read every trace, by several processes and with much memory; the dashboard shall stay
+small, and must not be forked: its threads would be missing in the child. The command lines that do
+such work are also what people are told to type to do the same.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import shlex
+import subprocess
+import sys
+import threading
+from collections import deque
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any, Final, TypeAlias, TypeVar
+
+from daemon.batch.errors import DaemonError
+from grammars.text.diagnostics import InputError
+
+T = TypeVar("T")
+
+Problem = Callable[[str], None]
+
+
+class BackgroundTasks:
+    """Runs errands; :meth:`settle` passes on what came of them."""
+
+    def __init__(self) -> None:
+        self._done: deque[Callable[[], None]] = deque()
+
+    def start(self, work: Callable[[], T], then: Callable[[T], None], otherwise: Problem) -> None:
+        """Have ``work`` done by another thread; ``then`` takes what it returns.
+
+        ``otherwise`` is told why it could not be done. Both are called by :meth:`settle`.
+        """
+        # Nobody waits for an errand who leaves the dashboard.
+        errand = partial(self._run, work, then, otherwise)
+        threading.Thread(target=errand, name="errand", daemon=True).start()
+
+    def settle(self) -> bool:
+        """Pass on what was done since; return whether there was something.
+
+        A bug in an errand is raised here, where it is seen.
+        """
+        waiting = len(self._done)
+        for _ in range(waiting):
+            self._done.popleft()()
+        return waiting > 0
+
+    def _run(self, work: Callable[[], T], then: Callable[[T], None], otherwise: Problem) -> None:
+        try:
+            found = work()
+        except (InputError, DaemonError) as error:
+            self._done.append(partial(otherwise, str(error)))
+        except OSError as error:
+            where = f": {error.filename}" if error.filename else ""
+            self._done.append(partial(otherwise, f"{error.strerror or error}{where}"))
+        except Exception as error:
+            self._done.append(partial(_raise, error))
+        else:
+            self._done.append(partial(then, found))
+
+
+def _raise(error: Exception) -> None:
+    raise error
+
+
+_PROGRAM: Final = "from scenario_tui.cli import main; main()"
+
+
+@dataclass(frozen=True, slots=True)
+class CommandLines:
+    """How the dashboard was told which daemon it is about; empty when it was not."""
+
+    connect: str = ""
+    state: Path | None = None
+
+    @property
+    def _daemon(self) -> tuple[str, ...]:
+        return (*self._named("--connect", self.connect), *self._named("--state", self.state))
+
+    @staticmethod
+    def _named(option: str, value: object) -> tuple[str, ...]:
+        return (option, str(value)) if value else ()
+
+    def line(self, command: str, *arguments: str) -> str:
+        """Return the command line of something the daemon is asked for."""
+        # A negative number is no option: it must come last, behind a bare --.
+        last = ("--", arguments[-1]) if _negative(arguments) else ()
+        plain = arguments[:-1] if last else arguments
+        return shlex.join(("scenario", command, *plain, *self._daemon, *last))
+
+    def local(self, state: Path, command: str, *arguments: str) -> tuple[str, ...]:
+        """Return the arguments of something done here, on the state directory ``state``."""
+        from daemon.batch.paths import StatePaths
+
+        told = self.state or (None if StatePaths.find().state == state else state)
+        return (command, *arguments, *self._named("--state", told))
+
+
+def _negative(arguments: tuple[str, ...]) -> bool:
+    return bool(arguments) and arguments[-1][:1] == "-" and arguments[-1][1:].isdigit()
+
+
+def command_line(arguments: tuple[str, ...]) -> str:
+    """Return what to type for these arguments."""
+    return shlex.join(("scenario", *arguments))
+
+
+def command_argv(arguments: tuple[str, ...]) -> list[str]:
+    """Return how to start this installation's ``scenario`` with these arguments."""
+    return [sys.executable, "-c", _PROGRAM, *arguments]
+
+
+CommandAnswer: TypeAlias = Mapping[str, Any]
+CommandRunner: TypeAlias = Callable[[tuple[str, ...]], CommandAnswer]
+"""Runs ``scenario`` with arguments and ``--json``; returns the object it wrote."""
+
+
+def run_command(arguments: tuple[str, ...]) -> CommandAnswer:
+    """Run a command and return what it wrote.
+
+    It goes on when the dashboard is left. Raises :class:`daemon.batch.errors.DaemonError` with its last
+    words when it wrote nothing usable.
+    """
+    done = subprocess.run(
+        command_argv((*arguments, "--json")),
+        stdin=subprocess.DEVNULL,
+        capture_output=True,
+        text=True,
+        check=False,
+        start_new_session=True,
+        env=os.environ | {"COLUMNS": "160", "TERM": "dumb"},
+    )
+    try:
+        answer: CommandAnswer = json.loads(done.stdout)
+    except ValueError as error:
+        said = [line for line in done.stderr.splitlines() if line.strip()]
+        last = said[-1] if said else f"it left with code {done.returncode}"
+        message = f"{command_line(arguments)}: {last.removeprefix('scenario: ')}"
+        raise DaemonError(message) from error
+    return answer

@@ -1,0 +1,100 @@
+"""What screens need of the app: what is known, what can be done about it, what is said.
+
+Screens see this class; :class:`scenario_tui.dashboard.app.Dashboard` sees the screens.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+
+from scenario_tui.dashboard.background import (
+    BackgroundTasks,
+    CommandLines,
+    CommandRunner,
+    run_command,
+)
+from scenario_tui.dashboard.config import Config
+from scenario_tui.dashboard.feed import Action, Feed
+from scenario_tui.dashboard.state import DashboardState, Tracks
+from scenario_tui.submission import FileChecker, check_file_in_child
+from scenario_tui.terminal.capabilities import copy_to_tmux
+from scenario_tui.terminal.limited_terminal import LimitedTerminalApp
+
+
+class BaseDashboard(LimitedTerminalApp):
+    """State and services of the dashboard; where one can go is for subclasses to say."""
+
+    def __init__(
+        self,
+        feed: Feed,
+        *,
+        clock: Callable[[], float] = time.time,
+        config: Config | None = None,
+        equivalent: CommandLines | None = None,
+        ask: CommandRunner = run_command,
+        examine: FileChecker = check_file_in_child,
+    ) -> None:
+        super().__init__()
+        self.feed = feed
+        self.errands = BackgroundTasks()
+        self.ask, self.examine = ask, examine
+        self.equivalent = equivalent or CommandLines()
+        self.config = config or Config()
+        self.read_only = self.config.read_only
+        self.submitted: tuple[Path, ...] = ()
+        self.going_on: set[str] = set()
+        self.marked = ""
+        self.clock = clock
+        self.picture = DashboardState()
+        self.tracks = Tracks()
+        self._said = 0.0
+
+    def open_matrix(self, campaign: str) -> None:
+        """Show a campaign judged."""
+        raise NotImplementedError
+
+    def open_runs(self, campaign: str, scenario: str = "", sut: str = "") -> None:
+        """Show the runs of a campaign, or of one of its cells."""
+        raise NotImplementedError
+
+    def open_run(self, run: str) -> None:
+        """Show one run."""
+        raise NotImplementedError
+
+    def may_steer(self) -> bool:
+        """Whether anything may be changed from here; says so when not."""
+        if self.read_only:
+            self.problem("read-only: nothing is changed from this dashboard")
+        elif not self.picture.connected:
+            self.problem("no daemon answers: nothing was done")
+        return self.picture.connected and not self.read_only
+
+    def steer(self, action: Action, command: str) -> None:
+        """Have the daemon do something; what comes of it is said with what to type instead."""
+        if self.may_steer():
+            self.feed.do(lambda daemon: f"{action(daemon)}\nsame as: {command}")
+
+    def say(self, text: str, command: str) -> None:
+        """Say something, and what to type to do the same."""
+        self.notify(f"{text}\nsame as: {command}", markup=False)
+
+    def problem(self, text: str) -> None:
+        """Say that something cannot be done, and why."""
+        self.notify(text, severity="error", markup=False)
+
+    def copy(self, command: str) -> None:
+        """Put a command line into the clipboard of the terminal, also over SSH (OSC 52)."""
+        self.copy_to_clipboard(command)
+        self.errands.start(partial(copy_to_tmux, command), _nothing, self.problem)
+        self.notify(f"copied: {command}", markup=False)
+
+    def remember(self, file: Path) -> None:
+        """Note that a campaign file was submitted: it is offered first the next time."""
+        self.submitted = tuple(dict.fromkeys((file, *self.submitted)))
+
+
+def _nothing(_: object) -> None:
+    """What is copied was said already."""

@@ -1,0 +1,399 @@
+"""A recorded run at any moment of it: signals sampled, the top view, a frame as lines of text."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from functools import cached_property
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+from rich.segment import Segment
+from rich.style import Style
+from rich.text import Text
+
+from daemon.judging.oracles import OracleTimeline, SignalSampler, oracle_timeline, trace_problems
+from daemon.model.verdicts import Outcome, Verdict
+from daemon.trace import JointTrack, Trace, TraceError, read_trace
+from grammars.model.geometry import Floats, Point2, Pose2
+from grammars.oracle import Signal, kind_of, render
+from grammars.text.diagnostics import did_you_mean
+from scenario_tui.dashboard.signal_strips import (
+    FLASH,
+    DoorEvent,
+    FailureMoment,
+    RunTimeline,
+    SignalStrip,
+    TimeSpan,
+    next_moment,
+    previous_moment,
+)
+from scenario_tui.dashboard.widgets.cell_view import segments
+from scenario_tui.dashboard.widgets.top_view import REPLAY_LEGEND, STYLES, View, draw_view
+from scenario_tui.text.formatting import (
+    DASHBOARD_STYLES,
+    QUIET,
+    SEVERITY,
+    glyph_word,
+    margin,
+    pluralise,
+    time_text,
+)
+
+DOOR_CLEARANCE: Final = "clearance(doors)"
+"""Name of the signal that is the least clearance of any object that moves."""
+_USUAL: Final = ("loc.error", "clearance", DOOR_CLEARANCE, "speed")
+_AJAR: Final = 0.05
+"""A door this far from how it is drawn, shut, counts as open [rad or m]."""
+
+
+def sample_timeline(trace: Trace, verdicts: Sequence[Verdict]) -> RunTimeline:
+    """Sample the usual signals and all that the run's oracles read.
+
+    A trace that cannot be trusted has no signals, only doors and mission.
+    """
+    way = trace.ground_truth.time
+    start, end = (float(way[0]), float(way[-1])) if len(way) else (0.0, 0.0)
+    against = {v.evidence.time for v in verdicts if v.outcome is Outcome.FAIL}
+    return RunTimeline(
+        start,
+        end,
+        () if trace_problems(trace) else _strips(SignalSampler(trace)),
+        door_events(trace.joints),
+        _reached(trace),
+        len(trace.spec.mission.waypoints),
+        tuple(sorted(time for time in against if time is not None)),
+    )
+
+
+def _strips(sampler: SignalSampler) -> tuple[SignalStrip, ...]:
+    courses = [oracle_timeline(oracle, sampler) for oracle in sampler.trace.spec.oracles]
+    asked = {render(signal): signal for course in courses for signal in course.signals}
+    usual = {name: Signal(name) for name in _USUAL if name != DOOR_CLEARANCE}
+    found = {name: _strip(name, signal, sampler, courses) for name, signal in
+             (usual | asked).items()}  # fmt: skip
+    found[DOOR_CLEARANCE] = _nearest_door(sampler)
+    order = [*_USUAL, *(name for name in asked if name not in _USUAL)]
+    known = (found[name] for name in order)
+    return tuple(s for s in known if s.name in asked or np.isfinite(s.values).any())
+
+
+def _strip(
+    name: str, signal: Signal, sampler: SignalSampler, courses: Iterable[OracleTimeline]
+) -> SignalStrip:
+    kind = kind_of(signal)
+    readers = [c for c in courses if name in {render(read) for read in c.signals}]
+    limits = {limit for c in readers for read, limit in c.limits if read == name}
+    against = [stretch for c in readers for stretch in c.against]
+    values = sampler.sample(signal).values
+    unit = "bool" if kind is None else kind.unit
+    return SignalStrip(
+        name, unit, sampler.timeline.time, values, tuple(sorted(limits)), merge_spans(against),
+        tuple(course.oracle for course in readers),
+    )  # fmt: skip
+
+
+def _nearest_door(sampler: SignalSampler) -> SignalStrip:
+    time = sampler.timeline.time
+    least = np.full(len(time), np.nan)
+    for item in sampler.trace.scene.objects:
+        one = sampler.sample(Signal("clearance", (Signal(item.name),))).values
+        least = np.fmin(least, np.where(np.isfinite(one), one, np.nan))
+    return SignalStrip(DOOR_CLEARANCE, "m", time, least)
+
+
+def merge_spans(stretches: Iterable[TimeSpan]) -> tuple[TimeSpan, ...]:
+    """Return stretches of time as few, ascending and disjoint ones."""
+    found: list[TimeSpan] = []
+    for start, end in sorted(stretches):
+        if found and start <= found[-1][1]:
+            found[-1] = (found[-1][0], max(end, found[-1][1]))
+        else:
+            found.append((start, end))
+    return tuple(found)
+
+
+def door_events(joints: JointTrack) -> tuple[DoorEvent, ...]:
+    """Return when every joint left or came back to how it is drawn, by time."""
+    found = []
+    for column, name in enumerate(joints.names):
+        open_ = np.abs(joints.position[:, column]) > _AJAR
+        turns = (np.flatnonzero(np.diff(open_)) + 1).tolist()
+        found += [DoorEvent(float(joints.time[i]), name, bool(open_[i])) for i in turns]
+    return tuple(sorted(found, key=lambda event: (event.time, event.name)))
+
+
+def _reached(trace: Trace) -> tuple[float, ...]:
+    moments: list[float] = []
+    for record in trace.progress:
+        moments += [record.time] * (record.reached - len(moments))
+    return tuple(moments)
+
+
+RAYS: Final = 120
+"""Laser returns shown of one scan at most: more of them fall into the same dots."""
+_STEP: Final = 0.03
+"""Metres between two points of the trail."""
+
+
+class Playback:
+    """A trace made ready for looking at any of its moments; ``verdicts`` are those shown."""
+
+    def __init__(self, trace: Trace, verdicts: Sequence[Verdict], label: str = "") -> None:
+        way = trace.ground_truth
+        if not len(way.time):
+            hint = "run it again to get a recording"
+            raise TraceError(trace.path, "says nothing of where the robot was", hint)
+        self.trace = trace
+        self.verdicts = tuple(verdicts)
+        spec = trace.spec
+        self.label = label or f"{spec.scenario}/{spec.sut.name}/{spec.repeat}"
+        self.start, self.end = float(way.time[0]), float(way.time[-1])
+        against = (v for v in verdicts if v.outcome is Outcome.FAIL and v.evidence.time is not None)
+        found = {FailureMoment(float(v.evidence.time or 0.0), v.oracle) for v in against}
+        self.moments = tuple(sorted(found, key=lambda m: (m.time, m.oracle)))
+
+    @property
+    def waypoints(self) -> int:
+        """How many waypoints the mission has."""
+        return len(self.trace.spec.mission.waypoints)
+
+    def next_moment(self, time: float) -> FailureMoment | None:
+        """Return the first moment after ``time`` that an oracle was decided against."""
+        return next_moment(self.moments, time)
+
+    def previous_moment(self, time: float) -> FailureMoment | None:
+        """Return the last moment before ``time`` that an oracle was decided against."""
+        return previous_moment(self.moments, time)
+
+    def time_of(self, text: str) -> float:
+        """Return the moment meant [s]: a number of seconds, or when an oracle was decided.
+
+        Raises ``ValueError`` for what is neither, and for oracles without a decisive moment.
+        """
+        try:
+            return self.within(float(text))
+        except ValueError:
+            pass
+        names = {verdict.oracle: verdict for verdict in self.verdicts}
+        if text not in names:
+            hint = did_you_mean(text, names)
+            raise ValueError(f'"{text}" is no number of seconds and no oracle of it: {hint}')
+        decided = names[text].evidence.time
+        if decided is None:
+            raise ValueError(f'no moment decided oracle "{text}": {names[text].outcome}')
+        return self.within(decided)
+
+    def within(self, time: float) -> float:
+        """Return ``time`` or the end of the recording that is nearer; raises for NaN."""
+        if np.isnan(time):
+            raise ValueError("nan is no moment")
+        return min(max(time, self.start), self.end)
+
+    def reached(self, time: float) -> int:
+        """Return how many waypoints were done at ``time``."""
+        done = [p.reached for p in self.trace.progress if p.time <= time + 1e-9]
+        return done[-1] if done else 0
+
+    def pose(self, time: float) -> Pose2:
+        """Return where the robot was at ``time``: the last sample until then."""
+        return _pose_at(self.trace.ground_truth, _last(self.trace.ground_truth.time, time, 0))
+
+    def estimate(self, time: float) -> Pose2 | None:
+        """Return where the system under test believed to be, once it had said so."""
+        index = _last(self.trace.estimate.time, time)
+        return None if index < 0 else _pose_at(self.trace.estimate, index)
+
+    def spread(self, time: float) -> tuple[float, float, float] | None:
+        """Return how sure it was of its position: by its particles, else by its estimate."""
+        track = self.trace.cloud if len(self.trace.cloud.time) else self.trace.estimate
+        index = _last(track.time, time)
+        if index < 0:
+            return None
+        found = track.covariance[index]
+        return float(found[0, 0]), float(found[0, 1]), float(found[1, 1])
+
+    def joints(self, time: float) -> tuple[float, ...]:
+        """Return all joint positions at ``time``, in the order of the scene."""
+        resting = tuple(value for obj in self.trace.scene.objects for value in obj.initial)
+        track = self.trace.joints
+        if not len(track.time) or time < track.time[0]:
+            return resting
+        columns = track.position.T
+        return tuple(float(np.interp(time, track.time, column)) for column in columns)
+
+    def contacts(self, time: float, window: float = FLASH) -> tuple[Point2, ...]:
+        """Return where bodies touched in the ``window`` [s] before ``time``."""
+        records = self.trace.contacts
+        return tuple(dict.fromkeys(c.point for c in records if time - window < c.time <= time))
+
+    def view(self, time: float, *, window: float = FLASH) -> View:
+        """Return the top view at ``time`` [s], with the contacts of the ``window`` before it."""
+        trace = self.trace
+        count = int(np.searchsorted(self._trail_times, time + 1e-9, side="right"))
+        here = self.pose(time)
+        return View(
+            trace.scene,
+            trace.spec.robot,
+            trace.spec.mission,
+            self.joints(time),
+            here,
+            self.estimate(time),
+            self.reached(time),
+            (*self._trail[:count], (here.x, here.y)),
+            self._returns(time),
+            self._plan(time),
+            self.contacts(time, window),
+            self.spread(time),
+        )
+
+    @cached_property
+    def chronicle(self) -> RunTimeline:
+        """Signals, doors and mission along time."""
+        return sample_timeline(self.trace, self.verdicts)
+
+    @cached_property
+    def _kept(self) -> list[int]:
+        """Samples of the trail: each some centimetres on from the one before."""
+        way = self.trace.ground_truth
+        steps = np.hypot(np.diff(way.x, prepend=way.x[:1]), np.diff(way.y, prepend=way.y[:1]))
+        passed = np.floor(np.cumsum(steps) / _STEP)
+        return np.flatnonzero(np.diff(passed, prepend=-1.0) > 0).tolist()
+
+    @cached_property
+    def _trail_times(self) -> Floats:
+        return self.trace.ground_truth.time[self._kept]
+
+    @cached_property
+    def _trail(self) -> tuple[Point2, ...]:
+        way = self.trace.ground_truth
+        return tuple(zip(way.x[self._kept].tolist(), way.y[self._kept].tolist(), strict=True))
+
+    def _returns(self, time: float) -> tuple[Point2, ...]:
+        """Return where the laser saw something, from where the robot was at that scan."""
+        scans = self.trace.scans
+        index = _last(scans.time, time) if scans is not None else -1
+        if scans is None or index < 0:
+            return ()
+        laser = self.trace.spec.robot.laser
+        step = max(1, -(-laser.rays // RAYS))
+        ranges = scans.ranges[index, ::step].astype(np.float64)
+        angles = np.linspace(laser.angle_min, laser.angle_max, laser.rays)[::step]
+        seen = np.isfinite(ranges) & (ranges > 0.0)
+        eye = self.pose(float(scans.time[index])) @ laser.mount
+        x = eye.x + ranges[seen] * np.cos(eye.yaw + angles[seen])
+        y = eye.y + ranges[seen] * np.sin(eye.yaw + angles[seen])
+        return tuple(zip(x.tolist(), y.tolist(), strict=True))
+
+    def _plan(self, time: float) -> tuple[Point2, ...]:
+        plans = self.trace.plans
+        now = [plan for plan in plans if plan.time <= time + 1e-9]
+        return tuple((x, y) for x, y in now[-1].points.tolist()) if now else ()
+
+
+def _last(stamps: Floats, time: float, least: int = -1) -> int:
+    """Return the index of the last stamp until ``time``, at least ``least``."""
+    return max(int(np.searchsorted(stamps, time + 1e-9, side="right")) - 1, least)
+
+
+def _pose_at(track: object, index: int) -> Pose2:
+    x, y, yaw = (float(getattr(track, name)[index]) for name in ("x", "y", "yaw"))
+    return Pose2(x, y, yaw)
+
+
+def open_playback(path: Path, verdicts: Sequence[Verdict] | None = None) -> Playback:
+    """Read a trace for playing; judged by its own oracles unless ``verdicts`` are known.
+
+    Raises :class:`daemon.trace.TraceError` for what is no usable trace.
+    """
+    from daemon.judging.oracles import judge
+
+    trace = read_trace(path, scans=True, plans=True)
+    if verdicts is None:
+        verdicts = judge(trace, trace.spec.oracles)
+    return Playback(trace, verdicts)
+
+
+VERDICT_LINES: Final = 3
+"""Lines for verdicts: the worst of them, and how the others are."""
+_CHROME: Final = 3
+"""Lines of a frame that are neither map nor verdicts: headline, timeline and legend."""
+
+
+def headline(playback: Playback, time: float) -> str:
+    """Return the first line: when it is, of how much, and how far the mission is."""
+    done = f"reached {playback.reached(time)} of {pluralise(playback.waypoints, 'waypoint')}"
+    state = "" if playback.trace.complete else "  (recording was cut)"
+    return f"{playback.label}  {time:.1f} s of {playback.end:.1f} s  {done}{state}"
+
+
+def timeline_bar(playback: Playback, time: float, width: int) -> Text:
+    """Return the whole run as a line: how far it is, and ✗ where an oracle was decided against."""
+    span = max(playback.end - playback.start, 1e-9)
+
+    def cell(at: float) -> int:
+        return round((playback.within(at) - playback.start) / span * (width - 1))
+
+    signs = ["━" if index < cell(time) else "─" for index in range(width)]
+    signs[cell(time)] = "●"
+    text = Text("".join(signs), style=QUIET, no_wrap=True)
+    for found in playback.moments:
+        at = cell(found.time)
+        text = Text.assemble(text[:at], ("✗", DASHBOARD_STYLES["fail"]), text[at + 1 :])
+    return text
+
+
+def verdict_lines(playback: Playback, time: float, most: int = VERDICT_LINES) -> list[Text]:
+    """Return at most ``most`` lines on the verdicts, what was decided against first.
+
+    What is decided later than ``time`` is known already but said to lie ahead.
+    """
+    judged = [v for v in playback.verdicts if v.outcome is not Outcome.MEASURE]
+    ordered = sorted(judged, key=lambda v: (SEVERITY.index(v.outcome), v.evidence.time or 0.0))
+    bad = [v for v in ordered if v.outcome is not Outcome.PASS]
+    passed = len(ordered) - len(bad)
+    room = most - (1 if passed or len(bad) > most else 0)
+    lines = [_verdict_line(verdict, time) for verdict in bad[:room]]
+    rest = [f"and {len(bad) - room} more not passed"] if len(bad) > room else []
+    if passed:
+        rest.append(glyph_word("pass").replace("pass", f"{passed} pass"))
+    if rest:
+        lines.append(
+            Text(", ".join(rest), style=QUIET if len(rest) > 1 else DASHBOARD_STYLES["pass"])
+        )
+    return lines or [Text("no oracle judged this run", style=QUIET)]
+
+
+def _verdict_line(verdict: Verdict, time: float) -> Text:
+    text = Text(no_wrap=True, overflow="ellipsis")
+    text.append(glyph_word(verdict.outcome), style=DASHBOARD_STYLES[verdict.outcome])
+    text.append(f"  {verdict.oracle}", style="bold")
+    text.append(f"  {margin(verdict.margin, verdict.unit)}")
+    decided = verdict.evidence.time
+    if decided is not None:
+        ahead = f", {decided - time:.1f} s ahead" if decided > time + 1e-6 else ""
+        text.append(f" at {time_text(decided)}{ahead}", style=QUIET)
+    if verdict.evidence.object:
+        text.append(f"  {verdict.evidence.object}", style=QUIET)
+    return text
+
+
+def render_frame(
+    playback: Playback, time: float, width: int, height: int, *, zoom: int = 1
+) -> list[Text]:
+    """Return the frame at ``time`` [s] as lines that fit into ``width`` x ``height`` cells."""
+    verdicts = verdict_lines(playback, time)
+    rows = max(3, height - _CHROME - len(verdicts))
+    codes, owners = draw_view(playback.view(time), width, rows, zoom=zoom).cells()
+    lines = [Text(headline(playback, time), style="bold"), timeline_bar(playback, time, width)]
+    lines += [
+        _segments_text(segments(codes[row], owners[row], STYLES, Style())) for row in range(rows)
+    ]
+    lines += [*verdicts, Text(REPLAY_LEGEND, style=QUIET)]
+    for line in lines:
+        line.truncate(width, overflow="ellipsis")
+    return lines
+
+
+def _segments_text(parts: list[Segment]) -> Text:
+    return Text.assemble(*((segment.text, segment.style or "") for segment in parts))

@@ -1,0 +1,172 @@
+"""What every screen has: two lines at the top, one at the bottom, keys that mean the same."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, ClassVar, Final, cast
+
+from rich.text import Text
+from textual.app import ComposeResult
+from textual.binding import ActiveBinding, Binding, BindingType
+from textual.screen import Screen
+from textual.widget import Widget
+from textual.widgets import Footer, Static
+
+from scenario_tui.dashboard.state import DashboardState, Query
+from scenario_tui.dashboard.widgets.status_line import StatusLine
+from scenario_tui.text.formatting import DASHBOARD_STYLES, GLYPHS, UNSURE
+
+if TYPE_CHECKING:
+    from scenario_tui.dashboard.base_app import BaseDashboard
+
+
+CHANGING_KEYS: Final = frozenset({"submit", "pause", "cancel", "retry", "priority"})
+"""Ids of the keys that change something at the daemon."""
+
+
+@dataclass(frozen=True, slots=True)
+class PaletteAction:
+    """Something that can be done on a screen, as the command palette offers it."""
+
+    name: str
+    about: str
+    action: str
+
+
+class BaseScreen(Screen[None]):
+    """A screen that shows pictures of the daemon; subclasses say what they want to know."""
+
+    AUTO_FOCUS = "KeyedTable"
+    BINDINGS: ClassVar[list[BindingType]] = [
+        Binding("escape", "back", "Back", id="back", tooltip="To the screen before"),
+        Binding(
+            "y", "copy", "Copy", show=False, id="copy",
+            tooltip="What to type to see the same",
+        ),
+    ]  # fmt: skip
+
+    IN_FOOTER: ClassVar[tuple[str, ...]] = ()
+    """Ids of the keys at the bottom, in this order; without any, those that say so themselves."""
+
+    def compose(self) -> ComposeResult:
+        """Lay out the frame and the screen's own widgets in it."""
+        yield StatusLine(id="status")
+        yield Static(id="trail")
+        yield from self.body()
+        yield Footer(compact=True, show_command_palette=False)
+
+    def body(self) -> ComposeResult:
+        """Yield the screen's own widgets."""
+        raise NotImplementedError
+
+    def want(self) -> Query:
+        """Say what this screen shows."""
+        return Query()
+
+    def trail(self) -> str:
+        """Say where we are: the second line."""
+        raise NotImplementedError
+
+    def show(self, picture: DashboardState) -> None:
+        """Show what is known."""
+        raise NotImplementedError
+
+    def command(self) -> str:
+        """Return what to type to be told the same."""
+        return self.dashboard.equivalent.line("status")
+
+    def barred(self) -> frozenset[str]:
+        """Return the ids of keys that may not be used now; pressed, they say why."""
+        return CHANGING_KEYS if self.dashboard.read_only else frozenset()
+
+    @property
+    def active_bindings(self) -> dict[str, ActiveBinding]:
+        """The bindings as the footer and help show them."""
+        barred, renamed = self.barred(), self._renamed
+        found = {}
+        for key, active in super().active_bindings.items():
+            id, binding = active.binding.id or "", active.binding
+            if self.IN_FOOTER:
+                binding = replace(binding, show=id in self.IN_FOOTER)
+            if id in renamed:
+                binding = replace(binding, description=renamed[id])
+            enabled = active.enabled and id not in barred
+            found[key] = active._replace(binding=binding, enabled=enabled)
+        return dict(sorted(found.items(), key=lambda item: self._place(item[1].binding)))
+
+    def _place(self, binding: Binding) -> int:
+        order = self.IN_FOOTER
+        return order.index(binding.id) if binding.id in order else len(order)
+
+    def deeds(self) -> Iterable[PaletteAction]:
+        """Yield what can be done here beyond what has a key."""
+        return ()
+
+    @property
+    def dashboard(self) -> BaseDashboard:
+        """The app, as what it is."""
+        return cast("BaseDashboard", self.app)
+
+    _composed = False
+    _renamed: Mapping[str, str] = {}
+    """What keys are called just now, by their id."""
+
+    def on_mount(self) -> None:
+        """Ask for what this screen shows, show what is known already."""
+        self._composed = True
+        self.wanted_changed()
+
+    def on_screen_resume(self) -> None:
+        """Ask for what this screen shows, when we come back to it."""
+        if self._composed:
+            self.wanted_changed()
+
+    def present(self) -> None:
+        """Bring everything up to date."""
+        # A timer may still fire while the screens are being taken down.
+        if not self._composed or not self.app.is_running:
+            return
+        picture, now = self.dashboard.picture, self.dashboard.clock()
+        self.query_one(StatusLine).show(picture, now)
+        trail, text = self.query_one("#trail", Static), self._trail()
+        if text != trail.content:  # else everything would be laid out again for nothing
+            trail.update(text)
+        self.set_class(not picture.connected and picture.at > 0, "-stale")
+        self.show(picture)
+
+    def _trail(self) -> Text:
+        text = Text(self.trail(), no_wrap=True)
+        if self.dashboard.read_only:
+            text.append("  read-only", style=UNSURE)
+        overview = self.dashboard.picture.overview
+        if overview is not None and overview.trouble:
+            why = " ".join(overview.trouble.split())
+            text.append(f"  {GLYPHS['lost']} {why}", style=DASHBOARD_STYLES["lost"])
+        return text
+
+    def wanted_changed(self) -> None:
+        """Ask anew because what is wanted changed."""
+        self.dashboard.feed.look(self.want())
+        self.present()
+
+    def action_back(self) -> None:
+        """Leave this screen, unless it is the first."""
+        if len(self.app.screen_stack) > 1:
+            self.app.pop_screen()
+
+    def action_copy(self) -> None:
+        """Copy the command line that says the same."""
+        self.dashboard.copy(self.command())
+
+    def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
+        """Hide the way back where there is none."""
+        return not (action == "back" and self.app.screen_stack[0] is self)
+
+
+def show_message_or(widget: Widget, table: Widget, message: str) -> None:
+    """Show ``message`` instead of the table, or the table when there is no message."""
+    widget.display = bool(message)
+    table.display = not message
+    if message and isinstance(widget, Static):
+        widget.update(Text(message))

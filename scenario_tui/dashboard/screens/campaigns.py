@@ -1,0 +1,173 @@
+"""The first screen: all campaigns, the newest first."""
+
+from __future__ import annotations
+
+from typing import ClassVar, Final
+
+from rich.text import Text
+from textual.app import ComposeResult
+from textual.binding import Binding, BindingType
+from textual.containers import Horizontal, VerticalScroll
+from textual.widgets import Static
+
+from daemon.model.status import CampaignRow
+from scenario_tui.dashboard.screens.base import show_message_or
+from scenario_tui.dashboard.screens.steering import SteeringScreen, schedule_marks
+from scenario_tui.dashboard.state import DashboardState
+from scenario_tui.dashboard.widgets.tables import Column, KeyedTable, Row
+from scenario_tui.text.formatting import (
+    DASHBOARD_STYLES,
+    GLYPHS,
+    NOTHING,
+    QUIET,
+    UNSURE,
+    age_text,
+    duration,
+    pluralise,
+    run_counts,
+)
+from scenario_tui.text.results import Conclusion
+
+SHOWN: Final = 500
+_COLUMNS: Final = (
+    Column("campaign", 0),
+    Column("judged", 15),
+    Column("done", 8, right=True),
+    Column("✗ fail", 6, right=True),
+    Column("‼ err", 5, from_width=100, right=True),
+    Column("! lost", 6, right=True),
+    Column("? incon", 7, from_width=100, right=True),
+    Column("✓ pass", 6, from_width=90, right=True),
+    Column("submitted", 10, right=True),
+)
+_COUNTED: Final = ("fail", "error", "lost", "inconclusive", "pass")
+_NOTHING: Final = (
+    "No campaigns yet. Press s to choose one, or type in another terminal\n\n"
+    "    scenario submit CAMPAIGN.yaml\n\n"
+    "or, to see a short one without the daemon,\n\n"
+    "    scenario demo"
+)
+_NOBODY: Final = (
+    "No daemon answers here. In another terminal, type\n\n"
+    "    scenario daemon\n\n"
+    "or hand it a campaign, which starts one:\n\n"
+    "    scenario submit CAMPAIGN.yaml\n\n"
+    "This screen notices when it is there."
+)
+_OTHERS: Final = (
+    "Somebody answers, but nothing that is understood here. A daemon and its dashboards are of\n"
+    "one version: compare\n\n"
+    "    scenario --version\n\n"
+    "on both machines. After an update the daemon must be started again: scenario stop"
+)
+
+
+class CampaignsScreen(SteeringScreen):
+    """All campaigns; wide terminals show the one under the cursor beside the table."""
+
+    IN_FOOTER = ("open", "matrix", "submit", "pause", "cancel", "retry", "palette", "help", "quit")
+    BINDINGS: ClassVar[list[BindingType]] = [
+        Binding("m", "matrix", "Matrix", id="matrix", tooltip="The campaign judged, cell by cell"),
+    ]
+
+    def body(self) -> ComposeResult:
+        """Table, and details beside it."""
+        yield Static(id="empty")
+        with Horizontal(id="split"):
+            yield KeyedTable(_COLUMNS, id="campaigns")
+            with VerticalScroll(id="side", can_focus=False):
+                yield Static(id="about")
+
+    def trail(self) -> str:
+        """Say how many campaigns there are."""
+        count = len(self.dashboard.picture.campaigns)
+        more = f", the newest {SHOWN} shown" if count > SHOWN else ""
+        return f"campaigns ({count}{more})"
+
+    def campaign(self) -> CampaignRow | None:
+        """Return the campaign under the cursor."""
+        key = self.query_one(KeyedTable).key
+        return next((row for row in self.dashboard.picture.campaigns if row.id == key), None)
+
+    def show(self, picture: DashboardState) -> None:
+        """Fill the table."""
+        now = self.dashboard.clock()
+        message = "" if picture.campaigns else _nothing(picture)
+        show_message_or(self.query_one("#empty"), self.query_one("#split"), message)
+        table = self.query_one(KeyedTable)
+        said = picture.conclusions
+        rows = picture.campaigns[:SHOWN]
+        table.fill([campaign_cells(row, said.get(row.id), now) for row in rows])
+        if not table.has_focus and table.display and self.focused is None:
+            table.focus()
+        self._describe()
+
+    def on_data_table_row_highlighted(self) -> None:
+        """Describe the campaign the cursor came to."""
+        self._describe()
+
+    def _describe(self) -> None:
+        row = self.campaign()
+        if row is not None:
+            said = self.dashboard.picture.conclusions.get(row.id)
+            text = campaign_text(row, said, self.dashboard.clock())
+            self.query_one("#about", Static).update(text)
+
+    def on_data_table_row_selected(self) -> None:
+        """Open the campaign's runs."""
+        self.dashboard.open_runs(self.query_one(KeyedTable).key)
+
+
+def _nothing(picture: DashboardState) -> str:
+    if not picture.connected:
+        if picture.refused:
+            return f"{picture.problem}\n\n{_OTHERS}"
+        return _NOBODY if picture.problem else ""
+    return _NOTHING
+
+
+def campaign_cells(row: CampaignRow, said: Conclusion | None, now: float) -> Row:
+    """Return a campaign as a row of the table; ``said`` is ``None`` when it was not judged."""
+    done = row.total - row.queued - row.running
+    counts = run_counts(row)
+    return row.id, (
+        Text(f"{row.id}  prio {row.priority}" if row.priority else row.id),
+        _judged(row, said),
+        Text(f"{done}/{row.total}"),
+        *(_count(counts.get(word, 0), word) for word in _COUNTED),
+        Text(age_text(row.submitted_at, now), style=QUIET),
+    )
+
+
+def _judged(row: CampaignRow, said: Conclusion | None) -> Text:
+    # What is said of an unfinished campaign is not the last word; that nothing goes on is news.
+    if row.paused and not row.finished:
+        return Text("‖ paused", style=UNSURE)
+    return (
+        Text(said.said, style=DASHBOARD_STYLES[said.word]) if said else Text(NOTHING, style=QUIET)
+    )
+
+
+def _count(number: int, word: str) -> Text:
+    return (
+        Text(f"{number:,}", style=DASHBOARD_STYLES[word]) if number else Text(NOTHING, style=QUIET)
+    )
+
+
+def campaign_text(row: CampaignRow, said: Conclusion | None, now: float) -> Text:
+    """Return a campaign in words, and what to type about it."""
+    text = Text.assemble((row.name, "bold"), "\n")
+    if said:
+        text.append(f"{said.said}\n", style=DASHBOARD_STYLES[said.word])
+    for mark in schedule_marks(row):
+        text.append(f"{mark}\n", style=UNSURE)
+    if row.about:
+        text.append(f"{row.about}\n")
+    text.append(f"\n{pluralise(row.total, 'run')}, submitted {age_text(row.submitted_at, now)}")
+    if row.finished_at is not None:
+        text.append(f",\nfinished in {duration(row.finished_at - row.submitted_at)}")
+    text.append("\n\n")
+    for word, count in run_counts(row).items():
+        text.append(f"{GLYPHS[word]} {word:<13}{count:>7,}\n", style=DASHBOARD_STYLES[word])
+    text.append(f"\nscenario results {row.id}\n", style=QUIET)
+    return text

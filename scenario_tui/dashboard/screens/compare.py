@@ -1,0 +1,214 @@
+"""Two recorded runs side by side: two maps with one clock, signals over each other, differences."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, ClassVar
+
+from rich.text import Text
+from textual.app import ComposeResult
+from textual.binding import Binding, BindingType
+from textual.containers import Horizontal, Vertical, VerticalScroll
+from textual.screen import Screen
+from textual.widgets import Footer, Static
+
+from daemon.batch.errors import DaemonError
+from grammars.text.diagnostics import InputError
+from scenario_tui.dashboard.local_traces import UnavailableTrace, local_trace
+from scenario_tui.dashboard.playback import Playback, open_playback
+from scenario_tui.dashboard.screens.help import Help
+from scenario_tui.dashboard.screens.playing import PlayingScreen, clock_line
+from scenario_tui.dashboard.screens.replay import leave
+from scenario_tui.dashboard.signal_strips import (
+    FLASH,
+    Alignment,
+    CommonClock,
+    FailureMoment,
+    ReplayTransport,
+    common_clock,
+    shift_to_clock,
+)
+from scenario_tui.dashboard.widgets.timeline import TimelineView
+from scenario_tui.dashboard.widgets.top_view import REPLAY_LEGEND, TopView
+from scenario_tui.text.comparison_text import comparison_text
+from scenario_tui.text.formatting import QUIET
+
+if TYPE_CHECKING:
+    from scenario_tui.dashboard.base_app import BaseDashboard
+
+_BY: dict[Alignment, str] = {"time": "by simulated time", "mission": "by waypoints done"}
+
+
+class CompareScreen(PlayingScreen):
+    """Plays two runs at once; the clock is that of the first."""
+
+    HORIZONTAL_BREAKPOINTS = [(0, "-narrow"), (110, "-wide")]  # noqa: RUF012
+    AUTO_FOCUS = "#differences"
+    VIEWS = ("maps", "signals", "differences")
+
+    BINDINGS: ClassVar[list[BindingType]] = [
+        Binding("a", "align", "Align", id="align",
+                tooltip="By simulated time, or by the waypoints both have done"),
+        Binding("x", "swap", "Swap", show=False, id="swap", tooltip="First run and second"),
+        Binding("question_mark,f1", "keys", "Help", id="help", tooltip="This list"),
+        Binding("q,escape", "leave", "Back", id="leave", tooltip="Leave the comparison"),
+    ]  # fmt: skip
+
+    def __init__(
+        self,
+        first: Playback,
+        second: Playback,
+        *,
+        begin: float | None = None,
+        speed: float = 1.0,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        super().__init__()
+        self.first, self.second = first, second
+        self.by: Alignment = "time"
+        self._begin, self._speed = begin, speed
+        self.clock = clock
+
+    def compose(self) -> ComposeResult:
+        """Lay out maps, signals and differences."""
+        yield Static(id="status")
+        with Horizontal(id="maps"):
+            for side in ("first", "second"):
+                with Vertical():
+                    yield Static(id=f"name-{side}")
+                    yield TopView(id=f"map-{side}")
+        with Horizontal(id="below"):
+            yield TimelineView(id="signals")
+            with VerticalScroll(id="differences"):
+                yield Static(id="table")
+        yield Static(REPLAY_LEGEND, id="legend")
+        yield Footer(compact=True, show_command_palette=False)
+
+    def on_mount(self) -> None:
+        """Begin, both runs standing still."""
+        self._meet(self._begin)
+
+    def on_resize(self) -> None:
+        """Say which part is shown, for the new width."""
+        self.call_after_refresh(self.show_moment)
+
+    def _meet(self, time: float | None) -> None:
+        """Put both runs on one clock and stand at a moment of the first."""
+        first, second = self.first.chronicle, self.second.chronicle
+        self._clock = common_clock(first, second, self.by)
+        moved = shift_to_clock(second, self._clock)
+        self._moved = moved
+        start, end = min(first.start, moved.start), max(first.end, moved.end)
+        self.query_one(TimelineView).show((first, moved))
+        text = comparison_text(
+            self.first.verdicts, self.second.verdicts, self.first.trace.spec, self.second.trace.spec
+        )
+        self.query_one("#table", Static).update(text)
+        speed = self._speed if self.transport is None else self.transport.speed
+        self.begin(
+            ReplayTransport(start, end, start if time is None else time, speed, playing=False)
+        )
+
+    def moments(self) -> Sequence[FailureMoment]:
+        """Return when oracles were decided against in either run, on the clock of the first."""
+        second = zip(self.second.moments, self._to_first(self.second.moments), strict=True)
+        both = [*self.first.moments, *(FailureMoment(at, m.oracle) for m, at in second)]
+        return sorted(both, key=lambda moment: (moment.time, moment.oracle))
+
+    def _to_first(self, moments: Sequence[FailureMoment]) -> list[float]:
+        import numpy as np
+
+        times = np.array([moment.time for moment in moments], dtype=np.float64)
+        return [float(time) for time in self._clock.to_first(times)]
+
+    @property
+    def common(self) -> CommonClock:
+        """How the times of both go together."""
+        return self._clock
+
+    def show_moment(self, window: float = FLASH) -> None:
+        """Show both runs at the moment."""
+        transport = self.transport
+        if transport is None or not self.is_attached or not self.app.is_running:
+            return
+        times = (transport.time, self._clock.to_second(transport.time))
+        tabs = "" if self.has_class("-wide") else self.tabs()
+        said = f"{clock_line(transport)}  {_BY[self.by]}"
+        room = self.size.width - len(tabs) - 4
+        line = Text(f"{said[:room]:<{max(room, 0)}}  {tabs}", no_wrap=True, overflow="ellipsis")
+        self.query_one("#status", Static).update(line)
+        for side, playback, at in zip(
+            ("first", "second"), (self.first, self.second), times, strict=True
+        ):
+            now = playback.within(at)
+            self.query_one(f"#map-{side}", TopView).show(playback.view(now, window=window))
+            over = "  (over)" if at > playback.end + 1e-6 else ""
+            name = Text(f"{playback.label}", style="bold", no_wrap=True, overflow="ellipsis")
+            name.append(
+                f"  {now:.1f} s  {playback.reached(now)}/{playback.waypoints} wp{over}", style=QUIET
+            )
+            self.query_one(f"#name-{side}", Static).update(name)
+        self.query_one(TimelineView).move(transport.time)
+
+    def turned(self) -> None:
+        """Give the keys to what can be scrolled."""
+        if self.VIEWS[self._part] == "differences" or self.has_class("-wide"):
+            self.query_one("#differences").focus(scroll_visible=False)
+        self.show_moment()
+
+    def action_align(self) -> None:
+        """Use the other clock."""
+        self.by = "mission" if self.by == "time" else "time"
+        self._meet(self.transport.time if self.transport is not None else None)
+
+    def action_swap(self) -> None:
+        """Have the second run be the first."""
+        now = self.transport.time if self.transport is not None else 0.0
+        then = self._clock.to_second(now)
+        self.first, self.second = self.second, self.first
+        self._meet(then)
+
+    def action_keys(self) -> None:
+        """Show the keys."""
+        self.app.push_screen(Help(self.app.screen))
+
+    def action_leave(self) -> None:
+        """Go back to where this came from."""
+        leave(self)
+
+
+def mark_or_compare(dashboard: BaseDashboard, run: str) -> None:
+    """Mark a run, or compare it with the one that is marked."""
+    marked = dashboard.marked
+    if not marked or marked == run:
+        dashboard.marked = "" if marked == run else run
+        said = f"{run} is marked no more" if marked else f"marked {run}: now mark another run"
+        dashboard.notify(said, markup=False)
+        return
+    dashboard.marked = ""
+    dashboard.notify(f"reading {marked} and {run}", markup=False, timeout=2)
+    dashboard.run_worker(lambda: _open(dashboard, marked, run), thread=True, group="compare")
+
+
+def _open(dashboard: BaseDashboard, first: str, second: str) -> None:
+    """Read two runs outside the thread that draws, then show them."""
+    try:
+        both = [_playback(dashboard, run) for run in (first, second)]
+    except (InputError, DaemonError) as error:
+        dashboard.call_from_thread(dashboard.problem, str(error))
+        return
+    screen: Screen[None] = CompareScreen(both[0], both[1])
+    dashboard.call_from_thread(dashboard.push_screen, screen)
+
+
+def _playback(dashboard: BaseDashboard, run: str) -> Playback:
+    with dashboard.feed.connect() as daemon:
+        detail = daemon.run(run)
+        found = local_trace(detail, daemon)
+    if isinstance(found, UnavailableTrace):
+        raise DaemonError(f"{run}: {found.why}")
+    assert detail.result is not None
+    playback = open_playback(found, detail.result.verdicts)
+    playback.chronicle  # noqa: B018  sampled here and not where it would be waited for
+    return playback

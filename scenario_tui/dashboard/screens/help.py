@@ -1,0 +1,244 @@
+"""What can be done on the screen below: its keys, made from its bindings, and the command palette."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable, Iterator
+from concurrent.futures import Future
+from dataclasses import dataclass
+from functools import partial
+from typing import TYPE_CHECKING, ClassVar, Final, cast
+
+from rich.text import Text
+from textual.app import App, ComposeResult
+from textual.binding import ActiveBinding, Binding, BindingType
+from textual.command import DiscoveryHit, Hit, Hits, Provider
+from textual.containers import VerticalScroll
+from textual.dom import DOMNode
+from textual.screen import ModalScreen, Screen
+from textual.widgets import Static
+
+import scenario_tui
+from daemon.model.status import RunRow
+from scenario_tui.client import DaemonClient
+from scenario_tui.text.formatting import QUIET, run_label
+
+if TYPE_CHECKING:
+    from scenario_tui.dashboard.base_app import BaseDashboard
+
+Lines = list[tuple[str, str]]
+
+
+class Help(ModalScreen[None]):
+    """Keys that work here, then those that work everywhere."""
+
+    BINDINGS: ClassVar[list[BindingType]] = [
+        Binding("escape,question_mark,f1,q", "dismiss", "Close", id="close", tooltip="Back"),
+    ]
+
+    def __init__(self, about: Screen[object]) -> None:
+        super().__init__()
+        self._groups = key_groups(about)
+
+    def compose(self) -> ComposeResult:
+        """Lay out the list of keys."""
+        text = Text()
+        width = max((len(keys) for _, lines in self._groups for keys, _ in lines), default=0)
+        for title, lines in self._groups:
+            text.append(f"Keys {title}\n", style="bold")
+            for keys, words in lines:
+                text.append(f"{keys:>{width}}", style="bold")
+                text.append(f"  {words}\n", style="not bold")
+            text.append("\n")
+        text.append("other keys: scenario tui --bindings", style=QUIET)
+        with VerticalScroll(classes="dialog"):
+            yield Static(text)
+
+
+def key_groups(screen: Screen[object]) -> list[tuple[str, Lines]]:
+    """Return the keys of a screen and what they do: those here, and those of the whole app."""
+    here: dict[str, tuple[list[str], str]] = {}
+    everywhere: dict[str, tuple[list[str], str]] = {}
+    for active in our_bindings(screen):
+        group = everywhere if isinstance(active.node, App) else here
+        keys, _ = group.setdefault(active.binding.action, ([], ""))
+        keys.append(screen.app.get_key_display(active.binding))
+        group[active.binding.action] = (keys, binding_meaning(active.binding))
+    groups = (("here", here), ("everywhere", everywhere))
+    return [
+        (title, [(" ".join(keys), words) for keys, words in group.values()])
+        for title, group in groups
+        if group
+    ]
+
+
+def our_bindings(screen: Screen[object]) -> list[ActiveBinding]:
+    """Return the active bindings of ours: what comes with the library, like scrolling, nobody
+    needs to be told.
+    """
+    found = []
+    for active in screen.active_bindings.values():
+        ours = {b.id for b in all_bindings(type(active.node))}
+        if active.enabled and active.binding.id in ours - {None}:
+            found.append(active)
+    return found
+
+
+def binding_meaning(binding: Binding) -> str:
+    """Return what a key does, in a few words."""
+    more = f": {binding.tooltip}" if binding.tooltip else ""
+    return f"{binding.description}{more}"
+
+
+def own_bindings(kind: type[DOMNode]) -> list[Binding]:
+    """Return what a class itself binds."""
+    return [b for b in vars(kind).get("BINDINGS", ()) if isinstance(b, Binding)]
+
+
+def all_bindings(kind: type[DOMNode]) -> list[Binding]:
+    """Return what a class and those of ours it is made of bind."""
+    return [binding for k in our_classes(kind) for binding in own_bindings(k)]
+
+
+def our_classes(kind: type[DOMNode]) -> list[type[DOMNode]]:
+    """Return the classes of ours that one is made of, those that bind keys."""
+    ours = (k for k in kind.__mro__ if k.__module__.startswith(f"{scenario_tui.__name__}."))
+    return [k for k in ours if "BINDINGS" in vars(k)]
+
+
+_CAMPAIGNS: Final = 5
+"""Campaigns offered before anything is typed."""
+_RUNS: Final = 10
+_PATIENCE: Final = 2.0
+_UNUSUAL: Final = ("command_palette", "select_cursor", "cursor_down", "cursor_up", "scroll_top",
+                   "scroll_bottom", "back")  # fmt: skip
+"""Actions nobody goes to the palette for."""
+
+
+@dataclass(frozen=True, slots=True)
+class PaletteEntry:
+    """A line of the palette: ``do`` is what choosing it does."""
+
+    name: str
+    about: str
+    do: Callable[[], object]
+
+
+class PaletteProvider(Provider):
+    """Offers whose names fit what is typed."""
+
+    def offers(self) -> Iterator[PaletteEntry]:
+        """Yield everything there is to offer."""
+        raise NotImplementedError
+
+    def first(self) -> Iterator[PaletteEntry]:
+        """Yield what is offered before anything is typed."""
+        return self.offers()
+
+    @property
+    def dashboard(self) -> BaseDashboard:
+        """The app, as what it is."""
+        return cast("BaseDashboard", self.app)
+
+    async def discover(self) -> Hits:
+        """Offer something before anything is typed."""
+        for offer in self.first():
+            yield DiscoveryHit(offer.name, offer.do, help=offer.about)
+
+    async def search(self, query: str) -> Hits:
+        """Offer what fits."""
+        matcher = self.matcher(query)
+        for offer in self.offers():
+            score = matcher.match(offer.name)
+            if score > 0:
+                yield Hit(score, matcher.highlight(offer.name), offer.do, help=offer.about)
+
+
+class ActionCommands(PaletteProvider):
+    """What has a key on the screen in front, and what has none."""
+
+    def offers(self) -> Iterator[PaletteEntry]:
+        """Yield actions and places."""
+        from scenario_tui.dashboard.screens.base import BaseScreen
+
+        bound = {active.binding.action: active for active in reversed(our_bindings(self.screen))}
+        for action, active in reversed(bound.items()):
+            binding = active.binding
+            if action.partition("(")[0] not in _UNUSUAL:
+                about = f"{self.app.get_key_display(binding)}  {binding.tooltip}"
+                yield PaletteEntry(binding.description, about, self._doing(action, active.node))
+        if isinstance(self.screen, BaseScreen):
+            for deed in self.screen.deeds():
+                yield PaletteEntry(deed.name, deed.about, self._doing(deed.action, self.screen))
+        yield PaletteEntry(
+            "Theme", "Choose other colours, until you leave", self.app.action_change_theme
+        )
+
+    def _doing(self, action: str, node: DOMNode) -> Callable[[], object]:
+        return partial(self.app.run_action, action, node)
+
+
+class CampaignCommands(PaletteProvider):
+    """Going to a campaign."""
+
+    def offers(self) -> Iterator[PaletteEntry]:
+        """Yield a way to each campaign and to its matrix."""
+        for row in self.dashboard.picture.campaigns:
+            yield PaletteEntry(f"go to campaign {row.id}", "its runs", self._to(row.id))
+            to_matrix = partial(self.dashboard.open_matrix, row.id)
+            yield PaletteEntry(f"go to matrix of {row.id}", "the campaign judged", to_matrix)
+
+    def first(self) -> Iterator[PaletteEntry]:
+        """Yield ways to the newest campaigns."""
+        for row in self.dashboard.picture.campaigns[:_CAMPAIGNS]:
+            yield PaletteEntry(f"go to campaign {row.id}", "its runs", self._to(row.id))
+
+    def _to(self, campaign: str) -> Callable[[], object]:
+        return partial(self.dashboard.open_runs, campaign)
+
+
+class RunCommands(PaletteProvider):
+    """Going to a run: those on the screen, and those the daemon finds."""
+
+    def first(self) -> Iterator[PaletteEntry]:
+        """Yield nothing: there are too many."""
+        return iter(())
+
+    def offers(self) -> Iterator[PaletteEntry]:
+        """Yield ways to the runs that are known here."""
+        page = self.dashboard.picture.page
+        for row in page.rows if page is not None else ():
+            yield self._offer(row)
+
+    def _offer(self, row: RunRow) -> PaletteEntry:
+        to_run = partial(self.dashboard.open_run, row.id)
+        return PaletteEntry(f"go to run {run_label(row)}", f"of {row.campaign}", to_run)
+
+    async def search(self, query: str) -> Hits:
+        """Offer what fits of the page shown, then what the daemon finds."""
+        async for hit in super().search(query):
+            yield hit
+        if not self.dashboard.picture.connected:
+            return
+        page = self.dashboard.picture.page
+        known = {row.id for row in page.rows} if page is not None else set()
+        wanted = query.strip().removeprefix("go to run").strip()
+        for row in await self._found(wanted) if wanted else ():
+            if row.id not in known:
+                offer = self._offer(row)
+                yield Hit(0.5, offer.name, offer.do, help=offer.about)
+
+    async def _found(self, wanted: str) -> tuple[RunRow, ...]:
+        found: Future[tuple[RunRow, ...]] = Future()
+        self.dashboard.feed.do(partial(_look_for, wanted[:200], found))
+        try:
+            return await asyncio.wait_for(asyncio.wrap_future(found), _PATIENCE)
+        except (TimeoutError, asyncio.CancelledError):
+            return ()  # the palette was closed, or the daemon has more important things to do
+
+
+def _look_for(wanted: str, found: Future[tuple[RunRow, ...]], daemon: DaemonClient) -> str:
+    # The future is cancelled when somebody typed on; then nobody needs the answer.
+    if found.set_running_or_notify_cancel():
+        found.set_result(daemon.runs(text=wanted, limit=_RUNS).rows)
+    return ""

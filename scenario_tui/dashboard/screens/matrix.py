@@ -1,0 +1,132 @@
+"""A campaign judged: scenarios by systems under test, what is unexpected, compared, known."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+from rich.text import Text
+from textual.app import ComposeResult
+from textual.binding import Binding, BindingType
+from textual.containers import Container, VerticalScroll
+from textual.widgets import DataTable, Static
+
+from daemon.model.assessments import CellAssessment
+from daemon.model.status import CampaignRow
+from scenario_tui.dashboard.screens.base import show_message_or
+from scenario_tui.dashboard.screens.steering import SteeringScreen, schedule_marks
+from scenario_tui.dashboard.state import DashboardState, Query
+from scenario_tui.dashboard.widgets.tables import CellTable
+from scenario_tui.text.assessment_text import Footnotes, campaign_notes, cell_notes, matrix_rows
+from scenario_tui.text.results import CampaignResults
+
+
+class MatrixScreen(SteeringScreen):
+    """The matrix of a campaign; below it, or beside it, the cell under the cursor in words."""
+
+    AUTO_FOCUS = "CellTable"
+    IN_FOOTER = ("open", "back", "next-surprise", "all-runs", "retry", "palette", "help", "quit")
+    BINDINGS: ClassVar[list[BindingType]] = [
+        Binding("n", "next", "Next !", id="next-surprise",
+                tooltip="The next cell that is not as expected"),
+        Binding("a", "runs", "All runs", id="all-runs", tooltip="Every run of the campaign"),
+    ]  # fmt: skip
+
+    def __init__(self, campaign: str) -> None:
+        super().__init__()
+        self._campaign = campaign
+        self._shown: CampaignResults | None = None
+        self._rest = Text()
+
+    def body(self) -> ComposeResult:
+        """The matrix and the words about it."""
+        yield Static(id="empty")
+        with Container(id="grid"):
+            yield CellTable(id="matrix")
+            with VerticalScroll(id="notes"):
+                yield Static(id="about")
+
+    def want(self) -> Query:
+        """The campaign judged."""
+        return Query(results=self._campaign)
+
+    def campaign(self) -> CampaignRow | None:
+        """Return the campaign shown."""
+        rows = self.dashboard.picture.campaigns
+        return next((row for row in rows if row.id == self._campaign), None)
+
+    def trail(self) -> str:
+        """Where we are, how it stands, how far it is."""
+        parts = [f"campaigns › {self._campaign} › matrix"]
+        row = self.campaign()
+        conclusion = self.dashboard.picture.conclusions.get(self._campaign)
+        if conclusion is not None:
+            parts.append(conclusion.said)
+        if row is not None and not row.finished:
+            parts.append(f"{row.total - row.queued - row.running}/{row.total} runs")
+            parts += schedule_marks(row)
+        return "  ".join(parts)
+
+    def show(self, picture: DashboardState) -> None:
+        """Show the results once they are there, again only when they are others."""
+        results = picture.results
+        if results is None or results.row.id != self._campaign:
+            results = None
+        message = "" if results and results.assessment.cells else self._nothing(results)
+        show_message_or(self.query_one("#empty"), self.query_one("#grid"), message)
+        if results is None or results is self._shown:
+            return
+        self._shown = results
+        notes, table = Footnotes(), self.query_one(CellTable)
+        table.fill(*matrix_rows(results, notes))
+        self._rest = campaign_notes(results, notes)
+        self._describe()
+        if self.focused is None:
+            table.focus()
+
+    def _nothing(self, results: CampaignResults | None) -> str:
+        if results is not None:
+            return "This campaign has no runs."
+        return "… judging" if self.dashboard.picture.connected else ""
+
+    def _cell(self) -> CellAssessment | None:
+        place = self.query_one(CellTable).cell
+        cells = self._shown.assessment.cells if self._shown else ()
+        return next((cell for cell in cells if (cell.scenario, cell.sut) == place), None)
+
+    def _describe(self) -> None:
+        cell = self._cell()
+        about = Text() if cell is None else cell_notes(cell)
+        self.query_one("#about", Static).update(about + self._rest)
+
+    def on_data_table_cell_highlighted(self) -> None:
+        """Describe the cell the cursor came to."""
+        self._describe()
+
+    def on_data_table_cell_selected(self, event: DataTable.CellSelected) -> None:
+        """Open the runs of the cell."""
+        cell = self._cell()
+        if cell is not None:
+            self.dashboard.open_runs(self._campaign, cell.scenario, cell.sut)
+
+    def action_runs(self) -> None:
+        """Open all runs of the campaign."""
+        self.dashboard.open_runs(self._campaign)
+
+    def action_next(self) -> None:
+        """Go to the next cell that is not as expected, from the last one to the first."""
+        table = self.query_one(CellTable)
+        places = [(cell.scenario, cell.sut) for cell in self._surprising()]
+        if not places:
+            self.notify("no cell is unexpected")
+            return
+        order = [(label, sut) for label, sut in table.places if (label, sut) in places]
+        here = table.places.index(table.cell) if table.cell else -1
+        after = [place for place in order if table.places.index(place) > here]
+        table.go_to(*(after or order)[0])
+
+    def _surprising(self) -> list[CellAssessment]:
+        results = self._shown
+        if results is None:
+            return []
+        found = {(s.scenario, s.sut) for s in results.assessment.surprises}
+        return [cell for cell in results.assessment.cells if (cell.scenario, cell.sut) in found]

@@ -1,0 +1,206 @@
+"""Keys and clock of every screen that plays recorded runs."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from typing import ClassVar, Final
+
+from textual.binding import Binding, BindingType
+from textual.screen import Screen
+
+from scenario_tui.dashboard.signal_strips import (
+    FLASH,
+    FailureMoment,
+    ReplayTransport,
+    next_moment,
+    previous_moment,
+)
+from scenario_tui.dashboard.widgets.timeline import TimelineView
+from scenario_tui.dashboard.widgets.top_view import TopView
+
+FRAMES: Final = 10
+"""How often a second the view is drawn while it plays."""
+_NEEDS_RUN: Final = ("play", "scrub", "edge", "faster", "slower", "next", "previous", "signals")
+
+
+class PlayingScreen(Screen[None]):
+    """A screen with a moment of simulated time; nothing can be played without a transport."""
+
+    BINDINGS: ClassVar[list[BindingType]] = [
+        Binding("space", "play", "Play/pause", id="replay-play", tooltip="At the end: once more"),
+        Binding("left", "scrub(-1)", "−1 s", show=False, id="back-1", tooltip="A second back"),
+        Binding("right", "scrub(1)", "+1 s", show=False, id="on-1", tooltip="A second on"),
+        Binding("shift+left", "scrub(-10)", "−10 s", show=False, id="back-10",
+                tooltip="Ten seconds back"),
+        Binding("shift+right", "scrub(10)", "+10 s", show=False, id="on-10",
+                tooltip="Ten seconds on"),
+        Binding("home", "edge(False)", "Start", show=False, id="start", tooltip="To the start"),
+        Binding("end", "edge(True)", "End", show=False, id="end", tooltip="To the end"),
+        Binding("plus,equals_sign", "faster", "Faster", key_display="+", show=False, id="faster",
+                tooltip="Up to 1000x"),
+        Binding("minus", "slower", "Slower", key_display="-", show=False, id="slower",
+                tooltip="Down to 0.1x"),
+        Binding("n", "next", "Next ✗", id="next-failure",
+                tooltip="To when the next oracle was decided against"),
+        Binding("N", "previous", "Previous ✗", show=False, id="previous-failure",
+                tooltip="The one before"),
+        Binding("tab,v", "view(1)", "View", key_display="tab", id="view",
+                tooltip="The next part of the screen, where there is room for one only"),
+        Binding("shift+tab,V", "view(-1)", "View before", show=False, id="view-before",
+                tooltip="The part before"),
+        Binding("z", "zoom", "Zoom", id="zoom", tooltip="Nearer to the robot, then all of it"),
+        Binding("f", "follow", "Follow", show=False, id="follow",
+                tooltip="Follow the robot when zoomed, or stay"),
+        Binding("h", "pan(-1, 0)", "Pan left", show=False, id="pan-left", tooltip="When zoomed"),
+        Binding("j", "pan(0, -1)", "Pan down", show=False, id="pan-down", tooltip="When zoomed"),
+        Binding("k", "pan(0, 1)", "Pan up", show=False, id="pan-up", tooltip="When zoomed"),
+        Binding("l", "pan(1, 0)", "Pan right", show=False, id="pan-right", tooltip="When zoomed"),
+        Binding("greater_than_sign", "signals(1)", "More signals", show=False, id="signals-on",
+                tooltip="Signals further down"),
+        Binding("less_than_sign", "signals(-1)", "Signals back", show=False, id="signals-back",
+                tooltip="Signals further up"),
+    ]  # fmt: skip
+
+    VIEWS: ClassVar[Sequence[str]] = ()
+    """Parts of the screen; the class of the one shown alone, where there is room for one."""
+
+    transport: ReplayTransport | None = None
+    clock: Callable[[], float] = staticmethod(time.monotonic)
+    _at = 0.0
+    _part = 0
+
+    def moments(self) -> Sequence[FailureMoment]:
+        """Return when oracles were decided against, by time."""
+        return ()
+
+    def show_moment(self, window: float = FLASH) -> None:
+        """Show the moment, with the contacts of the ``window`` [s] before it."""
+
+    def begin(self, transport: ReplayTransport) -> None:
+        """Have something to play."""
+        self.transport, self._at = transport, self.clock()
+        self.refresh_bindings()
+        self.show_moment()
+
+    def on_mount(self) -> None:
+        """Look at the clock from now on."""
+        self._at = self.clock()
+        self.look_at(self._part)
+        self.set_interval(1.0 / FRAMES, self.tick)
+
+    def tick(self) -> None:
+        """Go on by the time that passed: a slow terminal shows fewer frames, not a slower run."""
+        now = self.clock()
+        passed, self._at = now - self._at, now
+        if self.transport is not None and self.transport.playing:
+            went = self.transport.advance(passed)
+            self.show_moment(max(FLASH, went))
+
+    def go(self, time: float) -> None:
+        """Go to a moment [s], and stay there."""
+        if self.transport is not None:
+            self.transport.go(time)
+            self.transport.playing = False
+            self.show_moment()
+
+    def look_at(self, part: int) -> None:
+        """Show one part of the screen where there is room for one only."""
+        if self.VIEWS:
+            self._part = part % len(self.VIEWS)
+            others = {f"-{name}" for name in self.VIEWS}
+            self.set_classes([*(self.classes - others), f"-{self.VIEWS[self._part]}"])
+            self.call_after_refresh(self.turned)
+
+    def turned(self) -> None:
+        """Give the part that came the keys, if it takes any."""
+
+    def tabs(self) -> str:
+        """Return the parts of the screen, the one shown in brackets."""
+        names = (f"[{n}]" if i == self._part else f" {n} " for i, n in enumerate(self.VIEWS))
+        return "".join(names)
+
+    def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
+        """Offer playing only where there is something to play."""
+        if action in _NEEDS_RUN and self.transport is None:
+            return False
+        if action == "view" and not self.VIEWS:
+            return False
+        return super().check_action(action, parameters)
+
+    def action_play(self) -> None:
+        """Play or pause."""
+        if self.transport is not None:
+            self.transport.toggle()
+            self._at = self.clock()
+            self.show_moment()
+
+    def action_scrub(self, seconds: int) -> None:
+        """Go some seconds on or back."""
+        if self.transport is not None:
+            self.transport.go(self.transport.time + seconds)
+            self.show_moment()
+
+    def action_edge(self, end: bool) -> None:
+        """Go to the start or the end."""
+        if self.transport is not None:
+            self.transport.go(self.transport.end if end else self.transport.start)
+            self.show_moment()
+
+    def action_faster(self) -> None:
+        """Play faster."""
+        if self.transport is not None:
+            self.transport.faster()
+            self.show_moment()
+
+    def action_slower(self) -> None:
+        """Play slower."""
+        if self.transport is not None:
+            self.transport.slower()
+            self.show_moment()
+
+    def action_next(self) -> None:
+        """Go to the next moment an oracle was decided against, and stay there."""
+        if self.transport is not None:
+            self._jump(next_moment(self.moments(), self.transport.time), "after")
+
+    def action_previous(self) -> None:
+        """Go to the previous moment an oracle was decided against, and stay there."""
+        if self.transport is not None:
+            self._jump(previous_moment(self.moments(), self.transport.time), "before")
+
+    def _jump(self, found: FailureMoment | None, where: str) -> None:
+        if found is None:
+            self.notify(f"no oracle was decided against {where} this moment")
+        else:
+            self.go(found.time)
+
+    def action_view(self, step: int) -> None:
+        """Show the next part of the screen, or the one before."""
+        self.look_at(self._part + step)
+
+    def action_zoom(self) -> None:
+        """Come nearer to the robot on the map."""
+        for top in self.query(TopView):
+            top.zoom()
+
+    def action_follow(self) -> None:
+        """Follow the robot on the map, or stay where it is now."""
+        followed = [top.follow() for top in self.query(TopView)]
+        self.notify("following the robot" if any(followed) else "staying here")
+
+    def action_pan(self, right: int, up: int) -> None:
+        """Look to a side on the map."""
+        panned = [top.pan(right, up) for top in self.query(TopView)]
+        if not any(panned):
+            self.notify("everything is in view: z comes nearer")
+
+    def action_signals(self, step: int) -> None:
+        """Show signals further down or up."""
+        self.query_one(TimelineView).scroll_signals(step)
+
+
+def clock_line(transport: ReplayTransport) -> str:
+    """Return ``▶ 2x  27.0 s of 62.2 s``."""
+    sign = "▶" if transport.playing else "‖"
+    return f"{sign} {transport.speed:g}x  {transport.time:.1f} s of {transport.end:.1f} s"

@@ -1,0 +1,145 @@
+"""A recorded run from above, played: over the dashboard, or as an app of its own."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from typing import ClassVar
+
+from rich.text import Text
+from textual.app import ComposeResult
+from textual.binding import Binding, BindingType
+from textual.containers import Horizontal
+from textual.screen import Screen
+from textual.widgets import Footer, Static
+
+from scenario_tui.dashboard.playback import Playback, headline, timeline_bar, verdict_lines
+from scenario_tui.dashboard.screens.help import Help
+from scenario_tui.dashboard.screens.playing import PlayingScreen
+from scenario_tui.dashboard.signal_strips import FLASH, FailureMoment, ReplayTransport
+from scenario_tui.dashboard.widgets.timeline import TimelineView
+from scenario_tui.dashboard.widgets.top_view import REPLAY_LEGEND, TopView
+from scenario_tui.terminal.limited_terminal import LimitedTerminalApp
+
+
+class ReplayScreen(PlayingScreen):
+    """Plays a :class:`Playback`; leaving it leaves the app when nothing lies below."""
+
+    HORIZONTAL_BREAKPOINTS = [(0, "-narrow"), (150, "-wide")]  # noqa: RUF012
+    VIEWS = ("map", "signals")
+
+    BINDINGS: ClassVar[list[BindingType]] = [
+        Binding("question_mark,f1", "keys", "Help", id="help", tooltip="This list"),
+        Binding("q,escape", "leave", "Quit", id="leave", tooltip="Leave the replay"),
+    ]
+
+    def __init__(
+        self,
+        playback: Playback,
+        begin: float | None = None,
+        speed: float = 1.0,
+        *,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        super().__init__()
+        self.playback = playback
+        first = playback.start if begin is None else begin
+        self.transport = ReplayTransport(playback.start, playback.end, first, speed)
+        self.clock = clock
+
+    def compose(self) -> ComposeResult:
+        """Lay out headline, timeline, map, signals, verdicts and keys."""
+        yield Static(id="status")
+        yield Static(id="timeline")
+        with Horizontal(id="stage"):
+            yield TopView(id="map")
+            yield TimelineView(id="signals")
+        yield Static(id="verdicts")
+        yield Static(REPLAY_LEGEND, id="legend")
+        yield Footer(compact=True, show_command_palette=False)
+
+    def on_mount(self) -> None:
+        """Show the first moment."""
+        self.show_moment()
+
+    def on_resize(self) -> None:
+        """Draw the timeline for the new width."""
+        self.call_after_refresh(self.show_moment)
+
+    def moments(self) -> Sequence[FailureMoment]:
+        """Return when oracles were decided against."""
+        return self.playback.moments
+
+    def turned(self) -> None:
+        """Sample the signals once they are looked at: that may take a moment."""
+        signals = self.query_one(TimelineView)
+        if signals.size and not signals.drawn:
+            signals.show((self.playback.chronicle,))
+        self.show_moment()
+
+    def show_moment(self, window: float = FLASH) -> None:
+        """Show the moment, with the contacts of the ``window`` [s] before it."""
+        transport = self.transport
+        if transport is None or not self.is_attached or not self.app.is_running:
+            return
+        playback, sign = self.playback, "▶" if transport.playing else "‖"
+        head = f"{sign} {transport.speed:g}x  {headline(playback, transport.time)}"
+        self.query_one("#status", Static).update(Text(head, no_wrap=True, overflow="ellipsis"))
+        width = max(self.size.width - 2, 2)
+        line = timeline_bar(playback, transport.time, width)
+        self.query_one("#timeline", Static).update(line)
+        words = Text("\n").join(verdict_lines(playback, transport.time))
+        self.query_one("#verdicts", Static).update(words)
+        self.query_one(TopView).show(playback.view(transport.time, window=window))
+        self.query_one(TimelineView).move(transport.time)
+
+    def action_keys(self) -> None:
+        """Show the keys."""
+        self.app.push_screen(Help(self.app.screen))
+
+    def action_leave(self) -> None:
+        """Go back to where this came from."""
+        leave(self)
+
+
+def leave(screen: Screen[None]) -> None:
+    """Leave a screen, and the app when nothing lies below it."""
+    if len(screen.app.screen_stack) > 1:
+        screen.app.pop_screen()
+    else:
+        screen.app.exit()
+
+
+class ReplayApp(LimitedTerminalApp):
+    """Nothing but a replay, or two of them compared."""
+
+    TITLE = "scenario replay"
+    CSS_PATH = ["../dashboard.tcss", "../playing.tcss"]  # noqa: RUF012
+    ENABLE_COMMAND_PALETTE = False
+    BINDINGS: ClassVar[list[BindingType]] = [
+        Binding(
+            "ctrl+c",
+            "quit",
+            "Quit",
+            show=False,
+            priority=True,
+            id="quit-at-once",
+            tooltip="Leave from anywhere",
+        ),
+    ]
+
+    def __init__(self, screen: Screen[None]) -> None:
+        super().__init__()
+        self._first = screen
+
+    def get_default_screen(self) -> Screen[None]:
+        """Begin with the replay."""
+        return self._first
+
+
+def run_replay(screen: Screen[None]) -> int:
+    """Play until somebody leaves; return the exit code of the app."""
+    app = ReplayApp(screen)
+    app.limit_to_terminal()
+    app.run()
+    return app.return_code or 0

@@ -1,0 +1,354 @@
+"""One run: verdicts, signals, map and log, while it runs and at any moment of it afterwards."""
+
+from __future__ import annotations
+
+import heapq
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, ClassVar, Final
+
+from rich.text import Text
+from textual import work
+from textual.app import ComposeResult
+from textual.binding import Binding, BindingType
+from textual.containers import Horizontal, Vertical, VerticalScroll
+from textual.widgets import OptionList, Static
+
+from daemon.model.spec import RunResult
+from daemon.model.status import CampaignRow, RunDetail, RunState
+from daemon.model.verdicts import Verdict
+from scenario_tui.dashboard.local_traces import TraceSummary, UnavailableTrace
+from scenario_tui.dashboard.screens.base import show_message_or
+from scenario_tui.dashboard.screens.playing import PlayingScreen, clock_line
+from scenario_tui.dashboard.screens.runs import trace_summary_of, track_of, view_of
+from scenario_tui.dashboard.screens.steering import SteeringScreen
+from scenario_tui.dashboard.signal_strips import FLASH, FailureMoment, ReplayTransport
+from scenario_tui.dashboard.state import DashboardState, Query, Track
+from scenario_tui.dashboard.widgets.tables import VerdictList
+from scenario_tui.dashboard.widgets.timeline import LEGEND as SIGNS
+from scenario_tui.dashboard.widgets.timeline import TimelineView
+from scenario_tui.dashboard.widgets.top_view import REPLAY_LEGEND, TopView
+from scenario_tui.text.formatting import (
+    DASHBOARD_STYLES,
+    QUIET,
+    UNSURE,
+    glyph_word,
+    run_label,
+    run_word,
+)
+from scenario_tui.text.run_text import append_facts, run_text
+
+if TYPE_CHECKING:
+    from scenario_tui.dashboard.playback import Playback
+
+_LINES: Final = 5000
+
+Line = tuple[float, str, str]
+
+
+def log_text(detail: RunDetail | None, playback: Playback | None, limit: int = _LINES) -> Text:
+    """Return everything there is to read about a run, at most ``limit`` lines of its log."""
+    text = Text()
+    if detail is not None:
+        for note in _notes(detail.row.reason, detail.result):
+            text.append(f"{note}\n", style=UNSURE)
+        if detail.row.attempt > 1:
+            text.append(f"this was attempt {detail.row.attempt}\n", style=UNSURE)
+        if detail.row.cached:
+            text.append(f"not executed again: the result is that of {detail.row.cached}\n")
+        append_facts(text, detail)
+    if playback is None:
+        return text
+    if playback.trace.problems:
+        text.append("not to be trusted: ", style=UNSURE)
+        text.append("; ".join(playback.trace.problems) + "\n")
+    text.append("\n")
+    lines = [*log_lines(playback)]
+    for time, source, said in lines[:limit]:
+        text.append(f"{time:8.2f} s  ", style=QUIET)
+        text.append(f"{source:<10} ", style="bold")
+        text.append(f"{said}\n")
+    if len(lines) > limit:
+        text.append(f"and {len(lines) - limit} lines more\n", style=QUIET)
+    return text
+
+
+def log_lines(playback: Playback) -> Iterator[Line]:
+    """Yield what was recorded as words, what oracles decided and what doors did, by time [s]."""
+    trace = playback.trace
+    said = sorted((e.time, e.source, e.text) for e in trace.events)
+    decided = [(m.time, "oracle", f"✗ {m.oracle} decided against") for m in playback.moments]
+    doors = [
+        (event.time, event.name, "opens" if event.opens else "is shut")
+        for event in playback.chronicle.doors
+    ]
+    touched = sorted((c.time, "contact", f"{c.first} touches {c.second}") for c in trace.contacts)
+    yield from heapq.merge(said, decided, doors, _first_of_each(touched))
+
+
+def _first_of_each(touched: list[Line], pause: float = 1.0) -> Iterator[Line]:
+    """Leave out contacts that only go on: the same two within a while."""
+    last: dict[str, float] = {}
+    for time, source, words in touched:
+        if time - last.get(words, -pause) >= pause:
+            yield time, source, words
+        last[words] = time
+
+
+def _notes(reason: str, result: RunResult | None) -> list[str]:
+    note = result.note if result is not None else ""
+    return list(dict.fromkeys(filter(None, (reason.strip(), note.strip()))))
+
+
+_VAST: Final = 170
+"""Columns from which on map and signals stand side by side."""
+
+
+class RunScreen(PlayingScreen, SteeringScreen):
+    """A run by its id; one that is over is played as soon as its trace is read."""
+
+    AUTO_FOCUS = "VerdictList"
+    VIEWS = ("verdicts", "signals", "map", "log")
+    IN_FOOTER = (
+        "back", "view", "replay-play", "next-failure", "zoom", "compare", "help", "quit",
+    )  # fmt: skip
+
+    BINDINGS: ClassVar[list[BindingType]] = [
+        Binding("p", "replay", "Play", show=False, id="play",
+                tooltip="Watch the recorded run from above, the map alone"),
+        Binding("C", "compare", "Compare", id="compare",
+                tooltip="With another run: the one marked before, or the next one marked"),
+    ]  # fmt: skip
+
+    def __init__(self, run: str) -> None:
+        super().__init__()
+        self._run = run
+        self._playback: Playback | None = None
+        self._opened: Path | None = None
+        self._damage = ""
+        self._shown: object = None
+
+    def body(self) -> ComposeResult:
+        """Words on the left; map and signals on the right, or one of them alone."""
+        yield Static(id="now")
+        with Horizontal(id="desk"):
+            with Vertical(id="left"):
+                with VerticalScroll(id="words"):
+                    yield Static(id="run-text")
+                yield VerdictList(id="decided")
+                with VerticalScroll(id="log"):
+                    yield Static(id="log-text")
+            with Vertical(id="right"):
+                with Vertical(id="above"):
+                    yield Static(id="unseen")
+                    yield TopView(id="map")
+                    yield Static(REPLAY_LEGEND, id="legend")
+                with Vertical(id="along"):
+                    yield Static(id="untold")
+                    yield TimelineView(id="signals")
+                    yield Static(SIGNS, id="signs")
+
+    def on_resize(self) -> None:
+        """Put map and signals side by side where there is room for that."""
+        self.set_class(self.size.width >= _VAST, "-vast")
+        self.call_after_refresh(self.present)
+
+    def want(self) -> Query:
+        """This run."""
+        return Query(run=self._run)
+
+    def judged(self) -> str:
+        """This run alone is judged again."""
+        return self._run
+
+    def command(self) -> str:
+        """Return what to type to watch it."""
+        return self.dashboard.equivalent.line("replay", self._run)
+
+    def campaign(self) -> CampaignRow | None:
+        """Return the campaign the run is part of."""
+        wanted = self._run.rpartition(".")[0]
+        return next((row for row in self.dashboard.picture.campaigns if row.id == wanted), None)
+
+    def trail(self) -> str:
+        """Where we are."""
+        detail = self._detail()
+        label = run_label(detail.row) if detail is not None else self._run
+        return f"campaigns › {self._run.rpartition('.')[0]} › {label}"
+
+    def moments(self) -> Sequence[FailureMoment]:
+        """Return when its oracles were decided against."""
+        return self._playback.moments if self._playback is not None else ()
+
+    def _detail(self) -> RunDetail | None:
+        detail = self.dashboard.picture.detail
+        return detail if detail is not None and detail.row.id == self._run else None
+
+    def show(self, picture: DashboardState) -> None:
+        """Show what is known of the run: live, or as it was."""
+        detail = self._detail()
+        if detail is None:
+            return
+        track, seen = track_of(self.dashboard, detail), trace_summary_of(picture, self._run)
+        if (
+            isinstance(seen, TraceSummary)
+            and detail.result is not None
+            and seen.path != self._opened
+        ):
+            self._opened = seen.path
+            self._open(seen.path, detail.result.verdicts)
+        self._words(detail, track)
+        if self._playback is None:
+            self._live(detail, picture, track, seen)
+        self._say(detail)
+
+    def _words(self, detail: RunDetail, track: Track | None) -> None:
+        """Show verdicts once there are any, and the log."""
+        result = detail.result
+        self.set_class(result is not None, "-judged")
+        if result is None:
+            snapshot = track.snapshot if track else None
+            self.query_one("#run-text", Static).update(run_text(detail, snapshot))
+        else:
+            self.query_one(VerdictList).show(result.verdicts)
+        if self._shown != (detail, self._playback):
+            if self._shown is None:
+                self.look_at(self.VIEWS.index("map") if _runs(detail) else 0)
+            self._shown = (detail, self._playback)
+            self.query_one("#log-text", Static).update(log_text(detail, self._playback))
+
+    def _live(
+        self, detail: RunDetail, picture: DashboardState, track: Track | None,
+        seen: TraceSummary | UnavailableTrace | None,
+    ) -> None:  # fmt: skip
+        """Show the map as it is now, or why there is nothing to see."""
+        why = self._damage or (seen.why if isinstance(seen, UnavailableTrace) else "")
+        top, signals = self.query_one("#map", TopView), self.query_one("#signals", TimelineView)
+        show_message_or(self.query_one("#unseen"), top, why)
+        waiting = "Signals are drawn when the run is over." if _unfinished(detail) else "Reading."
+        show_message_or(self.query_one("#untold"), signals, why or waiting)
+        self.query_one("#legend").display = not why
+        self.query_one("#signs").display = False
+        if not why and picture.scene is not None:
+            recorded = seen if isinstance(seen, TraceSummary) else None
+            top.show(view_of(detail, picture.scene, track, recorded))
+
+    def _say(self, detail: RunDetail) -> None:
+        """Say when it is and which part of the screen this is."""
+        word = run_word(detail.row)
+        said = Text(glyph_word(word), style=DASHBOARD_STYLES[word])
+        track = track_of(self.dashboard, detail)
+        if self.transport is not None and self._playback is not None:
+            reached = self._playback.reached(self.transport.time)
+            said.append(f"  {clock_line(self.transport)}  {reached}/{self._playback.waypoints} wp")
+        elif track is not None:
+            now = track.snapshot
+            said.append(
+                f"  {now.reached}/{now.waypoints} wp  {now.time:.0f} s of {now.limit:.0f} s"
+            )
+        tabs = "" if self.has_class("-wide") else self.tabs()
+        said.truncate(max(self.size.width - len(tabs) - 4, 0), overflow="ellipsis", pad=True)
+        self.query_one("#now", Static).update(said.append(f"  {tabs}", style=QUIET))
+
+    def show_moment(self, window: float = FLASH) -> None:
+        """Show map and cursor at the moment."""
+        if not self.is_attached or not self.app.is_running:
+            return
+        playback, transport, detail = self._playback, self.transport, self._detail()
+        if playback is None or transport is None or detail is None:
+            return
+        self.query_one("#map", TopView).show(playback.view(transport.time, window=window))
+        self.query_one("#signals", TimelineView).move(transport.time)
+        self._say(detail)
+
+    def turned(self) -> None:
+        """Give the keys to what is shown."""
+        wanted = {"verdicts": "#decided", "log": "#log"}.get(self.VIEWS[self._part])
+        if wanted is not None and self.query(wanted):
+            self.query_one(wanted).focus(scroll_visible=False)
+        else:
+            self.set_focus(None)
+        self.present()
+
+    @work(thread=True, exclusive=True)
+    def _open(self, path: Path, verdicts: tuple[Verdict, ...]) -> None:
+        """Read the whole trace outside the thread that draws, then show it."""
+        # What reads traces takes a while to load, and the dashboard is to be there at once.
+        from daemon.trace import TraceError
+        from scenario_tui.dashboard.playback import open_playback
+
+        try:
+            playback = open_playback(path, verdicts)
+            playback.chronicle  # noqa: B018
+        except TraceError as error:
+            why = "; ".join(f"{d.message}\n\n{d.hint}" for d in error.diagnostics)
+            self.app.call_from_thread(self._broken, f"{why}: {path}")
+            return
+        self.app.call_from_thread(self._ready, playback)
+
+    def _broken(self, why: str) -> None:
+        self._damage = why
+        self.present()
+
+    def _ready(self, playback: Playback) -> None:
+        """Show the run at the moment that tells most."""
+        self._playback = playback
+        signals = self.query_one("#signals", TimelineView)
+        for name in ("#unseen", "#untold"):
+            self.query_one(name).display = False
+        for name in ("#map", "#legend", "#signals", "#signs"):
+            self.query_one(name).display = True
+        signals.show((playback.chronicle,))
+        self.begin(ReplayTransport(playback.start, playback.end, playback.start, playing=False))
+        self._to_chosen()
+        self.present()
+
+    def _moment_of(self, verdict: Verdict | None) -> float | None:
+        return None if verdict is None else verdict.evidence.time
+
+    def on_option_list_option_highlighted(self, event: OptionList.OptionHighlighted) -> None:
+        """Go to when the chosen oracle was decided."""
+        self._to_chosen()
+
+    def on_option_list_option_selected(self, event: OptionList.OptionSelected) -> None:
+        """Go back to when the chosen oracle was decided."""
+        self._to_chosen()
+
+    def _to_chosen(self) -> None:
+        chosen = self.query_one(VerdictList).chosen()
+        if chosen is not None:
+            self.query_one("#signals", TimelineView).lead(chosen.oracle)
+        time = self._moment_of(chosen)
+        if time is not None:
+            self.go(time)
+
+    def action_replay(self) -> None:
+        """Play the recorded run, the map alone, once its trace is read."""
+        if self._playback is not None and self.transport is not None:
+            from scenario_tui.dashboard.screens.replay import ReplayScreen
+
+            self.transport.playing = False
+            self.app.push_screen(ReplayScreen(self._playback, self.transport.time))
+        else:
+            self.notify(self._why_not())
+
+    def _why_not(self) -> str:
+        """Return why the run cannot be played."""
+        seen = trace_summary_of(self.dashboard.picture, self._run)
+        if self._damage or isinstance(seen, UnavailableTrace):
+            return self._damage or (seen.why if isinstance(seen, UnavailableTrace) else "")
+        return "its trace is being read" if self._opened else "a run can be played when it is over"
+
+    def action_compare(self) -> None:
+        """Compare with the run that was marked, or mark this one."""
+        from scenario_tui.dashboard.screens.compare import mark_or_compare
+
+        mark_or_compare(self.dashboard, self._run)
+
+
+def _runs(detail: RunDetail) -> bool:
+    return detail.row.state is RunState.RUNNING
+
+
+def _unfinished(detail: RunDetail) -> bool:
+    return detail.row.state in (RunState.QUEUED, RunState.RUNNING)

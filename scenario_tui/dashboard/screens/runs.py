@@ -1,0 +1,362 @@
+"""The runs of a campaign, or of all, a page at a time; beside them the run under the cursor."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any, ClassVar, Final
+
+from rich.text import Text
+from textual.app import ComposeResult
+from textual.binding import Binding, BindingType
+from textual.containers import Horizontal, Vertical, VerticalScroll
+from textual.widgets import Input, Static
+
+from daemon.model.live_view import from_centimetres
+from daemon.model.status import CampaignRow, RunDetail, RunRow, RunState
+from grammars.model.scene import Scene
+from scenario_tui.dashboard.local_traces import TraceSummary, UnavailableTrace
+from scenario_tui.dashboard.screens.base import show_message_or
+from scenario_tui.dashboard.screens.steering import SteeringScreen, schedule_marks
+from scenario_tui.dashboard.state import DashboardState, Query, RunsQuery, Track
+from scenario_tui.dashboard.widgets.tables import Column, KeyedTable, Row
+from scenario_tui.dashboard.widgets.top_view import LEGEND, TopView, View
+from scenario_tui.text.formatting import (
+    DASHBOARD_STYLES,
+    QUIET,
+    glyph_word,
+    margin,
+    run_label,
+    run_word,
+    time_text,
+)
+from scenario_tui.text.run_text import run_text
+
+if TYPE_CHECKING:
+    from scenario_tui.dashboard.base_app import BaseDashboard
+
+
+class RunPanel(Vertical):
+    """Words and map of one run, one above the other: beside the table of runs."""
+
+    def compose(self) -> ComposeResult:
+        """Lay out words and map."""
+        with VerticalScroll(id="words"):
+            yield Static(id="run-text")
+        with Vertical(id="above"):
+            yield Static(id="unseen")
+            yield TopView(id="map")
+            yield Static(LEGEND, id="legend")
+
+    def show(self, dashboard: BaseDashboard, picture: DashboardState | None) -> None:
+        """Show the run of a picture, or nothing."""
+        detail = picture.detail if picture is not None else None
+        if picture is None or detail is None:
+            self.query_one("#run-text", Static).update("")
+            self._above(None)
+            return
+        track = track_of(dashboard, detail)
+        snapshot = track.snapshot if track else None
+        self.query_one("#run-text", Static).update(run_text(detail, snapshot))
+        seen = trace_summary_of(picture, detail.row.id)
+        if isinstance(seen, UnavailableTrace):
+            self._above(None, seen.why)
+        elif picture.scene is not None:
+            self._above(view_of(detail, picture.scene, track, seen))
+        else:
+            self._above(None)
+
+    def _above(self, view: View | None, why: str = "") -> None:
+        """Show the map, or why there is none."""
+        top, legend = self.query_one(TopView), self.query_one("#legend")
+        top.show(view)
+        show_message_or(self.query_one("#unseen"), top, why)
+        legend.display = not why
+
+
+def track_of(dashboard: BaseDashboard, detail: RunDetail) -> Track | None:
+    """Return what was heard of a run that is running."""
+    running = detail.row.state is RunState.RUNNING
+    return dashboard.tracks.get(detail.row.id) if running else None
+
+
+def trace_summary_of(picture: DashboardState, run: str) -> TraceSummary | UnavailableTrace | None:
+    """Return what the picture knows of the trace of a run."""
+    seen = picture.recording
+    return seen if seen is not None and seen.run == run else None
+
+
+def view_of(
+    detail: RunDetail, scene: Scene, track: Track | None, recording: TraceSummary | None
+) -> View:
+    """Return the top view of a run: live, as recorded, or as it will start."""
+    resting = tuple(value for obj in scene.objects for value in obj.initial)
+    spec = detail.spec
+    if track is not None:
+        seen = track.snapshot
+        joints = seen.joints if len(seen.joints) == len(resting) else resting
+        return View(
+            scene, spec.robot, spec.mission, joints, seen.pose, seen.estimate, seen.reached,
+            tuple(track.trail), from_centimetres(seen.returns), from_centimetres(seen.plan), tuple(track.flashes),
+            seen.spread,
+        )  # fmt: skip
+    if recording is not None:
+        joints = recording.joints if len(recording.joints) == len(resting) else resting
+        return View(
+            scene, spec.robot, spec.mission, joints, recording.pose, reached=recording.reached,
+            trail=recording.trail,
+        )  # fmt: skip
+    return View(scene, spec.robot, spec.mission, resting)
+
+
+PAGE: Final = 100
+SORTS: Final = ("index", "outcome", "margin", "oracle", "scenario", "wall", "simulated")
+FILTERS: Final[tuple[tuple[str, dict[str, str]], ...]] = (
+    ("all", {}),
+    ("fail", {"outcome": "fail"}),
+    ("inconclusive", {"outcome": "inconclusive"}),
+    ("error", {"outcome": "error"}),
+    ("lost", {"state": "lost"}),
+    ("running", {"state": "running"}),
+    ("queued", {"state": "queued"}),
+    ("pass", {"outcome": "pass"}),
+)
+_COLUMNS: Final = (
+    Column("run", 0),
+    Column("verdict", 14),
+    Column("decided by", 13),
+    Column("margin", 10, right=True),
+    Column("progress", 13, right=True),
+    Column("worker", 14, from_width=100),
+)
+
+
+class RunsScreen(SteeringScreen):
+    """Runs in a table; wide terminals show the one under the cursor beside it."""
+
+    IN_FOOTER = (
+        "open", "back", "filter", "only", "matrix", "retry", "palette", "help", "quit",
+    )  # fmt: skip
+    BINDINGS: ClassVar[list[BindingType]] = [
+        # At once, or what is typed right behind it would still be taken for keys of the table.
+        Binding("slash", "filter", "Filter", id="filter", priority=True,
+                tooltip="Only runs that mention a text"),
+        Binding("f", "only", "Only", id="only", tooltip="Of one verdict or state, the next one"),
+        Binding("m", "matrix", "Matrix", id="matrix", tooltip="The campaign judged, cell by cell"),
+        Binding("greater_than_sign", "sort(1)", "Sort", show=False, id="sort-next",
+                tooltip="By the next column"),
+        Binding("less_than_sign", "sort(-1)", "Sort back", show=False, id="sort-previous",
+                tooltip="By the column before"),
+        Binding("i", "reverse", "Invert", show=False, id="sort-invert",
+                tooltip="Sort the other way round"),
+        Binding("n,right_square_bracket", "page(1)", "Next page", show=False, id="next-page",
+                tooltip="The runs after these"),
+        Binding("p,left_square_bracket", "page(-1)", "Page before", show=False, id="previous-page",
+                tooltip="The runs before these"),
+        Binding("equals_sign", "compare", "Compare", show=False, id="compare",
+                tooltip="Mark a run, then another one to see both side by side"),
+    ]  # fmt: skip
+
+    def __init__(self, campaign: str = "", scenario: str = "", sut: str = "") -> None:
+        super().__init__()
+        self._wanted = RunsQuery(campaign, limit=PAGE, scenario=scenario, sut=sut)
+        self._only = 0
+
+    def body(self) -> ComposeResult:
+        """Filter line, table, and the run beside it."""
+        yield Input(placeholder="text in run, oracle or reason", id="filter", compact=True)
+        yield Static(id="empty")
+        with Horizontal(id="split"):
+            yield KeyedTable(_COLUMNS, id="runs")
+            with Vertical(id="side"):
+                yield RunPanel(id="panel")
+
+    def on_mount(self) -> None:
+        """Start without a filter."""
+        self.query_one(Input).display = False
+        super().on_mount()
+
+    def want(self) -> Query:
+        """The page; in wide terminals also the run under the cursor."""
+        beside = self.query_one("#side").display and self.has_class("-wide")
+        return Query(runs=self._wanted, run=self.query_one(KeyedTable).key if beside else "")
+
+    def trail(self) -> str:
+        """Where we are, which page, sorted and filtered how."""
+        wanted, page = self._wanted, self._page(self.dashboard.picture)
+        parts = [f"campaigns › {wanted.campaign}" if wanted.campaign else "all runs"]
+        if wanted.scenario:
+            parts[0] += f" › {wanted.scenario}/{wanted.sut}"
+        if page is not None:
+            last = wanted.offset + len(page.rows)
+            first = wanted.offset + 1 if page.rows else 0
+            parts.append(f"{first}-{last} of {page.total}")
+        parts.append(f"by {wanted.sort} {'▼' if wanted.descending else '▲'}")
+        if self._only:
+            parts.append(f"only {FILTERS[self._only][0]}")
+        if wanted.text:
+            parts.append(f"/{wanted.text}")
+        if self.dashboard.marked:
+            parts.append(f"= {self.dashboard.marked} marked")
+        row = self.campaign() if wanted.campaign else None
+        parts += schedule_marks(row) if row is not None else []
+        return "  ".join(parts)
+
+    def command(self) -> str:
+        """Return what to type for the runs of the campaign, the same ones where that can be."""
+        row, wanted = self.campaign(), self._wanted
+        if row is None:
+            return super().command()
+        narrowed = [("--outcome", wanted.outcome), ("--filter", wanted.text)]
+        options = [word for option in narrowed if option[1] for word in option]
+        return self.dashboard.equivalent.line("results", row.id, *(options or ["--runs"]))
+
+    def campaign(self) -> CampaignRow | None:
+        """Return the campaign shown, or that of the run under the cursor."""
+        wanted = self._wanted.campaign
+        if not wanted:
+            wanted = self.query_one(KeyedTable).key.rpartition(".")[0]
+        return next((row for row in self.dashboard.picture.campaigns if row.id == wanted), None)
+
+    def _page(self, picture: DashboardState) -> Any:
+        return picture.page if picture.wanted == self._wanted else None
+
+    def show(self, picture: DashboardState) -> None:
+        """Fill the table with the page, once it is the one wanted."""
+        page = self._page(picture)
+        if page is None:
+            return
+        message = "" if page.rows else self._nothing()
+        show_message_or(self.query_one("#empty"), self.query_one("#split"), message)
+        table = self.query_one(KeyedTable)
+        tracks = self.dashboard.tracks
+        table.fill([run_cells(row, tracks.get(row.id)) for row in page.rows])
+        # A table that was hidden because it was empty has lost the keys to its neighbour.
+        if not message and not self.query_one(Input).has_focus:
+            table.focus(scroll_visible=False)
+        if self.has_class("-wide"):
+            self.dashboard.feed.look(self.want())
+            detail = picture.detail
+            shown = detail is not None and detail.row.id == table.key
+            self.query_one(RunPanel).show(self.dashboard, picture if shown else None)
+
+    def _nothing(self) -> str:
+        if self._only or self._wanted.text:
+            return "No run matches.\n\n    /  change the text      f  show others      Esc  back"
+        return (
+            "No runs yet. Press s to choose a campaign, or type in another terminal\n\n"
+            "    scenario submit CAMPAIGN.yaml"
+        )
+
+    def on_data_table_row_highlighted(self) -> None:
+        """Ask for the run the cursor came to."""
+        if self.has_class("-wide"):
+            self.dashboard.feed.look(self.want())
+
+    def on_data_table_row_selected(self) -> None:
+        """Open the run."""
+        self.dashboard.open_run(self.query_one(KeyedTable).key)
+
+    def _change(self, **changes: Any) -> None:
+        self._wanted = replace(self._wanted, **({"offset": 0} | changes))
+        self.query_one(KeyedTable).from_top()
+        self.wanted_changed()
+
+    def action_filter(self) -> None:
+        """Open the filter line."""
+        line = self.query_one(Input)
+        line.display = True
+        self.set_focus(line)
+
+    def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
+        """Let a slash be a slash in the filter line."""
+        if action == "filter" and isinstance(self.focused, Input):
+            return False
+        return super().check_action(action, parameters)
+
+    def on_input_changed(self, event: Input.Changed) -> None:
+        """Filter while typing."""
+        if event.value != self._wanted.text:
+            self._change(text=event.value[:200])
+
+    def on_input_submitted(self) -> None:
+        """Go back to the table, the filter stays."""
+        line = self.query_one(Input)
+        line.display = bool(line.value)
+        self.query_one(KeyedTable).focus()
+
+    def action_back(self) -> None:
+        """Leave the filter first, then the screen."""
+        line = self.query_one(Input)
+        if line.display:
+            line.value = ""
+            line.display = False
+            self.query_one(KeyedTable).focus()
+            return
+        super().action_back()
+
+    def action_only(self) -> None:
+        """Show runs of the next verdict or state only."""
+        self._only = (self._only + 1) % len(FILTERS)
+        self._change(**({"state": "", "outcome": ""} | FILTERS[self._only][1]))
+
+    def action_sort(self, step: int) -> None:
+        """Sort by the next column, or the one before."""
+        following = SORTS[(SORTS.index(self._wanted.sort) + step) % len(SORTS)]
+        self._change(sort=following, descending=False)
+
+    def action_compare(self) -> None:
+        """Mark the run under the cursor, or compare it with the one that is marked."""
+        from scenario_tui.dashboard.screens.compare import mark_or_compare
+
+        run = self.query_one(KeyedTable).key
+        if run:
+            mark_or_compare(self.dashboard, run)
+
+    def action_reverse(self) -> None:
+        """Sort the other way round."""
+        self._change(descending=not self._wanted.descending)
+
+    def on_keyed_table_beyond(self, event: KeyedTable.Beyond) -> None:
+        """Go on to the page behind, or to the very last one."""
+        page = self._page(self.dashboard.picture)
+        if page is None or not page.total:
+            return
+        last = (page.total - 1) // PAGE * PAGE
+        offset = self._wanted.offset + event.step * PAGE
+        if event.far:
+            offset = last if event.step > 0 else 0
+        if not 0 <= offset <= last or offset == self._wanted.offset:
+            return
+        self._change(offset=offset)
+        if (event.step > 0) == event.far:
+            self.query_one(KeyedTable).from_bottom()
+
+    def action_page(self, step: int) -> None:
+        """Turn the page."""
+        page = self._page(self.dashboard.picture)
+        offset = self._wanted.offset + step * PAGE
+        if page is not None and 0 <= offset < page.total:
+            self._change(offset=offset)
+
+
+def run_cells(row: RunRow, track: Track | None) -> Row:
+    """Return a run as a row of the table."""
+    word = run_word(row)
+    return row.id, (
+        Text(run_label(row)),
+        Text(glyph_word(word), style=DASHBOARD_STYLES[word]),
+        Text(row.oracle),
+        Text(margin(row.margin, row.unit) if row.oracle else ""),
+        Text(progress(row, track)),
+        Text(row.worker, style=QUIET),
+    )
+
+
+def progress(row: RunRow, track: Track | None) -> str:
+    """Return how far a run is, or how long it took, in simulated time."""
+    if row.state is RunState.RUNNING:
+        if track is None:
+            return "starting"
+        seen = track.snapshot
+        return f"{seen.reached}/{seen.waypoints} wp {seen.time:.0f} s"
+    return time_text(row.simulated) if row.outcome is not None else ""

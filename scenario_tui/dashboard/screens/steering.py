@@ -1,0 +1,291 @@
+"""Steering a campaign: pause, priority, cancel, retry; judging it again and its report."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from functools import partial
+from typing import ClassVar, Final
+
+from textual.binding import Binding, BindingType
+
+from daemon.model.status import CampaignRow
+from scenario_tui.client import DaemonClient
+from scenario_tui.dashboard.screens.base import BaseScreen, PaletteAction
+from scenario_tui.dashboard.screens.dialogs import Menu, MenuChoice, Prompt, Question
+from scenario_tui.dashboard.screens.trace_actions import judge_again, make_report
+from scenario_tui.text.formatting import pluralise
+
+_LOST: Final = "lost|cancelled"
+_KINDS: Final = (
+    ("l", "lost and cancelled", _LOST),
+    ("f", "failed", "fail"),
+    ("e", "broken (error)", "error"),
+    ("i", "inconclusive", "inconclusive"),
+    ("a", "all that are over", "all"),
+)
+_LIMIT: Final = 1000
+
+
+class SteeringScreen(BaseScreen):
+    """A screen about a campaign that can be steered from it."""
+
+    BINDINGS: ClassVar[list[BindingType]] = [
+        Binding(
+            "P", "pause", "Pause", show=False, id="pause",
+            tooltip="Start no more runs of the campaign, or go on",
+        ),
+        Binding(
+            "c", "cancel", "Cancel", show=False, id="cancel",
+            tooltip="What is not over, after a question",
+        ),
+        Binding(
+            "r", "retry", "Retry", show=False, id="retry",
+            tooltip="Queue lost, failed or all runs again",
+        ),
+        Binding(
+            "number_sign", "priority", "Priority", show=False, id="priority",
+            tooltip="Which campaign goes first",
+        ),
+        Binding(
+            "J", "judge", "Judge again", show=False, id="judge",
+            tooltip="By other oracles, say",
+        ),
+        Binding(
+            "o", "report", "Report", show=False, id="report",
+            tooltip="Write it as a page with figures",
+        ),
+        Binding(
+            "Y", "commands", "Commands", show=False, id="commands",
+            tooltip="What to type about it, to copy",
+        ),
+    ]  # fmt: skip
+
+    def campaign(self) -> CampaignRow | None:
+        """Return the campaign the keys are about."""
+        raise NotImplementedError
+
+    def judged(self) -> str:
+        """Return the run that is judged again, empty for all of the campaign."""
+        return ""
+
+    def command(self) -> str:
+        """Return what to type for the results of the campaign."""
+        row = self.campaign()
+        return super().command() if row is None else self._line("results", row.id)
+
+    def present(self) -> None:
+        """Bring everything up to date; the key that pauses is also the one that resumes."""
+        super().present()
+        if not self._composed or not self.app.is_running:
+            return
+        row = self.campaign()
+        renamed = {"pause": "Resume"} if row is not None and row.paused else {}
+        if self._renamed != renamed:
+            self._renamed = renamed
+            self.refresh_bindings()
+
+    def deeds(self) -> Iterable[PaletteAction]:
+        """Yield retrying of each kind: the key only opens a menu of them."""
+        for _, words, only in _KINDS:
+            yield PaletteAction(
+                f"Retry {words}", "Queue these runs again", f"screen.retry_only('{only}')"
+            )
+
+    def _line(self, command: str, *arguments: str) -> str:
+        return self.dashboard.equivalent.line(command, *arguments)
+
+    def _about(self, *, steering: bool = True) -> CampaignRow | None:
+        """Return the campaign to do something about; say so when there is none, or it is barred."""
+        if steering and not self.dashboard.may_steer():
+            return None
+        row = self.campaign()
+        if row is None:
+            self.notify("there is no campaign here to do that with")
+        return row
+
+    def action_matrix(self) -> None:
+        """Show the campaign's matrix."""
+        row = self._about(steering=False)
+        if row is not None:
+            self.dashboard.open_matrix(row.id)
+
+    def action_pause(self) -> None:
+        """Pause, or go on with, the campaign."""
+        row = self._about()
+        if row is None:
+            return
+        if row.paused:
+            self.dashboard.steer(partial(_resume, row.id), self._line("resume", row.id))
+        elif row.finished:
+            self.notify(f"{row.id} is finished, there is nothing to pause")
+        else:
+            self.dashboard.steer(partial(_pause, row.id), self._line("pause", row.id))
+
+    def action_priority(self) -> None:
+        """Ask for another priority."""
+        row = self._about()
+        if row is None:
+            return
+        if row.finished:
+            self.notify(f"{row.id} is finished, its priority says nothing any more")
+            return
+
+        def decided(answer: str | None) -> None:
+            if answer is not None:
+                steer = partial(_prioritise, row.id, int(answer))
+                self.dashboard.steer(steer, self._line("priority", row.id, answer))
+
+        text = f"Priority of {row.id}\n−{_LIMIT} to {_LIMIT}, usual is 0; the highest goes first"
+        prompt = Prompt(
+            text,
+            str(row.priority),
+            _no_priority,
+            lambda answer: self._line("priority", row.id, str(int(answer))),
+        )
+        self.app.push_screen(prompt, decided)
+
+    def action_cancel(self) -> None:
+        """Ask whether to cancel, then do it."""
+        row = self._about()
+        if row is None:
+            return
+        waiting = row.queued + row.running
+        if not waiting:
+            self.notify(f"{row.id} is finished, there is nothing to cancel")
+            return
+        command = self._line("cancel", row.id)
+
+        def decided(yes: bool | None) -> None:
+            if yes:
+                self.dashboard.steer(partial(_cancel, row.id), command)
+
+        text = f"Cancel {pluralise(waiting, 'unfinished run')} of {row.id}? Its results are kept."
+        self.app.push_screen(Question(text, command), decided)
+
+    def action_retry(self) -> None:
+        """Ask which runs to queue again."""
+        row = self._about()
+        if row is None:
+            return
+        choices = [self._choice(row, key, words, only) for key, words, only in _KINDS]
+        if all(choice.why_not for choice in choices):
+            self.notify(f"no run of {row.id} is over: there is nothing to retry yet")
+            return
+
+        def decided(index: int | None) -> None:
+            if index is not None:
+                self._retry(row, _KINDS[index][2])
+
+        note = "Runs that have a result keep it: running them again checks it."
+        self.app.push_screen(Menu(f"Retry which runs of {row.id}?", choices, note), decided)
+
+    def action_retry_only(self, only: str) -> None:
+        """Queue runs of one kind again."""
+        row = self._about()
+        if row is None:
+            return
+        if not _over(row, only):
+            self.notify(f"{row.id} has no such run")
+            return
+        self._retry(row, only)
+
+    def _retry(self, row: CampaignRow, only: str) -> None:
+        self.dashboard.steer(partial(_retry, row, only), self._retry_line(row, only))
+
+    def _retry_line(self, row: CampaignRow, only: str) -> str:
+        return self._line("retry", row.id, *(() if only == _LOST else ("--only", only)))
+
+    def _choice(self, row: CampaignRow, key: str, words: str, only: str) -> MenuChoice:
+        runs = _over(row, only)
+        why_not = "" if runs else "none"
+        text = f"{words}: {runs:,}" if runs else words
+        return MenuChoice(key, text, self._retry_line(row, only), why_not)
+
+    def action_judge(self) -> None:
+        """Ask by which oracles, then judge the recorded runs again."""
+        row = self._about(steering=False)
+        if row is not None:
+            judge_again(self.dashboard, row, self.judged() or row.id)
+
+    def action_report(self) -> None:
+        """Write the report."""
+        row = self._about(steering=False)
+        if row is not None:
+            make_report(self.dashboard, row)
+
+    def action_commands(self) -> None:
+        """Show what to type about the campaign, to copy a line of it."""
+        row = self._about(steering=False)
+        if row is None:
+            return
+        lines = self._lines(row)
+
+        def decided(index: int | None) -> None:
+            if index is not None:
+                self.dashboard.copy(lines[index][1])
+
+        choices = [MenuChoice(str(i), words, line) for i, (words, line) in enumerate(lines, 1)]
+        self.app.push_screen(Menu(f"Copy which command about {row.id}?", choices), decided)
+
+    def _lines(self, row: CampaignRow) -> list[tuple[str, str]]:
+        other = "resume" if row.paused else "pause"
+        return [
+            ("what this screen shows", self.command()),
+            ("its results", self._line("results", row.id)),
+            (f"{other} it", self._line(other, row.id)),
+            ("cancel it", self._line("cancel", row.id)),
+            ("retry what failed", self._line("retry", row.id, "--only", "fail")),
+            ("retry what was lost or cancelled", self._line("retry", row.id)),
+            ("give it priority 1", self._line("priority", row.id, "1")),
+        ]
+
+
+def schedule_marks(row: CampaignRow) -> list[str]:
+    """Return what is unusual about when the runs of a campaign start."""
+    paused = "‖ paused" if row.paused and not row.finished else ""
+    unusual = f"priority {row.priority}" if row.priority else ""
+    return [mark for mark in (paused, unusual) if mark]
+
+
+def _over(row: CampaignRow, only: str) -> int:
+    """Return how many runs of a kind there are to be queued again."""
+    return {
+        _LOST: row.lost + row.cancelled,
+        "fail": row.failed,
+        "error": row.errors,
+        "inconclusive": row.inconclusive,
+        "all": row.done + row.lost + row.cancelled,
+    }[only]
+
+
+def _no_priority(answer: str) -> str:
+    """Return why an answer is no priority, empty when it is one."""
+    try:
+        number = int(answer)
+    except ValueError:
+        return "write a whole number, such as 5 or -5"
+    return "" if -_LIMIT <= number <= _LIMIT else f"at least −{_LIMIT}, at most {_LIMIT}"
+
+
+def _cancel(campaign: str, daemon: DaemonClient) -> str:
+    return f"cancelled {pluralise(daemon.cancel(campaign), 'run')} of {campaign}"
+
+
+def _retry(row: CampaignRow, only: str, daemon: DaemonClient) -> str:
+    runs = pluralise(daemon.retry(row.id, only=only), "run")
+    waits = "; it is paused, they wait until it is resumed" if row.paused else ""
+    return f"queued {runs} of {row.id} again{waits}"
+
+
+def _pause(campaign: str, daemon: DaemonClient) -> str:
+    runs = pluralise(daemon.pause(campaign), "run")
+    return f"paused {campaign}; {runs} wait until it is resumed, what runs finishes"
+
+
+def _resume(campaign: str, daemon: DaemonClient) -> str:
+    return f"resumed {campaign}, {pluralise(daemon.resume(campaign), 'run')} queued"
+
+
+def _prioritise(campaign: str, priority: int, daemon: DaemonClient) -> str:
+    daemon.prioritise(campaign, priority)
+    return f"{campaign} has priority {priority}"

@@ -1,0 +1,325 @@
+"""Submitting a campaign: files near here, what the check says of the one chosen, Enter."""
+
+from __future__ import annotations
+
+import os
+import time
+from functools import partial
+from pathlib import Path
+from typing import ClassVar, Final
+
+from rich.text import Text
+from textual.app import ComposeResult
+from textual.binding import Binding, BindingType
+from textual.containers import Container, VerticalScroll
+from textual.timer import Timer
+from textual.widgets import Input, OptionList, Static
+
+from daemon.model.status import Submission
+from grammars.text.diagnostics import Diagnostic, Severity, Where
+from scenario_tui.campaign_files import (
+    find_files,
+    fuzzy_matches,
+    is_campaign,
+    newest_change,
+    relative_name,
+    typed_folder,
+)
+from scenario_tui.client import DaemonClient
+from scenario_tui.dashboard.screens.base import BaseScreen, show_message_or
+from scenario_tui.dashboard.screens.dialogs import same_as
+from scenario_tui.dashboard.state import DashboardState
+from scenario_tui.submission import CheckedFile, FileChecker, receipt_text
+from scenario_tui.text.diagnostics import diagnostic_counts, render_diagnostic
+from scenario_tui.text.formatting import DASHBOARD_STYLES, QUIET, pluralise
+
+_PAUSE: Final = 0.15
+"""Seconds the cursor rests on a file before it is checked."""
+_AGAIN: Final = 1.0
+"""Seconds between two looks for whether it was edited."""
+_AT_ONCE: Final = 2
+"""Files checked at a time: one that takes long, and the one looked at."""
+_NONE: Final = (
+    "No campaign file here: a YAML file with `campaign:` in it.\n\n"
+    "Type the way to another folder, such as ../ or ~/lab/."
+)
+
+Checked = tuple[float, CheckedFile]
+"""What was found of a file, and as of when."""
+
+
+class SubmitScreen(BaseScreen):
+    """Choose a campaign file by typing parts of its name; it is checked while you look."""
+
+    AUTO_FOCUS = "#wanted"
+    IN_FOOTER = ("submit-file", "next-file", "previous-file", "fresh", "back", "help")
+    BINDINGS: ClassVar[list[BindingType]] = [
+        Binding("enter", "submit_file", "Submit", id="submit-file", priority=True,
+                tooltip="Hand the campaign to the daemon"),
+        Binding("down", "move(1)", "Next", id="next-file", key_display="↓", priority=True,
+                tooltip="The next file"),
+        Binding("up", "move(-1)", "Before", id="previous-file", key_display="↑", priority=True,
+                tooltip="The file before"),
+        Binding("ctrl+r", "fresh", "Run all anew", id="fresh", priority=True,
+                tooltip="Also what has a result already, or only what has none"),
+        Binding("pagedown", "read(1)", "Read on", id="read-on", show=False, priority=True,
+                tooltip="Further down in what the check says"),
+        Binding("pageup", "read(-1)", "Read back", id="read-back", show=False, priority=True,
+                tooltip="Further up in what the check says"),
+    ]  # fmt: skip
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._here = self._folder = Path.cwd()
+        self._files: tuple[Path, ...] | None = None
+        self._names: tuple[str, ...] = ()
+        self._checked: dict[Path, Checked] = {}
+        self._checking: set[Path] = set()
+        self._fresh = self._busy = False
+        self._pausing: Timer | None = None
+        self._news: int | None = None
+        # What errands bring may come when the screen is being taken down.
+        hint = "parts of the name, or the way to a folder"
+        self._line = Input(placeholder=hint, id="wanted", compact=True)
+        self._list = OptionList(id="files", compact=True)
+        self._empty, self._about = Static(id="empty"), Static(id="about")
+        self._picker = Container(id="picker")
+
+    def body(self) -> ComposeResult:
+        """The line to type into, the files that fit, what the check says."""
+        yield self._line
+        yield self._empty
+        with self._picker:
+            yield self._list
+            with VerticalScroll(id="findings", can_focus=False):
+                yield self._about
+
+    def on_mount(self) -> None:
+        """Look for files."""
+        self._list.can_focus = False
+        super().on_mount()
+        self.set_interval(_AGAIN, self._look_again)
+        self._look_in(self._folder)
+
+    def trail(self) -> str:
+        """Which folder, how many files, whether everything is run anew."""
+        parts = ["submit a campaign", f"{self._folder}"]
+        if self._files is not None:
+            parts.append(f"{len(self._names)} of {pluralise(len(self._files), 'file')}")
+        return "  ".join([*parts, *(["everything anew"] if self._fresh else [])])
+
+    def command(self) -> str:
+        """Return what to type to submit the file chosen."""
+        path = self._chosen()
+        name = "CAMPAIGN.yaml" if path is None else relative_name(path, self._here)
+        fresh = ("--fresh",) if self._fresh else ()
+        return self.dashboard.equivalent.line("submit", name, *fresh)
+
+    def show(self, picture: DashboardState) -> None:
+        """Nothing here depends on the daemon."""
+
+    def _look_in(self, folder: Path) -> None:
+        self._folder, self._files = folder, None
+        self.dashboard.errands.start(
+            partial(find_files, folder, is_campaign),
+            partial(self._found, folder),
+            self.dashboard.problem,
+        )
+
+    def _found(self, folder: Path, files: tuple[Path, ...]) -> None:
+        if folder == self._folder and self.is_attached:
+            recent = [path for path in self.dashboard.submitted if path in files]
+            self._files = tuple(dict.fromkeys((*recent, *files)))
+            self._narrow()
+
+    def on_input_changed(self, event: Input.Changed) -> None:
+        """Narrow the files down, or look into the folder that is typed."""
+        folder, _ = typed_folder(event.value, self._here) or (self._here, "")
+        if folder != self._folder:
+            self._look_in(folder)
+        else:
+            self._narrow()
+
+    def _narrow(self) -> None:
+        """Show the files that fit what is typed."""
+        if self._files is None:
+            return
+        typed = self._line.value
+        where = typed_folder(typed, self._here)
+        names = tuple(relative_name(path, self._folder) for path in self._files)
+        self._names = fuzzy_matches(names, where[1] if where else typed)
+        self._list.clear_options()
+        for name in self._names:
+            self._list.add_option(Text(name, no_wrap=True, overflow="ellipsis"))
+        message = _NONE if not self._files else "" if self._names else "No campaign file fits."
+        show_message_or(self._empty, self._picker, message)
+        if self._names:
+            self._list.highlighted = 0
+        self.present()
+
+    def _chosen(self) -> Path | None:
+        index = self._list.highlighted
+        if index is None or index >= len(self._names):
+            return None
+        return self._folder / self._names[index]
+
+    def on_option_list_option_highlighted(self, event: OptionList.OptionHighlighted) -> None:
+        """Check the file the cursor came to, once it rests there."""
+        self._news = event.option_index
+        self._tell()
+        if self._pausing is not None:
+            self._pausing.stop()
+        self._pausing = self.set_timer(_PAUSE, self._check)
+
+    def on_option_list_option_selected(self, event: OptionList.OptionSelected) -> None:
+        """Submit the file that is clicked on a second time."""
+        if self._news == event.option_index:
+            self._news = None
+        else:
+            self.action_submit_file()
+
+    def _check(self) -> None:
+        """Check the file under the cursor, unless enough of them are being checked."""
+        path = self._chosen()
+        if path is None or path in self._checked or path in self._checking:
+            return
+        if len(self._checking) >= _AT_ONCE:
+            return
+        self._checking.add(path)
+        self.dashboard.errands.start(
+            partial(_examined, self.dashboard.examine, path),
+            partial(self._note, path),
+            partial(self._note_failure, path),
+        )
+
+    def _look_again(self) -> None:
+        """See whether the file under the cursor is being edited, or one beside it."""
+        path = self._chosen()
+        if path in self._checked:
+            self.dashboard.errands.start(
+                partial(newest_change, path.parent),
+                partial(self._note_change, path),
+                partial(self._note_failure, path),
+            )
+
+    def _note_change(self, path: Path, changed: float) -> None:
+        if path in self._checked and changed > self._checked[path][0]:
+            del self._checked[path]
+            self._check()
+
+    def _note_failure(self, path: Path, why: str) -> None:
+        self._note(path, (time.time(), CheckedFile("", (Diagnostic(Where(str(path)), why),))))
+
+    def _note(self, path: Path, found: Checked) -> None:
+        self._checking.discard(path)
+        self._checked[path] = found
+        if self.is_attached:
+            self._tell()
+            self._check()
+
+    def _tell(self) -> None:
+        """Say what the check says of the file under the cursor."""
+        path = self._chosen()
+        if path is not None:
+            text = self._words(path)
+            text.append("\n\n")
+            text.append_text(same_as(self.command()))
+            self._about.update(text)
+
+    def _words(self, path: Path) -> Text:
+        found = self._checked.get(path)
+        if self._busy or found is None:
+            return Text("… submitting" if self._busy else "… checking", style=QUIET)
+        about, diagnostics = found[1].about, found[1].findings
+        word = "fail" if _errors(diagnostics) else "pass"
+        sign = "✗" if _errors(diagnostics) else "✓"
+        text = Text(
+            f"{sign} {about + ', ' if about else ''}{diagnostic_counts(diagnostics)}",
+            DASHBOARD_STYLES[word],
+        )
+        for diagnostic in diagnostics:
+            text.append("\n\n")
+            text.append_text(render_diagnostic(_from(self._here, diagnostic)))
+        return text
+
+    def action_submit_file(self) -> None:
+        """Submit the file, unless something is wrong with it."""
+        path = self._chosen()
+        if path is None:
+            self.notify("there is no campaign file to submit: type the way to another folder")
+        elif not self._busy and self.dashboard.may_steer():
+            self._busy = True
+            self._tell()
+            # The file may have changed since it was checked: what is handed over is read anew.
+            self.dashboard.errands.start(
+                partial(self.dashboard.examine, path, submit=True, fresh=self._fresh),
+                partial(self._hand_over, path),
+                partial(self._refuse, path),
+            )
+
+    def _hand_over(self, path: Path, found: CheckedFile) -> None:
+        if found.submission is None:
+            wrong = [d for d in found.findings if d.severity is Severity.ERROR]
+            self._refuse(path, str(wrong[0]) if wrong else "there is nothing to submit")
+            return
+        command, submission = self.command(), found.submission
+        self._busy = False
+        self.dashboard.remember(path)
+        self.dashboard.steer(partial(_submit, submission), command)
+        if self.is_current:
+            self.app.pop_screen()
+
+    def _refuse(self, path: Path, why: str) -> None:
+        self._busy = False
+        self._checked.pop(path, None)
+        first = why.splitlines()[0]
+        self.dashboard.problem(f"not submitted: {first}")
+        if self.is_attached:
+            self._tell()
+            self._check()
+
+    def action_move(self, step: int) -> None:
+        """Go to another file."""
+        if step > 0:
+            self._list.action_cursor_down()
+        else:
+            self._list.action_cursor_up()
+
+    def action_read(self, pages: int) -> None:
+        """Scroll what the check says."""
+        findings = self.query_one("#findings", VerticalScroll)
+        findings.scroll_relative(y=pages * max(findings.size.height - 1, 1), animate=False)
+
+    def action_fresh(self) -> None:
+        """Run everything anew, or only what has no result."""
+        self._fresh = not self._fresh
+        self._tell()
+        self.present()
+
+    def action_back(self) -> None:
+        """Forget what was typed first, then leave."""
+        if self._line.value:
+            self._line.value = ""
+            return
+        super().action_back()
+
+
+def _examined(examine: FileChecker, path: Path) -> Checked:
+    """Return what the check says, and as of when the files it is about are."""
+    return newest_change(path.parent), examine(path)
+
+
+def _submit(submission: Submission, daemon: DaemonClient) -> str:
+    return receipt_text(daemon.submit(submission))
+
+
+def _errors(diagnostics: tuple[Diagnostic, ...]) -> bool:
+    return any(d.severity is Severity.ERROR for d in diagnostics)
+
+
+def _from(here: Path, diagnostic: Diagnostic) -> Diagnostic:
+    """Return a diagnostic whose file is named from ``here``: screens are narrow."""
+    where = diagnostic.where
+    file = relative_name(Path(os.path.normpath(where.file)), here) if where.file else ""
+    place = Where(file, where.line, where.column)
+    return Diagnostic(place, diagnostic.message, diagnostic.hint, diagnostic.severity)

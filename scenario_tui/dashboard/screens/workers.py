@@ -1,0 +1,76 @@
+"""Who executes runs: the workers connected to the daemon."""
+
+from __future__ import annotations
+
+from typing import Final
+
+from rich.text import Text
+from textual.app import ComposeResult
+from textual.widgets import Static
+
+from daemon.model.status import WorkerRow
+from scenario_tui.dashboard.screens.base import BaseScreen, show_message_or
+from scenario_tui.dashboard.state import DashboardState, Query
+from scenario_tui.dashboard.widgets.tables import Column, KeyedTable, Row
+from scenario_tui.text.formatting import age_text, duration, pluralise
+
+_COLUMNS: Final = (
+    Column("worker", 0),
+    Column("host", 16),
+    Column("busy", 9, right=True),
+    Column("here for", 12, right=True),
+    Column("last heard", 13, right=True),
+    Column("process", 8, from_width=90, right=True),
+    Column("version", 9, from_width=100),
+)
+_NOBODY: Final = (
+    "No worker is connected: nothing runs. In another terminal, here or elsewhere, type\n\n"
+    "    scenario worker --connect tls/<this machine>:7447\n\n"
+    "or start the daemon with slots of its own: scenario daemon --slots 4"
+)
+
+
+class WorkersScreen(BaseScreen):
+    """The workers and how busy they are."""
+
+    def body(self) -> ComposeResult:
+        """The table."""
+        yield Static(id="empty")
+        yield KeyedTable(_COLUMNS, id="workers")
+
+    def want(self) -> Query:
+        """The workers."""
+        return Query(workers=True)
+
+    def trail(self) -> str:
+        """Where we are, and the sum of it."""
+        rows = self.dashboard.picture.workers
+        busy, slots = sum(row.busy for row in rows), sum(row.slots for row in rows)
+        return f"workers ({len(rows)})  {busy} of {pluralise(slots, 'slot')} busy"
+
+    def show(self, picture: DashboardState) -> None:
+        """Fill the table."""
+        now = self.dashboard.clock()
+        table = self.query_one(KeyedTable)
+        trouble = picture.overview.trouble.strip() if picture.overview else ""
+        nobody = f"No run can start:\n\n{trouble}" if trouble else _NOBODY
+        show_message_or(
+            self.query_one("#empty"), table, "" if picture.workers and not trouble else nobody
+        )
+        table.display = bool(picture.workers)
+        table.fill([worker_cells(row, now) for row in picture.workers])
+        if self.focused is None:
+            table.focus()
+
+
+def worker_cells(row: WorkerRow, now: float) -> Row:
+    """Return a worker as a row of the table."""
+    return row.id, (
+        Text(row.id),
+        Text(row.host),
+        Text(f"{row.busy} of {row.slots}"),
+        Text(duration(now - row.connected_at)),
+        Text(age_text(row.last_seen_at, now)),
+        Text(str(row.pid)),
+        Text(row.version),
+    )

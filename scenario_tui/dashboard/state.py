@@ -1,0 +1,232 @@
+"""What the dashboard knows: its state, the query of a screen, live tracks, campaigns assessed.
+
+:mod:`scenario_tui.dashboard.feed` makes a state out of a query.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Final, Literal
+
+from daemon.model.spec import Snapshot
+from daemon.model.status import (
+    CampaignRow,
+    DaemonOverview,
+    LiveSnapshot,
+    RunDetail,
+    RunPage,
+    WorkerRow,
+)
+from grammars.model.geometry import Point2
+from grammars.model.scene import Scene
+from scenario_tui.client import DaemonClient
+from scenario_tui.dashboard.local_traces import TraceSummary, UnavailableTrace
+from scenario_tui.text.results import (
+    CampaignResults,
+    Conclusion,
+    conclude,
+    fetch_conclusion,
+    gather_results,
+)
+
+
+@dataclass(frozen=True, slots=True)
+class RunsQuery:
+    """A page of runs, as :meth:`scenario_tui.client.DaemonClient.runs` takes it."""
+
+    campaign: str = ""
+    state: str = ""
+    outcome: str = ""
+    text: str = ""
+    sort: str = "index"
+    descending: bool = False
+    offset: int = 0
+    limit: int = 100
+    scenario: str = ""
+    sut: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Query:
+    """What the screen in front shows beyond the overview: nothing else is asked for."""
+
+    runs: RunsQuery | None = None
+    run: str = ""
+    workers: bool = False
+    results: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class DashboardState:
+    """The last that is known; ``at`` is when it was true [s since the epoch], 0 for never.
+
+    ``problem`` says why we are not connected; somebody is there but ``refused`` when that is what
+    they said, as daemons of other versions do.
+    """
+
+    connected: bool = False
+    problem: str = ""
+    refused: bool = False
+    at: float = 0.0
+    overview: DaemonOverview | None = None
+    campaigns: tuple[CampaignRow, ...] = ()
+    workers: tuple[WorkerRow, ...] = ()
+    wanted: RunsQuery | None = None
+    page: RunPage | None = None
+    detail: RunDetail | None = None
+    scene: Scene | None = None
+    recording: TraceSummary | UnavailableTrace | None = None
+    conclusions: Mapping[str, Conclusion] = field(default_factory=dict)
+    results: CampaignResults | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Notice:
+    """The outcome of an action, for people."""
+
+    text: str
+    severity: Literal["information", "error"] = "information"
+
+
+_KEPT_RUNS: Final = 64
+_KEPT_POINTS: Final = 2000
+"""Points of a trail; of a longer one every other point is forgotten."""
+_TRAIL_STEP: Final = 0.03
+"""Metres between two points of a trail; a dot of the map is rarely finer."""
+_CONTACT_FLASH: Final = 0.5
+"""Seconds of the wall a contact stays to be seen."""
+
+
+@dataclass(slots=True)
+class Track:
+    """A running run: ``snapshot`` is the last one, ``trail`` the way so far [m].
+
+    ``flashes`` are contacts with the moment, by the clock of the tracks, until which they show.
+    """
+
+    snapshot: Snapshot
+    trail: list[Point2] = field(default_factory=list)
+    flashes: dict[Point2, float] = field(default_factory=dict)
+    step: float = _TRAIL_STEP
+
+    def add(self, here: Point2) -> None:
+        """Take a place into the trail, once it is some way on."""
+        if self.trail and math.dist(self.trail[-1], here) < self.step:
+            return
+        self.trail.append(here)
+        if len(self.trail) > _KEPT_POINTS:
+            del self.trail[1::2]
+            self.step *= 2.0
+
+
+class Tracks:
+    """Tracks by run, the least recently heard of forgotten first."""
+
+    def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
+        self._tracks: dict[str, Track] = {}
+        self._clock = clock
+
+    def add(self, live: LiveSnapshot) -> None:
+        """Take a snapshot in; an earlier time than the last means that the run began anew."""
+        seen, now = live.snapshot, self._clock()
+        track = self._tracks.pop(live.run, None)
+        if track is None or seen.time < track.snapshot.time:
+            track = Track(seen)
+        track.snapshot = seen
+        track.add((seen.pose.x, seen.pose.y))
+        track.flashes = {at: end for at, end in track.flashes.items() if end > now}
+        if seen.contacts:
+            # It calculates with arrays, whose library takes longer to load than the first screen.
+            from daemon.model.live_view import from_centimetres
+
+            track.flashes |= dict.fromkeys(from_centimetres(seen.contacts), now + _CONTACT_FLASH)
+        self._tracks[live.run] = track
+        while len(self._tracks) > _KEPT_RUNS:
+            self._tracks.pop(next(iter(self._tracks)))
+
+    def get(self, run: str) -> Track | None:
+        """Return the track of a run, if anything was heard of it."""
+        return self._tracks.get(run)
+
+
+ASSESS_SHOWN_EVERY: Final = 1.0
+"""Seconds between two looks at the campaign that is shown."""
+ASSESS_OTHERS_EVERY: Final = 5.0
+"""Seconds between two looks at another one."""
+CAMPAIGNS_ASSESSED: Final = 100
+"""How many campaigns are judged, the newest first."""
+_SHARE: Final = 0.25
+"""The share of its time a judge works at most, however large the campaigns are."""
+
+_State = tuple[CampaignRow, int]
+
+
+class CampaignAssessor:
+    """Remembers how campaigns stand; one step judges one campaign at most.
+
+    ``conclusions`` and ``results`` (of the campaign that is wanted) are replaced and never changed,
+    so that other threads may read them.
+    """
+
+    def __init__(
+        self, *, every: float = ASSESS_SHOWN_EVERY, elsewhere: float = ASSESS_OTHERS_EVERY,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:  # fmt: skip
+        self.conclusions: Mapping[str, Conclusion] = {}
+        self.results: CampaignResults | None = None
+        self._every = every
+        self._elsewhere = elsewhere
+        self._clock = clock
+        self._seen: dict[str, _State] = {}
+        self._at: dict[str, float] = {}
+        self._touches: dict[str, int] = {}
+        self._rest_until = 0.0
+
+    def touch(self, campaign: str) -> None:
+        """Note that something of a campaign changed, even if its counts stay the same."""
+        self._touches[campaign] = self._touches.get(campaign, 0) + 1
+
+    def step(self, daemon: DaemonClient, campaigns: Sequence[CampaignRow], wanted: str) -> bool:
+        """Judge the campaign that needs it most; return whether there was one."""
+        began = self._clock()
+        row = self._next(campaigns, wanted, began) if began >= self._rest_until else None
+        if row is None:
+            return False
+        state = self._state(row)
+        if row.id == wanted:
+            results = gather_results(daemon, row)
+            conclusion = conclude(results.assessment, finished=row.finished)
+            self.results = results
+        else:
+            conclusion = fetch_conclusion(daemon, row)
+        self.conclusions = {**self.conclusions, row.id: conclusion}
+        ended = self._clock()
+        self._seen[row.id], self._at[row.id] = state, ended
+        if self._every:
+            self._rest_until = ended + (ended - began) * (1.0 / _SHARE - 1.0)
+        return True
+
+    def _next(
+        self, campaigns: Sequence[CampaignRow], wanted: str, now: float
+    ) -> CampaignRow | None:
+        first = (row for row in campaigns if row.id == wanted)
+        due = (
+            row for row in (*first, *campaigns[:CAMPAIGNS_ASSESSED]) if self._due(row, wanted, now)
+        )
+        return next(due, None)
+
+    def _due(self, row: CampaignRow, wanted: str, now: float) -> bool:
+        before, shown = self._seen.get(row.id), row.id == wanted
+        if before is None or (shown and not self._holds(wanted)):
+            return True
+        wait = self._every if shown else self._elsewhere
+        return self._state(row) != before and now >= self._at[row.id] + wait
+
+    def _holds(self, campaign: str) -> bool:
+        return self.results is not None and self.results.row.id == campaign
+
+    def _state(self, row: CampaignRow) -> _State:
+        return row, self._touches.get(row.id, 0)

@@ -1,0 +1,175 @@
+"""Drawing in terminal cells: a canvas of braille dots, and the widget that shows cells.
+
+Only cells that changed go to the terminal.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+from functools import lru_cache
+from typing import ClassVar, Final
+
+import numpy as np
+import numpy.typing as npt
+from rich.segment import Segment
+from rich.style import Style
+from textual.geometry import Region
+from textual.strip import Strip
+from textual.widget import Widget
+
+from grammars.model.geometry import Floats
+
+BLANK: Final = 0x2800
+_BITS: Final = np.array([[0x01, 0x08], [0x02, 0x10], [0x04, 0x20], [0x40, 0x80]], dtype=np.uint8)
+
+Cells = npt.NDArray[np.uint8]
+Codes = npt.NDArray[np.int32]
+
+
+class Canvas:
+    """Dots of several layers over ``columns`` x ``rows`` cells; dot (0, 0) is at the top left."""
+
+    def __init__(self, columns: int, rows: int, layers: int) -> None:
+        self.columns, self.rows = columns, rows
+        self._dots: Cells = np.zeros((layers, rows, columns), dtype=np.uint8)
+        self._glyphs: dict[tuple[int, int], tuple[str, int]] = {}
+
+    @property
+    def width(self) -> int:
+        """Dots across."""
+        return 2 * self.columns
+
+    @property
+    def height(self) -> int:
+        """Dots down."""
+        return 4 * self.rows
+
+    def copy_layer(self, other: Canvas, layer: int) -> None:
+        """Take a layer over from a canvas of the same size."""
+        self._dots[layer] = other._dots[layer]
+
+    def points(self, dots: Floats, layer: int) -> None:
+        """Set dots, shape (n, 2) as x, y; what lies outside is left out."""
+        whole = np.rint(dots).astype(np.int64)
+        inside = np.all((whole >= 0) & (whole < (self.width, self.height)), axis=1)
+        x, y = whole[inside].T
+        bits = _BITS[y % 4, x % 2]
+        np.bitwise_or.at(self._dots[layer], (y // 4, x // 2), bits)
+
+    def lines(self, segments: Floats, layer: int) -> None:
+        """Draw straight lines, shape (n, 4) as x0, y0, x1, y1 in dots."""
+        if len(segments) == 0:
+            return
+        start, way = segments[:, :2], segments[:, 2:] - segments[:, :2]
+        steps = np.ceil(np.max(np.abs(way), axis=1)).astype(np.int64) + 1
+        line = np.repeat(np.arange(len(segments)), steps)
+        first = np.repeat(np.cumsum(steps) - steps, steps)
+        along = (np.arange(len(line)) - first) / np.maximum(steps[line] - 1, 1)
+        self.points(start[line] + along[:, None] * way[line], layer)
+
+    def glyph(self, x: float, y: float, character: str, layer: int) -> None:
+        """Put a character into the cell that holds the dot (x, y), over all dots."""
+        column, row = int(x // 2), int(y // 4)
+        if 0 <= column < self.columns and 0 <= row < self.rows:
+            self._glyphs[(row, column)] = (character, layer)
+
+    def cells(self) -> tuple[Codes, Codes]:
+        """Return code points and layers, shape (rows, columns) each; layer -1 is empty.
+
+        A cell belongs to its highest layer with a dot, and shows the dots of all layers.
+        """
+        codes = np.bitwise_or.reduce(self._dots, axis=0).astype(np.int32) + BLANK
+        owners = np.full((self.rows, self.columns), -1, dtype=np.int32)
+        for layer, dots in enumerate(self._dots):
+            owners[dots > 0] = layer
+        codes[owners < 0] = ord(" ")
+        for place, (character, layer) in self._glyphs.items():
+            codes[place] = ord(character)
+            owners[place] = layer
+        return codes, owners
+
+
+_GAP: Final = 16
+"""Unchanged cells between two changed ones that are drawn along: the app sends changed ones only,
+and every part takes some work.
+"""
+
+
+def segments(codes: Codes, owners: Codes, styles: Sequence[Style], base: Style) -> list[Segment]:
+    """Return one row of cells (columns,) as text with styles over ``base``, one per run.
+
+    ``owners`` index into ``styles``; negative ones have no style of their own.
+    """
+    text = "".join(map(chr, codes.tolist()))
+    cuts = [0, *(np.flatnonzero(owners[1:] != owners[:-1]) + 1).tolist(), len(text)]
+    over = _over(tuple(styles), base)
+    return [Segment(text[a:b], over[owners[a]]) for a, b in itertools.pairwise(cuts)]
+
+
+@lru_cache(maxsize=64)
+def _over(styles: tuple[Style, ...], base: Style) -> tuple[Style, ...]:
+    """Return styles over ``base``, and last, where index -1 points to, that alone."""
+    return (*(base + style for style in styles), base)
+
+
+def changed_spans(before: Codes, after: Codes, gap: int = _GAP) -> list[Region]:
+    """Return the parts of rows in which two arrays of cells (k, rows, columns) differ."""
+    changed = (before != after).any(axis=0)
+    found = []
+    for row in np.flatnonzero(changed.any(axis=1)).tolist():
+        at = np.flatnonzero(changed[row])
+        cuts = np.flatnonzero(np.diff(at) > gap)
+        starts, ends = at[np.append(0, cuts + 1)], at[np.append(cuts, len(at) - 1)]
+        for a, b in zip(starts.tolist(), ends.tolist(), strict=True):
+            found.append(Region(a, row, b - a + 1, 1))
+    return found
+
+
+class CellView(Widget):
+    """Shows what :meth:`cells` returns; call :meth:`redraw` when that changed."""
+
+    STYLES: ClassVar[Sequence[Style]] = ()
+
+    def __init__(self, *, id: str | None = None) -> None:
+        super().__init__(id=id)
+        self._cells: Codes | None = None
+        self._base: Style | None = None
+
+    def cells(self, columns: int, rows: int) -> tuple[Codes, Codes] | None:
+        """Return code points and styles, shape (rows, columns) each, or nothing to show."""
+        raise NotImplementedError
+
+    def redraw(self) -> None:
+        """Draw anew and have the terminal told of what changed."""
+        self._base = None
+        before, size = self._cells, self.size
+        drawn = self.cells(size.width, size.height) if size.width and size.height else None
+        self._cells = None if drawn is None else np.stack(drawn)
+        if before is None or self._cells is None or before.shape != self._cells.shape:
+            if before is not None or self._cells is not None:
+                self.refresh()
+            return
+        spans = changed_spans(before, self._cells)
+        if spans:
+            self.refresh(*spans)
+
+    def on_resize(self) -> None:
+        """Draw for the new size."""
+        self._cells = None
+        self.redraw()
+
+    def notify_style_update(self) -> None:
+        """Take over another style of the background."""
+        super().notify_style_update()
+        self._base = None
+
+    def render_line(self, y: int) -> Strip:
+        """Return one row of cells, runs of one style joined."""
+        if self._cells is None or y >= self._cells.shape[1]:
+            return Strip.blank(self.size.width, self.rich_style)
+        if self._base is None:
+            self._base = self.rich_style
+        codes, owners = self._cells[:, y]
+        row = segments(codes, owners, self.STYLES, self._base)
+        return Strip(row, self._cells.shape[2])

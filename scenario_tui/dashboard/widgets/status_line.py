@@ -1,0 +1,173 @@
+"""The first line of every screen: is it fine?"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+from rich.text import Text
+from textual.widgets import Static
+
+from daemon.model.status import CampaignRow, DaemonOverview
+from scenario_tui.dashboard.state import DashboardState
+from scenario_tui.text.formatting import (
+    DASHBOARD_STYLES,
+    GLYPHS,
+    GOOD,
+    QUIET,
+    UNSURE,
+    brief_count,
+    brief_duration,
+    duration,
+    rate_text,
+    run_counts,
+)
+from scenario_tui.text.results import overall_conclusion
+
+_SHORT: Final = {"inconclusive": "incon", "cancelled": "canc", "running": "run", "queued": "queue"}
+_LAST: Final = 3
+"""The level of the shortest forms."""
+_SPARE: Final = 2
+"""Parts worth no more than this give way before others lose their words."""
+_KEEP: Final = {"fail": 8, "error": 7, "lost": 7, "running": 6, "queued": 6, "inconclusive": 5,
+                "pass": 4, "cancelled": 1}  # fmt: skip
+_CLAUSE: Final = re.compile(r"[?:;.](\s|$)")
+
+
+@dataclass(frozen=True, slots=True)
+class _Part:
+    """A part of the line, from its longest form to its shortest; more ``keep`` stays longer."""
+
+    forms: tuple[str, ...]
+    style: str
+    keep: int
+
+    def form(self, level: int) -> str:
+        return self.forms[min(level, len(self.forms) - 1)]
+
+
+class StatusLine(Static):
+    """One line: connected or not, counts by word, rate, time left; shorter where it must be."""
+
+    def show(self, picture: DashboardState, now: float) -> None:
+        """Show what is known at wall clock time ``now``."""
+        self.set_class(not picture.connected, "-gone")
+        text = status_text(picture, now, (self.size.width or self.app.size.width - 2))
+        if text != self.content:
+            self.update(text)
+
+
+def status_text(picture: DashboardState, now: float, width: int) -> Text:
+    """Return the line with as many words as fit into ``width`` cells, what matters most first."""
+    parts = list(_standing(picture) if picture.connected else _gone(picture, now))
+    for text in _shortenings(parts, "  " if picture.connected else ", "):
+        if text.cell_len <= width:
+            return text
+    text.truncate(width, overflow="ellipsis")
+    return text
+
+
+def _shortenings(parts: Sequence[_Part], gap: str) -> Iterator[Text]:
+    """Return the line ever shorter: shorter words, then fewer, at last the first part alone."""
+    levels = dict.fromkeys(parts, 0)
+    for level in range(_LAST):
+        levels = dict.fromkeys(parts, level)
+        yield _joined(levels, gap)
+    tight = gap.replace("  ", " ")
+    yield _joined(levels, tight)
+    order = {part: place for place, part in enumerate(parts)}
+    by_weight = sorted(parts, key=lambda part: (part.keep, -order[part]))
+    for part in by_weight:
+        if part.keep <= _SPARE:
+            del levels[part]
+        else:
+            levels[part] = _LAST
+        yield _joined(levels, tight)
+    for part in by_weight:
+        if part in levels and len(levels) > 1:
+            del levels[part]
+            yield _joined(levels, tight)
+
+
+def _joined(levels: Mapping[_Part, int], gap: str) -> Text:
+    texts = (Text(part.form(level), style=part.style) for part, level in levels.items())
+    return Text(gap).join(texts)
+
+
+def _gone(picture: DashboardState, now: float) -> Iterator[_Part]:
+    """Say that nobody answers, or what they say instead, and how old everything else is."""
+    if not picture.problem:
+        yield _Part(("… connecting",), "", 9)
+        return
+    if picture.refused:
+        said = _CLAUSE.split(picture.problem, maxsplit=1)[0]
+        yield _Part((f"! {said}",), "bold", 9)
+    else:
+        yield _Part(("! no daemon answers", "! no daemon"), "bold", 9)
+    if picture.at:
+        age = duration(now - picture.at)
+        short = brief_duration(now - picture.at)
+        yield _Part((f"data is {age} old", f"data {short} old", f"{short} old"), "bold", 8)
+    yield _Part(("reconnecting",), "bold", 1)
+
+
+def _standing(picture: DashboardState) -> Iterator[_Part]:
+    overview = picture.overview
+    if overview is None:
+        yield _Part(("… connecting",), "", 9)
+        return
+    yield _Part(("✓ connected", "✓ up", "✓ up", "✓"), GOOD, 9)
+    yield from _troubles(overview)
+    said = overall_conclusion(picture.campaigns, picture.conclusions)
+    if said is not None:
+        keep = 8 if said.unexpected else 3
+        yield _Part((said.said,), DASHBOARD_STYLES[said.word], keep)
+    counts = run_counts(overview)
+    for word, count in counts.items():
+        yield _Part(_counted(word, count), DASHBOARD_STYLES[word], _KEEP[word])
+    if not counts:
+        yield _Part(("nothing to do",), QUIET, 4)
+    if waits := _paused(picture.campaigns):
+        yield _Part((waits,), UNSURE, 6)
+    yield from _pace(overview)
+
+
+def _troubles(overview: DaemonOverview) -> Iterator[_Part]:
+    if overview.trouble:
+        yield _Part(("! no run can start", "! no run can start", "! no run starts"),
+                    DASHBOARD_STYLES["lost"], 9)  # fmt: skip
+    elif overview.workers == 0:
+        yield _Part(("! no worker",), DASHBOARD_STYLES["lost"], 8)
+
+
+def _counted(word: str, count: int) -> tuple[str, ...]:
+    glyph, short = GLYPHS[word], _SHORT.get(word, word)
+    tight = f"{glyph}{count:,} {short}"
+    last = f"{glyph}{brief_count(count)}"
+    return (
+        f"{glyph} {count:,} {word}",
+        f"{glyph} {count:,} {short}",
+        tight,
+        f"{last} {short}" if word == "fail" else last,
+    )
+
+
+def _paused(campaigns: Sequence[CampaignRow]) -> str:
+    """Say when everything that waits is held back on purpose."""
+    waiting = [row for row in campaigns if row.queued]
+    return "‖ paused" if waiting and all(row.paused for row in waiting) else ""
+
+
+def _pace(overview: DaemonOverview) -> Iterator[_Part]:
+    if not overview.queued + overview.running:
+        return
+    if overview.rate > 0:
+        said = rate_text(overview.rate)
+        yield _Part((said, said, said.replace(" runs", "")), "not bold", 2)
+    if overview.seconds_left is not None:
+        left = duration(overview.seconds_left)
+        brief = brief_duration(overview.seconds_left)
+        yield _Part((f"{left} left", f"{left} left", f"{left} left", f"{brief} left"),
+                    "not bold", 6)  # fmt: skip

@@ -1,0 +1,126 @@
+"""Checking one file: what it is, and everything wrong with it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Final
+
+from grammars.text.diagnostics import Diagnostic, InputError, Where
+from scenario_tui.text.formatting import pluralise
+
+Checker = Callable[[Path], tuple[str, tuple[Diagnostic, ...]]]
+
+
+def check_file(path: Path) -> tuple[str, tuple[Diagnostic, ...]]:
+    """Return what a file is in a few words and its diagnostics, errors and warnings."""
+    try:
+        return _checker(path)(path)
+    except InputError as error:
+        return "", error.diagnostics
+
+
+def _checker(path: Path) -> Checker:
+    if not path.exists():
+        raise InputError(Diagnostic(Where(str(path)), "no such file"))
+    if path.is_dir():
+        raise InputError(Diagnostic(Where(str(path)), "is a folder", "name the files in it"))
+    for ending, checker in _BY_ENDING.items():
+        if path.name.endswith(ending):
+            return checker
+    if path.suffix not in (".yaml", ".yml"):
+        known = ", ".join(_BY_ENDING)
+        raise InputError(
+            Diagnostic(Where(str(path)), "is no kind of file known here", f"known: {known}, .yaml")
+        )
+    return _yaml
+
+
+def _floorplan(path: Path) -> tuple[str, tuple[Diagnostic, ...]]:
+    from grammars.floorplan import load_floorplan
+    from grammars.preflight import check_scene
+    from grammars.scenery.composition import compile_scene
+
+    plan = load_floorplan(path)
+    found = tuple(dict.fromkeys((*plan.warnings, *check_scene(compile_scene(plan, ())))))
+    parts = (
+        pluralise(len(plan.spaces), "space"),
+        pluralise(len(plan.walls), "wall"),
+        pluralise(len(plan.openings), "opening"),
+    )
+    return f"floor plan with {', '.join(parts)}", found
+
+
+def _scenery(path: Path) -> tuple[str, tuple[Diagnostic, ...]]:
+    from grammars.scenery import load_scenery
+
+    load_scenery(path)
+    return "scenery layer", ()
+
+
+def _variation(path: Path) -> tuple[str, tuple[Diagnostic, ...]]:
+    from grammars.variation import load_variation
+
+    variation = load_variation(path)
+    return (
+        f"variation of {variation.plan_name} with {pluralise(len(variation.draws), 'draw')}",
+        variation.warnings,
+    )
+
+
+def _jsonld(path: Path) -> tuple[str, tuple[Diagnostic, ...]]:
+    from grammars.jsonld import check_jsonld
+
+    return "JSON-LD graph", check_jsonld(path)
+
+
+def _mission(path: Path) -> tuple[str, tuple[Diagnostic, ...]]:
+    from grammars.model.files import load_mission
+
+    mission, _ = load_mission(path)
+    return f"mission with {pluralise(len(mission.waypoints), 'waypoint')}", ()
+
+
+def _oracles(path: Path) -> tuple[str, tuple[Diagnostic, ...]]:
+    from grammars.oracle import load_oracles
+
+    return pluralise(len(load_oracles(path)), "oracle"), ()
+
+
+def _yaml(path: Path) -> tuple[str, tuple[Diagnostic, ...]]:
+    """Tell robots, systems under test and campaigns apart by the key they must have."""
+    from grammars.text.documents import load_yaml
+
+    data = load_yaml(path).data
+    keys = data.keys() if isinstance(data, dict) else ()
+    if "robot" in keys and "campaign" not in keys:
+        from grammars.model.files import load_robot
+
+        return f"robot {load_robot(path).name}", ()
+    if "sut" in keys and "campaign" not in keys:
+        from daemon.campaign import LayerLibrary, LayerReference
+
+        library = LayerLibrary(path.parent)
+        sut = library.sut(LayerReference(path.name, {}, Where(str(path), 1, 1)))
+        return f"system under test {sut.name}", tuple(library.warnings)
+    return _campaign(path)
+
+
+def _campaign(path: Path) -> tuple[str, tuple[Diagnostic, ...]]:
+    from daemon.campaign import examine
+
+    campaign, found = examine(path)
+    cells, policy = sum(len(cell.suts) for cell in campaign.cells), campaign.declared.policy
+    more = f", up to {cells * policy.at_most:,}" if policy.until_decided else ""
+    scenarios = pluralise(len(campaign.cells), "scenario")
+    return f"{scenarios}, {pluralise(cells * policy.n, 'run')}{more}", found
+
+
+_BY_ENDING: Final[dict[str, Checker]] = {
+    ".fpm": _floorplan,
+    ".scenery": _scenery,
+    ".variation": _variation,
+    ".jsonld": _jsonld,
+    ".mission.yaml": _mission,
+    ".oracles.yaml": _oracles,
+}

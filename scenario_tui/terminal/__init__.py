@@ -1,0 +1,1 @@
+"""What terminals can and cannot do, and apps that respect it."""

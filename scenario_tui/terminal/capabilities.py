@@ -1,0 +1,136 @@
+"""What the terminal can do, found out before the first thing is drawn: colours, UTF-8, clipboard."""
+
+from __future__ import annotations
+
+import os
+import re
+import select
+import shutil
+import subprocess
+import sys
+import termios
+import time
+import tty
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Final, Literal
+
+_PATIENCE: Final = 0.5
+_CURSOR_REPORT: Final = re.compile(rb"\x1b\[\d+;(\d+)R")
+_COLOURLESS: Final = re.compile(r"vt\d|.*-m(ono)?$")
+_UNDRAWABLE: Final = ("", "dumb", "unknown")
+
+
+@dataclass(frozen=True, slots=True)
+class TerminalLimits:
+    """How few colours there are, and whether only ASCII can be shown."""
+
+    colours: Literal["all", "few", "none"] = "all"
+    ascii_only: bool = False
+
+
+def why_undrawable(environ: Mapping[str, str] = os.environ) -> str:
+    """Say why nothing can be drawn on this terminal, empty when it can."""
+    name = environ.get("TERM", "")
+    if name not in _UNDRAWABLE:
+        return ""
+    return (
+        f"this terminal says that it cannot be drawn on (TERM={name or 'unset'}): "
+        "set TERM to what it is, xterm or linux say, or read `scenario status`"
+    )
+
+
+def terminal_limits(
+    colour_system: str | None, environ: Mapping[str, str] = os.environ
+) -> TerminalLimits:
+    """Find out about the terminal of this process; ``colour_system`` is what rich thinks of it."""
+    return TerminalLimits(_colours(colour_system, environ), ascii_only(environ))
+
+
+def _colours(system: str | None, environ: Mapping[str, str]) -> Literal["all", "few", "none"]:
+    if environ.get("NO_COLOR"):
+        return "none"
+    if system in ("256", "truecolor", "windows"):
+        return "all"
+    return "none" if _COLOURLESS.match(environ.get("TERM", "")) else "few"
+
+
+def ascii_only(
+    environ: Mapping[str, str] = os.environ, ask: Callable[[], bool] | None = None
+) -> bool:
+    """Whether nothing but ASCII can be shown.
+
+    ``SCENARIO_GLYPHS=ascii`` or ``unicode`` settles it, then the locale. A locale that says
+    nothing of characters (``C``, as in many containers) settles nothing: the terminal is asked.
+    """
+    chosen = environ.get("SCENARIO_GLYPHS", "")
+    if chosen in ("ascii", "unicode"):
+        return chosen == "ascii"
+    if (sys.stderr.encoding or "").lower().replace("-", "") != "utf8":
+        return True
+    if not sys.flags.utf8_mode or environ.get("PYTHONUTF8") == "1":
+        return False
+    # Python takes UTF-8 where the locale says nothing: only the names tell what people meant.
+    _, dot, charset = (environ.get("LC_ALL") or environ.get("LANG") or "").partition(".")
+    if dot:
+        return charset.lower().replace("-", "") != "utf8"
+    knows = ask or (_tmux_takes_utf8 if environ.get("TMUX") else terminal_takes_utf8)
+    return not knows()
+
+
+def _tmux_takes_utf8() -> bool:
+    """Whether what tmux is shown on takes UTF-8; else it would draw underscores."""
+    command = ["tmux", "display-message", "-p", "#{client_utf8}"]
+    try:
+        said = subprocess.run(command, capture_output=True, timeout=_PATIENCE, check=False)
+    except (OSError, subprocess.TimeoutExpired):
+        return False
+    return said.stdout.strip() == b"1"
+
+
+def terminal_takes_utf8(reading: int = 0, writing: int = 2) -> bool:
+    """Ask the terminal whether it takes UTF-8: write a sign of three bytes, ask how far it got."""
+    before = termios.tcgetattr(reading)
+    try:
+        tty.setcbreak(reading)
+        os.write(writing, "\r✓\x1b[6n".encode())
+        said = _CURSOR_REPORT.search(_answer(reading))
+        os.write(writing, b"\r   \r")
+    finally:
+        termios.tcsetattr(reading, termios.TCSANOW, before)
+    return said is not None and int(said[1]) == 2
+
+
+def _answer(reading: int) -> bytes:
+    """Return what the terminal says until it has said where it is, or nothing more comes."""
+    deadline, said = time.monotonic() + _PATIENCE, b""
+    while not _CURSOR_REPORT.search(said):
+        ready, _, _ = select.select([reading], [], [], max(0.0, deadline - time.monotonic()))
+        if not ready:
+            break
+        said += os.read(reading, 256)
+    return said
+
+
+_TMUX_PATIENCE: Final = 2.0
+
+
+def copy_to_tmux(text: str, environ: Mapping[str, str] = os.environ) -> bool:
+    """Put ``text`` into the buffer of the tmux around us, which passes it on to its terminal.
+
+    As it comes, tmux ignores programs inside of it that ask for that themselves. Returns whether
+    there was a tmux that took it.
+    """
+    if not environ.get("TMUX") or shutil.which("tmux") is None:
+        return False
+    try:
+        done = subprocess.run(
+            ["tmux", "load-buffer", "-w", "-"],
+            input=text.encode(),
+            capture_output=True,
+            check=False,
+            timeout=_TMUX_PATIENCE,
+        )
+    except subprocess.TimeoutExpired:
+        return False
+    return done.returncode == 0

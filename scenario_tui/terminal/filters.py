@@ -1,0 +1,183 @@
+"""Line filters for poor terminals and bright themes: few colours, ASCII only, darker words.
+
+Sixteen colours belong to the people who chose them, so their own foreground and background are
+used, words keep their hue, and what stands on a bright background (the selected row, the banner of
+a lost connection) is shown in reverse.
+"""
+
+from __future__ import annotations
+
+import colorsys
+import unicodedata
+from collections.abc import Sequence
+from functools import lru_cache
+from typing import Final
+
+from rich.cells import cell_len
+from rich.color import Color as TerminalColor
+from rich.color_triplet import ColorTriplet
+from rich.segment import Segment
+from rich.style import Style
+from textual.color import Color
+from textual.filter import LineFilter
+
+from scenario_tui.text.formatting import BAD, BROKEN, BUSY, FACT, GOOD, QUIET, UNSURE
+
+_LIT: Final = 0.1
+"""Relative luminance from which on a background is there to be seen, over a dark one."""
+_FAINT: Final = 0.03
+_GREY: Final = 0.22
+"""Saturation below which a colour is none."""
+_HUES: Final = (
+    (20, "red"),
+    (70, "yellow"),
+    (165, "green"),
+    (262, "cyan"),
+    (330, "magenta"),
+    (361, "red"),
+)
+"""The last angle [degree] of each colour of the terminal; its blue is too dark to be read."""
+
+
+class ReducedColours(LineFilter):
+    """Shows everything with the colours of the terminal, or with attributes alone."""
+
+    def __init__(self, *, colours: bool) -> None:
+        super().__init__()
+        self.colours = colours
+
+    def apply(self, segments: Sequence[Segment], background: Color) -> list[Segment]:
+        """Return the segments in what the terminal has, over ``background``."""
+        dark = background.brightness < 0.5
+        return [
+            Segment(text, style and reduce_style(style, colours=self.colours, dark=dark), control)
+            for text, style, control in segments
+        ]
+
+
+@lru_cache(maxsize=4096)
+def reduce_style(style: Style, *, colours: bool, dark: bool = True) -> Style:
+    """Return a style with the terminal's own colours; without ``colours`` attributes only."""
+    lit = style.bgcolor is not None and _stands_out(_triplet(style.bgcolor), dark)
+    hue = None if lit or not colours or style.color is None else _named(_triplet(style.color))
+    faint = style.color is not None and not lit and _faint(_triplet(style.color), dark)
+    return Style(
+        color=None if faint else hue,
+        bold=style.bold or None,
+        dim=faint or style.dim or None,
+        italic=style.italic or None,
+        underline=style.underline or None,
+        strike=style.strike or None,
+        reverse=bool(style.reverse) != lit or None,
+    )
+
+
+def _triplet(colour: TerminalColor) -> ColorTriplet:
+    return colour.get_truecolor()
+
+
+def _luminance(colour: ColorTriplet) -> float:
+    """Relative luminance as the WCAG defines it."""
+    parts = (part / 12.92 if part <= 0.03928 else ((part + 0.055) / 1.055) ** 2.4
+             for part in colour.normalized)  # fmt: skip
+    return sum(weight * part for weight, part in zip((0.2126, 0.7152, 0.0722), parts, strict=True))
+
+
+def _stands_out(background: ColorTriplet, dark: bool) -> bool:
+    luminance = _luminance(background)
+    return luminance > _LIT if dark else luminance < 0.5
+
+
+def _faint(foreground: ColorTriplet, dark: bool) -> bool:
+    luminance = _luminance(foreground)
+    return luminance < _FAINT if dark else luminance > 0.8
+
+
+def _named(colour: ColorTriplet) -> str | None:
+    """Return the colour of the terminal with that hue, its foreground for greys."""
+    hue, _, saturation = colorsys.rgb_to_hls(*colour.normalized)
+    if saturation < _GREY:
+        return None
+    return next(name for last, name in _HUES if hue * 360 < last)
+
+
+_BRAILLE: Final = range(0x2800, 0x2900)
+_DENSITY: Final = " ..::::##"
+"""How the number of dots of a braille cell looks."""
+_SIGNS: Final = str.maketrans(
+    "✓✗‼…▶▸›»‖◆◇✱●○■□•·–—−∞×°±µσΔ≤≥≠’‘“”⌫⏎↵⇥←→↑↓↗↖↙↘▲▼△▽◀▪",
+    "+xE~>>>>=*oX@o#o*.---Ixo+usD<>#''\"\"<&&><>^v/\\/\\^v^v<#",
+)
+_LINES: Final = {
+    **dict.fromkeys(map(ord, "─━╌╍┄┅┈┉═╴╶╸╺"), "-"),
+    **dict.fromkeys(map(ord, "│┃╎╏┆┇┊┋║╵╷╹╻"), "|"),
+}
+_BLOCKS: Final = {
+    **dict.fromkeys(map(ord, "▁▂▃"), "_"),
+    **dict.fromkeys(map(ord, "▀▔"), '"'),
+    **dict.fromkeys(map(ord, "▏▎▍▕▐▌"), "|"),
+}
+_REST: Final = {
+    **dict.fromkeys(range(0x2500, 0x2580), "+"),
+    **dict.fromkeys(range(0x2580, 0x25A0), "#"),
+    **{code: _DENSITY[(code - _BRAILLE.start).bit_count()] for code in _BRAILLE},
+}
+_TABLE: Final[dict[int, str | int]] = {**_REST, **_LINES, **_BLOCKS, **_SIGNS}
+
+
+class AsciiGlyphs(LineFilter):
+    """Shows everything in ASCII."""
+
+    def apply(self, segments: Sequence[Segment], background: Color) -> list[Segment]:
+        """Return the segments in ASCII, each as wide as before."""
+        return [
+            segment if segment.text.isascii() else segment._replace(text=to_ascii(segment.text))
+            for segment in segments
+        ]
+
+
+@lru_cache(maxsize=4096)
+def to_ascii(text: str) -> str:
+    """Return a text in ASCII that takes as many cells: signs by their likes, ``?`` for the rest."""
+    return "".join(map(_ascii_character, text.translate(_TABLE)))
+
+
+def _ascii_character(character: str) -> str:
+    if character.isascii():
+        return character
+    width = cell_len(character)
+    letters = unicodedata.normalize("NFKD", character).encode("ascii", "ignore").decode()
+    return letters if len(letters) == width else "?" * width
+
+
+_DARK_LIGHTNESS: Final = 0.27
+"""Lightness that gives each of them a contrast of 4.5 to 1 to a bright grey at least."""
+_OUR_COLOURS: Final = frozenset(
+    Color.parse(colour).rich_color.get_truecolor()
+    for colour in (GOOD, BAD, UNSURE, BROKEN, BUSY, FACT, QUIET)
+)
+
+
+class BrightThemeColours(LineFilter):
+    """Darkens the words that have a colour of ours."""
+
+    def apply(self, segments: Sequence[Segment], background: Color) -> list[Segment]:
+        """Return the segments as they can be read over a bright background."""
+        return [
+            Segment(text, style and _darken_style(style), control)
+            for text, style, control in segments
+        ]
+
+
+@lru_cache(maxsize=1024)
+def _darken_style(style: Style) -> Style:
+    if style.color is None or style.color.get_truecolor() not in _OUR_COLOURS:
+        return style
+    return style + Style(color=TerminalColor.from_triplet(darken(style.color.get_truecolor())))
+
+
+def darken(colour: ColorTriplet) -> ColorTriplet:
+    """Return a colour of the same hue that stands out from white."""
+    hue, _, saturation = colorsys.rgb_to_hls(*colour.normalized)
+    red, green, blue = colorsys.hls_to_rgb(hue, _DARK_LIGHTNESS, saturation)
+    return ColorTriplet(round(255 * red), round(255 * green), round(255 * blue))

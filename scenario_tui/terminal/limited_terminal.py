@@ -1,0 +1,293 @@
+"""Apps for slow lines and poor terminals: only cells that changed are sent, in what can be shown.
+
+Widgets are drawn anew as a whole when something in them changes, and most of what they draw is
+there already. On a slow line that is what costs: :class:`TerminalDiff` remembers what the terminal
+shows and reduces every frame to what differs.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from functools import lru_cache
+from typing import Any, ClassVar, Final
+
+from rich.cells import cell_len
+from textual.app import App
+from textual.binding import Binding, BindingType
+from textual.driver import Driver
+from textual.filter import LineFilter, Monochrome
+
+from scenario_tui.terminal.capabilities import TerminalLimits, terminal_limits
+from scenario_tui.terminal.filters import AsciiGlyphs, ReducedColours
+
+_TOKEN: Final = re.compile(
+    r"\x1b\[(?P<row>\d+);(?P<column>\d+)H"
+    r"|\x1b\[(?P<style>[\d;:]*)m"
+    r"|(?P<text>[^\x00-\x1f\x7f-\x9f]+)"
+    r"|(?P<newline>\r?\n)"
+)
+_FRAME: Final = re.compile(r"\x1b\[\d+;\d+H")
+_LOST: Final = re.compile(r"\x1b(c|\[\?(1049|47|1047)[hl]|\[\d*J)")
+_SYNC: Final = ("\x1b[?2026h", "\x1b[?2026l")
+_GAP: Final = 6
+"""Cells that stayed the same are sent along when stepping over them would cost more."""
+_UNKNOWN: Final = "\0"
+
+
+@dataclass(slots=True)
+class _Row:
+    """The cells of a row: what stands in them, and how; a wide run is one cell and blanks."""
+
+    cells: list[str] = field(default_factory=list)
+    styles: list[str] = field(default_factory=list)
+
+    def reach(self, width: int) -> None:
+        missing = width - len(self.cells)
+        self.cells.extend([_UNKNOWN] * missing)
+        self.styles.extend([_UNKNOWN] * missing)
+
+    def cut(self, column: int) -> None:
+        """Forget a wide run that begins before a column and ends behind it."""
+        if column >= len(self.cells) or self.cells[column]:
+            return
+        first, last = column, column
+        while first > 0 and not self.cells[first]:
+            first -= 1
+        while last < len(self.cells) and not self.cells[last]:
+            last += 1
+        self.cells[first:last] = [_UNKNOWN] * (last - first)
+
+
+class TerminalDiff:
+    """What the terminal shows, as far as known."""
+
+    def __init__(self) -> None:
+        self._rows: dict[int, _Row] = {}
+        self._place: tuple[int, int] | None = None
+        self._style: str | None = None
+        self._held = False
+        self._opened = False
+
+    def forget(self) -> None:
+        """Know nothing of the terminal: the next frame is sent as it is."""
+        self._rows.clear()
+        self._place = self._style = None
+
+    def thin(self, data: str) -> str:
+        """Return what must be sent of ``data``; frames begin by placing the cursor."""
+        if data in _SYNC:
+            return self._synchronise(begins=data == _SYNC[0])
+        if not _FRAME.match(data):
+            if _LOST.search(data):
+                self.forget()
+            self._place = self._style = None
+            return data
+        tokens = list(_TOKEN.finditer(data))
+        if sum(token.end() - token.start() for token in tokens) != len(data):
+            self.forget()  # something else is in it: it must arrive, and nothing is known then
+            return self._opening() + data
+        found = "".join(self._changes(tokens))
+        return self._opening() + found if found else ""
+
+    def _synchronise(self, *, begins: bool) -> str:
+        """Announce frames to terminals that show them at once, unless there is nothing to show."""
+        opened, self._held, self._opened = self._opened, begins, False
+        return _SYNC[1] if opened and not begins else ""
+
+    def _opening(self) -> str:
+        held, self._held = self._held, False
+        self._opened = self._opened or held
+        return _SYNC[0] if held else ""
+
+    def _changes(self, tokens: list[re.Match[str]]) -> Iterator[str]:
+        row = column = 0
+        style = ""
+        for token in tokens:
+            kind = token.lastgroup
+            if kind == "text":
+                text = token["text"]
+                yield from self._write(row, column, style, text)
+                column += cell_len(text)
+            elif kind == "style":
+                style = "" if token["style"] == "0" else token["style"]
+            elif kind == "newline":
+                row, column = row + 1, 0
+            else:
+                row, column = int(token["row"]) - 1, int(token["column"]) - 1
+        if self._place != (row, column):
+            yield from self._restyle("")
+            yield self._move(row, column)
+        yield from self._restyle("")
+
+    def _write(self, row: int, column: int, style: str, text: str) -> Iterator[str]:
+        here = self._rows.setdefault(row, _Row())
+        cells = _cells(text)
+        end = column + len(cells)
+        here.reach(end)
+        if "" in here.cells[column : end + 1] or len(cells) != len(text):
+            yield from self._write_wide(here, (row, column), style, text, cells)
+            return
+        for first, last in _spans(here, column, style, cells):
+            yield self._move(row, column + first) + "".join(self._restyle(style))
+            yield text[first:last]
+            self._place = (row, column + last)
+        here.cells[column:end] = cells
+        here.styles[column:end] = [style] * len(cells)
+
+    def _write_wide(
+        self, here: _Row, place: tuple[int, int], style: str, text: str, cells: list[str]
+    ) -> Iterator[str]:
+        """Send a run with wide characters, or over some, as a whole or not at all."""
+        column, end = place[1], place[1] + len(cells)
+        styles = [style] * len(cells)
+        if here.cells[column:end] == cells and here.styles[column:end] == styles:
+            return
+        here.cut(column)
+        here.cut(end)
+        yield self._move(*place) + "".join(self._restyle(style)) + text
+        self._place = None  # terminals do not agree on how wide some characters are
+        here.cells[column:end] = cells
+        here.styles[column:end] = styles
+
+    def _restyle(self, style: str) -> Iterator[str]:
+        if style != self._style:
+            known = self._style == ""
+            self._style = style
+            yield f"\x1b[{style if known or not style else '0;' + style}m"
+
+    def _move(self, row: int, column: int) -> str:
+        if self._place == (row, column):
+            return ""
+        before, self._place = self._place, (row, column)
+        if before is not None and before[0] == row and before[1] < column:
+            return f"\x1b[{column - before[1]}C"
+        return f"\x1b[{row + 1};{column + 1}H"
+
+
+def _spans(row: _Row, column: int, style: str, cells: list[str]) -> Iterator[tuple[int, int]]:
+    """Return where a run differs from what stands there, as [first, last) of the run."""
+    end = column + len(cells)
+    shown, styles = row.cells[column:end], row.styles[column:end]
+    if shown == cells and styles.count(style) == len(styles):
+        return
+    first = last = -1
+    for index, (before, was, now) in enumerate(zip(shown, styles, cells, strict=True)):
+        if before == now and was == style:
+            continue
+        if first >= 0 and index - last > _GAP:
+            yield first, last
+            first = index
+        first = index if first < 0 else first
+        last = index + 1
+    yield first, last
+
+
+@lru_cache(maxsize=4096)
+def _single(text: str) -> bool:
+    return all(cell_len(character) == 1 for character in text)
+
+
+def _cells(text: str) -> list[str]:
+    """Return what stands in each cell; a run with wide or combining characters is one piece."""
+    if text.isascii() or _single(text):
+        return list(text)
+    return [text, *[""] * (cell_len(text) - 1)]
+
+
+_SETTLED = 0.25
+"""Seconds after which a window that was dragged has its size."""
+
+
+class LimitedTerminalApp(App[None]):
+    """An app that sends little, and that shows itself in what its terminal has."""
+
+    BINDINGS: ClassVar[list[BindingType]] = [
+        Binding(
+            "ctrl+l", "redraw", "Redraw", show=False, id="redraw", tooltip="Draw the screen again"
+        ),
+        Binding(
+            "ctrl+z", "suspend_process", "Suspend", show=False, id="suspend", tooltip="Back with fg"
+        ),
+    ]
+
+    def __init__(self, limits: TerminalLimits | None = None) -> None:
+        super().__init__()
+        self._sparing: tuple[LineFilter, ...] = ()
+        self._drawn = False
+        if "TEXTUAL_ANIMATIONS" not in os.environ:
+            self.animation_level = "none"
+        self.limit(limits or TerminalLimits())
+
+    def limit(self, limits: TerminalLimits) -> None:
+        """Show everything within these limits."""
+        self.ascii_only = limits.ascii_only
+        colours = "none" if self.no_color else limits.colours
+        filters: list[LineFilter] = []
+        if colours != "all":
+            filters.append(ReducedColours(colours=colours == "few"))
+        if limits.ascii_only:
+            filters.append(AsciiGlyphs())
+        self._sparing = tuple(filters)
+
+    def limit_to_terminal(self) -> None:
+        """Show everything within what the terminal of this process can do."""
+        self.limit(terminal_limits(self.console.color_system))
+
+    def get_line_filters(self) -> Sequence[LineFilter]:
+        """Return ours behind the library's, in place of its shades of grey."""
+        theirs = super().get_line_filters()
+        if not self._sparing:
+            return theirs
+        return [*(one for one in theirs if not isinstance(one, Monochrome)), *self._sparing]
+
+    def get_key_display(self, binding: Binding) -> str:
+        """Name keys in words where there are no signs for them."""
+        shown = super().get_key_display(binding)
+        return {"⏎": "Enter", "⌫": "Bksp"}.get(shown, shown) if self.ascii_only else shown
+
+    def get_driver_class(self) -> type[Driver]:
+        """Return a driver that sends only what changed on the screen."""
+        return _diffing_driver(super().get_driver_class())
+
+    def on_resize(self) -> None:
+        """Draw everything again: what terminals keep of a screen when its size changes differs."""
+        if self._drawn:
+            self._forget()
+            self.set_timer(_SETTLED, self.action_redraw)
+        self._drawn = True
+
+    def action_redraw(self) -> None:
+        """Draw everything again, over whatever stands on the screen."""
+        self._forget()
+        # The timer may still fire while the screens are being taken down.
+        if self.screen_stack:
+            self.screen.refresh()
+
+    def _forget(self) -> None:
+        shadow = getattr(self._driver, "shadow", None)
+        if shadow is not None:
+            shadow.forget()
+
+
+def _diffing_driver(base: type[Driver]) -> type[Driver]:
+    """Return a driver like ``base`` that sends only what changed on the screen."""
+
+    class ThriftyDriver(base):  # type: ignore[misc, valid-type]
+        """Thins out frames; everything else goes through."""
+
+        def __init__(self, *arguments: Any, **settings: Any) -> None:
+            super().__init__(*arguments, **settings)
+            self.shadow = TerminalDiff()
+
+        def write(self, data: str) -> None:
+            """Send what of it is news.
+
+            The mouse reports clicks and drags: every move of it would travel up the line, too.
+            """
+            if news := self.shadow.thin(data.replace("\x1b[?1003", "\x1b[?1002")):
+                super().write(news)
+
+    return ThriftyDriver

@@ -1,0 +1,260 @@
+"""An assessment as styled text: cells of the matrix, comparisons, footnotes, what to look at.
+
+``styles`` maps words of :data:`scenario_tui.text.formatting.GLYPHS` to styles, those of the
+terminal or those of the dashboard.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from typing import Final
+
+from rich.text import Text
+
+from daemon.model.assessments import (
+    CellAssessment,
+    CellVerdict,
+    ComparisonVerdict,
+    UnexpectedVerdict,
+)
+from daemon.model.status import RunRow
+from daemon.model.verdicts import Outcome, Verdict
+from scenario_tui.text.formatting import (
+    DASHBOARD_STYLES,
+    GLYPHS,
+    NOTHING,
+    QUIET,
+    SEVERITY,
+    glyph_word,
+    margin,
+    run_label,
+    run_word,
+    time_text,
+)
+from scenario_tui.text.results import CampaignResults, leading_oracle
+
+Styles = Mapping[str, str]
+
+BOUNDS: Final = "mean difference [one-sided 95 % bounds] over n repeats"
+_LETTERS: Final = "abcdefghijklmnopqrstuvwxyz"
+_MANY: Final = 20
+
+
+@dataclass(slots=True)
+class Footnotes:
+    """Reasons people gave for verdicts that are not pass, each with a letter."""
+
+    letters: dict[str, str] = field(default_factory=dict)
+
+    def mark(self, reasons: Iterable[str]) -> str:
+        """Return the letters of reasons, new ones for those not seen before."""
+        found = dict.fromkeys(reason for reason in reasons if reason)
+        return "".join(self.letters.setdefault(reason, self._next()) for reason in found)
+
+    def lines(self) -> list[Text]:
+        """Return a line for each letter."""
+        return [
+            Text.assemble((letter, "bold"), f"  known: {reason}")
+            for reason, letter in self.letters.items()
+        ]
+
+    def _next(self) -> str:
+        count = len(self.letters)
+        return _LETTERS[count] if count < len(_LETTERS) else f"({count + 1})"
+
+
+def quiet_style(styles: Styles) -> str:
+    """Return the style of what is not to draw the eye."""
+    return styles["cancelled"]
+
+
+def cell_text(
+    cell: CellAssessment,
+    results: CampaignResults,
+    notes: Footnotes,
+    styles: Styles,
+    *,
+    alone: bool = False,
+) -> Text:
+    """Return a cell in two lines: verdict, counts and mark, then the oracle that tells most.
+
+    ``!`` marks what is not as expected, a letter what is known. With the row to itself (``alone``)
+    it is one line with a glyph for each repeat.
+    """
+    word = results.word(cell)
+    text = Text.assemble((glyph_word(word), styles[word]))
+    text.append(f" {_repeats(cell, results, alone)}")
+    if not cell.met:
+        text.append(" !", style="bold")
+    elif known := notes.mark(oracle.why for oracle in cell.oracles if oracle.expected != "pass"):
+        text.append(f" {known}", style="bold")
+    shown = _worst(cell)
+    if shown:
+        text.append("  " if alone else "\n")
+        text.append(shown, style=quiet_style(styles))
+    return text
+
+
+def _repeats(cell: CellAssessment, results: CampaignResults, alone: bool) -> str:
+    """Return ``4/5``, how many of its runs pass; with room also a glyph for each."""
+    records = results.records_of(cell)
+    passed = sum(record.outcome is Outcome.PASS for record in records)
+    share = f"{passed}/{len(records)}"
+    if not alone or not 1 < len(records) <= _MANY:
+        return share
+    words = (str(r.outcome) if r.state == "done" and r.outcome else r.state for r in records)
+    return f"{share} {''.join(GLYPHS[word] for word in words)}"
+
+
+def _worst(cell: CellAssessment) -> str:
+    oracle = leading_oracle(cell)
+    if oracle is None or oracle.worst is None:
+        return ""
+    verdict = oracle.worst.verdict
+    text = oracle.oracle
+    if verdict.margin is not None:
+        text += f" {margin(verdict.margin, verdict.unit)}"
+    if verdict.evidence.time is not None and verdict.outcome is not Outcome.PASS:
+        text += f" at {time_text(verdict.evidence.time)}"
+    return text
+
+
+def comparison_cell_text(cell: ComparisonVerdict, notes: Footnotes, styles: Styles) -> Text:
+    """Return a comparison with one system under test: verdict, mean, bounds, pairs, mark."""
+    word = str(cell.verdict)
+    text = Text.assemble((glyph_word(word), styles[word]), f" {margin(cell.mean, cell.unit)}")
+    if cell.low is not None and cell.high is not None:
+        text.append(f" [{margin(cell.low, '')}, {margin(cell.high, '')}]")
+    pairs = f" n={cell.n}" if cell.method != "welch" else f" n={cell.n} unpaired"
+    text.append(pairs, style=quiet_style(styles))
+    if not cell.met:
+        text.append(" !", style="bold")
+    elif cell.expected != "pass":
+        text.append(f" {notes.mark([cell.why])}", style="bold")
+    if cell.note:
+        text.append(f"\n{cell.note}", style=quiet_style(styles))
+    return text
+
+
+def evidence_parts(verdict: Verdict) -> list[str]:
+    """Return margin, moment, object and note of a verdict, as far as there are any."""
+    seen = verdict.evidence
+    parts = ["" if verdict.margin is None else margin(verdict.margin, verdict.unit)]
+    parts.append("" if seen.time is None else f"at {time_text(seen.time)}")
+    return [part for part in (*parts, seen.object, seen.note) if part]
+
+
+def surprise_text(found: UnexpectedVerdict, styles: Styles) -> Text:
+    """Return what is not as expected, with the run to look at."""
+    known = found.why and f"known: {found.why}"
+    text = _attention_line(str(found.verdict), found.text, [known], styles)
+    if found.run:
+        text.append(f"  -> {found.run}", style=styles["measure"])
+    return text
+
+
+def undecided_text(oracle: CellVerdict, styles: Styles) -> Text:
+    """Return what could not be decided and why."""
+    worst = oracle.worst.verdict if oracle.worst else None
+    note = worst.evidence.note if worst and worst.outcome is not Outcome.PASS else ""
+    said = f"{oracle.sut} {oracle.scenario} {oracle.oracle}"
+    return _attention_line(str(oracle.verdict), said, [oracle.statement, note], styles)
+
+
+def attention_lists(results: CampaignResults, styles: Styles) -> list[tuple[str, list[Text]]]:
+    """Return what is to be looked at, as titles with lines; empty lists are left out."""
+    groups = (
+        ("unexpected", [surprise_text(found, styles) for found in results.assessment.surprises]),
+        ("undecided", [undecided_text(found, styles) for found in results.undecided]),
+        ("not executed", [_lost_run_text(row, styles) for row in results.unexecuted]),
+        (
+            "not reproducible",
+            [
+                _attention_line(run_word(r), run_label(r), [r.reason], styles)
+                for r in results.doubtful
+            ],
+        ),
+    )
+    return [(title, lines) for title, lines in groups if lines]
+
+
+def _lost_run_text(row: RunRow, styles: Styles) -> Text:
+    return _attention_line("lost", run_label(row), row.reason.strip().splitlines()[-1:], styles)
+
+
+def _attention_line(word: str, subject: str, more: Iterable[str], styles: Styles) -> Text:
+    text = Text.assemble("  ", (glyph_word(word), styles[word]), "  ", subject)
+    for part in more:
+        text.append(f"  {part}" if part else "")
+    return text
+
+
+MatrixRow = tuple[str, tuple[Text, ...]]
+"""The label of a row, and a cell for each column."""
+
+
+def matrix_rows(
+    results: CampaignResults, notes: Footnotes
+) -> tuple[tuple[str, ...], tuple[MatrixRow, ...]]:
+    """Return systems under test and, for each scenario, its label with a cell for each of them."""
+
+    cells = {(cell.scenario, cell.sut): cell for cell in results.assessment.cells}
+    suts = tuple(dict.fromkeys(sut for _, sut in cells))
+    alone = len(suts) == 1
+    lines = []
+    for scenario in dict.fromkeys(scenario for scenario, _ in cells):
+        found = (cells.get((scenario, sut)) for sut in suts)
+        shown = (c and cell_text(c, results, notes, DASHBOARD_STYLES, alone=alone) for c in found)
+        lines.append((scenario, tuple(text or Text(NOTHING, style=QUIET) for text in shown)))
+    return suts, tuple(lines)
+
+
+def cell_notes(cell: CellAssessment) -> Text:
+    """Return a cell oracle by oracle: counts, what they show, the worst run, what was expected."""
+    text = Text.assemble((f"{cell.scenario}  {cell.sut}\n", "bold"))
+    for oracle in sorted(cell.oracles, key=lambda o: (o.met, SEVERITY.index(o.verdict))):
+        _append_oracle(text, oracle)
+    if not cell.oracles:
+        text.append("no run was judged yet\n", style=QUIET)
+    return text
+
+
+def _append_oracle(text: Text, oracle: CellVerdict) -> None:
+    word = str(oracle.verdict)
+    text.append(f"{glyph_word(word)}  ", style=DASHBOARD_STYLES[word])
+    text.append(oracle.oracle, style="bold")
+    if not oracle.met:
+        text.append("  ! ", style="bold")
+        text.append(f"expected {oracle.expected}")
+    elif oracle.expected != "pass":
+        text.append(f"  as expected ({oracle.expected})")
+    text.append("\n")
+    lines = [oracle.statement]
+    if oracle.worst is not None:
+        said = ", ".join(evidence_parts(oracle.worst.verdict))
+        lines.append(f"worst in repeat {oracle.worst.repeat}: {said}" if said else "")
+    lines.append(oracle.why and f"known: {oracle.why}")
+    for line in lines:
+        text.append(f"  {line}\n" if line else "", style=QUIET)
+
+
+def campaign_notes(results: CampaignResults, notes: Footnotes) -> Text:
+    """Return comparisons, what is known, and what is to be looked at."""
+    text = Text()
+    for title, lines in attention_lists(results, DASHBOARD_STYLES):
+        text.append(f"\n{len(lines):,} {title}\n", style="bold")
+        for line in lines:
+            text.append_text(line).append("\n")
+    if results.assessment.comparisons:
+        text.append("\ncomparisons\n", style="bold")
+    for cell in results.assessment.comparisons:
+        text.append(f"  {cell.sut} {cell.comparison}  ")
+        text.append_text(comparison_cell_text(cell, notes, DASHBOARD_STYLES))
+        text.append(f"\n    is to be {cell.text}\n", style=QUIET)
+    if results.assessment.comparisons:
+        text.append(f"{BOUNDS}\n", style=QUIET)
+    if known := notes.lines():
+        text.append("\n").append_text(Text("\n").join(known)).append("\n")
+    text.append(f"\nscenario results {results.row.id}\n", style=QUIET)
+    return text

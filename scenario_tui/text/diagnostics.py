@@ -1,0 +1,76 @@
+"""Diagnostics as people read them: place, message, the line itself with a caret, a hint."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from contextlib import suppress
+from functools import lru_cache
+from pathlib import Path
+
+from rich.text import Text
+
+from grammars.text.diagnostics import Diagnostic, Severity, Where
+from scenario_tui.cli.output import stderr_console
+from scenario_tui.text.formatting import pluralise
+
+
+def report_diagnostics(diagnostics: Iterable[Diagnostic]) -> None:
+    """Print every diagnostic to standard error; that nobody reads them changes nothing."""
+    console = stderr_console()
+    # rich leaves the program when a pipe is broken; the command has its own exit code to give.
+    with suppress(SystemExit):
+        for diagnostic in diagnostics:
+            console.print(render_diagnostic(diagnostic), soft_wrap=True)
+
+
+def render_diagnostic(diagnostic: Diagnostic) -> Text:
+    """Return a diagnostic with its source line, when the source can be read."""
+    warning = diagnostic.severity is Severity.WARNING
+    text = Text()
+    text.append(f"{diagnostic.where}: ", style="bold")
+    text.append("warning: " if warning else "error: ", style="yellow" if warning else "bold red")
+    text.append(diagnostic.message)
+    excerpt = _source_excerpt(diagnostic.where)
+    if excerpt is not None:
+        line, caret = excerpt
+        text.append(f"\n    {line}", style="dim")
+        if caret >= 0:
+            text.append("\n    " + " " * caret)
+            text.append("^", style="bold red")
+    if diagnostic.hint:
+        text.append(f"\n    {diagnostic.hint}", style="cyan")
+    return text
+
+
+def diagnostic_counts(diagnostics: Iterable[Diagnostic]) -> str:
+    """Return ``2 errors, 1 warning``."""
+    found = tuple(diagnostics)
+    errors = sum(d.severity is Severity.ERROR for d in found)
+    parts = [pluralise(errors, "error")] if errors else []
+    if len(found) > errors:
+        parts.append(pluralise(len(found) - errors, "warning"))
+    return ", ".join(parts) or "no problems"
+
+
+def _source_lines(file: str) -> tuple[str, ...]:
+    try:
+        return _read_source(file, Path(file).stat().st_mtime_ns)
+    except (OSError, ValueError):
+        return ()
+
+
+@lru_cache(maxsize=64)
+def _read_source(file: str, changed: int) -> tuple[str, ...]:
+    """Return the lines of a file as it is since ``changed``: who watches sees it being edited."""
+    return tuple(Path(file).read_text(encoding="utf-8-sig").splitlines())
+
+
+def _source_excerpt(where: Where) -> tuple[str, int] | None:
+    """Return the source line without its indentation and the caret's offset in it (-1: none)."""
+    lines = _source_lines(where.file) if where.line else ()
+    if not 0 < where.line <= len(lines):
+        return None
+    line = lines[where.line - 1].expandtabs(1).rstrip()
+    indent = len(line) - len(line.lstrip())
+    caret = where.column - 1 - indent
+    return line.strip()[:160], caret if 0 <= caret <= len(line.strip()) and caret < 160 else -1

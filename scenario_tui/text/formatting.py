@@ -1,0 +1,211 @@
+"""Words, glyphs, numbers and colours for people: command line, dashboard and report alike.
+
+A verdict is always a glyph and a word, never a colour alone. ``TERMINAL_STYLES`` are the terminal's
+own colours, for the command line, which does not know the background; ``DASHBOARD_STYLES`` are
+bright enough on the dashboard's dark background to be read as greys where there is no colour.
+"""
+
+from __future__ import annotations
+
+import math
+import sys
+from typing import Final
+
+from daemon.model.status import CampaignRow, DaemonOverview, RunRow, RunState
+from daemon.model.verdicts import Outcome, Verdict
+
+GLYPHS: Final = {
+    "pass": "✓",
+    "fail": "✗",
+    "inconclusive": "?",
+    "error": "‼",
+    "measure": "·",
+    "lost": "!",
+    "cancelled": "-",
+    "queued": "…",
+    "running": "▶",
+}
+TERMINAL_STYLES: Final = {
+    "pass": "green",
+    "fail": "bold red",
+    "inconclusive": "yellow",
+    "error": "bold magenta",
+    "measure": "cyan",
+    "lost": "bold magenta",
+    "cancelled": "dim",
+    "queued": "dim",
+    "running": "blue",
+}
+SEVERITY: Final = (
+    "fail",
+    "error",
+    "lost",
+    "inconclusive",
+    "running",
+    "queued",
+    "cancelled",
+    "pass",
+    "measure",
+)
+"""Words from what people must look at first to what is fine."""
+
+NOTHING: Final = "–"
+
+
+def run_word(row: RunRow) -> str:
+    """Return the one word for how a run stands: its verdict, else its state."""
+    if row.state is RunState.DONE:
+        return str(row.outcome or Outcome.ERROR)
+    return str(row.state)
+
+
+def glyph_word(word: str) -> str:
+    """Return ``✓ pass`` for ``pass``."""
+    return f"{GLYPHS[word]} {word}"
+
+
+def pluralise(number: int, noun: str, plural: str = "") -> str:
+    """Return ``1 run`` or ``2 runs``."""
+    return f"{number:,} {noun if number == 1 else plural or noun + 's'}"
+
+
+def quantity(value: float | None, unit: str, *, signed: bool = False) -> str:
+    """Return a value with three significant digits and its unit: ``+0.0312 m``."""
+    if value is None:
+        return NOTHING
+    if not math.isfinite(value):
+        number = ("+" if signed and value > 0 else "") + ("∞" if value > 0 else "−∞")
+        return number if not math.isnan(value) else "nan"
+    # The margin of a strict limit that is met exactly is less than nothing, by nothing.
+    shown = math.copysign(0.0, value) if abs(value) < sys.float_info.min * 2 else value
+    number = f"{shown:{'+' if signed else ''}.3g}"
+    if "e" in number and 1e-4 <= abs(value) < 1e6:
+        number = f"{value:{'+' if signed else ''}.0f}"
+    number = number.replace("-", "−")
+    return f"{number} {unit}" if unit not in ("", "1") else number
+
+
+def margin(value: float | None, unit: str) -> str:
+    """Return a signed margin with its unit; ``–`` when there is none."""
+    return quantity(value, unit, signed=True)
+
+
+def margin_bar(share: float, half: int = 4) -> str:
+    """Return a bar that grows from the middle: left for a limit broken, right for one kept.
+
+    ``share`` is cut to [-1, 1]; every side has ``half`` cells in steps of half a cell, and what is
+    not nothing shows at least one step.
+    """
+    filled = 0.0 if math.isnan(share) else min(abs(share), 1.0)
+    steps = math.ceil(2 * half * filled)
+    full, rest = divmod(steps, 2)
+    if share < 0:
+        return f"{'▐' * rest + '█' * full:>{half}}│{'':{half}}"
+    return f"{'':{half}}│{'█' * full + '▌' * rest:<{half}}"
+
+
+def time_text(seconds: float | None) -> str:
+    """Return a moment of simulated time: ``312.4 s``."""
+    return NOTHING if seconds is None else f"{seconds:.1f} s"
+
+
+def duration(seconds: float | None) -> str:
+    """Return a span for people: ``8 s``, ``3 min 20 s``, ``2 h 05 min``."""
+    if seconds is None or not math.isfinite(seconds):
+        return NOTHING
+    whole = max(0, round(seconds))
+    if whole < 60:
+        return f"{whole} s"
+    if whole < 3600:
+        return f"{whole // 60} min {whole % 60:02d} s"
+    if whole < 48 * 3600:
+        return f"{whole // 3600} h {whole % 3600 // 60:02d} min"
+    return f"{whole // 86400} d {whole % 86400 // 3600} h"
+
+
+def fine_duration(seconds: float) -> str:
+    """Return a span that may be shorter than a second: ``< 0.1 s``, ``0.4 s``, ``8 s``."""
+    if not 0.0 <= seconds < 0.95:
+        return duration(seconds)
+    return f"{seconds:.1f} s" if seconds >= 0.05 else "< 0.1 s"
+
+
+def brief_duration(seconds: float) -> str:
+    """Return a span in one unit, where there is little room: ``95 s``, ``12 min``, ``3 h``."""
+    return age_text(-seconds, 0.0).removesuffix(" ago")
+
+
+def brief_count(number: int) -> str:
+    """Return a count where there is little room: ``9,999``, ``12k``, ``3M``."""
+    if number < 10_000:
+        return f"{number:,}"
+    return f"{number // 1000}k" if number < 1_000_000 else f"{number // 1_000_000}M"
+
+
+def age_text(then: float, now: float) -> str:
+    """Return how long ago something was, in one unit: ``12 s ago``, ``25 h ago``."""
+    seconds = max(0.0, now - then)
+    for unit, size, most in (("s", 1, 60), ("min", 60, 3600), ("h", 3600, 48 * 3600)):
+        if seconds < most:
+            return f"{int(seconds // size)} {unit} ago"
+    return f"{int(seconds // 86400)} d ago"
+
+
+def rate_text(per_minute: float) -> str:
+    """Return a rate of runs: ``12.5 runs/min``."""
+    return f"{per_minute:.3g} runs/min" if per_minute > 0 else NOTHING
+
+
+def run_counts(row: CampaignRow | DaemonOverview) -> dict[str, int]:
+    """Return how many runs there are of each word, those that matter most first."""
+    counts = {
+        "fail": row.failed,
+        "error": row.errors,
+        "lost": row.lost,
+        "inconclusive": row.inconclusive,
+        "pass": row.passed,
+        "cancelled": row.cancelled,
+        "running": row.running,
+        "queued": row.queued,
+    }
+    return {word: count for word, count in counts.items() if count}
+
+
+def run_label(row: RunRow) -> str:
+    """Return the short name of a run: ``S1/pilot/3``."""
+    return f"{row.scenario}/{row.sut}/{row.repeat}"
+
+
+def verdict_line(verdict: Verdict) -> str:
+    """Return a verdict and its evidence: ``no-collision: −0.03 m at 512.0 s, door-3``."""
+    seen = verdict.evidence
+    parts = [f"{verdict.oracle}: {margin(verdict.margin, verdict.unit)}"]
+    if seen.time is not None:
+        parts.append(f"at {time_text(seen.time)}")
+    text = " ".join(parts)
+    for extra in (seen.object, seen.note):
+        if extra:
+            text += f", {extra}"
+    return text
+
+
+GOOD: Final = "#7fd88f"
+BAD: Final = "#ff7b7b"
+UNSURE: Final = "#f5c76a"
+BROKEN: Final = "#e29bff"
+BUSY: Final = "#8ab8ff"
+FACT: Final = "#7fd5e0"
+QUIET: Final = "#a0a4ad"
+
+DASHBOARD_STYLES: Final = {
+    "pass": GOOD,
+    "fail": f"bold {BAD}",
+    "inconclusive": UNSURE,
+    "error": f"bold {BROKEN}",
+    "measure": FACT,
+    "lost": f"bold {BROKEN}",
+    "cancelled": QUIET,
+    "queued": QUIET,
+    "running": BUSY,
+}
+"""A style for each word of :data:`scenario_tui.text.formatting.GLYPHS`."""

@@ -1,0 +1,155 @@
+"""The results of a campaign as people see them: runs, what it declares, how it is assessed."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+from daemon.judging.assessment import assess
+from daemon.model.assessments import (
+    Assessment,
+    AssessmentRules,
+    CellAssessment,
+    CellVerdict,
+    RunRecord,
+)
+from daemon.model.status import CampaignRow, RunRow
+from daemon.model.verdicts import Outcome
+from scenario_tui.client import DaemonClient, all_runs
+from scenario_tui.text.formatting import GLYPHS, SEVERITY, run_word
+
+UNFINISHED: tuple[str, ...] = ("running", "queued", "lost", "cancelled")
+"""Words of runs without a verdict, in the order a cell is named after them."""
+
+
+@dataclass(frozen=True, slots=True)
+class Conclusion:
+    """Whether a campaign is as expected: ``word`` names its glyph, ``text`` says it shortly."""
+
+    word: str
+    text: str
+    unexpected: int = 0
+
+    @property
+    def said(self) -> str:
+        """The text behind its glyph: ``✓ as expected``."""
+        return f"{GLYPHS[self.word]} {self.text}"
+
+
+@dataclass(frozen=True, slots=True)
+class CampaignResults:
+    """Everything known about a campaign; ``records`` are those of ``rows``, in order."""
+
+    row: CampaignRow
+    rows: tuple[RunRow, ...]
+    records: tuple[RunRecord, ...]
+    declared: AssessmentRules
+    assessment: Assessment
+    _by_id: Mapping[str, RunRecord] = field(init=False, repr=False, compare=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "_by_id", {record.id: record for record in self.records})
+
+    @property
+    def words(self) -> tuple[str, ...]:
+        """The word of each run."""
+        return tuple(run_word(row) for row in self.rows)
+
+    def records_of(self, cell: CellAssessment) -> tuple[RunRecord, ...]:
+        """Return the runs of a cell."""
+        return tuple(self._by_id[run] for run in cell.runs)
+
+    def word(self, cell: CellAssessment) -> str:
+        """Return the one word for a cell: a failure at once, else what it waits for or lacks."""
+        if cell.verdict is Outcome.FAIL:
+            return str(Outcome.FAIL)
+        states = {record.state for record in self.records_of(cell)}
+        return next((word for word in UNFINISHED if word in states), str(cell.verdict))
+
+    @property
+    def undecided(self) -> tuple[CellVerdict, ...]:
+        """What is neither as expected nor the opposite, of cells that have all their runs."""
+        surprising = {(s.scenario, s.sut, s.oracle) for s in self.assessment.surprises}
+        return tuple(
+            oracle
+            for cell in self.assessment.cells
+            for oracle in cell.oracles
+            if not oracle.met
+            and not oracle.missing
+            and (oracle.scenario, oracle.sut, oracle.oracle) not in surprising
+        )
+
+    @property
+    def unexecuted(self) -> tuple[RunRow, ...]:
+        """Runs that were given up or broke before anything could be judged."""
+        return tuple(row for row in self.rows if run_word(row) == "lost")
+
+    @property
+    def doubtful(self) -> tuple[RunRow, ...]:
+        """Runs that came out differently when the same was executed before."""
+        return tuple(row for row in self.rows if row.reason.startswith("nondeterministic"))
+
+
+def gather_results(daemon: DaemonClient, row: CampaignRow) -> CampaignResults:
+    """Ask for everything about a campaign and judge it."""
+    records, declared = daemon.records(row.id), daemon.declared(row.id)
+    rows = all_runs(daemon, row.id)
+    return CampaignResults(row, rows, records, declared, assess(declared, records))
+
+
+def fetch_conclusion(daemon: DaemonClient, row: CampaignRow) -> Conclusion:
+    """Ask for what decides whether a campaign is as expected, and no more."""
+    return conclude(assess(daemon.declared(row.id), daemon.records(row.id)), finished=row.finished)
+
+
+def conclude(assessment: Assessment, *, finished: bool) -> Conclusion:
+    """Return an assessment in two words; of an unfinished campaign what can be said so far."""
+    code, count = assessment.exit_code, len(assessment.surprises)
+    if code == 1:
+        return unexpected_conclusion(count)
+    if code == 0:
+        return Conclusion("pass", "as expected")
+    if code == 3:
+        return Conclusion("lost", "not all judged")
+    return (
+        Conclusion("inconclusive", "undecided")
+        if finished
+        else Conclusion("running", "so far fine")
+    )
+
+
+def unexpected_conclusion(count: int) -> Conclusion:
+    """Return that so many oracles or comparisons are not as expected."""
+    return Conclusion("fail", f"{count:,} unexpected", count)
+
+
+def overall_conclusion(
+    campaigns: Sequence[CampaignRow], conclusions: Mapping[str, Conclusion]
+) -> Conclusion | None:
+    """Return how the newest campaign of each name stands, all together.
+
+    ``campaigns`` are the newest first. Earlier ones of a name were superseded, by a repair say.
+    ``None`` while there is none that was judged.
+    """
+    newest: dict[str, CampaignRow] = {}
+    for row in campaigns:
+        newest.setdefault(row.name, row)
+    found = [conclusions[row.id] for row in newest.values() if row.id in conclusions]
+    if count := sum(one.unexpected for one in found):
+        return unexpected_conclusion(count)
+    return min(found, key=lambda one: SEVERITY.index(one.word), default=None)
+
+
+def leading_oracle(cell: CellAssessment) -> CellVerdict | None:
+    """Return the oracle that tells most about a cell.
+
+    Of those with the cell's verdict one that is not as expected comes first, then the smallest
+    margin: a tight pass is worth seeing.
+    """
+    found = [oracle for oracle in cell.oracles if oracle.verdict is cell.verdict]
+    return min(found, key=_interest, default=None)
+
+
+def _interest(oracle: CellVerdict) -> tuple[bool, bool, float]:
+    margin = oracle.worst.verdict.margin if oracle.worst else None
+    return oracle.met, margin is None, margin or 0.0

@@ -1,0 +1,129 @@
+"""Maps as files: occupancy grids of the building and of its doors in each state, and GeoJSON.
+
+GeoJSON (RFC 7946) is in metres of the plan's world frame, not in degrees: load it with a local
+(engineering) reference system. Exterior rings run counter-clockwise and are closed.
+"""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+from grammars.floorplan import FloorPlan
+from grammars.model.geometry import Ring
+from templates.naming import file_name
+from templates.occupancy import occupancy_grid, write_map
+from templates.world import ExportJob, start_positions
+
+
+def map_file(job: ExportJob) -> str:
+    """Return the map a navigation stack gets, relative to the folder of the world.
+
+    Worlds with objects have several maps, which then have a folder of their own.
+    """
+    return f"maps/{job.building}.yaml" if job.world.scene.objects else f"{job.building}.yaml"
+
+
+def write_maps(job: ExportJob) -> tuple[Path, ...]:
+    """Write the map without objects, with objects as they start, and in every named state.
+
+    A state that an object does not have leaves it as it starts.
+    """
+    scene, height = job.world.scene, job.laser_height
+    stem = job.path(*map_file(job).removesuffix(".yaml").split("/"))
+    variants: dict[str, dict[str, float] | None] = {"": None}
+    if scene.objects:
+        start = start_positions(scene, job.world.draws[0].behaviours)
+        variants["start"] = start
+        variants |= {file_name(name): start | dict(given) for name, given in job.world.states}
+    written: list[Path] = []
+    for name, joints in variants.items():
+        grid = occupancy_grid(scene, resolution=job.resolution, laser_height=height, joints=joints)
+        path = stem.with_name(f"{stem.name}-{name}" if name else stem.name)
+        written += write_map(grid, path, laser_height=height)
+    return tuple(written)
+
+
+def feature_collection(plan: FloorPlan) -> dict[str, Any]:
+    """Return the plan as a FeatureCollection, one polygon per space, wall, feature and opening.
+
+    A wall is its footprint before cutting, an opening its footprint through the wall(s). All
+    features have the properties ``kind``, ``name``, ``space``, ``index``, ``height``,
+    ``thickness``, ``z_min`` and ``z_max`` (metres; ``None`` where one does not apply); their
+    ``id`` is the published identifier.
+    """
+    spaces = [
+        _feature(s.name, s.outline, kind="space", name=s.name, space=s.name) for s in plan.spaces
+    ]
+    walls = [
+        _feature(
+            wall.id,
+            wall.footprint,
+            kind="wall",
+            name=wall.id,
+            space=wall.space,
+            index=wall.index,
+            thickness=wall.thickness,
+            **_extent(0.0, wall.height),
+        )
+        for wall in plan.walls
+    ]
+    standing = [
+        _feature(
+            item.id,
+            item.footprint,
+            kind=item.kind,
+            name=item.name,
+            space=item.space or None,
+            **_extent(0.0, item.height),
+        )
+        for item in plan.features
+    ]
+    openings = [
+        _feature(
+            opening.id,
+            opening.footprint,
+            kind=opening.kind,
+            name=opening.name,
+            thickness=opening.depth,
+            **_extent(opening.z_min, opening.z_max),
+        )
+        for opening in plan.openings
+    ]
+    features = spaces + walls + standing + openings
+    return {"type": "FeatureCollection", "name": plan.name, "features": features}
+
+
+def write_geojson(plan: FloorPlan, path: Path) -> Path:
+    """Write the plan as GeoJSON, one feature per line, and return the path."""
+    collection = feature_collection(plan)
+    lines = ",\n".join(_dump(feature) for feature in collection["features"])
+    head = f'{{"type": "FeatureCollection", "name": {_dump(plan.name)}, "features": [\n'
+    path.write_text(f"{head}{lines}\n]}}\n", encoding="utf-8")
+    return path
+
+
+def _dump(value: Any) -> str:
+    return json.dumps(value, ensure_ascii=False, allow_nan=False)
+
+
+def _extent(low: float, high: float) -> dict[str, float]:
+    return {"height": high - low, "z_min": low, "z_max": high}
+
+
+def _feature(id: str, ring: Ring, **known: Any) -> dict[str, Any]:
+    names = ("kind", "name", "space", "index", "height", "thickness", "z_min", "z_max")
+    return {
+        "type": "Feature",
+        "id": id,
+        "properties": {name: known.get(name) for name in names},
+        "geometry": {"type": "Polygon", "coordinates": [_exterior(ring)]},
+    }
+
+
+def _exterior(ring: Ring) -> list[list[float]]:
+    pairs = zip(ring, ring[1:] + ring[:1], strict=True)
+    twice_area = sum(p[0] * q[1] - q[0] * p[1] for p, q in pairs)
+    corners = ring if twice_area >= 0.0 else tuple(reversed(ring))
+    return [[x, y] for x, y in (*corners, corners[0])]

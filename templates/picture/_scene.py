@@ -1,0 +1,228 @@
+"""The scene on the page: floors, walls as they are cut, doors and furniture and where they can go."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any, Final
+
+import shapely
+from shapely.geometry import Point, Polygon
+
+from grammars.model.behaviour import Behaviour
+from grammars.model.geometry import Point2
+from grammars.model.kinematics import link_poses
+from grammars.model.scene import Joint, Link, Region, Scene, SceneObject
+from templates.picture._drawing import LETTER, Disc, DrawingItem, Labels, Shape, TextLabel
+from templates.picture._page import (
+    DOOR,
+    FLOOR,
+    LOW,
+    MOVER,
+    PAPER,
+    POST,
+    SOFT,
+    SWING,
+    WALL,
+    Page,
+    is_below,
+    is_cut,
+)
+from templates.world import driven_joints, link_poses_at
+
+_GRID: Final = 1e-6
+_ALONG: Final = (0.0, -0.12, 0.12, -0.24, 0.24, -0.34, 0.34)
+_ACROSS: Final = (0.0, -0.2, 0.2, -0.35, 0.35)
+"""Where a name may stand, in sides of the space from its middle."""
+
+
+def floors(scene: Scene, page: Page) -> list[DrawingItem]:
+    """Return the free floor: spaces and the passages between them."""
+    areas = [Polygon(r.outline) for r in scene.regions]
+    areas += [Polygon(d.footprint) for d in scene.doorways]
+    return [Shape(_rings(_union(areas), page), fill=FLOOR)] if areas else []
+
+
+def walls(scene: Scene, page: Page) -> list[DrawingItem]:
+    """Return what stands still: low things and sills in light, what is cut in dark."""
+    low = [Polygon(s.polygon) for s in scene.solids if is_below(s.z_min, s.z_max)]
+    cut = [Polygon(s.polygon) for s in scene.solids if is_cut(s.z_min, s.z_max)]
+    items: list[DrawingItem] = []
+    if low:
+        items.append(Shape(_rings(_union(low), page), fill=LOW, line=SOFT, width=0.6))
+    if cut:
+        items.append(Shape(_rings(_union(cut), page), fill=WALL))
+    return items
+
+
+def outlines(scene: Scene, page: Page) -> list[DrawingItem]:
+    """Return every solid the plan shows by itself, for texts to keep off."""
+    shown = (s for s in scene.solids if is_cut(s.z_min, s.z_max) or is_below(s.z_min, s.z_max))
+    return [Shape((page.ring(s.polygon),)) for s in shown]
+
+
+def space_names(scene: Scene, page: Page, labels: Labels) -> list[DrawingItem]:
+    """Return the name of every space, along its longer side, where it has most room."""
+    return [words for region in scene.regions if (words := _name(region, page, labels))]
+
+
+def _name(region: Region, page: Page, labels: Labels) -> TextLabel | None:
+    floor = Polygon(region.outline)
+    corners = shapely.get_coordinates(shapely.oriented_envelope(floor))
+    if floor.area <= 0.0 or len(corners) < 4:
+        return None
+    sides = [corners[1] - corners[0], corners[2] - corners[1]]
+    long, short = sorted(sides, key=lambda side: -math.hypot(*side))
+    length, breadth = math.hypot(*long), math.hypot(*short)
+    turn = math.atan2(long[1], long[0]) if length > 1.15 * breadth else 0.0
+    turn = math.remainder(turn, math.pi)
+    text = region.name.replace("_", " ")
+    room = (0.86 * length * page.scale, 0.7 * breadth * page.scale)
+    size = max(min(15.0, room[0] / (LETTER * max(len(text), 1)), room[1]), 6.5)
+    middle = corners[:4].mean(axis=0)
+    spots = [middle + long * a + short * b for a in _ALONG for b in _ACROSS]
+    inside = [(float(x), float(y)) for x, y in spots if floor.contains(Point(x, y))]
+    at = shapely.get_point(shapely.maximum_inscribed_circle(floor, tolerance=0.01), 0)
+    words = TextLabel(
+        page.point((at.x, at.y)),
+        text,
+        size,
+        SOFT,
+        turn=math.degrees(turn),
+        halo=FLOOR,
+        centred=True,
+    )
+    return labels.place(words, map(page.point, inside or [(at.x, at.y)]))
+
+
+def _union(areas: list[Polygon]) -> Any:
+    return shapely.union_all(areas, grid_size=_GRID)
+
+
+def _rings(area: Any, page: Page) -> tuple[tuple[tuple[float, float], ...], ...]:
+    found = []
+    for part in shapely.get_parts(area):
+        if part.geom_type == "Polygon":
+            for ring in (part.exterior, *part.interiors):
+                corners = shapely.get_coordinates(ring)[:-1].tolist()
+                found.append(page.ring(tuple((x, y) for x, y in corners)))
+    return tuple(found)
+
+
+_STEPS = 28
+
+
+def swings(scene: Scene, page: Page, start: Mapping[str, float]) -> list[DrawingItem]:
+    """Return the floor each moving link can sweep: sectors of hinges, tracks of sliders."""
+    items: list[DrawingItem] = []
+    for thing in scene.objects:
+        if thing.frozen:
+            continue
+        positions = [start[f"{thing.name}.{joint.name}"] for joint in thing.joints]
+        links = {link.name: link for link in thing.links}
+        moving = driven_joints(thing)
+        for index, joint in enumerate(thing.joints):
+            if joint in moving:
+                items += _swing(thing, joint, links[joint.child], positions, index, page)
+    return items
+
+
+def walks(behaviours: Sequence[Behaviour], page: Page) -> list[DrawingItem]:
+    """Return the routes of whoever walks, dotted, with their turning points."""
+    items: list[DrawingItem] = []
+    for behaviour in behaviours:
+        if behaviour.kind == "walk":
+            line = page.ring(behaviour.route)
+            items.append(Shape((line,), line=MOVER, width=1.8, dash=(1.5, 4.0), open=True))
+            items += [Disc(point, 2.6, MOVER) for point in line]
+    return items
+
+
+def bodies(scene: Scene, page: Page, start: Mapping[str, float]) -> list[DrawingItem]:
+    """Return every link of every object where it stands at the start."""
+    items: list[DrawingItem] = []
+    for thing in scene.objects:
+        poses = link_poses_at(thing, start)
+        moving = {joint.child for joint in thing.joints} if not thing.frozen else set()
+        for link in (link for link in thing.links if link.polygons):
+            rings = tuple(page.ring(poses[link.name].apply_ring(r)) for r in link.polygons)
+            colour = DOOR if link.name in moving else POST
+            items.append(Shape(rings, fill=colour, line=colour, width=1.2))
+    return items
+
+
+def object_names(
+    scene: Scene, page: Page, start: Mapping[str, float], labels: Labels
+) -> list[DrawingItem]:
+    """Return the name of every object, beside it."""
+    size = min(12.5, max(9.5, 0.38 * page.scale))
+    items: list[DrawingItem] = []
+    for thing in scene.objects:
+        corners = [
+            page.point(pose.apply(corner))
+            for pose, link in zip(link_poses_at(thing, start).values(), thing.links, strict=True)
+            for ring in link.polygons
+            for corner in ring
+        ]
+        if not corners:
+            continue
+        text = thing.name.replace("_", " ")
+        words = TextLabel(_mean(corners), text, size, DOOR, halo=PAPER, centred=True)
+        items.append(labels.place(words, _around(corners, words)))
+    return items
+
+
+def _around(corners: list[Point2], words: TextLabel) -> list[Point2]:
+    """Return spots for a text around the box of ``corners``, nearer ones first."""
+    xs, ys = [c[0] for c in corners], [c[1] for c in corners]
+    x, y = (min(xs) + max(xs)) / 2.0, (min(ys) + max(ys)) / 2.0
+    wide = (max(xs) - min(xs)) / 2.0 + LETTER * words.size * len(words.text) / 2.0 + 6.0
+    high = (max(ys) - min(ys)) / 2.0 + words.size * 0.6 + 5.0
+    ways = ((1, 0), (-1, 0), (0, -1), (0, 1), (1, -1), (-1, 1), (1, 1), (-1, -1))
+    return [
+        (round(x + far * a * wide, 2), round(y + far * b * high, 2))
+        for far in (1.0, 1.4)
+        for a, b in ways
+    ]
+
+
+def _swing(
+    thing: SceneObject,
+    joint: Joint,
+    link: Link,
+    positions: list[float],
+    index: int,
+    page: Page,
+) -> list[DrawingItem]:
+    def at(position: float, point: Point2) -> Point2:
+        moved = [*positions[:index], position, *positions[index + 1 :]]
+        return link_poses(thing, moved)[link.name].apply(point)
+
+    if not (math.isfinite(joint.lower) and math.isfinite(joint.upper)):
+        return []
+    if joint.kind == "prismatic":
+        ends = (joint.lower, joint.upper)
+        return [
+            Shape(
+                tuple(page.ring(tuple(at(end, c) for c in ring)) for ring in link.polygons),
+                line=SWING,
+                width=1.0,
+                dash=(4.0, 3.0),
+            )
+            for end in ends
+        ]
+    corners = [corner for ring in link.polygons for corner in ring]
+    tip = max(corners, key=lambda c: math.dist(c, joint.anchor))
+    upper = min(joint.upper, joint.lower + math.tau)
+    angles = [joint.lower + (upper - joint.lower) * i / _STEPS for i in range(_STEPS + 1)]
+    arc = page.ring(tuple(at(angle, tip) for angle in angles))
+    hinge = page.point(at(joint.lower, joint.anchor))
+    return [
+        Shape(((hinge, *arc),), fill=SWING, opacity=0.28),
+        Shape((arc,), line=SWING, width=1.1, dash=(4.0, 3.0), open=True),
+    ]
+
+
+def _mean(points: list[Point2]) -> Point2:
+    n = len(points)
+    return (sum(p[0] for p in points) / n, sum(p[1] for p in points) / n)
