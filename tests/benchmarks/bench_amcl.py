@@ -21,8 +21,8 @@ from daemon.stacks.ros1.amcl.laser_model import distance_field, map_range
 from daemon.stacks.ros1.quirks import ORIGINAL
 from grammars.model.geometry import Pose2
 from grammars.model.grid import FREE, OCCUPIED, OccupancyGrid
-from tests.daemon.navigation.ros.amcl.plain import PlainAmcl
-from tests.daemon.navigation.ros.amcl.world import LASER, PUBLISHED
+from tests.daemon.stacks.ros1.amcl.plain import PlainAmcl
+from tests.daemon.stacks.ros1.amcl.world import LASER, PUBLISHED
 
 UPDATES = 120
 BLOCK = 20

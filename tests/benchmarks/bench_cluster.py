@@ -15,9 +15,9 @@ from pathlib import Path
 import psutil
 
 from daemon.batch.client import Client
-from tests.daemon.dask_harness import dask_in, gateway_for
-from tests.daemon.harness import daemon_at, eventually, family
-from tests.daemon.samples import make_submission
+from tests.daemon.batch.dask_harness import dask_in, gateway_for
+from tests.daemon.batch.harness import daemon_at, eventually, family
+from tests.daemon.batch.samples import make_submission
 
 _RUNS = 400
 _SLOTS = 2

@@ -24,8 +24,8 @@ from daemon.campaign import expand, load_campaign
 from daemon.model.execution import DEFAULT_EXECUTOR
 from daemon.model.status import Submission
 from tests.chaos.light import Crew, LightWorker
-from tests.daemon.harness import DaemonPart, daemon_at, eventually, family, finished
-from tests.daemon.samples import make_submission
+from tests.daemon.batch.harness import DaemonPart, daemon_at, eventually, family, finished
+from tests.daemon.batch.samples import make_submission
 
 EMPTY = 3000
 QUEUED = 100_000

@@ -21,15 +21,7 @@ from daemon.stacks.ros1.dwa.cycle import allocate_buffers, allocate_scoring_grid
 from daemon.stacks.ros1.dwa.map_grid import passable_cells
 from daemon.stacks.ros1.quirks import ORIGINAL
 from grammars.model.geometry import Floats, Pose2, Twist2
-from tests.daemon.navigation.ros.dwa.helpers import (
-    A2S,
-    LARGE,
-    OMNI,
-    SMALL,
-    Problem,
-    settings,
-    singles,
-)
+from tests.daemon.stacks.ros1.dwa.helpers import A2S, LARGE, OMNI, SMALL, Problem, settings, singles
 
 PROBLEMS = 24
 REPEATS = 5

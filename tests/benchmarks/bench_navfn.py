@@ -16,7 +16,7 @@ import numpy as np
 from daemon.stacks import warm_up
 from daemon.stacks.ros1.cost_grid import CostGrid
 from daemon.stacks.ros1.navfn import PotentialField
-from tests.daemon.navigation.ros.navfn import building
+from tests.daemon.stacks.ros1.navfn import building
 
 STEP = 0.04
 """Metres between two plans: 136 m in about 3400 plans."""

@@ -32,8 +32,8 @@ from daemon.model.messages import (
 )
 from daemon.model.spec import TraceInfo
 from tests.benchmarks.bench_daemon import cpu, fresh, row
-from tests.daemon.harness import DaemonPart
-from tests.daemon.samples import make_result, make_submission
+from tests.daemon.batch.harness import DaemonPart
+from tests.daemon.batch.samples import make_result, make_submission
 
 SIZE = 64 * 2**20
 SMALL = 64 * 2**10

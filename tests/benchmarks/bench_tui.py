@@ -20,9 +20,9 @@ from pathlib import Path
 
 import psutil
 
-from tests.daemon.harness import DaemonPart, daemon_at, eventually, finished
-from tests.daemon.samples import make_spec, make_submission, submission_of
-from tests.scenario_tui.terminal import Terminal, scenario, terminal
+from tests.daemon.batch.harness import DaemonPart, daemon_at, eventually, finished
+from tests.daemon.batch.samples import make_spec, make_submission, submission_of
+from tests.scenario_tui.terminal.pseudo_terminal.pseudo_terminal import Terminal, scenario, terminal
 
 MANY = 100_000
 STARTS = 7
@@ -263,8 +263,8 @@ def per_second(shown: Terminal) -> str:
 
 async def an_hour() -> None:
     """Telemetry ten times a second, taken in every second and drawn every ten."""
+    from tests.scenario_tui.dashboard.inline import make_dashboard, press, settle
     from tests.scenario_tui.fake import FakeDaemon, make_live
-    from tests.scenario_tui.inline import make_dashboard, press, settle
 
     fake = FakeDaemon()
     process, start = psutil.Process(), 0.0

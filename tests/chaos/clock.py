@@ -10,8 +10,8 @@ from daemon.batch.client import Client
 from daemon.batch.paths import write_atomically
 from tests.chaos.report import Report
 from tests.chaos.verify import verify
-from tests.daemon.harness import daemon_at, eventually, finished, worker_for
-from tests.daemon.samples import make_submission
+from tests.daemon.batch.harness import daemon_at, eventually, finished, worker_for
+from tests.daemon.batch.samples import make_submission
 
 EXECUTOR = "tests.chaos.executor:execute"
 STEPPED = "tests.chaos.stepped"

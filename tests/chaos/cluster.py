@@ -13,9 +13,9 @@ import psutil
 from tests.chaos.report import Report
 from tests.chaos.verify import verify
 from tests.chaos.violence import EXECUTOR, attempts_below, progress
-from tests.daemon.dask_harness import Dask, dask_in, gateway_for
-from tests.daemon.harness import Part, daemon_at
-from tests.daemon.samples import make_spec, submission_of
+from tests.daemon.batch.dask_harness import Dask, dask_in, gateway_for
+from tests.daemon.batch.harness import Part, daemon_at
+from tests.daemon.batch.samples import make_spec, submission_of
 
 THREADS = 2
 WORKERS = 2

@@ -11,7 +11,7 @@ from daemon.batch.client import Client
 from tests.chaos.links import links, may_make_namespaces
 from tests.chaos.report import Report
 from tests.chaos.verify import verify
-from tests.daemon.harness import (
+from tests.daemon.batch.harness import (
     DaemonPart,
     daemon_at,
     eventually,
@@ -19,7 +19,7 @@ from tests.daemon.harness import (
     free_endpoint,
     worker_for,
 )
-from tests.daemon.samples import make_submission
+from tests.daemon.batch.samples import make_submission
 
 EXECUTOR = "tests.chaos.executor:execute"
 

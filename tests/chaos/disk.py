@@ -13,8 +13,8 @@ from pathlib import Path
 from daemon.batch.client import Client
 from tests.chaos.report import Report
 from tests.chaos.verify import verify
-from tests.daemon.harness import daemon_at, eventually, finished
-from tests.daemon.samples import make_submission
+from tests.daemon.batch.harness import daemon_at, eventually, finished
+from tests.daemon.batch.samples import make_submission
 
 EXECUTOR = "tests.chaos.executor:execute"
 SIZE = 64

@@ -17,7 +17,7 @@ from mcap.writer import CompressionType, Writer
 
 from daemon.model.spec import RunResult, RunSpec, Snapshot, TraceInfo
 from grammars.model.scene import Scene
-from tests.daemon.samples import make_result
+from tests.daemon.batch.samples import make_result
 
 MESSAGES = 20
 

@@ -27,7 +27,7 @@ from daemon.model.messages import (
     Verb,
     WorkerInfo,
 )
-from tests.daemon.samples import make_result
+from tests.daemon.batch.samples import make_result
 
 
 class LightWorker:

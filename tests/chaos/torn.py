@@ -14,8 +14,8 @@ from daemon.batch.ledger import connect
 from tests.chaos.light import Crew
 from tests.chaos.report import Report
 from tests.chaos.verify import check_book
-from tests.daemon.harness import daemon_at, eventually
-from tests.daemon.samples import make_submission
+from tests.daemon.batch.harness import daemon_at, eventually
+from tests.daemon.batch.samples import make_submission
 
 CREW = 4
 

@@ -18,8 +18,8 @@ from daemon.batch.errors import DaemonError
 from tests.chaos.links import Link, links, may_make_namespaces
 from tests.chaos.report import Report
 from tests.chaos.verify import verify
-from tests.daemon.harness import DaemonPart, Part, daemon_at, free_endpoint, worker_for
-from tests.daemon.samples import make_spec, submission_of
+from tests.daemon.batch.harness import DaemonPart, Part, daemon_at, free_endpoint, worker_for
+from tests.daemon.batch.samples import make_spec, submission_of
 
 EXECUTOR = "tests.chaos.executor:execute"
 LOCAL, REMOTE = 2, 4

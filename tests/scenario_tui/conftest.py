@@ -8,8 +8,8 @@ from typing import NamedTuple
 import pytest
 
 from scenario_tui.cli import invoke, target
+from tests.scenario_tui.cli.outputs import declared
 from tests.scenario_tui.fake import FakeDaemon
-from tests.scenario_tui.outputs import declared
 
 
 class Said(NamedTuple):

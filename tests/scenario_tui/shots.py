@@ -30,10 +30,10 @@ from scenario_tui.dashboard.key_bindings import list_key_bindings
 from scenario_tui.dashboard.playback import open_playback
 from scenario_tui.dashboard.screens.compare import CompareScreen
 from scenario_tui.dashboard.screens.replay import ReplayApp, ReplayScreen
-from tests.scenario_tui.driven import until
+from tests.scenario_tui.dashboard.driven import until
+from tests.scenario_tui.dashboard.inline import make_dashboard, press, settle
+from tests.scenario_tui.dashboard.judged_campaign import judged_campaign
 from tests.scenario_tui.fake import FakeDaemon, make_live, make_result, make_rows
-from tests.scenario_tui.inline import make_dashboard, press, settle
-from tests.scenario_tui.judged_campaign import judged_campaign
 from tests.scenario_tui.recorded import HIT, make_run, record_run
 
 ROOT: Final = Path(__file__).parents[2]

@@ -9,8 +9,8 @@ import pytest
 
 from daemon.model.verdicts import Outcome
 from scenario_tui.cli import invoke
-from tests.daemon.blame.cases import CAMPAIGN, failing_if, pretend, write
-from tests.scenario_tui.outputs import declared
+from tests.daemon.analysis.blame.cases import CAMPAIGN, failing_if, pretend, write
+from tests.scenario_tui.cli.outputs import declared
 
 
 @pytest.fixture

@@ -16,7 +16,7 @@ from daemon.batch.ledger import LedgerWriter, connect
 from daemon.model.messages import Completion
 from daemon.model.verdicts import Outcome
 from scenario_tui.cli import invoke
-from tests.daemon.samples import make_result, make_spec, submission_of
+from tests.daemon.batch.samples import make_result, make_spec, submission_of
 from tests.scenario_tui.fake import CAMPAIGN, FakeDaemon
 
 NOW = 1_000_000.0

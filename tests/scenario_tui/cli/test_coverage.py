@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from scenario_tui.cli import invoke
-from tests.daemon.old_runs import drive, spec
-from tests.scenario_tui.outputs import declared
+from tests.daemon.analysis.old_runs import drive, spec
+from tests.scenario_tui.cli.outputs import declared
 
 
 def test_before_running_a_campaign_file_is_enough(

@@ -17,10 +17,10 @@ from daemon.model.spec import RunResult, Timing, TraceInfo
 from daemon.model.status import Submission
 from daemon.trace import read_trace
 from scenario_tui.cli import invoke
-from tests.daemon.harness import DaemonPart, daemon_at
-from tests.daemon.oracles.traces import CORRIDOR
-from tests.daemon.report.recordings import DECLARED, OPEN, SHUT, SUTS, record, spec
-from tests.scenario_tui.outputs import declared
+from tests.daemon.analysis.report.recordings import DECLARED, OPEN, SHUT, SUTS, record, spec
+from tests.daemon.batch.harness import DaemonPart, daemon_at
+from tests.daemon.judging.oracles.traces import CORRIDOR
+from tests.scenario_tui.cli.outputs import declared
 
 
 def campaign_at(places: StatePaths, store: str = "") -> None:

@@ -9,8 +9,8 @@ import pytest
 
 from daemon.model.spec import OracleText
 from scenario_tui.cli import invoke
-from tests.daemon.old_runs import drive, spec
-from tests.scenario_tui.outputs import declared
+from tests.daemon.analysis.old_runs import drive, spec
+from tests.scenario_tui.cli.outputs import declared
 
 
 @pytest.fixture

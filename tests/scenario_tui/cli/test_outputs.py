@@ -15,8 +15,8 @@ from scenario_tui.cli import command_line
 from scenario_tui.cli.exit_codes import ExitCode
 from scenario_tui.cli.output import emit
 from scenario_tui.cli.output_schemas import OUTPUTS
+from tests.scenario_tui.cli.outputs import declared
 from tests.scenario_tui.fake import CAMPAIGN
-from tests.scenario_tui.outputs import declared
 
 DOC = Path(__file__).parents[3] / "docs" / "command-line.md"
 SILENT = {"tui", "daemon", "worker", "schema", "vscode"}

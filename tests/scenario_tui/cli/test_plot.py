@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from scenario_tui.cli import invoke
 from scenario_tui.text.signal_plot import Curve, draw_curve, envelope
-from tests.scenario_tui.outputs import declared
+from tests.scenario_tui.cli.outputs import declared
 from tests.scenario_tui.recorded import record_run
 
 

@@ -21,7 +21,7 @@ from pathlib import Path
 import pytest
 
 from scenario_tui.cli.exit_codes import exit_code
-from tests.scenario_tui.outputs import declared
+from tests.scenario_tui.cli.outputs import declared
 
 COMMAND = [sys.executable, "-c", "from scenario_tui.cli import main; main()"]
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from scenario_tui.cli import invoke
-from tests.scenario_tui.outputs import declared
+from tests.scenario_tui.cli.outputs import declared
 from tests.scenario_tui.recorded import HIT, record_run
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from scenario_tui.cli import command_line
-from tests.scenario_tui.outputs import declared
+from tests.scenario_tui.cli.outputs import declared
 
 
 def shown(capsys: pytest.CaptureFixture[str], *arguments: str) -> str:

@@ -1,0 +1,65 @@
+"""Which run is meant by what people write."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from daemon.analysis.blame import find_run
+from daemon.batch.paths import StatePaths
+from daemon.campaign import expand, load_campaign
+from daemon.run import execute
+from tests.daemon.analysis.blame.cases import CAMPAIGN, write
+
+
+@pytest.fixture
+def places(tmp_path: Path) -> StatePaths:
+    return StatePaths(tmp_path / "state")
+
+
+def test_a_place_in_a_campaign_file(places: StatePaths) -> None:
+    meant = find_run(["c.yaml", "S1", "pilot", "3"], places)
+    assert (meant.campaign, meant.scenario, meant.sut, meant.repeat) == (
+        Path("c.yaml"),
+        "S1",
+        "pilot",
+        3,
+    )
+    assert find_run(["c.yaml", "S1"], places).sut == ""
+    assert find_run(["c.yaml", "S1", "pilot"], places).repeat == 0
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["c.yaml"], "SCENARIO SUT REPEAT"),
+        (["c.yaml", "S1", "pilot", "-1"], "count from 0"),
+        (["nothing"], "no campaign or run"),
+        (["a.mcap", "S1"], "or CAMPAIGN.yaml SCENARIO"),
+    ],
+)
+def test_what_names_no_run_is_refused(places: StatePaths, words: list[str], message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        find_run(words, places)
+
+
+def test_a_trace_is_of_the_campaign_file_that_specifies_it(
+    folder: Path, places: StatePaths, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    file = write(folder, CAMPAIGN.replace("16 s", "1 s"))
+    planned = expand(load_campaign(file))
+    execute(planned.runs[1], planned.scenes[0], trace_path=folder / "run.mcap")
+    monkeypatch.chdir(folder.parent)
+    meant = find_run(["demo/run.mcap"], places)
+    assert meant.campaign.resolve() == file
+    assert (meant.scenario, meant.sut, meant.repeat, meant.note) == ("rude", "pilot", 1, "")
+
+    file.write_text(file.read_text().replace("near: 1 m", "near: 99 cm"))
+    with pytest.raises(ValueError, match="does not specify this run any more.*--campaign"):
+        find_run(["demo/run.mcap"], places)
+    assert "layers have changed" in find_run(["demo/run.mcap"], places, file).note
+
+    file.unlink()
+    with pytest.raises(ValueError, match="no campaign file tiny"):
+        find_run(["demo/run.mcap"], places)

@@ -1,0 +1,88 @@
+"""Runs in processes of their own: what becomes of those that do not end well."""
+
+from __future__ import annotations
+
+import dataclasses
+import os
+import time
+from pathlib import Path
+
+import pytest
+
+from daemon.analysis.blame import BudgetSpentError, Candidate, CandidateRunner, execute_candidates
+from daemon.campaign import expand, load_campaign
+from daemon.model.verdicts import Outcome
+from tests.daemon.analysis.blame.cases import CAMPAIGN, failing_if, pretend, write
+
+
+@pytest.fixture
+def candidate(folder: Path) -> Candidate:
+    planned = expand(load_campaign(write(folder, CAMPAIGN.replace("16 s", "1 s"))))
+    return Candidate(planned.runs[0], planned.scenes[0])
+
+
+def numbered(candidate: Candidate, count: int) -> list[Candidate]:
+    return [
+        Candidate(dataclasses.replace(candidate.spec, seed=seed), candidate.scene)
+        for seed in range(count)
+    ]
+
+
+def test_verdicts_come_back_and_a_process_that_dies_is_unresolved(
+    candidate: Candidate, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    doomed = dataclasses.replace(candidate.spec, seed=1)
+
+    def execute(spec, scene, **rest):
+        if spec.seed == 1:
+            os._exit(3)
+        return real(spec, scene, **rest)
+
+    from daemon.analysis.blame import _runner
+
+    real = _runner.execute
+    monkeypatch.setattr(_runner, "execute", execute)
+    good, bad = execute_candidates([candidate, Candidate(doomed, candidate.scene)])
+    assert [one.word for one in good] == ["fail", "pass"]
+    assert [one.verdict.oracle for one in good] == ["reached", "no-contact"]
+    assert {one.word for one in bad} == {"unresolved"}
+    assert bad[0].verdict.evidence.note == "its process did not end well"
+
+
+def test_an_interrupt_leaves_no_process_behind(
+    candidate: Candidate, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    def execute(*_, **__) -> None:
+        (tmp_path / str(os.getpid())).touch()
+        time.sleep(60.0)
+
+    def interrupted(*_) -> None:
+        while len(list(tmp_path.glob("[0-9]*"))) < 2:
+            time.sleep(0.01)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("daemon.run.execute", execute)
+    monkeypatch.setattr("daemon.analysis.blame._runner._await", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        execute_candidates(numbered(candidate, 2))
+    for name in tmp_path.glob("[0-9]*"):
+        with pytest.raises(ProcessLookupError):
+            os.kill(int(name.name), 0)
+
+
+def test_candidates_run_in_batches_up_to_the_first_that_fails(
+    candidate: Candidate, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pretended = pretend(monkeypatch, failing_if(lambda spec: spec.seed == 2))
+    single = dataclasses.replace(candidate.spec, oracles=candidate.spec.oracles[:1])
+    tried = numbered(Candidate(single, candidate.scene), 6)
+    runner = CandidateRunner(4)
+    assert runner.first_failing([None, *tried[:2]]) is None
+    assert runner.first_failing(tried) == 2
+    assert [spec.seed for spec in pretended.specs] == [0, 1, 2, 3], "the batch of the failing one"
+    assert (runner.runs, runner.cached) == (4, 2)
+    known = runner.known(tried[2])
+    assert known is not None
+    assert known.verdict.outcome is Outcome.FAIL
+    with pytest.raises(BudgetSpentError):
+        runner.first_failing(tried[4:])

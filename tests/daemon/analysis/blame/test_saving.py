@@ -1,0 +1,213 @@
+"""The smallest failing run, written as a campaign: it specifies the very run, and fails again."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from daemon.analysis.blame import (
+    Candidate,
+    CandidateRunner,
+    behaviour_sentences,
+    explain_failure,
+    load_case,
+    save_campaign,
+    sut_differences,
+)
+from daemon.campaign import CampaignCell, LayerLibrary, check, expand, load_campaign
+from daemon.model.verdicts import Outcome
+from daemon.run import execute
+from grammars.floorplan import load_floorplan
+from grammars.jsonld import scenery_document
+from grammars.scenery import load_scenery, parse_scenery
+from grammars.scenery.composition import compile_scene, resolve_behaviours
+from grammars.text.diagnostics import Severity
+from tests.daemon.analysis.blame.cases import CAMPAIGN, failing_if, pretend, write
+
+EVERYTHING = """
+bedroom_door goes from open to closed when waypoint living-room is reached, after 1500 ms, by jump
+kitchen_door goes from ajar to 10 deg when leg 2 begins,
+    by spring of 0.3 N m/rad damped by 0.1 N m s/rad
+living_room_door goes from open to closed when the robot's footprint is within 70 cm of its leaf,
+    starting at 0.3 m, again beyond 1.3 m, by servo at 0.4 m/s with 60 N
+visitor walks along (6.6 m, 0 m), (1.6 m, 0 m), (2 m, 0.3 m), at 0.7 m/s, back and forth,
+    pausing 2 s, facing 30 deg, when kitchen_door fires, after 3 s, yielding within 80 cm
+tom walks along (-1.8 m, -0.9 m), (-1.8 m, 0.9 m), (-0.4 m, 0.9 m) of living_room, round,
+    accelerating at 2 m/s^2, pausing 500 ms at every point, from 1 s, facing sideways
+"""
+CLOCK = """
+bedroom_door toggles between closed and open after uniform 3 s to 9 s, from 1 s
+kitchen_door moves to closed at 0 s, to open at 8.3 s, by spring of 0.5 N m/rad
+living_room_door stays at 1.1 m
+visitor walks along (6.6 m, 0 m), (1.6 m, 0 m), once, when bedroom_door starts to move
+"""
+
+
+@pytest.mark.parametrize("text", [EVERYTHING, CLOCK])
+def test_behaviours_written_as_sentences_mean_the_same_to_the_last_bit(
+    campaigns: Path, text: str
+) -> None:
+    demo = campaigns / "demo"
+    objects = [load_scenery(demo / f"{name}.scenery") for name in ("doors", "people")]
+    scene = compile_scene(load_floorplan(demo / "flat.fpm"), objects)
+
+    def meant(said: str):
+        layers = [*objects, parse_scenery(said, "said.scenery")]
+        seed = np.random.SeedSequence(5)
+        return resolve_behaviours(scene, layers, seed=seed, limit=60.0).behaviours
+
+    behaviours = meant(text)
+    assert len(behaviours) >= 4
+    assert meant(behaviour_sentences(behaviours, scene)) == behaviours
+
+
+def test_a_saved_run_is_the_smallest_one(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (folder / "later.scenery").write_text("kitchen_door starts at 20 deg\ntom is frozen\n")
+    models, instances = (folder / "people.scenery").read_text().split("visitor       is a")
+    (folder / "kinds.scenery").write_text(models)
+    (folder / "people.scenery").write_text(f"visitor       is a{instances}")
+    text = CAMPAIGN.replace("[doors, people]", "[kinds, doors, people, later]")
+
+    def fails(spec) -> bool:
+        joints = {b.joint for b in spec.behaviours}
+        return {"kitchen_door.hinge", "visitor.x"} <= joints and spec.repeat == 1
+
+    pretend(monkeypatch, failing_if(fails))
+    case = load_case(write(folder, text), "rude", "pilot", 1)
+    runner = CandidateRunner(200)
+    found = explain_failure(case, runner)
+    assert found.story.objects == ("kitchen_door", "visitor")
+    file = save_campaign(case, found, folder / "saved", runner)
+    assert "person" in (folder / "saved" / "kinds.scenery").read_text()
+    assert "cat" not in (folder / "saved" / "kinds.scenery").read_text()
+    campaign = load_campaign(file)
+    (_, run) = expand(campaign).runs
+    smallest = found.smallest.spec
+    assert run.scene == smallest.scene
+    assert run.behaviours == smallest.behaviours
+    assert (run.seed, run.mission, run.oracles) == (
+        smallest.seed,
+        smallest.mission,
+        smallest.oracles,
+    )
+    assert "repeat 1 that fails" in file.read_text()
+    assert not [d for d in check(campaign) if d.severity is Severity.ERROR]
+
+
+def test_a_run_that_fails_in_the_first_repeat_as_well_is_saved_as_one(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pretend(monkeypatch, failing_if(lambda spec: bool(spec.behaviours)))
+    case = load_case(write(folder), "rude", "pilot", 1)
+    runner = CandidateRunner(200)
+    file = save_campaign(case, explain_failure(case, runner), folder / "saved", runner)
+    assert [run.repeat for run in expand(load_campaign(file)).runs] == [0]
+
+
+def test_it_can_be_moved_elsewhere_and_fails_in_the_same_way(folder: Path, tmp_path: Path) -> None:
+    text = CAMPAIGN.replace("[doors, people]", "doors").replace("16 s", "26 s")
+    text = text.replace(": {near: 1 m}", "")
+    (folder / "courier.mission.yaml").write_text(
+        "mission: courier\nwaypoints:\n  - {id: hall, x: 1.0, y: 0.0}\n"
+        "  - {id: kitchen, x: 0.2, y: -2.1}\n"
+    )
+    case = load_case(write(folder, text), "rude", "pilot", 1)
+    runner = CandidateRunner(60)
+    found = explain_failure(case, runner)
+    story = found.story
+    assert story.minimal
+    assert (story.objects, story.waypoints) == (("kitchen_door",), ("kitchen",))
+    assert str(story.flips) == "doors_in_your_face"
+    save_campaign(case, found, folder / "saved", runner)
+    moved = Path(shutil.move(folder / "saved", tmp_path / "elsewhere"))
+    shutil.rmtree(folder)
+    planned = expand(load_campaign(moved / "campaign.yaml"))
+    run = planned.runs[-1]
+    result = execute(run, planned.scenes[0], trace_path=tmp_path / "again.mcap")
+    (verdict,) = result.verdicts
+    assert verdict.outcome is Outcome.FAIL
+    assert verdict.oracle == story.verdict.oracle
+    if run.seed == found.smallest.spec.seed:
+        assert verdict == story.last, "the same run, the same verdict"
+
+
+def ros_cell(campaigns: Path, tmp_path: Path) -> tuple[CampaignCell, Path]:
+    for name in ("ortega2024", "robots", "suts"):
+        shutil.copytree(campaigns / name, tmp_path / name)
+    text = (tmp_path / "ortega2024" / "first.yaml").read_text()
+    path = tmp_path / "ortega2024" / "ros.yaml"
+    path.write_text(text.replace("sut: [pilot]", "sut: [fro-diff, a2s]"))
+    return load_campaign(path).cells[0], path
+
+
+def test_the_three_mistakes_of_the_papers_stack_are_three_suspects(
+    campaigns: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    cell, path = ros_cell(campaigns, tmp_path)
+    corrected, a2s = cell.suts
+    found = sut_differences(cell, a2s, path.parent, LayerLibrary(path.parent))
+    names = [element.name.partition(":")[0] for element in found.elements]
+    assert found.like == "fro-diff"
+    assert len(names) == 3
+    assert names == ["footprint", "scan/topic", "amcl/odom_model_type"]
+    assert found.sut(()).parameters == corrected.parameters
+    assert found.sut(found.elements) == a2s
+
+    small = next(e for e in found.elements if "footprint" in e.name)
+    wanted = found.sut((small,)).parameters
+    tiny = wanted["move_base"]["local_costmap"]["footprint"]
+
+    def fails(spec) -> bool:
+        return bool(spec.sut.parameters["move_base"]["local_costmap"]["footprint"] == tiny)
+
+    pretend(monkeypatch, failing_if(fails))
+    case = load_case(path, "S1", "a2s", 0)
+    runner = CandidateRunner(200)
+    blamed = explain_failure(case, runner)
+    assert [str(one.element) for one in blamed.story.layers] == [small.name]
+    file = save_campaign(case, blamed, tmp_path / "saved", runner)
+    (run,) = expand(load_campaign(file)).runs
+    assert run.sut.parameters == wanted
+    assert "like:" in (tmp_path / "saved" / "suts" / "a2s.yaml").read_text()
+
+
+def test_a_variant_of_a_plan_and_layers_of_others_are_saved_as_they_are(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    layers = [load_scenery(folder / f"{name}.scenery") for name in ("doors", "people")]
+    plan = load_floorplan(folder / "flat.fpm")
+    document = scenery_document(layers[1], plan, layers)
+    (folder / "crowd.jsonld").write_text(json.dumps(document))
+    text = CAMPAIGN.replace("floorplan: flat", "vary: {floorplan: flat, samples: 2}")
+    text = text.replace("[doors, people]", "[crowd]").replace("[reached, no-contact]", "[reached]")
+    text = text.replace("    behaviours:\n      - doors_open\n", "")
+    text = text.replace("      - doors_in_your_face: {near: 1 m}\n", "")
+    pretend(monkeypatch, failing_if(lambda spec: any(b.joint == "tom.x" for b in spec.behaviours)))
+    path = write(folder, text)
+    case = load_case(path, load_campaign(path).cells[-1].name, "", 0)
+    runner = CandidateRunner(100)
+    found = explain_failure(case, runner)
+    assert found.story.objects == ("tom",)
+    (run,) = expand(load_campaign(save_campaign(case, found, folder / "saved", runner))).runs
+    assert (run.scene, run.behaviours) == (
+        found.smallest.spec.scene,
+        found.smallest.spec.behaviours,
+    )
+
+
+def test_files_that_would_specify_another_run_are_refused(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pretend(monkeypatch, failing_if(lambda spec: bool(spec.behaviours)))
+    case = load_case(write(folder), "rude", "", 0)
+    runner = CandidateRunner(100)
+    found = explain_failure(case, runner)
+    other = replace(found.smallest.spec, limit=17.0)
+    changed = replace(found, smallest=Candidate(other, found.smallest.scene))
+    with pytest.raises(ValueError, match="its limit differs"):
+        save_campaign(case, changed, folder / "saved", runner)

@@ -1,0 +1,42 @@
+"""One campaign recorded and one page written, looked at by many tests."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from daemon.analysis.report import (
+    ReportData,
+    SuggestedCommand,
+    folder_input,
+    read_report_data,
+    write_campaign_note,
+    write_page,
+)
+from daemon.model.status import Submission
+from tests.daemon.analysis.report.recordings import ABOUT, DECLARED, NAME, record_all
+from tests.daemon.judging.oracles.traces import CORRIDOR
+
+COMMAND = SuggestedCommand("scenario judge {run}", "judge it again")
+
+
+@pytest.fixture(scope="session")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder as `scenario run` leaves it."""
+    made = tmp_path_factory.mktemp("results")
+    specs = record_all(made)
+    write_campaign_note(
+        made, Submission("c", NAME, ABOUT, "", specs, (CORRIDOR,), declared=DECLARED)
+    )
+    return made
+
+
+@pytest.fixture(scope="session")
+def material(folder: Path) -> ReportData:
+    return read_report_data(folder_input(folder), processes=1)
+
+
+@pytest.fixture(scope="session")
+def page(material: ReportData) -> str:
+    return write_page(material, (COMMAND,), processes=1)

@@ -1,0 +1,187 @@
+"""What a report takes from traces: numbers by hand, tracks that keep what matters."""
+
+from __future__ import annotations
+
+import math
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from daemon.analysis.report import ReportData, ReportRun, folder_input, read_report_data
+from daemon.analysis.report._safety_buffer import oracle_limit, safety_buffer
+from daemon.analysis.report._tracks import thinned_indices
+from daemon.batch.errors import Refused
+from daemon.model.verdicts import Outcome
+from tests.daemon.analysis.report.recordings import (
+    ABOUT,
+    DECLARED,
+    LATERAL,
+    NAME,
+    OPEN,
+    REPEATS,
+    SECONDS,
+    SHUT,
+    SPEED,
+    SUTS,
+)
+
+
+def run_of(material: ReportData, scenario: str, sut: str, repeat: int = 0) -> ReportRun:
+    (found,) = [
+        run
+        for run in material.runs
+        if (run.record.scenario, run.record.sut, run.record.repeat) == (scenario, sut, repeat)
+    ]
+    return found
+
+
+def test_a_folder_is_a_campaign_with_what_it_declares(folder: Path) -> None:
+    chosen = folder_input(folder)
+    assert (chosen.name, chosen.about, chosen.declared) == (NAME, ABOUT, DECLARED)
+    assert len(chosen.records) == 4 * REPEATS
+    assert [watch.name for watch in chosen.watches] == ["door-17.hinge"]
+
+
+def test_traces_without_a_note_must_all_pass(folder: Path, tmp_path: Path) -> None:
+    for trace in folder.glob("*.mcap"):
+        (tmp_path / trace.name).symlink_to(trace)
+    chosen = folder_input(tmp_path)
+    assert (chosen.name, chosen.declared.expectations) == (NAME, ())
+    assert read_report_data(chosen, processes=1).assessment.exit_code == 1
+
+
+def test_runs_are_judged_and_assessed(material: ReportData) -> None:
+    near = run_of(material, SHUT, SUTS[0])
+    assert near.record.outcome is Outcome.FAIL
+    assert run_of(material, SHUT, SUTS[1]).record.outcome is Outcome.PASS
+    (surprise,) = material.assessment.surprises
+    assert (surprise.scenario, surprise.sut, surprise.oracle) == (OPEN, SUTS[0], "buffer")
+
+
+def test_measures_are_those_of_plain_geometry(material: ReportData) -> None:
+    found = run_of(material, OPEN, SUTS[0], 1).driven.measures
+    # The leaf of the door stands 2 cm out of the wall at y = 1 m.
+    nearest = 1.0 - 0.02 - LATERAL[SUTS[0]] - 0.233
+    assert found["min clearance"] == pytest.approx(nearest, abs=1e-9)
+    assert found["time in buffer"] == pytest.approx(SECONDS)
+    assert found["longest in buffer"] == pytest.approx(SECONDS)
+    assert found["path length"] == pytest.approx(SPEED * SECONDS)
+    assert found["max speed in buffer"] == pytest.approx(SPEED)
+    for name in ("error mean", "error median", "error p95", "error max"):
+        assert found[name] == pytest.approx(0.12, abs=1e-9)
+    assert found["inside 2 sigma"] == pytest.approx(100.0)
+    assert "speed at trigger" not in found
+
+
+def test_the_far_robot_has_nothing_in_its_buffer(material: ReportData) -> None:
+    driven = run_of(material, SHUT, SUTS[1]).driven
+    assert driven.measures["time in buffer"] == 0.0
+    assert driven.inside.shape == (0, 2)
+
+
+def test_obstacles_in_the_buffer_are_seen_from_the_robot(material: ReportData) -> None:
+    inside = run_of(material, OPEN, SUTS[0]).driven.inside
+    assert len(inside) > 100
+    assert (np.abs(inside) < (0.55, 0.433)).all()
+    beside = 1.0 - LATERAL[SUTS[0]]
+    for y in inside[:, 1]:
+        assert min(abs(y - beside - off) for off in (-0.02, 0.0, 0.02)) < 1e-6
+
+
+def test_a_door_that_shuts_and_the_same_door_that_does_not(material: ReportData) -> None:
+    (fired,) = run_of(material, SHUT, SUTS[0]).driven.passings
+    assert (fired.fired, fired.time, fired.speed_then) == (True, 14.0, SPEED)
+    (would,) = run_of(material, OPEN, SUTS[0]).driven.passings
+    assert not would.fired
+    ahead = math.sqrt(1.3**2 - (1.0 - LATERAL[SUTS[0]]) ** 2)
+    assert would.time == pytest.approx((8.0 - ahead) / SPEED, abs=0.051)
+
+
+def test_contacts_are_kept(material: ReportData) -> None:
+    assert run_of(material, OPEN, SUTS[0]).driven.contacts == ((5.0, "wall-north", 2.5, 1.0),)
+
+
+def copied(folder: Path, to: Path) -> list[Path]:
+    return [Path(shutil.copy(trace, to)) for trace in sorted(folder.glob("*.mcap"))]
+
+
+def test_what_is_no_trace_is_named_and_left_out(folder: Path, tmp_path: Path) -> None:
+    copied(folder, tmp_path)[0].write_bytes(b"nothing of the kind")
+    chosen = folder_input(tmp_path)
+    ((file, why),) = chosen.unread
+    assert file.endswith(".mcap")
+    assert why == "is not an MCAP file"
+    assert len(chosen.records) == 4 * REPEATS - 1
+
+
+def test_a_trace_that_was_cut_is_judged_as_far_as_it_goes(folder: Path, tmp_path: Path) -> None:
+    first = copied(folder, tmp_path)[0]
+    first.write_bytes(first.read_bytes()[:-9000])
+    material = read_report_data(folder_input(tmp_path), processes=1)
+    (cut,) = [run for run in material.runs if run.record.trace == str(first)]
+    assert cut.record.ended == ""
+    assert cut.record.outcome in (Outcome.INCONCLUSIVE, Outcome.FAIL, Outcome.ERROR)
+
+
+def test_a_trace_that_went_away_leaves_its_run(folder: Path, tmp_path: Path) -> None:
+    copied(folder, tmp_path)
+    chosen = folder_input(tmp_path)
+    Path(str(chosen.records[0].trace)).unlink()
+    material = read_report_data(chosen, processes=1)
+    assert "cannot be read" in material.runs[0].driven.problem
+    assert material.runs[0].record.outcome is None
+
+
+def test_a_folder_without_traces_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(Refused, match="holds no traces"):
+        folder_input(tmp_path)
+
+
+def test_many_processes_find_the_same(folder: Path, material: ReportData) -> None:
+    spread = read_report_data(folder_input(folder), processes=2)
+    assert [run.record for run in spread.runs] == [run.record for run in material.runs]
+    assert [r.driven.measures for r in spread.runs] == [r.driven.measures for r in material.runs]
+
+
+@pytest.mark.parametrize(
+    ("texts", "half", "margin"),
+    [
+        (("always(clearance(0.55 m, 0.433 m) >= 0 m)", "never(clearance(0.35 m, 0.2 m) <= 0 m)"),
+         (0.55, 0.433), 0.0),
+        (("always(clearance >= 5 cm)", "min(clearance)"), None, 0.05),
+        (("reached(mission, 0.25 m)", "no oracle at all"), None, 0.2),
+    ],
+)  # fmt: skip
+def test_the_buffer_is_what_the_oracles_speak_of(
+    texts: tuple[str, ...], half: tuple[float, float] | None, margin: float
+) -> None:
+    found = safety_buffer(texts)
+    assert (found.half, found.margin) == (half, pytest.approx(margin))
+
+
+def test_the_limit_of_a_signal_is_the_strictest() -> None:
+    texts = ("always(loc.error <= 0.35 m)", "never(loc.error > 1 m)", "always(loc.error < 30 cm)")
+    assert oracle_limit(texts, "loc.error") == pytest.approx(0.3)
+    assert oracle_limit(texts, "clearance") is None
+
+
+@given(
+    st.lists(st.floats(-5.0, 5.0), min_size=1, max_size=400),
+    st.integers(0, 399),
+    st.integers(10, 200),
+)
+def test_thinning_keeps_the_deepest_dip_and_the_highest_peak(
+    values: list[float], shift: int, points: int
+) -> None:
+    clearance = np.array(values)
+    error = np.roll(clearance, shift)
+    kept = thinned_indices(clearance, error, points)
+    assert (np.diff(kept) > 0).all()
+    assert (kept[0], kept[-1]) == (0, len(values) - 1)
+    assert clearance[kept].min() == clearance.min()
+    assert error[kept].max() == error.max()
+    assert len(kept) <= max(points + 4, 4) or len(kept) <= 2 * points

@@ -1,0 +1,135 @@
+"""Tables and JUnit files: what machines read says the same as the assessment."""
+
+from __future__ import annotations
+
+import csv
+from dataclasses import replace
+from pathlib import Path
+
+import junitparser
+import pyarrow.parquet
+import pytest
+
+from daemon.analysis.report import (
+    COLUMNS,
+    MEASURES,
+    ReportData,
+    write_csv,
+    write_junit,
+    write_parquet,
+)
+from daemon.model.assessments import Assessment, CellAssessment, CellVerdict
+from daemon.model.verdicts import Outcome
+from tests.daemon.analysis.report.recordings import OPEN_SHOWN, SHUT, SUTS, WHY
+
+
+def test_the_table_has_every_measure_and_margin_in_full_precision(
+    material: ReportData, tmp_path: Path
+) -> None:
+    write_csv(material, tmp_path / "measures.csv")
+    with (tmp_path / "measures.csv").open(encoding="utf-8", newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert tuple(rows[0]) == COLUMNS
+    found = {(row["run"], row["name"]): row for row in rows}
+    assert len(found) == len(rows)
+    for run in material.runs:
+        for measure in MEASURES:
+            if measure.name in run.driven.measures:
+                row = found[run.record.id, measure.name]
+                assert float(row["value"]) == run.driven.measures[measure.name]
+                assert (row["kind"], row["unit"]) == ("measure", measure.unit)
+        for verdict in run.record.verdicts:
+            row = found[run.record.id, verdict.oracle]
+            assert row["verdict"] == verdict.outcome
+            measured = verdict.outcome is Outcome.MEASURE
+            assert float(row["value"]) == (verdict.evidence.value if measured else verdict.margin)
+
+
+def test_parquet_is_the_same_table_with_types(material: ReportData, tmp_path: Path) -> None:
+    write_csv(material, tmp_path / "measures.csv")
+    write_parquet(material, tmp_path / "measures.parquet")
+    table = pyarrow.parquet.read_table(tmp_path / "measures.parquet")
+    with (tmp_path / "measures.csv").open(encoding="utf-8", newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert tuple(table.column_names) == COLUMNS
+    assert str(table.schema.field("value").type) == "double"
+    for one, other in zip(table.to_pylist(), rows, strict=True):
+        assert {k: "" if v is None else str(v) for k, v in one.items()} == other
+
+
+def cases(material: ReportData, folder: Path) -> dict[tuple[str, str], junitparser.TestCase]:
+    path = folder / "results.xml"
+    write_junit(material, path)
+    return {
+        (suite.name, case.name): case
+        for suite in junitparser.JUnitXml.fromfile(str(path))
+        for case in suite
+    }
+
+
+def test_build_servers_see_failures_known_ones_and_passes(
+    material: ReportData, tmp_path: Path
+) -> None:
+    found = cases(material, tmp_path)
+    near, far = SUTS
+    (unexpected,) = found[f"{OPEN_SHOWN}/{near}", "buffer"].result
+    assert isinstance(unexpected, junitparser.Failure)
+    assert "0 of 2 pass" in unexpected.message
+    assert "door-17.leaf" in unexpected.message
+    (known,) = found[f"{SHUT}/{near}", "buffer"].result
+    assert isinstance(known, junitparser.Skipped)
+    assert known.message == f"xfail: {WHY}"
+    assert found[f"{SHUT}/{far}", "buffer"].result == []
+    assert len(found) == 3 * 4 + 2
+
+
+def only(material: ReportData, **changes: object) -> ReportData:
+    """A campaign of one oracle of one cell, changed."""
+    cell = next(c for c in material.assessment.cells if (c.scenario, c.sut) == (SHUT, SUTS[0]))
+    oracle = replace(cell.oracles[-1], **changes)  # type: ignore[arg-type]
+    return with_cell(material, replace(cell, oracles=(oracle,)))
+
+
+def with_cell(material: ReportData, cell: CellAssessment) -> ReportData:
+    return replace(material, assessment=Assessment((cell,), (), (), 0))
+
+
+@pytest.mark.parametrize(
+    ("changes", "kind", "type_"),
+    [
+        ({"verdict": Outcome.PASS, "expected": "pass", "met": True}, None, ""),
+        ({"verdict": Outcome.FAIL, "expected": "pass", "met": False}, "Failure", "fail"),
+        ({"verdict": Outcome.ERROR, "expected": "pass", "met": False}, "Error", "error"),
+        ({"verdict": Outcome.INCONCLUSIVE, "expected": "pass", "met": False}, "Error",
+         "inconclusive"),
+        ({"verdict": Outcome.FAIL, "expected": "fail", "met": True}, "Skipped", "xfail"),
+        ({"verdict": Outcome.PASS, "expected": "fail", "met": False, "passed": 2}, "Failure",
+         "xpass"),
+        ({"verdict": Outcome.FAIL, "expected": "fail", "met": False, "passed": 1}, "Failure",
+         "xpass"),
+        ({"verdict": Outcome.INCONCLUSIVE, "expected": "fail", "met": False, "passed": 0},
+         "Error", "inconclusive"),
+        ({"verdict": Outcome.ERROR, "expected": "mixed", "met": False, "passed": 0}, "Error",
+         "error"),
+        ({"verdict": Outcome.PASS, "expected": "any", "met": True}, None, ""),
+    ],
+)  # fmt: skip
+def test_each_verdict_has_its_place_in_junit(
+    material: ReportData, tmp_path: Path, changes: dict[str, object], kind: str | None, type_: str
+) -> None:
+    (case,) = cases(only(material, **changes), tmp_path).values()
+    shown = [(type(result).__name__, result.type) for result in case.result]
+    assert shown == ([] if kind is None else [(kind, type_)])
+
+
+def test_a_cell_that_nothing_judged_is_an_error(material: ReportData, tmp_path: Path) -> None:
+    cell = replace(material.assessment.cells[0], oracles=(), verdict=Outcome.ERROR)
+    (case,) = cases(with_cell(material, cell), tmp_path).values()
+    assert isinstance(case.result[0], junitparser.Error)
+
+
+def test_names_no_xml_can_hold_are_made_holdable(material: ReportData, tmp_path: Path) -> None:
+    oracle = replace(material.assessment.cells[0].oracles[0], oracle="bell \x07", worst=None)
+    assert isinstance(oracle, CellVerdict)
+    cell = replace(material.assessment.cells[0], oracles=(oracle,), scenario="\x00")
+    assert [name for _, name in cases(with_cell(material, cell), tmp_path)] == ["bell \ufffd"]

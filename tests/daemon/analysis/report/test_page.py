@@ -1,0 +1,212 @@
+"""The page without a browser: well formed, alone in the world, escaped, and its numbers right."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from xml.etree.ElementTree import Element
+
+import html5lib
+import pytest
+
+from daemon.analysis.coverage import histogram_bars
+from daemon.analysis.report import ReportData, SuggestedCommand, headline, write_page
+from daemon.analysis.report._formatting import format_quantity, mean_and_deviation, verdict_details
+from daemon.judging.assessment import assess
+from daemon.model.verdicts import Evidence, Outcome, Verdict
+from tests.daemon.analysis.report.recordings import (
+    ABOUT,
+    NAME,
+    OPEN_SHOWN,
+    REPEATS,
+    SHUT,
+    SUTS,
+    WHY,
+)
+
+HTML = "{http://www.w3.org/1999/xhtml}"
+
+
+@pytest.fixture(scope="module")
+def tree(page: str) -> Element:
+    """The page as a browser would understand it; anything not well formed raises."""
+    parsed: Element = html5lib.HTMLParser(strict=True).parse(page)
+    return parsed
+
+
+def words(element: Element) -> str:
+    return " ".join(" ".join(element.itertext()).split())
+
+
+def elements(tree: Element, name: str) -> list[Element]:
+    return list(tree.iter(f"{HTML}{name}"))
+
+
+def section(tree: Element, name: str) -> Element:
+    (found,) = [e for e in tree.iter() if e.get("id") == name]
+    return found
+
+
+def test_the_head_answers_in_one_line(tree: Element) -> None:
+    (line,) = [e for e in elements(tree, "p") if e.get("class") == "answer"]
+    assert words(line) == "No. 1 of 14 verdicts is not as expected."
+
+
+def test_nothing_is_fetched_or_executed(page: str, tree: Element) -> None:
+    tags = {str(e.tag).rpartition("}")[2] for e in tree.iter()}
+    assert not tags & {"script", "link", "iframe", "object", "embed", "form", "base"}
+    for element in tree.iter():
+        for name, value in element.attrib.items():
+            assert not str(name).lower().startswith("on"), name
+            if str(name).rpartition("}")[2] in ("href", "src", "action"):
+                assert value.startswith(("#", "data:image/png;base64,")), value
+    assert not re.search(r"@import|url\((?!#)", page)
+    outside = set(re.findall(r"https?://[^\"'\s<>]+", page))
+    assert outside <= {"http://www.w3.org/2000/svg", "http://www.w3.org/1999/xlink"}
+
+
+def test_everything_from_files_is_escaped(page: str, tree: Element) -> None:
+    for text in (NAME, ABOUT, WHY, SHUT, SUTS[1]):
+        assert text not in page
+    shown = words(section(tree, "answer"))
+    assert NAME in shown
+    assert ABOUT in shown
+    assert WHY in words(section(tree, "matrix"))
+
+
+def test_names_with_dollars_are_no_formulas(tree: Element) -> None:
+    drawn = [words(e) for e in tree.iter() if str(e.tag).endswith("}text")]
+    assert OPEN_SHOWN in drawn
+
+
+def test_identifiers_are_unique_and_references_lead_somewhere(page: str, tree: Element) -> None:
+    found = [e.get("id") for e in tree.iter() if e.get("id")]
+    assert len(found) == len(set(found))
+    anchors = {str(e.get("href"))[1:] for e in elements(tree, "a")}
+    references = anchors | set(re.findall(r"url\(#([^)]+)\)", page))
+    assert references <= set(found)
+
+
+def test_the_matrix_says_what_the_assessment_says(material: ReportData, tree: Element) -> None:
+    rows = list(section(tree, "matrix").iter(f"{HTML}tr"))[1:]
+    cells = {(c.scenario, c.sut): c for c in material.assessment.cells}
+    for row, scenario in zip(rows, dict.fromkeys(s for s, _ in cells), strict=True):
+        head, *shown = list(row)
+        assert words(head) == scenario.replace("\x07", "\ufffd")
+        for column, sut in zip(shown, dict.fromkeys(s for _, s in cells), strict=True):
+            for oracle in cells[scenario, sut].oracles:
+                assert oracle.n == REPEATS
+                said_so = f"{oracle.oracle} {oracle.passed}/{oracle.n}"
+                assert said_so in words(column)
+                assert f"to {100 * oracle.high:.1f}".removesuffix(".0") in words(column)
+
+
+def test_measures_are_means_over_the_repeats(material: ReportData, tree: Element) -> None:
+    table = next(section(tree, "measures").iter(f"{HTML}table"))
+    names = [words(e).partition(" [")[0] for e in table.iter(f"{HTML}th")]
+    row = next(r for r in table.iter(f"{HTML}tr") if SUTS[1] in words(r))
+    shown = dict(zip(names, map(words, row), strict=False))
+    values = [
+        run.driven.measures["min clearance"]
+        for run in material.runs
+        if (run.record.scenario, run.record.sut) == (material.runs[0].record.scenario, SUTS[1])
+    ]
+    mean, deviation = mean_and_deviation(values)
+    assert shown["min clearance"] == f"{mean} ± {deviation}"
+
+
+def test_what_fails_comes_with_evidence_and_commands(material: ReportData, tree: Element) -> None:
+    found = section(tree, "findings")
+    first = next(found.iter(f"{HTML}details"))
+    assert OPEN_SHOWN in words(first)
+    assert "always(clearance(0.55 m, 0.433 m) >= 0 m)" in words(first)
+    assert "door-17.leaf" in words(first)
+    (typed,) = first.iter(f"{HTML}pre")
+    assert words(typed).startswith("scenario judge /")
+    known = [words(e) for e in found.iter(f"{HTML}details")][1]
+    assert f"known: {WHY}" in known
+
+
+def test_comparisons_have_their_bounds(material: ReportData, tree: Element) -> None:
+    shown = words(section(tree, "comparisons"))
+    for cell in material.assessment.comparisons:
+        assert format_quantity(cell.mean, "s", signed=True) in shown
+        assert format_quantity(cell.limit, "s") in shown
+
+
+def test_every_figure_of_the_paper_is_there_and_has_a_name(tree: Element) -> None:
+    labels = [str(e.get("aria-label")) for e in tree.iter() if str(e.tag).endswith("}svg")]
+    for start in (
+        "The moment that decides buffer",
+        "Localisation error and spread",
+        "The largest localisation error over time",
+        "The largest localisation error on the map",
+        "Clearance over time",
+        "Clearance along the way",
+        "Obstacles inside the safety buffer",
+        "Boxplots of time in buffer",
+        "Speed and turning speed around the trigger",
+    ):
+        assert any(label.startswith(start) for label in labels), start
+
+
+def test_the_same_runs_give_the_same_page(material: ReportData, page: str) -> None:
+    again = write_page(
+        material, (SuggestedCommand("scenario judge {run}", "judge it again"),), processes=2
+    )
+    assert again == page
+
+
+def test_runs_that_left_nothing_are_told_and_drawn_without(material: ReportData) -> None:
+    empty = tuple(
+        replace(
+            run,
+            record=replace(run.record, outcome=None, verdicts=(), trace=None, state="lost"),
+            driven=replace(run.driven, time=run.driven.time[:0], measures={}, passings=()),
+        )
+        for run in material.runs
+    )
+    lost = assess(material.chosen.declared, (run.record for run in empty))
+    bare = replace(material, runs=empty, assessment=lost)
+    assert headline(lost, empty).sentence == "8 of 8 runs could not be executed or judged."
+    html5lib.HTMLParser(strict=True).parse(write_page(bare, (), processes=1))
+
+
+def test_words_of_a_verdict() -> None:
+    seen = Evidence(41.3, -0.012, 0.0, "door-17", "first at 40 s")
+    verdict = Verdict("clear", "…", Outcome.FAIL, -0.012, -0.012, "m", seen)
+    assert verdict_details(verdict) == "−0.012 m, at 41.3 s, door-17, first at 40 s"
+    assert (
+        verdict_details(replace(verdict, unit="", lower=-1.0, upper=-1.0, evidence=Evidence()))
+        == ""
+    )
+
+
+@pytest.mark.parametrize(
+    ("values", "shown"),
+    [
+        ((696.0, 698.5, 693.7), ("696.1", "2.4")),
+        ((0.1238,), ("0.124", "")),
+        ((0.0, 0.0), ("0.00", "0.00")),
+        ((-0.05, -0.06), ("−0.0550", "0.0071")),
+    ],
+)
+def test_means_have_digits_that_mean_something(
+    values: tuple[float, ...], shown: tuple[str, str]
+) -> None:
+    assert mean_and_deviation(values) == shown
+
+
+def test_what_was_exercised_is_told_and_what_was_not(tree: Element, material: ReportData) -> None:
+    part, coverage = section(tree, "coverage"), material.coverage
+    assert coverage.runs == len(material.runs)
+    assert f"these {coverage.runs} runs exercised" in words(part)
+    rows = {words(next(row.iter(f"{HTML}th"))): row for row in elements(part, "tr")}
+    for group in coverage.groups:
+        cells = elements(rows[group.path.replace("/", " / ")], "td")
+        assert [f.name in words(cells[0]) for f in group.planned] == [True] * len(group.planned)
+        told = words(cells[1]).replace(" ,", ",")
+        assert told == ", ".join(f.name for f in group.missing)
+    assert {door.door for door in coverage.doors} <= set(rows)
+    for margin in coverage.margins:
+        assert histogram_bars(margin) in words(rows[margin.oracle])

@@ -1,0 +1,87 @@
+"""A stand-in for ``daemon.run`` that costs nothing and misbehaves when told to.
+
+The parameters of the system under test say what to do: ``sleep`` [s], ``outcome``, ``crash``
+(the attempt numbers that die by SIGKILL), ``kill`` (the ancestor that dies by SIGKILL: 1 is the
+fork server, 2 what started that), ``abort`` (say this and abort), ``raise``, ``allocate``
+[MiB], ``log`` (a file that gets a line per execution), ``noise`` (makes the trace differ each
+time), ``size`` (of the trace, bytes at least), ``reads`` (a file
+attached, its digest ends the trace). Systems of the kind ``absent`` are not installed.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import random
+import signal
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import psutil
+
+from daemon.batch.errors import SutMissing
+from daemon.model.attachments import resolve_paths
+from daemon.model.spec import RunResult, RunSpec, Snapshot, TraceInfo
+from daemon.model.verdicts import Outcome
+from grammars.model.geometry import Pose2
+from grammars.model.scene import Scene
+from tests.daemon.batch.samples import make_result
+
+
+def execute(
+    spec: RunSpec,
+    scene: Scene,
+    *,
+    trace_path: Path,
+    on_progress: Callable[[Snapshot], None] | None = None,
+    interest: Callable[[], str] | None = None,
+) -> RunResult:
+    asked = spec.sut.parameters
+    if spec.sut.kind == "absent":
+        raise SutMissing('no system under test of kind "absent"')
+    if "log" in asked:
+        with Path(asked["log"]).open("a") as log:
+            log.write(f"{spec.repeat} {os.getpid()} {os.nice(0)}\n")
+    if _attempt(trace_path) in asked.get("crash", ()):
+        os.kill(os.getpid(), signal.SIGKILL)
+    if "kill" in asked:
+        psutil.Process().parents()[asked["kill"] - 1].kill()
+    if "abort" in asked:
+        print(asked["abort"])
+        sys.stdout.flush()
+        os.abort()
+    if "raise" in asked:
+        raise RuntimeError(asked["raise"])
+    ballast = bytearray(asked.get("allocate", 0) * 2**20)
+    _sleep(asked.get("sleep", 0.0), spec, on_progress, interest or (lambda: "progress"))
+    data = f"{spec.digest} {scene.digest} {len(ballast)}".encode()
+    if "reads" in asked:
+        file = Path(resolve_paths(asked)["files"][asked["reads"]])
+        data += hashlib.sha256(file.read_bytes()).hexdigest().encode()
+    data += random.Random(spec.seed).randbytes(asked.get("size", 0))
+    if "noise" in asked:
+        data += os.urandom(8)
+    trace_path.write_bytes(data)
+    trace = TraceInfo(hashlib.sha256(data).hexdigest(), len(data), 1)
+    return make_result(spec, outcome=Outcome(asked.get("outcome", "pass")), trace=trace)
+
+
+def _attempt(trace_path: Path) -> int:
+    return int(trace_path.parent.name.removeprefix("attempt-"))
+
+
+def _sleep(
+    seconds: float,
+    spec: RunSpec,
+    on_progress: Callable[[Snapshot], None] | None,
+    interest: Callable[[], str],
+) -> None:
+    start = time.monotonic()
+    while (passed := time.monotonic() - start) < seconds:
+        wanted = interest()
+        if on_progress is not None and wanted != "nothing":
+            seen = (100, 200) if wanted == "everything" else ()
+            on_progress(Snapshot(passed, spec.limit, Pose2(passed), None, 0, 1, (), returns=seen))
+        time.sleep(min(0.01, seconds))

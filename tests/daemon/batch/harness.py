@@ -1,0 +1,216 @@
+"""Real daemons and workers for tests: processes on loopback, to be watched and killed."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import psutil
+
+from daemon.batch.client import Client
+from daemon.batch.errors import DaemonError
+
+EXECUTOR = "tests.daemon.batch.fake_run:execute"
+ROOT = Path(__file__).parents[2]
+
+
+def free_endpoint() -> str:
+    """A loopback endpoint that nobody listens at right now."""
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return f"tcp/127.0.0.1:{probe.getsockname()[1]}"
+
+
+def eventually(condition: Callable[[], Any], seconds: float = 10.0) -> Any:
+    """Wait until ``condition`` gives something true, and return that."""
+    deadline = time.monotonic() + seconds
+    while True:
+        value = condition()
+        if value:
+            return value
+        assert time.monotonic() < deadline, "it did not happen in time"
+        time.sleep(0.01)
+
+
+def family(pid: int) -> list[psutil.Process]:
+    """A process and everything it started."""
+    process = psutil.Process(pid)
+    return [process, *process.children(recursive=True)]
+
+
+def alive(processes: list[psutil.Process]) -> list[psutil.Process]:
+    """Those of the processes that still run; one that nobody has waited for yet does not."""
+    return [p for p in processes if _runs(p)]
+
+
+def _runs(process: psutil.Process) -> bool:
+    try:
+        return process.is_running() and process.status() != psutil.STATUS_ZOMBIE
+    except psutil.NoSuchProcess:
+        return False
+
+
+class Part:
+    """A daemon or worker process of this test."""
+
+    def __init__(
+        self,
+        command: str,
+        log: Path,
+        *options: str,
+        module: str = "daemon",
+        through: Sequence[str] = (),
+    ) -> None:
+        self._command = [*through, sys.executable, "-m", module, command, *options]
+        self._log = log
+        self.process: subprocess.Popen[bytes] = self._start()
+
+    def _start(self) -> subprocess.Popen[bytes]:
+        with self._log.open("ab") as output:
+            return subprocess.Popen(
+                self._command,
+                cwd=ROOT,
+                stdin=subprocess.DEVNULL,
+                stdout=output,
+                stderr=output,
+                start_new_session=True,
+            )
+
+    @property
+    def pid(self) -> int:
+        return self.process.pid
+
+    @property
+    def output(self) -> str:
+        return self._log.read_text()
+
+    def signal(self, number: signal.Signals) -> None:
+        self.process.send_signal(number)
+
+    def freeze(self) -> None:
+        self.signal(signal.SIGSTOP)
+        process = psutil.Process(self.pid)
+        eventually(lambda: process.status() == psutil.STATUS_STOPPED)
+
+    def wait(self, seconds: float = 10.0) -> int:
+        return self.process.wait(seconds)
+
+    def kill(self) -> None:
+        self.process.kill()
+        self.process.wait()
+
+    def restart(self) -> None:
+        self.process = self._start()
+
+
+class DaemonPart(Part):
+    """A daemon on a state directory."""
+
+    def __init__(self, state: Path, slots: int, **settings: float | str) -> None:
+        self.state = state
+        self.endpoint = str(settings.pop("listen", "")) or free_endpoint()
+        module = str(settings.pop("module", "daemon"))
+        options = ["--state", str(state), "--listen", self.endpoint, "--slots", str(slots)]
+        for name, value in settings.items():
+            options += [f"--{name}", str(value)]
+        super().__init__("serve", state.parent / f"{state.name}.log", *options, module=module)
+
+    def journal(self) -> list[dict[str, Any]]:
+        return [json.loads(line) for line in (self.state / "daemon.log").read_text().splitlines()]
+
+    def noted(self, event: str) -> list[dict[str, Any]]:
+        """The lines of the journal about ``event``."""
+        return [line for line in self.journal() if line["event"] == event]
+
+    def client(self, timeout: float = 3.0) -> Client:
+        """A connection, as soon as the daemon answers."""
+
+        def connect() -> Client | None:
+            try:
+                client = Client.open(self.endpoint, timeout=timeout)
+            except DaemonError:
+                assert self.process.poll() is None, self.output
+                return None
+            try:
+                client.overview()
+            except DaemonError:
+                client.close()
+                return None
+            return client
+
+        found: Client = eventually(connect)
+        return found
+
+
+def end(processes: list[psutil.Process]) -> None:
+    """End processes this test started, whatever state they are in."""
+    for process in processes:
+        try:
+            process.kill()
+            os.kill(process.pid, signal.SIGCONT)
+        except (psutil.NoSuchProcess, ProcessLookupError):
+            continue
+    eventually(lambda: not alive(processes), 3.0)
+
+
+@contextmanager
+def daemon_at(state: Path, slots: int = 0, **settings: float | str) -> Iterator[DaemonPart]:
+    """A daemon for the block; nothing of it is left afterwards.
+
+    ``settings`` are options of ``serve``; ``module`` is run instead of ``daemon``.
+    """
+    state.parent.mkdir(parents=True, exist_ok=True)
+    part = DaemonPart(state, slots, **({"patience": 2.0, "executor": EXECUTOR} | settings))
+    try:
+        yield part
+    finally:
+        _finish(part)
+
+
+@contextmanager
+def worker_for(
+    daemon: DaemonPart,
+    slots: int = 1,
+    *options: str,
+    connect: str = "",
+    through: Sequence[str] = (),
+    executor: str = EXECUTOR,
+) -> Iterator[Part]:
+    """A worker of its own for the block; nothing of it is left afterwards."""
+    log = daemon.state.parent / f"worker-{time.monotonic_ns()}.log"
+    base = ("--connect", connect or daemon.endpoint, "--slots", str(slots))
+    part = Part("worker", log, *base, "--executor", executor, *options, through=through)
+    try:
+        yield part
+    finally:
+        _finish(part)
+
+
+def _finish(part: Part) -> None:
+    try:
+        members = family(part.pid)
+    except psutil.NoSuchProcess:
+        members = []
+    if part.process.poll() is None:
+        part.signal(signal.SIGTERM)
+        part.signal(signal.SIGCONT)
+        try:
+            part.wait(4.0)
+        except subprocess.TimeoutExpired:
+            part.kill()
+    end(members)
+
+
+def finished(client: Client, runs: int) -> bool:
+    """Whether that many runs are at rest and nothing is under way."""
+    now = client.overview()
+    return now.queued == now.running == 0 and now.done + now.lost + now.cancelled == runs

@@ -1,0 +1,220 @@
+import sqlite3
+import time
+from pathlib import Path
+
+import pytest
+
+from daemon.batch.errors import DaemonError, Refused
+from daemon.batch.ledger import LedgerReader, LedgerWriter, connect, connect_reader
+from daemon.batch.paths import StatePaths
+from daemon.model.messages import Completion, RunQuery
+from daemon.model.spec import RunResult
+from daemon.model.verdicts import Evidence, Outcome, Verdict
+from tests.daemon.batch.samples import make_result, make_submission
+
+NOW = 1_000_000.0
+
+
+@pytest.fixture
+def ledger(tmp_path: Path):  # type: ignore[no-untyped-def]
+    writing = connect(tmp_path / "ledger.db")
+    reading = connect_reader(tmp_path / "ledger.db")
+    yield LedgerWriter(writing), LedgerReader(reading, StatePaths(tmp_path)), writing
+    reading.close()
+    writing.close()
+
+
+def finish(book: LedgerWriter, result_of: dict[int, RunResult] | None = None) -> None:
+    for grant in book.lease("w", 100, NOW):
+        result = (result_of or {}).get(grant.spec.repeat) or make_result(grant.spec)
+        book.complete(Completion("w", grant.run, grant.attempt, grant.token, result), NOW)
+
+
+def test_submitting_twice_changes_nothing(
+    ledger: tuple[LedgerWriter, LedgerReader, sqlite3.Connection],
+) -> None:
+    book, reader, _ = ledger
+    submission = make_submission("c", 5)
+    assert not book.submit(submission, NOW).known
+    assert book.submit(submission, NOW + 9).known
+    (row,) = reader.campaigns()
+    assert (row.total, row.queued, row.submitted_at) == (5, 5, NOW)
+
+
+def test_another_campaign_cannot_take_a_known_id(
+    ledger: tuple[LedgerWriter, LedgerReader, sqlite3.Connection],
+) -> None:
+    book, _, _ = ledger
+    book.submit(make_submission("c", 5), NOW)
+    with pytest.raises(Refused, match="taken"):
+        book.submit(make_submission("c", 6), NOW)
+
+
+def test_a_result_of_another_specification_is_refused(
+    ledger: tuple[LedgerWriter, LedgerReader, sqlite3.Connection],
+) -> None:
+    book, _, _ = ledger
+    book.submit(make_submission("c", 2), NOW)
+    one, other = book.lease("w", 2, NOW)
+    with pytest.raises(Refused, match="specification differs"):
+        book.complete(Completion("w", one.run, 1, one.token, make_result(other.spec)), NOW)
+
+
+def test_rows_show_the_deciding_oracle(
+    ledger: tuple[LedgerWriter, LedgerReader, sqlite3.Connection],
+) -> None:
+    book, reader, _ = ledger
+    submission = make_submission("c", 2)
+    book.submit(submission, NOW)
+    passing = make_result(submission.runs[0])
+    tight = Verdict("near", "", Outcome.PASS, 0.1, 0.2, "m")
+    measured = Verdict("speed", "", Outcome.MEASURE, None, None, "m/s", Evidence(value=0.3))
+    failing = Verdict("hits", "", Outcome.FAIL, -2.0, -1.0, "m")
+    results = {
+        0: _with(passing, (measured, *passing.verdicts, tight), Outcome.PASS),
+        1: _with(make_result(submission.runs[1]), (tight, failing), Outcome.FAIL),
+    }
+    finish(book, results)
+    first, second = reader.runs(RunQuery("c")).rows
+    assert (first.oracle, first.margin, first.unit) == ("near", 0.1, "m")
+    assert (second.oracle, second.margin, second.outcome) == ("hits", -1.0, Outcome.FAIL)
+    assert (second.trace, second.reason) == ("", "its trace is gone")
+    assert reader.run("c.1").result == results[1]
+
+
+def _with(result: RunResult, verdicts: tuple[Verdict, ...], outcome: Outcome) -> RunResult:
+    trace, timing = result.trace, result.timing
+    return RunResult(result.spec, outcome, verdicts, result.ended, trace, timing)
+
+
+def test_pages_filter_sort_and_count(
+    ledger: tuple[LedgerWriter, LedgerReader, sqlite3.Connection],
+) -> None:
+    book, reader, _ = ledger
+    submission = make_submission("c", 12)
+    book.submit(submission, NOW)
+    results = {
+        i: make_result(run, margin=-float(i), outcome=Outcome.FAIL if i % 2 else Outcome.PASS)
+        for i, run in enumerate(submission.runs)
+    }
+    for grant in book.lease("w", 10, NOW):
+        result = results[grant.spec.repeat]
+        book.complete(Completion("w", grant.run, grant.attempt, grant.token, result), NOW)
+    book.submit(make_submission("d", 3), NOW)
+    page = reader.runs(RunQuery("c", outcome="fail", sort="margin", offset=1, limit=2))
+    assert page.total == 5
+    assert [row.index for row in page.rows] == [7, 5]
+    assert [row.index for row in reader.runs(RunQuery("c", sort="margin")).rows][-2:] == [10, 11]
+    assert reader.runs(RunQuery("c", state="queued")).total == 2
+    assert reader.runs(RunQuery(text="PILOT/11")).total == 1
+    assert reader.runs(RunQuery(text="100%_'")).total == 0
+    assert reader.runs(RunQuery("c")).total == 12
+    assert reader.runs(RunQuery("c", scenario="S1", sut="pilot")).total == 12
+    assert reader.runs(RunQuery("c", scenario="S1", sut="pil")).total == 0
+    assert reader.runs(RunQuery()).total == 15
+    down = reader.runs(RunQuery("c", sort="index", descending=True, limit=1))
+    assert down.rows[0].index == 11
+
+
+def test_the_worst_outcome_comes_first(
+    ledger: tuple[LedgerWriter, LedgerReader, sqlite3.Connection],
+) -> None:
+    book, reader, _ = ledger
+    submission = make_submission("c", 4)
+    book.submit(submission, NOW)
+    outcomes = (Outcome.PASS, Outcome.INCONCLUSIVE, Outcome.FAIL, Outcome.ERROR)
+    pairs = zip(submission.runs, outcomes, strict=True)
+    finish(book, {i: make_result(run, outcome=o) for i, (run, o) in enumerate(pairs)})
+    book.submit(make_submission("d", 1), NOW)
+    rows = reader.runs(RunQuery(sort="outcome")).rows
+    worst_first = [Outcome.FAIL, Outcome.ERROR, Outcome.INCONCLUSIVE, Outcome.PASS]
+    assert [row.outcome for row in rows] == [*worst_first, None]
+
+
+def test_unknown_words_in_questions_come_back_with_a_hint(
+    ledger: tuple[LedgerWriter, LedgerReader, sqlite3.Connection],
+) -> None:
+    _, reader, _ = ledger
+    with pytest.raises(Refused, match='did you mean "margin"'):
+        reader.runs(RunQuery(sort="margn"))
+    with pytest.raises(Refused, match='did you mean "queued"'):
+        reader.runs(RunQuery(state="qeued"))
+    with pytest.raises(Refused, match="no run"):
+        reader.run("c.0")
+
+
+def test_a_finished_campaign_says_so_once(
+    ledger: tuple[LedgerWriter, LedgerReader, sqlite3.Connection],
+) -> None:
+    book, reader, _ = ledger
+    book.submit(make_submission("c", 2), NOW)
+    book.events.clear()
+    finish(book)
+    kinds = [(event.kind, event.state) for event in book.events]
+    assert kinds[-2:] == [("run", "done"), ("campaign", "finished")]
+    assert [event.seq for event in book.events] == list(range(2, 2 + len(kinds)))
+    assert reader.campaigns()[0].finished_at == NOW
+
+
+def test_the_rate_is_runs_per_minute_lately(
+    ledger: tuple[LedgerWriter, LedgerReader, sqlite3.Connection],
+) -> None:
+    book, reader, _ = ledger
+    book.submit(make_submission("c", 7), NOW)
+    for i, grant in enumerate(book.lease("w", 7, NOW)):
+        done = Completion("w", grant.run, grant.attempt, grant.token, make_result(grant.spec))
+        book.complete(done, NOW + 10 * i)
+    assert reader.rate(NOW + 60) == pytest.approx(6.0)
+    assert reader.rate(NOW + 9999) == 0.0
+
+
+def test_counting_does_not_read_the_runs(
+    ledger: tuple[LedgerWriter, LedgerReader, sqlite3.Connection],
+) -> None:
+    book, reader, db = ledger
+    book.submit(make_submission("c", 1), NOW)
+    db.execute("BEGIN")
+    db.execute(
+        "WITH RECURSIVE n(i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM n WHERE i < 100000)"
+        " INSERT INTO run (id, campaign, position, scenario, sut, repeat, time_limit, digest,"
+        " trace_name) SELECT 'c.' || i, 'c', i, 'S', 's', i, 9, 'd', 'c/' || i FROM n"
+    )
+    db.execute("COMMIT")
+    start = time.perf_counter()
+    for _ in range(20):
+        assert reader.counts()[1]["queued"] == 100_001
+        assert reader.campaigns()[0].queued == 100_001
+        assert len(reader.runs(RunQuery(sort="index", offset=500, limit=50)).rows) == 50
+    assert (time.perf_counter() - start) / 20 < 0.05
+
+
+def test_a_ledger_of_another_version_is_left_alone(tmp_path: Path) -> None:
+    path = tmp_path / "ledger.db"
+    connect(path).close()
+    with sqlite3.connect(path) as db:
+        db.execute("PRAGMA user_version = 99")
+    db.close()
+    with pytest.raises(DaemonError, match="schema 99"):
+        connect(path)
+
+
+def test_a_damaged_ledger_is_named(tmp_path: Path) -> None:
+    path = tmp_path / "ledger.db"
+    path.write_bytes(b"not a database, but long enough to be looked at" * 100)
+    with pytest.raises(DaemonError, match=r"ledger\.db is not a usable ledger"):
+        connect(path)
+
+
+def test_everything_is_still_there_after_reopening(tmp_path: Path) -> None:
+    path = tmp_path / "ledger.db"
+    db = connect(path)
+    LedgerWriter(db).submit(make_submission("c", 2), NOW)
+    granted = LedgerWriter(db, lease=30).lease("w", 1, NOW)
+    db.close()
+    again = connect(path)
+    book = LedgerWriter(again, lease=30)
+    assert book.extend(NOW + 29) == 1
+    assert book.lapse(NOW + 58) == 0
+    assert book.lapse(NOW + 60) == 1
+    assert book.lease("w", 1, NOW)[0].token > granted[0].token
+    again.close()

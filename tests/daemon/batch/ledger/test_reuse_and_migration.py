@@ -1,0 +1,299 @@
+"""Results used again, repeats in reserve, what campaigns declare, ledgers of older versions."""
+
+from __future__ import annotations
+
+import sqlite3
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import pytest
+
+from daemon.batch.errors import Refused
+from daemon.batch.ledger import SCHEMA_VERSION, LedgerReader, LedgerWriter, connect, connect_reader
+from daemon.batch.paths import StatePaths
+from daemon.batch.server import admit_submission
+from daemon.batch.stores import trace_url
+from daemon.judging.assessment import assess
+from daemon.model.assessments import (
+    AssessmentRules,
+    Expectation,
+    RegressionGate,
+    RepeatPolicy,
+    RunRecord,
+    ScenarioComparison,
+)
+from daemon.model.messages import Completion, RecordQuery, RetryRequest, RunQuery
+from daemon.model.spec import RunResult, RunSpec
+from daemon.model.status import CampaignRow, RunRow, RunState, Submission
+from daemon.model.verdicts import Outcome
+from tests.daemon.batch.samples import make_result, make_spec, submission_of
+
+NOW = 1_000_000.0
+Make = Callable[[RunSpec], RunResult]
+
+
+@dataclass
+class Ledger:
+    """A ledger with both its sides."""
+
+    book: LedgerWriter
+    reader: LedgerReader
+    places: StatePaths
+
+    def submit(self, name: str, *specs: RunSpec, **changes: object) -> Submission:
+        submission = replace(submission_of(name, *specs), **{"fresh": False} | changes)  # type: ignore[arg-type]
+        self.book.submit(submission, NOW)
+        return submission
+
+    def work(self, make: Make = make_result) -> int:
+        """Execute what is queued until nothing is."""
+        done = 0
+        while grants := self.book.lease("w", 100, NOW):
+            for grant in grants:
+                path = self.places.trace(grant.trace)
+                path.parent.mkdir(parents=True, exist_ok=True)
+                path.write_bytes(b"trace")
+                done_by = ("w", grant.run, grant.attempt, grant.token)
+                self.book.complete(Completion(*done_by, make(grant.spec)), NOW)
+            done += len(grants)
+        return done
+
+    def rows(self, campaign: str) -> tuple[RunRow, ...]:
+        return self.reader.runs(RunQuery(campaign)).rows
+
+    def records(self, campaign: str) -> tuple[RunRecord, ...]:
+        return self.reader.records(RecordQuery(campaign, limit=1000))
+
+    def row(self, campaign: str) -> CampaignRow:
+        return next(row for row in self.reader.campaigns() if row.id == campaign)
+
+
+@pytest.fixture
+def ledger(tmp_path: Path) -> Iterator[Ledger]:
+    places = StatePaths(tmp_path)
+    places.make()
+    writing = connect(places.ledger)
+    writing.execute("PRAGMA synchronous = OFF")  # power cuts are tested elsewhere
+    reading = connect_reader(places.ledger)
+    yield Ledger(LedgerWriter(writing), LedgerReader(reading, places), places)
+    reading.close()
+    writing.close()
+
+
+def specs(count: int, *, scenario: str = "S1", first: int = 0) -> list[RunSpec]:
+    return [make_spec(repeat, scenario=scenario) for repeat in range(first, first + count)]
+
+
+def failing(spec: RunSpec) -> RunResult:
+    return make_result(spec, outcome=Outcome.FAIL, margin=-0.5)
+
+
+def test_only_runs_without_a_result_are_executed(ledger: Ledger) -> None:
+    ledger.submit("first", *specs(3))
+    ledger.work()
+    changed = make_spec(2, speed=1)
+    receipt = ledger.book.submit(
+        replace(submission_of("second", *specs(2), changed), fresh=False), NOW
+    )
+    assert (receipt.runs, receipt.cached) == (3, 2)
+    assert ledger.row("second").cached == 2
+    assert ledger.work() == 1
+    rows = ledger.rows("second")
+    assert [row.cached for row in rows] == ["first.0", "first.1", ""]
+    assert [row.outcome for row in rows] == [Outcome.PASS] * 3
+    assert ledger.reader.run("second.0").result == ledger.reader.run("first.0").result
+    assert ledger.row("second").finished_at is not None
+
+
+def test_a_result_used_again_has_its_trace_where_the_first_one_put_it(ledger: Ledger) -> None:
+    ledger.book.know_store("s3://bucket")
+    ledger.submit("first", *specs(1))
+    (grant,) = ledger.book.lease("w", 1, NOW, store="s3://bucket")
+    result = make_result(grant.spec)
+    url = trace_url(grant.store, grant.trace, result.trace.sha256)
+    ledger.book.complete(Completion("w", grant.run, 1, grant.token, result, url), NOW)
+    ledger.submit("second", *specs(1))
+    assert [row.trace for row in ledger.rows("second")] == [url]
+    assert [record.trace for record in ledger.records("second")] == [url]
+
+
+def test_a_campaign_of_known_results_is_finished_at_once(ledger: Ledger) -> None:
+    ledger.submit("first", *specs(3))
+    ledger.work(failing)
+    ledger.book.events = []
+    ledger.submit("second", *specs(3))
+    assert [event.state for event in ledger.book.events] == ["submitted", "finished"]
+    assert (ledger.row("second").failed, ledger.row("second").queued) == (3, 0)
+    assert ledger.work() == 0
+
+
+def test_whoever_asks_for_fresh_runs_gets_them(ledger: Ledger) -> None:
+    ledger.submit("first", *specs(3))
+    ledger.work()
+    ledger.submit("second", *specs(3), fresh=True)
+    assert ledger.work() == 3
+    assert not any(row.cached for row in ledger.rows("second"))
+
+
+def test_a_fresh_run_that_comes_out_differently_raises_an_alarm(ledger: Ledger) -> None:
+    ledger.submit("first", *specs(2))
+    ledger.work()
+    ledger.submit("second", *specs(2), fresh=True)
+    ledger.book.events = []
+    ledger.work(lambda spec: make_result(spec, margin=0.5 + 0.1 * spec.repeat))
+    (alarm,) = [event for event in ledger.book.events if event.kind == "alarm"]
+    assert (alarm.id, alarm.campaign, alarm.state) == ("second.1", "second", "nondeterministic")
+    assert "first.1 gave" in ledger.rows("second")[1].reason
+
+
+def test_a_chain_of_cached_results_leads_to_the_run_that_was_executed(ledger: Ledger) -> None:
+    for name in ("first", "second", "third"):
+        ledger.submit(name, *specs(1))
+        ledger.work()
+    (row,) = ledger.rows("third")
+    assert row.cached == "first.0"
+    assert row.trace == str(ledger.places.traces / "first" / "S1.pilot.0.mcap")
+
+
+def test_a_result_stays_when_its_trace_is_deleted_and_says_so(ledger: Ledger) -> None:
+    ledger.submit("first", *specs(1))
+    ledger.work()
+    (ledger.places.traces / "first" / "S1.pilot.0.mcap").unlink()
+    ledger.submit("second", *specs(1))
+    (row,), (record,) = ledger.rows("second"), ledger.records("second")
+    assert (row.state, row.outcome, row.trace) == (RunState.DONE, Outcome.PASS, "")
+    assert row.reason == record.note == "the trace of first.0 is gone"
+    assert record.trace is None
+    ledger.book.retry(RetryRequest("second", ("all",)), NOW)
+    assert ledger.work() == 1
+    (row,) = ledger.rows("second")
+    assert row.trace == str(ledger.places.traces / "second" / "S1.pilot.0.mcap")
+    assert row.reason == ""
+
+
+def test_what_broke_is_executed_again(ledger: Ledger) -> None:
+    ledger.submit("first", *specs(2))
+    ledger.work(lambda spec: make_result(spec, outcome=Outcome.ERROR))
+    ledger.submit("second", *specs(2))
+    assert ledger.work() == 2
+
+
+PATIENT = AssessmentRules(RepeatPolicy(2, "rate", 0.5, until_decided=True, at_most=16))
+
+
+def submit_patiently(ledger: Ledger, name: str = "c") -> None:
+    """Two scenarios of two repeats each, and fourteen more in reserve for each."""
+    runs = [spec for scenario in ("S1", "S2") for spec in specs(2, scenario=scenario)]
+    reserve = [s for scenario in ("S1", "S2") for s in specs(14, scenario=scenario, first=2)]
+    ledger.submit(name, *runs, declared=PATIENT, reserve=tuple(reserve))
+
+
+def test_undecided_cells_get_more_repeats_and_decided_ones_do_not(ledger: Ledger) -> None:
+    def make(spec: RunSpec) -> RunResult:
+        # S1 always passes, which shows itself soon; S2 is a coin, which never does.
+        coin = spec.scenario == "S2" and spec.repeat % 2
+        return failing(spec) if coin else make_result(spec)
+
+    submit_patiently(ledger)
+    assert ledger.work(make) == 8 + 16
+    counts = {s: sum(r.scenario == s for r in ledger.rows("c")) for s in ("S1", "S2")}
+    assert counts == {"S1": 8, "S2": 16}
+    row = ledger.row("c")
+    assert (row.total, row.finished_at) == (24, NOW)
+    verdicts = {c.scenario: c.verdict for c in assess(PATIENT, ledger.records("c")).cells}
+    assert verdicts == {"S1": Outcome.PASS, "S2": Outcome.INCONCLUSIVE}
+    states = [event.state for event in ledger.book.events if event.kind == "campaign"]
+    assert states == ["submitted", "extended", "extended", "extended", "finished"]
+
+
+def test_added_repeats_are_those_of_the_campaign_and_reused_too(ledger: Ledger) -> None:
+    submit_patiently(ledger)
+    ledger.work()
+    submit_patiently(ledger, "again")
+    assert ledger.work() == 0
+    again = ledger.row("again")
+    assert (again.total, again.cached, again.queued) == (16, 16, 0)
+    first, second = ({(r.scenario, r.repeat, r.digest, r.seed) for r in ledger.records(name)}
+                     for name in ("c", "again"))  # fmt: skip
+    assert first == second
+
+
+def test_a_cancelled_campaign_is_not_extended(ledger: Ledger) -> None:
+    submit_patiently(ledger)
+    for grant in ledger.book.lease("w", 3, NOW):
+        done_by = ("w", grant.run, grant.attempt, grant.token)
+        ledger.book.complete(Completion(*done_by, make_result(grant.spec)), NOW)
+    assert ledger.book.cancel("c", NOW) == 1
+    assert ledger.row("c").total == 4
+    ledger.book.retry(RetryRequest("c", ("cancelled",)), NOW)
+    assert ledger.work() == 13
+
+
+def test_a_campaign_keeps_what_it_declares(ledger: Ledger) -> None:
+    declared = AssessmentRules(
+        RepeatPolicy(5, "rate", 0.8),
+        (ScenarioComparison("d", "delay", "S1", "S2", "goal", "<=", 30.0, "s", "delay(...)", "m"),),
+        (Expectation("S1", "*", ("a", "b"), "mixed", "so it is", "x.yaml:3"),),
+        RegressionGate("last-green", 0.1),
+    )
+    ledger.submit("c", *specs(1), declared=declared)
+    assert ledger.reader.declared("c") == declared
+    with pytest.raises(Refused, match="no campaign x"):
+        ledger.reader.declared("x")
+
+
+def test_records_say_what_rows_do_not(ledger: Ledger) -> None:
+    ledger.submit("c", *specs(3))
+    ledger.work(lambda spec: make_result(spec, margin=spec.repeat))
+    ledger.book.submit(submission_of("d", *specs(1)), NOW)
+    last = ledger.reader.records(RecordQuery("c", offset=2, limit=9))
+    assert [(r.id, r.seed, r.verdicts[0].margin) for r in last] == [("c.2", 2, 2.0)]
+    assert last[0].timing is not None
+    (waiting,) = ledger.records("d")
+    assert (waiting.outcome, waiting.state, waiting.trace) == (None, "queued", None)
+
+
+@pytest.mark.parametrize("version", [1, 2, 3, 4])
+def test_a_ledger_of_an_earlier_version_is_brought_up_to_date(tmp_path: Path, version: int) -> None:
+    path = tmp_path / "ledger.db"
+    more = (", declared", ", x''") if version > 1 else ("", "")
+    old = sqlite3.connect(path, isolation_level=None)
+    old.executescript((Path(__file__).parent / f"ledger_schema_{version}.sql").read_text())
+    old.executescript(
+        f"PRAGMA user_version = {version};"
+        f"INSERT INTO campaign (id, name, about, source, digest, total, submitted_at{more[0]})"
+        f" VALUES ('old', 'old', '', '', '', 1, 1.0{more[1]});"
+        "INSERT INTO run (id, campaign, position, scenario, sut, repeat, time_limit, digest,"
+        " trace_name) VALUES ('old.0', 'old', 0, 'S1', 'pilot', 0, 10.0, 'd', 'old/t.mcap');"
+    )
+    old.close()
+    connect(path).close()
+    upgraded, made = connect(path), connect(tmp_path / "new.db")
+    assert upgraded.execute("PRAGMA user_version").fetchone()[0] == SCHEMA_VERSION
+    for table in ("campaign", "run", "reserve"):
+        columns = [
+            [row[1:] for row in db.execute(f"PRAGMA table_info({table})")]
+            for db in (upgraded, made)
+        ]
+        assert sorted(r[0:4] for r in columns[0]) == sorted(r[0:4] for r in columns[1])
+    indexes = [
+        {row[0] for row in db.execute("SELECT name FROM sqlite_schema WHERE type = 'index'")}
+        for db in (upgraded, made)
+    ]
+    assert indexes[0] == indexes[1]
+    reader = LedgerReader(upgraded, StatePaths(tmp_path))
+    assert (reader.campaigns()[0].paused, reader.campaigns()[0].priority) == (False, 0)
+    assert reader.declared("old") == AssessmentRules()
+    assert [row.id for row in reader.records(RecordQuery("old"))] == ["old.0"]
+    upgraded.close()
+    made.close()
+
+
+def test_repeats_in_reserve_are_held_to_the_same_rules(tmp_path: Path) -> None:
+    places = StatePaths(tmp_path)
+    places.make()
+    submission = replace(submission_of("c", *specs(2)), reserve=tuple(specs(2, first=1)))
+    with pytest.raises(Refused, match="S1/pilot/1 is there twice"):
+        admit_submission(submission, places)
+    admit_submission(replace(submission, reserve=tuple(specs(2, first=2))), places)

@@ -1,0 +1,150 @@
+"""The examination finds what is wrong, says what to do, and changes nothing."""
+
+from __future__ import annotations
+
+import fcntl
+import os
+import sqlite3
+import time
+from collections.abc import Callable
+from contextlib import closing
+from pathlib import Path
+
+import pytest
+
+from daemon.batch.ledger import LedgerWriter, connect
+from daemon.batch.operation import DoctorFinding, FindingLevel, examine
+from daemon.batch.paths import Endpoint, StatePaths
+from tests.daemon.batch.samples import make_submission
+
+NOBODY = Endpoint("tcp/127.0.0.1:1", "default")
+
+
+@pytest.fixture
+def places(tmp_path: Path) -> StatePaths:
+    """A state directory after three runs were queued."""
+    places = StatePaths(tmp_path / "state")
+    places.make()
+    db = connect(places.ledger)
+    LedgerWriter(db).submit(make_submission("known", 3), time.time())
+    db.close()
+    return places
+
+
+def found(
+    places: StatePaths, subject: str, endpoint: Endpoint = NOBODY
+) -> tuple[DoctorFinding, ...]:
+    findings = examine(places, endpoint, places.state.parent)
+    assert all((f.remedy == "") == (f.level is FindingLevel.OK) for f in findings)
+    return tuple(f for f in findings if f.subject == subject)
+
+
+def test_a_healthy_place_has_no_problem_and_is_not_changed(places: StatePaths) -> None:
+    before = {path: path.read_bytes() for path in places.state.rglob("*") if path.is_file()}
+    findings = examine(places, NOBODY, places.state.parent)
+    assert {f.subject: f.level for f in findings if f.level is FindingLevel.PROBLEM} == {}
+    (ledger,) = (f for f in findings if f.subject == "ledger")
+    assert "3 runs, 0 results" in ledger.message
+    after = {path: path.read_bytes() for path in places.state.rglob("*") if path.is_file()}
+    assert before.items() <= after.items()
+
+
+def _tear(path: Path) -> None:
+    with path.open("r+b") as file:
+        file.seek(4096 * 3)
+        file.write(b"\xa5" * 4096 * 3)
+
+
+def _drop(table: str) -> Callable[[Path], None]:
+    def act(path: Path) -> None:
+        with closing(sqlite3.connect(path)) as db, db:
+            db.execute(f"DELETE FROM {table}")
+
+    return act
+
+
+@pytest.mark.parametrize(
+    ("damage", "words"),
+    [
+        (_tear, "ledger"),
+        (lambda path: path.write_bytes(b"?" * 9000), "cannot be read: file is not a database"),
+        (_drop("spec"), "3 runs have no specification"),
+        (_drop("tally"), "1 counts differ from the runs"),
+        (_drop("campaign"), "refers to nothing"),
+    ],
+)
+def test_a_damaged_ledger_is_a_problem(
+    places: StatePaths, damage: Callable[[Path], None], words: str
+) -> None:
+    damage(places.ledger)
+    (finding,) = found(places, "ledger")
+    assert finding.level is FindingLevel.PROBLEM
+    assert words in f"{finding.subject} {finding.message}"
+
+
+def test_a_clock_that_was_set_back_is_a_problem(places: StatePaths) -> None:
+    with closing(sqlite3.connect(places.ledger)) as db, db:
+        db.execute("UPDATE event SET at = ?", (time.time() + 3600.0,))
+    (finding,) = found(places, "clock")
+    assert (finding.level, "before the ledger's newest event" in finding.message) == (
+        FindingLevel.PROBLEM, True,
+    )  # fmt: skip
+
+
+def test_what_others_can_write_is_a_problem(places: StatePaths) -> None:
+    places.traces.chmod(0o777)
+    (finding,) = found(places, "state")
+    assert (finding.level, finding.remedy) == (
+        FindingLevel.PROBLEM,
+        f"chmod -R go-rwx {places.state}",
+    )
+
+
+def test_leftovers_are_named_unless_somebody_uses_them(places: StatePaths) -> None:
+    here = places.state.parent
+    partial = places.traces / "known" / ".a.mcap.12.tmp"
+    unknown = places.traces / "unheard-of"
+    dead, living = places.spool / "dead-1", places.spool / "living-1"
+    shop, busy = here / "scenario-results/x/.scenario-a", here / "scenario-results/y/.scenario-b"
+    for folder in (partial.parent, unknown, dead, living, shop, busy):
+        folder.mkdir(parents=True)
+    for file in (partial, dead / "lock", living / "lock", busy / "daemon.lock"):
+        file.touch()
+    with (living / "lock").open() as one, (busy / "daemon.lock").open() as other:
+        fcntl.flock(one, fcntl.LOCK_EX)
+        fcntl.flock(other, fcntl.LOCK_EX)
+        messages = " ".join(finding.message for finding in found(places, "leftovers"))
+    assert all(str(path) in messages for path in (partial, unknown, dead, shop))
+    assert not any(str(path) in messages for path in (living, busy))
+
+
+def test_a_daemon_that_does_not_answer_is_told_apart_from_one_that_is_gone(
+    places: StatePaths,
+) -> None:
+    contact = '{"endpoint": "tcp/127.0.0.1:1", "pid": %d, "version": "0", "started_at": 0.0}'
+    told = Endpoint("tcp/127.0.0.1:1", "daemon.json")
+    assert found(places, "daemon")[0].level is FindingLevel.OK
+    places.contact_file.write_text(contact % os.getpid())
+    assert found(places, "daemon", told)[0].level is FindingLevel.PROBLEM
+    places.contact_file.write_text(contact % 2**22)
+    assert found(places, "daemon", told)[0].level is FindingLevel.WARNING
+    asked = Endpoint("tcp/127.0.0.1:1", "--connect")
+    assert found(places, "daemon", asked)[0].level is FindingLevel.PROBLEM
+
+
+def test_an_endpoint_is_judged(places: StatePaths) -> None:
+    far = Endpoint("tcp/192.0.2.1:x", "SCENARIO_CONNECT")
+    assert found(places, "endpoint", far)[0].level is FindingLevel.PROBLEM
+    assert found(places, "endpoint")[0].level is FindingLevel.OK
+    here = Endpoint(places.endpoint, "default")
+    path = f"{places.endpoint.removeprefix('unixsock-stream/')}, from default"
+    assert found(places, "endpoint", here)[0].message == path
+    wrong = Endpoint("unixsock-stream/nowhere", "SCENARIO_CONNECT")
+    assert found(places, "endpoint", wrong)[0].message.startswith("unixsock-stream/nowhere, from")
+
+
+def test_a_place_that_is_not_there_yet_is_fine(tmp_path: Path) -> None:
+    places = StatePaths(tmp_path / "later")
+    findings = examine(places, NOBODY, tmp_path)
+    assert not any(f.level is FindingLevel.PROBLEM for f in findings)
+    assert not places.state.exists()

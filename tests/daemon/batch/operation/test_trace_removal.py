@@ -1,0 +1,140 @@
+"""Traces go when space is wanted back: of finished campaigns, oldest first; results stay."""
+
+from __future__ import annotations
+
+import sqlite3
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from daemon.batch.errors import DaemonError
+from daemon.batch.ledger import (
+    LedgerReader,
+    LedgerWriter,
+    RetentionPolicy,
+    SweepResult,
+    connect,
+    connect_reader,
+    sweep_traces,
+)
+from daemon.batch.paths import StatePaths
+from daemon.model.messages import Completion, RecordQuery, RetryRequest, RunQuery
+from tests.daemon.batch.samples import make_result, make_spec, make_submission, submission_of
+
+SIZE = 100
+
+
+class Store:
+    """A state directory with campaigns that finished at 10, 20 ... seconds."""
+
+    def __init__(self, folder: Path) -> None:
+        self.places = StatePaths.find(folder)
+        self.places.make()
+        self.db = connect(self.places.ledger)
+        self.book = LedgerWriter(self.db)
+
+    def work(self, campaign: str, at: float, count: int = 100) -> None:
+        for grant in self.book.lease("w", count, at):
+            path = self.places.trace(grant.trace)
+            path.parent.mkdir(exist_ok=True)
+            path.write_bytes(bytes(SIZE))
+            done = ("w", grant.run, grant.attempt, grant.token, make_result(grant.spec))
+            self.book.complete(Completion(*done), at)
+
+    def finish(self, campaign: str, at: float) -> None:
+        self.book.submit(make_submission(campaign, 3), at)
+        self.work(campaign, at)
+
+    def left(self) -> dict[str, int]:
+        folders = sorted(self.places.traces.iterdir())
+        return {folder.name: len(list(folder.glob("*.mcap"))) for folder in folders}
+
+
+@pytest.fixture
+def store(tmp_path: Path) -> Iterator[Store]:
+    store = Store(tmp_path)
+    for i, name in enumerate(("a", "b", "c"), start=1):
+        store.finish(name, 10.0 * i)
+    yield store
+    store.db.close()
+
+
+def test_the_newest_campaigns_keep_their_traces(store: Store) -> None:
+    swept = sweep_traces(store.places, RetentionPolicy(newest=1), 100.0)
+    assert [trace.campaign for trace in swept.gone] == ["a"] * 3 + ["b"] * 3
+    assert (swept.freed, swept.kept) == (6 * SIZE, 3 * SIZE)
+    assert store.left() == {"c": 3}
+    assert sweep_traces(store.places, RetentionPolicy(newest=1), 100.0) == SweepResult((), 3 * SIZE)
+
+
+def test_traces_of_campaigns_that_finished_long_ago_go(store: Store) -> None:
+    sweep_traces(store.places, RetentionPolicy(age=15.0), 30.0)
+    assert store.left() == {"b": 3, "c": 3}
+
+
+def test_the_oldest_go_until_the_rest_fits(store: Store) -> None:
+    swept = sweep_traces(store.places, RetentionPolicy(size=5 * SIZE), 100.0)
+    assert (swept.freed, swept.kept) == (4 * SIZE, 5 * SIZE)
+    assert store.left() == {"b": 2, "c": 3}
+
+
+def test_a_dry_run_removes_nothing(store: Store) -> None:
+    assert len(sweep_traces(store.places, RetentionPolicy(newest=0), 100.0, dry=True).gone) == 9
+    assert store.left() == {"a": 3, "b": 3, "c": 3}
+
+
+def test_unfinished_campaigns_keep_theirs_and_those_they_took_results_from(store: Store) -> None:
+    shared = make_spec(0, scenario="shared")
+    store.book.submit(submission_of("old", shared), 1.0)
+    store.work("old", 1.0)
+    others = (make_spec(repeat, scenario="other") for repeat in range(2))
+    store.book.submit(replace(submission_of("new", shared, *others), fresh=False), 50.0)
+    store.work("new", 50.0, count=1)
+    store.book.retry(RetryRequest("a", ("all",)), 60.0)
+    sweep_traces(store.places, RetentionPolicy(newest=0, age=0.0, size=0), 100.0)
+    assert store.left() == {"a": 3, "new": 1, "old": 1}
+
+
+def test_results_stay_and_say_that_the_trace_is_gone(store: Store) -> None:
+    sweep_traces(store.places, RetentionPolicy(newest=0), 100.0)
+    db = connect_reader(store.places.ledger)
+    reader = LedgerReader(db, store.places)
+    row = reader.runs(RunQuery("a")).rows[0]
+    record = reader.records(RecordQuery("a"))[0]
+    assert (row.state, row.outcome, row.trace) == ("done", "pass", "")
+    assert row.reason == record.note == "its trace is gone"
+    assert record.verdicts
+    assert record.trace is None
+    db.close()
+
+
+def test_a_campaign_that_starts_again_meanwhile_keeps_its_traces(
+    store: Store, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from daemon.batch.ledger import _retention
+
+    choose = _retention._choose
+
+    def choose_slowly(*arguments: object) -> object:
+        chosen = choose(*arguments)  # type: ignore[arg-type]
+        store.book.retry(RetryRequest("b", ("all",)), 60.0)
+        return chosen
+
+    monkeypatch.setattr(_retention, "_choose", choose_slowly)
+    swept = sweep_traces(store.places, RetentionPolicy(newest=0), 100.0)
+    assert store.left() == {"b": 3}
+    assert (len(swept.gone), swept.kept) == (6, 3 * SIZE)
+
+
+def test_what_is_no_ledger_of_this_version_is_left_alone(tmp_path: Path) -> None:
+    with pytest.raises(DaemonError, match="nothing was ever run there"):
+        sweep_traces(StatePaths(tmp_path), RetentionPolicy(), 0.0)
+    (tmp_path / "ledger.db").write_bytes(b"no database at all" * 100)
+    with pytest.raises(DaemonError, match="cannot be used"):
+        sweep_traces(StatePaths(tmp_path), RetentionPolicy(), 0.0)
+    (tmp_path / "ledger.db").unlink()
+    sqlite3.connect(tmp_path / "ledger.db").executescript("PRAGMA user_version = 99").close()
+    with pytest.raises(DaemonError, match="schema 99"):
+        sweep_traces(StatePaths(tmp_path), RetentionPolicy(), 0.0)

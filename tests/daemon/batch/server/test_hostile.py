@@ -1,0 +1,376 @@
+"""What anybody may send: for every verb dozens of messages that nobody of ours would send.
+
+One daemon for all of it. Each message is refused with a reason, or answered without any effect;
+afterwards the daemon lives, and its ledger and its files are what they were.
+"""
+
+import gzip
+import hashlib
+import json
+import pickle
+import sqlite3
+from collections.abc import Iterator
+from contextlib import closing
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import pytest
+import zenoh
+
+from daemon.batch import bus
+from daemon.batch.client import Client
+from daemon.batch.paths import StatePaths
+from daemon.batch.security import VERB_RULES
+from daemon.model.messages import (
+    ASK,
+    LARGEST_SUBMISSION,
+    Completion,
+    ErrorReply,
+    FileDownloadRequest,
+    FileUploadChunk,
+    IdRequest,
+    Lease,
+    LeaseRef,
+    LeaseReply,
+    LeaseRequest,
+    LedgerAcknowledgement,
+    LedgerAnswer,
+    PriorityRequest,
+    RecordQuery,
+    ReleaseRequest,
+    RenewReply,
+    RenewRequest,
+    RetryRequest,
+    RunQuery,
+    TraceDownloadRequest,
+    TraceUploadChunk,
+    Verb,
+    WorkerInfo,
+)
+from daemon.model.packed_submission import pack_submission
+from daemon.model.spec import TraceInfo
+from grammars.text import codec
+from tests.daemon.batch.harness import DaemonPart, daemon_at, eventually
+from tests.daemon.batch.samples import make_result, make_submission
+
+ME = WorkerInfo("hostile-1", "host", 1, version("scenario-tui"), 4, 0)
+TRACE = b"no real trace"
+INFO = TraceInfo(hashlib.sha256(TRACE).hexdigest(), len(TRACE), 0)
+UP = "../../../../tmp/escaped"
+
+
+class Target:
+    """A daemon with a finished run, a leased one and a queued one, and all it keeps."""
+
+    def __init__(self, daemon: DaemonPart, client: Client, session: zenoh.Session) -> None:
+        self.daemon = daemon
+        self.session = session
+        client.submit(make_submission("camp", 3))
+        lease = self.ask(Verb.LEASE, LeaseRequest(ME, 2), LeaseReply)
+        self.done, self.leased = lease.grants
+        trace = StatePaths(daemon.state).trace(self.done.trace)
+        trace.parent.mkdir(parents=True)
+        trace.write_bytes(TRACE)
+        self.completion = completion_of(self.done)
+        answer = self.ask(Verb.COMPLETE, self.completion, LedgerAcknowledgement).answer
+        assert answer is LedgerAnswer.RECORDED
+        tokens = (self.leased.token, 9, 2**53)
+        holds = tuple(LeaseRef(self.leased.run, token) for token in tokens)
+        gone = self.ask(Verb.RENEW, RenewRequest(ME, holds), RenewReply).gone
+        assert {hold.token for hold in gone} == {9, 2**53}
+
+    def ask(self, verb: Verb, request: object, kind: type[Any]) -> Any:
+        return bus.ask(self.session, self.daemon.endpoint, verb, request, kind, 5.0)
+
+    def complaint(self, verb: str, body: bytes) -> str:
+        """Send a message as it is; return the reason for which it was refused."""
+        refused, words = self.send(verb, body)
+        assert refused, (verb, body[:200], words[:200])
+        return codec.from_json(ErrorReply, words).problem
+
+    def send(self, verb: str, body: bytes) -> tuple[bool, bytes]:
+        replies = list(self.session.get(f"{ASK}/{verb}", payload=body, timeout=20.0))
+        assert len(replies) == 1, (verb, body[:200])
+        reply = replies[0]
+        if reply.err is not None:
+            return True, reply.err.payload.to_bytes()
+        return False, reply.ok.payload.to_bytes()
+
+    def everything(self) -> tuple[list[str], list[tuple[str, int]]]:
+        """What the ledger says, statement by statement, and all files with their sizes."""
+        places = StatePaths(self.daemon.state)
+        with closing(sqlite3.connect(f"file:{places.ledger}?mode=ro", uri=True)) as ledger:
+            dump = [line for line in ledger.iterdump() if not line.startswith("COMMIT")]
+        kept = (places.scenes, places.traces, places.spool, places.incoming, places.files)
+        paths = sorted(path for folder in kept for path in folder.rglob("*") if path.is_file())
+        return dump, [(str(path), path.stat().st_size) for path in paths]
+
+
+def completion_of(grant: Lease) -> Completion:
+    result = make_result(grant.spec, trace=INFO)
+    return Completion(ME.id, grant.run, grant.attempt, grant.token, result)
+
+
+@pytest.fixture(scope="module")
+def target(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Target]:
+    with (
+        daemon_at(tmp_path_factory.mktemp("hostile") / "state", lease=900.0) as daemon,
+        daemon.batch.client() as client,
+        bus.open_client(daemon.endpoint) as session,
+    ):
+        found = Target(daemon, client, session)
+        before = found.everything()
+        yield found
+        (statements, files), (rows, kept) = found.everything(), before
+        assert [line for line in statements if line not in rows] == []
+        assert (len(statements), files) == (len(rows), kept)
+        assert daemon.process.poll() is None
+        row = client.campaigns()[0]
+        assert (row.done, row.running, row.queued) == (1, 1, 1)
+        failures = [entry for entry in daemon.journal() if entry["event"] == "failure"]
+        assert failures == []
+
+
+class Bomb:
+    def __reduce__(self) -> tuple[Any, tuple[str]]:
+        return Path.touch, ("/tmp/never",)
+
+
+ALIASES = "a: &a [x, x]\n" + "\n".join(
+    f"{b}: &{b} [*{a}, *{a}]" for a, b in zip("abcdefg", "bcdefgh", strict=True)
+)
+
+ANYWHERE = (
+    b"", b" ", b"{", b"}", b"{}}", b"{}{}", b"{},", b"[]", b"[[]]", b"[{}]", b"null", b"true", b"7",
+    b"-0.0", b"1e999", b"NaN", b"-Infinity", b'"text"', b'"', b"\xff\xfe", b"\x00", b"{\x00}",
+    b"{}\x00", b"{'a': 1}", b'{"a":1,}', b"{/**/}", b'{"a": undefined}', b'{"a": 01}',
+    b'{"\\ud800": 1}', b'{"\xc3(": 1}', b'{"unknown": 1}', b'{"version": 99}',
+    b'{"__class__": "os.system"}', b'{"__proto__": {"admin": true}}', b"\xef\xbb\xbf{}",
+    "{}".encode("utf-16"), b"[" * 10_000, b'{"a":' * 3_000, b'{"a":[' * 2_000 + b"]}" * 2_000,
+    b'{"a":' + b"9" * 10_000 + b"}", b'{"a":1e' + b"9" * 5_000 + b"}", pickle.dumps(Bomb()),
+    gzip.compress(b" " * 10**6), ALIASES.encode(), b"!!python/object/apply:os.system ['true']",
+    b"<?xml version='1.0'?><!DOCTYPE a [<!ENTITY b 'c'>]><a>&b;</a>", b"'; DROP TABLE run; --",
+    b"\x1b]0;title\x07", b"scenario/v1/ask/shutdown",
+)  # fmt: skip
+"""Never a request, whatever the verb."""
+
+
+@pytest.mark.parametrize("verb", Verb)
+def test_what_is_no_request_is_refused_with_a_reason(target: Target, verb: Verb) -> None:
+    assert len(ANYWHERE) >= 30
+    for body in ANYWHERE:
+        words = target.complaint(verb, body)
+        assert words.startswith("the request is malformed: "), (body[:80], words)
+    limit = VERB_RULES[verb].largest
+    if limit < LARGEST_SUBMISSION:
+        words = target.complaint(verb, b'{"a": "' + b"x" * limit + b'"}')
+        assert f"at most {limit} are taken" in words
+
+
+@pytest.mark.parametrize("verb", [Verb.OVERVIEW, Verb.SUBMIT, Verb.COMPLETE])
+def test_a_hundred_megabytes_are_refused_with_a_reason(target: Target, verb: Verb) -> None:
+    words = target.complaint(verb, b" " * 100_000_000)
+    assert words == f"the request has 100000000 bytes, at most {VERB_RULES[verb].largest} are taken"
+
+
+WRONG = (
+    None, True, -1, 0.5, 1e300, 2**63, 2**64, 10**400, "", "\x00", UP, "%2e%2e%2f", "a/b",
+    "x" * 9000, "' OR 1=1 --", "*", "**", "camp.0\n", "ＣＡＭＰ", "$(reboot)", "\ud800", "~", "-1",
+    [], [[]], {}, {"id": 1}, [None] * 100, [UP],
+)  # fmt: skip
+"""Values for a field that wants something else."""
+
+
+def valid(target: Target) -> dict[Verb, object]:
+    """A request of each verb that has fields; sent as they are, these would do something."""
+    chunk = TraceUploadChunk(ME.id, target.leased.run, target.leased.token, "0" * 64, 4, 0, "", "")
+    release = ReleaseRequest(ME.id, target.leased.run, target.leased.token, "why", blame=True)
+    return {
+        Verb.RUNS: RunQuery("camp"),
+        Verb.RUN: IdRequest("camp.0"),
+        Verb.DECLARED: IdRequest("camp"),
+        Verb.RECORDS: RecordQuery("camp"),
+        Verb.SCENE: IdRequest(target.done.spec.scene),
+        Verb.FETCH: TraceDownloadRequest(target.done.run, 0),
+        Verb.SUBMIT: pack_submission(make_submission("new", 2)),
+        Verb.CANCEL: IdRequest("camp"),
+        Verb.RETRY: RetryRequest("camp", ("pass",)),
+        Verb.PAUSE: IdRequest("camp"),
+        Verb.RESUME: IdRequest("camp"),
+        Verb.PRIORITISE: PriorityRequest("camp", 3),
+        Verb.WELCOME: ME,
+        Verb.LEASE: LeaseRequest(ME, 1),
+        Verb.RENEW: RenewRequest(ME, ()),
+        Verb.COMPLETE: completion_of(target.leased),
+        Verb.RELEASE: release,
+        Verb.UPLOAD: chunk,
+        Verb.KEEP: FileUploadChunk("0" * 64, 4),
+        Verb.FILE: FileDownloadRequest("0" * 64, 0),
+    }
+
+
+IDS = {"id", "campaign", "run", "scene", "sha256", "worker", "spec"}
+"""Fields that name something: no other text names it."""
+
+
+def spoilt(document: Any, *, ids: bool) -> Iterator[bytes]:
+    """The request with one field spoilt: of another type, out of range, missing, or unknown."""
+    for path in paths(document):
+        leaf = at(document, path)
+        for wrong in WRONG:
+            if not fits(wrong, leaf, path[-1], ids=ids):
+                yield dumped(replaced(document, path, wrong))
+    for name in document:
+        if ids and name in IDS:
+            yield dumped({key: value for key, value in document.items() if key != name})
+    yield dumped(document | {"extra": 1})
+
+
+def fits(wrong: Any, leaf: Any, name: Any, *, ids: bool) -> bool:
+    """Whether a value may well do in place of ``leaf``, so that nothing says it is wrong."""
+    if isinstance(leaf, str):
+        known = isinstance(wrong, str) and not (ids and name in IDS)
+        return known and "\ud800" not in wrong
+    if isinstance(leaf, int) or isinstance(wrong, bool):
+        return type(wrong) is type(leaf)
+    if isinstance(leaf, float):
+        return isinstance(wrong, int | float)
+    if leaf is None:
+        return True
+    return type(wrong) is type(leaf)
+
+
+def paths(document: Any, before: tuple[Any, ...] = ()) -> Iterator[tuple[Any, ...]]:
+    """Every place in a document, the first three levels deep."""
+    if isinstance(document, dict) and len(before) < 3:
+        for key, value in document.items():
+            yield (*before, key)
+            yield from paths(value, (*before, key))
+
+
+def at(document: Any, path: tuple[Any, ...]) -> Any:
+    for key in path:
+        document = document[key]
+    return document
+
+
+def replaced(document: Any, path: tuple[Any, ...], value: Any) -> Any:
+    if not path:
+        return value
+    return document | {path[0]: replaced(document[path[0]], path[1:], value)}
+
+
+def dumped(document: Any) -> bytes:
+    return json.dumps(document).encode()
+
+
+CHANGES = (
+    Verb.SUBMIT, Verb.CANCEL, Verb.RETRY, Verb.PAUSE, Verb.RESUME, Verb.PRIORITISE, Verb.WELCOME,
+    Verb.LEASE, Verb.RENEW, Verb.COMPLETE, Verb.RELEASE, Verb.UPLOAD, Verb.KEEP,
+)  # fmt: skip
+LOOKS = (Verb.RUNS, Verb.RUN, Verb.DECLARED, Verb.RECORDS, Verb.SCENE, Verb.FETCH, Verb.FILE)
+
+
+@pytest.mark.parametrize("verb", [*LOOKS, *CHANGES])
+def test_a_request_with_one_spoilt_field_is_refused(target: Target, verb: Verb) -> None:
+    document = codec.to_plain(valid(target)[verb])
+    # Questions about what is not there have an empty answer; what acts must name what there is.
+    bodies = list(spoilt(document, ids=verb not in (Verb.RUNS, Verb.RECORDS)))
+    assert len(bodies) >= 20
+    for body in bodies:
+        target.complaint(verb, body)
+
+
+def test_numbers_out_of_range_are_refused(target: Target) -> None:
+    for verb, field in (
+        (Verb.RUNS, "offset"),
+        (Verb.RUNS, "limit"),
+        (Verb.RECORDS, "limit"),
+        (Verb.FETCH, "offset"),
+        (Verb.FETCH, "count"),
+        (Verb.PRIORITISE, "priority"),
+        (Verb.LEASE, "count"),
+        (Verb.COMPLETE, "token"),
+        (Verb.RELEASE, "token"),
+        (Verb.UPLOAD, "size"),
+        (Verb.UPLOAD, "offset"),
+        (Verb.KEEP, "size"),
+        (Verb.FILE, "count"),
+    ):
+        document = codec.to_plain(valid(target)[verb])
+        for number in (-(2**63), -1001, 0.5, 2**53 + 1, 2**64, 10**30):
+            target.complaint(verb, dumped(document | {field: number}))
+
+
+def test_what_is_stale_or_said_twice_changes_nothing(target: Target) -> None:
+    again = codec.to_plain(target.completion)
+    assert (
+        target.ask(Verb.COMPLETE, target.completion, LedgerAcknowledgement).answer
+        is LedgerAnswer.KNOWN
+    )
+    assert b"known" in target.send(Verb.COMPLETE, dumped(again | {"worker": "thief"}))[1]
+    leased = codec.to_plain(completion_of(target.leased))
+    for token in (0, target.leased.token + 1, 2**53):
+        assert "never leased" in target.complaint(Verb.COMPLETE, dumped(leased | {"token": token}))
+    other = again | {"result": leased["result"]}
+    assert "specification differs" in target.complaint(Verb.COMPLETE, dumped(other))
+    for location in (f"file://{UP}", "/etc/passwd", "http://127.0.0.1/x", "s3://other/x", UP):
+        words = target.complaint(Verb.COMPLETE, dumped(leased | {"location": location}))
+        assert "is not where the trace" in words
+    for token in (0, target.done.token, target.leased.token + 1):
+        release = ReleaseRequest(ME.id, target.leased.run, token, "mine", blame=True)
+        assert target.ask(Verb.RELEASE, release, LedgerAcknowledgement).answer is LedgerAnswer.STALE
+
+
+def test_ids_never_become_paths(target: Target, tmp_path: Path) -> None:
+    outside = Path(target.daemon.state).parent
+    before = sorted(outside.iterdir())
+    for name in (UP, "/etc/passwd", "..", ".", "~", "camp/../..", "camp\x00", "C:\\x", "file:///x"):
+        for verb in (Verb.RUN, Verb.DECLARED, Verb.SCENE, Verb.CANCEL, Verb.PAUSE):
+            target.complaint(verb, dumped({"id": name}))
+        target.complaint(Verb.FETCH, dumped({"run": name, "offset": 0}))
+        target.complaint(Verb.FILE, dumped({"sha256": name, "offset": 0}))
+        target.complaint(Verb.KEEP, dumped({"sha256": name, "size": 1, "data": "YQ=="}))
+        target.complaint(Verb.SUBMIT, codec.to_json(pack_submission(make_submission(name, 1))))
+        me = codec.to_plain(ME) | {"id": name}
+        for verb, body in (
+            (Verb.LEASE, {"worker": me, "count": 1}),
+            (Verb.RENEW, {"worker": me, "holds": []}),
+            (Verb.WELCOME, me),
+        ):
+            assert "malformed" in target.complaint(verb, dumped(body))
+    assert sorted(outside.iterdir()) == before
+
+
+def test_keys_that_are_no_verbs_are_refused(target: Target) -> None:
+    for key in ("*", "evaluate", "Submit", "submit%20", "__init__", "x" * 5000, "ＳＵＢＭＩＴ"):
+        assert "does not know how to" in target.complaint(key, b"{}")
+    for key in ("submit/..", "../ask/submit", "a/b"):
+        assert list(target.session.get(f"{ASK}/{key}", payload=b"{}", timeout=2.0)) == []
+
+
+def test_who_asks_faster_than_the_ledger_writes_is_told_to_wait(target: Target) -> None:
+    replies: list[zenoh.Reply] = []
+    ledger = StatePaths(target.daemon.state).ledger
+    with closing(sqlite3.connect(ledger, isolation_level=None)) as lock:
+        lock.execute("BEGIN IMMEDIATE")
+        for _ in range(2300):
+            target.session.get(
+                f"{ASK}/cancel", replies.append, payload=b'{"id":"no"}', timeout=60.0
+            )
+        eventually(lambda: replies)
+        first = codec.from_json(ErrorReply, replies[0].err.payload.to_bytes())
+        assert first.passing
+        assert "the daemon is busy, 2048 requests wait already" in first.problem
+        with target.daemon.client() as client:
+            assert client.overview().running == 1
+        lock.execute("ROLLBACK")
+    eventually(lambda: len(replies) == 2300, 30.0)
+    problems = [codec.from_json(ErrorReply, reply.err.payload.to_bytes()) for reply in replies]
+    assert sum(not problem.passing for problem in problems) >= 2048
+
+
+def test_every_request_with_fields_is_spoilt(target: Target) -> None:
+    without = {Verb.OVERVIEW, Verb.CAMPAIGNS, Verb.WORKERS, Verb.DISK, Verb.SHUTDOWN}
+    assert set(valid(target)) == {*LOOKS, *CHANGES} == set(Verb) - without

@@ -1,0 +1,186 @@
+import concurrent.futures
+import signal
+import socket
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import psutil
+import pytest
+
+from daemon.batch import bus
+from daemon.batch.client import Client
+from daemon.batch.errors import Refused
+from daemon.batch.paths import StatePaths
+from daemon.batch.security import VERB_RULES
+from daemon.model.messages import ASK, ErrorReply, Verb
+from grammars.text import codec
+from tests.daemon.batch.harness import DaemonPart, Part, daemon_at
+from tests.daemon.batch.samples import SCENE, make_spec, make_submission, submission_of
+
+
+@pytest.fixture(scope="module")
+def daemon(tmp_path_factory: pytest.TempPathFactory) -> Iterator[DaemonPart]:
+    with daemon_at(tmp_path_factory.mktemp("server") / "state") as part:
+        part.client().close()  # it is up: some tests ask past the client
+        yield part
+
+
+@pytest.fixture
+def client(daemon: DaemonPart) -> Iterator[Client]:
+    with daemon.batch.client() as connected:
+        yield connected
+
+
+def raw(daemon: DaemonPart, key: str, payload: bytes) -> str:
+    """Ask past the client; returns the daemon's complaint."""
+    with bus.open_client(daemon.endpoint) as session:
+        replies = list(session.get(key, payload=payload, timeout=5.0))
+    assert len(replies) == 1
+    assert replies[0].err is not None
+    return codec.from_json(ErrorReply, replies[0].err.payload.to_bytes()).problem
+
+
+def test_the_daemon_listens_once_and_on_loopback_only(daemon: DaemonPart, client: Client) -> None:
+    sockets = psutil.Process(daemon.pid).net_connections("inet")
+    listening = [s for s in sockets if s.status == psutil.CONN_LISTEN]
+    assert [s.laddr.ip for s in listening] == ["127.0.0.1"]
+    assert [s for s in sockets if s.type == socket.SOCK_DGRAM] == []
+    assert client.overview().workers == 0
+
+
+def test_a_submission_is_in_the_ledger_when_the_receipt_comes(client: Client) -> None:
+    submission = make_submission("whole", 4)
+    receipt = client.submit(submission)
+    assert (receipt.runs, receipt.known) == (4, False)
+    assert client.submit(submission).known
+    assert client.runs("whole").total == 4
+    assert client.run("whole.2").spec == submission.runs[2]
+    assert client.scene(SCENE.digest) == SCENE
+
+
+def test_a_bad_submission_is_refused_as_a_whole_with_all_reasons(client: Client) -> None:
+    spec = make_spec()
+    orphan = replace(make_spec(1), scene="0" * 64)
+    endless = replace(make_spec(2), limit=-1.0)
+    foreign = replace(make_spec(3), engine="0")
+    with pytest.raises(Refused) as refusal:
+        client.submit(submission_of("bad", spec, spec, orphan, endless, foreign))
+    words = str(refusal.value)
+    assert "S1/pilot/0 is there twice" in words
+    assert "S1/pilot/1: its scene 000000000000 is neither here nor sent along" in words
+    assert "S1/pilot/2: the limit must be" in words
+    assert "S1/pilot/3: made for engine 0" in words
+    assert client.runs("bad").total == 0
+
+
+@pytest.mark.parametrize("name", ["../up", "a b", "", "x" * 200])
+def test_a_campaign_id_must_be_one(client: Client, name: str) -> None:
+    with pytest.raises(Refused, match="not a campaign id"):
+        client.submit(make_submission(name))
+
+
+def test_names_of_scenarios_stay_inside_the_traces(client: Client, daemon: DaemonPart) -> None:
+    client.submit(submission_of("names", make_spec(scenario="../../etc/passwd")))
+    with pytest.raises(Refused, match="no usable file name"):
+        client.submit(submission_of("names2", make_spec(scenario="x" * 300)))
+    trace = (
+        StatePaths(daemon.state).traces / "names" / "%2E%2E%2F%2E%2E%2Fetc%2Fpasswd.pilot.0.mcap"
+    )
+    assert client.run("names.0").row.trace == ""
+    assert trace.parent.parent == StatePaths(daemon.state).traces
+
+
+@pytest.mark.parametrize("payload", [b"", b"{", b"[]", b'{"id": 7}', b"\xff\xfe", b"[" * 10_000])
+def test_malformed_requests_are_refused(daemon: DaemonPart, payload: bytes) -> None:
+    assert "malformed" in raw(daemon, f"{ASK}/cancel", payload)
+
+
+def test_oversized_requests_are_refused_unread(daemon: DaemonPart) -> None:
+    limit = VERB_RULES[Verb.RUN].largest
+    complaint = raw(daemon, f"{ASK}/run", b" " * (limit + 1))
+    assert f"at most {limit}" in complaint
+
+
+def test_unknown_verbs_are_refused(daemon: DaemonPart) -> None:
+    assert "does not know how to" in raw(daemon, f"{ASK}/evaluate", b"{}")
+    assert "does not know how to" in raw(daemon, f"{ASK}/*", b"{}")
+
+
+def test_questions_about_unknown_things_are_refused(client: Client) -> None:
+    for question in (
+        lambda: client.run("no.1"),
+        lambda: client.cancel("no"),
+        lambda: client.retry("no"),
+        lambda: client.scene("0" * 64),
+        lambda: client.scene("../ledger"),
+        lambda: client.retry("no", only="everything"),
+    ):
+        with pytest.raises(Refused):
+            question()
+
+
+def test_cancelled_runs_can_be_retried(client: Client) -> None:
+    client.submit(make_submission("again", 6))
+    assert client.cancel("again") == 6
+    assert client.cancel("again") == 0
+    assert client.retry("again", only="lost") == 0
+    assert client.retry("again") == 6
+    row = next(row for row in client.campaigns() if row.id == "again")
+    assert (row.queued, row.finished_at, row.finished) == (6, None, False)
+
+
+def test_many_clients_ask_at_once(daemon: DaemonPart, client: Client) -> None:
+    def campaign(number: int) -> int:
+        client.submit(make_submission(f"many-{number}", 3))
+        return client.runs(f"many-{number}").total
+
+    with concurrent.futures.ThreadPoolExecutor(8) as pool:
+        assert list(pool.map(campaign, range(24))) == [3] * 24
+
+
+def test_a_request_that_nobody_waits_for_does_no_harm(daemon: DaemonPart, client: Client) -> None:
+    with bus.open_client(daemon.endpoint) as session:
+        handler = session.get(f"{ASK}/overview", payload=b"{}", timeout=1.0)
+        del handler
+    assert client.overview().state == str(daemon.state)
+
+
+def test_a_second_daemon_on_the_directory_is_refused(daemon: DaemonPart, tmp_path: Path) -> None:
+    options = ("--state", str(daemon.state), "--listen", "tcp/127.0.0.1:1", "--slots", "0")
+    second = Part("serve", tmp_path / "second.log", *options)
+    assert second.wait() == 4
+    assert "a daemon already keeps" in second.output
+    assert f"process {daemon.pid}" in second.output
+
+
+def test_a_taken_port_is_named(daemon: DaemonPart, tmp_path: Path) -> None:
+    options = ("--state", str(tmp_path / "other"), "--listen", daemon.endpoint, "--slots", "0")
+    second = Part("serve", tmp_path / "second.log", *options)
+    assert second.wait() == 3
+    assert "cannot listen at " in second.output
+    assert daemon.endpoint in second.output
+    assert "Traceback" not in second.output
+
+
+@pytest.mark.parametrize("way", ["shutdown", "SIGTERM", "SIGINT"])
+def test_a_daemon_leaves_cleanly(tmp_path: Path, way: str) -> None:
+    with daemon_at(tmp_path / "state") as daemon:
+        with daemon.batch.client() as client:
+            if way == "shutdown":
+                client.shutdown()
+            else:
+                daemon.signal(signal.Signals[way])
+            assert daemon.wait() == 0
+        assert not StatePaths(daemon.state).contact_file.exists()
+        assert daemon.journal()[-1]["event"] == "stopped"
+        assert daemon.output == ""
+
+
+def test_strange_traffic_does_not_stop_the_daemon(daemon: DaemonPart, client: Client) -> None:
+    with bus.open_client(daemon.endpoint) as session:
+        session.put("scenario/v1/event", b"not json")
+        session.put("scenario/v1/ask/run", b"not a question")
+        token = session.liveliness().declare_token("scenario/v1/alive/ghost")
+        token.undeclare()
+    assert client.overview().workers == 0

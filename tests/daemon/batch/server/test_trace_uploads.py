@@ -1,0 +1,262 @@
+"""What the daemon makes of parts of traces, without a bus: in order, damaged, hostile, stale."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import random
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from daemon.batch.errors import Refused, Unavailable
+from daemon.batch.ledger import LedgerReader, LedgerWriter, connect, connect_reader
+from daemon.batch.paths import StatePaths
+from daemon.batch.server import EventLog, TraceUploads, _uploads
+from daemon.batch.stores import encode_chunk, trace_url
+from daemon.model.messages import (
+    Completion,
+    Lease,
+    LedgerAnswer,
+    RetryRequest,
+    TraceUploadChunk,
+    UploadProgress,
+)
+from daemon.model.spec import TraceInfo
+from grammars.text import codec
+from tests.daemon.batch.samples import make_result, make_submission
+
+NOW = 1e9
+TRACE = random.Random(1).randbytes(1000)
+
+
+@dataclass
+class Site:
+    """A ledger with one leased run, and the intake beside it."""
+
+    places: StatePaths
+    book: LedgerWriter
+    reader: LedgerReader
+    intake: TraceUploads
+    journal: EventLog
+    grant: Lease
+
+    def chunk(self, offset: int, part: bytes, **changes: Any) -> TraceUploadChunk:
+        sha256 = hashlib.sha256(TRACE).hexdigest()
+        made = TraceUploadChunk("w", self.grant.run, self.grant.token, sha256, len(TRACE), offset)
+        text, digest = encode_chunk(part)
+        return replace(made, **({"data": text, "digest": digest} | changes))
+
+    def take(self, offset: int, part: bytes, **changes: Any) -> UploadProgress:
+        return self.intake.take(self.reader, self.chunk(offset, part, **changes))
+
+    def completion(self, data: bytes = TRACE, **changes: Any) -> Completion:
+        info = TraceInfo(hashlib.sha256(data).hexdigest(), len(data), 1)
+        result = make_result(self.grant.spec, trace=info)
+        made = Completion("w", self.grant.run, 1, self.grant.token, result, uploaded=True)
+        return replace(made, **changes)
+
+    def complete(self, completion: Completion) -> LedgerAnswer:
+        """What the desk does."""
+        if self.intake.lacks(self.book, completion):
+            return LedgerAnswer.MISSING
+        answer = self.book.complete(completion, NOW)
+        self.intake.settle(self.book, completion, answer)
+        return answer
+
+    @property
+    def trace(self) -> Path:
+        return self.places.trace(self.grant.trace)
+
+    def incoming(self) -> list[str]:
+        return sorted(path.suffix for path in self.places.incoming.iterdir())
+
+
+@pytest.fixture
+def site(tmp_path: Path) -> Iterator[Site]:
+    places = StatePaths(tmp_path)
+    places.make()
+    journal = EventLog(places.log)
+    connection, reading = connect(places.ledger), connect_reader(places.ledger)
+    book = LedgerWriter(connection)
+    book.submit(make_submission("c", 1), NOW)
+    (grant,) = book.lease("w", 1, NOW)
+    yield Site(
+        places, book, LedgerReader(reading, places), TraceUploads(places, journal), journal, grant
+    )
+    journal.close()
+    reading.close()
+    connection.close()
+
+
+def test_a_trace_arrives_in_parts_and_gets_its_name_with_the_result(site: Site) -> None:
+    assert site.take(0, b"") == UploadProgress(0, complete=False)
+    assert site.take(0, TRACE[:400]) == UploadProgress(400, complete=False)
+    assert site.take(400, TRACE[400:]) == UploadProgress(1000, complete=True)
+    assert not site.trace.exists()
+    assert site.complete(site.completion()) is LedgerAnswer.RECORDED
+    assert site.trace.read_bytes() == TRACE
+    assert site.incoming() == []
+
+
+def test_another_daemon_goes_on_where_the_first_one_was(site: Site) -> None:
+    site.take(0, TRACE[:400])
+    site.intake = TraceUploads(site.places, site.journal)
+    assert site.take(0, b"") == UploadProgress(400, complete=False)
+    assert site.take(400, TRACE[400:]).complete
+    site.intake = TraceUploads(site.places, site.journal)
+    assert site.take(0, b"").complete
+
+
+def test_a_part_that_does_not_continue_changes_nothing(site: Site) -> None:
+    site.take(0, TRACE[:400])
+    for offset in (0, 399, 401, 2**50):
+        received = site.take(offset, TRACE[:100])
+        assert (received.offset, received.complete) == (400, False)
+        assert "expected is 400" in received.problem
+
+
+@pytest.mark.parametrize(
+    "changes", [{"digest": "0" * 64}, {"data": "bm90aGluZw=="}, {"data": "not base64!"}]
+)
+def test_a_damaged_part_is_sent_again(site: Site, changes: dict[str, str]) -> None:
+    received = site.take(0, TRACE[:400], **changes)
+    assert (received.offset, received.complete) == (0, False)
+    assert "damaged" in received.problem
+    assert site.take(0, TRACE).complete
+
+
+def test_a_whole_that_is_another_one_begins_again(site: Site) -> None:
+    received = site.take(0, TRACE[:-1] + b"!")
+    assert (received.offset, received.complete) == (0, False)
+    assert "another digest" in received.problem
+    assert site.incoming() == []
+    assert site.take(0, TRACE).complete
+
+
+def test_a_result_without_its_trace_is_not_recorded(site: Site) -> None:
+    assert site.complete(site.completion()) is LedgerAnswer.MISSING
+    assert site.complete(site.completion(uploaded=False)) is LedgerAnswer.MISSING
+    site.take(0, TRACE[:400])
+    assert site.complete(site.completion()) is LedgerAnswer.MISSING
+    assert site.book.awaited("c.0")
+
+
+def test_more_than_announced_is_refused(site: Site) -> None:
+    with pytest.raises(Refused, match="more bytes than the 1000 announced"):
+        site.take(0, TRACE + b"!")
+
+
+def test_only_the_holder_of_the_lease_may_send(site: Site) -> None:
+    for token in (0, site.grant.token + 1):
+        with pytest.raises(Refused, match="stale"):
+            site.take(0, TRACE[:400], token=token)
+    site.book.lapse(NOW + 1000.0)
+    assert site.take(0, TRACE[:400]).offset == 400  # nobody else has it: still welcome
+    (again,) = site.book.lease("v", 1, NOW + 1000.0)
+    with pytest.raises(Refused, match="stale"):
+        site.take(400, TRACE[400:])
+    assert site.take(0, TRACE, token=again.token).complete
+
+
+def test_what_is_cancelled_is_not_wanted(site: Site) -> None:
+    site.take(0, TRACE[:400])
+    site.book.cancel("c", NOW)
+    with pytest.raises(Refused, match="not wanted"):
+        site.take(400, TRACE[400:])
+    assert site.complete(site.completion()) is LedgerAnswer.DROPPED
+    assert site.incoming() == []
+
+
+def test_a_lost_acknowledgement_costs_no_second_transfer(site: Site) -> None:
+    site.take(0, TRACE)
+    site.complete(site.completion())
+    assert site.take(0, b"").complete
+    assert site.complete(site.completion()) is LedgerAnswer.KNOWN
+    assert site.trace.read_bytes() == TRACE
+
+
+def test_a_repetition_leaves_the_trace_or_brings_it_back(site: Site) -> None:
+    site.take(0, TRACE)
+    site.complete(site.completion())
+    site.book.retry(RetryRequest("c", ("all",)), NOW)
+    (site.grant,) = site.book.lease("w", 1, NOW)
+    assert site.take(0, b"").complete  # it lies there already
+    site.trace.unlink()
+    assert site.take(0, b"") == UploadProgress(0, complete=False)
+    site.take(0, TRACE)
+    assert site.complete(site.completion()) is LedgerAnswer.KNOWN
+    assert site.trace.read_bytes() == TRACE
+
+
+def test_another_result_never_replaces_the_trace_recorded(site: Site) -> None:
+    site.take(0, TRACE)
+    site.complete(site.completion())
+    other = site.completion(b"something else")
+    assert site.complete(other) is LedgerAnswer.DIFFERS
+    assert site.trace.read_bytes() == TRACE
+
+
+@pytest.mark.parametrize("run", ["../../c.0", "c.0/..", "/etc/passwd", "c", "", "c.0\x00", "d.0"])
+def test_names_that_are_none_are_refused(site: Site, run: str) -> None:
+    with pytest.raises(Refused):
+        site.take(0, TRACE, run=run)
+    assert site.incoming() == []
+
+
+def test_hostile_digests_and_sizes_do_not_pass_the_border(site: Site) -> None:
+    good = codec.to_plain(site.chunk(0, b"x"))
+    for field, value in (
+        ("sha256", "../../../etc/passwd"),
+        ("sha256", "A" * 64),
+        ("size", -1),
+        ("size", 2**60),
+        ("offset", -1),
+        ("data", "A" * (2 * 2**20)),
+    ):
+        with pytest.raises(ValueError, match=field):
+            codec.from_plain(TraceUploadChunk, good | {field: value})
+
+
+def test_uploads_are_bounded_in_number(site: Site, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(_uploads, "_MOST", 2)
+    for name in ("a", "b"):
+        (site.places.incoming / name).touch()
+    with pytest.raises(Unavailable, match="has to wait"):
+        site.take(0, TRACE)
+
+
+def test_a_full_disk_makes_uploads_wait(site: Site, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(StatePaths, "shortage", lambda _: "the disk is full")
+    with pytest.raises(Unavailable, match="the disk is full"):
+        site.take(0, TRACE)
+    monkeypatch.undo()
+    assert site.take(0, TRACE).complete
+
+
+def test_an_upload_nobody_goes_on_with_is_given_up(site: Site) -> None:
+    site.take(0, TRACE[:400])
+    (part,) = site.places.incoming.iterdir()
+    long_ago = time.time() - 7200.0
+    os.utime(part, (long_ago, long_ago))
+    site.intake = TraceUploads(site.places, site.journal)
+    assert site.take(0, b"") == UploadProgress(0, complete=False)
+    assert site.incoming() == []
+
+
+def test_a_trace_elsewhere_must_be_where_a_store_of_ours_has_it(site: Site) -> None:
+    sha256 = hashlib.sha256(TRACE).hexdigest()
+    url = trace_url("s3://bucket/traces", site.grant.trace, sha256)
+    done = site.completion(location=url, uploaded=False)
+    with pytest.raises(Refused, match="is not where"):
+        site.complete(done)
+    site.book.know_store("s3://bucket/traces")
+    with pytest.raises(Refused, match="is not where"):
+        site.complete(replace(done, location="s3://bucket/traces/../secret.mcap"))
+    assert site.complete(done) is LedgerAnswer.RECORDED
+    assert site.reader.run("c.0").row.trace == url
+    assert site.reader.trace("c.0").sha256 == sha256

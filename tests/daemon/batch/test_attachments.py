@@ -1,0 +1,219 @@
+"""Files a plugged-in system under test needs: by digest from the SUT file to the run's process."""
+
+from __future__ import annotations
+
+import hashlib
+import random
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from daemon.batch.errors import Refused, SutMissing
+from daemon.batch.paths import StatePaths
+from daemon.batch.server import EventLog, FileUploads, admit_submission
+from daemon.batch.stores import encode_chunk
+from daemon.batch.worker import FileCache as WorkerFiles
+from daemon.batch.worker import WorkerPaths
+from daemon.campaign import load_sut
+from daemon.model import attachments
+from daemon.model.attachments import (
+    attach_files,
+    attached_digests,
+    resolve_paths,
+    user_files_folder,
+)
+from daemon.model.messages import (
+    DownloadChunk,
+    FileDownloadRequest,
+    FileUploadChunk,
+    UploadProgress,
+    Verb,
+)
+from daemon.model.spec import SutReference
+from daemon.stacks import registry
+from grammars.text.diagnostics import InputError
+from tests.daemon.batch.harness import daemon_at, eventually, finished, worker_for
+from tests.daemon.batch.samples import make_spec, submission_of
+
+MODEL = random.Random(3).randbytes(1_500_000)
+DIGEST = hashlib.sha256(MODEL).hexdigest()
+
+
+@pytest.fixture
+def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    (tmp_path / "policy.onnx").write_bytes(MODEL)
+    return tmp_path
+
+
+@dataclass
+class Stack:
+    """What a plug-in makes."""
+
+    period: float = 0.1
+    needs_ground_truth: bool = False
+
+    def start(self, _: object) -> None: ...
+    def update(self, _: object) -> None: ...
+
+
+@pytest.fixture
+def plugged(monkeypatch: pytest.MonkeyPatch) -> list[Mapping[str, Any]]:
+    """The kind ``learned``, and the parameters it was made of."""
+    seen: list[Mapping[str, Any]] = []
+
+    class Entry:
+        name = "learned"
+        dist = None
+        value = "learned:make"
+
+        def load(self) -> object:
+            return lambda parameters: seen.append(parameters) or Stack()
+
+    def entry_points(**wanted: str) -> list[Entry]:
+        return [Entry()] if wanted.get("name", "learned") == "learned" else []
+
+    monkeypatch.setattr(registry, "entry_points", entry_points)
+    return seen
+
+
+def sut_file(folder: Path, text: str) -> Path:
+    path = folder / "mine.sut.yaml"
+    path.write_text(text)
+    return path
+
+
+def test_a_sut_file_names_files_and_the_specification_their_digests(
+    here: Path, plugged: list[Mapping[str, Any]]
+) -> None:
+    text = "sut: mine\nkind: learned\nfiles:\n  model: policy.onnx\nparameters:\n  speed: 0.5\n"
+    sut = load_sut(sut_file(here, text), lambda *_: here)
+    assert sut.reference.parameters == {"speed": 0.5, "files": {"model": f"sha256:{DIGEST}"}}
+    assert attached_digests(sut.reference.parameters) == {"model": DIGEST}
+    (parameters,) = plugged
+    assert parameters["speed"] == 0.5
+    model = Path(parameters["files"]["model"])
+    assert model.read_bytes() == MODEL
+    assert model.stat().st_mode & 0o222 == 0  # for reading only
+
+
+@pytest.mark.parametrize(
+    ("text", "complaint"),
+    [
+        ("kind: learned\nfiles:\n  model: gone.onnx\n", "no file .*gone.onnx"),
+        ("kind: learned\nfiles:\n  model: [policy.onnx, policy.onnx]\n", "one file, not several"),
+        ("kind: learned\nfiles:\n  ../model: policy.onnx\n", "is no name"),
+        ("kind: pilot\nfiles:\n  model: policy.onnx\n", "pilot needs none"),
+    ],
+)
+def test_what_is_wrong_with_files_stands_where_it_was_written(
+    here: Path, plugged: list[Mapping[str, Any]], text: str, complaint: str
+) -> None:
+    with pytest.raises(InputError, match=complaint):
+        load_sut(sut_file(here, "sut: mine\n" + text), lambda *_: here)
+
+
+def test_files_are_bounded(here: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(attachments, "LARGEST_FILE", 2**20)
+    with pytest.raises(ValueError, match="at most 1 may have"):
+        attach_files({"model": here / "policy.onnx"})
+    with pytest.raises(ValueError, match="17 are too many"):
+        attach_files({f"f{i}": here / "policy.onnx" for i in range(17)})
+
+
+def test_parameters_of_that_name_that_are_none_of_ours_are_left_alone() -> None:
+    for files in ("a", ["a"], {"a": 1}, {"a": "b"}, {"a": "sha256:../../etc/passwd"}):
+        assert attached_digests({"files": files}) == {}
+        assert resolve_paths({"files": files}) == {"files": files}
+
+
+def test_a_file_that_is_not_here_is_nothing_to_blame_a_run_for(here: Path) -> None:
+    with pytest.raises(SutMissing, match='the file "model" of the system under test is not here'):
+        resolve_paths({"files": {"model": f"sha256:{'0' * 64}"}})
+
+
+@pytest.fixture
+def files(tmp_path: Path) -> Iterator[FileUploads]:
+    places = StatePaths(tmp_path / "state")
+    places.make()
+    journal = EventLog(places.log)
+    yield FileUploads(places, journal)
+    journal.close()
+
+
+def keep(offset: int, data: bytes, **changes: Any) -> FileUploadChunk:
+    return replace(FileUploadChunk(DIGEST, len(MODEL), offset, *encode_chunk(data)), **changes)
+
+
+def test_the_daemon_takes_a_file_in_parts_and_verifies_it(files: FileUploads) -> None:
+    assert files.take(None, FileUploadChunk(DIGEST, len(MODEL))) == UploadProgress(
+        0, complete=False
+    )  # type: ignore[arg-type]
+    half = len(MODEL) // 2
+    assert files.take(None, keep(0, MODEL[:half])).offset == half  # type: ignore[arg-type]
+    assert "expected is" in files.take(None, keep(0, b"again")).problem  # type: ignore[arg-type]
+    damaged = files.take(None, keep(half, MODEL[half:], digest="0" * 64))  # type: ignore[arg-type]
+    assert (damaged.offset, damaged.complete) == (half, False)
+    assert files.take(None, keep(half, MODEL[half:])).complete  # type: ignore[arg-type]
+    assert files.take(None, FileUploadChunk(DIGEST, len(MODEL))).complete  # type: ignore[arg-type]
+    piece = files.piece(None, FileDownloadRequest(DIGEST, 10, 20))  # type: ignore[arg-type]
+    assert (piece.size, piece.sha256) == (len(MODEL), DIGEST)
+
+
+def test_a_whole_that_is_another_one_is_never_kept(files: FileUploads) -> None:
+    wrong = b"x" * len(MODEL)
+    assert "another digest" in files.take(None, keep(0, wrong)).problem  # type: ignore[arg-type]
+    with pytest.raises(Refused, match="more bytes"):
+        files.take(None, keep(0, MODEL + b"!"))  # type: ignore[arg-type]
+    with pytest.raises(Refused, match="no file"):
+        files.piece(None, FileDownloadRequest(DIGEST, 0))  # type: ignore[arg-type]
+    assert list(files.places.files.iterdir()) == []
+
+
+def test_a_worker_never_keeps_what_another_digest_names(tmp_path: Path) -> None:
+    places = StatePaths(tmp_path / "own")
+    places.files.mkdir(parents=True)
+
+    class Liar:
+        def ask(self, verb: Verb, request: FileDownloadRequest, kind: type) -> DownloadChunk:
+            return DownloadChunk(request.offset, 5, request.sha256, *encode_chunk(b"other"))
+
+    fetched = WorkerFiles(Liar(), WorkerPaths(places, shared=False), lambda: None)  # type: ignore[arg-type]
+    with pytest.raises(ValueError, match="another file"):
+        fetched._ensure(DIGEST)
+    assert list(places.files.iterdir()) == []
+
+
+def test_files_travel_to_workers_and_into_the_process_of_the_run(
+    here: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    parameters = {"files": attach_files({"model": here / "policy.onnx"}), "reads": "model"}
+    specs = [replace(make_spec(i), sut=SutReference("m", "learned", parameters)) for i in range(2)]
+    elsewhere = here / "elsewhere"
+    with daemon_at(here / "state") as daemon, daemon.batch.client() as client:
+        client.submit(submission_of("c", *specs))
+        assert (daemon.state / "files" / DIGEST).read_bytes() == MODEL
+        # The worker has another user's cache: what it needs it has from the daemon.
+        monkeypatch.setenv("XDG_CACHE_HOME", str(here / "other"))
+        with worker_for(daemon, 1, "--state", str(elsewhere)):
+            eventually(lambda: finished(client, 2), 20.0)
+        (own,) = (elsewhere / "work").iterdir()
+        assert [path.name for path in (own / "files").iterdir()] == [DIGEST]
+        for run in ("c.0", "c.1"):
+            trace = Path(client.run(run).row.trace)
+            assert trace.read_bytes().endswith(DIGEST.encode())
+        assert not user_files_folder().exists()
+
+
+def test_a_submission_without_its_files_is_refused(tmp_path: Path) -> None:
+    places = StatePaths(tmp_path)
+    places.make()
+    lacking = {"files": {"model": f"sha256:{DIGEST}"}}
+    submission = submission_of("c", replace(make_spec(), sut=SutReference("m", "mine", lacking)))
+    with pytest.raises(Refused, match='the file "model" of m was not sent along'):
+        admit_submission(submission, places)
+    (places.files / DIGEST).write_bytes(MODEL)
+    admit_submission(submission, places)

@@ -1,0 +1,87 @@
+"""Short versions of ``make chaos``: the clock is set, the disk is full, cables and writes break."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from daemon.batch.ledger import LedgerWriter, connect
+from daemon.batch.server import DaemonClock
+from tests.chaos.clock import clock
+from tests.chaos.cut import cut_off
+from tests.chaos.disk import full_disk, may_mount
+from tests.chaos.report import Report
+from tests.chaos.torn import torn
+from tests.daemon.batch.samples import make_submission
+
+HOUR = 3600.0
+
+
+def held(report: Report) -> None:
+    assert not report.violations, report.text()
+
+
+def test_what_was_acknowledged_is_there_after_kills_in_commits(tmp_path: Path) -> None:
+    held(torn(tmp_path, runs=300, kills=1, tears=5))
+
+
+def test_a_clock_that_is_set_costs_no_lease(tmp_path: Path) -> None:
+    held(clock(tmp_path, runs=3, steps=2, every=0.6, frozen=False))
+
+
+@pytest.mark.skipif(not may_mount(), reason="mounting a small file system needs root")
+def test_runs_wait_while_the_disk_is_full(tmp_path: Path) -> None:
+    held(full_disk(tmp_path, runs=8, times=1, hold=0.2))
+
+
+def test_a_worker_cut_off_for_longer_than_its_lease_delivers_once(tmp_path: Path) -> None:
+    held(cut_off(tmp_path, seconds=1.5, lease=1.0, work=1.0, isolated=False))
+
+
+class Hand:
+    """A clock with hands: ``wall`` can be set, ``steady`` only goes on."""
+
+    def __init__(self) -> None:
+        self.wall = 1_000_000.0
+        self.steady = 5.0
+
+    def pass_by(self, seconds: float) -> None:
+        self.wall += seconds
+        self.steady += seconds
+
+
+@pytest.mark.parametrize("step", [-24 * HOUR, -HOUR, 2.0, HOUR, 24 * HOUR])
+def test_leases_last_as_long_as_they_are_whatever_the_clock_says(
+    tmp_path: Path, step: float
+) -> None:
+    hand = Hand()
+    clock = DaemonClock(lambda: hand.wall, lambda: hand.steady)
+    db = connect(tmp_path / "ledger.db")
+    book = LedgerWriter(db, lease=30.0)
+    book.submit(make_submission("c", 2), clock.now())
+    book.lease("w", 2, clock.now())
+    hand.pass_by(20.0)
+    hand.wall += step
+    assert book.lapse(clock.now()) == 0
+    book.shift(clock.follow())
+    assert clock.now() == pytest.approx(hand.wall)
+    assert book.lapse(clock.now()) == 0
+    hand.pass_by(9.9)
+    assert clock.follow() == 0.0
+    assert book.lapse(clock.now()) == 0
+    hand.pass_by(0.2)
+    assert book.lapse(clock.now()) == 2
+    db.close()
+
+
+def test_a_daemon_that_starts_on_an_earlier_clock_keeps_no_lease_for_longer(
+    tmp_path: Path,
+) -> None:
+    db = connect(tmp_path / "ledger.db")
+    LedgerWriter(db).submit(make_submission("c", 1), 10 * HOUR)
+    LedgerWriter(db).lease("w", 1, 10 * HOUR)
+    book = LedgerWriter(db, lease=30.0)
+    assert book.extend(HOUR) == 1
+    assert book.lapse(HOUR + 31.0) == 1
+    db.close()

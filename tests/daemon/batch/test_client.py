@@ -1,0 +1,115 @@
+import signal
+import threading
+import time
+from pathlib import Path
+
+import psutil
+import pytest
+
+from daemon.batch import bus
+from daemon.batch.client import Client
+from daemon.batch.errors import DaemonError, Unreachable
+from daemon.model.messages import EVENTS
+from daemon.model.status import ChangeEvent
+from grammars.text import codec
+from tests.daemon.batch.harness import daemon_at, eventually, free_endpoint
+from tests.daemon.batch.samples import make_submission
+
+
+def test_nobody_there_is_unreachable_and_says_what_to_do() -> None:
+    endpoint = free_endpoint()
+    with pytest.raises(Unreachable, match=f"{endpoint}: start one with `scenario daemon`"):
+        Client.open(endpoint)
+
+
+def test_an_endpoint_that_is_none_is_explained() -> None:
+    with pytest.raises(DaemonError, match=r"write tcp/<host>:<port>"):
+        Client.open("localhost:7447")
+
+
+def test_events_come_in_order_and_without_gaps(tmp_path: Path) -> None:
+    events: list[ChangeEvent] = []
+    with daemon_at(tmp_path / "state") as daemon, daemon.batch.client() as client:
+        with client.events(events.append):
+            for number in range(20):
+                client.submit(make_submission(f"c{number}"))
+            client.cancel("c7")
+            eventually(lambda: len(events) == 22)
+        assert [event.seq for event in events] == list(range(1, 23))
+        assert events[0] == ChangeEvent(1, "campaign", "c0", "c0", "submitted")
+        assert [event.state for event in events[-2:]] == ["cancelled", "finished"]
+        client.submit(make_submission("after"))
+        client.overview()
+        assert len(events) == 22
+
+
+def test_a_slow_listener_loses_the_oldest_and_stops_nobody(tmp_path: Path) -> None:
+    events: list[ChangeEvent] = []
+    gate = threading.Event()
+
+    def slow(event: ChangeEvent) -> None:
+        gate.wait()
+        events.append(event)
+
+    with daemon_at(tmp_path / "state") as daemon, daemon.batch.client() as client:
+        with client.events(slow), bus.open_client(daemon.endpoint) as session:
+            for seq in range(6000):
+                session.put(EVENTS, codec.to_json(ChangeEvent(seq, "run", "r")))
+            session.put(EVENTS, b"nonsense")
+            session.put(EVENTS, codec.to_json(ChangeEvent(9999, "run", "last")))
+            assert client.overview().campaigns == 0
+            time.sleep(0.2)
+            gate.set()
+            eventually(lambda: events and events[-1].seq == 9999)
+        assert len(events) < 4200
+        assert [event.seq for event in events] == sorted(event.seq for event in events)
+
+
+def test_a_frozen_daemon_is_unreachable_after_the_timeout(tmp_path: Path) -> None:
+    with daemon_at(tmp_path / "state") as daemon, daemon.batch.client(timeout=0.3) as client:
+        daemon.freeze()
+        start = time.monotonic()
+        with pytest.raises(Unreachable):
+            client.overview()
+        assert time.monotonic() - start < 2.0
+        daemon.signal(signal.SIGCONT)
+        assert eventually(lambda: client.overview().now)
+
+
+def test_a_client_survives_the_restart_of_its_daemon(tmp_path: Path) -> None:
+    events: list[ChangeEvent] = []
+    with daemon_at(tmp_path / "state") as daemon, daemon.batch.client() as client:
+        client.events(events.append)
+        client.submit(make_submission("before"))
+        daemon.kill()
+        with pytest.raises(Unreachable):
+            eventually(client.overview)
+        daemon.restart()
+
+        def again() -> bool:
+            try:
+                return client.overview().campaigns == 1
+            except Unreachable:
+                return False
+
+        eventually(again)
+        client.submit(make_submission("after"))
+        eventually(lambda: any(event.id == "after" for event in events))
+        assert [event.seq for event in events] == sorted({event.seq for event in events})
+
+
+def test_a_client_listens_nowhere(tmp_path: Path) -> None:
+    with daemon_at(tmp_path / "state") as daemon, daemon.batch.client():
+        sockets = psutil.Process().net_connections("inet")
+        assert {s.status for s in sockets} <= {psutil.CONN_ESTABLISHED, psutil.CONN_TIME_WAIT}
+        assert all(s.raddr.ip == "127.0.0.1" for s in sockets)
+
+
+def test_closing_twice_and_with_open_subscriptions_is_fine(tmp_path: Path) -> None:
+    with daemon_at(tmp_path / "state") as daemon:
+        client = daemon.batch.client()
+        subscription = client.events(lambda _: None, lambda _: None)
+        subscription.close()
+        client.events(lambda _: None)
+        client.close()
+        client.close()

@@ -1,0 +1,268 @@
+"""Processes are killed, frozen and restarted: every run still ends in exactly one result."""
+
+from __future__ import annotations
+
+import random
+import signal
+import sqlite3
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import psutil
+import pytest
+
+from daemon.batch.client import Client
+from daemon.batch.errors import DaemonError, LaunchFailed
+from daemon.batch.launch import embedded_daemon, ensure_daemon, running_daemon
+from daemon.model.status import RunState
+from tests.daemon.batch.harness import (
+    EXECUTOR,
+    ROOT,
+    DaemonPart,
+    alive,
+    daemon_at,
+    end,
+    eventually,
+    family,
+    finished,
+    worker_for,
+)
+from tests.daemon.batch.samples import make_submission
+
+
+def check_ledger(state: Path, runs: int) -> None:
+    """The ledger is intact and holds one result per run."""
+    with sqlite3.connect(state / "ledger.db") as db:
+        assert db.execute("PRAGMA integrity_check").fetchone() == ("ok",)
+        assert db.execute("PRAGMA foreign_key_check").fetchall() == []
+        assert db.execute("SELECT count(*), count(DISTINCT run) FROM result").fetchone() == (
+            runs,
+            runs,
+        )
+        alarms = db.execute("SELECT count(*) FROM event WHERE kind = 'alarm'").fetchone()
+        assert alarms == (0,)
+    db.close()
+
+
+def local_worker(daemon: DaemonPart) -> psutil.Process:
+    """The worker process of the daemon."""
+
+    def find() -> psutil.Process | None:
+        children = psutil.Process(daemon.pid).children()
+        return children[0] if children else None
+
+    found: psutil.Process = eventually(find, 15.0)
+    return found
+
+
+def settled(daemon: DaemonPart, runs: int, seconds: float = 20.0) -> None:
+    def check() -> bool:
+        try:
+            with Client.open(daemon.endpoint) as client:
+                return finished(client, runs)
+        except DaemonError:
+            return False
+
+    eventually(check, seconds)
+
+
+def test_a_daemon_killed_in_the_middle_resumes(tmp_path: Path) -> None:
+    log = tmp_path / "log"
+    with daemon_at(tmp_path / "state", 2, lease=3.0) as daemon:
+        with daemon.batch.client() as client:
+            client.submit(make_submission("c", 16, sleep=0.1, log=str(log)))
+            eventually(lambda: client.overview().done >= 5)
+        orphan = local_worker(daemon)
+        daemon.kill()
+        daemon.restart()
+        settled(daemon, 16)
+        with daemon.batch.client() as client:
+            rows = client.runs("c").rows
+            assert {row.state for row in rows} == {RunState.DONE}
+            # What was running went on and was delivered: next to nothing ran twice.
+            assert len(log.read_text().splitlines()) <= 18
+            assert all(Path(row.trace).is_file() for row in rows)
+        eventually(lambda: not alive([orphan]))
+        check_ledger(tmp_path / "state", 16)
+
+
+def test_random_kills_of_daemon_and_workers_lose_nothing(tmp_path: Path) -> None:
+    rng = random.Random(7)
+    settings = {"lease": 1.0, "grace": 0.2, "attempts": 50}
+    with daemon_at(tmp_path / "state", 2, **settings) as daemon:
+        with daemon.batch.client() as client:
+            client.submit(make_submission("c", 30, sleep=0.05))
+        for _ in range(5):
+            time.sleep(rng.uniform(0.2, 0.6))
+            if rng.random() < 0.5:
+                daemon.kill()
+                daemon.restart()
+            else:
+                local_worker(daemon).kill()
+        settled(daemon, 30, 40.0)
+        check_ledger(tmp_path / "state", 30)
+        assert daemon.journal()
+
+
+def test_a_killed_worker_costs_its_runs_a_moment(tmp_path: Path) -> None:
+    with daemon_at(tmp_path / "state", grace=0.3) as daemon, daemon.batch.client() as client:
+        with worker_for(daemon, 2) as first:
+            client.submit(make_submission("c", 4, sleep=0.4))
+            eventually(lambda: client.overview().running == 2)
+            first.kill()
+            killed = time.monotonic()
+            eventually(lambda: client.overview().running == 0)
+            assert time.monotonic() - killed < 5.0  # long before the lease is over
+        assert client.run("c.0").row.reason == "the worker is gone"
+        with worker_for(daemon, 2):
+            eventually(lambda: finished(client, 4))
+        assert sorted(row.attempt for row in client.runs("c").rows) == [1, 1, 2, 2]
+        check_ledger(daemon.state, 4)
+
+
+def test_a_frozen_worker_loses_its_lease_and_its_late_result_counts_once(tmp_path: Path) -> None:
+    settings = {"lease": 0.6, "grace": 30.0}
+    with daemon_at(tmp_path / "state", **settings) as daemon, daemon.batch.client() as client:
+        with worker_for(daemon, 1) as frozen:
+            client.submit(make_submission("c", 1, sleep=0.5))
+            eventually(lambda: client.overview().running == 1)
+            frozen.freeze()  # its child goes on and leaves a result
+            eventually(lambda: client.overview().running == 0)
+            assert client.run("c.0").row.reason == "the worker fell silent"
+            with worker_for(daemon, 1):
+                eventually(lambda: finished(client, 1))
+                before = client.run("c.0")
+                frozen.signal(signal.SIGCONT)
+                spool = daemon.state / "spool"
+                eventually(lambda: not list(spool.glob("*/*/attempt-*")))
+                assert client.run("c.0") == before
+        assert before.row.attempt == 2
+        check_ledger(daemon.state, 1)
+
+
+def test_a_late_result_is_taken_and_stops_the_second_attempt(tmp_path: Path) -> None:
+    settings = {"lease": 0.6, "grace": 30.0}
+    log = tmp_path / "log"
+    with daemon_at(tmp_path / "state", **settings) as daemon, daemon.batch.client() as client:
+        with worker_for(daemon, 1) as frozen:
+            client.submit(make_submission("c", 1, sleep=1.5, log=str(log)))
+            eventually(lambda: log.exists())
+            frozen.freeze()
+            eventually(lambda: client.overview().queued == 1)
+            with worker_for(daemon, 1):
+                eventually(lambda: len(log.read_text().splitlines()) == 2)
+                second = psutil.Process(int(log.read_text().splitlines()[1].split()[1]))
+                spool = daemon.state / "spool"
+                eventually(lambda: list(spool.glob("*/*/attempt-1/result.json")))
+                assert alive([second])
+                frozen.signal(signal.SIGCONT)
+                eventually(lambda: client.overview().done == 1)
+                eventually(lambda: not alive([second]))
+        assert client.run("c.0").row.state is RunState.DONE
+        check_ledger(daemon.state, 1)
+
+
+def test_a_daemon_told_to_stop_lets_its_runs_finish(tmp_path: Path) -> None:
+    with daemon_at(tmp_path / "state", 2, patience=10.0) as daemon:
+        with daemon.batch.client() as client:
+            client.submit(make_submission("c", 6, sleep=0.4))
+            eventually(lambda: client.overview().running == 2)
+        members = family(daemon.pid)
+        daemon.signal(signal.SIGTERM)
+        assert daemon.wait() == 0
+        assert alive(members) == []
+        daemon.restart()
+        with daemon.batch.client() as client:
+            assert client.overview().done >= 2
+            assert max(row.attempt for row in client.runs("c").rows) == 1
+        settled(daemon, 6)
+        check_ledger(daemon.state, 6)
+
+
+def test_a_second_signal_gives_runs_back(tmp_path: Path) -> None:
+    with daemon_at(tmp_path / "state", 1, patience=60.0) as daemon:
+        with daemon.batch.client() as client:
+            client.submit(make_submission("c", 1, sleep=60.0))
+            eventually(lambda: client.overview().running == 1)
+        members = family(daemon.pid)
+        daemon.signal(signal.SIGTERM)
+        eventually(lambda: daemon.journal()[-1]["event"] == "leaving")
+        daemon.signal(signal.SIGTERM)
+        assert daemon.wait() == 0
+        assert alive(members) == []
+        assert any(line["event"] == "released" for line in daemon.journal())
+
+
+def test_an_embedded_daemon_is_gone_afterwards(tmp_path: Path) -> None:
+    state = tmp_path / "state"
+    with embedded_daemon(state, slots=1, executor=EXECUTOR) as endpoint:
+        with Client.open(endpoint) as client:
+            client.submit(make_submission("c", 3))
+            eventually(lambda: finished(client, 3))
+            client.submit(make_submission("d", 3, sleep=60.0))
+            eventually(lambda: client.overview().running == 1)
+        members = psutil.Process().children(recursive=True)
+        assert running_daemon(state) == endpoint
+    eventually(lambda: not alive(members), 3.0)
+    assert running_daemon(state) is None
+    check_ledger(state, 3)
+
+
+PARENT = """
+import sys, time
+from pathlib import Path
+from daemon.batch.client import Client
+from daemon.batch.launch import embedded
+from tests.daemon.batch.samples import make_submission
+with embedded(Path(sys.argv[1]), slots=2, executor="{executor}") as endpoint:
+    with Client.open(endpoint) as client:
+        client.submit(make_submission("c", 4, sleep=60.0))
+        while client.overview().running < 2:
+            time.sleep(0.01)
+        print("ready", flush=True)
+        time.sleep(60)
+"""
+
+
+def test_nothing_of_an_embedded_daemon_outlives_a_killed_parent(tmp_path: Path) -> None:
+    code = PARENT.format(executor=EXECUTOR)
+    command = [sys.executable, "-c", code, str(tmp_path / "state")]
+    with subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE) as parent:
+        assert parent.stdout is not None
+        try:
+            assert parent.stdout.readline() == b"ready\n"
+            # The parent, its daemon, the worker with its two helpers, two runs.
+            members = eventually(lambda: len(found := family(parent.pid)) >= 7 and found)
+        finally:
+            parent.kill()
+    try:
+        eventually(lambda: not alive(members), 5.0)
+    finally:
+        end(members)
+    assert running_daemon(tmp_path / "state") is None
+
+
+def test_a_daemon_is_started_once_and_stays(tmp_path: Path) -> None:
+    state = tmp_path / "state"
+    endpoint = ensure_daemon(state, slots=0)
+    with Client.open(endpoint) as client:
+        assert ensure_daemon(state, slots=0) == endpoint
+        assert client.overview().state == str(state)
+        client.shutdown()
+    eventually(lambda: running_daemon(state) is None)
+    eventually(lambda: not (state / "daemon.json").exists())
+
+
+def test_a_daemon_that_does_not_come_up_shows_why(tmp_path: Path) -> None:
+    state = tmp_path / "state"
+    state.mkdir()
+    (state / "ledger.db").write_bytes(b"this is not a database at all" * 100)
+    with pytest.raises(LaunchFailed, match=r"ledger\.db is not a usable ledger"):
+        ensure_daemon(state, slots=0)
+    with (
+        pytest.raises(LaunchFailed, match=r"ledger\.db is not a usable ledger"),
+        embedded_daemon(state, slots=0),
+    ):
+        pass

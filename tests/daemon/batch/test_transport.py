@@ -1,0 +1,251 @@
+"""Traces of workers that do not share the daemon's file system: real processes, killed on the way.
+
+Such a worker is one whose ``--state`` is a folder of its own.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import signal
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from daemon.batch import bus
+from daemon.batch.client import Client
+from daemon.batch.errors import DaemonError, Refused, TraceUnavailable, WorkerBroken
+from daemon.batch.paths import StatePaths
+from daemon.batch.stores import (
+    TraceReference,
+    copy_trace,
+    local_copy,
+    trace_reference,
+    write_marker,
+)
+from daemon.batch.worker import WorkerPaths, choose_paths
+from daemon.model.messages import (
+    DownloadChunk,
+    TraceDownloadRequest,
+    TraceUploadChunk,
+    UploadProgress,
+    Verb,
+    WelcomeReply,
+)
+from daemon.model.status import RunState
+from tests.daemon.batch.harness import DaemonPart, daemon_at, eventually, finished, worker_for
+from tests.daemon.batch.samples import make_submission
+from tests.daemon.batch.test_survival import check_ledger
+
+LARGE = 32 * 2**20
+"""Bytes that take long enough to be interrupted."""
+
+
+def parts(daemon: DaemonPart) -> list[Path]:
+    """Uploads under way of which something has arrived."""
+    return [p for p in (daemon.state / "incoming").glob("*.part") if p.stat().st_size]
+
+
+def whole(client: Client, run: str) -> Path:
+    """The trace where the daemon says it lies, checked."""
+    detail = client.run(run)
+    assert detail.result is not None
+    path = Path(detail.row.trace)
+    assert hashlib.sha256(path.read_bytes()).hexdigest() == detail.result.trace.sha256
+    return path
+
+
+def done(daemon: DaemonPart, runs: int) -> bool:
+    try:
+        with Client.open(daemon.endpoint) as client:
+            return finished(client, runs)
+    except DaemonError:
+        return False
+
+
+def test_a_trace_survives_the_death_of_daemon_and_worker_on_its_way(tmp_path: Path) -> None:
+    elsewhere = tmp_path / "elsewhere"
+    with daemon_at(tmp_path / "state", lease=30.0, grace=20.0) as daemon:
+        with daemon.batch.client() as client:
+            client.submit(make_submission("c", 1, size=LARGE))
+        with worker_for(daemon, 1, "--state", str(elsewhere)) as worker:
+            (part,) = eventually(lambda: parts(daemon), 20.0)
+            daemon.kill()
+            after_first = part.stat().st_size
+            assert after_first < LARGE
+            daemon.restart()
+            eventually(lambda: part.stat().st_size > after_first)
+            worker.kill()
+        after_second = part.stat().st_size
+        number = part.stat().st_ino
+        with worker_for(daemon, 1, "--state", str(elsewhere)), daemon.batch.client() as client:
+            eventually(lambda: finished(client, 1), 20.0)
+            trace = whole(client, "c.0")
+            row = client.run("c.0").row
+        assert (row.state, row.attempt) == (RunState.DONE, 1)
+        # The file is the one that was there: nothing was sent again from the beginning.
+        assert after_second > after_first
+        assert (trace.stat().st_ino, trace.stat().st_size > LARGE) == (number, True)
+        assert trace == daemon.state / "traces" / "c" / trace.name
+        received = [line for line in daemon.journal() if line["event"] == "trace received"]
+        assert [line["bytes"] for line in received] == [trace.stat().st_size]
+        assert list((daemon.state / "incoming").iterdir()) == []
+        assert not list((daemon.state / "spool").glob("*/*/attempt-*"))
+        check_ledger(daemon.state, 1)
+
+
+@pytest.fixture(scope="module")
+def remote(tmp_path_factory: pytest.TempPathFactory) -> Iterator[DaemonPart]:
+    """A daemon whose only worker does not share its file system, with five runs done."""
+    base = tmp_path_factory.mktemp("transport")
+    with daemon_at(base / "state", lease=10.0) as daemon, daemon.batch.client() as client:
+        client.submit(make_submission("c", 5, size=1_500_000))
+        with worker_for(daemon, 2, "--state", str(base / "elsewhere")) as worker:
+            eventually(lambda: finished(client, 5), 20.0)
+            worker.signal(signal.SIGTERM)
+            assert worker.wait() == 0
+            assert "bytes sent in" in worker.output
+        yield daemon
+
+
+@pytest.fixture
+def client(remote: DaemonPart) -> Iterator[Client]:
+    with remote.client() as connected:
+        yield connected
+
+
+def test_a_worker_elsewhere_leaves_nothing_in_the_state_directory_but_traces(
+    remote: DaemonPart, client: Client
+) -> None:
+    assert [whole(client, f"c.{i}").parent.name for i in range(5)] == ["c"] * 5
+    assert list(StatePaths(remote.state).spool.iterdir()) == []
+    (own,) = (remote.state.parent / "elsewhere" / "work").iterdir()
+    assert own.name == json.loads((remote.state / "marker.json").read_text())["identity"]
+    assert [path.stem for path in (own / "scenes").iterdir()] == [client.run("c.0").spec.scene]
+    assert list((own / "spool").iterdir()) == []
+    check_ledger(remote.state, 5)
+
+
+def test_a_worker_uses_the_directory_only_where_it_is_that_of_the_daemon(tmp_path: Path) -> None:
+    places = StatePaths(tmp_path / "state")
+    places.make()
+    old, marker = write_marker(places), write_marker(places)
+    assert (old.identity, old.probe != marker.probe) == (marker.identity, True)
+    welcome = WelcomeReply(str(places.state), "1", "2", 3.0, 1.0, marker.identity, marker.probe)
+    assert choose_paths(None, welcome) == WorkerPaths(places, shared=True)
+    # The same path on another machine: a copy from a backup, say, has the marker of another start.
+    moved = replace(welcome, probe=old.probe)
+    own = StatePaths(places.state / "work" / marker.identity)
+    assert choose_paths(places.state, moved) == WorkerPaths(own, shared=False)
+    assert choose_paths(places.state, replace(welcome, probe="")) == WorkerPaths(own, shared=False)
+    with pytest.raises(WorkerBroken, match="which state directory"):
+        choose_paths(places.state, replace(moved, identity="../../somewhere"))
+    with pytest.raises(WorkerBroken, match="name one with --state"):
+        choose_paths(places.marker, moved)
+
+
+def ask(client: Client, request: TraceUploadChunk) -> UploadProgress:
+    return bus.ask(client._session, client.endpoint, Verb.UPLOAD, request, UploadProgress, 3.0)
+
+
+def test_hostile_uploads_are_refused_and_leave_nothing(remote: DaemonPart, client: Client) -> None:
+    hostile = [
+        TraceUploadChunk("w", "c.0", 1_000_000, "0" * 64, 10),
+        TraceUploadChunk("w", "c.77", 1, "0" * 64, 10),
+        TraceUploadChunk("w", "../../etc/passwd", 1, "0" * 64, 10),
+        TraceUploadChunk("w", "c.0/../c.1", 1, "0" * 64, 10),
+        TraceUploadChunk("w", "c.0", 1, "../" * 21 + "a", 10),
+        TraceUploadChunk("w", "c.0", 1, "0" * 64, 2**62),
+    ]
+    for chunk in hostile:
+        with pytest.raises(Refused):
+            ask(client, chunk)
+    assert list((remote.state / "incoming").iterdir()) == []
+    assert client.overview().done == 5
+
+
+def test_traces_come_over_the_bus_into_the_cache_and_are_verified(
+    remote: DaemonPart, client: Client, tmp_path: Path
+) -> None:
+    trace = trace_reference(client.run("c.1"))
+    assert local_copy(trace, client) == Path(trace.location)  # it lies here
+    there = TraceReference(trace.run, "/nowhere/" + trace.location, trace.sha256, trace.size)
+    seen: list[int] = []
+    copy = local_copy(there, client, cache=tmp_path, told=seen.append)
+    assert copy.read_bytes() == Path(trace.location).read_bytes()
+    assert sum(seen) == trace.size
+    assert len(seen) > 2
+    assert local_copy(there, None, cache=tmp_path) == copy
+    copy.write_bytes(b"damaged since")
+    assert local_copy(there, client, cache=tmp_path).stat().st_size == trace.size
+
+
+def test_an_interrupted_download_goes_on_where_it_was(client: Client, tmp_path: Path) -> None:
+    trace = trace_reference(client.run("c.2"))
+    data = Path(trace.location).read_bytes()
+    (tmp_path / f".{trace.sha256}.part").write_bytes(data[:1_400_000])
+    asked: list[int] = []
+
+    class Watched:
+        def piece(self, run: str, offset: int) -> DownloadChunk:
+            asked.append(offset)
+            return client.piece(run, offset)
+
+    copy_trace(trace, Watched(), tmp_path / "t.mcap")
+    assert asked == [1_400_000]
+    assert (tmp_path / "t.mcap").read_bytes() == data
+    assert [path.name for path in tmp_path.iterdir()] == ["t.mcap"]
+
+
+def test_what_arrives_damaged_is_never_a_trace(client: Client, tmp_path: Path) -> None:
+    trace = trace_reference(client.run("c.3"))
+
+    class Noise:
+        def piece(self, run: str, offset: int) -> DownloadChunk:
+            piece = client.piece(run, offset)
+            return DownloadChunk(
+                offset, piece.size, piece.sha256, "AAAA" + piece.data[4:], piece.digest
+            )
+
+    with pytest.raises(TraceUnavailable, match="arrives damaged"):
+        copy_trace(trace, Noise(), tmp_path / "t.mcap")
+    (tmp_path / f".{trace.sha256}.part").write_bytes(b"x" * 1000)
+    with pytest.raises(TraceUnavailable, match="damaged where it is kept"):
+        copy_trace(trace, client, tmp_path / "t.mcap")
+    assert not (tmp_path / "t.mcap").exists()
+
+
+def test_a_download_names_a_run_and_never_a_path(client: Client) -> None:
+    for run in ("../../ledger.db", "c", "/etc/passwd", "c.99"):
+        with pytest.raises(Refused):
+            client.piece(run, 0)
+    with pytest.raises(Refused, match="malformed"):
+        bus.ask(
+            client._session,
+            client.endpoint,
+            Verb.FETCH,
+            TraceDownloadRequest("c.0", -1),
+            DownloadChunk,
+            3.0,
+        )
+    assert client.piece("c.0", 2**31).data == ""
+
+
+def test_traces_go_into_a_store_and_the_ledger_knows_where_each_lies(tmp_path: Path) -> None:
+    store = (tmp_path / "shared" / "traces").as_uri()
+    with daemon_at(tmp_path / "state", traces=store) as daemon, daemon.batch.client() as client:
+        client.submit(make_submission("c", 2, size=1000))
+        with worker_for(daemon, 2, "--state", str(tmp_path / "elsewhere")):
+            eventually(lambda: finished(client, 2), 20.0)
+        for run in ("c.0", "c.1"):
+            trace = trace_reference(client.run(run))
+            assert trace.location.startswith(f"{store}/c/S1.pilot.{run[-1]}.{trace.sha256[:16]}")
+            copy = local_copy(trace, cache=tmp_path / "cache")
+            assert hashlib.sha256(copy.read_bytes()).hexdigest() == trace.sha256
+            with pytest.raises(Refused, match="get it there"):
+                client.piece(run, 0)
+        assert list((daemon.state / "traces").rglob("*")) == []
+        assert len(list((tmp_path / "shared" / "traces" / "c").iterdir())) == 2
+        check_ledger(daemon.state, 2)

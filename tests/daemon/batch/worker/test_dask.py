@@ -1,0 +1,218 @@
+"""A gateway between a real daemon and a real Dask cluster; what goes wrong, goes wrong for real."""
+
+import hashlib
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import psutil
+import pytest
+
+from daemon.batch.client import Client
+from daemon.campaign import expand, load_campaign
+from daemon.model.attachments import attach_files
+from daemon.model.execution import DEFAULT_EXECUTOR
+from daemon.model.spec import SutReference
+from daemon.model.status import LiveSnapshot, RunState, Submission
+from daemon.model.verdicts import Outcome
+from daemon.run import execute
+from tests.daemon.batch.dask_harness import Dask, dask_in, gateway, gateway_for
+from tests.daemon.batch.harness import DaemonPart, Part, alive, daemon_at, eventually
+from tests.daemon.batch.samples import make_spec, make_submission, submission_of
+
+
+@pytest.fixture(scope="module")
+def dask(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Dask]:
+    """A cluster of one worker with two threads."""
+    with dask_in(tmp_path_factory.mktemp("dask"), 2) as cluster:
+        yield cluster
+
+
+@pytest.fixture(scope="module")
+def daemon(tmp_path_factory: pytest.TempPathFactory) -> Iterator[DaemonPart]:
+    """A daemon without slots of its own, where a run is lost the second time it is blamed."""
+    with daemon_at(tmp_path_factory.mktemp("daemon") / "state", attempts=2) as part:
+        yield part
+
+
+@pytest.fixture(scope="module")
+def worker(dask: Dask, daemon: DaemonPart) -> Iterator[Part]:
+    limits = ("--wall", "3", "--memory", str(2**30))
+    with gateway_for(dask, daemon, *limits) as part, daemon.batch.client() as client:
+        eventually(lambda: client.overview().workers == 1, 30.0)
+        eventually(lambda: client.workers()[0].slots == 2, 30.0)
+        yield part
+
+
+@pytest.fixture
+def client(daemon: DaemonPart, worker: Part) -> Iterator[Client]:
+    with daemon.batch.client() as connected:
+        yield connected
+
+
+def done(client: Client, campaign: str) -> bool:
+    return next(row.finished for row in client.campaigns() if row.id == campaign)
+
+
+def test_runs_come_back_with_results_and_traces(client: Client) -> None:
+    client.submit(make_submission("plain", 6, outcome="fail"))
+    eventually(lambda: done(client, "plain"))
+    for row in client.runs("plain").rows:
+        assert (row.state, row.outcome, row.attempt) == (RunState.DONE, Outcome.FAIL, 1)
+        result = client.run(row.id).result
+        assert result is not None
+        assert hashlib.sha256(Path(row.trace).read_bytes()).hexdigest() == result.trace.sha256
+
+
+def test_files_of_systems_travel_into_the_cluster(
+    client: Client, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    (tmp_path / "policy").write_bytes(b"weights")
+    files = attach_files({"model": tmp_path / "policy"})
+    client.submit(make_submission("files", 3, files=files, reads="model"))
+    eventually(lambda: done(client, "files"))
+    for row in client.runs("files").rows:
+        digest = hashlib.sha256(b"weights").hexdigest()
+        assert (row.state, row.attempt) == (RunState.DONE, 1), row.reason
+        assert Path(row.trace).read_bytes().endswith(digest.encode())
+
+
+def test_every_run_has_a_fresh_and_nice_process(client: Client, tmp_path: Path) -> None:
+    log = tmp_path / "log"
+    client.submit(make_submission("fresh", 6, log=str(log)))
+    eventually(lambda: done(client, "fresh"))
+    lines = [line.split() for line in log.read_text().splitlines()]
+    assert len({pid for _, pid, _ in lines}) == 6
+    assert all(int(nice) >= 10 for _, _, nice in lines)
+
+
+def test_a_run_that_crashes_is_blamed_and_harms_no_other(client: Client) -> None:
+    poison = make_spec(0, crash=[1, 2])
+    client.submit(submission_of("poison", poison, *(make_spec(i) for i in range(1, 5))))
+    eventually(lambda: done(client, "poison"))
+    lost, *others = client.runs("poison").rows
+    assert (lost.state, lost.attempt) == (RunState.LOST, 2)
+    assert "killed by SIGKILL" in lost.reason
+    assert [(row.state, row.attempt) for row in others] == [(RunState.DONE, 1)] * 4
+
+
+def test_limits_are_kept_where_it_executes(client: Client) -> None:
+    client.submit(submission_of("limits", make_spec(0, allocate=2048), make_spec(1, sleep=60.0)))
+    eventually(lambda: all(row.reason for row in client.runs("limits").rows), 20.0)
+    reasons = [row.reason for row in client.runs("limits").rows]
+    assert "MemoryError" in reasons[0]
+    assert "stopped after 3 s of wall clock time" in reasons[1]
+    client.cancel("limits")
+
+
+def test_cancelling_stops_the_processes_at_once(client: Client, dask: Dask, tmp_path: Path) -> None:
+    log = tmp_path / "log"
+    client.submit(make_submission("cancel", 4, sleep=60.0, log=str(log)))
+    running = eventually(lambda: started(log, 2))
+    client.cancel("cancel")
+    eventually(lambda: not alive(running), 3.0)
+    client.submit(make_submission("next", 1))
+    eventually(lambda: done(client, "next"))
+    eventually(lambda: not list((dask.folder / "scratch").rglob("attempt-*")))
+
+
+def started(log: Path, count: int) -> list[psutil.Process]:
+    """The processes of the runs that have begun, once there are as many."""
+    lines = log.read_text().splitlines() if log.exists() else []
+    return [psutil.Process(int(line.split()[1])) for line in lines] if len(lines) >= count else []
+
+
+def test_running_runs_are_seen_live(client: Client) -> None:
+    seen: list[LiveSnapshot] = []
+    with client.events(lambda _: None, seen.append):
+        client.submit(make_submission("live", 1, sleep=1.5))
+        eventually(lambda: done(client, "live"))
+    times = [live.snapshot.time for live in seen if live.run == "live.0"]
+    assert len(times) >= 1
+    assert times == sorted(times)
+
+
+def test_a_dead_gateway_leaves_nothing_running_in_the_cluster(dask: Dask, tmp_path: Path) -> None:
+    with (
+        daemon_at(tmp_path / "state", attempts=2, grace=0.5) as daemon,
+        daemon.batch.client() as client,
+    ):
+        log = tmp_path / "log"
+        with gateway_for(dask, daemon) as part:
+            client.submit(make_submission("c", 2, sleep=60.0, log=str(log)))
+            running = eventually(lambda: started(log, 2), 30.0)
+            part.kill()
+            eventually(lambda: not alive(running), 5.0)
+        eventually(lambda: client.overview().queued == 2, 5.0)
+
+
+def test_a_dask_worker_that_dies_costs_its_runs_nothing_but_time(
+    client: Client, dask: Dask, tmp_path: Path
+) -> None:
+    (victim,) = dask.start_workers(1)
+    eventually(lambda: client.workers()[0].slots == 3, 30.0)
+    log = tmp_path / "log"
+    client.submit(make_submission("death", 6, sleep=1.0, log=str(log)))
+    # Leased is not begun: only what is under way dies with the worker.
+    eventually(lambda: started(log, 3))
+    sitters = victim.children(recursive=True)
+    victim.kill()
+    eventually(lambda: not alive(sitters), 5.0)
+    eventually(lambda: done(client, "death"), 30.0)
+    rows = client.runs("death").rows
+    assert {row.state for row in rows} == {RunState.DONE}
+    assert sorted(row.attempt for row in rows) == [1, 1, 1, 1, 1, 2]
+    assert client.workers()[0].slots == 2
+
+
+def test_a_scheduler_that_dies_under_load_costs_no_run_anything(dask: Dask, client: Client) -> None:
+    client.submit(make_submission("c", 6, sleep=0.5))
+    eventually(lambda: client.overview().running >= 2, 30.0)
+    dask.scheduler.kill()
+    eventually(lambda: client.overview().running == 0)
+    dask.start_scheduler()
+    dask.start_workers(2)
+    eventually(lambda: done(client, "c"), 60.0)
+    rows = client.runs("c").rows
+    assert {row.state for row in rows} == {RunState.DONE}
+    assert max(row.attempt for row in rows) > 1
+
+
+def test_dask_workers_of_another_version_are_left_out(
+    dask: Dask, client: Client, worker: Part
+) -> None:
+    slots = client.workers()[0].slots
+    dask.start_workers(8, kind="other")
+    dask.start_workers(8, kind="lacking")
+    eventually(lambda: worker.output.count("pip install 'scenario-tui==") == 2, 30.0)
+    assert "engine 0, the gateway scenario-tui" in worker.output
+    assert client.workers()[0].slots == slots
+    client.submit(make_submission("versions", 8))
+    eventually(lambda: done(client, "versions"), 20.0)
+    assert [row.attempt for row in client.runs("versions").rows] == [1] * 8
+
+
+def test_a_scheduler_without_this_version_is_refused(daemon: DaemonPart, tmp_path: Path) -> None:
+    with dask_in(tmp_path, kind="lacking") as cluster:
+        part = gateway(cluster, daemon)
+        assert part.wait(30.0) == 5
+    assert "pip install 'scenario-tui==" in part.output
+
+
+def test_a_real_run_leaves_the_same_bytes_as_here(
+    dask: Dask, campaigns: Path, tmp_path: Path
+) -> None:
+    demo = expand(load_campaign(campaigns / "demo" / "campaign.yaml"))
+    spec = replace(demo.runs[0], sut=SutReference("idle", "idle", {}), limit=1.0)
+    submission = Submission("c", "C", "", "text", (spec,), demo.scenes[:1], fresh=True)
+    with daemon_at(tmp_path / "state") as daemon, daemon.batch.client() as client:
+        client.submit(submission)
+        with gateway_for(dask, daemon, executor=DEFAULT_EXECUTOR):
+            here = execute(spec, demo.scenes[0], trace_path=tmp_path / "here.mcap")
+            eventually(lambda: done(client, "c"), 60.0)
+        (row,) = client.runs("c").rows
+        there = client.run("c.0").result
+        assert there is not None
+        assert there.digest == here.digest
+        assert Path(row.trace).read_bytes() == (tmp_path / "here.mcap").read_bytes()

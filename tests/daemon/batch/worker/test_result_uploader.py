@@ -1,0 +1,200 @@
+"""How a worker sends a trace: part by part, over breaks and faults, beside all the rest."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from daemon.batch.errors import Refused, Unavailable, Unreachable
+from daemon.batch.paths import StatePaths
+from daemon.batch.run_process import RESULT, TRACE
+from daemon.batch.stores import decode_chunk, trace_url
+from daemon.batch.worker import Attempt, ResultUploader, WorkerPaths, _uploader
+from daemon.model.messages import (
+    Lease,
+    LedgerAcknowledgement,
+    LedgerAnswer,
+    TraceUploadChunk,
+    UploadProgress,
+    Verb,
+)
+from daemon.model.spec import TraceInfo
+from grammars.text import codec
+from tests.daemon.batch.harness import eventually
+from tests.daemon.batch.samples import make_result, make_spec
+
+DATA = bytes(range(256)) * 4096
+
+
+@dataclass
+class Daemon:
+    """What the daemon answers; ``faults`` are raised, or answered, first."""
+
+    arrived: bytes = b""
+    faults: list[Any] = field(default_factory=list)
+    answers: list[LedgerAnswer] = field(default_factory=list)
+    sizes: list[int] = field(default_factory=list)
+    completions: list[Any] = field(default_factory=list)
+
+    def ask(self, verb: Verb, request: Any, kind: type) -> object:
+        if verb is Verb.COMPLETE:
+            self.completions.append(request)
+            return LedgerAcknowledgement(
+                self.answers.pop(0) if self.answers else LedgerAnswer.RECORDED
+            )
+        return self._receive(request)
+
+    def _receive(self, chunk: TraceUploadChunk) -> UploadProgress:
+        if self.faults:
+            fault = self.faults.pop(0)
+            if isinstance(fault, UploadProgress):
+                return fault
+            raise fault
+        if chunk.offset == len(self.arrived):
+            self.arrived += decode_chunk(chunk.data, chunk.digest)
+            self.sizes.append(len(chunk.data))
+        return UploadProgress(len(self.arrived), complete=len(self.arrived) == chunk.size)
+
+
+@pytest.fixture
+def daemon() -> Daemon:
+    return Daemon()
+
+
+@pytest.fixture
+def attempt(tmp_path: Path) -> Attempt:
+    """A finished attempt in the spool."""
+    spec = make_spec()
+    (tmp_path / TRACE).write_bytes(DATA)
+    info = TraceInfo(hashlib.sha256(DATA).hexdigest(), len(DATA), 1)
+    (tmp_path / RESULT).write_bytes(codec.to_json(make_result(spec, trace=info)))
+    return Attempt(Lease("c.0", "c", 1, 7, "c/S1.pilot.0.mcap", spec), tmp_path)
+
+
+@pytest.fixture
+def courier(daemon: Daemon, tmp_path: Path) -> ResultUploader:
+    base = WorkerPaths(StatePaths(tmp_path / "own"), shared=False)
+    return ResultUploader(daemon, "w", base, lambda _: None)  # type: ignore[arg-type]
+
+
+def delivered(courier: ResultUploader, attempt: Attempt) -> Callable[[], bool]:
+    return lambda: courier.hand_over(attempt)
+
+
+def test_parts_grow_on_a_quick_link(
+    courier: ResultUploader, daemon: Daemon, attempt: Attempt
+) -> None:
+    eventually(delivered(courier, attempt))
+    assert daemon.arrived == DATA
+    sent = [size for size in daemon.sizes if size]
+    assert max(sent[:-1]) > sent[0]
+    assert courier.moved == len(DATA)
+    (completion,) = daemon.completions
+    assert (completion.token, completion.uploaded, completion.location) == (7, True, "")
+
+
+def test_a_break_costs_a_question_and_smaller_parts(
+    courier: ResultUploader, daemon: Daemon, attempt: Attempt
+) -> None:
+    daemon.arrived = DATA[:100_000]  # of before
+    daemon.faults = [Unreachable("gone")]
+    before = courier._chunk
+    with pytest.raises(Unreachable):
+        courier.hand_over(attempt)
+    assert courier._chunk == before // 2
+    eventually(delivered(courier, attempt))
+    assert daemon.arrived == DATA
+
+
+def test_faults_on_the_way_are_not_for_ever(
+    courier: ResultUploader, daemon: Daemon, attempt: Attempt
+) -> None:
+    daemon.faults = [UploadProgress(0, complete=False, problem="the chunk is damaged")] * 5
+    with pytest.raises(OSError, match="does not arrive: the chunk is damaged"):
+        eventually(delivered(courier, attempt))
+    eventually(delivered(courier, attempt))
+    assert daemon.arrived == DATA
+
+
+def test_a_daemon_without_room_is_asked_again_later(
+    courier: ResultUploader, daemon: Daemon, attempt: Attempt
+) -> None:
+    """Not as if it was gone: then nothing else would be told to it either."""
+    daemon.faults = [Unavailable("the disk is full")]
+    with pytest.raises(OSError, match="the disk is full"):
+        courier.hand_over(attempt)
+    eventually(delivered(courier, attempt))
+
+
+def test_a_stale_lease_ends_it(courier: ResultUploader, daemon: Daemon, attempt: Attempt) -> None:
+    daemon.faults = [Refused("the lease 7 of c.0 is stale")]
+    with pytest.raises(Refused):
+        courier.hand_over(attempt)
+
+
+def test_a_trace_the_daemon_has_lost_is_sent_again(
+    courier: ResultUploader, daemon: Daemon, attempt: Attempt
+) -> None:
+    daemon.answers = [LedgerAnswer.MISSING]
+    assert not courier.hand_over(attempt)
+    daemon.arrived = b""
+    eventually(delivered(courier, attempt))
+    assert daemon.arrived == DATA
+    assert len(daemon.completions) == 2
+
+
+def test_a_trace_damaged_in_the_spool_is_never_sent(
+    courier: ResultUploader, daemon: Daemon, attempt: Attempt
+) -> None:
+    (attempt.folder / TRACE).write_bytes(DATA[:-1])
+    with pytest.raises(ValueError, match="damaged in the spool"):
+        courier.hand_over(attempt)
+    (attempt.folder / TRACE).unlink()
+    with pytest.raises(ValueError, match="gone"):
+        courier.hand_over(attempt)
+    assert not daemon.arrived
+
+
+def test_a_slow_link_leaves_time_for_everything_else(
+    courier: ResultUploader, daemon: Daemon, attempt: Attempt, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(_uploader, "_TURN", 0.0)
+    turns = 1
+    while not courier.hand_over(attempt):
+        turns += 1
+    assert turns > 3
+    assert daemon.arrived == DATA
+
+
+@pytest.mark.parametrize(
+    ("answer", "stays"), [(LedgerAnswer.RECORDED, True), (LedgerAnswer.DIFFERS, False)]
+)
+def test_a_store_gets_it_directly(
+    courier: ResultUploader, daemon: Daemon, attempt: Attempt, answer: LedgerAnswer, stays: bool
+) -> None:
+    store = (attempt.folder / "store").as_uri()
+    attempt = Attempt(replace(attempt.grant, store=store), attempt.folder)
+    daemon.answers = [answer]
+    eventually(delivered(courier, attempt))
+    (completion,) = daemon.completions
+    sha256 = hashlib.sha256(DATA).hexdigest()
+    assert completion.location == trace_url(store, "c/S1.pilot.0.mcap", sha256)
+    assert Path(completion.location.removeprefix("file://")).is_file() == stays
+    assert not daemon.arrived
+
+
+def test_a_store_that_cannot_be_written_keeps_it_in_the_spool(
+    courier: ResultUploader, daemon: Daemon, attempt: Attempt
+) -> None:
+    (attempt.folder / "store").write_text("no folder")
+    store = (attempt.folder / "store").as_uri()
+    attempt = Attempt(replace(attempt.grant, store=store), attempt.folder)
+    with pytest.raises(OSError, match="cannot be used from here"):
+        eventually(delivered(courier, attempt))
+    assert attempt.finished
+    assert not daemon.completions

@@ -1,0 +1,131 @@
+"""Who is blamed when Dask workers die: the gateway's bookkeeping, without a cluster."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import closing
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+from distributed import KilledWorker
+
+from daemon.batch.run_process import RESULT
+from daemon.batch.worker import Attempt
+from daemon.batch.worker.cluster import Gateway, RemoteExecution
+from daemon.model.execution import DaskScheduler, RunLimits
+from daemon.model.messages import Lease
+from tests.daemon.batch.samples import make_spec
+
+
+class Task:
+    """What Dask knows of an attempt; ends when told to."""
+
+    def __init__(self, key: str) -> None:
+        self.key = key
+        self._take: Callable[[Task], None]
+
+    def add_done_callback(self, take: Callable[[Task], None]) -> None:
+        self._take = take
+
+    def die(self) -> None:
+        self._take(self)
+
+    def result(self) -> None:
+        raise KilledWorker(self.key, SimpleNamespace(address="tcp://there:1"), 3)
+
+    def release(self) -> None: ...
+
+
+class Cluster:
+    """A connection to a cluster that only takes note."""
+
+    topic = "topic"
+
+    def __init__(self) -> None:
+        self.tasks: list[Task] = []
+
+    def submit(self, *_: object) -> tuple[Task, frozenset[str]]:
+        self.tasks.append(Task(str(len(self.tasks))))
+        return self.tasks[-1], frozenset()
+
+    def stranded(self, _: frozenset[str]) -> bool:
+        return False
+
+    def close(self) -> None: ...
+
+
+@pytest.fixture
+def cluster() -> Cluster:
+    return Cluster()
+
+
+@pytest.fixture
+def gateway(cluster: Cluster) -> Iterator[Gateway]:
+    made: Any = Gateway(DaskScheduler("tcp://nowhere:1"), "none", slots=4, log=lambda _: None)
+    made._link = cluster
+    with closing(made):
+        yield made
+
+
+def start(gateway: Gateway, folder: Path, *runs: str) -> list[RemoteExecution]:
+    started = []
+    for name in runs:
+        (folder / name).mkdir(exist_ok=True)
+        attempt = Attempt(Lease(name, "c", 1, 1, "c/t.mcap", make_spec()), folder / name)
+        started.append(gateway.start(attempt, folder / "scene", RunLimits()))
+    return started
+
+
+def take_in(*runs: RemoteExecution) -> list[bool]:
+    """What the agent does with ended attempts; whether they are blamed."""
+    assert all(run.ended for run in runs)
+    blamed = [run.blame for run in runs]
+    for run in runs:
+        run.close()
+    return blamed
+
+
+def test_suspects_are_executed_one_at_a_time_and_only_the_second_death_is_blamed(
+    gateway: Gateway, cluster: Cluster, tmp_path: Path
+) -> None:
+    first = start(gateway, tmp_path, "guilty", "beside", "innocent")
+    assert len(cluster.tasks) == 3
+    for task in cluster.tasks:
+        task.die()
+    assert take_in(*first) == [False, False, False]
+
+    guilty, beside, innocent, stranger = start(
+        gateway, tmp_path, "guilty", "beside", "innocent", "stranger"
+    )
+    assert len(cluster.tasks) == 5  # the first suspect, and who is none
+    cluster.tasks[3].die()
+    assert take_in(guilty) == [True]
+    assert len(cluster.tasks) == 6
+    assert not beside.ended
+
+    (tmp_path / "beside" / RESULT).touch()
+    beside.kill()
+    assert take_in(beside) == [False]
+    assert len(cluster.tasks) == 7
+    assert not innocent.ended
+    start(gateway, tmp_path, "beside")
+    assert len(cluster.tasks) == 8  # it has shown that it can finish
+    assert not stranger.ended
+
+
+def test_a_suspect_that_waits_can_be_given_up(
+    gateway: Gateway, cluster: Cluster, tmp_path: Path
+) -> None:
+    first = start(gateway, tmp_path, "one", "two", "three")
+    for task in cluster.tasks:
+        task.die()
+    take_in(*first)
+    one, two, _ = start(gateway, tmp_path, "one", "two", "three")
+    two.kill("not wanted")
+    assert two.why() == "not wanted"
+    take_in(two)
+    one.kill()
+    take_in(one)
+    assert len(cluster.tasks) == 5  # "three" goes on, "two" never did

@@ -1,0 +1,343 @@
+import hashlib
+import os
+import signal
+import sqlite3
+from collections.abc import Iterator
+from dataclasses import replace
+from importlib.metadata import version
+from pathlib import Path
+
+import psutil
+import pytest
+
+from daemon.batch import bus
+from daemon.batch.client import Client
+from daemon.batch.errors import Refused
+from daemon.model.messages import LeaseReply, LeaseRequest, Verb, WelcomeReply, WorkerInfo
+from daemon.model.spec import SutReference
+from daemon.model.status import LiveSnapshot, RunState
+from daemon.model.verdicts import Outcome
+from tests.daemon.batch.harness import (
+    DaemonPart,
+    Part,
+    alive,
+    daemon_at,
+    eventually,
+    family,
+    finished,
+    worker_for,
+)
+from tests.daemon.batch.samples import make_spec, make_submission, submission_of
+
+
+@pytest.fixture(scope="module")
+def daemon(tmp_path_factory: pytest.TempPathFactory) -> Iterator[DaemonPart]:
+    """A daemon with a local worker of two slots that most tests share; renewals take a while."""
+    with daemon_at(tmp_path_factory.mktemp("worker") / "state", 2, lease=30.0) as part:
+        yield part
+
+
+@pytest.fixture
+def client(daemon: DaemonPart) -> Iterator[Client]:
+    with daemon.batch.client() as connected:
+        yield connected
+
+
+def done(client: Client, campaign: str) -> bool:
+    return next(row.finished for row in client.campaigns() if row.id == campaign)
+
+
+def test_runs_come_back_with_results_and_traces(client: Client) -> None:
+    client.submit(make_submission("plain", 6, outcome="fail"))
+    eventually(lambda: done(client, "plain"))
+    for row in client.runs("plain").rows:
+        assert (row.state, row.outcome, row.attempt) == (RunState.DONE, Outcome.FAIL, 1)
+        result = client.run(row.id).result
+        assert result is not None
+        assert hashlib.sha256(Path(row.trace).read_bytes()).hexdigest() == result.trace.sha256
+
+
+def test_every_run_has_a_fresh_and_nice_process(client: Client, tmp_path: Path) -> None:
+    log = tmp_path / "log"
+    client.submit(make_submission("fresh", 8, log=str(log)))
+    eventually(lambda: done(client, "fresh"))
+    lines = [line.split() for line in log.read_text().splitlines()]
+    assert sorted(int(repeat) for repeat, _, _ in lines) == list(range(8))
+    assert len({pid for _, pid, _ in lines}) == 8
+    assert all(int(nice) >= 10 for _, _, nice in lines)
+
+
+def test_a_crashing_run_is_tried_again(client: Client) -> None:
+    client.submit(make_submission("crash", 1, crash=[1, 2]))
+    eventually(lambda: done(client, "crash"))
+    (row,) = client.runs("crash").rows
+    assert (row.state, row.attempt, row.reason) == (RunState.DONE, 3, "")
+
+
+def test_a_run_that_always_crashes_is_lost_and_harms_no_other(client: Client) -> None:
+    poison = make_spec(0, crash=[1, 2, 3])
+    client.submit(submission_of("poison", poison, *(make_spec(i) for i in range(1, 6))))
+    eventually(lambda: done(client, "poison"))
+    lost, *others = client.runs("poison").rows
+    assert (lost.state, lost.attempt, lost.outcome) == (RunState.LOST, 3, None)
+    assert "SIGKILL" in lost.reason
+    assert [(row.state, row.attempt) for row in others] == [(RunState.DONE, 1)] * 5
+
+
+def test_a_native_crash_tells_where_it_was_and_what_it_said(client: Client) -> None:
+    client.submit(make_submission("abort", 1, abort="planning a way"))
+    eventually(lambda: done(client, "abort"))
+    (row,) = client.runs("abort").rows
+    assert row.state is RunState.LOST
+    assert row.reason.startswith("planning a way")
+    assert row.reason.endswith("the run's process was killed by SIGABRT")
+    assert "fake_run.py" in row.reason
+
+
+def test_an_exception_is_never_a_verdict(client: Client) -> None:
+    client.submit(make_submission("raises", 1, **{"raise": "no such door"}))
+    eventually(lambda: done(client, "raises"))
+    (row,) = client.runs("raises").rows
+    assert row.state is RunState.LOST
+    assert "RuntimeError: no such door" in row.reason
+    assert client.run(row.id).result is None
+
+
+def test_a_run_whose_system_is_not_installed_waits_for_another_worker(
+    client: Client, daemon: DaemonPart
+) -> None:
+    absent = [replace(make_spec(i), sut=SutReference("mine", "absent", {})) for i in range(3)]
+    client.submit(submission_of("absent", *absent, *(make_spec(i) for i in range(4))))
+    eventually(lambda: client.overview().queued == 3 and not client.overview().running)
+    rows = client.runs("absent").rows
+    assert [row.state for row in rows[3:]] == [RunState.DONE] * 4
+    assert [row.state for row in rows[:3]] == [RunState.QUEUED] * 3
+    assert [row.attempt for row in rows[:3]] in ([1, 0, 0], [1, 1, 0])  # two slots, then no more
+    assert 'install what brings the system under test "absent" for worker' in rows[0].reason
+    with sqlite3.connect(daemon.state / "ledger.db") as ledger:
+        assert ledger.execute("SELECT max(strikes) FROM run WHERE kind = 'absent'").fetchone() == (
+            0,
+        )
+    ledger.close()
+    assert client.cancel("absent") == 3
+
+
+def test_a_run_that_eats_memory_is_stopped(client: Client) -> None:
+    client.submit(make_submission("memory", 1, allocate=8 * 1024))
+    eventually(lambda: done(client, "memory"))
+    (row,) = client.runs("memory").rows
+    assert row.state is RunState.LOST
+    assert "MemoryError" in row.reason
+
+
+def test_cancelling_stops_the_processes_at_once(
+    client: Client, daemon: DaemonPart, tmp_path: Path
+) -> None:
+    log = tmp_path / "log"
+    client.submit(make_submission("cancel", 6, sleep=60.0, log=str(log)))
+    eventually(lambda: log.exists() and len(log.read_text().splitlines()) == 2)
+    running = [psutil.Process(int(line.split()[1])) for line in log.read_text().splitlines()]
+    assert client.cancel("cancel") == 6
+    eventually(lambda: not alive(running), 5.0)  # long before the next renewal
+    assert {row.state for row in client.runs("cancel").rows} == {RunState.CANCELLED}
+    client.submit(make_submission("next", 1))
+    eventually(lambda: done(client, "next"))
+
+
+def test_running_runs_are_seen_live(client: Client) -> None:
+    seen: list[LiveSnapshot] = []
+    with client.events(lambda _: None, seen.append):
+        client.submit(make_submission("live", 1, sleep=1.0))
+        eventually(lambda: done(client, "live"))
+    times = [live.snapshot.time for live in seen if live.run == "live.0"]
+    assert times == sorted(times)
+    assert 2 <= len(times) <= 6
+
+
+def test_a_repetition_confirms_the_result_or_raises_an_alarm(client: Client) -> None:
+    client.submit(make_submission("same", 1))
+    client.submit(make_submission("noisy", 1, noise=1))
+    eventually(lambda: done(client, "same") and done(client, "noisy"))
+    before = [client.run(name).result for name in ("same.0", "noisy.0")]
+    events: list[str] = []
+    with client.events(lambda event: events.append(f"{event.kind} {event.id}")):
+        client.retry("same", only="pass")
+        client.retry("noisy", only="pass")
+        eventually(lambda: done(client, "same") and done(client, "noisy"))
+        eventually(lambda: "alarm noisy.0" in events)
+    assert "alarm same.0" not in events
+    assert [client.run(name).result for name in ("same.0", "noisy.0")] == before
+    assert client.run("same.0").row.attempt == 2
+    assert "nondeterministic" in client.run("noisy.0").row.reason
+    kept = before[1]
+    assert kept is not None
+    trace = Path(client.run("noisy.0").row.trace).read_bytes()
+    assert hashlib.sha256(trace).hexdigest() == kept.trace.sha256
+
+
+def test_the_spool_is_empty_when_nothing_runs(client: Client, daemon: DaemonPart) -> None:
+    eventually(lambda: client.overview().running == 0)
+    eventually(lambda: not list((daemon.state / "spool").glob("*/*/attempt-*")))
+
+
+def test_the_worker_is_on_the_list(client: Client) -> None:
+    # What it was busy with in another test it may not have taken back yet.
+    eventually(lambda: [row.busy for row in client.workers()] == [0])
+    (row,) = client.workers()
+    assert row.slots == 2
+    assert psutil.pid_exists(row.pid)
+    assert client.overview().workers == 1
+
+
+def test_the_wall_clock_limit_stops_a_run(tmp_path: Path) -> None:
+    settings = {"wall": 0.3, "attempts": 1}
+    with daemon_at(tmp_path / "state", 1, **settings) as daemon, daemon.batch.client() as client:
+        client.submit(make_submission("slow", 1, sleep=60.0))
+        eventually(lambda: done(client, "slow"))
+        (row,) = client.runs("slow").rows
+        assert row.state is RunState.LOST
+        assert "stopped after 0.3 s of wall clock time" in row.reason
+
+
+def test_a_worker_told_to_leave_finishes_first(tmp_path: Path) -> None:
+    with (
+        daemon_at(tmp_path / "state") as daemon,
+        daemon.batch.client() as client,
+        worker_for(daemon, 2) as worker,
+    ):
+        client.submit(make_submission("c", 4, sleep=0.5))
+        eventually(lambda: client.overview().running == 2)
+        worker.signal(signal.SIGTERM)
+        assert worker.wait() == 0
+        now = client.overview()
+        assert (now.done, now.queued, now.running) == (2, 2, 0)
+        eventually(lambda: client.overview().workers == 0)
+
+
+def test_a_worker_told_twice_gives_its_runs_back_without_blame(tmp_path: Path) -> None:
+    with daemon_at(tmp_path / "state", attempts=1) as daemon, daemon.batch.client() as client:
+        with worker_for(daemon, 2) as worker:
+            client.submit(make_submission("c", 3, sleep=60.0))
+            eventually(lambda: client.overview().running == 2)
+            members = family(worker.pid)
+            worker.signal(signal.SIGTERM)
+            worker.signal(signal.SIGTERM)
+            worker.signal(signal.SIGQUIT)
+            assert worker.wait() == 0
+            assert eventually(lambda: not alive(members))
+        now = client.overview()
+        assert (now.queued, now.running, now.lost) == (3, 0, 0)
+        assert client.run("c.0").row.reason == "the worker was stopped"
+
+
+def test_children_die_with_their_worker_however_far_it_steps_back(tmp_path: Path) -> None:
+    with (
+        daemon_at(tmp_path / "state") as daemon,
+        daemon.batch.client() as client,
+        worker_for(daemon, 2, "--step-back", "3") as worker,
+    ):
+        client.submit(make_submission("c", 2, sleep=60.0))
+        # The worker, its two helpers, two runs.
+        members = eventually(lambda: len(found := family(worker.pid)) >= 5 and found)
+        autogroup = Path(f"/proc/{worker.pid}/autogroup")
+        assert not autogroup.exists() or autogroup.read_text().endswith("nice 3\n")
+        worker.kill()
+        eventually(lambda: not alive(members), 3.0)
+
+
+def test_a_worker_that_cannot_execute_says_why_and_leaves(tmp_path: Path) -> None:
+    with daemon_at(tmp_path / "state") as daemon:
+        options = ("--connect", daemon.endpoint, "--slots", "1", "--executor")
+        daemon.batch.client().close()
+        worker = Part("worker", tmp_path / "w.log", *options, "tests.daemon:not_there.execute")
+        assert worker.wait() == 5
+        assert "this worker cannot execute runs" in worker.output
+        assert "ModuleNotFoundError: No module named 'tests.daemon.not_there'" in worker.output
+
+
+def test_a_worker_without_a_daemon_says_so(tmp_path: Path) -> None:
+    options = ("--connect", "tcp/127.0.0.1:9", "--slots", "1", "--executor")
+    worker = Part("worker", tmp_path / "w.log", *options, "tests.daemon.batch.fake_run:execute")
+    assert worker.wait() == 3
+    assert "no daemon answers at tcp/127.0.0.1:9" in worker.output
+
+
+def test_results_left_by_a_dead_worker_are_delivered_by_the_next(tmp_path: Path) -> None:
+    with daemon_at(tmp_path / "state", lease=60.0, grace=60.0) as daemon:
+        log = tmp_path / "log"
+        with daemon.batch.client() as client, worker_for(daemon, 2) as worker:
+            client.submit(make_submission("c", 2, sleep=0.3, log=str(log)))
+            eventually(lambda: client.overview().running == 2)
+            daemon.freeze()
+            spool = daemon.state / "spool"
+            eventually(lambda: len(list(spool.glob("*/*/attempt-1/result.json"))) == 2)
+            worker.kill()
+            daemon.signal(signal.SIGCONT)
+            with worker_for(daemon, 1):
+                eventually(lambda: finished(client, 2))
+            assert [row.attempt for row in client.runs("c").rows] == [1, 1]
+            assert len(log.read_text().splitlines()) == 2
+            assert list(spool.iterdir()) == []
+
+
+def test_a_worker_is_one_family(daemon: DaemonPart, client: Client) -> None:
+    """The fork server never opens Zenoh: only the daemon listens, only the agent connects."""
+    with worker_for(daemon) as worker:
+        eventually(lambda: worker.pid in {row.pid for row in client.workers()})
+        connected = [p for p in family(worker.pid) if p.net_connections("inet")]
+        assert [p.pid for p in connected] == [worker.pid]
+        assert os.getpgid(worker.pid) == worker.pid
+
+
+def test_a_local_worker_that_cannot_execute_is_the_daemons_trouble(tmp_path: Path) -> None:
+    missing = "tests.daemon:not_there.execute"
+    with (
+        daemon_at(tmp_path / "state", 1, executor=missing) as daemon,
+        daemon.batch.client() as client,
+    ):
+        client.submit(make_submission("c", 1))
+        trouble = eventually(lambda: client.overview().trouble)
+        assert "No module named 'tests.daemon.not_there'" in trouble
+        assert client.overview().queued == 1
+
+
+def test_a_run_whose_scene_is_gone_waits_without_blame(tmp_path: Path) -> None:
+    with daemon_at(tmp_path / "state", attempts=1) as daemon, daemon.batch.client() as client:
+        client.submit(make_submission("c", 1))
+        (scene,) = (daemon.state / "scenes").iterdir()
+        scene.unlink()
+        with worker_for(daemon, 1) as worker:
+            eventually(lambda: "not started" in client.run("c.0").row.reason)
+            assert client.run("c.0").row.state is RunState.QUEUED
+            assert "there is no scene" in worker.output
+
+
+def test_details_of_a_run_are_told_while_somebody_watches_it(client: Client) -> None:
+    client.submit(make_submission("watched", 1, sleep=60.0))
+    (row,) = client.runs("watched").rows
+    told: list[LiveSnapshot] = []
+    little: list[LiveSnapshot] = []
+    with client.events(lambda _: None, little.append):
+        eventually(lambda: any(live.run == row.id for live in little))
+        assert all(live.snapshot.returns == () for live in little)
+        with client.watch(row.id, told.append):
+            eventually(lambda: bool(told) and told[-1].snapshot.returns == (100, 200))
+        assert {live.run for live in told} == {row.id}
+        # Nobody watches any more: after a while nothing but the progress is made.
+        eventually(lambda: little[-1].snapshot.returns == ())
+    client.cancel("watched")
+
+
+@pytest.mark.parametrize("different", [{"engine": "0"}, {"version": "0.0.1"}])
+def test_a_worker_of_another_version_is_refused_with_the_remedy(
+    daemon: DaemonPart, client: Client, different: dict[str, str]
+) -> None:
+    ours = version("scenario-tui")
+    stranger = replace(WorkerInfo("w", "host", 1, ours, 1, 0), **different)
+    with bus.open_client(daemon.endpoint) as session:
+        with pytest.raises(Refused, match=f"pip install 'scenario-tui=={ours}'"):
+            bus.ask(session, daemon.endpoint, Verb.WELCOME, stranger, WelcomeReply, 3.0)
+        lease = LeaseRequest(stranger, 1)
+        with pytest.raises(Refused, match="worker w has scenario-tui"):
+            bus.ask(session, daemon.endpoint, Verb.LEASE, lease, LeaseReply, 3.0)
+    assert "w" not in {row.id for row in client.workers()}

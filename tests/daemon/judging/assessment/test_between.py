@@ -1,0 +1,112 @@
+"""Two campaigns side by side: what changed, what got worse, and what cannot be said."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import pytest
+
+from daemon.judging.assessment import (
+    CampaignDifference,
+    JudgedCampaign,
+    QuantityChange,
+    compare_campaigns,
+)
+from daemon.model.assessments import AssessmentRules, RunRecord
+from tests.daemon.judging.assessment.records import cell, measure, record, verdict
+
+
+def judged(name: str, *records: RunRecord) -> JudgedCampaign:
+    return JudgedCampaign(name, AssessmentRules(), records)
+
+
+def between(
+    before: Sequence[RunRecord], after: Sequence[RunRecord], worse_by: float | None = None
+) -> CampaignDifference:
+    return compare_campaigns(judged("a", *before), judged("b", *after), worse_by)
+
+
+def shift(found: CampaignDifference, quantity: str) -> QuantityChange:
+    return next(s for s in found.shifts if s.quantity == quantity)
+
+
+def test_equal_campaigns_differ_in_nothing() -> None:
+    runs = cell([0.1, 0.2, 0.3])
+    found = between(runs, runs, 0.0)
+    assert (found.verdicts, found.regressed) == ((), False)
+    assert [(s.mean, s.delta, s.p, s.changed) for s in found.shifts] == [(0.0, 0.0, 1.0, False)] * 2
+
+
+def test_a_verdict_that_fails_now_is_worse_and_one_that_passes_now_is_not() -> None:
+    good, bad = cell([0.1, 0.2]), cell([0.1, -0.2])
+    (change,) = between(good, bad).verdicts
+    assert (change.passed_before, change.passed_after, change.worse) == ("2/2", "1/2", True)
+    (change,) = between(bad, good).verdicts
+    assert not change.worse
+    assert not between(bad, good).regressed
+
+
+def test_margins_are_paired_by_repeat_and_seed() -> None:
+    found = shift(between(cell([0.1, 0.5, 0.9]), cell([0.05, 0.44, 0.86])), "clear")
+    assert (found.method, found.n, found.mean) == ("paired", 3, pytest.approx(-0.05))
+    assert found.changed
+    assert found.delta == pytest.approx(-1 / 3)
+    strangers = tuple(replace(r, seed=r.seed + 7) for r in cell([0.05, 0.44, 0.86]))
+    found = shift(between(cell([0.1, 0.5, 0.9]), strangers), "clear")
+    assert (found.method, found.n, found.changed) == ("welch", 3, False)
+
+
+def test_the_gate_asks_for_more_than_a_little() -> None:
+    before, after = cell([0.5, 0.52, 0.54, 0.51]), cell([0.46, 0.49, 0.5, 0.47])
+    assert shift(between(before, after, 0.0), "clear").worse
+    assert not between(before, after, 0.1).regressed
+    assert not between(before, after).regressed
+    assert not between(after, before, 0.0).regressed
+
+
+def test_longer_is_worse_and_measures_are_neither() -> None:
+    def runs(extra: float) -> tuple[RunRecord, ...]:
+        return tuple(
+            record(i, verdict(1.0), measure(5.0 + extra), took=100.0 + i + extra) for i in range(4)
+        )
+
+    found = between(runs(0.0), runs(20.0), 0.1)
+    assert {s.quantity: (s.kind, s.changed, s.worse) for s in found.shifts} == {
+        "clear": ("margin", False, False),
+        "buffer-time": ("measure", True, False),
+        "duration": ("duration", True, True),
+    }
+    assert not between(runs(20.0), runs(0.0), 0.1).regressed
+
+
+def test_one_of_many_is_no_finding() -> None:
+    """A difference that would be significant alone is not among many that are not."""
+
+    def runs(shifted: float) -> list[RunRecord]:
+        noise = (0.0, 0.1, -0.1, 0.05)
+        return [
+            record(i, *(verdict(5 + 0.01 * k + noise[(i + k) % 4] * bool(shifted), f"o{k}")
+                        for k in range(1, 30)),
+                   verdict(5.0 - shifted * (1 + noise[i]), "o0"))
+            for i in range(4)
+        ]  # fmt: skip
+
+    alone = between([replace(r, verdicts=r.verdicts[-1:]) for r in runs(0.0)],
+                    [replace(r, verdicts=r.verdicts[-1:]) for r in runs(0.1)])  # fmt: skip
+    single, many = shift(alone, "o0"), shift(between(runs(0.0), runs(0.1)), "o0")
+    assert single.p is not None
+    assert many.p is not None
+    assert many.p > 10 * single.p > 0.0
+
+
+def test_one_repeat_shows_no_difference_but_its_verdict() -> None:
+    found = between(cell([0.5]), cell([-0.4]), 0.0)
+    assert (shift(found, "clear").mean, shift(found, "clear").p) == (pytest.approx(-0.9), None)
+    assert found.verdicts[0].worse
+
+
+def test_cells_of_one_side_only_are_named() -> None:
+    found = between(cell([1.0], scenario="S1"), cell([1.0], scenario="S2"))
+    assert (found.only_before, found.only_after) == ((("S1", "a2s"),), (("S2", "a2s"),))
+    assert found.shifts == ()

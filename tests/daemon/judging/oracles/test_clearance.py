@@ -1,0 +1,232 @@
+"""Clearance: the compiled kernel against shapely, and the links against their kinematics."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import shapely
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from daemon.judging.oracles._clearance import (
+    box_clearance_series,
+    cos_sin,
+    footprint_box,
+    hinge_foot,
+    link_tracks,
+    obstacles_of,
+)
+from daemon.judging.oracles._series import SignalSeries
+from daemon.trace import JointTrack
+from grammars.model import kinematics
+from grammars.model.geometry import Floats, Point2, Pose2, Ring
+from grammars.model.kinematics import link_poses
+from grammars.model.scene import Joint, Link, Scene, SceneObject, Solid
+from tests.daemon.judging.oracles.traces import (
+    CORRIDOR,
+    ROBOT,
+    box,
+    door,
+    make_trace,
+    still,
+    times,
+    verdict,
+    wall,
+)
+
+COORDINATE = st.floats(-4.0, 4.0).map(lambda value: round(value, 3))
+ANGLE = st.floats(-math.pi, math.pi).map(lambda value: round(value, 3))
+HALF = st.floats(0.05, 1.0).map(lambda value: round(value, 3))
+
+
+@st.composite
+def convex_rings(draw: st.DrawFn) -> Ring:
+    """A convex polygon: corners on an ellipse, at sorted angles."""
+    cx, cy = draw(COORDINATE), draw(COORDINATE)
+    rx, ry = draw(HALF), draw(HALF)
+    steps = draw(st.lists(st.integers(0, 359), min_size=3, max_size=7, unique=True))
+    angles = [math.radians(step) for step in sorted(steps)]
+    return tuple((cx + rx * math.cos(a), cy + ry * math.sin(a)) for a in angles)
+
+
+def reference(ring: Ring, pose: Pose2, centre: Point2, half: Point2) -> float:
+    """How much the box must grow on all sides to touch ``ring``: bisection with shapely."""
+    obstacle = shapely.Polygon([pose.inverse().apply(corner) for corner in ring])
+    hx, hy = half
+
+    def touches(margin: float) -> bool:
+        x, y = max(hx + margin, 0.0), max(hy + margin, 0.0)
+        area = shapely.box(centre[0] - x, centre[1] - y, centre[0] + x, centre[1] + y)
+        return bool(area.intersects(obstacle))
+
+    low, high = -min(hx, hy), 20.0
+    if touches(low):
+        return low
+    for _ in range(60):
+        middle = (low + high) / 2.0
+        low, high = (low, middle) if touches(middle) else (middle, high)
+    return high
+
+
+def scene_of(*rings: Ring) -> Scene:
+    solids = tuple(Solid(f"s{i}", "wall", ring, 0.0, 2.0) for i, ring in enumerate(rings))
+    return Scene("test", (), (), solids)
+
+
+def sample(scene: Scene, poses: list[Pose2], centre: Point2, half: Point2) -> SignalSeries:
+    time = times((len(poses) - 1) / 20.0)
+    array = np.array([(p.x, p.y, p.yaw) for p in poses])
+    return box_clearance_series(obstacles_of(make_trace(still(time), scene=scene), time), array,
+                     centre=centre, half=half)  # fmt: skip
+
+
+POSES = st.builds(Pose2, COORDINATE, COORDINATE, ANGLE)
+
+
+@settings(deadline=None)
+@given(
+    st.lists(convex_rings(), min_size=1, max_size=4),
+    st.lists(POSES, min_size=1, max_size=3),
+    st.tuples(st.sampled_from([0.0, 0.1]), st.sampled_from([0.0, -0.2])),
+    st.tuples(HALF, HALF),
+)
+def test_the_kernel_agrees_with_shapely(
+    rings: list[Ring], poses: list[Pose2], centre: Point2, half: Point2
+) -> None:
+    found = sample(scene_of(*rings), poses, centre, half)
+    for index, pose in enumerate(poses):
+        expected = [reference(ring, pose, centre, half) for ring in rings]
+        assert found.values[index] == pytest.approx(min(expected), abs=1e-6)
+        nearest = int(found.object_at(index)[1:])
+        assert expected[nearest] == pytest.approx(min(expected), abs=1e-6)
+
+
+@settings(deadline=None)
+@given(convex_rings(), POSES, st.tuples(HALF, HALF))
+def test_every_obstacle_point_is_at_least_as_far(ring: Ring, pose: Pose2, half: Point2) -> None:
+    found = float(sample(scene_of(ring), [pose], (0.0, 0.0), half).values[0])
+    corners = np.array([pose.inverse().apply(corner) for corner in ring])
+    weights = np.random.default_rng(0).dirichlet(np.ones(len(ring)), 200)
+    inside = weights @ corners
+    measured = np.maximum(np.abs(inside[:, 0]) - half[0], np.abs(inside[:, 1]) - half[1])
+    assert measured.min() >= found - 1e-9
+
+
+@pytest.mark.parametrize(
+    ("ring", "expected"),
+    [
+        (box(1.0, -1.0, 2.0, 1.0), 0.65),
+        (box(-0.1, 0.5, 0.1, 1.0), 0.267),
+        (box(0.3, -1.0, 2.0, 1.0), -0.05),
+        (box(-0.05, -0.05, 0.05, 0.05), -0.233),
+        (box(-9.0, -9.0, 9.0, 9.0), -0.233),
+        (box(0.0, 0.0, 9.0, 9.0), -0.233),
+        (box(0.4, 0.4, 1.0, 1.0), 0.167),
+    ],
+    ids=["ahead", "beside", "nose-in", "post-inside", "inside-a-solid", "corner", "diagonal"],
+)  # fmt: skip
+def test_distances_a_person_can_check(ring: Ring, expected: float) -> None:
+    found = sample(scene_of(ring), [Pose2()], (0.0, 0.0), (0.35, 0.233))
+    assert found.values[0] == pytest.approx(expected)
+
+
+def test_the_box_turns_with_the_robot() -> None:
+    scene = scene_of(box(1.0, -1.0, 2.0, 1.0))
+    found = sample(scene, [Pose2(yaw=math.pi / 2), Pose2(0.2)], (0.0, 0.0), (0.35, 0.233))
+    assert found.values == pytest.approx([1.0 - 0.233, 0.8 - 0.35])
+
+
+def test_of_equally_near_obstacles_the_first_is_named() -> None:
+    scene = scene_of(box(-2.0, -1.0, -1.0, 1.0), box(1.0, -1.0, 2.0, 1.0))
+    found = sample(scene, [Pose2(0.1), Pose2(0.0)], (0.0, 0.0), (0.35, 0.233))
+    assert [found.object_at(0), found.object_at(1)] == ["s1", "s0"]
+
+
+def test_what_the_robot_passes_under_or_over_is_no_obstacle() -> None:
+    scene = Scene(
+        "heights",
+        (),
+        (),
+        (
+            wall("lintel", 0.0, -1.0, 1.0, 1.0, z_min=1.1),
+            wall("ditch", 0.0, -1.0, 1.0, 1.0, z_min=-1.0, z_max=0.0),
+            wall("step", 3.0, -1.0, 4.0, 1.0, z_max=0.1),
+        ),
+    )
+    assert obstacles_of(make_trace(still(times(0.0)), scene=scene), times(0.0)).names == ("step",)
+
+
+def test_an_empty_scene_has_no_clearance_to_judge() -> None:
+    trace = make_trace(still(times(1.0)), scene=Scene("field", (), (), ()))
+    found = verdict(trace, "always(clearance > 0 m)")
+    assert found.outcome == "inconclusive"
+
+
+def test_an_uneven_footprint_is_measured_from_its_own_middle() -> None:
+    ring = ((0.5, 0.2), (-0.1, 0.2), (-0.1, -0.2), (0.5, -0.2))
+    assert footprint_box(ring) == (pytest.approx((0.2, 0.0)), pytest.approx((0.3, 0.2)))
+    scene = scene_of(box(1.0, -1.0, 2.0, 1.0))
+    trace = make_trace(still(times(0.0)), scene=scene, robot=replace(ROBOT, footprint=ring))
+    assert verdict(trace, "min(clearance)").evidence.value == pytest.approx(0.5)
+
+
+def swinging(time: Floats, angle: Floats) -> JointTrack:
+    position = angle.reshape(-1, 1)
+    return JointTrack(CORRIDOR.joint_names, time, position, np.zeros_like(position))
+
+
+def test_a_door_is_where_its_joint_was_recorded() -> None:
+    time = times(1.0)
+    angle = np.where(time < 0.5, 0.0, -math.pi / 2)
+    still_here = still(time)
+    trace = make_trace(replace(still_here, x=still_here.x + 8.0), joints=swinging(time, angle))
+    found = verdict(trace, "min(clearance(0.1 m, 0.05 m)) >= 0.2 m")
+    assert found.outcome == "fail"
+    assert found.evidence.object == "door-17.leaf"
+    assert found.evidence.value == pytest.approx(0.1 - 0.05)
+    assert found.evidence.time == pytest.approx(0.5)
+
+
+def test_frozen_objects_stand_as_they_were_placed() -> None:
+    ajar = replace(door("door-1", 1.0, 0.0), initial=(math.pi / 2,), frozen=True)
+    scene = Scene("ajar", (), (), (), (ajar,))
+    found = sample(scene, [Pose2()], (0.0, 0.0), (0.1, 0.1))
+    assert found.values[0] == pytest.approx(1.0 - 0.02 - 0.1)
+    assert found.object_at(0) == "door-1.leaf"
+
+
+def arm() -> SceneObject:
+    """A sliding carriage that carries a hinged flap."""
+    links = tuple(Link(n, (box(0.0, 0.0, 1.0, 0.1),), 1.0, 0.0, 1.0) for n in ("flap", "carriage"))
+    slide = Joint("slide", "prismatic", "world", "carriage", (0.0, 0.0), (0.6, 0.8), -1.0, 1.0)
+    hinge = Joint("hinge", "revolute", "carriage", "flap", (0.4, 0.1), (0.0, 0.0), -2.0, 2.0)
+    return SceneObject("arm", "arm", Pose2(1.0, 2.0, 0.5), links, (hinge, slide), (0.0, 0.0))
+
+
+@settings(deadline=None)
+@given(st.lists(st.tuples(ANGLE, COORDINATE), min_size=1, max_size=4))
+def test_links_follow_their_joints(positions: list[tuple[float, float]]) -> None:
+    tracks = link_tracks(arm(), np.array(positions))
+    for index, sampled in enumerate(positions):
+        for name, pose in link_poses(arm(), sampled).items():
+            x, y, yaw = tracks[name][index]
+            assert (x, y) == pytest.approx((pose.x, pose.y))
+            assert math.remainder(yaw - pose.yaw, math.tau) == pytest.approx(0.0, abs=1e-9)
+
+
+def test_the_foot_of_a_carried_hinge_moves_with_its_parent() -> None:
+    item, positions = arm(), np.array([(0.7, 0.0), (0.7, 0.5)])
+    x, y = hinge_foot(item, item.joints[0], positions)
+    carriage = link_poses(item, (0.7, 0.5))["carriage"]
+    assert (x[1], y[1]) == pytest.approx(carriage.apply((0.4, 0.1)))
+    assert (x[0], y[0]) == pytest.approx(item.pose.apply((0.4, 0.1)))
+
+
+def test_links_that_never_move_are_where_they_would_be_at_each_moment() -> None:
+    positions = np.full((5, 1), 0.7)
+    leaf = link_tracks(door("door-1", 2.0, 1.0, 0.3), positions)["leaf"]
+    plain = kinematics.link_tracks(door("door-1", 2.0, 1.0, 0.3), positions, cos_sin)["leaf"]
+    assert leaf.tobytes() == plain.tobytes()

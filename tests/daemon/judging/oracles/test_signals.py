@@ -1,0 +1,101 @@
+"""Signals: of named objects, recorded as they are; every one of the registry can be sampled."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from daemon.judging.oracles import SignalSampler
+from daemon.trace import CommandTrack, ContactRecord, ProgressRecord, Trace
+from grammars.oracle import SIGNALS, Signal, object_signals, obstacle_names
+from tests.daemon.judging.oracles.traces import CORRIDOR, along, make_trace, times, track, verdict
+
+
+def value(trace: Trace, text: str) -> float:
+    found = verdict(trace, text).evidence.value
+    assert found is not None
+    return found
+
+
+def full() -> Trace:
+    """A trace in which everything was recorded."""
+    time = times(10.0)
+    motion = along(time)
+    touches = (
+        ContactRecord(3.0, "robot", "door-17.leaf", (1.5, 0.2), (0.0, 1.0), 0.004),
+        ContactRecord(4.0, "wall-north", "robot", (1.5, 0.2), (0.0, 1.0), 0.009),
+    )
+    estimate = track(time[2:], motion.x[2:], 0.2)
+    return make_trace(
+        motion,
+        estimate=estimate,
+        cloud=estimate,
+        contacts=touches,
+        progress=(ProgressRecord(0.0, 0, 0, "active"),),
+        command=CommandTrack(time[10:12], np.array([0.4, 0.6]), np.zeros(2), np.array([0.1, -0.2])),
+    )
+
+
+@pytest.mark.parametrize("name", [*SIGNALS, *object_signals(CORRIDOR)])
+def test_every_signal_of_the_registry_is_sampled(name: str) -> None:
+    trace = full()
+    found = SignalSampler(trace).sample(Signal(name))
+    assert found.values.shape == trace.ground_truth.time.shape
+    assert np.isfinite(found.values).any()
+
+
+def test_clearance_to_a_named_object_is_that_to_nothing_else() -> None:
+    trace = full()
+    nearest = verdict(trace, "min(clearance)")
+    assert nearest.evidence.object.startswith("wall")
+    door = verdict(trace, "min(clearance(door-17))")
+    assert door.evidence.object == "door-17.leaf"
+    # The robot ends at x = 5 m, 0.35 m long; the door's leaf begins at x = 8 m.
+    assert door.evidence.value == pytest.approx(3.0 - 0.35)
+    assert value(trace, "min(clearance(door-17, 1 m, 1 m))") == pytest.approx(2.0)
+    assert value(trace, "min(clearance(door-17.leaf))") == door.evidence.value
+    assert value(trace, "min(clearance(wall-north))") == pytest.approx(1.0 - 0.233)
+
+
+def test_the_nearest_of_all_things_is_the_nearest_of_each() -> None:
+    trace = full()
+    each = [value(trace, f"min(clearance({name}, 0.4 m, 0.3 m))")
+            for name in obstacle_names(CORRIDOR) if name != "lintel"]  # fmt: skip
+    assert value(trace, "min(clearance(0.4 m, 0.3 m))") == min(each)
+
+
+def test_a_thing_above_the_robot_has_no_clearance() -> None:
+    found = verdict(full(), "always(clearance(lintel) > 0 m)")
+    assert found.outcome == "inconclusive"
+
+
+def test_contact_with_a_named_object() -> None:
+    trace = full()
+    assert value(trace, "count(contact)") == 2.0
+    assert verdict(trace, "never(contact(door-17))").evidence.time == pytest.approx(3.0)
+    assert verdict(trace, "never(contact(wall-north))").evidence.time == pytest.approx(4.0)
+    assert verdict(trace, "never(contact(wall-south))").outcome == "pass"
+    assert value(trace, "max(contact.depth(door-17))") == 0.004
+
+
+def test_commands_are_held_and_unknown_before_the_first() -> None:
+    trace = full()
+    assert value(trace, "max(command.forward)") == 0.6
+    assert value(trace, "min(command.angular)") == -0.2
+    assert "known from 0.50 s on" in verdict(trace, "max(command.forward)").evidence.note
+
+
+def test_estimates_and_true_poses_can_be_compared() -> None:
+    trace = full()
+    assert value(trace, "max(abs(estimate.y - pose.y))") == pytest.approx(0.2)
+    assert value(trace, "max(loc.sigma.yaw)") == pytest.approx(0.1)
+    assert value(trace, "min(estimate.particles)") == 500.0
+
+
+def test_driving_backwards_has_a_sign() -> None:
+    trace = full()
+    back = replace(trace, ground_truth=replace(trace.ground_truth, vx=-trace.ground_truth.vx))
+    assert value(back, "min(speed.forward)") == -0.5
+    assert value(back, "min(speed)") == 0.5

@@ -1,0 +1,93 @@
+"""What runs share travels and is kept once; nobody can tell afterwards."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from daemon.batch.ledger import LedgerReader, LedgerWriter, connect
+from daemon.batch.paths import StatePaths
+from daemon.campaign import expand, load_campaign
+from daemon.model.messages import LARGEST_SUBMISSION
+from daemon.model.packed_submission import (
+    PackedSubmission,
+    fingerprint,
+    pack_submission,
+    unpack_submission,
+)
+from daemon.model.spec import RunSpec
+from daemon.model.status import Submission
+from grammars.text import codec
+from tests.daemon.batch.samples import make_spec, submission_of
+
+
+@pytest.fixture(scope="module")
+def submission(campaigns: Path) -> Submission:
+    """Systems under test of several kinds, doors that differ from repeat to repeat."""
+    return expand(load_campaign(campaigns / "demo" / "campaign.yaml"))
+
+
+def test_a_parcel_is_the_submission_again(submission: Submission) -> None:
+    travelled = codec.from_json(PackedSubmission, codec.to_json(pack_submission(submission)))
+    assert unpack_submission(travelled) == submission
+    spare = replace(submission, runs=submission.runs[:1], reserve=submission.runs[1:])
+    assert unpack_submission(pack_submission(spare)) == spare
+
+
+def test_digests_are_those_of_what_is_written_out(submission: Submission) -> None:
+    odd = replace(submission.runs[0], scenario='S "1" ä', limit=1e-7, seed=2**63, behaviours=())
+    for one in (submission, replace(submission, runs=(odd,), reserve=submission.runs[:2])):
+        assert fingerprint(one) == (codec.digest(one), tuple(run.digest for run in one.runs))
+
+
+def test_equal_parts_are_there_once_whoever_made_them() -> None:
+    specs = [make_spec(repeat) for repeat in range(50)]
+    parcel = pack_submission(submission_of("c", *specs))
+    assert (len(parcel.cells), len(parcel.scripts), len(parcel.runs)) == (1, 1, 50)
+
+
+def test_a_hundred_thousand_runs_fit_into_one_submission(submission: Submission) -> None:
+    runs = len(submission.runs)
+    per_run = (len(codec.to_json(pack_submission(_repeated(submission, 20)))) - 50_000) / (
+        20 * runs
+    )
+    assert 100_000 * per_run < LARGEST_SUBMISSION
+
+
+def _repeated(submission: Submission, times: int) -> Submission:
+    runs = tuple(
+        replace(run, repeat=k, seed=run.seed - k) for k in range(times) for run in submission.runs
+    )
+    return replace(submission, runs=runs)
+
+
+@pytest.mark.parametrize("packed", [(9, 0, 0, 0), (0, 9, 0, 0)])
+def test_a_parcel_with_a_number_for_nothing_is_none(packed: tuple[int, int, int, int]) -> None:
+    parcel = pack_submission(submission_of("c", make_spec()))
+    text = codec.to_json(parcel).replace(b"[0,0,0,0]", str(list(packed)).encode())
+    with pytest.raises(ValueError, match="no cell"):
+        unpack_submission(codec.from_json(PackedSubmission, text))
+
+
+def test_the_ledger_gives_back_what_was_submitted(submission: Submission, tmp_path: Path) -> None:
+    db = connect(tmp_path / "ledger.db")
+    book, reader = LedgerWriter(db), LedgerReader(db, StatePaths(tmp_path))
+    book.submit(submission, 1.0)
+    granted = {grant.run: grant.spec for grant in book.lease("w", 1000, 2.0)}
+    name = submission.campaign
+    assert granted == {f"{name}.{i}": run for i, run in enumerate(submission.runs)}
+    assert reader.run(f"{name}.3").spec == submission.runs[3]
+    parts = db.execute("SELECT count(*) FROM part").fetchone()[0]
+    assert parts < len(submission.runs)
+    db.close()
+
+
+def test_runs_of_ledgers_that_wrote_them_out_are_read(tmp_path: Path) -> None:
+    db = connect(tmp_path / "ledger.db")
+    spec = make_spec(7)
+    LedgerWriter(db).submit(submission_of("c", spec), 1.0)
+    db.execute("UPDATE spec SET body = ?", (codec.to_json(spec, RunSpec),))
+    assert LedgerWriter(db).lease("w", 1, 2.0)[0].spec == spec
+    db.close()

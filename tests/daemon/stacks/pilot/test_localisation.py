@@ -1,0 +1,144 @@
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from daemon.model.sut import Odometry
+from daemon.stacks import PilotParameters
+from daemon.stacks.pilot.localisation import Localiser
+from daemon.stacks.pilot.map_field import map_field
+from grammars.model.geometry import Pose2, Twist2, wrap_angle
+from grammars.model.robot import OdometryNoise
+from tests.daemon.stacks.pilot.plans import DOOR, ONE_DOORWAY, SIZE
+from tests.daemon.stacks.pilot.world import Box, Log, a_robot, cast, draw, drive, edges
+
+ROBOT = a_robot(rays=150)
+ANGLES = np.linspace(ROBOT.laser.angle_min, ROBOT.laser.angle_max, 150)
+
+
+def returns(walls: list[Box], pose: Pose2, seed: int) -> np.ndarray:
+    """Noisy returns at ``pose`` in the base frame, shape (n, 2)."""
+    segments = np.vstack([edges(box) for box in walls])
+    ranges = cast(segments, pose @ ROBOT.laser.mount, ANGLES, ROBOT.laser.range_max)
+    ranges += 0.01 * np.random.default_rng(seed).standard_normal(len(ranges))
+    seen = np.isfinite(ranges)
+    return np.column_stack((0.3 + ranges * np.cos(ANGLES), ranges * np.sin(ANGLES)))[seen]
+
+
+def a_localiser(start: Pose2, walls: list[Box], **parameters: float) -> Localiser:
+    field = map_field(draw(walls, SIZE))
+    settings = PilotParameters(**parameters)  # type: ignore[arg-type]
+    return Localiser(field, ROBOT.laser, OdometryNoise(20.0, 0.0, 0.0, 0.0), start, settings)
+
+
+def error(localiser: Localiser, truth: Pose2) -> tuple[float, float]:
+    pose = localiser.pose
+    away = math.hypot(pose.x - truth.x, pose.y - truth.y)
+    return away, abs(wrap_angle(pose.yaw - truth.yaw))
+
+
+@pytest.mark.parametrize("side", [-1.0, 1.0])
+@pytest.mark.parametrize("yaw", [-2.5, 0.3, 1.9])
+def test_matching_converges_from_an_offset(side: float, yaw: float) -> None:
+    truth = Pose2(2.3, 2.4, yaw)
+    told = Pose2(2.3 + 0.2 * side, 2.4 - 0.15, yaw + 0.1 * side)
+    localiser = a_localiser(told, ONE_DOORWAY, start_sigma=0.2, start_yaw_sigma=0.1)
+    for seed in range(5):
+        points = returns(ONE_DOORWAY, truth, seed)
+        localiser.correct(points, len(points))
+    away, turned = error(localiser, truth)
+    assert away < 0.035  # half a cell, until the depth of the walls is learned
+    assert turned < 0.01
+
+
+def test_a_door_the_map_does_not_show_does_not_move_the_estimate() -> None:
+    truth = Pose2(2.9, 1.6, 0.2)
+    localiser = a_localiser(truth, ONE_DOORWAY)
+    open_leaf: Box = (3.5, 1.05, 4.4, 1.1)
+    for seed in range(20):
+        points = returns([*ONE_DOORWAY, DOOR, open_leaf], truth, seed)
+        localiser.correct(points, len(points))
+    away, turned = error(localiser, truth)
+    assert away < 0.03
+    assert turned < 0.01
+
+
+def test_walls_behind_their_painted_edge_are_learned() -> None:
+    """A map that paints every cell a wall touches puts its edge up to a cell before the wall."""
+    true_walls = [(x0 + 0.03, y0 + 0.03, x1 - 0.03, y1 - 0.03) for x0, y0, x1, y1 in ONE_DOORWAY]
+    truth = Pose2(2.3, 2.4, 0.0)
+    localiser = a_localiser(truth, ONE_DOORWAY)
+    for seed in range(150):
+        points = returns(true_walls, truth, seed)
+        localiser.correct(points, len(points))
+    # Only one wall ahead is in sight: nothing tells its depth from a pose further back.
+    assert error(localiser, truth)[0] < 0.035
+    for seed in range(300):
+        here = Pose2(2.3, 2.4, 2.0 * math.pi * seed / 300)
+        localiser.move(Odometry(0.1 * seed, Pose2(0.0, 0.0, here.yaw), Twist2()))
+        points = returns(true_walls, here, seed)
+        localiser.correct(points, len(points))
+    assert error(localiser, here)[0] < 0.012
+
+
+def test_odometry_between_samples_is_interpolated_or_extrapolated() -> None:
+    localiser = a_localiser(Pose2(2.0, 2.0, math.pi / 2), ONE_DOORWAY)
+    localiser.move(Odometry(0.0, Pose2(), Twist2(0.4)))
+    localiser.move_until(0.5)
+    assert localiser.pose.y == pytest.approx(2.2)
+    localiser.move(Odometry(1.0, Pose2(0.6, 0.0, 0.0), Twist2(0.4)))
+    assert localiser.pose.y == pytest.approx(2.6)
+    localiser.move_until(1.5, Odometry(2.0, Pose2(1.0, 0.0, 0.0), Twist2()))
+    assert localiser.pose.y == pytest.approx(2.8)
+
+
+def test_uncertainty_grows_with_the_way_and_shrinks_with_a_scan() -> None:
+    field = map_field(draw(ONE_DOORWAY, SIZE))
+    noise = OdometryNoise(20.0, 0.05, 0.05, 0.05)
+    truth = Pose2(2.0, 2.4, 0.0)
+    localiser = Localiser(field, ROBOT.laser, noise, truth, PilotParameters())
+    localiser.move(Odometry(0.0, Pose2(), Twist2()))
+    before = localiser.estimate(0.0).covariance
+    localiser.move(Odometry(1.0, Pose2(0.5), Twist2()))
+    moved = localiser.estimate(1.0).covariance
+    points = returns(ONE_DOORWAY, Pose2(2.5, 2.4, 0.0), 0)
+    localiser.correct(points, len(points))
+    matched = localiser.estimate(1.0).covariance
+    assert (np.diag(moved) > np.diag(before)).all()
+    assert (np.diag(matched) < np.diag(moved)).all()
+    np.testing.assert_allclose(matched, matched.T)
+    assert (np.linalg.eigvalsh(matched) > 0.0).all()
+
+
+def inside_two_sigma(log: Log) -> np.ndarray:
+    rows = []
+    for truth, estimate in log.estimates:
+        pose, sigma = estimate.pose, np.sqrt(np.diag(estimate.covariance))
+        off = (pose.x - truth.x, pose.y - truth.y, wrap_angle(pose.yaw - truth.yaw))
+        rows.append(np.abs(off) <= 2.0 * sigma)
+    return np.array(rows)
+
+
+def test_the_reported_covariance_holds_what_it_promises() -> None:
+    shares, sigmas = [], []
+    for seed in range(3):
+        log = drive(ONE_DOORWAY, SIZE, Pose2(1.0, 3.5), [(7.5, 3.5), (1.2, 1.0)], seed=seed)
+        assert log.state == "succeeded"
+        shares.append(inside_two_sigma(log).mean(axis=0))
+        sigmas += [math.sqrt(estimate.covariance[0, 0]) for _, estimate in log.estimates]
+    assert (np.mean(shares, axis=0) >= 0.95).all()
+    assert np.mean(sigmas) < 0.05
+
+
+def test_the_noisy_truth_is_as_noisy_as_it_says() -> None:
+    log = drive(
+        ONE_DOORWAY, SIZE, Pose2(1.0, 3.5), [(7.5, 3.5)],
+        localisation="noisy-ground-truth", truth_sigma=0.03, truth_yaw_sigma=0.02,
+    )  # fmt: skip
+    assert log.state == "succeeded"
+    off = [
+        (e.pose.x - t.x, e.pose.y - t.y, wrap_angle(e.pose.yaw - t.yaw)) for t, e in log.estimates
+    ]
+    np.testing.assert_allclose(np.std(off, axis=0), [0.03, 0.03, 0.02], rtol=0.15)

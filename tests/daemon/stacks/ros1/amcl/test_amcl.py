@@ -1,0 +1,291 @@
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from daemon.stacks.ros1.amcl import Amcl, AmclParameters, AmclPose
+from daemon.stacks.ros1.quirks import ORIGINAL
+from grammars.model.geometry import Floats, Pose2, wrap_angle
+from tests.daemon.stacks.pilot.world import Box
+from tests.daemon.stacks.ros1.amcl import plain
+from tests.daemon.stacks.ros1.amcl.world import LASER, PUBLISHED, a_room, map_of, see
+
+WALLS = a_room(5.0, 4.0, 0.2)
+WALLS.append((2.6, 2.9, 3.0, 3.3))
+START = Pose2(1.2, 1.3, 0.3)
+SAME = Pose2()
+NOTHING = np.full(LASER.rays, np.inf, dtype=np.float32)
+
+
+def an_amcl(
+    p: AmclParameters = PUBLISHED, walls: list[Box] = WALLS, start: Pose2 = START, seed: int = 0
+) -> Amcl:
+    return Amcl(p, ORIGINAL, map_of(walls), LASER, start, np.random.SeedSequence(seed))
+
+
+def drive(
+    amcl: Amcl,
+    poses: Iterable[Pose2],
+    walls: list[Box] = WALLS,
+    odom: Pose2 = SAME,
+    seed: int = 0,
+) -> list[tuple[Pose2, AmclPose]]:
+    """Take a noisy scan at every pose; return the true pose of everything published.
+
+    ``odom`` is the pose of odom in map, which no odometry error moves.
+    """
+    random = np.random.default_rng(seed)
+    published = []
+    for k, pose in enumerate(poses):
+        answer = amcl.scan(0.1 * k, see(walls, pose, random), odom.inverse() @ pose)
+        if answer is not None:
+            published.append((pose, answer))
+    return published
+
+
+def a_loop(steps: int) -> list[Pose2]:
+    """A round trip through the room: an ellipse about its middle, heading along it."""
+    turns = np.linspace(0.0, math.tau, steps, endpoint=False).tolist()
+    points = [(2.8 + 1.6 * math.cos(t), 2.0 + 0.8 * math.sin(t)) for t in turns]
+    return [
+        Pose2(x, y, math.atan2(0.8 * math.cos(t), -1.6 * math.sin(t)))
+        for (x, y), t in zip(points, turns, strict=True)
+    ]
+
+
+def off(pose: Pose2, truth: Pose2) -> float:
+    return math.hypot(pose.x - truth.x, pose.y - truth.y)
+
+
+def test_at_first_particles_surround_the_start_pose() -> None:
+    amcl = an_amcl()
+    assert amcl.particles.shape == (2000, 3)
+    np.testing.assert_allclose(amcl.particles.mean(axis=0), [1.2, 1.3, 0.3], atol=0.04)
+    np.testing.assert_allclose(amcl.particles.std(axis=0), [0.5, 0.5, math.pi / 12.0], rtol=0.05)
+    np.testing.assert_allclose(amcl.weights, 1.0 / 2000)
+
+
+def test_the_first_scan_publishes_the_start_distribution_without_resampling() -> None:
+    amcl = an_amcl()
+    before = amcl.particles.copy()
+    first = amcl.scan(0.3, see(WALLS, START), Pose2())
+    assert first is not None
+    assert (first.time, first.count) == (0.3, 2000)
+    np.testing.assert_array_equal(amcl.particles, before)
+    assert amcl.weights.std() > 0.0
+    _, mean, covariance = plain.summary(before, np.full(2000, 1.0 / 2000))
+    np.testing.assert_allclose([first.mean.x, first.mean.y, first.mean.yaw], mean, atol=1e-9)
+    np.testing.assert_allclose(first.covariance, covariance, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("step", "moves"),
+    [
+        (Pose2(0.099, 0.099, 0.249), False),  # 0.14 m in all, but per axis
+        (Pose2(0.101), True),
+        (Pose2(0.0, -0.101), True),
+        (Pose2(0.0, 0.0, -0.251), True),
+    ],
+)
+def test_updates_are_due_per_axis_of_the_odom_frame(step: Pose2, moves: bool) -> None:
+    amcl = an_amcl()
+    odom = Pose2(3.0, -2.0, 3.1)
+    amcl.scan(0.0, NOTHING, odom)
+    before = amcl.particles.copy()
+    after = Pose2(odom.x + step.x, odom.y + step.y, wrap_angle(odom.yaw + step.yaw))
+    published = amcl.scan(0.1, NOTHING, after)
+    assert (published is not None) is moves
+    assert np.array_equal(amcl.particles, before) is not moves
+
+
+def test_motion_adds_up_since_the_last_update_not_since_the_last_scan() -> None:
+    amcl = an_amcl()
+    published = [amcl.scan(0.1 * k, NOTHING, Pose2(0.04 * k)) for k in range(8)]
+    # Updates at 0.12 and 0.24 m: every second one resamples, the first scan counts as one.
+    assert [k for k, answer in enumerate(published) if answer is not None] == [0, 3]
+
+
+@pytest.mark.parametrize(("interval", "expected"), [(1, [0, 1, 2, 3, 4, 5]), (3, [0, 2, 5])])
+def test_poses_are_published_upon_resampling(interval: int, expected: list[int]) -> None:
+    amcl = an_amcl(replace(PUBLISHED, resample_interval=interval))
+    published = [amcl.scan(0.1 * k, NOTHING, Pose2(0.2 * k)) for k in range(6)]
+    assert [k for k, answer in enumerate(published) if answer is not None] == expected
+
+
+@pytest.fixture(scope="module")
+def field() -> Floats:
+    return plain.distances(map_of(WALLS), PUBLISHED.laser_likelihood_max_dist)
+
+
+@pytest.mark.parametrize("model", ["omni-corrected", "diff-corrected"])
+def test_whole_updates_are_those_of_the_plain_version(model: str, field: Floats) -> None:
+    p = replace(PUBLISHED, min_particles=50, max_particles=300, odom_model_type=model)
+    amcl = an_amcl(p, seed=5)
+    reference = plain.PlainAmcl(p, map_of(WALLS), LASER, START, 5, field)
+    pose = START
+    for k in range(7):
+        ranges = see(WALLS, pose)
+        published = amcl.scan(0.1 * k, ranges, pose)
+        resampled = reference.update(ranges, pose)
+        assert (published is not None) == (resampled or k == 0)
+        np.testing.assert_allclose(amcl.particles, reference.poses, atol=1e-9)
+        np.testing.assert_allclose(amcl.weights, reference.weights, rtol=1e-9)
+        if published is not None and resampled:
+            expected, _, covariance = plain.summary(reference.poses, reference.weights)
+            got = published.pose
+            np.testing.assert_allclose([got.x, got.y, got.yaw], expected, atol=1e-9)
+            np.testing.assert_allclose(published.covariance, covariance, atol=1e-9)
+        pose = pose @ Pose2(0.15, 0.02, 0.1)
+
+
+@pytest.mark.parametrize("model", ["omni-corrected", "diff-corrected"])
+@pytest.mark.parametrize("sensor", ["likelihood_field", "likelihood_field_prob"])
+def test_the_estimate_converges_and_stays(model: str, sensor: str) -> None:
+    p = replace(PUBLISHED, odom_model_type=model, laser_model_type=sensor)
+    poses = a_loop(80)
+    odom = Pose2(4.0, -1.0, 2.0)
+    told = poses[0] @ Pose2(0.3, -0.2, 0.15)
+    amcl = an_amcl(p, start=told)
+    published = drive(amcl, poses, odom=odom)
+    assert len(published) > 20
+    later = published[10:]
+    assert max(off(answer.pose, truth) for truth, answer in later) < 0.3
+    assert np.mean([off(answer.pose, truth) for truth, answer in later]) < 0.15
+    assert max(abs(wrap_angle(a.pose.yaw - t.yaw)) for t, a in later) < 0.25
+    believed = amcl.map_to_odom @ (odom.inverse() @ later[-1][0])
+    assert off(believed, later[-1][1].pose) < 1e-9
+    assert all(PUBLISHED.min_particles <= a.count <= 2000 for _, a in published)
+
+
+def test_the_spread_covers_the_error_as_the_paper_saw() -> None:
+    published = drive(an_amcl(start=a_loop(80)[0]), a_loop(80))[3:]
+    inside = [
+        abs(truth.x - a.mean.x) <= 2.0 * math.sqrt(a.covariance[0, 0])
+        and abs(truth.y - a.mean.y) <= 2.0 * math.sqrt(a.covariance[1, 1])
+        for truth, a in published
+    ]
+    assert np.mean(inside) > 0.95
+
+
+def ahead_of_truth(thickness: float) -> float:
+    """Mean error along the heading [m] on a drive down a corridor, its end wall in sight."""
+    walls = a_room(7.0, 2.0, thickness)
+    poses = [Pose2(2.0 + 0.11 * k, 1.3, 0.0) for k in range(28)]
+    errors = [
+        answer.pose.x - truth.x
+        for seed in range(3)
+        for truth, answer in drive(
+            an_amcl(walls=walls, start=poses[0], seed=seed), poses, walls, seed=seed
+        )[5:]
+    ]
+    return float(np.mean(errors))
+
+
+def test_thick_painted_walls_push_the_estimate_along_the_heading() -> None:
+    thick, thin = ahead_of_truth(0.25), ahead_of_truth(0.05)
+    assert thick > 0.05
+    assert thick - thin > 0.04
+
+
+def test_equal_seeds_give_equal_bytes_and_others_do_not() -> None:
+    def run(seed: int) -> tuple[bytes, list[Pose2]]:
+        amcl = an_amcl(seed=seed)
+        published = drive(amcl, a_loop(40)[:12])
+        return amcl.particles.tobytes(), [answer.pose for _, answer in published]
+
+    assert run(1) == run(1)
+    assert run(1) != run(2)
+
+
+@pytest.mark.parametrize("value", [np.inf, np.nan])
+def test_bad_scans_leave_odometry_in_charge(value: float) -> None:
+    amcl = an_amcl()
+    published = [
+        amcl.scan(0.1 * k, np.full(LASER.rays, value, dtype=np.float32), Pose2(0.11 * k))
+        for k in range(6)
+    ]
+    last = next(answer for answer in reversed(published) if answer is not None)
+    assert off(last.mean, START @ Pose2(0.55)) < 0.1
+    assert np.isfinite(last.covariance).all()
+    np.testing.assert_allclose(amcl.weights.sum(), 1.0)
+
+
+def test_particles_off_the_map_are_carried_along() -> None:
+    far = Pose2(500.0, -300.0, 1.0)
+    amcl = an_amcl(start=far)
+    for k in range(5):
+        amcl.scan(0.1 * k, see(WALLS, START), Pose2(0.15 * k))
+    assert off(Pose2(*amcl.particles.mean(axis=0).tolist()), far @ Pose2(0.6)) < 0.2
+
+
+def test_when_no_particle_explains_a_scan_all_weigh_the_same() -> None:
+    p = replace(PUBLISHED, laser_model_type="likelihood_field_prob", laser_z_rand=0.0)
+    amcl = an_amcl(p, start=Pose2(500.0, -300.0))
+    published = amcl.scan(0.0, see(WALLS, START), Pose2())
+    assert published is not None
+    np.testing.assert_array_equal(amcl.weights, 1.0 / 2000)
+
+
+def test_random_particles_come_in_only_when_scans_stop_fitting_and_recovery_is_on() -> None:
+    """The fast average of likelihoods falls below the slow one (Probabilistic Robotics, 8.3.3)."""
+    poses = a_loop(80)
+    spreads = {}
+    for slow, fast in ((0.0, 0.0), (0.001, 0.5)):
+        p = replace(PUBLISHED, recovery_alpha_slow=slow, recovery_alpha_fast=fast)
+        amcl = an_amcl(p, start=poses[0])
+        drive(amcl, poses[:30])
+        elsewhere = a_room(1.0, 1.2, 0.2)
+        published = [
+            amcl.scan(0.0, see(elsewhere, Pose2(0.6, 0.6, pose.yaw)), pose) for pose in poses[30:60]
+        ]
+        sigmas = [math.sqrt(a.covariance[0, 0]) for a in published if a is not None]
+        spreads[fast] = max(sigmas)
+    assert spreads[0.0] < 0.6 < spreads[0.5]
+
+
+def test_a_converged_filter_skips_the_beams_that_hit_what_the_map_does_not_show() -> None:
+    """A cupboard the map does not show drags the estimate away unless its beams are skipped."""
+    poses = a_loop(80)[:40]
+    cupboard = [(0.7, 1.2, 1.0, 2.6)]
+    errors = {}
+    for skipping in (False, True):
+        p = replace(
+            PUBLISHED, laser_model_type="likelihood_field_prob", do_beamskip=skipping,
+            initial_cov_xx=0.01, initial_cov_yy=0.01, beam_skip_distance=0.3,
+        )  # fmt: skip
+        amcl, random = an_amcl(p, start=poses[0]), np.random.default_rng(0)
+        answers = [
+            (pose, amcl.scan(0.1 * k, see([*WALLS, *cupboard], pose, random), pose))
+            for k, pose in enumerate(poses)
+        ]
+        errors[skipping] = [off(a.pose, pose) for pose, a in answers if a is not None]
+    assert np.mean(errors[True]) < 0.2
+    assert np.mean(errors[False]) > 0.3
+
+
+def test_selective_resampling_keeps_particles_that_tell_enough() -> None:
+    amcl = an_amcl(replace(PUBLISHED, selective_resampling=True))
+    amcl.scan(0.0, NOTHING, Pose2())
+    published = amcl.scan(0.1, NOTHING, Pose2(0.2))
+    assert published is not None
+    assert published.count == 2000
+    assert len(np.unique(amcl.particles[:, 0])) == 2000
+
+
+def test_a_scan_of_another_laser_is_refused() -> None:
+    with pytest.raises(ValueError, match="the laser has 150 rays"):
+        an_amcl().scan(0.0, np.zeros(151, dtype=np.float32), Pose2())
+
+
+def test_the_beam_model_localises_too() -> None:
+    p = replace(
+        PUBLISHED, laser_model_type="beam", min_particles=100, max_particles=200,
+        initial_cov_xx=0.04, initial_cov_yy=0.04,
+    )  # fmt: skip
+    poses = a_loop(60)[:20]
+    published = drive(an_amcl(p, start=poses[0]), poses)[4:]
+    assert np.mean([off(answer.pose, truth) for truth, answer in published]) < 0.2

@@ -1,0 +1,194 @@
+"""What the controller does with plans, goals and obstacles."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from daemon.stacks.ros1.cost_grid import CostGrid
+from daemon.stacks.ros1.dwa import Dwa, DwaParameters
+from daemon.stacks.ros1.quirks import FIXED, ORIGINAL, Quirks
+from grammars.model.geometry import Floats, Pose2, Twist2
+from tests.daemon.stacks.ros1.dwa.helpers import A2S, OMNI, SMALL
+
+
+def controller(
+    parameters: DwaParameters = A2S, quirks: Quirks = ORIGINAL, *, latch: bool = False
+) -> Dwa:
+    return Dwa(parameters, quirks, SMALL, 0.05, latch_goal=latch)
+
+
+def empty(x: float = 0.0, y: float = 0.0) -> CostGrid:
+    return CostGrid(0.05, x - 1.5, y - 1.5, np.zeros((60, 60), dtype=np.uint8))
+
+
+def straight(length: float = 3.0, yaw: float = 0.0) -> Floats:
+    along = np.arange(0.0, length + 1e-9, 0.025)
+    plan = np.column_stack([along * math.cos(yaw), along * math.sin(yaw), np.zeros(len(along))])
+    plan[-1, 2] = yaw
+    return plan
+
+
+def test_a_differential_robot_cannot_start_a_turn_on_the_spot() -> None:
+    dwa = controller()
+    dwa.set_plan(straight(yaw=-math.pi / 2.0))
+    answer = dwa.command(Pose2(), Twist2(), Pose2(), empty())
+    assert answer.ok
+    assert answer.twist.vx == pytest.approx(-0.15, abs=0.02)
+    assert answer.twist.wz == pytest.approx(-0.32, abs=1e-6)
+
+
+def test_it_drives_along_the_plan_at_full_speed() -> None:
+    dwa = controller()
+    dwa.set_plan(straight())
+    answer = dwa.command(Pose2(), Twist2(0.22, 0.0, 0.0), Pose2(), empty())
+    assert answer.twist.vx == pytest.approx(0.22)
+    assert answer.local_plan.shape == (14, 2)
+    assert answer.local_plan[0].tolist() == [0.0, 0.0]
+
+
+def test_the_plan_is_taken_through_the_correction_of_the_map() -> None:
+    correction, twist = Pose2(5.0, -3.0, 0.7), Twist2(0.2, 0.0, 0.1)
+    plan = straight()
+    here = controller()
+    here.set_plan(plan)
+    moved = controller()
+    points = [correction @ Pose2(x, y, yaw) for x, y, yaw in plan.tolist()]
+    moved.set_plan(np.array([(p.x, p.y, p.yaw) for p in points]))
+    pose = Pose2(0.003, 0.004, 0.1)
+    expected = here.command(pose, twist, Pose2(), empty())
+    assert moved.command(pose, twist, correction, empty()).twist == expected.twist
+
+
+def test_no_command_without_a_plan_nearby_or_with_every_sample_illegal() -> None:
+    dwa = controller()
+    assert not dwa.command(Pose2(), Twist2(), Pose2(), empty()).ok
+    dwa.set_plan(straight() + np.array((5.0, 5.0, 0.0)))
+    assert not dwa.command(Pose2(), Twist2(), Pose2(), empty()).ok
+    dwa.set_plan(straight())
+    local = empty()
+    local.cells[:, 31] = 254
+    refused = dwa.command(Pose2(), Twist2(), Pose2(), local)
+    assert not refused.ok
+    assert refused.twist == Twist2()
+    local.cells[:, 31] = 0
+    local.touch((0, 0, 60, 60))
+    assert dwa.command(Pose2(), Twist2(), Pose2(), local).ok
+
+
+def at_goal(
+    yaw_error: float, twist: Twist2, quirks: Quirks = ORIGINAL, cells: int = 0
+) -> tuple[bool, Twist2]:
+    dwa = controller(A2S, quirks)
+    dwa.set_plan(straight(1.0))
+    local = empty(1.0)
+    local.cells[:] = cells
+    answer = dwa.command(Pose2(0.95, 0.0, -yaw_error), twist, Pose2(), local)
+    assert answer.local_plan.shape == (0, 2)
+    return answer.ok, answer.twist
+
+
+def test_within_yaw_tolerance_it_stops() -> None:
+    assert at_goal(0.49, Twist2(0.22, 0.0, 1.0)) == (True, Twist2())
+
+
+def test_it_slows_down_before_it_turns() -> None:
+    ok, twist = at_goal(1.0, Twist2(0.22, 0.0, 1.0))
+    assert ok
+    assert (twist.vx, twist.wz) == (0.0, pytest.approx(0.68))
+
+
+def test_turning_is_raised_to_the_minimum_after_it_was_limited() -> None:
+    assert at_goal(2.0, Twist2())[1].wz == pytest.approx(1.37)
+    assert at_goal(-2.0, Twist2())[1].wz == pytest.approx(-1.37)
+    assert at_goal(2.0, Twist2(), FIXED)[1].wz == pytest.approx(0.32)
+
+
+def test_a_turn_in_collision_is_refused() -> None:
+    assert at_goal(2.0, Twist2(), cells=254) == (False, Twist2())
+
+
+def test_once_turning_it_goes_on_turning_though_it_moves() -> None:
+    dwa = controller()
+    dwa.set_plan(straight(1.0))
+    dwa.command(Pose2(1.0, 0.0, -2.5), Twist2(), Pose2(), empty(1.0))
+    answer = dwa.command(Pose2(1.0, 0.0, -2.4), Twist2(0.0, 0.0, 1.37), Pose2(), empty(1.0))
+    assert answer.twist.wz == pytest.approx(1.69)
+
+
+def test_turns_are_checked_against_the_distances_of_the_last_sampling_cycle() -> None:
+    dwa = controller()
+    dwa.set_plan(straight(1.0))
+    local = empty(1.0)
+    assert dwa.command(Pose2(0.8, 0.0, 0.0), Twist2(0.2, 0.0, 0.0), Pose2(), local).ok
+    far = dwa.command(Pose2(1.09, 0.0, 2.0), Twist2(), Pose2(), local)
+    assert far.ok
+    walled = empty(1.0)
+    walled.cells[:, 30:34] = 253
+    assert dwa.command(Pose2(0.8, 0.0, 0.0), Twist2(0.2, 0.0, 0.0), Pose2(), walled).ok
+    stuck = dwa.command(Pose2(1.06, 0.0, 2.0), Twist2(), Pose2(), empty(1.0))
+    assert not stuck.ok
+
+
+def test_the_goal_is_reached_when_near_turned_and_standing() -> None:
+    dwa = controller()
+    assert not dwa.goal_reached(Pose2(), Twist2(), Pose2())
+    dwa.set_plan(straight(1.0))
+    assert dwa.goal_reached(Pose2(0.91, 0.0, 0.49), Twist2(0.1, 0.0, 0.1), Pose2())
+    assert not dwa.goal_reached(Pose2(0.89, 0.0, 0.0), Twist2(), Pose2())
+    assert not dwa.goal_reached(Pose2(1.0, 0.0, 0.51), Twist2(), Pose2())
+    assert not dwa.goal_reached(Pose2(1.0, 0.0, 0.0), Twist2(0.11, 0.0, 0.0), Pose2())
+    assert not dwa.goal_reached(Pose2(1.0, 0.0, 0.0), Twist2(), Pose2(0.2, 0.0, 0.0))
+
+
+def test_a_latched_goal_stays_reached_until_the_next_plan() -> None:
+    for latch in (False, True):
+        dwa = controller(latch=latch)
+        dwa.set_plan(straight(1.0))
+        assert dwa.goal_reached(Pose2(1.0, 0.0, 0.0), Twist2(), Pose2())
+        assert dwa.goal_reached(Pose2(0.8, 0.0, 0.0), Twist2(), Pose2()) is latch
+        dwa.set_plan(straight(1.0))
+        assert not dwa.goal_reached(Pose2(0.8, 0.0, 0.0), Twist2(), Pose2())
+
+
+@pytest.mark.parametrize(("quirks", "free"), [(ORIGINAL, True), (FIXED, False)])
+def test_new_plans_make_it_forget_that_it_turned_round(quirks: Quirks, free: bool) -> None:
+    parameters = replace(A2S, min_vel_trans=0.0, min_vel_theta=0.0)
+    dwa = controller(parameters, quirks)
+    for yaw, vx in ((0.0, 0.2), (math.pi, -0.2)):
+        dwa.set_plan(straight(yaw=yaw))
+        answer = dwa.command(Pose2(), Twist2(vx, 0.0, 0.0), Pose2(), empty())
+        assert answer.twist.vx * vx > 0.0
+    dwa.set_plan(straight())
+    answer = dwa.command(Pose2(), Twist2(0.1, 0.0, 0.0), Pose2(), empty())
+    assert (answer.twist.vx > 0.0) is free
+
+
+def test_pruning_forgets_the_plan_behind_the_robot() -> None:
+    plan = np.concatenate([straight(2.5), straight(2.5)[::-1]])
+    for prune in (False, True):
+        dwa = controller(replace(A2S, prune_plan=prune))
+        dwa.set_plan(plan)
+        dwa.command(Pose2(1.2, 0.0, 0.0), Twist2(), Pose2(), empty(1.2))
+        assert dwa._start == (9 if prune else 0)
+
+
+@pytest.mark.parametrize("parameters", [A2S, OMNI])
+def test_it_reaches_a_goal_in_an_empty_world(parameters: DwaParameters) -> None:
+    dwa = controller(parameters)
+    dwa.set_plan(straight(1.2, 0.6))
+    pose, twist, period = Pose2(), Twist2(), 1.0 / (parameters.controller_frequency or 20.0)
+    for _ in range(400):
+        if dwa.goal_reached(pose, twist, Pose2()):
+            break
+        answer = dwa.command(pose, twist, Pose2(), empty(pose.x, pose.y))
+        assert answer.ok
+        twist = answer.twist
+        for _ in range(5):
+            dt = period / 5.0
+            pose = pose @ Pose2(twist.vx * dt, twist.vy * dt, twist.wz * dt)
+    assert math.hypot(pose.x - 1.2 * math.cos(0.6), pose.y - 1.2 * math.sin(0.6)) < 0.16
+    assert dwa.goal_reached(pose, twist, Pose2())

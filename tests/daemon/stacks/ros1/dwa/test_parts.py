@@ -1,0 +1,196 @@
+"""Samples, trajectories, distances, footprints and memory, against numbers of the original."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from pydantic import ValidationError
+
+from daemon.stacks.ros1.dwa import (
+    WITHOUT_EFFECT,
+    DwaParameters,
+    Oscillation,
+    contradictions,
+    footprint_cost,
+)
+from daemon.stacks.ros1.dwa.footprint import footprint_scale
+from daemon.stacks.ros1.dwa.map_grid import transform_plan_window
+from daemon.stacks.ros1.dwa.samples import (
+    count_points,
+    dynamic_window,
+    sample_axis,
+    simulate_trajectory,
+)
+from daemon.stacks.ros1.quirks import FIXED
+from grammars.model.geometry import Floats, Pose2, Twist2
+from tests.daemon.stacks.ros1.dwa import plain
+from tests.daemon.stacks.ros1.dwa.helpers import A2S, OMNI, SMALL, settings, singles
+
+
+def counts(parameters: DwaParameters, vx: float) -> tuple[int, int]:
+    """Return how many samples there are, and how many of them are legal."""
+    s = settings(parameters)
+    samples = plain.raw_samples(singles(0, 0, 0, vx, 0, 0), 5.0, s)
+    legal = [count_points(math.hypot(x, y), w, s) > 0 for x, y, w in samples.tolist()]
+    return len(samples), sum(legal)
+
+
+@pytest.mark.parametrize(
+    ("parameters", "vx", "expected"),
+    [
+        (A2S, 0.0, (861, 410)),
+        (A2S, 0.22, (861, 369)),
+        (OMNI, 0.22, (1155, 945)),
+    ],
+)
+def test_numbers_of_samples(
+    parameters: DwaParameters, vx: float, expected: tuple[int, int]
+) -> None:
+    assert counts(parameters, vx) == expected
+
+
+def test_spread_has_both_ends_and_a_zero() -> None:
+    out = np.zeros(10)
+    expected = singles(-0.3, 0.0, 0.1, 0.5).tolist()
+    assert out[: sample_axis(-0.3, 0.5, 3, out)].tolist() == expected
+    assert out[: sample_axis(0.2, 0.4, 1, out)].tolist() == singles(0.2, 0.4).tolist()
+    assert out[: sample_axis(0.2, 0.2, 5, out)].tolist() == singles(0.2).tolist()
+
+
+def test_a_measured_strafe_leaks_into_the_samples() -> None:
+    state, out = singles(0, 0, 0, 0.1, 0.003, 0), np.zeros((3, 2))
+    dynamic_window(state, 5.0, settings(), out)
+    values = np.zeros(4)
+    assert values[: sample_axis(out[1, 0], out[1, 1], 1, values)].tolist() == [
+        float(np.float32(0.003)),
+        0.0,
+    ]
+    dynamic_window(state, 5.0, settings(A2S, FIXED), out)
+    assert out[1].tolist() == [0.0, 0.0]
+
+
+@pytest.mark.parametrize(
+    ("vx", "wz", "sim_time", "points"),
+    [(0.22, 0.0, 1.5, 14), (0.22, 0.0, 2.5, 22), (0.0, 2.75, 1.5, 42), (0.0, 2.75, 2.5, 69)],
+)
+def test_numbers_of_points(vx: float, wz: float, sim_time: float, points: int) -> None:
+    s = settings(replace(A2S, sim_time=sim_time))
+    row, moving = np.zeros((80, 5)), np.zeros(3)
+    vx, wz = singles(vx, wz).tolist()
+    assert simulate_trajectory(singles(1, 2, 0, 0, 0, 0), vx, 0.0, wz, s, row, moving) == points
+    assert row[0, :3].tolist() == [1.0, 2.0, 0.0]
+    assert row[points - 1, 0] == pytest.approx(1.0 + vx * sim_time * (points - 1) / points)
+    assert row[points - 1, 2] == pytest.approx(wz * sim_time * (points - 1) / points, abs=1e-5)
+
+
+def test_slow_samples_and_fast_ones_are_illegal() -> None:
+    s = settings()
+    assert count_points(0.1, 1.36, s) == 0
+    assert count_points(0.1, 1.37, s) > 0
+    assert count_points(0.1099999, 0.0, s) > 0
+    assert count_points(0.2202, 0.0, s) == 0
+
+
+def footprint(cells: Floats, outline: Floats = SMALL, *, inside: bool = False) -> int:
+    pose = np.array((1.51, 1.51, 0.0, 1.0, 0.0))
+    spans = np.zeros((60, 2), dtype=np.int32)
+    frame = np.array((0.0, 0.0, 0.05))
+    return footprint_cost(cells.astype(np.uint8), frame, outline, 1.0, pose, spans, inside)
+
+
+def test_lethal_and_unknown_under_the_outline_reject_and_inscribed_does_not() -> None:
+    for value, expected in ((254, -1), (255, -1), (253, 253), (7, 7)):
+        cells = np.zeros((60, 60))
+        cells[28, 30] = value
+        assert footprint(cells) == expected
+
+
+def test_what_the_outline_encloses_counts_only_without_the_quirk() -> None:
+    cells, large = np.zeros((60, 60)), 3.0 * SMALL
+    cells[32, 32] = 254
+    assert footprint(cells, large) == 0
+    assert footprint(cells, large, inside=True) == -1
+    cells[32, 32] = 200
+    assert footprint(cells, large, inside=True) == 200
+
+
+def test_the_centre_counts_and_a_corner_off_the_window_rejects() -> None:
+    cells = np.zeros((60, 60))
+    cells[30, 30] = 254
+    assert footprint(cells, 3.0 * SMALL) == 254
+    assert footprint(np.zeros((60, 60)), 20.0 * SMALL) == -1
+
+
+def test_two_corners_are_a_circle_that_inscribed_cells_stop() -> None:
+    cells = np.zeros((60, 60))
+    cells[30, 30] = 252
+    assert footprint(cells, SMALL[:2]) == 252
+    cells[30, 30] = 253
+    assert footprint(cells, SMALL[:2]) == -1
+
+
+def test_the_footprint_grows_beyond_the_scaling_speed() -> None:
+    s = settings(replace(A2S, max_vel_trans=0.45, scaling_speed=0.25, max_scaling_factor=0.2))
+    assert footprint_scale(0.25, s) == 1.0
+    assert footprint_scale(0.35, s) == pytest.approx(1.1)
+    assert footprint_scale(0.45, s) == pytest.approx(1.2)
+
+
+def test_the_window_of_a_plan_ends_behind_the_first_pose_too_far_away() -> None:
+    plan = np.column_stack([np.arange(-4.0, 4.01, 0.5), np.zeros(17), np.zeros(17)])
+    out, turned = np.zeros((17, 2)), np.array((1.0, 0.0, 0.0, 1.0))
+    n = transform_plan_window(plan, 0, turned, np.zeros(2), 1.2, out)
+    np.testing.assert_allclose(out[:n, 1], [-1.0, -0.5, 0.0, 0.5, 1.0, 1.5], atol=1e-12)
+    np.testing.assert_allclose(out[:n, 0], 1.0, atol=1e-12)
+
+
+def test_a_change_of_direction_is_final_until_the_robot_has_moved() -> None:
+    memory, here = Oscillation(0.05, 0.2), Pose2()
+    memory.chosen(here, Twist2(0.2, 0.0, 0.3), 0.11)
+    assert not memory.banned.any()
+    memory.chosen(here, Twist2(-0.1, 0.0, 0.3), 0.11)
+    assert memory.banned.tolist() == [0, 1, 0, 0, 0, 0]
+    memory.chosen(here, Twist2(-0.1, 0.0, -0.3), 0.11)
+    assert memory.banned.tolist() == [0, 1, 0, 0, 0, 1]
+    memory.chosen(Pose2(0.051, 0.0, 0.0), Twist2(-0.1, 0.0, -0.3), 0.11)
+    assert not memory.banned.any()
+
+
+def test_turning_and_strafing_are_remembered_only_when_slow() -> None:
+    memory, here = Oscillation(0.05, 0.2), Pose2()
+    for wz in (0.3, -0.3):
+        memory.chosen(here, Twist2(0.2, 0.0, wz), 0.11)
+    assert not memory.banned.any()
+
+
+@pytest.mark.parametrize(
+    ("wrong", "word"),
+    [
+        ({"min_vel_trans": 0.3}, "min_vel_trans"),
+        ({"max_vel_trans": 0.0}, "never drive"),
+        ({"min_vel_x": 0.3}, "min_vel_x"),
+        ({"min_vel_y": 0.3}, "min_vel_y"),
+        ({"min_vel_theta": 3.0}, "min_vel_theta"),
+        ({"sim_time": 0.0}, "sim_time"),
+        ({"min_vel_x": 0.3, "max_vel_x": 0.4}, "beyond max_vel_trans"),
+        ({"acc_lim_x": 0.0}, "acc_lim_x"),
+        ({"acc_lim_theta": 0.0}, "acc_lim_theta"),
+        ({"scaling_speed": 0.22}, "scaling_speed"),
+    ],
+)
+def test_contradictions_are_named(wrong: dict[str, float], word: str) -> None:
+    assert contradictions(A2S) == ()
+    assert contradictions(OMNI) == ()
+    assert contradictions(DwaParameters()) == ()
+    assert any(word in text for text in contradictions(replace(A2S, **wrong)))
+
+
+def test_values_out_of_range_and_unknown_names_are_refused() -> None:
+    for wrong in ({"sim_granularity": 0.0}, {"sim_time": math.nan}, {"max_rot_vel": 1.0}):
+        with pytest.raises(ValidationError):
+            DwaParameters(**wrong)
+    assert "stop_time_buffer" in WITHOUT_EFFECT
+    assert "scaling_speed" not in WITHOUT_EFFECT

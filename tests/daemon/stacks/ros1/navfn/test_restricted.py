@@ -1,0 +1,124 @@
+"""What the restricted wave leaves out, how that is noticed, and the remainder it is guided by."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from daemon.stacks.ros1.cost_grid import CostGrid
+from daemon.stacks.ros1.navfn import PotentialField
+from daemon.stacks.ros1.navfn.cost_to_go import CostToGo
+from daemon.stacks.ros1.navfn.propagation import (
+    GAINS,
+    UNREACHED,
+    translate_costs,
+    translation_table,
+)
+from daemon.stacks.ros1.navfn.restricted import history_reads_cut, propagate_towards
+from tests.daemon.stacks.ros1.navfn.test_identity import disturb, random_cells
+
+COLUMNS = 10
+FAR = float(UNREACHED)
+
+
+@pytest.mark.parametrize(
+    ("log", "depends"),
+    [
+        ([3, 44, 45, 46], False),
+        ([3, 44, ~45, 46, 45, 46], True),
+        ([3, 44, 45, 46, ~45], False),
+        ([3, 44, 45, ~57, 46], False),
+        ([3, ~44, 45, 46], True),
+        ([3, 45, ~44, 46], False),
+        ([46, 45, 46], False),
+    ],
+    ids=[
+        "nothing left out",
+        "a neighbour in time",
+        "a neighbour afterwards",
+        "somewhere else",
+        "the neighbour of a neighbour in time",
+        "the neighbour of a neighbour afterwards",
+        "the start itself needed",
+    ],
+)
+def test_a_cell_left_out_counts_until_what_it_could_change_is_settled(
+    log: list[int], depends: bool
+) -> None:
+    mark = np.zeros(100, dtype=np.uint8)
+    mark[46] = 2
+    assert history_reads_cut(COLUMNS, np.array(log, dtype=np.int32), len(log), mark, 2) is depends
+
+
+def test_the_restricted_wave_gives_up_where_a_buffer_could_run_over() -> None:
+    size = 1600
+    costs = np.full(size, 254, dtype=np.uint16)
+    free = np.zeros((40, 40), dtype=np.uint8)
+    translate_costs(free, costs, translation_table(allow_unknown=True), 0, 0, 40, 40)
+    potentials = np.full(size, UNREACHED, dtype=np.float32)
+    flags = np.zeros(size, dtype=np.uint8)
+    log = np.empty(2 * size, dtype=np.int32)
+    for room, gives_up in ((40, True), (400, False)):
+        potentials[:] = UNREACHED
+        buffers = np.empty((3, room), dtype=np.int32)
+        guesses = np.empty((3, room), dtype=np.float32)
+        _, fill, _, _ = propagate_towards(
+            costs, potentials, GAINS, np.zeros(size, dtype=np.float32), UNREACHED, 40, 820, 1300,
+            10_000, buffers, guesses, log, flags, 2,
+        )  # fmt: skip
+        assert (fill == room) is gives_up
+        assert (costs < 256).all()
+
+
+@settings(max_examples=25, deadline=None)
+@given(st.integers(0, 2**32 - 1))
+def test_up_to_its_limit_the_remainder_is_that_without_one(seed: int) -> None:
+    random = np.random.default_rng(seed)
+    grid = CostGrid(0.05, 0.0, 0.0, random_cells(random, 20, 80))
+    rows, columns = grid.cells.shape
+    costs, table = (
+        np.full(rows * columns, 254, dtype=np.uint16),
+        translation_table(allow_unknown=True),
+    )
+    translate_costs(grid.cells, costs, table, 0, 0, columns, rows)
+    free = np.flatnonzero(costs < 254)
+    if free.size == 0:
+        return
+    goal, limit = int(random.choice(free)), float(random.integers(200, 3000))
+    limited, endless = CostToGo(costs.size, columns), CostToGo(costs.size, columns)
+    assert limited.renew(costs, goal, limit)
+    assert endless.renew(costs, goal, FAR)
+    assert endless.whole
+    within = endless.ahead <= limit
+    assert np.array_equal(limited.ahead[within], endless.ahead[within])
+    assert (limited.ahead[~within] > limit).all()
+    assert limited.whole or (endless.ahead[~within] < UNREACHED).any()
+    for _ in range(3):
+        disturb(random, grid)
+        window = grid.take_changed()
+        if translate_costs(grid.cells, costs, table, *window):
+            limited.follow(costs, window)
+            endless.follow(costs, window)
+    # Relaxed in another order, values differ by less than the wave would care for.
+    within = endless.ahead <= limit - 100.0
+    assert limited.ahead[within] == pytest.approx(endless.ahead[within], rel=0.02, abs=2.0)
+
+
+def test_a_goal_walled_in_has_no_path_until_the_wall_is_gone() -> None:
+    grid = CostGrid(0.05, 0.0, 0.0, np.zeros((150, 150), dtype=np.uint8))
+    twin = CostGrid(0.05, 0.0, 0.0, grid.cells)
+    field = PotentialField(grid, allow_unknown=True, worthwhile=1)
+    whole = PotentialField(twin, allow_unknown=True, margins=())
+    goal, wall = 75 * 150 + 120, (110, 65, 131, 86)
+    for step, value in enumerate((0, 0, 0, 254, 254, 254, 0, 0, 0)):
+        grid.cells[65:86, 110:131] = value
+        grid.cells[66:85, 111:130] = 0
+        grid.touch(wall)
+        twin.touch(wall)
+        start = 75 * 150 + 20 + step
+        found = field.path(start, goal)
+        assert np.array_equal(found, whole.path(start, goal))
+        assert (len(found) == 0) is (value == 254)
+    assert field.restricted > 3

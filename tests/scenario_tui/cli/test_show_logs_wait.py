@@ -1,0 +1,152 @@
+"""show, logs, wait: one run in words, what happened in it, staying until a campaign is over."""
+
+from __future__ import annotations
+
+import json
+from contextlib import closing
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from daemon.batch.ledger import LedgerWriter, connect
+from daemon.batch.paths import StatePaths
+from daemon.model.messages import ReleaseRequest
+from daemon.model.status import RunState
+from daemon.model.verdicts import Outcome
+from scenario_tui.cli import progress
+from scenario_tui.cli.target import resolve_recorded
+from tests.daemon.batch.samples import make_submission
+from tests.scenario_tui.fake import CAMPAIGN, FakeDaemon
+from tests.scenario_tui.recorded import record_run
+
+NOW = 1_000_000.0
+
+
+def test_a_run_is_shown_as_in_the_dashboard_with_what_to_type_next(scenario) -> None:
+    said = scenario("show", f"{CAMPAIGN}.5")
+    assert (said.code, said.err) == (0, "")
+    assert said.out.startswith("S2/pilot/0  ✗ fail\n")
+    assert "✗ fail  no-contact  −0.0312 m" in said.out
+    assert "at 512.2 s, door-1" in said.out
+    assert f"scenario replay {CAMPAIGN}.5 --from no-contact" in said.out
+    assert f"scenario blame {CAMPAIGN}.5" in said.out
+    assert "blame" not in scenario("show", f"{CAMPAIGN}.0").out
+
+
+def test_a_run_is_named_by_campaign_and_number(scenario) -> None:
+    body = json.loads(scenario("show", "first.6", "--json").out)
+    assert body["run"]["row"]["id"] == f"{CAMPAIGN}.6"
+    assert body["run"]["result"]["outcome"] == "fail"
+
+
+@pytest.mark.parametrize("wanted", ["first", "first.99", f"{CAMPAIGN}.99", "first.x"])
+def test_what_is_no_run_is_answered_with_those_there_are(scenario, wanted: str) -> None:
+    said = scenario("show", wanted)
+    assert said.code == 2
+    assert f'"{wanted}" is no run: those of {CAMPAIGN} are {CAMPAIGN}.0 to {CAMPAIGN}.9' in said.err
+
+
+def test_a_run_of_an_unknown_campaign_says_what_was_meant(scenario) -> None:
+    assert 'did you mean "first"?' in scenario("show", "frist.3").err
+
+
+@pytest.fixture
+def state(tmp_path: Path) -> Path:
+    """A state directory: run 0 was given back once and has a trace, run 1 prints something."""
+    folder = tmp_path / "state"
+    folder.mkdir()
+    with closing(connect(folder / "ledger.db")) as ledger:
+        book = LedgerWriter(ledger)
+        book.submit(make_submission("c-1", 2), NOW)
+        (grant,) = book.lease("w", 1, NOW)
+        book.release(
+            ReleaseRequest("w", grant.run, grant.token, "the SUT crashed\nsegfault", True), NOW
+        )
+    output = folder / "spool" / "w" / "c-1.1" / "attempt-1" / "output.txt"
+    output.parent.mkdir(parents=True)
+    output.write_text("loading the map\n")
+    return folder
+
+
+def test_names_mean_ids_wherever_traces_are_named(state: Path, tmp_path: Path) -> None:
+    places, file = StatePaths(state), tmp_path / "c"
+    assert resolve_recorded("c", places) == "c-1"
+    assert resolve_recorded("c.1", places) == "c-1.1"
+    with pytest.raises(ValueError, match="no trace, no folder and no run: .* did you mean"):
+        resolve_recorded("d-1", places)
+    file.touch()
+    assert resolve_recorded(str(file), places) == str(file)
+
+
+def test_logs_tell_attempts_and_reasons(scenario, state: Path) -> None:
+    said = scenario("logs", "c.0", "--state", str(state))
+    assert said.code == 0
+    assert [line.split()[2:] for line in said.out.splitlines()[:2]] == [
+        ["running"],
+        ["queued", "the", "SUT", "crashed"],
+    ]
+    assert said.out.count("the SUT crashed") == 1
+    body = json.loads(scenario("logs", "c-1.0", "--state", str(state), "--json").out)
+    assert [step["state"] for step in body["steps"]] == ["running", "queued"]
+
+
+def test_logs_tell_what_an_attempt_prints(scenario, state: Path) -> None:
+    assert "loading the map" in scenario("logs", "c-1.1", "--state", str(state)).out
+
+
+def test_logs_tell_what_a_trace_recorded(scenario, tmp_path: Path) -> None:
+    trace = record_run(tmp_path / "run.mcap")
+    said = scenario("logs", str(trace))
+    lines = [line.split(maxsplit=3) for line in said.out.splitlines() if " s  " in line]
+    assert [(line[0], line[2], line[3]) for line in lines] == [
+        ("6.0", "mission", "w1 reached, 1 of 3"),
+        ("6.0", "contact", "robot touches door-1/leaf"),
+        ("10.0", "run", "finished"),
+    ]
+    body = json.loads(scenario("logs", str(trace), "--json").out)
+    assert [said["level"] for said in body["recorded"]] == ["info", "warn", "info"]
+
+
+def test_logs_need_a_state_directory_or_a_trace(scenario, tmp_path: Path) -> None:
+    said = scenario("logs", "c-1.0", "--state", str(tmp_path))
+    assert said.code == 3
+    assert "is no state directory" in said.err
+    assert scenario("logs", str(tmp_path / "none.mcap")).code == 2
+
+
+def _finish(daemon: FakeDaemon) -> None:
+    daemon.rows = tuple(
+        replace(row, state=RunState.DONE, outcome=row.outcome or Outcome.PASS)
+        for row in daemon.rows
+    )
+
+
+def test_waiting_leaves_with_the_code_of_the_campaign(scenario, fake, monkeypatch) -> None:
+    monkeypatch.setattr(progress, "INTERVAL", 0.001)
+    looks = iter(range(10))
+    fake.before = lambda daemon: next(looks, None) is None and _finish(daemon)
+    said = scenario("wait", "first")
+    assert (said.code, said.out) == (1, "")
+    assert said.err == f"{CAMPAIGN}: ✗ 1 unexpected\n"
+    assert json.loads(scenario("wait", "first", "--json").out)["assessment"]["exit_code"] == 1
+
+
+def test_waiting_ends_when_the_time_is_up(scenario, fake, monkeypatch) -> None:
+    monkeypatch.setattr(progress, "INTERVAL", 0.001)
+    said = scenario("wait", "first", "--timeout", "0s")
+    assert said.code == 4
+    assert said.err.startswith(f"{CAMPAIGN}: 2 runs left after 0s")
+    assert scenario("wait", "first", "--timeout", "soon").code == 2
+    assert scenario("wait", "frist").code == 2
+
+
+def test_leaving_stops_the_waiting_only(scenario, fake, monkeypatch) -> None:
+    def interrupted(*_: object, **__: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(progress, "watch", interrupted)
+    said = scenario("wait", "first")
+    assert said.code == 130
+    assert f"{CAMPAIGN} goes on" in said.err
+    assert not [call for call in fake.calls if call[0] == "cancel"]

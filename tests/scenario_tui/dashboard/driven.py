@@ -1,0 +1,88 @@
+"""A dashboard to drive: a daemon that remembers what it was told, and waiting for threads."""
+
+from __future__ import annotations
+
+import asyncio
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+from textual.pilot import Pilot
+
+from daemon.model.status import CampaignRow, DaemonOverview
+from scenario_tui.dashboard.background import CommandAnswer, CommandLines
+from scenario_tui.dashboard.config import Config
+from tests.scenario_tui.dashboard.inline import settle
+from tests.scenario_tui.fake import CAMPAIGN, FakeDaemon
+
+
+@dataclass
+class SteeredDaemon(FakeDaemon):
+    """Pauses and prefers its first campaign when it is told to."""
+
+    paused: bool = False
+    priority: int = 0
+    state: str = "state"
+
+    def _campaign_rows(self) -> tuple[CampaignRow, ...]:
+        first, *others = super()._campaign_rows() or (None,)
+        if first is None:
+            return ()
+        return (replace(first, paused=self.paused, priority=self.priority), *others)
+
+    def overview(self) -> DaemonOverview:
+        return replace(super().overview(), state=self.state)
+
+    def pause(self, campaign: str) -> int:
+        self.paused = campaign == CAMPAIGN
+        return super().pause(campaign)
+
+    def resume(self, campaign: str) -> int:
+        self.paused = False
+        return super().resume(campaign)
+
+    def prioritise(self, campaign: str, priority: int) -> None:
+        self.priority = priority
+        super().prioritise(campaign, priority)
+
+    def told(self, verb: str) -> list[tuple[object, ...]]:
+        """What it was told to do by a verb."""
+        return [call[1:] for call in self.calls if call[0] == verb]
+
+
+@dataclass
+class Commands:
+    """Stands for the ``scenario`` commands the dashboard starts; they answer when ``done``."""
+
+    answer: CommandAnswer = field(default_factory=dict)
+    asked: list[tuple[str, ...]] = field(default_factory=list)
+    done: threading.Event = field(default_factory=threading.Event)
+
+    def __call__(self, arguments: tuple[str, ...]) -> CommandAnswer:
+        self.asked.append(arguments)
+        assert self.done.wait(10.0)
+        return self.answer
+
+
+def configured(**settings: Any) -> Config:
+    return Config(Path("config.toml"), **settings)
+
+
+def local(state: Path) -> CommandLines:
+    return CommandLines("", state)
+
+
+async def until(pilot: Pilot[None], condition: Callable[[], Any], seconds: float = 10.0) -> None:
+    """Wait for something another thread does."""
+    deadline = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < deadline, "it did not happen in time"
+        await asyncio.sleep(0.01)
+        await settle(pilot)
+
+
+def notices(pilot: Any) -> str:
+    return "\n".join(notice.message for notice in pilot.app._notifications)

@@ -1,0 +1,160 @@
+"""Two runs compared: clocks, verdicts, specifications, and the screen that shows them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from daemon.model.spec import SutReference
+from daemon.model.verdicts import Evidence, Outcome, Verdict
+from scenario_tui.dashboard.playback import Playback, open_playback
+from scenario_tui.dashboard.screens.compare import CompareScreen
+from scenario_tui.dashboard.screens.replay import ReplayApp
+from scenario_tui.dashboard.signal_strips import (
+    DoorEvent,
+    RunTimeline,
+    SignalStrip,
+    common_clock,
+    shift_to_clock,
+)
+from scenario_tui.dashboard.widgets.top_view import TopView
+from scenario_tui.text.comparison_text import pair_verdicts, spec_differences
+from tests.scenario_tui.dashboard.inline import screen_text
+from tests.scenario_tui.recorded import HIT, make_run, record_run
+
+
+def chronicle(end: float, reached: tuple[float, ...]) -> RunTimeline:
+    time = np.array([0.0, end])
+    strip = SignalStrip("speed", "m/s", time, time, against=((0.0, end),))
+    return RunTimeline(0.0, end, (strip,), (DoorEvent(end, "door", True),), reached, 3, (end,))
+
+
+def test_by_time_the_clocks_are_the_same() -> None:
+    clock = common_clock(chronicle(10.0, (2.0,)), chronicle(20.0, (4.0,)), "time")
+    assert [clock.to_second(t) for t in (-1.0, 0.0, 15.0)] == [-1.0, 0.0, 15.0]
+
+
+def test_by_mission_waypoints_meet_and_the_rest_goes_on() -> None:
+    first, second = chronicle(10.0, (2.0, 6.0)), chronicle(30.0, (10.0, 20.0, 25.0))
+    clock = common_clock(first, second, "mission")
+    assert [clock.to_second(t) for t in (0.0, 1.0, 2.0, 4.0, 6.0, 9.0)] == [
+        0.0, 5.0, 10.0, 15.0, 20.0, 23.0,
+    ]  # fmt: skip
+    moved = shift_to_clock(second, clock)
+    assert moved.reached == (2.0, 6.0, 11.0)
+    assert (moved.end, moved.decided, moved.doors[0].time) == (16.0, (16.0,), 16.0)
+    assert moved.strips[0].against == ((0.0, 16.0),)
+    assert moved.strips[0].values.tolist() == [0.0, 30.0]
+
+
+def verdict(name: str, outcome: Outcome, margin: float) -> Verdict:
+    return Verdict(name, "", outcome, margin, margin, "m", Evidence())
+
+
+def test_verdicts_that_differ_come_first() -> None:
+    first = (verdict("same", Outcome.PASS, 1.0), verdict("turns", Outcome.PASS, 0.5))
+    second = (verdict("turns", Outcome.FAIL, -0.1), verdict("same", Outcome.PASS, 3.0))
+    found = pair_verdicts(first, (*second, verdict("new", Outcome.PASS, 1.0)))
+    assert [(p.oracle, p.differs, p.change) for p in found] == [
+        ("turns", True, pytest.approx(-0.6)), ("new", True, None), ("same", False, 2.0),
+    ]  # fmt: skip
+
+
+def test_specifications_differ_part_by_part() -> None:
+    spec = make_run()
+    other = replace(
+        spec, scenario="S9", repeat=4, seed=7, sut=SutReference("pilot", "pilot", {"speed": 0.3})
+    )
+    found = {d.path: (d.first, d.second) for d in spec_differences(spec, other)}
+    assert found == {
+        "scenario": (spec.scenario, "S9"),
+        "sut.parameters": ("{}", "–"),
+        "sut.parameters.speed": ("–", "0.3"),
+        "seed": (str(spec.seed), "7"),
+    }
+    assert spec_differences(spec, replace(spec, repeat=3)) == ()
+
+
+@pytest.mark.parametrize(
+    ("first", "second", "shown"),
+    [
+        (1.65806278, -2.0, ("1.65806", "-2")),
+        (1.65806278, 1.65806279, ("1.65806278", "1.65806279")),
+        ("a" * 50, "b", ("a" * 39 + "…", "b")),
+        ("a" * 50 + "1", "a" * 50 + "2", ("a" * 50 + "1", "a" * 50 + "2")),
+    ],
+)
+def test_differences_are_short_but_never_look_the_same(
+    first: object, second: object, shown: tuple[str, str]
+) -> None:
+    spec = make_run()
+    a, b = (replace(spec, sut=SutReference("it", "it", {"p": value})) for value in (first, second))
+    (found,) = spec_differences(a, b)
+    assert (found.first, found.second) == shown
+
+
+@pytest.fixture(scope="module")
+def both(tmp_path_factory: pytest.TempPathFactory) -> tuple[Playback, Playback]:
+    folder = tmp_path_factory.mktemp("traces")
+    first = open_playback(record_run(folder / "first.mcap"))
+    second = open_playback(record_run(folder / "second.mcap"), ())
+    return first, second
+
+
+def opened(both: tuple[Playback, Playback], size: tuple[int, int] = (80, 24)) -> Any:
+    return ReplayApp(CompareScreen(*both, clock=lambda: 0.0)).run_test(size=size)
+
+
+def shown(pilot: Any) -> str:
+    return "\n".join(screen_text(pilot))
+
+
+async def test_a_narrow_screen_shows_one_part_at_a_time(both) -> None:
+    async with opened(both) as pilot:
+        await pilot.pause(0)
+        assert "[maps]" in shown(pilot)
+        assert shown(pilot).count("0.0 s  0/3 wp") == 2
+        assert all(top.size.height >= 6 for top in pilot.app.screen.query(TopView))
+        await pilot.press("tab")
+        await pilot.pause(0)
+        assert "loc.error" in shown(pilot)
+        assert shown(pilot).count("mission") == 2
+        await pilot.press("tab")
+        await pilot.pause(0)
+        assert "≠" in shown(pilot)
+        assert "✗ fail" in shown(pilot)
+        assert "the same, but for the repeat" in shown(pilot)
+
+
+async def test_both_runs_have_one_clock(both) -> None:
+    async with opened(both, (140, 40)) as pilot:
+        await pilot.press("n")
+        await pilot.pause(0)
+        assert shown(pilot).count(f"{HIT} s  1/3 wp") == 2
+        for words in ("loc.error", "≠", "by simulated time"):
+            assert words in shown(pilot)
+        await pilot.press("a")
+        await pilot.pause(0)
+        assert "by waypoints done" in shown(pilot)
+        assert f"{HIT} s of 10.0 s" in shown(pilot)
+        await pilot.press("x", "end")
+        await pilot.pause(0)
+        assert pilot.app.screen.first is both[1]
+        await pilot.press("q")
+        assert pilot.app._exit
+
+
+@pytest.mark.parametrize("size", [(40, 10), (20, 6)])
+async def test_tiny_terminals_are_no_trouble(both, size: tuple[int, int]) -> None:
+    async with opened(both, size) as pilot:
+        await pilot.press("tab", "tab", "tab", "z", "n", "a")
+        await pilot.pause(0)
+        assert "6.0 s" in shown(pilot)
+
+
+def test_what_it_looks_like(snap_compare: Any, both) -> None:
+    screen = CompareScreen(*both, clock=lambda: 0.0)
+    assert snap_compare(ReplayApp(screen), terminal_size=(120, 40), press=["n"])

@@ -1,0 +1,179 @@
+"""The user's settings: what they change, and what is said of wrong ones."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from rich.color_triplet import ColorTriplet
+from textual.color import Color
+
+from grammars.text.diagnostics import InputError
+from scenario_tui.dashboard.config import read_config
+from scenario_tui.dashboard.key_bindings import (
+    check_config,
+    classes_with_bindings,
+    list_key_bindings,
+)
+from scenario_tui.dashboard.screens.help import key_groups, own_bindings
+from scenario_tui.terminal.filters import darken
+from scenario_tui.text import formatting
+from tests.scenario_tui.dashboard.driven import SteeredDaemon
+from tests.scenario_tui.dashboard.inline import make_dashboard, press, screen_text, settle
+
+GOOD = """
+[dashboard]
+theme = "lab"
+read-only = true
+mouse = false
+
+[keys]
+cancel = "ctrl+d"
+open = ["enter", "space"]
+
+[themes.lab]
+primary = "#88c0d0"
+dark = false
+"""
+BAD = {
+    "[keys]\nxyz = 'a'": 'config.toml:2: unknown key id "xyz"; ids are ',
+    "[keys]\n\ncancel = 'fnord'": 'config.toml:3: "fnord" is no key',
+    "[keys]\ncancel = 'P'": 'config.toml:2: "P" would mean both "cancel" and "pause"',
+    "[keys]\ncancel = 1": 'config.toml:2: "cancel" must be a key in quotes',
+    "[dashboard]\ntheme = 'nrod'": 'config.toml:2: unknown theme "nrod"; themes are ',
+    "[dashboard]\nmouse = 'no'": 'config.toml:2: "mouse" must be true or false',
+    "[dashboard]\nmuose = true": 'config.toml:2: unknown setting "muose"',
+    "mouse = true": 'config.toml:1: unknown table or setting "mouse"',
+    "[keyz]\na = 'b'": 'config.toml:1: unknown table or setting "keyz"',
+    "[keys\n": "config.toml:1:6: is no TOML: ",
+    "[themes.lab]\nprimary = 'bleu-ish'": 'config.toml:2: "primary" is no colour',
+    "[themes.lab]\naccent = '#fff'": 'config.toml:1: theme "lab" needs a colour "primary"',
+    "[themes.lab]\nprimary = '#fff'\nsize = 3": 'config.toml:3: "size" is nothing a theme has',
+}
+
+
+@pytest.fixture
+def written(tmp_path: Path) -> Callable[[str], Path]:
+    def write(text: str) -> Path:
+        path = tmp_path / "config.toml"
+        path.write_text(text)
+        return path
+
+    return write
+
+
+def test_no_file_says_nothing(tmp_path: Path) -> None:
+    config = read_config(tmp_path / "config.toml")
+    check_config(config)
+    assert not config.read_only
+    assert config.mouse
+    assert not config.keys
+
+
+@pytest.mark.parametrize("text", BAD)
+def test_what_is_wrong_is_said_with_its_line(written, text: str) -> None:
+    with pytest.raises(InputError) as caught:
+        check_config(read_config(written(text)))
+    assert BAD[text] in str(caught.value)
+
+
+def test_keys_may_be_exchanged(written) -> None:
+    check_config(read_config(written('[keys]\ncancel = "P"\npause = "c"')))
+
+
+async def test_keys_and_colours_are_those_of_the_file(written) -> None:
+    config = read_config(written(GOOD))
+    check_config(config)
+    fake = SteeredDaemon()
+    async with make_dashboard(fake, config=config).run_test(size=(80, 24)) as pilot:
+        await settle(pilot)
+        assert pilot.app.theme == "lab"
+        assert not pilot.app.current_theme.dark
+        assert "^d Cancel" in screen_text(pilot)[-1]
+        await press(pilot, "space")
+        assert "1-10 of 10" in "\n".join(screen_text(pilot))
+
+
+def test_a_bad_file_is_told_before_the_dashboard_starts(
+    scenario: Callable[..., Any], written, monkeypatch
+) -> None:
+    path = written('[keys]\ncancle = "x"')
+    monkeypatch.setattr("scenario_tui.dashboard.config.config_path", lambda: path)
+    said = scenario("tui")
+    assert said.code == 2
+    assert f'{path}:2: error: unknown key id "cancle"; ids are ' in said.err
+    assert "Traceback" not in said.err
+
+
+def test_the_ids_of_all_keys_are_listed(scenario: Callable[..., Any]) -> None:
+    said = scenario("tui", "--bindings")
+    assert said.code == 0
+    for bound in list_key_bindings():
+        assert f"{bound.id} " in said.out
+
+
+def test_every_key_has_an_id_a_name_and_an_explanation() -> None:
+    for kind in classes_with_bindings():
+        for binding in own_bindings(kind):
+            assert binding.id, (kind, binding)
+            assert binding.description, (kind, binding)
+            assert binding.tooltip, (kind, binding)
+
+
+async def test_footers_fit_and_help_tells_the_rest() -> None:
+    async with make_dashboard(SteeredDaemon()).run_test(size=(80, 24)) as pilot:
+        await settle(pilot)
+        for key in ("1", "m", "1", "enter", "3", "s"):
+            await press(pilot, key)
+            screen = pilot.app.screen
+            assert screen.query_one("Footer").virtual_size.width <= 80
+            here, everywhere = key_groups(screen)
+            assert (here[0], everywhere[0]) == ("here", "everywhere")
+            footer = {a.binding.description for a in screen.active_bindings.values()
+                      if a.binding.show}  # fmt: skip
+            told = {words.partition(":")[0] for _, words in here[1] + everywhere[1]}
+            assert footer
+            assert footer <= told
+
+
+NAMES = ("GOOD", "BAD", "UNSURE", "BROKEN", "BUSY", "FACT", "QUIET")
+PALE = [Color.parse(getattr(formatting, name)).rich_color.get_truecolor() for name in NAMES]
+
+
+def luminance(colour: ColorTriplet) -> float:
+    """Relative luminance as the WCAG defines it."""
+    parts = [p / 12.92 if p <= 0.03928 else ((p + 0.055) / 1.055) ** 2.4 for p in colour.normalized]
+    return 0.2126 * parts[0] + 0.7152 * parts[1] + 0.0722 * parts[2]
+
+
+@pytest.mark.parametrize("colour", PALE, ids=NAMES)
+def test_words_can_be_read_in_bright_themes(colour: ColorTriplet) -> None:
+    """A contrast of 4.5 to 1, which the WCAG asks for, over the background of textual-light."""
+    paper, ink = (luminance(one) for one in (ColorTriplet(224, 224, 224), darken(colour)))
+    assert (paper + 0.05) / (ink + 0.05) >= 4.5
+
+
+async def test_a_bright_theme_darkens_the_words(written) -> None:
+    config = read_config(written("[dashboard]\ntheme = 'textual-light'"))
+    async with make_dashboard(SteeredDaemon(), config=config).run_test(size=(80, 24)) as pilot:
+        await settle(pilot)
+        strips = pilot.app.screen._compositor.render_strips()
+        styles = [segment.style for strip in strips for segment in strip if segment.style]
+    used = {style.color.get_truecolor() for style in styles if style.color is not None}
+    assert not used & set(PALE)
+    assert darken(PALE[1]) in used
+
+
+def test_doctor_says_which_settings_are_used(
+    scenario: Callable[..., Any], written, monkeypatch, tmp_path
+) -> None:
+    path = written(GOOD)
+    monkeypatch.setattr("scenario_tui.dashboard.config.config_path", lambda: path)
+    said = scenario("doctor", "--state", str(tmp_path / "state"))
+    assert f"{path} 2 keys, theme lab, read-only" in said.out
+    written("[keys")
+    said = scenario("doctor", "--state", str(tmp_path / "state"))
+    assert said.code == 3
+    assert "is no TOML" in said.out

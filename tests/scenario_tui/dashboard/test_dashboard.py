@@ -1,0 +1,378 @@
+"""Every key of the dashboard does what its help says."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from contextlib import AbstractAsyncContextManager
+from dataclasses import replace
+from typing import Any
+
+import pytest
+
+from daemon.model.status import RunState
+from daemon.model.verdicts import Outcome
+from scenario_tui.dashboard.screens.campaigns import CampaignsScreen
+from scenario_tui.dashboard.screens.dialogs import Menu, Question
+from scenario_tui.dashboard.screens.help import Help, key_groups
+from scenario_tui.dashboard.screens.run import RunScreen
+from scenario_tui.dashboard.screens.runs import FILTERS, SORTS, RunsScreen
+from scenario_tui.dashboard.screens.workers import WorkersScreen
+from scenario_tui.dashboard.widgets.tables import KeyedTable
+from scenario_tui.dashboard.widgets.top_view import TopView
+from tests.scenario_tui.dashboard.inline import make_dashboard, press, screen_text, settle
+from tests.scenario_tui.fake import CAMPAIGN, NOW, OLD, FakeDaemon, make_live, make_row
+
+Open = Callable[..., AbstractAsyncContextManager[Any]]
+
+
+@pytest.fixture
+def opened(fake: FakeDaemon) -> Open:
+    def start(width: int = 80, height: int = 24) -> AbstractAsyncContextManager[Any]:
+        return make_dashboard(fake).run_test(size=(width, height))
+
+    return start
+
+
+def shown(pilot: Any) -> str:
+    return "\n".join(screen_text(pilot))
+
+
+def notices(pilot: Any) -> str:
+    return " ".join(notice.message for notice in pilot.app._notifications)
+
+
+def first_column(pilot: Any) -> list[str]:
+    table = pilot.app.screen.query_one(KeyedTable)
+    return [str(table.get_row_at(i)[0]) for i in range(table.row_count)]
+
+
+async def test_the_first_line_says_whether_it_is_fine(opened) -> None:
+    async with opened(120, 30) as pilot:
+        await settle(pilot)
+        line = screen_text(pilot)[0]
+    for words in ("✓ up", "✗ 1 unexpected", "✗ 2 fail", "! 1 lost", "▶ 1 run", "… 1 queue",
+                  "12.5 runs/min", "1 min 35 s left"):  # fmt: skip
+        assert words in line
+
+
+async def test_the_first_line_fits_into_eighty_cells(opened, fake) -> None:
+    fake.rows = tuple(replace(row, repeat=i) for i, row in enumerate(fake.rows * 150))
+    async with opened() as pilot:
+        await settle(pilot)
+        line = screen_text(pilot)[0]
+    assert line.endswith("left")
+    assert "✗300 fail" in line
+
+
+async def test_enter_goes_in_and_escape_goes_out(opened) -> None:
+    async with opened() as pilot:
+        await settle(pilot)
+        assert isinstance(pilot.app.screen, CampaignsScreen)
+        await press(pilot, "enter")
+        assert isinstance(pilot.app.screen, RunsScreen)
+        assert f"campaigns › {CAMPAIGN}" in shown(pilot)
+        await press(pilot, "down", "enter")
+        assert isinstance(pilot.app.screen, RunScreen)
+        assert "S1/pilot/1" in shown(pilot)
+        await press(pilot, "escape", "escape", "escape")
+        assert isinstance(pilot.app.screen, CampaignsScreen)
+
+
+async def test_numbers_jump_to_the_main_screens(opened) -> None:
+    async with opened() as pilot:
+        await settle(pilot)
+        await press(pilot, "enter", "enter", "3")
+        assert isinstance(pilot.app.screen, WorkersScreen)
+        assert "bench-1" in shown(pilot)
+        assert "1 of 6 slots busy" in shown(pilot)
+        await press(pilot, "2")
+        assert isinstance(pilot.app.screen, RunsScreen)
+        assert "all runs" in shown(pilot)
+        await press(pilot, "1")
+        assert isinstance(pilot.app.screen, CampaignsScreen)
+
+
+async def test_rows_are_reached_with_vi_keys_too(opened) -> None:
+    async with opened() as pilot:
+        await settle(pilot)
+        await press(pilot, "enter", "j", "j", "k")
+        table = pilot.app.screen.query_one(KeyedTable)
+        assert table.key == f"{CAMPAIGN}.1"
+        await press(pilot, "G")
+        assert table.key == f"{CAMPAIGN}.9"
+        await press(pilot, "g")
+        assert table.key == f"{CAMPAIGN}.0"
+
+
+async def test_typing_a_filter_narrows_the_page_at_once(opened) -> None:
+    async with opened() as pilot:
+        await settle(pilot)
+        await press(pilot, "enter", "slash", *"local")
+        assert first_column(pilot) == ["S1/pilot/4"]
+        assert "/local" in shown(pilot)
+        await press(pilot, "enter")
+        assert pilot.app.focused is pilot.app.screen.query_one(KeyedTable)
+        await press(pilot, "escape")
+        assert len(first_column(pilot)) == 10
+        assert isinstance(pilot.app.screen, RunsScreen)
+
+
+async def test_letters_typed_into_the_filter_are_no_commands(opened) -> None:
+    async with opened() as pilot:
+        await settle(pilot)
+        await press(pilot, "enter", "slash", *"qc1s")
+        assert isinstance(pilot.app.screen, RunsScreen)
+        assert "No run matches" in shown(pilot)
+
+
+async def test_f_goes_through_verdicts_and_states(opened) -> None:
+    seen = []
+    async with opened() as pilot:
+        await settle(pilot)
+        await press(pilot, "enter")
+        for _ in FILTERS:
+            await press(pilot, "f")
+            message = "No run matches" in shown(pilot)
+            seen.append(0 if message else len(first_column(pilot)))
+    assert seen == [2, 1, 0, 1, 1, 1, 4, 10]
+
+
+async def test_the_table_has_the_keys_again_after_an_empty_page(opened) -> None:
+    async with opened(120, 30) as pilot:
+        await settle(pilot)
+        await press(pilot, "enter", "f", "f", "f", "f", "enter")
+        assert isinstance(pilot.app.screen, RunScreen)
+        assert "S2/pilot/4" in shown(pilot)
+
+
+async def test_columns_are_sorted_by_and_inverted(opened) -> None:
+    async with opened() as pilot:
+        await settle(pilot)
+        await press(pilot, "enter", ">", ">")
+        assert "by margin ▲" in shown(pilot)
+        assert first_column(pilot)[0] == "S2/pilot/1"
+        await press(pilot, "i")
+        assert "by margin ▼" in shown(pilot)
+        for _ in SORTS[2:]:
+            await press(pilot, ">")
+        assert "by index ▲" in shown(pilot)
+        await press(pilot, "<")
+        assert "by simulated ▲" in shown(pilot)
+
+
+async def test_only_a_page_is_asked_for_and_pages_are_turned(opened, fake) -> None:
+    fake.rows = tuple(make_row(i, repeat=i) for i in range(250))
+    async with opened() as pilot:
+        await settle(pilot)
+        await press(pilot, "enter")
+        assert len(first_column(pilot)) == 100
+        assert "1-100 of 250" in shown(pilot)
+        await press(pilot, "p", "n", "right_square_bracket", "n")
+        assert "201-250 of 250" in shown(pilot)
+        assert first_column(pilot)[0] == "S2/pilot/200"
+        await press(pilot, "left_square_bracket")
+        assert "101-200 of 250" in shown(pilot)
+    assert {call[8] for call in fake.calls if call[0] == "runs"} == {100}
+
+
+async def test_a_run_shows_verdicts_margins_evidence_and_its_trace(opened) -> None:
+    async with opened() as pilot:
+        await settle(pilot)
+        await press(pilot, "enter", *["down"] * 5, "enter")
+        text = shown(pilot)
+        await press(pilot, "shift+tab")
+        text += shown(pilot)
+    for words in ("✗ fail", "no-contact  −0.0312 m", "   ▐│      at 512.2 s, door-1",
+                  "−0.0312 m, limit 0 m, front left corner", "    │███   at 312.5 s",
+                  "✓ pass  reached  +888 s", "· measure  travelled",
+                  "seed 2024", "S1.pilot.5.mcap"):  # fmt: skip
+        assert words in text
+
+
+async def test_a_running_run_shows_the_robot_from_above(opened, fake) -> None:
+    fake.live = tuple(make_live(7, float(t)) for t in range(0, 61, 2))
+    async with opened() as pilot:
+        await settle(pilot)
+        await press(pilot, "enter")
+        assert "1/3 wp 60 s" in shown(pilot)
+        await press(pilot, *["down"] * 7, "enter")
+        before = shown(pilot)
+        assert "▶ running  1/3 wp  60 s of 1200 s" in before
+        assert "→" in before
+        assert "◇" in before
+        assert before.count("◆") == 3  # two ahead, one in the legend
+        fake.live = (make_live(7, 120.0),)
+        await settle(pilot)
+        assert shown(pilot) != before
+        await press(pilot, "z")
+        assert "→" in shown(pilot)
+        await press(pilot, "z", "z")
+        await press(pilot, "V", "V")
+        assert "will be judged by" in shown(pilot)
+        assert "→" not in shown(pilot)
+
+
+async def test_the_map_is_drawn_only_where_it_changed(opened, fake, monkeypatch) -> None:
+    fake.live = (make_live(7, 60.0),)
+    async with opened() as pilot:
+        await settle(pilot)
+        await press(pilot, "enter", *["down"] * 7, "enter")
+        rows: list[int] = []
+        view = pilot.app.screen.query_one(TopView)
+        monkeypatch.setattr(view, "refresh", lambda *regions, **_: rows.append(len(regions)))
+        fake.live = (make_live(7, 62.0),)
+        await settle(pilot)
+    assert rows
+    assert all(0 < count <= 4 for count in rows)
+
+
+async def test_wide_terminals_show_the_run_beside_the_table(opened) -> None:
+    async with opened(120, 40) as pilot:
+        await settle(pilot)
+        await press(pilot, "enter", *["down"] * 5)
+        text = shown(pilot)
+        assert isinstance(pilot.app.screen, RunsScreen)
+        assert "S2/pilot/0  ✗ fail" in text
+        assert "at 512.2 s, door-1" in text
+        await pilot.resize_terminal(80, 24)
+        await settle(pilot)
+        assert "at 512.2 s, door-1" not in shown(pilot)
+
+
+async def test_no_line_of_any_screen_is_wider_than_the_terminal(opened) -> None:
+    async with opened() as pilot:
+        await settle(pilot)
+        for keys in ((), ("enter",), ("enter",), ("v",), ("2",), ("3",)):
+            await press(pilot, *keys)
+            widget = pilot.app.screen.query(KeyedTable)
+            assert all(table.max_scroll_x == 0 for table in widget)
+
+
+async def test_c_cancels_after_a_question(opened, fake) -> None:
+    async with opened() as pilot:
+        await settle(pilot)
+        await press(pilot, "c")
+        assert isinstance(pilot.app.screen, Question)
+        assert f"scenario cancel {CAMPAIGN}" in shown(pilot)
+        await press(pilot, "n")
+        assert ("cancel", CAMPAIGN) not in fake.calls
+        await press(pilot, "c", "y")
+        assert ("cancel", CAMPAIGN) in fake.calls
+        assert "cancelled 2 runs" in notices(pilot)
+
+
+async def test_a_finished_campaign_is_not_cancelled(opened, fake) -> None:
+    async with opened() as pilot:
+        await settle(pilot)
+        await press(pilot, "down", "c")
+        assert isinstance(pilot.app.screen, CampaignsScreen)
+        assert f"{OLD} is finished" in notices(pilot)
+
+
+async def test_r_retries_what_was_lost_from_a_menu(opened, fake) -> None:
+    async with opened() as pilot:
+        await settle(pilot)
+        await press(pilot, "enter", "r")
+        assert isinstance(pilot.app.screen, Menu)
+        await press(pilot, "l")
+        assert ("retry", CAMPAIGN, "lost|cancelled") in fake.calls
+        assert "queued 1 run" in notices(pilot)
+
+
+async def test_help_lists_every_binding_of_ours(opened) -> None:
+    async with opened() as pilot:
+        await settle(pilot)
+        await press(pilot, "enter")
+        lines = [keys for _, group in key_groups(pilot.app.screen) for keys, _ in group]
+        await press(pilot, "question_mark")
+        assert isinstance(pilot.app.screen, Help)
+        assert "Filter: Only runs that mention a text" in shown(pilot)
+        await press(pilot, "escape")
+        assert isinstance(pilot.app.screen, RunsScreen)
+    keys = " ".join(lines)
+    for key in (*"/fs<>inpcrPJoyYq?123:jkgG#",):
+        assert key in keys.split(), key
+
+
+async def test_the_colon_opens_a_list_of_places(opened) -> None:
+    async with opened() as pilot:
+        await settle(pilot)
+        await press(pilot, "colon", *"workers")
+        await pilot.pause(0.3)
+        await press(pilot, "enter")
+        await settle(pilot)
+        assert isinstance(pilot.app.screen, WorkersScreen)
+
+
+async def test_quitting_says_that_work_goes_on(opened) -> None:
+    async with opened() as pilot:
+        await settle(pilot)
+        await press(pilot, "q")
+        assert not pilot.app.is_running or pilot.app._exit
+        assert "the daemon goes on with 2 unfinished runs" in pilot.app.farewell()
+
+
+async def test_without_a_daemon_the_screen_says_what_to_type(opened, fake) -> None:
+    fake.reachable = False
+    async with opened() as pilot:
+        await settle(pilot)
+        assert "no daemon answers, reconnecting" in shown(pilot)
+        assert "scenario daemon" in shown(pilot)
+        fake.reachable = True
+        await settle(pilot)
+        assert CAMPAIGN in shown(pilot)
+        assert pilot.app.focused is pilot.app.screen.query_one(KeyedTable)
+
+
+async def test_old_data_stays_with_its_age_until_the_daemon_is_back(opened, fake) -> None:
+    async with opened() as pilot:
+        await settle(pilot)
+        fake.reachable = False
+        fake.now = NOW + 12.0
+        await settle(pilot)
+        assert "no daemon answers, data is 12 s old, reconnecting" in shown(pilot)
+        assert CAMPAIGN in shown(pilot)
+        assert pilot.app.screen.has_class("-stale")
+        fake.reachable = True
+        await settle(pilot)
+        assert "✓ up" in shown(pilot)
+        assert not pilot.app.screen.has_class("-stale")
+
+
+async def test_empty_screens_say_what_to_type(opened, fake) -> None:
+    fake.empty = True
+    fake.rows = ()
+    async with opened() as pilot:
+        await settle(pilot)
+        assert "scenario submit CAMPAIGN.yaml" in shown(pilot)
+        await press(pilot, "2")
+        assert "No runs yet" in shown(pilot)
+
+
+async def test_the_cursor_stays_on_its_run_when_rows_come_before_it(opened, fake) -> None:
+    async with opened() as pilot:
+        await settle(pilot)
+        await press(pilot, "enter", ">", ">", "down")
+        table = pilot.app.screen.query_one(KeyedTable)
+        assert table.key == f"{CAMPAIGN}.5"
+        rows = list(fake.rows)
+        rows[7] = replace(rows[7], state=RunState.DONE, outcome=Outcome.FAIL, margin=-9.0,
+                          oracle="no-contact", unit="m")  # fmt: skip
+        fake.rows = tuple(rows)
+        await settle(pilot)
+        assert first_column(pilot)[0] == "S2/pilot/2"
+        assert table.key == f"{CAMPAIGN}.5"
+
+
+@pytest.mark.parametrize("width", [80, 120])
+async def test_every_screen_is_legible_without_colour(opened, fake, monkeypatch, width) -> None:
+    monkeypatch.setenv("NO_COLOR", "1")
+    fake.live = (make_live(7, 60.0),)
+    async with opened(width, 30) as pilot:
+        assert pilot.app.no_color
+        await settle(pilot)
+        await press(pilot, "enter")
+        assert "✗ fail" in shown(pilot)
+        assert "? inconclusive" in shown(pilot)
+        await press(pilot, "G", "enter", "v", "escape", "k", "k", "enter", "z", "v", "3")
+        assert "bench-1" in shown(pilot)

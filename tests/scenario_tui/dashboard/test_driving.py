@@ -1,0 +1,317 @@
+"""Steering campaigns from every screen, and what is said where that cannot be."""
+
+from __future__ import annotations
+
+import shlex
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+from textual.command import CommandList
+from textual.widgets import Input
+
+from daemon.model.status import RunState
+from daemon.model.verdicts import Outcome
+from grammars.text.codec import to_plain
+from scenario_tui.dashboard.screens import trace_actions
+from scenario_tui.dashboard.screens.campaigns import CampaignsScreen
+from scenario_tui.dashboard.screens.dialogs import Menu, Prompt, Question, TextDialog
+from scenario_tui.dashboard.screens.matrix import MatrixScreen
+from scenario_tui.dashboard.screens.run import RunScreen
+from scenario_tui.dashboard.screens.runs import RunsScreen
+from scenario_tui.terminal.capabilities import copy_to_tmux
+from tests.scenario_tui.dashboard.driven import (
+    Commands,
+    SteeredDaemon,
+    configured,
+    local,
+    notices,
+    until,
+)
+from tests.scenario_tui.dashboard.inline import make_dashboard, press, screen_text, settle
+from tests.scenario_tui.fake import CAMPAIGN, OLD, make_row
+
+SCREENS: dict[type, tuple[tuple[str, ...], tuple[str, ...]]] = {
+    CampaignsScreen: ((), ()),
+    MatrixScreen: (("m",), ("escape",)),
+    RunsScreen: (("enter",), ()),
+    RunScreen: (("enter",), ()),
+}
+"""Screens, and the keys that lead there and back."""
+
+
+@pytest.fixture
+def fake() -> SteeredDaemon:
+    return SteeredDaemon()
+
+
+def opened(fake: SteeredDaemon, width: int = 80, **settings: Any) -> Any:
+    return make_dashboard(fake, **settings).run_test(size=(width, 24))
+
+
+def shown(pilot: Any) -> str:
+    return "\n".join(screen_text(pilot))
+
+
+async def test_a_campaign_is_steered_from_every_screen(fake) -> None:
+    async with opened(fake) as pilot:
+        await settle(pilot)
+        for screen, (way, back) in SCREENS.items():
+            await press(pilot, *way)
+            assert isinstance(pilot.app.screen, screen)
+            fake.calls.clear()
+            await pilot.press("P", "c", "y", "r", "f", "y")
+            await settle(pilot)
+            assert isinstance(pilot.app.screen, screen)
+            assert fake.told("pause") + fake.told("resume") == [(CAMPAIGN,)]
+            assert fake.told("cancel") == [(CAMPAIGN,)]
+            assert fake.told("retry") == [(CAMPAIGN, "fail")]
+            assert CAMPAIGN in pilot.app.clipboard
+            await press(pilot, *back)
+
+
+async def test_one_key_pauses_and_resumes_and_the_footer_says_which(fake) -> None:
+    async with opened(fake) as pilot:
+        await settle(pilot)
+        assert "P Pause" in shown(pilot)
+        await press(pilot, "P")
+        await settle(pilot)
+        assert "‖ paused" in shown(pilot)
+        assert "P Resume" in shown(pilot)
+        assert f"same as: scenario pause {CAMPAIGN}" in notices(pilot)
+        await press(pilot, "r", "f")
+        assert "again; it is paused, they wait until it is resumed" in notices(pilot)
+        await press(pilot, "P")
+    assert fake.told("resume") == [(CAMPAIGN,)]
+
+
+async def test_only_whole_numbers_in_range_are_priorities(fake) -> None:
+    async with opened(fake, 120) as pilot:
+        await settle(pilot)
+        await press(pilot, "number_sign")
+        for wrong, why in (("x", "write a whole number"), ("1001", "at most 1000")):
+            await pilot.press("home", "ctrl+k", *wrong, "enter")
+            assert isinstance(pilot.app.screen, Prompt)
+            assert why in shown(pilot)
+        await pilot.press("home", "ctrl+k", "minus", "5")
+        await settle(pilot)
+        assert f"scenario priority {CAMPAIGN} -- -5" in shown(pilot)
+        await press(pilot, "enter")
+        assert "priority -5" in shown(pilot)
+    assert fake.told("prioritise") == [(CAMPAIGN, -5)]
+
+
+async def test_the_menu_of_retries_says_how_many_there_are_of_each(fake) -> None:
+    async with opened(fake) as pilot:
+        await settle(pilot)
+        await press(pilot, "r")
+        assert "l  lost and cancelled: 1" in shown(pilot)
+        assert "f  failed: 2" in shown(pilot)
+        assert "e  broken (error)  (none)" in shown(pilot)
+        await press(pilot, "e")
+        assert isinstance(pilot.app.screen, Menu)
+        await press(pilot, "j")
+        assert f"same as: scenario retry {CAMPAIGN} --only fail" in shown(pilot)
+        await press(pilot, "a")
+    assert fake.told("retry") == [(CAMPAIGN, "all")]
+
+
+async def test_menus_leave_room_for_their_choices_on_the_smallest_screens(fake) -> None:
+    async with make_dashboard(fake).run_test(size=(40, 10)) as pilot:
+        await settle(pilot)
+        await press(pilot, "r")
+        assert "failed: 2" in shown(pilot)
+        assert "all that are over: 8" in shown(pilot)
+
+
+async def test_what_is_over_is_neither_paused_nor_preferred_nor_cancelled(fake) -> None:
+    async with opened(fake) as pilot:
+        await settle(pilot)
+        await press(pilot, "down", "P", "number_sign", "c")
+        assert isinstance(pilot.app.screen, CampaignsScreen)
+        assert notices(pilot).count(f"{OLD} is finished") == 3
+
+
+async def test_nothing_is_retried_before_a_run_is_over(fake) -> None:
+    fake.rows = (make_row(0, state=RunState.QUEUED, outcome=None, oracle="", margin=None),)
+    async with opened(fake) as pilot:
+        await settle(pilot)
+        await press(pilot, "r")
+        assert isinstance(pilot.app.screen, CampaignsScreen)
+        assert "nothing to retry yet" in notices(pilot)
+
+
+async def test_without_a_campaign_every_key_says_so(fake) -> None:
+    fake.empty = True
+    async with opened(fake) as pilot:
+        await settle(pilot)
+        await pilot.press("P", "c", "r", "number_sign", "J", "o", "Y", "m")
+        assert notices(pilot).count("there is no campaign here") == 8
+
+
+async def test_without_a_daemon_nothing_is_done_later(fake) -> None:
+    async with opened(fake) as pilot:
+        await settle(pilot)
+        fake.reachable = False
+        await settle(pilot)
+        await press(pilot, "P")
+        assert "no daemon answers: nothing was done" in notices(pilot)
+        fake.reachable = True
+        await settle(pilot)
+    assert not fake.told("pause")
+
+
+async def test_a_read_only_dashboard_looks_and_says_so(fake) -> None:
+    async with opened(fake, config=configured(read_only=True)) as pilot:
+        await settle(pilot)
+        assert "read-only" in screen_text(pilot)[1]
+        await pilot.press("P", "c", "r", "number_sign", "s")
+        assert isinstance(pilot.app.screen, CampaignsScreen)
+        assert notices(pilot).count("read-only: nothing is changed") == 5
+        bindings = {a.binding.id: a.enabled for a in pilot.app.screen.active_bindings.values()}
+        assert not bindings["cancel"]
+        assert bindings["matrix"]
+    assert {call[0] for call in fake.calls} <= {"open", "overview", "campaigns", "records",
+                                                "declared"}  # fmt: skip
+
+
+async def test_answers_can_be_clicked_on(fake) -> None:
+    async with opened(fake) as pilot:
+        await settle(pilot)
+        await press(pilot, "c")
+        line = next(i for i, text in enumerate(screen_text(pilot)) if "y yes" in text)
+        column = screen_text(pilot)[line].index("yes")
+        await pilot.click(offset=(column, line))
+        await settle(pilot)
+        assert not isinstance(pilot.app.screen, Question)
+    assert fake.told("cancel") == [(CAMPAIGN,)]
+
+
+async def test_a_line_of_the_commands_is_copied(fake) -> None:
+    async with opened(fake) as pilot:
+        await settle(pilot)
+        await press(pilot, "Y", "5")
+        assert pilot.app.clipboard == f"scenario retry {CAMPAIGN} --only fail"
+
+
+def test_outside_of_tmux_its_buffer_is_left_alone() -> None:
+    assert not copy_to_tmux("text", {})
+
+
+async def test_every_command_shown_is_one_of_the_command_line(
+    fake, scenario: Callable[..., Any]
+) -> None:
+    """`scenario` talks to the same fake daemon here, so what it understands is done twice."""
+    async with opened(fake) as pilot:
+        await settle(pilot)
+        await press(pilot, "P", "P", "number_sign", "minus", "1", "enter", "c", "y", "r", "a")
+        said = notices(pilot)
+    before = list(fake.calls)
+    lines = [line.removeprefix("same as: ") for line in said.splitlines() if "same as" in line]
+    assert len(lines) == 5
+    for line in lines:
+        assert scenario(*shlex.split(line)[1:]).code == 0, line
+    for verb in ("pause", "resume", "prioritise", "cancel", "retry"):
+        once, *rest = fake.told(verb)
+        assert rest == [once], (verb, before)
+
+
+async def test_the_report_is_made_and_its_place_is_said(fake, tmp_path, monkeypatch) -> None:
+    monkeypatch.setattr(trace_actions, "show_page", lambda page, environ: False)
+    (tmp_path / "ledger.db").touch()
+    fake.state = str(tmp_path)
+    ask = Commands({"answer": "Yes. All is as expected."})
+    async with opened(fake, ask=ask, equivalent=local(tmp_path)) as pilot:
+        await settle(pilot)
+        await press(pilot, "o")
+        assert f"goes on writing the report of {CAMPAIGN}" in pilot.app.farewell()
+        await press(pilot, "o")
+        assert f"writing the report of {CAMPAIGN} already" in notices(pilot)
+        ask.done.set()
+        await until(pilot, lambda: "Yes. All is as expected." in notices(pilot))
+        assert f"{CAMPAIGN}.html (open it in a browser)" in notices(pilot)
+        assert "writing" not in pilot.app.farewell()
+    page = f"{CAMPAIGN}.html"
+    assert ask.asked == [("report", CAMPAIGN, "-o", page, "--state", str(tmp_path))]
+
+
+async def test_traces_on_another_machine_are_not_judged_here(fake) -> None:
+    ask = Commands()
+    async with opened(fake, ask=ask) as pilot:
+        await settle(pilot)
+        await press(pilot, "o", "J")
+        assert notices(pilot).count("are not on this machine") == 2
+    assert not ask.asked
+
+
+async def test_runs_are_judged_again_by_oracles_chosen(fake, tmp_path, monkeypatch) -> None:
+    from daemon.analysis.rejudge import RejudgedTrace
+    from tests.scenario_tui.fake import make_result
+
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "ledger.db").touch()
+    (tmp_path / "strict.oracles.yaml").write_text("a: never(contact)\n")
+    fake.state = str(tmp_path)
+    good, bad = (make_result(fake.rows[i]).verdicts for i in (0, 5))
+    found = RejudgedTrace("run.mcap", "S1/pilot/0", "0" * 64, Outcome.FAIL, bad, Outcome.PASS, good,
+                     "ledger")  # fmt: skip
+    ask = Commands({"traces": [to_plain(found) | {"changes": []}]})
+    async with opened(fake, ask=ask, equivalent=local(tmp_path)) as pilot:
+        await settle(pilot)
+        await press(pilot, "J")
+        await until(pilot, lambda: isinstance(pilot.app.screen, Menu))
+        assert "1  strict.oracles.yaml" in shown(pilot)
+        ask.done.set()
+        await press(pilot, "1")
+        await until(pilot, lambda: isinstance(pilot.app.screen, TextDialog))
+        assert "1 verdict changed" in shown(pilot)
+        assert "✓ pass → ✗ fail  S1/pilot/0" in shown(pilot)
+        await press(pilot, "q", "enter", "enter", "J")
+        await until(pilot, lambda: isinstance(pilot.app.screen, Menu))
+        assert f"Judge {CAMPAIGN}.0 again by" in shown(pilot)
+    assert ask.asked[0][:4] == ("judge", CAMPAIGN, "--oracles", "strict.oracles.yaml")
+
+
+@pytest.mark.parametrize(
+    ("environ", "there"),
+    [
+        ({"DISPLAY": ":0"}, True),
+        ({"WAYLAND_DISPLAY": "wayland-0"}, True),
+        ({"DISPLAY": ":0", "SSH_CONNECTION": "10.0.0.1 1 10.0.0.2 22"}, False),
+        ({}, False),
+    ],
+)
+def test_a_browser_is_opened_only_on_a_screen_of_this_machine(environ, there) -> None:
+    assert trace_actions.has_display(environ) is there
+
+
+async def typed_into_the_palette(pilot: Any, text: str, wanted: str) -> None:
+    await pilot.press("colon")
+    await until(pilot, lambda: "Matrix" in shown(pilot))
+    pilot.app.screen.query_one(Input).value = text
+    found = pilot.app.screen.query_one(CommandList)
+
+    def first() -> str:
+        return str(found.get_option_at_index(0).hit.text) if found.option_count else ""
+
+    await until(pilot, lambda: first() == wanted)
+    await press(pilot, "enter")
+
+
+async def test_the_palette_does_what_has_no_key_of_its_own(fake) -> None:
+    async with opened(fake) as pilot:
+        await settle(pilot)
+        await typed_into_the_palette(pilot, "retry fail", "Retry failed")
+    assert fake.told("retry") == [(CAMPAIGN, "fail")]
+
+
+async def test_the_palette_goes_to_campaigns_and_to_runs_the_daemon_finds(fake) -> None:
+    async with opened(fake) as pilot:
+        await settle(pilot)
+        await typed_into_the_palette(pilot, "campaign ni", f"go to campaign {OLD}")
+        assert isinstance(pilot.app.screen, RunsScreen)
+        assert f"campaigns › {OLD}" in shown(pilot)
+        await press(pilot, "1")
+        await typed_into_the_palette(pilot, "S2/pilot/1", "go to run S2/pilot/1")
+        assert isinstance(pilot.app.screen, RunScreen)
+        assert "S2/pilot/1" in shown(pilot)

@@ -1,0 +1,89 @@
+"""Driving a real daemon, and asking real commands: what the fake ones stand for."""
+
+from __future__ import annotations
+
+import asyncio
+import shutil
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from rich.console import Console
+from textual.widgets import Input
+
+from daemon.batch.client import Client
+from daemon.batch.errors import DaemonError
+from daemon.model.status import CampaignRow
+from scenario_tui.dashboard.app import Dashboard
+from scenario_tui.dashboard.background import run_command
+from scenario_tui.dashboard.feed import Feed
+from scenario_tui.dashboard.screens.campaigns import CampaignsScreen
+from scenario_tui.dashboard.screens.submit import SubmitScreen
+from scenario_tui.text.rejudge_text import parse_judge_answer, rejudge_report
+from tests.daemon.batch.harness import daemon_at
+from tests.daemon.batch.samples import make_submission
+from tests.scenario_tui.recorded import record_run
+
+CAMPAIGNS = Path(__file__).parents[2] / "campaigns"
+
+
+async def eventually(condition: Callable[[], Any], seconds: float = 20.0) -> None:
+    deadline = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < deadline, "it did not happen in time"
+        await asyncio.sleep(0.05)
+
+
+async def test_a_campaign_is_steered_to_its_end(tmp_path: Path) -> None:
+    with daemon_at(tmp_path / "state", slots=1) as part, part.client() as client:
+        client.submit(make_submission("long", runs=6, sleep=0.4))
+
+        def row() -> CampaignRow:
+            return client.campaigns()[0]
+
+        app = Dashboard(Feed(lambda: Client.open(part.endpoint)))
+        async with app.run_test(size=(80, 24)) as pilot:
+            await eventually(lambda: app.picture.campaigns)
+            await pilot.press("P")
+            await eventually(lambda: row().paused)
+            await eventually(lambda: app.picture.campaigns[0].paused)
+            await pilot.press("number_sign", "home", "ctrl+k", "7", "enter")
+            await eventually(lambda: row().priority == 7)
+            await pilot.press("P")
+            await eventually(lambda: not row().paused)
+            await pilot.press("c", "y")
+            await eventually(lambda: row().cancelled)
+            await eventually(lambda: app.picture.campaigns[0].cancelled)
+            await pilot.press("r", "l")
+            await eventually(lambda: not row().cancelled)
+            await eventually(lambda: row().passed == 6)
+
+
+async def test_a_campaign_chosen_by_its_name_is_executed(tmp_path: Path, monkeypatch) -> None:
+    for name in ("demo", "robots", "suts"):
+        shutil.copytree(CAMPAIGNS / name, tmp_path / "work" / name)
+    monkeypatch.chdir(tmp_path / "work")
+    with daemon_at(tmp_path / "state", slots=1) as part, part.client() as client:
+        app = Dashboard(Feed(lambda: Client.open(part.endpoint)))
+        async with app.run_test(size=(80, 24)) as pilot:
+            await eventually(lambda: app.picture.connected)
+            await pilot.press("s")
+            await eventually(lambda: isinstance(app.screen, SubmitScreen))
+            app.screen.query_one(Input).value = "demo"
+            await eventually(lambda: app.screen.command().split()[2] == "demo/campaign.yaml")
+            await pilot.press("enter")
+            await eventually(lambda: client.campaigns())
+            assert client.campaigns()[0].total == 15
+            await eventually(lambda: isinstance(app.screen, CampaignsScreen))
+
+
+def test_commands_answer_or_say_why_not(tmp_path: Path) -> None:
+    trace = record_run(tmp_path / "run.mcap")
+    found = parse_judge_answer(run_command(("judge", str(trace), "--state", str(tmp_path))))
+    console = Console(record=True, width=80)
+    console.print(rejudge_report(found))
+    assert "1 trace judged, 1 with the verdict they had" in console.export_text()
+    with pytest.raises(DaemonError, match="scenario judge nothing.*no trace, no folder"):
+        run_command(("judge", "nothing", "--state", str(tmp_path)))

@@ -1,0 +1,187 @@
+"""The matrix of a campaign: the dashboard judges as the command line does."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from contextlib import AbstractAsyncContextManager
+from dataclasses import replace
+from typing import Any
+
+import pytest
+
+from daemon.model.assessments import Assessment
+from daemon.model.status import RunState
+from daemon.model.verdicts import Outcome
+from scenario_tui.dashboard.screens.matrix import MatrixScreen
+from scenario_tui.dashboard.screens.runs import RunsScreen
+from scenario_tui.dashboard.state import CampaignAssessor
+from scenario_tui.dashboard.widgets.tables import CellTable
+from scenario_tui.text.results import conclude, overall_conclusion, unexpected_conclusion
+from tests.scenario_tui.dashboard.inline import make_dashboard, press, screen_text, settle
+from tests.scenario_tui.dashboard.judged_campaign import judged_campaign
+from tests.scenario_tui.fake import CAMPAIGN, OLD, FakeDaemon
+
+
+@pytest.fixture
+def judged() -> FakeDaemon:
+    return judged_campaign()
+
+
+def opened(fake: FakeDaemon, width: int = 80, height: int = 24) -> AbstractAsyncContextManager[Any]:
+    return make_dashboard(fake).run_test(size=(width, height))
+
+
+def shown(pilot: Any) -> str:
+    return "\n".join(screen_text(pilot))
+
+
+async def test_m_shows_the_campaign_judged(judged) -> None:
+    async with opened(judged, 120, 40) as pilot:
+        await settle(pilot)
+        await press(pilot, "m")
+        assert isinstance(pilot.app.screen, MatrixScreen)
+        text = shown(pilot)
+    for words in (
+        "✗ 1 unexpected  17/18 runs",
+        "✗ fail 0/3 a",  # an expected failure
+        "✗ fail 2/3 !",  # a surprise
+        "no-contact −0.0312 m at 512.2 s",
+        "a  known: violated at the closed door",
+        "▶ running 2/3 b",
+        "1 not executed",
+        "! lost  S3/a2s/2  worker bench-1 went away",
+        "a2s detour  ✓ pass +0 s",
+        f"scenario results {CAMPAIGN}",
+    ):
+        assert words in text
+
+
+async def test_the_cell_under_the_cursor_is_told_oracle_by_oracle(judged) -> None:
+    async with opened(judged) as pilot:
+        await settle(pilot)
+        await press(pilot, "m", "j", "l")
+        text = shown(pilot)
+        assert "✗ fail  no-contact  ! expected pass" in text
+        assert "worst in repeat 1: −0.0312 m, at 512.2 s, door-1, front left corner" in text
+        await press(pilot, "h")
+        assert "✗ fail  no-contact  as expected (fail)" in shown(pilot)
+        assert "known: violated at the closed door" in shown(pilot)
+
+
+async def test_n_goes_to_what_is_not_as_expected_and_enter_lists_its_runs(judged) -> None:
+    async with opened(judged) as pilot:
+        await settle(pilot)
+        await press(pilot, "m", "n")
+        assert pilot.app.screen.query_one(CellTable).cell == ("S2", "a2s")
+        await press(pilot, "enter")
+        assert isinstance(pilot.app.screen, RunsScreen)
+        text = shown(pilot)
+        assert f"campaigns › {CAMPAIGN} › S2/a2s  1-3 of 3" in text
+        assert "S2/a2s/1" in text
+        assert "S2/pilot" not in text
+        await press(pilot, "escape", "a")
+        assert "1-18 of 18" in shown(pilot)
+        await press(pilot, "m")
+        assert isinstance(pilot.app.screen, MatrixScreen)
+
+
+async def test_the_matrix_changes_while_runs_finish_and_the_cursor_stays(judged) -> None:
+    async with opened(judged) as pilot:
+        await settle(pilot)
+        await press(pilot, "m", "j", "l")
+        rows = list(judged.rows)
+        rows[14] = replace(rows[14], state=RunState.DONE, outcome=Outcome.FAIL, margin=-2.0,
+                           oracle="no-contact", unit="m")  # fmt: skip
+        judged.rows = tuple(rows)
+        await settle(pilot)
+        assert "✗ fail 2/3 b" in shown(pilot)
+        assert pilot.app.screen.query_one(CellTable).cell == ("S2", "a2s")
+
+
+async def test_a_campaign_with_nothing_unexpected_says_so(judged) -> None:
+    async with opened(judged) as pilot:
+        await settle(pilot)
+        await press(pilot, "j", "m", "n")
+        assert f"campaigns › {OLD} › matrix  ✓ as expected" in shown(pilot)
+        # One system under test: each cell has a line, with a glyph for each repeat.
+        assert "✓ pass 4/4 ✓✓✓✓  no-contact +0.2 m" in shown(pilot)
+        assert "no cell is unexpected" in " ".join(n.message for n in pilot.app._notifications)
+
+
+async def test_a_campaign_without_runs_says_so(judged) -> None:
+    judged.rows = ()
+    async with opened(judged) as pilot:
+        await settle(pilot)
+        await press(pilot, "m")
+        assert "This campaign has no runs" in shown(pilot)
+
+
+class Clock:
+    """Says the time it was told, and that every question takes ``took`` seconds."""
+
+    def __init__(self, fake: FakeDaemon, took: float) -> None:
+        self.now, self._took = 0.0, took
+        fake.before = lambda _: self._pass()
+
+    def _pass(self) -> None:
+        self.now += self._took
+
+    def __call__(self) -> float:
+        return self.now
+
+
+def judged_at(fake: FakeDaemon, took: float, moments: Sequence[float], wanted: str) -> list[bool]:
+    """Return at which moments a judge works on the first campaign, which changes all the time."""
+    clock = Clock(fake, took)
+    judge, rows = CampaignAssessor(clock=clock), fake._campaign_rows()[:1]
+    found = []
+    for moment in moments:
+        clock.now = moment
+        judge.touch(CAMPAIGN)
+        found.append(judge.step(fake, rows, wanted))
+    return found
+
+
+def test_what_is_shown_is_judged_once_a_second_and_the_rest_less_often(judged) -> None:
+    moments = (0.0, 0.5, 1.1, 1.5, 2.2, 7.5)
+    assert judged_at(judged, 0.0, moments, CAMPAIGN) == [True, False, True, False, True, True]
+    assert judged_at(judged, 0.0, moments, "") == [True, False, False, False, False, True]
+
+
+def test_judging_large_campaigns_leaves_most_of_the_time_to_others(judged) -> None:
+    # Three questions of 2 s each: after 6 s of work follow 18 s of rest.
+    moments = (0.0, 8.0, 20.0, 25.0)
+    assert judged_at(judged, 2.0, moments, CAMPAIGN) == [True, False, False, True]
+
+
+def test_what_did_not_change_is_not_judged_again(judged) -> None:
+    judge, rows = CampaignAssessor(clock=lambda: 0.0, every=0.0), judged._campaign_rows()
+    assert [judge.step(judged, rows, "") for _ in range(3)] == [True, True, False]
+    assert judge.step(judged, rows, CAMPAIGN)  # now everything about it is wanted
+    assert not judge.step(judged, rows, CAMPAIGN)
+    assert judge.conclusions[OLD].said == "✓ as expected"
+    assert judge.conclusions[CAMPAIGN].said == "✗ 1 unexpected"
+
+
+@pytest.mark.parametrize(
+    ("code", "finished", "said"),
+    [
+        (0, True, "✓ as expected"),
+        (3, True, "! not all judged"),
+        (4, True, "? undecided"),
+        (4, False, "▶ so far fine"),
+    ],
+)
+def test_a_campaign_is_told_in_two_words(code, finished, said) -> None:
+    assert conclude(Assessment((), (), (), code), finished=finished).said == said
+
+
+def test_the_first_line_is_about_the_newest_campaign_of_each_name(judged) -> None:
+    rows = judged._campaign_rows()
+    fixed = replace(rows[0], id="first-later")
+    said = {rows[0].id: unexpected_conclusion(2), rows[1].id: unexpected_conclusion(1), fixed.id: conclude(
+        Assessment((), (), (), 0), finished=True)}  # fmt: skip
+    assert overall_conclusion(rows, said) == unexpected_conclusion(3)
+    assert overall_conclusion((fixed, *rows), said) == unexpected_conclusion(1)
+    assert overall_conclusion((fixed,), said) == said[fixed.id]
+    assert overall_conclusion(rows, {}) is None

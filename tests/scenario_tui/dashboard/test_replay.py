@@ -1,0 +1,123 @@
+"""Every key of the replay, on a recorded run of ten seconds."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from scenario_tui.dashboard.playback import Playback, open_playback
+from scenario_tui.dashboard.screens.help import Help
+from scenario_tui.dashboard.screens.replay import ReplayApp, ReplayScreen
+from scenario_tui.dashboard.widgets.top_view import TopView
+from tests.scenario_tui.dashboard.inline import screen_text
+from tests.scenario_tui.recorded import HIT, TURNED, record_run
+
+
+@pytest.fixture(scope="module")
+def playback(tmp_path_factory: pytest.TempPathFactory) -> Playback:
+    return open_playback(record_run(tmp_path_factory.mktemp("traces") / "run.mcap"))
+
+
+class Clock:
+    """Stands still unless it is moved."""
+
+    def __init__(self) -> None:
+        self.now = 0.0
+
+    def __call__(self) -> float:
+        return self.now
+
+
+def opened(playback: Playback, begin: float = 2.0, size: tuple[int, int] = (80, 24)) -> Any:
+    screen = ReplayScreen(playback, begin, clock=Clock())
+    return ReplayApp(screen).run_test(size=size)
+
+
+def shown(pilot: Any) -> str:
+    return "\n".join(screen_text(pilot))
+
+
+def head(pilot: Any) -> str:
+    return screen_text(pilot)[0].strip()
+
+
+async def test_keys_move_through_the_run(playback: Playback) -> None:
+    async with opened(playback) as pilot:
+        await pilot.pause(0)
+        assert head(pilot).startswith("▶ 1x  S2/pilot/0  2.0 s of 10.0 s  reached 0 of 3")
+        for key, time in (
+            ("right", "3.0"), ("left", "2.0"), ("shift+right", "10.0"), ("shift+left", "0.0"),
+            ("end", "10.0"), ("home", "0.0"), ("n", f"{HIT}"), ("n", f"{TURNED}"),
+            ("n", f"{TURNED}"), ("N", f"{HIT}"),
+        ):  # fmt: skip
+            await pilot.press(key)
+            await pilot.pause(0)
+            assert f"  {time} s of 10.0 s" in head(pilot), key
+        assert head(pilot).startswith("‖")
+        assert "✱" in shown(pilot)
+
+
+async def test_time_passes_while_it_plays_and_not_while_it_pauses(playback: Playback) -> None:
+    async with opened(playback) as pilot:
+        screen = pilot.app.screen
+        await pilot.press("space")
+        screen.clock.now += 1.0
+        screen.tick()
+        assert screen.transport.time == 2.0
+        await pilot.press("space", "plus")
+        screen.clock.now += 1.0
+        screen.tick()
+        await pilot.pause(0)
+        assert screen.transport.time == pytest.approx(4.0)
+        assert head(pilot).startswith("▶ 2x")
+        await pilot.press("minus", "minus")
+        await pilot.pause(0)
+        assert head(pilot).startswith("▶ 0.5x")
+        screen.clock.now += 60.0
+        screen.tick()
+        await pilot.pause(0)
+        assert head(pilot).startswith("‖ 0.5x  S2/pilot/0  10.0 s of 10.0 s")
+
+
+async def test_contacts_are_not_missed_between_two_frames(playback: Playback) -> None:
+    async with opened(playback) as pilot:
+        screen = pilot.app.screen
+        screen.transport.speed = 50.0
+        screen.clock.now += 0.1
+        screen.tick()  # from 2 s to 7 s, the contact was at 6 s
+        await pilot.pause(0)
+        assert "✱" in shown(pilot)
+
+
+async def test_z_comes_nearer_and_question_mark_lists_the_keys(playback: Playback) -> None:
+    async with opened(playback) as pilot:
+        await pilot.press("z")
+        assert pilot.app.screen.query_one(TopView)._zoom == 2
+        await pilot.press("question_mark")
+        await pilot.pause(0)
+        assert isinstance(pilot.app.screen, Help)
+        for words in ("Play/pause", "Faster: Up to 1000x", "Next ✗", "Previous ✗", "+10 s"):
+            assert words in shown(pilot)
+        await pilot.press("escape")
+        assert isinstance(pilot.app.screen, ReplayScreen)
+
+
+async def test_q_leaves(playback: Playback) -> None:
+    async with opened(playback) as pilot:
+        await pilot.press("q")
+        await pilot.pause(0)
+        assert pilot.app._exit
+
+
+@pytest.mark.parametrize("size", [(40, 10), (160, 50)])
+async def test_it_fits_into_any_terminal(playback: Playback, size: tuple[int, int]) -> None:
+    async with opened(playback, HIT, size) as pilot:
+        await pilot.pause(0)
+        assert "6.0 s" in shown(pilot)
+        assert pilot.app.screen.query_one(TopView).size.height >= 3
+
+
+def test_what_it_looks_like(snap_compare: Any, playback: Playback) -> None:
+    screen = ReplayScreen(playback, HIT, clock=Clock())
+    assert snap_compare(ReplayApp(screen), terminal_size=(80, 24), press=["space"])

@@ -1,0 +1,277 @@
+"""The screen of one run: its parts, one moment for all, and what is said without a trace."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+from textual.widgets import Static
+
+from daemon.judging.oracles import judge
+from daemon.model.status import LiveSnapshot, RunDetail
+from daemon.trace import read_trace
+from scenario_tui.dashboard.screens.compare import CompareScreen
+from scenario_tui.dashboard.screens.run import RunScreen
+from scenario_tui.dashboard.state import Tracks
+from scenario_tui.dashboard.widgets.top_view import TopView
+from tests.scenario_tui.dashboard.inline import make_dashboard, press, screen_text, settle
+from tests.scenario_tui.fake import CAMPAIGN, FakeDaemon, make_live
+from tests.scenario_tui.recorded import HIT, TURNED, record_run
+
+RUN = f"{CAMPAIGN}.5"
+
+
+@pytest.fixture(scope="module")
+def trace(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return record_run(tmp_path_factory.mktemp("traces") / "run.mcap")
+
+
+class Recorded(FakeDaemon):
+    """Runs 5 and 6 are the recorded one, with the verdicts it deserves."""
+
+    def __init__(self, trace: Path) -> None:
+        super().__init__()
+        self.rows = tuple(
+            replace(row, trace=str(trace)) if row.index in (5, 6) else row for row in self.rows
+        )
+        recorded = read_trace(trace)
+        self._verdicts = judge(recorded, recorded.spec.oracles)
+
+    def run(self, run: str) -> RunDetail:
+        detail = super().run(run)
+        if detail.row.index not in (5, 6) or detail.result is None:
+            return detail
+        note = "parameters without effect: a, b"
+        return replace(detail, result=replace(detail.result, verdicts=self._verdicts, note=note))
+
+
+def shown(pilot: Any) -> str:
+    return "\n".join(screen_text(pilot))
+
+
+def opened(fake: FakeDaemon, size: tuple[int, int] = (80, 24)) -> Any:
+    return make_dashboard(fake).run_test(size=size)
+
+
+async def look_at(pilot: Any, run: str = RUN) -> None:
+    await pilot.pause(0)
+    pilot.app.open_run(run)
+    await settle(pilot)
+    await pilot.app.workers.wait_for_complete()
+    await settle(pilot)
+
+
+def now(pilot: Any) -> float:
+    return float(pilot.app.screen.transport.time)
+
+
+async def test_a_verdict_chosen_puts_everything_at_its_moment(trace: Path) -> None:
+    async with opened(Recorded(trace)) as pilot:
+        await look_at(pilot)
+        assert "✗ fail  ‖ 1x  8.0 s of 10.0 s  1/3 wp" in shown(pilot)
+        assert now(pilot) == pytest.approx(TURNED)  # of the first verdict that failed
+        await press(pilot, "down")
+        assert now(pilot) == HIT
+        await press(pilot, "up", "left", "enter")
+        assert now(pilot) == pytest.approx(TURNED)
+        await press(pilot, "tab")
+        assert screen_text(pilot)[3].split()[0] == "speed.angular"  # what the oracle reads leads
+        assert "0.9 rad/s" in shown(pilot)
+        await press(pilot, "N", "tab")
+        assert now(pilot) == HIT
+        assert "✱" in shown(pilot)
+
+
+async def test_parts_follow_each_other_where_there_is_room_for_one(trace: Path) -> None:
+    async with opened(Recorded(trace)) as pilot:
+        await look_at(pilot)
+        for name, words in (
+            ("verdicts", "✓ pass  slow"), ("signals", "loc.error"), ("map", "waypoint ahead"),
+            ("log", "parameters without effect: a, b"),
+        ):  # fmt: skip
+            assert f"[{name}]" in shown(pilot)
+            assert words in shown(pilot)
+            await press(pilot, "tab")
+        await press(pilot, "shift+tab")
+        for words in ("seed 2024", "contact", "robot touches door-1/leaf", "✗ no-contact decided",
+                      "door-1.hinge opens"):  # fmt: skip
+            assert words in shown(pilot)
+
+
+async def test_wide_terminals_show_everything_at_once(trace: Path) -> None:
+    async with opened(Recorded(trace), (200, 50)) as pilot:
+        await look_at(pilot)
+        for words in ("✗ fail  no-contact", "waypoint ahead", "speed.angular", "seed 2024"):
+            assert words in shown(pilot)
+
+
+async def test_time_passes_while_it_plays_and_follows_zoom_and_pan(trace: Path) -> None:
+    async with opened(Recorded(trace)) as pilot:
+        await look_at(pilot)
+        screen = pilot.app.screen
+        clock = [0.0]
+        screen.clock = lambda: clock[0]
+        screen.tick()
+        await pilot.press("home", "plus", "space", "tab", "tab")
+        await settle(pilot)
+        clock[0] += 1.0
+        screen.tick()
+        await settle(pilot)
+        assert now(pilot) == pytest.approx(2.0)
+        assert "▶ 2x" in shown(pilot)
+        before = shown(pilot)
+        await press(pilot, "h")
+        assert "z comes nearer" in " ".join(n.message for n in pilot.app._notifications)
+        await pilot.press("z", "z", "l", "k")
+        top = screen.query_one(TopView)
+        assert not top._follows
+        await press(pilot, "f")
+        assert top._follows
+        assert shown(pilot) != before
+
+
+@pytest.mark.parametrize(
+    ("index", "words", "size"),
+    [
+        (0, "not on this machine", (80, 24)),
+        (8, "drawn when the run is over", (40, 10)),
+        (9, "r queues it again", (120, 40)),
+    ],
+)
+async def test_what_cannot_be_shown_is_said(
+    fake: FakeDaemon, index: int, words: str, size: tuple[int, int]
+) -> None:
+    async with opened(fake, size) as pilot:
+        await look_at(pilot, f"{CAMPAIGN}.{index}")
+        await pilot.press("tab", "space", "n", "right", "z", "p")
+        await settle(pilot)
+        assert words in " ".join(shown(pilot).split())
+
+
+async def test_a_damaged_trace_is_said_to_be_one(
+    fake: FakeDaemon, trace: Path, tmp_path: Path
+) -> None:
+    broken = tmp_path / "broken.mcap"
+    broken.write_bytes(trace.read_bytes()[:300])
+    fake.rows = tuple(replace(row, trace=str(broken)) for row in fake.rows)
+    async with opened(fake) as pilot:
+        await look_at(pilot)
+        await press(pilot, "tab")
+        assert "Run it again" in shown(pilot)
+
+
+async def test_a_trace_that_was_cut_is_shown_as_far_as_it_goes(
+    fake: FakeDaemon, trace: Path, tmp_path: Path
+) -> None:
+    cut = tmp_path / "cut.mcap"
+    cut.write_bytes(trace.read_bytes()[:-2000])
+    fake.rows = tuple(replace(row, trace=str(cut)) for row in fake.rows)
+    async with opened(fake) as pilot:
+        await look_at(pilot)
+        await press(pilot, "tab")
+        assert "loc.error" in shown(pilot)
+
+
+async def test_two_runs_marked_are_compared(trace: Path) -> None:
+    async with opened(Recorded(trace), (100, 24)) as pilot:
+        await pilot.pause(0)
+        pilot.app.open_runs(CAMPAIGN)
+        await settle(pilot)
+        await press(pilot, *["j"] * 5, "equals_sign")
+        assert pilot.app.marked == RUN
+        assert f"= {RUN} marked" in shown(pilot)
+        await press(pilot, "j", "equals_sign")
+        await pilot.app.workers.wait_for_complete()
+        await settle(pilot)
+        assert isinstance(pilot.app.screen, CompareScreen)
+        assert pilot.app.marked == ""
+        await press(pilot, "q")
+        await look_at(pilot)
+        await press(pilot, "C")
+        assert pilot.app.marked == RUN
+        await press(pilot, "C")
+        assert pilot.app.marked == ""
+
+
+async def test_a_run_without_a_trace_is_not_compared(fake: FakeDaemon) -> None:
+    async with opened(fake) as pilot:
+        await look_at(pilot, f"{CAMPAIGN}.0")
+        pilot.app.marked = f"{CAMPAIGN}.1"
+        await press(pilot, "C")
+        await pilot.app.workers.wait_for_complete()
+        assert "trace" in " ".join(n.message for n in pilot.app._notifications)
+        assert isinstance(pilot.app.screen, RunScreen)
+
+
+def detailed(time: float, **changes: Any) -> LiveSnapshot:
+    live = make_live(7, time)
+    more = {
+        "spread": (0.04, 0.0, 0.04),
+        "returns": (300, 100, 310, 110),
+        "plan": (400, 200, 800, 100),
+    }
+    return replace(live, snapshot=replace(live.snapshot, **(more | changes)))
+
+
+async def test_a_run_is_watched_while_it_is_shown_and_runs(fake: FakeDaemon) -> None:
+    async with opened(fake) as pilot:
+        await look_at(pilot, f"{CAMPAIGN}.7")
+        assert list(fake.watchers) == [f"{CAMPAIGN}.7"]
+        fake.live = (make_live(7, 20.0),)
+        await settle(pilot)
+        before = shown(pilot)
+        fake.watchers[f"{CAMPAIGN}.7"](detailed(20.0, contacts=(600, 300)))
+        await settle(pilot)
+        assert shown(pilot) != before
+        assert "✱" in shown(pilot)
+        view = pilot.app.screen.query_one(TopView)._view
+        assert view is not None
+        assert view.returns == ((3.0, 1.0), (3.1, 1.1))
+        assert view.plan[-1] == (8.0, 1.0)
+        await press(pilot, "escape")
+        assert fake.watchers == {}
+
+
+def test_contacts_flash_for_a_while() -> None:
+    clock = [0.0]
+    tracks = Tracks(clock=lambda: clock[0])
+    tracks.add(detailed(1.0, contacts=(100, 200)))
+    clock[0] = 0.4
+    tracks.add(detailed(2.0))
+    track = tracks.get(f"{CAMPAIGN}.7")
+    assert track is not None
+    assert list(track.flashes) == [(1.0, 2.0)]
+    clock[0] = 0.6
+    tracks.add(detailed(3.0))
+    assert track.flashes == {}
+
+
+def test_a_long_trail_becomes_coarser_and_never_long() -> None:
+    tracks = Tracks()
+    for step in range(20_000):
+        tracks.add(make_live(7, step * 2.0))
+    track = tracks.get(f"{CAMPAIGN}.7")
+    assert track is not None
+    assert 500 < len(track.trail) <= 2000
+    assert track.trail[0] == (1.0, 2.0)
+    assert track.trail[-1][0] == pytest.approx(2001.0, abs=2.0)
+
+
+@pytest.mark.parametrize(
+    ("size", "keys"),
+    [((80, 24), ()), ((80, 24), ("tab",)), ((120, 40), ())],
+    ids=["verdicts-80x24", "signals-80x24", "120x40"],
+)
+def test_what_a_failed_run_looks_like(
+    snap_compare: Any, trace: Path, size: tuple[int, int], keys: tuple[str, ...]
+) -> None:
+    async def before(pilot: Any) -> None:
+        await look_at(pilot)
+        # Where the trace lies differs from test to test, and is wrapped in the log.
+        pilot.app.screen.query_one("#log-text", Static).update("")
+        await press(pilot, *keys)
+
+    dashboard = make_dashboard(Recorded(trace))
+    assert snap_compare(dashboard, terminal_size=size, run_before=before)

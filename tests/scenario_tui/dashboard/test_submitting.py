@@ -1,0 +1,136 @@
+"""Choosing a campaign file, what the check says of it, and handing it over."""
+
+from __future__ import annotations
+
+import os
+import shutil
+from pathlib import Path
+from typing import Any
+
+import pytest
+from textual.widgets import Input, Static
+
+from scenario_tui.campaign_files import find_files, fuzzy_matches, is_campaign, typed_folder
+from scenario_tui.dashboard.app import Dashboard
+from scenario_tui.dashboard.screens.campaigns import CampaignsScreen
+from scenario_tui.dashboard.screens.submit import SubmitScreen
+from scenario_tui.submission import check_file
+from tests.scenario_tui.dashboard import inline
+from tests.scenario_tui.dashboard.driven import SteeredDaemon, notices, until
+from tests.scenario_tui.dashboard.inline import press, screen_text, settle
+
+DEMO = Path(__file__).parents[2] / "campaigns"
+
+
+@pytest.fixture
+def fake() -> SteeredDaemon:
+    return SteeredDaemon()
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The campaigns that come with us, a broken one, and what is passed by."""
+    for name in ("demo", "robots", "suts"):
+        shutil.copytree(DEMO / name, tmp_path / name)
+    (tmp_path / "broken.yaml").write_text("campaign: broken\nscenarois: {}\n")
+    hidden = tmp_path / ".old"
+    hidden.mkdir()
+    (hidden / "old.yaml").write_text("campaign: old\n")
+    os.utime(tmp_path / "broken.yaml", (1.0, 1.0))
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def make_dashboard(fake: SteeredDaemon) -> Dashboard:
+    """Files are examined in this process, which has loaded what that takes."""
+    return inline.make_dashboard(fake, examine=check_file)
+
+
+def about(pilot: Any) -> str:
+    return str(pilot.app.screen.query_one("#about", Static).render())
+
+
+async def opened_at(pilot: Any, file: str) -> None:
+    await settle(pilot)
+    await press(pilot, "s")
+    assert isinstance(pilot.app.screen, SubmitScreen)
+    pilot.app.screen.query_one(Input).value = file
+    await until(pilot, lambda: any(file in line for line in screen_text(pilot)[3:8]))
+
+
+async def test_a_campaign_is_checked_beside_its_name_and_submitted(fake, folder) -> None:
+    async with make_dashboard(fake).run_test(size=(80, 24)) as pilot:
+        await opened_at(pilot, "demo/camp")
+        await until(pilot, lambda: "✓" in about(pilot))
+        assert "3 scenarios, 15 runs" in about(pilot)
+        assert "same as: scenario submit demo/campaign.yaml" in about(pilot)
+        await pilot.press("ctrl+r")
+        assert "demo/campaign.yaml --fresh" in about(pilot)
+        await pilot.press("enter")
+        await until(pilot, lambda: fake.told("submit"))
+        await settle(pilot)
+        assert isinstance(pilot.app.screen, CampaignsScreen)
+        assert ": 15 runs" in notices(pilot)
+
+
+async def test_what_is_wrong_is_said_with_its_line_and_not_submitted(fake, folder) -> None:
+    async with make_dashboard(fake).run_test(size=(80, 24)) as pilot:
+        await opened_at(pilot, "broken")
+        await until(pilot, lambda: "✗" in about(pilot))
+        assert "broken.yaml:2:1: error:" in about(pilot)
+        assert "scenarios" in about(pilot)
+        await pilot.press("enter")
+        await until(pilot, lambda: "not submitted: " in notices(pilot))
+        assert isinstance(pilot.app.screen, SubmitScreen)
+        (folder / "broken.yaml").write_text("campaign: broken\nsenarios: {}\n")
+        await until(pilot, lambda: "senarios" in about(pilot))
+        await press(pilot, "escape")
+        assert pilot.app.screen.query_one(Input).value == ""
+        await press(pilot, "escape")
+        assert isinstance(pilot.app.screen, CampaignsScreen)
+    assert not fake.told("submit")
+
+
+async def test_where_there_is_no_campaign_the_screen_says_where_to_look(
+    fake, folder, monkeypatch
+) -> None:
+    monkeypatch.chdir(folder / "robots")
+    async with make_dashboard(fake).run_test(size=(80, 24)) as pilot:
+        await settle(pilot)
+        await press(pilot, "s")
+        await until(pilot, lambda: "No campaign file here" in "\n".join(screen_text(pilot)))
+        await press(pilot, "enter")
+        assert "there is no campaign file to submit" in notices(pilot)
+        pilot.app.screen.query_one(Input).value = "../bro"
+        await until(pilot, lambda: "broken.yaml" in "\n".join(screen_text(pilot)))
+
+
+async def test_only_a_second_click_on_a_file_submits_it(fake, folder) -> None:
+    async with make_dashboard(fake).run_test(size=(80, 24)) as pilot:
+        await settle(pilot)
+        await press(pilot, "s")
+        await until(pilot, lambda: "broken.yaml" in screen_text(pilot)[4])
+        await pilot.click(offset=(5, 4))
+        await until(pilot, lambda: "✗" in about(pilot))
+        assert not notices(pilot)
+        await pilot.click(offset=(5, 4))
+        await until(pilot, lambda: "not submitted: " in notices(pilot))
+
+
+def test_campaigns_near_are_found_those_changed_last_first(folder: Path) -> None:
+    found = find_files(folder, is_campaign)
+    assert found == (folder / "demo" / "campaign.yaml", folder / "broken.yaml")
+
+
+def test_letters_in_order_are_enough_to_find_a_file() -> None:
+    names = ("ortega2024/campaign.yaml", "demo/campaign.yaml")
+    assert fuzzy_matches(names, "dcamp") == ("demo/campaign.yaml",)
+    assert fuzzy_matches(names, "") == names
+    assert fuzzy_matches(names, "xyz") == ()
+
+
+def test_only_a_path_leads_to_another_folder(tmp_path: Path) -> None:
+    (tmp_path / "lab").mkdir()
+    assert typed_folder("./lab/cam", tmp_path) == (tmp_path / "lab", "cam")
+    assert typed_folder("lab/cam", tmp_path) is None
+    assert typed_folder("../nowhere/cam", tmp_path) is None

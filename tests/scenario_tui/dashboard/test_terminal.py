@@ -1,0 +1,178 @@
+"""The dashboard of a real daemon in a real terminal: typed at, resized, left alone, suspended."""
+
+from __future__ import annotations
+
+import os
+import shlex
+import shutil
+import signal
+import subprocess
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from tests.daemon.batch.harness import ROOT, DaemonPart, daemon_at, eventually, finished
+from tests.daemon.batch.samples import make_spec, submission_of
+from tests.scenario_tui.terminal.pseudo_terminal.pseudo_terminal import (
+    ALTERNATE,
+    MOUSE,
+    PASTE,
+    Terminal,
+    scenario,
+    terminal,
+)
+
+OUTCOMES = {"S1": "pass", "S2": "fail", "S3": "inconclusive"}
+FEW_BYTES = 400
+"""What may be sent to a dashboard in a second in which only ages grow."""
+
+
+@pytest.fixture(scope="module")
+def daemon(tmp_path_factory: pytest.TempPathFactory) -> Iterator[DaemonPart]:
+    """A daemon with a small campaign that is over."""
+    with daemon_at(tmp_path_factory.mktemp("terminal") / "state", slots=1) as part:
+        specs = (make_spec(scenario=name, outcome=outcome) for name, outcome in OUTCOMES.items())
+        with part.client() as client:
+            client.submit(submission_of("corridor-1", *specs))
+            eventually(lambda: finished(client, len(OUTCOMES)))
+        yield part
+
+
+def dashboard(daemon: DaemonPart) -> list[str]:
+    return scenario("tui", "--connect", daemon.endpoint)
+
+
+def restored(shown: Terminal) -> bool:
+    """Whether the terminal is as it was found."""
+    modes = (ALTERNATE, PASTE, *MOUSE)
+    return not any(shown.mode(mode) for mode in modes) and not shown.screen.cursor.hidden
+
+
+def test_it_is_typed_at_resized_and_left_while_the_daemon_goes_and_comes(daemon) -> None:
+    with terminal(dashboard(daemon)) as shown:
+        shown.until("corridor-1")
+        shown.until("✗ 1 fail")
+        assert shown.mode(ALTERNATE)
+        shown.type("\r")
+        shown.until("S3/pilot/0")
+        shown.type("/S2")
+        shown.until(lambda: "S2/pilot/0" in shown.text and "S3/pilot/0" not in shown.text)
+        shown.type("\x1b")
+        shown.until("S3/pilot/0")
+
+        shown.resize(120, 40)
+        shown.until(lambda: len(shown.lines[0]) <= 120 and "worker" in shown.text)
+        shown.resize(40, 10)
+        shown.until(lambda: "S1/pilot/0" in shown.text and shown.lines[0].startswith(" ✓"))
+        shown.resize(80, 24)
+        shown.until("connected")
+
+        daemon.kill()
+        shown.until("no daemon answers, data is")
+        assert "S3/pilot/0" in shown.text
+        daemon.restart()
+        shown.until("✓ connected")
+
+        shown.type("q")
+        assert shown.wait() == 0
+        assert "Left the dashboard" in shown.text
+        assert restored(shown)
+    with daemon.batch.client() as client:
+        assert client.overview().done == len(OUTCOMES)
+
+
+def test_suspended_it_gives_the_terminal_back_and_takes_it_again(daemon) -> None:
+    with terminal(dashboard(daemon)) as shown:
+        shown.until("corridor-1")
+        shown.type("\x1a")
+        eventually(lambda: (shown.read(0.05), shown.stopped())[1])
+        shown.read(0.2)
+        assert restored(shown)
+        shown.screen.reset()
+        os.kill(shown.pid, signal.SIGCONT)
+        shown.until("corridor-1")
+        assert shown.mode(ALTERNATE)
+        shown.type("\x0c")
+        shown.until("corridor-1")
+        shown.type("q")
+        assert shown.wait() == 0
+        assert restored(shown)
+
+
+def test_while_nothing_happens_next_to_nothing_is_sent(daemon) -> None:
+    with terminal(dashboard(daemon)) as shown:
+        shown.until("corridor-1")
+        shown.until("✗ 1 fail")
+        shown.read(1.5)
+        before, began = shown.sent, time.monotonic()
+        while time.monotonic() < began + 1.5:
+            shown.read(0.3)
+        assert shown.sent - before < FEW_BYTES * (time.monotonic() - began)
+
+
+def test_sixteen_colours_and_ascii_are_enough(daemon) -> None:
+    # The terminal of this test says nothing when it is asked, as old ones do.
+    with terminal(dashboard(daemon), environ={"TERM": "xterm", "LANG": "C"}) as shown:
+        shown.until("corridor-1")
+        shown.until("x 1 fail")
+        shown.type("\r")
+        shown.until("+ pass")
+        shown.read(0.3)
+        drawn = bytes(shown.raw).split(b"\x1b[6n", 1)[1]
+        assert drawn.isascii()
+        assert b"38;" not in drawn
+        assert b"48;" not in drawn
+        selected = next(y for y, line in enumerate(shown.lines) if "S1/pilot/0" in line)
+        assert shown.screen.buffer[selected][1].reverse
+        assert not shown.screen.buffer[selected + 1][1].reverse
+
+
+def test_a_dumb_terminal_is_told_what_to_do() -> None:
+    with terminal(scenario("tui"), environ={"TERM": "dumb"}) as shown:
+        assert shown.wait() == 2
+        assert "cannot be drawn on" in shown.text
+        assert "scenario status" in shown.text
+
+
+class Tmux:
+    """A tmux of this test alone, with one window."""
+
+    def __init__(self, socket: Path, command: list[str]) -> None:
+        self._base = ["tmux", "-S", str(socket), "-f", "/dev/null"]
+        line = " ".join(map(shlex.quote, command))
+        self.call("new-session", "-d", "-x", "80", "-y", "24", f"{line}; sleep 60")
+
+    def call(self, *arguments: str) -> str:
+        around = {"PATH": os.environ["PATH"], "LANG": "C.UTF-8", "HOME": "/nowhere",
+                  "SHELL": "/bin/sh", "SCENARIO_GLYPHS": "unicode"}  # fmt: skip
+        done = subprocess.run(
+            [*self._base, *arguments], env=around, cwd=ROOT, capture_output=True, text=True,
+            check=True, timeout=10.0,
+        )  # fmt: skip
+        return done.stdout
+
+    @property
+    def text(self) -> str:
+        return self.call("capture-pane", "-p")
+
+    def until(self, seen: str) -> None:
+        eventually(lambda: seen in self.text, 30.0)
+
+
+@pytest.mark.skipif(shutil.which("tmux") is None, reason="tmux is not installed")
+def test_inside_tmux_it_is_typed_at_and_resized(daemon, tmp_path) -> None:
+    window = Tmux(tmp_path / "socket", dashboard(daemon))
+    try:
+        window.until("corridor-1")
+        window.call("send-keys", "Enter")
+        window.until("S3/pilot/0")
+        window.call("resize-window", "-x", "120", "-y", "40")
+        window.until("worker")
+        window.call("resize-window", "-x", "40", "-y", "10")
+        window.until("S1/pilot/0")
+        window.call("send-keys", "q")
+        window.until("Left the dashboard")
+    finally:
+        window.call("kill-server")
