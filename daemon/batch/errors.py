@@ -49,13 +49,6 @@ class KeysUnusable(DaemonError):  # noqa: N818  (reads as a sentence where it is
     """The keys for a connection are missing, damaged, or those of somebody else."""
 
 
-class SutMissing(ValueError):  # noqa: N818  (reads as a sentence where it is raised)
-    """A kind of system under test is not installed on this machine, or cannot be loaded there.
-
-    No :class:`DaemonError`: it is about parameters, and comes from there.
-    """
-
-
 class LaunchFailed(DaemonError):  # noqa: N818  (reads as a sentence where it is raised)
     """A daemon was started and did not come up."""
 

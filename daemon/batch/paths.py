@@ -14,7 +14,6 @@ Shell completion asks at every TAB where the ledger lies: what is heavy is impor
 from __future__ import annotations
 
 import errno
-import functools
 import hashlib
 import ipaddress
 import os
@@ -25,41 +24,23 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Final, Literal
-from urllib.parse import quote
 
 import platformdirs
+
+from daemon.model.ids import is_digest, is_id
 
 if TYPE_CHECKING:
     from daemon.model.status import DiskUsage
 
 INSECURE_VARIABLE: Final = "SCENARIO_INSECURE"
 """Set to speak plain TCP to other machines all the same."""
-_ID: Final = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,99}\Z")
-_RUN_ID: Final = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,99}\.[0-9]{1,9}\Z")
-_DIGEST: Final = re.compile(r"[0-9a-f]{64}\Z")
 _ENDPOINT: Final = re.compile(r"(?:tcp|tls)/(\[[0-9A-Fa-f:.]+\]|[A-Za-z0-9._-]+):([0-9]{1,5})\Z")
 _SOCKET: Final = "unixsock-stream/"
 _SOCKET_PATH: Final = re.compile(r"/[^?#\x00-\x1f]+\Z")
 _LONGEST_SOCKET: Final = 100
 """Bytes of a socket's path: systems take 103 or 107."""
-_LONGEST_NAME: Final = 200
 _SPARE_SPACE: Final = 32 * 2**20
 """Bytes that must be free before a run starts: some long traces and the ledger's growth."""
-
-
-def is_id(text: str) -> bool:
-    """Whether ``text`` may name a campaign or a worker, in paths and on the bus."""
-    return _ID.match(text) is not None
-
-
-def is_run_id(text: str) -> bool:
-    """Whether ``text`` may name a run: ``<campaign>.<index>``."""
-    return _RUN_ID.match(text) is not None
-
-
-def is_digest(text: str) -> bool:
-    """Whether ``text`` looks like a SHA-256: 64 lower-case hexadecimal digits."""
-    return _DIGEST.match(text) is not None
 
 
 def is_endpoint(text: str) -> bool:
@@ -103,27 +84,6 @@ def is_local(endpoint: str) -> bool:
         return ipaddress.ip_address(found[1].strip("[]")).is_loopback
     except ValueError:
         return found[1] == "localhost"
-
-
-def trace_name(campaign: str, scenario: str, sut: str, repeat: int) -> str:
-    """Path of a run's trace below the traces directory, ``/`` separated.
-
-    Different runs get different names and no name leaves the directory: everything outside
-    ``[A-Za-z0-9_~-]``, the dot included, is percent-encoded. Raises ``ValueError`` for a
-    campaign id that is none and for names no file system would take.
-    """
-    if not is_id(campaign):
-        raise ValueError(f"{campaign!r} is not a campaign id")
-    parts = (_quoted(scenario), _quoted(sut), str(int(repeat)))
-    name = ".".join(parts) + ".mcap"
-    if not all(parts) or repeat < 0 or len(name) > _LONGEST_NAME:
-        raise ValueError(f"{scenario!r} with {sut!r}, repeat {repeat}, makes no usable file name")
-    return f"{campaign}/{name}"
-
-
-@functools.lru_cache(4096)
-def _quoted(name: str) -> str:
-    return quote(name, safe="").replace(".", "%2E")
 
 
 @dataclass(frozen=True, slots=True)

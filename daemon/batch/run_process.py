@@ -24,9 +24,8 @@ from multiprocessing.connection import Connection, wait
 from pathlib import Path
 from typing import Final, Literal, NoReturn
 
-from daemon.batch.errors import SutMissing
 from daemon.batch.paths import sync_directory, write_atomically
-from daemon.model.attachments import FILES_VARIABLE
+from daemon.model.attachments import FILES_VARIABLE, SutMissing
 from daemon.model.messages import Lease
 from daemon.model.spec import RunResult, Snapshot
 from daemon.model.status import LiveSnapshot

@@ -17,8 +17,7 @@ from typing import Any, Final
 
 import platformdirs
 
-from daemon.batch.errors import SutMissing
-from daemon.batch.paths import is_digest
+from daemon.model.ids import is_digest
 
 FILES_PARAMETER: Final = "files"
 LARGEST_FILE: Final = 64 * 2**20
@@ -83,7 +82,7 @@ def resolve_paths(
 ) -> Mapping[str, Any]:
     """Return parameters with paths of this machine instead of digests.
 
-    Raises :class:`daemon.batch.errors.SutMissing` for a file that is not here.
+    Raises :class:`daemon.model.attachments.SutMissing` for a file that is not here.
     """
     digests = attached_digests(parameters)
     if not digests:
@@ -94,3 +93,10 @@ def resolve_paths(
         if not path.is_file():
             raise SutMissing(f'the file "{name}" of the system under test is not here: {path}')
     return {**parameters, FILES_PARAMETER: {name: str(path) for name, path in paths.items()}}
+
+
+class SutMissing(ValueError):  # noqa: N818  (reads as a sentence where it is raised)
+    """A kind of system under test is not installed on this machine, or cannot be loaded there.
+
+    No :class:`DaemonError`: it is about parameters, and comes from there.
+    """

@@ -13,8 +13,7 @@ from collections.abc import Callable, Mapping
 from importlib.metadata import EntryPoint, entry_points
 from typing import Any, Final, TypeAlias
 
-from daemon.batch.errors import SutMissing
-from daemon.model.attachments import resolve_paths
+from daemon.model.attachments import SutMissing, resolve_paths
 from daemon.model.sut import SystemUnderTest
 from daemon.stacks.findings import ParameterFindings
 from daemon.stacks.pilot import make_idle, make_pilot
@@ -48,7 +47,7 @@ def make_sut(kind: str, parameters: Mapping[str, Any]) -> SystemUnderTest:
     """Make a fresh system under test.
 
     Raises ``ValueError`` for parameters it does not take, and for a plugged one that cannot be
-    made or is no system under test; :class:`daemon.batch.errors.SutMissing`, a ``ValueError`` too, for
+    made or is no system under test; :class:`daemon.model.attachments.SutMissing`, a ``ValueError`` too, for
     a kind that is unknown on this machine or cannot be loaded.
     """
     factory = _BUILT_IN.get(kind)
@@ -58,7 +57,7 @@ def make_sut(kind: str, parameters: Mapping[str, Any]) -> SystemUnderTest:
     problem = _unlike_protocol(made)
     if problem:
         raise ValueError(
-            f'what the system under test "{kind}" makes {problem}, see daemon/model/sut.py'
+            f'what the system under test "{kind}" makes {problem}, see scenario_tui/sut.py'
         )
     return made
 

@@ -120,7 +120,7 @@ def _is_yaml(word: str) -> bool:
 
 
 def _folder(case: RunCase) -> Path:
-    from daemon.batch.paths import trace_name
+    from daemon.model.ids import trace_name
 
     spec = case.spec
     name = trace_name(case.campaign.name, spec.scenario, spec.sut.name, spec.repeat)

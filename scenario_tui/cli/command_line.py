@@ -192,8 +192,8 @@ def _report_wrong_usage(error: typer.TyperException) -> int:
 
 
 def _report_bad_input(error: InputError) -> int:
-    from scenario_tui.cli.output import say
-    from scenario_tui.text.diagnostics import diagnostic_counts, report_diagnostics
+    from scenario_tui.cli.output import report_diagnostics, say
+    from scenario_tui.text.diagnostics import diagnostic_counts
 
     report_diagnostics(error.diagnostics)
     say(diagnostic_counts(error.diagnostics))

@@ -204,8 +204,7 @@ def export(
     A campaign gets one folder per scenario; scenarios with equal worlds share one.
     """
     from grammars.text.diagnostics import Diagnostic, InputError, Severity, Where
-    from scenario_tui.cli.output import emit
-    from scenario_tui.text.diagnostics import report_diagnostics
+    from scenario_tui.cli.output import emit, report_diagnostics
     from templates.artefacts import export as write
     from templates.naming import file_name
     from templates.rendering import Templates

@@ -12,6 +12,8 @@ from collections.abc import Iterable
 from contextlib import suppress
 from typing import TYPE_CHECKING, Any, Final, TypeVar
 
+from grammars.text.diagnostics import Diagnostic
+
 if TYPE_CHECKING:
     from rich.console import Console
 
@@ -123,3 +125,14 @@ def _null_for_nonfinite(plain: Any) -> Any:
     if isinstance(plain, (list, tuple)):
         return [_null_for_nonfinite(value) for value in plain]
     return plain
+
+
+def report_diagnostics(diagnostics: Iterable[Diagnostic]) -> None:
+    """Print every diagnostic to standard error; that nobody reads them changes nothing."""
+    from scenario_tui.text.diagnostics import render_diagnostic
+
+    console = stderr_console()
+    # rich leaves the program when a pipe is broken; the command has its own exit code to give.
+    with suppress(SystemExit):
+        for diagnostic in diagnostics:
+            console.print(render_diagnostic(diagnostic), soft_wrap=True)

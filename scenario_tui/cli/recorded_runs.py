@@ -43,8 +43,8 @@ def fetch(
     Each is verified. What was interrupted goes on where it was; what is here already stays.
     """
     from daemon.batch.errors import TraceUnavailable
-    from daemon.batch.paths import trace_name
     from daemon.batch.stores import copy_trace, trace_reference
+    from daemon.model.ids import trace_name
     from scenario_tui.cli.output import say
     from scenario_tui.cli.target import DaemonTarget, recorded_runs, transfer_progress
 

@@ -19,10 +19,10 @@ if TYPE_CHECKING:
 
 _DEFAULT_PAGE: Final = Path("report.html")
 _RUN_COMMANDS: Final = (
-    ("replay", "scenario replay {run}", "watch it again", False),
-    ("report", "scenario report --run {run} -o run.svg", "a picture of it", False),
-    ("judge", "scenario judge {run}", "judge it again", False),
-    ("blame", "scenario blame {run}", "find out what makes it fail", True),
+    ("scenario replay {run}", "watch it again", False),
+    ("scenario report --run {run} -o run.svg", "a picture of it", False),
+    ("scenario judge {run}", "judge it again", False),
+    ("scenario blame {run}", "find out what makes it fail", True),
 )
 
 
@@ -158,14 +158,8 @@ def _fetch_campaign(campaign: str, target: DaemonTarget) -> ReportInput:
 def _run_commands() -> tuple[SuggestedCommand, ...]:
     """Return what can be typed about a run with this version."""
     from daemon.analysis.report import SuggestedCommand
-    from scenario_tui.cli.command_line import command_names
 
-    known = command_names()
-    return tuple(
-        SuggestedCommand(text, purpose, failing)
-        for name, text, purpose, failing in _RUN_COMMANDS
-        if name in known
-    )
+    return tuple(SuggestedCommand(*command) for command in _RUN_COMMANDS)
 
 
 def _write(path: Path, text: str) -> None:

@@ -160,9 +160,9 @@ def check(
     Nothing is run; the geometry of what would run is examined.
     """
     from grammars.text.diagnostics import Severity
-    from scenario_tui.cli.output import emit, say
+    from scenario_tui.cli.output import emit, report_diagnostics, say
     from scenario_tui.file_check import check_file
-    from scenario_tui.text.diagnostics import diagnostic_counts, report_diagnostics
+    from scenario_tui.text.diagnostics import diagnostic_counts
 
     findings: dict[str, tuple[Diagnostic, ...]] = {}
     for file in files:
@@ -180,8 +180,8 @@ def check(
 
 def _prepare_submission(path: Path, *, fresh: bool = False) -> Submission:
     """Load, check and expand a campaign; warnings are printed, errors raise ``InputError``."""
+    from scenario_tui.cli.output import report_diagnostics
     from scenario_tui.submission import prepare_submission
-    from scenario_tui.text.diagnostics import report_diagnostics
 
     submission, warnings = prepare_submission(path, fresh=fresh)
     report_diagnostics(warnings)

@@ -40,8 +40,7 @@ def sut(
     laser.
     """
     from daemon.campaign import LayerLibrary
-    from scenario_tui.cli.output import emit
-    from scenario_tui.text.diagnostics import report_diagnostics
+    from scenario_tui.cli.output import emit, report_diagnostics
 
     found = LayerLibrary(file.parent).sut_file(file)
     read = _read_ros_parameters(found)

@@ -95,9 +95,8 @@ def vary(
 ) -> None:
     """Write variants of a floor plan, drawn from distributions."""
     from grammars.variation import load_variation, sample, source_defects, write_variants
-    from scenario_tui.cli.output import emit, say
+    from scenario_tui.cli.output import emit, report_diagnostics, say
     from scenario_tui.cli.output import stdout_console as results
-    from scenario_tui.text.diagnostics import report_diagnostics
 
     variation = load_variation(file, shared_defaults=shared_defaults)
     report_diagnostics(variation.warnings)

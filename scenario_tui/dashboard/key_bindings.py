@@ -14,7 +14,7 @@ from textual.dom import DOMNode
 from textual.keys import Keys, _character_to_key
 from textual.screen import ModalScreen, Screen
 
-import scenario_tui
+import scenario_tui.dashboard
 from grammars.text.diagnostics import Diagnostic, InputError
 from scenario_tui.dashboard.app import Dashboard
 from scenario_tui.dashboard.config import Config
@@ -55,7 +55,7 @@ def classes_with_bindings() -> tuple[type[DOMNode], ...]:
     """Return all screens and widgets of ours that bind keys, the dashboard first."""
     found: dict[type[DOMNode], None] = dict.fromkeys(our_classes(Dashboard))
     for room in _ROOMS:
-        package = import_module(f"{scenario_tui.__name__}.{room}")
+        package = import_module(f"{scenario_tui.dashboard.__name__}.{room}")
         for module in pkgutil.iter_modules(package.__path__):
             found |= dict.fromkeys(_bound(import_module(f"{package.__name__}.{module.name}")))
     return tuple(found)

@@ -3,24 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from contextlib import suppress
 from functools import lru_cache
 from pathlib import Path
 
 from rich.text import Text
 
 from grammars.text.diagnostics import Diagnostic, Severity, Where
-from scenario_tui.cli.output import stderr_console
 from scenario_tui.text.formatting import pluralise
-
-
-def report_diagnostics(diagnostics: Iterable[Diagnostic]) -> None:
-    """Print every diagnostic to standard error; that nobody reads them changes nothing."""
-    console = stderr_console()
-    # rich leaves the program when a pipe is broken; the command has its own exit code to give.
-    with suppress(SystemExit):
-        for diagnostic in diagnostics:
-            console.print(render_diagnostic(diagnostic), soft_wrap=True)
 
 
 def render_diagnostic(diagnostic: Diagnostic) -> Text:

@@ -28,7 +28,7 @@ Processes = Callable[[], list[psutil.Process]]
 
 @contextmanager
 def _local(folder: Path) -> Iterator[tuple[Client, Processes]]:
-    with daemon_at(folder / "state", _SLOTS) as daemon, daemon.batch.client() as client:
+    with daemon_at(folder / "state", _SLOTS) as daemon, daemon.client() as client:
         eventually(lambda: client.overview().workers, 60.0)
         yield client, lambda: family(daemon.pid)
 
@@ -37,7 +37,7 @@ def _local(folder: Path) -> Iterator[tuple[Client, Processes]]:
 def _cluster(folder: Path) -> Iterator[tuple[Client, Processes]]:
     with (
         daemon_at(folder / "state") as daemon,
-        daemon.batch.client() as client,
+        daemon.client() as client,
         dask_in(folder / "dask", _SLOTS) as dask,
         gateway_for(dask, daemon) as gateway,
     ):

@@ -58,7 +58,7 @@ def cpu(pid: int) -> float:
 
 
 def empty_runs() -> None:
-    with fresh() as daemon, daemon.batch.client() as client:
+    with fresh() as daemon, daemon.client() as client:
         client.submit(make_submission("empty", EMPTY))
         before, start = cpu(daemon.pid), time.monotonic()
         crew = Crew(daemon.endpoint, daemon.state, 4, 16)
@@ -70,7 +70,7 @@ def empty_runs() -> None:
 
 
 def idle() -> None:
-    with fresh(2) as daemon, daemon.batch.client() as client:
+    with fresh(2) as daemon, daemon.client() as client:
         client.submit(make_submission("idle", 20))
         eventually(lambda: finished(client, 20))
         time.sleep(1.0)
@@ -95,7 +95,7 @@ def large_campaign(runs: int) -> Submission:
 
 
 def submit() -> None:
-    with fresh() as daemon, daemon.batch.client() as client:
+    with fresh() as daemon, daemon.client() as client:
         for runs, target in ((10_000, "<= 2 s"), (QUEUED, "")):
             submission = large_campaign(runs)
             before, start = cpu(daemon.pid), time.monotonic()
@@ -126,7 +126,7 @@ def _burn(stop: float) -> None:
 
 
 def busy_questions() -> None:
-    with fresh(2, executor=DEFAULT_EXECUTOR) as daemon, daemon.batch.client() as client:
+    with fresh(2, executor=DEFAULT_EXECUTOR) as daemon, daemon.client() as client:
         row("status, quiet: p50, p99", asked(client.overview))
         client.submit(replace(large_campaign(200), campaign="busy"))
         eventually(lambda: client.overview().running == 2, 60.0)
@@ -175,7 +175,7 @@ def crowded(endpoint: str) -> Iterator[None]:
 
 
 def scale() -> None:
-    with fresh() as daemon, daemon.batch.client() as client:
+    with fresh() as daemon, daemon.client() as client:
         for part in range(10):
             client.submit(replace(large_campaign(QUEUED // 10), campaign=f"part-{part}"))
         with crowded(daemon.endpoint):
@@ -233,7 +233,7 @@ def efficiency() -> None:
     """Runs of building C with one slot and with two; two cores cannot give more than twice."""
     took = []
     for slots in (1, 2):
-        with fresh(slots, executor=DEFAULT_EXECUTOR) as daemon, daemon.batch.client() as client:
+        with fresh(slots, executor=DEFAULT_EXECUTOR) as daemon, daemon.client() as client:
             client.submit(replace(large_campaign(2), campaign="warm"))
             await_runs(client, 2)
             before, start = overhead(daemon.pid), time.monotonic()

@@ -24,8 +24,8 @@ from daemon.analysis.report import (
     write_page,
     write_parquet,
 )
-from daemon.batch.paths import trace_name
 from daemon.campaign import expand, load_campaign
+from daemon.model.ids import trace_name
 from daemon.run import execute
 
 PAPER = Path(__file__).parents[2] / "campaigns" / "ortega2024" / "paper.yaml"

@@ -93,7 +93,7 @@ def rates(daemon: DaemonPart, client: Client, folder: Path) -> None:
 
 def meanwhile(daemon: DaemonPart, client: Client, grant: Lease, data: bytes) -> None:
     """Status of somebody else while a trace arrives as fast as it can."""
-    with daemon.batch.client() as other:
+    with daemon.client() as other:
         before = questions(other, 200)
         sender = threading.Thread(target=upload, args=(client, grant, data, LARGEST_CHUNK))
         sender.start()
@@ -119,6 +119,6 @@ def main() -> None:
     with (
         tempfile.TemporaryDirectory(prefix="bench-transport-") as folder,
         fresh() as daemon,
-        daemon.batch.client() as client,
+        daemon.client() as client,
     ):
         rates(daemon, client, Path(folder))

@@ -22,7 +22,7 @@ import psutil
 
 from tests.daemon.batch.harness import DaemonPart, daemon_at, eventually, finished
 from tests.daemon.batch.samples import make_spec, make_submission, submission_of
-from tests.scenario_tui.terminal.pseudo_terminal.pseudo_terminal import Terminal, scenario, terminal
+from tests.scenario_tui.terminal.pseudo_terminal import Terminal, scenario, terminal
 
 MANY = 100_000
 STARTS = 7
@@ -95,7 +95,7 @@ def took(shown: Terminal, keys: str, seen: Callable[[], bool]) -> float:
 
 
 def first_paint() -> None:
-    with fresh() as daemon, daemon.batch.client() as client:
+    with fresh() as daemon, daemon.client() as client:
         client.submit(make_submission("small-1", 5))
         eventually(lambda: finished(client, 5))
         stages: dict[str, list[tuple[float, float]]] = {"connecting": [], "Quit": [], "small-1": []}
@@ -114,13 +114,13 @@ def first_paint() -> None:
 
 def large(daemon: DaemonPart) -> None:
     """Put a campaign of many runs into the ledger, most of them done."""
-    with daemon.batch.client() as client:
+    with daemon.client() as client:
         client.submit(make_submission("large-1", MANY))
     daemon.kill()
     with sqlite3.connect(daemon.state / "ledger.db") as ledger:
         ledger.execute(_MIXED.format(done=MANY - 100))
     daemon.restart()
-    daemon.batch.client().close()
+    daemon.client().close()
 
 
 def many_runs() -> None:
@@ -192,7 +192,7 @@ def _burn(stop: float) -> None:
 
 def busy_cores() -> None:
     with fresh(slots=0) as daemon:
-        with daemon.batch.client() as client:
+        with daemon.client() as client:
             client.submit(make_submission("rows-1", 200))
         with opened(daemon) as shown:
             shown.until("rows-1")
@@ -222,7 +222,7 @@ def strokes(shown: Terminal) -> list[float]:
 
 
 def line() -> None:
-    with fresh(slots=2) as daemon, daemon.batch.client() as client:
+    with fresh(slots=2) as daemon, daemon.client() as client:
         client.submit(make_submission("small-1", 5))
         eventually(lambda: finished(client, 5))
         with opened(daemon) as shown:

@@ -35,7 +35,7 @@ def clock(
     # The grace is too long to help: only the lease ends what the frozen worker holds.
     settings: dict[str, float | str] = {"lease": LEASE, "grace": 600.0, "executor": EXECUTOR}
     with daemon_at(folder / "state", 2, module=STEPPED, **settings) as daemon:
-        with daemon.batch.client() as client:
+        with daemon.client() as client:
             client.submit(make_submission("clock", runs, sleep=0.5))
             for _ in range(steps):
                 write_atomically(off, str(rng.uniform(-24 * HOUR, 24 * HOUR)).encode())
@@ -58,7 +58,7 @@ def _frozen_worker(report: Report, folder: Path) -> None:
     settings: dict[str, float | str] = {"lease": LEASE, "grace": 600.0}
     with (
         daemon_at(folder / "state", 0, module=STEPPED, **settings) as daemon,
-        daemon.batch.client() as client,
+        daemon.client() as client,
         worker_for(daemon, 1, executor=EXECUTOR) as worker,
     ):
         off = folder / "offset"

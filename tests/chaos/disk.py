@@ -58,7 +58,7 @@ def full_disk(folder: Path, *, runs: int = 60, times: int = 4, hold: float = 3.0
         state = disk / "state"
         with (
             daemon_at(state, 2, executor=EXECUTOR, lease=5.0) as daemon,
-            daemon.batch.client() as client,
+            daemon.client() as client,
         ):
             client.submit(make_submission("full", runs, sleep=0.1, ballast=BALLAST))
             stuffed = [_stuff(client, disk / "ballast", hold) for _ in range(times)]

@@ -110,7 +110,7 @@ def yard(folder: Path, seed: int, *, isolated: bool) -> Iterator[Yard]:
         daemon = stack.enter_context(
             daemon_at(folder / "state", LOCAL, listen=endpoint, executor=EXECUTOR, **settings)
         )
-        daemon.batch.client().close()
+        daemon.client().close()
         workers = [
             stack.enter_context(
                 worker_for(

@@ -94,7 +94,7 @@ import sys
 from pathlib import Path
 from daemon.run import execute
 from daemon.model.spec import RunSpec
-from grammars import codec
+from grammars.text import codec
 from grammars.model.scene import Scene
 spec = codec.from_json(RunSpec, Path(sys.argv[1]).read_bytes())
 scene = codec.from_json(Scene, Path(sys.argv[2]).read_bytes())
@@ -263,7 +263,7 @@ import sys
 from pathlib import Path
 from daemon.run import execute, warm_up
 from daemon.model.spec import RunSpec
-from grammars import codec
+from grammars.text import codec
 from grammars.model.scene import Scene
 
 folder = Path(sys.argv[1])

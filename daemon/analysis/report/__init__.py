@@ -46,20 +46,27 @@ __all__ = [
     "write_parquet",
 ]
 
-_ROOMS: Final = {
-    "_gather": ("Gathered", "Material", "gather"),
-    "_junit": ("write_junit",),
-    "_page": ("Command", "answer", "write_page"),
-    "_picture": ("draw_run",),
-    "_series": ("MEASURES", "Measure"),
-    "_tables": ("COLUMNS", "write_csv", "write_parquet"),
-    "_types": ("Chosen", "Driven"),
+_MODULES: Final = {
+    "COLUMNS": "_exports",
+    "MEASURES": "_tracks",
+    "ReportData": "_data",
+    "ReportInput": "_input",
+    "ReportRun": "_data",
+    "RunMeasure": "_tracks",
+    "RunTracks": "_input",
+    "SuggestedCommand": "_page",
+    "draw_run": "_run_picture",
+    "headline": "_page",
+    "read_report_data": "_data",
+    "write_csv": "_exports",
+    "write_junit": "_exports",
+    "write_page": "_page",
+    "write_parquet": "_exports",
 }
 
 
 def __getattr__(name: str) -> object:
     """Load what judges, draws and writes only when it is asked for."""
-    for room, names in _ROOMS.items():
-        if name in names:
-            return getattr(import_module(f"daemon.analysis.report.{room}"), name)
+    if name in _MODULES:
+        return getattr(import_module(f"{__name__}.{_MODULES[name]}"), name)
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

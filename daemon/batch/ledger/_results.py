@@ -11,9 +11,9 @@ from typing import Final
 
 from daemon.batch.errors import Refused
 from daemon.batch.ledger._records import SpecReader, SpecWriter, read_declared, read_records
-from daemon.batch.paths import is_digest, trace_name
 from daemon.batch.stores import trace_url
 from daemon.judging.assessment import undecided_cells
+from daemon.model.ids import is_digest, trace_name
 from daemon.model.messages import Completion
 from daemon.model.spec import RunResult, RunSpec
 from daemon.model.verdicts import Outcome, Verdict

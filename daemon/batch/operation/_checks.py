@@ -20,8 +20,9 @@ from urllib.parse import quote
 
 from daemon.batch.errors import KeysUnusable
 from daemon.batch.ledger import SCHEMA_VERSION
-from daemon.batch.paths import StatePaths, is_id
+from daemon.batch.paths import StatePaths
 from daemon.batch.security import IssuedKey, Role, find_credentials, is_authority, load_register
+from daemon.model.ids import is_id
 
 
 class FindingLevel(StrEnum):

@@ -7,8 +7,9 @@ from collections.abc import Iterator
 from typing import Final
 
 from daemon.batch.errors import Refused
-from daemon.batch.paths import StatePaths, is_id, trace_name, write_atomically
+from daemon.batch.paths import StatePaths, write_atomically
 from daemon.model.attachments import attached_digests
+from daemon.model.ids import is_id, trace_name
 from daemon.model.packed_submission import MOST_RUNS
 from daemon.model.spec import ENGINE_VERSION, RunSpec
 from daemon.model.status import Submission

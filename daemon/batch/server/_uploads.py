@@ -13,7 +13,7 @@ from typing import Final
 
 from daemon.batch.errors import Refused, Unavailable
 from daemon.batch.ledger import LedgerReader, LedgerWriter
-from daemon.batch.paths import StatePaths, is_digest, is_run_id, sync_directory
+from daemon.batch.paths import StatePaths, sync_directory
 from daemon.batch.server._runtime import EventLog
 from daemon.batch.stores import (
     accept_part,
@@ -25,6 +25,7 @@ from daemon.batch.stores import (
     matches_digest,
     read_part,
 )
+from daemon.model.ids import is_digest, is_run_id
 from daemon.model.messages import (
     Completion,
     DownloadChunk,

@@ -11,7 +11,8 @@ from dataclasses import dataclass
 from typing import Final
 from urllib.parse import urlsplit
 
-from daemon.batch.paths import StatePaths, is_id, write_atomically
+from daemon.batch.paths import StatePaths, write_atomically
+from daemon.model.ids import is_id
 from grammars.text import codec
 
 _URL: Final = re.compile(r"[a-z][a-z0-9+.-]*://")

@@ -19,10 +19,11 @@ from pathlib import Path
 from socket import socket
 from typing import IO, Final, Protocol, TypeAlias
 
-from daemon.batch.paths import StatePaths, is_id, is_run_id, sync_directory
+from daemon.batch.paths import StatePaths, sync_directory
 from daemon.batch.run_process import GRANT, OUTPUT, RESULT, TRACE
 from daemon.batch.stores import file_sha256, make_folder
 from daemon.model.execution import RunLimits
+from daemon.model.ids import is_id, is_run_id
 from daemon.model.messages import Lease
 from daemon.model.spec import RunResult
 from grammars.text import codec

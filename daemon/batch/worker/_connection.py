@@ -1,4 +1,4 @@
-"""Between a worker and its daemon: the folder they may share.
+"""Between a worker and its daemon: how it asks, and the folder they may share.
 
 The daemon's state directory where this machine has it, otherwise a folder of the worker's own.
 """
@@ -8,11 +8,24 @@ from __future__ import annotations
 import os
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Final, TypeVar
 
+import zenoh
+
+from daemon.batch import bus
 from daemon.batch.errors import WorkerBroken
-from daemon.batch.paths import StatePaths, is_id
+from daemon.batch.paths import StatePaths
+from daemon.batch.security import Credentials
 from daemon.batch.stores import StoreUnusable, probe_store, read_marker
-from daemon.model.messages import WelcomeReply
+from daemon.model.ids import is_id
+from daemon.model.messages import (
+    Verb,
+    WelcomeReply,
+)
+
+T = TypeVar("T")
+
+_TIMEOUT: Final = 5.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,3 +80,16 @@ def _own_paths(state: Path | None, welcome: WelcomeReply) -> StatePaths:
             f"this worker has no folder to work in: {error}; name one with --state"
         ) from error
     return places
+
+
+@dataclass(frozen=True, slots=True)
+class DaemonConnection:
+    """The connection to the daemon."""
+
+    session: zenoh.Session
+    endpoint: str
+    holder: Credentials | None = None
+
+    def ask(self, verb: Verb, request: object, kind: type[T]) -> T:
+        """Ask the daemon; raises :class:`Unreachable` or :class:`Refused`."""
+        return bus.ask(self.session, self.endpoint, verb, request, kind, _TIMEOUT, self.holder)

@@ -7,20 +7,17 @@ import time
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 from daemon.batch.paths import write_atomically
 from daemon.batch.run_process import FILES
 from daemon.batch.stores import append_part, decode_chunk, file_sha256
 from daemon.batch.worker._attempts import Attempt
+from daemon.batch.worker._connection import DaemonConnection, WorkerPaths
 from daemon.model.attachments import LARGEST_FILE, attached_digests
 from daemon.model.messages import DownloadChunk, FileDownloadRequest, IdRequest, Verb
 from grammars.model.scene import Scene
 from grammars.text import codec
-
-if TYPE_CHECKING:
-    from daemon.batch.worker._connection import WorkerPaths
-    from daemon.batch.worker._loop import DaemonConnection
 
 _MOST_SCENES: Final = 256
 _SCENE_IN_USE: Final = 600.0

@@ -14,16 +14,14 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from multiprocessing.connection import wait
 from pathlib import Path
-from typing import Any, Final, TypeVar
+from typing import Any, Final
 
 import zenoh
 
-from daemon.batch import bus
 from daemon.batch.errors import DaemonError, Refused, Unreachable
 from daemon.batch.run_process import WATCHED
-from daemon.batch.security import Credentials
 from daemon.batch.worker._attempts import Attempt, Backend, Execution, Spool
-from daemon.batch.worker._connection import WorkerPaths
+from daemon.batch.worker._connection import DaemonConnection, WorkerPaths
 from daemon.batch.worker._inputs import FileCache, SceneCache
 from daemon.batch.worker._signals import WorkerSignals
 from daemon.batch.worker._uploader import ResultUploader
@@ -114,9 +112,6 @@ def _has_subscribers(publisher: zenoh.Publisher) -> bool:
     return bool(publisher.matching_status.matching)  # type: ignore[attr-defined]
 
 
-T = TypeVar("T")
-
-_TIMEOUT: Final = 5.0
 _POLL: Final = 1.0
 _RETRY_UNREACHABLE: Final = 0.5
 _DELIVERY_PAUSE: Final = 0.05
@@ -126,19 +121,6 @@ _LEAVE_TIMEOUT: Final = 10.0
 
 Traces that are on their way go on.
 """
-
-
-@dataclass(frozen=True, slots=True)
-class DaemonConnection:
-    """The connection to the daemon."""
-
-    session: zenoh.Session
-    endpoint: str
-    holder: Credentials | None = None
-
-    def ask(self, verb: Verb, request: object, kind: type[T]) -> T:
-        """Ask the daemon; raises :class:`Unreachable` or :class:`Refused`."""
-        return bus.ask(self.session, self.endpoint, verb, request, kind, _TIMEOUT, self.holder)
 
 
 class WorkerLoop:

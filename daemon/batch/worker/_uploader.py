@@ -13,12 +13,13 @@ from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 from daemon.batch import stores
 from daemon.batch.errors import Unavailable, Unreachable
 from daemon.batch.run_process import TRACE
 from daemon.batch.worker._attempts import Attempt, TracePlacement
+from daemon.batch.worker._connection import DaemonConnection, WorkerPaths
 from daemon.model.messages import (
     LARGEST_CHUNK,
     Completion,
@@ -29,10 +30,6 @@ from daemon.model.messages import (
     Verb,
 )
 from daemon.model.spec import RunResult
-
-if TYPE_CHECKING:
-    from daemon.batch.worker._connection import WorkerPaths
-    from daemon.batch.worker._loop import DaemonConnection
 
 _LONGEST_TURN: Final = 0.5
 """Seconds of sending before the agent looks after its runs and leases again."""

@@ -19,13 +19,13 @@ from daemon.batch.errors import Refused, WorkerBroken
 from daemon.batch.paths import is_encrypted
 from daemon.batch.security import Role, find_credentials
 from daemon.batch.worker._attempts import Backend, Spool
-from daemon.batch.worker._connection import choose_paths
+from daemon.batch.worker._connection import DaemonConnection, choose_paths
 from daemon.batch.worker._forkserver import (
     ForkServerPool,
     lower_session_priority,
     prepare_environment,
 )
-from daemon.batch.worker._loop import DaemonConnection, WorkerLoop
+from daemon.batch.worker._loop import WorkerLoop
 from daemon.batch.worker._signals import WorkerSignals
 from daemon.batch.worker._signals import exit_when_stdin_closes as hold_tether
 from daemon.model.execution import DEFAULT_EXECUTOR, DaskScheduler, RunLimits, available_cores

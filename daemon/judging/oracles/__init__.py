@@ -1,11 +1,17 @@
-"""Oracles: signals read from a trace, judged, with evidence. Never the simulator."""
+"""Oracles: signals read from a trace, judged, with evidence. Never the simulator.
+
+Names are loaded when first asked for: numba and numpy only where something is judged.
+"""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from importlib import import_module
+from typing import TYPE_CHECKING, Final
 
 if TYPE_CHECKING:
+    from daemon.judging.oracles._clearance import ObstaclePolygons
     from daemon.judging.oracles._judge import (
+        cut_trace,
         judge,
         judge_prefix,
         overall_outcome,
@@ -16,8 +22,10 @@ if TYPE_CHECKING:
     from daemon.judging.oracles._sampler import SignalSampler
 
 __all__ = [
+    "ObstaclePolygons",
     "OracleTimeline",
     "SignalSampler",
+    "cut_trace",
     "judge",
     "judge_prefix",
     "oracle_timeline",
@@ -26,27 +34,15 @@ __all__ = [
     "warm_up",
 ]
 
+_MODULES: Final = {
+    "ObstaclePolygons": "_clearance",
+    "OracleTimeline": "_oracle_timeline",
+    "SignalSampler": "_sampler",
+    "oracle_timeline": "_oracle_timeline",
+}
+
 
 def __getattr__(name: str) -> object:
-    """Load the numerical libraries only when something is judged."""
-    if name == "warm_up":
-        from daemon.judging.oracles._judge import warm_up
-
-        return warm_up
-    if name == "Sampler":
-        from daemon.judging.oracles._sampler import SignalSampler
-
-        return SignalSampler
-    if name == "problems_of":
-        from daemon.judging.oracles._judge import trace_problems
-
-        return trace_problems
-    if name in ("Course", "course_of"):
-        from daemon.judging.oracles import _oracle_timeline
-
-        return getattr(_oracle_timeline, name)
     if name in __all__:
-        from daemon.judging.oracles import _judge
-
-        return getattr(_judge, name)
+        return getattr(import_module(f"{__name__}.{_MODULES.get(name, '_judge')}"), name)
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

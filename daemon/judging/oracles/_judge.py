@@ -11,7 +11,6 @@ import functools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, fields, replace
-from importlib import import_module
 from typing import Any, Final
 
 import numpy as np
@@ -311,7 +310,6 @@ def _error_verdict(oracle: OracleText, note: str) -> Verdict:
 
 def warm_up() -> None:
     """Compile or load what judging a trace takes, so that forked children do not."""
-    import_module("daemon.judging.oracles._judge")
     trace.warm_up()
     custom_signal_names()  # looks through all that is installed
     # A limit with a unit loads the registry of units.

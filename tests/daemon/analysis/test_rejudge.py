@@ -11,7 +11,8 @@ import pytest
 
 from daemon.analysis.rejudge import RejudgedTrace, find_traces, rejudge
 from daemon.batch.ledger import LedgerWriter, connect
-from daemon.batch.paths import StatePaths, trace_name
+from daemon.batch.paths import StatePaths
+from daemon.model.ids import trace_name
 from daemon.model.messages import Completion
 from daemon.model.spec import OracleText, RunResult, Timing, TraceInfo
 from daemon.model.status import Submission

@@ -21,8 +21,7 @@ from pathlib import Path
 
 import psutil
 
-from daemon.batch.errors import SutMissing
-from daemon.model.attachments import resolve_paths
+from daemon.model.attachments import SutMissing, resolve_paths
 from daemon.model.spec import RunResult, RunSpec, Snapshot, TraceInfo
 from daemon.model.verdicts import Outcome
 from grammars.model.geometry import Pose2

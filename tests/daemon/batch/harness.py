@@ -20,7 +20,7 @@ from daemon.batch.client import Client
 from daemon.batch.errors import DaemonError
 
 EXECUTOR = "tests.daemon.batch.fake_run:execute"
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[3]
 
 
 def free_endpoint() -> str:

@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 
-from daemon.batch.errors import Refused, SutMissing
+from daemon.batch.errors import Refused
 from daemon.batch.paths import StatePaths
 from daemon.batch.server import EventLog, FileUploads, admit_submission
 from daemon.batch.stores import encode_chunk
@@ -20,6 +20,7 @@ from daemon.batch.worker import WorkerPaths
 from daemon.campaign import load_sut
 from daemon.model import attachments
 from daemon.model.attachments import (
+    SutMissing,
     attach_files,
     attached_digests,
     resolve_paths,
@@ -193,7 +194,7 @@ def test_files_travel_to_workers_and_into_the_process_of_the_run(
     parameters = {"files": attach_files({"model": here / "policy.onnx"}), "reads": "model"}
     specs = [replace(make_spec(i), sut=SutReference("m", "learned", parameters)) for i in range(2)]
     elsewhere = here / "elsewhere"
-    with daemon_at(here / "state") as daemon, daemon.batch.client() as client:
+    with daemon_at(here / "state") as daemon, daemon.client() as client:
         client.submit(submission_of("c", *specs))
         assert (daemon.state / "files" / DIGEST).read_bytes() == MODEL
         # The worker has another user's cache: what it needs it has from the daemon.

@@ -29,7 +29,7 @@ def test_an_endpoint_that_is_none_is_explained() -> None:
 
 def test_events_come_in_order_and_without_gaps(tmp_path: Path) -> None:
     events: list[ChangeEvent] = []
-    with daemon_at(tmp_path / "state") as daemon, daemon.batch.client() as client:
+    with daemon_at(tmp_path / "state") as daemon, daemon.client() as client:
         with client.events(events.append):
             for number in range(20):
                 client.submit(make_submission(f"c{number}"))
@@ -51,7 +51,7 @@ def test_a_slow_listener_loses_the_oldest_and_stops_nobody(tmp_path: Path) -> No
         gate.wait()
         events.append(event)
 
-    with daemon_at(tmp_path / "state") as daemon, daemon.batch.client() as client:
+    with daemon_at(tmp_path / "state") as daemon, daemon.client() as client:
         with client.events(slow), bus.open_client(daemon.endpoint) as session:
             for seq in range(6000):
                 session.put(EVENTS, codec.to_json(ChangeEvent(seq, "run", "r")))
@@ -66,7 +66,7 @@ def test_a_slow_listener_loses_the_oldest_and_stops_nobody(tmp_path: Path) -> No
 
 
 def test_a_frozen_daemon_is_unreachable_after_the_timeout(tmp_path: Path) -> None:
-    with daemon_at(tmp_path / "state") as daemon, daemon.batch.client(timeout=0.3) as client:
+    with daemon_at(tmp_path / "state") as daemon, daemon.client(timeout=0.3) as client:
         daemon.freeze()
         start = time.monotonic()
         with pytest.raises(Unreachable):
@@ -78,7 +78,7 @@ def test_a_frozen_daemon_is_unreachable_after_the_timeout(tmp_path: Path) -> Non
 
 def test_a_client_survives_the_restart_of_its_daemon(tmp_path: Path) -> None:
     events: list[ChangeEvent] = []
-    with daemon_at(tmp_path / "state") as daemon, daemon.batch.client() as client:
+    with daemon_at(tmp_path / "state") as daemon, daemon.client() as client:
         client.events(events.append)
         client.submit(make_submission("before"))
         daemon.kill()
@@ -99,7 +99,7 @@ def test_a_client_survives_the_restart_of_its_daemon(tmp_path: Path) -> None:
 
 
 def test_a_client_listens_nowhere(tmp_path: Path) -> None:
-    with daemon_at(tmp_path / "state") as daemon, daemon.batch.client():
+    with daemon_at(tmp_path / "state") as daemon, daemon.client():
         sockets = psutil.Process().net_connections("inet")
         assert {s.status for s in sockets} <= {psutil.CONN_ESTABLISHED, psutil.CONN_TIME_WAIT}
         assert all(s.raddr.ip == "127.0.0.1" for s in sockets)
@@ -107,7 +107,7 @@ def test_a_client_listens_nowhere(tmp_path: Path) -> None:
 
 def test_closing_twice_and_with_open_subscriptions_is_fine(tmp_path: Path) -> None:
     with daemon_at(tmp_path / "state") as daemon:
-        client = daemon.batch.client()
+        client = daemon.client()
         subscription = client.events(lambda _: None, lambda _: None)
         subscription.close()
         client.events(lambda _: None)

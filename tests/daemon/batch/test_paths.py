@@ -11,12 +11,10 @@ from daemon.batch.paths import (
     endpoint_text,
     find_endpoint,
     is_endpoint,
-    is_id,
-    is_run_id,
     parse_endpoint,
-    trace_name,
     write_atomically,
 )
+from daemon.model.ids import is_id, is_run_id, trace_name
 from grammars.text import codec
 
 names = st.text(min_size=1, max_size=20).filter(lambda text: "\ud800" not in text)

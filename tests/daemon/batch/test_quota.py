@@ -23,7 +23,7 @@ def traces(state: Path, campaign: str) -> int:
 
 
 def test_the_oldest_traces_go_when_the_quota_is_reached(tmp_path: Path) -> None:
-    with daemon_at(tmp_path / "state", 2, quota="320kB") as daemon, daemon.batch.client() as client:
+    with daemon_at(tmp_path / "state", 2, quota="320kB") as daemon, daemon.client() as client:
         for name in ("old", "new"):
             client.submit(make_submission(name, 5, size=SIZE))
             eventually(lambda name=name: finished(client, name), 30.0)
@@ -39,7 +39,7 @@ def test_the_oldest_traces_go_when_the_quota_is_reached(tmp_path: Path) -> None:
 
 
 def test_runs_wait_when_unfinished_campaigns_alone_take_too_much(tmp_path: Path) -> None:
-    with daemon_at(tmp_path / "state", 1, quota="100kB") as daemon, daemon.batch.client() as client:
+    with daemon_at(tmp_path / "state", 1, quota="100kB") as daemon, daemon.client() as client:
         client.submit(make_submission("big", 40, size=SIZE, sleep=0.1))
         trouble = eventually(lambda: client.overview().trouble, 30.0)
         assert "the quota is 97.7 KiB: no more runs start" in trouble
@@ -55,7 +55,7 @@ def test_runs_wait_when_unfinished_campaigns_alone_take_too_much(tmp_path: Path)
 
 
 def test_the_log_of_a_worker_that_stays_is_put_aside_when_it_has_grown(tmp_path: Path) -> None:
-    with daemon_at(tmp_path / "state", 1) as daemon, daemon.batch.client() as client:
+    with daemon_at(tmp_path / "state", 1) as daemon, daemon.client() as client:
         eventually(client.workers, 30.0)
         log = daemon.state / "worker.log"
         with log.open("ab") as file:
@@ -72,7 +72,7 @@ def test_a_quota_that_is_no_size_is_refused(tmp_path: Path) -> None:
         pytest.raises(AssertionError, match="the quota of traces: '20' is not a size"),
         daemon_at(tmp_path / "state", quota="20") as daemon,
     ):
-        daemon.batch.client()
+        daemon.client()
 
 
 def test_sizes_are_read_as_they_are_written() -> None:

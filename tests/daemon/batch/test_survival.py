@@ -71,14 +71,14 @@ def settled(daemon: DaemonPart, runs: int, seconds: float = 20.0) -> None:
 def test_a_daemon_killed_in_the_middle_resumes(tmp_path: Path) -> None:
     log = tmp_path / "log"
     with daemon_at(tmp_path / "state", 2, lease=3.0) as daemon:
-        with daemon.batch.client() as client:
+        with daemon.client() as client:
             client.submit(make_submission("c", 16, sleep=0.1, log=str(log)))
             eventually(lambda: client.overview().done >= 5)
         orphan = local_worker(daemon)
         daemon.kill()
         daemon.restart()
         settled(daemon, 16)
-        with daemon.batch.client() as client:
+        with daemon.client() as client:
             rows = client.runs("c").rows
             assert {row.state for row in rows} == {RunState.DONE}
             # What was running went on and was delivered: next to nothing ran twice.
@@ -92,7 +92,7 @@ def test_random_kills_of_daemon_and_workers_lose_nothing(tmp_path: Path) -> None
     rng = random.Random(7)
     settings = {"lease": 1.0, "grace": 0.2, "attempts": 50}
     with daemon_at(tmp_path / "state", 2, **settings) as daemon:
-        with daemon.batch.client() as client:
+        with daemon.client() as client:
             client.submit(make_submission("c", 30, sleep=0.05))
         for _ in range(5):
             time.sleep(rng.uniform(0.2, 0.6))
@@ -107,7 +107,7 @@ def test_random_kills_of_daemon_and_workers_lose_nothing(tmp_path: Path) -> None
 
 
 def test_a_killed_worker_costs_its_runs_a_moment(tmp_path: Path) -> None:
-    with daemon_at(tmp_path / "state", grace=0.3) as daemon, daemon.batch.client() as client:
+    with daemon_at(tmp_path / "state", grace=0.3) as daemon, daemon.client() as client:
         with worker_for(daemon, 2) as first:
             client.submit(make_submission("c", 4, sleep=0.4))
             eventually(lambda: client.overview().running == 2)
@@ -124,7 +124,7 @@ def test_a_killed_worker_costs_its_runs_a_moment(tmp_path: Path) -> None:
 
 def test_a_frozen_worker_loses_its_lease_and_its_late_result_counts_once(tmp_path: Path) -> None:
     settings = {"lease": 0.6, "grace": 30.0}
-    with daemon_at(tmp_path / "state", **settings) as daemon, daemon.batch.client() as client:
+    with daemon_at(tmp_path / "state", **settings) as daemon, daemon.client() as client:
         with worker_for(daemon, 1) as frozen:
             client.submit(make_submission("c", 1, sleep=0.5))
             eventually(lambda: client.overview().running == 1)
@@ -145,7 +145,7 @@ def test_a_frozen_worker_loses_its_lease_and_its_late_result_counts_once(tmp_pat
 def test_a_late_result_is_taken_and_stops_the_second_attempt(tmp_path: Path) -> None:
     settings = {"lease": 0.6, "grace": 30.0}
     log = tmp_path / "log"
-    with daemon_at(tmp_path / "state", **settings) as daemon, daemon.batch.client() as client:
+    with daemon_at(tmp_path / "state", **settings) as daemon, daemon.client() as client:
         with worker_for(daemon, 1) as frozen:
             client.submit(make_submission("c", 1, sleep=1.5, log=str(log)))
             eventually(lambda: log.exists())
@@ -166,7 +166,7 @@ def test_a_late_result_is_taken_and_stops_the_second_attempt(tmp_path: Path) -> 
 
 def test_a_daemon_told_to_stop_lets_its_runs_finish(tmp_path: Path) -> None:
     with daemon_at(tmp_path / "state", 2, patience=10.0) as daemon:
-        with daemon.batch.client() as client:
+        with daemon.client() as client:
             client.submit(make_submission("c", 6, sleep=0.4))
             eventually(lambda: client.overview().running == 2)
         members = family(daemon.pid)
@@ -174,7 +174,7 @@ def test_a_daemon_told_to_stop_lets_its_runs_finish(tmp_path: Path) -> None:
         assert daemon.wait() == 0
         assert alive(members) == []
         daemon.restart()
-        with daemon.batch.client() as client:
+        with daemon.client() as client:
             assert client.overview().done >= 2
             assert max(row.attempt for row in client.runs("c").rows) == 1
         settled(daemon, 6)
@@ -183,7 +183,7 @@ def test_a_daemon_told_to_stop_lets_its_runs_finish(tmp_path: Path) -> None:
 
 def test_a_second_signal_gives_runs_back(tmp_path: Path) -> None:
     with daemon_at(tmp_path / "state", 1, patience=60.0) as daemon:
-        with daemon.batch.client() as client:
+        with daemon.client() as client:
             client.submit(make_submission("c", 1, sleep=60.0))
             eventually(lambda: client.overview().running == 1)
         members = family(daemon.pid)
@@ -214,9 +214,9 @@ PARENT = """
 import sys, time
 from pathlib import Path
 from daemon.batch.client import Client
-from daemon.batch.launch import embedded
+from daemon.batch.launch import embedded_daemon
 from tests.daemon.batch.samples import make_submission
-with embedded(Path(sys.argv[1]), slots=2, executor="{executor}") as endpoint:
+with embedded_daemon(Path(sys.argv[1]), slots=2, executor="{executor}") as endpoint:
     with Client.open(endpoint) as client:
         client.submit(make_submission("c", 4, sleep=60.0))
         while client.overview().running < 2:

@@ -68,7 +68,7 @@ def done(daemon: DaemonPart, runs: int) -> bool:
 def test_a_trace_survives_the_death_of_daemon_and_worker_on_its_way(tmp_path: Path) -> None:
     elsewhere = tmp_path / "elsewhere"
     with daemon_at(tmp_path / "state", lease=30.0, grace=20.0) as daemon:
-        with daemon.batch.client() as client:
+        with daemon.client() as client:
             client.submit(make_submission("c", 1, size=LARGE))
         with worker_for(daemon, 1, "--state", str(elsewhere)) as worker:
             (part,) = eventually(lambda: parts(daemon), 20.0)
@@ -80,7 +80,7 @@ def test_a_trace_survives_the_death_of_daemon_and_worker_on_its_way(tmp_path: Pa
             worker.kill()
         after_second = part.stat().st_size
         number = part.stat().st_ino
-        with worker_for(daemon, 1, "--state", str(elsewhere)), daemon.batch.client() as client:
+        with worker_for(daemon, 1, "--state", str(elsewhere)), daemon.client() as client:
             eventually(lambda: finished(client, 1), 20.0)
             trace = whole(client, "c.0")
             row = client.run("c.0").row
@@ -100,7 +100,7 @@ def test_a_trace_survives_the_death_of_daemon_and_worker_on_its_way(tmp_path: Pa
 def remote(tmp_path_factory: pytest.TempPathFactory) -> Iterator[DaemonPart]:
     """A daemon whose only worker does not share its file system, with five runs done."""
     base = tmp_path_factory.mktemp("transport")
-    with daemon_at(base / "state", lease=10.0) as daemon, daemon.batch.client() as client:
+    with daemon_at(base / "state", lease=10.0) as daemon, daemon.client() as client:
         client.submit(make_submission("c", 5, size=1_500_000))
         with worker_for(daemon, 2, "--state", str(base / "elsewhere")) as worker:
             eventually(lambda: finished(client, 5), 20.0)
@@ -235,7 +235,7 @@ def test_a_download_names_a_run_and_never_a_path(client: Client) -> None:
 
 def test_traces_go_into_a_store_and_the_ledger_knows_where_each_lies(tmp_path: Path) -> None:
     store = (tmp_path / "shared" / "traces").as_uri()
-    with daemon_at(tmp_path / "state", traces=store) as daemon, daemon.batch.client() as client:
+    with daemon_at(tmp_path / "state", traces=store) as daemon, daemon.client() as client:
         client.submit(make_submission("c", 2, size=1000))
         with worker_for(daemon, 2, "--state", str(tmp_path / "elsewhere")):
             eventually(lambda: finished(client, 2), 20.0)

@@ -170,7 +170,7 @@ def test_signs_a_terminal_cannot_show_stop_nothing(tmp_path) -> None:
 
 
 def test_a_terminal_without_our_signs_still_shows_a_minus() -> None:
-    program = "from scenario_tui.cli import _output as o; o.settle_streams(); print('✗ −0.3 ü')"
+    program = "from scenario_tui.cli import output as o; o.settle_streams(); print('✗ −0.3 ü')"
     done = subprocess.run(
         [sys.executable, "-c", program],
         capture_output=True, env=os.environ | {"PYTHONIOENCODING": "ascii"}, check=True,

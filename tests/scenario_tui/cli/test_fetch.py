@@ -9,9 +9,10 @@ from pathlib import Path
 import pytest
 
 from daemon.batch.ledger import LedgerWriter, connect
-from daemon.batch.paths import StatePaths, trace_name
+from daemon.batch.paths import StatePaths
 from daemon.batch.stores import _transfer, file_sha256, put_in_store, trace_url
 from daemon.judging.oracles import judge, overall_outcome
+from daemon.model.ids import trace_name
 from daemon.model.messages import Completion
 from daemon.model.spec import RunResult, Timing, TraceInfo
 from daemon.model.status import Submission
@@ -55,7 +56,7 @@ def far(tmp_path_factory: pytest.TempPathFactory) -> Iterator[DaemonPart]:
     places = StatePaths(tmp_path_factory.mktemp("far") / "state")
     campaign_at(places)
     with daemon_at(places.state) as daemon:
-        daemon.batch.client().close()
+        daemon.client().close()
         yield daemon
 
 
@@ -71,7 +72,7 @@ def here(tmp_path: Path, far: DaemonPart, monkeypatch: pytest.MonkeyPatch) -> Pa
     def is_file_of(path: Path, size: int, sha256: str) -> bool:
         return not path.is_relative_to(far.state) and there(path, size, sha256)
 
-    monkeypatch.setattr(_transfer, "is_file_of", is_file_of)
+    monkeypatch.setattr(_transfer, "matches_digest", is_file_of)
     return tmp_path
 
 

@@ -32,7 +32,7 @@ def real(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]):
 def test_a_daemon_is_watched_and_loses_traces_while_it_works(tmp_path: Path, real) -> None:
     state = tmp_path / "state"
     scenario = partial(_with_state, real, state)
-    with daemon_at(state, 2) as daemon, daemon.batch.client() as client:
+    with daemon_at(state, 2) as daemon, daemon.client() as client:
         client.submit(make_submission("first", 4))
         eventually(lambda: finished(client, 4))
         client.submit(make_submission("second", 30, sleep=0.05))

@@ -9,8 +9,9 @@ import pytest
 from PIL import Image
 
 from daemon.batch.ledger import LedgerWriter, connect
-from daemon.batch.paths import StatePaths, trace_name
+from daemon.batch.paths import StatePaths
 from daemon.judging.oracles import judge, overall_outcome
+from daemon.model.ids import trace_name
 from daemon.model.messages import Completion
 from daemon.model.spec import RunResult, Timing, TraceInfo
 from daemon.model.status import Submission

@@ -217,7 +217,7 @@ async def test_every_command_shown_is_one_of_the_command_line(
 
 
 async def test_the_report_is_made_and_its_place_is_said(fake, tmp_path, monkeypatch) -> None:
-    monkeypatch.setattr(trace_actions, "show_page", lambda page, environ: False)
+    monkeypatch.setattr(trace_actions, "open_in_browser", lambda page, environ: False)
     (tmp_path / "ledger.db").touch()
     fake.state = str(tmp_path)
     ask = Commands({"answer": "Yes. All is as expected."})

@@ -26,7 +26,7 @@ from tests.daemon.batch.harness import daemon_at
 from tests.daemon.batch.samples import make_submission
 from tests.scenario_tui.recorded import record_run
 
-CAMPAIGNS = Path(__file__).parents[2] / "campaigns"
+CAMPAIGNS = Path(__file__).parents[3] / "campaigns"
 
 
 async def eventually(condition: Callable[[], Any], seconds: float = 20.0) -> None:

@@ -19,7 +19,7 @@ from tests.scenario_tui.dashboard import inline
 from tests.scenario_tui.dashboard.driven import SteeredDaemon, notices, until
 from tests.scenario_tui.dashboard.inline import press, screen_text, settle
 
-DEMO = Path(__file__).parents[2] / "campaigns"
+DEMO = Path(__file__).parents[3] / "campaigns"
 
 
 @pytest.fixture

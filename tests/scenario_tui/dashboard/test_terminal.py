@@ -15,7 +15,7 @@ import pytest
 
 from tests.daemon.batch.harness import ROOT, DaemonPart, daemon_at, eventually, finished
 from tests.daemon.batch.samples import make_spec, submission_of
-from tests.scenario_tui.terminal.pseudo_terminal.pseudo_terminal import (
+from tests.scenario_tui.terminal.pseudo_terminal import (
     ALTERNATE,
     MOUSE,
     PASTE,
@@ -79,7 +79,7 @@ def test_it_is_typed_at_resized_and_left_while_the_daemon_goes_and_comes(daemon)
         assert shown.wait() == 0
         assert "Left the dashboard" in shown.text
         assert restored(shown)
-    with daemon.batch.client() as client:
+    with daemon.client() as client:
         assert client.overview().done == len(OUTCOMES)
 
 

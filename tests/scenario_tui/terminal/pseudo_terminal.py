@@ -18,7 +18,7 @@ from typing import Final
 
 import pyte
 
-ROOT: Final = Path(__file__).parents[2]
+ROOT: Final = Path(__file__).parents[3]
 ALTERNATE, MOUSE, PASTE = 1049, (1000, 1002, 1003, 1006, 1015), 2004
 _PRIVATE: Final = 5
 """How far pyte shifts the numbers of private modes."""

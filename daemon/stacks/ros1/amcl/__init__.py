@@ -18,7 +18,7 @@ __all__ = ["WITHOUT_EFFECT", "Amcl", "AmclParameters", "AmclPose", "warm_up"]
 
 
 def __getattr__(name: str) -> Any:
-    if name in ("Amcl", "Localisation"):
+    if name in ("Amcl", "AmclPose"):
         from daemon.stacks.ros1.amcl import _amcl
 
         return getattr(_amcl, name)

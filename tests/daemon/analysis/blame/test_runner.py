@@ -61,7 +61,7 @@ def test_an_interrupt_leaves_no_process_behind(
             time.sleep(0.01)
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("daemon.run.execute", execute)
+    monkeypatch.setattr("daemon.analysis.blame._runner.execute", execute)
     monkeypatch.setattr("daemon.analysis.blame._runner._await", interrupted)
     with pytest.raises(KeyboardInterrupt):
         execute_candidates(numbered(candidate, 2))

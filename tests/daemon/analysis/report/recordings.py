@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
-from daemon.batch.paths import trace_name
 from daemon.model.assessments import AssessmentRules, Expectation, RepeatPolicy, ScenarioComparison
+from daemon.model.ids import trace_name
 from daemon.model.spec import MapSettings, OracleText, RunSpec, SutReference
 from daemon.model.sut import Estimate, Progress
 from daemon.trace import TraceWriter

@@ -116,7 +116,7 @@ def completion_of(grant: Lease) -> Completion:
 def target(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Target]:
     with (
         daemon_at(tmp_path_factory.mktemp("hostile") / "state", lease=900.0) as daemon,
-        daemon.batch.client() as client,
+        daemon.client() as client,
         bus.open_client(daemon.endpoint) as session,
     ):
         found = Target(daemon, client, session)

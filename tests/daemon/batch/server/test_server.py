@@ -28,7 +28,7 @@ def daemon(tmp_path_factory: pytest.TempPathFactory) -> Iterator[DaemonPart]:
 
 @pytest.fixture
 def client(daemon: DaemonPart) -> Iterator[Client]:
-    with daemon.batch.client() as connected:
+    with daemon.client() as connected:
         yield connected
 
 
@@ -166,7 +166,7 @@ def test_a_taken_port_is_named(daemon: DaemonPart, tmp_path: Path) -> None:
 @pytest.mark.parametrize("way", ["shutdown", "SIGTERM", "SIGINT"])
 def test_a_daemon_leaves_cleanly(tmp_path: Path, way: str) -> None:
     with daemon_at(tmp_path / "state") as daemon:
-        with daemon.batch.client() as client:
+        with daemon.client() as client:
             if way == "shutdown":
                 client.shutdown()
             else:

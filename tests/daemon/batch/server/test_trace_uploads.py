@@ -223,7 +223,7 @@ def test_hostile_digests_and_sizes_do_not_pass_the_border(site: Site) -> None:
 
 
 def test_uploads_are_bounded_in_number(site: Site, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(_uploads, "_MOST", 2)
+    monkeypatch.setattr(_uploads, "_MOST_UPLOADS", 2)
     for name in ("a", "b"):
         (site.places.incoming / name).touch()
     with pytest.raises(Unavailable, match="has to wait"):

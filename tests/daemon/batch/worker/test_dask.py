@@ -38,7 +38,7 @@ def daemon(tmp_path_factory: pytest.TempPathFactory) -> Iterator[DaemonPart]:
 @pytest.fixture(scope="module")
 def worker(dask: Dask, daemon: DaemonPart) -> Iterator[Part]:
     limits = ("--wall", "3", "--memory", str(2**30))
-    with gateway_for(dask, daemon, *limits) as part, daemon.batch.client() as client:
+    with gateway_for(dask, daemon, *limits) as part, daemon.client() as client:
         eventually(lambda: client.overview().workers == 1, 30.0)
         eventually(lambda: client.workers()[0].slots == 2, 30.0)
         yield part
@@ -46,7 +46,7 @@ def worker(dask: Dask, daemon: DaemonPart) -> Iterator[Part]:
 
 @pytest.fixture
 def client(daemon: DaemonPart, worker: Part) -> Iterator[Client]:
-    with daemon.batch.client() as connected:
+    with daemon.client() as connected:
         yield connected
 
 
@@ -136,7 +136,7 @@ def test_running_runs_are_seen_live(client: Client) -> None:
 def test_a_dead_gateway_leaves_nothing_running_in_the_cluster(dask: Dask, tmp_path: Path) -> None:
     with (
         daemon_at(tmp_path / "state", attempts=2, grace=0.5) as daemon,
-        daemon.batch.client() as client,
+        daemon.client() as client,
     ):
         log = tmp_path / "log"
         with gateway_for(dask, daemon) as part:
@@ -206,7 +206,7 @@ def test_a_real_run_leaves_the_same_bytes_as_here(
     demo = expand(load_campaign(campaigns / "demo" / "campaign.yaml"))
     spec = replace(demo.runs[0], sut=SutReference("idle", "idle", {}), limit=1.0)
     submission = Submission("c", "C", "", "text", (spec,), demo.scenes[:1], fresh=True)
-    with daemon_at(tmp_path / "state") as daemon, daemon.batch.client() as client:
+    with daemon_at(tmp_path / "state") as daemon, daemon.client() as client:
         client.submit(submission)
         with gateway_for(dask, daemon, executor=DEFAULT_EXECUTOR):
             here = execute(spec, demo.scenes[0], trace_path=tmp_path / "here.mcap")

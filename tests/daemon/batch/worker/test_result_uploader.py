@@ -163,7 +163,7 @@ def test_a_trace_damaged_in_the_spool_is_never_sent(
 def test_a_slow_link_leaves_time_for_everything_else(
     courier: ResultUploader, daemon: Daemon, attempt: Attempt, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(_uploader, "_TURN", 0.0)
+    monkeypatch.setattr(_uploader, "_LONGEST_TURN", 0.0)
     turns = 1
     while not courier.hand_over(attempt):
         turns += 1

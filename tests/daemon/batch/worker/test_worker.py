@@ -39,7 +39,7 @@ def daemon(tmp_path_factory: pytest.TempPathFactory) -> Iterator[DaemonPart]:
 
 @pytest.fixture
 def client(daemon: DaemonPart) -> Iterator[Client]:
-    with daemon.batch.client() as connected:
+    with daemon.client() as connected:
         yield connected
 
 
@@ -191,7 +191,7 @@ def test_the_worker_is_on_the_list(client: Client) -> None:
 
 def test_the_wall_clock_limit_stops_a_run(tmp_path: Path) -> None:
     settings = {"wall": 0.3, "attempts": 1}
-    with daemon_at(tmp_path / "state", 1, **settings) as daemon, daemon.batch.client() as client:
+    with daemon_at(tmp_path / "state", 1, **settings) as daemon, daemon.client() as client:
         client.submit(make_submission("slow", 1, sleep=60.0))
         eventually(lambda: done(client, "slow"))
         (row,) = client.runs("slow").rows
@@ -202,7 +202,7 @@ def test_the_wall_clock_limit_stops_a_run(tmp_path: Path) -> None:
 def test_a_worker_told_to_leave_finishes_first(tmp_path: Path) -> None:
     with (
         daemon_at(tmp_path / "state") as daemon,
-        daemon.batch.client() as client,
+        daemon.client() as client,
         worker_for(daemon, 2) as worker,
     ):
         client.submit(make_submission("c", 4, sleep=0.5))
@@ -215,7 +215,7 @@ def test_a_worker_told_to_leave_finishes_first(tmp_path: Path) -> None:
 
 
 def test_a_worker_told_twice_gives_its_runs_back_without_blame(tmp_path: Path) -> None:
-    with daemon_at(tmp_path / "state", attempts=1) as daemon, daemon.batch.client() as client:
+    with daemon_at(tmp_path / "state", attempts=1) as daemon, daemon.client() as client:
         with worker_for(daemon, 2) as worker:
             client.submit(make_submission("c", 3, sleep=60.0))
             eventually(lambda: client.overview().running == 2)
@@ -233,7 +233,7 @@ def test_a_worker_told_twice_gives_its_runs_back_without_blame(tmp_path: Path) -
 def test_children_die_with_their_worker_however_far_it_steps_back(tmp_path: Path) -> None:
     with (
         daemon_at(tmp_path / "state") as daemon,
-        daemon.batch.client() as client,
+        daemon.client() as client,
         worker_for(daemon, 2, "--step-back", "3") as worker,
     ):
         client.submit(make_submission("c", 2, sleep=60.0))
@@ -248,8 +248,8 @@ def test_children_die_with_their_worker_however_far_it_steps_back(tmp_path: Path
 def test_a_worker_that_cannot_execute_says_why_and_leaves(tmp_path: Path) -> None:
     with daemon_at(tmp_path / "state") as daemon:
         options = ("--connect", daemon.endpoint, "--slots", "1", "--executor")
-        daemon.batch.client().close()
-        worker = Part("worker", tmp_path / "w.log", *options, "tests.daemon:not_there.execute")
+        daemon.client().close()
+        worker = Part("worker", tmp_path / "w.log", *options, "tests.daemon.not_there:execute")
         assert worker.wait() == 5
         assert "this worker cannot execute runs" in worker.output
         assert "ModuleNotFoundError: No module named 'tests.daemon.not_there'" in worker.output
@@ -265,7 +265,7 @@ def test_a_worker_without_a_daemon_says_so(tmp_path: Path) -> None:
 def test_results_left_by_a_dead_worker_are_delivered_by_the_next(tmp_path: Path) -> None:
     with daemon_at(tmp_path / "state", lease=60.0, grace=60.0) as daemon:
         log = tmp_path / "log"
-        with daemon.batch.client() as client, worker_for(daemon, 2) as worker:
+        with daemon.client() as client, worker_for(daemon, 2) as worker:
             client.submit(make_submission("c", 2, sleep=0.3, log=str(log)))
             eventually(lambda: client.overview().running == 2)
             daemon.freeze()
@@ -290,10 +290,10 @@ def test_a_worker_is_one_family(daemon: DaemonPart, client: Client) -> None:
 
 
 def test_a_local_worker_that_cannot_execute_is_the_daemons_trouble(tmp_path: Path) -> None:
-    missing = "tests.daemon:not_there.execute"
+    missing = "tests.daemon.not_there:execute"
     with (
         daemon_at(tmp_path / "state", 1, executor=missing) as daemon,
-        daemon.batch.client() as client,
+        daemon.client() as client,
     ):
         client.submit(make_submission("c", 1))
         trouble = eventually(lambda: client.overview().trouble)
@@ -302,7 +302,7 @@ def test_a_local_worker_that_cannot_execute_is_the_daemons_trouble(tmp_path: Pat
 
 
 def test_a_run_whose_scene_is_gone_waits_without_blame(tmp_path: Path) -> None:
-    with daemon_at(tmp_path / "state", attempts=1) as daemon, daemon.batch.client() as client:
+    with daemon_at(tmp_path / "state", attempts=1) as daemon, daemon.client() as client:
         client.submit(make_submission("c", 1))
         (scene,) = (daemon.state / "scenes").iterdir()
         scene.unlink()

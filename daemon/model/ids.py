@@ -1,0 +1,52 @@
+"""What may name a campaign, a run or a file by digest, in paths and on the bus.
+
+Names come from files and from the network: only those that match here ever become part of a path.
+"""
+
+from __future__ import annotations
+
+import functools
+import re
+from typing import Final
+from urllib.parse import quote
+
+_ID: Final = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,99}\Z")
+_RUN_ID: Final = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,99}\.[0-9]{1,9}\Z")
+_DIGEST: Final = re.compile(r"[0-9a-f]{64}\Z")
+_LONGEST_NAME: Final = 200
+
+
+def is_id(text: str) -> bool:
+    """Whether ``text`` may name a campaign or a worker, in paths and on the bus."""
+    return _ID.match(text) is not None
+
+
+def is_run_id(text: str) -> bool:
+    """Whether ``text`` may name a run: ``<campaign>.<index>``."""
+    return _RUN_ID.match(text) is not None
+
+
+def is_digest(text: str) -> bool:
+    """Whether ``text`` looks like a SHA-256: 64 lower-case hexadecimal digits."""
+    return _DIGEST.match(text) is not None
+
+
+def trace_name(campaign: str, scenario: str, sut: str, repeat: int) -> str:
+    """Path of a run's trace below the traces directory, ``/`` separated.
+
+    Different runs get different names and no name leaves the directory: everything outside
+    ``[A-Za-z0-9_~-]``, the dot included, is percent-encoded. Raises ``ValueError`` for a
+    campaign id that is none and for names no file system would take.
+    """
+    if not is_id(campaign):
+        raise ValueError(f"{campaign!r} is not a campaign id")
+    parts = (_quoted(scenario), _quoted(sut), str(int(repeat)))
+    name = ".".join(parts) + ".mcap"
+    if not all(parts) or repeat < 0 or len(name) > _LONGEST_NAME:
+        raise ValueError(f"{scenario!r} with {sut!r}, repeat {repeat}, makes no usable file name")
+    return f"{campaign}/{name}"
+
+
+@functools.lru_cache(4096)
+def _quoted(name: str) -> str:
+    return quote(name, safe="").replace(".", "%2E")

@@ -1,0 +1,34 @@
+"""The protocol of systems under test, under the name that plug-ins use.
+
+A package of yours names a factory under the entry point group ``scenario.suts``; what it makes is
+a :class:`SystemUnderTest`. See :mod:`daemon.model.sut` for the contract.
+"""
+
+from daemon.model.sut import (
+    Briefing,
+    Cloud,
+    CostmapPicture,
+    Decision,
+    Estimate,
+    LaserScan,
+    Observation,
+    Odometry,
+    Progress,
+    SystemUnderTest,
+)
+from grammars.model.geometry import Pose2, Twist2
+
+__all__ = [
+    "Briefing",
+    "Cloud",
+    "CostmapPicture",
+    "Decision",
+    "Estimate",
+    "LaserScan",
+    "Observation",
+    "Odometry",
+    "Pose2",
+    "Progress",
+    "SystemUnderTest",
+    "Twist2",
+]
