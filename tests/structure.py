@@ -106,20 +106,38 @@ def _spread(values: list[int]) -> str:
     return f"median {quantiles[0]}, 90 % {quantiles[1]}, largest {max(values)}"
 
 
-def main(top: Path) -> None:
-    modules = [Module(p, top) for floor in FLOORS for p in sorted((top / floor).rglob("*.py"))]
+def read_modules(top: Path) -> list[Module]:
+    """All modules of the product in a checkout, packages included."""
+    return [Module(p, top) for floor in FLOORS for p in sorted((top / floor).rglob("*.py"))]
+
+
+def import_graph(modules: list[Module]) -> dict[str, set[str]]:
+    """Which module of ours imports which, wherever in it the import stands."""
     known = {module.name for module in modules}
+    return {module.name: module.imports(known) for module in modules}
+
+
+def class_homes(modules: list[Module]) -> dict[str, list[str]]:
+    """The modules that define a class of each name."""
+    homes: dict[str, list[str]] = defaultdict(list)
+    for module in modules:
+        for node in ast.walk(module.tree):
+            if isinstance(node, ast.ClassDef):
+                homes[node.name].append(module.name)
+    return dict(homes)
+
+
+def main(top: Path) -> None:
+    modules = read_modules(top)
     files = [module for module in modules if len(module.lines) > 1]
-    graph = {module.name: module.imports(known) for module in modules}
+    graph = import_graph(modules)
     functions = dict(entry for module in modules for entry in _long(module))
     lines = dict.fromkeys(FLOORS, 0)
-    classes: dict[str, list[str]] = defaultdict(list)
     crowded = []
     for module in modules:
         lines[module.name.partition(".")[0]] += len(module.lines)
         for node in ast.walk(module.tree):
             if isinstance(node, ast.ClassDef):
-                classes[node.name].append(module.name)
                 methods = sum(isinstance(n, _FUNCTIONS) for n in node.body)
                 if methods > 20:
                     crowded.append(f"{module.name}:{node.name} {methods}")
@@ -140,7 +158,7 @@ def main(top: Path) -> None:
     _show("import circles", [", ".join(c) for c in circles(graph)])
     _show("functions over 60 lines", [f"{n} {k}" for n, k in functions.items() if k > 60])
     _show("classes over 20 methods", crowded)
-    shared = {n: w for n, w in classes.items() if len(w) > 1}
+    shared = {n: w for n, w in class_homes(modules).items() if len(w) > 1}
     _show("class names used twice", [f"{n}: {', '.join(w)}" for n, w in sorted(shared.items())])
 
 

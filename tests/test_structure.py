@@ -1,0 +1,44 @@
+"""The drawing of the house holds: what import-linter does not check."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from tests.structure import Module, circles, class_homes, import_graph, read_modules
+
+
+@pytest.fixture(scope="module")
+def modules() -> list[Module]:
+    return read_modules(Path(__file__).parents[1])
+
+
+def test_there_is_no_import_circle_of_any_kind(modules: list[Module]) -> None:
+    assert circles(import_graph(modules)) == []
+
+
+def test_a_class_name_means_one_thing(modules: list[Module]) -> None:
+    assert {name: homes for name, homes in class_homes(modules).items() if len(homes) > 1} == {}
+
+
+def test_circles_are_found() -> None:
+    graph = {"a": {"b"}, "b": {"c"}, "c": {"a"}, "d": {"a"}, "e": set[str]()}
+    assert circles(graph) == [["a", "b", "c"]]
+
+
+def test_only_the_ledger_speaks_sql_and_only_traces_speak_mcap(modules: list[Module]) -> None:
+    """The library of each is imported in its room alone; elsewhere for no more than its errors."""
+    speaking = {
+        library: sorted(
+            module.name
+            for module in modules
+            if not module.name.startswith(rooms)
+            and any(f"{word} {library}" in module.text for word in ("import", "from"))
+        )
+        for library, rooms in {
+            "sqlite3": ("daemon.batch.ledger",),
+            "mcap": ("daemon.trace",),
+        }.items()
+    }
+    assert speaking == {"sqlite3": [], "mcap": []}
