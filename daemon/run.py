@@ -123,7 +123,7 @@ class _PeriodicTimer:
     count: int = 0
     due: int = 0
 
-    def take(self, tick: int) -> bool:
+    def fires(self, tick: int) -> bool:
         """Return whether it is due at ``tick``, and move on to the next time if so."""
         if tick < self.due:
             return False
@@ -173,7 +173,7 @@ class _RunLoop:
         self._update = _PeriodicTimer(1.0 / self._sut.period)
         self._interest = interest
         self._snapshot = _PeriodicTimer(SNAPSHOT_RATE if interest is None else WATCHED_RATE)
-        self._seen: LiveView | None = None
+        self._live_view: LiveView | None = None
 
     def run(self) -> tuple[RunEnding, str]:
         """Step until the mission is over, the limit is reached or the system crashes."""
@@ -181,7 +181,7 @@ class _RunLoop:
         trace.static(self._grid)
         last = round(self._spec.limit * TICKS_PER_SECOND)
         try:
-            self._brief(self._sut)
+            self._start_sut(self._sut)
             while True:
                 finished = self._tick()
                 if finished or world.tick >= last:
@@ -195,7 +195,7 @@ class _RunLoop:
                 self._record_state()
         return ("finished", "") if finished else ("limit", "simulated time is up")
 
-    def _brief(self, sut: SystemUnderTest) -> None:
+    def _start_sut(self, sut: SystemUnderTest) -> None:
         spec = self._spec
         briefing = Briefing(
             spec.robot, self._grid, spec.mission, spec.mission.start, self._sut_seed
@@ -218,24 +218,24 @@ class _RunLoop:
         """Do everything due now; return whether the mission is over."""
         world, trace = self.world, self._trace
         tick, now = world.tick, world.time
-        if self._clock.take(tick):
+        if self._clock.fires(tick):
             trace.clock(now)
-        if self._state.take(tick):
+        if self._state.fires(tick):
             self._record_state()
-        if self._odom.take(tick):
+        if self._odom.fires(tick):
             at = (self._odom.count - 1) * self._period if self._period else now
             sample = world.odometry(at)
             trace.odometry(sample)
             self._odometry.append(sample)
-        if self._scan.take(tick):
+        if self._scan.fires(tick):
             ranges = world.scan()
             trace.scan(now, ranges)
             self._scans.append(LaserScan(now, ranges))
-            if self._seen is not None:
-                self._seen.look(world.pose(), ranges)
-        finished = self._update.take(tick) and self._consult(now)
-        if self._on_progress is not None and self._snapshot.take(tick):
-            self._tell(now)
+            if self._live_view is not None:
+                self._live_view.add_scan(world.pose(), ranges)
+        finished = self._update.fires(tick) and self._update_sut(now)
+        if self._on_progress is not None and self._snapshot.fires(tick):
+            self._publish_snapshot(now)
         return finished
 
     def _record_state(self) -> None:
@@ -252,12 +252,12 @@ class _RunLoop:
                 contact.normal,
                 contact.depth,
             )
-            if self._seen is not None:
-                self._seen.contacts.append(contact.point)
+            if self._live_view is not None:
+                self._live_view.contacts.append(contact.point)
         for event in world.take_events():
             trace.event(event.time, event.source, event.text)
 
-    def _consult(self, now: float) -> bool:
+    def _update_sut(self, now: float) -> bool:
         """Give the system under test what is new, record and apply its answer."""
         truth = self.world.pose() if self._sut.needs_ground_truth else None
         observation = Observation(now, tuple(self._odometry), tuple(self._scans), truth)
@@ -303,21 +303,21 @@ class _RunLoop:
         for text in decision.events:
             trace.event(now, "sut", text)
 
-    def _tell(self, now: float) -> None:
+    def _publish_snapshot(self, now: float) -> None:
         """Tell how far the run is, as detailed as is wanted."""
         wanted = "progress" if self._interest is None else self._interest()
         if wanted == "nothing" or self._on_progress is None:
             return
-        picture = self._picture(now)
+        snapshot = self._take_snapshot(now)
         if wanted == "everything":
-            if self._seen is None:
-                self._seen = LiveView(self._spec.robot.laser)
-            picture = self._seen.added(picture, self._cloud or self._estimate, self._plan)
+            if self._live_view is None:
+                self._live_view = LiveView(self._spec.robot.laser)
+            snapshot = self._live_view.extend(snapshot, self._cloud or self._estimate, self._plan)
         else:
-            self._seen = None
-        self._on_progress(picture)
+            self._live_view = None
+        self._on_progress(snapshot)
 
-    def _picture(self, now: float) -> Snapshot:
+    def _take_snapshot(self, now: float) -> Snapshot:
         decision = self._decision
         return Snapshot(
             time=now,

@@ -152,15 +152,15 @@ class JointActuator:
         return self._drive.motion.name
 
     @property
-    def unfinished(self) -> bool:
+    def blocked(self) -> bool:
         """Whether a held jump still waits for the robot to make way."""
         return self._wanted is not None
 
-    def tell(self, text: str) -> None:
+    def report(self, text: str) -> None:
         """Report something that happened to this joint."""
         self._report(self.name, text)
 
-    def go(self, target: float, footprint: Floats, *, hold: bool) -> None:
+    def move_to(self, target: float, footprint: Floats, *, hold: bool) -> None:
         """Start to move to ``target``; a jump with ``hold`` stays there, else it is let go."""
         match self._motion:
             case Servo(rate=rate, effort=effort):
@@ -170,7 +170,7 @@ class JointActuator:
             case Jump():
                 reached = self._jumper.jump(target, footprint)
                 if reached != target:
-                    self.tell(f"stopped at {reached:.3f} by the robot, short of {target:g}")
+                    self.report(f"stopped at {reached:.3f} by the robot, short of {target:g}")
                 self._wanted = target if hold and reached != target else None
                 if hold:
                     self._drive.hold(reached)
@@ -182,7 +182,7 @@ class JointActuator:
         reached = self._jumper.jump(self._wanted, footprint)
         self._drive.hold(reached)
         if reached == self._wanted:
-            self.tell(f"reached {reached:g}")
+            self.report(f"reached {reached:g}")
             self._wanted = None
 
     def hold_start(self, start: float) -> None:
@@ -199,8 +199,8 @@ class JointActuator:
 class KeyFramePlayer:
     """Plays key frames; a jumped joint is free between frames."""
 
-    def __init__(self, behaviour: KeyFrames, mover: JointActuator) -> None:
-        self._mover = mover
+    def __init__(self, behaviour: KeyFrames, actuator: JointActuator) -> None:
+        self._actuator = actuator
         self._frames = behaviour.frames
         self._next = 0
 
@@ -215,8 +215,8 @@ class KeyFramePlayer:
         """Perform the frame that is due."""
         frame = self._frames[self._next]
         self._next += 1
-        self._mover.tell(f"key frame {self._next} at {frame.time:g} s: to {frame.position:g}")
-        self._mover.go(frame.position, footprint, hold=False)
+        self._actuator.report(f"key frame {self._next} at {frame.time:g} s: to {frame.position:g}")
+        self._actuator.move_to(frame.position, footprint, hold=False)
 
 
 def frame_tick(frame: KeyFrame) -> int:
@@ -230,14 +230,14 @@ class TriggeredJoint:
     def __init__(
         self,
         behaviour: Trigger,
-        mover: JointActuator,
+        actuator: JointActuator,
         proximity: RobotProximity,
         fires: Callable[[], None],
     ) -> None:
-        self._behaviour, self.mover, self.proximity = behaviour, mover, proximity
+        self._behaviour, self.actuator, self.proximity = behaviour, actuator, proximity
         self._fires = fires
-        self._fired = self.close = False
-        mover.hold_start(behaviour.start)
+        self._fired = self.near = False
+        actuator.hold_start(behaviour.start)
 
     @property
     def threshold(self) -> float:
@@ -247,18 +247,18 @@ class TriggeredJoint:
             return behaviour.distance
         return math.inf if behaviour.rearm is None else behaviour.rearm
 
-    def watch(self, base: Pose2, footprint: Floats) -> float:
+    def check(self, base: Pose2, footprint: Floats) -> float:
         """Fire or re-arm if it is time; return how much motion cannot change anything [m].
 
-        Motion of the base origin alone, or, when ``close`` is set, of footprint and leaf too.
+        Motion of the base origin alone, or, when ``near`` is set, of footprint and leaf too.
         """
-        threshold, self.close = self.threshold, False
+        threshold, self.near = self.threshold, False
         if math.isinf(threshold):
             return math.inf
         slack = self.proximity.far_slack(base, threshold, inside=self._fired)
         if slack > 0.0:
             return slack
-        self.close = True
+        self.near = True
         distance = self.proximity.distance(base, footprint)
         if self._fired and distance > threshold:
             self._switch(False, f"re-armed at {distance:.3f} m: back to", footprint)
@@ -271,8 +271,8 @@ class TriggeredJoint:
     def _switch(self, fired: bool, text: str, footprint: Floats) -> None:
         self._fired = fired
         target = self._behaviour.end if fired else self._behaviour.start
-        self.mover.tell(f"{text} {target:g}")
-        self.mover.go(target, footprint, hold=True)
+        self.actuator.report(f"{text} {target:g}")
+        self.actuator.move_to(target, footprint, hold=True)
         if fired:
             self._fires()
 
@@ -280,14 +280,14 @@ class TriggeredJoint:
 class ReactingJoint:
     """Moves a joint once, when it is told to."""
 
-    def __init__(self, behaviour: Reaction, mover: JointActuator) -> None:
-        self._behaviour, self.mover = behaviour, mover
-        mover.hold_start(behaviour.start)
+    def __init__(self, behaviour: Reaction, actuator: JointActuator) -> None:
+        self._behaviour, self.actuator = behaviour, actuator
+        actuator.hold_start(behaviour.start)
 
     def act(self, footprint: Floats) -> None:
         """Go: the event has happened and the delay is over."""
-        self.mover.tell(f"reacts: to {self._behaviour.end:g}")
-        self.mover.go(self._behaviour.end, footprint, hold=True)
+        self.actuator.report(f"reacts: to {self._behaviour.end:g}")
+        self.actuator.move_to(self._behaviour.end, footprint, hold=True)
 
 
 def starting_positions(

@@ -130,7 +130,7 @@ class JointDrive:
         The approach is exponential near the target, with a time constant that lets the effort
         brake the mass from ``rate`` twice over.
         """
-        self._let_go()
+        self._release()
         self._steer(target, rate, effort, max(DT, 2.0 * self._inertia * rate / effort))
 
     def hold(self, target: float) -> None:
@@ -138,12 +138,12 @@ class JointDrive:
 
         On a parent that moves itself, the joint is stiff instead of immovable.
         """
-        self._let_go()
+        self._release()
         if self.motion.parent == WORLD:
             self.child.mass, self.child.moment = _HEAVY * self._mass, _HEAVY * self._moment
         self._steer(target, math.inf, math.inf, 10.0 * DT)
 
-    def _let_go(self) -> None:
+    def _release(self) -> None:
         self.child.mass, self.child.moment = self._mass, self._moment
         self.child.activate()
 
@@ -166,7 +166,7 @@ class JointDrive:
 
     def spring(self, target: float, stiffness: float, damping: float) -> None:
         """Pull to ``target`` with a spring, in addition to the object's own closer."""
-        self._let_go()
+        self._release()
         if self._spring is None:
             self._spring = self._make_spring(target, stiffness, damping)
             self._add(self._spring)
@@ -218,7 +218,7 @@ class JointJumper:
         reached = target
         if self._hits(way, footprint):
             reached = start + self._free_way(way, footprint)
-        self._place(reached - start)
+        self._move_bodies(reached - start)
         return reached
 
     def _free_way(self, way: float, footprint: Floats) -> float:
@@ -268,7 +268,7 @@ class JointJumper:
         outlines = self._world_outlines(self._move(way))
         return any(convex_distance(outline, footprint) == 0.0 for outline in outlines)
 
-    def _place(self, way: float) -> None:
+    def _move_bodies(self, way: float) -> None:
         move = self._move(way)
         turn = 0.0 if self._drive.motion.joint.kind == "prismatic" else way
         for body in self._bodies:

@@ -68,7 +68,7 @@ class MobileBase:
         """Set velocities for the tick that starts now."""
         raise NotImplementedError
 
-    def depth(self) -> float:
+    def penetration_depth(self) -> float:
         """Return how deep the robot is in what it touches at most [m]."""
         deepest = [0.0]
 
@@ -189,7 +189,7 @@ class ImposedVelocityBase(MobileBase):
         body = self.body
         if self._resisted != (self.touching > 0):
             self._resisted = not self._resisted
-            body.velocity_func = self._insist if self._resisted else pymunk.Body.update_velocity
+            body.velocity_func = self._impose_in_contact if self._resisted else pymunk.Body.update_velocity
             self._written = (self._goal, math.nan)
         if self._resisted:
             return
@@ -198,7 +198,7 @@ class ImposedVelocityBase(MobileBase):
             self._written = (self._goal, yaw)
             self._impose(yaw)
 
-    def _insist(
+    def _impose_in_contact(
         self, body: pymunk.Body, gravity: tuple[float, float], damping: float, dt: float
     ) -> None:
         """Have the commanded velocity again, for the solver to take away what meets resistance."""

@@ -145,7 +145,7 @@ class RouteFollower:
         self._stopped, self._begin, self._from = True, time, way
         self._braked_from = 0.0 if dead else speed
 
-    def go_on(self, time: float) -> None:
+    def resume(self, time: float) -> None:
         """Set out again from where it is."""
         way, speed = self._state(time)
         self._stopped = False
@@ -193,7 +193,7 @@ class Walker:
         x, y = self._body.position
         return math.hypot(x - self._home[0], y - self._home[1])
 
-    def begin(self, tick: int) -> None:
+    def set_out(self, tick: int) -> None:
         """Set out now: what the walk waited for has happened."""
         if self._began is None:
             self._began = tick / TICK_RATE
@@ -229,7 +229,7 @@ class Walker:
             self._follower.stop(now, dead=self._obstacle == "blocked by")
             self._report(self._walk.object, f"{self._obstacle} the robot")
         else:
-            self._follower.go_on(now)
+            self._follower.resume(now)
             self._report(self._walk.object, "walks on")
 
     def _look(self, now: float) -> _RobotInTheWay:
@@ -244,7 +244,7 @@ class Walker:
         if ahead <= 0.0:
             return ""
         gap = self._gap()
-        squeezed = gap <= 0.0 and self._base.depth() > SQUEEZED_DEPTH
+        squeezed = gap <= 0.0 and self._base.penetration_depth() > SQUEEZED_DEPTH
         if squeezed or (self._obstacle == "blocked by" and gap < CLEAR_AGAIN):
             return "blocked by"
         in_sight = ahead > math.cos(YIELD_ANGLE) * math.hypot(dx, dy)

@@ -69,7 +69,7 @@ class World:
         self._base = make_base(space, robot, start)
         self._contacts = ContactLog(space, self._base, owners)
         self._events: list[WorldEvent] = []
-        self._director = BehaviourScheduler(
+        self._scheduler = BehaviourScheduler(
             scene, robot, behaviours, self._drives, assembly, self._base, self._report, waypoints
         )
         self._bodies = BodyStates(space, assembly.bodies)
@@ -103,19 +103,19 @@ class World:
         ``current`` is the index of the waypoint being approached, ``reached`` the number of
         waypoints reached. What has happened once stays so.
         """
-        self._director.progress(current, reached, self.tick)
+        self._scheduler.progress(current, reached, self.tick)
 
     def advance(self, ticks: int = 1) -> None:
         """Simulate ``ticks`` steps of 10 ms."""
         step, drive, log = self._space.step, self._base.update, self._contacts
-        direct, directed = self._director.update, self._director.active
+        act, acting = self._scheduler.update, self._scheduler.active
         body, last = self._base.body, self.tick + ticks - 1 if self._between_ticks else -1
         for tick in range(self.tick, self.tick + ticks):
             self.tick = log.tick = tick
             if tick == last:
                 self._before = (*body.position, body.angle)
-            if directed:
-                direct(tick)
+            if acting:
+                act(tick)
             drive(tick)
             step(DT)
         self.tick += 1 if ticks > 0 else 0

@@ -176,10 +176,10 @@ class ViewerMessages:
             self._due[what] = now + period
         return due
 
-    def take(self) -> list[MessageBlock]:
+    def drain(self) -> list[MessageBlock]:
         """Return what was collected and start anew."""
         kept = (self._plan, self._local_plan, self._particles, self._costmap)
-        return [records.take() for records in kept]
+        return [records.drain() for records in kept]
 
 
 def _thin_plan(points: Floats) -> Floats:

@@ -138,7 +138,7 @@ class TraceWriter:
         for topic, payload in (("/map", drawn), *latched):
             records = MessageRecords(self._ids[topic])
             records.add(0, payload)
-            blocks.append(records.take())
+            blocks.append(records.drain())
         self._container.add_chunk(blocks)
         self.progress(0.0, Progress(0, 0, "active"))
 
@@ -254,7 +254,7 @@ class TraceWriter:
 
     def close(self, ended: str, note: str = "") -> TraceInfo:
         """Finish the file and give it its name; ``ended`` and ``note`` say why the run ended."""
-        self._signals.joints.release()
+        self._signals.joints.keep_last_repeat()
         self._signals.views.flush(0, end=True)
         self._flush()
         container = self._container
@@ -298,7 +298,7 @@ class TraceWriter:
     ) -> None:
         if not self._file.closed:
             with self._file:
-                self._signals.joints.release()
+                self._signals.joints.keep_last_repeat()
                 self._flush()
 
     def _at(self, time: float) -> int:
@@ -335,7 +335,7 @@ class TraceWriter:
         self._localised = True
 
     def _flush(self) -> None:
-        judged, watched = self._signals.take()
+        judged, watched = self._signals.drain()
         self._container.add_chunk(judged)
         self._container.add_chunk(watched)
         self._file.flush()
