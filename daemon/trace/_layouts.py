@@ -344,25 +344,3 @@ def contact(first: str, second: str) -> MessageLayout:
         return ros.make(ros.CONTACTS, header=ros.header(mark.stamp(), "map"), states=[state])
 
     return derive_layout("/contacts", ros.CONTACTS, build)
-
-
-@functools.cache
-def path(count: int) -> MessageLayout:
-    """A ``nav_msgs/Path`` in map with ``count`` poses: x0, y0, x1, ... (see ``paths``)."""
-    kind = "nav_msgs/msg/Path"
-
-    def build(mark: FieldMarker) -> Any:
-        return ros.make(
-            kind,
-            header=ros.header(mark.stamp("stamp"), "map"),
-            poses=[
-                ros.make(
-                    "geometry_msgs/msg/PoseStamped",
-                    header=ros.header(mark.stamp(f"stamp{i}"), "map"),
-                    pose=ros.pose(mark.f8(f"x{i}"), mark.f8(f"y{i}"), 0.0, 1.0),
-                )
-                for i in range(count)
-            ],
-        )
-
-    return derive_layout("/plan", kind, build)
