@@ -59,7 +59,10 @@ class LiveView:
         angles = np.linspace(laser.angle_min, laser.angle_max, laser.rays)[::step][seen]
         bearing, ranges = self.laser_pose.yaw + angles, ranges[seen]
         return np.column_stack(
-            [self.laser_pose.x + ranges * np.cos(bearing), self.laser_pose.y + ranges * np.sin(bearing)]
+            [
+                self.laser_pose.x + ranges * np.cos(bearing),
+                self.laser_pose.y + ranges * np.sin(bearing),
+            ]
         )
 
 

@@ -21,12 +21,10 @@ from daemon.trace._mcap_writer import MessageBlock, MessageRecords
 from grammars.model.geometry import Floats
 from grammars.model.grid import OccupancyGrid
 
-
 _SECOND: Final = 1_000_000_000
 
-# Paths and particles are the only messages of any length. Their CDR is written out here: a header
-# and a table of rows, held to what rosbags serializes by tests. rosbags itself makes a Python
-# object per pose, of which a plan has hundreds.
+# A plan has hundreds of poses, of each of which rosbags wants a Python object. So the CDR of paths
+# and particles is written out here, a header and a table of rows; tests hold it to rosbags.
 _HEAD: Final = struct.Struct("<4siIi4sI")
 """Encapsulation, stamp, length and text of the frame, number of rows."""
 _ENCAPSULATION: Final = b"\0\1\0\0"
@@ -180,6 +178,7 @@ def _published_costmap(picture: CostmapPicture) -> OccupancyGrid:
 
 def _cost_translation() -> npt.NDArray[np.int8]:
     costs = np.arange(256)
+    # Its loop in integer arithmetic: 1 + (97 * (cost - 1)) / 251 for costs of 1 to 252.
     table = (1 + 97 * (costs - 1) // 251).astype(np.int16)
     table[[0, 253, 254, 255]] = 0, 99, 100, -1
     return table.astype(np.int8)
