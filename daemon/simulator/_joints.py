@@ -14,8 +14,9 @@ from collections.abc import Sequence
 import numpy as np
 import pymunk
 
+from daemon.model.sut import TICK_RATE
 from daemon.simulator._assembly import WORLD, BodyAssembly, MovingJoint
-from daemon.simulator._physics import DT, TICK_RATE, convex_distance, ring_array, transform_array
+from daemon.simulator._physics import DT, convex_distance, ring_array, transform_array
 from grammars.model.geometry import Floats, Point2, Pose2
 
 _LIMIT_LAG = 0.5
@@ -46,6 +47,7 @@ class JointDrive:
             self._add(self._make_spring(joint.rest, joint.stiffness, joint.damping))
 
     def _add(self, constraint: pymunk.Constraint) -> None:
+        # What hangs together overlaps by design, a leaf with its jamb or with the leaf before it.
         constraint.collide_bodies = False
         self._space.add(constraint)
 
@@ -131,6 +133,9 @@ class JointDrive:
         brake the mass from ``rate`` twice over.
         """
         self._release()
+        # The exponential approach begins at ``rate`` with a deceleration of rate / lag; the effort
+        # could brake with effort / inertia. Twice the lag at which both are equal leaves half of it
+        # for the closer and for what leans on the leaf; in less than a tick no error can be undone.
         self._steer(target, rate, effort, max(DT, 2.0 * self._inertia * rate / effort))
 
     def hold(self, target: float) -> None:
@@ -139,12 +144,15 @@ class JointDrive:
         On a parent that moves itself, the joint is stiff instead of immovable.
         """
         self._release()
+        # Heavy instead of static: the joint can be let go again without leaving the space. On a
+        # parent that moves, the mass would tear at that one's own joint.
         if self.motion.parent == WORLD:
             self.child.mass, self.child.moment = _HEAVY * self._mass, _HEAVY * self._moment
         self._steer(target, math.inf, math.inf, 10.0 * DT)
 
     def _release(self) -> None:
         self.child.mass, self.child.moment = self._mass, self._moment
+        # A sleeping body would not notice that its constraint has another goal.
         self.child.activate()
 
     def _steer(self, target: float, rate: float, effort: float, lag: float) -> None:
@@ -224,6 +232,7 @@ class JointJumper:
     def _free_way(self, way: float, footprint: Floats) -> float:
         if self._hits(0.0, footprint):
             return 0.0
+        # In steps before bisecting: a corner of the robot may lie between two free positions.
         reach = self._reach()
         steps = max(1, math.ceil(abs(way) * reach / _STEP))
         low = high = 0.0
@@ -276,5 +285,6 @@ class JointJumper:
             body.angle += turn
             body.position = position
             body.velocity, body.angular_velocity = (0.0, 0.0), 0.0
+            # Chipmunk finds a body that was moved by hand at its old place until then.
             if body.space is not None:
                 body.space.reindex_shapes_for_body(body)

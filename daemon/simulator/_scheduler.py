@@ -10,6 +10,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 
+from daemon.model.sut import TICK_RATE
 from daemon.simulator._assembly import BodyAssembly
 from daemon.simulator._behaviours import (
     EventReporter,
@@ -21,7 +22,7 @@ from daemon.simulator._behaviours import (
 )
 from daemon.simulator._joints import JointDrive, JointJumper
 from daemon.simulator._mobile_base import MobileBase
-from daemon.simulator._physics import TICK_RATE, area_and_centroid, ring_array, transform_array
+from daemon.simulator._physics import area_and_centroid, ring_array, transform_array
 from daemon.simulator._walkers import Walker
 from grammars.model.behaviour import (
     Behaviour,
@@ -41,7 +42,8 @@ from grammars.model.scene import Scene
 
 Action = Callable[[], None]
 MOVED_BY = 0.01
-"""A joint this far from where it started has started to move [rad or m]."""
+"""A joint this far from where it started has started to move [rad or m]: more than joints give way
+under a load, less than anybody would call open."""
 
 
 class EventQueue:
@@ -135,6 +137,7 @@ class EventQueue:
         waiting, self._waiting = self._waiting, []
         for event, delay, act in waiting:
             if happened(event):
+                # The count keeps those of one tick in the order they were declared in.
                 self._count += 1
                 heapq.heappush(self._agenda, (tick + delay, self._count, act))
             else:
@@ -177,6 +180,8 @@ class BehaviourScheduler:
             name: drive.position for name, drive in drives.items()
         }
         self._events = EventQueue(waypoints, positions)
+        # Walkers first and their waiting afterwards: what a walk waits for may be the moving of
+        # another walker, whose position must be known by then.
         walks = [b for b in behaviours if isinstance(b, Walk)]
         for walk in walks:
             walker = self._add_walker(walk)
@@ -205,13 +210,12 @@ class BehaviourScheduler:
             near = RobotProximity(
                 drive, self._assembly, behaviour.of, behaviour.to, centre, self._footprint
             )
-            self._triggers.append(
-                TriggeredJoint(behaviour, actuator, near, lambda: self._events.note_fired(name, self._tick))
-            )
+            fires = partial(self._note_fired, name)
+            self._triggers.append(TriggeredJoint(behaviour, actuator, near, fires))
         else:
             reacting = ReactingJoint(behaviour, actuator)
             self._reacting.append(reacting)
-            self._wait(behaviour.event, behaviour.delay, lambda: self._react(reacting))
+            self._wait(behaviour.event, behaviour.delay, partial(self._react, reacting))
 
     def _set_out(self, walker: Walker) -> None:
         walker.set_out(self._tick)
@@ -235,23 +239,32 @@ class BehaviourScheduler:
 
     def _react(self, reacting: ReactingJoint) -> None:
         reacting.act(self._world_footprint())
-        self._events.note_fired(reacting.actuator.name, self._tick)
+        self._note_fired(reacting.actuator.name)
+
+    def _note_fired(self, joint: str) -> None:
+        self._events.note_fired(joint, self._tick)
 
     def progress(self, current: int, reached: int, tick: int) -> None:
         """Take note of what the mission has come to."""
         self._events.note_progress(current, reached, tick)
 
     def update(self, tick: int) -> None:
-        """Let everything happen that is due at the start of ``tick``."""
+        """Let everything happen that is due at the start of ``tick``.
+
+        Causes before effects: key frames and triggers, then joints seen moving, then what waited
+        for any of these, so that a reaction without a delay happens in the same tick.
+        """
         self._tick = tick
         if tick >= self._due:
             self._play(tick)
+        # Not ``>=``: a robot whose position has become nan is checked, not trusted.
         if self._triggers and not self._way_since_check() < self._slack:
             self._check_triggers()
         if self._events.watching:
             self._events.check_moving_joints(tick)
         if tick >= self._events.due:
             self._events.run_due(tick)
+        # Walkers last: who sets out now makes the first step now.
         if self._reacting:
             self._retry()
         if self._walkers:
@@ -285,6 +298,7 @@ class BehaviourScheduler:
         for trigger in self._triggers:
             trigger.actuator.retry(footprint)
             slack = trigger.check(pose, footprint)
+            # A blocked jump is retried every tick, so that it follows the robot out of its way.
             slacks.append(0.0 if trigger.actuator.blocked else slack)
         self._near = [trigger.proximity for trigger in self._triggers if trigger.near]
         self._seen = (pose.x, pose.y, self._base.body.angle)
