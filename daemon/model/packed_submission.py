@@ -104,28 +104,28 @@ class Interner:
 
 
 def pack_submission(submission: Submission) -> PackedSubmission:
-    """Make a parcel of a submission."""
-    shelf = Interner()
-    runs = tuple(shelf.pack(run) for run in submission.runs)
-    reserve = tuple(shelf.pack(run) for run in submission.reserve)
+    """Return the submission packed."""
+    interner = Interner()
+    runs = tuple(interner.pack(run) for run in submission.runs)
+    reserve = tuple(interner.pack(run) for run in submission.reserve)
     same = (submission.campaign, submission.name, submission.about, submission.source)
-    cells, scripts = tuple(shelf.cells), tuple(shelf.scripts)
+    cells, scripts = tuple(interner.cells), tuple(interner.scripts)
     scenes, declared = submission.scenes, submission.declared
     return PackedSubmission(
         *same, cells, scripts, runs, scenes, declared, reserve, submission.fresh
     )
 
 
-def unpack_submission(parcel: PackedSubmission) -> Submission:
+def unpack_submission(packed: PackedSubmission) -> Submission:
     """Make the submission again; raises ``ValueError`` for a number that stands for nothing."""
-    lists = (tuple(_unpack_runs(parcel, runs)) for runs in (parcel.runs, parcel.reserve))
+    lists = (tuple(_unpack_runs(packed, runs)) for runs in (packed.runs, packed.reserve))
     runs, reserve = lists
-    same = (parcel.campaign, parcel.name, parcel.about, parcel.source)
-    return Submission(*same, runs, parcel.scenes, parcel.declared, reserve, parcel.fresh)
+    same = (packed.campaign, packed.name, packed.about, packed.source)
+    return Submission(*same, runs, packed.scenes, packed.declared, reserve, packed.fresh)
 
 
-def _unpack_runs(parcel: PackedSubmission, runs: Iterable[PackedRun]) -> Iterator[RunSpec]:
-    cells, scripts = parcel.cells, parcel.scripts
+def _unpack_runs(packed: PackedSubmission, runs: Iterable[PackedRun]) -> Iterator[RunSpec]:
+    cells, scripts = packed.cells, packed.scripts
     for cell, script, repeat, seed in runs:
         if cell >= len(cells) or script >= len(scripts):
             raise ValueError(f"there is no cell {cell} or no script {script} in the parcel")

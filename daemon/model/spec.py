@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Final, Literal
+from typing import Any, Final, Literal, TypeAlias
 
 from daemon.model.verdicts import Outcome, Verdict
 from grammars.model.behaviour import Behaviour
@@ -14,6 +14,8 @@ from grammars.model.geometry import Pose2
 from grammars.model.mission import Mission
 from grammars.model.robot import Robot
 from grammars.text import codec
+
+RunEnding: TypeAlias = Literal["finished", "limit", "crashed"]
 
 ENGINE_VERSION: Final = "2"
 """Raised whenever a change alters traces of unchanged specifications."""
@@ -135,7 +137,7 @@ class RunResult:
     spec: str
     outcome: Outcome
     verdicts: tuple[Verdict, ...]
-    ended: Literal["finished", "limit", "crashed"]
+    ended: RunEnding
     trace: TraceInfo
     timing: Timing
     note: str = ""

@@ -10,10 +10,10 @@ from typing import Final
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
 
 from daemon.analysis.coverage._results import DoorCount, FloorArea, RoomArea
 from daemon.analysis.coverage._rules import MOVED, RunFacts, articulated_objects
+from daemon.model.kernels import kernel
 from daemon.trace import MotionTrack, Trace
 from grammars.model.behaviour import Hold
 from grammars.model.geometry import Floats, Point2, Pose2, Ring
@@ -97,7 +97,7 @@ Cells = npt.NDArray[np.bool_]
 Ranges = npt.NDArray[np.float32]
 
 
-@njit(cache=True)
+@kernel
 def paint_rays(
     cells: Cells, x0: float, y0: float, resolution: float, poses: Floats, ranges: Ranges,
     angle_min: float, step: float, range_max: float,
@@ -124,7 +124,7 @@ def paint_rays(
                     cells[row, column] = True
 
 
-@njit(cache=True)
+@kernel
 def paint_footprints(
     cells: Cells, x0: float, y0: float, resolution: float, poses: Floats, ring: Floats,
     reach: float,

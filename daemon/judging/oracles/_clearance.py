@@ -21,9 +21,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
 
 from daemon.judging.oracles._series import SignalSeries
+from daemon.model.kernels import kernel
 from grammars.model import kinematics
 from grammars.model.geometry import Floats, Point2, Ring
 from grammars.model.kinematics import WORLD, link_poses
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from daemon.trace import Trace
 
 
-@njit(cache=True)
+@kernel
 def cos_sin(angles: Floats) -> tuple[Floats, Floats]:
     """Return cosine and sine of ``angles`` (n,) [rad] from the C library.
 
@@ -46,7 +46,7 @@ def cos_sin(angles: Floats) -> tuple[Floats, Floats]:
     return cosines, sines
 
 
-@njit(cache=True)
+@kernel
 def _edge_minimum(ax: float, ay: float, bx: float, by: float, hx: float, hy: float) -> float:
     """Return the minimum of ``g`` over the segment a-b."""
     dx, dy = bx - ax, by - ay
@@ -73,7 +73,7 @@ def _edge_minimum(ax: float, ay: float, bx: float, by: float, hx: float, hy: flo
     return best
 
 
-@njit(cache=True)
+@kernel
 def _polygon_minimum(
     corners: Floats, first: int, last: int, c: float, s: float, tx: float, ty: float,
     hx: float, hy: float,
@@ -96,7 +96,7 @@ def _polygon_minimum(
     return best
 
 
-@njit(cache=True)
+@kernel
 def box_clearance(
     poses: Floats, centre: Floats, half: Floats, corners: Floats, offsets: npt.NDArray[np.int64],
     frame: npt.NDArray[np.int64], circle: Floats, tracks: Floats,

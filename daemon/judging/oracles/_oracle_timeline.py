@@ -66,7 +66,7 @@ def oracle_timeline(written: OracleText, sampler: SignalSampler) -> OracleTimeli
     try:
         place = SceneAndMission(trace.spec.scene, trace.spec.mission, trace.scene)
         oracle = bind_oracle(written.name, written.text, place)
-        against = _violations(oracle, sampler) if len(sampler.timeline.time) else ()
+        against = _violations(oracle, sampler) if len(sampler.time_base.time) else ()
     except (InputError, PluginError):
         return OracleTimeline(written.name, (), (), ())
     named = {render(signal): signal for signal in signals_of(oracle)}
@@ -106,9 +106,9 @@ def _violations(oracle: Oracle, sampler: SignalSampler) -> tuple[Stretch, ...]:
 
 def _time_stretches(sampler: SignalSampler, wrong: SampleMask) -> tuple[Stretch, ...]:
     """Return stretches of time; a sample counts until the next one."""
-    ends = np.append(sampler.timeline.time[1:], sampler.timeline.end)
+    ends = np.append(sampler.time_base.time[1:], sampler.time_base.end)
     return tuple(
-        (float(sampler.timeline.time[part.start]), float(ends[part.stop - 1]))
+        (float(sampler.time_base.time[part.start]), float(ends[part.stop - 1]))
         for part in true_stretches(wrong)
     )
 
