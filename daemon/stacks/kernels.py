@@ -18,6 +18,8 @@ kernel = cast(Callable[[F], F], njit(cache=True))
 """Compile to machine code on the first call, cached on disk. Never parallel: workers fork."""
 
 
+# Beside grammars.model.geometry.wrap_angle, which is exact: this one rounds, as machine code for it
+# has no remainder, and changes the last bits of most angles. Traces depend on which one is used.
 @kernel
 def wrap_angle_modulo(angle: float) -> float:
     """Map an angle [rad] to [-pi, pi)."""
