@@ -50,6 +50,7 @@ def distance_transform(solid: npt.NDArray[np.uint8]) -> Singles:
                 continue
             height = float(gap[r, c]) ** 2 + float(c) ** 2
             start = -np.inf
+            # A parabola that the new one hides before its own part begins is not on the envelope.
             while count > 0:
                 other = apex[count - 1]
                 other_height = float(gap[r, other]) ** 2 + float(other) ** 2

@@ -14,6 +14,8 @@ Singles: TypeAlias = npt.NDArray[np.float32]
 Integers: TypeAlias = npt.NDArray[np.int32]
 
 
+# Beside grammars.model.geometry.wrap_angle, which is exact: this one rounds, as machine code for it
+# has no remainder, and changes the last bits of most angles. Traces depend on which one is used.
 @kernel
 def wrap_angle_modulo(angle: float) -> float:
     """Map an angle [rad] to [-pi, pi)."""

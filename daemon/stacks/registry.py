@@ -2,7 +2,7 @@
 
 A package of one's own adds a stack by an entry point in the group ``scenario.suts``: its name is
 the ``kind`` written in SUT files, its object a function from parameters to a
-:class:`daemon.model.sut.SystemUnderTest` that raises ``ValueError`` for parameters it does not take.
+:class:`daemon.model.sut.SystemUnderTest`, with ``ValueError`` for parameters it does not take.
 Files written below ``files`` in a SUT file reach it as the parameter ``files``: paths, by name.
 """
 
@@ -24,6 +24,7 @@ from grammars.text.plugins import explain_plugin_error, plugin_origin
 Factory: TypeAlias = Callable[[Mapping[str, Any]], SystemUnderTest]
 ENTRY_POINT_GROUP: Final = "scenario.suts"
 _ROUNDING: Final = 1e-6
+"""How far a period may be off a whole number of ticks: 0.07 s is 7.000000000000001 of them."""
 
 _BUILT_IN: Final[dict[str, Factory]] = {
     "idle": make_idle,
@@ -47,8 +48,8 @@ def make_sut(kind: str, parameters: Mapping[str, Any]) -> SystemUnderTest:
     """Make a fresh system under test.
 
     Raises ``ValueError`` for parameters it does not take, and for a plugged one that cannot be
-    made or is no system under test; :class:`daemon.model.attachments.SutMissing`, a ``ValueError`` too, for
-    a kind that is unknown on this machine or cannot be loaded.
+    made or is no system under test; :class:`daemon.model.attachments.SutMissing`, a
+    ``ValueError`` too, for a kind that is unknown on this machine or cannot be loaded.
     """
     factory = _BUILT_IN.get(kind)
     if factory is not None:
@@ -84,6 +85,8 @@ def _make_plugged(kind: str, parameters: Mapping[str, Any]) -> SystemUnderTest:
     if entry is None:
         hint = did_you_mean(kind, sut_kinds())
         raise SutMissing(f'no system under test of kind "{kind}": {hint}')
+    # What cannot be loaded is missing here and may be there on another worker; what cannot be made
+    # of these parameters is wrong everywhere.
     try:
         factory: Factory = entry.load()
     except (Exception, SystemExit) as error:

@@ -66,6 +66,11 @@ class Laser:
     dropout: float
     too_near: Literal["infinite", "clamped"] = "infinite"
 
+    @property
+    def angle_increment(self) -> float:
+        """Angle between two neighbouring rays [rad]; the whole field of view for a single ray."""
+        return (self.angle_max - self.angle_min) / max(1, self.rays - 1)
+
 
 @dataclass(frozen=True, slots=True)
 class OdometryNoise:

@@ -197,10 +197,9 @@ def _seen_cells(grid: OccupancyGrid, trace: Trace) -> Cells:
     taken = _first_samples(trace.scans.time, SCAN_PERIOD)
     poses = _mounted_poses(poses_at(trace.ground_truth, trace.scans.time[taken]), laser.mount)
     ranges = np.ascontiguousarray(trace.scans.ranges[taken])
-    step = (laser.angle_max - laser.angle_min) / max(1, laser.rays - 1)
     paint_rays(
         cells, grid.x, grid.y, grid.resolution, poses, ranges,
-        laser.angle_min, step, laser.range_max,
+        laser.angle_min, laser.angle_increment, laser.range_max,
     )  # fmt: skip
     return cells
 

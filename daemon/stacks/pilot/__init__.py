@@ -2,7 +2,8 @@
 
 The pilot is a small honest stack: scan matching on the map's signed distance field fused with
 odometry, A* with any-angle shortcuts, a layer of obstacles the map does not show, pure pursuit
-behind a guard that sweeps the footprint. It knows what :mod:`daemon.model.sut` gives it and no more.
+behind a guard that sweeps the footprint. It knows what :mod:`daemon.model.sut` gives it and no
+more.
 """
 
 from __future__ import annotations

@@ -39,7 +39,7 @@ class GoalChecker:
         self._since: float | None = None
         self.turning = False
 
-    def renew(self) -> None:
+    def reset(self) -> None:
         """Begin with the next waypoint."""
         self.turning, self._since = False, None
 
@@ -47,7 +47,7 @@ class GoalChecker:
         """Tell whether ``goal`` is reached at ``pose``."""
         away = math.hypot(goal.x - pose.x, goal.y - pose.y)
         if away > self._goal_tolerance * (1.5 if self.turning else 1.0):
-            self.renew()
+            self.reset()
             return False
         if self._since is None:
             self._since = now
@@ -83,7 +83,7 @@ class ProgressChecker:
         self._stuck_at = start
         self.attempts = 0
 
-    def note(self, now: float, pose: Pose2) -> None:
+    def restart(self, now: float, pose: Pose2) -> None:
         """Count from now: it moved, or stands for a reason."""
         self._at, self._time = pose, now
 
@@ -101,7 +101,7 @@ class ProgressChecker:
         """Take the pose at ``now`` and tell whether the robot is stuck."""
         away = math.hypot(pose.x - self._at.x, pose.y - self._at.y)
         if away > _MOVED or abs(wrap_angle(pose.yaw - self._at.yaw)) > _TURNED:
-            self.note(now, pose)
+            self.restart(now, pose)
         far = math.hypot(pose.x - self._stuck_at.x, pose.y - self._stuck_at.y) > _FAR_FROM_STUCK
         if self.attempts and far:
             self.attempts = 0
@@ -184,8 +184,9 @@ class Driver:
         self._new_plan = None
         estimate = self._sensing.take(observation)
         pose, now = self._sensing.pose, observation.time
-        wanted = self._want(now, pose, scanned=bool(observation.scans))
+        wanted = self._wanted_velocity(now, pose, scanned=bool(observation.scans))
         if self._state == "active":
+            # Accelerations first, the guard last: what it allows is what is sent.
             ramped = self._guard.ramp(self._command, wanted, self._period)
             self._command = self._guard.limit(ramped, pose, self._sensing.around)
         else:
@@ -202,32 +203,33 @@ class Driver:
         last = max(0, len(self._waypoints) - 1)
         return Progress(min(self._reached, last), self._reached, self._state)
 
-    def _want(self, now: float, pose: Pose2, *, scanned: bool) -> Twist2:
+    def _wanted_velocity(self, now: float, pose: Pose2, *, scanned: bool) -> Twist2:
         """Return the velocity wanted now, before accelerations and the guard have their say."""
         while self._state == "active":
             if self._reached == len(self._waypoints):
                 self._state = "succeeded"
-                self._say("mission complete")
+                self._log("mission complete")
                 break
             if not self._arrival.check(now, pose, self._waypoints[self._reached]):
                 return self._towards(now, pose, self._waypoints[self._reached], scanned)
             self._reached += 1
-            self._say(f"waypoint {self._reached} reached")
+            self._log(f"waypoint {self._reached} reached")
             self._leave_waypoint(now, pose)
         return STILL
 
     def _leave_waypoint(self, now: float, pose: Pose2) -> None:
         self._pursuit = self._blockage = self._escape = None
-        self._arrival.renew()
+        self._arrival.reset()
         self._waited, self._watched, self._closest = 0.0, now, math.inf
-        self._motion.note(now, pose)
+        self._motion.restart(now, pose)
 
     def _towards(self, now: float, pose: Pose2, goal: Waypoint, scanned: bool) -> Twist2:
         if self._escape is not None and now >= self._escape.until:
             self._escape, self._pursuit = None, None
-            self._motion.note(now, pose)
+            self._motion.restart(now, pose)
+        # Getting free goes before everything: a path is of no use to a robot that cannot move.
         if self._escape is None:
-            self._look_after_itself(now, pose, scanned)
+            self._start_escape_if_needed(now, pose, scanned)
         if self._escape is not None:
             return self._escape.command
         if self._arrival.turning and goal.yaw is not None and self._pursuit is not None:
@@ -242,12 +244,12 @@ class Driver:
             self._watch(now, pose, goal, pursuit)
         return self._follow(pose, self._pursuit)
 
-    def _look_after_itself(self, now: float, pose: Pose2, scanned: bool) -> None:
+    def _start_escape_if_needed(self, now: float, pose: Pose2, scanned: bool) -> None:
         """Start an escape when something comes close, leans on the robot or holds it."""
         if scanned and self._is_approached(now) and self._back_away(now, pose):
             return
         if self._blockage is not None:
-            self._motion.note(now, pose)
+            self._motion.restart(now, pose)
         if self._motion.is_stuck(now, pose):
             self._get_free(now, pose)
 
@@ -289,7 +291,7 @@ class Driver:
     def _take(self, now: float, pose: Pose2, path: PlannedPath) -> Pursuit:
         self._pursuit = Pursuit(path, self._limits, self._parameters)
         self._new_plan = path.points
-        self._motion.note(now, pose)
+        self._motion.restart(now, pose)
         return self._pursuit
 
     def _watch(self, now: float, pose: Pose2, goal: Waypoint, pursuit: Pursuit) -> None:
@@ -302,8 +304,8 @@ class Driver:
         hit = self._sensing.obstacles.first_blocked(points, begin, end, lethal)
         if hit < 0:
             if self._blockage is not None and self._blockage.announced:
-                self._say("the way is free again")
-                self._motion.note(now, pose)
+                self._log("the way is free again")
+                self._motion.restart(now, pose)
             self._blockage = None
             self._watched = now
             return
@@ -343,12 +345,12 @@ class Driver:
             turns=False,
         )
         if self._escape is not None:
-            self._say(f"blocked, {self._escape.name} to make room")
+            self._log(f"blocked, {self._escape.name} to make room")
 
     def _replan(self, now: float, pose: Pose2, goal: Waypoint, blockage: _Blockage) -> None:
         path = self._plan(pose, goal, around_obstacles=True)
         if path is not None:
-            self._say("replanning around an obstacle")
+            self._log("replanning around an obstacle")
             self._blockage = None
             self._take(now, pose, path)
             return
@@ -356,7 +358,7 @@ class Driver:
         blockage.pause = min(_LAST_RETRY, 2.0 * blockage.pause)
         if not blockage.announced:
             blockage.announced = True
-            self._say("blocked, waiting")
+            self._log("blocked, waiting")
 
     def _is_approached(self, now: float) -> bool:
         """Tell whether something unknown comes towards the standing robot, or leans on it."""
@@ -381,7 +383,7 @@ class Driver:
         else:
             self._motion.note_attempt(pose)
         self._escape = escape
-        self._say(f"something comes close, {escape.name}")
+        self._log(f"something comes close, {escape.name}")
         return True
 
     def _get_free(self, now: float, pose: Pose2) -> None:
@@ -396,11 +398,11 @@ class Driver:
             return
         self._motion.note_attempt(pose)
         self._escape = escape
-        self._say(f"stuck, {escape.name}")
+        self._log(f"stuck, {escape.name}")
 
     def _give_up(self, why: str) -> None:
         self._state = "aborted"
-        self._say(f"giving up: {why}")
+        self._log(f"giving up: {why}")
 
-    def _say(self, sentence: str) -> None:
+    def _log(self, sentence: str) -> None:
         self._events.append(sentence)

@@ -22,7 +22,7 @@ PERIOD: Final = 0.05
 
 
 class Pilot:
-    """The navigation stack that ships with the project; fulfils ``daemon.model.sut.SystemUnderTest``."""
+    """The small navigation stack of the project, as a system under test."""
 
     def __init__(self, parameters: PilotParameters) -> None:
         self.parameters = parameters

@@ -24,8 +24,7 @@ class Sensing:
     def __init__(self, briefing: Briefing, field: MapField, parameters: PilotParameters) -> None:
         robot = briefing.robot
         laser = robot.laser
-        step = (laser.angle_max - laser.angle_min) / max(1, laser.rays - 1)
-        angles = laser.angle_min + np.arange(laser.rays) * step
+        angles = laser.angle_min + np.arange(laser.rays) * laser.angle_increment
         self._laser = laser
         self._cosines, self._sines = np.cos(angles), np.sin(angles)
         self._mount = np.array([laser.mount.x, laser.mount.y, laser.mount.yaw])

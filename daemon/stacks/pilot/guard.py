@@ -87,6 +87,8 @@ def free_time(
     and the least room [m] to points that are passed without being met. ``rim`` (n, 2) are
     points on the footprint that are looked up in ``surface``. The sweep advances ``step`` [s].
     """
+    # One kernel: the sweep is reckoned once and serves points and walls; apart they would sweep
+    # twice.
     steps = max(1, math.ceil(horizon / step))
     walls = others = horizon
     room = 1e9
@@ -105,6 +107,8 @@ def free_time(
         if px * px + py * py > reach * reach:
             continue
         before = _distance_outside(planes, px, py)
+        # Closer than the margin already: only coming closer still, by more than 2 mm, is in the
+        # way, or the robot could never leave a tight spot.
         limit = min(margin, before - 0.002)
         end = walls if known[i] else others
         nearest, away, met, closing = before, before, False, False

@@ -156,8 +156,8 @@ def _distrust_weak_direction(hessian: Floats, slope: Floats) -> None:
     """Take what the raster of the map feigns off the direction that is seen worst, in place.
 
     The gradients of a painted wall are off by some degrees, so a corridor seems to tell a little
-    about the position along it. ``_FALSE_INFORMATION`` of the information across is taken off there,
-    consistently from both sides of the equations.
+    about the position along it. ``_FALSE_INFORMATION`` of the information across is taken off
+    there, consistently from both sides of the equations.
     """
     a, b, c = hessian[0, 0], hessian[0, 1], hessian[1, 1]
     middle, spread = 0.5 * (a + c), math.hypot(0.5 * (a - c), b)

@@ -233,7 +233,7 @@ class ObstacleLayer:
     ) -> None:
         self._field, self._laser = field, laser
         self._explained, self._reach, self._memory = explained, reach, memory
-        self._step = (laser.angle_max - laser.angle_min) / max(1, laser.rays - 1)
+        self._step = laser.angle_increment
         self._stamps = np.zeros(field.clearance.size, dtype=np.int32)
         self.cells = np.zeros(1024, dtype=np.int32)
         self.count = 0

@@ -7,7 +7,6 @@ and three sections that are not ROS's: ``dispatcher``, ``topics`` and ``quirks``
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
 from typing import Any, Final
@@ -181,18 +180,13 @@ def _read_dwa(tree: _Tree, move_base: MoveBaseParameters) -> DwaParameters:
     before = len(tree.report.fatal)
     dwa = read_section(DwaParameters, given, path, tree.report, without_effect=DWA_WITHOUT_EFFECT)
     if len(tree.report.fatal) == before:
-        for message in contradictions(dwa):
-            tree.report.fatal.append(
-                ParameterFinding((*path, *_first_named(message, given)), message)
-            )
+        for found in contradictions(dwa):
+            # At the first of its parameters that somebody wrote; the others have their defaults.
+            written = [name for name in found.names if name in given][:1]
+            tree.report.fatal.append(ParameterFinding((*path, *written), found.text))
     if dwa.controller_frequency is None:
         return replace(dwa, controller_frequency=move_base.controller_frequency)
     return dwa
-
-
-def _first_named(message: str, given: Mapping[str, Any]) -> ParameterLocation:
-    """Return the first name in a message that somebody wrote a value for."""
-    return next(((word,) for word in re.findall(r"\w+", message) if word in given), ())
 
 
 def _read_costmap(tree: _Tree, name: str) -> CostmapParameters:

@@ -34,7 +34,6 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -64,47 +63,32 @@ from daemon.stacks.ros1.telemetry import (
     LocalPlanRecorder,
     PlanRecorder,
 )
+from daemon.stacks.ros1.timers import TIME_TOLERANCE, UpdateTimer
 from grammars.model.geometry import Floats, Pose2, Twist2
 from grammars.model.robot import Laser
 
 _SCAN_TOLERANCE: Final = 0.05
 """Costmaps take a scan only when transforms reach this far beyond its stamp [s]
 (costmap_2d ``ObstacleLayer``: the tolerance of its message filter)."""
-_TIME_TOLERANCE: Final = 1e-9
-
-
-@dataclass(slots=True)
-class _UpdateTimer:
-    """Instants of something that runs at ``rate`` [Hz]: the first ones not before k / rate."""
-
-    rate: float
-    count: int = 0
-
-    def due(self, now: float) -> bool:
-        """Tell whether it runs at ``now``, and move on if so."""
-        if now < self.count / self.rate - _TIME_TOLERANCE:
-            return False
-        self.count += 1
-        return True
 
 
 class ScanBuffer:
     """The scans the costmaps have got: the latest one, seen from either frame."""
 
     def __init__(self, laser: Laser, transforms: TransformBuffer) -> None:
-        step = (laser.angle_max - laser.angle_min) / max(1, laser.rays - 1)
-        self._angles: Floats = laser.angle_min + np.arange(laser.rays, dtype=np.float64) * step
+        steps = np.arange(laser.rays, dtype=np.float64)
+        self._angles: Floats = laser.angle_min + steps * laser.angle_increment
         self._laser, self._transforms = laser, transforms
         self._waiting: deque[LaserScan] = deque(maxlen=50)
         self._latest: LaserScan | None = None
 
-    def take(self, scan: LaserScan) -> None:
+    def queue(self, scan: LaserScan) -> None:
         """Queue a scan until the transforms at its stamp are known."""
         self._waiting.append(scan)
 
-    def look(self) -> None:
+    def release_known(self) -> None:
         """Let the costmaps have the scans whose transforms are known by now."""
-        known = self._transforms.time - _SCAN_TOLERANCE + _TIME_TOLERANCE
+        known = self._transforms.time - _SCAN_TOLERANCE + TIME_TOLERANCE
         while self._waiting and self._waiting[0].time <= known:
             self._latest = self._waiting.popleft()
 
@@ -170,22 +154,22 @@ class Navigation:
         self._pose = briefing.start
         """What AMCL has published last."""
         self._broadcasts = False
-        self._unheard: deque[LaserScan] = deque(maxlen=100)
-        self._eyes = ScanBuffer(robot.laser, self._transforms)
+        self._unprocessed_scans: deque[LaserScan] = deque(maxlen=100)
+        self._scans = ScanBuffer(robot.laser, self._transforms)
         self._set_up_costmaps(briefing)
         self._set_up_move_base(briefing)
         self._plans, self._local_plans = PlanRecorder(), LocalPlanRecorder()
-        self._pictures = CostmapRecorder(parameters.local_costmap.publish_frequency)
-        self._beliefs = EstimateRecorder(_start_covariance(parameters.amcl))
+        self._costmaps = CostmapRecorder(parameters.local_costmap.publish_frequency)
+        self._estimates = EstimateRecorder(_start_covariance(parameters.amcl))
         self._events = _describe_findings(parameters)
 
     def _set_up_costmaps(self, briefing: Briefing) -> None:
         quirks = self._parameters.quirks
         wide, near = self._parameters.global_costmap, self._parameters.local_costmap
-        self._global = Costmap.global_(wide, wide.padded_footprint(), quirks, briefing.map)
-        self._local = Costmap.local(near, near.padded_footprint(), quirks)
-        self._global_clock = _UpdateTimer(wide.update_frequency)
-        self._local_clock = _UpdateTimer(near.update_frequency)
+        self._global = Costmap(wide, wide.padded_footprint(), quirks, briefing.map)
+        self._local = Costmap(near, near.padded_footprint(), quirks)
+        self._global_timer = UpdateTimer(wide.update_frequency)
+        self._local_timer = UpdateTimer(near.update_frequency)
 
     def _set_up_move_base(self, briefing: Briefing) -> None:
         p = self._parameters
@@ -196,7 +180,7 @@ class Navigation:
             p.dwa, p.quirks, footprint, 1.0 / p.move_base.controller_frequency,
             latch_goal=p.move_base.latch_xy_goal_tolerance,
         )  # fmt: skip
-        self._steering = _DwaController(dwa, self._transforms, self._local.grid)
+        self._controller = _DwaController(dwa, self._transforms, self._local.grid)
         recoveries = make_recoveries(
             p.move_base, p.rotate_recovery, p.resets, p.quirks, footprint, self._local.grid,
             ClearTargets(
@@ -207,37 +191,40 @@ class Navigation:
         self._status = MoveBaseStatus()
         self._planner = PlannerThread(p.move_base, p.quirks, self._status, self._plan)
         self._move_base = MoveBase(
-            p.move_base, p.quirks, self._status, self._planner, self._steering, recoveries,
-            self._around,
+            p.move_base, p.quirks, self._status, self._planner, self._controller, recoveries,
+            self._robot_poses,
         )  # fmt: skip
         waypoints = briefing.mission.waypoints
         self._dispatcher = WaypointDispatcher(p.dispatcher, waypoints, self._make_plan)
 
     def update(self, observation: Observation) -> Decision:
         """Take what is new and let every node that is due do its work."""
+        # The numbers are those of the order in this module's docstring.
         now = observation.time
-        for sample in observation.odometry:
+        for sample in observation.odometry:  # 1
             self._transforms.move(sample)
         for scan in observation.scans:
-            self._unheard.append(scan)
-            self._eyes.take(scan)
+            self._unprocessed_scans.append(scan)
+            self._scans.queue(scan)
+        # Without odometry there is no transform to look anything up in, and nobody can work.
         if self._transforms.time < 0.0:
             return Decision(None, self._dispatcher.progress)
-        found = self._localise()
-        self._eyes.look()
-        self._update_costmaps(now)
-        self._planner.step(now)
-        self._steering.trajectory = None
-        self._move_base.step(now)
-        self._dispatch(now)
+        found = self._localise()  # 2
+        self._scans.release_known()  # 3
+        self._update_costmaps(now)  # 4 and 5
+        self._planner.step(now)  # 6
+        # A trajectory is shown at the instant it was chosen, not again at those between.
+        self._controller.trajectory = None
+        self._move_base.step(now)  # 7
+        self._dispatch(now)  # 8
         return self._decide(now, found)
 
     def _localise(self) -> AmclPose | None:
         """Give AMCL the scans whose odometry is known by now, broadcast its correction."""
         found = None
-        known = self._transforms.time + _TIME_TOLERANCE
-        while self._unheard and self._unheard[0].time <= known:
-            scan = self._unheard.popleft()
+        known = self._transforms.time + TIME_TOLERANCE
+        while self._unprocessed_scans and self._unprocessed_scans[0].time <= known:
+            scan = self._unprocessed_scans.popleft()
             if not self._parameters.wiring.amcl:
                 continue
             odom = self._transforms.base_at(scan.time)
@@ -252,17 +239,17 @@ class Navigation:
 
     def _update_costmaps(self, now: float) -> None:
         wiring, transforms = self._parameters.wiring, self._transforms
-        if self._global_clock.due(now):
-            scan = self._eyes.in_map() if wiring.global_costmap else None
+        if self._global_timer.due(now):
+            scan = self._scans.in_map() if wiring.global_costmap else None
             self._global.update(transforms.base_in_map(), scan)
-        if self._local_clock.due(now):
-            scan = self._eyes.in_odom() if wiring.local_costmap else None
+        if self._local_timer.due(now):
+            scan = self._scans.in_odom() if wiring.local_costmap else None
             self._local.update(transforms.odom_to_base, scan)
 
     def _plan(self, goal: Pose2) -> Floats | None:
         return self._navfn.plan(self._global.grid, self._transforms.base_in_map(), goal)
 
-    def _around(self) -> RobotPoses:
+    def _robot_poses(self) -> RobotPoses:
         return RobotPoses(self._transforms.odom_to_base, self._transforms.base_in_map())
 
     def _make_plan(self, start: Pose2, goal: Pose2) -> None:
@@ -270,15 +257,15 @@ class Navigation:
         parameters = self._parameters
         square = parameters.quirks.dispatcher_clears_square
         if square and parameters.move_base.make_plan_clear_costmap:
-            around, half = self._around(), parameters.move_base.clearing_radius
+            around, half = self._robot_poses(), parameters.move_base.clearing_radius
             self._global.clear_square(around.map, half)
             self._local.clear_square(around.odom, half)
         self._navfn.plan(self._global.grid, start, goal)
 
     def _dispatch(self, now: float) -> None:
-        self._take_sentences()
+        self._collect_log()
         result = self._move_base.take_result()
-        if result is None and self._dispatcher.waits:
+        if result is None and self._dispatcher.is_waiting:
             return
         before = self._dispatcher.progress
         goal = self._dispatcher.step(now, result, self._pose)
@@ -291,12 +278,12 @@ class Navigation:
             number = after.reached + 1
             self._events.append(f"goal {number} sent: {goal.x:.2f}, {goal.y:.2f}, {goal.yaw:.2f}")
             self._move_base.accept(now, goal)
-            self._take_sentences()
+            self._collect_log()
 
-    def _take_sentences(self) -> None:
-        if self._status.said:
-            self._events += self._status.said
-            self._status.said.clear()
+    def _collect_log(self) -> None:
+        if self._status.log:
+            self._events += self._status.log
+            self._status.log.clear()
 
     def _decide(self, now: float, found: AmclPose | None) -> Decision:
         estimate: Estimate | None
@@ -304,14 +291,14 @@ class Navigation:
         particles = None
         transforms = self._transforms
         if found is not None:
-            estimate, cloud = self._beliefs.published(found)
-            particles = self._beliefs.particles(now, self._amcl.particles)
+            estimate, cloud = self._estimates.record_published(found)
+            particles = self._estimates.record_particles(now, self._amcl.particles)
         else:
-            estimate = self._beliefs.believed(
+            estimate = self._estimates.record_dead_reckoned(
                 transforms.time, transforms.map_to_odom, transforms.odom_to_base
             )
         events, self._events = tuple(self._events), []
-        trajectory = self._steering.trajectory
+        trajectory = self._controller.trajectory
         return Decision(
             command=self._move_base.take_command(),
             progress=self._dispatcher.progress,
@@ -321,7 +308,7 @@ class Navigation:
             local_plan=self._local_plans.take(now, trajectory, transforms.map_to_odom),
             events=events,
             particles=particles,
-            costmap=self._pictures.take(now, self._local.grid),
+            costmap=self._costmaps.take(now, self._local.grid),
         )
 
 

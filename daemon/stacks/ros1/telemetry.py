@@ -21,6 +21,7 @@ import numpy as np
 from daemon.model.kernels import kernel
 from daemon.model.sut import Cloud, CostmapPicture, Estimate
 from daemon.stacks.ros1.cost_grid import CostGrid
+from daemon.stacks.ros1.timers import MinimumInterval
 from grammars.model.geometry import Floats, Pose2
 
 if TYPE_CHECKING:
@@ -62,7 +63,7 @@ def largest_deviation(first: Floats, second: Floats) -> float:
     return most
 
 
-_BELIEF_PERIOD: Final = 1.0
+_ESTIMATE_PERIOD: Final = 1.0
 _PARTICLES_PERIOD: Final = 1.0
 _COSTMAP_RATE: Final = 1.0
 _PARTICLES: Final = 100
@@ -72,14 +73,13 @@ _PLAN_SPACING: Final = 0.1
 """Between the points of a recorded global plan [m]."""
 _PLAN_TOLERANCE: Final = 0.1
 """A plan that stays within this of the one recorded is the same one [m]."""
-_TIME_TOLERANCE: Final = 1e-9
 
 
 class PlanRecorder:
     """Decides which global plans are worth recording."""
 
     def __init__(self) -> None:
-        self._due = 0.0
+        self._interval = MinimumInterval(_PLAN_PERIOD)
         self._last = np.empty((0, 2))
         self._seen: Floats | None = None
 
@@ -89,9 +89,11 @@ class PlanRecorder:
         Points are taken from the goal backwards, so that two plans along the same way have the
         same points but for those the robot has left behind.
         """
-        if plan is None or plan is self._seen or now < self._due - _TIME_TOLERANCE:
+        if plan is None or plan is self._seen or not self._interval.is_over(now):
             return None
-        self._seen, self._due = plan, now + _PLAN_PERIOD
+        self._seen = plan
+        # Also when it turns out to be the same plan: no more than one a second is compared.
+        self._interval.restart(now)
         room = np.empty((len(plan) + 1, 2))
         thin = room[: thin_plan(plan, _PLAN_SPACING, room)]
         # Its last point is the start, wherever that lies.
@@ -106,13 +108,13 @@ class LocalPlanRecorder:
     """Brings the trajectories of DWA into the map frame, a few times a second."""
 
     def __init__(self) -> None:
-        self._due = 0.0
+        self._interval = MinimumInterval(_LOCAL_PLAN_PERIOD)
 
     def take(self, now: float, points: Floats | None, map_to_odom: Pose2) -> Floats | None:
         """Return ``points`` (n, 2) of the odom frame in map when it is time to, or ``None``."""
-        if points is None or len(points) == 0 or now < self._due - _TIME_TOLERANCE:
+        if points is None or len(points) == 0 or not self._interval.is_over(now):
             return None
-        self._due = now + _LOCAL_PLAN_PERIOD
+        self._interval.restart(now)
         c, s = math.cos(map_to_odom.yaw), math.sin(map_to_odom.yaw)
         moved: Floats = points @ np.array(((c, s), (-s, c)))
         moved += (map_to_odom.x, map_to_odom.y)
@@ -123,14 +125,14 @@ class CostmapRecorder:
     """Pictures of the local costmap, ``rate`` [Hz] of them, at most one a second; none with 0."""
 
     def __init__(self, rate: float) -> None:
-        self._period = 1.0 / min(rate, _COSTMAP_RATE) if rate > 0.0 else math.inf
-        self._due = 0.0 if rate > 0.0 else math.inf
+        period = 1.0 / min(rate, _COSTMAP_RATE) if rate > 0.0 else math.inf
+        self._interval = MinimumInterval(period, due=0.0 if rate > 0.0 else math.inf)
 
     def take(self, now: float, grid: CostGrid) -> CostmapPicture | None:
         """Return a copy of ``grid`` when it is time to, or ``None``."""
-        if now < self._due - _TIME_TOLERANCE:
+        if not self._interval.is_over(now):
             return None
-        self._due = now + self._period
+        self._interval.restart(now)
         return CostmapPicture(now, "odom", grid.resolution, grid.x, grid.y, grid.cells.copy())
 
 
@@ -139,28 +141,29 @@ class EstimateRecorder:
 
     def __init__(self, covariance: Floats) -> None:
         self._covariance = covariance
-        self._belief_due = self._particles_due = 0.0
+        self._estimates = MinimumInterval(_ESTIMATE_PERIOD)
+        self._particles = MinimumInterval(_PARTICLES_PERIOD)
 
-    def published(self, found: AmclPose) -> tuple[Estimate, Cloud]:
+    def record_published(self, found: AmclPose) -> tuple[Estimate, Cloud]:
         """Return what AMCL has just published, for the trace."""
         self._covariance = found.covariance
-        self._belief_due = found.time + _BELIEF_PERIOD
+        self._estimates.restart(found.time)
         estimate = Estimate(found.time, found.pose, found.covariance)
         return estimate, Cloud(found.time, found.count, found.mean, found.covariance)
 
-    def believed(self, time: float, odom: Pose2, base: Pose2) -> Estimate | None:
+    def record_dead_reckoned(self, time: float, odom: Pose2, base: Pose2) -> Estimate | None:
         """Return where the stack takes the robot to be, when nobody has said so for a while.
 
         ``odom`` is the latest pose of odom in map, ``base`` that of the base in odom.
         """
-        if time < self._belief_due - _TIME_TOLERANCE:
+        if not self._estimates.is_over(time):
             return None
-        self._belief_due = time + _BELIEF_PERIOD
+        self._estimates.restart(time)
         return Estimate(time, odom @ base, self._covariance)
 
-    def particles(self, now: float, poses: Floats) -> Floats | None:
+    def record_particles(self, now: float, poses: Floats) -> Floats | None:
         """Return at most a hundred of ``poses`` (n, 3) when it is time to, or ``None``."""
-        if now < self._particles_due - _TIME_TOLERANCE:
+        if not self._particles.is_over(now):
             return None
-        self._particles_due = now + _PARTICLES_PERIOD
+        self._particles.restart(now)
         return poses[:: math.ceil(len(poses) / _PARTICLES)].copy()

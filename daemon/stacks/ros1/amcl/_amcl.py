@@ -91,6 +91,8 @@ class Amcl:
             if not self._has_moved(self._odom, odom):
                 return None
             self._filter.move(motion_between(self._odom, odom))
+        # Weighed where they have been moved to, drawn anew every resample_interval updates only:
+        # in between nothing is published (``laserReceived``).
         self._odom = odom
         self._filter.weigh(self._sensor, ranges)
         self._updates += 1

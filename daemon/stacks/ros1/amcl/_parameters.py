@@ -9,8 +9,8 @@ from typing import Annotated, Final, Literal, Self, TypeAlias
 from pydantic import ConfigDict, Field, model_validator
 from pydantic.dataclasses import dataclass
 
-_Positive: TypeAlias = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
-_NotNegative: TypeAlias = Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
+from daemon.stacks.ros1.parameters import NotNegative, Positive
+
 _Share: TypeAlias = Annotated[float, Field(ge=0.0, le=1.0, allow_inf_nan=False)]
 _Particles: TypeAlias = Annotated[int, Field(ge=1, le=100_000)]
 _Reach: TypeAlias = Annotated[float, Field(gt=0.0, le=20.0, allow_inf_nan=False)]
@@ -31,9 +31,9 @@ class AmclParameters:
     kld_z: Annotated[float, Field(ge=0.0, le=10.0)] = 0.99
     """Upper standard normal quantile of the probability that the error stays below kld_err. The
     original takes 0.99 for the quantile itself, not for the probability."""
-    update_min_d: _NotNegative = 0.2
+    update_min_d: NotNegative = 0.2
     """[m] The filter updates when odometry moved more than this along x or along y."""
-    update_min_a: _NotNegative = math.pi / 6.0
+    update_min_a: NotNegative = math.pi / 6.0
     """[rad] Or turned more than this."""
     resample_interval: Annotated[int, Field(ge=1, le=1000)] = 2
     """Updates from one resampling to the next; poses are published upon resampling."""
@@ -45,11 +45,11 @@ class AmclParameters:
     """Rate of the slow average of weights; 0 for both rates: no random particles."""
     recovery_alpha_fast: _Share = 0.1
     """Rate of the fast average of weights."""
-    initial_cov_xx: _NotNegative = 0.25
+    initial_cov_xx: NotNegative = 0.25
     """[m^2] Variance of the start position along x."""
-    initial_cov_yy: _NotNegative = 0.25
+    initial_cov_yy: NotNegative = 0.25
     """[m^2] Variance of the start position along y."""
-    initial_cov_aa: _NotNegative = (math.pi / 12.0) ** 2
+    initial_cov_aa: NotNegative = (math.pi / 12.0) ** 2
     """[rad^2] Variance of the start heading."""
     laser_min_range: _Range = -1.0
     """[m] Shorter returns are ignored; not positive: what the scanner says."""
@@ -61,23 +61,23 @@ class AmclParameters:
         "likelihood_field"
     )
     """How a scan weighs a particle."""
-    laser_z_hit: _NotNegative = 0.95
+    laser_z_hit: NotNegative = 0.95
     """Share of returns from what the map shows."""
-    laser_z_short: _NotNegative = 0.1
+    laser_z_short: NotNegative = 0.1
     """Share of returns from something before it (beam only)."""
-    laser_z_max: _NotNegative = 0.05
+    laser_z_max: NotNegative = 0.05
     """Share of rays without return (beam only)."""
-    laser_z_rand: _NotNegative = 0.05
+    laser_z_rand: NotNegative = 0.05
     """Share of returns from anywhere."""
-    laser_sigma_hit: _Positive = 0.2
+    laser_sigma_hit: Positive = 0.2
     """[m] Standard deviation of a return from what the map shows."""
-    laser_lambda_short: _NotNegative = 0.1
+    laser_lambda_short: NotNegative = 0.1
     """[1/m] Decay of returns from before it (beam only)."""
     laser_likelihood_max_dist: _Reach = 2.0
     """[m] Distances to obstacles are capped here."""
     do_beamskip: bool = False
     """Leave out beams most particles disagree with, once converged (likelihood_field_prob)."""
-    beam_skip_distance: _NotNegative = 0.5
+    beam_skip_distance: NotNegative = 0.5
     """[m] A beam agrees with the map when it ends nearer than this to an obstacle."""
     beam_skip_threshold: _Share = 0.3
     """A beam counts when it agrees with the map for more than this share of particles."""
@@ -86,15 +86,15 @@ class AmclParameters:
     odom_model_type: Literal["diff", "omni", "diff-corrected", "omni-corrected"] = "diff"
     """How odometry spreads the particles; the models that are not corrected take variances for
     standard deviations (ros-planning/navigation #20)."""
-    odom_alpha1: _NotNegative = 0.2
+    odom_alpha1: NotNegative = 0.2
     """Variance of rotation per squared rotation."""
-    odom_alpha2: _NotNegative = 0.2
+    odom_alpha2: NotNegative = 0.2
     """[rad^2/m^2] Variance of rotation per squared translation."""
-    odom_alpha3: _NotNegative = 0.2
+    odom_alpha3: NotNegative = 0.2
     """Variance of translation per squared translation."""
-    odom_alpha4: _NotNegative = 0.2
+    odom_alpha4: NotNegative = 0.2
     """[m^2/rad^2] Variance of translation per squared rotation."""
-    odom_alpha5: _NotNegative = 0.2
+    odom_alpha5: NotNegative = 0.2
     """Variance of strafing per squared translation (omni only)."""
 
     @model_validator(mode="after")

@@ -314,8 +314,7 @@ def beam_indices(parameters: AmclParameters, rays: int) -> Integers:
 
 
 def _bearings(laser: Laser, indices: Integers) -> Floats:
-    increment = (laser.angle_max - laser.angle_min) / max(1, laser.rays - 1)
-    return np.asarray(laser.angle_min + indices * increment, dtype=np.float64)
+    return np.asarray(laser.angle_min + indices * laser.angle_increment, dtype=np.float64)
 
 
 def _range_limits(parameters: AmclParameters, least: float, most: float) -> tuple[float, float]:

@@ -163,11 +163,14 @@ class ParticleFilter:
         total = sensor.weigh(
             ranges, self._poses, self._directions, count, weights, converged=self._converged
         )
+        # No particle explains the scan: the original starts over with equal weights and leaves the
+        # running averages as they are (``pf_update_sensor``).
         if not total > 0.0:
             weights[:count] = 1.0 / count
             return
         weights[:count] /= total
         average = total / count
+        # 0 stands for "never set": the first average is taken as it is.
         self._slow += (p.recovery_alpha_slow if self._slow else 1.0) * (average - self._slow)
         self._fast += (p.recovery_alpha_fast if self._fast else 1.0) * (average - self._fast)
 
@@ -175,7 +178,7 @@ class ParticleFilter:
         """Draw a new set of equally weighted particles, as many as KLD asks for."""
         weights = self._weights[: self._count]
         if self._parameters.selective_resampling and weights @ weights < 2.0 / self._count:
-            self._take_stock()
+            self._rebin()
             return
         grid, bins, most = self._grid, self._bins, self._parameters.max_particles
         injection = max(0.0, 1.0 - self._fast / self._slow) if self._slow else 0.0
@@ -192,6 +195,7 @@ class ParticleFilter:
         self._poses, self._other_poses = self._other_poses, self._poses
         self._directions, self._other_directions = self._other_directions, self._directions
         self._weights[: self._count] = 1.0 / self._count
+        # Injected once, judged anew: otherwise particles would be scattered at every scan.
         if injection:
             self._slow = self._fast = 0.0
         self._converged = self._has_converged()
@@ -208,9 +212,9 @@ class ParticleFilter:
             self._poses[axis] = mean + math.sqrt(variance) * normals[axis]
         self._directions[0], self._directions[1] = np.cos(self._poses[2]), np.sin(self._poses[2])
         self._converged = self._has_converged()
-        self._take_stock()
+        self._rebin()
 
-    def _take_stock(self) -> None:
+    def _rebin(self) -> None:
         """Sort the particles as they are into bins, and say what they say."""
         bins = self._bins
         clear_bins(bins.slots, bins.places, self._used)

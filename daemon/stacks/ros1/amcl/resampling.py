@@ -53,6 +53,7 @@ class PoseHistogram:
 def find_slot(slots: Integers, keys: Integers, a: int, b: int, c: int) -> int:
     """Return where in ``slots`` a bin stands, or the empty place where it would."""
     mask = slots.shape[0] - 1
+    # Primes of Teschner et al. 2003 for hashing cells of space.
     mixed = (a * 73856093) ^ (b * 19349663) ^ (c * 83492791)
     place = (mixed ^ (mixed >> 15)) & mask
     while True:
@@ -179,6 +180,8 @@ def resample(
     The search through the cumulative weights starts where a table of equal strips of [0, 1)
     says (Chen and Asau 1974) and finds what a search from the start would.
     """
+    # One loop, though long: how many particles are drawn depends on the bins that those drawn
+    # before have filled.
     most = limits.shape[0] - 1
     cumulative[0] = 0.0
     for i in range(count):
@@ -215,6 +218,7 @@ def resample(
             bins += 1
         of[drawn] = k
         drawn += 1
+        # As there: one particle more than the limit asks for.
         if drawn > limits[bins]:
             break
     return drawn, bins

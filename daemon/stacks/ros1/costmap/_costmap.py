@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Container
 from typing import Final
 
 import numpy as np
 import numpy.typing as npt
 
-from daemon.stacks.ros1.cost_grid import EMPTY_WINDOW, FREE_SPACE, CostGrid
+from daemon.stacks.ros1.cost_grid import EMPTY_WINDOW, FREE_SPACE, NO_INFORMATION, CostGrid
 from daemon.stacks.ros1.costmap._inflation import column_gaps, inflation_table
-from daemon.stacks.ros1.costmap._obstacle_layer import UNKNOWN, SensedScan, observe, polygon_spans
+from daemon.stacks.ros1.costmap._obstacle_layer import SensedScan, observe, polygon_spans
 from daemon.stacks.ros1.costmap._parameters import CostmapParameters, ObservationSource, radii
 from daemon.stacks.ros1.costmap.master_grid import (
     cycle_window,
@@ -82,13 +81,12 @@ class Costmap:
         footprint: Floats,
         quirks: Quirks,
         static: OccupancyGrid | None = None,
-        heard: Container[str] | None = None,
     ) -> None:
         """Prepare the layers; ``footprint`` (k, 2) [m] is padded already.
 
-        ``static`` is the map, needed with ``static_map``; ``heard`` names the observation sources
-        whose topic brings the scan (all of them when not given). Raises ``ValueError`` for an
-        inflation radius of more than 250 cells, or without the map that is asked for.
+        ``static`` is the map, needed with ``static_map``: the planner's costmap has one, that of
+        the controller rolls along with the robot. Raises ``ValueError`` for an inflation radius
+        of more than 250 cells, or without the map that is asked for.
         """
         if parameters.static_map and static is None:
             raise ValueError("static_map is true, but the costmap was given no map")
@@ -103,10 +101,10 @@ class Costmap:
         else:
             frame = (parameters.origin_x, parameters.origin_y, parameters.resolution)
             shape = grid_shape(parameters)
-            unknown = UNKNOWN if tracked else FREE_SPACE
+            unknown = NO_INFORMATION if tracked else FREE_SPACE
             below = np.full(shape[0] * shape[1], unknown, dtype=np.uint8)
         self._shape, self._frame = shape, np.array(frame)
-        self._default = UNKNOWN if tracked else FREE_SPACE
+        self._default = NO_INFORMATION if tracked else FREE_SPACE
         self._set_up_inflation(footprint)
         below.flags.writeable = False
         start = inflated_map(below, shape, self._layer_default, self._table)
@@ -115,30 +113,7 @@ class Costmap:
         self.grid = CostGrid(frame[2], frame[0], frame[1], self._master.reshape(shape))
         self.grid.touch((0, 0, shape[1], shape[0]))
         self.grid.disturbed = EMPTY_WINDOW
-        self._set_up_layer(footprint, heard)
-
-    @classmethod
-    def global_(
-        cls,
-        parameters: CostmapParameters,
-        footprint: Floats,
-        quirks: Quirks,
-        static: OccupancyGrid,
-        heard: Container[str] | None = None,
-    ) -> Costmap:
-        """Return the costmap the planner uses; see :meth:`__init__`."""
-        return cls(parameters, footprint, quirks, static, heard)
-
-    @classmethod
-    def local(
-        cls,
-        parameters: CostmapParameters,
-        footprint: Floats,
-        quirks: Quirks,
-        heard: Container[str] | None = None,
-    ) -> Costmap:
-        """Return the costmap the controller uses; see :meth:`__init__`."""
-        return cls(parameters, footprint, quirks, None, heard)
+        self._set_up_layer(footprint)
 
     def _set_up_inflation(self, footprint: Floats) -> None:
         parameters = self._parameters
@@ -154,7 +129,7 @@ class Costmap:
         self._last = np.array(_NOWHERE)
         self._to_inflate = parameters.inflation_layer
 
-    def _set_up_layer(self, footprint: Floats, heard: Container[str] | None) -> None:
+    def _set_up_layer(self, footprint: Floats) -> None:
         parameters, count = self._parameters, self._master.size
         cleared = footprint if parameters.footprint_clearing_enabled else _NO_FOOTPRINT
         self._footprint = np.ascontiguousarray(cleared, dtype=np.float64)
@@ -167,7 +142,7 @@ class Costmap:
         self._sources = tuple(
             source
             for source in (parameters.sources if parameters.obstacle_layer else ())
-            if source.data_type == "LaserScan" and (heard is None or source.name in heard)
+            if source.data_type == "LaserScan"
         )
         self._tables: dict[float, Floats] = {}
         self._angles = np.empty(0)
@@ -181,7 +156,7 @@ class Costmap:
     @property
     def _layer_default(self) -> int:
         """What the obstacle layer says of a cell it never saw; without the layer, nothing."""
-        return self._default if self._parameters.obstacle_layer else UNKNOWN
+        return self._default if self._parameters.obstacle_layer else NO_INFORMATION
 
     def update(self, base: Pose2, scan: SensedScan | None) -> None:
         """Run one cycle (``updateMap``) with the robot at ``base`` in the global frame.
@@ -189,6 +164,7 @@ class Costmap:
         ``scan`` is the latest scan received, the same as last time if none came since, or ``None``
         if none ever came. Raises ``ValueError`` for a scan with more or fewer ranges than angles.
         """
+        # The window rolls first: bounds are in the frame of the moved grid (``updateMap``).
         if self._parameters.rolling_window:
             self._shift(base)
         self._bounds[:] = _NOWHERE
@@ -254,7 +230,8 @@ class Costmap:
             slice(max(0, columns.start), max(0, columns.stop)),
         )
         kept = layer[inside].copy()
-        layer[:] = UNKNOWN
+        # Unknown in the layer lets the map below show through; free would hide its walls.
+        layer[:] = NO_INFORMATION
         layer[inside] = kept
         self._reset = True
 
@@ -394,11 +371,11 @@ def warm_up() -> None:
         Pose2(1.0, 1.0), np.ones(3, dtype=np.float32), np.array([-0.1, 0.0, 0.1]), 0.05, 5.6
     )
     for costmap in (
-        Costmap.global_(still, footprint, ORIGINAL, OccupancyGrid(0.05, 0.0, 0.0, cells)),
-        Costmap.local(moving, footprint, ORIGINAL),
+        Costmap(still, footprint, ORIGINAL, OccupancyGrid(0.05, 0.0, 0.0, cells)),
+        Costmap(moving, footprint, ORIGINAL),
     ):
-        for heard in (None, scan):
-            costmap.update(Pose2(1.0, 1.0), heard)
+        for sensed in (None, scan):
+            costmap.update(Pose2(1.0, 1.0), sensed)
         costmap.clear_square(Pose2(1.0, 1.0), 0.2)
         costmap.update(Pose2(1.0, 1.0), scan)
         costmap.clear_obstacles_outside(Pose2(1.0, 1.0), 0.5)

@@ -15,8 +15,8 @@ import numpy as np
 
 from daemon.model.kernels import kernel
 from daemon.stacks.kernels import Integers
-from daemon.stacks.ros1.cost_grid import INSCRIBED
-from daemon.stacks.ros1.costmap._obstacle_layer import LETHAL, UNKNOWN, Cells, cell_value
+from daemon.stacks.ros1.cost_grid import INSCRIBED, LETHAL, NO_INFORMATION
+from daemon.stacks.ros1.costmap._obstacle_layer import Cells, cell_value
 
 MAX_RADIUS = 250
 """Greatest inflation radius in cells: distances are kept in bytes."""
@@ -69,10 +69,12 @@ def _cost(distance: float, scaling: float, inscribed: float, resolution: float) 
     return int((INSCRIBED - 1) * math.exp(-scaling * (away - inscribed)))
 
 
+# Unknown is the largest value and no cost: over it go all costs with inflate_unknown, otherwise
+# those of the inscribed radius and nearer (costmap_2d ``InflationLayer::updateCosts``).
 @kernel
 def combine_costs(old: int, cost: int, least: int) -> int:
     """Return a cell's value after an obstacle's ``cost`` reached it."""
-    if old == UNKNOWN:
+    if old == NO_INFORMATION:
         return cost if cost >= least else old
     return max(old, cost)
 
@@ -179,6 +181,8 @@ def open_gaps(gaps: Cells, shape: tuple[int, int], x: int, y: int, radius: int) 
         below -= 1
     while above < highest and gaps[above * columns + x] != 0:
         above += 1
+    # Cells up to one radius away lose this one as their nearest, and to them the next one matters
+    # up to one radius further.
     # Where the search ended without a lethal cell, none is near enough to matter.
     under, over = below > lowest, above < highest
     for r in range(max(below + 1, y - radius), min(above, y + radius + 1)):

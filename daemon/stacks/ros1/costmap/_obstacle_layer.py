@@ -16,6 +16,7 @@ import numpy.typing as npt
 
 from daemon.model.kernels import kernel
 from daemon.stacks.kernels import Integers, Singles
+from daemon.stacks.ros1.cost_grid import LETHAL
 from grammars.model.geometry import Floats, Pose2
 
 
@@ -38,8 +39,6 @@ class SensedScan:
 
 Cells: TypeAlias = npt.NDArray[np.uint8]
 
-LETHAL = 254
-UNKNOWN = 255
 STALE = 1
 """Flag: the master's value may be out of date."""
 LOW = 2
@@ -311,6 +310,8 @@ def observe(
     """
     queued, count, projected = 0, 0, -1
     laser = now[3:6]
+    # All sources clear before any marks, as in ``updateBounds``: marked cells survive the rays of
+    # other sources.
     for task in (CLEARING, MARKING):
         for k in range(sources.shape[0]):
             if sources[k, task] == 0.0:
@@ -329,6 +330,7 @@ def observe(
                 queued = _mark(
                     layer, shape, frame, laser, points, count, reach, bounds, flags, queue, queued
                 )
+    # The footprint last: where the robot stands is free, whatever was marked there.
     if footprint.shape[0] > 0:
         corners = _transform_corners(footprint, now[0], now[1], now[2], bounds)
         begin, end = polygon_spans(corners, shape, frame, first, last)

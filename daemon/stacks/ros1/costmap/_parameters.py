@@ -11,14 +11,14 @@ import json
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import fields, replace
-from typing import Annotated, Any, Final, TypeAlias
+from typing import Annotated, Any, Final
 
 import numpy as np
 from pydantic import ConfigDict, Field
 from pydantic.dataclasses import dataclass
 
 from daemon.stacks.findings import FindingCollector, ParameterFinding, ParameterLocation
-from daemon.stacks.ros1.parameters import read_section
+from daemon.stacks.ros1.parameters import Finite, NotNegative, Positive, read_section
 from grammars.model.geometry import Floats, Point2
 
 _CORNERS = 16
@@ -67,9 +67,6 @@ def _to_segment(a: Point2, b: Point2) -> float:
     return math.hypot(a[0] + along * dx, a[1] + along * dy)
 
 
-_Positive: TypeAlias = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
-_NotNegative: TypeAlias = Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
-_Number: TypeAlias = Annotated[float, Field(allow_inf_nan=False)]
 _CONFIG = ConfigDict(extra="forbid")
 
 _DISPLAY: Final = "only for display"
@@ -116,9 +113,9 @@ class ObservationSource:
     """[m] Returns farther than this do not mark; the costmap's own when not given."""
     raytrace_range: Annotated[float, Field(ge=0.0, allow_inf_nan=False)] | None = None
     """[m] Rays clear up to here; the costmap's own when not given."""
-    min_obstacle_height: _Number = 0.0
+    min_obstacle_height: Finite = 0.0
     """[m] A laser mounted lower than this is not heard."""
-    max_obstacle_height: _Number = 2.0
+    max_obstacle_height: Finite = 2.0
     """[m] Nor one mounted higher."""
     inf_is_valid: bool = False
     """Rays without return clear, as if they ended just before the greatest range."""
@@ -138,32 +135,32 @@ class CostmapParameters:
 
     global_frame: str = "map"
     """``map`` or ``odom``."""
-    update_frequency: _Positive = 5.0
+    update_frequency: Positive = 5.0
     """[Hz]"""
-    publish_frequency: _NotNegative = 0.0
+    publish_frequency: NotNegative = 0.0
     """[Hz] How often the local costmap is shown in the trace, at most once a second; the global
     one never is."""
     rolling_window: bool = False
     """The grid follows the robot."""
     static_map: bool = False
     """Begin with the map; the grid then has its size, origin and resolution."""
-    width: _Positive = 10.0
+    width: Positive = 10.0
     """[m] Without the map."""
-    height: _Positive = 10.0
+    height: Positive = 10.0
     """[m] Without the map."""
-    resolution: _Positive = 0.05
+    resolution: Positive = 0.05
     """[m] Without the map."""
-    origin_x: _Number = 0.0
+    origin_x: Finite = 0.0
     """[m] Without the map."""
-    origin_y: _Number = 0.0
+    origin_y: Finite = 0.0
     """[m] Without the map."""
     track_unknown_space: bool | None = None
     """Cells nobody has looked at stay unknown; unset is false for all but the static layer."""
     footprint: Annotated[tuple[Point2, ...], Field(min_length=3)] | None = None
     """[m] Corners in the base frame."""
-    robot_radius: _Positive = 0.46
+    robot_radius: Positive = 0.46
     """[m] Without a footprint: a polygon of sixteen corners."""
-    footprint_padding: _Number = 0.01
+    footprint_padding: Finite = 0.01
     """[m] Every coordinate of the footprint moves out from zero by this."""
     map_type: str = "costmap"
     """``voxel`` is not supported."""
@@ -175,19 +172,19 @@ class CostmapParameters:
     """Whether there is an inflation layer."""
     sources: tuple[ObservationSource, ...] = ()
     """What ``observation_sources`` names."""
-    obstacle_range: _NotNegative = 2.5
+    obstacle_range: NotNegative = 2.5
     """[m] Of sources that have none of their own."""
-    raytrace_range: _NotNegative = 3.0
+    raytrace_range: NotNegative = 3.0
     """[m] Of sources that have none of their own."""
-    max_obstacle_height: _Number = 2.0
+    max_obstacle_height: Finite = 2.0
     """[m] A laser mounted higher than this marks nothing."""
     footprint_clearing_enabled: bool = True
     """The obstacle layer is free under the footprint."""
     combination_method: int = 1
     """Only 1, the maximum with the layers below, is supported."""
-    inflation_radius: _NotNegative = 0.55
+    inflation_radius: NotNegative = 0.55
     """[m]"""
-    cost_scaling_factor: _NotNegative = 10.0
+    cost_scaling_factor: NotNegative = 10.0
     """[1/m] How fast costs fall with the distance."""
     inflate_unknown: bool = False
     """Write costs over unknown cells, too."""

@@ -19,7 +19,7 @@ import numpy as np
 
 from daemon.model.kernels import kernel
 from daemon.stacks.kernels import Integers
-from daemon.stacks.ros1.cost_grid import FREE_SPACE
+from daemon.stacks.ros1.cost_grid import FREE_SPACE, LETHAL, NO_INFORMATION
 from daemon.stacks.ros1.costmap._inflation import (
     InflationTable,
     close_gaps,
@@ -31,15 +31,7 @@ from daemon.stacks.ros1.costmap._inflation import (
     open_gaps,
     stamp_costs,
 )
-from daemon.stacks.ros1.costmap._obstacle_layer import (
-    LETHAL,
-    LISTED,
-    LOW,
-    STALE,
-    UNKNOWN,
-    Cells,
-    cell_value,
-)
+from daemon.stacks.ros1.costmap._obstacle_layer import LISTED, LOW, STALE, Cells, cell_value
 from grammars.model.geometry import Floats
 from grammars.model.grid import OCCUPIED
 from grammars.model.grid import UNKNOWN as UNKNOWN_IN_MAP
@@ -102,9 +94,9 @@ def cycle_window(
 @kernel
 def _merge_layers(static: int, obstacle: int) -> int:
     """Return the layers' maximum, of which unknown is the least."""
-    if obstacle == UNKNOWN:
+    if obstacle == NO_INFORMATION:
         return static
-    return obstacle if static == UNKNOWN else max(static, obstacle)
+    return obstacle if static == NO_INFORMATION else max(static, obstacle)
 
 
 @kernel
@@ -237,6 +229,9 @@ def update_changed_cells(
     if x0 >= x1 or y0 >= y1:
         right_edge, high_edge = left_edge, low_edge
     box = (left_edge, low_edge, right_edge, high_edge)
+    # One loop over flat arrays, in four phases; split, each part would take a dozen of them.
+    # First what others wrote over the master: a lethal cell that move_base or navfn set free
+    # leaves costs around it that nobody else would look at.
     for y in range(disturbed[1], disturbed[3]):
         for x in range(disturbed[0], disturbed[2]):
             cell = y * columns + x
@@ -248,6 +243,7 @@ def update_changed_cells(
                 queued, left = _list_around(
                     master, shape, x, y, costs, widths, flags, queue, queued, left
                 )
+    # Then cells left over from updates whose bounds they lay outside of, now within reach.
     if left > 0:
         for y in range(max(0, box[1] - radius), min(rows, box[3] + radius)):
             for x in range(max(0, box[0] - radius), min(columns, box[2] + radius)):
@@ -255,6 +251,8 @@ def update_changed_cells(
                 if flags[cell] != 0 and not flags[cell] & LISTED:
                     left -= 1
                     queued = _list_cell(flags, cell, 0, queue, queued)
+    # Then the list itself, which grows while it is worked off: column gaps have to be true for
+    # all lethal cells before the cost of any cell is asked for.
     done = 0
     while done < queued:
         cell = queue[done]
@@ -271,6 +269,7 @@ def update_changed_cells(
             queued, left = _list_around(
                 master, shape, x, y, costs, widths, flags, queue, queued, left
             )
+    # At last the costs. Outside the window costmap_2d only ever raises them, by inflation.
     for k in range(queued):
         cell = queue[k]
         y, x = cell // columns, cell % columns
@@ -346,4 +345,4 @@ def _inflate_map(
 
 def unknown_value(tracked: bool | None) -> int:
     """Return what unknown cells of the map cost: the static layer tracks them unless told not."""
-    return FREE_SPACE if tracked is False else UNKNOWN
+    return FREE_SPACE if tracked is False else NO_INFORMATION

@@ -250,6 +250,7 @@ class Dwa:
         window = self._near(pose, map_to_odom, odom_to_map, local)
         if len(window) == 0:
             return NO_VELOCITY
+        # The original keeps velocities in poses, whose "yaw" comes back normalised.
         twist = Twist2(twist.vx, twist.vy, wrap_angle(twist.wz))
         self._take_state(pose, twist, settings, local)
         self._aim(window, settings)
@@ -340,6 +341,7 @@ class Dwa:
 
     def _is_legal(self, twist: Twist2) -> bool:
         """Whether a trajectory is legal now, by the distances of the last sampling cycle."""
+        # ``checkTrajectory`` forgets oscillation before it scores, also for later cycles.
         self._oscillation.reset()
         settings, room = self._settings, self._room
         assert settings is not None

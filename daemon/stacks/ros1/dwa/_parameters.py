@@ -13,11 +13,9 @@ import numpy as np
 from pydantic import ConfigDict, Field
 from pydantic.dataclasses import dataclass
 
+from daemon.stacks.ros1.parameters import Finite, NotNegative, Positive
 from daemon.stacks.ros1.quirks import Quirks
 
-_Number: TypeAlias = Annotated[float, Field(allow_inf_nan=False)]
-_Positive: TypeAlias = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
-_NotNegative: TypeAlias = Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
 _Acceleration: TypeAlias = Annotated[float, Field(ge=0.0, le=20.0, allow_inf_nan=False)]
 _Samples: TypeAlias = Annotated[int, Field(ge=0, le=1000)]
 
@@ -29,21 +27,21 @@ class DwaParameters:
     Source: dynamic reconfigure descriptions of dwa_local_planner and base_local_planner, Noetic.
     """
 
-    max_vel_trans: _NotNegative = 0.55
+    max_vel_trans: NotNegative = 0.55
     """[m/s] Largest speed, whatever the direction."""
-    min_vel_trans: _NotNegative = 0.1
+    min_vel_trans: NotNegative = 0.1
     """[m/s] Slower motions are legal only when they turn with ``min_vel_theta`` at least."""
-    max_vel_x: _Number = 0.55
+    max_vel_x: Finite = 0.55
     """[m/s] Largest speed forward."""
-    min_vel_x: _Number = 0.0
+    min_vel_x: Finite = 0.0
     """[m/s] Smallest speed forward; negative: the robot may reverse."""
-    max_vel_y: _Number = 0.1
+    max_vel_y: Finite = 0.1
     """[m/s] Largest speed to the left."""
-    min_vel_y: _Number = -0.1
+    min_vel_y: Finite = -0.1
     """[m/s] Smallest speed to the left; negative: to the right."""
-    max_vel_theta: _NotNegative = 1.0
+    max_vel_theta: NotNegative = 1.0
     """[rad/s] Fastest turn, either way."""
-    min_vel_theta: _NotNegative = 0.4
+    min_vel_theta: NotNegative = 0.4
     """[rad/s] Slower turns are legal only with ``min_vel_trans`` at least; also the slowest turn
     at the goal."""
     acc_lim_x: _Acceleration = 2.5
@@ -54,37 +52,37 @@ class DwaParameters:
     """[rad/s^2] Turning."""
     prune_plan: bool = False
     """Forget the plan behind the robot for good, up to the first pose within 1 m of it."""
-    xy_goal_tolerance: _NotNegative = 0.1
+    xy_goal_tolerance: NotNegative = 0.1
     """[m] This near to the goal the robot stops and turns."""
-    yaw_goal_tolerance: _NotNegative = 0.1
+    yaw_goal_tolerance: NotNegative = 0.1
     """[rad] Turned far enough."""
-    trans_stopped_vel: _NotNegative = 0.1
+    trans_stopped_vel: NotNegative = 0.1
     """[m/s] Standing still below this speed, per axis."""
-    theta_stopped_vel: _NotNegative = 0.1
+    theta_stopped_vel: NotNegative = 0.1
     """[rad/s] Not turning below this speed."""
-    sim_time: _NotNegative = 1.7
+    sim_time: NotNegative = 1.7
     """[s] How far ahead trajectories look."""
-    sim_granularity: _Positive = 0.025
+    sim_granularity: Positive = 0.025
     """[m] Largest distance between points of a trajectory."""
-    angular_sim_granularity: _Positive = 0.1
+    angular_sim_granularity: Positive = 0.1
     """[rad] Largest turn between points of a trajectory."""
-    path_distance_bias: _NotNegative = 32.0
+    path_distance_bias: NotNegative = 32.0
     """Weight of the distance from the path, per metre."""
-    goal_distance_bias: _NotNegative = 24.0
+    goal_distance_bias: NotNegative = 24.0
     """Weight of the distance from the local goal, per metre."""
-    occdist_scale: _NotNegative = 0.01
+    occdist_scale: NotNegative = 0.01
     """Weight of the highest cost under the footprint."""
-    twirling_scale: _NotNegative = 0.0
+    twirling_scale: NotNegative = 0.0
     """Weight of the turning speed."""
-    oscillation_reset_dist: _NotNegative = 0.05
+    oscillation_reset_dist: NotNegative = 0.05
     """[m] Moved this far, the robot may change its direction again."""
-    oscillation_reset_angle: _NotNegative = 0.2
+    oscillation_reset_angle: NotNegative = 0.2
     """[rad] The same, turned this far."""
-    forward_point_distance: _Number = 0.325
+    forward_point_distance: Finite = 0.325
     """[m] Where the nose is, which is kept on the path as well; 0 counts the centre twice."""
-    scaling_speed: _NotNegative = 0.25
+    scaling_speed: NotNegative = 0.25
     """[m/s] Faster than this, the footprint grows."""
-    max_scaling_factor: _NotNegative = 0.2
+    max_scaling_factor: NotNegative = 0.2
     """By how much of its size the footprint has grown at ``max_vel_trans``."""
     vx_samples: _Samples = 3
     """Samples of the forward speed; 0 counts as 1, and a window of two speeds gets both ends."""
@@ -97,7 +95,7 @@ class DwaParameters:
     accelerate."""
     sum_scores: bool = False
     """Sum the costs under the footprint along a trajectory instead of taking the highest."""
-    cheat_factor: _NotNegative = 1.0
+    cheat_factor: NotNegative = 1.0
     """The nose counts while the end of the local plan is further than ``forward_point_distance``
     times the root of this."""
     controller_frequency: Annotated[float | None, Field(allow_inf_nan=False)] = None
@@ -117,49 +115,74 @@ WITHOUT_EFFECT: Final[Mapping[str, str]] = {
 """Names that change nothing here, with the reason."""
 
 
-def contradictions(parameters: DwaParameters) -> tuple[str, ...]:
-    """Return what in ``parameters`` keeps the robot from moving as asked, in words."""
-    return tuple(text for wrong, text in _rules(parameters) if wrong)
+class Contradiction(NamedTuple):
+    """Parameters that keep the robot from moving as asked: their ``names``, and why in words."""
+
+    names: tuple[str, ...]
+    text: str
 
 
-def _rules(p: DwaParameters) -> tuple[tuple[bool, str], ...]:
+def contradictions(parameters: DwaParameters) -> tuple[Contradiction, ...]:
+    """Return what in ``parameters`` keeps the robot from moving as asked."""
+    return tuple(Contradiction(names, text) for names, wrong, text in _rules(parameters) if wrong)
+
+
+def _rules(p: DwaParameters) -> tuple[tuple[tuple[str, ...], bool, str], ...]:
     resting = p.min_vel_trans > 1e-4 and p.min_vel_theta > p.max_vel_theta
+    # 1e-4 m/s is the slack of the original's test of samples (``generateTrajectory``), on both
+    # sides of the first rule.
     return (
         (
+            ("min_vel_trans", "max_vel_trans"),
             p.min_vel_trans > p.max_vel_trans + 2e-4,
             f"min_vel_trans {p.min_vel_trans} is above max_vel_trans {p.max_vel_trans}: no motion "
             "is legal but fast turns, so the robot cannot drive",
         ),
-        (p.max_vel_trans == 0.0, "max_vel_trans is 0: the robot can never drive"),
         (
+            ("max_vel_trans",),
+            p.max_vel_trans == 0.0,
+            "max_vel_trans is 0: the robot can never drive",
+        ),
+        (
+            ("min_vel_x", "max_vel_x"),
             p.min_vel_x > p.max_vel_x,
             f"min_vel_x {p.min_vel_x} is above max_vel_x {p.max_vel_x}: there is no speed between",
         ),
         (
+            ("min_vel_y", "max_vel_y"),
             p.min_vel_y > p.max_vel_y,
             f"min_vel_y {p.min_vel_y} is above max_vel_y {p.max_vel_y}: there is no speed between",
         ),
         (
+            ("min_vel_x", "max_vel_x", "max_vel_trans"),
             min(abs(p.min_vel_x), abs(p.max_vel_x)) > p.max_vel_trans + 1e-4
             and p.min_vel_x * p.max_vel_x > 0.0,
             f"every speed between min_vel_x {p.min_vel_x} and max_vel_x {p.max_vel_x} is beyond "
             f"max_vel_trans {p.max_vel_trans}: no motion is legal",
         ),
         (
+            ("min_vel_theta", "max_vel_theta"),
             p.min_vel_theta > p.max_vel_theta,
             f"min_vel_theta {p.min_vel_theta} is above max_vel_theta {p.max_vel_theta}: "
             + ("slow motions never turn fast enough to be legal" if resting else "set it lower"),
         ),
-        (p.sim_time == 0.0, "sim_time is 0: trajectories have no points, so none is ever chosen"),
         (
+            ("sim_time",),
+            p.sim_time == 0.0,
+            "sim_time is 0: trajectories have no points, so none is ever chosen",
+        ),
+        (
+            ("acc_lim_x", "acc_lim_y"),
             p.acc_lim_x == 0.0 and p.acc_lim_y == 0.0 and p.use_dwa,
             "acc_lim_x and acc_lim_y are 0: no other speed than the present one can be reached",
         ),
         (
+            ("acc_lim_theta",),
             p.acc_lim_theta == 0.0,
             "acc_lim_theta is 0: no other turning speed than the present one can be reached",
         ),
         (
+            ("scaling_speed", "max_vel_trans", "max_scaling_factor"),
             p.scaling_speed == p.max_vel_trans and p.max_scaling_factor > 0.0,
             f"scaling_speed equals max_vel_trans {p.max_vel_trans}: the footprint of samples "
             "faster by rounding grows without bound; set it apart or max_scaling_factor to 0",

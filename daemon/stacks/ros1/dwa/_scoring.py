@@ -48,7 +48,7 @@ def oscillates(banned: Integers, vx: float, vy: float, wz: float) -> bool:
 def total_cost(
     obstacle: float, front: int, along: int, path: int, goal: int, wz: float, weights: Floats
 ) -> float:
-    """Sum the critics in the original's order; ``weights`` is what :func:`set_critic_weights` wrote.
+    """Sum the critics in the original's order, with :func:`set_critic_weights`' ``weights``.
 
     ``front`` and ``along`` are the distances of the nose from the goal pushed ahead and from the
     path, ``path`` and ``goal`` those of the centre.
@@ -158,6 +158,8 @@ def score_trajectory(
     rest = _cost_of_end_cells(0.0, ends // f.cells.size, ends % f.cells.size, moving[2], weights, f)
     if weights[0] == 0.0:
         return rest
+    # The obstacle critic comes first in the original and last here, as it is the dearest; the sum
+    # below is taken in the original's order again.
     scale = footprint_scale(translation_speed(moving[0], moving[1]), s)
     cells, frame, outline, spans, inside = (
         f.cells,

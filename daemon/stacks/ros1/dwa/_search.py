@@ -71,6 +71,8 @@ def _rounding_margin(
     reach = speed * s.sim_time
     coordinate = max(abs(state[0]), abs(state[1])) + reach
     yaw = abs(state[2]) + turn * s.sim_time
+    # 2**-24 is half a unit in the last place of 1.0 in single precision; 2 % and 1e-9 m more for
+    # the second order and for the double precision of the prediction itself.
     off = 1e-9 + n * 2.0**-24 * 1.02 * (coordinate + yaw * (reach + abs(s.forward)))
     return float(min(1.0, off / f.frame[2]))
 
@@ -95,6 +97,7 @@ def _prepare_pairs(
             if s.use_dwa:
                 if footprint_scale(speed, s) == 1.0 and s.obstacle_scale != 0.0:
                     out[pair, 1] = here
+                # 1e-4 m/s is the slack of the original's own test (``generateTrajectory``).
                 if oscillates(f.banned, vx, vy, 0.0) or speed - 1e-4 > s.max_trans:
                     out[pair, 1] = -1.0
             if out[pair, 1] >= 0.0:
@@ -123,6 +126,7 @@ def _predict_end_cells(
     rows, columns = f.cells.shape
     number, turns = counts[0] * counts[1], counts[2]
     arcs[:, 4] = -1.0
+    # Turning speeds outermost: samples of one turning speed and as many points share an arc.
     for k in range(turns):
         wz = samples[2, k]
         oscillating = s.use_dwa and oscillates(f.banned, 0.0, 0.0, wz)
@@ -183,6 +187,8 @@ def bound_costs(
     most = math.ceil(max(by_speed, turn * s.sim_time / s.angular_granularity))
     margin = _rounding_margin(state, fastest, turn, most, s, f)
     _predict_end_cells(state, samples, counts, pairs, arcs, points[0, 3:5], margin, s, f, ends)
+    # One pass over all samples with every lookup cached by cell; taken apart it would hand
+    # fifteen arrays from part to part.
     known[:] = -1
     by_path, by_goal, by_front = known[0], known[1], known[2]
     rows, columns = cells.shape
@@ -255,6 +261,7 @@ def find_best_sample(
     for _ in range(total):
         index = int(np.argmin(lower[:total]))
         low = lower[index]
+        # Equal bounds must still be scored: an earlier sample wins a tie.
         if low == math.inf or low > cheapest:
             break
         lower[index] = math.inf
@@ -274,6 +281,7 @@ def find_best_sample(
         return 0
     i, rest = winner // (counts[1] * counts[2]), winner % (counts[1] * counts[2])
     j, k = rest // counts[2], rest % counts[2]
+    # Followed once more: its points were overwritten by the samples scored after it.
     n = simulate_trajectory(state, samples[0, i], samples[1, j], samples[2, k], s, points, moving)
     answer[:3] = moving
     answer[3], answer[4] = cheapest, winner

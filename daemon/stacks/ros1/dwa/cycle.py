@@ -71,6 +71,7 @@ def _reach(state: Floats, r: SearchBuffers, s: DwaSettings) -> float:
         fastest += most * most
     speed = math.sqrt(fastest)
     if s.use_dwa:
+        # Samples up to 1e-4 m/s faster than max_vel_trans are legal; as much again to spare.
         speed = min(speed, s.max_trans + 2e-4)
     return speed * s.sim_time
 
@@ -79,6 +80,7 @@ def _reach(state: Floats, r: SearchBuffers, s: DwaSettings) -> float:
 def _cells_within_reach(state: Floats, reach: float, f: ScoringGrid, out: Bits) -> None:
     """Write the set of cells within ``reach`` [m] of the robot to ``out``, and a few more."""
     rows, columns = f.cells.shape
+    # Two more: the robot is somewhere in its cell, and an end may be rounded into the next one.
     cells = int(min(reach / f.frame[2], float(rows + columns))) + 2
     column = math.floor((state[0] - f.frame[0]) / f.frame[2])
     row = math.floor((state[1] - f.frame[1]) / f.frame[2])
@@ -147,6 +149,8 @@ def choose_trajectory(
     the robot in the costmap's frame, ``front_end`` the last of them pushed ahead, ``aligned``
     whether the nose counts. ``r.answer`` is filled when there is a winner.
     """
+    # Samples first: how fast they are says how far distances are needed, and filling those of the
+    # whole costmap would cost more than following every trajectory.
     dx, dy = plan[n - 1, 0] - state[0], plan[n - 1, 1] - state[1]
     sample_speeds(state, math.hypot(dx, dy), s, r)
     fill_distances(plan, n, front_end, _reach(state, r, s), s, f, r, state)

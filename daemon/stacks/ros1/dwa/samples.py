@@ -1,4 +1,4 @@
-"""Which velocities are tried (the dynamic window and its samples), and where each takes the robot."""
+"""Which velocities are tried (the dynamic window, its samples), and where each takes the robot."""
 
 from __future__ import annotations
 
@@ -130,6 +130,7 @@ def simulate_trajectory(
             uw = _accelerate(wz, uw, s.acc_theta * dt)
         along_x, along_y = ux * c, ux * d
         if uy != 0.0:
+            # Not -sin and cos: the original adds a quarter turn, which rounds differently.
             along_x += uy * math.cos(math.pi / 2.0 + yaw)
             along_y += uy * math.sin(math.pi / 2.0 + yaw)
         x, y, yaw = (

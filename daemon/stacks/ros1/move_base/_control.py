@@ -21,6 +21,7 @@ from daemon.stacks.ros1.move_base._dispatcher import Outcome
 from daemon.stacks.ros1.move_base._parameters import MoveBaseParameters
 from daemon.stacks.ros1.move_base._recoveries import Recovery, RobotPoses
 from daemon.stacks.ros1.quirks import Quirks
+from daemon.stacks.ros1.timers import TIME_TOLERANCE
 from grammars.model.geometry import Floats, Pose2, Twist2
 
 
@@ -44,27 +45,26 @@ class RecoveryTrigger(StrEnum):
 class MoveBaseStatus:
     """Members of move_base that both threads write; times in seconds.
 
-    ``plan`` (n, 3) in map is the latest one, ``fresh`` until the control loop takes it.
-    ``running`` lets the planner thread work (``runPlanner_``). ``said`` are sentences for the log
-    of the run, taken by whoever writes it.
+    ``plan`` (n, 3) in map is the latest one, ``plan_is_new`` until the control loop takes it.
+    ``planner_runs`` lets the planner thread work (``runPlanner_``). ``log`` are sentences for the
+    log of the run, taken by whoever writes it.
     """
 
     state: MoveBaseState = MoveBaseState.PLANNING
     trigger: RecoveryTrigger = RecoveryTrigger.PLANNING
     goal: Pose2 | None = None
-    running: bool = False
+    planner_runs: bool = False
     plan: Floats | None = None
-    fresh: bool = False
+    plan_is_new: bool = False
     last_valid_plan: float = 0.0
     planning_retries: int = 0
-    zeroed: bool = False
+    planner_stopped_robot: bool = False
     """Whether the planner thread has published a zero velocity since it was last looked at."""
-    said: list[str] = field(default_factory=list)
+    log: list[str] = field(default_factory=list)
 
 
 MakePlan: TypeAlias = Callable[[Pose2], Floats | None]
 """From a goal (map) to a plan (n, 3) from where the robot is now, or ``None``."""
-_PLAN_TIME_TOLERANCE: Final = 1e-9
 
 
 class PlannerThread:
@@ -99,7 +99,7 @@ class PlannerThread:
     def step(self, now: float) -> None:
         """Make a plan if it is time to."""
         status = self._status
-        if not status.running or status.goal is None or now < self._due - _PLAN_TIME_TOLERANCE:
+        if not status.planner_runs or status.goal is None or now < self._due - TIME_TOLERANCE:
             return
         self._due = now + self._period
         plan = self._make_plan(status.goal)
@@ -109,34 +109,33 @@ class PlannerThread:
             self._fail(now)
         elif status.state is MoveBaseState.CONTROLLING and not self._ignores_failures:
             status.state = MoveBaseState.PLANNING
-            status.zeroed = True
+            status.planner_stopped_robot = True
 
     def _succeed(self, now: float, plan: Floats) -> None:
         status = self._status
-        status.plan, status.fresh = plan, True
+        status.plan, status.plan_is_new = plan, True
         status.last_valid_plan, status.planning_retries = now, 0
         status.state = MoveBaseState.CONTROLLING
         if self._period == 0.0:
-            status.running = False
+            status.planner_runs = False
         if self._failing_since is not None:
-            status.said.append(f"found a plan after {now - self._failing_since:.1f} s without one")
+            status.log.append(f"found a plan after {now - self._failing_since:.1f} s without one")
             self._failing_since = None
 
     def _fail(self, now: float) -> None:
         status = self._status
         if self._failing_since is None:
             self._failing_since = now
-            status.said.append("no plan to the goal")
+            status.log.append("no plan to the goal")
         status.planning_retries += 1
         late = now > status.last_valid_plan + self._patience
         if late or status.planning_retries > self._retries:
             status.state, status.trigger = MoveBaseState.CLEARING, RecoveryTrigger.PLANNING
-            status.running = False
-            status.zeroed = True
+            status.planner_runs = False
+            status.planner_stopped_robot = True
 
 
 STILL: Final = Twist2()
-_TIME_TOLERANCE: Final = 1e-9
 
 
 class Controller(Protocol):
@@ -163,8 +162,8 @@ class _Timers:
 class MoveBase:
     """The control loop; ``step`` runs it when it is due.
 
-    ``look`` returns where the robot is. What is published stays in :attr:`command` until it is
-    taken; sentences for the log go to ``status.said``.
+    ``robot_poses`` returns where the robot is. What is published stays in :attr:`command` until it
+    is taken; sentences for the log go to ``status.log``.
     """
 
     def __init__(
@@ -175,10 +174,10 @@ class MoveBase:
         planner: PlannerThread,
         controller: Controller,
         recoveries: Sequence[Recovery],
-        look: Callable[[], RobotPoses],
+        robot_poses: Callable[[], RobotPoses],
     ) -> None:
         self._parameters, self._status, self._planner = parameters, status, planner
-        self._controller, self._recoveries, self._look = controller, recoveries, look
+        self._controller, self._recoveries, self._robot_poses = controller, recoveries, robot_poses
         self._period = 1.0 / parameters.controller_frequency
         self._control_survives = quirks.control_patience_survives_recovery
         self._timers = _Timers()
@@ -210,7 +209,7 @@ class MoveBase:
         """Begin with ``goal`` (map): the first cycle runs at once (``executeCb``)."""
         status = self._status
         self.command = STILL
-        status.goal, status.running = goal, True
+        status.goal, status.planner_runs = goal, True
         self._planner.wake()
         status.last_valid_plan = now
         status.planning_retries = 0
@@ -222,13 +221,13 @@ class MoveBase:
     def step(self, now: float) -> None:
         """Run a cycle, or the recovery that blocks it, if it is time to."""
         status = self._status
-        if status.zeroed:
-            self.command, status.zeroed = STILL, False
-        if not self.active or now < self._due - _TIME_TOLERANCE:
+        if status.planner_stopped_robot:
+            self.command, status.planner_stopped_robot = STILL, False
+        if not self.active or now < self._due - TIME_TOLERANCE:
             return
         if self._recovery is not None:
-            self._go_on(now, self._recovery)
-        if self.active and self._recovery is None and now >= self._due - _TIME_TOLERANCE:
+            self._step_recovery(now, self._recovery)
+        if self.active and self._recovery is None and now >= self._due - TIME_TOLERANCE:
             late = now - self._due > self._period
             self._due = (now if late else self._due) + self._period
             self._cycle(now)
@@ -236,21 +235,21 @@ class MoveBase:
     def _cycle(self, now: float) -> None:
         status = self._status
         self._notice_motion(now)
-        if status.fresh and status.plan is not None:
-            status.fresh = False
+        if status.plan_is_new and status.plan is not None:
+            status.plan_is_new = False
             self._controller.set_plan(status.plan)
             if status.trigger is RecoveryTrigger.PLANNING:
                 self._index = 0
         if status.state is MoveBaseState.PLANNING:
-            status.running = True
+            status.planner_runs = True
             self._planner.wake()
         elif status.state is MoveBaseState.CONTROLLING:
             self._control(now)
         else:
-            self._clear(now)
+            self._recover(now)
 
     def _notice_motion(self, now: float) -> None:
-        pose = self._look().map
+        pose = self._robot_poses().map
         away = math.hypot(pose.x - self._anchor[0], pose.y - self._anchor[1])
         if away >= self._parameters.oscillation_distance:
             self._timers.oscillation = now
@@ -265,63 +264,63 @@ class MoveBase:
             return
         if timeout > 0.0 and self._timers.oscillation + timeout < now:
             self.command = STILL
-            self._give_way(RecoveryTrigger.OSCILLATION)
+            self._start_recoveries(RecoveryTrigger.OSCILLATION)
         # The original computes and sends one more command here, oscillating or not.
         command = self._controller.command()
         if command is not None:
-            self._obey(now, command)
+            self._publish(now, command)
         elif now > self._timers.control + self._parameters.controller_patience:
             self.command = STILL
-            self._give_way(RecoveryTrigger.CONTROLLING)
+            self._start_recoveries(RecoveryTrigger.CONTROLLING)
         else:
             self._note_failure(now)
             status.last_valid_plan, status.planning_retries = now, 0
             status.state = MoveBaseState.PLANNING
             self.command = STILL
-            status.running = True
+            status.planner_runs = True
             self._planner.wake()
 
-    def _obey(self, now: float, command: Twist2) -> None:
+    def _publish(self, now: float, command: Twist2) -> None:
         self._timers.control = now
         self.command = command
         if self._status.trigger is RecoveryTrigger.CONTROLLING:
             self._index = 0
         if self._failing_since is not None:
             away = now - self._failing_since
-            self._status.said.append(f"velocity commands again after {away:.1f} s")
+            self._status.log.append(f"velocity commands again after {away:.1f} s")
             self._failing_since = None
 
     def _note_failure(self, now: float) -> None:
         if self._failing_since is None:
             self._failing_since = now
-            self._status.said.append("no valid velocity command, planning again")
+            self._status.log.append("no valid velocity command, planning again")
 
-    def _give_way(self, trigger: RecoveryTrigger) -> None:
+    def _start_recoveries(self, trigger: RecoveryTrigger) -> None:
         self._status.state, self._status.trigger = MoveBaseState.CLEARING, trigger
 
-    def _clear(self, now: float) -> None:
+    def _recover(self, now: float) -> None:
         status = self._status
         if self._index < len(self._recoveries):
             recovery = self._recoveries[self._index]
-            status.said.append(f"recovery {self._index + 1}, {recovery.name}: {status.trigger}")
-            recovery.start(self._look())
+            status.log.append(f"recovery {self._index + 1}, {recovery.name}: {status.trigger}")
+            recovery.start(self._robot_poses())
             self._recovery = recovery
-            self._go_on(now, recovery)
+            self._step_recovery(now, recovery)
             return
         tried = ", even after recoveries" if self._recoveries else ""
-        status.said.append(f"goal aborted: {status.trigger}{tried}")
+        status.log.append(f"goal aborted: {status.trigger}{tried}")
         self._end("aborted")
 
-    def _go_on(self, now: float, recovery: Recovery) -> None:
+    def _step_recovery(self, now: float, recovery: Recovery) -> None:
         """Run the recovery on; when it ends, the loop goes on planning.
 
         After one that took its time the next cycle is due at once, as with ``ros::Rate``.
         """
-        advance = recovery.step(self._look())
+        advance = recovery.step(self._robot_poses())
         if advance.command is not None:
             self.command = advance.command
-        if advance.say:
-            self._status.said.append(advance.say)
+        if advance.log:
+            self._status.log.append(advance.log)
         if not advance.ended:
             self._due = now + recovery.period
             return
@@ -337,7 +336,7 @@ class MoveBase:
     def _end(self, outcome: Outcome) -> None:
         """Forget the goal and stop (``resetState``)."""
         status = self._status
-        status.running, status.state = False, MoveBaseState.PLANNING
+        status.planner_runs, status.state = False, MoveBaseState.PLANNING
         status.trigger, status.goal = RecoveryTrigger.PLANNING, None
         self._index = 0
         self._due = math.inf

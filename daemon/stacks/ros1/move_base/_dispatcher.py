@@ -8,32 +8,15 @@ whole mission up when a goal is not reached. No time-out, no second try.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from typing import Final, Literal, TypeAlias
+from typing import Literal, TypeAlias
 
 from daemon.model.sut import Progress
 from daemon.stacks.ros1.move_base._parameters import DispatcherParameters
+from daemon.stacks.ros1.timers import TIME_TOLERANCE, RosRate
 from grammars.model.geometry import Pose2
 from grammars.model.mission import Waypoint
 
 Outcome: TypeAlias = Literal["succeeded", "aborted"]
-_TIME_TOLERANCE: Final = 1e-9
-
-
-@dataclass(slots=True)
-class RosRate:
-    """``rospy.Rate``: how long is left of a period, without drifting and without catching up."""
-
-    period: float
-    last: float
-
-    def sleep(self, now: float) -> float:
-        """Return until when [s] a call at ``now`` sleeps, which may be before ``now``."""
-        until = self.last + self.period
-        self.last = until
-        if now - self.last > 2.0 * self.period:
-            self.last = now
-        return until
 
 
 class WaypointDispatcher:
@@ -57,7 +40,7 @@ class WaypointDispatcher:
         """Where the mission stands."""
 
     @property
-    def waits(self) -> bool:
+    def is_waiting(self) -> bool:
         """Whether a goal is on its way: nothing to do before there is a result."""
         return self._waiting
 
@@ -69,9 +52,9 @@ class WaypointDispatcher:
         if self._rate is None:
             self._rate = RosRate(1.0 / self._parameters.rate, now)
         if result is not None:
-            self._take(now, result, self._rate)
+            self._handle_result(now, result, self._rate)
         over = self.progress.state != "active"
-        if self._waiting or over or now < self._sleeps_until - _TIME_TOLERANCE:
+        if self._waiting or over or now < self._sleeps_until - TIME_TOLERANCE:
             return None
         if self.progress.reached == len(self._goals):
             self._note(self.progress.reached, "succeeded")
@@ -82,7 +65,7 @@ class WaypointDispatcher:
         self._waiting = True
         return goal
 
-    def _take(self, now: float, result: Outcome, rate: RosRate) -> None:
+    def _handle_result(self, now: float, result: Outcome, rate: RosRate) -> None:
         self._waiting = False
         if result == "aborted":
             self._note(self.progress.reached, "aborted")

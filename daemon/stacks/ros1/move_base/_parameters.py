@@ -12,8 +12,8 @@ from typing import Annotated, Final, Literal, TypeAlias
 from pydantic import ConfigDict, Field
 from pydantic.dataclasses import dataclass
 
-_Positive: TypeAlias = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
-_NotNegative: TypeAlias = Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
+from daemon.stacks.ros1.parameters import NotNegative, Positive
+
 _Rate: TypeAlias = Annotated[float, Field(gt=0.0, le=100.0, allow_inf_nan=False)]
 
 CLEAR: Final = "clear_costmap_recovery/ClearCostmapRecovery"
@@ -45,26 +45,26 @@ class MoveBaseParameters:
     """[Hz] How often the control loop runs."""
     planner_frequency: Annotated[float, Field(ge=0.0, le=100.0, allow_inf_nan=False)] = 0.0
     """[Hz] How often a new global plan is made; 0: only when the control loop asks for one."""
-    planner_patience: _NotNegative = 5.0
+    planner_patience: NotNegative = 5.0
     """[s] Without a plan for so long, recoveries begin."""
-    controller_patience: _NotNegative = 15.0
+    controller_patience: NotNegative = 15.0
     """[s] Without a valid velocity command for so long, recoveries begin."""
     max_planning_retries: Annotated[int, Field(ge=-1)] = -1
     """After so many failed plans recoveries begin, whatever the patience; -1: no limit."""
-    oscillation_timeout: _NotNegative = 0.0
+    oscillation_timeout: NotNegative = 0.0
     """[s] A robot that moves no farther than ``oscillation_distance`` for so long goes into
     recoveries; 0: never."""
-    oscillation_distance: _NotNegative = 0.5
+    oscillation_distance: NotNegative = 0.5
     """[m] How far it must move to count as getting on."""
     latch_xy_goal_tolerance: bool = False
     """Once within the tolerance of a goal, only turn, even if the robot drifts off again. DWA
     reads it here and not in its own namespace."""
     make_plan_clear_costmap: bool = True
     """Whether the make_plan service clears a square around the robot in both costmaps."""
-    clearing_radius: _NotNegative = 0.46
+    clearing_radius: NotNegative = 0.46
     """[m] Half the side of that square (ROS: ``local_costmap/circumscribed_radius``, a parameter
     of its own that does not follow the footprint)."""
-    conservative_reset_dist: _NotNegative = 3.0
+    conservative_reset_dist: NotNegative = 3.0
     """[m] Side of the square around the robot that the first reset keeps."""
     recovery_behavior_enabled: bool = True
     """Whether anything is tried before a goal is aborted."""
@@ -90,7 +90,7 @@ class ClearCostmapParameters:
     four times 0.46 m for the aggressive one), whatever is written here.
     """
 
-    reset_distance: _NotNegative = 3.0
+    reset_distance: NotNegative = 3.0
     """[m] Side of the square around the robot that is kept."""
     layer_names: tuple[str, ...] = ("obstacles",)
     """Layers to clear. Costmaps without ``plugins`` call theirs ``obstacle_layer``."""
@@ -109,17 +109,17 @@ CLEAR_COSTMAP_WITHOUT_EFFECT: Final[Mapping[str, str]] = {
 class RotateRecoveryParameters:
     """Namespace ``move_base/rotate_recovery``, and what it reads from ``TrajectoryPlannerROS``."""
 
-    sim_granularity: _Positive = 0.017
+    sim_granularity: Positive = 0.017
     """[rad] Step at which the turn ahead is checked for collisions."""
     frequency: _Rate = 20.0
     """[Hz] How often it commands."""
-    acc_lim_theta: _Positive = 3.2
+    acc_lim_theta: Positive = 3.2
     """[rad/s^2] Limits the speed towards the end of the turn."""
-    max_vel_theta: _Positive = 1.0
+    max_vel_theta: Positive = 1.0
     """[rad/s] Fastest turn."""
-    min_in_place_vel_theta: _NotNegative = 0.4
+    min_in_place_vel_theta: NotNegative = 0.4
     """[rad/s] Slowest turn."""
-    yaw_goal_tolerance: _Positive = 0.10
+    yaw_goal_tolerance: Positive = 0.10
     """[rad] How near to the heading it began with the turn ends."""
 
 

@@ -48,7 +48,7 @@ class RecoveryStep:
 
     command: Twist2 | None
     ended: bool
-    say: str = ""
+    log: str = ""
 
 
 class Recovery(Protocol):
@@ -142,8 +142,6 @@ def make_recoveries(
     targets: ClearTargets,
 ) -> tuple[Recovery, ...]:
     """Return the behaviours in the order they are tried, none when they are disabled."""
-    # Compiled kernels are only needed to drive, not to check parameters.
-
     if not parameters.recovery_behavior_enabled:
         return ()
     distances = {

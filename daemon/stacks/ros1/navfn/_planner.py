@@ -119,7 +119,7 @@ class PotentialField:
 
     def path(self, start: int, goal: int) -> Singles:
         """Return the path from ``goal`` down to ``start``, (n, 2) column and row, n may be 0."""
-        changed = self._follow()
+        changed = self._apply_changes()
         if changed or self._trip != (start, goal):
             self._repeated = self._trip[1] == goal
             self._trip = (start, goal)
@@ -128,7 +128,7 @@ class PotentialField:
 
     def spread(self, start: int, goal: int) -> None:
         """Spread the whole wave, for :meth:`reached` and :meth:`descend`."""
-        self._follow()
+        self._apply_changes()
         self._trip = _NO_TRIP
         self._spread(start, goal)
 
@@ -140,7 +140,7 @@ class PotentialField:
         """Tell whether the wave reached a cell."""
         return bool(self._potentials[cell] < UNREACHED)
 
-    def _follow(self) -> bool:
+    def _apply_changes(self) -> bool:
         window = self.grid.take_changed()
         changed = bool(translate_costs(self.grid.cells, self._costs, self._table, *window))
         if changed:
@@ -150,18 +150,19 @@ class PotentialField:
     def _search(self, start: int, goal: int) -> int:
         if goal != start and self._costs[goal] >= BLOCKED:
             return 0
-        if self._margins and self._guided(start, goal):
-            if self._cut_off(start, goal):
+        # The restricted search needs a cost to go, which pays from the second plan to a goal on.
+        if self._margins and self._prepare_cost_to_go(start, goal):
+            if self._is_unreachable(start, goal):
                 return 0
             length = self._search_restricted(start, goal)
             if length > 0:
                 return length
         fill = self._spread(start, goal)
         length = self._descend(start, goal) if self.reached(goal) else 0
-        self._learn(start, goal, fill)
+        self._update_cost_to_go(start, goal, fill)
         return length
 
-    def _guided(self, start: int, goal: int) -> bool:
+    def _prepare_cost_to_go(self, start: int, goal: int) -> bool:
         """Tell whether the remainder is there for this goal, after making it if that pays."""
         if start == goal or not self._repeated:
             return False
@@ -171,7 +172,7 @@ class PotentialField:
             self._excess = self._surplus(start, goal)
         return self._remainder.goal == goal
 
-    def _cut_off(self, start: int, goal: int) -> bool:
+    def _is_unreachable(self, start: int, goal: int) -> bool:
         """Tell whether the goal is certain to be out of reach."""
         remainder = self._remainder
         if remainder.at(start) < UNREACHED:
@@ -241,13 +242,14 @@ class PotentialField:
 
     def _begin_epoch(self) -> None:
         """Make the flags of earlier waves void; flags of one byte take little of the cache."""
+        # Two a wave: history_reads_cut marks with the epoch and with one more.
         self._epoch += 2
         if self._epoch >= _EPOCHS:
             self._cut.fill(0)
             self._mark.fill(0)
             self._epoch = 2
 
-    def _learn(self, start: int, goal: int, fill: int) -> None:
+    def _update_cost_to_go(self, start: int, goal: int, fill: int) -> None:
         """Find out from a whole wave whether the next one can be guided, and how well."""
         # Buffers that run over lose cells anywhere: then nothing may be left out.
         self._usable = fill <= BUFFER // 2

@@ -92,10 +92,10 @@ def propagate_wave(
     """Spread the wave until ``goal`` has a potential, or the threshold passes ``limit``.
 
     ``costs`` and ``potentials`` are flat, the latter ``UNREACHED`` everywhere; ``buffers`` of
-    shape (3, size) is scratch. The cells reached stand in ``reached``, so that :func:`reset_potentials`
-    need not look at others. ``goal`` -1 is never reached. Returns how many cells were
-    reached, the fill, which is the largest number of cells that ever waited in one buffer, and
-    whether nothing was left to do.
+    shape (3, size) is scratch. The cells reached stand in ``reached``, so that
+    :func:`reset_potentials` need not look at others. ``goal`` -1 is never reached. Returns how many
+    cells were reached, the fill, which is the largest number of cells that ever waited in one
+    buffer, and whether nothing was left to do.
     """
     capacity = buffers.shape[1]
     potentials[start] = np.float32(0.0)

@@ -1,9 +1,10 @@
 """The wave of :mod:`.propagation` without the cells that lead too far away from the goal.
 
 ``ahead`` is a potential spread backward from the goal: about what remains from a cell. A cell
-whose potential and remainder exceed a bound is not looked at. Afterwards :func:`looks_at_cut`
-and :func:`depends_on_cut` follow everything that the path has come from, and find out whether a
-cell left out took part in it; the caller then spreads the whole wave instead.
+whose potential and remainder exceed a bound is not looked at. Afterwards
+:func:`descent_reads_cut` and :func:`history_reads_cut` follow everything that the path has come
+from, and find out whether a cell left out took part in it; the caller then spreads the whole
+wave instead.
 """
 
 from __future__ import annotations
@@ -89,6 +90,8 @@ def propagate_towards(
     # Unsigned, so that an index is not looked at for being negative.
     one, line = np.uintp(1), np.uintp(columns)
     used = 0
+    # The inner loop is where a plan's time goes. It stays one loop with everything in registers:
+    # the order of its events is the result, so it cannot be reordered or vectorised.
     while used < cycles and now > 0:
         if over + 4 * now > capacity or events + now > log.size:
             fill = capacity

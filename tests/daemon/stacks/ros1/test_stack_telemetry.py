@@ -95,13 +95,15 @@ def test_trajectories_are_recorded_in_the_map_frame_five_times_a_second() -> Non
 
 def test_beliefs_fill_the_time_between_two_publications() -> None:
     log = EstimateRecorder(np.eye(3))
-    before = log.believed(0.0, Pose2(), Pose2())
+    before = log.record_dead_reckoned(0.0, Pose2(), Pose2())
     assert before is not None
     assert before.covariance.tolist() == np.eye(3).tolist()
-    estimate, cloud = log.published(AmclPose(0.5, Pose2(1.0), 2.0 * np.eye(3), Pose2(1.1), 700))
+    estimate, cloud = log.record_published(
+        AmclPose(0.5, Pose2(1.0), 2.0 * np.eye(3), Pose2(1.1), 700)
+    )
     assert (estimate.time, cloud.count, cloud.mean) == (0.5, 700, Pose2(1.1))
-    assert log.believed(1.4, Pose2(), Pose2()) is None
-    later = log.believed(1.55, Pose2(3.0), Pose2(1.0))
+    assert log.record_dead_reckoned(1.4, Pose2(), Pose2()) is None
+    later = log.record_dead_reckoned(1.55, Pose2(3.0), Pose2(1.0))
     assert later is not None
     assert later.pose.x == 4.0
     assert later.covariance[0, 0] == 2.0, "the spread last published"
@@ -110,11 +112,13 @@ def test_beliefs_fill_the_time_between_two_publications() -> None:
 def test_at_most_a_hundred_particles_once_a_second() -> None:
     log = EstimateRecorder(np.eye(3))
     for count in (1, 99, 100, 101, 1999):
-        poses = EstimateRecorder(np.eye(3)).particles(0.0, np.arange(3.0 * count).reshape(count, 3))
+        poses = EstimateRecorder(np.eye(3)).record_particles(
+            0.0, np.arange(3.0 * count).reshape(count, 3)
+        )
         assert poses is not None
         assert min(count, 50) <= len(poses) <= 100
-    assert log.particles(0.0, np.zeros((5, 3))) is not None
-    assert log.particles(0.9, np.zeros((5, 3))) is None
+    assert log.record_particles(0.0, np.zeros((5, 3))) is not None
+    assert log.record_particles(0.9, np.zeros((5, 3))) is None
 
 
 def test_the_local_costmap_is_shown_at_its_publish_frequency_and_once_a_second_at_most() -> None:

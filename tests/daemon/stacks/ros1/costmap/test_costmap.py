@@ -37,8 +37,8 @@ def build(
 ) -> Costmap:
     footprint = parameters.padded_footprint()
     if parameters.static_map:
-        return Costmap.global_(parameters, footprint, quirks, grid or world())
-    return Costmap.local(parameters, footprint, quirks)
+        return Costmap(parameters, footprint, quirks, grid or world())
+    return Costmap(parameters, footprint, quirks)
 
 
 def looking(away: float, x: float = 1.025, y: float = 1.025) -> SensedScan:
@@ -172,9 +172,9 @@ def test_the_footprint_is_free_of_obstacles_but_not_of_walls() -> None:
 def test_without_a_source_the_map_is_all_there_is() -> None:
     grid = world()
     grid.cells[:, 100] = 100
-    deaf = Costmap.global_(STILL, STILL.padded_footprint(), ORIGINAL, grid, heard=())
+    deaf = Costmap(replace(STILL, sources=()), STILL.padded_footprint(), ORIGINAL, grid)
     before = deaf.grid.cells.copy()
-    blind = Costmap.local(ROLLING, ROLLING.padded_footprint(), ORIGINAL)
+    blind = Costmap(ROLLING, ROLLING.padded_footprint(), ORIGINAL)
     for costmap in (deaf, blind):
         costmap.update(Pose2(1.0, 1.0), looking(1.0) if costmap is deaf else None)
     np.testing.assert_array_equal(deaf.grid.cells, before)

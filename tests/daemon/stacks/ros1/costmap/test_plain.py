@@ -89,7 +89,7 @@ def test_a_grid_that_follows_changes_shows_what_the_plain_cycle_shows(
     rng = np.random.default_rng(seed)
     parameters = replace(random_parameters(rng), static_map=True)
     world, quirks = random_map(rng), FIXED if fixed else ORIGINAL
-    costmap = Costmap.global_(parameters, RING, quirks, world)
+    costmap = Costmap(parameters, RING, quirks, world)
     compare(costmap, PlainCostmap(parameters, RING, quirks, world), rng, 8)
 
 
@@ -102,5 +102,5 @@ def test_a_grid_without_a_map_shows_what_the_plain_cycle_shows(
     size = {"width": 1.2, "height": 0.9, "rolling_window": rolling}
     parameters = replace(random_parameters(rng), **size)
     quirks = FIXED if fixed else ORIGINAL
-    costmap = Costmap.local(parameters, RING, quirks)
+    costmap = Costmap(parameters, RING, quirks)
     compare(costmap, PlainCostmap(parameters, RING, quirks), rng, 6)

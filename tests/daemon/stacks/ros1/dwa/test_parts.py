@@ -185,7 +185,7 @@ def test_contradictions_are_named(wrong: dict[str, float], word: str) -> None:
     assert contradictions(A2S) == ()
     assert contradictions(OMNI) == ()
     assert contradictions(DwaParameters()) == ()
-    assert any(word in text for text in contradictions(replace(A2S, **wrong)))
+    assert any(word in found.text for found in contradictions(replace(A2S, **wrong)))
 
 
 def test_values_out_of_range_and_unknown_names_are_refused() -> None:

@@ -125,7 +125,7 @@ class Bench:
 
     def said(self, words: str) -> int:
         """How many sentences contain ``words``."""
-        return sum(words in sentence for sentence in self.status.said)
+        return sum(words in sentence for sentence in self.status.log)
 
 
 def without(*names: str) -> Quirks:

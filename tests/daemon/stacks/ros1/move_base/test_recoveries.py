@@ -70,7 +70,7 @@ def test_resets_clear_nothing_in_the_original() -> None:
     recoveries, cleared = make()
     advance = recoveries[0].step(around())
     assert advance.ended
-    assert "no layer" in advance.say
+    assert "no layer" in advance.log
     assert cleared == []
 
 
@@ -103,7 +103,7 @@ def test_the_turn_goes_once_round_to_the_left_and_slows_down_at_its_end() -> Non
         assert advance.command is not None
         speeds.append(advance.command.wz)
         yaw += speeds[-1] * turn.period
-    assert "turned once" in advance.say
+    assert "turned once" in advance.log
     assert advance.command is None, "nothing stops the robot"
     assert yaw - 1.0 == pytest.approx(math.tau, abs=0.15)
     assert max(speeds) == 1.0
@@ -118,7 +118,7 @@ def test_the_turn_is_refused_where_it_would_collide() -> None:
     advance = turn.step(around())
     assert advance.ended
     assert advance.command is None
-    assert "cannot turn" in advance.say
+    assert "cannot turn" in advance.log
 
 
 def test_without_the_quirk_the_turn_stops_the_robot_at_its_end() -> None:
