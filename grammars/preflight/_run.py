@@ -44,8 +44,8 @@ def check_run(
     of the robot's width; waypoints without a way, and the doorway that is too narrow; behaviours
     of joints that do not exist, cannot move or would leave their limits. Warnings: waypoints
     behind doors that stay shut or under a leaf; leaves that move through walls or other objects;
-    triggers the robot can never get near enough to. Errors of events and routes:
-    :func:`grammars.preflight._behaviours.check_events`, :func:`grammars.preflight._behaviours.check_walks`.
+    triggers the robot can never get near enough to. Events that are not there or never come, and
+    routes through walls, are found as well.
 
     ``where`` is the mission's place; ``places`` gives finer ones: ``start``, ids of waypoints,
     names of joints and objects.
