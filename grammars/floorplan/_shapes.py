@@ -15,7 +15,8 @@ import numpy as np
 from grammars.floorplan._attributes import QuantityReader
 from grammars.floorplan.model import Point3
 from grammars.model.geometry import Floats, Point2, Ring
-from grammars.text.source import DiagnosticCollector, SyntaxNode, with_article
+from grammars.text.diagnostics import with_article
+from grammars.text.source import DiagnosticCollector, SyntaxNode
 
 CIRCLE_CORNERS: Final = 40
 SAME_POINT: Final = 1e-9

@@ -5,7 +5,6 @@ from grammars.oracle._model import (
     Arithmetic,
     Comparison,
     CustomCall,
-    Dimension,
     Expression,
     Function,
     Judgement,
@@ -21,6 +20,7 @@ from grammars.oracle._model import (
     Temporal,
     Until,
     render,
+    signals_of,
 )
 from grammars.oracle._parse import load_oracles, parse_oracle
 from grammars.oracle._scope import (
@@ -29,7 +29,6 @@ from grammars.oracle._scope import (
     leg_number,
     object_signals,
     obstacle_names,
-    signals_of,
 )
 from grammars.oracle._signals import (
     OBJECT_SIGNALS,
@@ -44,6 +43,7 @@ from grammars.oracle._signals import (
     signal_declaration,
 )
 from grammars.oracle._units import kind_of, margin_kind
+from grammars.text.quantity import Dimension
 
 __all__ = [
     "OBJECT_SIGNALS",
