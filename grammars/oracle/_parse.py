@@ -5,7 +5,6 @@ The syntax is read by textX, values and units by this module.
 
 from __future__ import annotations
 
-import functools
 import re
 from pathlib import Path
 from typing import Any, Final
@@ -36,8 +35,9 @@ from grammars.oracle._signals import custom_oracle_names
 from grammars.oracle._units import check_types
 from grammars.text.diagnostics import Diagnostic, InputError, Where, did_you_mean
 from grammars.text.documents import YamlDocument, load_yaml
-from grammars.text.parsing import load_metamodel
+from grammars.text.parsing import Language, SyntaxFault
 from grammars.text.quantity import parse_quantity
+from grammars.text.source import SourceText
 
 _OPERATORS: Final = (
     *("always", "never", "eventually", "fraction", "time", "longest", "count"),
@@ -66,25 +66,27 @@ def parse_oracle(name: str, text: str, where: Where) -> Oracle:
     return oracle
 
 
-@functools.cache
-def _metamodel() -> Any:
-    return load_metamodel(Path(__file__).with_name("oracle.tx"), autokwd=True)
+class _OracleLanguage(Language):
+    def message(self, fault: SyntaxFault) -> str:
+        rest = fault.rest.strip()
+        if not rest:
+            return "the oracle ends too early: a parenthesis, a signal or a quantity is missing"
+        read = fault.text[: fault.offset]
+        if re.match(r"(<=|>=|==|!=|<|>)", rest) and re.search(r"[<>=]", read):
+            return 'comparisons cannot be chained: join two of them with "and"'
+        return f'cannot read on at "{rest.split()[0]}"'
+
+    def hint(self, fault: SyntaxFault) -> str:
+        return _EXAMPLE
+
+
+_LANGUAGE: Final = _OracleLanguage(Path(__file__).with_name("oracle.tx"), autokwd=True)
 
 
 def _parse_tree(text: str, where: Where) -> Any:
-    from textx import TextXSyntaxError
-
     _refuse_unknown_operator(text, where)
     _refuse_oversized(text, where)
-    try:
-        return _metamodel().model_from_str(text)
-    except RecursionError as error:
-        raise InputError(Diagnostic(where, "is nested too deeply", _EXAMPLE)) from error
-    except TextXSyntaxError as error:
-        offset = sum(len(line) + 1 for line in text.split("\n")[: error.line - 1]) + error.col - 1
-        raise InputError(
-            Diagnostic(shift_place(where, text, offset), _syntax_message(text, offset), _EXAMPLE)
-        ) from error
+    return _LANGUAGE.parse(SourceText(text, where.file, within=where))
 
 
 def _refuse_unknown_operator(text: str, where: Where) -> None:
@@ -107,15 +109,6 @@ def _refuse_oversized(text: str, where: Where) -> None:
         if depth > _MAX_DEPTH:
             place = shift_place(where, text, column)
             raise InputError(Diagnostic(place, f"nests parentheses deeper than {_MAX_DEPTH}"))
-
-
-def _syntax_message(text: str, offset: int) -> str:
-    rest = text[offset:].strip()
-    if not rest:
-        return "the oracle ends too early: a parenthesis, a signal or a quantity is missing"
-    if re.match(r"(<=|>=|==|!=|<|>)", rest) and re.search(r"[<>=]", text[:offset]):
-        return 'comparisons cannot be chained: join two of them with "and"'
-    return f'cannot read on at "{rest.split()[0]}"'
 
 
 class _OracleBuilder:

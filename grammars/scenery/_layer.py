@@ -11,7 +11,7 @@ from typing import Any, Final, TypeAlias
 
 from grammars.scenery._objects import read_instance, read_object
 from grammars.scenery._sentences import read_predicate
-from grammars.scenery._syntax import NodeReader, TextPositions, parse_tree
+from grammars.scenery._syntax import NodeReader, parse_tree
 from grammars.scenery.model import (
     Group,
     Instance,
@@ -27,6 +27,7 @@ from grammars.scenery.model import (
 )
 from grammars.text.diagnostics import Diagnostic, InputError, Where, did_you_mean
 from grammars.text.documents import read_text
+from grammars.text.source import SourceText
 
 _Statement: TypeAlias = ObjectModel | Instance | Group | Parameter | Setting | Sentence
 _OBJECT: Final = re.compile(r"([^\d\W]\w*)(?:\.([^\d\W]\w*))?")
@@ -42,9 +43,9 @@ def parse_scenery(text: str, file: str) -> SceneryLayer:
 
     Raises :class:`InputError` with every problem found (of a syntax error only the first).
     """
-    places = TextPositions(text, file)
-    reader = NodeReader(places)
-    tree = parse_tree(text, places)
+    source = SourceText(text, file)
+    reader = NodeReader(source)
+    tree = parse_tree(source)
     nodes = getattr(tree, "statements", ())  # an empty text gives no tree
     values = reader.each(nodes, partial(_statement, reader))
     _check_names(reader, values)

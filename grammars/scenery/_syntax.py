@@ -4,11 +4,9 @@ reader of the nodes every part of the language has (names, quantities, frames, s
 
 from __future__ import annotations
 
-import bisect
 import difflib
-import functools
 import re
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any, Final, TypeVar
@@ -26,10 +24,10 @@ from grammars.scenery.model import (
 )
 from grammars.scenery.model import Path as Path_reader
 from grammars.text.diagnostics import Diagnostic, InputError, Where, did_you_mean
-from grammars.text.parsing import load_metamodel, offset_of
+from grammars.text.parsing import Language, SyntaxFault, listed
 from grammars.text.quantity import parse_quantity
+from grammars.text.source import SourceText, SyntaxNode
 
-_GRAMMAR: Final = Path(__file__).with_name("scenery.tx")
 _STARTERS: Final = (
     "object",
     "mover",
@@ -76,54 +74,78 @@ _UNSAID: Final = frozenset(
 """Plural forms: accepted, but not suggested beside the singular."""
 
 
-class TextPositions:
-    """Lines and columns of a text."""
+class _SceneryLanguage(Language):
+    words = _READABLE
+    token = re.compile(r"\w+|\S")
 
-    def __init__(self, text: str, file: str) -> None:
-        self.text = text
-        self.file = file
-        self._starts = [0, *(m.end() for m in re.finditer("\n", text))]
+    def phrases(self, fault: SyntaxFault) -> Sequence[str]:
+        """Return what could stand there, words before signs."""
+        said = [self.words.get(key, f'"{key}"') for key in fault.expected if key not in _UNSAID]
+        return sorted(dict.fromkeys(said), key=lambda name: not name.strip('"')[:1].isalnum())
 
-    def at(self, position: int) -> Where:
-        """Return the place of the character at ``position``."""
-        line = bisect.bisect_right(self._starts, position)
-        return Where(self.file, line, position - self._starts[line - 1] + 1)
+    def message(self, fault: SyntaxFault) -> str:
+        found = _quoted(fault.word) if fault.word else "the end of the file"
+        words = self.phrases(fault)
+        if words:
+            many = len(words) > _SHOWN
+            expected = ", ".join((*words[:_SHOWN], "…")) if many else listed(words)
+            return f"expected {expected}, found {found}"
+        return f"{found} {'cannot be a name' if _is_reserved(fault) else 'is not expected'}"
+
+    def hint(self, fault: SyntaxFault) -> str:
+        """Compare the word found with those expected, and the first of its line with openings."""
+        expected = self.phrases(fault)
+        if not expected and _is_reserved(fault):
+            return "take another word"
+        if fault.word == "#":
+            return "comments start with //"
+        line = fault.text[fault.text.rfind("\n", 0, fault.offset) + 1 : fault.offset]
+        first = re.match(r"\s*(\w+)", line)
+        candidates = [
+            (fault.word, [word.strip('"') for word in expected]),
+            (first[1] if first else "", list(_STARTERS)),
+        ]
+        for word, known in candidates:
+            if len(word) < 3 or word in known:
+                continue
+            if word.lower() in known:
+                return f'write "{word.lower()}" in small letters'
+            close = difflib.get_close_matches(word, known, 1, 0.75)
+            if close:
+                return f'did you mean "{close[0]}"?'
+        return ""
 
 
-@functools.cache
-def _metamodel() -> Any:
-    return load_metamodel(_GRAMMAR, autokwd=True)
+def _is_reserved(fault: SyntaxFault) -> bool:
+    return fault.word in (*_STARTERS, "except")
 
 
-def parse_tree(text: str, places: TextPositions) -> Any:
-    """Return the textX model of ``text``; raises :class:`InputError` with every unit problem.
+def _quoted(word: str) -> str:
+    return f"'{word}'" if word == '"' else f'"{word}"'
+
+
+_LANGUAGE: Final = _SceneryLanguage(Path(__file__).with_name("scenery.tx"), autokwd=True)
+
+
+def parse_tree(source: SourceText) -> SyntaxNode:
+    """Return the textX model of a text; raises :class:`InputError` with every unit problem.
 
     Units are looked at first: a missing or misspelt one would otherwise show up as a syntax error
     some words later.
     """
-    from textx.exceptions import TextXError, TextXSyntaxError
-
-    findings = _unit_findings(text, places)
+    findings = _unit_findings(source)
     if findings:
         raise InputError(findings)
-    try:
-        return _metamodel().model_from_str(text)
-    except TextXSyntaxError as error:
-        raise InputError(_syntax_error(error, text, places)) from error
-    except TextXError as error:
-        where = Where(places.file, error.line or 0, error.col or 0)
-        raise InputError(Diagnostic(where, str(error.message))) from error
-    except RecursionError as error:
-        raise InputError(Diagnostic(Where(places.file), "is nested too deeply")) from error
+    return _LANGUAGE.parse(source)
 
 
-def _unit_findings(text: str, places: TextPositions) -> list[Diagnostic]:
-    blanked = _blank(_UNITLESS, _blank(_COMMENT, text))
+def _unit_findings(source: SourceText) -> list[Diagnostic]:
+    blanked = _blank(_UNITLESS, _blank(_COMMENT, source.text))
     findings: list[Diagnostic] = []
     for match in _NUMBER.finditer(blanked):
         if blanked[: match.start()].rstrip().endswith("probability"):
             continue
-        where = places.at(match.start())
+        where = source.where(match.start())
         if _DECIMAL_COMMA.match(blanked, match.end()):
             findings.append(Diagnostic(where, "decimals are written with a point", "1.5, not 1,5"))
             continue
@@ -157,75 +179,19 @@ def _unit_hint(word: str) -> str:
     return f'did you mean "{longer}"?' if longer else did_you_mean(word, known)
 
 
-def _syntax_error(error: Any, text: str, places: TextPositions) -> Diagnostic:
-    position = min(len(text), offset_of(text, error.line, error.col))
-    rest = re.match(r"\w+|\S", text[position:])
-    found = _quoted(rest[0]) if rest else "the end of the file"
-    words = _expected(error)
-    if not words and rest and rest[0] in (*_STARTERS, "except"):
-        return Diagnostic(places.at(position), f"{found} cannot be a name", "take another word")
-    message = f"expected {_listed(words)}, found {found}" if words else f"{found} is not expected"
-    return Diagnostic(places.at(position), message, _syntax_hint(text, position, rest, words))
-
-
-def _quoted(word: str) -> str:
-    return f"'{word}'" if word == '"' else f'"{word}"'
-
-
-def _expected(error: Any) -> list[str]:
-    """Return what could stand there, words before signs."""
-    names = dict.fromkeys(_spelled(rule) for rule in error.expected_rules or ())
-    return sorted(filter(None, names), key=lambda name: not name.strip('"')[:1].isalnum())
-
-
-def _listed(words: list[str]) -> str:
-    if len(words) > _SHOWN:
-        return ", ".join(words[:_SHOWN]) + ", …"
-    return " or ".join(filter(None, (", ".join(words[:-1]), words[-1])))
-
-
-def _spelled(rule: Any) -> str:
-    pattern = str(getattr(rule, "to_match", ""))
-    known = _READABLE.get(rule.rule_name) or _READABLE.get(pattern)
-    if known or not pattern or pattern in _UNSAID or pattern.startswith(r"\/\/"):
-        return known or ""
-    return f'"{pattern}"'
-
-
-def _syntax_hint(text: str, position: int, rest: re.Match[str] | None, expected: list[str]) -> str:
-    """Compare the word found with those expected, and the first of its line with openings."""
-    if rest is not None and rest[0] == "#":
-        return "comments start with //"
-    line = text[text.rfind("\n", 0, position) + 1 : position]
-    first = re.match(r"\s*(\w+)", line)
-    candidates = [
-        (rest[0] if rest else "", [word.strip('"') for word in expected]),
-        (first[1] if first else "", list(_STARTERS)),
-    ]
-    for word, known in candidates:
-        if len(word) < 3 or word in known:
-            continue
-        if word.lower() in known:
-            return f'write "{word.lower()}" in small letters'
-        close = difflib.get_close_matches(word, known, 1, 0.75)
-        if close:
-            return f'did you mean "{close[0]}"?'
-    return ""
-
-
 T = TypeVar("T")
 
 
 class NodeReader:
     """Turns parse tree nodes into values and collects what is wrong with them."""
 
-    def __init__(self, places: TextPositions) -> None:
-        self._places = places
+    def __init__(self, source: SourceText) -> None:
+        self._source = source
         self.findings: list[Diagnostic] = []
 
     def where(self, node: Any) -> Where:
         """Return where ``node`` starts."""
-        return self._places.at(node._tx_position)
+        return self._source.at(node)
 
     def report(self, where: Where, message: str, hint: str = "") -> None:
         """Note an error and go on."""

@@ -60,12 +60,18 @@ class InputError(Exception):
         super().__init__("\n".join(str(d) for d in found))
 
 
+def closest(word: str, known: Iterable[str]) -> str:
+    """Return the known word that ``word`` was probably meant to be, or nothing."""
+    close = difflib.get_close_matches(word, sorted(set(known)), n=1, cutoff=0.6)
+    return close[0] if close else ""
+
+
 def did_you_mean(word: str, known: Iterable[str]) -> str:
     """Return ``did you mean "x"?`` for the closest known word, else the list of known words."""
     candidates = sorted(set(known))
-    close = difflib.get_close_matches(word, candidates, n=1, cutoff=0.6)
+    close = closest(word, candidates)
     if close:
-        return f'did you mean "{close[0]}"?'
+        return f'did you mean "{close}"?'
     if not candidates:
         return ""
     shown = ", ".join(candidates[:12]) + (", …" if len(candidates) > 12 else "")

@@ -1,24 +1,195 @@
-"""What the languages' parsers report, prepared for messages to people."""
+"""The front end of our languages: from text to textX's syntax tree, or to what is wrong with it.
+
+A :class:`Language` is a grammar and the words in which its syntax errors are told to people.
+"""
 
 from __future__ import annotations
 
+import functools
+import re
 import threading
-from collections.abc import Collection, Iterable
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, ClassVar, Final
 
+from grammars.text.diagnostics import Diagnostic, InputError
+from grammars.text.source import SourceText, SyntaxNode, in_source_order
+
+_MOST_ERRORS: Final = 20
+_LONGEST: Final = 40
+"""Characters shown of a word that is wrong."""
+_COMMENT: Final = re.compile(r"(\"[^\"\n]*\"|'[^'\n]*')|//[^\n]*")
+
+# textX reads every grammar with one parser of the textX language, memoised for the whole process:
+# two threads that load a language at once disturb each other's parse tree.
 _TEXTX_LOCK: Final = threading.Lock()
 
 
-def load_metamodel(grammar: Path, *, autokwd: bool = False) -> Any:
+def load_metamodel(grammar: Path, *, classes: Sequence[type] = (), autokwd: bool = False) -> Any:
     """Return textX's metamodel of a language; safe from any thread.
 
-    Grammars are read by a parser textX has only one of: two threads at once would disturb it.
+    ``classes`` are made for the nodes of the rules they are named after.
     """
     from textx import metamodel_from_file
 
     with _TEXTX_LOCK:
-        return metamodel_from_file(str(grammar), autokwd=autokwd)
+        return metamodel_from_file(str(grammar), classes=list(classes), autokwd=autokwd)
+
+
+def without_comments(text: str) -> str:
+    """Return ``text`` with every comment replaced by as many blanks; quoted text stays."""
+    return _COMMENT.sub(lambda found: found[1] or " " * len(found[0]), text)
+
+
+def listed(words: Sequence[str]) -> str:
+    """Return ``a, b or c``."""
+    return " or ".join(filter(None, (", ".join(words[:-1]), words[-1])))
+
+
+@dataclass(frozen=True, slots=True)
+class SyntaxFault:
+    """Where a parser could not read on, and what it would have read there.
+
+    ``word`` stands at ``offset`` of ``text`` (empty at its end), ``done`` was read before it, less
+    the blanks and comments in between. ``expected`` are the keys of what could stand there:
+    keywords and patterns as they are in the grammar, rules that have words of their own by name.
+    """
+
+    text: str
+    offset: int
+    word: str
+    done: str
+    expected: tuple[str, ...]
+
+    @property
+    def rest(self) -> str:
+        """The text that was not read."""
+        return self.text[self.offset :] if self.word else ""
+
+    @property
+    def on_new_line(self) -> bool:
+        """Whether a line ends between what was read and what was not."""
+        return "\n" in without_comments(self.text[: self.offset])[len(self.done) :]
+
+
+class Language:
+    """A language with a textX grammar.
+
+    Each language says in a subclass how its statements begin and how its errors read; what a word
+    is, where an error is told and how many are found in one go is decided here.
+    """
+
+    classes: ClassVar[Sequence[type]] = ()
+    """Classes of nodes, named like their rules."""
+    words: ClassVar[Mapping[str, str]] = {}
+    """What rules and patterns of the grammar are called in messages."""
+    openers: ClassVar[frozenset[str]] = frozenset()
+    """Expected keys with which a statement begins; empty where errors end no statement."""
+    token: ClassVar = re.compile(r"[+-]?[\d.]*\d[\w.]*|\w+|\S")
+    """What is shown of the text that cannot be read."""
+
+    def __init__(self, grammar: Path, *, autokwd: bool = False) -> None:
+        self._grammar = grammar
+        self._autokwd = autokwd
+        self._lock = threading.Lock()
+
+    @functools.cached_property
+    def _metamodel(self) -> Any:
+        return load_metamodel(self._grammar, classes=self.classes, autokwd=self._autokwd)
+
+    def parse(self, source: SourceText) -> SyntaxNode:
+        """Return the syntax tree of ``source``.
+
+        Raises :class:`InputError` with one diagnostic per statement that cannot be read: after a
+        syntax error the statement it lies in is blanked out and the rest is read again.
+        """
+        from textx import TextXSyntaxError
+
+        text = source.text
+        starts = [*self.statement_starts(text), len(text)]
+        statements = list(pairwise(starts))
+        errors: list[Diagnostic] = []
+        while len(errors) < _MOST_ERRORS:
+            try:
+                tree = self._tree(text)
+            except RecursionError as error:
+                hint = self.hint(SyntaxFault(text, len(text), "", "", ()))
+                raise InputError(Diagnostic(source.whole, "is nested too deeply", hint)) from error
+            except TextXSyntaxError as error:
+                fault = self._fault(text, error)
+                errors.append(self.explain(source, fault))
+                # What stands where a statement may begin is wrong itself; else the one before is.
+                last = fault.offset - self.openers.isdisjoint(fault.expected)
+                broken = next((s for s in reversed(statements) if s[0] <= last), None)
+                if broken is None:
+                    break
+                start, end = broken
+                text = text[:start] + re.sub(r"[^\n]", " ", text[start:end]) + text[end:]
+                statements.remove(broken)
+            else:
+                if not errors:
+                    return tree
+                break
+        raise InputError(in_source_order(errors))
+
+    def _tree(self, text: str) -> SyntaxNode:
+        if not self.classes:
+            return self._metamodel.model_from_str(text)
+        # While textX builds nodes of given classes it replaces methods of these classes, and counts
+        # without a lock of its own how many parsers do so at the moment.
+        with self._lock:
+            return self._metamodel.model_from_str(text)
+
+    def _fault(self, text: str, error: Any) -> SyntaxFault:
+        offset = min(len(text), offset_of(text, error.line, error.col))
+        found = self.token.match(text, offset)
+        done = without_comments(text[:offset]).rstrip()
+        keys = tuple(self._keys(error.expected_rules))
+        return SyntaxFault(text, offset, found[0] if found else "", done, keys)
+
+    def _keys(self, rules: Iterable[Any]) -> Iterable[str]:
+        """Return what a parser expected, each once; comments, which may stand anywhere, are not."""
+        keys = dict.fromkeys(
+            rule.rule_name
+            if rule.rule_name in self.words
+            else str(getattr(rule, "to_match", rule.rule_name))
+            for rule in rules
+        )
+        # Rules that only look ahead match nothing.
+        return (key for key in keys if key not in ("", "Comment") and not key.startswith(r"\/\/"))
+
+    def explain(self, source: SourceText, fault: SyntaxFault) -> Diagnostic:
+        """Return what is wrong at ``fault``: where it stands, or where something is missing."""
+        if self.ends_early(fault):
+            last = re.split(r"\s", fault.done)[-1][-_LONGEST:]
+            message = f'expected {listed(self.phrases(fault))} after "{last}"'
+            hint = self.hint(replace(fault, word=""))
+            return Diagnostic(source.where(len(fault.done)), message, hint)
+        return Diagnostic(source.where(fault.offset), self.message(fault), self.hint(fault))
+
+    def statement_starts(self, text: str) -> Sequence[int]:
+        """Return where the statements of ``text`` begin; none: reading ends at the first error."""
+        return ()
+
+    def ends_early(self, fault: SyntaxFault) -> bool:
+        """Return whether something is missing at the end of a line, whatever comes after it."""
+        starts_anew = not self.openers or not self.openers.isdisjoint(fault.expected)
+        return bool(fault.done) and fault.on_new_line and not starts_anew
+
+    def phrases(self, fault: SyntaxFault) -> Sequence[str]:
+        """Return what could stand there, in words."""
+        return sorted(self.words.get(key, f'"{key}"') for key in fault.expected)
+
+    def message(self, fault: SyntaxFault) -> str:
+        """Return what is wrong with the word that stands there."""
+        found = f'"{fault.word[:_LONGEST]}"' if fault.word else "the end of the file"
+        return f"unexpected {found}; expected {listed(self.phrases(fault))}"
+
+    def hint(self, fault: SyntaxFault) -> str:
+        """Return advice on ``fault``, or nothing."""
+        return ""
 
 
 def offset_of(text: str, line: int, column: int) -> int:
@@ -27,16 +198,3 @@ def offset_of(text: str, line: int, column: int) -> int:
     for _ in range(line - 1):
         start = text.index("\n", start) + 1
     return start + column - 1
-
-
-def expected_keys(rules: Iterable[Any], words: Collection[str]) -> set[str]:
-    """Return what a parser expected: keywords as written, the rules in ``words`` by their names.
-
-    ``rules`` are the rules of an Arpeggio ``NoMatch``; comments, which may stand anywhere, are
-    left out.
-    """
-    keys = {
-        rule.rule_name if rule.rule_name in words else getattr(rule, "to_match", rule.rule_name)
-        for rule in rules
-    }
-    return {key for key in keys if not key.startswith(r"\/\/")} - {"Comment"}

@@ -13,15 +13,29 @@ SyntaxNode: TypeAlias = Any
 
 
 class SourceText:
-    """A text with a name, able to tell line and column of any offset."""
+    """A text with a name, able to tell line and column of any offset.
 
-    def __init__(self, text: str, file: str) -> None:
+    ``within`` is where the text begins when it is a part of its file. Only a text of one line can
+    then say more than that: the layout of further lines is up to the file around it.
+    """
+
+    def __init__(self, text: str, file: str, *, within: Where | None = None) -> None:
         self.text = text
         self.file = file
+        self._within = within
         self._starts = [0, *(match.end() for match in re.finditer("\n", text))]
+
+    @property
+    def whole(self) -> Where:
+        """The place of the text as a whole."""
+        return self._within or Where(self.file)
 
     def where(self, offset: int) -> Where:
         """Return line and column (from 1) of a character offset (from 0)."""
+        start = self._within
+        if start is not None:
+            column = (start.column or 1) + offset
+            return start if len(self._starts) > 1 else Where(start.file, start.line, column)
         line = bisect_right(self._starts, offset)
         return Where(self.file, line, offset - self._starts[line - 1] + 1)
 

@@ -12,8 +12,8 @@ from dataclasses import dataclass
 from typing import Final, Literal, TypeAlias
 
 from grammars.floorplan import parse_syntax
+from grammars.text.parsing import without_comments
 from grammars.text.source import SourceText, SyntaxNode
-from grammars.variation._syntax import without_comments
 
 QuantityKind: TypeAlias = Literal["length", "angle"]
 Span: TypeAlias = tuple[int, int]
