@@ -31,7 +31,7 @@ from grammars.floorplan._spaces import (
     wall_frames,
 )
 from grammars.floorplan.model import FloorPlan, Opening, Wall
-from grammars.text.diagnostics import Diagnostic, InputError, Where
+from grammars.text.diagnostics import InputError, Where
 from grammars.text.source import DiagnosticCollector, SourceText, SyntaxNode, in_source_order
 
 _TOUCHING: Final = 1e-3
@@ -311,10 +311,10 @@ def load_floorplan(path: str | Path) -> FloorPlan:
         text = Path(path).read_text(encoding="utf-8-sig")
     except OSError as error:
         reason = error.strerror or str(error)
-        raise InputError(Diagnostic(Where(str(path)), f"cannot read the plan: {reason}")) from error
+        raise InputError.at(Where(str(path)), f"cannot read the plan: {reason}") from error
     except UnicodeDecodeError as error:
-        raise InputError(
-            Diagnostic(Where(str(path)), "the plan is not UTF-8 text", "save it as UTF-8")
+        raise InputError.at(
+            Where(str(path)), "the plan is not UTF-8 text", "save it as UTF-8"
         ) from error
     return parse_floorplan(text, str(path))
 
