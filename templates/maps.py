@@ -11,10 +11,11 @@ from pathlib import Path
 from typing import Any
 
 from grammars.floorplan import FloorPlan
+from grammars.model.behaviour import start_positions
 from grammars.model.geometry import Ring
 from templates.naming import file_name
 from templates.occupancy import occupancy_grid, write_map
-from templates.world import ExportJob, start_positions
+from templates.world import ExportJob
 
 
 def map_file(job: ExportJob) -> str:

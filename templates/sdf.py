@@ -22,11 +22,12 @@ from grammars.model.behaviour import (
     Servo,
     Spring,
     Trigger,
+    start_positions,
 )
 from grammars.model.scene import Scene, SceneObject
 from templates.bodies import Body, BodyJoint, body_of
 from templates.naming import file_name
-from templates.world import BehaviourDraw, ExportJob, driven_joints, start_positions
+from templates.world import BehaviourDraw, ExportJob, driven_joints
 
 ERA = "era"
 """Folder of the files as the plugins of 2024 read them: ``pose`` instead of ``position``."""

@@ -5,13 +5,13 @@ Named states of its objects come from their layers (:func:`named_states`).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final, Literal, TypeVar
 
 from grammars.floorplan import FloorPlan
-from grammars.model.behaviour import Behaviour, Hold, KeyFrames, Trigger
+from grammars.model.behaviour import Behaviour
 from grammars.model.kinematics import WORLD
 from grammars.model.mission import Mission
 from grammars.model.robot import Robot
@@ -153,27 +153,6 @@ class ExportJob:
         """Write ``text`` with one kind of line end on every machine."""
         path.write_text(text, encoding="utf-8", newline="\n")
         return path
-
-
-def start_positions(scene: Scene, behaviours: Sequence[Behaviour]) -> dict[str, float]:
-    """Return where every joint of ``scene`` is at time 0 [rad or m], by scene-wide name."""
-    start = {
-        f"{thing.name}.{joint.name}": position
-        for thing in scene.objects
-        for joint, position in zip(thing.joints, thing.initial, strict=True)
-    }
-    for behaviour in behaviours:
-        match behaviour:
-            case Hold():
-                start[behaviour.joint] = behaviour.position
-            case Trigger():
-                begin = behaviour.begin
-                start[behaviour.joint] = behaviour.start if begin is None else begin
-            case KeyFrames() if behaviour.frames and behaviour.frames[0].time <= 0.0:
-                start[behaviour.joint] = behaviour.frames[0].position
-            case _ if behaviour.kind == "reaction":
-                start[behaviour.joint] = behaviour.start
-    return start
 
 
 def driven_joints(thing: SceneObject) -> tuple[Joint, ...]:

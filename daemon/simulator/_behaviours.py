@@ -330,14 +330,10 @@ def starting_positions(
             held[name] = behaviour.position
         elif name in held:
             raise ValueError(f"behaviour {behaviour.kind}: {name!r} belongs to a mover")
-        elif isinstance(behaviour, Trigger):
-            _check_trigger(behaviour)
-            start[name] = behaviour.start if behaviour.begin is None else behaviour.begin
-        elif isinstance(behaviour, Reaction):
-            start[name] = behaviour.start
         else:
-            _check_frames(behaviour)
-            start.update((name, f.position) for f in behaviour.frames if frame_tick(f) == 0)
+            _check_times(behaviour)
+            if behaviour.start_position is not None:
+                start[name] = behaviour.start_position
     return start, held
 
 
@@ -360,13 +356,14 @@ def _first_step(walk: Walk, mover: SceneObject) -> dict[str, float]:
     return dict(zip(walk.joints, chain_positions(mover, Pose2(x, y), route.yaw(0.0)), strict=True))
 
 
-def _check_frames(behaviour: KeyFrames) -> None:
-    times = [frame.time for frame in behaviour.frames]
-    if times != sorted(times) or any(time < 0.0 for time in times):
-        raise ValueError(f"key frames of joint {behaviour.joint!r} are not in order of time")
-
-
-def _check_trigger(behaviour: Trigger) -> None:
+def _check_times(behaviour: KeyFrames | Trigger | Reaction) -> None:
+    """Check again what files are checked for: a run specification may come from anywhere."""
+    if isinstance(behaviour, KeyFrames):
+        times = [frame.time for frame in behaviour.frames]
+        if times != sorted(times) or any(time < 0.0 for time in times):
+            raise ValueError(f"key frames of joint {behaviour.joint!r} are not in order of time")
+    if not isinstance(behaviour, Trigger):
+        return
     if behaviour.rearm is not None and behaviour.rearm <= behaviour.distance:
         raise ValueError(f"trigger of joint {behaviour.joint!r}: rearm must exceed distance")
     if behaviour.begin is not None and isinstance(behaviour.motion, Jump):

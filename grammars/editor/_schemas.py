@@ -27,15 +27,13 @@ from typing import Any, Final
 from pydantic import BaseModel, TypeAdapter
 
 from grammars.oracle import OBJECT_SIGNALS, SIGNALS, SignalDeclaration, custom_oracle_names
+from grammars.text.diagnostics import with_article
 from grammars.text.quantity import unit_of
 
 _NUMBER: Final = r"(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
 _PREFIX: Final = "(?:milli|centi|kilo|[mck])?"
 _LENGTH: Final = rf"{_PREFIX}(?:metres?|meters?|m)"
-_TIME: Final = rf"{_PREFIX}(?:seconds?|s|minutes?|mins?|hours?|h)"
 _ANGLE: Final = rf"(?:{_PREFIX}(?:radians?|rads?|degrees?|degs?)|°)"
-_MASS: Final = rf"{_PREFIX}(?:grams?|g)"
-_FREQUENCY: Final = rf"{_PREFIX}(?:hertzs?|Hz)"
 _FORCE: Final = rf"{_PREFIX}(?:newtons?|N)"
 _ROOT: Final = r"\^0?\.5"
 _PER: Final = r"\s*/\s*"
@@ -44,27 +42,18 @@ _FACTOR: Final = r"[A-Za-z°]+(?:\^[0-9.]+)?"
 _LONG_PRODUCT: Final = rf"{_FACTOR}(?:(?:{_PER}|{_TIMES}){_FACTOR}){{2,5}}"
 """Three factors or more: spelled out in base units, which only the reader can judge."""
 
-_UNITS: Final = {
-    "ratio": "(?:%|percents?|pcts?)?",
-    "length": _LENGTH,
-    "angle": _ANGLE,
-    "time": _TIME,
-    "mass": _MASS,
-    "frequency": _FREQUENCY,
-    "speed": f"{_LENGTH}{_PER}{_TIME}",
-    "angular speed": f"{_ANGLE}{_PER}{_TIME}",
-    "acceleration": rf"{_LENGTH}{_PER}{_TIME}\^2",
-    "angular acceleration": rf"{_ANGLE}{_PER}{_TIME}\^2",
-    "force": _FORCE,
-    "torque": f"(?:{_FORCE}{_TIMES}{_LENGTH}|{_LENGTH}{_TIMES}{_FORCE})",
-    "stiffness": f"{_FORCE}{_PER}{_LENGTH}",
-    "noise per root length": f"{_LENGTH}(?:{_PER}{_LENGTH})?{_ROOT}",
-    "noise per root angle": f"{_ANGLE}(?:{_PER}{_ANGLE})?{_ROOT}",
-    "drift per root length": f"{_ANGLE}{_PER}{_LENGTH}{_ROOT}",
+_SPELLINGS: Final = {
+    "m": _LENGTH,
+    "rad": _ANGLE,
+    "s": rf"{_PREFIX}(?:seconds?|s|minutes?|mins?|hours?|h)",
+    "kg": rf"{_PREFIX}(?:grams?|g)",
+    "Hz": rf"{_PREFIX}(?:hertzs?|Hz)",
+    "N": _FORCE,
+    "/": _PER,
+    "^2": r"\^2",
+    "^0.5": _ROOT,
 }
-"""The unit of each dimension that YAML files use."""
-
-_SIMPLE: Final = ("ratio", "length", "angle", "time", "mass", "frequency")
+"""How the parts of SI units, and other units of the same, may be spelled."""
 
 QUANTITY_EXAMPLES: Final = {
     "ratio": "5 %",
@@ -86,13 +75,24 @@ QUANTITY_EXAMPLES: Final = {
 }
 """One usual value of each dimension."""
 
+_UNUSUAL: Final = {
+    "ratio": "(?:%|percents?|pcts?)?",
+    "torque": f"(?:{_FORCE}{_TIMES}{_LENGTH}|{_LENGTH}{_TIMES}{_FORCE})",
+    "noise per root length": f"{_LENGTH}(?:{_PER}{_LENGTH})?{_ROOT}",
+    "noise per root angle": f"{_ANGLE}(?:{_PER}{_ANGLE})?{_ROOT}",
+}
+"""Units of which parts may be left out or change places."""
+
+_SIMPLE: Final = ("ratio", "length", "angle", "time", "mass", "frequency")
+
 
 def quantity_pattern(dimension: str, *, signed: bool = True, nonzero: bool = False) -> str:
     """Return the expression a whole text must match to be a quantity of ``dimension``.
 
     ``signed`` allows a minus, ``nonzero`` wants a digit other than 0 before the unit.
     """
-    unit = _UNITS[dimension]
+    parts = re.findall(r"[A-Za-z]+|\^[\d.]+|/", unit_of(dimension))
+    unit = _UNUSUAL.get(dimension) or "".join(_SPELLINGS[part] for part in parts)
     if dimension not in _SIMPLE:
         unit = f"(?:{unit}|{_LONG_PRODUCT})"
     sign = "[+-]?" if signed else r"\+?"
@@ -239,8 +239,7 @@ def _quantity(node: Schema) -> Schema:
     limits = ", ".join(
         f"{_WORDS[k]} {_quantity_text(bounds[k], dimension)}" for k in _WORDS if k in bounds
     )
-    article = "an" if dimension[0] in "aeiou" else "a"
-    expected = f'expected {article} {dimension} such as "{example}"'
+    expected = f'expected {with_article(dimension)} such as "{example}"'
     schema: Schema = {"description": _quantity_sentence(dimension, limits, plain)}
     schema["type"] = "string"
     if plain or dimension == "ratio":

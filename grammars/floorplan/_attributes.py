@@ -5,16 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Final, Literal, TypeAlias
+from typing import Final
 
-from grammars.text.diagnostics import did_you_mean
-from grammars.text.source import DiagnosticCollector, SourceText, SyntaxNode, with_article
-
-QuantityKind: TypeAlias = Literal["length", "angle"]
+from grammars.text.diagnostics import did_you_mean, with_article
+from grammars.text.quantity import PLAN_UNITS, PlanDimension
+from grammars.text.source import DiagnosticCollector, SourceText, SyntaxNode
 
 _LARGEST: Final = 1e6
-_TO_SI: Final = {"m": 1.0, "rad": 1.0, "deg": math.pi / 180.0}
-_UNIT_KIND: Final[dict[str, QuantityKind]] = {"m": "length", "rad": "angle", "deg": "angle"}
 _UNIT_ADVICE: Final = {"length": "lengths are in metres: m", "angle": "angles are in deg or rad"}
 
 
@@ -42,15 +39,16 @@ class ElementReader(DiagnosticCollector):
         """Return an angle in radians."""
         return self._read(node, "angle")
 
-    def _read(self, node: SyntaxNode, kind: QuantityKind) -> float | None:
+    def _read(self, node: SyntaxNode, kind: PlanDimension) -> float | None:
         value = self._variable(node, kind) if node.variable else self._literal(node, node, kind)
         if value is None:
             return None
         return -value if node.negated else value
 
-    def _literal(self, node: SyntaxNode, place: SyntaxNode, kind: QuantityKind) -> float | None:
+    def _literal(self, node: SyntaxNode, place: SyntaxNode, kind: PlanDimension) -> float | None:
         unit = node.unit or ("m" if kind == "length" else "rad")
-        if _UNIT_KIND[unit] != kind:
+        factor, given = PLAN_UNITS[unit]
+        if given != kind:
             self.error(
                 place,
                 f'expected {with_article(kind)}, not "{node.number} {unit}"',
@@ -67,9 +65,9 @@ class ElementReader(DiagnosticCollector):
                 f"{node.number} without a unit means radians",
                 f'write "{node.number} deg" for degrees',
             )
-        return number * _TO_SI[unit]
+        return number * factor
 
-    def _variable(self, node: SyntaxNode, kind: QuantityKind) -> float | None:
+    def _variable(self, node: SyntaxNode, kind: PlanDimension) -> float | None:
         name = node.variable
         known = self._variables.get(name, [])
         if not known:
@@ -81,7 +79,7 @@ class ElementReader(DiagnosticCollector):
             self.error(node, f'variable "{name}" is not unique: defined in lines {lines}')
             return None
         variable = known[0]
-        if _UNIT_KIND[variable.unit] != kind:
+        if PLAN_UNITS[variable.unit][1] != kind:
             self.error(
                 node,
                 f'expected {with_article(kind)}, but variable "{name}" is in {variable.unit}',

@@ -15,7 +15,8 @@ import numpy as np
 from grammars.floorplan._attributes import ElementReader
 from grammars.floorplan.model import Point3
 from grammars.model.geometry import Floats, Point2, Ring
-from grammars.text.source import SyntaxNode, with_article
+from grammars.text.diagnostics import with_article
+from grammars.text.source import SyntaxNode
 
 # As many corners as the published FloorPlan tools give a circle, from the top and clockwise like
 # their other shapes: every edge becomes a wall with a number. Circles of objects have no such

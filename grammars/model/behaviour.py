@@ -9,12 +9,14 @@ Times are simulated seconds.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Annotated, Literal, TypeAlias
 
 from pydantic import Field
 
 from grammars.model.geometry import Point2
+from grammars.model.scene import Scene
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,6 +55,16 @@ class Hold:
     position: float
     kind: Literal["hold"] = "hold"
 
+    @property
+    def start_position(self) -> float:
+        """Where the joint is at time 0."""
+        return self.position
+
+    @property
+    def positions(self) -> tuple[float, ...]:
+        """All positions that the joint is sent to."""
+        return (self.position,)
+
 
 @dataclass(frozen=True, slots=True)
 class KeyFrame:
@@ -73,6 +85,16 @@ class KeyFrames:
     frames: tuple[KeyFrame, ...]
     motion: Motion
     kind: Literal["key-frames"] = "key-frames"
+
+    @property
+    def start_position(self) -> float | None:
+        """Where a frame at time 0 puts the joint, the last one if there are several."""
+        return next((f.position for f in reversed(self.frames) if f.time <= 0.0), None)
+
+    @property
+    def positions(self) -> tuple[float, ...]:
+        """All positions that the joint is sent to."""
+        return tuple(frame.position for frame in self.frames)
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,6 +119,16 @@ class Trigger:
     rearm: float | None = None
     begin: float | None = None
     kind: Literal["trigger"] = "trigger"
+
+    @property
+    def start_position(self) -> float:
+        """Where the joint is at time 0."""
+        return self.start if self.begin is None else self.begin
+
+    @property
+    def positions(self) -> tuple[float, ...]:
+        """All positions that the joint is sent to."""
+        return tuple(dict.fromkeys((self.start_position, self.start, self.end)))
 
 
 @dataclass(frozen=True, slots=True)
@@ -143,6 +175,16 @@ class Reaction:
     delay: float = 0.0
     kind: Literal["reaction"] = "reaction"
 
+    @property
+    def start_position(self) -> float:
+        """Where the joint is at time 0."""
+        return self.start
+
+    @property
+    def positions(self) -> tuple[float, ...]:
+        """All positions that the joint is sent to."""
+        return (self.start, self.end)
+
 
 @dataclass(frozen=True, slots=True)
 class Walk:
@@ -188,3 +230,13 @@ class Walk:
 Behaviour: TypeAlias = Annotated[
     Hold | KeyFrames | Trigger | Reaction | Walk, Field(discriminator="kind")
 ]
+
+
+def start_positions(scene: Scene, behaviours: Iterable[Behaviour]) -> dict[str, float]:
+    """Return where every joint of ``scene`` is at time 0 [rad or m], by scene-wide name.
+
+    Movers stand where the scene has put them, whatever the route they are about to walk.
+    """
+    told = {b.joint: b.start_position for b in behaviours if not isinstance(b, Walk)}
+    known = {name: position for name, position in told.items() if position is not None}
+    return scene.initial_joints | known

@@ -1,4 +1,4 @@
-"""What the links of a scene cover at rest and while their joints move, and the floor they leave free.
+"""What links cover at rest and while their joints move, and the floor they leave free.
 
 Everything is seen from above, as shapely geometry in the world [m]; heights decide what meets.
 """

@@ -136,3 +136,9 @@ class Scene:
     def joint_names(self) -> tuple[str, ...]:
         """Scene-wide joint names ``<object>.<joint>``, in scene order."""
         return tuple(f"{o.name}.{j.name}" for o in self.objects for j in o.joints)
+
+    @property
+    def initial_joints(self) -> dict[str, float]:
+        """Where every joint is before any behaviour [rad or m], by name in scene order."""
+        positions = (position for o in self.objects for position in o.initial)
+        return dict(zip(self.joint_names, positions, strict=True))

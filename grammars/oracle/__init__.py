@@ -5,7 +5,6 @@ from grammars.oracle._model import (
     Arithmetic,
     Comparison,
     CustomCall,
-    Dimension,
     Expression,
     Function,
     Judgement,
@@ -44,6 +43,7 @@ from grammars.oracle._signals import (
     signal_declaration,
 )
 from grammars.oracle._units import kind_of, margin_kind
+from grammars.text.quantity import Dimension
 
 __all__ = [
     "OBJECT_SIGNALS",

@@ -18,7 +18,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final
 
-from grammars.oracle._model import (
+from grammars.oracle._model import dimension
+from grammars.text.plugins import explain_plugin_error, plugin_origin
+from grammars.text.quantity import (
     ANGLE,
     ANGULAR_SPEED,
     LENGTH,
@@ -26,10 +28,8 @@ from grammars.oracle._model import (
     SPEED,
     TIME,
     Dimension,
-    dimension,
+    read_quantity,
 )
-from grammars.text.plugins import explain_plugin_error, plugin_origin
-from grammars.text.quantity import read_quantity
 
 if TYPE_CHECKING:
     from importlib.metadata import EntryPoint
@@ -64,8 +64,8 @@ class CustomOracle:
 
     ``judge(trace, *arguments)`` takes a :class:`daemon.trace.Trace` (read-only) and the SI values
     of its arguments, and returns the interval of the signed margin ``(lower, upper)`` in ``unit``,
-    or ``(lower, upper, daemon.model.verdicts.Evidence(...))``. On a trace that was cut its answer only
-    counts when it ``judges_prefixes``: when it takes what is not recorded yet for unknown.
+    or ``(lower, upper, daemon.model.verdicts.Evidence(...))``. On a trace that was cut its answer
+    only counts when it ``judges_prefixes``: when it takes what is not recorded yet for unknown.
     """
 
     judge: Callable[..., Any]

@@ -5,14 +5,10 @@ from __future__ import annotations
 from typing import TypeAlias
 
 from grammars.oracle._model import (
-    LENGTH,
-    RATIO,
-    TIME,
     Amount,
     Arithmetic,
     Comparison,
     CustomCall,
-    Dimension,
     Expression,
     Function,
     Limit,
@@ -36,6 +32,7 @@ from grammars.oracle._signals import (
     signal_names,
 )
 from grammars.text.diagnostics import Diagnostic, did_you_mean
+from grammars.text.quantity import LENGTH, RATIO, TIME, Dimension
 
 Kind: TypeAlias = Dimension | None
 """What an expression is measured in; ``None``: true or false."""

@@ -44,8 +44,8 @@ def check_run(
     of the robot's width; waypoints without a way, and the doorway that is too narrow; behaviours
     of joints that do not exist, cannot move or would leave their limits. Warnings: waypoints
     behind doors that stay shut or under a leaf; leaves that move through walls or other objects;
-    triggers the robot can never get near enough to. Errors of events and routes:
-    :func:`grammars.preflight._behaviours.check_events`, :func:`grammars.preflight._behaviours.check_walks`.
+    triggers the robot can never get near enough to. Events that are not there or never come, and
+    routes through walls, are found as well.
 
     ``where`` is the mission's place; ``places`` gives finer ones: ``start``, ids of waypoints,
     names of joints and objects.
@@ -143,7 +143,7 @@ def _one_behaviour(
     behaviour: Hold | KeyFrames | Trigger | Reaction, body: SceneObject, joint: Joint, place: Where
 ) -> list[Diagnostic]:
     name = behaviour.joint
-    positions = commanded_positions(behaviour)
+    positions = behaviour.positions
     initial = body.initial[body.joints.index(joint)]
     moves = any(abs(q - initial) > _TOLERANCE for q in positions)
     if body.frozen and (moves or not isinstance(behaviour, Hold)):
@@ -174,19 +174,6 @@ def _one_behaviour(
     return findings
 
 
-def commanded_positions(behaviour: Hold | KeyFrames | Trigger | Reaction) -> tuple[float, ...]:
-    """Return the positions a behaviour sends its joint to."""
-    match behaviour:
-        case Hold():
-            return (behaviour.position,)
-        case KeyFrames():
-            return tuple(frame.position for frame in behaviour.frames)
-        case Trigger(begin=float(begin)):
-            return (begin, behaviour.start, behaviour.end)
-        case Trigger() | Reaction():
-            return (behaviour.start, behaviour.end)
-
-
 def _moving_doors(
     scene: Scene,
     obstacles: SolidIndex,
@@ -200,7 +187,7 @@ def _moving_doors(
         if isinstance(behaviour, Walk):
             continue
         name, _, joint = behaviour.joint.partition(".")
-        positions = commanded_positions(behaviour)
+        positions = behaviour.positions
         used.setdefault(name, {})[joint] = (min(positions), max(positions))
     sweeps: Sweeps = [
         (body, link, swept_area(_starting_in_range(body, used[body.name]), link, used[body.name]))

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from typing import Final, Literal, TypeAlias
 
 from grammars.model.scene import Joint, Link
-from grammars.text.diagnostics import InputError, Where
+from grammars.text.diagnostics import InputError, Where, with_article
 from grammars.text.quantity import parse_quantity, unit_of
 
 NUMBER: Final = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
@@ -56,20 +56,19 @@ def require_dimension(value: Measure, *dimensions: str) -> float:
     """Return the SI value if it has one of ``dimensions``; raises :class:`InputError` else."""
     if value.dimension in dimensions:
         return value.value
-    needed = " or ".join(with_article(d) for d in dimensions)
+    needed = " or ".join(_in_words(d) for d in dimensions)
     unit = unit_of(dimensions[0])
     raise InputError.at(
         value.where,
-        f"{needed} is needed here, {value.text} is {with_article(value.dimension)}",
+        f"{needed} is needed here, {value.text} is {_in_words(value.dimension)}",
         f"write it in {unit}",
     )
 
 
-def with_article(noun: str) -> str:
-    """Return ``a length``, ``an angle``; stiffness and damping go without."""
-    if noun.endswith(("stiffness", "damping")):
-        return noun
-    return f"an {noun}" if noun[0] in "aeiou" else f"a {noun}"
+def _in_words(dimension: str) -> str:
+    """Return ``a length``, ``an angle``; stiffness and damping go without an article."""
+    countless = dimension.endswith(("stiffness", "damping"))
+    return dimension if countless else with_article(dimension)
 
 
 @dataclass(frozen=True, slots=True)

@@ -65,6 +65,11 @@ class InputError(Exception):
         return cls(Diagnostic(where, message, hint))
 
 
+def with_article(noun: str) -> str:
+    """Return ``a space``, ``an entryway``."""
+    return f"{'an' if noun[0] in 'aeiou' else 'a'} {noun}"
+
+
 def closest(word: str, known: Iterable[str]) -> str:
     """Return the known word that ``word`` was probably meant to be, or nothing."""
     close = difflib.get_close_matches(word, sorted(set(known)), n=1, cutoff=0.6)

@@ -10,9 +10,9 @@ import functools
 import math
 import re
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Any, Final, Literal, TypeAlias
 
-from grammars.text.diagnostics import Diagnostic, InputError, Where, did_you_mean
+from grammars.text.diagnostics import Diagnostic, InputError, Where, did_you_mean, with_article
 
 _SI_UNITS: Final = {
     "ratio": "1",
@@ -37,6 +37,17 @@ _SI_UNITS: Final = {
 }
 """The dimensions people write, each with the SI unit its values are kept in."""
 
+PlanDimension: TypeAlias = Literal["length", "angle"]
+PLAN_UNITS: Final[dict[str, tuple[float, PlanDimension]]] = {
+    "m": (1.0, "length"),
+    "rad": (1.0, "angle"),
+    "deg": (math.pi / 180.0, "angle"),
+}
+"""The units of floor plans and their variations: factor to SI and dimension.
+
+A table of its own because plans are read a thousand at a time, and mostly without need for pint.
+"""
+
 _DEFINITIONS: Final = """\
 milli- = 1e-3 = m-
 centi- = 1e-2 = c-
@@ -56,6 +67,8 @@ percent = 0.01 = pct
 _PATTERN: Final = re.compile(
     r"\s*(?P<number>[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(?P<unit>[A-Za-z%°][^\n]*?)?\s*"
 )
+# What pint is handed is bounded: it evaluates what it takes for a unit, and a long product or a
+# large power in a file from elsewhere would take it minutes.
 _UNIT: Final = re.compile(r"(?:[A-Za-z%°]+|1)(?:\^[1-4](?:\.\d)?|\^0?\.5)?")
 _UNIT_PRODUCT: Final = re.compile(rf"{_UNIT.pattern}(?:(?:\s*[*/]\s*|\s+){_UNIT.pattern}){{0,5}}")
 _COMMON_UNITS: Final = ("m", "cm", "mm", "s", "min", "rad", "deg", "kg", "N", "Hz", "m/s", "rad/s")
@@ -72,6 +85,65 @@ class Quantity:
     def unit(self) -> str:
         """The SI unit of ``value``: ``m``, ``rad/s``, ``1`` for ratios."""
         return _SI_UNITS[self.dimension]
+
+
+@dataclass(frozen=True, slots=True)
+class Dimension:
+    """Integer exponents of metre, radian, second and kilogram."""
+
+    exponents: tuple[int, int, int, int]
+
+    @property
+    def unit(self) -> str:
+        """The SI unit: ``m``, ``m/s``, ``1`` for a plain number."""
+        name = _NAMES.get(self)
+        if name is not None:
+            return _SI_UNITS[name]
+        above, below = self.factors(1), self.factors(-1)
+        return f"{' '.join(above) or '1'}/{'/'.join(below)}" if below else " ".join(above)
+
+    def factors(self, sign: int = 1) -> list[str]:
+        """Return the powers of base units, ``m``, ``s^2``, whose exponents have this sign."""
+        powers = zip(("m", "rad", "s", "kg"), self.exponents, strict=True)
+        found = ((unit, power * sign) for unit, power in powers if power * sign > 0)
+        return [unit if power == 1 else f"{unit}^{power}" for unit, power in found]
+
+    def __mul__(self, other: Dimension) -> Dimension:
+        return self._combine(other, 1)
+
+    def __truediv__(self, other: Dimension) -> Dimension:
+        return self._combine(other, -1)
+
+    def _combine(self, other: Dimension, sign: int) -> Dimension:
+        a, b = self.exponents, other.exponents
+        return Dimension(
+            (a[0] + sign * b[0], a[1] + sign * b[1], a[2] + sign * b[2], a[3] + sign * b[3])
+        )
+
+
+RATIO: Final = Dimension((0, 0, 0, 0))
+LENGTH: Final = Dimension((1, 0, 0, 0))
+ANGLE: Final = Dimension((0, 1, 0, 0))
+TIME: Final = Dimension((0, 0, 1, 0))
+MASS: Final = Dimension((0, 0, 0, 1))
+SPEED: Final = LENGTH / TIME
+ANGULAR_SPEED: Final = ANGLE / TIME
+
+DIMENSIONS: Final = {
+    "ratio": RATIO,
+    "length": LENGTH,
+    "angle": ANGLE,
+    "time": TIME,
+    "mass": MASS,
+    "frequency": RATIO / TIME,
+    "speed": SPEED,
+    "angular speed": ANGULAR_SPEED,
+    "acceleration": SPEED / TIME,
+    "angular acceleration": ANGULAR_SPEED / TIME,
+    "force": MASS * SPEED / TIME,
+}
+"""The dimensions that are calculated with, by name."""
+_NAMES: Final = {dimension: name for name, dimension in DIMENSIONS.items()}
 
 
 @functools.cache
@@ -97,6 +169,7 @@ def _parse_unit(text: str) -> Any:
 
 def _dimensionality(text: str) -> Any:
     dimensionality = _registry().get_dimensionality(_parse_unit(text))
+    # Powers of roots, m/m^0.5, come back with the noise of floating point.
     return tuple(sorted((name, round(power, 9)) for name, power in dimensionality.items()))
 
 
@@ -146,13 +219,13 @@ def read_as(text: str | float | int, dimension: str) -> float:
     The unit is required unless ``dimension`` is ``ratio``.
     """
     if isinstance(text, bool) or not isinstance(text, str | float | int):
-        raise ValueError(f"expected {_article(dimension)} such as {_example(dimension)}")
+        raise ValueError(f"expected {with_article(dimension)} such as {_example(dimension)}")
     quantity = read_quantity(text) if isinstance(text, str) else Quantity(float(text), "ratio")
     if quantity.dimension != dimension:
         given = f'"{text}"' if isinstance(text, str) else str(text)
         has = "has no unit" if quantity.dimension == "ratio" else f"is in {quantity.unit}"
         raise ValueError(
-            f"{given} {has}, expected {_article(dimension)} such as {_example(dimension)}"
+            f"{given} {has}, expected {with_article(dimension)} such as {_example(dimension)}"
         )
     return quantity.value
 
@@ -168,10 +241,6 @@ def parse_quantity(text: str, where: Where) -> Quantity:
 def unit_of(dimension: str) -> str:
     """Return the SI unit values of ``dimension`` are kept in."""
     return _SI_UNITS[dimension]
-
-
-def _article(dimension: str) -> str:
-    return f"{'an' if dimension[0] in 'aeiou' else 'a'} {dimension}"
 
 
 def _example(dimension: str) -> str:

@@ -72,8 +72,3 @@ class DiagnosticCollector:
 def in_source_order(diagnostics: list[Diagnostic]) -> tuple[Diagnostic, ...]:
     """Return the diagnostics sorted by place; those of one place stay in the order given."""
     return tuple(sorted(diagnostics, key=lambda d: (d.where.line, d.where.column)))
-
-
-def with_article(noun: str) -> str:
-    """Return ``a space``, ``an entryway``."""
-    return f"{'an' if noun[0] in 'aeiou' else 'a'} {noun}"

@@ -5,17 +5,14 @@ What is not in the plan is reported with what could have been meant.
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final, TypeAlias
 
-from grammars.text.diagnostics import did_you_mean
-from grammars.text.source import DiagnosticCollector, SyntaxNode, with_article
+from grammars.text.diagnostics import closest, did_you_mean, with_article
+from grammars.text.quantity import ANGLE, DIMENSIONS, LENGTH, RATIO, Dimension
+from grammars.text.source import DiagnosticCollector, SyntaxNode
 from grammars.variation._expressions import (
-    ANGLE,
-    LENGTH,
-    PLAIN,
     UNITS,
     Constant,
     Expression,
@@ -23,7 +20,6 @@ from grammars.variation._expressions import (
     Operation,
     PlanAttribute,
     PlanMeasure,
-    Powers,
     dimension_name,
     distance,
     measurement,
@@ -131,13 +127,11 @@ def _closest_path(path: str, known: list[str]) -> str:
     ending = [name for name in known if name.endswith(f".{path}")]
     if len(ending) == 1:
         return ending[0]
-    close = difflib.get_close_matches(path, known, n=1, cutoff=0.6)
-    return close[0] if close else ""
+    return closest(path, known)
 
 
 _LARGEST: Final = 1e6
-_KIND: Final[Mapping[str, Powers]] = {"length": LENGTH, "angle": ANGLE}
-Typed: TypeAlias = tuple[Expression, Powers]
+Typed: TypeAlias = tuple[Expression, Dimension]
 
 
 @dataclass(frozen=True, slots=True)
@@ -149,7 +143,7 @@ class ExpressionReader:
 
     findings: DiagnosticCollector
     targets: PlanResolver
-    shared: Mapping[str, Powers]
+    shared: Mapping[str, Dimension]
     draws_only: bool = False
 
     def read(self, node: SyntaxNode) -> Typed | None:
@@ -167,9 +161,8 @@ class ExpressionReader:
             if typed is None or other is None:
                 typed = None
                 continue
-            sign = 1 if tail.operator == "*" else -1
-            (m, rad), (more_m, more_rad) = typed[1], other[1]
-            dimension = (m + sign * more_m, rad + sign * more_rad)
+            product = tail.operator == "*"
+            dimension = typed[1] * other[1] if product else typed[1] / other[1]
             typed = Operation(tail.operator, (typed[0], other[0])), dimension
         return typed
 
@@ -191,7 +184,7 @@ class ExpressionReader:
         if number > _LARGEST:
             self.findings.error(node, f"{node.number} is too large")
             return None
-        factor, dimension = UNITS[node.unit] if node.unit else (1.0, PLAIN)
+        factor, dimension = UNITS[node.unit] if node.unit else (1.0, RATIO)
         return Constant(number * factor), dimension
 
     def _call(self, node: SyntaxNode) -> Typed | None:
@@ -262,11 +255,12 @@ class ExpressionReader:
         return self._of_element(node, element, rest)
 
     def _unknown_draw(self, node: SyntaxNode, written: str) -> None:
-        hint = did_you_mean(written, self.shared) if self.shared else ""
-        if not hint.startswith("did"):
-            hint = f'name it before: "let {written} = uniform(…)"' if "." not in written else (
-                "values are made of distributions and draws named by let"
-            )  # fmt: skip
+        if closest(written, self.shared):
+            hint = did_you_mean(written, self.shared)
+        elif "." in written:
+            hint = "values are made of distributions and draws named by let"
+        else:
+            hint = f'name it before: "let {written} = uniform(…)"'
         self.findings.error(node, f'there is no draw called "{written}"', hint)
 
     def _variable(self, node: SyntaxNode, name: str) -> Typed | None:
@@ -293,7 +287,7 @@ class ExpressionReader:
 
 
 def _attribute(slot: Slot) -> Typed:
-    return PlanAttribute(slot), _KIND[slot.kind]
+    return PlanAttribute(slot), DIMENSIONS[slot.kind]
 
 
 def _only_path(node: SyntaxNode) -> SyntaxNode | None:
@@ -303,12 +297,12 @@ def _only_path(node: SyntaxNode) -> SyntaxNode | None:
     return factor.path if alone else None
 
 
-def joined_dimension(one: Typed, other: Typed) -> Powers | None:
+def joined_dimension(one: Typed, other: Typed) -> Dimension | None:
     """Return the dimension two operands have together; plain numbers join lengths, 0 anything."""
     (first, a), (second, b) = one, other
     if a == b:
         return a
     for expression, own, against in ((first, a, b), (second, b, a)):
-        if own == PLAIN and (against == LENGTH or expression == Constant(0.0)):
+        if own == RATIO and (against == LENGTH or expression == Constant(0.0)):
             return against
     return None

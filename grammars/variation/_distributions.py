@@ -14,8 +14,9 @@ from statistics import NormalDist
 from typing import TYPE_CHECKING, Final, TypeAlias
 
 from grammars.text.diagnostics import did_you_mean
+from grammars.text.quantity import ANGLE, LENGTH
 from grammars.text.source import DiagnosticCollector, SyntaxNode
-from grammars.variation._expressions import ANGLE, LENGTH, UNITS
+from grammars.variation._expressions import UNITS
 
 if TYPE_CHECKING:
     import numpy as np

@@ -13,22 +13,16 @@ from typing import Final, Literal, Protocol, TypeAlias
 
 from grammars.floorplan import Feature, FloorPlan, Opening, Space
 from grammars.text.diagnostics import Where
+from grammars.text.quantity import ANGLE, DIMENSIONS, LENGTH, PLAN_UNITS, RATIO, Dimension
 from grammars.variation._plan import PlanElement, Slot
 
-Powers: TypeAlias = tuple[int, int]
-"""Powers of metres and radians."""
-
-PLAIN: Final = (0, 0)
-LENGTH: Final = (1, 0)
-AREA: Final = (2, 0)
-ANGLE: Final = (0, 1)
+AREA: Final = LENGTH * LENGTH
 UNITS: Final = {
-    "m": (1.0, LENGTH),
+    **{unit: (factor, DIMENSIONS[name]) for unit, (factor, name) in PLAN_UNITS.items()},
     "m^2": (1.0, AREA),
     "m²": (1.0, AREA),
-    "rad": (1.0, ANGLE),
-    "deg": (math.pi / 180.0, ANGLE),
 }
+"""What may be written behind a number: factor to SI and dimension."""
 _TOLERANCE: Final = 1e-9
 
 
@@ -162,17 +156,17 @@ def _combine(operator: str, values: list[float]) -> float:
             return max(values)
 
 
-def dimension_name(dimension: Powers) -> str:
+def dimension_name(dimension: Dimension) -> str:
     """Return ``a length``, ``m^2 rad`` and so on."""
-    known = {PLAIN: "a plain number", LENGTH: "a length", AREA: "an area", ANGLE: "an angle"}
+    known = {RATIO: "a plain number", LENGTH: "a length", AREA: "an area", ANGLE: "an angle"}
     if dimension in known:
         return known[dimension]
-    powers = zip(("m", "rad"), dimension, strict=True)
+    powers = zip(("m", "rad"), dimension.exponents, strict=False)
     return " ".join(u if p == 1 else f"{u}^{p}" for u, p in powers if p)
 
 
 Part: TypeAlias = Space | Feature | Opening
-Measurement: TypeAlias = tuple[Powers, Callable[[FloorPlan], float]]
+Measurement: TypeAlias = tuple[Dimension, Callable[[FloorPlan], float]]
 
 
 def _area(part: Part) -> float:
@@ -231,7 +225,7 @@ _OF_OPENINGS: Final = {
 _OF_FEATURES: Final = {"height": (LENGTH, _height)}
 
 
-def measures_of(element: PlanElement) -> Mapping[str, tuple[Powers, Callable[[Part], float]]]:
+def measures_of(element: PlanElement) -> Mapping[str, tuple[Dimension, Callable[[Part], float]]]:
     """Return what can be measured on an element, by the word people write."""
     if element.is_opening:
         return _OF_OPENINGS

@@ -4,22 +4,18 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Final
 
 from grammars.floorplan import FloorPlan, parse_floorplan
-from grammars.text.diagnostics import Diagnostic, InputError, Where, did_you_mean
-from grammars.text.source import DiagnosticCollector, SourceText, SyntaxNode, with_article
+from grammars.text.diagnostics import Diagnostic, InputError, Where, did_you_mean, with_article
+from grammars.text.quantity import ANGLE, DIMENSIONS, RATIO, Dimension
+from grammars.text.source import DiagnosticCollector, SourceText, SyntaxNode
 from grammars.variation._arithmetic import ExpressionReader, PlanResolver, joined_dimension
 from grammars.variation._distributions import Distribution, DistributionReader
 from grammars.variation._expressions import (
-    ANGLE,
-    LENGTH,
-    PLAIN,
     UNITS,
     Constant,
     Expression,
     NamedDraw,
-    Powers,
     Requirement,
     dimension_name,
     parts,
@@ -44,7 +40,7 @@ class Assignment:
 
     slot: Slot
     source: str | Expression
-    dimension: Powers
+    dimension: Dimension
     where: Where
 
 
@@ -95,9 +91,6 @@ class Variant:
     name: str
     plan: FloorPlan = field(repr=False, compare=False)
     tries: int = 1
-
-
-_NEED: Final = {"length": LENGTH, "angle": ANGLE}
 
 
 def load_variation(path: str | Path, *, shared_defaults: bool = False) -> Variation:
@@ -198,7 +191,7 @@ class _VariationReader:
     assignments: list[Assignment] = field(default_factory=list)
     requirements: list[Requirement] = field(default_factory=list)
     reported: list[str] = field(default_factory=list)
-    _shared: dict[str, Powers] = field(default_factory=dict)
+    _shared: dict[str, Dimension] = field(default_factory=dict)
     _lets: dict[str, SyntaxNode] = field(default_factory=dict)
     _used: set[str] = field(default_factory=set)
     _varied: dict[tuple[int, str], tuple[str, SyntaxNode]] = field(default_factory=dict)
@@ -238,11 +231,11 @@ class _VariationReader:
         if type(node.value).__name__ == "Sum":
             hint = f"let {name} = uniform(0.8 m .. 1.2 m)"
             self.findings.error(node, "let names a distribution", hint)
-            self._shared[name] = PLAIN
+            self._shared[name] = RATIO
             return
         read = DistributionReader(self.findings).read(node.value)
         unit = "" if read is None else read[1]
-        self._shared[name] = UNITS[unit][1] if unit else PLAIN
+        self._shared[name] = UNITS[unit][1] if unit else RATIO
         if read is not None:
             self.draws.append(VariationDraw(name, *read, self.source.at(node)))
             self.reported.append(name)
@@ -286,7 +279,7 @@ class _VariationReader:
         if read is None or slot is None:
             return
         distribution, unit = read
-        dimension = UNITS[unit][1] if unit else PLAIN
+        dimension = UNITS[unit][1] if unit else RATIO
         if self._fits(node, slot, dimension, False):
             self.draws.append(VariationDraw(slot.name, distribution, unit, where))
             self.assignments.append(Assignment(slot, slot.name, dimension, where))
@@ -314,8 +307,8 @@ class _VariationReader:
         self.findings.warn(node, message)
         return False
 
-    def _fits(self, node: SyntaxNode, slot: Slot, dimension: Powers, zero: bool) -> bool:
-        if dimension in (PLAIN, _NEED[slot.kind]) or zero:
+    def _fits(self, node: SyntaxNode, slot: Slot, dimension: Dimension, zero: bool) -> bool:
+        if dimension in (RATIO, DIMENSIONS[slot.kind]) or zero:
             return True
         given = dimension_name(dimension)
         hint = "lengths are in m" if slot.kind == "length" else "angles are in deg or rad"

@@ -5,24 +5,22 @@ Values are written into the text itself: comments, order and layout stay as they
 
 from __future__ import annotations
 
-import math
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Final, Literal, TypeAlias
+from typing import Final, TypeAlias
 
 from grammars.floorplan import parse_syntax
 from grammars.text.parsing import without_comments
+from grammars.text.quantity import PLAN_UNITS, PlanDimension
 from grammars.text.source import SourceText, SyntaxNode
 
-QuantityKind: TypeAlias = Literal["length", "angle"]
 Span: TypeAlias = tuple[int, int]
 
-UNIT_KIND: Final[Mapping[str, QuantityKind]] = {"m": "length", "rad": "angle", "deg": "angle"}
-TO_SI: Final = {"m": 1.0, "rad": 1.0, "deg": math.pi / 180.0}
+TO_SI: Final = {unit: factor for unit, (factor, _) in PLAN_UNITS.items()}
 _REAL: Final = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?")
 _STEP: Final = "    "
-_DEFAULT_UNIT: Final[Mapping[QuantityKind, str]] = {"length": "m", "angle": "rad"}
+_DEFAULT_UNIT: Final[Mapping[PlanDimension, str]] = {"length": "m", "angle": "rad"}
 _WALL: Final = {"defaults.wall.thickness": "thickness", "defaults.wall.height": "height"}
 _AXES: Final = {
     "floor": {"translation": "xy", "rotation": "z"},
@@ -62,7 +60,7 @@ class Slot:
     """
 
     name: str
-    kind: QuantityKind
+    kind: PlanDimension
     unit: str
     value: float | VariableReference
     number: Span | None = None
@@ -166,7 +164,7 @@ class PlanText:
         end = node._tx_position_end
         value = float(node.number) * TO_SI[node.unit]
         unit_at = (end - len(node.unit), end)
-        return Slot(node.name, UNIT_KIND[node.unit], node.unit, value, found.span(), unit_at)
+        return Slot(node.name, PLAN_UNITS[node.unit][1], node.unit, value, found.span(), unit_at)
 
     def slot(
         self, element: PlanElement, path: str, *, shared_defaults: bool = False
@@ -186,7 +184,7 @@ class PlanText:
         node = element.node.height if path == "height" else _sizes(element.node.shape)[path[6:]]
         return self._quantity(name, node, "length")
 
-    def _quantity(self, name: str, node: SyntaxNode, kind: QuantityKind) -> Slot:
+    def _quantity(self, name: str, node: SyntaxNode, kind: PlanDimension) -> Slot:
         start, end = node._tx_position, node._tx_position_end
         if node.variable:
             unit = self.variables[node.variable].unit
@@ -199,7 +197,7 @@ class PlanText:
         return Slot(name, kind, unit, float(node.number) * TO_SI[unit], found.span(), unit_at)
 
     def _component_slot(self, element: PlanElement, name: str, part: str, axis: str) -> Slot:
-        kind: QuantityKind = "length" if part == "translation" else "angle"
+        kind: PlanDimension = "length" if part == "translation" else "angle"
         parts = {node.key: node for node in element.node.parts}
         vector = parts.get(part)
         for component in vector.components if vector else ():

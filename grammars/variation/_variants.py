@@ -1,4 +1,4 @@
-"""One variant: from a point of a sampling to its plan, or what speaks against it, and to its file."""
+"""One variant: from a point of a sampling to its plan, or what rejects it, and to its file."""
 
 from __future__ import annotations
 
@@ -12,8 +12,9 @@ from typing import Final, Literal
 
 from grammars.floorplan import FloorPlan, parse_floorplan
 from grammars.text.diagnostics import Diagnostic, InputError, Severity, Where
+from grammars.text.quantity import RATIO, Dimension
 from grammars.variation._designs import Method
-from grammars.variation._expressions import PLAIN, Expression, Powers, Requirement, evaluate
+from grammars.variation._expressions import Expression, Requirement, evaluate
 from grammars.variation._load import Variant, VariantValue, Variation
 from grammars.variation._plan import TO_SI, Slot, SlotValue, inserted_lines, rewrite
 from grammars.variation._soundness import Defect, check_soundness, defects
@@ -144,11 +145,11 @@ class SampledPoint:
             self.settings[assignment.slot.name] = setting
             self._by_key[assignment.slot.key] = setting
 
-    def _setting(self, slot: Slot, source: str | Expression, dimension: Powers) -> SlotValue:
+    def _setting(self, slot: Slot, source: str | Expression, dimension: Dimension) -> SlotValue:
         if isinstance(source, str):
             return SlotValue(slot, self._numbers[source], self._units[source])
         value = evaluate(source, self)
-        number = value if dimension == PLAIN else value / TO_SI[slot.unit]
+        number = value if dimension == RATIO else value / TO_SI[slot.unit]
         return SlotValue(slot, round(number, _DECIMALS) if math.isfinite(number) else number)
 
     def values(self) -> tuple[VariantValue, ...]:

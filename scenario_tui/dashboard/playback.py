@@ -215,7 +215,7 @@ class Playback:
 
     def joints(self, time: float) -> tuple[float, ...]:
         """Return all joint positions at ``time``, in the order of the scene."""
-        resting = tuple(value for obj in self.trace.scene.objects for value in obj.initial)
+        resting = tuple(self.trace.scene.initial_joints.values())
         track = self.trace.joints
         if not len(track.time) or time < track.time[0]:
             return resting

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from grammars.model.behaviour import start_positions
 from grammars.model.geometry import Point2
 from templates.picture import _mission, _page, _scene
 from templates.picture._drawing import Drawing, DrawingItem, Labels
 from templates.picture._mission import RunOverlay
 from templates.picture._page import PAPER, is_below, page_for
-from templates.world import ArtefactWorld, start_positions
+from templates.world import ArtefactWorld
 
 
 def draw_world(world: ArtefactWorld, run: RunOverlay | None = None) -> Drawing:

@@ -89,7 +89,7 @@ def view_of(
     detail: RunDetail, scene: Scene, track: Track | None, recording: TraceSummary | None
 ) -> View:
     """Return the top view of a run: live, as recorded, or as it will start."""
-    resting = tuple(value for obj in scene.objects for value in obj.initial)
+    resting = tuple(scene.initial_joints.values())
     spec = detail.spec
     if track is not None:
         seen = track.snapshot
