@@ -22,7 +22,7 @@ import zenoh
 from daemon.batch import bus
 from daemon.batch.errors import AlreadyRunning, DaemonError
 from daemon.batch.ledger import LedgerReader, LedgerWriter, connect, connect_reader
-from daemon.batch.paths import DaemonContact, StatePaths, write_atomically
+from daemon.batch.paths import DaemonContact, StatePaths
 from daemon.batch.server._dispatcher import (
     LedgerJob,
     OverloadReply,
@@ -40,6 +40,7 @@ from daemon.model.execution import DEFAULT_EXECUTOR, RunLimits, available_cores
 from daemon.model.messages import ALIVE, ASK, EVENTS, WORK
 from daemon.model.status import ChangeEvent
 from grammars.text import codec
+from grammars.text.files import write_atomically
 
 _LAST_MOMENT: Final = 3.0
 STOP_MARGIN: Final = 2 * _LAST_MOMENT

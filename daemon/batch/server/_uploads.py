@@ -13,7 +13,7 @@ from typing import Final
 
 from daemon.batch.errors import Refused, Unavailable
 from daemon.batch.ledger import LedgerReader, LedgerWriter
-from daemon.batch.paths import StatePaths, sync_directory
+from daemon.batch.paths import StatePaths
 from daemon.batch.server._runtime import EventLog
 from daemon.batch.stores import (
     accept_part,
@@ -35,6 +35,7 @@ from daemon.model.messages import (
     TraceUploadChunk,
     UploadProgress,
 )
+from grammars.text.files import move_durably
 
 _MOST_UPLOADS: Final = 1024
 """Uploads at a time, finished ones whose result has not come included."""
@@ -171,8 +172,7 @@ class TraceUploads:
         lost = answer is LedgerAnswer.KNOWN and not location and not there.exists()
         if whole.exists() and (answer is LedgerAnswer.RECORDED or lost):
             make_folder(there.parent)
-            whole.replace(there)
-            sync_directory(there.parent)
+            move_durably(whole, there)
         for path in self.places.incoming.glob(f"{completion.run}.{completion.token}.*"):
             path.unlink(missing_ok=True)
 

@@ -12,10 +12,10 @@ from daemon.batch.paths import (
     find_endpoint,
     is_endpoint,
     parse_endpoint,
-    write_atomically,
 )
 from daemon.model.ids import is_id, is_run_id, trace_name
 from grammars.text import codec
+from grammars.text.files import write_atomically
 
 names = st.text(min_size=1, max_size=20).filter(lambda text: "\ud800" not in text)
 
