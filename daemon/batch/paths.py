@@ -185,7 +185,7 @@ class StatePaths:
         """What the local worker, its children and a dying daemon wrote to standard error."""
         return self.state / "worker.log"
 
-    def make(self) -> None:
+    def make_folders(self) -> None:
         """Create the directories, readable by their owner only; raises ``OSError``."""
         for folder in (self.state, self.scenes, self.files, self.traces, self.spool, self.incoming):
             folder.mkdir(mode=0o700, parents=True, exist_ok=True)
@@ -194,7 +194,7 @@ class StatePaths:
         """Create the folder of the socket; raises ``OSError`` when it is not ours alone."""
         _make_private(self.socket.parent)
 
-    def shortage(self) -> str:
+    def disk_shortage(self) -> str:
         """Say so when the disk is too full to keep what a run leaves, empty when it is not."""
         try:
             free = shutil.disk_usage(self.state).free

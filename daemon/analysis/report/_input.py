@@ -176,7 +176,7 @@ def _local_record(reader: LedgerReader, record: RunRecord) -> RunRecord:
     if record.trace is None or not is_url(record.trace):
         return record
     try:
-        return replace(record, trace=str(local_copy(reader.trace(record.id))))
+        return replace(record, trace=str(local_copy(reader.trace_reference(record.id))))
     except TraceUnavailable as error:
         return replace(record, trace=None, note=f"{record.note} {error}".strip())
 

@@ -176,7 +176,7 @@ class LedgerReader:
     def _find_trace(self, name: str, source: str, location: str) -> str:
         return find_trace(self._db, self._places, name, source, location)
 
-    def trace(self, run: str) -> TraceReference:
+    def trace_reference(self, run: str) -> TraceReference:
         """Where the trace of a run lies and what it is; refuses when there is none."""
         query = (
             "SELECT trace_name, cached, trace_at, result.body FROM run"
@@ -193,7 +193,7 @@ class LedgerReader:
         info = codec.from_json(RunResult, row[3]).trace
         return TraceReference(run, location, info.sha256, info.size)
 
-    def upload(self, run: str, token: int) -> ExpectedUpload:
+    def expected_upload(self, run: str, token: int) -> ExpectedUpload:
         """Return what the ledger has to say to an upload under a lease.
 
         Refuses when it is not the latest lease of the run, which nobody else has taken since.

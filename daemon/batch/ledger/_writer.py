@@ -62,7 +62,7 @@ class RunUpdates:
         self._attempts = attempts
         self.events: list[ChangeEvent] = []
 
-    def _record(self, run: str) -> ExecutionState | None:
+    def _execution_state(self, run: str) -> ExecutionState | None:
         row = self._db.execute(f"SELECT {_RECORD} FROM run WHERE id = ?", (run,)).fetchone()
         return None if row is None else ExecutionState(RunState(row[0]), *row[1:])
 
@@ -75,7 +75,7 @@ class RunUpdates:
         *,
         quiet: bool = False,
     ) -> RunTransition:
-        before = before or self._record(run)
+        before = before or self._execution_state(run)
         if before is None:
             raise Refused(f"there is no run {run}")
         change = advance(before, event, attempts=self._attempts)
@@ -98,32 +98,32 @@ class RunUpdates:
             )
         if after.state is not before.state and not quiet:
             campaign = self._db.execute("SELECT campaign FROM run WHERE id = ?", (run,)).fetchone()
-            self.note(now, "run", run, campaign[0], after.state, after.reason)
+            self.record_event(now, "run", run, campaign[0], after.state, after.reason)
             if after.state not in (RunState.QUEUED, RunState.RUNNING):
                 self._close_if_finished(campaign[0], now)
         return change
 
     def _close_if_finished(self, campaign: str, now: float) -> None:
         """Close a campaign of which nothing waits, unless cells need the repeats in reserve."""
-        while not self._waiting(campaign):
+        while not self._has_unfinished_runs(campaign):
             if not queue_reserve(self._db, campaign):
                 self._close(campaign, now)
                 return
             reuse_results(self._db, campaign)
-            self.note(now, "campaign", campaign, campaign, "extended")
+            self.record_event(now, "campaign", campaign, campaign, "extended")
 
     def _close(self, campaign: str, now: float) -> None:
         self._db.execute("UPDATE campaign SET finished_at = ? WHERE id = ?", (now, campaign))
-        self.note(now, "campaign", campaign, campaign, "finished")
+        self.record_event(now, "campaign", campaign, campaign, "finished")
 
-    def _waiting(self, campaign: str) -> bool:
+    def _has_unfinished_runs(self, campaign: str) -> bool:
         found = self._db.execute(
             "SELECT total(runs) FROM tally WHERE campaign = ? AND state IN ('queued', 'running')",
             (campaign,),
         ).fetchone()
         return bool(found[0])
 
-    def note(
+    def record_event(
         self, now: float, kind: str, name: str, campaign: str = "", state: str = "", note: str = ""
     ) -> None:
         """Write an event down and keep it for telling others after the commit."""
@@ -182,7 +182,7 @@ class LedgerWriter(RunUpdates):
         campaign = submission.campaign
         self._enter(submission, digest, digests, now)
         cached = reuse_results(self._db, campaign)
-        self.note(now, "campaign", campaign, campaign, "submitted")
+        self.record_event(now, "campaign", campaign, campaign, "submitted")
         if cached:
             self._close_if_finished(campaign, now)
         return SubmissionReceipt(campaign, len(submission.runs), known=False, cached=cached)
@@ -233,20 +233,20 @@ class LedgerWriter(RunUpdates):
             grants.append(Lease(run, campaign, change.run.attempt, token, trace, spec, store))
         return tuple(grants)
 
-    def know_store(self, url: str) -> None:
+    def add_store(self, url: str) -> None:
         """Remember a store: completions may say that a trace lies there, also much later."""
         self._db.execute("INSERT OR IGNORE INTO store VALUES (?)", (url,))
 
-    def awaited(self, run: str) -> bool:
+    def awaits_result(self, run: str) -> bool:
         """Whether a result of the run would be recorded now, its first."""
-        record = self._record(run)
+        record = self._execution_state(run)
         return record is not None and not record.result and record.state is not RunState.CANCELLED
 
-    def trace_of(self, run: str) -> tuple[str, str]:
+    def trace_location(self, run: str) -> tuple[str, str]:
         """Return the name of a run's trace and its URL, empty when it has none."""
         return read_trace_location(self._db, run)
 
-    def move_trace(self, run: str, location: str) -> None:
+    def set_trace_location(self, run: str, location: str) -> None:
         """Record that the trace of a run lies at a URL now, empty for the state directory."""
         self._db.execute("UPDATE run SET trace_at = ? WHERE id = ?", (location, run))
 
@@ -263,41 +263,41 @@ class LedgerWriter(RunUpdates):
         they are queued again without blame.
         """
         claimed = tuple(holds)
-        gone = tuple(h for h in claimed if not self._renewed(h, now))
+        gone = tuple(h for h in claimed if not self._renew_lease(h, now))
         tokens = {hold.token for hold in claimed}
         for run, token in self._leases_of(worker):
             if token not in tokens:
                 self._apply(run, Released(token, "", blame=False), now)
         return gone
 
-    def _renewed(self, hold: LeaseRef, now: float) -> bool:
-        record = self._record(hold.run)
+    def _renew_lease(self, hold: LeaseRef, now: float) -> bool:
+        record = self._execution_state(hold.run)
         if record is None:
             return False
         change = self._apply(hold.run, Renewed(hold.token, now + self._lease), now, record)
         return change.answer is LedgerAnswer.DONE
 
-    def check(self, completion: Completion) -> str:
+    def check_completion(self, completion: Completion) -> str:
         """Refuse what is no result of a run of ours; returns the run's campaign."""
         return check_result(self._db, completion)
 
     def complete(self, completion: Completion, now: float) -> LedgerAnswer:
         """Record a result, exactly one per run, whoever brings it and however late."""
-        campaign = self.check(completion)
+        campaign = self.check_completion(completion)
         digest = completion.result.digest
-        event, before = Completed(completion.token, digest), self._record(completion.run)
+        event, before = Completed(completion.token, digest), self._execution_state(completion.run)
         # The last result of a campaign must be there before it is asked what the results decide.
         if before is not None and advance(before, event, attempts=self._attempts).record:
             store_result(self._db, completion, digest, now)
         change = self._apply(completion.run, event, now, before)
         if change.record:
-            self._doubt(completion.run, completion.result.spec, digest, now)
+            self._check_determinism(completion.run, completion.result.spec, digest, now)
         if change.answer is LedgerAnswer.DIFFERS:
             note = change.run.reason
-            self.note(now, "alarm", completion.run, campaign, "nondeterministic", note)
+            self.record_event(now, "alarm", completion.run, campaign, "nondeterministic", note)
         return change.answer
 
-    def _doubt(self, run: str, spec: str, digest: str, now: float) -> None:
+    def _check_determinism(self, run: str, spec: str, digest: str, now: float) -> None:
         """Raise an alarm when another run of the same specification came out differently."""
         other = self._db.execute(
             "SELECT id, result FROM run WHERE digest = ? AND result <> '' AND result <> ?"
@@ -309,16 +309,16 @@ class LedgerWriter(RunUpdates):
         reason = f"nondeterministic: this gave {digest[:12]}, {other[0]} gave {other[1][:12]}"
         self._db.execute("UPDATE run SET reason = ? WHERE id = ?", (reason, run))
         campaign = self._db.execute("SELECT campaign FROM run WHERE id = ?", (run,)).fetchone()[0]
-        self.note(now, "alarm", run, campaign, "nondeterministic", reason)
+        self.record_event(now, "alarm", run, campaign, "nondeterministic", reason)
 
     def release(self, release: ReleaseRequest, now: float) -> LedgerAnswer:
         """Take a run back without a result."""
-        if self._record(release.run) is None:
+        if self._execution_state(release.run) is None:
             raise Refused(f"there is no run {release.run}")
         event = Released(release.token, release.reason[-_LONGEST_REASON:], release.blame)
         return self._apply(release.run, event, now).answer
 
-    def lapse(self, now: float) -> int:
+    def expire_leases(self, now: float) -> int:
         """Take back every run whose lease is over; returns how many."""
         rows = self._db.execute(
             "SELECT id, token FROM run WHERE state = 'running' AND lease_until < ?", (now,)
@@ -327,7 +327,7 @@ class LedgerWriter(RunUpdates):
             self._apply(run, Released(token, "the worker fell silent", blame=True), now)
         return len(rows)
 
-    def forsake(self, worker: str, now: float) -> int:
+    def release_worker(self, worker: str, now: float) -> int:
         """Take back every run of a worker that is gone; returns how many."""
         leases = self._leases_of(worker)
         for run, token in leases:
@@ -339,7 +339,7 @@ class LedgerWriter(RunUpdates):
             "SELECT id, token FROM run WHERE state = 'running' AND worker = ?", (worker,)
         ).fetchall()
 
-    def extend(self, now: float) -> int:
+    def extend_leases(self, now: float) -> int:
         """Let all leases last one period, for a daemon that starts: it was away, not they.
 
         Returns how many there are.
@@ -349,7 +349,7 @@ class LedgerWriter(RunUpdates):
             "UPDATE run SET lease_until = ? WHERE state = 'running'", (now + self._lease,)
         ).rowcount
 
-    def shift(self, seconds: float) -> None:
+    def shift_leases(self, seconds: float) -> None:
         """Move all leases along with a clock that was set: they last as long as before."""
         self._db.execute(
             "UPDATE run SET lease_until = lease_until + ? WHERE state = 'running'", (seconds,)
@@ -357,14 +357,14 @@ class LedgerWriter(RunUpdates):
 
     def cancel(self, campaign: str, now: float) -> int:
         """Cancel what is queued or running of a campaign; returns how many runs."""
-        self._require(campaign)
+        self._require_campaign(campaign)
         rows = self._db.execute(
             "SELECT id FROM run WHERE campaign = ? AND state IN ('queued', 'running')", (campaign,)
         ).fetchall()
         for (run,) in rows:
             self._apply(run, Cancelled(), now, quiet=True)
         if rows:
-            self.note(now, "campaign", campaign, campaign, "cancelled")
+            self.record_event(now, "campaign", campaign, campaign, "cancelled")
             self._close(campaign, now)
         return len(rows)
 
@@ -373,26 +373,28 @@ class LedgerWriter(RunUpdates):
 
         What is running goes on. Doing it twice changes nothing.
         """
-        self._require(campaign)
+        self._require_campaign(campaign)
         changed = self._db.execute(
             "UPDATE campaign SET paused = ?1 WHERE id = ?2 AND paused <> ?1", (paused, campaign)
         ).rowcount
         if changed:
-            self.note(now, "campaign", campaign, campaign, "paused" if paused else "resumed")
+            self.record_event(
+                now, "campaign", campaign, campaign, "paused" if paused else "resumed"
+            )
         found = self._db.execute(
             "SELECT total(runs) FROM tally WHERE campaign = ? AND state = 'queued'", (campaign,)
         ).fetchone()
         return int(found[0])
 
-    def prioritise(self, campaign: str, priority: int, now: float) -> None:
+    def set_priority(self, campaign: str, priority: int, now: float) -> None:
         """Let a campaign go before those of lower priority, from the next lease on."""
-        self._require(campaign)
+        self._require_campaign(campaign)
         self._db.execute("UPDATE campaign SET priority = ? WHERE id = ?", (priority, campaign))
-        self.note(now, "campaign", campaign, campaign, "prioritised", str(priority))
+        self.record_event(now, "campaign", campaign, campaign, "prioritised", str(priority))
 
     def retry(self, request: RetryRequest, now: float) -> int:
         """Queue runs again by state (lost, cancelled), by outcome, or ``all`` that rest."""
-        self._require(request.campaign)
+        self._require_campaign(request.campaign)
         words = _retry_words(request.only)
         rows = self._db.execute(
             "SELECT id, state, outcome FROM run WHERE campaign = ?"
@@ -406,10 +408,10 @@ class LedgerWriter(RunUpdates):
             self._db.execute(
                 "UPDATE campaign SET finished_at = NULL WHERE id = ?", (request.campaign,)
             )
-            self.note(now, "campaign", request.campaign, request.campaign, "retried")
+            self.record_event(now, "campaign", request.campaign, request.campaign, "retried")
         return len(chosen)
 
-    def _require(self, campaign: str) -> None:
+    def _require_campaign(self, campaign: str) -> None:
         if not self._db.execute("SELECT 1 FROM campaign WHERE id = ?", (campaign,)).fetchone():
             raise Refused(f"there is no campaign {campaign}")
 

@@ -75,7 +75,7 @@ def serve(
     """
     settings = _checked(settings or DaemonSettings())
     places = StatePaths.find(state)
-    places.make()
+    places.make_folders()
     with ExitStack() as stack:
         stack.enter_context(_only_one(places))
         journal = EventLog(places.log)
@@ -168,7 +168,7 @@ class _Daemon:
 
     def _trouble(self) -> str:
         own = "" if self._local is None else self._local.trouble
-        return self._places.shortage() or self._quota.trouble or own
+        return self._places.disk_shortage() or self._quota.trouble or own
 
     def _stop(self) -> None:
         self._stops += 1
@@ -192,7 +192,7 @@ class _Daemon:
         self._journal.write("started", endpoints=self._listening.endpoints, pid=os.getpid())
         while not self._stopped.is_set():
             if local is not None:
-                local.look_after()
+                local.supervise()
             writer.put(LedgerJob(self._tick, self._ticked))
             if not all(clerk.is_alive() for clerk in clerks):
                 raise DaemonError("a thread of the daemon has failed, see worker.log")
@@ -211,11 +211,11 @@ class _Daemon:
     ) -> tuple[WriterThread, ReaderThread, ReaderThread, OverloadReply]:
         settings = self._settings
         book = LedgerWriter(connection, attempts=settings.attempts, lease=settings.lease)
-        extended = book.extend(self._clock.now())
+        extended = book.extend_leases(self._clock.now())
         if extended:
             self._journal.write("resumed", leases=extended)
         if settings.store:
-            book.know_store(settings.store)
+            book.add_store(settings.store)
         questions = self._questions(stack, "ledger-reader")
         carrier = self._questions(stack, "carrier")
         writer = WriterThread(connection, book, lambda events: _publish(session, events))
@@ -251,18 +251,18 @@ class _Daemon:
         stack.callback(self._places.contact_file.unlink, missing_ok=True)
 
     def _tick(self, book: LedgerWriter) -> int:
-        moved = self._clock.follow()
+        moved = self._clock.follow_wall_clock()
         if moved:
-            book.shift(moved)
+            book.shift_leases(moved)
             self._roster.shift(moved)
             self._journal.write("clock set", seconds=round(moved, 3))
         now = self._clock.now()
-        taken = book.lapse(now)
+        taken = book.expire_leases(now)
         if taken:
             self._journal.write("leases lapsed", runs=taken)
-        for worker in self._roster.take_gone(now):
-            runs = book.forsake(worker, now)
-            book.note(now, "worker", worker, state="gone")
+        for worker in self._roster.remove_gone(now):
+            runs = book.release_worker(worker, now)
+            book.record_event(now, "worker", worker, state="gone")
             self._journal.write("worker gone", worker=worker, runs=runs)
         return taken
 

@@ -114,11 +114,11 @@ def test_a_full_disk_is_said_before_runs_start(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     places = StatePaths.find(tmp_path)
-    assert places.shortage() == ""
+    assert places.disk_shortage() == ""
     usage = shutil.disk_usage(tmp_path)._replace(free=3 * 2**20)
     monkeypatch.setattr(shutil, "disk_usage", lambda _: usage)
-    assert "is full (3 MiB left): runs wait until 32 MiB are free" in places.shortage()
+    assert "is full (3 MiB left): runs wait until 32 MiB are free" in places.disk_shortage()
 
 
 def test_a_state_directory_that_is_gone_is_said(tmp_path: Path) -> None:
-    assert "cannot be used" in StatePaths.find(tmp_path / "gone").shortage()
+    assert "cannot be used" in StatePaths.find(tmp_path / "gone").disk_shortage()

@@ -118,7 +118,7 @@ class RemoteLauncher:
             )
         self._wire = Connection(ours.detach())
         self._places = StatePaths(Path(self._greet()))
-        self._places.make()
+        self._places.make_folders()
         self._sending = threading.Lock()
         self._inboxes: dict[str, SimpleQueue[LaunchReport]] = {}
         self.gone = False

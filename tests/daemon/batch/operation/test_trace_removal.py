@@ -31,7 +31,7 @@ class Store:
 
     def __init__(self, folder: Path) -> None:
         self.places = StatePaths.find(folder)
-        self.places.make()
+        self.places.make_folders()
         self.db = connect(self.places.ledger)
         self.book = LedgerWriter(self.db)
 
