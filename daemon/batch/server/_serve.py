@@ -5,7 +5,6 @@ from __future__ import annotations
 import fcntl
 import os
 import signal
-import sqlite3
 import sys
 import threading
 import time
@@ -21,7 +20,7 @@ import zenoh
 
 from daemon.batch import bus
 from daemon.batch.errors import AlreadyRunning, DaemonError
-from daemon.batch.ledger import LedgerReader, LedgerWriter, connect, connect_reader
+from daemon.batch.ledger import LedgerReader, LedgerWriter
 from daemon.batch.paths import DaemonContact, StatePaths
 from daemon.batch.server._dispatcher import (
     LedgerJob,
@@ -179,12 +178,14 @@ class _Daemon:
         self._local = local
         if tether:
             threading.Thread(target=self._watch_tether, daemon=True).start()
-        connection = connect(self._places.ledger)
-        stack.callback(connection.close)
+        settings = self._settings
+        book = stack.enter_context(
+            LedgerWriter.open(self._places.ledger, attempts=settings.attempts, lease=settings.lease)
+        )
         session = stack.enter_context(
             bus.open_router(self._listening.endpoints, self._listening.keys)
         )
-        clerks = self._start_clerks(stack, connection, session)
+        clerks = self._start_clerks(stack, book, session)
         writer = clerks[0]
         self._quota.start()
         stack.callback(self._quota.close)
@@ -207,10 +208,9 @@ class _Daemon:
         self._stop()
 
     def _start_clerks(
-        self, stack: ExitStack, connection: sqlite3.Connection, session: zenoh.Session
+        self, stack: ExitStack, book: LedgerWriter, session: zenoh.Session
     ) -> tuple[WriterThread, ReaderThread, ReaderThread, OverloadReply]:
         settings = self._settings
-        book = LedgerWriter(connection, attempts=settings.attempts, lease=settings.lease)
         extended = book.extend_leases(self._clock.now())
         if extended:
             self._journal.write("resumed", leases=extended)
@@ -218,7 +218,7 @@ class _Daemon:
             book.add_store(settings.store)
         questions = self._questions(stack, "ledger-reader")
         carrier = self._questions(stack, "carrier")
-        writer = WriterThread(connection, book, lambda events: _publish(session, events))
+        writer = WriterThread(book, lambda events: _publish(session, events))
         doorman = OverloadReply()
         for clerk in (doorman, questions, carrier, writer):
             clerk.start()
@@ -234,9 +234,7 @@ class _Daemon:
         return writer, questions, carrier, doorman
 
     def _questions(self, stack: ExitStack, name: str) -> ReaderThread:
-        reading = connect_reader(self._places.ledger)
-        stack.callback(reading.close)
-        return ReaderThread(name, reading, LedgerReader(reading, self._places))
+        return ReaderThread(name, stack.enter_context(LedgerReader.open(self._places)))
 
     def _on_liveliness(self, sample: zenoh.Sample) -> None:
         worker = str(sample.key_expr).rpartition("/")[2]
