@@ -171,7 +171,7 @@ def test_a_whole_that_is_another_one_is_never_kept(files: FileUploads) -> None:
         files.add_chunk(None, keep(0, MODEL + b"!"))  # type: ignore[arg-type]
     with pytest.raises(Refused, match="no file"):
         files.read_chunk(None, FileDownloadRequest(DIGEST, 0))  # type: ignore[arg-type]
-    assert list(files.places.files.iterdir()) == []
+    assert list(files.paths.files.iterdir()) == []
 
 
 def test_a_worker_never_keeps_what_another_digest_names(tmp_path: Path) -> None:
