@@ -14,6 +14,7 @@ from typing import Final
 import platformdirs
 
 import daemon
+from daemon.batch.amounts import size_text
 from daemon.batch.client import Client
 from daemon.batch.errors import DaemonError
 from daemon.batch.operation._checks import (
@@ -34,7 +35,6 @@ from daemon.batch.paths import (
     is_local,
 )
 from daemon.batch.security import keys_folder
-from daemon.batch.sizes import size_text
 from daemon.model.execution import available_cores
 from daemon.model.spec import ENGINE_VERSION
 from daemon.model.status import DaemonOverview, DiskUsage, WorkerRow

@@ -11,11 +11,11 @@ import time
 from collections.abc import Callable
 from typing import Final
 
+from daemon.batch.amounts import size_text
 from daemon.batch.errors import DaemonError
 from daemon.batch.ledger import RetentionPolicy, stored_bytes, sweep_traces
 from daemon.batch.paths import StatePaths
 from daemon.batch.server._runtime import EventLog
-from daemon.batch.sizes import size_text
 
 _PERIOD: Final = 60.0
 _REST: Final = 1.0
