@@ -3,21 +3,19 @@
 from __future__ import annotations
 
 import os
-import time
 from collections.abc import Callable
-from contextlib import suppress
 from pathlib import Path
 from typing import Final
 
-from daemon.batch.paths import write_atomically
 from daemon.batch.run_process import FILES
-from daemon.batch.stores import append_part, decode_chunk, file_sha256
+from daemon.batch.stores import download, file_sha256, trim_cache
 from daemon.batch.worker._attempts import Attempt
 from daemon.batch.worker._connection import DaemonConnection, WorkerPaths
 from daemon.model.attachments import LARGEST_FILE, attached_digests
 from daemon.model.messages import DownloadChunk, FileDownloadRequest, IdRequest, Verb
 from grammars.model.scene import Scene
 from grammars.text import codec
+from grammars.text.files import move_durably, write_atomically
 
 _MOST_SCENES: Final = 256
 _SCENE_IN_USE: Final = 600.0
@@ -71,13 +69,8 @@ class SceneCache:
 
     def _bound(self) -> None:
         """Remove the scenes that were not used for longest when there are too many."""
-        files = [(path.stat().st_mtime, path) for path in self._base.places.scenes.glob("*.json")]
-        now = time.time()
-        for used, path in sorted(files)[:-_MOST_SCENES]:
-            if now - used > _SCENE_IN_USE:
-                with suppress(FileNotFoundError):
-                    path.unlink()
-                self._good.discard(path.stem)
+        scenes = self._base.places.scenes.glob("*.json")
+        trim_cache(scenes, _MOST_SCENES, lambda _: 1, _SCENE_IN_USE)
 
 
 _LARGEST_FILE_CACHE: Final = 2 * 2**30
@@ -124,36 +117,23 @@ class FileCache:
         part = path.with_name(f".{digest}.{os.getpid()}.part")
         part.unlink(missing_ok=True)
         try:
-            self._download(part, digest)
+            download(
+                part,
+                lambda offset: self._link.ask(
+                    Verb.FILE, FileDownloadRequest(digest, offset), DownloadChunk
+                ),
+                largest=LARGEST_FILE,
+                progress=lambda _: self._meanwhile(),
+            )
             if file_sha256(part) != digest:
                 raise ValueError(f"the daemon sent another file for {digest[:12]}")
             part.chmod(0o400)
-            part.replace(path)
+            move_durably(part, path)
         finally:
             part.unlink(missing_ok=True)
         self._bound()
 
-    def _download(self, part: Path, digest: str) -> None:
-        part.touch(mode=0o600)
-        have, size = 0, 1
-        while have < size:
-            piece = self._link.ask(Verb.FILE, FileDownloadRequest(digest, have), DownloadChunk)
-            size, data = min(piece.size, LARGEST_FILE), decode_chunk(piece.data, piece.digest)
-            append_part(part, have, data)
-            have += len(data)
-            if not data and have < size:
-                raise ValueError(f"the daemon's file {digest[:12]} is shorter than it says")
-            self._meanwhile()
-
     def _bound(self) -> None:
         """Remove what was not used for longest until the cache is as small as it should be."""
-        folder, now = self._base.places.files, time.time()
-        files = sorted((path.stat().st_mtime, path) for path in folder.iterdir())
-        size = sum(path.stat().st_size for _, path in files)
-        for used, path in files:
-            if size <= _LARGEST_FILE_CACHE or now - used < _FILE_IN_USE:
-                return
-            size -= path.stat().st_size
-            with suppress(FileNotFoundError):
-                path.unlink()
-            self._good.discard(path.name)
+        files = self._base.places.files.iterdir()
+        trim_cache(files, _LARGEST_FILE_CACHE, lambda found: found.st_size, _FILE_IN_USE)

@@ -40,13 +40,10 @@ _FAULTS: Final = 5
 
 
 @dataclass(slots=True)
-class _BusUpload:
-    """A trace on its way over the bus; ``offset`` is unknown until the daemon says it."""
+class _BusUpload(stores.FileUpload):
+    """A trace on its way over the bus."""
 
     begun: float = field(default_factory=time.monotonic)
-    offset: int | None = None
-    complete: bool = False
-    faults: int = 0
 
 
 class _StoreUpload(threading.Thread):
@@ -140,8 +137,7 @@ class ResultUploader:
     def _by_bus(self, attempt: Attempt, result: RunResult) -> bool:
         token = attempt.grant.token
         if token not in self._sending:
-            _checked_trace(attempt, result)
-            self._sending[token] = _BusUpload()
+            self._sending[token] = _BusUpload(_checked_trace(attempt, result))
         sending, until = self._sending[token], time.monotonic() + _LONGEST_TURN
         try:
             while not sending.complete:
@@ -153,7 +149,7 @@ class ResultUploader:
             self._chunk = max(self._chunk // 2, _SMALLEST_CHUNK)
             raise
         if self._complete(attempt, result, uploaded=True) is LedgerAnswer.MISSING:
-            self._sending[token] = _BusUpload()
+            self._sending[token] = _BusUpload(sending.path)
             return False
         self._tell(attempt, result, sending.begun, "sent")
         del self._sending[token]
@@ -162,32 +158,23 @@ class ResultUploader:
     def _send(self, attempt: Attempt, result: RunResult, sending: _BusUpload) -> None:
         """Send the next part, or ask where to go on."""
         grant, trace = attempt.grant, result.trace
-        data = b""
-        if sending.offset is not None:
-            data = stores.read_part(attempt.folder / TRACE, sending.offset, self._chunk)
-        text, digest = stores.encode_chunk(data)
-        chunk = TraceUploadChunk(
-            self._worker, grant.run, grant.token, trace.sha256, trace.size,
-            sending.offset or 0, text, digest,
-        )  # fmt: skip
+        ours = (self._worker, grant.run, grant.token, trace.sha256, trace.size)
+
+        def ask(offset: int, text: str, digest: str) -> UploadProgress:
+            chunk = TraceUploadChunk(*ours, offset, text, digest)
+            return self._link.ask(Verb.UPLOAD, chunk, UploadProgress)
+
         asked = time.monotonic()
         try:
-            received = self._link.ask(Verb.UPLOAD, chunk, UploadProgress)
+            self.moved += sending.send_next(ask, self._chunk)
         except Unavailable as error:
             # No room there just now. Everything else goes on: leases are renewed, say.
             raise OSError(str(error)) from error
         if time.monotonic() - asked < _QUICK_ANSWER:
             self._chunk = min(2 * self._chunk, LARGEST_CHUNK)
-        if received.problem:
-            self._count_fault(grant.run, sending, received)
-        self.moved += len(data)
-        sending.offset, sending.complete = received.offset, received.complete
-
-    def _count_fault(self, run: str, sending: _BusUpload, received: UploadProgress) -> None:
-        sending.faults += 1
         if sending.faults >= _FAULTS:
             sending.faults, sending.offset = 0, None
-            raise OSError(f"the trace of {run} does not arrive: {received.problem}")
+            raise OSError(f"the trace of {grant.run} does not arrive: {sending.problem}")
 
     def _tell(self, attempt: Attempt, result: RunResult, begun: float, what: str) -> None:
         took = time.monotonic() - begun
