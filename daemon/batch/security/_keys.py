@@ -16,7 +16,7 @@ import platformdirs
 
 from daemon.batch.errors import KeysUnusable
 from daemon.batch.paths import write_atomically
-from daemon.batch.security._rules import Role
+from daemon.model.verbs import Role
 from grammars.text import codec
 
 REGISTER_FILE: Final = "register.json"

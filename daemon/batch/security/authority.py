@@ -38,7 +38,7 @@ from daemon.batch.security._keys import (
     read_register,
     write_register,
 )
-from daemon.batch.security._rules import Role
+from daemon.model.verbs import Role
 
 VALID_DAYS: Final = 730
 _CA_DAYS: Final = 3650

@@ -15,7 +15,8 @@ from daemon.batch.stores import append_part, decode_chunk, file_sha256
 from daemon.batch.worker._attempts import Attempt
 from daemon.batch.worker._connection import DaemonConnection, WorkerPaths
 from daemon.model.attachments import LARGEST_FILE, attached_digests
-from daemon.model.messages import DownloadChunk, FileDownloadRequest, IdRequest, Verb
+from daemon.model.messages import FileDownloadRequest, IdRequest
+from daemon.model.verbs import FILE, SCENE
 from grammars.model.scene import Scene
 from grammars.text import codec
 
@@ -62,7 +63,7 @@ class SceneCache:
         return good
 
     def _fetch(self, path: Path, digest: str) -> None:
-        scene = self._link.ask(Verb.SCENE, IdRequest(digest), Scene)
+        scene = self._link.ask(SCENE, IdRequest(digest))
         if scene.digest != digest:
             raise ValueError(f"the daemon sent {scene.digest[:12]} for the scene {digest[:12]}")
         write_atomically(path, codec.to_json(scene))
@@ -137,7 +138,7 @@ class FileCache:
         part.touch(mode=0o600)
         have, size = 0, 1
         while have < size:
-            piece = self._link.ask(Verb.FILE, FileDownloadRequest(digest, have), DownloadChunk)
+            piece = self._link.ask(FILE, FileDownloadRequest(digest, have))
             size, data = min(piece.size, LARGEST_FILE), decode_chunk(piece.data, piece.digest)
             append_part(part, have, data)
             have += len(data)
