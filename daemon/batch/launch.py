@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import subprocess
-import sys
 import tempfile
 import threading
 import time
@@ -15,7 +14,7 @@ from typing import IO, Final
 from daemon.batch.client import Client
 from daemon.batch.errors import EXIT_ALREADY_RUNNING, DaemonError, LaunchFailed
 from daemon.batch.paths import StatePaths
-from daemon.model.execution import DEFAULT_EXECUTOR
+from daemon.model.execution import DEFAULT_EXECUTOR, python_command
 
 _START_LIMIT: Final = 20.0
 _LEAVE_LIMIT: Final = 5.0
@@ -99,7 +98,7 @@ def embedded_daemon(
 
 
 def _command(paths: StatePaths, slots: int | None, executor: str) -> list[str]:
-    command = [sys.executable, "-m", "daemon", "serve", "--state", str(paths.state)]
+    command = python_command("-m", "daemon", "serve", "--state", str(paths.state))
     command += ["--executor", executor]
     return command if slots is None else [*command, "--slots", str(slots)]
 
