@@ -47,7 +47,7 @@ def ensure_daemon(
     if found is not None:
         return found
     paths = StatePaths.find(state)
-    paths.make()
+    paths.make_folders()
     command = _command(paths, slots, executor)
     with paths.worker_log.open("ab") as output:
         process = subprocess.Popen(
@@ -74,7 +74,7 @@ def embedded_daemon(
     Raises :class:`LaunchFailed` when it does not come up.
     """
     paths = StatePaths.find(state)
-    paths.make()
+    paths.make_folders()
     command = [*_command(paths, slots, executor), "--tether"]
     with tempfile.TemporaryFile() as output:
         process = subprocess.Popen(

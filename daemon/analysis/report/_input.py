@@ -6,9 +6,8 @@ screen.
 
 from __future__ import annotations
 
-import sqlite3
 from collections.abc import Iterator, Sequence
-from contextlib import closing, contextmanager
+from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Final
@@ -17,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from daemon.batch.errors import DaemonError, Refused, TraceUnavailable
-from daemon.batch.ledger import LedgerReader, connect_reader
+from daemon.batch.ledger import LedgerReader
 from daemon.batch.paths import StatePaths
 from daemon.batch.stores import is_url, local_copy
 from daemon.model.assessments import AssessmentRules, RunRecord
@@ -150,12 +149,8 @@ def open_ledger(places: StatePaths) -> Iterator[LedgerReader]:
             f"{places.state} is no state directory: name a folder of traces, or choose another "
             "directory with --state"
         )
-    with closing(connect_reader(places.ledger)) as connection:
-        try:
-            yield LedgerReader(connection, places)
-        except sqlite3.DatabaseError as error:
-            message = f"{places.ledger} is not a usable ledger: {error}"
-            raise DaemonError(message) from error
+    with LedgerReader.open(places) as reader:
+        yield reader
 
 
 def ledger_input(reader: LedgerReader, row: CampaignRow, places: StatePaths) -> ReportInput:
@@ -176,7 +171,7 @@ def _local_record(reader: LedgerReader, record: RunRecord) -> RunRecord:
     if record.trace is None or not is_url(record.trace):
         return record
     try:
-        return replace(record, trace=str(local_copy(reader.trace(record.id))))
+        return replace(record, trace=str(local_copy(reader.trace_reference(record.id))))
     except TraceUnavailable as error:
         return replace(record, trace=None, note=f"{record.note} {error}".strip())
 

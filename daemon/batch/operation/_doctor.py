@@ -133,7 +133,7 @@ def _state(places: StatePaths) -> Iterator[DoctorFinding]:
     disk = places.disk()
     sizes = f"{disk.free / 2**30:.1f} of {disk.total / 2**30:.1f} GiB free, "
     sizes += f"ledger {disk.ledger / 2**20:.1f} MiB"
-    if shortage := places.shortage():
+    if shortage := places.disk_shortage():
         yield problem("disk", shortage, "free some: `scenario gc --max-size 10GiB --dry-run`")
     elif disk.free < _ROOMY:
         yield warning("disk", sizes, "free some: `scenario gc --max-size 10GiB --dry-run`")

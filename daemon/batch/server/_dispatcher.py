@@ -8,7 +8,6 @@ error reply, never more.
 from __future__ import annotations
 
 import queue
-import sqlite3
 import threading
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -94,14 +93,8 @@ class WriterThread(_LedgerThread):
     refused one undoes only itself.
     """
 
-    def __init__(
-        self,
-        connection: sqlite3.Connection,
-        ledger: LedgerWriter,
-        publish: Callable[[list[ChangeEvent]], None],
-    ) -> None:
+    def __init__(self, ledger: LedgerWriter, publish: Callable[[list[ChangeEvent]], None]) -> None:
         super().__init__("ledger-writer")
-        self._db = connection
         self._ledger = ledger
         self._publish = publish
 
@@ -124,44 +117,23 @@ class WriterThread(_LedgerThread):
         return batch, False
 
     def _work(self, batch: list[LedgerJob]) -> None:
-        self._ledger.events = []
         try:
-            self._db.execute("BEGIN IMMEDIATE")
-            values = [self._attempt(job) for job in batch]
-            self._db.execute("COMMIT")
-        except sqlite3.Error as error:
-            if self._db.in_transaction:
-                self._db.execute("ROLLBACK")
-            failure = Unavailable(f"the ledger cannot be written: {error}")
+            with self._ledger.transaction():
+                # An error is its value: the asker is told; what is no refusal goes to the log too.
+                values = [self._ledger.attempt(job.act) for job in batch]
+        except Unavailable as failure:
             values = [failure for _ in batch]
-            self._ledger.events = []
         for job, value in zip(batch, values, strict=True):
             job.done(value)
         if self._ledger.events:
             self._publish(self._ledger.events)
 
-    def _attempt(self, job: LedgerJob) -> object:
-        kept = len(self._ledger.events)
-        self._db.execute("SAVEPOINT job")
-        try:
-            value = job.act(self._ledger)
-        except sqlite3.OperationalError:
-            raise
-        except Exception as error:
-            # The asker is told, and what is not a refusal is written to the log.
-            self._db.execute("ROLLBACK TO job")
-            del self._ledger.events[kept:]
-            value = error
-        self._db.execute("RELEASE job")
-        return value
-
 
 class ReaderThread(_LedgerThread):
     """Owns the reading connection: answers questions one by one, each from one snapshot."""
 
-    def __init__(self, name: str, connection: sqlite3.Connection, reader: LedgerReader) -> None:
+    def __init__(self, name: str, reader: LedgerReader) -> None:
         super().__init__(name)
-        self._db = connection
         self._reader = reader
 
     def run(self) -> None:
@@ -171,11 +143,8 @@ class ReaderThread(_LedgerThread):
 
     def _answer(self, job: LedgerJob) -> object:
         try:
-            self._db.execute("BEGIN")
-            try:
+            with self._reader.snapshot():
                 return job.act(self._reader)
-            finally:
-                self._db.execute("COMMIT")
         except Exception as error:
             return error  # as above
 

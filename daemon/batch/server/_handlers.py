@@ -182,7 +182,7 @@ class Handlers:
     # Megabytes, carried in a thread of their own
 
     def fetch(self, ledger: LedgerReader, request: TraceDownloadRequest) -> DownloadChunk:
-        trace = ledger.trace(request.run)
+        trace = ledger.trace_reference(request.run)
         if is_url(trace.location):
             raise Refused(f"the trace of {request.run} lies at {trace.location}: get it there")
         try:
@@ -194,13 +194,13 @@ class Handlers:
         return DownloadChunk(request.offset, trace.size, trace.sha256, *encode_chunk(data))
 
     def upload(self, ledger: LedgerReader, chunk: TraceUploadChunk) -> UploadProgress:
-        return self._traces.take(ledger, chunk)
+        return self._traces.add_chunk(ledger, chunk)
 
     def keep(self, ledger: LedgerReader, chunk: FileUploadChunk) -> UploadProgress:
-        return self._files.take(ledger, chunk)
+        return self._files.add_chunk(ledger, chunk)
 
     def file(self, ledger: LedgerReader, request: FileDownloadRequest) -> DownloadChunk:
-        return self._files.piece(ledger, request)
+        return self._files.read_chunk(ledger, request)
 
     # Changes of the ledger; each is answered after its commit
 
@@ -236,7 +236,7 @@ class Handlers:
         return Count(ledger.pause(request.id, self._clock.now(), paused=False))
 
     def prioritise(self, ledger: LedgerWriter, request: PriorityRequest) -> Empty:
-        ledger.prioritise(request.campaign, request.priority, self._clock.now())
+        ledger.set_priority(request.campaign, request.priority, self._clock.now())
         self._log.write("prioritised", **codec.to_plain(request))
         return Empty()
 
@@ -261,13 +261,13 @@ class Handlers:
         # First the trace, then the result: a result in the ledger is a promise that its trace is
         # there. Settled before the commit, a crash in between leaves a file too many, never one
         # too few; the worker then hears nothing and completes again.
-        ledger.check(completion)
-        if self._traces.lacks(ledger, completion):
+        ledger.check_completion(completion)
+        if self._traces.is_missing(ledger, completion):
             return LedgerAcknowledgement(LedgerAnswer.MISSING)
         answer = ledger.complete(completion, self._clock.now())
-        self._traces.settle(ledger, completion, answer)
+        self._traces.settle_result(ledger, completion, answer)
         if answer is LedgerAnswer.RECORDED and not completion.location:
-            self._quota.added(completion.result.trace.size)
+            self._quota.add_bytes(completion.result.trace.size)
         if answer is LedgerAnswer.DIFFERS:
             self._log.write("nondeterminism", run=completion.run, worker=completion.worker)
         return LedgerAcknowledgement(answer)
@@ -290,8 +290,8 @@ class Handlers:
         # With every request rather than once: after a restart the registry is empty, and workers
         # do not notice restarts.
         self._check_version(worker)
-        if self._registry.full(worker.id):
+        if self._registry.is_full(worker.id):
             raise Refused(f"worker {worker.id} has to wait: there are {MOST_WORKERS} already")
-        if self._registry.seen(worker, now):
-            ledger.note(now, "worker", worker.id, state="came")
+        if self._registry.record_contact(worker, now):
+            ledger.record_event(now, "worker", worker.id, state="came")
             self._log.write("worker came", worker=worker.id, slots=worker.slots)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import fcntl
 import os
 import signal
-import sqlite3
 import sys
 import threading
 import time
@@ -21,8 +20,8 @@ import zenoh
 
 from daemon.batch import bus
 from daemon.batch.errors import AlreadyRunning, DaemonError
-from daemon.batch.ledger import LedgerReader, LedgerWriter, connect, connect_reader
-from daemon.batch.paths import DaemonContact, StatePaths, write_atomically
+from daemon.batch.ledger import LedgerReader, LedgerWriter
+from daemon.batch.paths import DaemonContact, StatePaths
 from daemon.batch.server._dispatcher import (
     LedgerJob,
     OverloadReply,
@@ -40,10 +39,14 @@ from daemon.model.execution import DEFAULT_EXECUTOR, RunLimits, available_cores
 from daemon.model.messages import ALIVE, ASK, EVENTS, WORK
 from daemon.model.status import ChangeEvent
 from grammars.text import codec
+from grammars.text.files import write_atomically
 
 _LAST_MOMENT: Final = 3.0
+"""Seconds a worker has to give its runs back, and then to be killed."""
 STOP_MARGIN: Final = 2 * _LAST_MOMENT
 """Seconds a daemon may need to leave after its patience has ended."""
+# What makes runs available, or unwanted where they are running: see WORK. All else changes nothing
+# for workers, and a hint for every finished run would have each worker ask thousands of times.
 _HINTS: Final = frozenset({"submitted", "extended", "retried", "queued", "cancelled", "resumed"})
 
 
@@ -74,7 +77,7 @@ def serve(
     """
     settings = _checked(settings or DaemonSettings())
     paths = StatePaths.find(state)
-    paths.make()
+    paths.make_folders()
     with ExitStack() as stack:
         stack.enter_context(_only_one(paths))
         log = EventLog(paths.log)
@@ -134,6 +137,8 @@ class _Daemon:
         self._stopped = threading.Event()
         self._tether_cut = False
         self._clock = DaemonClock()
+        # Renewals come every third of a lease: who has missed nine is gone, even though Zenoh still
+        # has the connection (a suspended machine, a process stopped in a debugger).
         self._registry = WorkerRegistry(settings.grace, 3 * settings.lease)
         self._quota = Quota(paths, log, settings.quota, self._clock.now)
         self._version = installed_version("scenario-tui")
@@ -167,7 +172,7 @@ class _Daemon:
 
     def _trouble(self) -> str:
         own = "" if self._local is None else self._local.trouble
-        return self._paths.shortage() or self._quota.trouble or own
+        return self._paths.disk_shortage() or self._quota.trouble or own
 
     def _stop(self) -> None:
         self._stops += 1
@@ -178,20 +183,25 @@ class _Daemon:
         self._local = local
         if tether:
             threading.Thread(target=self._watch_tether, daemon=True).start()
-        connection = connect(self._paths.ledger)
-        stack.callback(connection.close)
+        settings = self._settings
+        ledger = stack.enter_context(
+            LedgerWriter.open(self._paths.ledger, attempts=settings.attempts, lease=settings.lease)
+        )
         session = stack.enter_context(
             bus.open_router(self._listening.endpoints, self._listening.keys)
         )
-        threads = self._start_threads(stack, connection, session)
+        threads = self._start_threads(stack, ledger, session)
         writer = threads[0]
         self._quota.start()
         stack.callback(self._quota.close)
+        # Last, and so withdrawn first: whoever reads where the daemon is finds one that answers.
         self._publish_contact(stack)
         self._log.write("started", endpoints=self._listening.endpoints, pid=os.getpid())
         while not self._stopped.is_set():
             if local is not None:
-                local.look_after()
+                local.supervise()
+            # Through the writer's queue: nobody else touches the ledger, and a full disk or a
+            # locked file is the value of a job here as for every request.
             writer.put(LedgerJob(self._tick, self._ticked))
             if not all(thread.is_alive() for thread in threads):
                 raise DaemonError("a thread of the daemon has failed, see worker.log")
@@ -206,18 +216,17 @@ class _Daemon:
         self._stop()
 
     def _start_threads(
-        self, stack: ExitStack, connection: sqlite3.Connection, session: zenoh.Session
+        self, stack: ExitStack, ledger: LedgerWriter, session: zenoh.Session
     ) -> tuple[WriterThread, ReaderThread, ReaderThread, OverloadReply]:
-        settings = self._settings
-        ledger = LedgerWriter(connection, attempts=settings.attempts, lease=settings.lease)
-        extended = ledger.extend(self._clock.now())
+        # Workers could renew nothing while there was no daemon: none of that is held against them.
+        extended = ledger.extend_leases(self._clock.now())
         if extended:
             self._log.write("resumed", leases=extended)
-        if settings.store:
-            ledger.know_store(settings.store)
+        if self._settings.store:
+            ledger.add_store(self._settings.store)
         reader = self._reader(stack, "ledger-reader")
         carrier = self._reader(stack, "carrier")
-        writer = WriterThread(connection, ledger, lambda events: _publish(session, events))
+        writer = WriterThread(ledger, lambda events: _publish(session, events))
         overload = OverloadReply()
         for thread in (overload, reader, carrier, writer):
             thread.start()
@@ -233,9 +242,7 @@ class _Daemon:
         return writer, reader, carrier, overload
 
     def _reader(self, stack: ExitStack, name: str) -> ReaderThread:
-        reading = connect_reader(self._paths.ledger)
-        stack.callback(reading.close)
-        return ReaderThread(name, reading, LedgerReader(reading, self._paths))
+        return ReaderThread(name, stack.enter_context(LedgerReader.open(self._paths)))
 
     def _on_liveliness(self, sample: zenoh.Sample) -> None:
         worker = str(sample.key_expr).rpartition("/")[2]
@@ -250,18 +257,18 @@ class _Daemon:
         stack.callback(self._paths.contact_file.unlink, missing_ok=True)
 
     def _tick(self, ledger: LedgerWriter) -> int:
-        moved = self._clock.follow()
+        moved = self._clock.follow_wall_clock()
         if moved:
-            ledger.shift(moved)
+            ledger.shift_leases(moved)
             self._registry.shift(moved)
             self._log.write("clock set", seconds=round(moved, 3))
         now = self._clock.now()
-        taken = ledger.lapse(now)
+        taken = ledger.expire_leases(now)
         if taken:
             self._log.write("leases lapsed", runs=taken)
-        for worker in self._registry.take_gone(now):
-            runs = ledger.forsake(worker, now)
-            ledger.note(now, "worker", worker, state="gone")
+        for worker in self._registry.remove_gone(now):
+            runs = ledger.release_worker(worker, now)
+            ledger.record_event(now, "worker", worker, state="gone")
             self._log.write("worker gone", worker=worker, runs=runs)
         return taken
 
@@ -270,6 +277,9 @@ class _Daemon:
             self._log.write("failure", key="tick", problem=repr(value))
 
     def _leave(self, local: LocalWorker | None) -> None:
+        # Others are told that nothing more comes; the local worker is asked to finish what it has
+        # (SIGTERM), after the patience to give it back (SIGQUIT: the runs are queued again at once,
+        # without blame), at last killed: then the next daemon queues them, when their leases end.
         self._handlers.draining = True
         self._log.write("leaving")
         if local is None or not local.alive:

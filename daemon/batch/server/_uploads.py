@@ -13,7 +13,7 @@ from typing import Final
 
 from daemon.batch.errors import Refused, Unavailable
 from daemon.batch.ledger import LedgerReader, LedgerWriter
-from daemon.batch.paths import StatePaths, sync_directory
+from daemon.batch.paths import StatePaths
 from daemon.batch.server._runtime import EventLog
 from daemon.batch.stores import (
     accept_part,
@@ -35,6 +35,7 @@ from daemon.model.messages import (
     TraceUploadChunk,
     UploadProgress,
 )
+from grammars.text.files import move_durably
 
 _MOST_UPLOADS: Final = 1024
 """Uploads at a time, finished ones whose result has not come included."""
@@ -64,7 +65,7 @@ class TraceUploads:
     _begun: dict[str, float] = field(default_factory=dict)
     _sweep_at: float = 0.0
 
-    def take(self, reader: LedgerReader, chunk: TraceUploadChunk) -> UploadProgress:
+    def add_chunk(self, reader: LedgerReader, chunk: TraceUploadChunk) -> UploadProgress:
         """Add a chunk to its upload; the answer says where to go on.
 
         Refuses what comes under no lease, or a stale one; raises :class:`Unavailable` while there is
@@ -73,7 +74,7 @@ class TraceUploads:
         if not is_run_id(chunk.run) or not is_digest(chunk.sha256):
             raise Refused(f"{chunk.run!r} is not the id of a run")
         self._sweep()
-        wanted = reader.upload(chunk.run, chunk.token)
+        wanted = reader.expected_upload(chunk.run, chunk.token)
         upload = self._upload(chunk)
         there = self.places.trace(wanted.name)
         if not wanted.wanted or upload.whole.exists():
@@ -102,7 +103,7 @@ class TraceUploads:
             raise Refused(f"{chunk.run}: there are more bytes than the {chunk.size} announced")
         if chunk.offset == 0:
             self._make_room(chunk)
-        if shortage := self.places.shortage():
+        if shortage := self.places.disk_shortage():
             raise Unavailable(shortage)
         try:
             append_part(upload.part, chunk.offset, data)
@@ -136,11 +137,11 @@ class TraceUploads:
         )
         return UploadProgress(chunk.size, complete=True)
 
-    def lacks(self, book: LedgerWriter, completion: Completion) -> bool:
+    def is_missing(self, book: LedgerWriter, completion: Completion) -> bool:
         """Whether a result would be recorded whose trace is not here (and in no store)."""
-        if completion.location or not book.awaited(completion.run):
+        if completion.location or not book.awaits_result(completion.run):
             return False
-        name, _ = book.trace_of(completion.run)
+        name, _ = book.trace_location(completion.run)
         there = self.places.trace(name)
         if not completion.uploaded:
             return not there.is_file()
@@ -150,12 +151,14 @@ class TraceUploads:
             there, completion.result.trace.size, completion.result.trace.sha256
         )
 
-    def settle(self, book: LedgerWriter, completion: Completion, answer: LedgerAnswer) -> None:
+    def settle_result(
+        self, book: LedgerWriter, completion: Completion, answer: LedgerAnswer
+    ) -> None:
         """Do with a trace what became of its result: give it its name, or drop it.
 
         Before the ledger commits: what it then says is true, also when this is the end.
         """
-        name, location = book.trace_of(completion.run)
+        name, location = book.trace_location(completion.run)
         there = self.places.trace(name)
         if (
             answer is LedgerAnswer.KNOWN
@@ -163,7 +166,7 @@ class TraceUploads:
             and not there.exists()
             and completion.location
         ):
-            book.move_trace(completion.run, completion.location)
+            book.set_trace_location(completion.run, completion.location)
         if not completion.uploaded:
             return
         whole = self._whole(completion)
@@ -171,8 +174,7 @@ class TraceUploads:
         lost = answer is LedgerAnswer.KNOWN and not location and not there.exists()
         if whole.exists() and (answer is LedgerAnswer.RECORDED or lost):
             make_folder(there.parent)
-            whole.replace(there)
-            sync_directory(there.parent)
+            move_durably(whole, there)
         for path in self.places.incoming.glob(f"{completion.run}.{completion.token}.*"):
             path.unlink(missing_ok=True)
 
@@ -208,7 +210,7 @@ class FileUploads:
     places: StatePaths
     journal: EventLog
 
-    def take(self, _: LedgerReader, keep: FileUploadChunk) -> UploadProgress:
+    def add_chunk(self, _: LedgerReader, keep: FileUploadChunk) -> UploadProgress:
         """Add a part to a file, whoever sends it; the answer says where to go on.
 
         Raises :class:`Unavailable` while there is no room.
@@ -237,7 +239,7 @@ class FileUploads:
             raise Unavailable(
                 f"{_MOST_FILES} files are kept already: remove some in {self.places.files}"
             )
-        if shortage := self.places.shortage():
+        if shortage := self.places.disk_shortage():
             raise Unavailable(shortage)
         try:
             append_part(part, keep.offset, data)
@@ -253,7 +255,7 @@ class FileUploads:
         self.journal.write("file received", sha256=keep.sha256, bytes=keep.size)
         return UploadProgress(keep.size, complete=True)
 
-    def piece(self, _: LedgerReader, fetch: FileDownloadRequest) -> DownloadChunk:
+    def read_chunk(self, _: LedgerReader, fetch: FileDownloadRequest) -> DownloadChunk:
         """Return a part of a file; refuses for one that is not here."""
         path = self.places.files / fetch.sha256
         try:

@@ -19,11 +19,11 @@ from typing import Final, Protocol, TypeAlias
 import platformdirs
 
 from daemon.batch.errors import TraceUnavailable
-from daemon.batch.paths import sync_directory
 from daemon.batch.stores import _store
 from daemon.batch.stores._locations import is_url
 from daemon.model.messages import DownloadChunk
 from daemon.model.status import RunDetail
+from grammars.text.files import move_durably, sync_directory
 
 
 def encode_chunk(data: bytes) -> tuple[str, str]:
@@ -79,12 +79,9 @@ def accept_part(part: Path, whole: Path, sha256: str, *, mode: int | None = None
     if file_sha256(part) != sha256:
         part.unlink()
         return False
-    with part.open("rb") as file:
-        os.fsync(file.fileno())
     if mode is not None:
         part.chmod(mode)
-    part.replace(whole)
-    sync_directory(whole.parent)
+    move_durably(part, whole)
     return True
 
 
@@ -193,8 +190,7 @@ def copy_trace(
             fcntl.flock(lock, fcntl.LOCK_EX)
             if not matches_digest(target, trace.size, trace.sha256):
                 _fill_part(trace, source, part, told or (lambda _: None))
-                part.replace(target)
-                sync_directory(target.parent)
+                move_durably(part, target)
             part.unlink(missing_ok=True)
     except OSError as error:
         raise TraceUnavailable(
@@ -221,8 +217,6 @@ def _fill_part(
         raise TraceUnavailable(
             f"the trace of {trace.run} is damaged where it is kept: {trace.location}"
         )
-    with part.open("rb") as file:
-        os.fsync(file.fileno())
 
 
 def _download(trace: TraceReference, source: TraceSource, part: Path, told: ByteProgress) -> None:

@@ -19,7 +19,7 @@ from pathlib import Path
 from socket import socket
 from typing import IO, Final, Protocol, TypeAlias
 
-from daemon.batch.paths import StatePaths, sync_directory
+from daemon.batch.paths import StatePaths
 from daemon.batch.run_process import GRANT, OUTPUT, RESULT, TRACE
 from daemon.batch.stores import file_sha256, make_folder
 from daemon.model.execution import RunLimits
@@ -27,6 +27,7 @@ from daemon.model.ids import is_id, is_run_id
 from daemon.model.messages import Lease
 from daemon.model.spec import RunResult
 from grammars.text import codec
+from grammars.text.files import replacing
 
 _LOCK: Final = "lock"
 _SHOWN_OUTPUT: Final = 2000
@@ -170,16 +171,11 @@ class TracePlacement:
 
     def replace(self) -> None:
         """Put the trace there whatever is there; the spool keeps its own."""
-        temporary = self.target.with_name(f".{self.target.name}.{os.getpid()}.tmp")
-        temporary.unlink(missing_ok=True)
-        try:
-            os.link(self.source, temporary)
-        except OSError:  # no hard links here, or another file system
-            shutil.copyfile(self.source, temporary)
-            with temporary.open("rb") as file:
-                os.fsync(file.fileno())
-        temporary.replace(self.target)
-        sync_directory(self.target.parent)
+        with replacing(self.target) as temporary:
+            try:
+                os.link(self.source, temporary)
+            except OSError:  # no hard links here, or another file system
+                shutil.copyfile(self.source, temporary)
 
     def withdraw(self) -> None:
         """Remove the trace from there if it is this one."""

@@ -9,7 +9,6 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Final
 
-from daemon.batch.paths import write_atomically
 from daemon.batch.run_process import FILES
 from daemon.batch.stores import append_part, decode_chunk, file_sha256
 from daemon.batch.worker._attempts import Attempt
@@ -19,6 +18,7 @@ from daemon.model.messages import FileDownloadRequest, IdRequest
 from daemon.model.verbs import FILE, SCENE
 from grammars.model.scene import Scene
 from grammars.text import codec
+from grammars.text.files import write_atomically
 
 _MOST_SCENES: Final = 256
 _SCENE_IN_USE: Final = 600.0

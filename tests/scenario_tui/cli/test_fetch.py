@@ -26,11 +26,11 @@ from tests.scenario_tui.cli.outputs import declared
 
 def campaign_at(places: StatePaths, store: str = "") -> None:
     """Fill a state directory: two runs with traces, in a store if there is one; one that waits."""
-    places.make()
+    places.make_folders()
     specs = (spec(SHUT, SUTS[0], 0), spec(OPEN, SUTS[0], 0), spec(OPEN, SUTS[1], 0))
     connection = connect(places.ledger)
     book = LedgerWriter(connection)
-    book.know_store(store)
+    book.add_store(store)
     book.submit(Submission("corr-1", "corr", "about", "", specs, (CORRIDOR,), DECLARED), 1.0)
     for grant in book.lease("w", 2, 1.0, store=store):
         path = record(places.trace(grant.trace), grant.spec)
