@@ -18,12 +18,10 @@ from daemon.batch.paths import StatePaths
 from daemon.batch.security import Credentials
 from daemon.batch.stores import StoreUnusable, probe_store, read_marker
 from daemon.model.ids import is_id
-from daemon.model.messages import (
-    Verb,
-    WelcomeReply,
-)
+from daemon.model.messages import WelcomeReply
+from daemon.model.verbs import Verb
 
-T = TypeVar("T")
+A = TypeVar("A")
 
 _TIMEOUT: Final = 5.0
 
@@ -90,6 +88,6 @@ class DaemonConnection:
     endpoint: str
     holder: Credentials | None = None
 
-    def ask(self, verb: Verb, request: object, kind: type[T]) -> T:
+    def ask(self, verb: Verb[..., A], request: object) -> A:
         """Ask the daemon; raises :class:`Unreachable` or :class:`Refused`."""
-        return bus.ask(self.session, self.endpoint, verb, request, kind, _TIMEOUT, self.holder)
+        return bus.ask(self.session, self.endpoint, verb, request, _TIMEOUT, self.holder)

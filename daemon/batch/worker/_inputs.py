@@ -12,7 +12,8 @@ from daemon.batch.stores import download, file_sha256, trim_cache
 from daemon.batch.worker._attempts import Attempt
 from daemon.batch.worker._connection import DaemonConnection, WorkerPaths
 from daemon.model.attachments import LARGEST_FILE, attached_digests
-from daemon.model.messages import DownloadChunk, FileDownloadRequest, IdRequest, Verb
+from daemon.model.messages import FileDownloadRequest, IdRequest
+from daemon.model.verbs import FILE, SCENE
 from grammars.model.scene import Scene
 from grammars.text import codec
 from grammars.text.files import move_durably, write_atomically
@@ -60,7 +61,7 @@ class SceneCache:
         return good
 
     def _fetch(self, path: Path, digest: str) -> None:
-        scene = self._link.ask(Verb.SCENE, IdRequest(digest), Scene)
+        scene = self._link.ask(SCENE, IdRequest(digest))
         if scene.digest != digest:
             raise ValueError(f"the daemon sent {scene.digest[:12]} for the scene {digest[:12]}")
         write_atomically(path, codec.to_json(scene))
@@ -119,9 +120,7 @@ class FileCache:
         try:
             download(
                 part,
-                lambda offset: self._link.ask(
-                    Verb.FILE, FileDownloadRequest(digest, offset), DownloadChunk
-                ),
+                lambda offset: self._link.ask(FILE, FileDownloadRequest(digest, offset)),
                 largest=LARGEST_FILE,
                 progress=lambda _: self._meanwhile(),
             )

@@ -30,15 +30,12 @@ from daemon.model.messages import (
     LIVE,
     Lease,
     LeaseRef,
-    LeaseReply,
     LeaseRequest,
-    LedgerAcknowledgement,
     ReleaseRequest,
-    RenewReply,
     RenewRequest,
-    Verb,
     WorkerInfo,
 )
+from daemon.model.verbs import LEASE, RELEASE, RENEW
 
 _LIVE_PERIOD: Final = 0.2
 """Seconds between two words about a run to everybody, at least."""
@@ -275,7 +272,7 @@ class WorkerLoop:
 
     def _release(self, release: ReleaseRequest) -> None:
         try:
-            self._link.ask(Verb.RELEASE, release, LedgerAcknowledgement)
+            self._link.ask(RELEASE, release)
         except Refused as error:
             self._log(f"{release.run}: {error}")
 
@@ -289,7 +286,7 @@ class WorkerLoop:
         attempts = [execution.attempt for execution in self._executions] + self._outbox
         grants = [*(attempt.grant for attempt in attempts), *self._granted]
         holds = tuple(LeaseRef(grant.run, grant.token) for grant in grants)
-        reply = self._link.ask(Verb.RENEW, RenewRequest(self._busy(), holds), RenewReply)
+        reply = self._link.ask(RENEW, RenewRequest(self._busy(), holds))
         self._renew_at = time.monotonic() + self._renew_period
         gone = {hold.token for hold in reply.gone}
         self._overdue = any(a.finished and a.grant.token in gone for a in attempts)
@@ -321,9 +318,7 @@ class WorkerLoop:
             self._log(shortage)
             self._troubled_until = time.monotonic() + _RETRY_FAILED
             return
-        reply = self._link.ask(
-            Verb.LEASE, LeaseRequest(self._busy(), free, tuple(self._lacks)), LeaseReply
-        )
+        reply = self._link.ask(LEASE, LeaseRequest(self._busy(), free, tuple(self._lacks)))
         if len(reply.grants) < free:
             self._lease_at = time.monotonic() + _POLL
         self._granted.extend(reply.grants)

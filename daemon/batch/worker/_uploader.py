@@ -23,13 +23,12 @@ from daemon.batch.worker._connection import DaemonConnection, WorkerPaths
 from daemon.model.messages import (
     LARGEST_CHUNK,
     Completion,
-    LedgerAcknowledgement,
     LedgerAnswer,
     TraceUploadChunk,
     UploadProgress,
-    Verb,
 )
 from daemon.model.spec import RunResult
+from daemon.model.verbs import COMPLETE, UPLOAD
 
 _LONGEST_TURN: Final = 0.5
 """Seconds of sending before the agent looks after its runs and leases again."""
@@ -100,7 +99,7 @@ class ResultUploader:
         completion = Completion(
             self._worker, grant.run, grant.attempt, grant.token, result, location, uploaded
         )
-        return self._link.ask(Verb.COMPLETE, completion, LedgerAcknowledgement).answer
+        return self._link.ask(COMPLETE, completion).answer
 
     def _by_path(self, attempt: Attempt, result: RunResult) -> None:
         placement = TracePlacement.of(attempt, self._base.places, result)
@@ -162,7 +161,7 @@ class ResultUploader:
 
         def ask(offset: int, text: str, digest: str) -> UploadProgress:
             chunk = TraceUploadChunk(*ours, offset, text, digest)
-            return self._link.ask(Verb.UPLOAD, chunk, UploadProgress)
+            return self._link.ask(UPLOAD, chunk)
 
         asked = time.monotonic()
         try:

@@ -29,7 +29,8 @@ from daemon.batch.worker._loop import WorkerLoop
 from daemon.batch.worker._signals import WorkerSignals
 from daemon.batch.worker._signals import exit_when_stdin_closes as hold_tether
 from daemon.model.execution import DEFAULT_EXECUTOR, DaskScheduler, RunLimits, available_cores
-from daemon.model.messages import ALIVE, WORK, Verb, WelcomeReply, WorkerInfo
+from daemon.model.messages import ALIVE, WORK, WelcomeReply, WorkerInfo
+from daemon.model.verbs import WELCOME
 
 _HOST_PART: Final = 40
 
@@ -128,7 +129,7 @@ def _describe_worker() -> WorkerInfo:
 
 def _ask_welcome(link: DaemonConnection, me: WorkerInfo) -> WelcomeReply:
     try:
-        return link.ask(Verb.WELCOME, me, WelcomeReply)
+        return link.ask(WELCOME, me)
     except Refused as error:
         raise WorkerBroken(str(error)) from error
 

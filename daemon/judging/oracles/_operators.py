@@ -114,7 +114,9 @@ def judge_statistic(oracle: Oracle, judgement: Statistic, sampler: SignalSampler
     note = join_notes(signal.note, scope.note, window.cut)
     evidence = Evidence(value=value, note=note)
     if index is not None:
-        evidence = Evidence(float(time_base.time[index]), value, None, signal.object_at(index), note)
+        evidence = Evidence(
+            float(time_base.time[index]), value, None, signal.object_at(index), note
+        )
     return _compare_with_limit(limit, low, high, evidence)
 
 

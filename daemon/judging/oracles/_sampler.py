@@ -63,7 +63,9 @@ def sample_plugin_signal(
     """Sample a signal that plugs in; raises :class:`PluginError`."""
     declared = _require_plugin(custom_signal(name), "signal", name)
     time = read_only_view(sampler.time_base.time)
-    answer = _call_plugin(f'the signal "{name}"', declared.sample, sampler.read_only_trace, time, *arguments)
+    answer = _call_plugin(
+        f'the signal "{name}"', declared.sample, sampler.read_only_trace, time, *arguments
+    )
     values = _as_floats(answer, f'the signal "{name}"')
     if values.shape != time.shape:
         raise PluginError(

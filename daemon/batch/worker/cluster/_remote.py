@@ -9,7 +9,6 @@ import hashlib
 import shutil
 import socket
 import subprocess
-import sys
 import threading
 import time
 import uuid
@@ -30,7 +29,7 @@ from daemon.batch.paths import StatePaths
 from daemon.batch.run_process import FILES, GRANT, RESULT, TRACE
 from daemon.batch.worker._launcher import READY, LaunchReport, LaunchRequest
 from daemon.model.attachments import attached_digests
-from daemon.model.execution import RunLimits
+from daemon.model.execution import RunLimits, python_command
 from daemon.model.messages import LARGEST_REQUEST, Lease
 from daemon.model.spec import RunSpec
 from daemon.model.versions import own_version
@@ -111,7 +110,7 @@ class RemoteLauncher:
     def __init__(self, executor: str, directory: str) -> None:
         ours, theirs = socket.socketpair()
         with theirs:
-            command = [sys.executable, "-m", "daemon.batch.worker._launcher"]
+            command = python_command("-m", "daemon.batch.worker._launcher")
             command += [str(theirs.fileno()), executor, directory]
             self._process = subprocess.Popen(
                 command, stdin=subprocess.DEVNULL, pass_fds=(theirs.fileno(),)
