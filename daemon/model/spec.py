@@ -76,6 +76,7 @@ class RunSpec:
     @property
     def digest(self) -> str:
         """Identity of the run: 64 hexadecimal digits."""
+        # Not cached: with slots it would need a field of its own, which would be serialised.
         return codec.digest(self)
 
     @property
@@ -145,6 +146,7 @@ class RunResult:
     @property
     def digest(self) -> str:
         """Digest of what must be equal when the same specification runs again (not timing)."""
+        # Times of the wall clock are left out; ``ended`` and ``note`` are in the trace.
         return codec.digest(_Outcome(self.spec, self.outcome, self.verdicts, self.trace))
 
 

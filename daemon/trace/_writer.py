@@ -292,7 +292,6 @@ class TraceWriter:
         if (mine.st_dev, mine.st_ino) != (there.st_dev, there.st_ino):
             raise FileExistsError(f"{self._partial} is being written by another process")
         self._partial.replace(self._path)
-        # The new name is an entry of the folder, which has to reach the disk as well.
         directory = os.open(self._path.parent, os.O_RDONLY)
         try:
             os.fsync(directory)

@@ -18,10 +18,8 @@ give a heading are judged on position only: the paper's requirement is to reach 
 from __future__ import annotations
 
 import math
-from typing import TypeAlias
 
 import numpy as np
-import numpy.typing as npt
 
 from daemon.judging.oracles._predicate import (
     JUST_BELOW,
@@ -59,6 +57,7 @@ def judge_temporal(oracle: Oracle, judgement: Temporal, sampler: SignalSampler) 
         return unknown_margin(scope.reason)
     eventually = judgement.operator == "eventually"
     margin = np.where(allowed, found.margin, -math.inf if eventually else math.inf)
+    # The decisive moment: of what must always hold the worst one, of what must once hold the best.
     index = int(margin.argmax() if eventually else margin.argmin())
     worst = float(margin[index])
     first = _first_note(time_base, allowed & ((found.margin >= 0.0) == eventually), index)
@@ -66,6 +65,7 @@ def judge_temporal(oracle: Oracle, judgement: Temporal, sampler: SignalSampler) 
     if not unit_of_margin(judgement.predicate) and (worst >= 0.0) != eventually:
         # True or false, and nothing happened: no moment of the run is more telling than another.
         evidence = Evidence(note=join_notes(*found.notes, scope.note, window.cut))
+    # What is still to come can only make the best better, and the worst worse.
     if eventually:
         return MarginInterval(worst, worst if closed else math.inf, evidence)
     return MarginInterval(worst if closed else -math.inf, worst, evidence)
@@ -108,13 +108,16 @@ def judge_statistic(oracle: Oracle, judgement: Statistic, sampler: SignalSampler
         return unknown_margin(scope.reason, measured=limit is None)
     value, index = _statistic(judgement.operator, time_base, scope.allowed, signal.values)
     low, high = value, value
+    # A maximum so far can only grow, a minimum only shrink; of the others nothing is known yet.
     if not window.closed:
         low = value if judgement.operator == "max" else -math.inf
         high = value if judgement.operator == "min" else math.inf
     note = join_notes(signal.note, scope.note, window.cut)
     evidence = Evidence(value=value, note=note)
     if index is not None:
-        evidence = Evidence(float(time_base.time[index]), value, None, signal.object_at(index), note)
+        evidence = Evidence(
+            float(time_base.time[index]), value, None, signal.object_at(index), note
+        )
     return _compare_with_limit(limit, low, high, evidence)
 
 
@@ -153,6 +156,7 @@ def _statistic(
     if operator == "p95":
         order = np.argsort(judged, kind="stable")
         covered = np.cumsum(weight[order])
+        # The first value that covers 95 % of the time; the 1e-9 s undo the rounding of their sum.
         rank = min(int(np.searchsorted(covered, 0.95 * covered[-1] - 1e-9)), len(order) - 1)
         chosen = int(order[rank])
     elif operator == "final":
@@ -171,6 +175,7 @@ def _compare_with_limit(
     target = limit.number.value
     judged = Evidence(evidence.time, evidence.value, target, evidence.object, evidence.note)
     ends = np.array([low, high])
+    # The margin of an equality is largest, or smallest, inside of an interval that holds the limit.
     if limit.operator in ("==", "!=") and low <= target <= high:
         ends = np.array([low, target, high])
     margins = margin_of(limit.operator, ends, np.full(len(ends), target))
@@ -265,9 +270,6 @@ def _release_never_came(
     return MarginInterval(margin, margin, evidence)
 
 
-VisitMask: TypeAlias = npt.NDArray[np.bool_]
-
-
 def judge_reached(oracle: Oracle, judgement: Reached, sampler: SignalSampler) -> MarginInterval:
     """Judge the mission; with a guard, only positions where it holds count as visits."""
     time_base, tolerance = sampler.time_base, judgement.tolerance.value
@@ -287,15 +289,18 @@ def judge_reached(oracle: Oracle, judgement: Reached, sampler: SignalSampler) ->
     return MarginInterval(margin, margin if time_base.closed else math.inf, evidence)
 
 
-def _distance(sampler: SignalSampler, usable: VisitMask, waypoint: Waypoint) -> Floats:
+def _distance(sampler: SignalSampler, usable: SampleMask, waypoint: Waypoint) -> Floats:
     """Return the distance [m] at every sample, infinite where a guard forbids to count it."""
     distance = np.hypot(sampler.x - waypoint.x, sampler.y - waypoint.y)
     distance[~usable] = math.inf
     return distance
 
 
-def _closest(sampler: SignalSampler, usable: VisitMask, waypoints: tuple[Waypoint, ...]) -> float:
+def _closest(sampler: SignalSampler, usable: SampleMask, waypoints: tuple[Waypoint, ...]) -> float:
     """Return the smallest worst distance [m] over all ways to visit the waypoints in order."""
+    # Dynamic programming over the waypoints: best[i] is the smallest worst distance of all ways to
+    # visit those so far by sample i. One pass of numpy each, where all readings would be n to the
+    # power of the waypoints.
     best = np.zeros(len(sampler.time_base.time))
     for waypoint in waypoints:
         worst = np.maximum(best, _distance(sampler, usable, waypoint))
@@ -305,7 +310,7 @@ def _closest(sampler: SignalSampler, usable: VisitMask, waypoints: tuple[Waypoin
 
 def _decisive_visit(
     sampler: SignalSampler,
-    usable: VisitMask,
+    usable: SampleMask,
     waypoints: tuple[Waypoint, ...],
     closest: float,
     tolerance: float,

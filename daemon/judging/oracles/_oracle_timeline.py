@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from daemon.judging.oracles._judge import SceneAndMission, bind_oracle
+from daemon.judging.oracles._judge import bind_oracle
 from daemon.judging.oracles._operators import true_stretches
 from daemon.judging.oracles._predicate import (
     PredicateSeries,
@@ -62,10 +62,8 @@ class OracleTimeline:
 
 def oracle_timeline(written: OracleText, sampler: SignalSampler) -> OracleTimeline:
     """Return the course of an oracle; an empty one when it cannot be read or evaluated."""
-    trace = sampler.trace
     try:
-        place = SceneAndMission(trace.spec.scene, trace.spec.mission, trace.scene)
-        oracle = bind_oracle(written.name, written.text, place)
+        oracle = bind_oracle(written, sampler.trace)
         against = _violations(oracle, sampler) if len(sampler.time_base.time) else ()
     except (InputError, PluginError):
         return OracleTimeline(written.name, (), (), ())

@@ -134,6 +134,8 @@ def margin_of(operator: str, value: Floats, limit: Floats) -> Floats:
             margin = 0.0 - np.abs(value - limit)
         case _:
             margin = np.abs(value - limit)
+    # So that the sign alone says whether it holds, also where a strict comparison is met exactly;
+    # + 0.0 makes 0.0 of -0.0.
     if operator in ("<", ">", "!="):
         margin = np.where(margin == 0.0, JUST_BELOW, margin)
     return margin + 0.0
@@ -170,6 +172,8 @@ def _combine(parts: list[PredicateSeries], *, every: bool, comparable: bool) -> 
 
     Margins in unlike units only keep their sign.
     """
+    # ``and`` is the minimum of margins and ``or`` the maximum, as in robust semantics of temporal
+    # logic; one that is unknown decides nothing unless the others settle it.
     margins = np.stack([p.margin if comparable else _sign(p.margin) for p in parts])
     unknown = np.isnan(margins)
     known = np.where(unknown, np.inf if every else -np.inf, margins)
