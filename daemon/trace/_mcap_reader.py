@@ -133,6 +133,7 @@ class _McapWalk:
             Opcode.METADATA: records.Metadata,
             Opcode.ATTACHMENT: records.Attachment,
         }
+        # Statistics, indexes and what later versions of the format add: nothing we need.
         if opcode not in kinds:
             return
         try:
@@ -232,6 +233,7 @@ class _McapWalk:
             self._runs += 1
             if self._runs > RUN_LIMIT:
                 raise TraceError(self.recording.path, "holds too many scattered messages")
+            # A view: the decompressed chunk is kept alive by it and never copied.
             rows = np.frombuffer(data, np.uint8, count * size, at).reshape(count, size)
             self.recording.runs.setdefault(topic, []).append(rows)
         return end

@@ -131,6 +131,7 @@ def _unexpected_verdict(oracle: CellVerdict, records: Sequence[RunRecord]) -> Un
     run, repeat, verdict = (shown.run, shown.repeat, shown.verdict) if shown else ("", None, None)
     said = f"{oracle.sut} {oracle.scenario} {oracle.oracle}"
     if oracle.expected != "pass":
+        # It should have failed: the worst run is what was wanted, a passing one is the surprise.
         first = next((pair for pair in _passing_runs(oracle, records)), None)
         run, repeat, verdict = first if first else (run, repeat, verdict)
         text = f"{said}  passes {oracle.passed} of {oracle.n}, expected {oracle.expected}"

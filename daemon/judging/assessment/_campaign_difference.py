@@ -115,6 +115,8 @@ def compare_campaigns(
     ``worse_by`` is how much, as a share of what it was before, a margin or a duration may get
     worse; ``None`` asks for no such thing.
     """
+    # Only cells that both have are compared: a scenario that was added is no change of the others,
+    # and would make Holm's correction harder for them.
     sides = tuple(group_by_cell(side.records) for side in (before, after))
     shared = [key for key in sides[1] if key in sides[0]]
     shifts = [
@@ -139,6 +141,8 @@ def _verdicts(
     old, new = (_oracles(assess(side.declared, side.records)) for side in (before, after))
     for key in dict.fromkeys((*new, *old)):
         scenario, sut, oracle = key
+        # With the rules of its own side each: an expectation that was changed changes no verdict, a
+        # policy may.
         was, now = old.get(key), new.get(key)
         if (scenario, sut) not in shared or (was and now and was.verdict is now.verdict):
             continue
@@ -197,6 +201,7 @@ def _values(
 
 
 def _margin(record: RunRecord, name: str) -> float | None:
+    # An inconclusive margin is a bound, not a value; means of bounds say nothing.
     decided = (Outcome.PASS, Outcome.FAIL)
     found = (
         v.margin for v in trusted_verdicts(record) if v.oracle == name and v.outcome in decided
@@ -244,6 +249,7 @@ def _p_worse(
     """Return the p value for "worse by more than allowed"; ``None`` when nobody asks."""
     if worse_by is None or kind == "measure":
         return None
+    # Measures are not gated: nobody said whether more of them is worse. ``before`` may be negative.
     allowed = worse_by * abs(before)
     if kind == "duration":
         return difference.p_above(allowed)
@@ -254,6 +260,7 @@ def _p_worse(
 
 def _adjust_together(tested: Sequence[_TestedChange]) -> tuple[QuantityChange, ...]:
     """Return the shifts with p values that know how many they are."""
+    # Two families, because they answer two questions: what changed, and what the gate forbids.
     different = _holm_or_none([one.p_different for one in tested])
     worse = _holm_or_none([one.p_worse for one in tested])
     return tuple(

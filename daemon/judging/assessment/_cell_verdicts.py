@@ -71,6 +71,7 @@ def expected_verdict(
     expectations: Sequence[Expectation], scenario: str, oracle: str, sut: str
 ) -> tuple[ExpectedVerdict, str]:
     """Return the verdict expected and why: that of the last expectation that matches, or pass."""
+    # The last one counts, so that a file goes from the rule to its exceptions.
     for expectation in reversed(expectations):
         if expectation_matches(expectation, scenario, oracle, sut):
             return expectation.verdict, expectation.why
@@ -198,6 +199,7 @@ def cell_verdict(name: str, records: Sequence[RunRecord], declared: AssessmentRu
         errors=counts[Outcome.ERROR],
         missing=n - len(verdicts),
         n=n,
+        # As if what was not judged had failed for the lower bound, and passed for the upper one.
         low=proportion_interval(passed, n)[0],
         high=proportion_interval(n - failed, n)[1],
         at_least=at_least(passed, n, confidence),

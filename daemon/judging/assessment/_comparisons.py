@@ -46,6 +46,7 @@ def comparison_verdicts(
     suts: dict[str, set[str]] = {}
     for record in records:
         suts.setdefault(record.sut, set()).add(base_name(record.scenario))
+    # Both scenarios or their variants, with the same system: one that ran only one is not asked.
     return [
         _cell(comparison, sut, [r for r in records if r.sut == sut], declared)
         for sut, scenarios in suts.items()
@@ -148,6 +149,7 @@ def _verdict(
 
 def _judge(comparison: ScenarioComparison, difference: MeanDifference) -> Outcome:
     low, high, limit = difference.low, difference.high, comparison.limit
+    # ">= limit" is "<= -limit" of the negated difference.
     if comparison.op in (">", ">="):
         low, high, limit = -high, -low, -limit
     strict = comparison.op in ("<", ">")

@@ -117,6 +117,8 @@ def box_clearance(
     nearest = np.empty(samples, dtype=np.int32)
     hx, hy = half[0], half[1]
     reach = max(hx, hy)
+    # The nearest polygon of the sample before is tried first: between two samples the robot moves a
+    # few centimetres, so it mostly is the nearest again and rules out all that are farther.
     guess = 0
     for i in range(samples):
         c, s = math.cos(poses[i, 2]), math.sin(poses[i, 2])
@@ -142,6 +144,7 @@ def box_clearance(
                 c * (lx - bx) + s * (ly - by), c * (ly - by) - s * (lx - bx),
                 hx, hy,
             )  # fmt: skip
+            # By index among equals, or the name in the evidence would depend on the guess.
             if found < best or (found == best and p < owner):
                 best, owner = found, p
         values[i], nearest[i] = best, owner
@@ -275,6 +278,7 @@ class _ObstacleShapes:
     moving: tuple[tuple[SceneObject, tuple[str, ...]], ...]
 
 
+# By digest and height instead of by the scene itself, whose hash would be that of all its polygons.
 @functools.lru_cache(maxsize=16)
 def _obstacle_shapes(building: _SceneAtHeight) -> _ObstacleShapes:
     """Collect the polygons once for all traces in the same building."""

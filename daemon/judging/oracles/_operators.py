@@ -84,6 +84,8 @@ def judge_amount(oracle: Oracle, judgement: Amount, sampler: SignalSampler) -> M
     value, low, high = _amount(judgement.operator, time_base, window, allowed, holds)
     if math.isnan(value):
         return unknown_margin("no time has passed", measured=limit is None)
+    # What to look at is the longest stretch of what the limit is against: of "at least" where it
+    # does not hold, of "at most" (and of a mere measure) where it does.
     wants_more = limit is not None and limit.operator in (">=", ">")
     stretch = _longest(time_base, allowed & ~holds if wants_more else holds)
     note = join_notes(*found.notes, scope.note, window.cut)
@@ -137,6 +139,7 @@ def _amount(
     if operator == "longest":
         lengths = [float(time_base.weight[s].sum()) for s in true_stretches(holds)]
         longest = max(lengths, default=0.0)
+        # A stretch that lasts to the end of a cut trace may go on for all of the rest.
         current = lengths[-1] if lengths and not window.closed and holds[-1] else 0.0
         return longest, longest, max(longest, current + rest) if rest else longest
     count = float(len(true_stretches(holds)))

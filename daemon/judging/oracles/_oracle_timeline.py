@@ -85,6 +85,7 @@ def _violations(oracle: Oracle, sampler: SignalSampler) -> tuple[Stretch, ...]:
             return where(found, found.margin < 0.0)
         case Until(operator=operator, predicate=predicate, release=release):
             found = evaluate_predicate(predicate, sampler, negated=operator == "never")
+            # Once released, always released: what comes afterwards is no violation.
             released = np.logical_or.accumulate(evaluate_predicate(release, sampler).margin >= 0.0)
             return where(found, (found.margin < 0.0) & ~released)
         case Amount(predicate=predicate, limit=limit) if limit is not None:
@@ -104,6 +105,7 @@ def _violations(oracle: Oracle, sampler: SignalSampler) -> tuple[Stretch, ...]:
 
 def _time_stretches(sampler: SignalSampler, wrong: SampleMask) -> tuple[Stretch, ...]:
     """Return stretches of time; a sample counts until the next one."""
+    # As in judging: what was seen holds until the next sample, the last one until the end.
     ends = np.append(sampler.time_base.time[1:], sampler.time_base.end)
     return tuple(
         (float(sampler.time_base.time[part.start]), float(ends[part.stop - 1]))

@@ -244,6 +244,7 @@ def _leg_window(leg: Leg, sampler: SignalSampler, time_base: TimeBase) -> Judged
     Coming back to it later does not count: otherwise a leg would never be known to be over.
     """
     number = leg_number(leg, sampler.trace.spec.mission)
+    # By what the system under test reports, not by distances: it decides when a waypoint is done.
     there = sampler.current == number - 1
     first = int(there.argmax()) if there.any() else len(there)
     gone = np.flatnonzero(~there[first:])

@@ -60,6 +60,7 @@ def sample_plugin_signal(
 ) -> SignalSeries:
     """Sample a signal that plugs in; raises :class:`PluginError`."""
     declared = _require_plugin(custom_signal(name), "signal", name)
+    # Read-only views of everything: a plug-in is somebody else's code, in the same process.
     time = read_only_view(sampler.time_base.time)
     answer = _call_plugin(
         f'the signal "{name}"', declared.sample, sampler.read_only_trace, time, *arguments
@@ -176,6 +177,7 @@ class SignalSampler:
         self.time_base = time_base_of(trace)
         count = len(self.time_base.time)
         truth = trace.ground_truth
+        # The time base is the ground truth up to where it is valid; everything has its length.
         self.x, self.y = truth.x[:count], truth.y[:count]
         self.poses = np.column_stack((self.x, self.y, truth.yaw[:count]))
         self._cache: dict[tuple[str, str, tuple[float, ...]], SignalSeries] = {}
