@@ -131,8 +131,8 @@ class ContactLog:
         """
         if not self._touches:
             return ()
-        # Lasting contacts may have been deeper since the last report; only the instant of this one is
-        # looked at, because every step would cost a call into Python.
+        # Lasting contacts may have been deeper since the last report; only this instant is looked at,
+        # because looking in every step would cost a call into Python each.
         if any(touch.pairs for touch in self._touches.values()):
             self._body.each_arbiter(self._look)
         taken, self._finished = self._finished, []
