@@ -21,9 +21,9 @@ from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 
-from daemon.trace._layouts import HEADER, ByteArray
 from daemon.trace._mcap_writer import MAGIC
 from daemon.trace._model import TraceError
+from daemon.trace.layouts import HEADER, ByteArray
 from daemon.trace.messages import KINDS
 
 FILE_LIMIT: Final = 1 << 30
@@ -138,7 +138,8 @@ class _McapWalk:
             return
         try:
             record = kinds[opcode].read(ReadDataStream(io.BytesIO(content)))
-        except (McapError, struct.error, ValueError) as error:
+        except (McapError, struct.error, ValueError, OverflowError) as error:
+            # The mcap library takes lengths inside of a record as they are, up to 2**64.
             raise DamagedTraceError(f"a damaged {kinds[opcode].__name__.lower()} record") from error
         if isinstance(record, records.Schema):
             self._schemas[record.id] = record.name

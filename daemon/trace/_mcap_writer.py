@@ -24,7 +24,7 @@ from mcap import records
 from mcap.data_stream import RecordBuilder
 from mcap.opcode import Opcode
 
-from daemon.trace._layouts import HEADER, MESSAGE_OPCODE, IntArray, MessageLayout
+from daemon.trace.layouts import HEADER, MESSAGE_OPCODE, IntArray, MessageLayout
 
 MAGIC: Final = b"\x89MCAP0\r\n"
 LIBRARY: Final = "scenario-tui"

@@ -16,8 +16,8 @@ import numpy.typing as npt
 from daemon.model.sut import CostmapPicture
 from daemon.trace import _statics
 from daemon.trace import messages as ros
-from daemon.trace._layouts import stamps
 from daemon.trace._mcap_writer import MessageBlock, MessageRecords
+from daemon.trace.layouts import stamps
 from grammars.model.geometry import Floats
 from grammars.model.grid import OccupancyGrid
 
