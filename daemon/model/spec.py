@@ -146,13 +146,6 @@ class RunResult:
     @property
     def digest(self) -> str:
         """Digest of what must be equal when the same specification runs again (not timing)."""
-        # Times of the wall clock are left out; ``ended`` and ``note`` are in the trace.
-        return codec.digest(_Outcome(self.spec, self.outcome, self.verdicts, self.trace))
-
-
-@dataclass(frozen=True, slots=True)
-class _Outcome:
-    spec: str
-    outcome: Outcome
-    verdicts: tuple[Verdict, ...]
-    trace: TraceInfo
+        # ``ended`` and ``note`` are in the trace. The order is part of the digest.
+        names = ("spec", "outcome", "verdicts", "trace")
+        return codec.digest({name: getattr(self, name) for name in names})
