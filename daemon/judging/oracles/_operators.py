@@ -41,6 +41,8 @@ from grammars.model.geometry import Floats
 from grammars.model.mission import Waypoint
 from grammars.oracle import Amount, Limit, Oracle, Reached, Statistic, Temporal, Until, render
 
+_RELEASED = "what it waits for held from the start"
+
 
 def judge_temporal(oracle: Oracle, judgement: Temporal, sampler: SignalSampler) -> MarginInterval:
     """Judge ``always``, ``never`` or ``eventually``."""
@@ -243,9 +245,6 @@ def judge_until(oracle: Oracle, judgement: Until, sampler: SignalSampler) -> Mar
         # True or false, and nothing happened: no moment is more telling than another.
         evidence = Evidence(note=join_notes(*held.notes, scope.note, ended))
     return MarginInterval(worst if came.any() or closed else -math.inf, worst, evidence)
-
-
-_RELEASED = "what it waits for held from the start"
 
 
 def _release_window(

@@ -33,6 +33,10 @@ from grammars.oracle import (
     render,
 )
 
+SampleMask = npt.NDArray[np.bool_]
+
+VACUOUS = "vacuous: the guard never held"
+
 JUST_BELOW: Final = -float(np.finfo(np.float64).tiny)
 """Margin of a strict comparison whose sides are equal: it does not hold, by nothing."""
 
@@ -190,11 +194,6 @@ def _combine(parts: list[PredicateSeries], *, every: bool, comparable: bool) -> 
 
 def _sign(margin: Floats) -> Floats:
     return np.where(np.isnan(margin), np.nan, np.where(margin >= 0.0, 1.0, -1.0))
-
-
-SampleMask = npt.NDArray[np.bool_]
-
-VACUOUS = "vacuous: the guard never held"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
