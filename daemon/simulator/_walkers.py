@@ -22,6 +22,18 @@ from grammars.model.behaviour import Walk
 from grammars.model.geometry import Floats, Pose2, Ring
 from grammars.model.movers import TURN_RATE, Profile, Route
 
+SQUEEZED_DEPTH: Final = 0.02
+"""A mover stops dead when the robot it touches is this deep in anything [m]: it has no way out."""
+
+CLEAR_AGAIN: Final = 0.05
+"""It goes on when the robot is this much farther away than where it stopped for it [m]: otherwise a
+robot that creeps along the limit would make it stop and go at every tick."""
+
+YIELD_ANGLE: Final = math.radians(60.0)
+"""A mover yields to robots this far to the left and right of the way it goes [rad]."""
+
+_NEAR: Final = 1e-9
+
 
 @dataclass(frozen=True, slots=True)
 class _Leg:
@@ -156,19 +168,6 @@ class RouteFollower:
         way, speed = self._state(time)
         self._stopped = False
         self._set_out(time, way, speed)
-
-
-SQUEEZED_DEPTH: Final = 0.02
-"""A mover stops dead when the robot it touches is this deep in anything [m]: it has no way out."""
-
-CLEAR_AGAIN: Final = 0.05
-"""It goes on when the robot is this much farther away than where it stopped for it [m]: otherwise a
-robot that creeps along the limit would make it stop and go at every tick."""
-
-YIELD_ANGLE: Final = math.radians(60.0)
-"""A mover yields to robots this far to the left and right of the way it goes [rad]."""
-
-_NEAR: Final = 1e-9
 
 
 class _RobotInTheWay(Enum):

@@ -25,6 +25,14 @@ HEARTBEAT: Final = 1_000_000_000
 the states of 20 doors take 436 bytes, 20 times a second; a viewer that jumps into the file must
 still find one near."""
 
+DOOR_PERIOD: Final = 100_000_000
+"""Shortest time [ns] between two messages with the frames of doors: enough for eyes; what is judged
+comes from the joint states, which have every sample."""
+
+POSE: Final = ("x", "y", "qz", "qw")
+TWIST: Final = ("vx", "vy", "wz")
+COVARIANCE: Final = tuple(f"c{i}" for i in range(9))
+
 
 class JointSamples:
     """Keeps a joint state when it differs from the one before, and once a second.
@@ -70,15 +78,6 @@ class JointSamples:
         states = np.frombuffer(b"".join(self._states), np.float64)
         self._times, self._states = [], []
         return times, states.reshape(len(times), self._width)
-
-
-DOOR_PERIOD: Final = 100_000_000
-"""Shortest time [ns] between two messages with the frames of doors: enough for eyes; what is judged
-comes from the joint states, which have every sample."""
-
-POSE: Final = ("x", "y", "qz", "qw")
-TWIST: Final = ("vx", "vy", "wz")
-COVARIANCE: Final = tuple(f"c{i}" for i in range(9))
 
 
 class SignalBuffers:

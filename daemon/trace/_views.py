@@ -34,6 +34,15 @@ _ALIGNED: Final = _HEAD.size + 16
 """Where the first pose of a path stands: doubles lie at multiples of eight bytes after the four of
 the encapsulation, so four of padding precede it. All further rows are aligned by then."""
 
+PARTICLES: Final = "/particlecloud"
+COSTMAP: Final = "/move_base/local_costmap/costmap"
+
+PLAN_POINTS: Final = 500
+"""A plan of more points is thinned to about as many; navfn puts one every 2.5 cm."""
+
+_LOCAL_PLAN_PERIOD: Final = _SECOND // 5
+_STEPS_PER_METRE: Final = 1024.0
+
 
 def encode_path(now: int, points: Floats) -> bytes:
     """Return a path through ``points`` (n, 2) in map at ``now`` [ns]; all headings are 0.
@@ -65,16 +74,6 @@ def decode_path(payload: bytes) -> Floats:
 
 def _pack_head(now: int, count: int) -> bytes:
     return _HEAD.pack(_ENCAPSULATION, *divmod(now, _SECOND), *_FRAME, count)
-
-
-PARTICLES: Final = "/particlecloud"
-COSTMAP: Final = "/move_base/local_costmap/costmap"
-
-PLAN_POINTS: Final = 500
-"""A plan of more points is thinned to about as many; navfn puts one every 2.5 cm."""
-
-_LOCAL_PLAN_PERIOD: Final = _SECOND // 5
-_STEPS_PER_METRE: Final = 1024.0
 
 
 class ViewerMessages:

@@ -32,6 +32,12 @@ from daemon.model.verdicts import Evidence, Outcome, Verdict
 Cell: TypeAlias = tuple[str, str]
 """A scenario (or one of its variants) with a system under test."""
 
+DURATION: Final = "duration"
+"""The measure every run has: the simulated time it took [s]."""
+
+BY_GRAVITY: Final = (Outcome.FAIL, Outcome.ERROR, Outcome.INCONCLUSIVE, Outcome.PASS)
+"""What is said first of a cell: a failure is a finding, an error may hide one."""
+
 
 def group_by_cell(records: Iterable[RunRecord]) -> dict[Cell, list[RunRecord]]:
     """Return the runs of each cell, cells and runs in the order of their appearance."""
@@ -108,10 +114,6 @@ def status_of(cell: CellVerdict | ComparisonVerdict) -> ExpectationStatus:
     return expectation_status(cell.expected, cell.verdict, passed=passed, failed=failed, n=n)
 
 
-DURATION: Final = "duration"
-"""The measure every run has: the simulated time it took [s]."""
-
-
 def measured_value(record: RunRecord, name: str) -> float | None:
     """Return what the measure ``name`` found in a run, ``None`` when there is nothing to trust."""
     if record.outcome is None or record.ended == "crashed":
@@ -158,10 +160,6 @@ def _cell_measure(name: str, unit: str, records: Sequence[RunRecord]) -> CellMea
         low=interval.low,
         high=interval.high,
     )
-
-
-BY_GRAVITY: Final = (Outcome.FAIL, Outcome.ERROR, Outcome.INCONCLUSIVE, Outcome.PASS)
-"""What is said first of a cell: a failure is a finding, an error may hide one."""
 
 
 def trusted_verdicts(record: RunRecord) -> tuple[Verdict, ...]:

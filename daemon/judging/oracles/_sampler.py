@@ -50,6 +50,9 @@ from grammars.text.plugins import explain_plugin_error
 
 T = TypeVar("T")
 
+ROBOT = "robot"
+"""What recorded contacts call the robot's body."""
+
 
 class PluginError(Exception):
     """A plug-in raised or answered nonsense; the message says which and what."""
@@ -163,10 +166,6 @@ def _plain_evidence(evidence: Evidence, what: str) -> Evidence:
         raise PluginError(f"{what} gave evidence that is not finite")
     time, value, limit = (None if number is None else float(number) for number in numbers)
     return Evidence(time, value, limit, str(evidence.object), str(evidence.note))
-
-
-ROBOT = "robot"
-"""What recorded contacts call the robot's body."""
 
 
 class SignalSampler:

@@ -19,6 +19,21 @@ from grammars.model.geometry import Floats
 
 ObjectIndices = npt.NDArray[np.int32]
 
+_ROUNDING: Final = 1e-9
+"""Recorded nanoseconds are read as seconds [s]; times meant equal differ by less than this."""
+
+_TRUTH = {
+    "pose.x": "x",
+    "pose.y": "y",
+    "pose.yaw": "yaw",
+    "speed.forward": "vx",
+    "speed.sideways": "vy",
+}
+_COMMAND = {"command.forward": "vx", "command.sideways": "vy", "command.angular": "wz"}
+_ESTIMATE = {"estimate.x": "x", "estimate.y": "y", "estimate.yaw": "yaw"}
+RECORDED_SIGNALS = frozenset({*_TRUTH, *_COMMAND, *_ESTIMATE, "estimate.particles"})
+"""Names of the signals that :func:`recorded_signal` knows."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SignalSeries:
@@ -38,10 +53,6 @@ class SignalSeries:
         if self.objects is None or self.objects[index] < 0:
             return ""
         return self.names[int(self.objects[index])]
-
-
-_ROUNDING: Final = 1e-9
-"""Recorded nanoseconds are read as seconds [s]; times meant equal differ by less than this."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -91,19 +102,6 @@ def hold_last(stamps: Floats, values: Floats, time: Floats) -> Floats:
         return np.full(len(time), np.nan)
     index = np.searchsorted(stamps, time + _ROUNDING, side="right") - 1
     return np.where(index < 0, np.nan, values[np.maximum(index, 0)])
-
-
-_TRUTH = {
-    "pose.x": "x",
-    "pose.y": "y",
-    "pose.yaw": "yaw",
-    "speed.forward": "vx",
-    "speed.sideways": "vy",
-}
-_COMMAND = {"command.forward": "vx", "command.sideways": "vy", "command.angular": "wz"}
-_ESTIMATE = {"estimate.x": "x", "estimate.y": "y", "estimate.yaw": "yaw"}
-RECORDED_SIGNALS = frozenset({*_TRUTH, *_COMMAND, *_ESTIMATE, "estimate.particles"})
-"""Names of the signals that :func:`recorded_signal` knows."""
 
 
 def recorded_signal(trace: Trace, name: str, time: Floats) -> Floats:
