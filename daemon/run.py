@@ -242,8 +242,8 @@ class _RunLoop:
             self._scans.append(LaserScan(now, ranges))
             if self._live_view is not None:
                 self._live_view.add_scan(world.pose(), ranges)
-        # Last, when everything of this instant has been measured: its command is taken by the
-        # base now and moves it with the next step, never the one that led here.
+        # Last, when everything of this instant has been measured: its command moves the robot from
+        # the next step on, never in the one that led here.
         finished = self._update.fires(tick) and self._update_sut(now)
         if self._on_progress is not None and self._snapshot.fires(tick):
             self._publish_snapshot(now)

@@ -10,6 +10,7 @@ import re
 from typing import Final
 from urllib.parse import quote
 
+# Not ``$`` at the end, which also matches before a newline.
 _ID: Final = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,99}\Z")
 _RUN_ID: Final = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,99}\.[0-9]{1,9}\Z")
 _DIGEST: Final = re.compile(r"[0-9a-f]{64}\Z")

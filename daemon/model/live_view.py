@@ -17,6 +17,8 @@ from daemon.model.sut import Cloud, Estimate
 from grammars.model.geometry import Floats, Point2, Pose2
 from grammars.model.robot import Laser
 
+# A pipe takes 4096 bytes at once, and a run must never wait for who reads them. With coordinates
+# of four or five digits these points are about 1700 bytes; the rest is for the joints.
 MOST_RETURNS: Final = 90
 """Laser returns of a snapshot at most."""
 MOST_PLAN_POINTS: Final = 40

@@ -76,6 +76,7 @@ class RunSpec:
     @property
     def digest(self) -> str:
         """Identity of the run: 64 hexadecimal digits."""
+        # Not cached: with slots it would need a field of its own, which would be serialised.
         return codec.digest(self)
 
     @property
@@ -145,12 +146,6 @@ class RunResult:
     @property
     def digest(self) -> str:
         """Digest of what must be equal when the same specification runs again (not timing)."""
-        return codec.digest(_Outcome(self.spec, self.outcome, self.verdicts, self.trace))
-
-
-@dataclass(frozen=True, slots=True)
-class _Outcome:
-    spec: str
-    outcome: Outcome
-    verdicts: tuple[Verdict, ...]
-    trace: TraceInfo
+        # ``ended`` and ``note`` are in the trace. The order is part of the digest.
+        names = ("spec", "outcome", "verdicts", "trace")
+        return codec.digest({name: getattr(self, name) for name in names})

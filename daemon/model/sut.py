@@ -23,6 +23,8 @@ TICK_RATE: Final = 100
 """Steps of the simulation per simulated second; everything periodic happens at one of them."""
 
 
+# Plain values and arrays, no callbacks: a system under test is asked and answers, so a run depends
+# on nothing but the order of its ticks. ``eq=False`` where arrays make comparing meaningless.
 @dataclass(frozen=True, slots=True, eq=False)
 class Briefing:
     """What a system under test knows before it starts.

@@ -115,6 +115,8 @@ def assemble(
     assembly = BodyAssembly([space.static_body])
     for group, item in enumerate(scene.objects, start=1):
         link_poses(item, item.initial)  # raises for joints that form no tree
+        # In three steps: bodies need the frames of all links on them before they have a mass, and
+        # shapes need a body whose centre of mass is final.
         first_slot = len(assembly.bodies)
         placer = _LinkPlacer(assembly, item, start, held, item.name in walking)
         placements = [placer.place(link) for link in item.links]
@@ -165,6 +167,8 @@ class _LinkPlacer:
         if joint.parent != "world":
             base = self.place(self._links[joint.parent])
         frame = base.frame @ joint_motion(joint, q)
+        # Beside the frame, whose yaw is wrapped: a joint may stand at more than half a turn, and
+        # its position is the difference of two unwrapped angles.
         angle = base.angle + (q if joint.kind == "revolute" else 0.0)
         if item.frozen or name in self._held or is_fixed(joint):
             self._assembly.held[name] = q
@@ -229,6 +233,7 @@ def _area(ring: Ring) -> float:
 def _add_shapes(
     space: pymunk.Space, assembly: BodyAssembly, placement: PlacedLink, group: int, height: float
 ) -> None:
+    # Too high for the robot, or below the floor: nothing it could touch, so nothing to simulate.
     if placement.link.z_min >= height or placement.link.z_max <= 0.0:
         return
     for ring in placement.rings:

@@ -13,6 +13,10 @@ from daemon.simulator._mobile_base import MobileBase
 from daemon.simulator._physics import ROBOT_COLLISION_TYPE
 from grammars.model.geometry import Point2
 
+_MERGE_TICKS = TICK_RATE // 10
+"""A touch that resumes within this many ticks is one touch, not two: a robot that scrapes along a
+wall may lose and find it every few ticks."""
+
 
 @dataclass(frozen=True, slots=True)
 class RobotContact:
@@ -41,11 +45,6 @@ class WorldEvent:
     time: float
     source: str
     text: str
-
-
-_MERGE_TICKS = TICK_RATE // 10
-"""A touch that resumes within this many ticks is one touch, not two: a robot that scrapes along a
-wall may lose and find it every few ticks."""
 
 
 @dataclass(slots=True)
@@ -131,6 +130,8 @@ class ContactLog:
         """
         if not self._touches:
             return ()
+        # Lasting contacts may have been deeper since the last report; only this instant is looked
+        # at, because looking in every step would cost a call into Python each.
         if any(touch.pairs for touch in self._touches.values()):
             self._body.each_arbiter(self._look)
         taken, self._finished = self._finished, []

@@ -25,6 +25,11 @@ _LIMIT_LAG = 0.5
 _HEAVY = 1e6
 """A held joint's body is this many times heavier, so that no robot can move it."""
 
+_STEP = 0.02
+"""Largest move of a point between two tests of a blocked jump [m]."""
+_RESOLUTION = 1e-4
+"""How closely a blocked jump approaches the robot [m]."""
+
 
 class JointDrive:
     """Guides one joint within its limits, with its friction and closer; drives it on demand.
@@ -187,12 +192,6 @@ class JointDrive:
 def _error_bias(lag: float) -> float:
     """Return the share of an error that Chipmunk is to leave after a second, by time constant."""
     return float((1.0 - DT / lag) ** TICK_RATE)
-
-
-_STEP = 0.02
-"""Largest move of a point between two tests of a blocked jump [m]."""
-_RESOLUTION = 1e-4
-"""How closely a blocked jump approaches the robot [m]."""
 
 
 class JointJumper:

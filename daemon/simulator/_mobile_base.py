@@ -24,6 +24,10 @@ from daemon.simulator._physics import DT, FRICTION, ROBOT_COLLISION_TYPE, ROBOT_
 from grammars.model.geometry import Pose2, Twist2
 from grammars.model.robot import Robot
 
+_MEAN_UPDATE_TIME: Final = 0.0045
+"""Mean time of ten updates of the plugin at the start of each millisecond of a tick [s]: that of
+0, 1, ... 9 ms."""
+
 
 class MobileBase:
     """The robot body, its command and a body of its own to be driven by.
@@ -171,11 +175,6 @@ def _approach(goal: float, demanded: float, true: float, limit: float) -> float:
 
 def _clamp(value: float, limit: float) -> float:
     return value if -limit <= value <= limit else math.copysign(limit, value)
-
-
-_MEAN_UPDATE_TIME: Final = 0.0045
-"""Mean time of ten updates of the plugin at the start of each millisecond of a tick [s]: that of
-0, 1, ... 9 ms."""
 
 
 class ImposedVelocityBase(MobileBase):

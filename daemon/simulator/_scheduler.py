@@ -57,6 +57,7 @@ class EventQueue:
         self, waypoints: Sequence[str], positions: Mapping[str, Callable[[], float]]
     ) -> None:
         self._waypoints = list(waypoints)
+        # Looked up when asked: walkers add theirs after this queue was made.
         self._positions = positions
         self._waiting: list[tuple[Event, int, Action]] = []
         self._agenda: list[tuple[int, int, Action]] = []
@@ -72,6 +73,7 @@ class EventQueue:
         if isinstance(event, WaypointReached) and event.waypoint not in self._waypoints:
             raise ValueError(f"the mission has no waypoint {event.waypoint!r}")
         self._waiting.append((event, delay, act))
+        # Joints already watched keep the position they were first seen at: slow motion adds up.
         self._watch()
 
     def _watch(self) -> None:

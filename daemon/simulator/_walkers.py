@@ -22,6 +22,18 @@ from grammars.model.behaviour import Walk
 from grammars.model.geometry import Floats, Pose2, Ring
 from grammars.model.movers import TURN_RATE, Profile, Route
 
+SQUEEZED_DEPTH: Final = 0.02
+"""A mover stops dead when the robot it touches is this deep in anything [m]: it has no way out."""
+
+CLEAR_AGAIN: Final = 0.05
+"""It goes on when the robot is this much farther away than where it stopped for it [m]: otherwise a
+robot that creeps along the limit would make it stop and go at every tick."""
+
+YIELD_ANGLE: Final = math.radians(60.0)
+"""A mover yields to robots this far to the left and right of the way it goes [rad]."""
+
+_NEAR: Final = 1e-9
+
 
 @dataclass(frozen=True, slots=True)
 class _Leg:
@@ -93,6 +105,7 @@ class RouteFollower:
             if following is None:
                 self._done = True
                 return
+            # A pause that is shorter than turning round takes as long as that.
             self._arrived, self._turn_from = arrival, self._leg.turned
             turn = abs(following.turned - self._leg.turned) / TURN_RATE
             self._rest_until = arrival + max(self._walk.pause, turn)
@@ -115,6 +128,8 @@ class RouteFollower:
 
     def _state(self, time: float) -> tuple[float, float]:
         """Return the way on the present leg and the speed."""
+        # In closed form from the last change on, never summed up tick by tick: where a walk is does
+        # not depend on how often it was asked.
         passed = max(0.0, time - self._begin)
         if self._stopped:
             a, v = self._walk.acceleration, self._braked_from
@@ -153,19 +168,6 @@ class RouteFollower:
         way, speed = self._state(time)
         self._stopped = False
         self._set_out(time, way, speed)
-
-
-SQUEEZED_DEPTH: Final = 0.02
-"""A mover stops dead when the robot it touches is this deep in anything [m]: it has no way out."""
-
-CLEAR_AGAIN: Final = 0.05
-"""It goes on when the robot is this much farther away than where it stopped for it [m]: otherwise a
-robot that creeps along the limit would make it stop and go at every tick."""
-
-YIELD_ANGLE: Final = math.radians(60.0)
-"""A mover yields to robots this far to the left and right of the way it goes [rad]."""
-
-_NEAR: Final = 1e-9
 
 
 class _RobotInTheWay(Enum):
@@ -251,11 +253,14 @@ class Walker:
         # Far away, as most of the time: no polygons.
         if dx * dx + dy * dy > (yielding + self._reach) ** 2:
             return _RobotInTheWay.NO
+        # Only what lies ahead is in the way: who is overtaken or stands beside is not waited for.
         heading = self._follower.heading(now)
         ahead = 0.0 if heading is None else dx * heading[0] + dy * heading[1]
         if ahead <= 0.0:
             return _RobotInTheWay.NO
         gap = self._gap()
+        # Touching alone does not stop a mover that yields to nobody: it pushes the robot until that
+        # is pressed into something.
         squeezed = gap <= 0.0 and self._base.penetration_depth() > SQUEEZED_DEPTH
         if squeezed or (self._obstacle is _RobotInTheWay.BLOCKED and gap < CLEAR_AGAIN):
             return _RobotInTheWay.BLOCKED

@@ -10,9 +10,8 @@ from typing import Any, Final, TypeVar
 import numpy as np
 import numpy.typing as npt
 
-from daemon.trace import _layouts, _mission
+from daemon.trace import _mission, layouts
 from daemon.trace import messages as ros
-from daemon.trace._layouts import HEADER, ByteArray, MessageLayout
 from daemon.trace._mcap_reader import DamagedTraceError
 from daemon.trace._model import (
     CommandTrack,
@@ -26,6 +25,7 @@ from daemon.trace._model import (
     ScanTrack,
 )
 from daemon.trace._views import decode_path
+from daemon.trace.layouts import HEADER, ByteArray, MessageLayout
 from grammars.model.geometry import Floats
 from grammars.model.robot import Laser
 
@@ -43,7 +43,7 @@ _LOG_TIME_AT: Final = 15
 
 def motion(runs: Runs, topic: str, frame: str) -> MotionTrack:
     """Decode ``/ground_truth`` or ``/odom``."""
-    found = _fields(runs, _layouts.odometry(topic, frame))
+    found = _fields(runs, layouts.odometry(topic, frame))
     return MotionTrack(
         _seconds(found), found["x"], found["y"], _yaw(found), found["vx"], found["vy"], found["wz"]
     )
@@ -51,20 +51,20 @@ def motion(runs: Runs, topic: str, frame: str) -> MotionTrack:
 
 def command(runs: Runs) -> CommandTrack:
     """Decode ``/cmd_vel``."""
-    found = _fields(runs, _layouts.command())
+    found = _fields(runs, layouts.command())
     return CommandTrack(_seconds(found), found["vx"], found["vy"], found["wz"])
 
 
 def poses(runs: Runs, topic: str) -> PoseTrack:
     """Decode ``/pose`` or ``/particle_cloud/summary``."""
-    found = _fields(runs, _layouts.estimate(topic))
+    found = _fields(runs, layouts.estimate(topic))
     covariance = np.stack([found[f"c{i}"] for i in range(9)], axis=1).reshape(-1, 3, 3)
     return PoseTrack(_seconds(found), found["x"], found["y"], _yaw(found), covariance)
 
 
 def cloud_count(runs: Runs) -> npt.NDArray[np.int64]:
     """Decode ``/particle_cloud/count``."""
-    return _fields(runs, _layouts.count())["count"].astype(np.int64)
+    return _fields(runs, layouts.count())["count"].astype(np.int64)
 
 
 def joints(runs: Runs, names: tuple[str, ...]) -> JointTrack:
@@ -72,7 +72,7 @@ def joints(runs: Runs, names: tuple[str, ...]) -> JointTrack:
     if not names:
         nothing = np.empty((0, 0))
         return JointTrack((), np.empty(0), nothing, nothing)
-    found = _fields(runs, _layouts.joints(names))
+    found = _fields(runs, layouts.joints(names))
     return JointTrack(names, _seconds(found), found["position"], found["velocity"])
 
 
@@ -83,7 +83,7 @@ def scans(runs: Runs, laser: Laser) -> ScanTrack:
         return ScanTrack(np.empty(0), np.empty((0, max(laser.rays, 0)), np.float32))
     if not 0 < 4 * laser.rays < rows[0].shape[1] or not laser.rate > 0:
         raise DamagedTraceError("scans of another size than the robot's laser makes")
-    found = _fields(runs, _layouts.scan(laser))
+    found = _fields(runs, layouts.scan(laser))
     return ScanTrack(_seconds(found), found["ranges"])
 
 
@@ -95,7 +95,7 @@ def contacts(runs: Runs) -> tuple[ContactRecord, ...]:
         # first row names a pair, all rows of it are taken at once, the rest is looked at again.
         while len(rows):
             first, second = _contact_names(rows[0].tobytes()[HEADER.size :])
-            layout = _layouts.contact(first, second)
+            layout = layouts.contact(first, second)
             fits = layout.fits(rows)
             if not fits[0]:
                 raise DamagedTraceError("/contacts holds something else")

@@ -21,9 +21,9 @@ from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 
-from daemon.trace._layouts import HEADER, ByteArray
 from daemon.trace._mcap_writer import MAGIC
 from daemon.trace._model import TraceError
+from daemon.trace.layouts import HEADER, ByteArray
 from daemon.trace.messages import KINDS
 
 FILE_LIMIT: Final = 1 << 30
@@ -133,11 +133,13 @@ class _McapWalk:
             Opcode.METADATA: records.Metadata,
             Opcode.ATTACHMENT: records.Attachment,
         }
+        # Statistics, indexes and what later versions of the format add: nothing we need.
         if opcode not in kinds:
             return
         try:
             record = kinds[opcode].read(ReadDataStream(io.BytesIO(content)))
-        except (McapError, struct.error, ValueError) as error:
+        except (McapError, struct.error, ValueError, OverflowError) as error:
+            # The mcap library takes lengths inside of a record as they are, up to 2**64.
             raise DamagedTraceError(f"a damaged {kinds[opcode].__name__.lower()} record") from error
         if isinstance(record, records.Schema):
             self._schemas[record.id] = record.name
@@ -232,6 +234,7 @@ class _McapWalk:
             self._runs += 1
             if self._runs > RUN_LIMIT:
                 raise TraceError(self.recording.path, "holds too many scattered messages")
+            # A view: the decompressed chunk is kept alive by it and never copied.
             rows = np.frombuffer(data, np.uint8, count * size, at).reshape(count, size)
             self.recording.runs.setdefault(topic, []).append(rows)
         return end

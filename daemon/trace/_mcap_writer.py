@@ -24,7 +24,7 @@ from mcap import records
 from mcap.data_stream import RecordBuilder
 from mcap.opcode import Opcode
 
-from daemon.trace._layouts import HEADER, MESSAGE_OPCODE, IntArray, MessageLayout
+from daemon.trace.layouts import HEADER, MESSAGE_OPCODE, IntArray, MessageLayout
 
 MAGIC: Final = b"\x89MCAP0\r\n"
 LIBRARY: Final = "scenario-tui"
@@ -157,6 +157,7 @@ class McapWriter:
     def finish(self) -> None:
         """Write the end of the data, the summary and the footer."""
         self._write(_record_bytes(records.DataEnd(data_section_crc=0)))
+        # In the order of the mcap library's own writer; the format allows any.
         groups: list[tuple[Opcode, Sequence[Any]]] = [
             (Opcode.SCHEMA, self._schemas),
             (Opcode.CHANNEL, self._channels),
@@ -257,6 +258,8 @@ class SampleColumns:
 
     def drain(self) -> tuple[IntArray, dict[str, npt.NDArray[Any]]]:
         """Return the samples as times (n,) and one column (n,) per name, and start anew."""
+        # The arrays are handed over, not copied: one whose buffer numpy looks at cannot grow any
+        # more, so there are new ones to go on with.
         times = np.frombuffer(self._times, np.int64)
         values = np.frombuffer(self._values, np.float64).reshape(len(times), len(self.names))
         self._times, self._values = array("q"), array("d")

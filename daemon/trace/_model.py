@@ -25,6 +25,7 @@ class TraceError(InputError):
         super().__init__(Diagnostic(Where(str(path)), message, hint))
 
 
+# ``eq=False`` where there are arrays: comparing them gives arrays, not an answer.
 @dataclass(frozen=True, slots=True, eq=False)
 class MotionTrack:
     """A moving base: ``time`` (n,), pose ``x, y`` [m] and ``yaw`` [rad, wrapped], body twist.

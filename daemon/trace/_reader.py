@@ -10,7 +10,7 @@ from __future__ import annotations
 import functools
 import hashlib
 from pathlib import Path
-from typing import Final, TypeVar
+from typing import Final
 
 import numpy as np
 
@@ -26,51 +26,6 @@ MAX_GAP: Final = 0.5
 """Longest time [s] between two ground truth samples in a trace that can be trusted: ten in a row
 may be missing, as it is recorded at 20 Hz."""
 
-
-def recording_problems(
-    truth: MotionTrack, odometry: MotionTrack, joints: JointTrack, valid_until: float
-) -> tuple[str, ...]:
-    """Return everything that is wrong with the recording, in words; empty when it is sound."""
-    found: list[str] = []
-    for name, time in (
-        ("ground truth", truth.time),
-        ("odometry", odometry.time),
-        ("joint states", joints.time),
-    ):
-        found += _backwards(name, time)
-    for name, motion in (("ground truth", truth), ("odometry", odometry)):
-        values = np.stack((motion.x, motion.y, motion.yaw, motion.vx, motion.vy, motion.wz), 1)
-        found += _not_finite(name, motion.time, values)
-    found += _not_finite("joint states", joints.time, joints.position)
-    found += _gaps(truth.time, valid_until)
-    return tuple(found)
-
-
-def _backwards(name: str, time: Floats) -> list[str]:
-    jumps = np.flatnonzero(np.diff(time) < 0)
-    if not len(jumps):
-        return []
-    first = jumps[0]
-    return [f"the clock of the {name} jumps back from {time[first]:g} s to {time[first + 1]:g} s"]
-
-
-def _not_finite(name: str, time: Floats, values: Floats) -> list[str]:
-    bad = np.flatnonzero(~np.isfinite(values).all(axis=1))
-    return [f"the {name} at {time[bad[0]]:g} s is not a number"] if len(bad) else []
-
-
-def _gaps(time: Floats, valid_until: float) -> list[str]:
-    if not len(time):
-        return ["there is no ground truth"]
-    # From the start of the run to the end of what is judged: missing ends are gaps like any other.
-    edges = np.concatenate(([0.0], time, [valid_until]))
-    steps = np.diff(edges)
-    worst = int(np.argmax(steps))
-    if steps[worst] <= MAX_GAP:
-        return []
-    return [f"no ground truth from {edges[worst]:g} s to {edges[worst + 1]:g} s"]
-
-
 _SCENE_LIMIT: Final = 64 << 20
 """Largest scene [bytes of JSON] that is unpacked from a file that may be anybody's."""
 _JUDGED: Final = frozenset(
@@ -79,8 +34,6 @@ _JUDGED: Final = frozenset(
         "/particle_cloud/summary", "/particle_cloud/count", "/mission/status", "/events",
     }
 )  # fmt: skip
-
-T = TypeVar("T")
 
 
 def read_trace(path: Path, *, scans: bool = False, plans: bool = False) -> Trace:
@@ -127,7 +80,7 @@ def _decoded(recording: McapContents, spec: RunSpec, scene: Scene, scans: bool) 
         note=outcome.get("note", "") if complete else recording.cut or "the recording was cut",
         complete=complete,
         valid_until=valid_until,
-        problems=recording_problems(truth, odometry, joints, valid_until),
+        problems=_recording_problems(truth, odometry, joints, valid_until),
         versions=recording.metadata.get("versions", {}),
         ground_truth=truth,
         odometry=odometry,
@@ -150,12 +103,25 @@ def _attached_spec(recording: McapContents) -> RunSpec:
     # Attachments have no checksum of ours otherwise, and everything is judged by what they say.
     if named != hashlib.sha256(data).hexdigest():
         raise TraceError(recording.path, "the run specification in the file is damaged")
-    return _parsed(recording.path, RunSpec, data)
+    try:
+        return codec.from_json(RunSpec, data)
+    except ValueError as error:
+        raise TraceError(
+            recording.path,
+            "the run specification was written by another version of this program",
+            "read it with the version named in its metadata",
+        ) from error
 
 
 def _attached_scene(recording: McapContents, spec: RunSpec) -> Scene:
     packed = _attachment(recording, "scene.json.zst")
-    return _scene(recording.path, packed, spec.scene)
+    try:
+        scene, digest = _cached_scene(packed)
+    except (DamagedTraceError, ValueError) as error:
+        raise TraceError(recording.path, "the scene in the file is damaged") from error
+    if digest != spec.scene:
+        raise TraceError(recording.path, "the scene in the file is not the one of the run")
+    return scene
 
 
 def _attachment(recording: McapContents, name: str) -> bytes:
@@ -173,22 +139,45 @@ def _cached_scene(packed: bytes) -> tuple[Scene, str]:
     return codec.from_json(Scene, data), hashlib.sha256(data).hexdigest()
 
 
-def _scene(path: Path, packed: bytes, digest: str) -> Scene:
-    try:
-        scene, found = _cached_scene(packed)
-    except (DamagedTraceError, ValueError) as error:
-        raise TraceError(path, "the scene in the file is damaged") from error
-    if found != digest:
-        raise TraceError(path, "the scene in the file is not the one of the run")
-    return scene
+def _recording_problems(
+    truth: MotionTrack, odometry: MotionTrack, joints: JointTrack, valid_until: float
+) -> tuple[str, ...]:
+    """Return everything that is wrong with the recording, in words; empty when it is sound."""
+    found: list[str] = []
+    for name, time in (
+        ("ground truth", truth.time),
+        ("odometry", odometry.time),
+        ("joint states", joints.time),
+    ):
+        found += _backwards(name, time)
+    for name, motion in (("ground truth", truth), ("odometry", odometry)):
+        values = np.stack((motion.x, motion.y, motion.yaw, motion.vx, motion.vy, motion.wz), 1)
+        found += _not_finite(name, motion.time, values)
+    found += _not_finite("joint states", joints.time, joints.position)
+    found += _gaps(truth.time, valid_until)
+    return tuple(found)
 
 
-def _parsed(path: Path, kind: type[T], data: bytes) -> T:
-    try:
-        return codec.from_json(kind, data)
-    except ValueError as error:
-        raise TraceError(
-            path,
-            "the run specification was written by another version of this program",
-            "read it with the version named in its metadata",
-        ) from error
+def _backwards(name: str, time: Floats) -> list[str]:
+    jumps = np.flatnonzero(np.diff(time) < 0)
+    if not len(jumps):
+        return []
+    first = jumps[0]
+    return [f"the clock of the {name} jumps back from {time[first]:g} s to {time[first + 1]:g} s"]
+
+
+def _not_finite(name: str, time: Floats, values: Floats) -> list[str]:
+    bad = np.flatnonzero(~np.isfinite(values).all(axis=1))
+    return [f"the {name} at {time[bad[0]]:g} s is not a number"] if len(bad) else []
+
+
+def _gaps(time: Floats, valid_until: float) -> list[str]:
+    if not len(time):
+        return ["there is no ground truth"]
+    # From the start of the run to the end of what is judged: missing ends are gaps like any other.
+    edges = np.concatenate(([0.0], time, [valid_until]))
+    steps = np.diff(edges)
+    worst = int(np.argmax(steps))
+    if steps[worst] <= MAX_GAP:
+        return []
+    return [f"no ground truth from {edges[worst]:g} s to {edges[worst + 1]:g} s"]

@@ -11,11 +11,11 @@ from typing import Any, Final
 import numpy as np
 import numpy.typing as npt
 
-from daemon.trace import _layouts
-from daemon.trace._layouts import IntArray
+from daemon.trace import layouts
 from daemon.trace._mcap_writer import MessageBlock, MessageRecords, SampleColumns, encode_block
 from daemon.trace._statics import MovingLinks
 from daemon.trace._views import ViewerMessages
+from daemon.trace.layouts import IntArray
 from grammars.model.geometry import Floats
 from grammars.model.robot import Laser
 from grammars.model.scene import Scene
@@ -24,6 +24,14 @@ HEARTBEAT: Final = 1_000_000_000
 """Longest time [ns] for which a repeated joint state is left out. Doors rest most of the time, and
 the states of 20 doors take 436 bytes, 20 times a second; a viewer that jumps into the file must
 still find one near."""
+
+DOOR_PERIOD: Final = 100_000_000
+"""Shortest time [ns] between two messages with the frames of doors: enough for eyes; what is judged
+comes from the joint states, which have every sample."""
+
+POSE: Final = ("x", "y", "qz", "qw")
+TWIST: Final = ("vx", "vy", "wz")
+COVARIANCE: Final = tuple(f"c{i}" for i in range(9))
 
 
 class JointSamples:
@@ -72,20 +80,11 @@ class JointSamples:
         return times, states.reshape(len(times), self._width)
 
 
-DOOR_PERIOD: Final = 100_000_000
-"""Shortest time [ns] between two messages with the frames of doors: enough for eyes; what is judged
-comes from the joint states, which have every sample."""
-
-POSE: Final = ("x", "y", "qz", "qw")
-TWIST: Final = ("vx", "vy", "wz")
-COVARIANCE: Final = tuple(f"c{i}" for i in range(9))
-
-
 class SignalBuffers:
     """The collected samples of every topic; ``ids`` are the channel ids of the topics.
 
     One buffer per topic and not one list of messages: a chunk is then encoded column by column,
-    see :mod:`daemon.trace._layouts`.
+    see :mod:`daemon.trace.layouts`.
     """
 
     def __init__(self, scene: Scene, laser: Laser, ids: Mapping[str, int]) -> None:
@@ -124,22 +123,22 @@ class SignalBuffers:
     ) -> list[MessageBlock]:
         ids, cloud = self._ids, self.cloud.drain()
         contacts = [
-            encode_block(_layouts.contact(*pair), ids["/contacts"], *columns.drain())
+            encode_block(layouts.contact(*pair), ids["/contacts"], *columns.drain())
             for pair, columns in self.contacts.items()
         ]
         self.contacts.clear()
         return [
             encode_block(
-                _layouts.odometry("/ground_truth", "map"), ids["/ground_truth"], *self.truth.drain()
+                layouts.odometry("/ground_truth", "map"), ids["/ground_truth"], *self.truth.drain()
             ),
-            encode_block(_layouts.odometry("/odom", "odom"), ids["/odom"], *odometry),
+            encode_block(layouts.odometry("/odom", "odom"), ids["/odom"], *odometry),
             *self._joint_blocks(*joints),
-            encode_block(_layouts.command(), ids["/cmd_vel"], *self.command.drain()),
-            encode_block(_layouts.estimate("/pose"), ids["/pose"], *self.estimate.drain()),
+            encode_block(layouts.command(), ids["/cmd_vel"], *self.command.drain()),
+            encode_block(layouts.estimate("/pose"), ids["/pose"], *self.estimate.drain()),
             encode_block(
-                _layouts.estimate("/particle_cloud/summary"), ids["/particle_cloud/summary"], *cloud
+                layouts.estimate("/particle_cloud/summary"), ids["/particle_cloud/summary"], *cloud
             ),
-            encode_block(_layouts.count(), ids["/particle_cloud/count"], *cloud),
+            encode_block(layouts.count(), ids["/particle_cloud/count"], *cloud),
             *contacts,
             self.status.drain(),
             self.goal.drain(),
@@ -152,10 +151,10 @@ class SignalBuffers:
         joints: tuple[IntArray, Floats],
     ) -> list[MessageBlock]:
         ids, tf = self._ids, self._ids["/tf"]
-        to_odom = _layouts.transforms((("map", "odom"),))
-        to_base = _layouts.transforms((("odom", "base_link"),))
+        to_odom = layouts.transforms((("map", "odom"),))
+        to_base = layouts.transforms((("odom", "base_link"),))
         return [
-            encode_block(_layouts.clock(), ids["/clock"], *self.clock.drain()),
+            encode_block(layouts.clock(), ids["/clock"], *self.clock.drain()),
             encode_block(to_odom, tf, *_as_first_transform(*self.correction.drain())),
             encode_block(to_base, tf, *_as_first_transform(*odometry)),
             *self._door_blocks(*joints),
@@ -168,7 +167,7 @@ class SignalBuffers:
         if not len(times):
             return []
         columns = {"position": states[:, : len(names)], "velocity": states[:, len(names) :]}
-        return [encode_block(_layouts.joints(names), self._ids["/joint_states"], times, columns)]
+        return [encode_block(layouts.joints(names), self._ids["/joint_states"], times, columns)]
 
     def _door_blocks(self, times: IntArray, states: Floats) -> list[MessageBlock]:
         """Return the frames of all links that joints move, at most ten times a second."""
@@ -184,7 +183,7 @@ class SignalBuffers:
         columns = {
             f"{name}{i}": poses[:, i, j] for i in range(len(names)) for j, name in enumerate(POSE)
         }
-        layout = _layouts.transforms(tuple(("map", name) for name in names))
+        layout = layouts.transforms(tuple(("map", name) for name in names))
         return [encode_block(layout, self._ids["/tf"], times[rows], columns)]
 
     def _scan_block(self) -> MessageBlock:
@@ -193,7 +192,7 @@ class SignalBuffers:
         self.scan_times.clear()
         self.scan_ranges.clear()
         columns = {"ranges": ranges.reshape(len(times), self._laser.rays)}
-        return encode_block(_layouts.scan(self._laser), self._ids["/scan"], times, columns)
+        return encode_block(layouts.scan(self._laser), self._ids["/scan"], times, columns)
 
 
 def _as_first_transform(

@@ -23,6 +23,18 @@ from grammars.model.mission import Mission
 from grammars.model.robot import Robot
 from grammars.model.scene import Scene, SceneObject
 
+_COLOURS: Final = {
+    "wall": (0.72, 0.72, 0.70, 1.0),
+    "column": (0.55, 0.50, 0.45, 1.0),
+    "divider": (0.60, 0.66, 0.62, 1.0),
+    "object": (0.62, 0.40, 0.22, 1.0),
+    "waypoint": (0.10, 0.55, 0.85, 1.0),
+}
+# visualization_msgs/Marker: ARROW, TEXT_VIEW_FACING, TRIANGLE_LIST.
+_ARROW, _TEXT, _TRIANGLES = 0, 9, 11
+_FLOOR_HEIGHT: Final = 0.02
+"""Arrows lie this far above the floor [m], so that its plane does not hide half of them."""
+
 
 @dataclass(frozen=True, slots=True)
 class MovingLinks:
@@ -72,19 +84,6 @@ def _moving(item: SceneObject) -> list[str]:
     """Return the links of ``item`` that have a joint, in the order of its links."""
     children = {joint.child for joint in item.joints}
     return [link.name for link in item.links if link.name in children]
-
-
-_COLOURS: Final = {
-    "wall": (0.72, 0.72, 0.70, 1.0),
-    "column": (0.55, 0.50, 0.45, 1.0),
-    "divider": (0.60, 0.66, 0.62, 1.0),
-    "object": (0.62, 0.40, 0.22, 1.0),
-    "waypoint": (0.10, 0.55, 0.85, 1.0),
-}
-# visualization_msgs/Marker: ARROW, TEXT_VIEW_FACING, TRIANGLE_LIST.
-_ARROW, _TEXT, _TRIANGLES = 0, 9, 11
-_FLOOR_HEIGHT: Final = 0.02
-"""Arrows lie this far above the floor [m], so that its plane does not hide half of them."""
 
 
 def occupancy_grid(grid: OccupancyGrid, now: int = 0, frame: str = "map") -> Any:

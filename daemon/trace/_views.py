@@ -16,8 +16,8 @@ import numpy.typing as npt
 from daemon.model.sut import CostmapPicture
 from daemon.trace import _statics
 from daemon.trace import messages as ros
-from daemon.trace._layouts import stamps
 from daemon.trace._mcap_writer import MessageBlock, MessageRecords
+from daemon.trace.layouts import stamps
 from grammars.model.geometry import Floats
 from grammars.model.grid import OccupancyGrid
 
@@ -33,6 +33,15 @@ _STAMPED_POSE: Final = np.dtype([("stamp", "<u8"), ("frame", "V8"), ("pose", "<f
 _ALIGNED: Final = _HEAD.size + 16
 """Where the first pose of a path stands: doubles lie at multiples of eight bytes after the four of
 the encapsulation, so four of padding precede it. All further rows are aligned by then."""
+
+PARTICLES: Final = "/particlecloud"
+COSTMAP: Final = "/move_base/local_costmap/costmap"
+
+PLAN_POINTS: Final = 500
+"""A plan of more points is thinned to about as many; navfn puts one every 2.5 cm."""
+
+_LOCAL_PLAN_PERIOD: Final = _SECOND // 5
+_STEPS_PER_METRE: Final = 1024.0
 
 
 def encode_path(now: int, points: Floats) -> bytes:
@@ -65,16 +74,6 @@ def decode_path(payload: bytes) -> Floats:
 
 def _pack_head(now: int, count: int) -> bytes:
     return _HEAD.pack(_ENCAPSULATION, *divmod(now, _SECOND), *_FRAME, count)
-
-
-PARTICLES: Final = "/particlecloud"
-COSTMAP: Final = "/move_base/local_costmap/costmap"
-
-PLAN_POINTS: Final = 500
-"""A plan of more points is thinned to about as many; navfn puts one every 2.5 cm."""
-
-_LOCAL_PLAN_PERIOD: Final = _SECOND // 5
-_STEPS_PER_METRE: Final = 1024.0
 
 
 class ViewerMessages:

@@ -37,59 +37,6 @@ from grammars.model.scene import Scene
 from grammars.text import codec
 from grammars.text.files import sync_directory
 
-
-def write_preamble(
-    container: McapWriter, spec: RunSpec, scene: bytes, versions: Mapping[str, str]
-) -> None:
-    """Declare the topics and write what identifies the run, ahead of everything recorded."""
-    for topic in ros.TOPICS:
-        qos = {"offered_qos_profiles": ros.latched_qos() if topic.latched else ""}
-        container.add_channel(topic.name, topic.kind, ros.schema(topic.kind), qos)
-    container.add_attachment("spec.json", "application/json", codec.to_json(spec))
-    container.add_attachment("scene.json.zst", "application/zstd", scene)
-    facts = {
-        "digest": spec.digest,
-        "label": spec.label,
-        "campaign": spec.campaign,
-        "scenario": spec.scenario,
-        "sut": spec.sut.name,
-        "repeat": str(spec.repeat),
-        "seed": str(spec.seed),
-        "limit": repr(spec.limit),
-        "scene": spec.scene,
-        "robot": spec.robot.name,
-        "mission": spec.mission.name,
-    }
-    container.add_metadata("run", facts)
-    container.add_metadata("versions", {"engine": spec.engine, **dict(sorted(versions.items()))})
-
-
-@functools.lru_cache(maxsize=4)
-def latched_payloads(scene: Scene, robot: Robot, course: Mission) -> tuple[tuple[str, bytes], ...]:
-    """Return the payloads of the latched topics but the map, the same for every repeat."""
-    messages = {
-        "/footprint": _statics.footprint(robot),
-        "/tf_static": _statics.fixed_frames(robot, scene),
-        "/scene": _statics.markers(scene, course),
-    }
-    return tuple((topic, ros.serialize(m, ros.KINDS[topic])) for topic, m in messages.items())
-
-
-def compress_scene(scene: Scene, digest: str) -> bytes:
-    """Return the scene's canonical JSON, compressed; it must be the one the run specifies."""
-    data = codec.to_json(scene)
-    found = hashlib.sha256(data).hexdigest()
-    if found != digest:
-        raise ValueError(f"scene {found[:12]} given, {digest[:12]} specified")
-    return _compressed(data)
-
-
-# Level 9 and not 1 as for messages: once per scene and process, while every trace carries it.
-@functools.lru_cache(maxsize=4)
-def _compressed(data: bytes) -> bytes:
-    return zstandard.ZstdCompressor(level=9).compress(data)
-
-
 PARTIAL: Final = ".partial"
 """Added to the name of a trace while it is written, and left there when its writer dies."""
 
@@ -122,7 +69,7 @@ class TraceWriter:
         self._ids = {topic.name: number for number, topic in enumerate(ros.TOPICS, start=1)}
         self._signals = SignalBuffers(scene, spec.robot.laser, self._ids)
         self._goals = _mission.goal_ids(spec.digest, spec.mission)
-        packed = compress_scene(scene, spec.scene)
+        packed = _compress_scene(scene, spec.scene)
         self._spec, self._scene = spec, scene
         # Three seconds at 20 Hz: an estimate has the stamp of its scan, a few samples back.
         self._odometers: deque[Odometry] = deque(maxlen=64)
@@ -136,11 +83,11 @@ class TraceWriter:
         self._partial.unlink(missing_ok=True)
         self._file = self._partial.open("xb")
         self._container = McapWriter(self._file)
-        write_preamble(self._container, spec, packed, versions or {})
+        _write_preamble(self._container, spec, packed, versions or {})
 
     def static(self, grid: OccupancyGrid) -> None:
         """Write everything that holds for the whole run, at time 0."""
-        latched = latched_payloads(self._scene, self._spec.robot, self._spec.mission)
+        latched = _latched_payloads(self._scene, self._spec.robot, self._spec.mission)
         drawn = ros.serialize(_statics.occupancy_grid(grid), ros.KINDS["/map"])
         blocks = []
         for topic, payload in (("/map", drawn), *latched):
@@ -348,6 +295,58 @@ class TraceWriter:
         self._container.add_chunk(judged)
         self._container.add_chunk(watched)
         self._file.flush()
+
+
+def _write_preamble(
+    container: McapWriter, spec: RunSpec, scene: bytes, versions: Mapping[str, str]
+) -> None:
+    """Declare the topics and write what identifies the run, ahead of everything recorded."""
+    for topic in ros.TOPICS:
+        qos = {"offered_qos_profiles": ros.latched_qos() if topic.latched else ""}
+        container.add_channel(topic.name, topic.kind, ros.schema(topic.kind), qos)
+    container.add_attachment("spec.json", "application/json", codec.to_json(spec))
+    container.add_attachment("scene.json.zst", "application/zstd", scene)
+    facts = {
+        "digest": spec.digest,
+        "label": spec.label,
+        "campaign": spec.campaign,
+        "scenario": spec.scenario,
+        "sut": spec.sut.name,
+        "repeat": str(spec.repeat),
+        "seed": str(spec.seed),
+        "limit": repr(spec.limit),
+        "scene": spec.scene,
+        "robot": spec.robot.name,
+        "mission": spec.mission.name,
+    }
+    container.add_metadata("run", facts)
+    container.add_metadata("versions", {"engine": spec.engine, **dict(sorted(versions.items()))})
+
+
+@functools.lru_cache(maxsize=4)
+def _latched_payloads(scene: Scene, robot: Robot, course: Mission) -> tuple[tuple[str, bytes], ...]:
+    """Return the payloads of the latched topics but the map, the same for every repeat."""
+    messages = {
+        "/footprint": _statics.footprint(robot),
+        "/tf_static": _statics.fixed_frames(robot, scene),
+        "/scene": _statics.markers(scene, course),
+    }
+    return tuple((topic, ros.serialize(m, ros.KINDS[topic])) for topic, m in messages.items())
+
+
+def _compress_scene(scene: Scene, digest: str) -> bytes:
+    """Return the scene's canonical JSON, compressed; it must be the one the run specifies."""
+    data = codec.to_json(scene)
+    found = hashlib.sha256(data).hexdigest()
+    if found != digest:
+        raise ValueError(f"scene {found[:12]} given, {digest[:12]} specified")
+    return _compressed(data)
+
+
+# Level 9 and not 1 as for messages: once per scene and process, while every trace carries it.
+@functools.lru_cache(maxsize=4)
+def _compressed(data: bytes) -> bytes:
+    return zstandard.ZstdCompressor(level=9).compress(data)
 
 
 def _estimate_columns(pose: Pose2, covariance: Floats) -> tuple[float, ...]:

@@ -24,9 +24,9 @@ from mcap.writer import Writer
 
 from daemon.model.spec import RunSpec, TraceInfo
 from daemon.model.sut import Cloud, Estimate, Odometry, Progress
-from daemon.trace import TraceWriter, _layouts, read_trace
+from daemon.trace import TraceWriter, layouts, read_trace
 from daemon.trace import messages as ros
-from daemon.trace._layouts import HEADER, MessageLayout
+from daemon.trace.layouts import HEADER, MessageLayout
 from grammars.model.geometry import Pose2, Twist2
 from grammars.model.grid import OccupancyGrid
 from grammars.model.scene import Scene
@@ -139,12 +139,12 @@ def _compare() -> None:
     random = np.random.default_rng(2)
     names = tuple(f"door-{i}.hinge" for i in range(DOORS))
     for layout in (
-        _layouts.scan(replace(ROBOT.laser, rays=RAYS)),
-        _layouts.odometry("/odom", "odom"),
-        _layouts.transforms((("odom", "base_link"),)),
-        _layouts.joints(names),
-        _layouts.estimate("/pose"),
-        _layouts.command(),
+        layouts.scan(replace(ROBOT.laser, rays=RAYS)),
+        layouts.odometry("/odom", "odom"),
+        layouts.transforms((("odom", "base_link"),)),
+        layouts.joints(names),
+        layouts.estimate("/pose"),
+        layouts.command(),
     ):
         fast, slow = _layout_cost(layout, random)
         print(

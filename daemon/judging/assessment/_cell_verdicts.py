@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from enum import Enum
 from fnmatch import fnmatchcase
-from typing import Final
+from typing import Final, TypeAlias
 
 from daemon.judging.statistics import (
+    CONFIDENCE,
     at_least,
     at_most,
     mean_interval,
@@ -19,6 +20,7 @@ from daemon.model.assessments import (
     AssessmentRules,
     CellMeasure,
     CellVerdict,
+    ComparisonVerdict,
     Expectation,
     ExpectedVerdict,
     RepeatPolicy,
@@ -26,6 +28,23 @@ from daemon.model.assessments import (
     WorstRun,
 )
 from daemon.model.verdicts import Evidence, Outcome, Verdict
+
+Cell: TypeAlias = tuple[str, str]
+"""A scenario (or one of its variants) with a system under test."""
+
+DURATION: Final = "duration"
+"""The measure every run has: the simulated time it took [s]."""
+
+BY_GRAVITY: Final = (Outcome.FAIL, Outcome.ERROR, Outcome.INCONCLUSIVE, Outcome.PASS)
+"""What is said first of a cell: a failure is a finding, an error may hide one."""
+
+
+def group_by_cell(records: Iterable[RunRecord]) -> dict[Cell, list[RunRecord]]:
+    """Return the runs of each cell, cells and runs in the order of their appearance."""
+    groups: dict[Cell, list[RunRecord]] = {}
+    for record in records:
+        groups.setdefault((record.scenario, record.sut), []).append(record)
+    return groups
 
 
 class ExpectationStatus(Enum):
@@ -58,6 +77,7 @@ def expected_verdict(
     expectations: Sequence[Expectation], scenario: str, oracle: str, sut: str
 ) -> tuple[ExpectedVerdict, str]:
     """Return the verdict expected and why: that of the last expectation that matches, or pass."""
+    # The last one counts, so that a file goes from the rule to its exceptions.
     for expectation in reversed(expectations):
         if expectation_matches(expectation, scenario, oracle, sut):
             return expectation.verdict, expectation.why
@@ -67,7 +87,11 @@ def expected_verdict(
 def expectation_status(
     wanted: ExpectedVerdict, verdict: Outcome, *, passed: int, failed: int, n: int
 ) -> ExpectationStatus:
-    """Compare what came out of ``n`` repeats with what was expected."""
+    """Compare what came out of ``n`` repeats with what was expected.
+
+    ``pass`` is about the verdict, which follows the policy; ``fail`` and ``mixed`` are about single
+    repeats: what is known to be broken must not pass by chance either.
+    """
     if wanted == "any":
         return ExpectationStatus.MET
     if wanted == "pass":
@@ -81,8 +105,13 @@ def expectation_status(
     return ExpectationStatus.CONTRADICTED if contradicted else ExpectationStatus.OPEN
 
 
-DURATION: Final = "duration"
-"""The measure every run has: the simulated time it took [s]."""
+def status_of(cell: CellVerdict | ComparisonVerdict) -> ExpectationStatus:
+    """Return how a verdict stands to what was expected of it; a comparison is one repeat."""
+    if isinstance(cell, CellVerdict):
+        passed, failed, n = cell.passed, cell.failed, cell.n
+    else:
+        passed, failed, n = cell.verdict is Outcome.PASS, cell.verdict is Outcome.FAIL, 1
+    return expectation_status(cell.expected, cell.verdict, passed=passed, failed=failed, n=n)
 
 
 def measured_value(record: RunRecord, name: str) -> float | None:
@@ -133,10 +162,6 @@ def _cell_measure(name: str, unit: str, records: Sequence[RunRecord]) -> CellMea
     )
 
 
-BY_GRAVITY: Final = (Outcome.FAIL, Outcome.ERROR, Outcome.INCONCLUSIVE, Outcome.PASS)
-_CONFIDENCE: Final = 0.95
-
-
 def trusted_verdicts(record: RunRecord) -> tuple[Verdict, ...]:
     """Return the verdicts of a run as they count: none is trusted when its system crashed."""
     if record.ended != "crashed":
@@ -149,9 +174,7 @@ def _distrust(verdict: Verdict, note: str) -> Verdict:
     return Verdict(verdict.oracle, verdict.text, Outcome.ERROR, None, None, verdict.unit, evidence)
 
 
-def cell_verdict(
-    name: str, records: Sequence[RunRecord], declared: AssessmentRules
-) -> tuple[CellVerdict, ExpectationStatus]:
+def cell_verdict(name: str, records: Sequence[RunRecord], declared: AssessmentRules) -> CellVerdict:
     """Return what the oracle ``name`` says about the repeats of one cell."""
     found = [(r, v) for r in records for v in trusted_verdicts(r) if v.oracle == name]
     verdicts = [v for _, v in found]
@@ -161,10 +184,10 @@ def cell_verdict(
     verdict = _policy_verdict(policy, verdicts, n)
     scenario, sut = records[0].scenario, records[0].sut
     wanted, why = expected_verdict(declared.expectations, scenario, name, sut)
-    stands = expectation_status(wanted, verdict, passed=passed, failed=failed, n=n)
+    status = expectation_status(wanted, verdict, passed=passed, failed=failed, n=n)
     confidence = confidence_of(policy)
     needed = runs_needed(passed, n, policy.rate, confidence) if policy.rule == "rate" else None
-    cell = CellVerdict(
+    return CellVerdict(
         scenario=scenario,
         sut=sut,
         oracle=name,
@@ -174,6 +197,7 @@ def cell_verdict(
         errors=counts[Outcome.ERROR],
         missing=n - len(verdicts),
         n=n,
+        # As if what was not judged had failed for the lower bound, and passed for the upper one.
         low=proportion_interval(passed, n)[0],
         high=proportion_interval(n - failed, n)[1],
         at_least=at_least(passed, n, confidence),
@@ -182,10 +206,9 @@ def cell_verdict(
         worst=_worst_run(found),
         verdict=verdict,
         expected=wanted,
-        met=stands is ExpectationStatus.MET,
+        met=status is ExpectationStatus.MET,
         why=why,
     )
-    return cell, stands
 
 
 def confidence_of(policy: RepeatPolicy) -> float:
@@ -194,7 +217,7 @@ def confidence_of(policy: RepeatPolicy) -> float:
     Whoever looks again and again until something shows finds it by chance: with ``k`` looks each
     may err in 5 %/k (Bonferroni), so that all of them together err in at most 5 %.
     """
-    return 1.0 - (1.0 - _CONFIDENCE) / len(policy.looks)
+    return 1.0 - (1.0 - CONFIDENCE) / len(policy.looks)
 
 
 def _policy_verdict(policy: RepeatPolicy, verdicts: Sequence[Verdict], n: int) -> Outcome:
@@ -204,6 +227,8 @@ def _policy_verdict(policy: RepeatPolicy, verdicts: Sequence[Verdict], n: int) -
         if found and found[0] is not Outcome.INCONCLUSIVE:
             return found[0]
         return Outcome.PASS if counts[Outcome.PASS] == n else Outcome.INCONCLUSIVE
+    # A rate or a mean that is shown is shown whatever the broken repeats would have been; they
+    # matter only where nothing is shown.
     shown = _rate(policy, counts, n) if policy.rule == "rate" else _mean(policy, verdicts, n)
     undecided = shown is Outcome.INCONCLUSIVE
     return Outcome.ERROR if undecided and counts[Outcome.ERROR] else shown
@@ -258,6 +283,7 @@ def _statement(policy: RepeatPolicy, passed: int, failed: int, n: int, needed: i
 
 def _percent(rate: float) -> str:
     """Return ``54.9 %``, cut and not rounded: nothing is shown that was not."""
+    # The 1e-9 give back what binary floats took: 0.549 * 1000 is 549.0 or a last bit less.
     return f"{int(rate * 1000 + 1e-9) / 10:g} %"
 
 

@@ -15,22 +15,23 @@ from __future__ import annotations
 
 import functools
 import math
-from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import Final
 
 import numpy as np
 import numpy.typing as npt
 
 from daemon.judging.oracles._series import SignalSeries
 from daemon.model.kernels import kernel
+from daemon.trace import Trace
 from grammars.model import kinematics
 from grammars.model.geometry import Floats, Point2, Ring
 from grammars.model.kinematics import WORLD, link_poses
-from grammars.model.scene import Joint, Link, Scene, SceneObject
+from grammars.model.scene import Joint, Scene, SceneObject
 
-if TYPE_CHECKING:
-    from daemon.trace import Trace
+_SQRT_2: Final = 1.4142135623730951
+_SLACK: Final = 1e-9
+"""Added to the radius of circles [m], whose rounding must not skip the nearest polygon."""
 
 
 @kernel
@@ -91,6 +92,8 @@ def _polygon_minimum(
         right = right and side <= 0.0
         best = min(best, _edge_minimum(px, py, qx, qy, hx, hy))
         px, py = qx, qy
+    # Every edge has the box centre on the same side, whichever way the ring turns: it is inside. On
+    # all of them (both) it is only when the polygon has no area.
     if left != right:
         return -min(hx, hy)
     return best
@@ -104,8 +107,7 @@ def box_clearance(
     """Return clearance (n,) [m] and the index of the nearest polygon (n,) for each pose (n, 3).
 
     ``centre`` and ``half`` extents of the box in the base frame; the polygons are those of
-    :class:`daemon.judging.oracles._clearance.ObstaclePolygons`, at least one. Of equally near polygons the first
-    one counts.
+    :class:`ObstaclePolygons`, at least one. Of equally near polygons the first one counts.
 
     A polygon whose circle is at distance d from the box centre has ``g >= d / sqrt(2) - max(hx,
     hy)``, so most are skipped; starting from the previous sample's nearest one keeps it tight.
@@ -115,6 +117,8 @@ def box_clearance(
     nearest = np.empty(samples, dtype=np.int32)
     hx, hy = half[0], half[1]
     reach = max(hx, hy)
+    # The nearest polygon of the sample before is tried first: between two samples the robot moves a
+    # few centimetres, so it mostly is the nearest again and rules out all that are farther.
     guess = 0
     for i in range(samples):
         c, s = math.cos(poses[i, 2]), math.sin(poses[i, 2])
@@ -131,7 +135,7 @@ def box_clearance(
                 lc, ls = math.cos(tracks[i, f, 2]), math.sin(tracks[i, f, 2])
                 wx, wy = lx + lc * wx - ls * wy, ly + ls * wx + lc * wy
             # Farther than this no point of the circle can be as near as the best so far.
-            limit = (best + reach) * 1.4142135623730951 + circle[p, 2] + 1e-9
+            limit = (best + reach) * _SQRT_2 + circle[p, 2] + _SLACK
             if (wx - bx) ** 2 + (wy - by) ** 2 > limit * limit:
                 continue
             found = _polygon_minimum(
@@ -140,6 +144,7 @@ def box_clearance(
                 c * (lx - bx) + s * (ly - by), c * (ly - by) - s * (lx - bx),
                 hx, hy,
             )  # fmt: skip
+            # By index among equals, or the name in the evidence would depend on the guess.
             if found < best or (found == best and p < owner):
                 best, owner = found, p
         values[i], nearest[i] = best, owner
@@ -273,6 +278,7 @@ class _ObstacleShapes:
     moving: tuple[tuple[SceneObject, tuple[str, ...]], ...]
 
 
+# By digest and height instead of by the scene itself, whose hash would be that of all its polygons.
 @functools.lru_cache(maxsize=16)
 def _obstacle_shapes(building: _SceneAtHeight) -> _ObstacleShapes:
     """Collect the polygons once for all traces in the same building."""
@@ -326,13 +332,9 @@ def _fixed_rings(scene: Scene, height: float) -> tuple[list[Ring], list[str], li
         poses = link_poses(item, item.initial)
         for link in item.links:
             if _in_reach(link.z_min, link.z_max, height):
-                rings.extend(_placed(link, poses[link.name].apply_ring))
+                rings.extend(map(poses[link.name].apply_ring, link.polygons))
                 names.extend([f"{item.name}.{link.name}"] * len(link.polygons))
     return rings, names, [-1] * len(rings)
-
-
-def _placed(link: Link, place: Callable[[Ring], Ring]) -> list[Ring]:
-    return [place(ring) for ring in link.polygons]
 
 
 def _in_reach(z_min: float, z_max: float, height: float) -> bool:

@@ -18,10 +18,8 @@ give a heading are judged on position only: the paper's requirement is to reach 
 from __future__ import annotations
 
 import math
-from typing import TypeAlias
 
 import numpy as np
-import numpy.typing as npt
 
 from daemon.judging.oracles._predicate import (
     JUST_BELOW,
@@ -43,6 +41,8 @@ from grammars.model.geometry import Floats
 from grammars.model.mission import Waypoint
 from grammars.oracle import Amount, Limit, Oracle, Reached, Statistic, Temporal, Until, render
 
+_RELEASED = "what it waits for held from the start"
+
 
 def judge_temporal(oracle: Oracle, judgement: Temporal, sampler: SignalSampler) -> MarginInterval:
     """Judge ``always``, ``never`` or ``eventually``."""
@@ -59,6 +59,7 @@ def judge_temporal(oracle: Oracle, judgement: Temporal, sampler: SignalSampler) 
         return unknown_margin(scope.reason)
     eventually = judgement.operator == "eventually"
     margin = np.where(allowed, found.margin, -math.inf if eventually else math.inf)
+    # The decisive moment: of what must always hold the worst one, of what must once hold the best.
     index = int(margin.argmax() if eventually else margin.argmin())
     worst = float(margin[index])
     first = _first_note(time_base, allowed & ((found.margin >= 0.0) == eventually), index)
@@ -66,6 +67,7 @@ def judge_temporal(oracle: Oracle, judgement: Temporal, sampler: SignalSampler) 
     if not unit_of_margin(judgement.predicate) and (worst >= 0.0) != eventually:
         # True or false, and nothing happened: no moment of the run is more telling than another.
         evidence = Evidence(note=join_notes(*found.notes, scope.note, window.cut))
+    # What is still to come can only make the best better, and the worst worse.
     if eventually:
         return MarginInterval(worst, worst if closed else math.inf, evidence)
     return MarginInterval(worst if closed else -math.inf, worst, evidence)
@@ -84,6 +86,8 @@ def judge_amount(oracle: Oracle, judgement: Amount, sampler: SignalSampler) -> M
     value, low, high = _amount(judgement.operator, time_base, window, allowed, holds)
     if math.isnan(value):
         return unknown_margin("no time has passed", measured=limit is None)
+    # What to look at is the longest stretch of what the limit is against: of "at least" where it
+    # does not hold, of "at most" (and of a mere measure) where it does.
     wants_more = limit is not None and limit.operator in (">=", ">")
     stretch = _longest(time_base, allowed & ~holds if wants_more else holds)
     note = join_notes(*found.notes, scope.note, window.cut)
@@ -108,6 +112,7 @@ def judge_statistic(oracle: Oracle, judgement: Statistic, sampler: SignalSampler
         return unknown_margin(scope.reason, measured=limit is None)
     value, index = _statistic(judgement.operator, time_base, scope.allowed, signal.values)
     low, high = value, value
+    # A maximum so far can only grow, a minimum only shrink; of the others nothing is known yet.
     if not window.closed:
         low = value if judgement.operator == "max" else -math.inf
         high = value if judgement.operator == "min" else math.inf
@@ -136,6 +141,7 @@ def _amount(
     if operator == "longest":
         lengths = [float(time_base.weight[s].sum()) for s in true_stretches(holds)]
         longest = max(lengths, default=0.0)
+        # A stretch that lasts to the end of a cut trace may go on for all of the rest.
         current = lengths[-1] if lengths and not window.closed and holds[-1] else 0.0
         return longest, longest, max(longest, current + rest) if rest else longest
     count = float(len(true_stretches(holds)))
@@ -155,6 +161,7 @@ def _statistic(
     if operator == "p95":
         order = np.argsort(judged, kind="stable")
         covered = np.cumsum(weight[order])
+        # The first value that covers 95 % of the time; the 1e-9 s undo the rounding of their sum.
         rank = min(int(np.searchsorted(covered, 0.95 * covered[-1] - 1e-9)), len(order) - 1)
         chosen = int(order[rank])
     elif operator == "final":
@@ -173,6 +180,7 @@ def _compare_with_limit(
     target = limit.number.value
     judged = Evidence(evidence.time, evidence.value, target, evidence.object, evidence.note)
     ends = np.array([low, high])
+    # The margin of an equality is largest, or smallest, inside of an interval that holds the limit.
     if limit.operator in ("==", "!=") and low <= target <= high:
         ends = np.array([low, target, high])
     margins = margin_of(limit.operator, ends, np.full(len(ends), target))
@@ -239,9 +247,6 @@ def judge_until(oracle: Oracle, judgement: Until, sampler: SignalSampler) -> Mar
     return MarginInterval(worst if came.any() or closed else -math.inf, worst, evidence)
 
 
-_RELEASED = "what it waits for held from the start"
-
-
 def _release_window(
     oracle: Oracle, judgement: Until, sampler: SignalSampler
 ) -> tuple[JudgedWindow, bool, SampleMask]:
@@ -267,9 +272,6 @@ def _release_never_came(
     return MarginInterval(margin, margin, evidence)
 
 
-VisitMask: TypeAlias = npt.NDArray[np.bool_]
-
-
 def judge_reached(oracle: Oracle, judgement: Reached, sampler: SignalSampler) -> MarginInterval:
     """Judge the mission; with a guard, only positions where it holds count as visits."""
     time_base, tolerance = sampler.time_base, judgement.tolerance.value
@@ -289,15 +291,18 @@ def judge_reached(oracle: Oracle, judgement: Reached, sampler: SignalSampler) ->
     return MarginInterval(margin, margin if time_base.closed else math.inf, evidence)
 
 
-def _distance(sampler: SignalSampler, usable: VisitMask, waypoint: Waypoint) -> Floats:
+def _distance(sampler: SignalSampler, usable: SampleMask, waypoint: Waypoint) -> Floats:
     """Return the distance [m] at every sample, infinite where a guard forbids to count it."""
     distance = np.hypot(sampler.x - waypoint.x, sampler.y - waypoint.y)
     distance[~usable] = math.inf
     return distance
 
 
-def _closest(sampler: SignalSampler, usable: VisitMask, waypoints: tuple[Waypoint, ...]) -> float:
+def _closest(sampler: SignalSampler, usable: SampleMask, waypoints: tuple[Waypoint, ...]) -> float:
     """Return the smallest worst distance [m] over all ways to visit the waypoints in order."""
+    # Dynamic programming over the waypoints: best[i] is the smallest worst distance of all ways to
+    # visit those so far by sample i. One pass of numpy each, where all readings would be n to the
+    # power of the waypoints.
     best = np.zeros(len(sampler.time_base.time))
     for waypoint in waypoints:
         worst = np.maximum(best, _distance(sampler, usable, waypoint))
@@ -307,7 +312,7 @@ def _closest(sampler: SignalSampler, usable: VisitMask, waypoints: tuple[Waypoin
 
 def _decisive_visit(
     sampler: SignalSampler,
-    usable: VisitMask,
+    usable: SampleMask,
     waypoints: tuple[Waypoint, ...],
     closest: float,
     tolerance: float,

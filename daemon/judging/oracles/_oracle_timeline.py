@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from daemon.judging.oracles._judge import SceneAndMission, bind_oracle
+from daemon.judging.oracles._judge import bind_oracle
 from daemon.judging.oracles._operators import true_stretches
 from daemon.judging.oracles._predicate import (
     PredicateSeries,
@@ -62,10 +62,8 @@ class OracleTimeline:
 
 def oracle_timeline(written: OracleText, sampler: SignalSampler) -> OracleTimeline:
     """Return the course of an oracle; an empty one when it cannot be read or evaluated."""
-    trace = sampler.trace
     try:
-        place = SceneAndMission(trace.spec.scene, trace.spec.mission, trace.scene)
-        oracle = bind_oracle(written.name, written.text, place)
+        oracle = bind_oracle(written, sampler.trace)
         against = _violations(oracle, sampler) if len(sampler.time_base.time) else ()
     except (InputError, PluginError):
         return OracleTimeline(written.name, (), (), ())
@@ -87,6 +85,7 @@ def _violations(oracle: Oracle, sampler: SignalSampler) -> tuple[Stretch, ...]:
             return where(found, found.margin < 0.0)
         case Until(operator=operator, predicate=predicate, release=release):
             found = evaluate_predicate(predicate, sampler, negated=operator == "never")
+            # Once released, always released: what comes afterwards is no violation.
             released = np.logical_or.accumulate(evaluate_predicate(release, sampler).margin >= 0.0)
             return where(found, (found.margin < 0.0) & ~released)
         case Amount(predicate=predicate, limit=limit) if limit is not None:
@@ -106,6 +105,7 @@ def _violations(oracle: Oracle, sampler: SignalSampler) -> tuple[Stretch, ...]:
 
 def _time_stretches(sampler: SignalSampler, wrong: SampleMask) -> tuple[Stretch, ...]:
     """Return stretches of time; a sample counts until the next one."""
+    # As in judging: what was seen holds until the next sample, the last one until the end.
     ends = np.append(sampler.time_base.time[1:], sampler.time_base.end)
     return tuple(
         (float(sampler.time_base.time[part.start]), float(ends[part.stop - 1]))

@@ -33,6 +33,10 @@ from grammars.oracle import (
     render,
 )
 
+SampleMask = npt.NDArray[np.bool_]
+
+VACUOUS = "vacuous: the guard never held"
+
 JUST_BELOW: Final = -float(np.finfo(np.float64).tiny)
 """Margin of a strict comparison whose sides are equal: it does not hold, by nothing."""
 
@@ -134,6 +138,8 @@ def margin_of(operator: str, value: Floats, limit: Floats) -> Floats:
             margin = 0.0 - np.abs(value - limit)
         case _:
             margin = np.abs(value - limit)
+    # So that the sign alone says whether it holds, also where a strict comparison is met exactly;
+    # + 0.0 makes 0.0 of -0.0.
     if operator in ("<", ">", "!="):
         margin = np.where(margin == 0.0, JUST_BELOW, margin)
     return margin + 0.0
@@ -170,6 +176,8 @@ def _combine(parts: list[PredicateSeries], *, every: bool, comparable: bool) -> 
 
     Margins in unlike units only keep their sign.
     """
+    # ``and`` is the minimum of margins and ``or`` the maximum, as in robust semantics of temporal
+    # logic; one that is unknown decides nothing unless the others settle it.
     margins = np.stack([p.margin if comparable else _sign(p.margin) for p in parts])
     unknown = np.isnan(margins)
     known = np.where(unknown, np.inf if every else -np.inf, margins)
@@ -186,11 +194,6 @@ def _combine(parts: list[PredicateSeries], *, every: bool, comparable: bool) -> 
 
 def _sign(margin: Floats) -> Floats:
     return np.where(np.isnan(margin), np.nan, np.where(margin >= 0.0, 1.0, -1.0))
-
-
-SampleMask = npt.NDArray[np.bool_]
-
-VACUOUS = "vacuous: the guard never held"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -240,6 +243,7 @@ def _leg_window(leg: Leg, sampler: SignalSampler, time_base: TimeBase) -> Judged
     Coming back to it later does not count: otherwise a leg would never be known to be over.
     """
     number = leg_number(leg, sampler.trace.spec.mission)
+    # By what the system under test reports, not by distances: it decides when a waypoint is done.
     there = sampler.current == number - 1
     first = int(there.argmax()) if there.any() else len(there)
     gone = np.flatnonzero(~there[first:])

@@ -9,7 +9,7 @@ import functools
 import math
 from collections.abc import Callable
 from dataclasses import fields, is_dataclass, replace
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -33,6 +33,7 @@ from daemon.judging.oracles._series import (
     time_base_of,
 )
 from daemon.model.verdicts import Evidence, MarginInterval
+from daemon.trace import Trace
 from grammars.model.geometry import Floats
 from grammars.oracle import (
     SIGNALS,
@@ -47,10 +48,10 @@ from grammars.oracle import (
 )
 from grammars.text.plugins import explain_plugin_error
 
-if TYPE_CHECKING:
-    from daemon.trace import Trace
-
 T = TypeVar("T")
+
+ROBOT = "robot"
+"""What recorded contacts call the robot's body."""
 
 
 class PluginError(Exception):
@@ -62,6 +63,7 @@ def sample_plugin_signal(
 ) -> SignalSeries:
     """Sample a signal that plugs in; raises :class:`PluginError`."""
     declared = _require_plugin(custom_signal(name), "signal", name)
+    # Read-only views of everything: a plug-in is somebody else's code, in the same process.
     time = read_only_view(sampler.time_base.time)
     answer = _call_plugin(
         f'the signal "{name}"', declared.sample, sampler.read_only_trace, time, *arguments
@@ -130,7 +132,7 @@ def _require_plugin(declared: T | None, kind: str, name: str) -> T:
 def _call_plugin(what: str, function: Any, *arguments: object) -> object:
     try:
         answer: object = function(*arguments)
-    except (Exception, SystemExit) as error:
+    except (Exception, SystemExit) as error:  # sys.exit() in a plug-in must not end a worker
         raise PluginError(explain_plugin_error(f"{what} failed", error, __file__)) from error
     return answer
 
@@ -150,6 +152,7 @@ def _interval(answer: object, what: str) -> tuple[float, float, Evidence]:
     if not isinstance(evidence, Evidence):
         raise PluginError(f"{what} gave {type(evidence).__name__} instead of Evidence")
     lower, upper = _as_floats(answer[:2], what).tolist()
+    # Not ``lower > upper``: nan is refused as well.
     if not lower <= upper:
         raise PluginError(f"{what} gave the interval [{lower}, {upper}]")
     return lower, upper, _plain_evidence(evidence, what)
@@ -165,10 +168,6 @@ def _plain_evidence(evidence: Evidence, what: str) -> Evidence:
     return Evidence(time, value, limit, str(evidence.object), str(evidence.note))
 
 
-ROBOT = "robot"
-"""What recorded contacts call the robot's body."""
-
-
 class SignalSampler:
     """Samples the signals of one trace; each is computed once."""
 
@@ -177,6 +176,7 @@ class SignalSampler:
         self.time_base = time_base_of(trace)
         count = len(self.time_base.time)
         truth = trace.ground_truth
+        # The time base is the ground truth up to where it is valid; everything has its length.
         self.x, self.y = truth.x[:count], truth.y[:count]
         self.poses = np.column_stack((self.x, self.y, truth.yaw[:count]))
         self._cache: dict[tuple[str, str, tuple[float, ...]], SignalSeries] = {}
@@ -185,7 +185,7 @@ class SignalSampler:
     def sample(self, signal: Signal) -> SignalSeries:
         """Return ``signal`` on the time base; it must have passed the static checks.
 
-        Raises :class:`daemon.judging.oracles._sampler.PluginError` for a signal of one's own that fails.
+        Raises :class:`PluginError` for a signal of one's own that fails.
         """
         thing = signal.object.name if signal.object is not None else ""
         arguments = tuple(a.value for a in signal.arguments if isinstance(a, Number))
@@ -266,6 +266,8 @@ class SignalSampler:
             other = record.second if record.first == ROBOT else record.first
             if thing and not belongs_to(other, thing):
                 continue
+            # Contacts are recorded with the next state: each belongs to the first sample that is
+            # not before it.
             index = int(np.searchsorted(time, record.time - 1e-9))
             if index < len(time) and (objects[index] < 0 or record.depth > depth[index]):
                 depth[index] = max(depth[index], record.depth)

@@ -8,23 +8,23 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from daemon.trace import _layouts, encode_path
+from daemon.trace import encode_path, layouts
 from daemon.trace import messages as ros
-from daemon.trace._layouts import HEADER, MessageLayout, stamps
+from daemon.trace.layouts import HEADER, MessageLayout, stamps
 from tests.daemon.trace.recordings import ROBOT
 
 LAYOUTS = {
-    "clock": _layouts.clock(),
-    "odometry": _layouts.odometry("/odom", "odom"),
-    "ground truth": _layouts.odometry("/ground_truth", "map"),
-    "one transform": _layouts.transforms((("odom", "base_link"),)),
-    "doors": _layouts.transforms((("map", "door-1/leaf"), ("map", "längere/tür"), ("map", "x/y"))),
-    "scan": _layouts.scan(ROBOT.laser),
-    "command": _layouts.command(),
-    "estimate": _layouts.estimate("/pose"),
-    "count": _layouts.count(),
-    "joints": _layouts.joints(("a.hinge", "bc.slide", "d.hinge")),
-    "contact": _layouts.contact("robot", "hall-wall-2"),
+    "clock": layouts.clock(),
+    "odometry": layouts.odometry("/odom", "odom"),
+    "ground truth": layouts.odometry("/ground_truth", "map"),
+    "one transform": layouts.transforms((("odom", "base_link"),)),
+    "doors": layouts.transforms((("map", "door-1/leaf"), ("map", "längere/tür"), ("map", "x/y"))),
+    "scan": layouts.scan(ROBOT.laser),
+    "command": layouts.command(),
+    "estimate": layouts.estimate("/pose"),
+    "count": layouts.count(),
+    "joints": layouts.joints(("a.hinge", "bc.slide", "d.hinge")),
+    "contact": layouts.contact("robot", "hall-wall-2"),
 }
 
 

@@ -1,4 +1,4 @@
-"""Clearance: the compiled kernel against shapely, and the links against their kinematics."""
+"""Clearance: what is sampled against shapely, and the links against their kinematics."""
 
 from __future__ import annotations
 
@@ -11,20 +11,12 @@ import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from daemon.judging.oracles._clearance import (
-    box_clearance_series,
-    cos_sin,
-    footprint_box,
-    hinge_foot,
-    link_tracks,
-    obstacles_of,
-)
-from daemon.judging.oracles._series import SignalSeries
+from daemon.judging.oracles import SignalSampler
 from daemon.trace import JointTrack
-from grammars.model import kinematics
 from grammars.model.geometry import Floats, Point2, Pose2, Ring
 from grammars.model.kinematics import link_poses
 from grammars.model.scene import Joint, Link, Scene, SceneObject, Solid
+from grammars.oracle import Signal
 from tests.daemon.judging.oracles.traces import (
     CORRIDOR,
     ROBOT,
@@ -76,11 +68,16 @@ def scene_of(*rings: Ring) -> Scene:
     return Scene("test", (), (), solids)
 
 
-def sample(scene: Scene, poses: list[Pose2], centre: Point2, half: Point2) -> SignalSeries:
-    time = times((len(poses) - 1) / 20.0)
-    array = np.array([(p.x, p.y, p.yaw) for p in poses])
-    return box_clearance_series(obstacles_of(make_trace(still(time), scene=scene), time), array,
-                     centre=centre, half=half)  # fmt: skip
+def sample(
+    scene: Scene, poses: list[Pose2], centre: Point2, half: Point2
+) -> tuple[Floats, list[str]]:
+    """Return the clearance of a robot with that box as footprint, and what is nearest, by pose."""
+    x, y, yaw = np.array([(p.x, p.y, p.yaw) for p in poses]).T
+    motion = replace(still(times((len(poses) - 1) / 20.0)), x=x, y=y, yaw=yaw)
+    (cx, cy), (hx, hy) = centre, half
+    robot = replace(ROBOT, footprint=box(cx - hx, cy - hy, cx + hx, cy + hy))
+    found = SignalSampler(make_trace(motion, scene=scene, robot=robot)).sample(Signal("clearance"))
+    return found.values, [found.object_at(index) for index in range(len(poses))]
 
 
 POSES = st.builds(Pose2, COORDINATE, COORDINATE, ANGLE)
@@ -96,18 +93,17 @@ POSES = st.builds(Pose2, COORDINATE, COORDINATE, ANGLE)
 def test_the_kernel_agrees_with_shapely(
     rings: list[Ring], poses: list[Pose2], centre: Point2, half: Point2
 ) -> None:
-    found = sample(scene_of(*rings), poses, centre, half)
+    values, nearest = sample(scene_of(*rings), poses, centre, half)
     for index, pose in enumerate(poses):
         expected = [reference(ring, pose, centre, half) for ring in rings]
-        assert found.values[index] == pytest.approx(min(expected), abs=1e-6)
-        nearest = int(found.object_at(index)[1:])
-        assert expected[nearest] == pytest.approx(min(expected), abs=1e-6)
+        assert values[index] == pytest.approx(min(expected), abs=1e-6)
+        assert expected[int(nearest[index][1:])] == pytest.approx(min(expected), abs=1e-6)
 
 
 @settings(deadline=None)
 @given(convex_rings(), POSES, st.tuples(HALF, HALF))
 def test_every_obstacle_point_is_at_least_as_far(ring: Ring, pose: Pose2, half: Point2) -> None:
-    found = float(sample(scene_of(ring), [pose], (0.0, 0.0), half).values[0])
+    found = float(sample(scene_of(ring), [pose], (0.0, 0.0), half)[0][0])
     corners = np.array([pose.inverse().apply(corner) for corner in ring])
     weights = np.random.default_rng(0).dirichlet(np.ones(len(ring)), 200)
     inside = weights @ corners
@@ -129,20 +125,20 @@ def test_every_obstacle_point_is_at_least_as_far(ring: Ring, pose: Pose2, half: 
     ids=["ahead", "beside", "nose-in", "post-inside", "inside-a-solid", "corner", "diagonal"],
 )  # fmt: skip
 def test_distances_a_person_can_check(ring: Ring, expected: float) -> None:
-    found = sample(scene_of(ring), [Pose2()], (0.0, 0.0), (0.35, 0.233))
-    assert found.values[0] == pytest.approx(expected)
+    values, _ = sample(scene_of(ring), [Pose2()], (0.0, 0.0), (0.35, 0.233))
+    assert values[0] == pytest.approx(expected)
 
 
 def test_the_box_turns_with_the_robot() -> None:
     scene = scene_of(box(1.0, -1.0, 2.0, 1.0))
-    found = sample(scene, [Pose2(yaw=math.pi / 2), Pose2(0.2)], (0.0, 0.0), (0.35, 0.233))
-    assert found.values == pytest.approx([1.0 - 0.233, 0.8 - 0.35])
+    values, _ = sample(scene, [Pose2(yaw=math.pi / 2), Pose2(0.2)], (0.0, 0.0), (0.35, 0.233))
+    assert values == pytest.approx([1.0 - 0.233, 0.8 - 0.35])
 
 
 def test_of_equally_near_obstacles_the_first_is_named() -> None:
     scene = scene_of(box(-2.0, -1.0, -1.0, 1.0), box(1.0, -1.0, 2.0, 1.0))
-    found = sample(scene, [Pose2(0.1), Pose2(0.0)], (0.0, 0.0), (0.35, 0.233))
-    assert [found.object_at(0), found.object_at(1)] == ["s1", "s0"]
+    _, nearest = sample(scene, [Pose2(0.1), Pose2(0.0)], (0.0, 0.0), (0.35, 0.233))
+    assert nearest == ["s1", "s0"]
 
 
 def test_what_the_robot_passes_under_or_over_is_no_obstacle() -> None:
@@ -156,7 +152,7 @@ def test_what_the_robot_passes_under_or_over_is_no_obstacle() -> None:
             wall("step", 3.0, -1.0, 4.0, 1.0, z_max=0.1),
         ),
     )
-    assert obstacles_of(make_trace(still(times(0.0)), scene=scene), times(0.0)).names == ("step",)
+    assert SignalSampler(make_trace(still(times(0.0)), scene=scene)).obstacles.names == ("step",)
 
 
 def test_an_empty_scene_has_no_clearance_to_judge() -> None:
@@ -167,10 +163,15 @@ def test_an_empty_scene_has_no_clearance_to_judge() -> None:
 
 def test_an_uneven_footprint_is_measured_from_its_own_middle() -> None:
     ring = ((0.5, 0.2), (-0.1, 0.2), (-0.1, -0.2), (0.5, -0.2))
-    assert footprint_box(ring) == (pytest.approx((0.2, 0.0)), pytest.approx((0.3, 0.2)))
-    scene = scene_of(box(1.0, -1.0, 2.0, 1.0))
-    trace = make_trace(still(times(0.0)), scene=scene, robot=replace(ROBOT, footprint=ring))
-    assert verdict(trace, "min(clearance)").evidence.value == pytest.approx(0.5)
+    for obstacle, expected in (
+        (box(1.0, -1.0, 2.0, 1.0), 0.5),
+        (box(-2.0, -1.0, -1.0, 1.0), 0.9),
+        (box(-1.0, 1.0, 1.0, 2.0), 0.8),
+        (box(-1.0, -2.0, 1.0, -1.0), 0.8),
+    ):
+        robot = replace(ROBOT, footprint=ring)
+        trace = make_trace(still(times(0.0)), scene=scene_of(obstacle), robot=robot)
+        assert verdict(trace, "min(clearance)").evidence.value == pytest.approx(expected)
 
 
 def swinging(time: Floats, angle: Floats) -> JointTrack:
@@ -193,9 +194,9 @@ def test_a_door_is_where_its_joint_was_recorded() -> None:
 def test_frozen_objects_stand_as_they_were_placed() -> None:
     ajar = replace(door("door-1", 1.0, 0.0), initial=(math.pi / 2,), frozen=True)
     scene = Scene("ajar", (), (), (), (ajar,))
-    found = sample(scene, [Pose2()], (0.0, 0.0), (0.1, 0.1))
-    assert found.values[0] == pytest.approx(1.0 - 0.02 - 0.1)
-    assert found.object_at(0) == "door-1.leaf"
+    values, nearest = sample(scene, [Pose2()], (0.0, 0.0), (0.1, 0.1))
+    assert values[0] == pytest.approx(1.0 - 0.02 - 0.1)
+    assert nearest == ["door-1.leaf"]
 
 
 def arm() -> SceneObject:
@@ -206,27 +207,38 @@ def arm() -> SceneObject:
     return SceneObject("arm", "arm", Pose2(1.0, 2.0, 0.5), links, (hinge, slide), (0.0, 0.0))
 
 
+def moved(item: SceneObject, positions: Floats) -> SignalSampler:
+    """A robot that stands still beside an object whose joints are at ``positions`` (n, joints)."""
+    time = times((len(positions) - 1) / 20.0)
+    scene = Scene("one", (), (), (), (item,))
+    joints = JointTrack(scene.joint_names, time, positions, np.zeros_like(positions))
+    return SignalSampler(make_trace(still(time), scene=scene, joints=joints))
+
+
 @settings(deadline=None)
 @given(st.lists(st.tuples(ANGLE, COORDINATE), min_size=1, max_size=4))
 def test_links_follow_their_joints(positions: list[tuple[float, float]]) -> None:
-    tracks = link_tracks(arm(), np.array(positions))
+    tracks = moved(arm(), np.array(positions)).obstacles.tracks
     for index, sampled in enumerate(positions):
-        for name, pose in link_poses(arm(), sampled).items():
-            x, y, yaw = tracks[name][index]
-            assert (x, y) == pytest.approx((pose.x, pose.y))
-            assert math.remainder(yaw - pose.yaw, math.tau) == pytest.approx(0.0, abs=1e-9)
+        poses = link_poses(arm(), sampled)
+        for frame, link in enumerate(arm().links):
+            x, y, yaw = tracks[index, frame]
+            assert (x, y) == pytest.approx((poses[link.name].x, poses[link.name].y))
+            turned = math.remainder(yaw - poses[link.name].yaw, math.tau)
+            assert turned == pytest.approx(0.0, abs=1e-9)
 
 
 def test_the_foot_of_a_carried_hinge_moves_with_its_parent() -> None:
     item, positions = arm(), np.array([(0.7, 0.0), (0.7, 0.5)])
-    x, y = hinge_foot(item, item.joints[0], positions)
+    found = moved(item, positions).sample(Signal("arm.hinge.distance")).values
     carriage = link_poses(item, (0.7, 0.5))["carriage"]
-    assert (x[1], y[1]) == pytest.approx(carriage.apply((0.4, 0.1)))
-    assert (x[0], y[0]) == pytest.approx(item.pose.apply((0.4, 0.1)))
+    assert found[1] == pytest.approx(math.hypot(*carriage.apply((0.4, 0.1))))
+    assert found[0] == pytest.approx(math.hypot(*item.pose.apply((0.4, 0.1))))
 
 
 def test_links_that_never_move_are_where_they_would_be_at_each_moment() -> None:
-    positions = np.full((5, 1), 0.7)
-    leaf = link_tracks(door("door-1", 2.0, 1.0, 0.3), positions)["leaf"]
-    plain = kinematics.link_tracks(door("door-1", 2.0, 1.0, 0.3), positions, cos_sin)["leaf"]
-    assert leaf.tobytes() == plain.tobytes()
+    item = door("door-1", 2.0, 1.0, 0.3)
+    at_rest, moving = np.full((5, 1), 0.7), np.full((6, 1), 0.7)
+    moving[5] = 0.8
+    leaf = moved(item, at_rest).obstacles.tracks
+    assert leaf.tobytes() == moved(item, moving).obstacles.tracks[:5].tobytes()
