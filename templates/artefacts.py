@@ -76,7 +76,7 @@ def choose_kinds(world: ArtefactWorld, names: Iterable[str]) -> tuple[ArtefactKi
     unknown = [name for name in wanted if name not in KINDS and name != ALL]
     if unknown:
         hint = did_you_mean(unknown[0], (*KINDS, ALL))
-        raise InputError(Diagnostic(Where("export"), f'no artefact "{unknown[0]}"', hint))
+        raise InputError.at(Where("export"), f'no artefact "{unknown[0]}"', hint)
     everything = ALL in wanted
     unfit = [KINDS[n] for n in wanted if n != ALL and not KINDS[n].fits(world)]
     if unfit and not everything:

@@ -11,7 +11,7 @@ import json
 from pathlib import Path
 
 from grammars.model.geometry import Pose2
-from grammars.text.diagnostics import Diagnostic, InputError, Where
+from grammars.text.diagnostics import InputError, Where
 from templates.maps import map_file
 from templates.sdf import world_file
 from templates.tasks import mission_file
@@ -65,7 +65,7 @@ def write_layout(job: ExportJob) -> tuple[Path, ...]:
         layout = json.loads(text)
     except ValueError as error:
         message = f"the layout is no JSON: {error}"
-        raise InputError(Diagnostic(Where("foxglove.json.j2"), message)) from error
+        raise InputError.at(Where("foxglove.json.j2"), message) from error
     path = job.path(f"{job.name}.foxglove.json")
     return (job.write(path, json.dumps(layout, ensure_ascii=False, indent=1) + "\n"),)
 

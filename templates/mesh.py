@@ -20,7 +20,7 @@ from shapely.geometry.polygon import orient
 
 from grammars.model.geometry import Floats
 from grammars.model.scene import Scene
-from grammars.text.diagnostics import Diagnostic, InputError, Where
+from grammars.text.diagnostics import InputError, Where
 
 _GRID: Final = 1e-6
 """Corners closer than this are one corner [m]."""
@@ -96,7 +96,7 @@ def _library(name: str) -> Any:
         return importlib.import_module(name)
     except ImportError as error:
         hint = 'pip install "scenario-tui[mesh]"'
-        raise InputError(Diagnostic(Where("mesh"), f"{name} is not installed", hint)) from error
+        raise InputError.at(Where("mesh"), f"{name} is not installed", hint) from error
 
 
 def _layers(scene: Scene) -> list[tuple[float, float, Any]]:

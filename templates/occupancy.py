@@ -21,9 +21,9 @@ from typing import Final, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
+from grammars.model.cross_section import placed_links
 from grammars.model.geometry import Floats, Ring
 from grammars.model.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
-from grammars.model.kinematics import link_poses
 from grammars.model.movers import is_mover
 from grammars.model.scene import Scene
 from grammars.text.diagnostics import did_you_mean
@@ -63,6 +63,8 @@ def occupancy_grid(
     shape = (int(last[1] - first[1]), int(last[0] - first[0]))
     origin = first * resolution
 
+    # Both ends count, unlike in pictures (grammars.model.cross_section): what only touches the
+    # plane of the laser overlaps it, however little (rule 1).
     solid = [s.polygon for s in scene.solids if s.z_min <= laser_height <= s.z_max]
     if joints is not None:
         solid += _object_polygons(scene, laser_height, joints)
@@ -113,14 +115,9 @@ def _object_polygons(scene: Scene, height: float, joints: Mapping[str, float]) -
     for thing in scene.objects:
         if is_mover(thing.joints):
             continue
-        positions = [
-            joints.get(f"{thing.name}.{joint.name}", initial)
-            for joint, initial in zip(thing.joints, thing.initial, strict=True)
-        ]
-        poses = link_poses(thing, positions)
-        for link in thing.links:
+        for link, placed in placed_links(thing, joints):
             if link.z_min <= height <= link.z_max:
-                rings += [poses[link.name].apply_ring(polygon) for polygon in link.polygons]
+                rings += placed
     return rings
 
 

@@ -49,14 +49,14 @@ class Templates:
             return self._environment.get_template(template).render(values)
         except jinja2.TemplateSyntaxError as error:
             where = Where(error.filename or template, error.lineno)
-            raise InputError(Diagnostic(where, f"not a template: {error.message}")) from error
+            raise InputError.at(where, f"not a template: {error.message}") from error
         except Exception as error:
             # Whatever a template of somebody else does, its author is who can mend it.
             if self.folder is None:
                 raise
             where = _place(error, self.folder, template)
             message = f"the template cannot be filled: {type(error).__name__}: {error}"
-            raise InputError(Diagnostic(where, message, f"it is given {_known(values)}")) from error
+            raise InputError.at(where, message, f"it is given {_known(values)}") from error
 
     def unused(self) -> tuple[Diagnostic, ...]:
         """Return a warning for each template in the folder that replaces none of ours."""

@@ -5,15 +5,14 @@ Named states of its objects come from their layers (:func:`named_states`).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final, Literal, TypeVar
 
 from grammars.floorplan import FloorPlan
 from grammars.model.behaviour import Behaviour
-from grammars.model.geometry import Pose2
-from grammars.model.kinematics import WORLD, link_poses
+from grammars.model.kinematics import WORLD
 from grammars.model.mission import Mission
 from grammars.model.robot import Robot
 from grammars.model.scene import Joint, Scene, SceneObject
@@ -168,8 +167,3 @@ def driven_joints(thing: SceneObject) -> tuple[Joint, ...]:
         for joint in thing.joints
         if {joint.parent, joint.child} <= shapes and not joint.lower == joint.upper == 0.0
     )
-
-
-def link_poses_at(thing: SceneObject, positions: Mapping[str, float]) -> dict[str, Pose2]:
-    """Return the pose of each link for joint positions by scene-wide name."""
-    return link_poses(thing, [positions[f"{thing.name}.{joint.name}"] for joint in thing.joints])

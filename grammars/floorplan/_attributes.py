@@ -9,24 +9,27 @@ from typing import Final
 
 from grammars.text.diagnostics import did_you_mean, with_article
 from grammars.text.quantity import PLAN_UNITS, PlanDimension
-from grammars.text.source import DiagnosticCollector, SyntaxNode
+from grammars.text.source import DiagnosticCollector, SourceText, SyntaxNode
 
 _LARGEST: Final = 1e6
 _UNIT_ADVICE: Final = {"length": "lengths are in metres: m", "angle": "angles are in deg or rad"}
 
 
-class QuantityReader:
+class ElementReader(DiagnosticCollector):
     """Reads the quantities of one plan; broken ones are reported and read as ``None``."""
 
-    def __init__(self, variables: Sequence[SyntaxNode], findings: DiagnosticCollector) -> None:
-        self._findings = findings
+    def __init__(self, source: SourceText) -> None:
+        super().__init__(source)
         self._variables: dict[str, list[SyntaxNode]] = {}
+
+    def define(self, variables: Sequence[SyntaxNode]) -> None:
+        """Take over the variables of the plan."""
         for variable in variables:
             self._variables.setdefault(variable.name, []).append(variable)
         for name, nodes in self._variables.items():
             for node in nodes[1:]:
-                first = findings.source.at(nodes[0]).line
-                findings.warn(node, f'variable "{name}" is already defined in line {first}')
+                first = self.source.at(nodes[0]).line
+                self.warn(node, f'variable "{name}" is already defined in line {first}')
 
     def length(self, node: SyntaxNode) -> float | None:
         """Return a length in metres."""
@@ -46,7 +49,7 @@ class QuantityReader:
         unit = node.unit or ("m" if kind == "length" else "rad")
         factor, given = PLAN_UNITS[unit]
         if given != kind:
-            self._findings.error(
+            self.error(
                 place,
                 f'expected {with_article(kind)}, not "{node.number} {unit}"',
                 _UNIT_ADVICE[kind],
@@ -54,10 +57,10 @@ class QuantityReader:
             return None
         number = float(node.number)
         if abs(number) > _LARGEST:
-            self._findings.error(place, f"{node.number} is too large", "the limit is 1000 km")
+            self.error(place, f"{node.number} is too large", "the limit is 1000 km")
             return None
         if kind == "angle" and not node.unit and abs(number) > math.tau:
-            self._findings.warn(
+            self.warn(
                 place,
                 f"{node.number} without a unit means radians",
                 f'write "{node.number} deg" for degrees',
@@ -69,15 +72,15 @@ class QuantityReader:
         known = self._variables.get(name, [])
         if not known:
             hint = did_you_mean(name, self._variables) or f'define it: "var {name} = 1.0 m"'
-            self._findings.error(node, f'unknown variable "{name}"', hint)
+            self.error(node, f'unknown variable "{name}"', hint)
             return None
         if len(known) > 1:
-            lines = " and ".join(str(self._findings.source.at(v).line) for v in known)
-            self._findings.error(node, f'variable "{name}" is not unique: defined in lines {lines}')
+            lines = " and ".join(str(self.source.at(v).line) for v in known)
+            self.error(node, f'variable "{name}" is not unique: defined in lines {lines}')
             return None
         variable = known[0]
         if PLAN_UNITS[variable.unit][1] != kind:
-            self._findings.error(
+            self.error(
                 node,
                 f'expected {with_article(kind)}, but variable "{name}" is in {variable.unit}',
                 _UNIT_ADVICE[kind],
@@ -127,9 +130,7 @@ class Location:
         return part in self.parts
 
 
-def read_location(
-    element: SyntaxNode, kind: str, quantities: QuantityReader, findings: DiagnosticCollector
-) -> Location | None:
+def read_location(element: SyntaxNode, kind: str, reader: ElementReader) -> Location | None:
     """Return the location of an element, or ``None`` when a needed part is missing.
 
     Broken components are reported and read as 0, so that the rest can be checked too.
@@ -140,18 +141,16 @@ def read_location(
         key = " ".join(node.key.split())
         if key not in _ALLOWED[kind]:
             needed = " and ".join(_NEEDED[kind])
-            findings.error(
-                node, f'{with_article(kind)} has no "{key}"', f"it is placed by {needed}"
-            )
+            reader.error(node, f'{with_article(kind)} has no "{key}"', f"it is placed by {needed}")
         elif key in parts:
-            findings.error(node, f'"{key}" is given twice')
+            reader.error(node, f'"{key}" is given twice')
         else:
             parts[key] = node
             if key in ("translation", "rotation"):
-                _read_vector(node, key, kind, offset, quantities, findings)
+                _read_vector(node, key, kind, offset, reader)
     for key in _NEEDED[kind]:
         if key not in parts:
-            findings.error(
+            reader.error(
                 element, f'{kind} "{element.name}" has no "{key}" in its location', _EXAMPLE[key]
             )
     complete = all(key in parts for key in _NEEDED[kind])
@@ -163,20 +162,19 @@ def _read_vector(
     key: str,
     kind: str,
     offset: dict[str, float],
-    quantities: QuantityReader,
-    findings: DiagnosticCollector,
+    reader: ElementReader,
 ) -> None:
     """Read the components of a translation or rotation; axes out of its plane must be 0."""
     free = (_IN_WALL if kind in ("entryway", "window") else _IN_FLOOR)[key]
     for component in node.components:
         name = f"{key}.{component.axis}"
-        read = quantities.length if key == "translation" else quantities.angle
+        read = reader.length if key == "translation" else reader.angle
         value = read(component.value)
         if name in offset:
-            findings.error(component, f'"{component.axis}" is given twice in this {key}')
+            reader.error(component, f'"{component.axis}" is given twice in this {key}')
         elif value and component.axis not in free:
             allowed = " and ".join(free)
-            findings.error(
+            reader.error(
                 component,
                 f"the {key} of {with_article(kind)} about {component.axis} must be 0"
                 if key == "rotation"

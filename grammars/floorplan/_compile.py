@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Final
 
-from grammars.floorplan._attributes import QuantityReader, read_location
+from grammars.floorplan._attributes import ElementReader, read_location
 from grammars.floorplan._features import (
     FeatureDraft,
     OpeningDraft,
@@ -30,8 +30,9 @@ from grammars.floorplan._spaces import (
     resolve_placement,
     wall_frames,
 )
+from grammars.floorplan._syntax import parse_syntax
 from grammars.floorplan.model import FloorPlan, Opening, Wall
-from grammars.text.diagnostics import Diagnostic, InputError, Where
+from grammars.text.diagnostics import InputError, Where
 from grammars.text.source import DiagnosticCollector, SourceText, SyntaxNode, in_source_order
 
 _TOUCHING: Final = 1e-3
@@ -144,66 +145,58 @@ def _check_floor(plan: FloorPlan, findings: DiagnosticCollector) -> None:
             )
 
 
-_RANK = {"Defaults": 0, "Variable": 1}
-
-
 def compile_plan(tree: SyntaxNode, source: SourceText) -> FloorPlan:
     """Return the plan a syntax tree means; raises ``InputError`` with all errors found."""
-    findings = DiagnosticCollector(source)
-    by_kind = _sort_statements(tree, findings)
-    quantities = QuantityReader(by_kind["Variable"], findings)
-    dimensions = _dimensions(by_kind["Defaults"], quantities, findings)
-    drafts = [_draft_space(n, dimensions, quantities, findings) for n in by_kind["Space"]]
+    reader = ElementReader(source)
+    _check_order(tree, reader)
+    reader.define(tree.variables)
+    dimensions = _dimensions(tree.defaults, reader)
+    drafts = [_draft_space(node, dimensions, reader) for node in tree.spaces]
     spaces: dict[str, SpaceDraft] = {}
     for draft in drafts:
         spaces.setdefault(draft.name, draft)
-    _check_names([draft.node for draft in drafts], "space", findings)
+    _check_names([draft.node for draft in drafts], "space", reader)
     for draft in drafts:
-        resolve_placement(draft, spaces, findings)
-    check_anchored(drafts, findings)
-    features = _draft_features(by_kind["Feature"], drafts, spaces, quantities, findings)
-    openings = _draft_openings(by_kind["Opening"], spaces, quantities, findings)
-    if not drafts and not findings.errors:
-        findings.error(tree, f'plan "{tree.name}" has no spaces', 'add one: "Space room: …"')
-    findings.refuse_if_errors()
-    return _build(tree.name, drafts, features, openings, findings)
+        resolve_placement(draft, spaces, reader)
+    check_anchored(drafts, reader)
+    features = _draft_features(tree.features, drafts, spaces, reader)
+    openings = _draft_openings(tree.openings, spaces, reader)
+    if not drafts and not reader.errors:
+        reader.error(tree, f'plan "{tree.name}" has no spaces', 'add one: "Space room: …"')
+    reader.refuse_if_errors()
+    return _build(tree.name, drafts, features, openings, reader)
 
 
-def _sort_statements(
-    tree: SyntaxNode, findings: DiagnosticCollector
-) -> dict[str, list[SyntaxNode]]:
-    """Group the statements; defaults come first, once, then variables, then elements."""
-    by_kind: dict[str, list[SyntaxNode]] = {
-        kind: [] for kind in ("Defaults", "Variable", "Space", "Feature", "Opening")
-    }
+def _check_order(tree: SyntaxNode, reader: ElementReader) -> None:
+    """Defaults come first, once, then variables, then elements."""
+    elements = (*tree.spaces, *tree.features, *tree.openings)
+    ranked = [
+        (node._tx_position, rank, node)
+        for rank, nodes in enumerate((tree.defaults, tree.variables, elements))
+        for node in nodes
+    ]
     reached = 0
-    for node in tree.statements:
-        kind = type(node).__name__
-        rank = _RANK.get(kind, 2)
-        if kind == "Defaults" and by_kind[kind]:
-            findings.error(node, '"Defaults:" is given twice')
+    for _, rank, node in sorted(ranked, key=lambda entry: entry[0]):
+        if rank == 0 and node is not tree.defaults[0]:
+            reader.error(node, '"Defaults:" is given twice')
         elif rank < reached:
-            what = '"Defaults:"' if kind == "Defaults" else f'variable "{node.name}"'
-            findings.error(
+            what = '"Defaults:"' if rank == 0 else f'variable "{node.name}"'
+            reader.error(
                 node, f"{what} comes too late", "first Defaults, then variables, then elements"
             )
         reached = max(reached, rank)
-        by_kind[kind].append(node)
-    return by_kind
 
 
-def _dimensions(
-    nodes: Sequence[SyntaxNode], quantities: QuantityReader, findings: DiagnosticCollector
-) -> dict[str, float | None]:
+def _dimensions(nodes: Sequence[SyntaxNode], reader: ElementReader) -> dict[str, float | None]:
     """Return the wall thickness and height written in ``walls:`` blocks (``None``: refused)."""
     values: dict[str, float | None] = {}
     for node in nodes:
         for dimension in node.dimensions:
-            value = quantities.length(dimension.value)
+            value = reader.length(dimension.value)
             if dimension.key in values:
-                findings.error(dimension, f'"{dimension.key}" is given twice')
+                reader.error(dimension, f'"{dimension.key}" is given twice')
             elif value is not None and value <= 0.0:
-                findings.warn(dimension, f"a wall {dimension.key} of {value:g} m makes no wall")
+                reader.warn(dimension, f"a wall {dimension.key} of {value:g} m makes no wall")
             values[dimension.key] = value
     return values
 
@@ -211,21 +204,20 @@ def _dimensions(
 def _draft_space(
     node: SyntaxNode,
     defaults: dict[str, float | None],
-    quantities: QuantityReader,
-    findings: DiagnosticCollector,
+    reader: ElementReader,
 ) -> SpaceDraft:
-    sizes = defaults | _dimensions([node], quantities, findings)
+    sizes = defaults | _dimensions([node], reader)
     missing = [key for key in ("thickness", "height") if key not in sizes]
     if missing:
-        findings.error(
+        reader.error(
             node,
             f'space "{node.name}" has no wall {" and ".join(missing)}',
             'give it in "walls:" of the space or of Defaults',
         )
     if node.name in ("this", "world"):
-        findings.warn(node, f'a space called "{node.name}" cannot be referred to by its name')
-    ring = floor_outline(node.shape, quantities, findings)
-    location = read_location(node, "space", quantities, findings)
+        reader.warn(node, f'a space called "{node.name}" cannot be referred to by its name')
+    ring = floor_outline(node.shape, reader)
+    location = read_location(node, "space", reader)
     draft = SpaceDraft(node, node.name, ring, sizes.get("thickness"), sizes.get("height"), location)
     if ring is not None and draft.thickness is not None:
         draft.frames = wall_frames(ring)
@@ -233,12 +225,12 @@ def _draft_space(
     return draft
 
 
-def _check_names(nodes: Sequence[SyntaxNode], what: str, findings: DiagnosticCollector) -> None:
+def _check_names(nodes: Sequence[SyntaxNode], what: str, reader: ElementReader) -> None:
     first: dict[str, SyntaxNode] = {}
     for node in nodes:
         if node.name in first:
-            line = findings.source.at(first[node.name]).line
-            findings.error(node, f'{what} "{node.name}" is already defined in line {line}')
+            line = reader.source.at(first[node.name]).line
+            reader.error(node, f'{what} "{node.name}" is already defined in line {line}')
         first.setdefault(node.name, node)
 
 
@@ -246,8 +238,7 @@ def _draft_features(
     top_level: Sequence[SyntaxNode],
     drafts: Sequence[SpaceDraft],
     spaces: dict[str, SpaceDraft],
-    quantities: QuantityReader,
-    findings: DiagnosticCollector,
+    reader: ElementReader,
 ) -> list[FeatureDraft]:
     groups: list[tuple[SpaceDraft | None, Sequence[SyntaxNode]]] = [
         (d, d.node.features) for d in drafts
@@ -255,9 +246,9 @@ def _draft_features(
     groups.append((None, top_level))
     found: list[FeatureDraft] = []
     for owner, nodes in groups:
-        _check_names(nodes, "feature", findings)
+        _check_names(nodes, "feature", reader)
         for node in nodes:
-            feature = draft_feature(node, owner, spaces, quantities, findings)
+            feature = draft_feature(node, owner, spaces, reader)
             if feature is not None:
                 found.append(feature)
     return sorted(found, key=lambda feature: feature.node._tx_position)
@@ -266,14 +257,13 @@ def _draft_features(
 def _draft_openings(
     nodes: Sequence[SyntaxNode],
     spaces: dict[str, SpaceDraft],
-    quantities: QuantityReader,
-    findings: DiagnosticCollector,
+    reader: ElementReader,
 ) -> list[OpeningDraft]:
-    _check_names(nodes, "opening", findings)
+    _check_names(nodes, "opening", reader)
     found = []
     for node in nodes:
-        location = read_location(node, node.kind.lower(), quantities, findings)
-        opening = draft_opening(node, location, spaces, quantities, findings)
+        location = read_location(node, node.kind.lower(), reader)
+        opening = draft_opening(node, location, spaces, reader)
         if opening is not None:
             found.append(opening)
     return found
@@ -284,21 +274,21 @@ def _build(
     drafts: list[SpaceDraft],
     features: list[FeatureDraft],
     openings: list[OpeningDraft],
-    findings: DiagnosticCollector,
+    reader: ElementReader,
 ) -> FloorPlan:
     world = place_all(drafts)
-    spaces = tuple(build_space(draft, world[draft.name], findings) for draft in drafts)
+    spaces = tuple(build_space(draft, world[draft.name], reader) for draft in drafts)
     walls = {(wall.space, wall.index): wall for space in spaces for wall in space.walls}
     names = Counter(feature.node.name for feature in features)
     plan = FloorPlan(
         name,
         spaces,
-        tuple(build_feature(f, world, names[f.node.name] == 1, findings) for f in features),
-        tuple(build_opening(o, tuple(walls[key] for key in o.walls), findings) for o in openings),
+        tuple(build_feature(f, world, names[f.node.name] == 1, reader) for f in features),
+        tuple(build_opening(o, tuple(walls[key] for key in o.walls), reader) for o in openings),
     )
-    check_geometry(plan, drafts, findings)
+    check_geometry(plan, drafts, reader)
     return FloorPlan(
-        plan.name, plan.spaces, plan.features, plan.openings, in_source_order(findings.warnings)
+        plan.name, plan.spaces, plan.features, plan.openings, in_source_order(reader.warnings)
     )
 
 
@@ -311,10 +301,10 @@ def load_floorplan(path: str | Path) -> FloorPlan:
         text = Path(path).read_text(encoding="utf-8-sig")
     except OSError as error:
         reason = error.strerror or str(error)
-        raise InputError(Diagnostic(Where(str(path)), f"cannot read the plan: {reason}")) from error
+        raise InputError.at(Where(str(path)), f"cannot read the plan: {reason}") from error
     except UnicodeDecodeError as error:
-        raise InputError(
-            Diagnostic(Where(str(path)), "the plan is not UTF-8 text", "save it as UTF-8")
+        raise InputError.at(
+            Where(str(path)), "the plan is not UTF-8 text", "save it as UTF-8"
         ) from error
     return parse_floorplan(text, str(path))
 
@@ -324,8 +314,5 @@ def parse_floorplan(text: str, file: str = "<text>") -> FloorPlan:
 
     Raises :class:`InputError` with everything that is wrong with it; warnings are in the plan.
     """
-    from grammars.floorplan._syntax import parse_syntax
-    from grammars.text.source import SourceText
-
     source = SourceText(text, file)
     return compile_plan(parse_syntax(source), source)

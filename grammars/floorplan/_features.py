@@ -6,13 +6,13 @@ import math
 from dataclasses import dataclass
 from typing import Literal
 
-from grammars.floorplan._attributes import Location, QuantityReader, read_location
+from grammars.floorplan._attributes import ElementReader, Location, read_location
 from grammars.floorplan._shapes import floor_outline, wall_outline
 from grammars.floorplan._spaces import SpaceDraft, find_space, find_wall, frame_id
 from grammars.floorplan.model import Feature, Opening, Placement, Point3, Wall
 from grammars.model.geometry import Pose2, Ring
 from grammars.text.diagnostics import Where
-from grammars.text.source import DiagnosticCollector, SyntaxNode
+from grammars.text.source import SyntaxNode
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,24 +32,21 @@ def draft_feature(
     node: SyntaxNode,
     owner: SpaceDraft | None,
     spaces: dict[str, SpaceDraft],
-    quantities: QuantityReader,
-    findings: DiagnosticCollector,
+    reader: ElementReader,
 ) -> FeatureDraft | None:
     """Read a feature of ``owner`` (none: of the plan), or return ``None`` after reporting."""
-    ring = floor_outline(node.shape, quantities, findings)
-    height = quantities.length(node.height)
+    ring = floor_outline(node.shape, reader)
+    height = reader.length(node.height)
     if height is not None and height <= 0.0:
-        findings.warn(
-            node.height, f'{node.kind.lower()} "{node.name}" has no height ({height:g} m)'
-        )
-    location = read_location(node, node.kind.lower(), quantities, findings)
+        reader.warn(node.height, f'{node.kind.lower()} "{node.name}" has no height ({height:g} m)')
+    location = read_location(node, node.kind.lower(), reader)
     if location is None:
         return None
     reference = location.parts["wrt"].frame
-    against = _reference_space(reference, owner, spaces, findings)
+    against = _reference_space(reference, owner, spaces, reader)
     if against is None:
         return None
-    good, wall = find_wall(reference, against, findings)
+    good, wall = find_wall(reference, against, reader)
     if ring is None or height is None or not good:
         return None
     return FeatureDraft(node, owner, ring, height, location, against, wall)
@@ -59,26 +56,24 @@ def _reference_space(
     reference: SyntaxNode,
     owner: SpaceDraft | None,
     spaces: dict[str, SpaceDraft],
-    findings: DiagnosticCollector,
+    reader: ElementReader,
 ) -> SpaceDraft | None:
     if reference.name == "this":
         if owner is None:
-            findings.error(
+            reader.error(
                 reference,
                 '"this" has no meaning outside a space',
                 'name the space: "wrt: hall", or write the feature into its "features:"',
             )
         return owner
     if reference.name == "world" and "world" not in spaces:
-        findings.error(
-            reference, "features stand in a space, not in the world", 'write "wrt: hall"'
-        )
+        reader.error(reference, "features stand in a space, not in the world", 'write "wrt: hall"')
         return None
-    return find_space(reference, spaces, findings)
+    return find_space(reference, spaces, reader)
 
 
 def build_feature(
-    draft: FeatureDraft, world: dict[str, Pose2], unique: bool, findings: DiagnosticCollector
+    draft: FeatureDraft, world: dict[str, Pose2], unique: bool, reader: ElementReader
 ) -> Feature:
     """Return the feature in the world frame: ``World(wrt) . T(x, y, yaw)``."""
     location = draft.location
@@ -89,9 +84,9 @@ def build_feature(
     name = draft.node.name
     space = "" if draft.owner is None else draft.owner.name
     scoped = name if unique or not space else f"{space}-{name}"
-    where = findings.source.at(draft.node)
+    where = reader.source.at(draft.node)
     if scoped != name:
-        findings.warn(
+        reader.warn(
             where, f'the name "{name}" is used in several spaces', f'it is published as "{scoped}"'
         )
     kind: Literal["column", "divider"] = "column" if draft.node.kind == "Column" else "divider"
@@ -127,50 +122,47 @@ def draft_opening(
     node: SyntaxNode,
     location: Location | None,
     spaces: dict[str, SpaceDraft],
-    quantities: QuantityReader,
-    findings: DiagnosticCollector,
+    reader: ElementReader,
 ) -> OpeningDraft | None:
     """Read an opening, or return ``None`` after reporting what is wrong with it."""
-    ring = wall_outline(node.shape, quantities, findings)
+    ring = wall_outline(node.shape, reader)
     if location is None:
         return None
     references = location.parts["in"].walls
-    walls = [_cut_wall(reference, spaces, findings) for reference in references]
+    walls = [_cut_wall(reference, spaces, reader) for reference in references]
     known = tuple(wall for wall in walls if wall is not None)
     if len(references) > 2:
-        findings.error(references[2], "an opening cuts one or two walls", "make a second opening")
+        reader.error(references[2], "an opening cuts one or two walls", "make a second opening")
     elif len(known) == 2 and known[0] == known[1]:
-        findings.error(references[1], "an opening cannot cut the same wall twice")
+        reader.error(references[1], "an opening cannot cut the same wall twice")
     elif ring is not None and len(known) == len(references):
         return OpeningDraft(node, ring, location, known)
     return None
 
 
 def _cut_wall(
-    reference: SyntaxNode, spaces: dict[str, SpaceDraft], findings: DiagnosticCollector
+    reference: SyntaxNode, spaces: dict[str, SpaceDraft], reader: ElementReader
 ) -> tuple[str, int] | None:
     if reference.name == "this":
-        findings.error(
+        reader.error(
             reference, '"this" has no meaning in an opening', "name the space: in: hall.walls[0]"
         )
         return None
-    space = find_space(reference, spaces, findings)
+    space = find_space(reference, spaces, reader)
     if space is None:
         return None
     if not reference.index:
-        findings.error(
+        reader.error(
             reference,
             f'an opening cuts walls, but "{reference.name}" is a space',
             f"write {reference.name}.walls[0]",
         )
         return None
-    good, index = find_wall(reference, space, findings)
+    good, index = find_wall(reference, space, reader)
     return (space.name, index) if good and index is not None else None
 
 
-def build_opening(
-    draft: OpeningDraft, walls: tuple[Wall, ...], findings: DiagnosticCollector
-) -> Opening:
+def build_opening(draft: OpeningDraft, walls: tuple[Wall, ...], reader: ElementReader) -> Opening:
     """Return the opening in the world frame; ``walls`` are those it cuts, in order.
 
     ``World(opening) = World(first wall) . Translate(x, 0, z) . Ry(tilt)``; the far ring has the
@@ -190,7 +182,7 @@ def build_opening(
             location.get("translation.z"),
             location.get("rotation.y"),
         ),
-        findings.source.at(draft.node),
+        reader.source.at(draft.node),
         Placement(f"{kind}-{draft.node.name}-frame", f"{walls[0].id}-frame", offset, draft.ring),
     )
 

@@ -8,16 +8,19 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Final
+from typing import Any, Final, Literal, TypeAlias
 
 import numpy as np
 
-from grammars.floorplan._attributes import QuantityReader
+from grammars.floorplan._attributes import ElementReader
 from grammars.floorplan.model import Point3
 from grammars.model.geometry import Floats, Point2, Ring
 from grammars.text.diagnostics import with_article
-from grammars.text.source import DiagnosticCollector, SyntaxNode
+from grammars.text.source import SyntaxNode
 
+# As many corners as the published FloorPlan tools give a circle, from the top and clockwise like
+# their other shapes: every edge becomes a wall with a number. Circles of objects have no such
+# numbers, see grammars.scenery._objects.
 CIRCLE_CORNERS: Final = 40
 SAME_POINT: Final = 1e-9
 """Corners closer than this [m] are one corner."""
@@ -42,36 +45,85 @@ def signed_area(ring: Ring) -> float:
     return sum(p[0] * q[1] - q[0] * p[1] for p, q in pairs) / 2
 
 
-def floor_outline(
-    shape: SyntaxNode, quantities: QuantityReader, findings: DiagnosticCollector
-) -> Ring | None:
+class _ShapeNode:
+    """A shape as it is written; textX fills in what its rule assigns."""
+
+    def __init__(self, parent: object = None, **written: Any) -> None:
+        vars(self).update(written)
+
+
+class RectangleNode(_ShapeNode):
+    """``Rectangle width=4 m, length=3 m``; in a wall it has a ``height`` instead."""
+
+    width: SyntaxNode
+    length: SyntaxNode | None
+    height: SyntaxNode | None
+
+    def outline(self, second: Literal["length", "height"], reader: ElementReader) -> Ring | None:
+        """Return the ring, or ``None`` when it was refused."""
+        other = "height" if second == "length" else "length"
+        width = _positive(self.width, "the width of a rectangle", reader)
+        node = self.length if second == "length" else self.height
+        if node is None:
+            what = "opening" if second == "height" else "space or feature"
+            reader.error(
+                self,
+                f"the rectangle of {with_article(what)} has a {second}, not a {other}",
+                f"write Rectangle width=…, {second}=…",
+            )
+            return None
+        size = _positive(node, f"the {second} of a rectangle", reader)
+        return None if width is None or size is None else rectangle(width, size)
+
+
+class CircleNode(_ShapeNode):
+    """``Circle radius=50 cm``."""
+
+    radius: SyntaxNode
+
+    def outline(self, second: Literal["length", "height"], reader: ElementReader) -> Ring | None:
+        """Return the ring, or ``None`` when it was refused."""
+        radius = _positive(self.radius, "the radius of a circle", reader)
+        return None if radius is None else circle(radius)
+
+
+class PolygonNode(_ShapeNode):
+    """``Polygon points: [(0 m, 0 m), …]``."""
+
+    points: list[SyntaxNode]
+
+
+ShapeNode: TypeAlias = RectangleNode | CircleNode | PolygonNode
+SHAPE_NODES: Final = (RectangleNode, CircleNode, PolygonNode)
+"""Classes of syntax nodes, named like their rules."""
+
+
+def floor_outline(shape: ShapeNode, reader: ElementReader) -> Ring | None:
     """Return the ring of a space or feature, or ``None`` when it was refused."""
-    if type(shape).__name__ != "Polygon":
-        return _regular(shape, "length", quantities, findings)
-    points = _points(shape, quantities, findings)
+    if not isinstance(shape, PolygonNode):
+        return shape.outline("length", reader)
+    points = _points(shape, reader)
     if points is None:
         return None
     for point, node in zip(points, shape.points, strict=True):
         if len(point) == 3 and point[2] != 0.0:
-            findings.error(node.coordinates[2], "the outline lies on the floor: z must be 0")
+            reader.error(node.coordinates[2], "the outline lies on the floor: z must be 0")
             return None
     ring: Ring = tuple((p[0], p[1]) for p in points)
-    kept = _corners(ring, shape, findings)
+    kept = _corners(ring, shape, reader)
     return None if kept is None else tuple(ring[k] for k in kept)
 
 
-def wall_outline(
-    shape: SyntaxNode, quantities: QuantityReader, findings: DiagnosticCollector
-) -> tuple[Point3, ...] | None:
+def wall_outline(shape: ShapeNode, reader: ElementReader) -> tuple[Point3, ...] | None:
     """Return the ring of an opening in its frame (x along the wall, z up), or ``None``."""
-    if type(shape).__name__ != "Polygon":
-        ring = _regular(shape, "height", quantities, findings)
+    if not isinstance(shape, PolygonNode):
+        ring = shape.outline("height", reader)
         return None if ring is None else tuple((x, 0.0, z) for x, z in ring)
-    points = _points(shape, quantities, findings)
+    points = _points(shape, reader)
     if points is None:
         return None
     if points and all(len(point) == 2 for point in points):
-        findings.warn(
+        reader.warn(
             shape,
             "points of an opening are (x, y, z); the second number is taken as z",
             "write (x, 0 m, z)",
@@ -79,50 +131,25 @@ def wall_outline(
         solid: list[Point3] = [(p[0], 0.0, p[1]) for p in points]
     else:
         solid = [(p[0], p[1], p[2] if len(p) == 3 else 0.0) for p in points]
-    kept = _corners([(p[0], p[2]) for p in solid], shape, findings)
+    kept = _corners([(p[0], p[2]) for p in solid], shape, reader)
     return None if kept is None else tuple(solid[k] for k in kept)
 
 
-def _regular(
-    shape: SyntaxNode, second: str, quantities: QuantityReader, findings: DiagnosticCollector
-) -> Ring | None:
-    if type(shape).__name__ == "Circle":
-        radius = _positive(shape.radius, "the radius of a circle", quantities, findings)
-        return None if radius is None else circle(radius)
-    other = "height" if second == "length" else "length"
-    width = _positive(shape.width, "the width of a rectangle", quantities, findings)
-    node = getattr(shape, second)
-    if node is None:
-        what = "opening" if second == "height" else "space or feature"
-        findings.error(
-            shape,
-            f"the rectangle of {with_article(what)} has a {second}, not a {other}",
-            f"write Rectangle width=…, {second}=…",
-        )
-        return None
-    size = _positive(node, f"the {second} of a rectangle", quantities, findings)
-    return None if width is None or size is None else rectangle(width, size)
-
-
-def _positive(
-    node: SyntaxNode, what: str, quantities: QuantityReader, findings: DiagnosticCollector
-) -> float | None:
-    value = quantities.length(node)
+def _positive(node: SyntaxNode, what: str, reader: ElementReader) -> float | None:
+    value = reader.length(node)
     if value is not None and value <= 0.0:
-        findings.error(node, f"{what} must be positive, not {value:g} m")
+        reader.error(node, f"{what} must be positive, not {value:g} m")
         return None
     return value
 
 
-def _points(
-    shape: SyntaxNode, quantities: QuantityReader, findings: DiagnosticCollector
-) -> list[tuple[float, ...]] | None:
+def _points(shape: PolygonNode, reader: ElementReader) -> list[tuple[float, ...]] | None:
     points: list[tuple[float, ...]] = []
     broken = False
     for node in shape.points:
-        values = [quantities.length(c) for c in node.coordinates]
+        values = [reader.length(c) for c in node.coordinates]
         if not 2 <= len(values) <= 3:
-            findings.error(node, f"a point has 2 or 3 coordinates, not {len(values)}")
+            reader.error(node, f"a point has 2 or 3 coordinates, not {len(values)}")
             broken = True
         known = tuple(v for v in values if v is not None)
         broken = broken or len(known) < len(values)
@@ -131,23 +158,23 @@ def _points(
 
 
 def _corners(
-    points: Sequence[Point2], shape: SyntaxNode, findings: DiagnosticCollector
+    points: Sequence[Point2], shape: PolygonNode, reader: ElementReader
 ) -> tuple[int, ...] | None:
     """Return which points are corners of a simple polygon, or ``None`` if it is none."""
     kept = _without_repeats(points)
     ring = tuple(points[k] for k in kept)
     if len(set(ring)) < 3:
-        findings.error(shape, f"a polygon needs 3 different points, not {len(set(ring))}")
+        reader.error(shape, f"a polygon needs 3 different points, not {len(set(ring))}")
         return None
     if len(ring) < len(points):
-        findings.warn(
+        reader.warn(
             shape,
             "repeated points of the polygon are left out",
             "walls are counted without them; do not repeat the first point at the end",
         )
     problem = _spike(ring) or _crossing(np.array(ring))
     if problem:
-        findings.error(shape, problem)
+        reader.error(shape, problem)
         return None
     return kept
 

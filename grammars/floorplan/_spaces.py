@@ -9,11 +9,11 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from grammars.floorplan._attributes import Location
+from grammars.floorplan._attributes import ElementReader, Location
 from grammars.floorplan.model import Placement, Space, Wall
 from grammars.model.geometry import Point2, Pose2, Ring
 from grammars.text.diagnostics import Where, did_you_mean
-from grammars.text.source import DiagnosticCollector, SyntaxNode
+from grammars.text.source import SyntaxNode
 
 IDENTITY = Pose2()
 
@@ -71,7 +71,7 @@ def outer_corners(ring: Ring, thickness: float) -> Ring:
 
 
 def find_wall(
-    node: SyntaxNode, draft: SpaceDraft, findings: DiagnosticCollector
+    node: SyntaxNode, draft: SpaceDraft, reader: ElementReader
 ) -> tuple[bool, int | None]:
     """Return whether a frame reference is good, and its wall index (``None``: the space frame)."""
     if not node.index:
@@ -81,97 +81,93 @@ def find_wall(
         return False, None
     count = len(draft.ring)
     if not -count <= index < count:
-        findings.error(node, f'wall index {index}: space "{draft.name}" has walls 0..{count - 1}')
+        reader.error(node, f'wall index {index}: space "{draft.name}" has walls 0..{count - 1}')
         return False, None
     if index < 0:
-        findings.warn(
+        reader.warn(
             node, f"wall index {index} counts from the end", f"write walls[{index + count}]"
         )
     return True, index % count
 
 
 def find_space(
-    node: SyntaxNode, spaces: dict[str, SpaceDraft], findings: DiagnosticCollector
+    node: SyntaxNode, spaces: dict[str, SpaceDraft], reader: ElementReader
 ) -> SpaceDraft | None:
     """Return the space a frame reference names, or ``None`` after reporting it."""
     draft = spaces.get(node.name)
     if draft is None:
-        findings.error(node, f'unknown space "{node.name}"', did_you_mean(node.name, spaces))
+        reader.error(node, f'unknown space "{node.name}"', did_you_mean(node.name, spaces))
     return draft
 
 
 def resolve_placement(
-    draft: SpaceDraft, spaces: dict[str, SpaceDraft], findings: DiagnosticCollector
+    draft: SpaceDraft, spaces: dict[str, SpaceDraft], reader: ElementReader
 ) -> None:
     """Resolve what a space is placed against and check the flags of its location."""
     location = draft.location
     if location is None:
         return
-    _resolve_of(draft, location, findings)
-    _resolve_wrt(draft, location, spaces, findings)
-    _check_flags(draft, location, findings)
+    _resolve_of(draft, location, reader)
+    _resolve_wrt(draft, location, spaces, reader)
+    _check_flags(draft, location, reader)
 
 
-def _resolve_of(draft: SpaceDraft, location: Location, findings: DiagnosticCollector) -> None:
+def _resolve_of(draft: SpaceDraft, location: Location, reader: ElementReader) -> None:
     reference = location.parts["of"].frame
     if reference.name not in ("this", draft.name):
-        findings.error(
+        reader.error(
             reference,
             f'"of" names a frame of the space itself, not "{reference.name}"',
             'write "of: this" or "of: this.walls[0]"',
         )
         return
-    draft.own = find_wall(reference, draft, findings)[1]
+    draft.own = find_wall(reference, draft, reader)[1]
 
 
 def _resolve_wrt(
     draft: SpaceDraft,
     location: Location,
     spaces: dict[str, SpaceDraft],
-    findings: DiagnosticCollector,
+    reader: ElementReader,
 ) -> None:
     reference = location.parts["wrt"].frame
     if reference.name == "world":
         if reference.index:
-            findings.error(reference, "the world has no walls")
+            reader.error(reference, "the world has no walls")
         return
     if reference.name in ("this", draft.name):
-        findings.error(
+        reader.error(
             reference,
             f'space "{draft.name}" is placed against itself',
             'place it against "world" or another space',
         )
         return
-    other = find_space(reference, spaces, findings)
+    other = find_space(reference, spaces, reader)
     if other is not None:
         draft.against = other
-        draft.other = find_wall(reference, other, findings)[1]
+        draft.other = find_wall(reference, other, reader)[1]
 
 
-def _check_flags(draft: SpaceDraft, location: Location, findings: DiagnosticCollector) -> None:
+def _check_flags(draft: SpaceDraft, location: Location, reader: ElementReader) -> None:
     wall_to_wall = bool(location.parts["of"].frame.index and location.parts["wrt"].frame.index)
     spaced = location.parts.get("spaced")
     if spaced is not None:
         if location.parts["wrt"].frame.name == "world":
-            findings.error(
-                spaced, '"spaced" means the gap between two walls, but "wrt" is the world'
-            )
+            reader.error(spaced, '"spaced" means the gap between two walls, but "wrt" is the world')
         elif not wall_to_wall:
-            findings.warn(spaced, '"spaced" has no effect: it needs a wall in "of" and in "wrt"')
+            reader.warn(spaced, '"spaced" has no effect: it needs a wall in "of" and in "wrt"')
         if location.get("translation.y"):
-            findings.error(
+            reader.error(
                 location.parts["translation"],
                 'a y translation and "spaced" exclude each other',
                 "spaced sets the gap to the thickness of both walls",
             )
     unaligned = location.parts.get("not aligned")
     if unaligned is not None and not wall_to_wall:
-        findings.warn(
-            unaligned, '"not aligned" has no effect: it needs a wall in "of" and in "wrt"'
-        )
+        reader.warn(unaligned, '"not aligned" has no effect: it needs a wall in "of" and in "wrt"')
 
 
-def check_anchored(drafts: list[SpaceDraft], findings: DiagnosticCollector) -> None:
+def check_anchored(drafts: list[SpaceDraft], reader: ElementReader) -> None:
     """Report every loop of placements: nothing ties its spaces to the world."""
     state: dict[int, int] = {}
     for turn, start in enumerate(drafts):
@@ -184,7 +180,7 @@ def check_anchored(drafts: list[SpaceDraft], findings: DiagnosticCollector) -> N
         if draft is not None and state[id(draft)] == turn:
             loop = path[next(k for k, d in enumerate(path) if d is draft) :]
             names = " -> ".join(f'"{d.name}"' for d in [*loop, draft])
-            findings.error(
+            reader.error(
                 loop[0].node,
                 f"the placements {names} form a loop: nothing ties them to the world",
                 'place one of them "wrt: world"',
@@ -232,7 +228,7 @@ def place_all(drafts: list[SpaceDraft]) -> dict[str, Pose2]:
     return world
 
 
-def build_space(draft: SpaceDraft, pose: Pose2, findings: DiagnosticCollector) -> Space:
+def build_space(draft: SpaceDraft, pose: Pose2, reader: ElementReader) -> Space:
     """Return the space with its walls in the world frame."""
     ring, thickness, height = draft.ring, draft.thickness, draft.height
     assert ring is not None
@@ -244,7 +240,7 @@ def build_space(draft: SpaceDraft, pose: Pose2, findings: DiagnosticCollector) -
         offset_of(draft),
         tuple((x, y, 0.0) for x, y in ring),
     )
-    where = findings.source.at(draft.node)
+    where = reader.source.at(draft.node)
     return space_at(draft.name, pose, ring, thickness, height, where, placement)
 
 

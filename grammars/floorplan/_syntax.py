@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Final
 
+from grammars.floorplan._shapes import SHAPE_NODES
 from grammars.text.parsing import Language, SyntaxFault, without_comments
 from grammars.text.source import SourceText, SyntaxNode
 
@@ -55,6 +56,7 @@ _UNITS: Final = re.compile(
 
 
 class _FloorPlanLanguage(Language):
+    classes = SHAPE_NODES
     words = _WORDS
     openers = frozenset(_ELEMENTS)
 

@@ -115,7 +115,7 @@ def load_nodes(path: str | Path) -> NodeGraph:
     if file.is_dir():
         files = sorted(p for p in file.iterdir() if p.suffix == ".json")
         if not files:
-            raise InputError(Diagnostic(Where(str(path)), "there is no .json file in this folder"))
+            raise InputError.at(Where(str(path)), "there is no .json file in this folder")
     nodes = NodeGraph()
     problems: list[Diagnostic] = []
     for each in files:
@@ -156,7 +156,7 @@ def load_scenery_jsonld(path: str | Path, warnings: list[Diagnostic] | None = No
         return layers[0]
     hint = "an Object, an ObjectInstance or a layer of ours is needed"
     message = f"there are {len(layers)} layers in it" if layers else "there is no scenery in it"
-    raise InputError(Diagnostic(Where(str(path)), message, "" if layers else hint))
+    raise InputError.at(Where(str(path)), message, "" if layers else hint)
 
 
 def check_jsonld(path: str | Path) -> tuple[Diagnostic, ...]:

@@ -45,11 +45,11 @@ class JsonText:
             return json.loads(self.text, object_pairs_hook=_unique, parse_constant=_refused)
         except json.JSONDecodeError as error:
             where = Where(self.file, error.lineno, error.colno)
-            raise InputError(Diagnostic(where, f"is not JSON: {error.msg}")) from error
+            raise InputError.at(where, f"is not JSON: {error.msg}") from error
         except (RecursionError, ValueError) as error:
             reason = str(error) if isinstance(error, ValueError) else "it is nested too deeply"
             where = Where(self.file)
-            raise InputError(Diagnostic(where, f"is not JSON: {reason}")) from error
+            raise InputError.at(where, f"is not JSON: {reason}") from error
 
     def where(self, id: str) -> Where:
         """Return where an ``@id``, as written, first stands."""

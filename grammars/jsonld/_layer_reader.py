@@ -12,7 +12,7 @@ from grammars.jsonld._sentences import SentenceReader, frame_name, is_on_floor, 
 from grammars.jsonld.vocabulary import GEOM, OBJ, SCN, ST, local_name
 from grammars.scenery import SceneryLayer
 from grammars.scenery.model import At, In, Instance, Measure, Name, ObjectModel
-from grammars.text.diagnostics import Diagnostic, InputError, Severity, Where
+from grammars.text.diagnostics import InputError, Severity, Where
 
 _ON_FLOOR: Final = 1e-6
 
@@ -106,7 +106,7 @@ class _LayerReader:
         where = self._nodes.where(node.id, Where(self._file))
         of = node.ref(OBJ["of-object"])
         if of is None:
-            raise InputError(Diagnostic(where, f"instance {local_name(node.id)} is of no object"))
+            raise InputError.at(where, f"instance {local_name(node.id)} is of no object")
         kind = self._nodes.get(of)
         source = self._nodes.get(kind.ref(SCN["mirror-of"]) or of)
         placement = node.ref(SCN["placement"])
@@ -157,4 +157,4 @@ class _LayerReader:
             return At(name, pose.x, pose.y, pose.yaw)
         message = f"instance {local_name(node.id)} is not connected to a frame of the floor plan"
         hint = "add a pose of its frame with respect to a wall or space"
-        raise InputError(Diagnostic(where, message, hint))
+        raise InputError.at(where, message, hint)

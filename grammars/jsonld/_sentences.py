@@ -22,7 +22,7 @@ from grammars.jsonld._nodes import NodeGraph, Ref, Value
 from grammars.jsonld.vocabulary import SCN, local_name
 from grammars.scenery import model
 from grammars.scenery.model import LARGEST, FrameName, Measure
-from grammars.text.diagnostics import Diagnostic, InputError, Where, did_you_mean
+from grammars.text.diagnostics import InputError, Where, did_you_mean
 from grammars.text.quantity import unit_of
 
 _WALL: Final = re.compile(r"(?P<space>.+)-wall-(?P<index>\d{1,9})-frame")
@@ -104,12 +104,12 @@ class SentenceReader:
         if not isinstance(value, kinds):
             names = " or ".join(kind.__name__ for kind in kinds)
             where = self._nodes.where(id, Where(self._file))
-            raise InputError(Diagnostic(where, f"{local_name(id)} is no {names}"))
+            raise InputError.at(where, f"{local_name(id)} is no {names}")
         return value
 
     def _value(self, value: Value, where: Where, depth: int) -> Any:
         if depth > _DEEPEST:
-            raise InputError(Diagnostic(where, "a sentence is nested too deeply"))
+            raise InputError.at(where, "a sentence is nested too deeply")
         if isinstance(value, tuple):
             return tuple(self._value(item, where, depth + 1) for item in value)
         if not isinstance(value, Ref):
@@ -120,7 +120,7 @@ class SentenceReader:
         if node is None or kind is None:
             shown = f"{local_name(value)}, a {', '.join(names)}" if names else local_name(value)
             hint = did_you_mean(names[0] if names else "", _layer_classes())
-            raise InputError(Diagnostic(where, f"{shown} is nothing a layer can say", hint))
+            raise InputError.at(where, f"{shown} is nothing a layer can say", hint)
         here = self._nodes.places.get(value, where)
         return self._made(kind, node.values, here, depth)
 
@@ -144,13 +144,13 @@ class SentenceReader:
         except ValueError as error:
             if not isinstance(error, ValidationError):
                 message = f"a {kind.__name__}: {error}"
-                raise InputError(Diagnostic(where, message)) from error
+                raise InputError.at(where, message) from error
             first = error.errors()[0]
             name = ".".join(str(part) for part in first["loc"][:1]).replace("_", "-")
             missing = name.replace("-", "_") in optional
             problem = "is missing" if missing else str(first["msg"]).lower()
             message = f'"{name}" of a {kind.__name__}: {problem}'
-            raise InputError(Diagnostic(where, message)) from error
+            raise InputError.at(where, message) from error
 
 
 def _check_sense(value: Any) -> None:

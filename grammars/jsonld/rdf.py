@@ -1,20 +1,25 @@
 """The only module that needs rdflib: nodes as a graph to query, any graph as nodes, SHACL checks.
 
-Imported where it is used, so that loading and checking layers stays fast.
+Imported where it is used, so that loading and checking layers stays fast: rdflib and pyshacl take
+0.2 s to import, and SHACL on the demo a second more. What the structural rules need of the shapes
+is therefore written to a file once, by ``python -m grammars.jsonld.rdf``.
 """
 
 from __future__ import annotations
 
 import functools
-from collections.abc import Mapping
+import json
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any, Final
 
 from rdflib import BNode, Graph, Literal, URIRef
-from rdflib.namespace import RDF
+from rdflib.collection import Collection
+from rdflib.namespace import RDF, SH
 from rdflib.term import Node as Term
 
 from grammars.jsonld._nodes import Node, NodeGraph, Ref, Value
+from grammars.jsonld._rules import REFERENCES_FILE
 from grammars.jsonld.vocabulary import (
     COORD,
     DYN,
@@ -217,7 +222,6 @@ class _GraphReader:
 
 
 _FOLDER: Final = Path(__file__).with_name("shapes")
-_SH: Final = "http://www.w3.org/ns/shacl#"
 
 
 @functools.cache
@@ -243,19 +247,18 @@ def check_shapes(graph: Graph, places: Mapping[str, Where]) -> tuple[Diagnostic,
     )
     if conforms:
         return ()
-    results = [_result(report, node, places) for node in report.subjects(_sh("focusNode"), None)]
-    return tuple(d for _, d in sorted(results, key=lambda pair: pair[0]))
+    results = [_result(report, node, places) for node in report.subjects(SH.focusNode, None)]
+    # By message too: the report of a graph is itself a graph, without an order.
+    return tuple(d for _, d in sorted(results, key=lambda pair: (pair[0], pair[1].message)))
 
 
-def _result(
-    report: Any, node: Any, places: Mapping[str, Where]
-) -> tuple[tuple[str, str], Diagnostic]:
-    focus = str(report.value(node, _sh("focusNode")))
-    message = str(report.value(node, _sh("resultMessage")) or "does not fit its shape")
-    value = report.value(node, _sh("value"))
+def _result(report: Any, node: Any, places: Mapping[str, Where]) -> tuple[str, Diagnostic]:
+    focus = str(report.value(node, SH.focusNode))
+    message = str(report.value(node, SH.resultMessage) or "does not fit its shape")
+    value = report.value(node, SH.value)
     found = f", found {local_name(str(value))}" if value is not None and str(value) != focus else ""
-    warning = report.value(node, _sh("resultSeverity")) == _sh("Warning")
-    return (focus, message), Diagnostic(
+    warning = report.value(node, SH.resultSeverity) == SH.Warning
+    return focus, Diagnostic(
         places.get(focus) or Where(f"<{focus}>"),
         f"{local_name(focus)}: {message}{found}",
         "",
@@ -263,5 +266,83 @@ def _result(
     )
 
 
-def _sh(term: str) -> URIRef:
-    return URIRef(_SH + term)
+def reference_rules() -> dict[str, dict[str, Any]]:
+    """Return what the shapes say about each reference, for the structural rules.
+
+    By predicate: ``classes`` of what it may refer to, by class of the subject where that matters
+    (else by ``""``); whether it may have ``several`` values; whether its loss is ``harmless``.
+    """
+    graph = shapes()
+    rules: dict[str, dict[str, Any]] = {}
+    for target, part in _property_shapes(graph):
+        path = graph.value(part, SH.path)
+        limit = graph.value(part, SH.maxCount)
+        for predicate in _predicates(graph, path):
+            rule = rules.setdefault(predicate, {"classes": {}, "limits": [], "harmless": False})
+            kinds = rule["classes"].setdefault(target, [])
+            kinds += [kind for kind in _kinds(graph, part) if kind not in kinds]
+            if kinds and graph.value(part, SH.severity) == SH.Warning:
+                rule["harmless"] = True
+            if not _is_list_path(graph, path):
+                rule["limits"].append(None if limit is None else int(str(limit)))
+    made = {predicate: _rule(**rules[predicate]) for predicate in sorted(rules)}
+    return {p: rule for p, rule in made.items() if any(rule["classes"].values()) or rule["several"]}
+
+
+def _rule(
+    classes: dict[str, list[str]], limits: list[int | None], harmless: bool
+) -> dict[str, Any]:
+    also = classes.pop("", [])
+    by_class = {target: kinds for target, kinds in classes.items() if kinds}
+    if len({tuple(kinds) for kinds in by_class.values()}) <= 1:
+        by_class = {"": next(iter(by_class.values()), [])}
+    given = [limit for limit in limits if limit is not None]
+    return {
+        "classes": {
+            target: [*kinds, *(kind for kind in also if kind not in kinds)]
+            for target, kinds in by_class.items()
+        },
+        "several": max(given, default=2) > 1,
+        "harmless": harmless,
+    }
+
+
+def _property_shapes(graph: Graph) -> Iterator[tuple[str, Term]]:
+    """Return every property shape with the class of its subjects; those of any subject last."""
+    for shape in sorted(set(graph.subjects(SH.property)), key=str):
+        for target in sorted(graph.objects(shape, SH.targetClass), key=str):
+            for part in graph.objects(shape, SH.property):
+                yield str(target), part
+    for shape in sorted(graph.subjects(RDF.type, SH.PropertyShape), key=str):
+        yield "", shape
+
+
+def _predicates(graph: Graph, path: Any) -> list[str]:
+    """Return the predicates a path begins with."""
+    if isinstance(path, URIRef):
+        return [str(path)]
+    either = graph.value(path, SH.alternativePath)
+    members = list(Collection(graph, either or path))
+    return [str(member) for member in (members if either else members[:1])]
+
+
+def _is_list_path(graph: Graph, path: Any) -> bool:
+    """Return whether a path goes into an ordered list: its counts are of the members."""
+    return graph.value(path, RDF.first) is not None
+
+
+def _kinds(graph: Graph, shape: Term) -> list[str]:
+    """Return the classes a property shape allows, in the order they are written."""
+    either = graph.value(shape, SH["or"])
+    parts = [shape, *(Collection(graph, either) if either else ())]
+    return [str(kind) for part in parts for kind in graph.objects(part, SH["class"])]
+
+
+def references_text() -> str:
+    """Return :func:`reference_rules` as they stand in the file, one line each."""
+    lines = (f"{json.dumps(p)}: {json.dumps(rule)}" for p, rule in reference_rules().items())
+    return "{\n" + ",\n".join(lines) + "\n}\n"
+
+
+if __name__ == "__main__":
+    REFERENCES_FILE.write_text(references_text(), encoding="utf-8")

@@ -127,37 +127,33 @@ def configure(
 def _regrouped(group: Group, value: object, where: Where) -> Group:
     names = [value] if isinstance(value, str) else value
     if not isinstance(names, list | tuple) or not names:
-        raise InputError(
-            Diagnostic(where, f"{group.name} is a group", f"write {group.name}: [door_1, door_2]")
+        raise InputError.at(
+            where, f"{group.name} is a group", f"write {group.name}: [door_1, door_2]"
         )
     paths = []
     for name in names:
         match = _OBJECT.fullmatch(name) if isinstance(name, str) else None
         if match is None:
             message = f'{group.name}: "{name}" is not the name of an object'
-            raise InputError(Diagnostic(where, message, "write names, such as door_1"))
+            raise InputError.at(where, message, "write names, such as door_1")
         paths.append(Path(match[1], match[2] or "", where))
     return Group(group.name, Subject(False, tuple(paths), (), where), where)
 
 
 def _changed(parameter: Parameter, value: object, where: Where) -> Parameter:
     if not isinstance(value, str | int | float) or isinstance(value, bool):
-        raise InputError(
-            Diagnostic(
-                where,
-                f"{parameter.name} is a quantity",
-                f"write {parameter.name}: {parameter.value.text}",
-            )
+        raise InputError.at(
+            where,
+            f"{parameter.name} is a quantity",
+            f"write {parameter.name}: {parameter.value.text}",
         )
     given = parse_measure(str(value), where)
     try:
         require_dimension(given, parameter.value.dimension)
     except InputError as error:
-        raise InputError(
-            Diagnostic(
-                where,
-                f"{parameter.name}: {error.diagnostics[0].message}",
-                f"write {parameter.name}: {parameter.value.text}",
-            )
+        raise InputError.at(
+            where,
+            f"{parameter.name}: {error.diagnostics[0].message}",
+            f"write {parameter.name}: {parameter.value.text}",
         ) from error
     return Parameter(parameter.name, given, where)

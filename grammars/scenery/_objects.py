@@ -24,7 +24,7 @@ from grammars.scenery.model import (
     Towards,
     require_dimension,
 )
-from grammars.text.diagnostics import Diagnostic, InputError, Where, did_you_mean
+from grammars.text.diagnostics import InputError, Where, did_you_mean
 
 CIRCLE_CORNERS: Final = 32
 _AXES: Final = {"x": (1.0, 0.0), "y": (0.0, 1.0)}
@@ -60,10 +60,10 @@ def _mover(reader: NodeReader, model: ObjectModel) -> ObjectModel:
     world = [joint.name for joint in model.joints if joint.parent == WORLD]
     if len(feet) != 1 or world:
         hint = "join the others to it: joint … fixed from body to …"
-        raise InputError(Diagnostic(model.where, f"one link of {model.name} must carry all", hint))
+        raise InputError.at(model.where, f"one link of {model.name} must carry all", hint)
     if taken:
         message = f"a mover has joints x, y and yaw already: {', '.join(sorted(taken))}"
-        raise InputError(Diagnostic(model.where, message, "take other names"))
+        raise InputError.at(model.where, message, "take other names")
     links, joints = with_planar_chain(model.links, model.joints, feet[0])
     return dataclasses.replace(model, links=links, joints=joints)
 
@@ -84,9 +84,9 @@ def _link(reader: NodeReader, node: Any) -> Link:
     mass = reader.value(node.mass, "mass")
     where = reader.where(node)
     if top <= bottom:
-        raise InputError(Diagnostic(where, "the link has no height", "write from the lower z up"))
+        raise InputError.at(where, "the link has no height", "write from the lower z up")
     if mass <= 0.0:
-        raise InputError(Diagnostic(reader.where(node.mass), "a mass is greater than 0 kg"))
+        raise InputError.at(reader.where(node.mass), "a mass is greater than 0 kg")
     rings = tuple(_shape(reader, shape) for shape in node.shapes)
     return Link(str(node.name.text), rings, mass, bottom, top)
 
@@ -100,7 +100,7 @@ def _point(reader: NodeReader, node: Any) -> Point2:
 def _positive(reader: NodeReader, node: Any) -> float:
     value = reader.value(node, "length")
     if value < _SMALLEST:
-        raise InputError(Diagnostic(reader.where(node), "a size is at least 1 mm"))
+        raise InputError.at(reader.where(node), "a size is at least 1 mm")
     return value
 
 
@@ -127,12 +127,10 @@ def _convex(points: list[Point2], where: Where) -> Ring:
     turns = [_turn(points[i - 2], points[i - 1], points[i]) for i in range(len(points))]
     one_way = all(t > _TOLERANCE for t in turns) or all(t < -_TOLERANCE for t in turns)
     if len(points) < 3 or not one_way or not _turns_once(points):
-        raise InputError(
-            Diagnostic(
-                where,
-                "the polygon is not convex",
-                "list three or more corners in order; join several convex shapes with and",
-            )
+        raise InputError.at(
+            where,
+            "the polygon is not convex",
+            "list three or more corners in order; join several convex shapes with and",
         )
     return tuple(points) if turns[0] > 0.0 else tuple(reversed(points))
 
@@ -166,7 +164,7 @@ def _check_ends(reader: NodeReader, links: set[str], node: Any) -> None:
     for end in (node.carrier, node.child):
         if end.text not in links and not (end is node.carrier and end.text == "world"):
             hint = did_you_mean(end.text, links)
-            raise InputError(Diagnostic(reader.where(end), f'there is no link "{end.text}"', hint))
+            raise InputError.at(reader.where(end), f'there is no link "{end.text}"', hint)
 
 
 def _movable(reader: NodeReader, node: Any) -> Joint:
@@ -174,16 +172,14 @@ def _movable(reader: NodeReader, node: Any) -> Joint:
     position = "angle" if revolute else "length"
     lower, upper = reader.value(node.lower, position), reader.value(node.upper, position)
     if upper < lower:
-        raise InputError(
-            Diagnostic(reader.where(node.lower), "the lower limit is above the upper limit")
-        )
+        raise InputError.at(reader.where(node.lower), "the lower limit is above the upper limit")
     turning = "torsional " if revolute else ""
     friction = reader.value(node.friction, "torque" if revolute else "force")
     stiffness = reader.value(node.stiffness, f"{turning}stiffness")
     damping = reader.value(node.damping, f"{turning}damping")
     if min(friction, stiffness, damping) < 0.0:
-        raise InputError(
-            Diagnostic(reader.where(node), "friction, stiffness and damping are never negative")
+        raise InputError.at(
+            reader.where(node), "friction, stiffness and damping are never negative"
         )
     return Joint(
         name=str(node.name.text),
@@ -203,10 +199,8 @@ def _movable(reader: NodeReader, node: Any) -> Joint:
 
 def _anchor(reader: NodeReader, node: Any, revolute: bool) -> Point2:
     if revolute and node.anchor is None:
-        raise InputError(
-            Diagnostic(
-                reader.where(node), "a revolute joint turns about a point", "add at (0 m, 0 m)"
-            )
+        raise InputError.at(
+            reader.where(node), "a revolute joint turns about a point", "add at (0 m, 0 m)"
         )
     return _point(reader, node.anchor)
 
@@ -214,15 +208,13 @@ def _anchor(reader: NodeReader, node: Any, revolute: bool) -> Point2:
 def _axis(reader: NodeReader, node: Any, revolute: bool) -> Point2:
     if revolute:
         if node.axis is not None:
-            raise InputError(
-                Diagnostic(
-                    reader.where(node.axis), "a revolute joint turns about z, it has no axis"
-                )
+            raise InputError.at(
+                reader.where(node.axis), "a revolute joint turns about z, it has no axis"
             )
         return (0.0, 0.0)
     if node.axis is None:
-        raise InputError(
-            Diagnostic(reader.where(node), "a prismatic joint needs a direction", "add along x")
+        raise InputError.at(
+            reader.where(node), "a prismatic joint needs a direction", "add along x"
         )
     if node.axis.name:
         sign = -1.0 if node.axis.name[0] == "-" else 1.0
@@ -260,21 +252,19 @@ def _state(reader: NodeReader, joints: list[Joint], written: set[str], node: Any
             if entry.joint.text in written:
                 continue  # the joint itself is wrong and has been reported
             hint = did_you_mean(entry.joint.text, by_name)
-            raise InputError(
-                Diagnostic(reader.where(entry), f'there is no joint "{entry.joint.text}"', hint)
+            raise InputError.at(
+                reader.where(entry), f'there is no joint "{entry.joint.text}"', hint
             )
         if joint.name in positions:
-            raise InputError(Diagnostic(reader.where(entry), f'"{joint.name}" is given twice'))
+            raise InputError.at(reader.where(entry), f'"{joint.name}" is given twice')
         given = reader.measure(entry.position)
         value = require_dimension(given, "angle" if joint.kind == "revolute" else "length")
         if not joint.lower - _TOLERANCE <= value <= joint.upper + _TOLERANCE:
-            raise InputError(
-                Diagnostic(
-                    given.where,
-                    f"{given.text} is outside the limits of joint {joint.name}",
-                    f"between {joint.lower:g} and {joint.upper:g} "
-                    + ("rad" if joint.kind == "revolute" else "m"),
-                )
+            raise InputError.at(
+                given.where,
+                f"{given.text} is outside the limits of joint {joint.name}",
+                f"between {joint.lower:g} and {joint.upper:g} "
+                + ("rad" if joint.kind == "revolute" else "m"),
             )
         positions[joint.name] = value
     return NamedState(str(node.name.text), tuple(positions.items()), reader.where(node))
@@ -296,7 +286,7 @@ def read_instance(reader: NodeReader, subject: Subject, node: Any) -> Instance:
     """Return the instance of a ``… is a …`` sentence."""
     if subject.every or len(subject.names) != 1 or subject.exceptions or subject.names[0].joint:
         hint = "door_1 is a hinged_door at …"
-        raise InputError(Diagnostic(subject.where, "one object is placed at a time", hint))
+        raise InputError.at(subject.where, "one object is placed at a time", hint)
     options = reader.once(node.options)
     starts = options.pop("StartsIn", None)
     frozen = options.pop("FrozenOption", None) is not None
@@ -335,7 +325,7 @@ def _in(reader: NodeReader, node: Any, options: dict[str, Any]) -> At | In:
     _refuse(reader, refused, "is for objects placed at a frame", "write at <frame>, …")
     if "Hinge" in options and "Sliding" in options:
         where = reader.where(options["Sliding"])
-        raise InputError(Diagnostic(where, "a door has a hinge or slides, not both"))
+        raise InputError.at(where, "a door has a hinge or slides, not both")
     if "Hinge" in options:
         return _hinged(reader, entryway, options)
     if "Sliding" in options:
@@ -351,7 +341,7 @@ def _hinged(reader: NodeReader, entryway: Name, options: dict[str, Any]) -> In:
     if opening is None:
         hint = "add opening inwards, opening outwards or opening into <space>"
         message = "to which side does the leaf open?"
-        raise InputError(Diagnostic(reader.where(hinge), message, hint))
+        raise InputError.at(reader.where(hinge), message, hint)
     recess = _value(reader, options.pop("Recessed", None), "length")
     _refuse(reader, options, "is not for doors with a hinge", "leave it out")
     return In(

@@ -29,7 +29,7 @@ from grammars.scenery.model import (
     Waiting,
     Walks,
 )
-from grammars.text.diagnostics import Diagnostic, InputError
+from grammars.text.diagnostics import InputError
 
 
 def read_event(reader: NodeReader, node: Any) -> EventPhrase:
@@ -38,19 +38,17 @@ def read_event(reader: NodeReader, node: Any) -> EventPhrase:
     match type(node).__name__:
         case "LegBegins":
             if int(node.leg) < 1:
-                raise InputError(Diagnostic(where, "legs are counted from 1", "when leg 1 begins"))
+                raise InputError.at(where, "legs are counted from 1", "when leg 1 begins")
             return OnLeg(int(node.leg), where)
         case "WaypointIsReached":
             return OnWaypoint(str(node.waypoint).strip('"'), where)
         case "ObjectActs":
             return OnObject(reader.path(node.path), "fires" if node.fires else "moves", where)
         case _:
-            raise InputError(
-                Diagnostic(
-                    where,
-                    "walks begin at a time or with an event, not with the robot's distance",
-                    "from 5 s, when leg 2 begins, when waypoint … is reached, when … fires",
-                )
+            raise InputError.at(
+                where,
+                "walks begin at a time or with an event, not with the robot's distance",
+                "from 5 s, when leg 2 begins, when waypoint … is reached, when … fires",
             )
 
 
@@ -66,15 +64,13 @@ def read_walks(reader: NodeReader, subject: Subject, node: Any) -> Walks:
     when, after = options.get("When"), options.get("After")
     since = options.get("From") or after
     if when is None and after is not None:
-        raise InputError(
-            Diagnostic(reader.where(after), "after what?", "add when …, or write from 5 s")
-        )
+        raise InputError.at(reader.where(after), "after what?", "add when …, or write from 5 s")
     if when is not None and "From" in options:
-        raise InputError(
-            Diagnostic(reader.where(options["From"]), "a walk begins at a time or with an event")
+        raise InputError.at(
+            reader.where(options["From"]), "a walk begins at a time or with an event"
         )
     if "Yielding" in options and "NotYielding" in options:
-        raise InputError(Diagnostic(subject.where, "it yields or it does not"))
+        raise InputError.at(subject.where, "it yields or it does not")
     pausing = options.get("Pausing")
     return Walks(
         subject,
@@ -95,13 +91,11 @@ def read_walks(reader: NodeReader, subject: Subject, node: Any) -> Walks:
 def _route(reader: NodeReader, nodes: list[Any]) -> tuple[RoutePoint, ...]:
     """Points without a frame are in the one that is named next, or in the world."""
     if len(nodes) < 2:
-        raise InputError(
-            Diagnostic(reader.where(nodes[0]), "a route has two points or more", "add a point")
-        )
+        raise InputError.at(reader.where(nodes[0]), "a route has two points or more", "add a point")
     frames = [None if node.frame is None else reader.frame(node.frame) for node in nodes]
     if frames[-1] is None and any(frames):
-        raise InputError(
-            Diagnostic(reader.where(nodes[-1]), "in which frame is this point?", "add of <frame>")
+        raise InputError.at(
+            reader.where(nodes[-1]), "in which frame is this point?", "add of <frame>"
         )
     following = FrameName("world", None, "", reader.where(nodes[-1]))
     points: list[RoutePoint] = []
@@ -210,13 +204,11 @@ def _probability(reader: NodeReader, option: Any) -> float:
         return 0.5
     share = option.value
     if share.unit not in ("", "%", None):
-        raise InputError(
-            Diagnostic(reader.where(share), f"a probability has no unit, {share.unit} is one")
-        )
+        raise InputError.at(reader.where(share), f"a probability has no unit, {share.unit} is one")
     value = float(share.number) * (0.01 if share.unit == "%" else 1.0)
     if not (math.isfinite(value) and 0.0 <= value <= 1.0):
-        raise InputError(
-            Diagnostic(reader.where(share), "a probability lies between 0 and 1 (0 % and 100 %)")
+        raise InputError.at(
+            reader.where(share), "a probability lies between 0 and 1 (0 % and 100 %)"
         )
     return value
 
@@ -225,12 +217,10 @@ def _goes(reader: NodeReader, subject: Subject, node: Any) -> Goes | Reacts:
     options = reader.once(node.options)
     when = options.get("When")
     if when is None:
-        raise InputError(
-            Diagnostic(
-                subject.where,
-                "when does it go?",
-                "add when the robot is within 1.3 m of its hinge; moves to … at … for given times",
-            )
+        raise InputError.at(
+            subject.where,
+            "when does it go?",
+            "add when the robot is within 1.3 m of its hinge; moves to … at … for given times",
         )
     again, after, near = options.get("Again"), options.get("After"), when.condition
     starting = options.get("Starting")
@@ -238,7 +228,7 @@ def _goes(reader: NodeReader, subject: Subject, node: Any) -> Goes | Reacts:
         return _reacts(reader, subject, node, options)
     if after is not None:
         message = "only events are reacted to after some time, not the robot's distance"
-        raise InputError(Diagnostic(reader.where(after), message, "leave it out"))
+        raise InputError.at(reader.where(after), message, "leave it out")
     return Goes(
         subject,
         reader.amount(node.start, *_POSITIONS),
@@ -256,11 +246,11 @@ def _goes(reader: NodeReader, subject: Subject, node: Any) -> Goes | Reacts:
 def _reacts(reader: NodeReader, subject: Subject, node: Any, options: dict[str, Any]) -> Reacts:
     if "Again" in options:
         where = reader.where(options["Again"])
-        raise InputError(Diagnostic(where, "an event is reacted to once", "leave out again …"))
+        raise InputError.at(where, "an event is reacted to once", "leave out again …")
     if "Starting" in options:
         where = reader.where(options["Starting"])
         message = "only what waits for the robot to come near starts elsewhere"
-        raise InputError(Diagnostic(where, message, "leave out starting at …"))
+        raise InputError.at(where, message, "leave out starting at …")
     return Reacts(
         subject,
         reader.amount(node.start, *_POSITIONS),

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from typing import Final, Literal, TypeAlias
 
 from grammars.model.scene import Joint, Link
-from grammars.text.diagnostics import Diagnostic, InputError, Where, with_article
+from grammars.text.diagnostics import InputError, Where, with_article
 from grammars.text.quantity import parse_quantity, unit_of
 
 NUMBER: Final = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
@@ -48,7 +48,7 @@ def parse_measure(text: str, where: Where) -> Measure:
     quantity = parse_quantity(spelled, where)
     if abs(quantity.value) > LARGEST:
         message = f"{spelled} is more than anything in a building"
-        raise InputError(Diagnostic(where, message, "is the unit right?"))
+        raise InputError.at(where, message, "is the unit right?")
     return Measure(quantity.value, quantity.dimension, spelled, where)
 
 
@@ -58,12 +58,10 @@ def require_dimension(value: Measure, *dimensions: str) -> float:
         return value.value
     needed = " or ".join(_in_words(d) for d in dimensions)
     unit = unit_of(dimensions[0])
-    raise InputError(
-        Diagnostic(
-            value.where,
-            f"{needed} is needed here, {value.text} is {_in_words(value.dimension)}",
-            f"write it in {unit}",
-        )
+    raise InputError.at(
+        value.where,
+        f"{needed} is needed here, {value.text} is {_in_words(value.dimension)}",
+        f"write it in {unit}",
     )
 
 

@@ -59,6 +59,11 @@ class InputError(Exception):
         self.diagnostics: tuple[Diagnostic, ...] = found
         super().__init__("\n".join(str(d) for d in found))
 
+    @classmethod
+    def at(cls, where: Where, message: str, hint: str = "") -> InputError:
+        """Return the error of one finding."""
+        return cls(Diagnostic(where, message, hint))
+
 
 def with_article(noun: str) -> str:
     """Return ``a space``, ``an entryway``."""

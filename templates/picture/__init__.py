@@ -10,10 +10,10 @@ from pathlib import Path
 from templates.picture._compose import draw_world
 from templates.picture._drawing import Drawing
 from templates.picture._mission import RunOverlay
-from templates.picture._png import write_png
+from templates.picture._png import PNG_SCALE, write_png
 from templates.world import ExportJob
 
-__all__ = ["Drawing", "RunOverlay", "draw_world", "write_picture", "write_png"]
+__all__ = ["PNG_SCALE", "Drawing", "RunOverlay", "draw_world", "write_picture", "write_png"]
 
 
 def write_picture(job: ExportJob) -> tuple[Path, ...]:

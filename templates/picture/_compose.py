@@ -60,7 +60,7 @@ def draw_world(world: ArtefactWorld, run: RunOverlay | None = None) -> Drawing:
     for name, items in on_top:
         figure.add(name, items)
     figure.add("heading", _page.heading(figure))
-    low = any(is_below(s.z_min, s.z_max) for s in scene.solids)
+    low = any(is_below(s) for s in scene.solids)
     doors, driven = bool(scene.objects), mission is not None
     figure.add("legend", _page.legend(page, doors=doors, low=low, mission=driven))
     if run:

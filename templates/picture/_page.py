@@ -7,10 +7,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Final
 
+from grammars.model.cross_section import placed_links
 from grammars.model.geometry import Point2, Ring
-from grammars.model.scene import Scene
+from grammars.model.scene import Scene, Solid
 from templates.picture._drawing import Disc, Drawing, DrawingItem, Shape, TextLabel
-from templates.world import link_poses_at
 
 PAPER: Final = "#faf8f4"
 FLOOR: Final = "#ffffff"
@@ -33,7 +33,7 @@ HEAD: Final = 92.0
 FOOT: Final = 76.0
 _NARROWEST: Final = 720.0
 _LARGEST_SCALE: Final = 120.0
-_CUT: Final = 1.2
+CUT: Final = 1.2
 """Height of the horizontal cut a plan shows [m], as architects draw it."""
 
 
@@ -65,10 +65,10 @@ def page_for(scene: Scene, start: Mapping[str, float], more: tuple[Point2, ...] 
     corners = [c for region in scene.regions for c in region.outline]
     corners += [c for solid in scene.solids for c in solid.polygon]
     corners += [
-        pose.apply(c)
+        c
         for thing in scene.objects
-        for pose, link in zip(link_poses_at(thing, start).values(), thing.links, strict=True)
-        for ring in link.polygons
+        for _, rings in placed_links(thing, start)
+        for ring in rings
         for c in ring
     ]
     corners += more
@@ -81,14 +81,9 @@ def page_for(scene: Scene, start: Mapping[str, float], more: tuple[Point2, ...] 
     return Page(scale, min(xs), max(ys), left, HEAD, round(width), round(height))
 
 
-def is_cut(z_min: float, z_max: float) -> bool:
-    """Return whether something crosses the height at which the plan is cut."""
-    return z_min <= _CUT < z_max
-
-
-def is_below(z_min: float, z_max: float) -> bool:
-    """Return whether something stands below that height."""
-    return z_min < _CUT and z_max <= _CUT
+def is_below(solid: Solid) -> bool:
+    """Return whether something stands below the height at which the plan is cut."""
+    return solid.z_min < CUT and solid.z_max <= CUT
 
 
 def heading(figure: Drawing) -> list[DrawingItem]:

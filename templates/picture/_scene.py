@@ -10,11 +10,13 @@ import shapely
 from shapely.geometry import Point, Polygon
 
 from grammars.model.behaviour import Behaviour
+from grammars.model.cross_section import is_cut, placed_links, solid_rings
 from grammars.model.geometry import Point2
 from grammars.model.kinematics import link_poses
 from grammars.model.scene import Joint, Link, Region, Scene, SceneObject
 from templates.picture._drawing import LETTER, Disc, DrawingItem, Labels, Shape, TextLabel
 from templates.picture._page import (
+    CUT,
     DOOR,
     FLOOR,
     LOW,
@@ -26,9 +28,8 @@ from templates.picture._page import (
     WALL,
     Page,
     is_below,
-    is_cut,
 )
-from templates.world import driven_joints, link_poses_at
+from templates.world import driven_joints
 
 _GRID: Final = 1e-6
 _ALONG: Final = (0.0, -0.12, 0.12, -0.24, 0.24, -0.34, 0.34)
@@ -45,8 +46,8 @@ def floors(scene: Scene, page: Page) -> list[DrawingItem]:
 
 def walls(scene: Scene, page: Page) -> list[DrawingItem]:
     """Return what stands still: low things and sills in light, what is cut in dark."""
-    low = [Polygon(s.polygon) for s in scene.solids if is_below(s.z_min, s.z_max)]
-    cut = [Polygon(s.polygon) for s in scene.solids if is_cut(s.z_min, s.z_max)]
+    low = [Polygon(s.polygon) for s in scene.solids if is_below(s)]
+    cut = [Polygon(ring) for ring in solid_rings(scene, CUT)]
     items: list[DrawingItem] = []
     if low:
         items.append(Shape(_rings(_union(low), page), fill=LOW, line=SOFT, width=0.6))
@@ -57,7 +58,7 @@ def walls(scene: Scene, page: Page) -> list[DrawingItem]:
 
 def outlines(scene: Scene, page: Page) -> list[DrawingItem]:
     """Return every solid the plan shows by itself, for texts to keep off."""
-    shown = (s for s in scene.solids if is_cut(s.z_min, s.z_max) or is_below(s.z_min, s.z_max))
+    shown = (s for s in scene.solids if is_cut(s, CUT) or is_below(s))
     return [Shape((page.ring(s.polygon),)) for s in shown]
 
 
@@ -142,12 +143,12 @@ def bodies(scene: Scene, page: Page, start: Mapping[str, float]) -> list[Drawing
     """Return every link of every object where it stands at the start."""
     items: list[DrawingItem] = []
     for thing in scene.objects:
-        poses = link_poses_at(thing, start)
         moving = {joint.child for joint in thing.joints} if not thing.frozen else set()
-        for link in (link for link in thing.links if link.polygons):
-            rings = tuple(page.ring(poses[link.name].apply_ring(r)) for r in link.polygons)
-            colour = DOOR if link.name in moving else POST
-            items.append(Shape(rings, fill=colour, line=colour, width=1.2))
+        for link, rings in placed_links(thing, start):
+            if rings:
+                colour = DOOR if link.name in moving else POST
+                drawn = tuple(map(page.ring, rings))
+                items.append(Shape(drawn, fill=colour, line=colour, width=1.2))
     return items
 
 
@@ -159,9 +160,9 @@ def object_names(
     items: list[DrawingItem] = []
     for thing in scene.objects:
         corners = [
-            page.point(pose.apply(corner))
-            for pose, link in zip(link_poses_at(thing, start).values(), thing.links, strict=True)
-            for ring in link.polygons
+            page.point(corner)
+            for _, rings in placed_links(thing, start)
+            for ring in rings
             for corner in ring
         ]
         if not corners:

@@ -16,7 +16,7 @@ from grammars.model.behaviour import Jump, LegBegins, Reaction, Walk
 from grammars.text.diagnostics import InputError
 from templates.artefacts import KINDS, export
 from templates.naming import file_name
-from templates.picture._png import PNG_SCALE
+from templates.picture import PNG_SCALE
 from templates.rendering import BUILT_IN, Templates, number
 from templates.world import BehaviourDraw, ExportSettings
 from tests.templates.test_bodies import walker

@@ -28,6 +28,7 @@ from daemon.analysis.report._svg import (
     to_svg,
 )
 from daemon.analysis.report._tracks import AFTER, BEFORE
+from grammars.model.cross_section import object_rings, solid_rings
 from grammars.model.scene import Scene
 
 if TYPE_CHECKING:
@@ -164,7 +165,8 @@ def draw_map(axes: Axes, scene: Scene, frame: PlotLimits) -> None:
     from matplotlib.patches import PathPatch
     from matplotlib.path import Path as Outline
 
-    for rings, colour in ((_wall_rings(scene), WALL), (_object_rings(scene), SECOND)):
+    walls, things = solid_rings(scene, _CUT), object_rings(scene, _CUT)
+    for rings, colour in ((walls, WALL), (things, SECOND)):
         near = [ring for ring in rings if _touches(ring, frame)]
         if near:
             outline = Outline.make_compound_path(
@@ -187,22 +189,6 @@ def _scale_bar(axes: Axes, frame: PlotLimits) -> None:
     left, low = frame.west + 0.02 * wide, frame.south + 0.02 * wide
     axes.plot([left, left + length], [low, low], color=INK, lw=1.6, solid_capstyle="butt")
     axes.text(left, low + 0.015 * wide, f"{length:g} m", color=SOFT, fontsize=6.5, va="bottom")
-
-
-def _wall_rings(scene: Scene) -> list[Any]:
-    return [s.polygon for s in scene.solids if s.z_min <= _CUT < s.z_max]
-
-
-def _object_rings(scene: Scene) -> list[Any]:
-    from grammars.model.kinematics import link_poses
-
-    rings = []
-    for item in scene.objects:
-        poses = link_poses(item, item.initial)
-        for link in item.links:
-            if link.z_min <= _CUT < link.z_max:
-                rings += [poses[link.name].apply_ring(ring) for ring in link.polygons]
-    return rings
 
 
 def _touches(ring: Any, frame: PlotLimits) -> bool:

@@ -18,7 +18,7 @@ from grammars.scenery.model import (
     SceneryLayer,
     require_dimension,
 )
-from grammars.text.diagnostics import Diagnostic, InputError, Where, did_you_mean
+from grammars.text.diagnostics import InputError, Where, did_you_mean
 
 
 class SentenceContext:
@@ -46,7 +46,7 @@ class SentenceContext:
             hint = did_you_mean(amount.text, self.parameters) or (
                 f"declare it: parameter {amount} = …"
             )
-            raise InputError(Diagnostic(amount.where, f'there is no parameter "{amount}"', hint))
+            raise InputError.at(amount.where, f'there is no parameter "{amount}"', hint)
         return require_dimension(given, *dimensions)
 
     def optional(self, amount: Amount | None, default: float, *dimensions: str) -> float:
@@ -76,12 +76,12 @@ def joint_positions(
             known = (*states, *(parameters or {}))
             hint = did_you_mean(position.text, known) or f"object {model.name} has no states"
             message = f'{body.name}: {model.name} has no state "{position}"'
-            raise InputError(Diagnostic(position.where, message, hint))
+            raise InputError.at(position.where, message, hint)
         if given is None:
             chosen = dict(states[position.text].positions)
             if joint and joint not in chosen:
                 message = f'state "{position}" of {model.name} says nothing about {joint}'
-                raise InputError(Diagnostic(position.where, message))
+                raise InputError.at(position.where, message)
             wanted = {joint: chosen[joint]} if joint else chosen
             return {name: _in_scene(body, name, value) for name, value in wanted.items()}
         return _single(body, model, given, position.where, joint)
@@ -94,16 +94,16 @@ def _single(
     own = own_joints(model.joints)
     if not joint and len(own) != 1:
         if not own:
-            raise InputError(Diagnostic(where, f"{body.name} has no joint that could move"))
+            raise InputError.at(where, f"{body.name} has no joint that could move")
         hint = f"write {body.name}.{own[0].name}, or a state"
-        raise InputError(Diagnostic(where, f"{body.name} has several joints", hint))
+        raise InputError.at(where, f"{body.name} has several joints", hint)
     kind = next(j for j in (model.joints if joint else own) if not joint or j.name == joint)
     value = require_dimension(given, "angle" if kind.kind == "revolute" else "length")
     if not kind.lower - _TOLERANCE <= value <= kind.upper + _TOLERANCE:
         unit = "rad" if kind.kind == "revolute" else "m"
         message = f"{given.text} is outside the limits of {body.name}.{kind.name}"
         hint = f"between {kind.lower:g} {unit} and {kind.upper:g} {unit}"
-        raise InputError(Diagnostic(where, message, hint))
+        raise InputError.at(where, message, hint)
     return {kind.name: _in_scene(body, kind.name, value)}
 
 

@@ -99,7 +99,7 @@ def _configured(
     for name in overrides:
         if name not in names:
             hint = did_you_mean(name, names)
-            raise InputError(Diagnostic(Where(name), f'there is no layer "{name}"', hint))
+            raise InputError.at(Where(name), f'there is no layer "{name}"', hint)
     return [configure(layer, overrides.get(layer.name, {})) for layer in layers]
 
 
@@ -109,12 +109,10 @@ def _replaced(old: _AppliedSentence | None, new: _AppliedSentence) -> list[Diagn
     behaviour = new.behaviour
     joint = behaviour.object if isinstance(behaviour, Walk) else behaviour.joint
     if old.layer == new.layer:
-        raise InputError(
-            Diagnostic(
-                new.where,
-                f"{joint} already has a behaviour in this layer",
-                f"the other one: {old.where}; leave one out (every … except …)",
-            )
+        raise InputError.at(
+            new.where,
+            f"{joint} already has a behaviour in this layer",
+            f"the other one: {old.where}; leave one out (every … except …)",
         )
     message = f"{joint} follows this sentence, not the one at {old.where}"
     return [Diagnostic(new.where, message, severity=Severity.WARNING)]

@@ -18,6 +18,7 @@ from shapely.geometry import Polygon
 from shapely.geometry.base import BaseGeometry
 
 from grammars.floorplan import FloorPlan, Opening, Point3, Wall
+from grammars.model.cross_section import is_cut
 from grammars.model.geometry import Floats
 from grammars.model.scene import Scene, Solid
 from grammars.scenery.composition._rings import convex_rings, polygons_of, rounded
@@ -175,7 +176,7 @@ def static_segments(
     are no edges inside the union, and edges in line with each other are merged per owner.
     """
     owners = tuple(dict.fromkeys(s.owner for s in scene.solids))
-    standing = [s for s in scene.solids if s.z_min <= z < s.z_max]
+    standing = [s for s in scene.solids if is_cut(s, z)]
     if not standing:
         return np.zeros((0, 4)), np.zeros(0, np.int32), owners
     number = {name: i for i, name in enumerate(owners)}

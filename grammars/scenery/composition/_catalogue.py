@@ -73,11 +73,11 @@ class Catalogue:
             return SubjectTarget(path.object, path.joint, path.where)
         if path.object in self.models or self._groups(layer, path.object):
             kind = "an object model" if path.object in self.models else "a group"
-            raise InputError(
-                Diagnostic(path.where, f'"{path.object}" is {kind}', f"write every {path.object}")
+            raise InputError.at(
+                path.where, f'"{path.object}" is {kind}', f"write every {path.object}"
             )
         hint = did_you_mean(path.object, self.instances)
-        raise InputError(Diagnostic(path.where, f'there is no object "{path.object}"', hint))
+        raise InputError.at(path.where, f'there is no object "{path.object}"', hint)
 
     def _many(
         self, layer: SceneryLayer, path: Path, trail: tuple[str, ...]
@@ -90,13 +90,11 @@ class Catalogue:
             self._check_joint(path, names)
             return tuple(SubjectTarget(name, path.joint, path.where) for name in names)
         if path.object in self.instances:
-            raise InputError(
-                Diagnostic(path.where, f'"{path.object}" is one object', "leave out every")
-            )
+            raise InputError.at(path.where, f'"{path.object}" is one object', "leave out every")
         known = (*self.models, *(g.name for other in self._layers for g in other.groups))
         hint = did_you_mean(path.object, known)
         message = f'there is no group or object model "{path.object}"'
-        raise InputError(Diagnostic(path.where, message, hint))
+        raise InputError.at(path.where, message, hint)
 
     def _members(
         self, path: Path, groups: list[tuple[SceneryLayer, Group]], trail: tuple[str, ...]
@@ -104,11 +102,9 @@ class Catalogue:
         home, group = groups[0]
         if len(groups) > 1:
             places = " and ".join(str(g.where) for _, g in groups)
-            raise InputError(
-                Diagnostic(path.where, f'"{path.object}" may mean several groups', places)
-            )
+            raise InputError.at(path.where, f'"{path.object}" may mean several groups', places)
         if group.name in trail:
-            raise InputError(Diagnostic(group.where, f'group "{group.name}" contains itself'))
+            raise InputError.at(group.where, f'group "{group.name}" contains itself')
         left_out = {
             t.object
             for exception in group.members.exceptions
@@ -137,7 +133,7 @@ class Catalogue:
             if path.joint not in joints:
                 hint = did_you_mean(path.joint, joints)
                 message = f'{name} has no joint "{path.joint}"'
-                raise InputError(Diagnostic(path.where, message, hint))
+                raise InputError.at(path.where, message, hint)
 
 
 def _index(items: Iterable[Named], kind: str, findings: list[Diagnostic]) -> dict[str, Named]:

@@ -18,7 +18,7 @@ from grammars.model.movers import own_joints
 from grammars.model.scene import Joint, Link, SceneObject
 from grammars.scenery.composition._amounts import closed_positions
 from grammars.scenery.model import At, FrameName, In, Instance, Name, ObjectModel
-from grammars.text.diagnostics import Diagnostic, InputError, Where, did_you_mean
+from grammars.text.diagnostics import InputError, Where, did_you_mean
 
 
 def mirrored_links(links: tuple[Link, ...], across: Point2) -> tuple[Link, ...]:
@@ -112,7 +112,7 @@ def place_in_entryway(
     if len(joints) == 1 and joints[0].kind == "revolute":
         message = f"{instance.name}: on which side is the hinge?"
         hint = "add hinge left or hinge right, and opening inwards or outwards"
-        raise InputError(Diagnostic(how.entryway.where, message, hint))
+        raise InputError.at(how.entryway.where, message, hint)
     return ObjectPlacement(opening.frame @ Pose2(gap.middle, opening.depth / 2, how.yaw))
 
 
@@ -123,7 +123,7 @@ def _towards(plan: FloorPlan, opening: Opening, side: str | Name) -> str:
     outlines = {s.name: Polygon(s.outline) for s in plan.spaces}
     if side.text not in outlines:
         hint = did_you_mean(side.text, outlines)
-        raise InputError(Diagnostic(side.where, f'there is no space "{side}"', hint))
+        raise InputError.at(side.where, f'there is no space "{side}"', hint)
     x = sum(opening.frame.inverse().apply((p[0], p[1]))[0] for p in opening.near) / len(
         opening.near
     )
@@ -142,12 +142,10 @@ def _towards(plan: FloorPlan, opening: Opening, side: str | Name) -> str:
             {n for n, o in outlines.items() if any(o.covers(p) for p in probes.values())}
             | {name for name in walls if name}
         )
-        raise InputError(
-            Diagnostic(
-                side.where,
-                f"{opening.name} does not lead to {side}",
-                f"it leads to {' and '.join(beside)}" if beside else "",
-            )
+        raise InputError.at(
+            side.where,
+            f"{opening.name} does not lead to {side}",
+            f"it leads to {' and '.join(beside)}" if beside else "",
         )
     return found
 
@@ -159,7 +157,7 @@ def _only_joint(instance: Instance, model: ObjectModel, how: In, kind: str) -> J
     leaf = "with one leaf on one hinge" if kind == "revolute" else "with one sliding leaf"
     message = f"{instance.name}: {how.manner} {how.side} is for doors {leaf}"
     hint = f"{model.name} has other joints; place it with in {how.entryway} alone, or with at …"
-    raise InputError(Diagnostic(how.entryway.where, message, hint))
+    raise InputError.at(how.entryway.where, message, hint)
 
 
 def _opening_way(joint: Joint, closed: float) -> float:
@@ -178,7 +176,7 @@ def _hinged(instance: Instance, model: ObjectModel, how: In, gap: _Gap) -> Objec
         name, width = instance.name, high - low
         message = f"{name} is {width:.3f} m wide, {gap.opening.name} only {gap.width:.3f} m"
         hint = "take a narrower door or widen the entryway"
-        raise InputError(Diagnostic(how.entryway.where, message, hint))
+        raise InputError.at(how.entryway.where, message, hint)
     wanted = 1.0 if gap.left else -1.0
     face = 1.0 if gap.outwards else -1.0
     mirrored = wanted * turns != face
@@ -236,9 +234,7 @@ def _entryway(plan: FloorPlan, name: Name) -> Opening:
         hint = "it is a window" if window else did_you_mean(name.text, entryways)
         if any(s.name == name.text for s in plan.spaces):
             hint = f"it is a space: write at {name}, or in {name}, x 1 m, y 50 cm"
-        raise InputError(
-            Diagnostic(name.where, f'there is no entryway "{name}" in the floor plan', hint)
-        )
+        raise InputError.at(name.where, f'there is no entryway "{name}" in the floor plan', hint)
     return entryways[name.text]
 
 
@@ -259,9 +255,9 @@ def _check_space(plan: FloorPlan, name: FrameName) -> None:
         return
     if any(o.name == name.name for o in plan.openings):
         message = f"x and y are meant in a space, {name} is an opening"
-        raise InputError(Diagnostic(name.where, message, f"write at {name}, x …"))
+        raise InputError.at(name.where, message, f"write at {name}, x …")
     hint = did_you_mean(name.name, spaces)
-    raise InputError(Diagnostic(name.where, f'there is no space "{name}"', hint))
+    raise InputError.at(name.where, f'there is no space "{name}"', hint)
 
 
 def frames_of(plan: FloorPlan) -> tuple[tuple[str, Pose2], ...]:
@@ -289,11 +285,11 @@ def frame_named(plan: FloorPlan, name: FrameName) -> Pose2:
     if name.wall is not None or name.part:
         if space is None:
             hint = did_you_mean(name.name, (s.name for s in plan.spaces))
-            raise InputError(Diagnostic(name.where, f'there is no space "{name.name}"', hint))
+            raise InputError.at(name.where, f'there is no space "{name.name}"', hint)
         if name.wall is not None:
             if not 0 <= name.wall < len(space.walls):
                 hint = f"it has walls 0 to {len(space.walls) - 1}"
-                raise InputError(Diagnostic(name.where, f"there is no {name}", hint))
+                raise InputError.at(name.where, f"there is no {name}", hint)
             return space.walls[name.wall].frame
         inside = {f.name: f.frame for f in plan.features if f.space == space.name}
         return _known(inside, name.part, f"feature in {space.name}", name.where)
@@ -304,12 +300,12 @@ def frame_named(plan: FloorPlan, name: FrameName) -> Pose2:
     doubles = [f for f in plan.features if f.name == name.name]
     if len(doubles) > 1 and space is None:
         hint = " or ".join(f"{f.space}.{f.name}" if f.space else f.id for f in doubles)
-        raise InputError(Diagnostic(name.where, f'"{name}" may mean several features', hint))
+        raise InputError.at(name.where, f'"{name}" may mean several features', hint)
     return _known(frames, name.name, "space, opening or feature", name.where)
 
 
 def _known(frames: dict[str, Pose2], name: str, kind: str, where: Where) -> Pose2:
     if name not in frames:
         hint = did_you_mean(name, (*frames, "world"))
-        raise InputError(Diagnostic(where, f'there is no {kind} "{name}" in the floor plan', hint))
+        raise InputError.at(where, f'there is no {kind} "{name}" in the floor plan', hint)
     return frames[name]

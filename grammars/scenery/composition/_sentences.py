@@ -56,7 +56,7 @@ from grammars.scenery.model import (
     Toggles,
     Walks,
 )
-from grammars.text.diagnostics import Diagnostic, InputError, did_you_mean
+from grammars.text.diagnostics import InputError, did_you_mean
 
 _SHORTEST = 0.01
 """Points of a route are at least this far apart [m]."""
@@ -82,7 +82,7 @@ def event_of(
     names = [target.joint] if target.joint else [joint.name for joint in joints]
     if not names:
         hint = "wait for something with a joint"
-        raise InputError(Diagnostic(path.where, f"{body.name} has no joint that moves", hint))
+        raise InputError.at(path.where, f"{body.name} has no joint that moves", hint)
     return JointActs(tuple(f"{body.name}.{name}" for name in names), said.act)
 
 
@@ -90,16 +90,16 @@ def walk_of(context: SentenceContext, body: SceneObject, said: Walks, event: Eve
     """Return the walk of ``body``; raises :class:`InputError` for what it cannot mean."""
     if not is_mover(body.joints):
         message = f"{body.name} cannot walk: {body.model} is an object, not a mover"
-        raise InputError(Diagnostic(said.where, message, f"write mover {body.model} …"))
+        raise InputError.at(said.where, message, f"write mover {body.model} …")
     facing, yaw = _facing(context, said)
     yielding = None if said.yielding is None else _positive(context, said, "yielding")
     pause = context.optional(said.pause, 0.0, "time")
     since = context.optional(said.since, 0.0, "time")
     if pause < 0.0 or since < 0.0:
-        raise InputError(Diagnostic(said.where, "times of a walk are never negative"))
+        raise InputError.at(said.where, "times of a walk are never negative")
     if said.manner == "once" and pause > 0.0 and not said.everywhere:
         hint = "add back and forth, or write pausing … at every point"
-        raise InputError(Diagnostic(said.where, "a walk done once ends at its end", hint))
+        raise InputError.at(said.where, "a walk done once ends at its end", hint)
     return Walk(
         body.name,
         _route(context, said),
@@ -124,7 +124,7 @@ def _positive(context: SentenceContext, said: Walks, field: str) -> float:
     amount = getattr(said, field)
     value = context.value(amount, _DIMENSIONS[field])
     if value <= 0.0:
-        raise InputError(Diagnostic(amount.where, "this must be greater than 0"))
+        raise InputError.at(amount.where, "this must be greater than 0")
     return value
 
 
@@ -138,19 +138,19 @@ def _facing(context: SentenceContext, said: Walks) -> tuple[Facing, float]:
 
 def _route(context: SentenceContext, said: Walks) -> tuple[Point2, ...]:
     if len(said.route) < 2:
-        raise InputError(Diagnostic(said.where, "a route has two points or more", "add a point"))
+        raise InputError.at(said.where, "a route has two points or more", "add a point")
     points: list[Point2] = []
     for point in said.route:
         spot = rounded_point(frame_in(context.frames, point).apply((point.x, point.y)))
         if points and math.dist(spot, points[-1]) < _SHORTEST:
             message = "two points of the route are the same"
-            raise InputError(Diagnostic(said.where, message, "pausing … waits at points"))
+            raise InputError.at(said.where, message, "pausing … waits at points")
         points.append(spot)
     if said.manner == "round" and math.dist(points[0], points[-1]) < _SHORTEST:
         points.pop()  # round closes the route by itself
     if said.manner == "round" and len(points) < 3:
         hint = "write back and forth"
-        raise InputError(Diagnostic(said.where, "a round needs three points or more", hint))
+        raise InputError.at(said.where, "a round needs three points or more", hint)
     return tuple(points)
 
 
@@ -162,7 +162,7 @@ def frame_in(frames: Mapping[str, Pose2], point: RoutePoint) -> Pose2:
     if name not in frames:
         hint = did_you_mean(name, (*frames, "world"))
         message = f'there is no frame "{name}" in the floor plan'
-        raise InputError(Diagnostic(point.frame.where, message, hint))
+        raise InputError.at(point.frame.where, message, hint)
     return frames[name]
 
 
@@ -211,8 +211,8 @@ class SentenceResolver:
         for position, time in said.frames:
             at = self._time(time)
             if at <= last:
-                raise InputError(
-                    Diagnostic(time.where, f"{at:g} s is not after {last:g} s", "put them in order")
+                raise InputError.at(
+                    time.where, f"{at:g} s is not after {last:g} s", "put them in order"
                 )
             last = at
             for joint, value in self._positions(position).items():
@@ -237,7 +237,7 @@ class SentenceResolver:
         limit = self._context.limit
         period = self._time(said.every)
         if period <= 0.0:
-            raise InputError(Diagnostic(said.every.where, "the period is greater than 0 s"))
+            raise InputError.at(said.every.where, "the period is greater than 0 s")
         chance = RandomToggles(
             period=period,
             since=period if said.since is None else self._time(said.since),
@@ -247,12 +247,12 @@ class SentenceResolver:
             step=0.0 if said.step is None else self._time(said.step),
         )
         if chance.delay > period:
-            raise InputError(
-                Diagnostic(said.where, "a change may come later than the next one", "delay it less")
+            raise InputError.at(
+                said.where, "a change may come later than the next one", "delay it less"
             )
         if chance.count > MOST_DRAWS:
             message = f"that makes more than {MOST_DRAWS} draws"
-            raise InputError(Diagnostic(said.every.where, message, "are the units right?"))
+            raise InputError.at(said.every.where, message, "are the units right?")
         return chance
 
     def _goes(self, said: Goes) -> list[Behaviour]:
@@ -260,21 +260,19 @@ class SentenceResolver:
         distance = self._context.value(said.distance, "length")
         rearm = None if said.again is None else self._context.value(said.again, "length")
         if distance <= 0.0:
-            raise InputError(Diagnostic(said.distance.where, "a distance is greater than 0 m"))
+            raise InputError.at(said.distance.where, "a distance is greater than 0 m")
         if rearm is not None and said.again is not None and rearm <= distance:
             message = f"it would be ready again at {rearm:g} m, inside of {distance:g} m"
-            raise InputError(
-                Diagnostic(said.again.where, message, "again beyond a larger distance")
-            )
+            raise InputError.at(said.again.where, message, "again beyond a larger distance")
         begin = start if said.begin is None else self._positions(said.begin)
         self._same_joints(said, start, begin)
         self._same_joints(said, start, end)
         if said.begin is not None and said.motion.kind == "jump":
             message = "what jumps is where it goes from at once"
-            raise InputError(Diagnostic(said.begin.where, message, "leave out starting at …"))
+            raise InputError.at(said.begin.where, message, "leave out starting at …")
         if said.of == "doorway" and not self._body.doorway:
             message = f"{self._body.name} does not stand in a doorway"
-            raise InputError(Diagnostic(said.where, message, "measure from its hinge or leaf"))
+            raise InputError.at(said.where, message, "measure from its hinge or leaf")
         return [
             Trigger(
                 self._full(joint),
@@ -306,9 +304,9 @@ class SentenceResolver:
         first = self._time(waiting.first)
         second = 0.0 if waiting.second is None else self._time(waiting.second)
         if waiting.kind == "uniform" and second < first:
-            raise InputError(Diagnostic(said.where, "the longest wait is less than the shortest"))
+            raise InputError.at(said.where, "the longest wait is less than the shortest")
         if (second if waiting.kind == "uniform" else first) <= 0.0:
-            raise InputError(Diagnostic(waiting.first.where, "it waits longer than 0 s"))
+            raise InputError.at(waiting.first.where, "it waits longer than 0 s")
         pauses = RandomWaits(
             waiting.kind,
             first,
@@ -318,7 +316,7 @@ class SentenceResolver:
         )
         if pauses.count > MOST_DRAWS:
             message = f"that makes more than {MOST_DRAWS} draws"
-            raise InputError(Diagnostic(waiting.first.where, message, "are the units right?"))
+            raise InputError.at(waiting.first.where, message, "are the units right?")
         return pauses
 
     def _reacts(self, said: Reacts) -> list[Behaviour]:
@@ -340,7 +338,7 @@ class SentenceResolver:
 
     def _walks(self, said: Walks) -> list[Behaviour]:
         if self._joint:
-            raise InputError(Diagnostic(said.where, f"{self._body.name} walks as a whole"))
+            raise InputError.at(said.where, f"{self._body.name} walks as a whole")
         event = None if said.occasion is None else self._event(said.occasion)
         return [walk_of(self._context, self._body, said, event)]
 
@@ -359,7 +357,7 @@ class SentenceResolver:
                 if isinstance(said, Goes | Reacts)
                 else (said.first, said.second)
             )
-            raise InputError(Diagnostic(said.where, f"{first} and {second} move different joints"))
+            raise InputError.at(said.where, f"{first} and {second} move different joints")
 
     def _full(self, joint: str) -> str:
         return f"{self._body.name}.{joint}"
@@ -371,14 +369,14 @@ class SentenceResolver:
         if is_mover(self._body.joints) and set(PLANAR_JOINTS) & set(positions):
             message = f"{self._body.name} is a mover: it walks, or stands where it is placed"
             hint = f"{self._body.name} walks along …"
-            raise InputError(Diagnostic(position.where, message, hint))
+            raise InputError.at(position.where, message, hint)
         return positions
 
     def _time(self, amount: Amount) -> float:
         value = self._context.value(amount, "time")
         if value < 0.0:
             message = f"{value:g} s is before the start of the run"
-            raise InputError(Diagnostic(amount.where, message, "times count from 0 s"))
+            raise InputError.at(amount.where, message, "times count from 0 s")
         return value
 
     def _motion(self, said: MotionAs, joint: str) -> Motion:
@@ -399,9 +397,9 @@ class SentenceResolver:
         damping = value(said.damping, soft.damping, f"{kind}damping")
         self._positive(said.stiffness, stiffness)
         if damping < 0.0 and said.damping is not None:
-            raise InputError(Diagnostic(said.damping.where, "damping is never negative"))
+            raise InputError.at(said.damping.where, "damping is never negative")
         return Spring(stiffness, damping)
 
     def _positive(self, amount: Amount | None, value: float) -> None:
         if amount is not None and value <= 0.0:
-            raise InputError(Diagnostic(amount.where, "this must be greater than 0"))
+            raise InputError.at(amount.where, "this must be greater than 0")

@@ -10,8 +10,8 @@ from typing import ClassVar, Final
 import numpy as np
 from rich.style import Style
 
+from grammars.model.cross_section import object_rings, solid_rings
 from grammars.model.geometry import Floats, Point2, Pose2, Ring
-from grammars.model.kinematics import link_poses
 from grammars.model.mission import Mission
 from grammars.model.robot import Robot
 from grammars.model.scene import Scene
@@ -113,27 +113,6 @@ class _Projection:
         return np.vstack(found) if found else np.empty((0, 4))
 
 
-def _cut(z_min: float, z_max: float) -> bool:
-    return z_min <= _EYE_HEIGHT < z_max
-
-
-def object_rings(scene: Scene, joints: Sequence[float]) -> list[Ring]:
-    """Return the outlines of all object links for joint positions in scene order."""
-    rings: list[Ring] = []
-    start = 0
-    for obj in scene.objects:
-        positions = joints[start : start + len(obj.joints)]
-        start += len(obj.joints)
-        poses = link_poses(obj, positions)
-        rings.extend(
-            poses[link.name].apply_ring(ring)
-            for link in obj.links
-            if _cut(link.z_min, link.z_max)
-            for ring in link.polygons
-        )
-    return rings
-
-
 def draw_view(
     view: View, columns: int, rows: int, *, zoom: int = 1, middle: Point2 | None = None,
     walls: Canvas | None = None,
@@ -147,9 +126,9 @@ def draw_view(
     if walls is not None:
         canvas.copy_layer(walls, _WALLS)
     else:
-        solids = [s.polygon for s in view.scene.solids if _cut(s.z_min, s.z_max)]
-        canvas.lines(project.edges(solids), _WALLS)
-    canvas.lines(project.edges(object_rings(view.scene, view.joints)), _DOORS)
+        canvas.lines(project.edges(solid_rings(view.scene, _EYE_HEIGHT)), _WALLS)
+    positions = dict(zip(view.scene.joint_names, view.joints, strict=True))
+    canvas.lines(project.edges(object_rings(view.scene, _EYE_HEIGHT, positions)), _DOORS)
     canvas.points(project.dots(view.returns), _RETURNS)
     canvas.points(_dotted(project.dots(view.plan)), _PLAN)
     if len(view.trail) > 1:

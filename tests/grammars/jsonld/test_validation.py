@@ -157,3 +157,10 @@ def test_a_graph_that_went_through_n_triples_is_the_same_scene() -> None:
     back_plan, back = decompose(Graph().parse(data=text, format="nt"))
     assert back_plan == plan
     assert [i.name for i in back[0].instances] == ["way"]
+
+
+def test_the_structural_rules_are_those_of_the_shapes() -> None:
+    """After a change of the shapes: ``python -m grammars.jsonld.rdf``."""
+    from grammars.jsonld.rdf import REFERENCES_FILE, references_text
+
+    assert REFERENCES_FILE.read_text(encoding="utf-8") == references_text()

@@ -9,10 +9,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from grammars.model.cross_section import object_rings
 from grammars.model.geometry import Pose2
 from scenario_tui.dashboard.state import Tracks
 from scenario_tui.dashboard.widgets.cell_view import Canvas
-from scenario_tui.dashboard.widgets.top_view import View, draw_view, object_rings
+from scenario_tui.dashboard.widgets.top_view import View, draw_view
 from tests.scenario_tui.fake import MISSION, ROBOT, make_live, make_scene
 
 # Dot positions of a braille cell by Unicode's own numbering: bit k is dot k+1.
@@ -86,8 +87,9 @@ def test_lintels_are_above_the_eye_and_leave_the_doorway_open() -> None:
 
 
 def test_a_door_is_drawn_at_its_angle() -> None:
-    shut = object_rings(make_scene(), (0.0,))[0]
-    ajar = object_rings(make_scene(), (-math.pi / 2,))[0]
+    (name,) = make_scene().joint_names
+    shut = object_rings(make_scene(), 0.3, {name: 0.0})[0]
+    ajar = object_rings(make_scene(), 0.3, {name: -math.pi / 2})[0]
     assert max(y for _, y in shut) == pytest.approx(4.02)
     assert min(y for _, y in ajar) == pytest.approx(4.0 - 0.95)
     assert text(draw_view(view(), 76, 20)) != text(
