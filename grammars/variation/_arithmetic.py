@@ -9,6 +9,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final, TypeAlias
 
+from grammars.floorplan import PolygonNode
 from grammars.text.diagnostics import closest, did_you_mean, with_article
 from grammars.text.quantity import ANGLE, DIMENSIONS, LENGTH, RATIO, Dimension
 from grammars.text.source import DiagnosticCollector, SyntaxNode
@@ -115,7 +116,7 @@ def suggested_path(path: str, element: PlanElement, more: tuple[str, ...] = ()) 
     known = [*more, *element.paths()]
     meant = _closest_path(path, known)
     question = f'did you mean "{meant}"? ' if meant else ""
-    points = type(element.node.shape).__name__ == "Polygon" and path.startswith("shape")
+    points = isinstance(element.node.shape, PolygonNode) and path.startswith("shape")
     note = "; points are varied through variables of the plan" if points else ""
     return f"{question}it has: {', '.join(known)}{note}"
 
