@@ -15,6 +15,9 @@ SyntaxNode: TypeAlias = Any
 class TypedNode:
     """A node of the textX model with a class of its own; textX fills in what its rule assigns."""
 
+    _tx_position: int
+    _tx_position_end: int
+
     def __init__(self, parent: object = None, **written: Any) -> None:
         vars(self).update(written)
 
