@@ -103,20 +103,16 @@ def read_text(path: str | Path) -> str:
     file = Path(path)
     try:
         if file.is_dir():
-            raise InputError(Diagnostic(Where(str(path)), "is a folder, expected a file"))
+            raise InputError.at(Where(str(path)), "is a folder, expected a file")
         if file.stat().st_size > MAX_BYTES:
-            raise InputError(Diagnostic(Where(str(path)), "is larger than 8 MiB"))
+            raise InputError.at(Where(str(path)), "is larger than 8 MiB")
         return file.read_text(encoding="utf-8-sig")
     except FileNotFoundError as error:
-        raise InputError(Diagnostic(Where(str(path)), "no such file", _neighbours(file))) from error
+        raise InputError.at(Where(str(path)), "no such file", _neighbours(file)) from error
     except UnicodeDecodeError as error:
-        raise InputError(
-            Diagnostic(Where(str(path)), f"is not UTF-8 text (byte {error.start})")
-        ) from error
+        raise InputError.at(Where(str(path)), f"is not UTF-8 text (byte {error.start})") from error
     except OSError as error:
-        raise InputError(
-            Diagnostic(Where(str(path)), f"cannot be read: {error.strerror}")
-        ) from error
+        raise InputError.at(Where(str(path)), f"cannot be read: {error.strerror}") from error
 
 
 def _neighbours(file: Path) -> str:
@@ -149,7 +145,7 @@ def parse_yaml(text: str, file: str) -> YamlDocument:
         raise InputError(_marked(file, error, "")) from error
     except (YAMLError, ValueError, TypeError, RecursionError) as error:
         first_line = str(error).splitlines()[0] if str(error) else type(error).__name__
-        raise InputError(Diagnostic(Where(file), f"is not valid YAML: {first_line}")) from error
+        raise InputError.at(Where(file), f"is not valid YAML: {first_line}") from error
     places: dict[KeyPath, Where] = {(): Where(file, 1, 1)}
     data = _plain(tree, (), Where(file), places, text)
     return YamlDocument(file, data, places, text)
@@ -166,19 +162,17 @@ def _refuse_indirection(text: str, file: str) -> None:
         depth -= isinstance(event, CollectionEndEvent)
         where = Where(file, event.start_mark.line + 1, event.start_mark.column + 1)
         if isinstance(event, AliasEvent):
-            raise InputError(
-                Diagnostic(
-                    where,
-                    "YAML aliases (*name) are not used here",
-                    'write "like: <scenario>" to share what another scenario says',
-                )
+            raise InputError.at(
+                where,
+                "YAML aliases (*name) are not used here",
+                'write "like: <scenario>" to share what another scenario says',
             )
         if getattr(event, "value", None) == "<<" and getattr(event, "style", None) is None:
-            raise InputError(Diagnostic(where, "YAML merge keys (<<) are not used here"))
+            raise InputError.at(where, "YAML merge keys (<<) are not used here")
         if getattr(event, "tag", None) is not None:
-            raise InputError(Diagnostic(where, f"YAML tags ({event.tag}) are not used here"))
+            raise InputError.at(where, f"YAML tags ({event.tag}) are not used here")
         if depth > _DEEPEST:
-            raise InputError(Diagnostic(where, f"is nested deeper than {_DEEPEST} levels"))
+            raise InputError.at(where, f"is nested deeper than {_DEEPEST} levels")
 
 
 _YAML_REMEDIES: Final = (
@@ -216,10 +210,8 @@ def _plain(node: Any, path: KeyPath, root: Where, places: dict[KeyPath, Where], 
             where = Where(file, line + 1, column + 1)
             if not isinstance(key, str):
                 written, kind = _source(text, where, _KEY) or str(key), _kind(key)
-                raise InputError(
-                    Diagnostic(
-                        where, f"key {written} is {kind}, not text", f'write it as "{written}"'
-                    )
+                raise InputError.at(
+                    where, f"key {written} is {kind}, not text", f'write it as "{written}"'
                 )
             child = (*path, str(key))
             places[child] = where
@@ -232,7 +224,7 @@ def _plain(node: Any, path: KeyPath, root: Where, places: dict[KeyPath, Where], 
         return [_plain(value, (*path, i), root, places, text) for i, value in enumerate(node)]
     value = _scalar(node)
     if isinstance(value, int) and abs(value) >= _LARGEST:
-        raise InputError(Diagnostic(places.get(path, root), "is a number too large to be meant"))
+        raise InputError.at(places.get(path, root), "is a number too large to be meant")
     return value
 
 
@@ -266,7 +258,7 @@ def read_model(document: YamlDocument, model: type[M]) -> M:
     """Check ``document`` against ``model``; raises :class:`InputError` with every finding."""
     if not isinstance(document.data, dict):
         keys = ", ".join(_names(model))
-        raise InputError(Diagnostic(Where(document.file), f"expected keys such as {keys}"))
+        raise InputError.at(Where(document.file), f"expected keys such as {keys}")
     try:
         return model.model_validate(document.data)
     except ValidationError as error:

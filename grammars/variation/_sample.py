@@ -138,7 +138,7 @@ def _design_variants(
         if n is not None and len(found) > n:
             message = f"the {method} design has more than {n} variants"
             hint = "allow more, lower the levels, or take random, halton or lhs"
-            raise InputError(Diagnostic(where, message, hint))
+            raise InputError.at(where, message, hint)
     if not found or wanted is not None:
         short = f"{len(found)} of {seen} points fulfil" if seen else "no point fulfils"
         raise rejected.error(where, f"{method} design: {short} everything required")

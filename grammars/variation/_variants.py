@@ -212,7 +212,7 @@ def write_variants(
     except OSError as error:
         reason = error.strerror or str(error)
         place = Where(str(error.filename or directory))
-        raise InputError(Diagnostic(place, f"cannot be written: {reason}")) from error
+        raise InputError.at(place, f"cannot be written: {reason}") from error
 
 
 def _write(
@@ -226,7 +226,7 @@ def _write(
             return VariantFile(path, variant, "unchanged")
         if source is not None and path.samefile(source):
             message = "is the plan itself and is not overwritten"
-            raise InputError(Diagnostic(Where(str(path)), message, "take another folder or seed"))
+            raise InputError.at(Where(str(path)), message, "take another folder or seed")
         if not overwrite:
             return VariantFile(path, variant, "kept")
     # Written beside and renamed: nobody ever reads half a plan.
