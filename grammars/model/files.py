@@ -334,6 +334,7 @@ def load_robot(path: str | Path) -> Robot:
 
 def _check_convex(ring: Ring, document: YamlDocument) -> Ring:
     """Return the ring counter-clockwise; the simulator and the oracles need it convex."""
+    # By signs and not by shapely's hull: repeated and collinear corners must be refused too.
     turns = [turn(ring[i - 2], ring[i - 1], ring[i]) for i in range(len(ring))]
     if not (all(t > 0 for t in turns) or all(t < 0 for t in turns)):
         raise InputError.at(

@@ -29,7 +29,8 @@ def __getattr__(name: str) -> object:
 
 def wrap_angle(angle: float) -> float:
     """Map an angle [rad] to the half-open interval (-pi, pi]."""
-    # The stacks have their own, to [-pi, pi): they follow ROS (angles::normalize_angle).
+    # remainder rounds once and is exact; the stacks repeat what robots compute, by modulo and to
+    # [-pi, pi): daemon.stacks.kernels.wrap_angle_modulo.
     wrapped = math.remainder(angle, math.tau)
     return math.pi if wrapped == -math.pi else wrapped
 

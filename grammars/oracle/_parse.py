@@ -45,7 +45,8 @@ _OPERATORS: Final = (
 )
 _MAX_LENGTH: Final = 1000
 _MAX_DEPTH: Final = 16
-"""Longer or deeper oracles are refused: nobody could read them, and parsing recurses."""
+"""Longer or deeper oracles are refused: nobody could read them, and the parser recurses through a
+dozen rules for every parenthesis."""
 _EXAMPLE: Final = "an oracle reads like: always(loc.error <= 0.35 m)"
 
 
@@ -84,6 +85,7 @@ _LANGUAGE: Final = _OracleLanguage(Path(__file__).with_name("oracle.tx"), autokw
 
 
 def _parse_tree(text: str, where: Where) -> Any:
+    # A misspelt operator would read as an oracle that plugs in, and be told as a missing plug-in.
     _refuse_unknown_operator(text, where)
     _refuse_oversized(text, where)
     return _LANGUAGE.parse(SourceText(text, where.file, within=where))

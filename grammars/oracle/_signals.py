@@ -242,6 +242,7 @@ def signal_declaration(name: str) -> SignalDeclaration | None:
     Signals that ship here come first, then those that plug in, then those of objects. Raises
     ``ValueError`` when the name is that of a plug-in that cannot be used.
     """
+    # What ships here first: no plug-in changes the meaning of an oracle that is written already.
     declared = SIGNALS.get(name) or _custom_declaration(name)
     if declared is None and "." in name:
         return OBJECT_SIGNALS.get(name.rpartition(".")[2])

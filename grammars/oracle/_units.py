@@ -221,6 +221,7 @@ def _signal_hint(name: str) -> str:
     parts = name.split("-")
     if len(parts) > 1 and all(part in signal_names() for part in parts):
         return f"to subtract, put blanks around the sign: {' - '.join(parts)}"
+    # door-17.angel: the object may be there, which only a scene can tell, so its endings are known.
     owner, _, last = name.rpartition(".")
     known = set(signal_names())
     if owner and not any(known_name.startswith(f"{owner}.") for known_name in SIGNALS):
@@ -244,6 +245,7 @@ def _comparison(expression: Comparison) -> None:
     left, right = _quantity(expression.left), _quantity(expression.right)
     if left != right:
         raise _unlike(expression.right.column, left, right)
+    # Counts and numbers of legs are plain numbers; so are shares, of which nothing else is known.
     if expression.operator in ("==", "!=") and left != RATIO:
         raise _equality(expression.column)
 

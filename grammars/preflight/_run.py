@@ -208,6 +208,8 @@ def _moving_doors(
 
 def _starting_in_range(body: SceneObject, used: Mapping[str, tuple[float, float]]) -> SceneObject:
     """Return ``body`` with told joints starting inside the range they are told to move in."""
+    # A joint is swept alone while the others stand at their start, and what a behaviour sets at
+    # time 0 is never where the scene has it.
     initial = tuple(
         min(max(q, used[j.name][0]), used[j.name][1]) if j.name in used else q
         for j, q in zip(body.joints, body.initial, strict=True)

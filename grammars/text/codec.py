@@ -23,8 +23,8 @@ _adapter: Callable[[Any], TypeAdapter[Any]] = functools.cache(TypeAdapter)
 
 
 def _build_reader(kind: Any, exactly: bool) -> SchemaValidator:
-    # pydantic's allow_inf_nan and strict are settings of a model: dataclasses, unions and tuples
-    # inside of it do not take them over. So the schema is walked once.
+    # allow_inf_nan is a setting of one class: dataclasses inside of it, and unions of them, do not
+    # take it over. So the whole schema is walked, once.
     return SchemaValidator(_guarded(_adapter(kind).core_schema, exactly))
 
 

@@ -34,7 +34,9 @@ M = TypeVar("M", bound="StrictModel")
 MAX_BYTES: Final = 8 * 1024 * 1024
 """A file written by a person is never larger than this; a larger one is refused."""
 _DEEPEST: Final = 50
+"""Levels of nesting: reading recurses, and nobody follows a file that deep."""
 _LARGEST: Final = 2**64
+"""Whole numbers from here on fit no 64 bits, neither in a ledger nor in what reads our JSON."""
 
 
 class StrictModel(BaseModel):
@@ -106,6 +108,7 @@ def read_text(path: str | Path) -> str:
             raise InputError.at(Where(str(path)), "is a folder, expected a file")
         if file.stat().st_size > MAX_BYTES:
             raise InputError.at(Where(str(path)), "is larger than 8 MiB")
+        # Editors on Windows begin a file with a byte order mark.
         return file.read_text(encoding="utf-8-sig")
     except FileNotFoundError as error:
         raise InputError.at(Where(str(path)), "no such file", _neighbours(file)) from error
@@ -137,6 +140,7 @@ def parse_yaml(text: str, file: str) -> YamlDocument:
     yaml = YAML(typ="rt")
     yaml.version = (1, 2)
     try:
+        # First, by its events alone: aliases of aliases grow without bound once the tree is built.
         _refuse_indirection(text, file)
         tree = yaml.load(text)
     except DuplicateKeyError as error:
@@ -175,6 +179,7 @@ def _refuse_indirection(text: str, file: str) -> None:
             raise InputError.at(where, f"is nested deeper than {_DEEPEST} levels")
 
 
+# ruamel.yaml tells its errors apart by nothing but their text.
 _YAML_REMEDIES: Final = (
     ("'\\t'", "indents with a tab", "indent with spaces"),
     ("found character", "", "put quotes around a value that starts with @ ` % & or *"),

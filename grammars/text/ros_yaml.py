@@ -121,6 +121,7 @@ class _RosYamlReader:
                 if part.id != "mapping":
                     raise InputError.at(self.place(part), "<< takes mappings only")
                 merged += part.value
+        # What a mapping says itself wins over what << brings in, wherever the << stands.
         names = {key.value for key, _ in own}
         return [pair for pair in merged if pair[0].value not in names] + own
 
@@ -131,6 +132,7 @@ class _RosYamlReader:
         if node.tag in _ANGLES:
             return self.angle(node, node.tag, node.value)
         if node.tag not in _PLAIN:
+            # A date stays the text it is: no parameter of a robot is one.
             if node.tag == _DATE:
                 return str(node.value)
             raise InputError.at(self.place(node), f"tag {node.tag} is not read here")

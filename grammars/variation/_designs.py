@@ -81,6 +81,7 @@ def pairwise(
     def kept(row: Sequence[float]) -> bool:
         return len(row) < complete or accepted(tuple(row))
 
+    # allpairspy asks for every beginning of a row: only complete ones can be judged.
     rows = _allpairs()(axes, filter_func=kept)
     return (tuple(row) for row in rows)
 

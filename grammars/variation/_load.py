@@ -162,6 +162,8 @@ def read_text(path: Path, what: str) -> str:
     except ValueError as error:
         message = f"the {what} is not UTF-8 text"
         raise InputError.at(Where(str(path)), message, "save it as UTF-8") from error
+    # Line ends stay: a variant differs from its plan in nothing but what is varied. A lone \r ends
+    # no line for the parser, so these are made into ends it knows.
     lone = "\r" in text.replace("\r\n", "")
     return text.replace("\r\n", "\n").replace("\r", "\n") if lone else text
 

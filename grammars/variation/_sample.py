@@ -109,6 +109,8 @@ def source_defects(variation: Variation, radius: float) -> tuple[Diagnostic, ...
 
 def _random_variant(trials: VariantBuilder, seed: int, tries: int) -> Variant:
     """Return the first variant of a seed's stream that nothing rejects."""
+    # Rejected draws go on in the stream of their seed: no variant depends on how many of the others
+    # were rejected, so any of them can be drawn alone.
     stream = np.random.RandomState(seed)
     rejected = Rejections()
     for attempt in range(1, tries + 1):
@@ -131,6 +133,7 @@ def _design_variants(
     seen = 0
     for k, point in enumerate(_points(trials, method, n, levels, tries, rejected)):
         seen = k + 1
+        # Rejected points keep their number: a requirement more leaves the others their names.
         variant = trials.variant(point, trials.seed + k, rejected)
         found.extend([] if variant is None else [variant])
         if wanted is not None and len(found) == wanted:

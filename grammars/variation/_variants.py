@@ -20,8 +20,10 @@ from grammars.variation._plan import TO_SI, Slot, SlotValue, inserted_lines, rew
 from grammars.variation._soundness import Defect, check_soundness, defects
 
 _HEADER_LINES: Final = 2
+"""Lines above the text of the plan: where a variant comes from, and its seed."""
 _LISTED: Final = 12
 _DECIMALS: Final = 9
+"""Of numbers that were calculated: without the noise of 0.1 + 0.2."""
 _NUMBER: Final = re.compile(r"-?\d+(?:\.\d+)?(?:e[+-]?\d+)?")
 
 
@@ -35,6 +37,7 @@ class Rejections:
     def add(self, reasons: Iterable[Diagnostic]) -> None:
         """Count the reasons against one point."""
         for reason in reasons:
+            # Sizes and distances differ from draw to draw; the reason is the same.
             key = (reason.where, _NUMBER.sub("#", reason.message))
             self._counts[key] = self._counts.get(key, 0) + 1
             self._first.setdefault(key, reason)
@@ -75,6 +78,7 @@ class VariantBuilder:
     ) -> Variant | None:
         """Return the variant of one point, or ``None`` after noting what rejected it."""
         drawn = SampledPoint(self.variation, point)
+        # What is about draws alone is asked before anything is written and compiled.
         cheap = [r for r in self.variation.requirements if not r.needs_plan]
         failing = _failing(cheap, drawn)
         if failing:
