@@ -14,7 +14,7 @@ from typing import Final, Literal, Protocol, TypeAlias
 from grammars.floorplan import Feature, FloorPlan, Opening, Space
 from grammars.text.diagnostics import Where
 from grammars.text.quantity import ANGLE, DIMENSIONS, LENGTH, PLAN_UNITS, RATIO, Dimension
-from grammars.variation._plan import PlanElement, Slot
+from grammars.variation.plan_text import PlanElement, Slot
 
 AREA: Final = LENGTH * LENGTH
 UNITS: Final = {

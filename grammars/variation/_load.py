@@ -30,8 +30,8 @@ from grammars.variation._nodes import (
     SumNode,
     ValueNode,
 )
-from grammars.variation._plan import PlanElement, PlanText, Slot
 from grammars.variation._syntax import parse
+from grammars.variation.plan_text import PlanElement, PlanText, Slot
 
 
 @dataclass(frozen=True, slots=True)

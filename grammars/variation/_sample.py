@@ -12,7 +12,10 @@ import numpy as np
 
 from grammars.floorplan import FloorPlan
 from grammars.text.diagnostics import Diagnostic, InputError, Severity, Where
-from grammars.variation._designs import (
+from grammars.variation._load import Variant, Variation, load_variation
+from grammars.variation._soundness import defects
+from grammars.variation._variants import Rejections, VariantBuilder
+from grammars.variation.designs import (
     MAX_POINTS,
     METHODS,
     Method,
@@ -22,9 +25,6 @@ from grammars.variation._designs import (
     latin_hypercube,
     pairwise,
 )
-from grammars.variation._load import Variant, Variation, load_variation
-from grammars.variation._soundness import defects
-from grammars.variation._variants import Rejections, VariantBuilder
 
 LAST_SEED: Final = 2**32 - 1
 _MISSES_PER_TRY: Final = 20

@@ -13,11 +13,11 @@ from typing import Final, Literal
 from grammars.floorplan import FloorPlan, parse_floorplan
 from grammars.text.diagnostics import Diagnostic, InputError, Severity, Where
 from grammars.text.quantity import RATIO, Dimension
-from grammars.variation._designs import Method
 from grammars.variation._expressions import Expression, Requirement, evaluate
 from grammars.variation._load import Variant, VariantValue, Variation
-from grammars.variation._plan import TO_SI, Slot, SlotValue, inserted_lines, rewrite
 from grammars.variation._soundness import Defect, check_soundness, defects
+from grammars.variation.designs import Method
+from grammars.variation.plan_text import TO_SI, Slot, SlotValue, inserted_lines, rewrite
 
 _HEADER_LINES: Final = 2
 """Lines above the text of the plan: where a variant comes from, and its seed."""
