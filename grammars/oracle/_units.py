@@ -100,13 +100,11 @@ def margin_kind(predicate: Expression) -> Kind:
 
 def _check_judgement(oracle: Oracle) -> None:
     match oracle.judgement:
-        case Temporal(predicate=predicate, within=within):
-            _require_predicate(predicate)
-            if within is not None:
-                _require(within, TIME, '"within" takes a time')
-        case Until(predicate=predicate, release=release, within=within):
-            _require_predicate(predicate)
-            _require_predicate(release)
+        case Temporal() | Until() as judgement:
+            _require_predicate(judgement.predicate)
+            if isinstance(judgement, Until):
+                _require_predicate(judgement.release)
+            within = judgement.within
             if within is not None:
                 _require(within, TIME, '"within" takes a time')
         case Amount(operator=operator, predicate=predicate, limit=limit):

@@ -155,6 +155,11 @@ def parse_yaml(text: str, file: str) -> YamlDocument:
     return YamlDocument(file, data, places, text)
 
 
+def mark_place(file: str, mark: Any) -> Where:
+    """Return the place of one of ruamel's marks, which count from 0."""
+    return Where(file, mark.line + 1, mark.column + 1) if mark else Where(file)
+
+
 def _refuse_indirection(text: str, file: str) -> None:
     """Refuse what nobody writes for a person to read: aliases, merges, tags, endless nesting."""
     from ruamel.yaml import YAML
@@ -164,7 +169,7 @@ def _refuse_indirection(text: str, file: str) -> None:
     for event in YAML(typ="safe", pure=True).parse(text):
         depth += isinstance(event, CollectionStartEvent)
         depth -= isinstance(event, CollectionEndEvent)
-        where = Where(file, event.start_mark.line + 1, event.start_mark.column + 1)
+        where = mark_place(file, event.start_mark)
         if isinstance(event, AliasEvent):
             raise InputError.at(
                 where,
@@ -195,8 +200,7 @@ _YAML_REMEDIES: Final = (
 
 
 def _marked(file: str, error: Any, message: str) -> Diagnostic:
-    mark = error.problem_mark or error.context_mark
-    where = Where(file, mark.line + 1, mark.column + 1) if mark else Where(file)
+    where = mark_place(file, error.problem_mark or error.context_mark)
     problem = str(error.problem or error.context or "is not valid YAML").splitlines()[0]
     for part, ours, hint in _YAML_REMEDIES:
         if part in problem and not message:

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from grammars.text.diagnostics import Diagnostic, InputError, Severity, Where
-from grammars.text.documents import KeyPath, YamlDocument, read_text
+from grammars.text.documents import KeyPath, YamlDocument, mark_place, read_text
 
 _DEEPEST: Final = 20
 _MOST_VALUES: Final = 20_000
@@ -48,8 +48,7 @@ def parse_ros_yaml(text: str, file: str) -> tuple[YamlDocument, tuple[Diagnostic
     try:
         root = yaml.compose(text)
     except MarkedYAMLError as error:
-        mark = error.problem_mark or error.context_mark
-        where = Where(file, mark.line + 1, mark.column + 1) if mark else Where(file)
+        where = mark_place(file, error.problem_mark or error.context_mark)
         message = str(error.problem or error.context or "").splitlines()[0]
         raise InputError.at(where, f"is not valid YAML: {message}") from error
     except RecursionError as error:
@@ -161,7 +160,7 @@ class _RosYamlReader:
 
     def place(self, node: Any) -> Where:
         """Return where a node begins."""
-        return Where(self.file, node.start_mark.line + 1, node.start_mark.column + 1)
+        return mark_place(self.file, node.start_mark)
 
     def warn(self, node: Any, message: str, hint: str) -> None:
         """Note something that reads well and is probably a slip."""
