@@ -17,6 +17,7 @@ from grammars.text.diagnostics import did_you_mean
 from grammars.text.quantity import ANGLE, LENGTH
 from grammars.text.source import DiagnosticCollector, SyntaxNode
 from grammars.variation._expressions import UNITS
+from grammars.variation._nodes import DiscreteNode, DistributionNode, NormalNode, UniformNode
 
 if TYPE_CHECKING:
     import numpy as np
@@ -36,6 +37,8 @@ class Categorical:
 
     def draw(self, stream: np.random.RandomState) -> float:
         """Return the value drawn next from ``stream``."""
+        # The calls of the published tool: others take other numbers from the stream, and every
+        # later draw of the plan would differ from what it writes.
         if self.weights:
             return float(stream.choice(self.values, 1, p=self.weights)[0])
         return self.values[stream.randint(0, len(self.values))]
@@ -94,6 +97,7 @@ class Normal:
         """Return the value drawn next from ``stream``, rounded to 2 decimals when not cut off."""
         if self._is_cut:
             return self.at(float(stream.random_sample()))
+        # Two decimals, as the published tool: centimetres, or 0.01 of the unit of the angle.
         return round(float(stream.normal(self.mean, self.std)), 2)
 
     def at(self, quantile: float) -> float:
@@ -128,6 +132,7 @@ class Normal:
 
     def _quantile(self, quantile: float, lower: float, upper: float) -> float:
         share = lower + quantile * (upper - lower)
+        # The ends themselves are at infinity.
         inside = min(max(share, 1e-300), 1.0 - 2**-53)
         return NormalDist(self.mean, self.std).inv_cdf(inside)
 
@@ -178,7 +183,7 @@ class DistributionReader:
 
     findings: DiagnosticCollector
 
-    def read(self, node: SyntaxNode) -> tuple[Distribution, str] | None:
+    def read(self, node: DistributionNode) -> tuple[Distribution, str] | None:
         """Return a distribution and its unit (empty: none written)."""
         numbers = _number_nodes(node)
         units = list(dict.fromkeys(n.unit for n in numbers if n.unit))
@@ -196,15 +201,16 @@ class DistributionReader:
             return None
         return None if found is None else (found, unit)
 
-    def _one(self, node: SyntaxNode) -> Distribution | None:
-        match type(node).__name__:
-            case "Uniform":
+    def _one(self, node: DistributionNode) -> Distribution | None:
+        match node:
+            case UniformNode():
                 return self._uniform(node)
-            case "Discrete":
+            case DiscreteNode():
                 return self._discrete(node)
-        return self._normal(node)
+            case NormalNode():
+                return self._normal(node)
 
-    def _uniform(self, node: SyntaxNode) -> Distribution | None:
+    def _uniform(self, node: UniformNode) -> Distribution | None:
         if node.low is not None:
             low, high = float(node.low.number), float(node.high.number)
             if not low < high:
@@ -217,7 +223,7 @@ class DistributionReader:
             return None
         return Categorical(tuple(float(value.number) for value in node.values))
 
-    def _discrete(self, node: SyntaxNode) -> Distribution | None:
+    def _discrete(self, node: DiscreteNode) -> Distribution | None:
         weights = [float(pair.weight.number) for pair in node.pairs]
         if not weights:
             hint = "discrete([(0.8, 5.0), (0.2, 2.0)])"
@@ -236,10 +242,11 @@ class DistributionReader:
             return None
         if any(weight < 0.0 for weight in weights):
             return None
+        # 0.7, 0.2, 0.1 sum to 0.9999999999999999; numpy wants 1 up to its own tolerance.
         scaled = weights if sum(weights) == 1.0 else [weight / total for weight in weights]
         return Categorical(tuple(float(pair.value.number) for pair in node.pairs), tuple(scaled))
 
-    def _normal(self, node: SyntaxNode) -> Distribution | None:
+    def _normal(self, node: NormalNode) -> Distribution | None:
         given: dict[str, float] = {}
         known = ("mean", "std", "min", "max")
         good = True
@@ -259,7 +266,7 @@ class DistributionReader:
             return None
         return self._cut(node, given) if good else None
 
-    def _cut(self, node: SyntaxNode, given: Mapping[str, float]) -> Distribution | None:
+    def _cut(self, node: NormalNode, given: Mapping[str, float]) -> Distribution | None:
         found = Normal(
             given["mean"], given["std"], given.get("min", -math.inf), given.get("max", math.inf)
         )
@@ -277,10 +284,11 @@ class DistributionReader:
         return None
 
 
-def _number_nodes(node: SyntaxNode) -> list[SyntaxNode]:
-    match type(node).__name__:
-        case "Uniform":
-            return [node.low, node.high] if node.low is not None else list(node.values)
-        case "Discrete":
+def _number_nodes(node: DistributionNode) -> list[SyntaxNode]:
+    match node:
+        case UniformNode():
+            return [node.low, node.high] if node.low is not None else node.values
+        case DiscreteNode():
             return [pair.value for pair in node.pairs]
-    return [option.value for option in node.options]
+        case NormalNode():
+            return [option.value for option in node.options]
