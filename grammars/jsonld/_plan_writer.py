@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass, field
-from typing import Any, Final, TypeAlias
+from typing import Any, Final
 
 from grammars.floorplan import (
     Feature,
@@ -22,6 +22,14 @@ from grammars.floorplan import (
     outer_corners,
     space_at,
     wall_frames,
+)
+from grammars.jsonld._geometry_nodes import (
+    POINT,
+    Json,
+    frame_nodes,
+    polyhedron_node,
+    pose_nodes,
+    position_nodes,
 )
 from grammars.jsonld.vocabulary import PLANS, SCN, rob2b, secoro
 from grammars.model.geometry import Pose2, Ring
@@ -76,8 +84,6 @@ def _close(a: Pose2, b: Pose2) -> bool:
     return math.dist((a.x, a.y), (b.x, b.y)) < _SAME and turn < _SAME
 
 
-Json: TypeAlias = dict[str, Any]
-
 WORLD: Final = "world"
 _QUDT: Final = rob2b("qudt.json").replace("https:", "http:")
 FILES: Final = {
@@ -93,9 +99,6 @@ FILES: Final = {
     "floorplan": [_QUDT, secoro("floorplan/floorplan.json")],
 }
 """The published files, in order, and the contexts each refers to."""
-_POINT: Final = ["3D", "Euclidean", "Point"]
-_POSE_COORDINATE: Final = ["PoseReference", "PoseCoordinate", "VectorXYZ", "EulerAngles"]
-_POSITION_COORDINATE: Final = ["PositionReference", "PositionCoordinate", "VectorXYZ"]
 
 
 @dataclass(slots=True)
@@ -207,63 +210,29 @@ class PlanWriter:
         )
         if element.solid:
             self._place(element.where, f"{element.id}-polyhedron")
-            self.files["polyhedron"].append(
-                {
-                    "@id": f"{element.id}-polyhedron",
-                    "@type": "Polyhedron",
-                    "points": points,
-                    "faces": [[points[k] for k in face] for face in prism_faces(count)],
-                }
-            )
-        for point, (x, y, z) in zip(points, element.corners, strict=True):
-            position = f"position-{point}-wrt-{frame}"
-            self._place(element.where, position, f"coord-{position}")
-            self.files["skeleton"].append({"@id": point, "@type": _POINT})
-            self.files["spatial_relations"].append(
-                {"@id": position, "@type": "Position", "of": point, "with-respect-to": origin}
-            )
-            self.files["coordinate"].append(
-                {
-                    "@id": f"coord-{position}",
-                    "@type": _POSITION_COORDINATE,
-                    "of-position": position,
-                    "as-seen-by": frame,
-                    "unit": "M",
-                    "x": x,
-                    "y": y,
-                    "z": z,
-                }
-            )
+            self.files["polyhedron"].append(polyhedron_node(f"{element.id}-polyhedron", points))
+        for point, at in zip(points, element.corners, strict=True):
+            self.files["skeleton"].append({"@id": point, "@type": POINT})
+            id = f"position-{point}-wrt-{frame}"
+            ids = (id, f"coord-{id}")
+            self._relate(element.where, position_nodes(ids, point, frame, origin, at))
 
     def _skeleton_frame(self, stem: str, where: Where | None) -> None:
         origin, frame = f"{stem}-origin", f"{stem}-frame"
         self._place(where, origin, frame)
-        self.files["skeleton"] += [
-            {"@id": origin, "@type": _POINT},
-            {"@id": frame, "@type": "Frame", "origin": origin},
-        ]
+        self.files["skeleton"] += frame_nodes(frame, origin)
 
     def _pose(self, of: str, wrt: str, pose: Pose2, z: float = 0.0, tilt: float = 0.0) -> None:
         id = f"pose-{of}-wrt-{wrt}"
         where = self.places.get(self.base + of)
-        self._place(where, id, f"coord-{id}")
-        self.files["spatial_relations"].append(
-            {"@id": id, "@type": "Pose", "of": of, "with-respect-to": wrt}
-        )
-        self.files["coordinate"].append(
-            {
-                "@id": f"coord-{id}",
-                "@type": _POSE_COORDINATE,
-                "of-pose": id,
-                "as-seen-by": wrt,
-                "unit": ["M", "RAD"],
-                "alpha": pose.yaw,
-                "beta": tilt,
-                "x": pose.x,
-                "y": pose.y,
-                "z": z,
-            }
-        )
+        self._relate(where, pose_nodes((id, f"coord-{id}"), of, wrt, pose, z, tilt))
+
+    def _relate(self, where: Where | None, nodes: list[Json]) -> None:
+        """Write a relation and its coordinates."""
+        relation, coordinates = nodes
+        self._place(where, relation["@id"], coordinates["@id"])
+        self.files["spatial_relations"].append(relation)
+        self.files["coordinate"].append(coordinates)
 
     def _structure(self) -> None:
         nodes, plan = self.files["floorplan"], self.plan
@@ -326,12 +295,6 @@ class PlanWriter:
 def plan_base(name: str) -> str:
     """Return the IRI the identifiers of a plan are relative to."""
     return f"{PLANS}{name}/"
-
-
-def prism_faces(count: int) -> list[list[int]]:
-    """Return the faces of a prism: near ring, far ring, then the sides, as corner indices."""
-    sides = [[k, (k + 1) % count, (k + 1) % count + count, k + count] for k in range(count)]
-    return [list(range(count)), list(range(count, 2 * count)), *sides]
 
 
 def plan_documents(plan: FloorPlan) -> dict[str, Json]:
@@ -398,8 +361,6 @@ def _prism(ring: Ring, height: float) -> tuple[Point3, ...]:
 
 def _untilted(opening: Opening) -> tuple[Point3, ...]:
     """Return the near ring in the opening's own frame: neither lifted nor tilted."""
-    import math
-
     to_local = opening.frame.inverse()
     c, s = math.cos(opening.tilt), math.sin(opening.tilt)
     found = []
