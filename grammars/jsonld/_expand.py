@@ -114,15 +114,15 @@ class _Expansion:
         self.good: set[str] = set()
 
     def error(self, id: str, message: str, hint: str = "") -> None:
-        if len(self.nodes.findings) < _MOST_FINDINGS:
-            self.nodes.findings.append(Diagnostic(self.document.where(id), message, hint))
+        if len(self.nodes.diagnostics) < _MOST_FINDINGS:
+            self.nodes.diagnostics.append(Diagnostic(self.document.where(id), message, hint))
 
     def warn(self, id: str, message: str, hint: str = "") -> None:
         where = self.document.where(id)
-        self.nodes.findings.append(Diagnostic(where, message, hint, Severity.WARNING))
+        self.nodes.diagnostics.append(Diagnostic(where, message, hint, Severity.WARNING))
 
     def finished(self) -> NodeGraph:
-        errors = [d for d in self.nodes.findings if d.severity is Severity.ERROR]
+        errors = [d for d in self.nodes.diagnostics if d.severity is Severity.ERROR]
         if errors:
             raise InputError(errors)
         for address in sorted(self.outdated):

@@ -30,7 +30,7 @@ def read_layers(nodes: NodeGraph, file: str) -> tuple[SceneryLayer, ...]:
     loose = reader.loose()
     if loose is not None:
         read.append(loose)
-    errors = tuple(dict.fromkeys(d for d in nodes.findings if d.severity is Severity.ERROR))
+    errors = tuple(dict.fromkeys(d for d in nodes.diagnostics if d.severity is Severity.ERROR))
     if errors:
         raise InputError(errors)
     return tuple(read)
@@ -84,7 +84,7 @@ class _LayerReader:
             try:
                 found.append(self._sentences.read(id, *kinds))
             except InputError as error:
-                self._nodes.findings.extend(error.diagnostics)
+                self._nodes.diagnostics.extend(error.diagnostics)
         return tuple(found)
 
     def _models(self, ids: list[Any]) -> tuple[ObjectModel, ...]:
@@ -99,7 +99,7 @@ class _LayerReader:
             try:
                 found.append(self._instance(self._nodes.get(id)))
             except InputError as error:
-                self._nodes.findings.extend(error.diagnostics)
+                self._nodes.diagnostics.extend(error.diagnostics)
         return tuple(found)
 
     def _instance(self, node: Node) -> Instance:
@@ -148,7 +148,9 @@ class _LayerReader:
                 abs(seen.z) > _ON_FLOOR and is_on_floor(local_name(id))
             ):
                 message = f"instance {local_name(node.id)} is lifted or tilted"
-                self._nodes.warn(node.id, message, "it is taken to stand upright on the floor")
+                self._nodes.add_warning(
+                    node.id, message, "it is taken to stand upright on the floor"
+                )
             edge = seen.edge
             pose = seen.pose.inverse()
             if edge is not None and edge.of == frame:

@@ -46,7 +46,7 @@ def replace_legacy_terms(nodes: NodeGraph) -> NodeGraph:
             if said:
                 seen.setdefault(said, node.id)
     for message, id in seen.items():
-        nodes.warn(id, message, "read as its current form")
+        nodes.add_warning(id, message, "read as its current form")
     return nodes
 
 
@@ -78,7 +78,7 @@ def _current(word: str) -> str:
 
 
 def _renamed(nodes: NodeGraph, seen: dict[str, str]) -> NodeGraph:
-    fresh = NodeGraph(places=nodes.places, findings=nodes.findings)
+    fresh = NodeGraph(places=nodes.places, diagnostics=nodes.diagnostics)
 
     def current(word: str, id: str) -> str:
         new = _current(word)

@@ -50,11 +50,11 @@ class _PlanReader:
         self.placed = PoseGraph(self.nodes).reach(self._world(root))
         spaces = [self._space(node) for node in self._listed(root, FP["spaces"], "Space")]
         if not root.refs(FP["spaces"]):
-            self.nodes.error(root.id, f"plan {local_name(root.id)} has no spaces")
+            self.nodes.add_error(root.id, f"plan {local_name(root.id)} has no spaces")
         if "" in self.drawn or not _name(root):
-            self.nodes.error(root.id, "the plan or a space has no name: its IRI ends with /")
+            self.nodes.add_error(root.id, "the plan or a space has no name: its IRI ends with /")
         if len(self.drawn) < sum(space is not None for space in spaces):
-            self.nodes.error(root.id, "two spaces have the same name")
+            self.nodes.add_error(root.id, "two spaces have the same name")
         self._refuse()
         features = self._features(root)
         openings = [
@@ -85,11 +85,11 @@ class _PlanReader:
             return plans[0]
         if plans:
             names = " and ".join(local_name(plan.id) for plan in plans)
-            self.nodes.error(plans[1].id, f"there are several floor plans: {names}")
+            self.nodes.add_error(plans[1].id, f"there are several floor plans: {names}")
         else:
             hint = "one node has the type FloorPlan and lists the spaces"
             where = Where(self.file or "<graph>")
-            self.nodes.findings.append(Diagnostic(where, "there is no floor plan in it", hint))
+            self.nodes.diagnostics.append(Diagnostic(where, "there is no floor plan in it", hint))
         raise InputError(_errors(self.nodes))
 
     def _world(self, root: Node) -> str:
@@ -103,7 +103,7 @@ class _PlanReader:
         if world not in self.nodes.by_id:
             frames = [id for id in self.nodes.by_id if local_name(id).endswith("frame")]
             hint = did_you_mean(local_name(world), map(local_name, frames)) if frames else ""
-            self.nodes.error(root.id, f"there is no frame <{world}> to start from", hint)
+            self.nodes.add_error(root.id, f"there is no frame <{world}> to start from", hint)
             raise InputError(_errors(self.nodes))
         self.names[world] = WORLD_FRAME
         return world
@@ -114,7 +114,7 @@ class _PlanReader:
         for id in owner.refs(predicate):
             node = self.nodes.by_id.get(id)
             if node is None or FP[kind] not in node.types:
-                self.nodes.error(
+                self.nodes.add_error(
                     id if node else owner.id,
                     f"{local_name(owner.id)} lists {local_name(id)}, which is no {kind}",
                     did_you_mean(local_name(id), _names_of(self.nodes, kind)),
@@ -129,21 +129,23 @@ class _PlanReader:
         points = shape.refs(POLY["points"]) if shape else []
         what = f"the {'body' if predicate == FP['3d-shape'] else 'shape'} of {local_name(node.id)}"
         if len(points) < 3:
-            self.nodes.error(node.id, f"{what} has no points", "list at least three of them")
+            self.nodes.add_error(node.id, f"{what} has no points", "list at least three of them")
             return None
         drawn = self.positions.outline(points)
         if drawn is None:
-            self.nodes.error(node.id, f"{what} is not drawn in one frame", "give every position")
+            self.nodes.add_error(
+                node.id, f"{what} is not drawn in one frame", "give every position"
+            )
             return None
         if max(abs(v) for point in drawn[1] for v in point) > _LARGEST:
-            self.nodes.error(node.id, f"{what} is larger than 1000 km")
+            self.nodes.add_error(node.id, f"{what} is larger than 1000 km")
             return None
         return drawn
 
     def _frame(self, node: Node, frame: str, name: str) -> PlacedFrame | None:
         placed = self.placed.get(frame)
         if placed is None:
-            self.nodes.error(
+            self.nodes.add_error(
                 node.id,
                 f"{local_name(node.id)} is not connected to the world: no chain of poses leads "
                 f"from {local_name(frame)} to {WORLD_FRAME}",
@@ -162,11 +164,11 @@ class _PlanReader:
         if drawn is None or placed is None or len(known) < len(bodies):
             return None
         if not known:
-            self.nodes.error(node.id, f"{local_name(node.id)} has no walls")
+            self.nodes.add_error(node.id, f"{local_name(node.id)} has no walls")
             return None
         ring: Ring = tuple((x, y) for x, y, _ in drawn[1])
         if not is_polygon(ring):
-            self.nodes.error(node.id, f"the shape of {local_name(node.id)} has no area")
+            self.nodes.add_error(node.id, f"the shape of {local_name(node.id)} has no area")
             return None
         space = self._made(node, name, placed, ring, known)
         for wall, made in zip(walls, space.walls, strict=True):
@@ -179,14 +181,16 @@ class _PlanReader:
         thickness = scaled(node, FP["thickness"], LENGTHS)
         height = scaled(node, FP["height"], LENGTHS)
         if thickness is None or height is None:
-            self.nodes.error(node.id, f"wall {local_name(node.id)} lacks thickness or height")
+            self.nodes.add_error(node.id, f"wall {local_name(node.id)} lacks thickness or height")
         if drawn is None or thickness is None or height is None:
             return None
         placed = self._frame(node, drawn[0], f"{space}-wall-{index}-frame")
         if placed is None:
             return None
         if len(drawn[1]) != 4:
-            self.nodes.error(node.id, f"the shape of wall {local_name(node.id)} has not 4 corners")
+            self.nodes.add_error(
+                node.id, f"the shape of wall {local_name(node.id)} has not 4 corners"
+            )
             return None
         local = tuple((x, y) for x, y, _ in drawn[1])
         footprint = placed.pose.apply_ring(local)
@@ -224,7 +228,7 @@ class _PlanReader:
             for node in self.nodes.of_type(FP[kind]):
                 if node.id not in found:
                     message = f"{kind.lower()} {local_name(node.id)} is in no space's features"
-                    self.nodes.warn(node.id, message, "it is taken as a feature of the plan")
+                    self.nodes.add_warning(node.id, message, "it is taken as a feature of the plan")
                     self._feature(node.id, root, "", found)
         order = {str(id): k for k, id in enumerate(root.refs(SCN["order"]))}
         ids = sorted(found, key=lambda id: order.get(id, len(order)))
@@ -246,15 +250,15 @@ class _PlanReader:
             )
         if node is None or kind is None:
             message = f"{local_name(owner.id)} lists {local_name(id)}, no column or divider"
-            self.nodes.error(owner.id, message)
+            self.nodes.add_error(owner.id, message)
             return
         height = scaled(node, FP["height"], LENGTHS)
         if height is None:
-            self.nodes.error(node.id, f"{kind} {local_name(id)} has no height")
+            self.nodes.add_error(node.id, f"{kind} {local_name(id)} has no height")
         drawn = self._outline(node, FP["shape"])
         if node.id in found:
             message = f'{kind} {local_name(id)} is listed by "{found[node.id].space}" and "{space}"'
-            self.nodes.error(node.id, message, "give each its own identifier: <space>-<name>")
+            self.nodes.add_error(node.id, message, "give each its own identifier: <space>-<name>")
             return
         local = local_name(id)
         if node.text(SCN["name"]) is not None:
@@ -289,10 +293,10 @@ class _PlanReader:
             if wall is None:
                 message = f"{kind} {local_name(node.id)} voids {local_name(id)}, which is no wall"
                 hint = did_you_mean(local_name(id), map(local_name, self.walls))
-                self.nodes.error(node.id, message, hint)
+                self.nodes.add_error(node.id, message, hint)
         if not 1 <= len(voids) <= 2:
             message = f"{kind} {local_name(node.id)} voids {len(voids)} walls, one or two are cut"
-            self.nodes.error(node.id, message)
+            self.nodes.add_error(node.id, message)
             return None
         name = _name(node)
         placed = self._frame(node, near[0], f"{kind}-{name}-frame") if near else None
@@ -318,11 +322,11 @@ class _PlanReader:
 
         findings = DiagnosticCollector(SourceText("", self.file))
         check_geometry(plan, (), findings)
-        return (*self.nodes.findings, *findings.warnings)
+        return (*self.nodes.diagnostics, *findings.warnings)
 
 
 def _errors(nodes: NodeGraph) -> tuple[Diagnostic, ...]:
-    return tuple(dict.fromkeys(d for d in nodes.findings if d.severity is Severity.ERROR))
+    return tuple(dict.fromkeys(d for d in nodes.diagnostics if d.severity is Severity.ERROR))
 
 
 def _name(node: Node) -> str:

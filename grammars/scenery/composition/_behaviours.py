@@ -126,6 +126,6 @@ def _behaviours(
 ) -> list[Behaviour]:
     found: list[Behaviour] = []
     for target in catalogue.targets(context.layer, sentence.subject):
-        speaker = SentenceResolver(context, catalogue, bodies, target.object, target.joint)
-        found.extend(speaker.behaviours(sentence))
+        resolver = SentenceResolver(context, catalogue, bodies, target.object, target.joint)
+        found.extend(resolver.resolve(sentence))
     return found

@@ -52,15 +52,15 @@ class RandomWaits:
 
 
 def draw_waits(
-    pauses: RandomWaits, seed: np.random.SeedSequence, first: float, second: float
+    waits: RandomWaits, seed: np.random.SeedSequence, first: float, second: float
 ) -> tuple[KeyFrame, ...]:
     """Return key frames from ``first`` at 0 s on, changing after every waiting time."""
     generator = np.random.default_rng(seed)
     frames = [KeyFrame(0.0, first)]
-    time = pauses.since
+    time = waits.since
     while True:
-        time += max(SHORTEST, pauses.one(generator))
-        if time > pauses.until:
+        time += max(SHORTEST, waits.one(generator))
+        if time > waits.until:
             return tuple(frames)
         position = second if frames[-1].position == first else first
         frames.append(KeyFrame(rounded(time), position))
