@@ -2,6 +2,7 @@
 
 from grammars.floorplan._compile import check_geometry, load_floorplan, parse_floorplan
 from grammars.floorplan._features import OpeningPrism, opening_at
+from grammars.floorplan._shapes import CircleNode, PolygonNode, RectangleNode
 from grammars.floorplan._spaces import outer_corners, space_at, wall_frames
 from grammars.floorplan._syntax import parse_syntax
 from grammars.floorplan.model import (
@@ -19,12 +20,15 @@ from grammars.floorplan.model import (
 
 __all__ = [
     "WORLD_FRAME",
+    "CircleNode",
     "Feature",
     "FloorPlan",
     "Opening",
     "OpeningPrism",
     "Placement",
     "Point3",
+    "PolygonNode",
+    "RectangleNode",
     "Space",
     "Wall",
     "check_geometry",

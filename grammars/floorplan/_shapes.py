@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Any, Final, Literal, TypeAlias
+from typing import Final, Literal, TypeAlias
 
 import numpy as np
 
@@ -16,7 +16,7 @@ from grammars.floorplan._attributes import ElementReader
 from grammars.floorplan.model import Point3
 from grammars.model.geometry import Floats, Point2, Ring
 from grammars.text.diagnostics import with_article
-from grammars.text.source import SyntaxNode
+from grammars.text.source import SyntaxNode, TypedNode
 
 # As many corners as the published FloorPlan tools give a circle, from the top and clockwise like
 # their other shapes: every edge becomes a wall with a number. Circles of objects have no such
@@ -45,14 +45,7 @@ def signed_area(ring: Ring) -> float:
     return sum(p[0] * q[1] - q[0] * p[1] for p, q in pairs) / 2
 
 
-class _ShapeNode:
-    """A shape as it is written; textX fills in what its rule assigns."""
-
-    def __init__(self, parent: object = None, **written: Any) -> None:
-        vars(self).update(written)
-
-
-class RectangleNode(_ShapeNode):
+class RectangleNode(TypedNode):
     """``Rectangle width=4 m, length=3 m``; in a wall it has a ``height`` instead."""
 
     width: SyntaxNode
@@ -76,7 +69,7 @@ class RectangleNode(_ShapeNode):
         return None if width is None or size is None else rectangle(width, size)
 
 
-class CircleNode(_ShapeNode):
+class CircleNode(TypedNode):
     """``Circle radius=50 cm``."""
 
     radius: SyntaxNode
@@ -87,7 +80,7 @@ class CircleNode(_ShapeNode):
         return None if radius is None else circle(radius)
 
 
-class PolygonNode(_ShapeNode):
+class PolygonNode(TypedNode):
     """``Polygon points: [(0 m, 0 m), …]``."""
 
     points: list[SyntaxNode]

@@ -168,9 +168,9 @@ class FreeSpace:
             for link in still_links(body)
             if link.z_min < height
         ]
-        rooms = [_valid_polygon(r.outline) for r in scene.regions]
+        rooms = [valid_polygon(r.outline) for r in scene.regions]
         passages = [
-            _valid_polygon(d.footprint).buffer(0.02)
+            valid_polygon(d.footprint).buffer(0.02)
             for d in scene.doorways
             if d.z_min < _FLOOR + 0.02
         ]
@@ -201,6 +201,7 @@ class ConnectedParts:
         return nearest if float(distances[nearest]) <= reach else None
 
 
-def _valid_polygon(ring: Ring) -> BaseGeometry:
+def valid_polygon(ring: Ring) -> BaseGeometry:
+    """Return the area of an outline, also of one that touches or crosses itself."""
     polygon = Polygon(ring)
     return polygon if polygon.is_valid else polygon.buffer(0)

@@ -20,6 +20,7 @@ from grammars.oracle._model import (
     Temporal,
     Until,
     render,
+    signals_of,
 )
 from grammars.oracle._parse import load_oracles, parse_oracle
 from grammars.oracle._scope import (
@@ -28,7 +29,6 @@ from grammars.oracle._scope import (
     leg_number,
     object_signals,
     obstacle_names,
-    signals_of,
 )
 from grammars.oracle._signals import (
     OBJECT_SIGNALS,

@@ -6,6 +6,7 @@ Every expression carries ``column``, the offset of its first character in the or
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
@@ -216,6 +217,35 @@ def shift_place(where: Where, text: str, column: int) -> Where:
     if "\n" in text:
         return where
     return Where(where.file, where.line, (where.column or 1) + column)
+
+
+def walk(expression: Expression) -> Iterator[Expression]:
+    """Yield an expression and everything in it, in the order written; arguments are not parts."""
+    yield expression
+    match expression:
+        case Not(operand=inner) | Function(operand=inner):
+            yield from walk(inner)
+        case Comparison(left=left, right=right) | Arithmetic(left=left, right=right):
+            yield from walk(left)
+            yield from walk(right)
+        case Logic(operands=operands):
+            for inner in operands:
+                yield from walk(inner)
+
+
+def signals_of(oracle: Oracle) -> Iterator[Signal]:
+    """Yield every signal the oracle reads, in the order written."""
+    judged: tuple[Expression, ...] = ()
+    match oracle.judgement:
+        case Temporal(predicate=predicate) | Amount(predicate=predicate):
+            judged = (predicate,)
+        case Statistic(signal=signal):
+            judged = (signal,)
+        case Until(predicate=predicate, release=release):
+            judged = (predicate, release)
+    guard = () if oracle.guard is None else (oracle.guard,)
+    for expression in (*judged, *guard):
+        yield from (part for part in walk(expression) if isinstance(part, Signal))
 
 
 def render(expression: Expression) -> str:

@@ -2,29 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 from grammars.model.mission import Mission
 from grammars.model.scene import Joint, Scene, SceneObject
-from grammars.oracle._model import (
-    Amount,
-    Arithmetic,
-    Comparison,
-    CustomCall,
-    Expression,
-    Function,
-    Leg,
-    Logic,
-    Not,
-    Number,
-    Oracle,
-    Reached,
-    Signal,
-    Statistic,
-    Temporal,
-    Until,
-)
+from grammars.oracle._model import Leg, Oracle, Reached, Signal, signals_of
 from grammars.oracle._signals import SIGNALS, custom_signal_names
 from grammars.text.diagnostics import Diagnostic, did_you_mean
 
@@ -109,35 +92,3 @@ def _missing(oracle: Oracle, signal: Signal, scene: Scene, known: Iterable[str])
         f'no "{signal.name}" in scene "{scene.name}"',
         did_you_mean(signal.name, known),
     )
-
-
-def signals_of(oracle: Oracle) -> Iterator[Signal]:
-    """Yield every signal the oracle reads, in the order written."""
-    match oracle.judgement:
-        case Temporal() | Amount():
-            yield from _signals_in(oracle.judgement.predicate)
-        case Statistic():
-            yield from _signals_in(oracle.judgement.signal)
-        case Until():
-            yield from _signals_in(oracle.judgement.predicate)
-            yield from _signals_in(oracle.judgement.release)
-        case Reached() | CustomCall():
-            pass
-    if oracle.guard is not None:
-        yield from _signals_in(oracle.guard)
-
-
-def _signals_in(expression: Expression) -> Iterator[Signal]:
-    match expression:
-        case Signal():
-            yield expression
-        case Number():
-            pass
-        case Not() | Function():
-            yield from _signals_in(expression.operand)
-        case Comparison() | Arithmetic():
-            yield from _signals_in(expression.left)
-            yield from _signals_in(expression.right)
-        case Logic():
-            for operand in expression.operands:
-                yield from _signals_in(operand)

@@ -12,14 +12,12 @@ names it, and whatever goes wrong in it becomes a message.
 
 from __future__ import annotations
 
-import functools
-import re
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 from grammars.oracle._model import dimension
-from grammars.text.plugins import explain_plugin_error, plugin_origin
+from grammars.text.plugins import load_plugin, plugin_names
 from grammars.text.quantity import (
     ANGLE,
     ANGULAR_SPEED,
@@ -31,12 +29,8 @@ from grammars.text.quantity import (
     read_quantity,
 )
 
-if TYPE_CHECKING:
-    from importlib.metadata import EntryPoint
-
 SIGNAL_GROUP: Final = "scenario.signals"
 ORACLE_GROUP: Final = "scenario.oracles"
-_NAME: Final = re.compile(r"[A-Za-z_][A-Za-z0-9_-]*(\.[A-Za-z0-9_][A-Za-z0-9_-]*)*")
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,12 +71,12 @@ class CustomOracle:
 
 def custom_signal_names() -> tuple[str, ...]:
     """Names of the signals that plug in, without loading any."""
-    return _names(SIGNAL_GROUP)
+    return plugin_names(SIGNAL_GROUP)
 
 
 def custom_oracle_names() -> tuple[str, ...]:
     """Names of the oracles that plug in, without loading any."""
-    return _names(ORACLE_GROUP)
+    return plugin_names(ORACLE_GROUP)
 
 
 def custom_signal(name: str) -> CustomSignal | None:
@@ -90,13 +84,11 @@ def custom_signal(name: str) -> CustomSignal | None:
 
     Raises ``ValueError`` when it cannot be loaded or is no :class:`CustomSignal` that can be used.
     """
-    loaded = _loaded(SIGNAL_GROUP, name)
+    loaded = load_plugin(SIGNAL_GROUP, name, "signal")
     if loaded is None:
         return None
     if not isinstance(loaded, CustomSignal):
-        raise ValueError(
-            _wrong_type_message("signal", name, "a grammars.oracle.CustomSignal", loaded)
-        )
+        raise _wrong_type("signal", name, CustomSignal, loaded)
     _check_declaration("signal", name, loaded.sample, loaded.unit, loaded.arguments)
     return loaded
 
@@ -106,51 +98,18 @@ def custom_oracle(name: str) -> CustomOracle | None:
 
     Raises ``ValueError`` when it cannot be loaded or is no :class:`CustomOracle` that can be used.
     """
-    loaded = _loaded(ORACLE_GROUP, name)
+    loaded = load_plugin(ORACLE_GROUP, name, "oracle")
     if loaded is None:
         return None
     if not isinstance(loaded, CustomOracle):
-        raise ValueError(
-            _wrong_type_message("oracle", name, "a grammars.oracle.CustomOracle", loaded)
-        )
+        raise _wrong_type("oracle", name, CustomOracle, loaded)
     _check_declaration("oracle", name, loaded.judge, loaded.unit, loaded.arguments)
     return loaded
 
 
-def dimension_of(unit: str) -> Dimension | None:
-    """Return the dimension of an SI unit, ``None`` for ``bool``; ``ValueError`` for others."""
-    if unit == "bool":
-        return None
-    quantity = read_quantity("1" if unit == "1" else f"1 {unit}")
-    if quantity.value != 1.0:
-        raise ValueError(f'"{unit}" is not an SI unit: values are kept in {quantity.unit}')
-    return dimension(quantity.dimension)
-
-
-@functools.cache
-def _entries(group: str) -> dict[str, EntryPoint]:
-    from importlib.metadata import entry_points
-
-    found = sorted(entry_points(group=group), key=lambda entry: (entry.name, entry.value))
-    return {entry.name: entry for entry in reversed(found) if _NAME.fullmatch(entry.name)}
-
-
-def _names(group: str) -> tuple[str, ...]:
-    return tuple(sorted(_entries(group)))
-
-
-@functools.cache
-def _loaded(group: str, name: str) -> object | None:
-    entry = _entries(group).get(name)
-    if entry is None:
-        return None
-    try:
-        loaded: object = entry.load()
-    except (Exception, SystemExit) as error:
-        kind = "signal" if group == SIGNAL_GROUP else "oracle"
-        what = f'the {kind} "{name}" ({plugin_origin(entry)}) cannot be loaded'
-        raise ValueError(explain_plugin_error(what, error, __file__)) from error
-    return loaded
+def _wrong_type(kind: str, name: str, wanted: type, found: object) -> ValueError:
+    must = f"a grammars.oracle.{wanted.__name__}"
+    return ValueError(f'the {kind} "{name}" must be {must}, not {type(found).__name__}')
 
 
 def _check_declaration(
@@ -167,8 +126,14 @@ def _check_declaration(
             raise ValueError(f'the {kind} "{name}" declares {declared!r}: {error}') from error
 
 
-def _wrong_type_message(kind: str, name: str, wanted: str, found: object) -> str:
-    return f'the {kind} "{name}" must be {wanted}, not {type(found).__name__}'
+def dimension_of(unit: str) -> Dimension | None:
+    """Return the dimension of an SI unit, ``None`` for ``bool``; ``ValueError`` for others."""
+    if unit == "bool":
+        return None
+    quantity = read_quantity("1" if unit == "1" else f"1 {unit}")
+    if quantity.value != 1.0:
+        raise ValueError(f'"{unit}" is not an SI unit: values are kept in {quantity.unit}')
+    return dimension(quantity.dimension)
 
 
 @dataclass(frozen=True, slots=True)

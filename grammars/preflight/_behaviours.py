@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import TypeAlias
 
 import shapely
@@ -25,12 +25,12 @@ from grammars.model.behaviour import (
 from grammars.model.free_space import (
     SNAP_DISTANCE,
     FreeSpace,
-    SolidIndex,
     inscribed_radius,
     is_overlap,
     link_shape,
     still_links,
     swept_area,
+    valid_polygon,
 )
 from grammars.model.geometry import Pose2
 from grammars.model.kinematics import WORLD
@@ -39,37 +39,31 @@ from grammars.model.movers import Route, body_link, is_fixed, is_mover, own_join
 from grammars.model.robot import Robot
 from grammars.model.scene import Link, Scene, SceneObject
 from grammars.preflight._reach import immobile_leaves
-from grammars.preflight._scene import place_of, starts_in_wall
+from grammars.preflight._scene import CheckedScene, starts_in_wall
 from grammars.text.diagnostics import Diagnostic, Severity, Where, did_you_mean
 
 _ROUTE_STEP = 0.1
 
 
-def check_walks(
-    scene: Scene,
-    obstacles: SolidIndex,
-    behaviours: Sequence[Behaviour],
-    places: Mapping[str, Where],
-    home: Where,
-) -> list[Diagnostic]:
+def check_walks(checked: CheckedScene, behaviours: Sequence[Behaviour]) -> list[Diagnostic]:
     """Return what is wrong with the routes of movers.
 
     Errors: walks of what is no mover, points inside of a wall or outside of every room, ways that
     lead through a wall, movers that stand in one. Warnings: bodies that brush a wall, or walk
     through what stands still.
     """
-    bodies = {body.name: body for body in scene.objects}
+    bodies = {body.name: body for body in checked.scene.objects}
     walking = {walk.object for walk in behaviours if isinstance(walk, Walk)}
     findings = [
         problem
-        for body in scene.objects
+        for body in checked.scene.objects
         if is_mover(body.joints) and body.name not in walking
-        for problem in starts_in_wall(body, obstacles, places, home)
+        for problem in starts_in_wall(checked, body)
     ]
     for walk in behaviours:
         if not isinstance(walk, Walk):
             continue
-        place = place_of(places, walk.joint, home)
+        place = checked.place(walk.joint)
         body = bodies.get(walk.object)
         if body is None:
             hint = did_you_mean(walk.object, bodies)
@@ -78,48 +72,49 @@ def check_walks(
             why = "frozen" if body.frozen else "an object, not a mover"
             findings.append(Diagnostic(place, f"{body.name} cannot walk, it is {why}"))
         else:
-            findings.extend(_check_route(scene, obstacles, body, walk, place))
+            findings.extend(_check_route(checked, body, walk, place))
     return findings
 
 
 def _check_route(
-    scene: Scene, obstacles: SolidIndex, body: SceneObject, walk: Walk, place: Where
+    checked: CheckedScene, body: SceneObject, walk: Walk, place: Where
 ) -> list[Diagnostic]:
     low = min(link.z_min for link in body.links if link.polygons)
     high = max(link.z_max for link in body.links if link.polygons)
-    rooms = [_valid_polygon(r.outline) for r in scene.regions]
-    rooms.extend(_valid_polygon(d.footprint).buffer(0.02) for d in scene.doorways)
+    rooms = [valid_polygon(r.outline) for r in checked.scene.regions]
+    rooms.extend(valid_polygon(d.footprint).buffer(0.02) for d in checked.scene.doorways)
     findings = []
     for number, point in enumerate(walk.route, start=1):
         label = f"point {number} of the route of {body.name} ({point[0]:g}, {point[1]:g})"
-        distance, owner = obstacles.nearest(*point, z_max=high)
+        distance, owner = checked.obstacles.nearest(*point, z_max=high)
         if distance == 0.0:
             findings.append(Diagnostic(place, f"{label} is inside of {owner}", "move it"))
         elif not any(room.covers(Point(point)) for room in rooms):
             hint = "check its frame and the signs of x and y"
             findings.append(Diagnostic(place, f"{label} is outside of every room", hint))
-    return findings or _check_way(scene, obstacles, body, walk, place, (low, high))
+    return findings or _check_way(checked, body, walk, place, (low, high))
 
 
 def _check_way(
-    scene: Scene,
-    obstacles: SolidIndex,
+    checked: CheckedScene,
     body: SceneObject,
     walk: Walk,
     place: Where,
     heights: tuple[float, float],
 ) -> list[Diagnostic]:
     ends = [*walk.route, walk.route[0]] if walk.manner == "round" else walk.route
-    through = list(obstacles.hit_by(LineString(ends), *heights))
+    through = list(checked.obstacles.hit_by(LineString(ends), *heights))
     if through:
         message = f"{body.name} walks through {' and '.join(through)}"
         return [Diagnostic(place, message, "lead the route through a doorway")]
     link = next(part for part in body.links if part.name == body_link(body))
     area = walked_area(walk, link)
-    brushed = [o for o, part in obstacles.hit_by(area, *heights).items() if is_overlap(part)]
+    brushed = [
+        o for o, part in checked.obstacles.hit_by(area, *heights).items() if is_overlap(part)
+    ]
     met = [
         other.name
-        for other in scene.objects
+        for other in checked.scene.objects
         if other is not body
         and any(
             part.z_min < heights[1]
@@ -155,38 +150,29 @@ def walked_area(walk: Walk, link: Link) -> BaseGeometry:
     return shapely.union_all(hulls if len(link.polygons) == 1 else [*placements, *hulls])
 
 
-def _valid_polygon(ring: tuple[tuple[float, float], ...]) -> BaseGeometry:
-    polygon = Polygon(ring)
-    return polygon if polygon.is_valid else polygon.buffer(0)
-
-
 _WaitingBehaviour: TypeAlias = Reaction | Walk
 
 
 def check_events(
-    scene: Scene,
-    mission: Mission,
-    behaviours: Sequence[Behaviour],
-    places: Mapping[str, Where],
-    home: Where,
+    checked: CheckedScene, mission: Mission, behaviours: Sequence[Behaviour]
 ) -> list[Diagnostic]:
     """Return errors for events that name what is not there, warnings for those that never come."""
     waiting = [(b, b.event) for b in behaviours if isinstance(b, Reaction | Walk) and b.event]
     unknown = {
         behaviour.joint: _unknown_names(
-            scene, mission, event, place_of(places, behaviour.joint, home)
+            checked.scene, mission, event, checked.place(behaviour.joint)
         )
         for behaviour, event in waiting
     }
     findings = [problem for problems in unknown.values() for problem in problems]
     return findings + [
         Diagnostic(
-            place_of(places, behaviour.joint, home),
+            checked.place(behaviour.joint),
             f"{_name(behaviour)} waits for {_event_text(event)}, which never happens",
             "say what makes it happen, or wait for something else",
             Severity.WARNING,
         )
-        for behaviour, event in _never_coming(scene, behaviours)
+        for behaviour, event in _never_coming(checked.scene, behaviours)
         if not unknown[behaviour.joint]
     ]
 
@@ -252,12 +238,7 @@ def _movable(scene: Scene, behaviours: Sequence[Behaviour]) -> set[str]:
 
 
 def check_triggers(
-    scene: Scene,
-    robot: Robot,
-    mission: Mission,
-    behaviours: Sequence[Behaviour],
-    places: Mapping[str, Where],
-    home: Where,
+    checked: CheckedScene, robot: Robot, mission: Mission, behaviours: Sequence[Behaviour]
 ) -> list[Diagnostic]:
     """Return a warning for every trigger whose distance the robot can never get down to.
 
@@ -267,6 +248,7 @@ def check_triggers(
     triggers = [b for b in behaviours if isinstance(b, Trigger)]
     if not triggers:
         return []
+    scene = checked.scene
     shut = [s for shapes in immobile_leaves(scene, robot, behaviours).values() for s in shapes]
     parts = FreeSpace(scene, robot.height).for_radius(inscribed_radius(robot.footprint), shut)
     home_part = parts.of((mission.start.x, mission.start.y))
@@ -284,7 +266,7 @@ def check_triggers(
             message = f"{trigger.joint} never fires: {robot.name} gets no nearer to {point}"
             findings.append(
                 Diagnostic(
-                    place_of(places, trigger.joint, home),
+                    checked.place(trigger.joint),
                     f"{message} than {nearest:.2f} m, it must be within {trigger.distance:g} m",
                     "take a larger distance, or look for what is in the way",
                     Severity.WARNING,

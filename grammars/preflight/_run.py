@@ -10,7 +10,6 @@ from shapely.geometry import Point, Polygon
 
 from grammars.model.behaviour import Behaviour, Hold, KeyFrames, Reaction, Trigger, Walk
 from grammars.model.free_space import (
-    SolidIndex,
     inscribed_radius,
     is_overlap,
     moving_links,
@@ -22,8 +21,8 @@ from grammars.model.movers import PLANAR_JOINTS, is_mover
 from grammars.model.robot import Robot
 from grammars.model.scene import Joint, Scene, SceneObject
 from grammars.preflight._behaviours import check_events, check_triggers, check_walks
-from grammars.preflight._reach import check_reach
-from grammars.preflight._scene import Sweeps, object_hits, place_of, wall_hits
+from grammars.preflight._reach import Spot, check_reach
+from grammars.preflight._scene import CheckedScene, Sweeps, object_hits, wall_hits
 from grammars.text.diagnostics import Diagnostic, Severity, Where, did_you_mean
 
 _TOLERANCE: Final = 1e-9
@@ -50,31 +49,36 @@ def check_run(
     ``where`` is the mission's place; ``places`` gives finer ones: ``start``, ids of waypoints,
     names of joints and objects.
     """
-    known = places or {}
-    home = where or Where(mission.name)
-    obstacles = SolidIndex(scene)
-    spots = [("the start", (mission.start.x, mission.start.y), known.get("start", home))]
-    spots.extend((f"waypoint {w.id}", (w.x, w.y), known.get(w.id, home)) for w in mission.waypoints)
-    problems = [_check_spot(scene, obstacles, robot, *spot) for spot in spots]
+    checked = CheckedScene(scene, places or {}, where or Where(mission.name))
+    start = mission.start
+    spots = [("the start", (start.x, start.y), checked.places.get("start", checked.home))]
+    spots.extend(
+        (f"waypoint {w.id}", (w.x, w.y), checked.places.get(w.id, checked.home))
+        for w in mission.waypoints
+    )
+    problems = [_check_spot(checked, robot, *spot) for spot in spots]
     findings = [problem for problem in problems if problem is not None]
     sound = [spot for spot, problem in zip(spots, problems, strict=True) if problem is None]
+    # A way is looked for between spots that stand free: from others there is none anyway.
     if problems[0] is None:
-        findings.extend(_start_overlaps(obstacles, robot, mission, spots[0][2]))
+        findings.extend(_start_overlaps(checked, robot, mission, spots[0][2]))
         findings.extend(check_reach(scene, robot, sound, behaviours))
-    findings.extend(check_events(scene, mission, behaviours, known, home))
-    findings.extend(check_walks(scene, obstacles, behaviours, known, home))
-    told = check_behaviours(scene, behaviours, known, home)
-    findings.extend(told)
-    if not told:
-        findings.extend(_moving_doors(scene, obstacles, behaviours, sound, known, home))
-        findings.extend(check_triggers(scene, robot, mission, behaviours, known, home))
+    findings.extend(check_events(checked, mission, behaviours))
+    findings.extend(check_walks(checked, behaviours))
+    unsound = check_behaviours(checked, behaviours)
+    findings.extend(unsound)
+    # Sweeps and triggers take for granted that every behaviour has its joint.
+    if not unsound:
+        findings.extend(_moving_doors(checked, behaviours, sound))
+        findings.extend(check_triggers(checked, robot, mission, behaviours))
     return tuple(dict.fromkeys(findings))
 
 
 def _check_spot(
-    scene: Scene, obstacles: SolidIndex, robot: Robot, label: str, point: Point2, place: Where
+    checked: CheckedScene, robot: Robot, label: str, point: Point2, place: Where
 ) -> Diagnostic | None:
-    distance, owner = obstacles.nearest(*point, z_max=robot.height)
+    scene = checked.scene
+    distance, owner = checked.obstacles.nearest(*point, z_max=robot.height)
     if distance == 0.0:
         return Diagnostic(place, f"{label} is inside of {owner}", "move it into a room")
     spot = Point(point)
@@ -96,31 +100,30 @@ def _check_spot(
 
 
 def _start_overlaps(
-    obstacles: SolidIndex, robot: Robot, mission: Mission, place: Where
+    checked: CheckedScene, robot: Robot, mission: Mission, place: Where
 ) -> list[Diagnostic]:
     """The start has a heading, so the whole footprint must fit there."""
     body = Polygon(mission.start.apply_ring(robot.footprint))
-    hits = [o for o, part in obstacles.hit_by(body, 0.0, robot.height).items() if part.area > 1e-6]
+    found = checked.obstacles.hit_by(body, 0.0, robot.height)
+    hits = [owner for owner, part in found.items() if part.area > 1e-6]
     if not hits:
         return []
     message = f"at the start {robot.name} stands in {' and '.join(hits)}"
     return [Diagnostic(place, message, "move or turn the start")]
 
 
-def check_behaviours(
-    scene: Scene, behaviours: Sequence[Behaviour], places: Mapping[str, Where], home: Where
-) -> list[Diagnostic]:
+def check_behaviours(checked: CheckedScene, behaviours: Sequence[Behaviour]) -> list[Diagnostic]:
     """Return errors for joints that are unknown, frozen, told twice or sent out of their limits."""
-    joints = {f"{b.name}.{j.name}": (b, j) for b in scene.objects for j in b.joints}
+    joints = {f"{b.name}.{j.name}": (b, j) for b in checked.scene.objects for j in b.joints}
     findings: list[Diagnostic] = []
     told: set[str] = set()
     for behaviour in behaviours:
         if isinstance(behaviour, Walk):
-            findings.extend(_walks_twice(behaviour, told, place_of(places, behaviour.joint, home)))
+            findings.extend(_walks_twice(behaviour, told, checked.place(behaviour.joint)))
             told.update(behaviour.joints)
             continue
         name = behaviour.joint
-        place = place_of(places, name, home)
+        place = checked.place(name)
         if name not in joints:
             hint = did_you_mean(name, joints)
             findings.append(Diagnostic(place, f'there is no joint "{name}" in the scene', hint))
@@ -175,12 +178,7 @@ def _one_behaviour(
 
 
 def _moving_doors(
-    scene: Scene,
-    obstacles: SolidIndex,
-    behaviours: Sequence[Behaviour],
-    points: Sequence[tuple[str, Point2, Where]],
-    places: Mapping[str, Where],
-    home: Where,
+    checked: CheckedScene, behaviours: Sequence[Behaviour], spots: Sequence[Spot]
 ) -> list[Diagnostic]:
     used: dict[str, dict[str, tuple[float, float]]] = {}
     for behaviour in behaviours:
@@ -191,13 +189,13 @@ def _moving_doors(
         used.setdefault(name, {})[joint] = (min(positions), max(positions))
     sweeps: Sweeps = [
         (body, link, swept_area(_starting_in_range(body, used[body.name]), link, used[body.name]))
-        for body in scene.objects
+        for body in checked.scene.objects
         if body.name in used
         for link in moving_links(body)
     ]
-    findings = wall_hits(sweeps, obstacles, places, home, "as it is told to move")
-    findings.extend(object_hits(sweeps, scene, places, home, "as they are told to move"))
-    for label, point, place in points:
+    findings = wall_hits(checked, sweeps, "as it is told to move")
+    findings.extend(object_hits(checked, sweeps, "as they are told to move"))
+    for label, point, place in spots:
         spot = Point(point).buffer(0.02)
         for body, _, area in sweeps:
             if is_overlap(area.intersection(spot)):

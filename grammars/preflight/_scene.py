@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
 from typing import Final
 
 import shapely
@@ -31,10 +33,26 @@ def places_of(layers: Iterable[SceneryLayer], plan: FloorPlan | None = None) -> 
     return places
 
 
-def place_of(places: Mapping[str, Where], joint_or_object: str, otherwise: Where) -> Where:
-    """Return the place of a joint, else of its object, else ``otherwise``."""
-    body = joint_or_object.partition(".")[0]
-    return places.get(joint_or_object) or places.get(body) or otherwise
+@dataclass(frozen=True)
+class CheckedScene:
+    """A scene under check: its solids, searchable, and where its things were written.
+
+    ``places`` are those of objects, entryways and joints by name, ``home`` that of the rest.
+    """
+
+    scene: Scene
+    places: Mapping[str, Where]
+    home: Where
+
+    @functools.cached_property
+    def obstacles(self) -> SolidIndex:
+        """The walls, columns and dividers."""
+        return SolidIndex(self.scene)
+
+    def place(self, name: str) -> Where:
+        """Return the place of a joint, else of its object, else of everything."""
+        owner = name.partition(".")[0]
+        return self.places.get(name) or self.places.get(owner) or self.home
 
 
 _TOLERANCE: Final = 1e-9
@@ -56,20 +74,17 @@ def check_scene(
     in the range of their joints, entryways that a wall not listed in them closes. ``places`` gives
     the places of objects and entryways by name (see :func:`grammars.preflight.places_of`).
     """
-    known = places or {}
-    home = Where(scene.name)
-    obstacles = SolidIndex(scene)
+    checked = CheckedScene(scene, places or {}, Where(scene.name))
     findings = [
-        *_duplicate_names(scene, known, home),
-        *(d for body in scene.objects for d in _outside_limits(body, known, home)),
-        *_blocked_doorways(scene, obstacles, known, home),
+        *_duplicate_names(checked),
+        *(d for body in scene.objects for d in _outside_limits(checked, body)),
+        *_blocked_doorways(checked),
     ]
     stuck = {
-        b.name: [] if is_mover(b.joints) else starts_in_wall(b, obstacles, known, home)
-        for b in scene.objects
+        b.name: [] if is_mover(b.joints) else starts_in_wall(checked, b) for b in scene.objects
     }
     findings.extend(d for found in stuck.values() for d in found)
-    findings.extend(_furniture_in_walls(scene, obstacles, known, home))
+    findings.extend(_furniture_in_walls(checked))
     sweeps = [
         (body, link, swept_area(body, link, {j.name: (j.lower, j.upper) for j in body.joints}))
         for body in scene.objects
@@ -77,26 +92,24 @@ def check_scene(
         for link in moving_links(body)
     ]
     loose = [sweep for sweep in sweeps if not stuck[sweep[0].name]]
-    findings.extend(wall_hits(loose, obstacles, known, home, "somewhere in its range"))
-    findings.extend(object_hits(sweeps, scene, known, home, "somewhere in its range"))
+    findings.extend(wall_hits(checked, loose, "somewhere in its range"))
+    findings.extend(object_hits(checked, sweeps, "somewhere in its range"))
     return tuple(findings)
 
 
-def _duplicate_names(scene: Scene, places: Mapping[str, Where], home: Where) -> list[Diagnostic]:
-    names = [body.name for body in scene.objects]
+def _duplicate_names(checked: CheckedScene) -> list[Diagnostic]:
+    names = [body.name for body in checked.scene.objects]
     return [
-        Diagnostic(place_of(places, name, home), f'there are two objects called "{name}"')
+        Diagnostic(checked.place(name), f'there are two objects called "{name}"')
         for name in dict.fromkeys(names)
         if names.count(name) > 1
     ]
 
 
-def _outside_limits(
-    body: SceneObject, places: Mapping[str, Where], home: Where
-) -> list[Diagnostic]:
+def _outside_limits(checked: CheckedScene, body: SceneObject) -> list[Diagnostic]:
     return [
         Diagnostic(
-            place_of(places, body.name, home),
+            checked.place(body.name),
             f"{body.name}.{joint.name} starts at {position:g}, outside of its limits",
             f"between {joint.lower:g} and {joint.upper:g}",
         )
@@ -105,20 +118,17 @@ def _outside_limits(
     ]
 
 
-def _blocked_doorways(
-    scene: Scene, obstacles: SolidIndex, places: Mapping[str, Where], home: Where
-) -> list[Diagnostic]:
+def _blocked_doorways(checked: CheckedScene) -> list[Diagnostic]:
     findings = []
-    for doorway in scene.doorways:
+    for doorway in checked.scene.doorways:
         passage = _passage(doorway)
-        hits = obstacles.hit_by(passage, doorway.z_min + 0.01, doorway.z_max - 0.01)
+        hits = checked.obstacles.hit_by(passage, doorway.z_min + 0.01, doorway.z_max - 0.01)
         closing = [o for o, part in hits.items() if part.area > _BLOCKED * passage.area]
         if closing:
-            walls = " and ".join(closing)
             findings.append(
                 Diagnostic(
-                    places.get(doorway.name, home),
-                    f"{doorway.name} is closed by {walls}",
+                    checked.place(doorway.name),
+                    f"{doorway.name} is closed by {' and '.join(closing)}",
                     "list every wall that the entryway goes through",
                     Severity.WARNING,
                 )
@@ -136,18 +146,16 @@ def _passage(doorway: Doorway) -> Polygon:
     return Polygon(doorway.frame.apply_ring(corners))
 
 
-def starts_in_wall(
-    body: SceneObject, obstacles: SolidIndex, places: Mapping[str, Where], home: Where
-) -> list[Diagnostic]:
+def starts_in_wall(checked: CheckedScene, body: SceneObject) -> list[Diagnostic]:
     """Return an error for every moving link that starts inside of a solid."""
     findings = []
     for link in moving_links(body):
         shape = link_shape(body, link, body.initial)
-        for owner, overlap in obstacles.hit_by(shape, link.z_min, link.z_max).items():
+        for owner, overlap in checked.obstacles.hit_by(shape, link.z_min, link.z_max).items():
             if is_overlap(without_jamb(body, link, overlap)):
                 findings.append(
                     Diagnostic(
-                        place_of(places, body.name, home),
+                        checked.place(body.name),
                         f"the {link.name} of {body.name} starts inside of {owner}",
                         "check its place, which side the hinge is on and where it opens to",
                     )
@@ -155,24 +163,22 @@ def starts_in_wall(
     return findings
 
 
-def _furniture_in_walls(
-    scene: Scene, obstacles: SolidIndex, places: Mapping[str, Where], home: Where
-) -> list[Diagnostic]:
+def _furniture_in_walls(checked: CheckedScene) -> list[Diagnostic]:
     """Return a warning for every object without moving parts that stands in a wall.
 
     The posts of doors do so by design.
     """
     findings = []
-    for body in scene.objects:
+    for body in checked.scene.objects:
         owners: dict[str, None] = {}
         for link in body.links if not moving_links(body) else ():
             shape = link_shape(body, link, body.initial)
-            hits = obstacles.hit_by(shape, link.z_min, link.z_max)
+            hits = checked.obstacles.hit_by(shape, link.z_min, link.z_max)
             owners.update((owner, None) for owner, part in hits.items() if is_overlap(part))
         if owners:
             findings.append(
                 Diagnostic(
-                    place_of(places, body.name, home),
+                    checked.place(body.name),
                     f"{body.name} stands in {' and '.join(owners)}",
                     "move or turn it",
                     Severity.WARNING,
@@ -181,18 +187,16 @@ def _furniture_in_walls(
     return findings
 
 
-def wall_hits(
-    sweeps: Sweeps, obstacles: SolidIndex, places: Mapping[str, Where], home: Where, when: str
-) -> list[Diagnostic]:
+def wall_hits(checked: CheckedScene, sweeps: Sweeps, when: str) -> list[Diagnostic]:
     """Return a warning for every leaf that sweeps through a wall, column or divider."""
     findings = []
     for body, link, area in sweeps:
-        hits = obstacles.hit_by(area, link.z_min, link.z_max)
+        hits = checked.obstacles.hit_by(area, link.z_min, link.z_max)
         through = [o for o, part in hits.items() if is_overlap(without_jamb(body, link, part))]
         if through:
             findings.append(
                 Diagnostic(
-                    place_of(places, body.name, home),
+                    checked.place(body.name),
                     f"the {link.name} of {body.name} sweeps through {' and '.join(through)} {when}",
                     "limit the joint, or move or turn the object",
                     Severity.WARNING,
@@ -201,15 +205,13 @@ def wall_hits(
     return findings
 
 
-def object_hits(
-    sweeps: Sweeps, scene: Scene, places: Mapping[str, Where], home: Where, when: str
-) -> list[Diagnostic]:
+def object_hits(checked: CheckedScene, sweeps: Sweeps, when: str) -> list[Diagnostic]:
     """Return a warning for every leaf whose sweep meets another object (its own or its place)."""
     others: list[tuple[SceneObject, Link, BaseGeometry]] = list(sweeps)
     seen = {(id(body), link.name) for body, link, _ in sweeps}
     others.extend(
         (body, link, link_shape(body, link, body.initial))
-        for body in scene.objects
+        for body in checked.scene.objects
         if body.frozen or not is_mover(body.joints)
         for link in body.links
         if (id(body), link.name) not in seen
@@ -227,9 +229,9 @@ def object_hits(
                 reported.add(pair)
                 findings.append(
                     Diagnostic(
-                        place_of(places, body.name, home),
+                        checked.place(body.name),
                         f"{body.name} and {other.name} can run into each other {when}",
-                        f"the other one: {place_of(places, other.name, home)}",
+                        f"the other one: {checked.place(other.name)}",
                         Severity.WARNING,
                     )
                 )

@@ -1,12 +1,50 @@
-"""Plug-ins by entry point: saying whose they are and what went wrong in them."""
+"""Plug-ins by entry point: which there are, whose they are and what went wrong in them."""
 
 from __future__ import annotations
 
+import functools
+import re
 import traceback
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 if TYPE_CHECKING:
     from importlib.metadata import EntryPoint
+
+_NAME: Final = re.compile(r"[A-Za-z_][A-Za-z0-9_-]*(\.[A-Za-z0-9_][A-Za-z0-9_-]*)*")
+"""What can be named in a line of a language; others are as good as not there."""
+
+
+@functools.cache
+def installed(group: str) -> dict[str, EntryPoint]:
+    """Return the entry points of a group by name, none of them loaded."""
+    from importlib.metadata import entry_points
+
+    found = sorted(entry_points(group=group), key=lambda entry: (entry.name, entry.value))
+    # Of two of one name the first by what it points to counts: the order in which packages are
+    # found differs between machines.
+    return {entry.name: entry for entry in reversed(found) if _NAME.fullmatch(entry.name)}
+
+
+def plugin_names(group: str) -> tuple[str, ...]:
+    """Return the names of the plug-ins of a group, without loading any."""
+    return tuple(sorted(installed(group)))
+
+
+@functools.cache
+def load_plugin(group: str, name: str, what: str) -> object | None:
+    """Return the object a plug-in names, ``None`` when there is no such plug-in.
+
+    Raises ``ValueError`` when it cannot be loaded; ``what`` it is, such as ``signal``, is said.
+    """
+    entry = installed(group).get(name)
+    if entry is None:
+        return None
+    try:
+        loaded: object = entry.load()
+    except (Exception, SystemExit) as error:
+        problem = f'the {what} "{name}" ({plugin_origin(entry)}) cannot be loaded'
+        raise ValueError(explain_plugin_error(problem, error, __file__)) from error
+    return loaded
 
 
 def plugin_origin(entry: EntryPoint) -> str:

@@ -9,7 +9,17 @@ from typing import Any, TypeAlias
 from grammars.text.diagnostics import Diagnostic, InputError, Severity, Where
 
 SyntaxNode: TypeAlias = Any
-"""A node of the textX model; its attributes are those of the rule in ``floorplan.tx``."""
+"""A node of the textX model; its attributes are those of its rule in the grammar."""
+
+
+class TypedNode:
+    """A node of the textX model with a class of its own; textX fills in what its rule assigns."""
+
+    _tx_position: int
+    _tx_position_end: int
+
+    def __init__(self, parent: object = None, **written: Any) -> None:
+        vars(self).update(written)
 
 
 class SourceText:

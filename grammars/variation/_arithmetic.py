@@ -9,6 +9,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final, TypeAlias
 
+from grammars.floorplan import PolygonNode
 from grammars.text.diagnostics import closest, did_you_mean, with_article
 from grammars.text.quantity import ANGLE, DIMENSIONS, LENGTH, RATIO, Dimension
 from grammars.text.source import DiagnosticCollector, SyntaxNode
@@ -24,6 +25,15 @@ from grammars.variation._expressions import (
     distance,
     measurement,
     measures_of,
+)
+from grammars.variation._nodes import (
+    CallNode,
+    FactorNode,
+    GroupNode,
+    LiteralNode,
+    MinusNode,
+    ReferenceNode,
+    SumNode,
 )
 from grammars.variation._plan import PlanElement, PlanText, Slot
 
@@ -115,7 +125,7 @@ def suggested_path(path: str, element: PlanElement, more: tuple[str, ...] = ()) 
     known = [*more, *element.paths()]
     meant = _closest_path(path, known)
     question = f'did you mean "{meant}"? ' if meant else ""
-    points = type(element.node.shape).__name__ == "Polygon" and path.startswith("shape")
+    points = isinstance(element.node.shape, PolygonNode) and path.startswith("shape")
     note = "; points are varied through variables of the plan" if points else ""
     return f"{question}it has: {', '.join(known)}{note}"
 
@@ -146,7 +156,7 @@ class ExpressionReader:
     shared: Mapping[str, Dimension]
     draws_only: bool = False
 
-    def read(self, node: SyntaxNode) -> Typed | None:
+    def read(self, node: SumNode) -> Typed | None:
         """Return a sum and its dimension."""
         typed = self._product(node.first)
         for tail in node.rest:
@@ -166,20 +176,21 @@ class ExpressionReader:
             typed = Operation(tail.operator, (typed[0], other[0])), dimension
         return typed
 
-    def _factor(self, node: SyntaxNode) -> Typed | None:
-        match type(node).__name__:
-            case "Minus":
+    def _factor(self, node: FactorNode) -> Typed | None:
+        match node:
+            case MinusNode():
                 typed = self._factor(node.operand)
                 return None if typed is None else (Operation("neg", (typed[0],)), typed[1])
-            case "Group":
+            case GroupNode():
                 return self.read(node.expression)
-            case "Call":
+            case CallNode():
                 return self._call(node)
-            case "Literal":
+            case LiteralNode():
                 return self._literal(node)
-        return self._reference(node)
+            case ReferenceNode():
+                return self._reference(node)
 
-    def _literal(self, node: SyntaxNode) -> Typed | None:
+    def _literal(self, node: LiteralNode) -> Typed | None:
         number = float(node.number)
         if number > _LARGEST:
             self.findings.error(node, f"{node.number} is too large")
@@ -187,7 +198,7 @@ class ExpressionReader:
         factor, dimension = UNITS[node.unit] if node.unit else (1.0, RATIO)
         return Constant(number * factor), dimension
 
-    def _call(self, node: SyntaxNode) -> Typed | None:
+    def _call(self, node: CallNode) -> Typed | None:
         if node.function == "distance":
             return self._distance(node)
         arguments = [self.read(argument) for argument in node.arguments]
@@ -216,7 +227,7 @@ class ExpressionReader:
             dimension = joined
         return Operation(operator, tuple(e for e, _ in good)), dimension  # type: ignore[arg-type]
 
-    def _distance(self, node: SyntaxNode) -> Typed | None:
+    def _distance(self, node: CallNode) -> Typed | None:
         paths = [_only_path(argument) for argument in node.arguments]
         if len(paths) != 2 or None in paths:
             hint = "distance(hall.pillar, door)"
@@ -238,7 +249,7 @@ class ExpressionReader:
             self.findings.error(node, message, known)
         return self.draws_only
 
-    def _reference(self, node: SyntaxNode) -> Typed | None:
+    def _reference(self, node: ReferenceNode) -> Typed | None:
         words = node.path.parts
         name = words[0]
         if len(words) == 1 and name in self.shared:
@@ -290,11 +301,11 @@ def _attribute(slot: Slot) -> Typed:
     return PlanAttribute(slot), DIMENSIONS[slot.kind]
 
 
-def _only_path(node: SyntaxNode) -> SyntaxNode | None:
+def _only_path(node: SumNode) -> SyntaxNode | None:
     """Return the path an argument consists of."""
     factor = node.first.first
-    alone = not node.rest and not node.first.rest and type(factor).__name__ == "Reference"
-    return factor.path if alone else None
+    alone = not node.rest and not node.first.rest
+    return factor.path if alone and isinstance(factor, ReferenceNode) else None
 
 
 def joined_dimension(one: Typed, other: Typed) -> Dimension | None:

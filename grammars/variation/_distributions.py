@@ -17,6 +17,7 @@ from grammars.text.diagnostics import did_you_mean
 from grammars.text.quantity import ANGLE, LENGTH
 from grammars.text.source import DiagnosticCollector, SyntaxNode
 from grammars.variation._expressions import UNITS
+from grammars.variation._nodes import DiscreteNode, DistributionNode, NormalNode, UniformNode
 
 if TYPE_CHECKING:
     import numpy as np
@@ -178,7 +179,7 @@ class DistributionReader:
 
     findings: DiagnosticCollector
 
-    def read(self, node: SyntaxNode) -> tuple[Distribution, str] | None:
+    def read(self, node: DistributionNode) -> tuple[Distribution, str] | None:
         """Return a distribution and its unit (empty: none written)."""
         numbers = _number_nodes(node)
         units = list(dict.fromkeys(n.unit for n in numbers if n.unit))
@@ -196,15 +197,16 @@ class DistributionReader:
             return None
         return None if found is None else (found, unit)
 
-    def _one(self, node: SyntaxNode) -> Distribution | None:
-        match type(node).__name__:
-            case "Uniform":
+    def _one(self, node: DistributionNode) -> Distribution | None:
+        match node:
+            case UniformNode():
                 return self._uniform(node)
-            case "Discrete":
+            case DiscreteNode():
                 return self._discrete(node)
-        return self._normal(node)
+            case NormalNode():
+                return self._normal(node)
 
-    def _uniform(self, node: SyntaxNode) -> Distribution | None:
+    def _uniform(self, node: UniformNode) -> Distribution | None:
         if node.low is not None:
             low, high = float(node.low.number), float(node.high.number)
             if not low < high:
@@ -217,7 +219,7 @@ class DistributionReader:
             return None
         return Categorical(tuple(float(value.number) for value in node.values))
 
-    def _discrete(self, node: SyntaxNode) -> Distribution | None:
+    def _discrete(self, node: DiscreteNode) -> Distribution | None:
         weights = [float(pair.weight.number) for pair in node.pairs]
         if not weights:
             hint = "discrete([(0.8, 5.0), (0.2, 2.0)])"
@@ -239,7 +241,7 @@ class DistributionReader:
         scaled = weights if sum(weights) == 1.0 else [weight / total for weight in weights]
         return Categorical(tuple(float(pair.value.number) for pair in node.pairs), tuple(scaled))
 
-    def _normal(self, node: SyntaxNode) -> Distribution | None:
+    def _normal(self, node: NormalNode) -> Distribution | None:
         given: dict[str, float] = {}
         known = ("mean", "std", "min", "max")
         good = True
@@ -259,7 +261,7 @@ class DistributionReader:
             return None
         return self._cut(node, given) if good else None
 
-    def _cut(self, node: SyntaxNode, given: Mapping[str, float]) -> Distribution | None:
+    def _cut(self, node: NormalNode, given: Mapping[str, float]) -> Distribution | None:
         found = Normal(
             given["mean"], given["std"], given.get("min", -math.inf), given.get("max", math.inf)
         )
@@ -277,10 +279,11 @@ class DistributionReader:
         return None
 
 
-def _number_nodes(node: SyntaxNode) -> list[SyntaxNode]:
-    match type(node).__name__:
-        case "Uniform":
-            return [node.low, node.high] if node.low is not None else list(node.values)
-        case "Discrete":
+def _number_nodes(node: DistributionNode) -> list[SyntaxNode]:
+    match node:
+        case UniformNode():
+            return [node.low, node.high] if node.low is not None else node.values
+        case DiscreteNode():
             return [pair.value for pair in node.pairs]
-    return [option.value for option in node.options]
+        case NormalNode():
+            return [option.value for option in node.options]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -19,6 +20,15 @@ from grammars.variation._expressions import (
     Requirement,
     dimension_name,
     parts,
+)
+from grammars.variation._nodes import (
+    BlockNode,
+    ImportNode,
+    LetNode,
+    RequireNode,
+    SingleNode,
+    SumNode,
+    ValueNode,
 )
 from grammars.variation._plan import PlanElement, PlanText, Slot
 from grammars.variation._syntax import parse
@@ -118,13 +128,15 @@ def parse_variation(
     source = SourceText(text, file)
     tree = parse(source)
     findings = DiagnosticCollector(source)
-    plan_file = _imported(tree, folder, findings)
+    # An empty text gives no tree.
+    statements = getattr(tree, "statements", ())
+    plan_file = _imported(statements, folder, findings)
     plan_text = read_text(plan_file, "plan")
     compiled = parse_floorplan(plan_text, str(plan_file))
     plan = PlanText(plan_text, str(plan_file))
     targets = PlanResolver(plan, findings, shared_defaults)
     reader = _VariationReader(source, findings, targets)
-    for node in tree.statements:
+    for node in statements:
         reader.read(node)
     reader.finish(tree)
     return Variation(
@@ -156,13 +168,15 @@ def read_text(path: Path, what: str) -> str:
     return text.replace("\r\n", "\n").replace("\r", "\n") if lone else text
 
 
-def _imported(tree: SyntaxNode, folder: Path, findings: DiagnosticCollector) -> Path:
+def _imported(
+    statements: Sequence[SyntaxNode], folder: Path, findings: DiagnosticCollector
+) -> Path:
     """Return the plan's path; nothing else can be checked without it."""
-    imports = [node for node in tree.statements if type(node).__name__ == "Import"]
+    imports = [node for node in statements if isinstance(node, ImportNode)]
     example = 'write first: import "plan.fpm"'
     if not imports:
         raise InputError(Diagnostic(findings.source.where(0), "imports no plan", example))
-    if imports[0] is not tree.statements[0]:
+    if imports[0] is not statements[0]:
         findings.error(imports[0], "the import comes first", example)
     for node in imports[1:]:
         findings.error(node, "a variation varies one plan", "write one file per plan")
@@ -198,14 +212,14 @@ class _VariationReader:
 
     def read(self, node: SyntaxNode) -> None:
         """Read one statement."""
-        match type(node).__name__:
-            case "Let":
+        match node:
+            case LetNode():
                 self._let(node)
-            case "Require":
+            case RequireNode():
                 self._require(node)
-            case "Block":
+            case BlockNode():
                 self._block(node)
-            case "Single":
+            case SingleNode():
                 slot = self.targets.variable(node.target)
                 self._assign(node, slot, node.value)
 
@@ -218,7 +232,7 @@ class _VariationReader:
             self.findings.error(tree, "nothing is varied", 'add "NAME: uniform([1.0, 2.0])"')
         self.findings.refuse_if_errors()
 
-    def _let(self, node: SyntaxNode) -> None:
+    def _let(self, node: LetNode) -> None:
         name = node.name
         if name in self._lets:
             line = self.source.at(self._lets[name]).line
@@ -228,7 +242,7 @@ class _VariationReader:
             self.findings.error(node, f'"{name}" is already the name of something in the plan')
             return
         self._lets[name] = node
-        if type(node.value).__name__ == "Sum":
+        if isinstance(node.value, SumNode):
             hint = f"let {name} = uniform(0.8 m .. 1.2 m)"
             self.findings.error(node, "let names a distribution", hint)
             self._shared[name] = RATIO
@@ -240,7 +254,7 @@ class _VariationReader:
             self.draws.append(VariationDraw(name, *read, self.source.at(node)))
             self.reported.append(name)
 
-    def _block(self, node: SyntaxNode) -> None:
+    def _block(self, node: BlockNode) -> None:
         if not node.attributes:
             hint = "write what to vary between the braces"
             self.findings.error(node, f'nothing of "{".".join(node.target.parts)}" is varied', hint)
@@ -260,12 +274,12 @@ class _VariationReader:
             message = f'"{element.address}" is spaced: its y translation cannot be varied'
             self.findings.error(node, message, "vary the wall thickness, or take out spaced")
 
-    def _assign(self, node: SyntaxNode, slot: Slot | None, value: SyntaxNode) -> None:
+    def _assign(self, node: SyntaxNode, slot: Slot | None, value: ValueNode) -> None:
         """Read the value of an attribute or variable; ``slot`` is missing when it was refused."""
         where = self.source.at(node)
         if slot is not None and self._is_twice(node, slot):
             return
-        if type(value).__name__ == "Sum":
+        if isinstance(value, SumNode):
             typed = self._arithmetic(draws_only=True).read(value)
             if typed is None:
                 return
@@ -315,7 +329,7 @@ class _VariationReader:
         self.findings.error(node, f"{slot.name} is {with_article(slot.kind)}, not {given}", hint)
         return False
 
-    def _require(self, node: SyntaxNode) -> None:
+    def _require(self, node: RequireNode) -> None:
         left = self._arithmetic().read(node.left)
         right = self._arithmetic().read(node.right)
         if left is None or right is None:

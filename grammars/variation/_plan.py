@@ -10,7 +10,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final, TypeAlias
 
-from grammars.floorplan import parse_syntax
+from grammars.floorplan import CircleNode, RectangleNode, parse_syntax
 from grammars.text.parsing import without_comments
 from grammars.text.quantity import PLAN_UNITS, PlanDimension
 from grammars.text.source import SourceText, SyntaxNode
@@ -101,12 +101,13 @@ class PlanElement:
 
 
 def _sizes(shape: SyntaxNode) -> dict[str, SyntaxNode]:
-    match type(shape).__name__:
-        case "Circle":
+    match shape:
+        case CircleNode():
             return {"radius": shape.radius}
-        case "Rectangle":
-            second = "length" if shape.length is not None else "height"
-            return {"width": shape.width, second: getattr(shape, second)}
+        case RectangleNode(length=None):
+            return {"width": shape.width, "height": shape.height}
+        case RectangleNode():
+            return {"width": shape.width, "length": shape.length}
     return {}
 
 
@@ -125,9 +126,16 @@ class PlanText:
         self.tree = parse_syntax(self.source)
         self.elements: dict[str, list[PlanElement]] = {}
         self.variables: dict[str, Slot] = {}
-        self._defaults: SyntaxNode = None
-        for node in self.tree.statements:
-            self._add(node)
+        tree = self.tree
+        self._defaults: SyntaxNode = tree.defaults[-1] if tree.defaults else None
+        for node in tree.variables:
+            self.variables[node.name] = self._variable(node)
+        for node in tree.spaces:
+            self._add(node.name, "space", node)
+            for feature in node.features:
+                self._add(f"{node.name}.{feature.name}", feature.kind.lower(), feature)
+        for node in (*tree.features, *tree.openings):
+            self._add(node.name, node.kind.lower(), node)
 
     @property
     def name(self) -> str:
@@ -141,21 +149,10 @@ class PlanText:
         start = self.bare.index(self.name, colon)
         return start, start + len(self.name)
 
-    def _add(self, node: SyntaxNode) -> None:
-        match type(node).__name__:
-            case "Defaults":
-                self._defaults = node
-            case "Variable":
-                self.variables[node.name] = self._variable(node)
-            case "Space":
-                self._add_element(node.name, "space", node)
-                for feature in node.features:
-                    self._add_element(f"{node.name}.{feature.name}", feature.kind.lower(), feature)
-            case _:
-                self._add_element(node.name, node.kind.lower(), node)
-
-    def _add_element(self, address: str, kind: str, node: SyntaxNode) -> None:
-        self.elements.setdefault(address, []).append(PlanElement(address, kind, node))
+    def _add(self, address: str, kind: str, node: SyntaxNode) -> None:
+        known = self.elements.setdefault(address, [])
+        known.append(PlanElement(address, kind, node))
+        known.sort(key=lambda element: element.node._tx_position)
 
     def _variable(self, node: SyntaxNode) -> Slot:
         sign = self.bare.index("=", node._tx_position)

@@ -10,6 +10,7 @@ from typing import Final
 from grammars.text.diagnostics import Diagnostic, InputError, closest, did_you_mean
 from grammars.text.parsing import Language, SyntaxFault, without_comments
 from grammars.text.source import SourceText, SyntaxNode
+from grammars.variation._nodes import NODES
 
 _DEEPEST: Final = 30
 _LARGEST: Final = 200_000
@@ -41,6 +42,7 @@ _HINTS: Final = {
 
 
 class _VariationLanguage(Language):
+    classes = NODES
     words = _WORDS
     openers = frozenset({"LET"})
 

@@ -13,7 +13,8 @@ import pytest
 from daemon.judging.oracles import judge
 from daemon.model.spec import OracleText
 from daemon.model.verdicts import Outcome
-from grammars.oracle import _signals, parse_oracle
+from grammars.oracle import parse_oracle
+from grammars.text import plugins
 from grammars.text.diagnostics import Diagnostic, InputError, Where
 from tests.daemon.judging.oracles.traces import along, cut, make_trace, times, verdict
 from tests.oracle_docs import PAGE
@@ -70,18 +71,18 @@ def plugged(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
         "number": "their_oracles:number",
     }
     groups = {
-        _signals.SIGNAL_GROUP: objects,
-        _signals.ORACLE_GROUP: {name: f"their_oracles:{name}" for name in ORACLES}
+        "scenario.signals": objects,
+        "scenario.oracles": {name: f"their_oracles:{name}" for name in ORACLES}
         | {"smooth": "their_documentation:smooth"},
     }
     entries = {
         group: {name: EntryPoint(name, value, group) for name, value in named.items()}
         for group, named in groups.items()
     }
-    _signals._loaded.cache_clear()
-    monkeypatch.setattr(_signals, "_entries", entries.__getitem__)
+    plugins.load_plugin.cache_clear()
+    monkeypatch.setattr(plugins, "installed", entries.__getitem__)
     yield
-    _signals._loaded.cache_clear()
+    plugins.load_plugin.cache_clear()
     for name in ("their_oracles", "their_imports", "their_documentation"):
         sys.modules.pop(name, None)
 
