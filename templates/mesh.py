@@ -8,6 +8,7 @@ no cracks, slivers or inner faces. Uniting the prisms directly would leave faces
 
 from __future__ import annotations
 
+import importlib
 import itertools
 from dataclasses import dataclass
 from pathlib import Path
@@ -21,6 +22,7 @@ from shapely.geometry.polygon import orient
 from grammars.model.geometry import Floats
 from grammars.model.scene import Scene
 from grammars.text.diagnostics import InputError, Where
+from templates.world import ExportJob
 
 _GRID: Final = 1e-6
 """Corners closer than this are one corner [m]."""
@@ -64,6 +66,16 @@ def wall_mesh(scene: Scene) -> WallMesh:
     return WallMesh(vertices, faces, float(body.volume()))
 
 
+def write_meshes(job: ExportJob) -> tuple[Path, ...]:
+    """Write ``mesh/<building>.stl`` and ``.glb``, if anything stands there."""
+    if not job.world.scene.solids:
+        job.notes.append("nothing stands here: there is no mesh")
+        return ()
+    mesh = job.cached("mesh", lambda: wall_mesh(job.world.scene))
+    stl, glb = (job.path("mesh", f"{job.building}.{ending}") for ending in ("stl", "glb"))
+    return write_stl(mesh, stl), write_glb(mesh, glb, name=job.building)
+
+
 def write_stl(mesh: WallMesh, path: Path) -> Path:
     """Write the mesh as binary STL, z up, and return the path."""
     trimesh = _library("trimesh")
@@ -90,8 +102,6 @@ def write_glb(mesh: WallMesh, path: Path, *, name: str) -> Path:
 
 
 def _library(name: str) -> Any:
-    import importlib
-
     try:
         return importlib.import_module(name)
     except ImportError as error:

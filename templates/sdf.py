@@ -170,7 +170,7 @@ def _write_building(job: ExportJob) -> list[Path]:
     written: list[Path] = []
     if job.world.scene.solids:
         stl = job.path(*folder.split("/"), "meshes", f"{name}.stl")
-        walls = job.once("mesh", lambda: wall_mesh(job.world.scene))
+        walls = job.cached("mesh", lambda: wall_mesh(job.world.scene))
         written.append(write_stl(walls, stl))
     mesh = f"model://{name}/meshes/{name}.stl" if written else ""
     path = job.path(*folder.split("/"), "model.sdf")

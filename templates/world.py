@@ -113,7 +113,7 @@ class ExportJob:
     notes: list[str] = field(default_factory=list)
     _shared: dict[str, Any] = field(default_factory=dict)
 
-    def once(self, name: str, make: Callable[[], T]) -> T:
+    def cached(self, name: str, make: Callable[[], T]) -> T:
         """Return what ``make`` returned the first time: several kinds may need the same."""
         if name not in self._shared:
             self._shared[name] = make()

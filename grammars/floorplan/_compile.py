@@ -20,7 +20,7 @@ from grammars.floorplan._features import (
     draft_feature,
     draft_opening,
 )
-from grammars.floorplan._shapes import floor_outline, signed_area
+from grammars.floorplan._shapes import floor_outline
 from grammars.floorplan._spaces import (
     SpaceDraft,
     build_space,
@@ -32,6 +32,7 @@ from grammars.floorplan._spaces import (
 )
 from grammars.floorplan._syntax import parse_syntax
 from grammars.floorplan.model import FloorPlan, Opening, Wall
+from grammars.model.geometry import signed_area
 from grammars.text.diagnostics import InputError, Where
 from grammars.text.source import DiagnosticCollector, SourceText, SyntaxNode, in_source_order
 

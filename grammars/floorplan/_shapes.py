@@ -39,12 +39,6 @@ def circle(radius: float) -> Ring:
     return tuple((radius * math.sin(a), radius * math.cos(a)) for a in angles)
 
 
-def signed_area(ring: Ring) -> float:
-    """Return the area inside a ring [m²], negative when it runs clockwise (shoelace formula)."""
-    pairs = zip(ring, ring[1:] + ring[:1], strict=True)
-    return sum(p[0] * q[1] - q[0] * p[1] for p, q in pairs) / 2
-
-
 class RectangleNode(TypedNode):
     """``Rectangle width=4 m, length=3 m``; in a wall it has a ``height`` instead."""
 

@@ -32,7 +32,7 @@ from grammars.jsonld._geometry_nodes import (
     position_nodes,
 )
 from grammars.jsonld.vocabulary import PLANS, SCN, rob2b, secoro
-from grammars.model.geometry import Pose2, Ring
+from grammars.model.geometry import Pose2, Ring, signed_area
 from grammars.text.diagnostics import Where
 
 _SAME: Final = 1e-9
@@ -54,8 +54,7 @@ def implied_space(space: Space, ring: Ring) -> Space | None:
 
 def is_polygon(ring: Ring) -> bool:
     """Return whether a ring has an area."""
-    pairs = zip(ring, ring[1:] + ring[:1], strict=True)
-    return abs(sum(p[0] * q[1] - q[0] * p[1] for p, q in pairs)) > _SAME
+    return abs(2 * signed_area(ring)) > _SAME
 
 
 def has_mitres(ring: Ring) -> bool:

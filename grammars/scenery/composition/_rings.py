@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from typing import Any, Final
 
 import shapely
 from shapely.geometry import Polygon
 from shapely.geometry.base import BaseGeometry
 
-from grammars.model.geometry import Point2, Pose2, Ring
+from grammars.model.geometry import Point2, Pose2, Ring, signed_area
 
 DIGITS: Final = 9
 SLIVER: Final = 1e-9
@@ -45,13 +45,6 @@ def canonical_ring(points: Iterable[Point2]) -> Ring:
         corners.reverse()
     start = corners.index(min(corners)) if corners else 0
     return tuple(corners[start:] + corners[:start])
-
-
-def signed_area(corners: Sequence[Point2]) -> float:
-    """Return the area of a ring [m^2], positive when counter-clockwise."""
-    following = [*corners[1:], *corners[:1]]
-    twice = sum(a[0] * b[1] - b[0] * a[1] for a, b in zip(corners, following, strict=True))
-    return float(twice) / 2
 
 
 def outline_of(polygon: Polygon) -> Ring:
