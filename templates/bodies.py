@@ -87,6 +87,7 @@ def body_of(thing: SceneObject) -> Body:
     solid = tuple(link for link in thing.links if link.polygons)
     moving = () if thing.frozen else driven_joints(thing)
     positions = [
+        # Simulators start every joint at zero; what cannot move there stands as it starts here.
         0.0 if joint in moving else initial
         for joint, initial in zip(thing.joints, thing.initial, strict=True)
     ]

@@ -57,6 +57,7 @@ def wall_mesh(scene: Scene) -> WallMesh:
     layers = [_extruded(m3, *layer) for layer in _layers(scene)]
     if not layers:
         raise ValueError(f"nothing stands in {scene.name}: there is no mesh of it")
+    # as_original() forgets which prism a face came from: only then are coplanar faces joined.
     body = m3.Manifold.batch_boolean(layers, m3.OpType.Add).as_original().simplify(_TOLERANCE)
     if body.status() != m3.Error.NoError:
         raise ValueError(f"the walls of {scene.name} have no closed surface: {body.status()}")
@@ -121,6 +122,8 @@ def _layers(scene: Scene) -> list[tuple[float, float, Any]]:
     heights = sorted({float(z) for z in extents.ravel()})
     layers = []
     for low, high in itertools.pairwise(heights):
+        # Heights are those of the solids themselves, so each crosses a layer as a whole or not at
+        # all.
         standing = (extents[:, 0] <= low) & (extents[:, 1] >= high)
         filled = np.unique(inside[1][standing[inside[0]]])
         if len(filled):

@@ -132,6 +132,7 @@ def _ours(job: ExportJob, path: Path) -> bool:
 def _named(paths: tuple[Path, ...]) -> Iterator[tuple[str, Path]]:
     """Name each source once, from the folder all of them lie in: where that is, is nobody's."""
     found = {path.resolve(): path for path in paths}
+    # Absolute paths would tell whose machine it was, and change the bytes from one to the next.
     folder = os.path.commonpath([path.parent for path in found]) if found else ""
     for whole, path in found.items():
         yield whole.relative_to(folder).as_posix(), path

@@ -15,6 +15,7 @@ from grammars.text.diagnostics import Diagnostic, InputError, Severity, Where, d
 from templates.naming import xml_text
 
 BUILT_IN: Final = Path(__file__).parent / "files"
+# Endings of templates into which everything is put escaped.
 _XML: Final = (".sdf.j2", ".world.j2", ".config.j2", ".svg.j2", ".launch.j2", ".xml.j2")
 
 

@@ -82,6 +82,8 @@ def write_keyframes(job: ExportJob) -> tuple[Path, ...]:
             for joint in thing.joints:
                 act = acts.get(f"{thing.name}.{joint.name}")
                 if isinstance(act, KeyFrames):
+                    # The plugins renamed the key in June 2025; with the wrong one every position
+                    # reads as 0.
                     for era, key in ((False, "position"), (True, "pose")):
                         path = job.path(*frames_file(thing, joint.name, draw, era=era).split("/"))
                         written.append(job.write(path, frames_text(act, key)))
@@ -122,6 +124,7 @@ def models_of(scene: Scene, taken: set[str]) -> dict[str, tuple[str, Body]]:
     found: dict[str, tuple[str, Body]] = {}
     for thing in scene.objects:
         body = body_of(thing)
+        # Mirrored and frozen objects are other bodies of the same model.
         key = (thing.model, body)
         if key not in names:
             wanted = file_name(thing.model + ("_mirrored" if thing.mirrored else ""))
@@ -254,6 +257,8 @@ def _losses(job: ExportJob) -> Iterator[str]:
                 )
             if act.rearm is not None:
                 yield f"{joint}: the trigger plugin fires once, it does not rearm"
+            # Its PID has P 0.5, I 1, D 0 with the default limits [0, 0] of the integral, which
+            # Gazebo Classic clamps to zero: what is left is a spring.
             if act.motion != Spring(0.5, 0.0):
                 yield (
                     f"{joint}: the trigger plugin of 2024 pulls with a spring of 0.5 N m/rad, "

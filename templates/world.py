@@ -161,6 +161,7 @@ def driven_joints(thing: SceneObject) -> tuple[Joint, ...]:
     Others only carry: fixed ones, and those of chains of links without a shape, on which people
     and other movers walk.
     """
+    # A carrier of a mover has no shape: nothing one could see moves against it.
     shapes = {link.name for link in thing.links if link.polygons} | {WORLD}
     return tuple(
         joint

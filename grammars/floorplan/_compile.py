@@ -125,6 +125,7 @@ def _check_floor(plan: FloorPlan, findings: DiagnosticCollector) -> None:
     """Warn of rooms that share floor and of features outside their space."""
     import shapely
 
+    # A tree, because all pairs of rooms of a large plan are too many.
     outlines = [shapely.Polygon(space.outline) for space in plan.spaces]
     tree = shapely.STRtree(outlines)
     first, second = tree.query(outlines, predicate="intersects")
@@ -149,6 +150,9 @@ def _check_floor(plan: FloorPlan, findings: DiagnosticCollector) -> None:
 def compile_plan(tree: SyntaxNode, source: SourceText) -> FloorPlan:
     """Return the plan a syntax tree means; raises ``InputError`` with all errors found."""
     reader = ElementReader(source)
+    # In this order, so that each step finds what it refers to, and none ends the compilation:
+    # people get everything that is wrong with a plan at once. What was refused is None from here
+    # on.
     _check_order(tree, reader)
     reader.define(tree.variables)
     dimensions = _dimensions(tree.defaults, reader)
@@ -280,6 +284,7 @@ def _build(
     world = place_all(drafts)
     spaces = tuple(build_space(draft, world[draft.name], reader) for draft in drafts)
     walls = {(wall.space, wall.index): wall for space in spaces for wall in space.walls}
+    # Names of features may repeat in other spaces; published identifiers may not.
     names = Counter(feature.node.name for feature in features)
     plan = FloorPlan(
         name,

@@ -211,6 +211,7 @@ def opening_at(
     c, s = math.cos(tilt), math.sin(tilt)
     turned = [(c * px + s * pz, py, c * pz - s * px) for px, py, pz in prism.ring]
     low, high = min(p[0] for p in turned), max(p[0] for p in turned)
+    # A polygon may lean out of the face of its wall; the footprint goes from there to the far face.
     near_y = min(p[1] for p in turned)
     return Opening(
         kind=kind,

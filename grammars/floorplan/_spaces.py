@@ -65,6 +65,7 @@ def outer_corners(ring: Ring, thickness: float) -> Ring:
     corners: list[Point2] = []
     for k, (x, y) in enumerate(ring):
         (ax, ay), (bx, by) = normals[k - 1], normals[k]
+        # No limit to the mitre, as in the published tools: a sharp corner reaches far out.
         reach = thickness / (1.0 + ax * bx + ay * by)
         corners.append((x + reach * (ax + bx), y + reach * (ay + by)))
     return tuple(corners)
@@ -169,6 +170,7 @@ def _check_flags(draft: SpaceDraft, location: Location, reader: ElementReader) -
 
 def check_anchored(drafts: list[SpaceDraft], reader: ElementReader) -> None:
     """Report every loop of placements: nothing ties its spaces to the world."""
+    # Every space is walked over once; a walk that ends on a space of its own turn went in a circle.
     state: dict[int, int] = {}
     for turn, start in enumerate(drafts):
         path: list[SpaceDraft] = []
@@ -190,6 +192,7 @@ def check_anchored(drafts: list[SpaceDraft], reader: ElementReader) -> None:
 def pose_in_world(draft: SpaceDraft, world: dict[str, Pose2]) -> Pose2:
     """Return the world pose of a space whose ``against`` is already in ``world``."""
     other = draft.against
+    # World(space) = World(wrt) T inverse(M(space <- of)).
     base = IDENTITY if other is None else world[other.name] @ other.frame(draft.other)
     return base @ offset_of(draft) @ draft.frame(draft.own).inverse()
 
@@ -205,6 +208,9 @@ def offset_of(draft: SpaceDraft) -> Pose2:
         if "spaced" in location:
             y += (draft.thickness or 0.0) + (other.thickness or 0.0)
         if "not aligned" not in location:
+            # The half turn makes two walls face each other, y of one against y of the other. It is
+            # added for counter-clockwise outlines too, where it mirrors: the published tools do so
+            # as well.
             yaw += math.pi
     return Pose2(x, y, yaw)
 
@@ -216,6 +222,7 @@ def frame_id(name: str, wall: int | None) -> str:
 
 def place_all(drafts: list[SpaceDraft]) -> dict[str, Pose2]:
     """Return the world pose of every space; placements must be free of loops."""
+    # Without recursion: a chain of rooms may be longer than the stack of calls.
     world: dict[str, Pose2] = {}
     for start in drafts:
         chain: list[SpaceDraft] = []

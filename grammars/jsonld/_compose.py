@@ -41,6 +41,7 @@ def composed_nodes(plan: FloorPlan, layers: Sequence[SceneryLayer] = ()) -> Node
             "@graph": writer.files[name],
         }
         nodes.merge(expand(document, name))
+    # Places in the .fpm text instead of those in JSON that nobody has seen.
     nodes.places.update(writer.places)
     for layer in layers:
         layer_writer = LayerWriter(layer, writer, layers)
@@ -168,6 +169,7 @@ def check_jsonld(path: str | Path) -> tuple[Diagnostic, ...]:
     from grammars.jsonld.rdf import check_shapes, graph_of
 
     nodes = load_nodes(path)
+    # A layer alone refers to frames that are elsewhere: SHACL would refuse every one of them.
     whole = bool(nodes.of_type(FP["FloorPlan"]))
     found = [*nodes.diagnostics, *check_structure(nodes, partial=not whole)]
     if whole:

@@ -74,6 +74,8 @@ def _refused(constant: str) -> float:
 
 
 _NO_IRI: Final = re.compile(r'[\x00-\x20<>"{}|\\^`]')
+# Documents come from outside: one with a million mistakes, or lists nested without end, is refused
+# after the first few.
 _MOST_FINDINGS: Final = 50
 _DEEPEST_LIST: Final = 8
 _DOUBLE: Final = XSD["double"]
@@ -155,6 +157,7 @@ class _Expansion:
             context = context.extended(data["@context"], self.outdated)
         terms = context.terms
         types, written, rest = self._split(data, terms)
+        # Terms scoped to each of its types; rdflib knows those of the first type only.
         typed = context.for_types(types, self.outdated) if types else context
         if top and written is None and any(k == "@graph" for k, _, _ in rest):
             self._envelope(rest, context)

@@ -133,6 +133,9 @@ class PoseGraph:
                         back, here.z - edge.z, here.tilt - edge.tilt, frame, edge
                     )
                     queue.append(edge.wrt)
+                    # Composing a pose with its inverse changes the last digits. A room placed by
+                    # one of its walls is therefore put anew from that wall, as the language does
+                    # it: plans come back bit by bit.
                     if frame != root:
                         settled = back @ edge.pose
                         found[frame] = PlacedFrame(

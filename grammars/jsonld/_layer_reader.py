@@ -141,6 +141,8 @@ class _LayerReader:
         for id, seen in placed.items():
             known = self._nodes.by_id.get(id)
             elsewhere = known is None or GEOM["Frame"] not in known.types
+            # The first frame on the way that is of another file or of the plan: those before it are
+            # the object's own.
             if id == frame or not (elsewhere or (base and id.startswith(base))):
                 continue
             name = frame_name(local_name(id), where)

@@ -128,6 +128,8 @@ def _units(node: Node) -> str:
 
 
 def _quantity(node: Node) -> str:
+    # comp-rob2b defines "value" only inside the type Quantity now; door files of 2023 lack the
+    # type.
     if QUDT["value"] in node.values and QUDT["Quantity"] not in node.types:
         node.add_type(QUDT["Quantity"])
         if KC_STATE["of-joint"] in node.values:

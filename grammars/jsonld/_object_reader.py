@@ -284,6 +284,7 @@ class ObjectReader:
             parent, children = tree.ref(OBJ["parent"]), tree.refs(OBJ["children"])
             if parent is not None and len(children) == 1 and children[0] in bodies:
                 return parent, children[0]
+        # Frames come in the order in which poses lead to them from the object's frame.
         near = list(placed)
         both = joint.refs(KC["between-attachments"])
         if len(both) != 2:

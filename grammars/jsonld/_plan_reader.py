@@ -63,6 +63,7 @@ class _PlanReader:
             for node in self.nodes.of_type(FP[kind])
         ]
         self._refuse()
+        # Openings are found by their type, a plan need not list them: the list only gives an order.
         listed = {str(iri): k for k, iri in enumerate(root.refs(FP["openings"]))}
         known = [o for o in openings if o is not None]
         known.sort(key=lambda pair: listed.get(pair[0], len(listed)))
@@ -261,6 +262,7 @@ class _PlanReader:
             self.nodes.add_error(node.id, message, "give each its own identifier: <space>-<name>")
             return
         local = local_name(id)
+        # Our writer had to rename it because another element has its name.
         if node.text(SCN["name"]) is not None:
             local = local.removeprefix(f"{kind}-")
         placed = self._frame(node, drawn[0], f"{kind}-{local}-frame") if drawn else None

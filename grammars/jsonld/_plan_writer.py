@@ -325,6 +325,8 @@ def _walls(space: Space, ring: Ring) -> list[tuple[Pose2, Ring]]:
     the numbers are those of the outline itself: both faces exactly level, the inner one at y = 0,
     which consumers test with equality.
     """
+    # The published mesh generator thickens an opening by moving corners with y == 0 one way and all
+    # others the other way: a corner at 1e-17 would go with the others.
     if not has_implied_walls(space, ring):
         return [
             (

@@ -59,10 +59,12 @@ def check_pose_tree(nodes: NodeGraph, found: NodeGraph, *, partial: bool) -> Non
                 tree.setdefault(wrt, []).append(pose)
             else:
                 looping.append(pose)
+    # Frames that share an identifier make a loop for every pose of each.
     for pose in looping[:_MOST_LOOPS]:
         _report_loop(found, pose, tree, placing)
     roots, defined = _roots(nodes), frozenset(frames)
     anchors = {links.top(root) for root in roots}
+    # What leads to a frame of another file may be connected there.
     if partial:
         anchors |= {links.top(id) for id in links.known() if id not in defined}
     plans = nodes.of_type(FP["FloorPlan"])

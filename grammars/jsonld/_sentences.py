@@ -139,6 +139,8 @@ class SentenceReader:
                 content[field.name] = None
         try:
             value = _adapter(kind).validate_python(content)
+            # pydantic checks types; numbers and names are checked as the parser of the language
+            # does.
             _check_sense(value)
             return value
         except ValueError as error:

@@ -86,6 +86,7 @@ def configure(
     parameters = {parameter.name: parameter for parameter in layer.parameters}
     findings: list[Diagnostic] = []
     for key, value in overrides.items():
+        # Campaigns are YAML, where names are written with dashes.
         name = str(key).replace("-", "_")
         try:
             if name in groups:

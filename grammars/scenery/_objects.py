@@ -178,6 +178,7 @@ def _turn(a: Point2, b: Point2, c: Point2) -> float:
 
 def _turns_once(points: list[Point2]) -> bool:
     """A star polygon also turns one way only, but more than once around."""
+    # Headings, not areas: a pentagram has a positive area and turns left at every corner.
     headings = [
         math.atan2(b[1] - a[1], b[0] - a[0])
         for a, b in zip(points, [*points[1:], points[0]], strict=True)
@@ -380,6 +381,8 @@ def _offsets(reader: NodeReader, options: dict[str, Any]) -> tuple[float, float,
 
 
 def _in(reader: NodeReader, entryway: Name, options: dict[str, Any]) -> At | In:
+    # x and y mean a place in a space: "in kitchen, x 1 m". Whether kitchen is a space only the
+    # floor plan knows, so this is checked when the layer meets it.
     offsets = [kind for kind in options if kind in ("XIs", "YIs")]
     if offsets and not {"Hinge", "Sliding", "Opening", "OnSide", "Recessed"} & set(options):
         at = _offsets(reader, options)

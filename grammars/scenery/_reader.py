@@ -127,6 +127,7 @@ class NodeReader:
         found: dict[str, Any] = {}
         for option in options:
             kind = type(option).__name__
+            # The first one counts for what follows, so that one slip is one message.
             if kind in found:
                 self.report(self.where(option), f'"{option.keyword}" is written twice')
             found.setdefault(kind, option)

@@ -360,6 +360,7 @@ def _route(reader: NodeReader, nodes: list[Any]) -> tuple[RoutePoint, ...]:
         )
     following = FrameName("world", None, "", reader.where(nodes[-1]))
     points: list[RoutePoint] = []
+    # Backwards: "(0 m, 0 m), (1 m, 0 m) of hall" are two points of the hall.
     for node, frame in zip(reversed(nodes), reversed(frames), strict=True):
         following = frame or following
         x, y = reader.value(node.at.x, "length"), reader.value(node.at.y, "length")

@@ -136,6 +136,7 @@ def _unit_findings(source: SourceText) -> list[Diagnostic]:
     blanked = _blank(_UNITLESS, _blank(_COMMENT, source.text))
     findings: list[Diagnostic] = []
     for match in _NUMBER.finditer(blanked):
+        # The only number that needs no unit.
         if blanked[: match.start()].rstrip().endswith("probability"):
             continue
         where = source.where(match.start())

@@ -74,6 +74,7 @@ def page_for(scene: Scene, start: Mapping[str, float], more: tuple[Point2, ...] 
     corners += more
     xs, ys = [c[0] for c in corners] or [0.0, 1.0], [c[1] for c in corners] or [0.0, 1.0]
     wide, high = max(max(xs) - min(xs), 1.0), max(max(ys) - min(ys), 1.0)
+    # A single room is not blown up to the size of a poster.
     scale = min(LONGEST / max(wide, high), _LARGEST_SCALE)
     width = max(wide * scale + 2 * MARGIN, _NARROWEST)
     left = (width - wide * scale) / 2.0

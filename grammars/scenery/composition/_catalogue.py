@@ -126,6 +126,7 @@ class Catalogue:
         return self._many(layer, path, trail)
 
     def _groups(self, layer: SceneryLayer, name: str) -> list[tuple[SceneryLayer, Group]]:
+        # A group of the layer itself hides those of other layers.
         own = [(layer, g) for g in layer.groups if g.name == name]
         return own or [(other, g) for other in self._layers for g in other.groups if g.name == name]
 

@@ -39,6 +39,7 @@ def mirrored_joints(joints: tuple[Joint, ...], across: Point2) -> tuple[Joint, .
         else dataclasses.replace(
             joint,
             anchor=_reflect(joint.anchor, across),
+            # Adding 0.0 makes 0.0 of -0.0: equal doors have equal bytes.
             lower=-joint.upper + 0.0,
             upper=-joint.lower + 0.0,
             rest=-joint.rest + 0.0,
@@ -55,6 +56,7 @@ def _reflect(point: Point2, across: Point2) -> Point2:
 SLIDER_GAP: Final = 0.01
 """Between a sliding leaf and the face of the wall it hangs on [m]."""
 _FIT: Final = 1e-3
+# Steps off the faces of a wall to see whose floor is there [m]: past rounding, not past a room.
 _PROBE: Final = 0.15
 _AXES: Final[tuple[Point2, ...]] = ((1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0))
 
@@ -133,6 +135,8 @@ def _towards(plan: FloorPlan, opening: Opening, side: str | Name) -> str:
     }
     owners = {w.id: w.space for w in plan.walls}
     walls = [owners.get(w, "") for w in opening.walls]
+    # The walls an entryway lists say which spaces it joins. Looking at the floor on both sides is
+    # for plans in which only one wall was listed.
     by_wall = {walls[0]: "in"} | ({walls[1]: "out"} if len(walls) > 1 else {})
     found = by_wall.get(side.text) or next(
         (way for way, p in probes.items() if outlines[side.text].covers(p)), None
@@ -162,6 +166,7 @@ def _only_joint(instance: Instance, model: ObjectModel, how: In, kind: str) -> J
 
 def _opening_way(joint: Joint, closed: float) -> float:
     """Return the sign of the joint motion that opens: towards the farther limit."""
+    # A door of -5 to 110 degrees opens towards 110, whatever the sign its author preferred.
     return 1.0 if joint.upper - closed >= closed - joint.lower else -1.0
 
 
@@ -179,6 +184,7 @@ def _hinged(instance: Instance, model: ObjectModel, how: In, gap: _Gap) -> Objec
         raise InputError.at(how.entryway.where, message, hint)
     wanted = 1.0 if gap.left else -1.0
     face = 1.0 if gap.outwards else -1.0
+    # A leaf that hangs on the wanted side but would open the wrong way is hung as its mirror image.
     mirrored = wanted * turns != face
     depth = _extent(leaf, (-along[1] * turns, along[0] * turns))[1] + how.recess
     pose = Pose2(
@@ -271,6 +277,7 @@ def frames_of(plan: FloorPlan) -> tuple[tuple[str, Pose2], ...]:
         frames.setdefault(opening.name, opening.frame)
     for feature in plan.features:
         frames[f"{feature.space}.{feature.name}" if feature.space else feature.name] = feature.frame
+        # Spaces before openings before features, as frame_named looks them up.
         frames.setdefault(feature.id, feature.frame)
         if sum(f.name == feature.name for f in plan.features) == 1:
             frames.setdefault(feature.name, feature.frame)

@@ -12,6 +12,8 @@ from shapely.geometry.base import BaseGeometry
 
 from grammars.model.geometry import Point2, Pose2, Ring, signed_area
 
+# Nanometres: far below anything built, far above the last digits in which versions of GEOS differ.
+# Digests of scenes are taken of these numbers and must be equal on every machine.
 DIGITS: Final = 9
 SLIVER: Final = 1e-9
 """Pieces with less area [m^2] are numerical dust."""
@@ -24,12 +26,12 @@ def rounded(value: float, digits: int = DIGITS) -> float:
 
 
 def rounded_point(point: Point2) -> Point2:
-    """Return ``point`` with settled coordinates."""
+    """Return ``point`` with rounded coordinates."""
     return (rounded(point[0]), rounded(point[1]))
 
 
 def rounded_pose(pose: Pose2) -> Pose2:
-    """Return ``pose`` with settled numbers (yaw to 1e-12 rad)."""
+    """Return ``pose`` with rounded numbers (yaw to 1e-12 rad)."""
     return Pose2(rounded(pose.x), rounded(pose.y), rounded(pose.yaw, 12))
 
 
@@ -94,6 +96,8 @@ def _convex_parts(polygon: Polygon) -> list[Ring]:
     triangles = shapely.constrained_delaunay_triangles(polygon)
     parts = sorted(outline_of(t) for t in polygons_of(triangles))
     merged = True
+    # The first pair that fits, and again from the start: slow for many parts, but the outcome
+    # depends on nothing but the sorted corners. Pieces of walls have few.
     while merged:
         merged = False
         for i, j in itertools.combinations(range(len(parts)), 2):

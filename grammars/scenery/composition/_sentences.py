@@ -1,4 +1,4 @@
-"""What one sentence means for one object: behaviours of its joints, the events they wait for, walks."""
+"""What a sentence means for one object: behaviours of its joints, what they wait for, walks."""
 
 from __future__ import annotations
 
