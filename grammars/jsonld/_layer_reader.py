@@ -12,7 +12,7 @@ from grammars.jsonld._sentences import SentenceReader, frame_name, is_on_floor, 
 from grammars.jsonld.vocabulary import GEOM, OBJ, SCN, ST, local_name
 from grammars.scenery import SceneryLayer
 from grammars.scenery.model import At, In, Instance, Measure, Name, ObjectModel
-from grammars.text.diagnostics import InputError, Severity, Where
+from grammars.text.diagnostics import InputError, Where
 
 _ON_FLOOR: Final = 1e-6
 
@@ -30,9 +30,8 @@ def read_layers(nodes: NodeGraph, file: str) -> tuple[SceneryLayer, ...]:
     loose = reader.loose()
     if loose is not None:
         read.append(loose)
-    errors = tuple(dict.fromkeys(d for d in nodes.diagnostics if d.severity is Severity.ERROR))
-    if errors:
-        raise InputError(errors)
+    if nodes.errors:
+        raise InputError(nodes.errors)
     return tuple(read)
 
 

@@ -102,6 +102,12 @@ class NodeGraph:
         """Return where ``id`` was written."""
         return self.places.get(id) or default or Where(_shown(id))
 
+    @property
+    def errors(self) -> tuple[Diagnostic, ...]:
+        """The errors among the diagnostics, each once."""
+        errors = (d for d in self.diagnostics if d.severity is Severity.ERROR)
+        return tuple(dict.fromkeys(errors))
+
     def add_error(self, id: str, message: str, hint: str = "") -> None:
         """Note an error about ``id``."""
         self.diagnostics.append(Diagnostic(self.where(id), message, hint))

@@ -11,17 +11,21 @@ from grammars.floorplan import (
     Feature,
     FloorPlan,
     Opening,
+    OpeningPrism,
     Placement,
     Point3,
     Space,
     Wall,
+    check_geometry,
+    opening_at,
 )
 from grammars.jsonld._kinematics import LENGTHS, PlacedFrame, PoseGraph, Positions, scaled
 from grammars.jsonld._nodes import Node, NodeGraph, Ref
 from grammars.jsonld._plan_writer import implied_space, is_polygon
 from grammars.jsonld.vocabulary import FP, OBJ, POLY, SCN, local_name
 from grammars.model.geometry import Ring
-from grammars.text.diagnostics import Diagnostic, InputError, Severity, Where, did_you_mean
+from grammars.text.diagnostics import Diagnostic, InputError, Where, did_you_mean
+from grammars.text.source import DiagnosticCollector, SourceText
 
 _LARGEST: Final = 1e6
 
@@ -91,7 +95,7 @@ class _PlanReader:
             hint = "one node has the type FloorPlan and lists the spaces"
             where = Where(self.file or "<graph>")
             self.nodes.diagnostics.append(Diagnostic(where, "there is no floor plan in it", hint))
-        raise InputError(_errors(self.nodes))
+        raise InputError(self.nodes.errors)
 
     def _world(self, root: Node) -> str:
         """Return the world frame: declared the old way, or called so beside the plan."""
@@ -105,7 +109,7 @@ class _PlanReader:
             frames = [id for id in self.nodes.by_id if local_name(id).endswith("frame")]
             hint = did_you_mean(local_name(world), map(local_name, frames)) if frames else ""
             self.nodes.add_error(root.id, f"there is no frame <{world}> to start from", hint)
-            raise InputError(_errors(self.nodes))
+            raise InputError(self.nodes.errors)
         self.names[world] = WORLD_FRAME
         return world
 
@@ -284,8 +288,6 @@ class _PlanReader:
         )
 
     def _opening(self, node: Node) -> tuple[str, Opening] | None:
-        from grammars.floorplan import OpeningPrism, opening_at
-
         kind: Literal["entryway", "window"] = (
             "entryway" if FP["Entryway"] in node.types else "window"
         )
@@ -314,21 +316,13 @@ class _PlanReader:
         return node.id, opening_at(kind, name, walls, placed.pose, prism, where, placement)
 
     def _refuse(self) -> None:
-        errors = _errors(self.nodes)
-        if errors:
-            raise InputError(errors)
+        if self.nodes.errors:
+            raise InputError(self.nodes.errors)
 
     def _warnings(self, plan: FloorPlan) -> tuple[Diagnostic, ...]:
-        from grammars.floorplan import check_geometry
-        from grammars.text.source import DiagnosticCollector, SourceText
-
         findings = DiagnosticCollector(SourceText("", self.file))
         check_geometry(plan, (), findings)
         return (*self.nodes.diagnostics, *findings.warnings)
-
-
-def _errors(nodes: NodeGraph) -> tuple[Diagnostic, ...]:
-    return tuple(dict.fromkeys(d for d in nodes.diagnostics if d.severity is Severity.ERROR))
 
 
 def _name(node: Node) -> str:

@@ -52,9 +52,10 @@ The distance is taken from the ``hinge``, the ``foot`` of the object (the origin
 ``leaf`` or the ``doorway`` to the robot's base, or to ``the robot's footprint``. ``starting at
 closed`` says where such a joint is at first, if not where it goes from. Without ``by`` joints move
 as a servo with the defaults of :class:`grammars.model.behaviour.Servo`; without ``from``, the first
-draw comes after one period. The time between two changes may be drawn as well: ``uniform 10 s to 40
-s``, ``exponential with mean 20 s`` or ``normal with mean 20 s, deviation 5 s``. ``front_door starts
-open`` and ``front_door is frozen`` in another layer change how it starts.
+draw comes after one period. The time between two changes may be drawn as well:
+``uniform 10 s to 40 s``, ``exponential with mean 20 s`` or ``normal with mean 20 s, deviation
+5 s``. ``front_door starts open`` and ``front_door is frozen`` in another layer change how it
+starts.
 
 Reactions happen once: when a leg of the mission begins (leg 1 leads to the first waypoint), when a
 waypoint is reached, when another object ``fires`` (its trigger or reaction goes off) or ``starts to

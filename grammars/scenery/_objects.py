@@ -11,7 +11,7 @@ from grammars.model.geometry import Point2, Pose2, Ring
 from grammars.model.kinematics import WORLD
 from grammars.model.movers import PLANAR_JOINTS, with_planar_chain
 from grammars.model.scene import Joint, Link
-from grammars.scenery._reader import NodeReader, QuantityNode, SyntaxRule, WordNode
+from grammars.scenery._reader import NodeReader, QuantityNode, WordNode
 from grammars.scenery.model import (
     At,
     FrameName,
@@ -25,7 +25,7 @@ from grammars.scenery.model import (
     require_dimension,
 )
 from grammars.text.diagnostics import InputError, Where, did_you_mean
-from grammars.text.source import SyntaxNode
+from grammars.text.source import SyntaxNode, TypedNode
 
 CIRCLE_CORNERS: Final = 32
 _AXES: Final = {"x": (1.0, 0.0), "y": (0.0, 1.0)}
@@ -33,7 +33,7 @@ _SMALLEST: Final = 1e-3
 _TOLERANCE: Final = 1e-9
 
 
-class ObjectNode(SyntaxRule):
+class ObjectNode(TypedNode):
     """``object hinged_door`` or ``mover person`` with its links, joints and states."""
 
     kind: Literal["object", "mover"]
@@ -114,7 +114,7 @@ def _size(reader: NodeReader, node: Any) -> float:
     return value
 
 
-class BoxNode(SyntaxRule):
+class BoxNode(TypedNode):
     """``box 5 cm x 90 cm at (0 m, 48 cm) turned 30 deg``."""
 
     width: QuantityNode
@@ -133,7 +133,7 @@ class BoxNode(SyntaxRule):
         return Pose2(x, y, reader.value(self.turned, "angle")).apply_ring(corners)
 
 
-class DiscNode(SyntaxRule):
+class DiscNode(TypedNode):
     """``circle radius 3 cm``."""
 
     radius: QuantityNode
@@ -149,7 +149,7 @@ class DiscNode(SyntaxRule):
         )
 
 
-class ConvexNode(SyntaxRule):
+class ConvexNode(TypedNode):
     """``polygon (0 m, 0 m), (1 m, 0 m), (0 m, 1 m)``."""
 
     points: list[SyntaxNode]
@@ -320,7 +320,7 @@ _WORDS: Final = {
 }
 
 
-class IsANode(SyntaxRule):
+class IsANode(TypedNode):
     """``door_1 is a hinged_door at hall.walls[1], x 1.2 m``."""
 
     model: WordNode
@@ -346,7 +346,7 @@ class IsANode(SyntaxRule):
         )
 
 
-class AtNode(SyntaxRule):
+class AtNode(TypedNode):
     """``at hall.walls[1]``."""
 
     frame: SyntaxNode
@@ -358,7 +358,7 @@ class AtNode(SyntaxRule):
         return At(reader.frame(self.frame), *at)
 
 
-class InNode(SyntaxRule):
+class InNode(TypedNode):
     """``in kitchen_doorway``, or in a space."""
 
     entryway: WordNode

@@ -17,29 +17,18 @@ from grammars.scenery.model import (
     require_dimension,
 )
 from grammars.text.diagnostics import Diagnostic, InputError, Where
-from grammars.text.source import SourceText
+from grammars.text.source import SourceText, TypedNode
 
 T = TypeVar("T")
 
 
-class SyntaxRule:
-    """A node of the syntax tree that can be read; textX fills in what its rule assigns.
-
-    Rules between which there is a choice have such a class, named like the rule; nodes of the
-    other rules are read where they are used.
-    """
-
-    def __init__(self, parent: object = None, **written: Any) -> None:
-        vars(self).update(written)
-
-
-class WordNode(SyntaxRule):
+class WordNode(TypedNode):
     """A name."""
 
     text: str
 
 
-class QuantityNode(SyntaxRule):
+class QuantityNode(TypedNode):
     """A number with its unit."""
 
     number: str

@@ -6,7 +6,7 @@ import math
 from typing import Any, Final, Literal, TypeAlias, get_args
 
 from grammars.scenery._objects import IsANode
-from grammars.scenery._reader import NodeReader, QuantityNode, SyntaxRule, WordNode
+from grammars.scenery._reader import NodeReader, QuantityNode, WordNode
 from grammars.scenery.model import (
     Alternates,
     Amount,
@@ -34,7 +34,7 @@ from grammars.scenery.model import (
     Walks,
 )
 from grammars.text.diagnostics import InputError
-from grammars.text.source import SyntaxNode
+from grammars.text.source import SyntaxNode, TypedNode
 
 _SPEEDS = ("angular speed", "speed")
 _EFFORTS = ("torque", "force")
@@ -43,7 +43,7 @@ _DAMPINGS = ("torsional damping", "damping")
 _POSITIONS = ("angle", "length")
 
 
-class IsFrozenNode(SyntaxRule):
+class IsFrozenNode(TypedNode):
     """``store_door is frozen``."""
 
     def read(self, reader: NodeReader, subject: Subject) -> Freezes:
@@ -51,7 +51,7 @@ class IsFrozenNode(SyntaxRule):
         return Freezes(subject, subject.where)
 
 
-class StartsNode(SyntaxRule):
+class StartsNode(TypedNode):
     """``front_door starts open``."""
 
     position: SyntaxNode
@@ -61,7 +61,7 @@ class StartsNode(SyntaxRule):
         return Starts(subject, reader.amount(self.position, *_POSITIONS), subject.where)
 
 
-class StaysNode(SyntaxRule):
+class StaysNode(TypedNode):
     """``front_door stays closed``."""
 
     position: SyntaxNode
@@ -71,7 +71,7 @@ class StaysNode(SyntaxRule):
         return Stays(subject, reader.amount(self.position, *_POSITIONS), subject.where)
 
 
-class MovesNode(SyntaxRule):
+class MovesNode(TypedNode):
     """``front_door moves to open at 5 s``."""
 
     frames: list[SyntaxNode]
@@ -87,7 +87,7 @@ class MovesNode(SyntaxRule):
         return Moves(subject, frames, _motion(reader, options.get("By")), subject.where)
 
 
-class TogglesNode(SyntaxRule):
+class TogglesNode(TypedNode):
     """``front_door toggles between closed and open every 30 s``, or ``after`` random waits."""
 
     first: SyntaxNode
@@ -138,7 +138,7 @@ class TogglesNode(SyntaxRule):
         )
 
 
-class GoesNode(SyntaxRule):
+class GoesNode(TypedNode):
     """``front_door goes from open to closed when …``: a trigger, or a reaction to an event."""
 
     start: SyntaxNode
@@ -204,7 +204,7 @@ class GoesNode(SyntaxRule):
         )
 
 
-class WalksNode(SyntaxRule):
+class WalksNode(TypedNode):
     """``visitor walks along …``."""
 
     points: list[SyntaxNode]
@@ -245,7 +245,7 @@ PredicateNode: TypeAlias = (
 )
 
 
-class RobotIsNearNode(SyntaxRule):
+class RobotIsNearNode(TypedNode):
     """``when the robot is within 1.3 m of its hinge``: a distance, not an event."""
 
     body: str
@@ -261,7 +261,7 @@ class RobotIsNearNode(SyntaxRule):
         )
 
 
-class LegBeginsNode(SyntaxRule):
+class LegBeginsNode(TypedNode):
     """``when leg 2 begins``."""
 
     leg: int
@@ -274,7 +274,7 @@ class LegBeginsNode(SyntaxRule):
         return OnLeg(self.leg, where)
 
 
-class WaypointIsReachedNode(SyntaxRule):
+class WaypointIsReachedNode(TypedNode):
     """``when waypoint living-room is reached``."""
 
     waypoint: str
@@ -284,7 +284,7 @@ class WaypointIsReachedNode(SyntaxRule):
         return OnWaypoint(self.waypoint.strip('"'), reader.where(self))
 
 
-class ObjectActsNode(SyntaxRule):
+class ObjectActsNode(TypedNode):
     """``when front_door fires`` or ``starts to move``."""
 
     path: SyntaxNode
@@ -299,7 +299,7 @@ class ObjectActsNode(SyntaxRule):
 _EventNode: TypeAlias = RobotIsNearNode | LegBeginsNode | WaypointIsReachedNode | ObjectActsNode
 
 
-class GroupNode(SyntaxRule):
+class GroupNode(TypedNode):
     """``group rooms: kitchen_door, store_door``."""
 
     name: WordNode
@@ -311,7 +311,7 @@ class GroupNode(SyntaxRule):
         return Group(self.name.text, members, reader.where(self))
 
 
-class ParameterNode(SyntaxRule):
+class ParameterNode(TypedNode):
     """``parameter near = 1.3 m``."""
 
     name: WordNode
@@ -322,7 +322,7 @@ class ParameterNode(SyntaxRule):
         return Parameter(self.name.text, reader.measure(self.value), reader.where(self))
 
 
-class SentenceNode(SyntaxRule):
+class SentenceNode(TypedNode):
     """A subject and what is said about it."""
 
     subject: SyntaxNode
