@@ -102,6 +102,7 @@ def body_of(thing: SceneObject) -> Body:
     joints = [_joint(joint, by_name, names, taken, placed[joint.child]) for joint in moving]
     above = {joint.child: joint for joint in thing.joints}
     hung = {joint.child for joint in moving}
+    # Gazebo lets fall what hangs on nothing.
     resting = [link.name for link in solid if link.name not in hung]
     fixed = [_fixed(name, _bearer(above.get(name), names), names, taken) for name in resting]
     return Body(links, (*fixed, *joints), False)

@@ -231,9 +231,11 @@ def _act(
 def _gains(joint: BodyJoint, motion: Servo | Spring | Jump) -> dict[str, float]:
     """Return gains of a position controller that moves the joint as the motion says."""
     if isinstance(motion, Spring):
+        # A spring pulls as hard as it takes; 1000 is no limit for a door.
         return {"p": motion.stiffness, "d": motion.damping, "effort": 1000.0}
     effort = motion.effort if isinstance(motion, Servo) else 1000.0
     moment = joint.moment
+    # p = I w^2 and d = 2 I w: critically damped for the moment of inertia the joint moves.
     return {"p": moment * _BANDWIDTH**2, "d": 2.0 * moment * _BANDWIDTH, "effort": effort}
 
 

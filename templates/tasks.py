@@ -116,6 +116,7 @@ def too_close(
 
     Each as waypoint (``0``, or ``1.0`` for part 1), what stands there, and how far it is [m].
     """
+    # Walls are kept off by the inset itself.
     things = [s for s in scene.solids if s.kind != "wall" and s.z_min < height]
     tree = shapely.STRtree([Polygon(s.polygon) for s in things])
     found: dict[tuple[str, str], float] = {}

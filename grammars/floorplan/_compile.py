@@ -70,6 +70,7 @@ def _check_gaps(drafts: Sequence[SpaceDraft], findings: DiagnosticCollector) -> 
         location, other = draft.location, draft.against
         if location is None or other is None or draft.own is None or draft.other is None:
             continue
+        # Only walls that face each other without a turn have a gap that one number tells.
         if "spaced" in location or "not aligned" in location or location.get("rotation.z"):
             continue
         gap = location.get("translation.y")
@@ -111,6 +112,7 @@ def _check_opening(opening: Opening, walls: Sequence[Wall], findings: Diagnostic
 def _check_pair(opening: Opening, first: Wall, second: Wall, findings: DiagnosticCollector) -> None:
     relative = first.frame.inverse() @ second.frame
     label = f'{opening.kind} "{opening.name}": {first.id} and {second.id}'
+    # Facing each other is half a turn apart.
     if math.cos(relative.yaw) > -1.0 + 1e-6:
         findings.warn(opening.where, f"{label} do not face each other")
     elif abs(relative.y - opening.depth) > _TOUCHING:

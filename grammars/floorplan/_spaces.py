@@ -84,6 +84,7 @@ def find_wall(
     if not -count <= index < count:
         reader.error(node, f'wall index {index}: space "{draft.name}" has walls 0..{count - 1}')
         return False, None
+    # Version 2 of the published tools takes it, so plans may have it.
     if index < 0:
         reader.warn(
             node, f"wall index {index} counts from the end", f"write walls[{index + count}]"
@@ -262,6 +263,7 @@ def space_at(
 ) -> Space:
     """Return a space whose outline in its own frame is ``ring``, with the walls it implies."""
     count = len(ring)
+    # Here too, not only in the draft: plans read from JSON-LD come this way.
     frames, outer = wall_frames(ring), outer_corners(ring, thickness)
     walls = []
     for k in range(count):

@@ -67,6 +67,8 @@ def scaled(node: Node, predicate: str, units: dict[str, float]) -> float | None:
     value = node.number(predicate)
     if value is None:
         return None
+    # Coordinates of a pose name two units, one of length and one of angle. Without any they are in
+    # metres and radians.
     factor = next((units[u] for u in node.refs(QUDT["unit"]) if u in units), 1.0)
     return value if factor == 1.0 else value * factor
 
@@ -166,6 +168,8 @@ class Positions:
         for position in nodes.of_type(REL["Position"]):
             point = position.ref(REL["of"])
             for coordinate in numbers.get(position.id, [])[:1] if point else []:
+                # Layers of others may leave out who sees a point: then it is the frame with that
+                # origin.
                 seen = coordinate.ref(COORD["as-seen-by"]) or origins.get(
                     position.ref(REL["with-respect-to"]) or ""
                 )
@@ -308,6 +312,7 @@ def _check_axis(nodes: NodeGraph, found: NodeGraph, joint: Node) -> None:
         found.add_error(joint.id, f"joint {name} is between {len(bodies)} bodies, not two")
         return
     lines = axis_vectors(nodes, joint)
+    # A fixed joint needs no axis.
     if not is_moving(joint):
         return
     if len(lines) != 2:

@@ -92,6 +92,8 @@ class LayerWriter:
             placed = place_instance(self._plan, instance, model)
             opening = next(o for o in self._plan.openings if o.name == instance.place.entryway.text)
             wall = next(w for w in self._plan.walls if w.id == opening.walls[0])
+            # Others know no entryways to fit doors into: they get a pose at the wall, and our own
+            # words say how it came about, for us to read back.
             relative = wall.frame.inverse() @ placed.pose
             wrt = f"fpm:{self._frames.frame(f'{wall.id}-frame')}"
             pose = Pose2(trim_rounding(relative.x), trim_rounding(relative.y), relative.yaw)
@@ -111,6 +113,8 @@ class LayerWriter:
         at = instance.place
         assert isinstance(at, At)
         read_back = frame_name(wrt.removeprefix("fpm:"), at.frame.where)
+        # A pose says it all, unless it is meant inside of a space or the frame has another name
+        # here.
         if at == At(read_back, at.x, at.y, at.yaw):
             return Pose2(at.x, at.y, at.yaw)
         node["scn:placement"] = value_to_jsonld(at)

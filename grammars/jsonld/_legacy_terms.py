@@ -38,6 +38,7 @@ _YAW: Final = (COORD["theta"], POLY["theta"])
 def replace_legacy_terms(nodes: NodeGraph) -> NodeGraph:
     """Return ``nodes`` with current names everywhere; every kind of drift is one warning."""
     seen: dict[str, str] = {}
+    # Looked at first: what is current, which is nearly everything, is not copied.
     if any(_is_old(word) for word in _words(nodes)):
         nodes = _renamed(nodes, seen)
     for node in nodes.by_id.values():

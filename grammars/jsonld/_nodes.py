@@ -33,6 +33,7 @@ class Node:
     def add(self, predicate: str, value: Value) -> None:
         """Say something more; what was said already is not repeated."""
         known = self.values.setdefault(predicate, [])
+        # A graph is a set of statements: layers that say the same say it once.
         if value not in known:
             known.append(value)
 

@@ -45,6 +45,8 @@ def relative(parent: Pose2, child: Pose2) -> Pose2:
 def link_frame(link: Link) -> tuple[Pose2, float]:
     """Return the frame of a link in the object frame, and its height: centred for boxes."""
     box = box_of(link)
+    # A cuboid of the vocabulary has a size and no place: it stands around the frame of its link.
+    # Corners of other shapes are in the frame of the object.
     if box is None:
         return Pose2(), 0.0
     return box[0], trim_rounding((link.z_min + link.z_max) / 2)
@@ -158,6 +160,8 @@ class _ObjectWriter:
         axis, slot = joint_axis(joint)
         parent, parent_z = self.frames.get(joint.parent, (Pose2(), 0.0))
         child, child_z = self.frames[joint.child]
+        # Two frames in one place while the joint is at zero, one on each body: their axes are the
+        # two lines the vocabulary wants to be collinear.
         ends = f"{id}.parent", f"{id}.child"
         for frame, link in zip(ends, (joint.parent, joint.child), strict=True):
             vector = f"{frame}.axis"
@@ -299,6 +303,7 @@ class _ObjectWriter:
         states = [f"{self.id}.state.{state.name}" for state in self.model.states]
         node: Json = {"@id": self.id, "@type": ["Object"], "object-frame": base}
         node |= {"object-links": links, "scn:name": self.model.name}
+        # RDF has no order of its own; links and joints come back as they were written.
         order = [*links, *joints, *states]
         node["scn:order"] = {"@list": [{"@id": part} for part in order]}
         if joints:

@@ -143,6 +143,8 @@ class PlanWriter:
 
     def _name_everything(self) -> None:
         """Give every element an identifier of its own; spaces keep their names."""
+        # A room may be called like the plan or like a door of it; in a graph that would be one
+        # thing.
         taken = {f"{WORLD}-frame", WORLD}
         for space in self.plan.spaces:
             id = space.name if space.name not in taken else f"space-{space.name}"
@@ -165,6 +167,8 @@ class PlanWriter:
     def _space(self, space: Space) -> None:
         id = self.ids["space", space.name]
         placed = space.placement
+        # Plans that were read from JSON-LD may not say how a space was placed: then it is in the
+        # world.
         offset = placed.offset if placed else space.frame
         of = self.frame(placed.of) if placed else f"{id}-frame"
         ring = _flat(placed.outline) if placed else space.frame.inverse().apply_ring(space.outline)

@@ -117,6 +117,7 @@ class _GraphFiller:
             return self._term(value)
         if isinstance(value, tuple):
             return self._list(value)
+        # 1, 1.0 and True are equal keys but different literals, and so are 0.0 and -0.0.
         key = (type(value), value if value != 0 else repr(value))
         literal = self._literals.get(key)
         if literal is None:

@@ -299,7 +299,7 @@ class ObjectActsNode(TypedNode):
 _EventNode: TypeAlias = RobotIsNearNode | LegBeginsNode | WaypointIsReachedNode | ObjectActsNode
 
 
-class GroupNode(TypedNode):
+class ObjectGroupNode(TypedNode):
     """``group rooms: kitchen_door, store_door``."""
 
     name: WordNode
@@ -336,7 +336,7 @@ class SentenceNode(TypedNode):
 SENTENCE_RULES: Final = (
     *get_args(PredicateNode),
     *get_args(_EventNode),
-    GroupNode,
+    ObjectGroupNode,
     ParameterNode,
     SentenceNode,
 )

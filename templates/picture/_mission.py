@@ -36,6 +36,7 @@ def waypoints(mission: Mission, page: Page) -> list[DrawingItem]:
     for number, waypoint in enumerate(mission.waypoints, start=1):
         at = page.point((waypoint.x, waypoint.y))
         for place, numbers in places:
+            # A pixel of the page.
             if math.dist(at, place) < 1.0:
                 numbers.append(number)
                 break

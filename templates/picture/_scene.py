@@ -75,6 +75,7 @@ def _name(region: Region, page: Page, labels: Labels) -> TextLabel | None:
     sides = [corners[1] - corners[0], corners[2] - corners[1]]
     long, short = sorted(sides, key=lambda side: -math.hypot(*side))
     length, breadth = math.hypot(*long), math.hypot(*short)
+    # Nearly square rooms keep their name level: it is easier to read.
     turn = math.atan2(long[1], long[0]) if length > 1.15 * breadth else 0.0
     turn = math.remainder(turn, math.pi)
     text = region.name.replace("_", " ")

@@ -94,6 +94,7 @@ def _standing(height: float, cuts: tuple[_Cut, ...]) -> list[tuple[float, float]
     """Return the heights at which wall is left: below, between and above the cuts."""
     left: list[tuple[float, float]] = []
     floor = 0.0
+    # From the floor up; cuts may overlap, a window above a door for one.
     for cut in sorted(cuts, key=lambda c: (c.z_min, c.z_max)):
         if cut.z_min > floor:
             left.append((floor, min(cut.z_min, height)))
@@ -202,6 +203,7 @@ def static_segments(
 
 def _rings(polygon: Any) -> list[Floats]:
     """Return the corners of the outer ring counter-clockwise and of the holes clockwise."""
+    # Outer rings counter-clockwise, holes clockwise: so the inside lies to the left of every edge.
     outer = _without_jogs(_turned(shapely.get_coordinates(polygon.exterior)[:-1], True))
     holes = [
         _without_jogs(_turned(shapely.get_coordinates(hole)[:-1], False))

@@ -149,6 +149,7 @@ def _object(
     if placed.mirrored:
         links = mirrored_links(links, placed.across)
         joints = mirrored_joints(joints, placed.across)
+    # The limits were mirrored with the joints; positions of states are as the model has them.
     signs = [-1.0 if placed.mirrored and j.kind == "revolute" else 1.0 for j in joints]
     closed = tuple(s * p + 0.0 for s, p in zip(signs, closed_positions(model), strict=True))
     body = SceneObject(

@@ -176,6 +176,7 @@ def _hinged(instance: Instance, model: ObjectModel, how: In, gap: _Gap) -> Objec
     turns = _opening_way(joint, _closed(model, joint))
     leaf = _corners(model, joint.child)
     along = _leaf_direction(leaf, joint.anchor)
+    # All links, not the leaf alone: a post or frame has to go through the hole as well.
     low, high = _extent([c for link in model.links for c in _corners(model, link.name)], along)
     if high - low > gap.width + _FIT:
         name, width = instance.name, high - low
@@ -205,6 +206,7 @@ def _sliding(instance: Instance, model: ObjectModel, how: In, gap: _Gap) -> Obje
     everything = [turned.apply(c) for link in model.links for c in _corners(model, link.name)]
     low, high = _extent(leaf, (1.0, 0.0))
     near, far = _extent(everything, (0.0, 1.0))
+    # The nearest part of the object, a rail perhaps, keeps the gap to the wall.
     y = gap.opening.depth + SLIDER_GAP - near if gap.outwards else -SLIDER_GAP - far
     return ObjectPlacement(gap.opening.frame @ Pose2(gap.middle - (low + high) / 2, y, turned.yaw))
 

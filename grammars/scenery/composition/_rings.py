@@ -45,6 +45,7 @@ def canonical_ring(points: Iterable[Point2]) -> Ring:
         corners.pop()
     if signed_area(corners) < 0.0:
         corners.reverse()
+    # Where a ring begins means nothing, but it shows in its bytes.
     start = corners.index(min(corners)) if corners else 0
     return tuple(corners[start:] + corners[:start])
 
@@ -110,6 +111,8 @@ def _convex_parts(polygon: Polygon) -> list[Ring]:
 
 
 def _convex_union(a: Ring, b: Ring) -> Ring | None:
+    # Two rings that share no edge make no ring together. Their corners are rounded: equal ones are
+    # equal.
     if len(set(a) & set(b)) < 2:
         return None
     union = shapely.union(Polygon(a), Polygon(b))

@@ -213,6 +213,7 @@ class SentenceResolver:
         last = -1.0
         for position, time in said.frames:
             at = self._time(time)
+            # Key frames of one sentence are in order of time, so that it reads as it happens.
             if at <= last:
                 raise InputError.at(
                     time.where, f"{at:g} s is not after {last:g} s", "put them in order"
@@ -397,6 +398,7 @@ class SentenceResolver:
         if said.kind == "jump":
             return Jump()
         if said.kind == "servo":
+            # What is not said is what the motion itself has as default: one place for the numbers.
             plain = Servo()
             rate = value(said.rate, plain.rate, "angular speed" if turns else "speed")
             effort = value(said.effort, plain.effort, "torque" if turns else "force")
