@@ -1,4 +1,4 @@
-"""The published vocabulary: namespaces, the few words of our own, and the contexts that define terms.
+"""The published vocabulary: namespaces, a few words of our own, the contexts that define terms.
 
 Contexts are read without a network. Of JSON-LD 1.1 this is the part the published models use:
 prefixes, ``@base``, ``@vocab``, ``@id`` and ``@vocab`` coercion, ``@list`` and ``@set`` containers,
@@ -103,6 +103,7 @@ _KEYWORDS: Final = frozenset(
         *("propagate", "protected", "direction", "import", "prefix"),
     )
 )
+# Contexts of strangers may refer to each other in a circle.
 _MOST_CONTEXTS: Final = 64
 _SIMPLE: Final = re.compile(r"\w[\w-]*")
 
@@ -158,6 +159,7 @@ class JsonLdContext:
         found = self._typed.get(key)
         if found is None:
             found = self
+            # In code-point order of the types, as JSON-LD 1.1 wants it: the last one wins.
             for name in sorted(set(key)):
                 term = self.terms.get(name)
                 if term is not None and term.scoped is not None:
