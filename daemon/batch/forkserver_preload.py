@@ -1,7 +1,8 @@
 """Imported by the fork server alone: loads and warms what every run needs, once for all.
 
-Children are forked from there and start with everything in memory. The fork server swallows
-import errors, so a failure is kept here and every child reports it.
+Children are forked from there and start with everything in memory, so that no run pays for
+importing the simulator and loading its compiled kernels. The fork server swallows import errors,
+so a failure is kept here and every child reports it.
 """
 
 from __future__ import annotations
@@ -41,8 +42,10 @@ def _prepare() -> None:
         execute = _load(os.environ[EXECUTOR_VARIABLE])
     except Exception:
         problem = traceback.format_exc()
+    # Memory is shared with the children until somebody writes to it, and the collector writes into
+    # every object it looks at: it is kept away from all that is there now.
     gc.collect()
-    gc.freeze()  # shared pages stay shared: the collector of a child does not touch them
+    gc.freeze()
 
 
 _prepare()

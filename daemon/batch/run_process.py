@@ -41,6 +41,7 @@ FILES: Final = "files"
 WATCHED: Final = "watched"
 """Lies in the folder of an attempt while somebody watches it."""
 
+# The first byte of what a run's process tells its worker.
 LIVE: Final = b"L"
 FAILED: Final = b"F"
 DISK_FULL: Final = b"N"
@@ -50,8 +51,10 @@ READY: Final = b"R"
 
 _DISK_FULL_ERRORS: Final = (errno.ENOSPC, errno.EDQUOT)
 _LIVE_PERIOD: Final = 0.2
-_OOM_SCORE: Final = "500"
 _WATCHED_PERIOD: Final = 0.1
+# Of -1000 to 1000, on top of what the memory of the process gives: below it, the kernel would as
+# well take the worker, the daemon or somebody's editor.
+_OOM_SCORE: Final = "500"
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,12 +86,12 @@ def run_attempt(task: RunTask, wire: Connection) -> None:
     try:
         if forkserver_preload.execute is None:
             raise ImportError(forkserver_preload.problem)
-        grant = codec.from_json(Lease, (task.folder / GRANT).read_bytes())
+        lease = codec.from_json(Lease, (task.folder / GRANT).read_bytes())
         scene = codec.from_json(Scene, task.scene.read_bytes())
         trace = task.folder / TRACE
-        reporter = SnapshotSender(grant.run, wire, task.folder / WATCHED)
+        reporter = SnapshotSender(lease.run, wire, task.folder / WATCHED)
         result: RunResult = forkserver_preload.execute(
-            grant.spec, scene, trace_path=trace, on_progress=reporter, interest=reporter.interest
+            lease.spec, scene, trace_path=trace, on_progress=reporter, interest=reporter.interest
         )
         _write_result(result, trace, task.folder)
     except SutMissing as error:
@@ -104,6 +107,7 @@ def run_attempt(task: RunTask, wire: Connection) -> None:
 
 def _exit(code: int) -> NoReturn:
     """End without waiting for whatever threads the system under test has left running."""
+    # os._exit also skips the handlers of atexit, those of a system under test among them.
     sys.stdout.flush()
     sys.stderr.flush()
     os._exit(code)
@@ -114,11 +118,14 @@ def _write_result(result: RunResult, trace: Path, folder: Path) -> None:
         raise FileNotFoundError(f"the run left no trace at {trace.name}")
     data = codec.to_json(result)
     codec.from_json(RunResult, data)  # raises for what JSON cannot carry, a NaN say
+    # The trace is on the disk, its name may not be: the result must never be there without it,
+    # since whoever finds a result after a power cut delivers both.
     sync_directory(folder)
     write_atomically(folder / RESULT, data)
 
 
 def _prepare_process(task: RunTask) -> None:
+    # By descriptor, not by sys.stdout: libraries in C and the traceback of a crash write there too.
     output = os.open(task.folder / OUTPUT, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o600)
     os.dup2(output, 1)
     os.dup2(output, 2)
@@ -126,17 +133,19 @@ def _prepare_process(task: RunTask) -> None:
     if (task.folder / FILES).exists():
         os.environ[FILES_VARIABLE] = str(task.folder / FILES)
     faulthandler.enable()
+    # Ctrl-C in a terminal reaches the whole group: the worker decides what becomes of its runs.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     os.setpriority(os.PRIO_PROCESS, 0, max(task.nice, os.getpriority(os.PRIO_PROCESS, 0)))
     with suppress(OSError):  # where there is such a thing: short of memory, a run goes first
         Path("/proc/self/oom_score_adj").write_text(_OOM_SCORE)
-    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))  # gigabytes for each crash of a stack
     if task.memory:
         resource.setrlimit(resource.RLIMIT_AS, (task.memory, task.memory))
     threading.Thread(target=_die_with_worker, daemon=True).start()
 
 
 def _die_with_worker() -> None:
+    # A thread, not PR_SET_PDEATHSIG: to the kernel the fork server is the parent, not the worker.
     worker = parent_process()
     if worker is not None:
         wait([worker.sentinel])
