@@ -36,13 +36,17 @@ def _load(name: str) -> Callable[..., Any]:
 
 def _prepare() -> None:
     global execute, problem
+    # Decoders are built once here, not once in every child.
     codec.warm_up(Lease, Scene, RunResult, LiveSnapshot)
     try:
         execute = _load(os.environ[EXECUTOR_VARIABLE])
     except Exception:
+        # Also of an executor that plugs in; the first child reports it in place of a run.
         problem = traceback.format_exc()
+    # A collection writes to every object it visits, and so copies the pages that children share
+    # with the server. Garbage goes now; what is left is never looked at again by any collector.
     gc.collect()
-    gc.freeze()  # shared pages stay shared: the collector of a child does not touch them
+    gc.freeze()
 
 
 _prepare()
