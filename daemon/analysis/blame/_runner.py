@@ -133,7 +133,7 @@ def execute_candidates(
         context = multiprocessing.get_context("fork")
         processes = [
             context.Process(
-                target=_run_candidate, args=(candidate, folder, execute_run), daemon=True
+                target=_run_candidate, args=(one, folder, execute_run), daemon=True
             )
             for one, folder in zip(candidates, folders, strict=True)
         ]
