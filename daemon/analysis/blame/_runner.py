@@ -132,9 +132,7 @@ def execute_candidates(
         folders = [Path(parent) / str(index) for index in range(len(candidates))]
         context = multiprocessing.get_context("fork")
         processes = [
-            context.Process(
-                target=_run_candidate, args=(one, folder, execute_run), daemon=True
-            )
+            context.Process(target=_run_candidate, args=(one, folder, execute_run), daemon=True)
             for one, folder in zip(candidates, folders, strict=True)
         ]
         try:

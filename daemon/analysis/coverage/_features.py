@@ -163,6 +163,8 @@ _SCENERY: Final = (
     ),
     ScenarioFeature("scenery/dynamics/walking", "movers walk", rules.walking, rules.walked),
 )
+# What the tree cannot say: alternatives exclude each other already. Pairs that no run can have are
+# not held against a campaign.
 _STILL: Final = "where something moves, the scenery is not static"
 MODEL: Final = FeatureModel(
     (*_OBJECTIVE, *_SUT, *_MISSION, *_SCENERY),

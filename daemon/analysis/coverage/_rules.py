@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from daemon.model.joint_events import JointEvent, joint_event
 from grammars.model.behaviour import Behaviour, Hold, KeyFrames, Reaction, Trigger, Walk
 from grammars.model.geometry import Point2, Ring
 from grammars.model.movers import is_mover, own_joints
@@ -58,7 +59,7 @@ class RunFacts:
         """Say whether any oracle, a mere measure included, reads such a signal."""
         return any(_reads_signal(one, names) for one in self.asked)
 
-    def behaves(self, *kinds: type[Behaviour]) -> bool:
+    def has_behaviour(self, *kinds: type[Behaviour]) -> bool:
         """Say whether a joint has a behaviour of one of these kinds."""
         return any(isinstance(behaviour, kinds) for behaviour in self.spec.behaviours)
 
@@ -74,10 +75,10 @@ class RunFacts:
         """Longest straight line from one point of the mission to the next [m]."""
         return max((math.dist(a, b) for a, b in pairwise(self.points)), default=0.0)
 
-    def happened(self, *beginnings: str) -> bool:
-        """Say whether the log of the world has a line that begins so; only with a trace."""
+    def logged(self, wanted: JointEvent) -> bool:
+        """Say whether a joint acted so by the log of the world; only with a trace."""
         events = self.trace.events if self.trace is not None else ()
-        return any(event.text.startswith(beginnings) for event in events)
+        return any(joint_event(event.text) is wanted for event in events)
 
 
 def run_facts(spec: RunSpec, scene: Scene, trace: Trace | None = None) -> RunFacts:
@@ -95,6 +96,7 @@ def _oracle_signals(text: str) -> OracleSignals:
         oracle = parse_oracle("", text, Where("an oracle"))
     except InputError:
         return OracleSignals(frozenset(), False)
+    # What only says when to judge is not what is judged: a guard on a door makes no door oracle.
     judged = dataclasses.replace(oracle, guard=None)
     names = {signal.name for signal in signals_of(judged)}
     if isinstance(oracle.judgement, Reached):
@@ -116,7 +118,11 @@ def room_at(scene: Scene, point: Point2) -> str:
 
 
 def contains_point(ring: Ring, point: Point2) -> bool:
-    """Say whether a point lies in a simple polygon (even-odd rule; its border counts by half)."""
+    """Say whether a point lies in a simple polygon (even-odd rule; its border counts by half).
+
+    Not by shapely, to which a border is outside: a waypoint on the line between two rooms is in one
+    of them, and :func:`daemon.analysis.coverage.room_cells` counts cells by the same rule.
+    """
     x, y = point
     found = False
     for (ax, ay), (bx, by) in zip(ring, (*ring[1:], *ring[:1]), strict=True):
@@ -132,12 +138,14 @@ def articulated_objects(scene: Scene) -> tuple[SceneObject, ...]:
     )
 
 
+# The paper names the features, not where one ends and the next begins; these are ours but SPARE.
 FAR: Final = 15.0
 """Waypoints this far apart [m] are far from each other."""
 FEW: Final = 5
 """More waypoints than this are many."""
 SPARE: Final = 0.2
-"""A doorway with less room than this [m] on either side of the robot is narrow."""
+"""A doorway with less room than this [m] on either side of the robot is narrow: the safety
+distance of the paper (section 4.3)."""
 SAME: Final = 0.5
 """Points nearer than this [m] are the same place."""
 
@@ -147,7 +155,7 @@ def functional(facts: RunFacts) -> bool:
 
 
 def robustness(facts: RunFacts) -> bool:
-    changes = facts.behaves(KeyFrames, Reaction, Walk)
+    changes = facts.has_behaviour(KeyFrames, Reaction, Walk)
     return changes and any(one.judges for one in facts.asked)
 
 
@@ -221,7 +229,8 @@ def crossed_rooms(facts: RunFacts) -> bool:
     if facts.trace is None:
         return False
     truth, wanted = facts.trace.ground_truth, set(facts.rooms) - {""}
-    # Once a second is enough: no robot crosses a room in less.
+    # Once a second is enough, no robot crosses a room in less. Poses come at daemon.run.STATE_RATE,
+    # 20 Hz, which is not imported: coverage is to know nothing of systems under test.
     points = zip(truth.x[::20].tolist(), truth.y[::20].tolist(), strict=True)
     return len({room_at(facts.scene, point) for point in points} & wanted) > 1
 
@@ -282,11 +291,11 @@ def agents(facts: RunFacts) -> bool:
 
 
 def static(facts: RunFacts) -> bool:
-    return not facts.behaves(KeyFrames, Trigger, Reaction, Walk)
+    return not facts.has_behaviour(KeyFrames, Trigger, Reaction, Walk)
 
 
 def posed(facts: RunFacts) -> bool:
-    return facts.behaves(Hold)
+    return facts.has_behaviour(Hold)
 
 
 def pushable(facts: RunFacts) -> bool:
@@ -300,31 +309,31 @@ def pushable(facts: RunFacts) -> bool:
 
 
 def timed(facts: RunFacts) -> bool:
-    return facts.behaves(KeyFrames)
+    return facts.has_behaviour(KeyFrames)
 
 
 def keyed(facts: RunFacts) -> bool:
-    return facts.happened("key frame ")
+    return facts.logged(JointEvent.KEY_FRAME)
 
 
 def triggers(facts: RunFacts) -> bool:
-    return facts.behaves(Trigger)
+    return facts.has_behaviour(Trigger)
 
 
 def fired(facts: RunFacts) -> bool:
-    return facts.happened("triggered ")
+    return facts.logged(JointEvent.TRIGGERED)
 
 
 def reacting(facts: RunFacts) -> bool:
-    return facts.behaves(Reaction)
+    return facts.has_behaviour(Reaction)
 
 
 def reacted(facts: RunFacts) -> bool:
-    return facts.happened("reacts: ")
+    return facts.logged(JointEvent.REACTS)
 
 
 def walking(facts: RunFacts) -> bool:
-    return facts.behaves(Walk)
+    return facts.has_behaviour(Walk)
 
 
 def walked(facts: RunFacts) -> bool:
