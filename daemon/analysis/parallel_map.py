@@ -34,8 +34,8 @@ def parallel_map(
     if count < 2 or len(items) <= FEW_ITEMS:
         yield from map(task, items)
         return
-    # Forked, although threads make that risky elsewhere: what calls this has no session open and
-    # no thread running, and children start with oracles loaded and kernels compiled.
+    # Forked: children start with oracles loaded and kernels compiled, which would take each of
+    # them seconds anew.
     context = multiprocessing.get_context("fork")
     executor = ProcessPoolExecutor(count, mp_context=context, initializer=_ignore_interrupts)
     try:
