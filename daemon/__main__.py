@@ -7,6 +7,7 @@ import os
 import sys
 from pathlib import Path
 
+from daemon.batch.amounts import QUOTA_VARIABLE, parse_size
 from daemon.batch.errors import (
     EXIT_ALREADY_RUNNING,
     EXIT_BROKEN,
@@ -15,7 +16,6 @@ from daemon.batch.errors import (
     DaemonError,
     WorkerBroken,
 )
-from daemon.batch.sizes import QUOTA_VARIABLE, parse_size
 from daemon.model.execution import DEFAULT_EXECUTOR, DaskScheduler, RunLimits
 
 

@@ -6,24 +6,21 @@ the trace is one of a state directory's, otherwise what the oracles inside of th
 
 from __future__ import annotations
 
-import sqlite3
 from collections.abc import Iterator, Sequence
-from contextlib import closing
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Literal
 
 from daemon.analysis.parallel_map import parallel_map
-from daemon.batch.ledger import connect_reader
-from daemon.batch.ledger import find_traces as traces_in_ledger
+from daemon.batch.errors import DaemonError
+from daemon.batch.ledger import LedgerReader
 from daemon.batch.paths import StatePaths
 from daemon.batch.stores import is_url, local_copy
 from daemon.judging import oracles
 from daemon.model.spec import OracleText, RunResult
 from daemon.model.verdicts import Outcome, Verdict
 from daemon.trace import TraceError, read_trace
-from grammars.text import codec
 
 VerdictOrigin = Literal["ledger", "trace"]
 
@@ -95,13 +92,11 @@ def rejudge(
     :class:`RejudgedTrace` with its ``problem``. Raises :class:`daemon.batch.errors.DaemonError` when a judging
     process dies.
     """
-    recorded = _LedgerVerdicts(places)
     oracles.warm_up()
     task = partial(_judge_file, None if written is None else tuple(written))
     judged_files = parallel_map(task, traces, doing="that judges", processes=processes)
-    with closing(recorded):
-        for path, judged in zip(traces, judged_files, strict=True):
-            yield recorded.compared(path, judged)
+    for path, judged in zip(traces, judged_files, strict=True):
+        yield _compare_with_ledger(places, path, judged)
 
 
 def _judge_file(written: tuple[OracleText, ...] | None, path: Path) -> RejudgedTrace:
@@ -126,41 +121,26 @@ def _judge_file(written: tuple[OracleText, ...] | None, path: Path) -> RejudgedT
     )
 
 
-class _LedgerVerdicts:
-    """The verdicts a state directory's ledger has of its traces."""
+def _compare_with_ledger(places: StatePaths, path: Path, judged: RejudgedTrace) -> RejudgedTrace:
+    """Return ``judged`` with the verdicts the ledger has of the run, if it has any."""
+    result = _recorded_result(places, path) if not judged.problem else None
+    if result is None or result.spec != judged.digest:
+        return judged
+    return replace(judged, before=result.verdicts, outcome_before=result.outcome, origin="ledger")
 
-    def __init__(self, places: StatePaths) -> None:
-        self._places, self._folder = places, places.traces.resolve()
-        self._ledger: sqlite3.Connection | None = None
 
-    def close(self) -> None:
-        """Let go of the ledger."""
-        if self._ledger is not None:
-            self._ledger.close()
-
-    def compared(self, path: Path, judged: RejudgedTrace) -> RejudgedTrace:
-        """Return ``judged`` with the verdicts the ledger has of the run, if it has any."""
-        result = self._result(path) if not judged.problem else None
-        if result is None or result.spec != judged.digest:
-            return judged
-        return replace(
-            judged, before=result.verdicts, outcome_before=result.outcome, origin="ledger"
-        )
-
-    def _result(self, path: Path) -> RunResult | None:
-        place = path.resolve()
-        if not self._places.ledger.is_file() or not place.is_relative_to(self._folder):
-            return None
-        name = place.relative_to(self._folder).as_posix()
-        query = "SELECT body FROM result JOIN run ON run.id = result.run WHERE trace_name = ?"
-        try:
-            # Opened when first asked: by then the judging processes have been forked.
-            self._ledger = self._ledger or connect_reader(self._places.ledger)
-            row = self._ledger.execute(query, (name,)).fetchone()
-            return None if row is None else codec.from_json(RunResult, row[0])
-        except (sqlite3.Error, ValueError):
-            # A ledger of another version says nothing; the trace itself still does.
-            return None
+def _recorded_result(places: StatePaths, path: Path) -> RunResult | None:
+    trace, folder = path.resolve(), places.traces.resolve()
+    if not places.ledger.is_file() or not trace.is_relative_to(folder):
+        return None
+    try:
+        # Opened for each trace: no connection is there when processes that judge are forked,
+        # SQLite's do not survive that.
+        with LedgerReader.open(places) as ledger:
+            return ledger.result_of_trace(trace.relative_to(folder).as_posix())
+    except (DaemonError, ValueError):
+        # A ledger of another version says nothing; the trace itself still does.
+        return None
 
 
 def find_traces(named: Sequence[str], places: StatePaths) -> tuple[Path, ...]:
@@ -201,9 +181,9 @@ def _recorded_traces(name: str, places: StatePaths) -> Sequence[Path]:
     if not places.ledger.is_file():
         return []
     try:
-        with closing(connect_reader(places.ledger)) as ledger:
-            found = traces_in_ledger(ledger, places, name)
-    except sqlite3.Error:
+        with LedgerReader.open(places) as ledger:
+            found = ledger.traces(name)
+    except DaemonError:
         return []
     return [
         local_copy(trace) if is_url(trace.location) else Path(trace.location) for trace in found

@@ -5,15 +5,13 @@ Read from a state directory as it is, without a daemon.
 
 from __future__ import annotations
 
-import sqlite3
 from collections.abc import Iterator
-from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from daemon.batch.errors import DaemonError
-from daemon.batch.ledger import connect_reader
+from daemon.batch.ledger import LedgerReader
 from daemon.batch.paths import StatePaths
 from daemon.batch.run_process import OUTPUT
 
@@ -45,16 +43,10 @@ def read_steps(places: StatePaths, run: str) -> tuple[RunStep, ...]:
 
     Raises :class:`daemon.batch.errors.DaemonError` when there is no ledger that can be read.
     """
-    query = (
-        "SELECT at, state, note FROM event WHERE kind IN ('run', 'alarm') AND id = ? ORDER BY seq"
-    )
     if not places.ledger.is_file():
         raise DaemonError(f"{places.state} is no state directory: choose another with --state")
-    try:
-        with closing(connect_reader(places.ledger)) as ledger:
-            return tuple(RunStep(*row) for row in ledger.execute(query, (run,)))
-    except sqlite3.DatabaseError as error:
-        raise DaemonError(f"{places.ledger} is not a usable ledger: {error}") from error
+    with LedgerReader.open(places) as ledger:
+        return tuple(RunStep(*step) for step in ledger.steps(run))
 
 
 def read_outputs(places: StatePaths, run: str) -> tuple[str, ...]:

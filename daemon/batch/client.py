@@ -16,7 +16,7 @@ from daemon.batch import bus
 from daemon.batch.errors import Refused
 from daemon.batch.paths import is_encrypted
 from daemon.batch.security import Credentials, Role, find_credentials
-from daemon.batch.stores import encode_chunk, read_part
+from daemon.batch.stores import FileUpload
 from daemon.model.assessments import AssessmentRules, RunRecord
 from daemon.model.attachments import attached_digests, user_files_folder
 from daemon.model.messages import (
@@ -202,16 +202,16 @@ class Client:
         """Send a file the daemon lacks; one that is not here may be there all the same."""
         if not path.is_file():
             return
-        size = path.stat().st_size
-        received = self._ask_bulk(Verb.KEEP, FileUploadChunk(digest, size), UploadProgress)
-        faults = 0
-        while not received.complete:
-            data = read_part(path, received.offset, LARGEST_CHUNK)
-            part = FileUploadChunk(digest, size, received.offset, *encode_chunk(data))
-            received = self._ask_bulk(Verb.KEEP, part, UploadProgress)
-            faults += bool(received.problem)
-            if faults > _FAULTS:
-                raise Refused(f"the file {path} does not arrive: {received.problem}")
+        upload, size = FileUpload(path), path.stat().st_size
+
+        def ask(offset: int, text: str, sha256: str) -> UploadProgress:
+            chunk = FileUploadChunk(digest, size, offset, text, sha256)
+            return self._ask_bulk(Verb.KEEP, chunk, UploadProgress)
+
+        while not upload.complete:
+            upload.send_next(ask, LARGEST_CHUNK)
+            if upload.faults > _FAULTS:
+                raise Refused(f"the file {path} does not arrive: {upload.problem}")
 
     def campaigns(self) -> tuple[CampaignRow, ...]:
         """All campaigns, the newest first."""

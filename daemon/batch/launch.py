@@ -48,7 +48,7 @@ def ensure_daemon(
     if found is not None:
         return found
     places = StatePaths.find(state)
-    places.make()
+    places.make_folders()
     command = _command(places, slots, executor)
     with places.worker_log.open("ab") as output:
         process = subprocess.Popen(
@@ -75,7 +75,7 @@ def embedded_daemon(
     Raises :class:`LaunchFailed` when it does not come up.
     """
     places = StatePaths.find(state)
-    places.make()
+    places.make_folders()
     command = [*_command(places, slots, executor), "--tether"]
     with tempfile.TemporaryFile() as output:
         process = subprocess.Popen(

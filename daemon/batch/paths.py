@@ -185,7 +185,7 @@ class StatePaths:
         """What the local worker, its children and a dying daemon wrote to standard error."""
         return self.state / "worker.log"
 
-    def make(self) -> None:
+    def make_folders(self) -> None:
         """Create the directories, readable by their owner only; raises ``OSError``."""
         for folder in (self.state, self.scenes, self.files, self.traces, self.spool, self.incoming):
             folder.mkdir(mode=0o700, parents=True, exist_ok=True)
@@ -194,7 +194,7 @@ class StatePaths:
         """Create the folder of the socket; raises ``OSError`` when it is not ours alone."""
         _make_private(self.socket.parent)
 
-    def shortage(self) -> str:
+    def disk_shortage(self) -> str:
         """Say so when the disk is too full to keep what a run leaves, empty when it is not."""
         try:
             free = shutil.disk_usage(self.state).free
@@ -274,25 +274,3 @@ def find_endpoint(
     if contact is not None:
         return Endpoint(contact.endpoint, "daemon.json")
     return Endpoint(places.endpoint, "default")
-
-
-def write_atomically(path: Path, data: bytes) -> None:
-    """Write ``data`` so that ``path`` holds either all of it or what it held before, also after
-    a power cut: temporary file, fsync, rename, fsync of the directory.
-    """
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
-    with temporary.open("wb") as file:
-        file.write(data)
-        file.flush()
-        os.fsync(file.fileno())
-    temporary.replace(path)
-    sync_directory(path.parent)
-
-
-def sync_directory(folder: Path) -> None:
-    """Make renames in ``folder`` durable."""
-    descriptor = os.open(folder, os.O_RDONLY)
-    try:
-        os.fsync(descriptor)
-    finally:
-        os.close(descriptor)

@@ -24,13 +24,13 @@ from multiprocessing.connection import Connection, wait
 from pathlib import Path
 from typing import Final, Literal, NoReturn
 
-from daemon.batch.paths import sync_directory, write_atomically
 from daemon.model.attachments import FILES_VARIABLE, SutMissing
 from daemon.model.messages import Lease
 from daemon.model.spec import RunResult, Snapshot
 from daemon.model.status import LiveSnapshot
 from grammars.model.scene import Scene
 from grammars.text import codec
+from grammars.text.files import sync_directory, write_atomically
 
 LEASE: Final = "grant.json"
 TRACE: Final = "trace.mcap"

@@ -10,7 +10,6 @@ from __future__ import annotations
 import hashlib
 import os
 import re
-import secrets
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Final
@@ -18,6 +17,7 @@ from typing import Any, Final
 import platformdirs
 
 from daemon.model.ids import is_digest
+from grammars.text.files import replacing
 
 FILES_PARAMETER: Final = "files"
 LARGEST_FILE: Final = 64 * 2**20
@@ -70,10 +70,8 @@ def _store_file(name: str, path: Path) -> str:
     kept = user_files_folder() / digest
     if not kept.exists() or kept.stat().st_size != len(data):
         kept.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
-        temporary = kept.with_name(f".{digest}.{secrets.token_hex(4)}.tmp")
-        temporary.write_bytes(data)
-        temporary.chmod(0o400)
-        temporary.replace(kept)
+        with replacing(kept, mode=0o400) as temporary:
+            temporary.write_bytes(data)
     return digest
 
 

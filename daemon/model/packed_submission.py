@@ -84,7 +84,7 @@ class Interner:
         key = (*plain, *map(id, parts))
         if key not in self._seen:
             cell = cell_of(run)
-            self._seen[key] = self._number(codec.to_json(cell), cell, self.cells)
+            self._seen[key] = self._intern(codec.to_json(cell), cell, self.cells)
             self._alive.append(parts)
         return self._seen[key]
 
@@ -92,11 +92,11 @@ class Interner:
         key = (id(script),)
         if key not in self._seen:
             text = codec.to_json(script, Script)
-            self._seen[key] = self._number(text, script, self.scripts)
+            self._seen[key] = self._intern(text, script, self.scripts)
             self._alive.append(script)
         return self._seen[key]
 
-    def _number(self, text: bytes, value: Any, kept: list[Any]) -> int:
+    def _intern(self, text: bytes, value: Any, kept: list[Any]) -> int:
         if text not in self._known:
             self._known[text] = len(kept)
             kept.append(value)

@@ -35,6 +35,7 @@ from grammars.model.mission import Mission
 from grammars.model.robot import Robot
 from grammars.model.scene import Scene
 from grammars.text import codec
+from grammars.text.files import sync_directory
 
 
 def write_preamble(
@@ -281,11 +282,7 @@ class TraceWriter:
         if (mine.st_dev, mine.st_ino) != (there.st_dev, there.st_ino):
             raise FileExistsError(f"{self._partial} is being written by another process")
         self._partial.replace(self._path)
-        directory = os.open(self._path.parent, os.O_RDONLY)
-        try:
-            os.fsync(directory)
-        finally:
-            os.close(directory)
+        sync_directory(self._path.parent)
 
     def __enter__(self) -> TraceWriter:
         return self

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import os
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -12,6 +11,7 @@ from typing import Final, Literal
 
 from grammars.floorplan import FloorPlan, parse_floorplan
 from grammars.text.diagnostics import Diagnostic, InputError, Severity, Where
+from grammars.text.files import write_atomically
 from grammars.variation._designs import Method
 from grammars.variation._expressions import PLAIN, Expression, Powers, Requirement, evaluate
 from grammars.variation._load import Variant, VariantValue, Variation
@@ -228,8 +228,5 @@ def _write(
             raise InputError(Diagnostic(Where(str(path)), message, "take another folder or seed"))
         if not overwrite:
             return VariantFile(path, variant, "kept")
-    # Written beside and renamed: nobody ever reads half a plan.
-    unfinished = path.with_name(f".{path.name}.{os.getpid()}")
-    unfinished.write_bytes(data)
-    unfinished.replace(path)
+    write_atomically(path, data, durable=False)  # thousands of plans, drawn again in no time
     return VariantFile(path, variant, "overwritten" if existed else "written")

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     import threading
 
     from daemon.batch.client import Client
-    from daemon.batch.ledger_names import LedgerName
+    from daemon.batch.ledger.names import CampaignName, LedgerName
 
 Offer: TypeAlias = list[tuple[str, str]]
 """Words and what they are; shells that show explanations show both."""
@@ -152,7 +152,9 @@ def offer_nothing_on_error(find: Completer) -> Completer:
 @offer_nothing_on_error
 def campaigns(ctx: typer.Context, incomplete: str) -> Offer:
     """Offer ids and names of campaigns."""
-    return _starting_with(_campaigns(ctx), incomplete)
+    from daemon.batch.ledger.names import ids_and_names
+
+    return _starting_with(ids_and_names(_campaigns(ctx)), incomplete)
 
 
 @offer_nothing_on_error
@@ -177,7 +179,7 @@ def campaigns_or_folders(ctx: typer.Context, incomplete: str) -> Offer:
 @offer_nothing_on_error
 def runs(ctx: typer.Context, incomplete: str) -> Offer:
     """Offer campaigns to begin with, then the runs of the one that is meant."""
-    beginnings = [(f"{name}.", about) for name, about in _campaigns(ctx) if _is_id(name, about)]
+    beginnings = [(f"{campaign.id}.", campaign.about) for campaign in _campaigns(ctx)]
     meant = _starting_with(beginnings, incomplete)
     if "." not in incomplete and len(meant) != 1:
         return meant
@@ -217,7 +219,7 @@ def blame_arguments(ctx: typer.Context, incomplete: str) -> Offer:
 @offer_nothing_on_error
 def oracles(ctx: typer.Context, incomplete: str) -> Offer:
     """Offer the oracles of the run that was named."""
-    from daemon.batch import ledger_names
+    from daemon.batch.ledger import names as ledger_names
 
     return _starting_with(
         ledger_names.oracles(_ledger(ctx), _argument_before(ctx, "run")), incomplete
@@ -227,7 +229,7 @@ def oracles(ctx: typer.Context, incomplete: str) -> Offer:
 @offer_nothing_on_error
 def names_in_campaign(ctx: typer.Context, incomplete: str) -> Offer:
     """Offer scenarios, systems under test and oracles of the campaign that was named."""
-    from daemon.batch import ledger_names
+    from daemon.batch.ledger import names as ledger_names
 
     campaign = _argument_before(ctx, "campaign")
     return _starting_with(
@@ -280,29 +282,18 @@ def _argument_before(ctx: typer.Context, argument: str) -> str:
     return said if isinstance(said, str) else said[0] if said else ""
 
 
-def _is_id(name: str, about: str) -> bool:
-    return not about.startswith("the newest is ")
-
-
-def _campaigns(ctx: typer.Context) -> Sequence[LedgerName]:
-    from daemon.batch import ledger_names
+def _campaigns(ctx: typer.Context) -> Sequence[CampaignName]:
+    from daemon.batch.ledger import names as ledger_names
 
     endpoint = _named_endpoint(ctx)
     if not endpoint:
         return ledger_names.campaigns(_ledger(ctx))
     rows = _ask_in_thread(ctx, endpoint, lambda daemon: daemon.campaigns())
-    found = {
-        row.name: ledger_names.LedgerName(row.name, f"the newest is {row.id}")
-        for row in reversed(rows)
-    }
-    return (
-        *(ledger_names.LedgerName(row.id, f"{row.total} runs") for row in rows),
-        *found.values(),
-    )
+    return tuple(ledger_names.CampaignName(row.id, row.name, f"{row.total} runs") for row in rows)
 
 
 def _runs(ctx: typer.Context, beginning: str) -> Sequence[LedgerName]:
-    from daemon.batch import ledger_names
+    from daemon.batch.ledger import names as ledger_names
 
     endpoint = _named_endpoint(ctx)
     if not endpoint:

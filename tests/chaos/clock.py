@@ -7,7 +7,7 @@ import time
 from pathlib import Path
 
 from daemon.batch.client import Client
-from daemon.batch.paths import write_atomically
+from grammars.text.files import write_atomically
 from tests.chaos.report import Report
 from tests.chaos.verify import verify
 from tests.daemon.batch.harness import daemon_at, eventually, finished, worker_for

@@ -17,12 +17,12 @@ from typing import Final, TypeAlias
 
 from daemon.analysis.blame._case import Candidate
 from daemon.analysis.blame._elements import TestOutcome
-from daemon.batch.paths import write_atomically
 from daemon.model.execution import RunLimits
 from daemon.model.spec import RunResult
 from daemon.model.verdicts import Evidence, Outcome, Verdict
 from daemon.run import execute, warm_up
 from grammars.text import codec
+from grammars.text.files import write_atomically
 
 SLOTS: Final = 2
 """Candidates that run at the same time; what is found depends on it, not on who is faster.

@@ -5,15 +5,14 @@ Loaded by commands that never draw: nothing here may import numpy, matplotlib or
 
 from __future__ import annotations
 
-import sqlite3
 from collections.abc import Iterator, Sequence
-from contextlib import closing, contextmanager
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
 
 from daemon.batch.errors import DaemonError, Refused, TraceUnavailable
-from daemon.batch.ledger import LedgerReader, connect_reader
+from daemon.batch.ledger import LedgerReader
 from daemon.batch.paths import StatePaths
 from daemon.batch.stores import is_url, local_copy
 from daemon.model.assessments import AssessmentRules, RunRecord
@@ -69,12 +68,8 @@ def open_ledger(paths: StatePaths) -> Iterator[LedgerReader]:
             f"{paths.state} is no state directory: name a folder of traces, or choose another "
             "directory with --state"
         )
-    with closing(connect_reader(paths.ledger)) as connection:
-        try:
-            yield LedgerReader(connection, paths)
-        except sqlite3.DatabaseError as error:
-            message = f"{paths.ledger} is not a usable ledger: {error}"
-            raise DaemonError(message) from error
+    with LedgerReader.open(paths) as reader:
+        yield reader
 
 
 def ledger_input(reader: LedgerReader, row: CampaignRow, paths: StatePaths) -> ReportInput:
@@ -95,7 +90,7 @@ def _local_record(reader: LedgerReader, record: RunRecord) -> RunRecord:
     if record.trace is None or not is_url(record.trace):
         return record
     try:
-        return replace(record, trace=str(local_copy(reader.trace(record.id))))
+        return replace(record, trace=str(local_copy(reader.trace_reference(record.id))))
     except TraceUnavailable as error:
         return replace(record, trace=None, note=f"{record.note} {error}".strip())
 

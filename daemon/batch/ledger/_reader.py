@@ -5,11 +5,13 @@ from __future__ import annotations
 import re
 import sqlite3
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from typing import Any, Final
 
-from daemon.batch.errors import Refused
+from daemon.batch.errors import DaemonError, Refused
+from daemon.batch.ledger._connection import connect_reader
 from daemon.batch.ledger._records import (
     SpecReader,
     find_trace,
@@ -31,7 +33,7 @@ _SEVERITY: Final = (
     "CASE outcome WHEN 'fail' THEN 0 WHEN 'error' THEN 1 WHEN 'inconclusive' THEN 2"
     " WHEN 'pass' THEN 3 ELSE 4 END"
 )
-SORTABLE: Final = {
+_SORTABLE: Final = {
     "index": "serial",
     "campaign": "campaign",
     "scenario": "scenario",
@@ -76,11 +78,34 @@ class ExpectedUpload:
 class LedgerReader:
     """The read side of the ledger on one connection, used by one thread."""
 
-    def __init__(self, connection: sqlite3.Connection, places: StatePaths) -> None:
+    def __init__(self, connection: sqlite3.Connection, paths: StatePaths) -> None:
         self._db = connection
         self._db.row_factory = sqlite3.Row
-        self._places = places
+        self._paths = paths
         self._specs = SpecReader(connection)
+
+    @classmethod
+    @contextmanager
+    def open(cls, paths: StatePaths) -> Iterator[LedgerReader]:
+        """Open the ledger of a state directory as it is, whether a daemon keeps it or not.
+
+        Raises :class:`DaemonError`, also for a question in the block, when it cannot be read or
+        is of a version that has not what is asked for.
+        """
+        try:
+            with closing(connect_reader(paths.ledger)) as connection:
+                yield cls(connection, paths)
+        except sqlite3.DatabaseError as error:
+            raise DaemonError(f"{paths.ledger} is not a usable ledger: {error}") from error
+
+    @contextmanager
+    def snapshot(self) -> Iterator[None]:
+        """Answer all questions in the block from one state of the ledger."""
+        self._db.execute("BEGIN")
+        try:
+            yield
+        finally:
+            self._db.execute("COMMIT")
 
     def campaigns(self) -> tuple[CampaignRow, ...]:
         """All campaigns, the newest first."""
@@ -168,15 +193,50 @@ class LedgerReader:
         return read_records(
             self._db,
             query.campaign,
-            find_trace=self._find_trace,
+            self._paths,
             offset=query.offset,
             limit=query.limit,
         )
 
-    def _find_trace(self, name: str, source: str, location: str) -> str:
-        return find_trace(self._db, self._places, name, source, location)
+    def campaign_ids(self) -> frozenset[str]:
+        """The ids of all campaigns."""
+        return frozenset(row[0] for row in self._db.execute("SELECT id FROM campaign"))
 
-    def trace(self, run: str) -> TraceReference:
+    def steps(self, run: str) -> tuple[tuple[float, str, str], ...]:
+        """When a run came to which state, and why; the oldest first, the earliest may be gone."""
+        rows = self._db.execute(
+            "SELECT at, state, note FROM event WHERE kind IN ('run', 'alarm') AND id = ?"
+            " ORDER BY seq",
+            (run,),
+        )
+        return tuple((row[0], row[1], row[2]) for row in rows)
+
+    def result_of_trace(self, name: str) -> RunResult | None:
+        """The result of the run whose own trace has that name; raises ``ValueError`` for an old one
+        that cannot be understood any more.
+        """
+        row = self._db.execute(
+            "SELECT body FROM result JOIN run ON run.id = result.run WHERE trace_name = ?", (name,)
+        ).fetchone()
+        return None if row is None else codec.from_json(RunResult, row[0])
+
+    def traces(self, name: str) -> tuple[TraceReference, ...]:
+        """The traces there are of a campaign or a run, in order, those used again included."""
+        rows = self._db.execute(
+            "SELECT id, trace_name, cached, trace_at, body FROM run"
+            " JOIN result ON result.run = run.id"
+            " WHERE run.campaign = ?1 OR run.id = ?1 ORDER BY serial",
+            (name,),
+        ).fetchall()
+        found = []
+        for run, trace, source, url, body in rows:
+            location = find_trace(self._db, self._paths, trace, source, url)
+            if location:
+                info = codec.from_json(RunResult, body).trace
+                found.append(TraceReference(run, location, info.sha256, info.size))
+        return tuple(found)
+
+    def trace_reference(self, run: str) -> TraceReference:
         """Where the trace of a run lies and what it is; refuses when there is none."""
         query = (
             "SELECT trace_name, cached, trace_at, result.body FROM run"
@@ -187,13 +247,13 @@ class LedgerReader:
             raise Refused(f"there is no run {run}")
         if row[3] is None:
             raise Refused(f"{run} has no trace yet")
-        location = self._find_trace(row[0], row[1], row[2])
+        location = find_trace(self._db, self._paths, row[0], row[1], row[2])
         if not location:
             raise Refused(f"{run}: {missing_trace_text(row[1])}")
         info = codec.from_json(RunResult, row[3]).trace
         return TraceReference(run, location, info.sha256, info.size)
 
-    def upload(self, run: str, token: int) -> ExpectedUpload:
+    def expected_upload(self, run: str, token: int) -> ExpectedUpload:
         """Return what the ledger has to say to an upload under a lease.
 
         Refuses when it is not the latest lease of the run, which nobody else has taken since.
@@ -209,9 +269,11 @@ class LedgerReader:
 
     def _run_row(self, row: sqlite3.Row) -> RunRow:
         outcome = Outcome(row["outcome"]) if row["outcome"] else None
-        place = (row["trace_name"], row["cached"], row["trace_at"])
-        trace = self._find_trace(*place) if outcome is not None else ""
-        gone = missing_trace_text(row["cached"]) if outcome is not None and not trace else ""
+        trace, gone = "", ""
+        if outcome is not None:
+            names = (row["trace_name"], row["cached"], row["trace_at"])
+            trace = find_trace(self._db, self._paths, *names)
+            gone = "" if trace else missing_trace_text(row["cached"])
         return RunRow(
             id=row["id"],
             campaign=row["campaign"],
@@ -272,9 +334,9 @@ def _campaign_row(row: sqlite3.Row, counts: Counter[str]) -> CampaignRow:
 
 
 def _order(query: RunQuery) -> str:
-    column = SORTABLE.get(query.sort)
+    column = _SORTABLE.get(query.sort)
     if column is None:
-        raise Refused(f"cannot sort by {query.sort!r}: {did_you_mean(query.sort, SORTABLE)}")
+        raise Refused(f"cannot sort by {query.sort!r}: {did_you_mean(query.sort, _SORTABLE)}")
     if column == "serial" and query.campaign:
         column = "position"  # the same order, and there is an index on it
     order = f"{column} {'DESC' if query.descending else 'ASC'}"
@@ -294,10 +356,10 @@ def _filter(query: RunQuery) -> tuple[str, list[Any]]:
             values.append(wanted)
     if query.text:
         # Looking through 100,000 texts put together takes twice as long as through their parts.
-        places = (f"({_TEXT})",) if set(query.text) & {"/", " "} else _WORDS
-        found = " OR ".join(f"{place} LIKE ? ESCAPE '\\'" for place in places)
+        columns = (f"({_TEXT})",) if set(query.text) & {"/", " "} else _WORDS
+        found = " OR ".join(f"{column} LIKE ? ESCAPE '\\'" for column in columns)
         conditions.append(f"({found})")
-        values += [f"%{_WILD.sub(_ESCAPED, query.text)}%"] * len(places)
+        values += [f"%{_WILD.sub(_ESCAPED, query.text)}%"] * len(columns)
     return ("WHERE " + " AND ".join(conditions) if conditions else ""), values
 
 

@@ -1,6 +1,7 @@
 """What the ledger keeps of runs as values: specifications, run records, where traces lie.
 
-The body of a specification or of a repeat in reserve is ``[cell, script, repeat, seed]``, where the first two name rows of ``part`` by content; ledgers of schema 4 and before wrote every run out.
+The body of a specification or of a repeat in reserve is ``[cell, script, repeat, seed]``, where
+the first two name rows of ``part`` by content; ledgers of schema 4 and before wrote every run out.
 """
 
 from __future__ import annotations
@@ -14,7 +15,6 @@ from typing import Any, Final, TypeVar
 
 from daemon.batch.errors import Refused
 from daemon.batch.paths import StatePaths
-from daemon.batch.stores import TraceReference
 from daemon.model.assessments import AssessmentRules, RunRecord
 from daemon.model.packed_submission import Interner, Script
 from daemon.model.spec import RunResult, RunSpec
@@ -24,7 +24,7 @@ T = TypeVar("T")
 
 _MOST_CACHED: Final = 1024
 _NAME: Final = 32
-"""Hexadecimal digits of SHA-256 that name a part."""
+"""Hexadecimal digits of SHA-256 that name a part: 128 bits, and half the bytes in every body."""
 
 
 class SpecReader:
@@ -37,7 +37,7 @@ class SpecReader:
 
     def read(self, body: bytes) -> RunSpec:
         """Return the specification that ``body`` stands for."""
-        if not body.startswith(b"["):
+        if not body.startswith(b"["):  # written out, by schema 4 or before
             return codec.from_json(RunSpec, body)
         cell, script, repeat, seed = json.loads(body)
         same = self._part(cell, self._cells, lambda text: codec.from_json(RunSpec, text))
@@ -58,15 +58,15 @@ class SpecWriter:
 
     def __init__(self, db: sqlite3.Connection) -> None:
         self._db = db
-        self._shelf = Interner()
+        self._interner = Interner()
         self._cells: list[bytes] = []
         self._scripts: list[bytes] = []
 
     def body(self, run: RunSpec) -> bytes:
         """Enter what is new of a run, and return its body."""
-        packed = self._shelf.pack(run)
-        self._enter_new(self._cells, self._shelf.cells, RunSpec)
-        self._enter_new(self._scripts, self._shelf.scripts, Script)
+        packed = self._interner.pack(run)
+        self._enter_new(self._cells, self._interner.cells, RunSpec)
+        self._enter_new(self._scripts, self._interner.scripts, Script)
         names = (self._cells[packed.cell], self._scripts[packed.script])
         return b'["%s","%s",%d,%d]' % (*names, packed.repeat, packed.seed)
 
@@ -87,12 +87,10 @@ _COLUMNS: Final = (
     "run.id, scenario, sut, repeat, run.digest, state, reason, seed, cached, trace_name,"
     " trace_at, body"
 )
-FindTrace = Callable[[str, str, str], str]
-"""Returns where a trace lies, by its own name, the run it was taken from and its URL if any."""
 
 
 def find_trace(
-    db: sqlite3.Connection, places: StatePaths, name: str, source: str, location: str = ""
+    db: sqlite3.Connection, paths: StatePaths, name: str, source: str, location: str = ""
 ) -> str:
     """Return where a run's trace lies: its ``location`` if it is in a store, else its path.
 
@@ -101,37 +99,19 @@ def find_trace(
     """
     if location:
         return location
-    own = places.traces / name
+    own = paths.traces / name
     if own.exists():
         return str(own)
     if not source:
         return ""
     row = db.execute("SELECT trace_name FROM run WHERE id = ?", (source,)).fetchone()
-    path = places.traces / row[0] if row else None
+    path = paths.traces / row[0] if row else None
     return str(path) if path is not None and path.exists() else ""
 
 
 def missing_trace_text(source: str) -> str:
     """Say that there is no trace of a run any more, whose result is that of ``source`` if any."""
     return f"the trace of {source} is gone" if source else "its trace is gone"
-
-
-def find_traces(
-    db: sqlite3.Connection, places: StatePaths, name: str
-) -> tuple[TraceReference, ...]:
-    """Return the traces there are of a campaign or a run, in order, cached ones included."""
-    rows = db.execute(
-        "SELECT id, trace_name, cached, trace_at, body FROM run JOIN result ON result.run = run.id"
-        " WHERE run.campaign = ?1 OR run.id = ?1 ORDER BY serial",
-        (name,),
-    ).fetchall()
-    found = []
-    for run, trace, source, url, body in rows:
-        location = find_trace(db, places, trace, source, url)
-        if location:
-            info = codec.from_json(RunResult, body).trace
-            found.append(TraceReference(run, location, info.sha256, info.size))
-    return tuple(found)
 
 
 def read_declared(db: sqlite3.Connection, campaign: str) -> AssessmentRules:
@@ -145,43 +125,46 @@ def read_declared(db: sqlite3.Connection, campaign: str) -> AssessmentRules:
 def read_records(
     db: sqlite3.Connection,
     campaign: str,
+    paths: StatePaths | None = None,
     *,
-    find_trace: FindTrace | None = None,
     offset: int = 0,
     limit: int = -1,
 ) -> tuple[RunRecord, ...]:
-    """Return the runs of a campaign in order, with results where there are any."""
+    """Return the runs of a campaign in order, with results where there are any.
+
+    Their traces are looked for below ``paths``, or not at all: that costs a look at the disk each.
+    """
     rows = db.execute(
         f"SELECT {_COLUMNS} FROM run LEFT JOIN result ON result.run = run.id"
         " WHERE campaign = ? ORDER BY position LIMIT ? OFFSET ?",
         (campaign, limit, offset),
     )
-    return tuple(_run_record(tuple(row), find_trace) for row in rows)
+    return tuple(_run_record(db, tuple(row), paths) for row in rows)
 
 
-def _run_record(row: tuple[object, ...], find_trace: FindTrace | None) -> RunRecord:
+def _run_record(
+    db: sqlite3.Connection, row: tuple[Any, ...], paths: StatePaths | None
+) -> RunRecord:
     run, scenario, sut, repeat, digest, state, reason, seed, cached, trace, url, body = row
-    result = codec.from_json(RunResult, body) if isinstance(body, bytes | str) else None
-    path = find_trace(str(trace), str(cached), str(url)) if find_trace and result else ""
-    gone = result is not None and find_trace is not None and not path
-    notes = (
-        result.note if result else "",
-        str(reason),
-        missing_trace_text(str(cached)) if gone else "",
-    )
+    result = None if body is None else codec.from_json(RunResult, body)
+    path, gone = "", ""
+    if result and paths:
+        path = find_trace(db, paths, trace, cached, url)
+        gone = "" if path else missing_trace_text(cached)
+    notes = (result.note if result else "", reason, gone)
     return RunRecord(
-        id=str(run),
-        scenario=str(scenario),
-        sut=str(sut),
-        repeat=int(str(repeat)),
-        digest=str(digest),
+        id=run,
+        scenario=scenario,
+        sut=sut,
+        repeat=repeat,
+        digest=digest,
         outcome=result.outcome if result else None,
         verdicts=result.verdicts if result else (),
         ended=result.ended if result else "",
         timing=result.timing if result else None,
         trace=path or None,
         note="; ".join(note for note in notes if note),
-        state=str(state),
-        seed=int(str(seed)),
-        cached=str(cached),
+        state=state,
+        seed=int(seed),  # text in the table: 64 bits without a sign do not fit SQLite's integers
+        cached=cached,
     )

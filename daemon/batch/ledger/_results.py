@@ -1,6 +1,8 @@
 """Results in the ledger: those workers bring, those used again, and repeats in reserve.
 
-A run whose specification has a result in the ledger gets that result: equal digests mean equal traces. Results of runs that broke are not used again, since the machine may have been at fault. Repeats in reserve become runs when their cell is still undecided after all repeats before.
+A run whose specification has a result in the ledger gets that result: equal digests mean equal
+traces. Results of runs that broke are not used again, since the machine may have been at fault.
+Repeats in reserve become runs when their cell is still undecided after all repeats before.
 """
 
 from __future__ import annotations
@@ -22,6 +24,7 @@ from grammars.text import codec
 
 def check_result(db: sqlite3.Connection, completion: Completion) -> str:
     """Refuse what is no result of a run of ours; returns the run's campaign."""
+    # Runs leased by schema 3 or before have no token of their own: any given so far will do.
     known = db.execute(
         "SELECT digest, campaign, CASE granted WHEN 0 THEN"
         " (SELECT value FROM meta WHERE key = 'token') ELSE granted END FROM run WHERE id = ?",
@@ -52,28 +55,21 @@ def _check_location(db: sqlite3.Connection, completion: Completion) -> None:
 
 def read_trace_location(db: sqlite3.Connection, run: str) -> tuple[str, str]:
     """Return the name of a run's trace and its URL, empty when it has none."""
-    row = db.execute("SELECT trace_name, trace_at FROM run WHERE id = ?", (run,))
-    found = row.fetchone()
-    if found is None:
+    row = db.execute("SELECT trace_name, trace_at FROM run WHERE id = ?", (run,)).fetchone()
+    if row is None:
         raise Refused(f"there is no run {run}")
-    return str(found[0]), str(found[1])
+    return str(row[0]), str(row[1])
 
 
 def store_result(db: sqlite3.Connection, completion: Completion, digest: str, now: float) -> None:
     """Write down what a run gave, for good."""
+    result, verdict = completion.result, deciding_verdict(completion.result)
+    # Ignored when there is one: the primary key makes it the first and only, whoever calls.
     db.execute(
         "INSERT OR IGNORE INTO result (run, attempt, worker, digest, at, body)"
         " VALUES (?, ?, ?, ?, ?, ?)",
-        (
-            completion.run,
-            completion.attempt,
-            completion.worker,
-            digest,
-            now,
-            codec.to_json(completion.result),
-        ),
+        (completion.run, completion.attempt, completion.worker, digest, now, codec.to_json(result)),
     )
-    result, verdict = completion.result, deciding_verdict(completion.result)
     db.execute(
         "UPDATE run SET outcome = ?, oracle = ?, margin = ?, unit = ?, simulated = ?, wall = ?,"
         " finished_at = ?, trace_at = ? WHERE id = ?",
@@ -105,12 +101,16 @@ _INSERT_RUN: Final = (
     "INSERT INTO run (id, campaign, position, scenario, sut, repeat, time_limit, digest,"
     " trace_name, seed, kind) VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)"
 )
+# Of several results the latest one. The old run must be at rest: while it is executed again, its
+# result may yet turn out to be in doubt.
 _FIND_RESULTS: Final = (
     "SELECT new.id, max(old.serial) FROM run AS new JOIN run AS old"
     " ON old.digest = new.digest AND old.result <> ''"
     " WHERE new.campaign = ? AND new.state = 'queued' AND new.result = ''"
     " AND old.state = 'done' AND old.outcome <> 'error' GROUP BY new.id"
 )
+# A result that was itself used again leads to the run that was executed, so that its trace is found
+# in one step.
 _TAKE_RESULT: Final = (
     "UPDATE run SET (state, result, outcome, oracle, margin, unit, simulated, wall, trace_at,"
     " cached) = (SELECT 'done', result, outcome, oracle, margin, unit, simulated, wall, trace_at,"
@@ -181,7 +181,9 @@ def reuse_results(db: sqlite3.Connection, campaign: str) -> int:
 def queue_reserve(db: sqlite3.Connection, campaign: str) -> int:
     """Make runs of the repeats that undecided cells get next; returns how many.
 
-    A cell gets as many as bring it to its next look (see :class:`daemon.model.assessments.RepeatPolicy`).
+    A cell gets as many as bring it to its next look (see
+    :class:`daemon.model.assessments.RepeatPolicy`): only at looks planned before may one stop
+    without spoiling the error rates.
     """
     if not db.execute("SELECT 1 FROM reserve WHERE campaign = ?", (campaign,)).fetchone():
         return 0

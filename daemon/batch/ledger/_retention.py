@@ -8,18 +8,19 @@ daemon that keeps working meanwhile cannot start a campaign again in between.
 from __future__ import annotations
 
 import sqlite3
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
 from daemon.batch.errors import DaemonError
-from daemon.batch.ledger._connection import SCHEMA_VERSION
+from daemon.batch.ledger._connection import SCHEMA_VERSION, schema_version
 from daemon.batch.paths import StatePaths
 
+# Traces removed while the daemon's writer waits: some milliseconds.
 _BATCH: Final = 64
-"""Traces removed while the daemon's writer waits: some milliseconds."""
+# By either sign: what is removed is gone for ever, so one of them is enough to keep traces.
 _UNFINISHED: Final = (
     "SELECT id FROM campaign WHERE finished_at IS NULL UNION"
     " SELECT campaign FROM tally WHERE state IN ('queued', 'running') AND runs > 0"
@@ -44,6 +45,25 @@ class RetentionPolicy:
     newest: int | None = None
     age: float | None = None
     size: int | None = None
+
+    def choose(
+        self, stored: Sequence[StoredTrace], everything: int, now: float
+    ) -> tuple[StoredTrace, ...]:
+        """Return which of the ``stored`` traces of finished campaigns go, oldest first.
+
+        ``everything`` is what all traces take, also those that cannot go.
+        """
+        campaigns = list(dict.fromkeys(trace.campaign for trace in stored))
+        newest = len(campaigns) if self.newest is None else self.newest
+        outnumbered = set(campaigns[: max(0, len(campaigns) - newest)])
+        left, gone = everything, []
+        for trace in stored:
+            old = self.age is not None and now - trace.finished_at > self.age
+            much = self.size is not None and left > self.size
+            if old or much or trace.campaign in outnumbered:
+                gone.append(trace)
+                left -= trace.size
+        return tuple(gone)
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,38 +90,38 @@ class SweepResult:
 
 
 def sweep_traces(
-    places: StatePaths, keeping: RetentionPolicy, now: float, *, dry: bool = False
+    paths: StatePaths, policy: RetentionPolicy, now: float, *, dry: bool = False
 ) -> SweepResult:
-    """Remove the traces that ``keeping`` does not keep; with ``dry`` only say which.
+    """Remove the traces that ``policy`` does not keep; with ``dry`` only say which.
 
     ``now`` is the wall clock [s]. A daemon may be running. Raises :class:`DaemonError` when there
     is no ledger of this version, and ``OSError`` when a trace cannot be removed.
     """
-    with _ledger(places) as db:
-        everything = stored_bytes(places)
-        chosen = _choose(tuple(_stored(db, places)), everything, keeping, now)
-        gone = chosen if dry else _remove(db, places, chosen)
+    with _ledger(paths) as db:
+        everything = stored_bytes(paths)
+        chosen = policy.choose(tuple(_stored(db, paths)), everything, now)
+        gone = chosen if dry else _remove(db, paths, chosen)
     return SweepResult(gone, everything - sum(trace.size for trace in gone))
 
 
 @contextmanager
-def _ledger(places: StatePaths) -> Iterator[sqlite3.Connection]:
-    if not places.ledger.exists():
-        raise DaemonError(f"there is no ledger in {places.state}: nothing was ever run there")
-    with closing(sqlite3.connect(places.ledger, isolation_level=None)) as db:
+def _ledger(paths: StatePaths) -> Iterator[sqlite3.Connection]:
+    if not paths.ledger.exists():
+        raise DaemonError(f"there is no ledger in {paths.state}: nothing was ever run there")
+    with closing(sqlite3.connect(paths.ledger, isolation_level=None)) as db:
         try:
-            version = db.execute("PRAGMA user_version").fetchone()[0]
+            version = schema_version(db)
             if version != SCHEMA_VERSION:
                 raise DaemonError(
-                    f"{places.ledger} has schema {version}, this version knows {SCHEMA_VERSION}: "
+                    f"{paths.ledger} has schema {version}, this version knows {SCHEMA_VERSION}: "
                     "start the daemon once, it brings older ones up to date"
                 )
             yield db
         except sqlite3.Error as error:
-            raise DaemonError(f"{places.ledger} cannot be used: {error}") from error
+            raise DaemonError(f"{paths.ledger} cannot be used: {error}") from error
 
 
-def _stored(db: sqlite3.Connection, places: StatePaths) -> Iterator[StoredTrace]:
+def _stored(db: sqlite3.Connection, paths: StatePaths) -> Iterator[StoredTrace]:
     used = {row[0] for row in db.execute(_USED)}
     for campaign, finished_at in db.execute(_FINISHED).fetchall():
         rows = db.execute(
@@ -109,7 +129,7 @@ def _stored(db: sqlite3.Connection, places: StatePaths) -> Iterator[StoredTrace]
             (campaign,),
         )
         for (name,) in rows:
-            size = _size(places.trace(name))
+            size = _size(paths.trace(name))
             if size is not None and name not in used:
                 yield StoredTrace(campaign, name, size, finished_at)
 
@@ -121,44 +141,30 @@ def _size(path: Path) -> int | None:
         return None
 
 
-def stored_bytes(places: StatePaths) -> int:
+def stored_bytes(paths: StatePaths) -> int:
     """Bytes of all traces there are, also of unfinished and unknown campaigns."""
-    return sum(_size(path) or 0 for path in places.traces.glob("*/*.mcap"))
-
-
-def _choose(
-    stored: tuple[StoredTrace, ...], everything: int, keeping: RetentionPolicy, now: float
-) -> tuple[StoredTrace, ...]:
-    campaigns = list(dict.fromkeys(trace.campaign for trace in stored))
-    newest = len(campaigns) if keeping.newest is None else keeping.newest
-    outnumbered = set(campaigns[: max(0, len(campaigns) - newest)])
-    left, gone = everything, []
-    for trace in stored:
-        old = keeping.age is not None and now - trace.finished_at > keeping.age
-        much = keeping.size is not None and left > keeping.size
-        if old or much or trace.campaign in outnumbered:
-            gone.append(trace)
-            left -= trace.size
-    return tuple(gone)
+    return sum(_size(path) or 0 for path in paths.traces.glob("*/*.mcap"))
 
 
 def _remove(
-    db: sqlite3.Connection, places: StatePaths, chosen: tuple[StoredTrace, ...]
+    db: sqlite3.Connection, paths: StatePaths, chosen: tuple[StoredTrace, ...]
 ) -> tuple[StoredTrace, ...]:
     gone: list[StoredTrace] = []
     for start in range(0, len(chosen), _BATCH):
+        # The write lock, although nothing is written: while it is ours, no daemon can start one of
+        # these campaigns again or take results from them between the look and the removal.
         db.execute("BEGIN IMMEDIATE")
         try:
             finished = {row[0] for row in db.execute(_FINISHED)}
             used = {row[0] for row in db.execute(_USED)}
             for trace in chosen[start : start + _BATCH]:
                 if trace.campaign in finished and trace.name not in used:
-                    places.trace(trace.name).unlink(missing_ok=True)
+                    paths.trace(trace.name).unlink(missing_ok=True)
                     gone.append(trace)
         finally:
             db.execute("ROLLBACK")
     for campaign in dict.fromkeys(trace.campaign for trace in gone):
-        folder = places.traces / campaign
+        folder = paths.traces / campaign
         if folder.is_dir() and not any(folder.iterdir()):
             folder.rmdir()
     return tuple(gone)

@@ -7,19 +7,17 @@ from __future__ import annotations
 
 import fcntl
 import shlex
-import sqlite3
 import stat
 from collections.abc import Iterable, Iterator
-from contextlib import closing, suppress
+from contextlib import suppress
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from enum import StrEnum
 from pathlib import Path
 from typing import Final
-from urllib.parse import quote
 
-from daemon.batch.errors import KeysUnusable
-from daemon.batch.ledger import SCHEMA_VERSION
+from daemon.batch.errors import DaemonError, KeysUnusable
+from daemon.batch.ledger import SCHEMA_VERSION, LedgerIntegrity, LedgerReader, check_integrity
 from daemon.batch.paths import StatePaths
 from daemon.batch.security import IssuedKey, Role, find_credentials, is_authority, load_register
 from daemon.model.ids import is_id
@@ -96,99 +94,64 @@ def _expiry_finding(name: str, role: Role, expires_at: float, now: float) -> Doc
 
 
 _LEDGER_SKEW: Final = 5.0
-_INVARIANTS: Final = {
-    "runs are counted as done and have no result": (
-        "SELECT count(*) FROM run LEFT JOIN result ON result.run = run.id"
-        " WHERE run.result <> '' AND result.run IS NULL"
-    ),
-    "results differ from what their run says": (
-        "SELECT count(*) FROM result JOIN run ON run.id = result.run"
-        " WHERE run.result <> result.digest"
-    ),
-    "runs have no specification": (
-        "SELECT count(*) FROM run LEFT JOIN spec ON spec.run = run.id WHERE spec.run IS NULL"
-    ),
-    "runs are queued in campaigns that are closed": (
-        "SELECT count(*) FROM run JOIN campaign ON campaign.id = run.campaign"
-        " WHERE state IN ('queued', 'running') AND campaign.finished_at IS NOT NULL"
-    ),
-    "counts differ from the runs": (
-        "SELECT count(*) FROM (SELECT campaign, state, outcome, count(*) AS runs FROM run"
-        " GROUP BY campaign, state, outcome) AS found LEFT JOIN tally USING"
-        " (campaign, state, outcome) WHERE tally.runs IS NOT found.runs"
-    ),
-}
 _BACKUP: Final = (
     "stop the daemon, keep a copy of the directory, restore the ledger from a backup "
     "or save what is readable with `sqlite3 ledger.db .recover`"
 )
 
 
-def check_ledger(places: StatePaths, now: float) -> Iterator[DoctorFinding]:
+def check_ledger(paths: StatePaths, now: float) -> Iterator[DoctorFinding]:
     """Check the file, the references in it, its own rules, and that ``now`` is not in its past."""
-    if not places.ledger.exists():
+    if not paths.ledger.exists():
         yield ok("ledger", "none yet: the first daemon makes it")
         return
     try:
-        uri = f"file:{quote(str(places.ledger))}?mode=ro"
-        with closing(sqlite3.connect(uri, uri=True, isolation_level=None)) as db:
-            db.execute("BEGIN")
-            yield from _ledger_findings(db, now)
-    except sqlite3.Error as error:
-        yield problem("ledger", f"{places.ledger} cannot be read: {error}", _BACKUP)
+        found = check_integrity(paths.ledger)
+    except DaemonError as error:
+        yield problem("ledger", str(error), _BACKUP)
+        return
+    yield _ledger_finding(found)
+    if found.version == SCHEMA_VERSION and not found.damage:
+        yield from _content_findings(found, now)
 
 
-def _ledger_findings(db: sqlite3.Connection, now: float) -> Iterator[DoctorFinding]:
-    version = db.execute("PRAGMA user_version").fetchone()[0]
-    if version > SCHEMA_VERSION:
-        yield problem(
+def _ledger_finding(found: LedgerIntegrity) -> DoctorFinding:
+    if found.version > SCHEMA_VERSION:
+        return problem(
             "ledger",
-            f"has schema {version}, this version knows {SCHEMA_VERSION}",
+            f"has schema {found.version}, this version knows {SCHEMA_VERSION}",
             "use the version that made it, or another state directory",
         )
-        return
-    broken = [row[0] for row in db.execute("PRAGMA integrity_check(3)") if row[0] != "ok"]
-    broken += [f"{row[0]} refers to nothing" for row in db.execute("PRAGMA foreign_key_check")][:3]
-    if broken:
-        yield problem("ledger", f"is damaged: {'; '.join(broken)}", _BACKUP)
-        return
-    if version < SCHEMA_VERSION:
-        yield warning(
+    if found.damage:
+        return problem("ledger", f"is damaged: {'; '.join(found.damage)}", _BACKUP)
+    if found.version < SCHEMA_VERSION:
+        return warning(
             "ledger",
-            f"whole, schema {version} of an earlier version",
+            f"whole, schema {found.version} of an earlier version",
             "the next daemon brings it up to date; copy it if you may go back",
         )
-        return
-    yield from _content_findings(db, now)
+    if found.violations:
+        words = "; ".join(found.violations)
+        return problem("ledger", words, "please report it, with a copy of the ledger")
+    numbers = f"{found.runs} runs, {found.results} results"
+    return ok("ledger", f"whole, schema {SCHEMA_VERSION}, {numbers}")
 
 
-def _content_findings(db: sqlite3.Connection, now: float) -> Iterator[DoctorFinding]:
-    wrong = [f"{n} {words}" for words, rule in _INVARIANTS.items() if (n := _count(db, rule))]
-    if wrong:
-        yield problem("ledger", "; ".join(wrong), "please report it, with a copy of the ledger")
-    else:
-        runs, results = (_count(db, f"SELECT count(*) FROM {t}") for t in ("run", "result"))
-        yield ok("ledger", f"whole, schema {SCHEMA_VERSION}, {runs} runs, {results} results")
-    alarms = _count(db, "SELECT count(*) FROM event WHERE kind = 'alarm'")
-    if alarms:
+def _content_findings(found: LedgerIntegrity, now: float) -> Iterator[DoctorFinding]:
+    if found.alarms:
         yield warning(
             "determinism",
-            f"{alarms} times another execution of a run came out differently",
+            f"{found.alarms} times another execution of a run came out differently",
             "see `scenario results --runs --filter nondeterministic`",
         )
-    last = db.execute("SELECT max(at) FROM event").fetchone()[0] or 0.0
-    if last > now + _LEDGER_SKEW:
+    if found.newest_event > now + _LEDGER_SKEW:
         yield problem(
             "clock",
-            f"it is {last - now:.0f} s before the ledger's newest event",
+            f"it is {found.newest_event - now:.0f} s before the ledger's newest event",
             "set the clock (timedatectl); leases end late until it has caught up",
         )
     else:
         yield ok("clock", "not before the ledger's newest event")
-
-
-def _count(db: sqlite3.Connection, query: str) -> int:
-    return int(db.execute(query).fetchone()[0])
 
 
 _SHOWN = 3
@@ -241,16 +204,15 @@ def _orphan_spools(places: StatePaths) -> Iterator[Path]:
             yield folder
 
 
-def _unknown_traces(places: StatePaths) -> tuple[Path, ...]:
-    known: set[str] = set()
-    if places.ledger.exists():
-        uri = f"file:{quote(str(places.ledger))}?mode=ro"
+def _unknown_traces(paths: StatePaths) -> Iterator[Path]:
+    known: frozenset[str] = frozenset()
+    if paths.ledger.exists():
         try:
-            with closing(sqlite3.connect(uri, uri=True)) as db:
-                known = {row[0] for row in db.execute("SELECT id FROM campaign")}
-        except sqlite3.Error:
-            return ()  # the ledger's own finding says so
-    return tuple(folder for folder in places.traces.glob("*") if folder.name not in known)
+            with LedgerReader.open(paths) as ledger:
+                known = ledger.campaign_ids()
+        except DaemonError:
+            return  # the ledger's own finding says so
+    yield from (folder for folder in paths.traces.glob("*") if folder.name not in known)
 
 
 def _temporary_folders(here: Path) -> Iterator[Path]:

@@ -14,6 +14,7 @@ from typing import Final
 import platformdirs
 
 import daemon
+from daemon.batch.amounts import size_text
 from daemon.batch.client import Client
 from daemon.batch.errors import DaemonError
 from daemon.batch.operation._checks import (
@@ -34,7 +35,6 @@ from daemon.batch.paths import (
     is_local,
 )
 from daemon.batch.security import keys_folder
-from daemon.batch.sizes import size_text
 from daemon.model.execution import available_cores
 from daemon.model.spec import ENGINE_VERSION
 from daemon.model.status import DaemonOverview, DiskUsage, WorkerRow
@@ -101,7 +101,7 @@ def _state(places: StatePaths) -> Iterator[DoctorFinding]:
     disk = places.disk()
     sizes = f"{disk.free / 2**30:.1f} of {disk.total / 2**30:.1f} GiB free, "
     sizes += f"ledger {disk.ledger / 2**20:.1f} MiB"
-    if shortage := places.shortage():
+    if shortage := places.disk_shortage():
         yield problem("disk", shortage, "free some: `scenario gc --max-size 10GiB --dry-run`")
     elif disk.free < _ROOMY:
         yield warning("disk", sizes, "free some: `scenario gc --max-size 10GiB --dry-run`")

@@ -15,9 +15,9 @@ from typing import Final
 import platformdirs
 
 from daemon.batch.errors import KeysUnusable
-from daemon.batch.paths import write_atomically
 from daemon.batch.security._rules import Role
 from grammars.text import codec
+from grammars.text.files import write_atomically
 
 REGISTER_FILE: Final = "register.json"
 

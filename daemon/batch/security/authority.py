@@ -26,7 +26,6 @@ from cryptography.hazmat.primitives.asymmetric import ec
 from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
 
 from daemon.batch.errors import KeysUnusable
-from daemon.batch.paths import sync_directory
 from daemon.batch.security._keys import (
     CA_FILE,
     CERTIFICATE_FILE,
@@ -39,6 +38,7 @@ from daemon.batch.security._keys import (
     write_register,
 )
 from daemon.batch.security._rules import Role
+from grammars.text.files import sync_directory
 
 VALID_DAYS: Final = 730
 _CA_DAYS: Final = 3650

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from typing import Final
 
 from daemon.batch.errors import Refused
-from daemon.batch.paths import StatePaths, write_atomically
+from daemon.batch.paths import StatePaths
 from daemon.model.attachments import attached_digests
 from daemon.model.ids import is_id, trace_name
 from daemon.model.packed_submission import MOST_RUNS
@@ -15,6 +15,7 @@ from daemon.model.spec import ENGINE_VERSION, RunSpec
 from daemon.model.status import Submission
 from grammars.model.scene import Scene
 from grammars.text import codec
+from grammars.text.files import write_atomically
 
 _SHOWN: Final = 10
 

@@ -6,7 +6,6 @@ Zenoh's callbacks only enqueue. One thread writes the ledger, two read it; every
 from __future__ import annotations
 
 import queue
-import sqlite3
 import threading
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -91,14 +90,8 @@ class WriterThread(_LedgerThread):
     refused one undoes only itself.
     """
 
-    def __init__(
-        self,
-        connection: sqlite3.Connection,
-        book: LedgerWriter,
-        publish: Callable[[list[ChangeEvent]], None],
-    ) -> None:
+    def __init__(self, book: LedgerWriter, publish: Callable[[list[ChangeEvent]], None]) -> None:
         super().__init__("ledger-writer")
-        self._db = connection
         self._book = book
         self._publish = publish
 
@@ -121,44 +114,23 @@ class WriterThread(_LedgerThread):
         return batch, False
 
     def _work(self, batch: list[LedgerJob]) -> None:
-        self._book.events = []
         try:
-            self._db.execute("BEGIN IMMEDIATE")
-            values = [self._attempt(job) for job in batch]
-            self._db.execute("COMMIT")
-        except sqlite3.Error as error:
-            if self._db.in_transaction:
-                self._db.execute("ROLLBACK")
-            failure = Unavailable(f"the ledger cannot be written: {error}")
+            with self._book.transaction():
+                # What is no refusal the dispatcher writes to the log; the asker is told of both.
+                values = [self._book.attempt(job.act) for job in batch]
+        except Unavailable as failure:
             values = [failure for _ in batch]
-            self._book.events = []
         for job, value in zip(batch, values, strict=True):
             job.done(value)
         if self._book.events:
             self._publish(self._book.events)
 
-    def _attempt(self, job: LedgerJob) -> object:
-        kept = len(self._book.events)
-        self._db.execute("SAVEPOINT job")
-        try:
-            value = job.act(self._book)
-        except sqlite3.OperationalError:
-            raise
-        except Exception as error:
-            # The asker is told, and the desk writes what is not a refusal to the log.
-            self._db.execute("ROLLBACK TO job")
-            del self._book.events[kept:]
-            value = error
-        self._db.execute("RELEASE job")
-        return value
-
 
 class ReaderThread(_LedgerThread):
     """Owns the reading connection: answers questions one by one, each from one snapshot."""
 
-    def __init__(self, name: str, connection: sqlite3.Connection, reader: LedgerReader) -> None:
+    def __init__(self, name: str, reader: LedgerReader) -> None:
         super().__init__(name)
-        self._db = connection
         self._reader = reader
 
     def run(self) -> None:
@@ -168,11 +140,8 @@ class ReaderThread(_LedgerThread):
 
     def _answer(self, job: LedgerJob) -> object:
         try:
-            self._db.execute("BEGIN")
-            try:
+            with self._reader.snapshot():
                 return job.act(self._reader)
-            finally:
-                self._db.execute("COMMIT")
         except Exception as error:
             return error  # the asker is told; the desk logs what is not a refusal
 

@@ -137,11 +137,11 @@ class Handlers:
         """What moves megabytes has a clerk of its own: nobody's question waits for it."""
         return {
             Verb.UPLOAD: VerbHandler(
-                TraceUploadChunk, lambda r, chunk: self._intake.take(r, chunk), carries=True
+                TraceUploadChunk, lambda r, chunk: self._intake.add_chunk(r, chunk), carries=True
             ),
             Verb.FETCH: VerbHandler(TraceDownloadRequest, self._fetch, carries=True),
-            Verb.KEEP: VerbHandler(FileUploadChunk, self._files.take, carries=True),
-            Verb.FILE: VerbHandler(FileDownloadRequest, self._files.piece, carries=True),
+            Verb.KEEP: VerbHandler(FileUploadChunk, self._files.add_chunk, carries=True),
+            Verb.FILE: VerbHandler(FileDownloadRequest, self._files.read_chunk, carries=True),
         }
 
     def _overview(self, reader: LedgerReader, _: Empty) -> DaemonOverview:
@@ -184,7 +184,7 @@ class Handlers:
         )
 
     def _fetch(self, reader: LedgerReader, fetch: TraceDownloadRequest) -> DownloadChunk:
-        trace = reader.trace(fetch.run)
+        trace = reader.trace_reference(fetch.run)
         if is_url(trace.location):
             raise Refused(f"the trace of {fetch.run} lies at {trace.location}: get it there")
         try:
@@ -235,7 +235,7 @@ class Handlers:
         return Count(book.pause(named.id, self._clock.now(), paused=False))
 
     def _prioritise(self, book: LedgerWriter, request: PriorityRequest) -> Empty:
-        book.prioritise(request.campaign, request.priority, self._clock.now())
+        book.set_priority(request.campaign, request.priority, self._clock.now())
         self._journal.write("prioritised", **codec.to_plain(request))
         return Empty()
 
@@ -249,10 +249,10 @@ class Handlers:
 
     def _meet(self, book: LedgerWriter, worker: WorkerInfo, now: float) -> None:
         self._check(worker)
-        if self._roster.full(worker.id):
+        if self._roster.is_full(worker.id):
             raise Refused(f"worker {worker.id} has to wait: there are {MOST_WORKERS} already")
-        if self._roster.seen(worker, now):
-            book.note(now, "worker", worker.id, state="came")
+        if self._roster.record_contact(worker, now):
+            book.record_event(now, "worker", worker.id, state="came")
             self._journal.write("worker came", worker=worker.id, slots=worker.slots)
 
     def _lease(self, book: LedgerWriter, request: LeaseRequest) -> LeaseReply:
@@ -272,13 +272,13 @@ class Handlers:
         return RenewReply(book.renew(request.worker.id, request.holds, now))
 
     def _complete(self, book: LedgerWriter, completion: Completion) -> LedgerAcknowledgement:
-        book.check(completion)
-        if self._intake.lacks(book, completion):
+        book.check_completion(completion)
+        if self._intake.is_missing(book, completion):
             return LedgerAcknowledgement(LedgerAnswer.MISSING)
         answer = book.complete(completion, self._clock.now())
-        self._intake.settle(book, completion, answer)
+        self._intake.settle_result(book, completion, answer)
         if answer is LedgerAnswer.RECORDED and not completion.location:
-            self._quota.added(completion.result.trace.size)
+            self._quota.add_bytes(completion.result.trace.size)
         if answer == "differs":
             self._journal.write("nondeterminism", run=completion.run, worker=completion.worker)
         return LedgerAcknowledgement(answer)

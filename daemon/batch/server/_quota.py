@@ -11,11 +11,11 @@ import time
 from collections.abc import Callable
 from typing import Final
 
+from daemon.batch.amounts import size_text
 from daemon.batch.errors import DaemonError
 from daemon.batch.ledger import RetentionPolicy, stored_bytes, sweep_traces
 from daemon.batch.paths import StatePaths
 from daemon.batch.server._runtime import EventLog
-from daemon.batch.sizes import size_text
 
 _PERIOD: Final = 60.0
 _REST: Final = 1.0
@@ -45,7 +45,7 @@ class Quota(threading.Thread):
         self._wake = threading.Event()
         self._closing = threading.Event()
 
-    def added(self, size: int) -> None:
+    def add_bytes(self, size: int) -> None:
         """A trace of ``size`` bytes came; looks soon if that was too much."""
         self.used += size
         if self.limit and self.used > self.limit:
@@ -56,7 +56,7 @@ class Quota(threading.Thread):
         while not self._closing.is_set():
             begun = time.monotonic()
             try:
-                self._look()
+                self._enforce()
             except (DaemonError, OSError) as error:
                 self._journal.write("quota not kept", problem=str(error))
             self._closing.wait(max(_REST, _SHARE * (time.monotonic() - begun)))
@@ -71,7 +71,7 @@ class Quota(threading.Thread):
         if self.is_alive():
             self.join()
 
-    def _look(self) -> None:
+    def _enforce(self) -> None:
         self.used = stored_bytes(self._places)
         if self.limit and self.used > self.limit:
             swept = sweep_traces(
@@ -83,14 +83,14 @@ class Quota(threading.Thread):
                 self._journal.write(
                     "traces removed", bytes=swept.freed, traces=len(swept.gone), of=campaigns[:20]
                 )
-        self._judge()
+        self._update_trouble()
 
-    def _judge(self) -> None:
-        before, self.trouble = self.trouble, self._complaint()
+    def _update_trouble(self) -> None:
+        before, self.trouble = self.trouble, self._trouble_text()
         if bool(before) != bool(self.trouble):
             self._journal.write("quota", trouble=self.trouble, bytes=self.used)
 
-    def _complaint(self) -> str:
+    def _trouble_text(self) -> str:
         if not self.limit or self.used <= self.limit:
             return ""
         return (

@@ -18,7 +18,7 @@ _STEP: Final = 0.5
 
 
 class DaemonClock:
-    """Wall clock seconds since the epoch that pass evenly between two calls of :meth:`follow`."""
+    """Wall clock seconds since the epoch that pass evenly between two calls of :meth:`follow_wall_clock`."""
 
     def __init__(
         self,
@@ -33,7 +33,7 @@ class DaemonClock:
         """The time [s]; safe to ask from any thread."""
         return self._steady() + self._offset
 
-    def follow(self) -> float:
+    def follow_wall_clock(self) -> float:
         """Go on with what the wall clock says now; returns by how much it was set [s], else 0.
 
         A machine that slept looks the same as a clock that was set forward.

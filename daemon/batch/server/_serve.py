@@ -5,7 +5,6 @@ from __future__ import annotations
 import fcntl
 import os
 import signal
-import sqlite3
 import sys
 import threading
 import time
@@ -21,8 +20,8 @@ import zenoh
 
 from daemon.batch import bus
 from daemon.batch.errors import AlreadyRunning, DaemonError
-from daemon.batch.ledger import LedgerReader, LedgerWriter, connect, connect_reader
-from daemon.batch.paths import DaemonContact, StatePaths, write_atomically
+from daemon.batch.ledger import LedgerReader, LedgerWriter
+from daemon.batch.paths import DaemonContact, StatePaths
 from daemon.batch.server._dispatcher import (
     LedgerJob,
     OverloadReply,
@@ -40,6 +39,7 @@ from daemon.model.execution import DEFAULT_EXECUTOR, RunLimits, available_cores
 from daemon.model.messages import ALIVE, ASK, EVENTS, WORK
 from daemon.model.status import ChangeEvent
 from grammars.text import codec
+from grammars.text.files import write_atomically
 
 _LAST_MOMENT: Final = 3.0
 STOP_MARGIN: Final = 2 * _LAST_MOMENT
@@ -74,7 +74,7 @@ def serve(
     """
     settings = _checked(settings or DaemonSettings())
     places = StatePaths.find(state)
-    places.make()
+    places.make_folders()
     with ExitStack() as stack:
         stack.enter_context(_only_one(places))
         journal = EventLog(places.log)
@@ -167,7 +167,7 @@ class _Daemon:
 
     def _trouble(self) -> str:
         own = "" if self._local is None else self._local.trouble
-        return self._places.shortage() or self._quota.trouble or own
+        return self._places.disk_shortage() or self._quota.trouble or own
 
     def _stop(self) -> None:
         self._stops += 1
@@ -178,12 +178,14 @@ class _Daemon:
         self._local = local
         if tether:
             threading.Thread(target=self._watch_tether, daemon=True).start()
-        connection = connect(self._places.ledger)
-        stack.callback(connection.close)
+        settings = self._settings
+        book = stack.enter_context(
+            LedgerWriter.open(self._places.ledger, attempts=settings.attempts, lease=settings.lease)
+        )
         session = stack.enter_context(
             bus.open_router(self._listening.endpoints, self._listening.keys)
         )
-        clerks = self._start_clerks(stack, connection, session)
+        clerks = self._start_clerks(stack, book, session)
         writer = clerks[0]
         self._quota.start()
         stack.callback(self._quota.close)
@@ -191,7 +193,7 @@ class _Daemon:
         self._journal.write("started", endpoints=self._listening.endpoints, pid=os.getpid())
         while not self._stopped.is_set():
             if local is not None:
-                local.look_after()
+                local.supervise()
             writer.put(LedgerJob(self._tick, self._ticked))
             if not all(clerk.is_alive() for clerk in clerks):
                 raise DaemonError("a thread of the daemon has failed, see worker.log")
@@ -206,18 +208,17 @@ class _Daemon:
         self._stop()
 
     def _start_clerks(
-        self, stack: ExitStack, connection: sqlite3.Connection, session: zenoh.Session
+        self, stack: ExitStack, book: LedgerWriter, session: zenoh.Session
     ) -> tuple[WriterThread, ReaderThread, ReaderThread, OverloadReply]:
         settings = self._settings
-        book = LedgerWriter(connection, attempts=settings.attempts, lease=settings.lease)
-        extended = book.extend(self._clock.now())
+        extended = book.extend_leases(self._clock.now())
         if extended:
             self._journal.write("resumed", leases=extended)
         if settings.store:
-            book.know_store(settings.store)
+            book.add_store(settings.store)
         questions = self._questions(stack, "ledger-reader")
         carrier = self._questions(stack, "carrier")
-        writer = WriterThread(connection, book, lambda events: _publish(session, events))
+        writer = WriterThread(book, lambda events: _publish(session, events))
         doorman = OverloadReply()
         for clerk in (doorman, questions, carrier, writer):
             clerk.start()
@@ -233,9 +234,7 @@ class _Daemon:
         return writer, questions, carrier, doorman
 
     def _questions(self, stack: ExitStack, name: str) -> ReaderThread:
-        reading = connect_reader(self._places.ledger)
-        stack.callback(reading.close)
-        return ReaderThread(name, reading, LedgerReader(reading, self._places))
+        return ReaderThread(name, stack.enter_context(LedgerReader.open(self._places)))
 
     def _on_liveliness(self, sample: zenoh.Sample) -> None:
         worker = str(sample.key_expr).rpartition("/")[2]
@@ -250,18 +249,18 @@ class _Daemon:
         stack.callback(self._places.contact_file.unlink, missing_ok=True)
 
     def _tick(self, book: LedgerWriter) -> int:
-        moved = self._clock.follow()
+        moved = self._clock.follow_wall_clock()
         if moved:
-            book.shift(moved)
+            book.shift_leases(moved)
             self._roster.shift(moved)
             self._journal.write("clock set", seconds=round(moved, 3))
         now = self._clock.now()
-        taken = book.lapse(now)
+        taken = book.expire_leases(now)
         if taken:
             self._journal.write("leases lapsed", runs=taken)
-        for worker in self._roster.take_gone(now):
-            runs = book.forsake(worker, now)
-            book.note(now, "worker", worker, state="gone")
+        for worker in self._roster.remove_gone(now):
+            runs = book.release_worker(worker, now)
+            book.record_event(now, "worker", worker, state="gone")
             self._journal.write("worker gone", worker=worker, runs=runs)
         return taken
 

@@ -43,12 +43,12 @@ class WorkerRegistry:
     _entries: dict[str, _ConnectedWorker] = field(default_factory=dict)
     _lock: threading.Lock = field(default_factory=threading.Lock)
 
-    def full(self, worker: str) -> bool:
+    def is_full(self, worker: str) -> bool:
         """Whether there is no room for this worker."""
         with self._lock:
             return worker not in self._entries and len(self._entries) >= MOST_WORKERS
 
-    def seen(self, info: WorkerInfo, now: float) -> bool:
+    def record_contact(self, info: WorkerInfo, now: float) -> bool:
         """A request came from this worker; returns whether it is a new one."""
         with self._lock:
             entry = self._entries.get(info.id)
@@ -79,7 +79,7 @@ class WorkerRegistry:
                 if entry.gone_at is not None:
                     entry.gone_at += seconds
 
-    def take_gone(self, now: float) -> tuple[str, ...]:
+    def remove_gone(self, now: float) -> tuple[str, ...]:
         """Forget the workers whose time is up and return their ids."""
         with self._lock:
             gone = tuple(
@@ -151,7 +151,7 @@ class LocalWorker:
         self._log_start = 0
         self.trouble = ""
 
-    def look_after(self) -> None:
+    def supervise(self) -> None:
         """Start the worker unless it runs or has just died; call this every now and then."""
         now = time.monotonic()
         if self.trouble and now - self._started > _SETTLED and self.alive:
@@ -165,7 +165,7 @@ class LocalWorker:
             steady = now - self._started > _STEADY
             self._pause = _FIRST_PAUSE if steady else min(2 * self._pause, _LONGEST_PAUSE)
             self._next_start = now + self._pause
-            self.trouble = self._last_words(code)
+            self.trouble = self._log_tail(code)
             self._journal.write(
                 "local worker ended", code=code, restart_in=self._pause, words=self.trouble
             )
@@ -201,7 +201,7 @@ class LocalWorker:
         self._started = now
         self._journal.write("local worker started", pid=self._process.pid)
 
-    def _last_words(self, code: int) -> str:
+    def _log_tail(self, code: int) -> str:
         with self._places.worker_log.open("rb") as log:
             log.seek(self._log_start)
             words = log.read().decode("utf-8", "replace").strip()

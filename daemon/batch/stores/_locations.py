@@ -11,9 +11,10 @@ from dataclasses import dataclass
 from typing import Final
 from urllib.parse import urlsplit
 
-from daemon.batch.paths import StatePaths, write_atomically
+from daemon.batch.paths import StatePaths
 from daemon.model.ids import is_id
 from grammars.text import codec
+from grammars.text.files import write_atomically
 
 _URL: Final = re.compile(r"[a-z][a-z0-9+.-]*://")
 _SHOWN_DIGEST: Final = 16

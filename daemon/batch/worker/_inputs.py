@@ -3,20 +3,18 @@
 from __future__ import annotations
 
 import os
-import time
-from collections.abc import Callable, Iterable
-from contextlib import suppress
+from collections.abc import Callable
 from pathlib import Path
 from typing import Final
 
-from daemon.batch.paths import write_atomically
-from daemon.batch.stores import append_part, decode_chunk, file_sha256
+from daemon.batch.stores import download, file_sha256, trim_cache
 from daemon.batch.worker._attempts import Attempt
 from daemon.batch.worker._connection import DaemonConnection, WorkerPaths
 from daemon.model.attachments import LARGEST_FILE, attached_digests
 from daemon.model.messages import DownloadChunk, FileDownloadRequest, IdRequest, Verb
 from grammars.model.scene import Scene
 from grammars.text import codec
+from grammars.text.files import move_durably, write_atomically
 
 _MOST_SCENES: Final = 256
 _SCENE_IN_USE: Final = 600.0
@@ -105,7 +103,7 @@ class InputCache:
             raise ValueError(f"the daemon sent {scene.digest[:12]} for the scene {digest[:12]}")
         write_atomically(path, codec.to_json(scene))
         if not self._paths.shared:
-            _trim(path.parent.glob("*.json"), _MOST_SCENES, lambda _: 1, _SCENE_IN_USE)
+            trim_cache(path.parent.glob("*.json"), _MOST_SCENES, lambda _: 1, _SCENE_IN_USE)
 
     def _fetch_file(self, path: Path, digest: str) -> None:
         if self._paths.shared:
@@ -114,42 +112,23 @@ class InputCache:
         part = path.with_name(f".{digest}.{os.getpid()}.part")
         part.unlink(missing_ok=True)
         try:
-            self._download(part, digest)
+            download(
+                part,
+                lambda offset: self._daemon.ask(
+                    Verb.FILE, FileDownloadRequest(digest, offset), DownloadChunk
+                ),
+                largest=LARGEST_FILE,
+                progress=lambda _: self._meanwhile(),
+            )
             if file_sha256(part) != digest:
                 raise ValueError(f"the daemon sent another file for {digest[:12]}")
             # Read only: the system under test of one run must not change it for the next.
             part.chmod(0o400)
-            part.replace(path)
+            move_durably(part, path)
         finally:
             part.unlink(missing_ok=True)
-        _trim(path.parent.iterdir(), _LARGEST_FILE_CACHE, lambda s: s.st_size, _FILE_IN_USE)
-
-    def _download(self, part: Path, digest: str) -> None:
-        part.touch(mode=0o600)
-        have, size = 0, 1  # how large it is comes with the first part
-        while have < size:
-            piece = self._daemon.ask(Verb.FILE, FileDownloadRequest(digest, have), DownloadChunk)
-            size, data = min(piece.size, LARGEST_FILE), decode_chunk(piece.data, piece.digest)
-            append_part(part, have, data)
-            have += len(data)
-            if not data and have < size:
-                raise ValueError(f"the daemon's file {digest[:12]} is shorter than it says")
-            self._meanwhile()
+        trim_cache(path.parent.iterdir(), _LARGEST_FILE_CACHE, lambda s: s.st_size, _FILE_IN_USE)
 
 
 def _is_file(path: Path, digest: str) -> bool:
     return path.exists() and file_sha256(path) == digest
-
-
-def _trim(
-    paths: Iterable[Path], most: int, weight: Callable[[os.stat_result], int], in_use: float
-) -> None:
-    """Remove what was not used for longest until the rest weighs at most ``most``."""
-    files = sorted(((path.stat(), path) for path in paths), key=lambda file: file[0].st_mtime)
-    total, now = sum(weight(found) for found, _ in files), time.time()
-    for found, path in files:
-        if total <= most or now - found.st_mtime < in_use:
-            return
-        total -= weight(found)
-        with suppress(FileNotFoundError):
-            path.unlink()

@@ -341,7 +341,7 @@ class WorkerLoop:
             return
         if time.monotonic() < max(self._lease_at, self._troubled_until):
             return
-        shortage = self._paths.shortage()
+        shortage = self._paths.disk_shortage()
         if shortage:
             self._log(shortage)
             self._troubled_until = time.monotonic() + _RETRY_FAILED

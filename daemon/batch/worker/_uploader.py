@@ -19,7 +19,7 @@ from typing import Final
 
 from daemon.batch import stores
 from daemon.batch.errors import Unavailable, Unreachable
-from daemon.batch.paths import StatePaths, sync_directory
+from daemon.batch.paths import StatePaths
 from daemon.batch.run_process import TRACE
 from daemon.batch.worker._attempts import Attempt
 from daemon.batch.worker._connection import DaemonConnection, WorkerPaths
@@ -33,6 +33,7 @@ from daemon.model.messages import (
     Verb,
 )
 from daemon.model.spec import RunResult
+from grammars.text.files import replacing
 
 LONGEST_TURN: Final = 0.5
 """Seconds of sending before the worker looks after its runs and leases again."""
@@ -47,13 +48,10 @@ _FAULTS: Final = 5
 
 
 @dataclass(slots=True)
-class _BusUpload:
-    """A trace on its way over the bus; ``offset`` is unknown until the daemon says it."""
+class _BusUpload(stores.FileUpload):
+    """A trace on its way over the bus."""
 
     begun: float = field(default_factory=time.monotonic)
-    offset: int | None = None
-    complete: bool = False
-    faults: int = 0
 
 
 class _StoreUpload(threading.Thread):
@@ -105,16 +103,11 @@ class TracePlacement:
 
     def replace(self) -> None:
         """Put the trace there whatever is there; the spool keeps its own."""
-        temporary = self.target.with_name(f".{self.target.name}.{os.getpid()}.tmp")
-        temporary.unlink(missing_ok=True)
-        try:
-            os.link(self.source, temporary)
-        except OSError:  # no hard links here, or another file system
-            shutil.copyfile(self.source, temporary)
-            with temporary.open("rb") as file:
-                os.fsync(file.fileno())
-        temporary.replace(self.target)
-        sync_directory(self.target.parent)
+        with replacing(self.target) as temporary:
+            try:
+                os.link(self.source, temporary)
+            except OSError:  # no hard links here, or another file system
+                shutil.copyfile(self.source, temporary)
 
     def withdraw(self) -> None:
         """Remove the trace from there if it is this one."""
@@ -205,8 +198,7 @@ class ResultUploader:
     def _by_bus(self, attempt: Attempt, result: RunResult) -> bool:
         token = attempt.lease.token
         if token not in self._sending:
-            _checked_trace(attempt, result)
-            self._sending[token] = _BusUpload()
+            self._sending[token] = _BusUpload(_checked_trace(attempt, result))
         sending, until = self._sending[token], time.monotonic() + self._turn
         try:
             while not sending.complete:
@@ -219,7 +211,7 @@ class ResultUploader:
             raise
         # Missing: the parts are gone from the daemon's folder since it acknowledged the last one.
         if self._complete(attempt, result, uploaded=True) is LedgerAnswer.MISSING:
-            self._sending[token] = _BusUpload()
+            self._sending[token] = _BusUpload(sending.path)
             return False
         self._tell(attempt, result, sending.begun, "sent")
         del self._sending[token]
@@ -228,32 +220,23 @@ class ResultUploader:
     def _send(self, attempt: Attempt, result: RunResult, sending: _BusUpload) -> None:
         """Send the next part, or ask where to go on."""
         lease, trace = attempt.lease, result.trace
-        data = b""
-        if sending.offset is not None:
-            data = stores.read_part(attempt.folder / TRACE, sending.offset, self._chunk)
-        text, digest = stores.encode_chunk(data)
-        chunk = TraceUploadChunk(
-            self._worker, lease.run, lease.token, trace.sha256, trace.size,
-            sending.offset or 0, text, digest,
-        )  # fmt: skip
+        ours = (self._worker, lease.run, lease.token, trace.sha256, trace.size)
+
+        def ask(offset: int, text: str, digest: str) -> UploadProgress:
+            chunk = TraceUploadChunk(*ours, offset, text, digest)
+            return self._daemon.ask(Verb.UPLOAD, chunk, UploadProgress)
+
         asked = time.monotonic()
         try:
-            received = self._daemon.ask(Verb.UPLOAD, chunk, UploadProgress)
+            self.moved += sending.send_next(ask, self._chunk)
         except Unavailable as error:
             # No room there just now. Everything else goes on: leases are renewed, say.
             raise OSError(str(error)) from error
         if time.monotonic() - asked < _QUICK_ANSWER:
             self._chunk = min(2 * self._chunk, LARGEST_CHUNK)
-        if received.problem:
-            self._count_fault(lease.run, sending, received)
-        self.moved += len(data)
-        sending.offset, sending.complete = received.offset, received.complete
-
-    def _count_fault(self, run: str, sending: _BusUpload, received: UploadProgress) -> None:
-        sending.faults += 1
         if sending.faults >= _FAULTS:
             sending.faults, sending.offset = 0, None
-            raise OSError(f"the trace of {run} does not arrive: {received.problem}")
+            raise OSError(f"the trace of {lease.run} does not arrive: {sending.problem}")
 
     def _tell(self, attempt: Attempt, result: RunResult, begun: float, what: str) -> None:
         took = time.monotonic() - begun

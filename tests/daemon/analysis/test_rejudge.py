@@ -99,7 +99,7 @@ def test_a_run_that_goes_on_can_be_judged(tmp_path: Path) -> None:
 def kept(tmp_path: Path) -> StatePaths:
     """A state directory whose ledger says that its one run failed."""
     places = StatePaths(tmp_path / "state")
-    places.make()
+    places.make_folders()
     run = spec()
     connection = connect(places.ledger)
     book = LedgerWriter(connection)
@@ -143,7 +143,7 @@ def test_the_ledger_is_silent_about_another_run_in_its_place(kept: StatePaths) -
 
 def test_a_ledger_that_cannot_be_read_changes_nothing(tmp_path: Path) -> None:
     places = StatePaths(tmp_path)
-    places.make()
+    places.make_folders()
     places.ledger.write_bytes(b"this is no database" * 100)
     path = drive(places.traces / "c" / "S1.pilot.0.mcap", spec())
     (found,) = rejudge(find_traces(["c"], places), None, places=places)

@@ -138,7 +138,7 @@ def test_a_file_that_is_not_here_is_nothing_to_blame_a_run_for(here: Path) -> No
 @pytest.fixture
 def files(tmp_path: Path) -> Iterator[FileUploads]:
     places = StatePaths(tmp_path / "state")
-    places.make()
+    places.make_folders()
     journal = EventLog(places.log)
     yield FileUploads(places, journal)
     journal.close()
@@ -149,28 +149,28 @@ def keep(offset: int, data: bytes, **changes: Any) -> FileUploadChunk:
 
 
 def test_the_daemon_takes_a_file_in_parts_and_verifies_it(files: FileUploads) -> None:
-    assert files.take(None, FileUploadChunk(DIGEST, len(MODEL))) == UploadProgress(
+    assert files.add_chunk(None, FileUploadChunk(DIGEST, len(MODEL))) == UploadProgress(
         0, complete=False
     )  # type: ignore[arg-type]
     half = len(MODEL) // 2
-    assert files.take(None, keep(0, MODEL[:half])).offset == half  # type: ignore[arg-type]
-    assert "expected is" in files.take(None, keep(0, b"again")).problem  # type: ignore[arg-type]
-    damaged = files.take(None, keep(half, MODEL[half:], digest="0" * 64))  # type: ignore[arg-type]
+    assert files.add_chunk(None, keep(0, MODEL[:half])).offset == half  # type: ignore[arg-type]
+    assert "expected is" in files.add_chunk(None, keep(0, b"again")).problem  # type: ignore[arg-type]
+    damaged = files.add_chunk(None, keep(half, MODEL[half:], digest="0" * 64))  # type: ignore[arg-type]
     assert (damaged.offset, damaged.complete) == (half, False)
-    assert files.take(None, keep(half, MODEL[half:])).complete  # type: ignore[arg-type]
-    assert files.take(None, FileUploadChunk(DIGEST, len(MODEL))).complete  # type: ignore[arg-type]
-    piece = files.piece(None, FileDownloadRequest(DIGEST, 10, 20))  # type: ignore[arg-type]
+    assert files.add_chunk(None, keep(half, MODEL[half:])).complete  # type: ignore[arg-type]
+    assert files.add_chunk(None, FileUploadChunk(DIGEST, len(MODEL))).complete  # type: ignore[arg-type]
+    piece = files.read_chunk(None, FileDownloadRequest(DIGEST, 10, 20))  # type: ignore[arg-type]
     assert (piece.size, piece.sha256) == (len(MODEL), DIGEST)
 
 
 def test_a_whole_that_is_another_one_is_never_kept(files: FileUploads) -> None:
     wrong = b"x" * len(MODEL)
-    assert "another digest" in files.take(None, keep(0, wrong)).problem  # type: ignore[arg-type]
+    assert "another digest" in files.add_chunk(None, keep(0, wrong)).problem  # type: ignore[arg-type]
     with pytest.raises(Refused, match="more bytes"):
-        files.take(None, keep(0, MODEL + b"!"))  # type: ignore[arg-type]
+        files.add_chunk(None, keep(0, MODEL + b"!"))  # type: ignore[arg-type]
     with pytest.raises(Refused, match="no file"):
-        files.piece(None, FileDownloadRequest(DIGEST, 0))  # type: ignore[arg-type]
-    assert list(files.places.files.iterdir()) == []
+        files.read_chunk(None, FileDownloadRequest(DIGEST, 0))  # type: ignore[arg-type]
+    assert list(files.paths.files.iterdir()) == []
 
 
 def test_a_worker_never_keeps_what_another_digest_names(tmp_path: Path) -> None:
@@ -210,7 +210,7 @@ def test_files_travel_to_workers_and_into_the_process_of_the_run(
 
 def test_a_submission_without_its_files_is_refused(tmp_path: Path) -> None:
     places = StatePaths(tmp_path)
-    places.make()
+    places.make_folders()
     lacking = {"files": {"model": f"sha256:{DIGEST}"}}
     submission = submission_of("c", replace(make_spec(), sut=SutReference("m", "mine", lacking)))
     with pytest.raises(Refused, match='the file "model" of m was not sent along'):

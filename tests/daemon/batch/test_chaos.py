@@ -63,15 +63,15 @@ def test_leases_last_as_long_as_they_are_whatever_the_clock_says(
     book.lease("w", 2, clock.now())
     hand.pass_by(20.0)
     hand.wall += step
-    assert book.lapse(clock.now()) == 0
-    book.shift(clock.follow())
+    assert book.expire_leases(clock.now()) == 0
+    book.shift_leases(clock.follow_wall_clock())
     assert clock.now() == pytest.approx(hand.wall)
-    assert book.lapse(clock.now()) == 0
+    assert book.expire_leases(clock.now()) == 0
     hand.pass_by(9.9)
-    assert clock.follow() == 0.0
-    assert book.lapse(clock.now()) == 0
+    assert clock.follow_wall_clock() == 0.0
+    assert book.expire_leases(clock.now()) == 0
     hand.pass_by(0.2)
-    assert book.lapse(clock.now()) == 2
+    assert book.expire_leases(clock.now()) == 2
     db.close()
 
 
@@ -82,6 +82,6 @@ def test_a_daemon_that_starts_on_an_earlier_clock_keeps_no_lease_for_longer(
     LedgerWriter(db).submit(make_submission("c", 1), 10 * HOUR)
     LedgerWriter(db).lease("w", 1, 10 * HOUR)
     book = LedgerWriter(db, lease=30.0)
-    assert book.extend(HOUR) == 1
-    assert book.lapse(HOUR + 31.0) == 1
+    assert book.extend_leases(HOUR) == 1
+    assert book.expire_leases(HOUR + 31.0) == 1
     db.close()

@@ -12,10 +12,10 @@ from daemon.batch.paths import (
     find_endpoint,
     is_endpoint,
     parse_endpoint,
-    write_atomically,
 )
 from daemon.model.ids import is_id, is_run_id, trace_name
 from grammars.text import codec
+from grammars.text.files import write_atomically
 
 names = st.text(min_size=1, max_size=20).filter(lambda text: "\ud800" not in text)
 
@@ -114,11 +114,11 @@ def test_a_full_disk_is_said_before_runs_start(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     places = StatePaths.find(tmp_path)
-    assert places.shortage() == ""
+    assert places.disk_shortage() == ""
     usage = shutil.disk_usage(tmp_path)._replace(free=3 * 2**20)
     monkeypatch.setattr(shutil, "disk_usage", lambda _: usage)
-    assert "is full (3 MiB left): runs wait until 32 MiB are free" in places.shortage()
+    assert "is full (3 MiB left): runs wait until 32 MiB are free" in places.disk_shortage()
 
 
 def test_a_state_directory_that_is_gone_is_said(tmp_path: Path) -> None:
-    assert "cannot be used" in StatePaths.find(tmp_path / "gone").shortage()
+    assert "cannot be used" in StatePaths.find(tmp_path / "gone").disk_shortage()

@@ -130,7 +130,7 @@ def test_a_worker_elsewhere_leaves_nothing_in_the_state_directory_but_traces(
 
 def test_a_worker_uses_the_directory_only_where_it_is_that_of_the_daemon(tmp_path: Path) -> None:
     places = StatePaths(tmp_path / "state")
-    places.make()
+    places.make_folders()
     old, marker = write_marker(places), write_marker(places)
     assert (old.identity, old.probe != marker.probe) == (marker.identity, True)
     welcome = WelcomeReply(str(places.state), "1", "2", 3.0, 1.0, marker.identity, marker.probe)

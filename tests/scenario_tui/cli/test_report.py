@@ -36,7 +36,7 @@ def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 def ledger(here: Path) -> StatePaths:
     """A state directory with a campaign: two runs with results, one still waiting."""
     places = StatePaths(here / "state")
-    places.make()
+    places.make_folders()
     specs = (spec(SHUT, SUTS[0], 0), spec(OPEN, SUTS[0], 0), spec(OPEN, SUTS[1], 0))
     connection = connect(places.ledger)
     book = LedgerWriter(connection)

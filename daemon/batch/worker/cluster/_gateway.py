@@ -13,7 +13,6 @@ from typing import Final
 from distributed import Future, KilledWorker
 from distributed.client import FutureCancelledError
 
-from daemon.batch.paths import write_atomically
 from daemon.batch.run_process import FILES, RESULT, TRACE
 from daemon.batch.worker._attempts import Attempt, AttemptEnd, Waitable
 from daemon.batch.worker._signals import WakeupSocket
@@ -32,6 +31,7 @@ from daemon.model.messages import LARGEST_REQUEST
 from daemon.model.spec import RunResult
 from daemon.model.status import LiveSnapshot
 from grammars.text import codec
+from grammars.text.files import write_atomically
 
 _LONGEST_REASON: Final = 6000
 

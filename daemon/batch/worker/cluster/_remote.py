@@ -36,6 +36,7 @@ from daemon.model.messages import LARGEST_REQUEST, Lease
 from daemon.model.spec import RunSpec
 from daemon.model.versions import own_version
 from grammars.text import codec
+from grammars.text.files import write_atomically
 
 LARGEST_TRACE: Final = 256 * 2**20
 """Bytes of a trace that travel as the result of a Dask task, through the memory of three
@@ -123,7 +124,7 @@ class RemoteLauncher:
             )
         self._wire = Connection(ours.detach())
         self._paths = StatePaths(Path(self._read_greeting()))
-        self._paths.make()
+        self._paths.make_folders()
         self._sending = threading.Lock()
         self._inboxes: dict[str, SimpleQueue[LaunchReport]] = {}
         self.ended = False
@@ -167,10 +168,7 @@ class RemoteLauncher:
             path = needed.get(hashlib.sha256(data).hexdigest())
             if path is None:
                 raise ValueError("something was damaged on its way to the cluster")
-            # Threads of this worker may bring the same at the same time: each its own file.
-            temporary = path.with_name(f".{uuid.uuid4().hex}")
-            temporary.write_bytes(data)
-            temporary.replace(path)
+            write_atomically(path, data, durable=False)
 
     def _needed(self, spec: RunSpec) -> dict[str, Path]:
         paths = {spec.scene: self._paths.scene(spec.scene)}

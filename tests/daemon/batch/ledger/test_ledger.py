@@ -213,8 +213,8 @@ def test_everything_is_still_there_after_reopening(tmp_path: Path) -> None:
     db.close()
     again = connect(path)
     book = LedgerWriter(again, lease=30)
-    assert book.extend(NOW + 29) == 1
-    assert book.lapse(NOW + 58) == 0
-    assert book.lapse(NOW + 60) == 1
+    assert book.extend_leases(NOW + 29) == 1
+    assert book.expire_leases(NOW + 58) == 0
+    assert book.expire_leases(NOW + 60) == 1
     assert book.lease("w", 1, NOW)[0].token > granted[0].token
     again.close()

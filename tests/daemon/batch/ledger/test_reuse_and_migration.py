@@ -72,7 +72,7 @@ class Ledger:
 @pytest.fixture
 def ledger(tmp_path: Path) -> Iterator[Ledger]:
     places = StatePaths(tmp_path)
-    places.make()
+    places.make_folders()
     writing = connect(places.ledger)
     writing.execute("PRAGMA synchronous = OFF")  # power cuts are tested elsewhere
     reading = connect_reader(places.ledger)
@@ -107,7 +107,7 @@ def test_only_runs_without_a_result_are_executed(ledger: Ledger) -> None:
 
 
 def test_a_result_used_again_has_its_trace_where_the_first_one_put_it(ledger: Ledger) -> None:
-    ledger.book.know_store("s3://bucket")
+    ledger.book.add_store("s3://bucket")
     ledger.submit("first", *specs(1))
     (grant,) = ledger.book.lease("w", 1, NOW, store="s3://bucket")
     result = make_result(grant.spec)
@@ -292,7 +292,7 @@ def test_a_ledger_of_an_earlier_version_is_brought_up_to_date(tmp_path: Path, ve
 
 def test_repeats_in_reserve_are_held_to_the_same_rules(tmp_path: Path) -> None:
     places = StatePaths(tmp_path)
-    places.make()
+    places.make_folders()
     submission = replace(submission_of("c", *specs(2)), reserve=tuple(specs(2, first=1)))
     with pytest.raises(Refused, match="S1/pilot/1 is there twice"):
         admit_submission(submission, places)

@@ -85,12 +85,12 @@ class LedgerMachine(RuleBasedStateMachine):
     @rule(seconds=st.sampled_from([1.0, 4.0, 11.0]))
     def time_passes(self, seconds: float) -> None:
         self.now += seconds
-        self.book.lapse(self.now)
+        self.book.expire_leases(self.now)
         assert all(r["lease_until"] >= self.now for r in self.rows() if r["state"] == "running")
 
     @rule(worker=WORKERS)
     def worker_goes(self, worker: str) -> None:
-        self.book.forsake(worker, self.now)
+        self.book.release_worker(worker, self.now)
 
     @rule()
     def cancel(self) -> None:
@@ -104,7 +104,7 @@ class LedgerMachine(RuleBasedStateMachine):
     @rule()
     def restart(self) -> None:
         self.book = LedgerWriter(self.db, attempts=3, lease=LEASE)
-        self.book.extend(self.now)
+        self.book.extend_leases(self.now)
 
     def rows(self) -> list[dict[str, Any]]:
         cursor = self.db.execute("SELECT * FROM run")

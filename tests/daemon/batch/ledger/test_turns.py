@@ -51,8 +51,8 @@ def test_one_that_comes_later_need_not_wait_for_those_before(book: LedgerWriter)
 def test_higher_priority_goes_first(book: LedgerWriter) -> None:
     for name in ("a", "b", "c"):
         book.submit(make_submission(name, 2), NOW)
-    book.prioritise("b", 5, NOW)
-    book.prioritise("a", -1, NOW)
+    book.set_priority("b", 5, NOW)
+    book.set_priority("a", -1, NOW)
     assert leased(book) == ["b.0", "b.1", "c.0", "c.1", "a.0", "a.1"]
 
 
@@ -92,7 +92,7 @@ def test_a_paused_campaign_can_be_cancelled_and_tried_again(book: LedgerWriter) 
 def test_rows_say_so(tmp_path: Path, book: LedgerWriter) -> None:
     book.submit(make_submission("a", 1), NOW)
     book.pause("a", NOW, paused=True)
-    book.prioritise("a", 7, NOW)
+    book.set_priority("a", 7, NOW)
     db = connect(tmp_path / "ledger.db")
     (row,) = LedgerReader(db, StatePaths(tmp_path)).campaigns()
     db.close()
@@ -103,7 +103,7 @@ def test_unknown_campaigns_are_refused(book: LedgerWriter) -> None:
     with pytest.raises(Refused, match="no campaign x"):
         book.pause("x", NOW, paused=True)
     with pytest.raises(Refused, match="no campaign x"):
-        book.prioritise("x", 1, NOW)
+        book.set_priority("x", 1, NOW)
 
 
 STEPS = st.lists(
@@ -142,7 +142,7 @@ def test_leases_follow_the_plain_rule(sizes: list[int], steps: list[tuple[str, i
             assert leased(book, number) == expected
         elif step == "priority":
             rank[names[number]] += 1
-            book.prioritise(names[number], rank[names[number]], NOW)
+            book.set_priority(names[number], rank[names[number]], NOW)
         else:
             (paused.add if step == "pause" else paused.discard)(names[number])
             book.pause(names[number], NOW, paused=step == "pause")

@@ -24,7 +24,7 @@ NOBODY = Endpoint("tcp/127.0.0.1:1", "default")
 def places(tmp_path: Path) -> StatePaths:
     """A state directory after three runs were queued."""
     places = StatePaths(tmp_path / "state")
-    places.make()
+    places.make_folders()
     db = connect(places.ledger)
     LedgerWriter(db).submit(make_submission("known", 3), time.time())
     db.close()

@@ -31,7 +31,7 @@ class Store:
 
     def __init__(self, folder: Path) -> None:
         self.places = StatePaths.find(folder)
-        self.places.make()
+        self.places.make_folders()
         self.db = connect(self.places.ledger)
         self.book = LedgerWriter(self.db)
 
@@ -113,16 +113,14 @@ def test_results_stay_and_say_that_the_trace_is_gone(store: Store) -> None:
 def test_a_campaign_that_starts_again_meanwhile_keeps_its_traces(
     store: Store, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from daemon.batch.ledger import _retention
-
-    choose = _retention._choose
+    choose = RetentionPolicy.choose
 
     def choose_slowly(*arguments: object) -> object:
         chosen = choose(*arguments)  # type: ignore[arg-type]
         store.book.retry(RetryRequest("b", ("all",)), 60.0)
         return chosen
 
-    monkeypatch.setattr(_retention, "_choose", choose_slowly)
+    monkeypatch.setattr(RetentionPolicy, "choose", choose_slowly)
     swept = sweep_traces(store.places, RetentionPolicy(newest=0), 100.0)
     assert store.left() == {"b": 3}
     assert (len(swept.gone), swept.kept) == (6, 3 * SIZE)

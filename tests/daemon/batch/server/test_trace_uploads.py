@@ -16,7 +16,7 @@ import pytest
 from daemon.batch.errors import Refused, Unavailable
 from daemon.batch.ledger import LedgerReader, LedgerWriter, connect, connect_reader
 from daemon.batch.paths import StatePaths
-from daemon.batch.server import EventLog, TraceUploads, _uploads
+from daemon.batch.server import EventLog, TraceUploads
 from daemon.batch.stores import encode_chunk, trace_url
 from daemon.model.messages import (
     Completion,
@@ -52,7 +52,7 @@ class Site:
         return replace(made, **({"data": text, "digest": digest} | changes))
 
     def take(self, offset: int, part: bytes, **changes: Any) -> UploadProgress:
-        return self.intake.take(self.reader, self.chunk(offset, part, **changes))
+        return self.intake.add_chunk(self.reader, self.chunk(offset, part, **changes))
 
     def completion(self, data: bytes = TRACE, **changes: Any) -> Completion:
         info = TraceInfo(hashlib.sha256(data).hexdigest(), len(data), 1)
@@ -61,11 +61,11 @@ class Site:
         return replace(made, **changes)
 
     def complete(self, completion: Completion) -> LedgerAnswer:
-        """What the desk does."""
-        if self.intake.lacks(self.book, completion):
+        """What the daemon does with a completion."""
+        if self.intake.is_missing(self.book, completion):
             return LedgerAnswer.MISSING
         answer = self.book.complete(completion, NOW)
-        self.intake.settle(self.book, completion, answer)
+        self.intake.settle_result(self.book, completion, answer)
         return answer
 
     @property
@@ -79,7 +79,7 @@ class Site:
 @pytest.fixture
 def site(tmp_path: Path) -> Iterator[Site]:
     places = StatePaths(tmp_path)
-    places.make()
+    places.make_folders()
     journal = EventLog(places.log)
     connection, reading = connect(places.ledger), connect_reader(places.ledger)
     book = LedgerWriter(connection)
@@ -143,7 +143,7 @@ def test_a_result_without_its_trace_is_not_recorded(site: Site) -> None:
     assert site.complete(site.completion(uploaded=False)) is LedgerAnswer.MISSING
     site.take(0, TRACE[:400])
     assert site.complete(site.completion()) is LedgerAnswer.MISSING
-    assert site.book.awaited("c.0")
+    assert site.book.awaits_result("c.0")
 
 
 def test_more_than_announced_is_refused(site: Site) -> None:
@@ -155,7 +155,7 @@ def test_only_the_holder_of_the_lease_may_send(site: Site) -> None:
     for token in (0, site.grant.token + 1):
         with pytest.raises(Refused, match="stale"):
             site.take(0, TRACE[:400], token=token)
-    site.book.lapse(NOW + 1000.0)
+    site.book.expire_leases(NOW + 1000.0)
     assert site.take(0, TRACE[:400]).offset == 400  # nobody else has it: still welcome
     (again,) = site.book.lease("v", 1, NOW + 1000.0)
     with pytest.raises(Refused, match="stale"):
@@ -222,8 +222,8 @@ def test_hostile_digests_and_sizes_do_not_pass_the_border(site: Site) -> None:
             codec.from_plain(TraceUploadChunk, good | {field: value})
 
 
-def test_uploads_are_bounded_in_number(site: Site, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(_uploads, "_MOST_UPLOADS", 2)
+def test_uploads_are_bounded_in_number(site: Site) -> None:
+    site.intake = TraceUploads(site.places, site.journal, most=2)
     for name in ("a", "b"):
         (site.places.incoming / name).touch()
     with pytest.raises(Unavailable, match="has to wait"):
@@ -231,7 +231,7 @@ def test_uploads_are_bounded_in_number(site: Site, monkeypatch: pytest.MonkeyPat
 
 
 def test_a_full_disk_makes_uploads_wait(site: Site, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(StatePaths, "shortage", lambda _: "the disk is full")
+    monkeypatch.setattr(StatePaths, "disk_shortage", lambda _: "the disk is full")
     with pytest.raises(Unavailable, match="the disk is full"):
         site.take(0, TRACE)
     monkeypatch.undo()
@@ -254,9 +254,9 @@ def test_a_trace_elsewhere_must_be_where_a_store_of_ours_has_it(site: Site) -> N
     done = site.completion(location=url, uploaded=False)
     with pytest.raises(Refused, match="is not where"):
         site.complete(done)
-    site.book.know_store("s3://bucket/traces")
+    site.book.add_store("s3://bucket/traces")
     with pytest.raises(Refused, match="is not where"):
         site.complete(replace(done, location="s3://bucket/traces/../secret.mcap"))
     assert site.complete(done) is LedgerAnswer.RECORDED
     assert site.reader.run("c.0").row.trace == url
-    assert site.reader.trace("c.0").sha256 == sha256
+    assert site.reader.trace_reference("c.0").sha256 == sha256

@@ -1,0 +1,63 @@
+"""Files that are there as a whole or not at all, also after a power cut.
+
+Every part of the product that keeps something for others to read writes it this way.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+
+def write_atomically(path: Path, data: bytes, *, durable: bool = True) -> None:
+    """Write ``data`` so that ``path`` holds either all of it or what it held before.
+
+    Also after a power cut, unless ``durable`` is off: that saves waiting for the disk where
+    what is written can be made again. Raises ``OSError``.
+    """
+    with replacing(path, durable=durable) as temporary:
+        temporary.write_bytes(data)
+
+
+@contextmanager
+def replacing(path: Path, *, mode: int | None = None, durable: bool = True) -> Iterator[Path]:
+    """Give the path of a file to be written, beside ``path``, that takes its place afterwards.
+
+    When the block raises, ``path`` keeps what it held and nothing is left. ``mode`` are the
+    permissions of the new file.
+    """
+    # The name is random, not the process id: two threads may write the same file. The doctor
+    # knows what a killed process left behind by the dot and the suffix.
+    temporary = path.with_name(f".{path.name}.{os.urandom(4).hex()}.tmp")
+    try:
+        yield temporary
+        if mode is not None:
+            temporary.chmod(mode)
+        if durable:
+            move_durably(temporary, path)
+        else:
+            temporary.replace(path)
+    finally:
+        # Also when all went well: of two hard links to one file, rename(2) removes neither.
+        temporary.unlink(missing_ok=True)
+
+
+def move_durably(source: Path, target: Path) -> None:
+    """Give a complete file its name in the same file system, for good; raises ``OSError``."""
+    # First the content: a rename may reach the disk before the data of the file does, and then a
+    # power cut leaves an empty file under the good name. Then the folder, for the rename itself.
+    with source.open("rb") as file:
+        os.fsync(file.fileno())
+    source.replace(target)
+    sync_directory(target.parent)
+
+
+def sync_directory(folder: Path) -> None:
+    """Make renames and new names in ``folder`` durable."""
+    descriptor = os.open(folder, os.O_RDONLY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)

@@ -1,0 +1,49 @@
+"""Whole or not at all: what stands in a file that is written again, and in the folder beside."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import pytest
+
+from grammars.text.files import move_durably, replacing, write_atomically
+
+
+def test_a_file_is_replaced_as_a_whole_and_nothing_is_left_beside_it(tmp_path: Path) -> None:
+    path = tmp_path / "kept"
+    write_atomically(path, b"before")
+    with replacing(path, mode=0o400) as temporary:
+        temporary.write_bytes(b"after")
+        assert path.read_bytes() == b"before"
+    assert path.read_bytes() == b"after"
+    assert path.stat().st_mode & 0o777 == 0o400
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_what_fails_leaves_what_was_there(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = tmp_path / "kept"
+    write_atomically(path, b"before")
+
+    def full(*_: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(os, "fsync", full)
+    with pytest.raises(OSError, match="No space"):
+        write_atomically(path, b"after")
+    assert path.read_bytes() == b"before"
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_a_link_to_the_file_itself_goes_too(tmp_path: Path) -> None:
+    path = tmp_path / "kept"
+    path.write_bytes(b"same")
+    with replacing(path) as temporary:
+        os.link(path, temporary)
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_a_file_that_is_complete_gets_its_name(tmp_path: Path) -> None:
+    (tmp_path / "part").write_bytes(b"all")
+    move_durably(tmp_path / "part", tmp_path / "whole")
+    assert [path.name for path in tmp_path.iterdir()] == ["whole"]
