@@ -13,7 +13,7 @@ import traceback
 from collections.abc import Callable
 from typing import Any
 
-from daemon.model.execution import EXECUTOR_VARIABLE
+from daemon.model.execution import EXECUTOR_VARIABLE, forget_safe_path
 from daemon.model.messages import Lease
 from daemon.model.spec import RunResult
 from daemon.model.status import LiveSnapshot
@@ -36,6 +36,7 @@ def _load(name: str) -> Callable[..., Any]:
 
 def _prepare() -> None:
     global execute, problem
+    forget_safe_path()
     # Decoders are built once here, not once in every child.
     codec.warm_up(Lease, Scene, RunResult, LiveSnapshot)
     try:

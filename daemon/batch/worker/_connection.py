@@ -22,9 +22,10 @@ from daemon.batch.paths import StatePaths
 from daemon.batch.security import Credentials
 from daemon.batch.stores import StoreUnusable, probe_store, read_marker
 from daemon.model.ids import is_id
-from daemon.model.messages import Verb, WelcomeReply, WorkerInfo
+from daemon.model.messages import WelcomeReply, WorkerInfo
+from daemon.model.verbs import WELCOME, Verb
 
-T = TypeVar("T")
+A = TypeVar("A")
 
 _TIMEOUT: Final = 5.0
 """Seconds for an answer; a link that is silent so long is as good as cut, and asked again."""
@@ -103,13 +104,13 @@ class DaemonConnection:
     endpoint: str
     holder: Credentials | None = None
 
-    def ask(self, verb: Verb, request: object, kind: type[T]) -> T:
+    def ask(self, verb: Verb[..., A], request: object) -> A:
         """Ask the daemon; raises :class:`Unreachable` or :class:`Refused`."""
-        return bus.ask(self.session, self.endpoint, verb, request, kind, _TIMEOUT, self.holder)
+        return bus.ask(self.session, self.endpoint, verb, request, _TIMEOUT, self.holder)
 
     def ask_welcome(self, me: WorkerInfo) -> WelcomeReply:
         """Ask for work to do; raises :class:`WorkerBroken` when the daemon does not want it."""
         try:
-            return self.ask(Verb.WELCOME, me, WelcomeReply)
+            return self.ask(WELCOME, me)
         except Refused as error:
             raise WorkerBroken(str(error)) from error

@@ -27,7 +27,7 @@ from daemon.batch import run_process
 from daemon.batch.errors import WorkerBroken
 from daemon.batch.run_process import RunTask
 from daemon.batch.worker._attempts import Attempt, AttemptEnd, Waitable
-from daemon.model.execution import EXECUTOR_VARIABLE, RunLimits
+from daemon.model.execution import EXECUTOR_VARIABLE, RunLimits, safe_fork_server
 
 
 def prepare_environment(executor: str) -> None:
@@ -177,7 +177,7 @@ class ForkServerPool:
         ours, theirs = self._context.Pipe(duplex=False)
         process = self._context.Process(target=target, args=(*task, theirs))
         try:
-            with theirs, _without_main_module():
+            with theirs, _without_main_module(), safe_fork_server():
                 process.start()
         except (EOFError, OSError):
             ours.close()

@@ -11,7 +11,8 @@ from daemon.batch.stores import download, file_sha256, trim_cache
 from daemon.batch.worker._attempts import Attempt
 from daemon.batch.worker._connection import DaemonConnection, WorkerPaths
 from daemon.model.attachments import LARGEST_FILE, attached_digests
-from daemon.model.messages import DownloadChunk, FileDownloadRequest, IdRequest, Verb
+from daemon.model.messages import FileDownloadRequest, IdRequest
+from daemon.model.verbs import FILE, SCENE
 from grammars.model.scene import Scene
 from grammars.text import codec
 from grammars.text.files import move_durably, write_atomically
@@ -98,7 +99,7 @@ class InputCache:
         return good
 
     def _fetch_scene(self, path: Path, digest: str) -> None:
-        scene = self._daemon.ask(Verb.SCENE, IdRequest(digest), Scene)
+        scene = self._daemon.ask(SCENE, IdRequest(digest))
         if scene.digest != digest:
             raise ValueError(f"the daemon sent {scene.digest[:12]} for the scene {digest[:12]}")
         write_atomically(path, codec.to_json(scene))
@@ -114,9 +115,7 @@ class InputCache:
         try:
             download(
                 part,
-                lambda offset: self._daemon.ask(
-                    Verb.FILE, FileDownloadRequest(digest, offset), DownloadChunk
-                ),
+                lambda offset: self._daemon.ask(FILE, FileDownloadRequest(digest, offset)),
                 largest=LARGEST_FILE,
                 progress=lambda _: self._meanwhile(),
             )

@@ -37,15 +37,12 @@ from daemon.model.messages import (
     LIVE,
     Lease,
     LeaseRef,
-    LeaseReply,
     LeaseRequest,
-    LedgerAcknowledgement,
     ReleaseRequest,
-    RenewReply,
     RenewRequest,
-    Verb,
     WorkerInfo,
 )
+from daemon.model.verbs import LEASE, RELEASE, RENEW
 
 _LIVE_PERIOD: Final = 0.2
 """Seconds between two snapshots of a run for those who watch all runs, at least."""
@@ -298,7 +295,7 @@ class WorkerLoop:
 
     def _release(self, release: ReleaseRequest) -> None:
         try:
-            self._daemon.ask(Verb.RELEASE, release, LedgerAcknowledgement)
+            self._daemon.ask(RELEASE, release)
         except Refused as error:
             # Somebody else's by now, or forgotten: there is nothing left to give back.
             self._log(f"{release.run}: {error}")
@@ -314,7 +311,7 @@ class WorkerLoop:
         attempts = [execution.attempt for execution in self._executions] + self._outbox
         leases = [*(attempt.lease for attempt in attempts), *self._leased]
         holds = tuple(LeaseRef(lease.run, lease.token) for lease in leases)
-        reply = self._daemon.ask(Verb.RENEW, RenewRequest(self._busy(), holds), RenewReply)
+        reply = self._daemon.ask(RENEW, RenewRequest(self._busy(), holds))
         self._renew_at = time.monotonic() + self._renew_period
         gone = {hold.token for hold in reply.gone}
         self._overdue = any(a.finished and a.lease.token in gone for a in attempts)
@@ -347,7 +344,7 @@ class WorkerLoop:
             self._troubled_until = time.monotonic() + _RETRY_FAILED
             return
         request = LeaseRequest(self._busy(), free, tuple(self._missing_suts))
-        reply = self._daemon.ask(Verb.LEASE, request, LeaseReply)
+        reply = self._daemon.ask(LEASE, request)
         if len(reply.grants) < free:
             # The queue is empty: it is asked again when there is a hint, or in a while.
             self._lease_at = time.monotonic() + _POLL

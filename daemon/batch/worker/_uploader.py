@@ -26,13 +26,12 @@ from daemon.batch.worker._connection import DaemonConnection, WorkerPaths
 from daemon.model.messages import (
     LARGEST_CHUNK,
     Completion,
-    LedgerAcknowledgement,
     LedgerAnswer,
     TraceUploadChunk,
     UploadProgress,
-    Verb,
 )
 from daemon.model.spec import RunResult
+from daemon.model.verbs import COMPLETE, UPLOAD
 from grammars.text.files import replacing
 
 LONGEST_TURN: Final = 0.5
@@ -159,7 +158,7 @@ class ResultUploader:
         completion = Completion(
             self._worker, lease.run, lease.attempt, lease.token, result, location, uploaded
         )
-        return self._daemon.ask(Verb.COMPLETE, completion, LedgerAcknowledgement).answer
+        return self._daemon.ask(COMPLETE, completion).answer
 
     def _by_path(self, attempt: Attempt, result: RunResult) -> None:
         placement = TracePlacement.of(attempt, self._paths.state, result)
@@ -224,7 +223,7 @@ class ResultUploader:
 
         def ask(offset: int, text: str, digest: str) -> UploadProgress:
             chunk = TraceUploadChunk(*ours, offset, text, digest)
-            return self._daemon.ask(Verb.UPLOAD, chunk, UploadProgress)
+            return self._daemon.ask(UPLOAD, chunk)
 
         asked = time.monotonic()
         try:

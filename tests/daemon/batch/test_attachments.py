@@ -30,7 +30,6 @@ from daemon.model.messages import (
     FileDownloadRequest,
     FileUploadChunk,
     UploadProgress,
-    Verb,
 )
 from daemon.model.spec import SutReference
 from daemon.stacks import registry
@@ -178,7 +177,7 @@ def test_a_worker_never_keeps_what_another_digest_names(tmp_path: Path) -> None:
     places.files.mkdir(parents=True)
 
     class Liar:
-        def ask(self, verb: Verb, request: FileDownloadRequest, kind: type) -> DownloadChunk:
+        def ask(self, verb: object, request: FileDownloadRequest) -> DownloadChunk:
             return DownloadChunk(request.offset, 5, request.sha256, *encode_chunk(b"other"))
 
     inputs = InputCache(Liar(), WorkerPaths(places, shared=False), lambda: None)  # type: ignore[arg-type]

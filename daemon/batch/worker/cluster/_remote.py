@@ -9,7 +9,6 @@ import hashlib
 import shutil
 import socket
 import subprocess
-import sys
 import threading
 import time
 import uuid
@@ -31,7 +30,7 @@ from daemon.batch.run_process import RESULT, TRACE
 from daemon.batch.worker._attempts import Attempt, AttemptEnd
 from daemon.batch.worker._launcher import READY, LaunchReport, LaunchRequest
 from daemon.model.attachments import attached_digests
-from daemon.model.execution import RunLimits
+from daemon.model.execution import RunLimits, python_command
 from daemon.model.messages import LARGEST_REQUEST, Lease
 from daemon.model.spec import RunSpec
 from daemon.model.versions import own_version
@@ -117,7 +116,7 @@ class RemoteLauncher:
         # from it, and what runs need takes seconds to import.
         ours, theirs = socket.socketpair()
         with theirs:
-            command = [sys.executable, "-m", "daemon.batch.worker._launcher"]
+            command = python_command("-m", "daemon.batch.worker._launcher")
             command += [str(theirs.fileno()), executor, directory]
             self._process = subprocess.Popen(
                 command, stdin=subprocess.DEVNULL, pass_fds=(theirs.fileno(),)

@@ -15,13 +15,13 @@ from daemon.batch.paths import StatePaths
 from daemon.batch.run_process import RESULT, TRACE
 from daemon.batch.stores import decode_chunk, trace_url
 from daemon.batch.worker import Attempt, ResultUploader, WorkerPaths
+from daemon.model import verbs
 from daemon.model.messages import (
     Lease,
     LedgerAcknowledgement,
     LedgerAnswer,
     TraceUploadChunk,
     UploadProgress,
-    Verb,
 )
 from daemon.model.spec import TraceInfo
 from grammars.text import codec
@@ -41,8 +41,8 @@ class Daemon:
     sizes: list[int] = field(default_factory=list)
     completions: list[Any] = field(default_factory=list)
 
-    def ask(self, verb: Verb, request: Any, kind: type) -> object:
-        if verb is Verb.COMPLETE:
+    def ask(self, verb: object, request: Any) -> object:
+        if verb is verbs.COMPLETE:
             self.completions.append(request)
             return LedgerAcknowledgement(
                 self.answers.pop(0) if self.answers else LedgerAnswer.RECORDED
