@@ -1,4 +1,4 @@
-"""Rules that recognise a feature in a run, one function each, and the facts they look at.
+"""Facts about a run that features are recognised by, and the rules that take more than a line.
 
 A run is told before or after it was executed; see the model for what each rule means.
 """
@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from daemon.model.joint_events import JointEvent, joint_event
-from grammars.model.behaviour import Behaviour, Hold, KeyFrames, Reaction, Trigger, Walk
+from grammars.model.behaviour import Behaviour, KeyFrames, Reaction, Walk
 from grammars.model.geometry import Point2, Ring
 from grammars.model.movers import is_mover, own_joints
 from grammars.model.robot import Robot
@@ -150,78 +150,14 @@ SAME: Final = 0.5
 """Points nearer than this [m] are the same place."""
 
 
-def functional(facts: RunFacts) -> bool:
-    return facts.judges(MISSION, "mission", "loc")
-
-
 def robustness(facts: RunFacts) -> bool:
     changes = facts.has_behaviour(KeyFrames, Reaction, Walk)
     return changes and any(one.judges for one in facts.asked)
 
 
-def safety(facts: RunFacts) -> bool:
-    return facts.judges("clearance", "contact")
-
-
-def performance(facts: RunFacts) -> bool:
-    return facts.measures("elapsed", "mission.leg.elapsed", "path.length", "speed")
-
-
-def sut(facts: RunFacts) -> str:
-    return facts.spec.sut.name
-
-
-def differential(facts: RunFacts) -> bool:
-    return facts.spec.robot.drive.kind == "differential"
-
-
-def omnidirectional(facts: RunFacts) -> bool:
-    return facts.spec.robot.drive.kind == "omnidirectional"
-
-
 def perfect_odometry(facts: RunFacts) -> bool:
     noise = facts.spec.robot.odometry
     return noise.translation == noise.rotation == noise.drift == 0.0
-
-
-def erring_odometry(facts: RunFacts) -> bool:
-    return not perfect_odometry(facts)
-
-
-def bare_map(facts: RunFacts) -> bool:
-    return facts.spec.map.doors == "none"
-
-
-def furnished_map(facts: RunFacts) -> bool:
-    return facts.spec.map.doors == "initial"
-
-
-def one_waypoint(facts: RunFacts) -> bool:
-    return len(facts.spec.mission.waypoints) == 1
-
-
-def few_waypoints(facts: RunFacts) -> bool:
-    return 2 <= len(facts.spec.mission.waypoints) <= FEW
-
-
-def many_waypoints(facts: RunFacts) -> bool:
-    return len(facts.spec.mission.waypoints) > FEW
-
-
-def near(facts: RunFacts) -> bool:
-    return facts.longest_leg < FAR
-
-
-def far(facts: RunFacts) -> bool:
-    return facts.longest_leg >= FAR
-
-
-def one_room(facts: RunFacts) -> bool:
-    return len(set(facts.rooms)) == 1
-
-
-def across_rooms(facts: RunFacts) -> bool:
-    return len(set(facts.rooms)) > 1
 
 
 def crossed_rooms(facts: RunFacts) -> bool:
@@ -244,14 +180,6 @@ def circuit(facts: RunFacts) -> bool:
     )
 
 
-def heading(facts: RunFacts) -> bool:
-    return any(waypoint.yaw is not None for waypoint in facts.spec.mission.waypoints)
-
-
-def doorways(facts: RunFacts) -> bool:
-    return any(door.z_min <= 0.0 for door in facts.scene.doorways)
-
-
 def narrow_doorways(facts: RunFacts) -> bool:
     least = _width(facts.spec.robot) + 2.0 * SPARE
     return any(door.z_min <= 0.0 and door.width < least for door in facts.scene.doorways)
@@ -260,14 +188,6 @@ def narrow_doorways(facts: RunFacts) -> bool:
 def _width(robot: Robot) -> float:
     across = [y for _, y in robot.footprint]
     return max(across) - min(across)
-
-
-def columns(facts: RunFacts) -> bool:
-    return any(solid.kind == "column" for solid in facts.scene.solids)
-
-
-def dividers(facts: RunFacts) -> bool:
-    return any(solid.kind == "divider" for solid in facts.scene.solids)
 
 
 def hinged(facts: RunFacts) -> bool:
@@ -286,18 +206,6 @@ def furniture(facts: RunFacts) -> bool:
     return any(not own_joints(o.joints) and not is_mover(o.joints) for o in facts.scene.objects)
 
 
-def agents(facts: RunFacts) -> bool:
-    return any(is_mover(o.joints) for o in facts.scene.objects)
-
-
-def static(facts: RunFacts) -> bool:
-    return not facts.has_behaviour(KeyFrames, Trigger, Reaction, Walk)
-
-
-def posed(facts: RunFacts) -> bool:
-    return facts.has_behaviour(Hold)
-
-
 def pushable(facts: RunFacts) -> bool:
     spoken_of = {behaviour.joint for behaviour in facts.spec.behaviours}
     return any(
@@ -306,34 +214,6 @@ def pushable(facts: RunFacts) -> bool:
         if not thing.frozen
         for joint in own_joints(thing.joints)
     )
-
-
-def timed(facts: RunFacts) -> bool:
-    return facts.has_behaviour(KeyFrames)
-
-
-def keyed(facts: RunFacts) -> bool:
-    return facts.logged(JointEvent.KEY_FRAME)
-
-
-def triggers(facts: RunFacts) -> bool:
-    return facts.has_behaviour(Trigger)
-
-
-def fired(facts: RunFacts) -> bool:
-    return facts.logged(JointEvent.TRIGGERED)
-
-
-def reacting(facts: RunFacts) -> bool:
-    return facts.has_behaviour(Reaction)
-
-
-def reacted(facts: RunFacts) -> bool:
-    return facts.logged(JointEvent.REACTS)
-
-
-def walking(facts: RunFacts) -> bool:
-    return facts.has_behaviour(Walk)
 
 
 def walked(facts: RunFacts) -> bool:
