@@ -384,12 +384,7 @@ def _vary(
     )
 
 
-_LISTS: Final = {
-    "objects": "objects",
-    "behaviours": "behaviours",
-    "sut": "suts",
-    "oracles": "oracles",
-}
+_LISTS: Final = {"sut": "suts"} | {key: key for key in ("objects", "behaviours", "oracles")}
 """Slots that hold several layers, by the key people write."""
 
 
