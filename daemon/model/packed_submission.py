@@ -1,6 +1,8 @@
 """A submission packed for the bus and the ledger: what its runs share is there once.
 
-A run is a *cell* (everything that is the same for all repeats of a scenario with a system), a *script* (what the doors and people do) and two numbers. A hundred thousand runs of building C are 630 MB when each is written out, and a few MB when packed.
+A run is a *cell* (everything that is the same for all repeats of a scenario with a system), a
+*script* (what the doors and people do) and two numbers. A hundred thousand runs of building C are
+630 MB when each is written out, and a few MB when packed.
 """
 
 from __future__ import annotations
@@ -41,7 +43,7 @@ PackedRuns: TypeAlias = Annotated[tuple[PackedRun, ...], Field(max_length=MOST_R
 
 @dataclass(frozen=True, slots=True)
 class PackedSubmission:
-    """A :class:`daemon.model.status.Submission` on the bus; cells have no repeat, seed or script."""
+    """A :class:`Submission` on the bus; cells have no repeat, seed or script."""
 
     campaign: str
     name: str
@@ -79,6 +81,8 @@ class Interner:
         return PackedRun(self._cell(run), self._script(run.behaviours), run.repeat, run.seed)
 
     def _cell(self, run: RunSpec) -> int:
+        # Runs of a campaign share these objects, so their ids are a key that costs nothing; kept
+        # alive, because an id is that of something else when its object is gone.
         parts = (run.sut, run.robot, run.mission, run.oracles, run.map)
         plain = (run.campaign, run.scenario, run.scene, run.limit, run.engine)
         key = (*plain, *map(id, parts))
@@ -104,28 +108,28 @@ class Interner:
 
 
 def pack_submission(submission: Submission) -> PackedSubmission:
-    """Make a parcel of a submission."""
-    shelf = Interner()
-    runs = tuple(shelf.pack(run) for run in submission.runs)
-    reserve = tuple(shelf.pack(run) for run in submission.reserve)
+    """Return the submission packed."""
+    interner = Interner()
+    runs = tuple(interner.pack(run) for run in submission.runs)
+    reserve = tuple(interner.pack(run) for run in submission.reserve)
     same = (submission.campaign, submission.name, submission.about, submission.source)
-    cells, scripts = tuple(shelf.cells), tuple(shelf.scripts)
+    cells, scripts = tuple(interner.cells), tuple(interner.scripts)
     scenes, declared = submission.scenes, submission.declared
     return PackedSubmission(
         *same, cells, scripts, runs, scenes, declared, reserve, submission.fresh
     )
 
 
-def unpack_submission(parcel: PackedSubmission) -> Submission:
+def unpack_submission(packed: PackedSubmission) -> Submission:
     """Make the submission again; raises ``ValueError`` for a number that stands for nothing."""
-    lists = (tuple(_unpack_runs(parcel, runs)) for runs in (parcel.runs, parcel.reserve))
+    lists = (tuple(_unpack_runs(packed, runs)) for runs in (packed.runs, packed.reserve))
     runs, reserve = lists
-    same = (parcel.campaign, parcel.name, parcel.about, parcel.source)
-    return Submission(*same, runs, parcel.scenes, parcel.declared, reserve, parcel.fresh)
+    same = (packed.campaign, packed.name, packed.about, packed.source)
+    return Submission(*same, runs, packed.scenes, packed.declared, reserve, packed.fresh)
 
 
-def _unpack_runs(parcel: PackedSubmission, runs: Iterable[PackedRun]) -> Iterator[RunSpec]:
-    cells, scripts = parcel.cells, parcel.scripts
+def _unpack_runs(packed: PackedSubmission, runs: Iterable[PackedRun]) -> Iterator[RunSpec]:
+    cells, scripts = packed.cells, packed.scripts
     for cell, script, repeat, seed in runs:
         if cell >= len(cells) or script >= len(scripts):
             raise ValueError(f"there is no cell {cell} or no script {script} in the parcel")
@@ -147,6 +151,7 @@ class _JsonWriter:
 
     def _field(self, run: RunSpec, name: str, title: bytes, kind: Any) -> bytes:
         value = getattr(run, name)
+        # Not isinstance: a bool is an int as well and is written otherwise.
         if type(value) is int:
             return title + b"%d" % value
         key = (name, value) if isinstance(value, float | str) else id(value)

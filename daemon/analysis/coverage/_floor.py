@@ -10,9 +10,9 @@ from typing import Final, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
 
 from daemon.analysis.coverage._results import FloorArea, RoomArea
+from daemon.model.kernels import kernel
 from daemon.trace import MotionTrack, Trace
 from grammars.model.geometry import Floats, Pose2, Ring
 from grammars.model.grid import FREE, OccupancyGrid
@@ -171,7 +171,7 @@ def _cells_inside(ring: Ring, x: Floats, y: Floats) -> _Cells:
     return found
 
 
-@njit(cache=True)
+@kernel
 def paint_rays(
     cells: _Cells, x0: float, y0: float, resolution: float, poses: Floats, ranges: _Ranges,
     angle_min: float, step: float, range_max: float,
@@ -200,7 +200,7 @@ def paint_rays(
                     cells[row, column] = True
 
 
-@njit(cache=True)
+@kernel
 def paint_footprints(
     cells: _Cells, x0: float, y0: float, resolution: float, poses: Floats, ring: Floats,
     reach: float,

@@ -51,7 +51,7 @@ def draw_moment(
     except TraceError:
         return ""
     sampler = SignalSampler(recorded)
-    stamps = sampler.timeline.time
+    stamps = sampler.time_base.time
     index = min(int(np.searchsorted(stamps, time)), len(stamps) - 1)
     pose = sampler.poses[index]
     sheet, axes = new_figure(3.5, 3.5 * _HIGH / _WIDE, bare=True)

@@ -125,7 +125,7 @@ def _approach_time(trace: Trace, sampler: SignalSampler, trigger: Trigger) -> fl
             if f"{item.name}.{joint.name}" == trigger.joint:
                 away = _distance(trace, sampler, item, joint, trigger)
                 near = np.flatnonzero(away < trigger.distance)
-                return float(sampler.timeline.time[near[0]]) if len(near) else None
+                return float(sampler.time_base.time[near[0]]) if len(near) else None
     return None
 
 
@@ -148,7 +148,7 @@ def _distance(
 
 def _encounter(sampler: SignalSampler, joint: str, time: float, *, fired: bool) -> TriggerEncounter:
     """Return speed and turning speed around ``time``, thinned to five samples a second."""
-    stamps, truth = sampler.timeline.time, sampler.trace.ground_truth
+    stamps, truth = sampler.time_base.time, sampler.trace.ground_truth
     first, last = np.searchsorted(stamps, (time - BEFORE, time + AFTER))
     rate = len(stamps) / max(float(stamps[-1] - stamps[0]), 1e-9) if len(stamps) > 1 else _RATE
     kept = slice(int(first), int(last), max(1, round(rate / _RATE)))
@@ -209,7 +209,7 @@ def extract_tracks(
     points: int,
 ) -> RunTracks:
     """Return what ``trace`` says, thinned to about ``points`` samples for drawing."""
-    timeline = sampler.timeline
+    timeline = sampler.time_base
     if not len(timeline.time):
         return RunTracks(run, problem="nothing was recorded")
     centre, body, half, limit = _boxes(trace, buffer)
@@ -281,7 +281,7 @@ def _clearance_measures(
 ) -> dict[str, float]:
     if np.isnan(clearance).all():
         return {}
-    weight = sampler.timeline.weight
+    weight = sampler.time_base.weight
     within = inside < 0.0
     found = {
         "min clearance": float(np.nanmin(clearance)),
@@ -308,7 +308,7 @@ def unbroken_runs(held: npt.NDArray[np.bool_]) -> tuple[Indices, Indices]:
 def _localisation_measures(sampler: SignalSampler, error: Floats) -> dict[str, float]:
     """Return the distribution of the error, every value weighed by how long it held."""
     known = ~np.isnan(error)
-    weight = sampler.timeline.weight * known
+    weight = sampler.time_base.weight * known
     if not weight.sum() > 0.0:
         return {}
     values, share = error[known], weight[known]
@@ -323,8 +323,8 @@ def _localisation_measures(sampler: SignalSampler, error: Floats) -> dict[str, f
     found |= {"error max": float(values.max())}
     inside = _signal(sampler, "loc.inside_2sigma")
     known = ~np.isnan(inside)
-    if (sampler.timeline.weight * known).sum() > 0.0:
-        covered = np.average(inside[known], weights=sampler.timeline.weight[known])
+    if (sampler.time_base.weight * known).sum() > 0.0:
+        covered = np.average(inside[known], weights=sampler.time_base.weight[known])
         found["inside 2 sigma"] = 100.0 * float(covered)
     return found
 
