@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Final, Protocol
 
 from daemon.batch.errors import DaemonError
+from daemon.model.execution import python_command
 from daemon.model.status import Submission, SubmissionReceipt
 from grammars.text import codec
 from grammars.text.diagnostics import Diagnostic, InputError, Severity
@@ -86,7 +87,7 @@ def check_file_in_child(path: Path, *, submit: bool = False, fresh: bool = False
     """
     options = [*([_SUBMIT] if submit else []), *([_FRESH] if fresh else [])]
     done = subprocess.run(
-        [sys.executable, "-m", "scenario_tui.submission", str(path), *options],
+        python_command("-m", "scenario_tui.submission", str(path), *options),
         stdin=subprocess.DEVNULL,
         capture_output=True,
         check=False,

@@ -26,16 +26,16 @@ from daemon.batch.paths import (
     socket_path,
 )
 from daemon.batch.security import (
-    VERB_RULES,
     Credentials,
     DaemonCredentials,
     access_control,
     denial_text,
 )
-from daemon.model.messages import ASK, LARGEST_SUBMISSION, ErrorReply, Verb
+from daemon.model.messages import ASK, LARGEST_SUBMISSION, ErrorReply
+from daemon.model.verbs import Verb
 from grammars.text import codec
 
-T = TypeVar("T")
+A = TypeVar("A")
 
 _LINK_LEASE_MS: Final = 4000
 """A peer that is silent for this long is gone (a killed one is noticed at once)."""
@@ -146,12 +146,11 @@ def _last_words(error: zenoh.ZError) -> str:
 def ask(
     session: zenoh.Session,
     endpoint: str,
-    verb: Verb,
+    verb: Verb[..., A],
     request: object,
-    kind: type[T],
     timeout: float,
     holder: Credentials | None = None,
-) -> T:
+) -> A:
     """Ask the daemon and return its validated answer.
 
     No reply at all is no answer: after a moment of patience it is :class:`Unreachable`, as is a
@@ -161,11 +160,10 @@ def ask(
     if holder is not None and (no := denial_text(holder.name, holder.role, verb)):
         raise Refused(no)
     payload = codec.to_json(request)
-    largest = VERB_RULES[verb].largest
-    if len(payload) > largest:
+    if len(payload) > verb.largest:
         raise Refused(
             f"{verb}: {len(payload) / 2**20:.1f} MiB is too much for one request, the daemon takes "
-            f"{largest / 2**20:.1f} MiB{': split the campaign' if verb is Verb.SUBMIT else ''}"
+            f"{verb.largest / 2**20:.1f} MiB{verb.advice and f': {verb.advice}'}"
         )
     deadline = time.monotonic() + min(timeout, _PATIENCE)
     while True:
@@ -176,7 +174,7 @@ def ask(
             consolidation=zenoh.ConsolidationMode.NONE,
         ):
             if reply.ok is not None:
-                return _validated_answer(kind, reply.ok.payload.to_bytes())
+                return _validated_answer(verb.answer, reply.ok.payload.to_bytes())
             words = b"" if reply.err is None else reply.err.payload.to_bytes()
             raise _error_reply(words, endpoint, timeout)
         if time.monotonic() > deadline:
@@ -193,7 +191,7 @@ def _no_answer_error(endpoint: str, holder: Credentials | None) -> Unreachable:
     )
 
 
-def _validated_answer(kind: type[T], payload: bytes) -> T:
+def _validated_answer(kind: type[A], payload: bytes) -> A:
     try:
         return codec.from_json(kind, payload)
     except ValueError as error:

@@ -14,7 +14,7 @@ import traceback
 from collections.abc import Callable
 from typing import Any
 
-from daemon.model.execution import EXECUTOR_VARIABLE
+from daemon.model.execution import EXECUTOR_VARIABLE, forget_safe_path
 from daemon.model.messages import Lease
 from daemon.model.spec import RunResult
 from daemon.model.status import LiveSnapshot
@@ -37,13 +37,16 @@ def _load(name: str) -> Callable[..., Any]:
 
 def _prepare() -> None:
     global execute, problem
+    forget_safe_path()
+    # Decoders are built once here, not once in every child.
     codec.warm_up(Lease, Scene, RunResult, LiveSnapshot)
     try:
         execute = _load(os.environ[EXECUTOR_VARIABLE])
     except Exception:
+        # Also of an executor that plugs in; the first child reports it in place of a run.
         problem = traceback.format_exc()
-    # Memory is shared with the children until somebody writes to it, and the collector writes into
-    # every object it looks at: it is kept away from all that is there now.
+    # A collection writes to every object it visits, and so copies the pages that children share
+    # with the server. Garbage goes now; what is left is never looked at again by any collector.
     gc.collect()
     gc.freeze()
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import subprocess
-import sys
 import tempfile
 import threading
 import time
@@ -15,7 +14,7 @@ from typing import IO, Final
 from daemon.batch.client import Client
 from daemon.batch.errors import EXIT_ALREADY_RUNNING, DaemonError, LaunchFailed
 from daemon.batch.paths import StatePaths
-from daemon.model.execution import DEFAULT_EXECUTOR
+from daemon.model.execution import DEFAULT_EXECUTOR, python_command
 
 _START_LIMIT: Final = 20.0
 _LEAVE_LIMIT: Final = 5.0
@@ -24,14 +23,14 @@ _LOG_TAIL: Final = 20
 
 def running_daemon(state: Path) -> str | None:
     """Return the endpoint of the daemon that keeps ``state``, or ``None`` when none answers."""
-    places = StatePaths.find(state)
-    contact = places.read_contact()
+    paths = StatePaths.find(state)
+    contact = paths.read_contact()
     if contact is None:
         return None
     try:
         with Client.open(contact.endpoint, timeout=2.0) as client:
             # Another directory's daemon may have taken the port since.
-            return contact.endpoint if Path(client.overview().state) == places.state else None
+            return contact.endpoint if Path(client.overview().state) == paths.state else None
     except DaemonError:
         return None
 
@@ -47,10 +46,10 @@ def ensure_daemon(
     found = running_daemon(state)
     if found is not None:
         return found
-    places = StatePaths.find(state)
-    places.make_folders()
-    command = _command(places, slots, executor)
-    with places.worker_log.open("ab") as output:
+    paths = StatePaths.find(state)
+    paths.make_folders()
+    command = _command(paths, slots, executor)
+    with paths.worker_log.open("ab") as output:
         process = subprocess.Popen(
             command,
             stdin=subprocess.DEVNULL,
@@ -60,7 +59,7 @@ def ensure_daemon(
         )
     # It stays when we leave; should it end before, somebody has to take notice of it.
     threading.Thread(target=process.wait, daemon=True).start()
-    return _wait_until_up(process, places)
+    return _wait_until_up(process, paths)
 
 
 @contextmanager
@@ -74,9 +73,9 @@ def embedded_daemon(
 
     Raises :class:`LaunchFailed` when it does not come up.
     """
-    places = StatePaths.find(state)
-    places.make_folders()
-    command = [*_command(places, slots, executor), "--tether"]
+    paths = StatePaths.find(state)
+    paths.make_folders()
+    command = [*_command(paths, slots, executor), "--tether"]
     with tempfile.TemporaryFile() as output:
         process = subprocess.Popen(
             command,
@@ -87,7 +86,7 @@ def embedded_daemon(
             start_new_session=True,
         )
         try:
-            yield _wait_until_up(process, places, output)
+            yield _wait_until_up(process, paths, output)
         finally:
             assert process.stdin is not None
             process.stdin.close()
@@ -98,36 +97,36 @@ def embedded_daemon(
                 process.wait()
 
 
-def _command(places: StatePaths, slots: int | None, executor: str) -> list[str]:
-    command = [sys.executable, "-m", "daemon", "serve", "--state", str(places.state)]
+def _command(paths: StatePaths, slots: int | None, executor: str) -> list[str]:
+    command = python_command("-m", "daemon", "serve", "--state", str(paths.state))
     command += ["--executor", executor]
     return command if slots is None else [*command, "--slots", str(slots)]
 
 
 def _wait_until_up(
-    process: subprocess.Popen[bytes], places: StatePaths, output: IO[bytes] | None = None
+    process: subprocess.Popen[bytes], paths: StatePaths, output: IO[bytes] | None = None
 ) -> str:
     deadline = time.monotonic() + _START_LIMIT
     while time.monotonic() < deadline:
-        endpoint = running_daemon(places.state)
+        endpoint = running_daemon(paths.state)
         if endpoint is not None:
             return endpoint
         code = process.poll()
         # Somebody else may have been faster: then theirs is the daemon we want.
         if code is not None and (code != EXIT_ALREADY_RUNNING or output is not None):
-            raise LaunchFailed(f"the daemon ended with code {code}:\n{_tail(places, output)}")
+            raise LaunchFailed(f"the daemon ended with code {code}:\n{_tail(paths, output)}")
         time.sleep(0.05)
     process.kill()
     process.wait()
     raise LaunchFailed(
-        f"the daemon did not answer within {_START_LIMIT:g} s:\n{_tail(places, output)}"
+        f"the daemon did not answer within {_START_LIMIT:g} s:\n{_tail(paths, output)}"
     )
 
 
-def _tail(places: StatePaths, output: IO[bytes] | None) -> str:
+def _tail(paths: StatePaths, output: IO[bytes] | None) -> str:
     if output is not None:
         output.seek(0)
         text = output.read().decode("utf-8", "replace")
     else:
-        text = places.worker_log.read_text("utf-8", "replace")
+        text = paths.worker_log.read_text("utf-8", "replace")
     return "\n".join(text.splitlines()[-_LOG_TAIL:])

@@ -72,7 +72,8 @@ class SutFile(StrictModel):
 class LoadedSut:
     """A loaded system under test: what runs, where each value was written, what to say about it.
 
-    ``files`` are the SUT files it is made of, the one that was asked for first.
+    ``files`` are the SUT files it is made of, the one that was asked for first. ``idle`` is the
+    last of the ``warnings`` when there are values without effect, else empty.
     """
 
     reference: SutReference
@@ -81,6 +82,7 @@ class LoadedSut:
     findings: ParameterFindings
     files: tuple[str, ...]
     warnings: tuple[Diagnostic, ...]
+    idle: tuple[Diagnostic, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,13 +112,15 @@ def load_sut(path: Path, find: FindSutFile) -> LoadedSut:
         findings = check_parameters(layer.kind, tree)
     except ValueError as error:
         raise InputError(_diagnostics(error, document, settings)) from error
+    idle = _idle_warning(findings, document, settings)
     return LoadedSut(
         reference=SutReference(layer.text.sut, layer.kind, tree),
         about=layer.text.about,
         settings=settings,
         findings=findings,
         files=layer.files,
-        warnings=(*layer.warnings, *_warnings(findings, document, settings)),
+        warnings=(*layer.warnings, *_warnings(findings, document, settings), *idle),
+        idle=idle,
     )
 
 
@@ -224,6 +228,8 @@ def _diagnostics(
     if isinstance(error, ParameterError):
         found = [_placed(problem, document, settings) for problem in error.problems]
         return list(dict.fromkeys(found))
+    # Only a kind that plugs in raises a plain ValueError, in words of its own: the best guess is
+    # the first parameter they name. What ships here raises ParameterError, with paths.
     message = str(error)
     for path, setting in settings.items():
         if f'"{path[0]}"' in message or message.startswith(f"{path[0]}:"):
@@ -238,15 +244,22 @@ def _warnings(
     found = [
         _placed(problem, document, settings, Severity.WARNING) for problem in findings.problems
     ]
+    return list(dict.fromkeys(found))
+
+
+def _idle_warning(
+    findings: ParameterFindings, document: YamlDocument, settings: ParameterValues
+) -> tuple[Diagnostic, ...]:
+    """Return the warning that names values without effect, if there are any."""
     # What both costmaps have in common is one line of a file, so it is said once.
     idle = {parameter_place(settings, f.path): _short(f.path) for f in findings.without_effect}
-    if idle:
-        names = list(idle.values())
-        more = f" and {len(names) - _MOST_NAMED} more" if len(names) > _MOST_NAMED else ""
-        message = f"without effect here: {', '.join(names[:_MOST_NAMED])}{more}"
-        hint = f"scenario sut {document.file} says why"
-        found.append(Diagnostic(document.where(("sut",)), message, hint, Severity.WARNING))
-    return list(dict.fromkeys(found))
+    if not idle:
+        return ()
+    names = list(idle.values())
+    more = f" and {len(names) - _MOST_NAMED} more" if len(names) > _MOST_NAMED else ""
+    message = f"without effect here: {', '.join(names[:_MOST_NAMED])}{more}"
+    hint = f"scenario sut {document.file} says why"
+    return (Diagnostic(document.where(("sut",)), message, hint, Severity.WARNING),)
 
 
 def _short(path: tuple[str | int, ...]) -> str:

@@ -29,6 +29,13 @@ _MARK: Final = "sha256:"
 _NAME: Final = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,59}\Z")
 
 
+class SutMissing(ValueError):  # noqa: N818  (reads as a sentence where it is raised)
+    """A kind of system under test is not installed on this machine, or cannot be loaded there.
+
+    Not an error of the daemon but of the parameters, where it comes from: a ``ValueError``.
+    """
+
+
 def attached_digests(parameters: Mapping[str, Any]) -> dict[str, str]:
     """Return the digests of the files that parameters name, by name; empty when there are none.
 
@@ -38,6 +45,7 @@ def attached_digests(parameters: Mapping[str, Any]) -> dict[str, str]:
     if not isinstance(files, Mapping):
         return {}
     found = {str(name): str(value).removeprefix(_MARK) for name, value in files.items()}
+    # Marked, so that a parameter of somebody's own called "files" is never taken for digests.
     marked = all(str(value).startswith(_MARK) for value in files.values())
     return found if marked and all(map(is_digest, found.values())) else {}
 
@@ -93,10 +101,3 @@ def resolve_paths(
         if not path.is_file():
             raise SutMissing(f'the file "{name}" of the system under test is not here: {path}')
     return {**parameters, FILES_PARAMETER: {name: str(path) for name, path in paths.items()}}
-
-
-class SutMissing(ValueError):  # noqa: N818  (reads as a sentence where it is raised)
-    """A kind of system under test is not installed on this machine, or cannot be loaded there.
-
-    No :class:`DaemonError`: it is about parameters, and comes from there.
-    """

@@ -1,4 +1,4 @@
-"""How runs are executed: by which function, within what limits, on which cluster.
+"""How runs are executed: processes, the function, its limits, the cluster.
 
 Whoever starts a worker decides it, and no one else.
 """
@@ -6,6 +6,9 @@ Whoever starts a worker decides it, and no one else.
 from __future__ import annotations
 
 import os
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -13,6 +16,43 @@ from typing import Final
 DEFAULT_EXECUTOR: Final = "daemon.run:execute"
 EXECUTOR_VARIABLE: Final = "SCENARIO_EXECUTOR"
 """Environment variable through which a worker tells its fork server ``module:function``."""
+
+
+_SAFE_PATH_VARIABLE: Final = "PYTHONSAFEPATH"
+_FOR_FORK_SERVER: Final = "scenario fork server"
+
+
+def python_command(*words: str) -> list[str]:
+    """Return the command of a child process that imports our modules.
+
+    ``-P`` keeps the current folder off the modules' path: otherwise ``python -m daemon`` in a folder
+    with somebody's ``daemon.py`` would be that. It does not keep PYTHONPATH off; ``scenario doctor``
+    says when something there, or another installed package, has one of our names.
+    """
+    return [sys.executable, "-P", *words]
+
+
+@contextmanager
+def safe_fork_server() -> Iterator[None]:
+    """Let a fork server that is started meanwhile be one of ``python -P``.
+
+    :mod:`multiprocessing` starts it with ``-c``, for which the current folder comes first, and hands
+    on ``-P`` only from a parent that has it; the ``scenario`` command has not.
+    """
+    os.environ.setdefault(_SAFE_PATH_VARIABLE, _FOR_FORK_SERVER)
+    try:
+        yield
+    finally:
+        forget_safe_path()
+
+
+def forget_safe_path() -> None:
+    """Undo :func:`safe_fork_server`, in the fork server too: what runs start may need its folder.
+
+    With the variable in its environment, ``python ROBOT/main.py`` would not find what lies beside it.
+    """
+    if os.environ.get(_SAFE_PATH_VARIABLE) == _FOR_FORK_SERVER:
+        del os.environ[_SAFE_PATH_VARIABLE]
 
 
 def available_cores() -> int:

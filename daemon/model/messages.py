@@ -1,6 +1,7 @@
 """Requests and answers of the bus that people never see: questions, leases, completions.
 
-The values people see are in :mod:`daemon.model.status`.
+The values people see are in :mod:`daemon.model.status`, what can be asked in
+:mod:`daemon.model.verbs`.
 """
 
 from __future__ import annotations
@@ -36,36 +37,6 @@ ShortText = Annotated[str, Field(max_length=400)]
 NonNegativeInt = Annotated[int, Field(ge=0, le=2**53)]
 Sha256Text = Annotated[str, Field(pattern=r"^[0-9a-f]{64}$")]
 Base64Text = Annotated[str, Field(max_length=LARGEST_CHUNK * 4 // 3 + 4)]
-
-
-class Verb(StrEnum):
-    """Everything the daemon can be asked; the last part of the request's key."""
-
-    OVERVIEW = "overview"
-    CAMPAIGNS = "campaigns"
-    RUNS = "runs"
-    RUN = "run"
-    DECLARED = "declared"
-    RECORDS = "records"
-    SCENE = "scene"
-    WORKERS = "workers"
-    DISK = "disk"
-    FETCH = "fetch"
-    FILE = "file"
-    KEEP = "keep"
-    SUBMIT = "submit"
-    CANCEL = "cancel"
-    RETRY = "retry"
-    PAUSE = "pause"
-    RESUME = "resume"
-    PRIORITISE = "prioritise"
-    SHUTDOWN = "shutdown"
-    WELCOME = "welcome"
-    LEASE = "lease"
-    RENEW = "renew"
-    COMPLETE = "complete"
-    RELEASE = "release"
-    UPLOAD = "upload"
 
 
 @dataclass(frozen=True, slots=True)

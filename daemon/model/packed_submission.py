@@ -82,6 +82,8 @@ class Interner:
         return PackedRun(self._cell(run), self._script(run.behaviours), run.repeat, run.seed)
 
     def _cell(self, run: RunSpec) -> int:
+        # Runs of a campaign share these objects, so their ids are a key that costs nothing; kept
+        # alive, because an id is that of something else when its object is gone.
         parts = (run.sut, run.robot, run.mission, run.oracles, run.map)
         plain = (run.campaign, run.scenario, run.scene, run.limit, run.engine)
         key = (*plain, *map(id, parts))
@@ -149,6 +151,7 @@ class _JsonWriter:
 
     def _field(self, run: RunSpec, name: str, title: bytes, kind: Any) -> bytes:
         value = getattr(run, name)
+        # Not isinstance: a bool is an int as well and is written otherwise.
         if type(value) is int:
             return title + b"%d" % value
         key = (name, value) if isinstance(value, float | str) else id(value)

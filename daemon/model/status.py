@@ -18,6 +18,14 @@ from grammars.model.scene import Scene
 PREFIX: Final = "scenario/v1"
 
 
+NONDETERMINISTIC: Final = "nondeterministic"
+"""How the ledger marks a run that came out differently when the same was executed before.
+
+It is the state of the alarm among the events, and the first word of the run's ``reason``: what is
+stored has no other mark, so every ledger there is can be asked.
+"""
+
+
 class RunState(StrEnum):
     """Life of a run in the ledger; ``lost`` means no result after every attempt."""
 
@@ -122,6 +130,11 @@ class RunRow:
     trace: str
     reason: str = ""
     cached: str = ""
+
+    @property
+    def nondeterministic(self) -> bool:
+        """Whether the run came out differently when the same was executed before."""
+        return self.reason.partition(":")[0] == NONDETERMINISTIC
 
 
 @dataclass(frozen=True, slots=True)

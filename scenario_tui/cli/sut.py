@@ -67,7 +67,7 @@ def sut(
         _print_defaults(_defaults(found, read))
         _print_quirks(read)
         _print_wiring(read)
-    report_diagnostics(w for w in found.warnings if "without effect here" not in w.message)
+    report_diagnostics(w for w in found.warnings if w not in found.idle)
 
 
 def _read_ros_parameters(found: LoadedSut) -> RosParameters | None:

@@ -13,7 +13,6 @@ import json
 import os
 import shlex
 import subprocess
-import sys
 import threading
 from collections import deque
 from collections.abc import Callable, Mapping
@@ -23,6 +22,7 @@ from pathlib import Path
 from typing import Any, Final, TypeAlias, TypeVar
 
 from daemon.batch.errors import DaemonError
+from daemon.model.execution import python_command
 from grammars.text.diagnostics import InputError
 
 T = TypeVar("T")
@@ -117,7 +117,7 @@ def command_line(arguments: tuple[str, ...]) -> str:
 
 def command_argv(arguments: tuple[str, ...]) -> list[str]:
     """Return how to start this installation's ``scenario`` with these arguments."""
-    return [sys.executable, "-c", _PROGRAM, *arguments]
+    return python_command("-c", _PROGRAM, *arguments)
 
 
 CommandAnswer: TypeAlias = Mapping[str, Any]

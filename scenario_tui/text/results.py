@@ -87,7 +87,7 @@ class CampaignResults:
     @property
     def doubtful(self) -> tuple[RunRow, ...]:
         """Runs that came out differently when the same was executed before."""
-        return tuple(row for row in self.rows if row.reason.startswith("nondeterministic"))
+        return tuple(row for row in self.rows if row.nondeterministic)
 
 
 def gather_results(daemon: DaemonClient, row: CampaignRow) -> CampaignResults:

@@ -15,19 +15,15 @@ import time
 from importlib.metadata import version
 from pathlib import Path
 
-from daemon.batch import bus
 from daemon.batch.client import Client
 from daemon.batch.stores import TraceReference, copy_trace, encode_chunk
+from daemon.model import verbs
 from daemon.model.messages import (
     LARGEST_CHUNK,
     Completion,
     Lease,
-    LeaseReply,
     LeaseRequest,
-    LedgerAcknowledgement,
     TraceUploadChunk,
-    UploadProgress,
-    Verb,
     WorkerInfo,
 )
 from daemon.model.spec import TraceInfo
@@ -40,10 +36,6 @@ SMALL = 64 * 2**10
 ME = WorkerInfo("bench-1", "bench", 1, version("scenario-tui"), 1, 0)
 
 
-def ask(client: Client, verb: Verb, request: object, kind: type) -> object:
-    return bus.ask(client._session, client.endpoint, verb, request, kind, 10.0)
-
-
 def upload(client: Client, grant: Lease, data: bytes, size: int) -> None:
     sha256 = hashlib.sha256(data).hexdigest()
     for offset in range(0, len(data), size):
@@ -51,18 +43,16 @@ def upload(client: Client, grant: Lease, data: bytes, size: int) -> None:
         chunk = TraceUploadChunk(
             ME.id, grant.run, grant.token, sha256, len(data), offset, text, digest
         )
-        received = ask(client, Verb.UPLOAD, chunk, UploadProgress)
-        assert isinstance(received, UploadProgress)
+        received = client.ask(verbs.UPLOAD, chunk)
         assert not received.problem, received.problem
     result = make_result(grant.spec, trace=TraceInfo(sha256, len(data), 1))
     done = Completion(ME.id, grant.run, 1, grant.token, result, uploaded=True)
-    ask(client, Verb.COMPLETE, done, LedgerAcknowledgement)
+    client.ask(verbs.COMPLETE, done)
 
 
 def rates(daemon: DaemonPart, client: Client, folder: Path) -> None:
     client.submit(make_submission("c", 3))
-    reply = ask(client, Verb.LEASE, LeaseRequest(ME, 3), LeaseReply)
-    assert isinstance(reply, LeaseReply)
+    reply = client.ask(verbs.LEASE, LeaseRequest(ME, 3))
     data = random.Random(1).randbytes(SIZE)
     plain = folder / "plain"
     begun = time.perf_counter()

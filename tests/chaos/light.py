@@ -13,18 +13,15 @@ import zenoh
 from daemon.batch import bus
 from daemon.batch.errors import Refused, Unreachable
 from daemon.batch.paths import StatePaths
+from daemon.model import verbs
 from daemon.model.messages import (
     ALIVE,
     Completion,
     Lease,
     LeaseRef,
-    LeaseReply,
     LeaseRequest,
-    LedgerAcknowledgement,
     LedgerAnswer,
-    RenewReply,
     RenewRequest,
-    Verb,
     WorkerInfo,
 )
 from tests.daemon.batch.samples import make_result
@@ -52,13 +49,13 @@ class LightWorker:
     def lease(self, count: int | None = None) -> tuple[Lease, ...]:
         """Take runs; raises like :func:`daemon.batch.bus.ask`."""
         request = LeaseRequest(self._info, self._slots if count is None else count)
-        return bus.ask(self._session, self._endpoint, Verb.LEASE, request, LeaseReply, 5.0).grants
+        return bus.ask(self._session, self._endpoint, verbs.LEASE, request, 5.0).grants
 
     def renew(self, grants: tuple[Lease, ...] = ()) -> int:
         """Say which runs it has; returns how many are not its own any more."""
         holds = tuple(LeaseRef(grant.run, grant.token) for grant in grants)
         request = RenewRequest(self._info, holds)
-        answer = bus.ask(self._session, self._endpoint, Verb.RENEW, request, RenewReply, 5.0)
+        answer = bus.ask(self._session, self._endpoint, verbs.RENEW, request, 5.0)
         return len(answer.gone)
 
     def complete(self, grant: Lease) -> LedgerAnswer:
@@ -69,9 +66,7 @@ class LightWorker:
             trace.touch()
         result = make_result(grant.spec)
         done = Completion(self.name, grant.run, grant.attempt, grant.token, result)
-        return bus.ask(
-            self._session, self._endpoint, Verb.COMPLETE, done, LedgerAcknowledgement, 5.0
-        ).answer
+        return bus.ask(self._session, self._endpoint, verbs.COMPLETE, done, 5.0).answer
 
 
 def insist(ask: Callable[[], object], until: Callable[[], bool]) -> object:

@@ -5,11 +5,21 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 
 from daemon.batch.errors import Refused, Unreachable
 from daemon.model.assessments import AssessmentRules, RepeatPolicy, RunRecord
-from daemon.model.messages import DownloadChunk
+from daemon.model.messages import (
+    Count,
+    DownloadChunk,
+    Empty,
+    IdRequest,
+    PriorityRequest,
+    RecordQuery,
+    RetryRequest,
+    RunQuery,
+    TraceDownloadRequest,
+)
 from daemon.model.spec import (
     MapSettings,
     OracleText,
@@ -34,6 +44,7 @@ from daemon.model.status import (
     SubmissionReceipt,
     WorkerRow,
 )
+from daemon.model.verbs import A, DaemonClient, Verb
 from daemon.model.verdicts import Evidence, Outcome, Verdict
 from grammars.model.behaviour import Hold
 from grammars.model.geometry import Pose2
@@ -220,7 +231,7 @@ class FakeWatch:
 
 
 @dataclass
-class FakeDaemon:
+class FakeDaemon(DaemonClient):
     """Holds runs and answers questions; ``reachable`` and ``before`` make it misbehave."""
 
     rows: tuple[RunRow, ...] = field(default_factory=make_rows)
@@ -251,8 +262,13 @@ class FakeDaemon:
             raise Unreachable("no daemon answers at tcp/127.0.0.1:7447: start one")
         self.calls.append(call)
 
-    def overview(self) -> DaemonOverview:
-        self._answer("overview")
+    def ask(self, verb: Verb[..., A], request: object) -> A:
+        """Answer with what ``_<verb>`` makes of the request; fails for a verb without one."""
+        self._answer(verb.name, *(getattr(request, one.name) for one in fields(request)))  # type: ignore[arg-type]
+        answer: A = getattr(self, f"_{verb}")(request)
+        return answer
+
+    def _overview(self, _: Empty) -> DaemonOverview:
         rows = self._campaign_rows()
         total = {
             name: sum(getattr(row, name) for row in rows)
@@ -273,89 +289,69 @@ class FakeDaemon:
             campaign_row("nightly", OLD, NIGHTLY, NOW - 90_000.0),
         )
 
-    def campaigns(self) -> tuple[CampaignRow, ...]:
-        self._answer("campaigns")
+    def _campaigns(self, _: Empty) -> tuple[CampaignRow, ...]:
         return self._campaign_rows()
 
-    def runs(
-        self, campaign: str = "", *, state: str = "", outcome: str = "", text: str = "",
-        sort: str = "index", descending: bool = False, offset: int = 0, limit: int = 200,
-        scenario: str = "", sut: str = "",
-    ) -> RunPage:  # fmt: skip
-        self._answer("runs", campaign, state, outcome, text, sort, descending, offset, limit)
+    def _runs(self, query: RunQuery) -> RunPage:
         found = [
             row
             for row in self.rows
-            if campaign in ("", row.campaign)
-            and scenario in ("", row.scenario)
-            and sut in ("", row.sut)
-            and state in ("", row.state)
-            and outcome in ("", row.outcome)
-            and text.lower() in f"{row.scenario}/{row.sut}/{row.repeat} {row.oracle}".lower()
+            if query.campaign in ("", row.campaign)
+            and query.scenario in ("", row.scenario)
+            and query.sut in ("", row.sut)
+            and query.state in ("", row.state)
+            and query.outcome in ("", row.outcome)
+            and query.text.lower() in f"{row.scenario}/{row.sut}/{row.repeat} {row.oracle}".lower()
         ]
-        found.sort(key=lambda r: _sortable(getattr(r, sort)), reverse=descending)
-        return RunPage(tuple(found[offset : offset + limit]), len(found))
+        found.sort(key=lambda r: _sortable(getattr(r, query.sort)), reverse=query.descending)
+        return RunPage(tuple(found[query.offset : query.offset + query.limit]), len(found))
 
-    def run(self, run: str) -> RunDetail:
-        self._answer("run", run)
+    def _run(self, request: IdRequest) -> RunDetail:
         for row in self.rows:
-            if row.id == run:
+            if row.id == request.id:
                 return RunDetail(row, make_spec(row, make_scene().digest), make_result(row))
-        raise Refused(f"there is no run {run}")
+        raise Refused(f"there is no run {request.id}")
 
-    def piece(self, run: str, offset: int) -> DownloadChunk:
-        self._answer("piece", run, offset)
-        raise Refused(f"{run}: its trace is gone")
+    def _fetch(self, request: TraceDownloadRequest) -> DownloadChunk:
+        raise Refused(f"{request.run}: its trace is gone")
 
-    def declared(self, campaign: str) -> AssessmentRules:
-        self._answer("declared", campaign)
+    def _declared(self, _: IdRequest) -> AssessmentRules:
         return self.declares
 
-    def records(self, campaign: str) -> tuple[RunRecord, ...]:
-        self._answer("records", campaign)
-        found = [row for row in self.rows if row.campaign == campaign]
-        return tuple(make_record(row) for row in found or NIGHTLY if row.campaign == campaign)
+    def _records(self, query: RecordQuery) -> tuple[RunRecord, ...]:
+        found = [row for row in self.rows if row.campaign == query.campaign] or list(NIGHTLY)
+        page = [row for row in found if row.campaign == query.campaign][query.offset :]
+        return tuple(make_record(row) for row in page[: query.limit])
 
-    def scene(self, digest: str) -> Scene:
-        self._answer("scene", digest)
+    def _scene(self, _: IdRequest) -> Scene:
         return make_scene()
 
-    def workers(self) -> tuple[WorkerRow, ...]:
-        self._answer("workers")
+    def _workers(self, _: Empty) -> tuple[WorkerRow, ...]:
         return (
             WorkerRow("bench-1", "bench", 4711, "0.1.0", 2, 1, NOW - 3600.0, self.now - 2.0),
             WorkerRow("shed-1", "shed", 812, "0.1.0", 4, 0, NOW - 600.0, self.now - 1.0),
         )
 
+    def _disk(self, _: Empty) -> DiskUsage:
+        return DiskUsage(10**12, 10**11, 2**20)
+
+    def _cancel(self, _: IdRequest) -> Count:
+        return Count(2)
+
+    _pause = _resume = _cancel
+
+    def _retry(self, _: RetryRequest) -> Count:
+        return Count(1)
+
+    def _prioritise(self, _: PriorityRequest) -> Empty:
+        return Empty()
+
+    def _shutdown(self, _: Empty) -> Empty:
+        return Empty()
+
     def submit(self, submission: Submission) -> SubmissionReceipt:
         self._answer("submit", submission.campaign)
         return SubmissionReceipt(submission.campaign, len(submission.runs), known=False)
-
-    def cancel(self, campaign: str) -> int:
-        self._answer("cancel", campaign)
-        return 2
-
-    def pause(self, campaign: str) -> int:
-        self._answer("pause", campaign)
-        return 2
-
-    def resume(self, campaign: str) -> int:
-        self._answer("resume", campaign)
-        return 2
-
-    def prioritise(self, campaign: str, priority: int) -> None:
-        self._answer("prioritise", campaign, priority)
-
-    def disk(self) -> DiskUsage:
-        self._answer("disk")
-        return DiskUsage(10**12, 10**11, 2**20)
-
-    def retry(self, campaign: str, *, only: str = "lost|cancelled") -> int:
-        self._answer("retry", campaign, only)
-        return 1
-
-    def shutdown(self) -> None:
-        self._answer("shutdown")
 
     def events(
         self,

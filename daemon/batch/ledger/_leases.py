@@ -13,7 +13,7 @@ from daemon.batch.ledger._results import check_result, read_trace_location, stor
 from daemon.batch.ledger._updates import RunUpdates
 from daemon.batch.ledger.transitions import Completed, Leased, Released, Renewed, advance
 from daemon.model.messages import Completion, Lease, LeaseRef, LedgerAnswer, ReleaseRequest
-from daemon.model.status import RunState
+from daemon.model.status import NONDETERMINISTIC, RunState
 
 # The first run of the campaign whose turn it is. ``served`` is the token of a campaign's latest
 # lease and tokens only grow: who was served longest ago goes first, which is round robin without
@@ -112,7 +112,7 @@ class LeaseUpdates(RunUpdates):
             self._check_determinism(completion, digest, campaign, now)
         if change.answer is LedgerAnswer.DIFFERS:
             reason = change.run.reason
-            self.record_event(now, "alarm", completion.run, campaign, "nondeterministic", reason)
+            self.record_event(now, "alarm", completion.run, campaign, NONDETERMINISTIC, reason)
         return change.answer
 
     def _check_determinism(
@@ -127,9 +127,9 @@ class LeaseUpdates(RunUpdates):
         if other is None:
             return
         run = completion.run
-        reason = f"nondeterministic: this gave {digest[:12]}, {other[0]} gave {other[1][:12]}"
+        reason = f"{NONDETERMINISTIC}: this gave {digest[:12]}, {other[0]} gave {other[1][:12]}"
         self._db.execute("UPDATE run SET reason = ? WHERE id = ?", (reason, run))
-        self.record_event(now, "alarm", run, campaign, "nondeterministic", reason)
+        self.record_event(now, "alarm", run, campaign, NONDETERMINISTIC, reason)
 
     def awaits_result(self, run: str) -> bool:
         """Whether a result of the run would be recorded now, its first."""

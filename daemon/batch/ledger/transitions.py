@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 from typing import TypeAlias
 
 from daemon.model.messages import LedgerAnswer
-from daemon.model.status import RunState
+from daemon.model.status import NONDETERMINISTIC, RunState
 
 
 @dataclass(frozen=True, slots=True)
@@ -154,7 +154,8 @@ def _complete(run: ExecutionState, token: int, digest: str) -> RunTransition:
         return RunTransition(done, LedgerAnswer.RECORDED, record=True)
     if run.result == digest:
         return RunTransition(_settled(run, token, run.reason), LedgerAnswer.KNOWN)
-    reason = f"nondeterministic: another attempt gave {digest[:12]}, recorded is {run.result[:12]}"
+    told = f"another attempt gave {digest[:12]}, recorded is {run.result[:12]}"
+    reason = f"{NONDETERMINISTIC}: {told}"
     return RunTransition(_settled(run, token, reason), LedgerAnswer.DIFFERS)
 
 

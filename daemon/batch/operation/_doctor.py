@@ -7,7 +7,8 @@ import platform
 import stat
 import time
 from collections.abc import Iterator
-from importlib.metadata import version
+from importlib.machinery import PathFinder
+from importlib.metadata import packages_distributions, version
 from pathlib import Path
 from typing import Final
 
@@ -40,6 +41,7 @@ from daemon.model.spec import ENGINE_VERSION
 from daemon.model.status import DaemonOverview, DiskUsage, WorkerRow
 
 _PACKAGES: Final = ("eclipse-zenoh", "numpy", "numba", "pymunk", "pydantic", "mcap", "textual")
+_OWN_PACKAGES: Final = ("daemon", "grammars", "templates", "scenario_tui")
 # A lease: a worker that has not asked for anything in that time has lost its runs.
 _SILENCE: Final = 30.0
 # Seconds. Leases are measured by the daemon's clock alone; this is about times people compare.
@@ -54,6 +56,7 @@ def examine(paths: StatePaths, endpoint: Endpoint, here: Path) -> tuple[DoctorFi
     now = time.time()
     return (
         *_versions(),
+        *_packages(),
         ok(
             "slots",
             f"{available_cores()} cores may be used: one run each unless --slots says otherwise",
@@ -73,6 +76,35 @@ def _versions() -> Iterator[DoctorFinding]:
     packages = ", ".join(f"{name} {version(name)}" for name in _PACKAGES)
     own = f"scenario-tui {version('scenario-tui')}, engine {ENGINE_VERSION}"
     yield ok("versions", f"{own}, python {platform.python_version()}, {packages}")
+
+
+def _packages() -> Iterator[DoctorFinding]:
+    """Look whether our packages' names are ours: short words that others have thought of too."""
+    root = Path(daemon.__file__).parents[1]
+    installed = packages_distributions()
+    sound = True
+    for name in _OWN_PACKAGES:
+        # Not what is imported here, but what a new process finds first.
+        spec = PathFinder.find_spec(name)
+        found = Path(spec.origin) if spec is not None and spec.origin else None
+        if found is not None and found != root / name / "__init__.py":
+            sound = False
+            yield problem(
+                "packages",
+                f"{found} is found in place of our package {name}",
+                f"take {found.parent} off PYTHONPATH, or rename what is there",
+            )
+        # python-daemon, say, has a package "daemon": whoever is installed last has __init__.py.
+        others = sorted(set(installed.get(name, ())) - {"scenario-tui"})
+        if others:
+            sound = False
+            yield warning(
+                "packages",
+                f"{', '.join(others)} has a package {name} too, in the same place",
+                "install scenario-tui in an environment of its own",
+            )
+    if sound:
+        yield ok("packages", f"{', '.join(_OWN_PACKAGES)} are those of {root}")
 
 
 def _kernels(paths: StatePaths) -> Iterator[DoctorFinding]:

@@ -3,7 +3,13 @@
 Making keys imports the cryptography library; that is :mod:`daemon.batch.security.authority`.
 """
 
-from daemon.batch.security._access_control import access_control
+from daemon.batch.security._access_control import (
+    CLIENT_ROLES,
+    access_control,
+    allowed_verbs,
+    denial_text,
+    strip_control_characters,
+)
 from daemon.batch.security._keys import (
     KEYS_VARIABLE,
     Credentials,
@@ -17,26 +23,16 @@ from daemon.batch.security._keys import (
     load_register,
     read_credentials,
 )
-from daemon.batch.security._rules import (
-    CLIENT_ROLES,
-    VERB_RULES,
-    Role,
-    VerbRule,
-    allowed_verbs,
-    denial_text,
-    strip_control_characters,
-)
+from daemon.model.verbs import Role
 
 __all__ = [
     "CLIENT_ROLES",
     "KEYS_VARIABLE",
-    "VERB_RULES",
     "Credentials",
     "DaemonCredentials",
     "IssuedKey",
     "KeyRegister",
     "Role",
-    "VerbRule",
     "access_control",
     "allowed_verbs",
     "denial_text",

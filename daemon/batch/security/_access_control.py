@@ -1,12 +1,20 @@
-"""Access control of the bus: Zenoh's configuration, derived from the rules; default deny."""
+"""Who may do what on the bus, from the verbs' declarations; default deny.
+
+The access control of Zenoh, the sentence a person reads when a key is not enough, and what no text
+of a request keeps: control characters.
+"""
 
 from __future__ import annotations
 
+import re
 from typing import Final, TypeAlias
 
 from daemon.batch.security._keys import KeyRegister
-from daemon.batch.security._rules import CLIENT_ROLES, Role, allowed_verbs
 from daemon.model.messages import ALIVE, ASK, EVENTS, LIVE, WORK
+from daemon.model.verbs import VERBS, AnyVerb, Role
+
+CLIENT_ROLES: Final = (Role.VIEWER, Role.OPERATOR, Role.WORKER)
+"""The roles that connect; the daemon is what they connect to."""
 
 ZenohSetting: TypeAlias = dict[str, object]
 
@@ -76,3 +84,59 @@ def _rule(name: str, flow: str, messages: tuple[str, ...], *keys: str) -> ZenohS
         "messages": list(messages),
         "key_exprs": list(keys),
     }
+
+
+_PERMISSIONS: Final = {
+    Role.VIEWER: "it may look, not steer or work",
+    Role.OPERATOR: "it may look, submit and steer, not work",
+    Role.WORKER: "it may execute runs, not look or steer",
+    Role.DAEMON: "it is the daemon's own and asks nothing",
+}
+
+
+def allowed_verbs(role: Role) -> tuple[str, ...]:
+    """Return the names of the verbs a role may use."""
+    return tuple(name for name, verb in VERBS.items() if role in verb.roles)
+
+
+def denial_text(name: str, role: Role, verb: AnyVerb) -> str:
+    """Say why the key ``name`` is not enough for ``verb``; empty when it is."""
+    if role in verb.roles:
+        return ""
+    wanted = " or ".join(_with_article(one) for one in sorted(verb.roles))
+    return (
+        f'{verb}: the key "{name}" is that of {_with_article(role)}: {_PERMISSIONS[role]}; '
+        f"ask whoever keeps the daemon for the key of {wanted} (`scenario keys issue`)"
+    )
+
+
+def _with_article(role: Role) -> str:
+    return f"{'an' if role is Role.OPERATOR else 'a'} {role}"
+
+
+# Every alternative begins with a letter of its own: so the search skips what has none of them.
+_CONTROL_CHARACTERS: Final = re.compile(
+    rb'\\["\\/nrt](?:\\["\\/nrt])*'
+    rb"|\\[bf]"
+    rb"|\\u00(?:0[0-8bBcCeEfF]|1[0-9a-fA-F]|7[fF]|[89][0-9a-fA-F])"
+    rb"|\x7f"
+    rb"|\xc2[\x80-\x9f]"
+)
+_HARMLESS: Final = frozenset(rb'"\/nrt')
+_REPLACEMENT: Final = "\N{REPLACEMENT CHARACTER}".encode()
+
+
+def strip_control_characters(document: bytes) -> bytes:
+    r"""Return a JSON document without control characters in its texts, save ``\n \r \t``.
+
+    They move cursors, rename windows and worse; each becomes U+FFFD. JSON allows them only as
+    escapes (RFC 8259, section 7), save DEL and the C1 controls, so all can be found without
+    parsing.
+    """
+    return _CONTROL_CHARACTERS.sub(_replacement, document)
+
+
+def _replacement(found: re.Match[bytes]) -> bytes:
+    text = found[0]
+    # Passed over rather than not found, so that an escaped backslash begins no other escape.
+    return text if text[0] == 0x5C and text[1] in _HARMLESS else _REPLACEMENT

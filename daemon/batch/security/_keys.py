@@ -15,7 +15,7 @@ from typing import Final
 import platformdirs
 
 from daemon.batch.errors import KeysUnusable
-from daemon.batch.security._rules import Role
+from daemon.model.verbs import Role
 from grammars.text import codec
 from grammars.text.files import write_atomically
 

@@ -37,7 +37,7 @@ from daemon.batch.security._keys import (
     read_register,
     write_register,
 )
-from daemon.batch.security._rules import Role
+from daemon.model.verbs import Role
 from grammars.text.files import sync_directory
 
 VALID_DAYS: Final = 730

@@ -20,22 +20,20 @@ from grammars.text.files import write_atomically
 _SHOWN: Final = 10
 
 
-def admit_submission(submission: Submission, places: StatePaths) -> None:
+def admit_submission(submission: Submission, paths: StatePaths) -> None:
     """Check a submission and store its scenes; raises :class:`Refused` with all that is wrong."""
     scenes = {scene.digest: scene for scene in submission.scenes}
-    problems = list(_problems(submission, scenes, places))
+    problems = list(_problems(submission, scenes, paths))
     if problems:
         more = f"\nand {len(problems) - _SHOWN} more" if len(problems) > _SHOWN else ""
         raise Refused("\n".join(problems[:_SHOWN]) + more)
     for digest, scene in scenes.items():
-        path = places.scene(digest)
+        path = paths.scene(digest)
         if not path.exists():
             write_atomically(path, codec.to_json(scene))
 
 
-def _problems(
-    submission: Submission, scenes: dict[str, Scene], places: StatePaths
-) -> Iterator[str]:
+def _problems(submission: Submission, scenes: dict[str, Scene], paths: StatePaths) -> Iterator[str]:
     if not is_id(submission.campaign):
         yield f"{submission.campaign!r} is not a campaign id: use up to 100 of A-Z a-z 0-9 _ -"
         return
@@ -48,9 +46,9 @@ def _problems(
     known = set(scenes)
     for run in runs:
         yield from _run_problems(submission.campaign, run, seen)
-        yield from _lacking_files(run, places, known)
+        yield from _lacking_files(run, paths, known)
         if run.scene not in known:
-            if _is_stored(run.scene, places):
+            if _is_stored(run.scene, paths):
                 known.add(run.scene)
             else:
                 yield f"{run.label}: its scene {run.scene[:12]} is neither here nor sent along"
@@ -71,16 +69,16 @@ def _run_problems(campaign: str, run: RunSpec, seen: set[str]) -> Iterator[str]:
     seen.add(name)
 
 
-def _lacking_files(run: RunSpec, places: StatePaths, known: set[str]) -> Iterator[str]:
+def _lacking_files(run: RunSpec, paths: StatePaths, known: set[str]) -> Iterator[str]:
     for name, digest in attached_digests(run.sut.parameters).items():
-        if digest in known or (places.files / digest).exists():
+        if digest in known or (paths.files / digest).exists():
             known.add(digest)
         else:
             yield f'{run.label}: the file "{name}" of {run.sut.name} was not sent along'
 
 
-def _is_stored(digest: str, places: StatePaths) -> bool:
+def _is_stored(digest: str, paths: StatePaths) -> bool:
     try:
-        return places.scene(digest).exists()
+        return paths.scene(digest).exists()
     except ValueError:
         return False

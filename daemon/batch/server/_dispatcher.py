@@ -1,6 +1,8 @@
 """From the bus to the ledger: requests are queued for the ledger's threads, done there, answered.
 
-Zenoh's callbacks only enqueue. One thread writes the ledger, two read it; everybody else queues up, to a limit. A request is validated by the thread that does it; whatever is wrong with it is its error reply, never more.
+Zenoh's callbacks only enqueue. One thread writes the ledger, two read it; everybody else queues
+up, to a limit. A request is validated by the thread that does it; whatever is wrong with it is its
+error reply, never more.
 """
 
 from __future__ import annotations
@@ -15,16 +17,17 @@ import zenoh
 
 from daemon.batch.errors import DaemonError, Refused, Unavailable, Unreachable
 from daemon.batch.ledger import LedgerReader, LedgerWriter
-from daemon.batch.security import VERB_RULES, strip_control_characters
+from daemon.batch.security import strip_control_characters
 from daemon.batch.server._runtime import EventLog
-from daemon.model.messages import ErrorReply, Verb
+from daemon.model.messages import ErrorReply
 from daemon.model.status import ChangeEvent
+from daemon.model.verbs import VERBS, AnyVerb, ServerThread
 from grammars.text import codec
 
 _BATCH: Final = 64
 _MOST: Final = 2048
 _MOST_BYTES: Final = 256 * 2**20
-"""Requests that may wait for a clerk, and their bytes: what comes then is told to come again."""
+"""Requests that may wait for a thread, and their bytes: what comes then is told to come again."""
 BUSY: Final = Unavailable(
     f"the daemon is busy, {_MOST} requests wait already: try again in a moment"
 )
@@ -90,9 +93,9 @@ class WriterThread(_LedgerThread):
     refused one undoes only itself.
     """
 
-    def __init__(self, book: LedgerWriter, publish: Callable[[list[ChangeEvent]], None]) -> None:
+    def __init__(self, ledger: LedgerWriter, publish: Callable[[list[ChangeEvent]], None]) -> None:
         super().__init__("ledger-writer")
-        self._book = book
+        self._ledger = ledger
         self._publish = publish
 
     def run(self) -> None:
@@ -115,15 +118,15 @@ class WriterThread(_LedgerThread):
 
     def _work(self, batch: list[LedgerJob]) -> None:
         try:
-            with self._book.transaction():
-                # What is no refusal the dispatcher writes to the log; the asker is told of both.
-                values = [self._book.attempt(job.act) for job in batch]
+            with self._ledger.transaction():
+                # An error is its value: the asker is told; what is no refusal goes to the log too.
+                values = [self._ledger.attempt(job.act) for job in batch]
         except Unavailable as failure:
             values = [failure for _ in batch]
         for job, value in zip(batch, values, strict=True):
             job.done(value)
-        if self._book.events:
-            self._publish(self._book.events)
+        if self._ledger.events:
+            self._publish(self._ledger.events)
 
 
 class ReaderThread(_LedgerThread):
@@ -143,14 +146,14 @@ class ReaderThread(_LedgerThread):
             with self._reader.snapshot():
                 return job.act(self._reader)
         except Exception as error:
-            return error  # the asker is told; the desk logs what is not a refusal
+            return error  # as above
 
 
 class OverloadReply(_LedgerThread):
     """Tells those to come again for whom there is no room; so that nobody else waits for that."""
 
     def __init__(self) -> None:
-        super().__init__("doorman")
+        super().__init__("overload-reply")
 
     def run(self) -> None:
         """Turn away until told to finish."""
@@ -158,81 +161,86 @@ class OverloadReply(_LedgerThread):
             job.done(BUSY)
 
 
-_LONGEST_COMPLAINT: Final = 4000
+_LONGEST_PROBLEM: Final = 4000
 _LONGEST_KEY: Final = 200
 
 
 @dataclass(frozen=True, slots=True)
 class VerbHandler:
-    """What is done about a verb: by the reader, by the writer, or by the carrier of megabytes.
+    """What is done about a verb: ``act`` gets what the verb's thread owns of the ledger.
 
-    ``act`` gets the side of the ledger its clerk owns, and the request. What takes long and needs
-    no ledger, the carrier does before the writer: ``prepare`` makes of the request what ``act``
-    gets. ``answer`` names the type of the answer when it is not its class.
+    What takes long and needs no ledger, the carrier does first: then ``prepare`` makes of the
+    request what ``act`` gets.
     """
 
-    request: Any
     act: Callable[[Any, Any], object]
-    answer: Any = None
-    writes: bool = False
-    carries: bool = False
     prepare: Callable[[Any], object] | None = None
 
 
 @dataclass(frozen=True, slots=True)
 class RequestDispatcher:
-    """Queues requests for the clerks.
+    """Queues requests for the threads that do what they ask for.
 
-    Who finds a full queue is told so by the ``doorman``; who floods that too hears nothing.
+    Who finds a full queue is told so by ``overload``; who floods that too hears nothing.
     """
 
-    services: Mapping[Verb, VerbHandler]
-    journal: EventLog
+    handlers: Mapping[AnyVerb, VerbHandler]
+    log: EventLog
     writer: WriterThread
-    questions: ReaderThread
+    reader: ReaderThread
     carrier: ReaderThread
-    doorman: OverloadReply
+    overload: OverloadReply
 
-    def receive(self, query: zenoh.Query) -> None:
-        """Find the clerk and enqueue: the callback of the queryable."""
-        verb = str(query.key_expr).rpartition("/")[2]
-        service = self.services.get(verb)  # type: ignore[call-overload]
-        if service is None:
-            self._queue(self.questions, query, lambda _: _unknown(query))
-        elif service.prepare is not None:
-            self._prepare(service, service.prepare, verb, query)
+    def on_query(self, query: zenoh.Query) -> None:
+        """Find the thread and enqueue: the callback of the queryable."""
+        # Nothing is parsed or refused here: Zenoh calls from the thread that reads its sockets,
+        # and whatever takes long in it delays everybody, heartbeats included.
+        verb = VERBS.get(str(query.key_expr).rpartition("/")[2])
+        if verb is None:
+            self._queue(self.reader, query, lambda _: _refuse_unknown(query))
+            return
+        handler = self.handlers[verb]
+        if handler.prepare is not None:
+            self._prepare(verb, handler, handler.prepare, query)
         else:
-            clerk: WriterThread | ReaderThread = self.questions
-            if service.writes or service.carries:
-                clerk = self.writer if service.writes else self.carrier
             self._queue(
-                clerk,
+                self._thread(verb),
                 query,
-                lambda ledger: _answer_request(service, ledger, _request(service, verb, query)),
+                lambda ledger: _answer(verb, handler, ledger, _request(verb, query)),
             )
+
+    def _thread(self, verb: AnyVerb) -> _LedgerThread:
+        if verb.thread is ServerThread.WRITER:
+            return self.writer
+        return self.carrier if verb.thread is ServerThread.CARRIER else self.reader
 
     def _queue(
         self,
-        clerk: WriterThread | ReaderThread,
+        thread: _LedgerThread,
         query: zenoh.Query,
         act: Callable[[Any], object],
         done: Callable[[object], None] | None = None,
     ) -> None:
         size = 0 if query.payload is None else len(query.payload)
         job = LedgerJob(act, done or (lambda value: self._reply(query, value)), size)
-        if not clerk.offer(job):
-            self.doorman.offer(job)
+        if not thread.offer(job):
+            self.overload.offer(job)
 
     def _prepare(
-        self, service: VerbHandler, prepare: Callable[[Any], object], verb: str, query: zenoh.Query
+        self,
+        verb: AnyVerb,
+        handler: VerbHandler,
+        prepare: Callable[[Any], object],
+        query: zenoh.Query,
     ) -> None:
         def go_on(value: object) -> None:
             if isinstance(value, Exception):
                 self._reply(query, value)
             else:
-                self._queue(self.writer, query, lambda book: _answer_request(service, book, value))
+                act = lambda ledger: _answer(verb, handler, ledger, value)  # noqa: E731
+                self._queue(self._thread(verb), query, act)
 
-        self._queue(self.carrier, query, lambda _: prepare(_request(service, verb, query)), go_on)
+        self._queue(self.carrier, query, lambda _: prepare(_request(verb, query)), go_on)
 
     def _reply(self, query: zenoh.Query, value: object) -> None:
         with query:
@@ -241,39 +249,38 @@ class RequestDispatcher:
                     query.reply(query.key_expr, value)
                 else:
                     passing = isinstance(value, Unreachable)
-                    problem = ErrorReply(self._complaint(query, value), passing)
+                    problem = ErrorReply(self._error_text(query, value), passing)
                     query.reply_err(codec.to_json(problem))
             except zenoh.ZError as error:
-                self.journal.write("unanswered", key=str(query.key_expr), problem=str(error))
+                self.log.write("unanswered", key=str(query.key_expr), problem=str(error))
 
-    def _complaint(self, query: zenoh.Query, value: object) -> str:
+    def _error_text(self, query: zenoh.Query, value: object) -> str:
         if not isinstance(value, DaemonError):
-            self.journal.write("failure", key=str(query.key_expr), problem=repr(value))
-            return f"the daemon failed: {value!r}"[:_LONGEST_COMPLAINT]
+            self.log.write("failure", key=str(query.key_expr), problem=repr(value))
+            return f"the daemon failed: {value!r}"[:_LONGEST_PROBLEM]
         key = str(query.key_expr)[:_LONGEST_KEY]
-        self.journal.write("refused", key=key, problem=str(value)[:400])
-        return str(value)[:_LONGEST_COMPLAINT]
+        self.log.write("refused", key=key, problem=str(value)[:400])
+        return str(value)[:_LONGEST_PROBLEM]
 
 
-def _unknown(query: zenoh.Query) -> object:
+def _refuse_unknown(query: zenoh.Query) -> object:
     raise Refused(f"this daemon does not know how to {str(query.key_expr)[:_LONGEST_KEY]}")
 
 
-def _request(service: VerbHandler, verb: str, query: zenoh.Query) -> object:
+def _request(verb: AnyVerb, query: zenoh.Query) -> object:
     """The request, validated; raises :class:`Refused`."""
     payload = query.payload
-    limit = VERB_RULES[Verb(verb)].largest
-    if payload is not None and len(payload) > limit:
-        raise Refused(f"the request has {len(payload)} bytes, at most {limit} are taken")
+    if payload is not None and len(payload) > verb.largest:
+        raise Refused(f"the request has {len(payload)} bytes, at most {verb.largest} are taken")
     data = b"{}" if payload is None else payload.to_bytes()
     try:
-        request: object = codec.from_json(
-            service.request, strip_control_characters(data), exactly=True
-        )
+        kind: Any = verb.request
+        request: object = codec.from_json(kind, strip_control_characters(data), exactly=True)
     except ValueError as error:
         raise Refused(f"the request is malformed: {error}") from error
     return request
 
 
-def _answer_request(service: VerbHandler, ledger: object, request: object) -> bytes:
-    return codec.to_json(service.act(ledger, request), service.answer)
+def _answer(verb: AnyVerb, handler: VerbHandler, ledger: object, request: object) -> bytes:
+    # In the thread that did it: the answer is of the same snapshot, and bytes when it is passed on.
+    return codec.to_json(handler.act(ledger, request), verb.answer)

@@ -17,7 +17,7 @@ from daemon.batch.server._settings import DaemonSettings
 from daemon.batch.server._uploads import FileUploads, TraceUploads
 from daemon.batch.server._workers import MOST_WORKERS, WorkerRegistry
 from daemon.batch.stores import Marker, encode_chunk, is_url, read_part
-from daemon.model.assessments import RunRecord
+from daemon.model.assessments import AssessmentRules, RunRecord
 from daemon.model.messages import (
     Completion,
     Count,
@@ -39,7 +39,7 @@ from daemon.model.messages import (
     RunQuery,
     TraceDownloadRequest,
     TraceUploadChunk,
-    Verb,
+    UploadProgress,
     WelcomeReply,
     WorkerInfo,
 )
@@ -50,7 +50,17 @@ from daemon.model.packed_submission import (
     unpack_submission,
 )
 from daemon.model.spec import ENGINE_VERSION
-from daemon.model.status import CampaignRow, DaemonOverview, DiskUsage, Submission, WorkerRow
+from daemon.model.status import (
+    CampaignRow,
+    DaemonOverview,
+    DiskUsage,
+    RunDetail,
+    RunPage,
+    Submission,
+    SubmissionReceipt,
+    WorkerRow,
+)
+from daemon.model.verbs import SUBMIT, VERBS
 from daemon.model.versions import install_hint, own_version, version_text
 from grammars.model.scene import Scene
 from grammars.text import codec
@@ -63,14 +73,18 @@ class _AdmittedSubmission:
 
 
 class Handlers:
-    """Everything the daemon can be asked: its ``services`` by verb."""
+    """What the daemon does when it is asked: a method for each verb, and so more than twenty.
+
+    It has the name of the verb, and :mod:`daemon.model.verbs` says what it is for. It gets the
+    validated request and what its thread owns of the ledger, and returns the answer.
+    """
 
     def __init__(
         self,
-        places: StatePaths,
+        paths: StatePaths,
         settings: DaemonSettings,
-        roster: WorkerRegistry,
-        journal: EventLog,
+        registry: WorkerRegistry,
+        log: EventLog,
         clock: DaemonClock,
         quota: Quota,
         *,
@@ -79,10 +93,10 @@ class Handlers:
         trouble: Callable[[], str],
         marker: Marker,
     ) -> None:
-        self._places = places
+        self._paths = paths
         self._settings = settings
-        self._roster = roster
-        self._journal = journal
+        self._registry = registry
+        self._log = log
         self._clock = clock
         self._quota = quota
         self._stop = stop
@@ -90,90 +104,64 @@ class Handlers:
         self._version = version
         self._identity = own_version()
         self._marker = marker
-        self._intake = TraceUploads(places, journal)
-        self._files = FileUploads(places, journal)
+        self._traces = TraceUploads(paths, log)
+        self._files = FileUploads(paths, log)
         self._started_at = clock.now()
         self.draining = False
-        self.services = self._reading() | self._writing() | self._carrying()
+        self.by_verb = {verb: VerbHandler(getattr(self, name)) for name, verb in VERBS.items()}
+        # To unpack and check 100,000 runs takes seconds: not the writer's, leases wait for those.
+        self.by_verb[SUBMIT] = VerbHandler(self.submit, prepare=self._admit)
 
-    def _reading(self) -> dict[Verb, VerbHandler]:
-        return {
-            Verb.OVERVIEW: VerbHandler(Empty, self._overview),
-            Verb.CAMPAIGNS: VerbHandler(
-                Empty, lambda r, _: r.campaigns(), answer=tuple[CampaignRow, ...]
-            ),
-            Verb.RUNS: VerbHandler(RunQuery, lambda r, query: r.runs(query)),
-            Verb.RUN: VerbHandler(IdRequest, lambda r, named: r.run(named.id)),
-            Verb.DECLARED: VerbHandler(IdRequest, lambda r, named: r.declared(named.id)),
-            Verb.RECORDS: VerbHandler(
-                RecordQuery, lambda r, query: r.records(query), answer=tuple[RunRecord, ...]
-            ),
-            Verb.SCENE: VerbHandler(IdRequest, self._scene),
-            Verb.WORKERS: VerbHandler(
-                Empty, lambda _, __: self._roster.rows(), answer=tuple[WorkerRow, ...]
-            ),
-            Verb.DISK: VerbHandler(Empty, self._disk),
-            Verb.WELCOME: VerbHandler(WorkerInfo, self._welcome),
-            Verb.SHUTDOWN: VerbHandler(Empty, self._shutdown),
-        }
+    # Questions, each answered from one snapshot of the ledger
 
-    def _writing(self) -> dict[Verb, VerbHandler]:
-        return {
-            Verb.SUBMIT: VerbHandler(
-                PackedSubmission, self._submit, writes=True, prepare=self._admit
-            ),
-            Verb.CANCEL: VerbHandler(IdRequest, self._cancel, writes=True),
-            Verb.RETRY: VerbHandler(RetryRequest, self._retry, writes=True),
-            Verb.PAUSE: VerbHandler(IdRequest, self._pause, writes=True),
-            Verb.RESUME: VerbHandler(IdRequest, self._resume, writes=True),
-            Verb.PRIORITISE: VerbHandler(PriorityRequest, self._prioritise, writes=True),
-            Verb.LEASE: VerbHandler(LeaseRequest, self._lease, writes=True),
-            Verb.RENEW: VerbHandler(RenewRequest, self._renew, writes=True),
-            Verb.COMPLETE: VerbHandler(Completion, self._complete, writes=True),
-            Verb.RELEASE: VerbHandler(ReleaseRequest, self._release, writes=True),
-        }
-
-    def _carrying(self) -> dict[Verb, VerbHandler]:
-        """What moves megabytes has a clerk of its own: nobody's question waits for it."""
-        return {
-            Verb.UPLOAD: VerbHandler(
-                TraceUploadChunk, lambda r, chunk: self._intake.add_chunk(r, chunk), carries=True
-            ),
-            Verb.FETCH: VerbHandler(TraceDownloadRequest, self._fetch, carries=True),
-            Verb.KEEP: VerbHandler(FileUploadChunk, self._files.add_chunk, carries=True),
-            Verb.FILE: VerbHandler(FileDownloadRequest, self._files.read_chunk, carries=True),
-        }
-
-    def _overview(self, reader: LedgerReader, _: Empty) -> DaemonOverview:
+    def overview(self, ledger: LedgerReader, _: Empty) -> DaemonOverview:
         now = self._clock.now()
-        campaigns, counts = reader.counts()
-        rate = reader.rate(now)
+        campaigns, counts = ledger.counts()
+        rate = ledger.rate(now)
         waiting = counts["queued"] + counts["running"]
         return DaemonOverview(
             version=self._version,
-            state=str(self._places.state),
+            state=str(self._paths.state),
             started_at=self._started_at,
             now=now,
             campaigns=campaigns,
-            workers=len(self._roster.rows()),
+            workers=len(self._registry.rows()),
             **count_states(counts),
             rate=rate,
             seconds_left=60.0 * waiting / rate if waiting and rate > 0.0 else None,
             trouble=self._trouble(),
         )
 
-    def _scene(self, _: LedgerReader, named: IdRequest) -> Scene:
+    def campaigns(self, ledger: LedgerReader, _: Empty) -> tuple[CampaignRow, ...]:
+        return ledger.campaigns()
+
+    def runs(self, ledger: LedgerReader, query: RunQuery) -> RunPage:
+        return ledger.runs(query)
+
+    def run(self, ledger: LedgerReader, request: IdRequest) -> RunDetail:
+        return ledger.run(request.id)
+
+    def declared(self, ledger: LedgerReader, request: IdRequest) -> AssessmentRules:
+        return ledger.declared(request.id)
+
+    def records(self, ledger: LedgerReader, query: RecordQuery) -> tuple[RunRecord, ...]:
+        return ledger.records(query)
+
+    def workers(self, _: LedgerReader, __: Empty) -> tuple[WorkerRow, ...]:
+        return self._registry.rows()
+
+    def scene(self, _: LedgerReader, request: IdRequest) -> Scene:
         try:
-            data = self._places.scene(named.id).read_bytes()
+            data = self._paths.scene(request.id).read_bytes()
         except (OSError, ValueError) as error:
-            raise Refused(f"there is no scene {named.id}") from error
+            raise Refused(f"there is no scene {request.id}") from error
         return codec.from_json(Scene, data)
 
-    def _welcome(self, _: LedgerReader, worker: WorkerInfo) -> WelcomeReply:
-        self._check(worker)
+    def welcome(self, _: LedgerReader, worker: WorkerInfo) -> WelcomeReply:
+        self._check_version(worker)
         settings = self._settings
         return WelcomeReply(
-            str(self._places.state),
+            str(self._paths.state),
             self._version,
             ENGINE_VERSION,
             settings.lease,
@@ -183,63 +171,114 @@ class Handlers:
             settings.store,
         )
 
-    def _fetch(self, reader: LedgerReader, fetch: TraceDownloadRequest) -> DownloadChunk:
-        trace = reader.trace_reference(fetch.run)
-        if is_url(trace.location):
-            raise Refused(f"the trace of {fetch.run} lies at {trace.location}: get it there")
-        try:
-            data = read_part(Path(trace.location), fetch.offset, fetch.count)
-        except OSError as error:
-            raise Refused(f"the trace of {fetch.run} cannot be read: {error.strerror}") from error
-        if data and fetch.offset + len(data) == trace.size:
-            self._journal.write("trace fetched", run=fetch.run, bytes=trace.size)
-        return DownloadChunk(fetch.offset, trace.size, trace.sha256, *encode_chunk(data))
+    def disk(self, _: LedgerReader, __: Empty) -> DiskUsage:
+        return replace(self._paths.disk(), traces=self._quota.used, quota=self._quota.limit)
 
-    def _disk(self, _: LedgerReader, __: Empty) -> DiskUsage:
-        return replace(self._places.disk(), traces=self._quota.used, quota=self._quota.limit)
-
-    def _shutdown(self, _: LedgerReader, __: Empty) -> Empty:
-        self._journal.write("shutdown requested")
+    def shutdown(self, _: LedgerReader, __: Empty) -> Empty:
+        self._log.write("shutdown requested")
         self._stop()
         return Empty()
 
-    def _admit(self, parcel: PackedSubmission) -> _AdmittedSubmission:
+    # Megabytes, carried in a thread of their own
+
+    def fetch(self, ledger: LedgerReader, request: TraceDownloadRequest) -> DownloadChunk:
+        trace = ledger.trace_reference(request.run)
+        if is_url(trace.location):
+            raise Refused(f"the trace of {request.run} lies at {trace.location}: get it there")
         try:
-            submission = unpack_submission(parcel)
+            data = read_part(Path(trace.location), request.offset, request.count)
+        except OSError as error:
+            raise Refused(f"the trace of {request.run} cannot be read: {error.strerror}") from error
+        if data and request.offset + len(data) == trace.size:
+            self._log.write("trace fetched", run=request.run, bytes=trace.size)
+        return DownloadChunk(request.offset, trace.size, trace.sha256, *encode_chunk(data))
+
+    def upload(self, ledger: LedgerReader, chunk: TraceUploadChunk) -> UploadProgress:
+        return self._traces.add_chunk(ledger, chunk)
+
+    def keep(self, ledger: LedgerReader, chunk: FileUploadChunk) -> UploadProgress:
+        return self._files.add_chunk(ledger, chunk)
+
+    def file(self, ledger: LedgerReader, request: FileDownloadRequest) -> DownloadChunk:
+        return self._files.read_chunk(ledger, request)
+
+    # Changes of the ledger; each is answered after its commit
+
+    def _admit(self, packed: PackedSubmission) -> _AdmittedSubmission:
+        try:
+            submission = unpack_submission(packed)
         except ValueError as error:
             raise Refused(f"the request is malformed: {error}") from error
-        admit_submission(submission, self._places)
+        admit_submission(submission, self._paths)
         return _AdmittedSubmission(submission, fingerprint(submission))
 
-    def _submit(self, book: LedgerWriter, admitted: _AdmittedSubmission) -> object:
-        receipt = book.submit(admitted.submission, self._clock.now(), admitted.fingerprint)
-        self._journal.write("submitted", **codec.to_plain(receipt))
+    def submit(self, ledger: LedgerWriter, admitted: _AdmittedSubmission) -> SubmissionReceipt:
+        receipt = ledger.submit(admitted.submission, self._clock.now(), admitted.fingerprint)
+        self._log.write("submitted", **codec.to_plain(receipt))
         return receipt
 
-    def _cancel(self, book: LedgerWriter, named: IdRequest) -> Count:
-        count = book.cancel(named.id, self._clock.now())
-        self._journal.write("cancelled", campaign=named.id, runs=count)
+    def cancel(self, ledger: LedgerWriter, request: IdRequest) -> Count:
+        count = ledger.cancel(request.id, self._clock.now())
+        self._log.write("cancelled", campaign=request.id, runs=count)
         return Count(count)
 
-    def _retry(self, book: LedgerWriter, request: RetryRequest) -> Count:
-        count = book.retry(request, self._clock.now())
-        self._journal.write("retried", campaign=request.campaign, runs=count)
+    def retry(self, ledger: LedgerWriter, request: RetryRequest) -> Count:
+        count = ledger.retry(request, self._clock.now())
+        self._log.write("retried", campaign=request.campaign, runs=count)
         return Count(count)
 
-    def _pause(self, book: LedgerWriter, named: IdRequest) -> Count:
-        self._journal.write("paused", campaign=named.id)
-        return Count(book.pause(named.id, self._clock.now(), paused=True))
+    def pause(self, ledger: LedgerWriter, request: IdRequest) -> Count:
+        self._log.write("paused", campaign=request.id)
+        return Count(ledger.pause(request.id, self._clock.now(), paused=True))
 
-    def _resume(self, book: LedgerWriter, named: IdRequest) -> Count:
-        self._journal.write("resumed", campaign=named.id)
-        return Count(book.pause(named.id, self._clock.now(), paused=False))
+    def resume(self, ledger: LedgerWriter, request: IdRequest) -> Count:
+        self._log.write("resumed", campaign=request.id)
+        return Count(ledger.pause(request.id, self._clock.now(), paused=False))
 
-    def _prioritise(self, book: LedgerWriter, request: PriorityRequest) -> Empty:
-        book.set_priority(request.campaign, request.priority, self._clock.now())
-        self._journal.write("prioritised", **codec.to_plain(request))
+    def prioritise(self, ledger: LedgerWriter, request: PriorityRequest) -> Empty:
+        ledger.set_priority(request.campaign, request.priority, self._clock.now())
+        self._log.write("prioritised", **codec.to_plain(request))
         return Empty()
 
-    def _check(self, worker: WorkerInfo) -> None:
+    def lease(self, ledger: LedgerWriter, request: LeaseRequest) -> LeaseReply:
+        now = self._clock.now()
+        self._register_worker(ledger, request.worker, now)
+        if self.draining:
+            return LeaseReply((), draining=True)
+        if self._quota.trouble:
+            return LeaseReply(())  # not an error: workers ask again until there is room
+        store = self._settings.store
+        return LeaseReply(
+            ledger.lease(request.worker.id, request.count, now, store=store, lacks=request.lacks)
+        )
+
+    def renew(self, ledger: LedgerWriter, request: RenewRequest) -> RenewReply:
+        now = self._clock.now()
+        self._register_worker(ledger, request.worker, now)
+        return RenewReply(ledger.renew(request.worker.id, request.holds, now))
+
+    def complete(self, ledger: LedgerWriter, completion: Completion) -> LedgerAcknowledgement:
+        # First the trace, then the result: a result in the ledger is a promise that its trace is
+        # there. Settled before the commit, a crash in between leaves a file too many, never one
+        # too few; the worker then hears nothing and completes again.
+        ledger.check_completion(completion)
+        if self._traces.is_missing(ledger, completion):
+            return LedgerAcknowledgement(LedgerAnswer.MISSING)
+        answer = ledger.complete(completion, self._clock.now())
+        self._traces.settle_result(ledger, completion, answer)
+        if answer is LedgerAnswer.RECORDED and not completion.location:
+            self._quota.add_bytes(completion.result.trace.size)
+        if answer is LedgerAnswer.DIFFERS:
+            self._log.write("nondeterminism", run=completion.run, worker=completion.worker)
+        return LedgerAcknowledgement(answer)
+
+    def release(self, ledger: LedgerWriter, request: ReleaseRequest) -> LedgerAcknowledgement:
+        answer = ledger.release(request, self._clock.now())
+        self._log.write("released", run=request.run, reason=request.reason[-400:])
+        return LedgerAcknowledgement(answer)
+
+    def _check_version(self, worker: WorkerInfo) -> None:
+        # Results must not depend on who computed them, and trace bytes do depend on the version.
         theirs = version_text(worker.version, worker.engine)
         if theirs != self._identity:
             raise Refused(
@@ -247,43 +286,12 @@ class Handlers:
                 f"{install_hint(self._identity)}"
             )
 
-    def _meet(self, book: LedgerWriter, worker: WorkerInfo, now: float) -> None:
-        self._check(worker)
-        if self._roster.is_full(worker.id):
+    def _register_worker(self, ledger: LedgerWriter, worker: WorkerInfo, now: float) -> None:
+        # With every request rather than once: after a restart the registry is empty, and workers
+        # do not notice restarts.
+        self._check_version(worker)
+        if self._registry.is_full(worker.id):
             raise Refused(f"worker {worker.id} has to wait: there are {MOST_WORKERS} already")
-        if self._roster.record_contact(worker, now):
-            book.record_event(now, "worker", worker.id, state="came")
-            self._journal.write("worker came", worker=worker.id, slots=worker.slots)
-
-    def _lease(self, book: LedgerWriter, request: LeaseRequest) -> LeaseReply:
-        now = self._clock.now()
-        self._meet(book, request.worker, now)
-        if self.draining:
-            return LeaseReply((), draining=True)
-        if self._quota.trouble:
-            return LeaseReply(())
-        store = self._settings.store
-        grants = book.lease(request.worker.id, request.count, now, store=store, lacks=request.lacks)
-        return LeaseReply(grants)
-
-    def _renew(self, book: LedgerWriter, request: RenewRequest) -> RenewReply:
-        now = self._clock.now()
-        self._meet(book, request.worker, now)
-        return RenewReply(book.renew(request.worker.id, request.holds, now))
-
-    def _complete(self, book: LedgerWriter, completion: Completion) -> LedgerAcknowledgement:
-        book.check_completion(completion)
-        if self._intake.is_missing(book, completion):
-            return LedgerAcknowledgement(LedgerAnswer.MISSING)
-        answer = book.complete(completion, self._clock.now())
-        self._intake.settle_result(book, completion, answer)
-        if answer is LedgerAnswer.RECORDED and not completion.location:
-            self._quota.add_bytes(completion.result.trace.size)
-        if answer == "differs":
-            self._journal.write("nondeterminism", run=completion.run, worker=completion.worker)
-        return LedgerAcknowledgement(answer)
-
-    def _release(self, book: LedgerWriter, release: ReleaseRequest) -> LedgerAcknowledgement:
-        answer = book.release(release, self._clock.now())
-        self._journal.write("released", run=release.run, reason=release.reason[-400:])
-        return LedgerAcknowledgement(answer)
+        if self._registry.record_contact(worker, now):
+            ledger.record_event(now, "worker", worker.id, state="came")
+            self._log.write("worker came", worker=worker.id, slots=worker.slots)

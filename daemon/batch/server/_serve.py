@@ -42,8 +42,11 @@ from grammars.text import codec
 from grammars.text.files import write_atomically
 
 _LAST_MOMENT: Final = 3.0
+"""Seconds a worker has to give its runs back, and then to be killed."""
 STOP_MARGIN: Final = 2 * _LAST_MOMENT
 """Seconds a daemon may need to leave after its patience has ended."""
+# What makes runs available, or unwanted where they are running: see WORK. All else changes nothing
+# for workers, and a hint for every finished run would have each worker ask thousands of times.
 _HINTS: Final = frozenset({"submitted", "extended", "retried", "queued", "cancelled", "resumed"})
 
 
@@ -73,19 +76,19 @@ def serve(
     :class:`daemon.batch.errors.DaemonError` when the ledger or the endpoint cannot be used.
     """
     settings = _checked(settings or DaemonSettings())
-    places = StatePaths.find(state)
-    places.make_folders()
+    paths = StatePaths.find(state)
+    paths.make_folders()
     with ExitStack() as stack:
-        stack.enter_context(_only_one(places))
-        journal = EventLog(places.log)
-        stack.callback(journal.close)
-        listening = prepare_endpoints(places, listen, keys, insecure=insecure)
-        daemon = _Daemon(places, settings, journal, listening)
+        stack.enter_context(_only_one(paths))
+        log = EventLog(paths.log)
+        stack.callback(log.close)
+        listening = prepare_endpoints(paths, listen, keys, insecure=insecure)
+        daemon = _Daemon(paths, settings, log, listening)
         stack.enter_context(daemon.signals())
         slots = available_cores() if slots is None else slots
         local = LocalWorker(
-            places,
-            journal,
+            paths,
+            log,
             endpoint=listening.socket,
             slots=slots,
             executor=executor,
@@ -95,7 +98,7 @@ def serve(
         try:
             daemon.run(stack, local if slots else None, tether)
         except Exception as error:
-            journal.write("failed", problem=repr(error))
+            log.write("failed", problem=repr(error))
             raise
 
 
@@ -107,48 +110,50 @@ def _checked(settings: DaemonSettings) -> DaemonSettings:
 
 
 @contextmanager
-def _only_one(places: StatePaths) -> Iterator[None]:
-    with places.lock.open("a") as lock:
+def _only_one(paths: StatePaths) -> Iterator[None]:
+    with paths.lock.open("a") as lock:
         try:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
-            contact = places.read_contact()
+            contact = paths.read_contact()
             where = f", process {contact.pid}" if contact else ""
-            raise AlreadyRunning(f"a daemon already keeps {places.state}{where}") from None
+            raise AlreadyRunning(f"a daemon already keeps {paths.state}{where}") from None
         yield
 
 
 class _Daemon:
     def __init__(
         self,
-        places: StatePaths,
+        paths: StatePaths,
         settings: DaemonSettings,
-        journal: EventLog,
+        log: EventLog,
         listening: ListenSettings,
     ) -> None:
-        self._places = places
+        self._paths = paths
         self._settings = settings
-        self._journal = journal
+        self._log = log
         self._listening = listening
         self._stops = 0
         self._stopped = threading.Event()
         self._tether_cut = False
         self._clock = DaemonClock()
-        self._roster = WorkerRegistry(settings.grace, 3 * settings.lease)
-        self._quota = Quota(places, journal, settings.quota, self._clock.now)
+        # Renewals come every third of a lease: who has missed nine is gone, even though Zenoh still
+        # has the connection (a suspended machine, a process stopped in a debugger).
+        self._registry = WorkerRegistry(settings.grace, 3 * settings.lease)
+        self._quota = Quota(paths, log, settings.quota, self._clock.now)
         self._version = installed_version("scenario-tui")
         self._local: LocalWorker | None = None
-        self._desk = Handlers(
-            places,
+        self._handlers = Handlers(
+            paths,
             settings,
-            self._roster,
-            journal,
+            self._registry,
+            log,
             self._clock,
             self._quota,
             version=self._version,
             stop=self._stop,
             trouble=self._trouble,
-            marker=write_marker(places),
+            marker=write_marker(paths),
         )
 
     @contextmanager
@@ -167,7 +172,7 @@ class _Daemon:
 
     def _trouble(self) -> str:
         own = "" if self._local is None else self._local.trouble
-        return self._places.disk_shortage() or self._quota.trouble or own
+        return self._paths.disk_shortage() or self._quota.trouble or own
 
     def _stop(self) -> None:
         self._stops += 1
@@ -179,27 +184,30 @@ class _Daemon:
         if tether:
             threading.Thread(target=self._watch_tether, daemon=True).start()
         settings = self._settings
-        book = stack.enter_context(
-            LedgerWriter.open(self._places.ledger, attempts=settings.attempts, lease=settings.lease)
+        ledger = stack.enter_context(
+            LedgerWriter.open(self._paths.ledger, attempts=settings.attempts, lease=settings.lease)
         )
         session = stack.enter_context(
             bus.open_router(self._listening.endpoints, self._listening.keys)
         )
-        clerks = self._start_clerks(stack, book, session)
-        writer = clerks[0]
+        threads = self._start_threads(stack, ledger, session)
+        writer = threads[0]
         self._quota.start()
         stack.callback(self._quota.close)
+        # Last, and so withdrawn first: whoever reads where the daemon is finds one that answers.
         self._publish_contact(stack)
-        self._journal.write("started", endpoints=self._listening.endpoints, pid=os.getpid())
+        self._log.write("started", endpoints=self._listening.endpoints, pid=os.getpid())
         while not self._stopped.is_set():
             if local is not None:
                 local.supervise()
+            # Through the writer's queue: nobody else touches the ledger, and a full disk or a
+            # locked file is the value of a job here as for every request.
             writer.put(LedgerJob(self._tick, self._ticked))
-            if not all(clerk.is_alive() for clerk in clerks):
+            if not all(thread.is_alive() for thread in threads):
                 raise DaemonError("a thread of the daemon has failed, see worker.log")
             self._stopped.wait(self._settings.tick)
         self._leave(local)
-        self._journal.write("stopped")
+        self._log.write("stopped")
 
     def _watch_tether(self) -> None:
         while os.read(sys.stdin.fileno(), 4096):
@@ -207,70 +215,73 @@ class _Daemon:
         self._tether_cut = True
         self._stop()
 
-    def _start_clerks(
-        self, stack: ExitStack, book: LedgerWriter, session: zenoh.Session
+    def _start_threads(
+        self, stack: ExitStack, ledger: LedgerWriter, session: zenoh.Session
     ) -> tuple[WriterThread, ReaderThread, ReaderThread, OverloadReply]:
-        settings = self._settings
-        extended = book.extend_leases(self._clock.now())
+        # Workers could renew nothing while there was no daemon: none of that is held against them.
+        extended = ledger.extend_leases(self._clock.now())
         if extended:
-            self._journal.write("resumed", leases=extended)
-        if settings.store:
-            book.add_store(settings.store)
-        questions = self._questions(stack, "ledger-reader")
-        carrier = self._questions(stack, "carrier")
-        writer = WriterThread(book, lambda events: _publish(session, events))
-        doorman = OverloadReply()
-        for clerk in (doorman, questions, carrier, writer):
-            clerk.start()
-            stack.callback(clerk.finish)
-        counter = RequestDispatcher(
-            self._desk.services, self._journal, writer, questions, carrier, doorman
+            self._log.write("resumed", leases=extended)
+        if self._settings.store:
+            ledger.add_store(self._settings.store)
+        reader = self._reader(stack, "ledger-reader")
+        carrier = self._reader(stack, "carrier")
+        writer = WriterThread(ledger, lambda events: _publish(session, events))
+        overload = OverloadReply()
+        for thread in (overload, reader, carrier, writer):
+            thread.start()
+            stack.callback(thread.finish)
+        dispatcher = RequestDispatcher(
+            self._handlers.by_verb, self._log, writer, reader, carrier, overload
         )
-        # Declared last and so undeclared first: no request arrives without a clerk.
+        # Declared last and so undeclared first: no request arrives without a thread.
         stack.enter_context(
             session.liveliness().declare_subscriber(f"{ALIVE}/*", self._on_liveliness, history=True)
         )
-        stack.enter_context(session.declare_queryable(f"{ASK}/*", counter.receive))
-        return writer, questions, carrier, doorman
+        stack.enter_context(session.declare_queryable(f"{ASK}/*", dispatcher.on_query))
+        return writer, reader, carrier, overload
 
-    def _questions(self, stack: ExitStack, name: str) -> ReaderThread:
-        return ReaderThread(name, stack.enter_context(LedgerReader.open(self._places)))
+    def _reader(self, stack: ExitStack, name: str) -> ReaderThread:
+        return ReaderThread(name, stack.enter_context(LedgerReader.open(self._paths)))
 
     def _on_liveliness(self, sample: zenoh.Sample) -> None:
         worker = str(sample.key_expr).rpartition("/")[2]
         if sample.kind == zenoh.SampleKind.PUT:
-            self._roster.connected(worker)
+            self._registry.connected(worker)
         else:
-            self._roster.disconnected(worker, self._clock.now())
+            self._registry.disconnected(worker, self._clock.now())
 
     def _publish_contact(self, stack: ExitStack) -> None:
         contact = DaemonContact(self._listening.socket, os.getpid(), self._version, time.time())
-        write_atomically(self._places.contact_file, codec.to_json(contact))
-        stack.callback(self._places.contact_file.unlink, missing_ok=True)
+        write_atomically(self._paths.contact_file, codec.to_json(contact))
+        stack.callback(self._paths.contact_file.unlink, missing_ok=True)
 
-    def _tick(self, book: LedgerWriter) -> int:
+    def _tick(self, ledger: LedgerWriter) -> int:
         moved = self._clock.follow_wall_clock()
         if moved:
-            book.shift_leases(moved)
-            self._roster.shift(moved)
-            self._journal.write("clock set", seconds=round(moved, 3))
+            ledger.shift_leases(moved)
+            self._registry.shift(moved)
+            self._log.write("clock set", seconds=round(moved, 3))
         now = self._clock.now()
-        taken = book.expire_leases(now)
+        taken = ledger.expire_leases(now)
         if taken:
-            self._journal.write("leases lapsed", runs=taken)
-        for worker in self._roster.remove_gone(now):
-            runs = book.release_worker(worker, now)
-            book.record_event(now, "worker", worker, state="gone")
-            self._journal.write("worker gone", worker=worker, runs=runs)
+            self._log.write("leases lapsed", runs=taken)
+        for worker in self._registry.remove_gone(now):
+            runs = ledger.release_worker(worker, now)
+            ledger.record_event(now, "worker", worker, state="gone")
+            self._log.write("worker gone", worker=worker, runs=runs)
         return taken
 
     def _ticked(self, value: object) -> None:
         if isinstance(value, Exception):
-            self._journal.write("failure", key="tick", problem=repr(value))
+            self._log.write("failure", key="tick", problem=repr(value))
 
     def _leave(self, local: LocalWorker | None) -> None:
-        self._desk.draining = True
-        self._journal.write("leaving")
+        # Others are told that nothing more comes; the local worker is asked to finish what it has
+        # (SIGTERM), after the patience to give it back (SIGQUIT: the runs are queued again at once,
+        # without blame), at last killed: then the next daemon queues them, when their leases end.
+        self._handlers.draining = True
+        self._log.write("leaving")
         if local is None or not local.alive:
             return
         local.signal(signal.SIGTERM)

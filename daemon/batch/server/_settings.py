@@ -58,7 +58,7 @@ class ListenSettings:
 
 
 def prepare_endpoints(
-    places: StatePaths, listen: str = "", keys: Path | None = None, *, insecure: bool = False
+    paths: StatePaths, listen: str = "", keys: Path | None = None, *, insecure: bool = False
 ) -> ListenSettings:
     """Return where to listen, ready to do so.
 
@@ -66,19 +66,19 @@ def prepare_endpoints(
     and :class:`daemon.batch.errors.KeysUnusable` when an encrypted address has no keys.
     """
     try:
-        places.make_socket_folder()
+        paths.make_socket_folder()
     except OSError as error:
-        words = f"cannot listen at {places.socket}: {error.filename}: {error.strerror}"
+        words = f"cannot listen at {paths.socket}: {error.filename}: {error.strerror}"
         raise DaemonError(words) from error
     if listen and is_encrypted(listen):
-        return ListenSettings(places.endpoint, listen, find_daemon_credentials(keys))
+        return ListenSettings(paths.endpoint, listen, find_daemon_credentials(keys))
     if listen and not (is_local(listen) or insecure or os.environ.get(INSECURE_VARIABLE)):
         raise DaemonError(
             f"{listen} would be open to every machine of the network: listen at tls/ with keys "
             "(`scenario keys init`), or say --insecure"
         )
     # Said again, the daemon's own socket is still one.
-    return ListenSettings(places.endpoint, "" if listen == places.endpoint else listen)
+    return ListenSettings(paths.endpoint, "" if listen == paths.endpoint else listen)
 
 
 def exposure_warning(listen: str) -> str:

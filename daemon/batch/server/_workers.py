@@ -6,7 +6,6 @@ import os
 import shutil
 import signal
 import subprocess
-import sys
 import threading
 import time
 from contextlib import suppress
@@ -16,7 +15,7 @@ from typing import Final
 from daemon.batch.numba_cache import numba_cache_environment
 from daemon.batch.paths import StatePaths
 from daemon.batch.server._runtime import EventLog
-from daemon.model.execution import RunLimits
+from daemon.model.execution import RunLimits, python_command
 from daemon.model.messages import WorkerInfo
 from daemon.model.status import WorkerRow
 
@@ -142,7 +141,7 @@ class LocalWorker:
         self._paths = paths
         self._log = log
         self._tether = tether
-        self._command = [sys.executable, "-m", "daemon", "worker", "--connect", endpoint]
+        self._command = python_command("-m", "daemon", "worker", "--connect", endpoint)
         self._command += ["--slots", str(slots), "--executor", executor]
         self._command += ["--wall", str(limits.wall), "--memory", str(limits.memory)]
         self._command += ["--nice", str(limits.nice)]

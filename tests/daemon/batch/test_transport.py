@@ -14,7 +14,6 @@ from pathlib import Path
 
 import pytest
 
-from daemon.batch import bus
 from daemon.batch.client import Client
 from daemon.batch.errors import DaemonError, Refused, TraceUnavailable, WorkerBroken
 from daemon.batch.paths import StatePaths
@@ -26,12 +25,12 @@ from daemon.batch.stores import (
     write_marker,
 )
 from daemon.batch.worker import WorkerPaths, choose_paths
+from daemon.model import verbs
 from daemon.model.messages import (
     DownloadChunk,
     TraceDownloadRequest,
     TraceUploadChunk,
     UploadProgress,
-    Verb,
     WelcomeReply,
 )
 from daemon.model.status import RunState
@@ -147,7 +146,7 @@ def test_a_worker_uses_the_directory_only_where_it_is_that_of_the_daemon(tmp_pat
 
 
 def ask(client: Client, request: TraceUploadChunk) -> UploadProgress:
-    return bus.ask(client._session, client.endpoint, Verb.UPLOAD, request, UploadProgress, 3.0)
+    return client.ask(verbs.UPLOAD, request)
 
 
 def test_hostile_uploads_are_refused_and_leave_nothing(remote: DaemonPart, client: Client) -> None:
@@ -222,14 +221,7 @@ def test_a_download_names_a_run_and_never_a_path(client: Client) -> None:
         with pytest.raises(Refused):
             client.piece(run, 0)
     with pytest.raises(Refused, match="malformed"):
-        bus.ask(
-            client._session,
-            client.endpoint,
-            Verb.FETCH,
-            TraceDownloadRequest("c.0", -1),
-            DownloadChunk,
-            3.0,
-        )
+        client.ask(verbs.FETCH, TraceDownloadRequest("c.0", -1))
     assert client.piece("c.0", 2**31).data == ""
 
 

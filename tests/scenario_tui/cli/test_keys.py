@@ -8,7 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from daemon.batch.security import CLIENT_ROLES, VERB_RULES, Role
+from daemon.batch.security import CLIENT_ROLES, Role
+from daemon.model.verbs import VERBS
 
 DOC = Path(__file__).parents[3] / "docs" / "security.md"
 
@@ -74,10 +75,10 @@ def test_every_command_that_connects_takes_keys(scenario, folder, monkeypatch, t
 
 def test_the_documentation_says_what_each_role_may_do() -> None:
     expected = []
-    for verb, rule in VERB_RULES.items():
-        marks = "".join("| yes " if role in rule.roles else "| " for role in CLIENT_ROLES)
-        size = rule.largest // 2**10
+    for name, verb in VERBS.items():
+        marks = "".join("| yes " if role in verb.roles else "| " for role in CLIENT_ROLES)
+        size = verb.largest // 2**10
         told = f"{size} KiB" if size < 1024 else f"{size // 1024} MiB"
-        expected.append(f"| `{verb}` {marks}| {told} |")
+        expected.append(f"| `{name}` {marks}| {told} |")
     table = DOC.read_text("utf-8").partition("| request |")[2].partition("\n\n")[0]
     assert table.splitlines()[2:] == expected

@@ -105,7 +105,7 @@ def test_systems_under_test_stand_side_by_side(scenario, fake) -> None:
 
 def test_results_default_to_the_newest_campaign(scenario, fake) -> None:
     scenario("results")
-    assert ("runs", CAMPAIGN, "", "", "", "index", False, 0, 500) in fake.calls
+    assert ("runs", CAMPAIGN, "", "", "", "index", False, 0, 500, "", "") in fake.calls
 
 
 def test_a_campaign_is_found_by_name_and_by_its_beginning(scenario) -> None:

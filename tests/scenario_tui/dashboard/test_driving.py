@@ -65,7 +65,7 @@ async def test_a_campaign_is_steered_from_every_screen(fake) -> None:
             assert isinstance(pilot.app.screen, screen)
             assert fake.told("pause") + fake.told("resume") == [(CAMPAIGN,)]
             assert fake.told("cancel") == [(CAMPAIGN,)]
-            assert fake.told("retry") == [(CAMPAIGN, "fail")]
+            assert fake.told("retry") == [(CAMPAIGN, ("fail",))]
             assert CAMPAIGN in pilot.app.clipboard
             await press(pilot, *back)
 
@@ -113,7 +113,7 @@ async def test_the_menu_of_retries_says_how_many_there_are_of_each(fake) -> None
         await press(pilot, "j")
         assert f"same as: scenario retry {CAMPAIGN} --only fail" in shown(pilot)
         await press(pilot, "a")
-    assert fake.told("retry") == [(CAMPAIGN, "all")]
+    assert fake.told("retry") == [(CAMPAIGN, ("all",))]
 
 
 async def test_menus_leave_room_for_their_choices_on_the_smallest_screens(fake) -> None:
@@ -302,7 +302,7 @@ async def test_the_palette_does_what_has_no_key_of_its_own(fake) -> None:
     async with opened(fake) as pilot:
         await settle(pilot)
         await typed_into_the_palette(pilot, "retry fail", "Retry failed")
-    assert fake.told("retry") == [(CAMPAIGN, "fail")]
+    assert fake.told("retry") == [(CAMPAIGN, ("fail",))]
 
 
 async def test_the_palette_goes_to_campaigns_and_to_runs_the_daemon_finds(fake) -> None:

@@ -21,35 +21,33 @@ import zenoh
 from daemon.batch import bus
 from daemon.batch.client import Client
 from daemon.batch.paths import StatePaths
-from daemon.batch.security import VERB_RULES
+from daemon.model import verbs
 from daemon.model.messages import (
     ASK,
     LARGEST_SUBMISSION,
     Completion,
+    Empty,
     ErrorReply,
     FileDownloadRequest,
     FileUploadChunk,
     IdRequest,
     Lease,
     LeaseRef,
-    LeaseReply,
     LeaseRequest,
-    LedgerAcknowledgement,
     LedgerAnswer,
     PriorityRequest,
     RecordQuery,
     ReleaseRequest,
-    RenewReply,
     RenewRequest,
     RetryRequest,
     RunQuery,
     TraceDownloadRequest,
     TraceUploadChunk,
-    Verb,
     WorkerInfo,
 )
 from daemon.model.packed_submission import pack_submission
 from daemon.model.spec import TraceInfo
+from daemon.model.verbs import VERBS, A, AnyVerb, Verb
 from grammars.text import codec
 from tests.daemon.batch.harness import DaemonPart, daemon_at, eventually
 from tests.daemon.batch.samples import make_result, make_submission
@@ -67,29 +65,29 @@ class Target:
         self.daemon = daemon
         self.session = session
         client.submit(make_submission("camp", 3))
-        lease = self.ask(Verb.LEASE, LeaseRequest(ME, 2), LeaseReply)
+        lease = self.ask(verbs.LEASE, LeaseRequest(ME, 2))
         self.done, self.leased = lease.grants
         trace = StatePaths(daemon.state).trace(self.done.trace)
         trace.parent.mkdir(parents=True)
         trace.write_bytes(TRACE)
         self.completion = completion_of(self.done)
-        answer = self.ask(Verb.COMPLETE, self.completion, LedgerAcknowledgement).answer
+        answer = self.ask(verbs.COMPLETE, self.completion).answer
         assert answer is LedgerAnswer.RECORDED
         tokens = (self.leased.token, 9, 2**53)
         holds = tuple(LeaseRef(self.leased.run, token) for token in tokens)
-        gone = self.ask(Verb.RENEW, RenewRequest(ME, holds), RenewReply).gone
+        gone = self.ask(verbs.RENEW, RenewRequest(ME, holds)).gone
         assert {hold.token for hold in gone} == {9, 2**53}
 
-    def ask(self, verb: Verb, request: object, kind: type[Any]) -> Any:
-        return bus.ask(self.session, self.daemon.endpoint, verb, request, kind, 5.0)
+    def ask(self, verb: Verb[..., A], request: object) -> A:
+        return bus.ask(self.session, self.daemon.endpoint, verb, request, 5.0)
 
-    def complaint(self, verb: str, body: bytes) -> str:
+    def complaint(self, verb: AnyVerb | str, body: bytes) -> str:
         """Send a message as it is; return the reason for which it was refused."""
         refused, words = self.send(verb, body)
         assert refused, (verb, body[:200], words[:200])
         return codec.from_json(ErrorReply, words).problem
 
-    def send(self, verb: str, body: bytes) -> tuple[bool, bytes]:
+    def send(self, verb: AnyVerb | str, body: bytes) -> tuple[bool, bytes]:
         replies = list(self.session.get(f"{ASK}/{verb}", payload=body, timeout=20.0))
         assert len(replies) == 1, (verb, body[:200])
         reply = replies[0]
@@ -156,22 +154,22 @@ ANYWHERE = (
 """Never a request, whatever the verb."""
 
 
-@pytest.mark.parametrize("verb", Verb)
-def test_what_is_no_request_is_refused_with_a_reason(target: Target, verb: Verb) -> None:
+@pytest.mark.parametrize("verb", VERBS.values(), ids=str)
+def test_what_is_no_request_is_refused_with_a_reason(target: Target, verb: AnyVerb) -> None:
     assert len(ANYWHERE) >= 30
     for body in ANYWHERE:
         words = target.complaint(verb, body)
         assert words.startswith("the request is malformed: "), (body[:80], words)
-    limit = VERB_RULES[verb].largest
+    limit = verb.largest
     if limit < LARGEST_SUBMISSION:
         words = target.complaint(verb, b'{"a": "' + b"x" * limit + b'"}')
         assert f"at most {limit} are taken" in words
 
 
-@pytest.mark.parametrize("verb", [Verb.OVERVIEW, Verb.SUBMIT, Verb.COMPLETE])
-def test_a_hundred_megabytes_are_refused_with_a_reason(target: Target, verb: Verb) -> None:
+@pytest.mark.parametrize("verb", [verbs.OVERVIEW, verbs.SUBMIT, verbs.COMPLETE], ids=str)
+def test_a_hundred_megabytes_are_refused_with_a_reason(target: Target, verb: AnyVerb) -> None:
     words = target.complaint(verb, b" " * 100_000_000)
-    assert words == f"the request has 100000000 bytes, at most {VERB_RULES[verb].largest} are taken"
+    assert words == f"the request has 100000000 bytes, at most {verb.largest} are taken"
 
 
 WRONG = (
@@ -182,31 +180,31 @@ WRONG = (
 """Values for a field that wants something else."""
 
 
-def valid(target: Target) -> dict[Verb, object]:
+def valid(target: Target) -> dict[AnyVerb, object]:
     """A request of each verb that has fields; sent as they are, these would do something."""
     chunk = TraceUploadChunk(ME.id, target.leased.run, target.leased.token, "0" * 64, 4, 0, "", "")
     release = ReleaseRequest(ME.id, target.leased.run, target.leased.token, "why", blame=True)
     return {
-        Verb.RUNS: RunQuery("camp"),
-        Verb.RUN: IdRequest("camp.0"),
-        Verb.DECLARED: IdRequest("camp"),
-        Verb.RECORDS: RecordQuery("camp"),
-        Verb.SCENE: IdRequest(target.done.spec.scene),
-        Verb.FETCH: TraceDownloadRequest(target.done.run, 0),
-        Verb.SUBMIT: pack_submission(make_submission("new", 2)),
-        Verb.CANCEL: IdRequest("camp"),
-        Verb.RETRY: RetryRequest("camp", ("pass",)),
-        Verb.PAUSE: IdRequest("camp"),
-        Verb.RESUME: IdRequest("camp"),
-        Verb.PRIORITISE: PriorityRequest("camp", 3),
-        Verb.WELCOME: ME,
-        Verb.LEASE: LeaseRequest(ME, 1),
-        Verb.RENEW: RenewRequest(ME, ()),
-        Verb.COMPLETE: completion_of(target.leased),
-        Verb.RELEASE: release,
-        Verb.UPLOAD: chunk,
-        Verb.KEEP: FileUploadChunk("0" * 64, 4),
-        Verb.FILE: FileDownloadRequest("0" * 64, 0),
+        verbs.RUNS: RunQuery("camp"),
+        verbs.RUN: IdRequest("camp.0"),
+        verbs.DECLARED: IdRequest("camp"),
+        verbs.RECORDS: RecordQuery("camp"),
+        verbs.SCENE: IdRequest(target.done.spec.scene),
+        verbs.FETCH: TraceDownloadRequest(target.done.run, 0),
+        verbs.SUBMIT: pack_submission(make_submission("new", 2)),
+        verbs.CANCEL: IdRequest("camp"),
+        verbs.RETRY: RetryRequest("camp", ("pass",)),
+        verbs.PAUSE: IdRequest("camp"),
+        verbs.RESUME: IdRequest("camp"),
+        verbs.PRIORITISE: PriorityRequest("camp", 3),
+        verbs.WELCOME: ME,
+        verbs.LEASE: LeaseRequest(ME, 1),
+        verbs.RENEW: RenewRequest(ME, ()),
+        verbs.COMPLETE: completion_of(target.leased),
+        verbs.RELEASE: release,
+        verbs.UPLOAD: chunk,
+        verbs.KEEP: FileUploadChunk("0" * 64, 4),
+        verbs.FILE: FileDownloadRequest("0" * 64, 0),
     }
 
 
@@ -265,18 +263,14 @@ def dumped(document: Any) -> bytes:
     return json.dumps(document).encode()
 
 
-CHANGES = (
-    Verb.SUBMIT, Verb.CANCEL, Verb.RETRY, Verb.PAUSE, Verb.RESUME, Verb.PRIORITISE, Verb.WELCOME,
-    Verb.LEASE, Verb.RENEW, Verb.COMPLETE, Verb.RELEASE, Verb.UPLOAD, Verb.KEEP,
-)  # fmt: skip
-LOOKS = (Verb.RUNS, Verb.RUN, Verb.DECLARED, Verb.RECORDS, Verb.SCENE, Verb.FETCH, Verb.FILE)
+WITH_FIELDS = [verb for verb in VERBS.values() if verb.request is not Empty]
 
 
-@pytest.mark.parametrize("verb", [*LOOKS, *CHANGES])
-def test_a_request_with_one_spoilt_field_is_refused(target: Target, verb: Verb) -> None:
+@pytest.mark.parametrize("verb", WITH_FIELDS, ids=str)
+def test_a_request_with_one_spoilt_field_is_refused(target: Target, verb: AnyVerb) -> None:
     document = codec.to_plain(valid(target)[verb])
     # Questions about what is not there have an empty answer; what acts must name what there is.
-    bodies = list(spoilt(document, ids=verb not in (Verb.RUNS, Verb.RECORDS)))
+    bodies = list(spoilt(document, ids=verb not in (verbs.RUNS, verbs.RECORDS)))
     assert len(bodies) >= 20
     for body in bodies:
         target.complaint(verb, body)
@@ -284,19 +278,19 @@ def test_a_request_with_one_spoilt_field_is_refused(target: Target, verb: Verb) 
 
 def test_numbers_out_of_range_are_refused(target: Target) -> None:
     for verb, field in (
-        (Verb.RUNS, "offset"),
-        (Verb.RUNS, "limit"),
-        (Verb.RECORDS, "limit"),
-        (Verb.FETCH, "offset"),
-        (Verb.FETCH, "count"),
-        (Verb.PRIORITISE, "priority"),
-        (Verb.LEASE, "count"),
-        (Verb.COMPLETE, "token"),
-        (Verb.RELEASE, "token"),
-        (Verb.UPLOAD, "size"),
-        (Verb.UPLOAD, "offset"),
-        (Verb.KEEP, "size"),
-        (Verb.FILE, "count"),
+        (verbs.RUNS, "offset"),
+        (verbs.RUNS, "limit"),
+        (verbs.RECORDS, "limit"),
+        (verbs.FETCH, "offset"),
+        (verbs.FETCH, "count"),
+        (verbs.PRIORITISE, "priority"),
+        (verbs.LEASE, "count"),
+        (verbs.COMPLETE, "token"),
+        (verbs.RELEASE, "token"),
+        (verbs.UPLOAD, "size"),
+        (verbs.UPLOAD, "offset"),
+        (verbs.KEEP, "size"),
+        (verbs.FILE, "count"),
     ):
         document = codec.to_plain(valid(target)[verb])
         for number in (-(2**63), -1001, 0.5, 2**53 + 1, 2**64, 10**30):
@@ -305,39 +299,36 @@ def test_numbers_out_of_range_are_refused(target: Target) -> None:
 
 def test_what_is_stale_or_said_twice_changes_nothing(target: Target) -> None:
     again = codec.to_plain(target.completion)
-    assert (
-        target.ask(Verb.COMPLETE, target.completion, LedgerAcknowledgement).answer
-        is LedgerAnswer.KNOWN
-    )
-    assert b"known" in target.send(Verb.COMPLETE, dumped(again | {"worker": "thief"}))[1]
+    assert target.ask(verbs.COMPLETE, target.completion).answer is LedgerAnswer.KNOWN
+    assert b"known" in target.send(verbs.COMPLETE, dumped(again | {"worker": "thief"}))[1]
     leased = codec.to_plain(completion_of(target.leased))
     for token in (0, target.leased.token + 1, 2**53):
-        assert "never leased" in target.complaint(Verb.COMPLETE, dumped(leased | {"token": token}))
+        assert "never leased" in target.complaint(verbs.COMPLETE, dumped(leased | {"token": token}))
     other = again | {"result": leased["result"]}
-    assert "specification differs" in target.complaint(Verb.COMPLETE, dumped(other))
+    assert "specification differs" in target.complaint(verbs.COMPLETE, dumped(other))
     for location in (f"file://{UP}", "/etc/passwd", "http://127.0.0.1/x", "s3://other/x", UP):
-        words = target.complaint(Verb.COMPLETE, dumped(leased | {"location": location}))
+        words = target.complaint(verbs.COMPLETE, dumped(leased | {"location": location}))
         assert "is not where the trace" in words
     for token in (0, target.done.token, target.leased.token + 1):
         release = ReleaseRequest(ME.id, target.leased.run, token, "mine", blame=True)
-        assert target.ask(Verb.RELEASE, release, LedgerAcknowledgement).answer is LedgerAnswer.STALE
+        assert target.ask(verbs.RELEASE, release).answer is LedgerAnswer.STALE
 
 
 def test_ids_never_become_paths(target: Target, tmp_path: Path) -> None:
     outside = Path(target.daemon.state).parent
     before = sorted(outside.iterdir())
     for name in (UP, "/etc/passwd", "..", ".", "~", "camp/../..", "camp\x00", "C:\\x", "file:///x"):
-        for verb in (Verb.RUN, Verb.DECLARED, Verb.SCENE, Verb.CANCEL, Verb.PAUSE):
+        for verb in (verbs.RUN, verbs.DECLARED, verbs.SCENE, verbs.CANCEL, verbs.PAUSE):
             target.complaint(verb, dumped({"id": name}))
-        target.complaint(Verb.FETCH, dumped({"run": name, "offset": 0}))
-        target.complaint(Verb.FILE, dumped({"sha256": name, "offset": 0}))
-        target.complaint(Verb.KEEP, dumped({"sha256": name, "size": 1, "data": "YQ=="}))
-        target.complaint(Verb.SUBMIT, codec.to_json(pack_submission(make_submission(name, 1))))
+        target.complaint(verbs.FETCH, dumped({"run": name, "offset": 0}))
+        target.complaint(verbs.FILE, dumped({"sha256": name, "offset": 0}))
+        target.complaint(verbs.KEEP, dumped({"sha256": name, "size": 1, "data": "YQ=="}))
+        target.complaint(verbs.SUBMIT, codec.to_json(pack_submission(make_submission(name, 1))))
         me = codec.to_plain(ME) | {"id": name}
         for verb, body in (
-            (Verb.LEASE, {"worker": me, "count": 1}),
-            (Verb.RENEW, {"worker": me, "holds": []}),
-            (Verb.WELCOME, me),
+            (verbs.LEASE, {"worker": me, "count": 1}),
+            (verbs.RENEW, {"worker": me, "holds": []}),
+            (verbs.WELCOME, me),
         ):
             assert "malformed" in target.complaint(verb, dumped(body))
     assert sorted(outside.iterdir()) == before
@@ -372,5 +363,7 @@ def test_who_asks_faster_than_the_ledger_writes_is_told_to_wait(target: Target) 
 
 
 def test_every_request_with_fields_is_spoilt(target: Target) -> None:
-    without = {Verb.OVERVIEW, Verb.CAMPAIGNS, Verb.WORKERS, Verb.DISK, Verb.SHUTDOWN}
-    assert set(valid(target)) == {*LOOKS, *CHANGES} == set(Verb) - without
+    without = {verbs.OVERVIEW, verbs.CAMPAIGNS, verbs.WORKERS, verbs.DISK, verbs.SHUTDOWN}
+    assert set(valid(target)) == set(WITH_FIELDS) == set(VERBS.values()) - without
+    for verb, request in valid(target).items():
+        assert type(request) is verb.request, verb

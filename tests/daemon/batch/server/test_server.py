@@ -12,8 +12,8 @@ from daemon.batch import bus
 from daemon.batch.client import Client
 from daemon.batch.errors import Refused
 from daemon.batch.paths import StatePaths
-from daemon.batch.security import VERB_RULES
-from daemon.model.messages import ASK, ErrorReply, Verb
+from daemon.model import verbs
+from daemon.model.messages import ASK, ErrorReply
 from grammars.text import codec
 from tests.daemon.batch.harness import DaemonPart, Part, daemon_at
 from tests.daemon.batch.samples import SCENE, make_spec, make_submission, submission_of
@@ -97,7 +97,7 @@ def test_malformed_requests_are_refused(daemon: DaemonPart, payload: bytes) -> N
 
 
 def test_oversized_requests_are_refused_unread(daemon: DaemonPart) -> None:
-    limit = VERB_RULES[Verb.RUN].largest
+    limit = verbs.RUN.largest
     complaint = raw(daemon, f"{ASK}/run", b" " * (limit + 1))
     assert f"at most {limit}" in complaint
 

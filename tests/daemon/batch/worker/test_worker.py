@@ -13,7 +13,8 @@ import pytest
 from daemon.batch import bus
 from daemon.batch.client import Client
 from daemon.batch.errors import Refused
-from daemon.model.messages import LeaseReply, LeaseRequest, Verb, WelcomeReply, WorkerInfo
+from daemon.model import verbs
+from daemon.model.messages import LeaseRequest, WorkerInfo
 from daemon.model.spec import SutReference
 from daemon.model.status import LiveSnapshot, RunState
 from daemon.model.verdicts import Outcome
@@ -336,8 +337,8 @@ def test_a_worker_of_another_version_is_refused_with_the_remedy(
     stranger = replace(WorkerInfo("w", "host", 1, ours, 1, 0), **different)
     with bus.open_client(daemon.endpoint) as session:
         with pytest.raises(Refused, match=f"pip install 'scenario-tui=={ours}'"):
-            bus.ask(session, daemon.endpoint, Verb.WELCOME, stranger, WelcomeReply, 3.0)
+            bus.ask(session, daemon.endpoint, verbs.WELCOME, stranger, 3.0)
         lease = LeaseRequest(stranger, 1)
         with pytest.raises(Refused, match="worker w has scenario-tui"):
-            bus.ask(session, daemon.endpoint, Verb.LEASE, lease, LeaseReply, 3.0)
+            bus.ask(session, daemon.endpoint, verbs.LEASE, lease, 3.0)
     assert "w" not in {row.id for row in client.workers()}

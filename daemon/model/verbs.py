@@ -1,0 +1,285 @@
+"""Everything the daemon can be asked, declared once: name, request, answer, who may, who does it.
+
+From its declaration follow a verb's method of the client (:class:`DaemonClient`, and so of the
+client that tests pretend), the access rules of the bus (:mod:`daemon.batch.security`), how large a
+request may be, the thread of the daemon that does it (:mod:`daemon.batch.server`), and its line in
+``docs/security.md``. What is done is the handler of the verb's name in
+``daemon/batch/server/_handlers.py``; a daemon with a verb and no handler does not start.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from dataclasses import dataclass
+from enum import Enum, StrEnum
+from typing import Any, Concatenate, Final, Generic, ParamSpec, Protocol, TypeAlias, TypeVar
+
+from daemon.model.assessments import AssessmentRules, RunRecord
+from daemon.model.messages import (
+    LARGEST_REQUEST,
+    LARGEST_SUBMISSION,
+    Completion,
+    Count,
+    DownloadChunk,
+    Empty,
+    FileDownloadRequest,
+    FileUploadChunk,
+    IdRequest,
+    LeaseReply,
+    LeaseRequest,
+    LedgerAcknowledgement,
+    PriorityRequest,
+    RecordQuery,
+    ReleaseRequest,
+    RenewReply,
+    RenewRequest,
+    RetryRequest,
+    RunQuery,
+    TraceDownloadRequest,
+    TraceUploadChunk,
+    UploadProgress,
+    WelcomeReply,
+    WorkerInfo,
+)
+from daemon.model.packed_submission import PackedSubmission
+from daemon.model.status import (
+    CampaignRow,
+    ChangeEvent,
+    DaemonOverview,
+    DiskUsage,
+    LiveSnapshot,
+    RunDetail,
+    RunPage,
+    Submission,
+    SubmissionReceipt,
+    WorkerRow,
+)
+from grammars.model.scene import Scene
+
+P = ParamSpec("P")
+A = TypeVar("A")
+
+
+class Role(StrEnum):
+    """What a key is for; the first part of the common name of its certificate."""
+
+    VIEWER = "viewer"
+    OPERATOR = "operator"
+    WORKER = "worker"
+    DAEMON = "daemon"
+
+
+VIEWING: Final = frozenset({Role.VIEWER, Role.OPERATOR})
+STEERING: Final = frozenset({Role.OPERATOR})
+WORKING: Final = frozenset({Role.WORKER})
+
+
+class ServerThread(Enum):
+    """The thread of the daemon that does something; requests to others never wait for it.
+
+    Only the writer changes the ledger. The carrier reads like the reader, but moves megabytes:
+    nobody's question has to wait for a trace that somebody fetches.
+    """
+
+    READER = "reader"
+    WRITER = "writer"
+    CARRIER = "carrier"
+
+
+READER, WRITER, CARRIER = ServerThread.READER, ServerThread.WRITER, ServerThread.CARRIER
+
+# Ids and a few short texts: 16 KiB hold the largest of them, escaped, twice over.
+_SMALL: Final = 16 * 2**10
+
+
+# Compared and hashed by identity: there is one of each, and tables are keyed by them.
+@dataclass(frozen=True, slots=True, eq=False)
+class Verb(Generic[P, A]):
+    """Something the daemon can be asked: ``name`` is the last part of the request's key.
+
+    ``request`` makes the request (its parameters are those of the client's method), ``largest``
+    are the bytes it may have, and ``advice`` says what to do about one that is larger. A ``slow``
+    one may take up to a minute, with 100,000 runs say.
+    """
+
+    name: str
+    request: Callable[P, object]
+    answer: type[A]
+    about: str
+    roles: frozenset[Role] = VIEWING
+    thread: ServerThread = READER
+    largest: int = _SMALL
+    slow: bool = False
+    advice: str = ""
+
+    def __str__(self) -> str:
+        return self.name
+
+
+AnyVerb: TypeAlias = Verb[..., Any]
+
+# fmt: off
+OVERVIEW: Final = Verb("overview", Empty, DaemonOverview, "How everything stands, in one line.")
+CAMPAIGNS: Final = Verb("campaigns", Empty, tuple[CampaignRow, ...],
+    "All campaigns, the newest first.")
+RUNS: Final = Verb("runs", RunQuery, RunPage,
+    "A page of at most 1000 runs; ``text`` is looked for in label, oracle, reason and id.")
+RUN: Final = Verb("run", IdRequest, RunDetail, "Everything about one run.")
+DECLARED: Final = Verb("declared", IdRequest, AssessmentRules,
+    "What a campaign declares about its results: policy, comparisons, expectations.")
+RECORDS: Final = Verb("records", RecordQuery, tuple[RunRecord, ...],
+    "A page of the runs of a campaign with their verdicts, in order.", slow=True)
+SCENE: Final = Verb("scene", IdRequest, Scene,
+    "A compiled scene, by its digest.", VIEWING | WORKING)
+WORKERS: Final = Verb("workers", Empty, tuple[WorkerRow, ...], "The workers connected now.")
+DISK: Final = Verb("disk", Empty, DiskUsage,
+    "How much space there is where the daemon keeps things.")
+FETCH: Final = Verb("fetch", TraceDownloadRequest, DownloadChunk,
+    "A part of the trace of a run.", thread=CARRIER, slow=True)
+FILE: Final = Verb("file", FileDownloadRequest, DownloadChunk,
+    "A part of a file of a system under test.", WORKING, CARRIER)
+KEEP: Final = Verb("keep", FileUploadChunk, UploadProgress,
+    "Take a part of a file of a system under test.", STEERING, CARRIER, LARGEST_REQUEST, slow=True)
+SUBMIT: Final = Verb("submit", PackedSubmission, SubmissionReceipt,
+    "Take a campaign; the receipt says that it is safely in the ledger.",
+    STEERING, WRITER, LARGEST_SUBMISSION, slow=True, advice="split the campaign")
+CANCEL: Final = Verb("cancel", IdRequest, Count,
+    "Cancel what is queued or running; returns the number of runs.", STEERING, WRITER, slow=True)
+RETRY: Final = Verb("retry", RetryRequest, Count,
+    "Queue runs again; returns how many.", STEERING, WRITER, slow=True)
+PAUSE: Final = Verb("pause", IdRequest, Count,
+    "Start no more runs of a campaign; returns how many wait. What is running goes on.",
+    STEERING, WRITER)
+RESUME: Final = Verb("resume", IdRequest, Count,
+    "Go on with a paused campaign; returns how many of its runs are queued.", STEERING, WRITER)
+PRIORITISE: Final = Verb("prioritise", PriorityRequest, Empty,
+    "Let a campaign go before those of lower priority (-1000 to 1000, 0 is usual).",
+    STEERING, WRITER)
+SHUTDOWN: Final = Verb("shutdown", Empty, Empty,
+    "Ask the daemon to leave; what is running gets a while to finish.", STEERING)
+WELCOME: Final = Verb("welcome", WorkerInfo, WelcomeReply,
+    "What a worker must know before it starts.", WORKING)
+LEASE: Final = Verb("lease", LeaseRequest, LeaseReply,
+    "Runs to execute, leased.", WORKING, WRITER, 8 * _SMALL)
+RENEW: Final = Verb("renew", RenewRequest, RenewReply,
+    "Renew all leases of a worker; returns those that it lost.", WORKING, WRITER, LARGEST_REQUEST)
+COMPLETE: Final = Verb("complete", Completion, LedgerAcknowledgement,
+    "Record the result of a run.", WORKING, WRITER, LARGEST_REQUEST)
+RELEASE: Final = Verb("release", ReleaseRequest, LedgerAcknowledgement,
+    "Take a run back that has no result.", WORKING, WRITER, 16 * _SMALL)
+UPLOAD: Final = Verb("upload", TraceUploadChunk, UploadProgress,
+    "Take a part of the trace of a finished run.", WORKING, CARRIER, LARGEST_REQUEST)
+# fmt: on
+
+VERBS: Final = {found.name: found for found in list(vars().values()) if isinstance(found, Verb)}
+"""All of them by name, in the order of their declarations."""
+
+
+class _Asks(Protocol):
+    def ask(self, verb: Verb[..., A], request: object) -> A: ...
+
+
+def _question(verb: Verb[P, A]) -> Callable[Concatenate[_Asks, P], A]:
+    """Make the client's method of a verb: it takes the fields of the request."""
+
+    def method(self: _Asks, /, *args: P.args, **fields: P.kwargs) -> A:
+        return self.ask(verb, verb.request(*args, **fields))
+
+    method.__name__, method.__doc__ = verb.name, verb.about
+    return method
+
+
+def _counting(verb: Verb[P, Count]) -> Callable[Concatenate[_Asks, P], int]:
+    """Make the client's method of a verb that answers with a number of runs."""
+
+    def method(self: _Asks, /, *args: P.args, **fields: P.kwargs) -> int:
+        return self.ask(verb, verb.request(*args, **fields)).count
+
+    method.__name__, method.__doc__ = verb.name, verb.about
+    return method
+
+
+class Closeable(Protocol):
+    """A running subscription to events and telemetry."""
+
+    def close(self) -> None:
+        """Stop listening."""
+
+
+_RECORDS_PER_PAGE: Final = 500
+
+
+class DaemonClient(ABC):
+    """What people ask a daemon: a method for each verb, and what needs several of them.
+
+    :class:`daemon.batch.client.Client` asks over the bus.
+    """
+
+    @abstractmethod
+    def ask(self, verb: Verb[..., A], request: object) -> A:
+        """Ask the daemon, return its answer.
+
+        Raises :class:`daemon.batch.errors.Unreachable` when nobody answers and
+        :class:`daemon.batch.errors.Refused` when the daemon says no.
+        """
+
+    overview = _question(OVERVIEW)
+    campaigns = _question(CAMPAIGNS)
+    runs = _question(RUNS)
+    run = _question(RUN)
+    declared = _question(DECLARED)
+    scene = _question(SCENE)
+    workers = _question(WORKERS)
+    disk = _question(DISK)
+    piece = _question(FETCH)
+    cancel = _counting(CANCEL)
+    pause = _counting(PAUSE)
+    resume = _counting(RESUME)
+    prioritise = _question(PRIORITISE)
+    shutdown = _question(SHUTDOWN)
+
+    def records(self, campaign: str) -> tuple[RunRecord, ...]:
+        """Every run of a campaign with its verdicts, in order: what assessments are made of."""
+        found: list[RunRecord] = []
+        while True:
+            page = self.ask(RECORDS, RecordQuery(campaign, len(found), _RECORDS_PER_PAGE))
+            found.extend(page)
+            if len(page) < _RECORDS_PER_PAGE:
+                return tuple(found)
+
+    def retry(self, campaign: str, *, only: str = "lost|cancelled") -> int:
+        """Queue runs again; returns how many.
+
+        ``only`` lists, separated by ``|``: ``lost``, ``cancelled``, an outcome, or ``all``. A run
+        that has a result keeps it: executing it again checks that it comes out the same.
+        """
+        words = tuple(word.strip() for word in only.split("|") if word.strip())
+        return self.ask(RETRY, RetryRequest(campaign, words)).count
+
+    @abstractmethod
+    def submit(self, submission: Submission) -> SubmissionReceipt:
+        """Hand over a campaign; the receipt says that it is safely in the ledger.
+
+        Submitting the same again (after :class:`Unreachable`, say) is harmless. Files that its
+        systems under test need go first, from :func:`daemon.model.attachments.user_files_folder`.
+        """
+
+    @abstractmethod
+    def events(
+        self,
+        on_event: Callable[[ChangeEvent], None],
+        on_live: Callable[[LiveSnapshot], None] | None = None,
+    ) -> Closeable:
+        """Call back on every event, and on snapshots of running runs.
+
+        The calls come from other threads, one per kind, in order. Events may be lost when calls
+        take long or the connection breaks: then ``seq`` has a gap, and asking again is right.
+        """
+
+    @abstractmethod
+    def watch(self, run: str, on_live: Callable[[LiveSnapshot], None]) -> Closeable:
+        """Call back on detailed snapshots of one run while it runs, about ten a second.
+
+        Whoever executes it makes them only while somebody watches. Calls come from another thread.
+        """

@@ -1,0 +1,57 @@
+"""Children are ours wherever they are started."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from daemon.model.execution import forget_safe_path, python_command, safe_fork_server
+
+STARTS_A_FORK_SERVER = """
+import os
+os.environ["SCENARIO_EXECUTOR"] = "tests.daemon.batch.fake_run:execute"
+from daemon.batch.worker._forkserver import ForkServerPool
+ForkServerPool(1).prove()
+"""
+
+
+@pytest.fixture
+def foreign(tmp_path: Path) -> Path:
+    """A folder in which somebody keeps modules that have our names."""
+    for name in ("daemon", "templates", "scenario_tui"):
+        (tmp_path / f"{name}.py").write_text("raise SystemExit('somebody else')")
+    return tmp_path
+
+
+def test_a_module_in_the_current_folder_is_never_taken_for_ours(foreign: Path) -> None:
+    words = ("-m", "daemon", "--help")
+    theirs = subprocess.run([sys.executable, *words], cwd=foreign, capture_output=True, text=True)
+    assert "somebody else" in theirs.stderr
+    ours = subprocess.run(python_command(*words), cwd=foreign, capture_output=True, text=True)
+    assert ours.returncode == 0
+    assert "serve" in ours.stdout
+
+
+def test_a_fork_server_is_ours_too(foreign: Path) -> None:
+    """Also when its parent, like the ``scenario`` command, was not started with ``-P``."""
+    script = foreign / "scripts" / "command.py"
+    script.parent.mkdir()
+    script.write_text(STARTS_A_FORK_SERVER)
+    done = subprocess.run(
+        [sys.executable, str(script)], cwd=foreign, capture_output=True, text=True
+    )
+    assert (done.returncode, done.stderr) == (0, "")
+
+
+def test_what_children_inherit_is_what_there_was(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("PYTHONSAFEPATH", raising=False)
+    with safe_fork_server():
+        assert os.environ["PYTHONSAFEPATH"]
+        forget_safe_path()  # as the fork server does
+        assert "PYTHONSAFEPATH" not in os.environ
+    monkeypatch.setenv("PYTHONSAFEPATH", "1")
+    with safe_fork_server():
+        forget_safe_path()
+    assert os.environ["PYTHONSAFEPATH"] == "1"
