@@ -169,10 +169,10 @@ def ask(
     """Ask the daemon and return its validated answer.
 
     No reply at all is no answer: after a moment of patience it is :class:`Unreachable`, as is a
-    timeout. An error reply is :class:`Refused` with the daemon's words, and so is what the key of the
-    ``credentials`` is not enough for: the bus would drop it without a word.
+    timeout. An error reply is :class:`Refused` with the daemon's words, and so is what the key of
+    the ``credentials`` is not enough for: the bus would drop it without a word.
     """
-    # Before anything is sent: what a key may not ask, the bus drops, and silence looks like no daemon.
+    # Said before it is sent: to us the silence of the bus would look as if there were no daemon.
     if credentials is not None and (no := denial_text(credentials.name, credentials.role, verb)):
         raise Refused(no)
     payload = codec.to_json(request)

@@ -43,7 +43,7 @@ from grammars.text.files import sync_directory
 
 VALID_DAYS: Final = 730
 _CA_DAYS: Final = 3650
-"""The authority outlives what it signs several times over: to replace it, every key has to be new."""
+"""It outlives what it signs several times over: with a new authority every key has to be new."""
 _CA_KEY: Final = "ca.key"
 _LEEWAY: Final = timedelta(minutes=10)
 """A certificate is valid a little before it is made, for clocks that lag."""
