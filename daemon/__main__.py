@@ -19,7 +19,6 @@ from daemon.batch.errors import (
 )
 from daemon.model.execution import DEFAULT_EXECUTOR, DaskScheduler, RunLimits
 
-
 _SETTINGS: Final = {"lease": float, "grace": float, "attempts": int, "patience": float}
 
 
