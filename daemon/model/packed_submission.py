@@ -142,6 +142,9 @@ class _JsonWriter:
     The text of what runs share is kept: parts are known again by being the same object.
     """
 
+    # Measured with 20,000 runs of the campaign of the paper, 6.4 kB each: 0.43 s instead of 0.93 s.
+    # A submission is fingerprinted twice, by whoever submits and by the daemon.
+
     def __init__(self) -> None:
         self._texts: dict[object, tuple[object, bytes]] = {}
 

@@ -22,6 +22,16 @@ from daemon.batch.paths import StatePaths
 from daemon.batch.security import IssuedKey, Role, find_credentials, is_authority, load_register
 from daemon.model.ids import is_id
 
+_EXPIRES_SOON: Final = 30 * 86_400.0
+_RENEWAL: Final = "`scenario keys issue {role} NAME` makes another, `scenario keys bundle` packs it"
+# Seconds: a clock that is being disciplined may be a little behind what it said before.
+_LEDGER_SKEW: Final = 5.0
+_BACKUP: Final = (
+    "stop the daemon, keep a copy of the directory, restore the ledger from a backup "
+    "or save what is readable with `sqlite3 ledger.db .recover`"
+)
+_SHOWN: Final = 3
+
 
 class FindingLevel(StrEnum):
     """How a finding is to be taken; a problem keeps runs from being executed or kept safe."""
@@ -56,10 +66,6 @@ def problem(subject: str, message: str, remedy: str) -> DoctorFinding:
     return DoctorFinding(FindingLevel.PROBLEM, subject, message, remedy)
 
 
-_EXPIRES_SOON: Final = 30 * 86_400.0
-_RENEWAL: Final = "`scenario keys issue {role} NAME` makes another, `scenario keys bundle` packs it"
-
-
 def check_keys(folder: Path, now: float, *, needed: bool) -> Iterator[DoctorFinding]:
     """Look at the keys in ``folder``; that there are none is a problem only when ``needed``."""
     if not folder.exists():
@@ -91,14 +97,6 @@ def _expiry_finding(name: str, role: Role, expires_at: float, now: float) -> Doc
     if now > expires_at - _EXPIRES_SOON:
         return warning("keys", f'"{name}" expires on {day}', _RENEWAL.format(role=role))
     return ok("keys", f'"{name}", good until {day}')
-
-
-# Seconds: a clock that is being disciplined may be a little behind what it said before.
-_LEDGER_SKEW: Final = 5.0
-_BACKUP: Final = (
-    "stop the daemon, keep a copy of the directory, restore the ledger from a backup "
-    "or save what is readable with `sqlite3 ledger.db .recover`"
-)
 
 
 def check_ledger(paths: StatePaths, now: float) -> Iterator[DoctorFinding]:
@@ -153,9 +151,6 @@ def _content_findings(found: LedgerIntegrity, now: float) -> Iterator[DoctorFind
         )
     else:
         yield ok("clock", "not before the ledger's newest event")
-
-
-_SHOWN = 3
 
 
 def check_leftovers(paths: StatePaths, here: Path) -> Iterator[DoctorFinding]:

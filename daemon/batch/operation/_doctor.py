@@ -175,18 +175,18 @@ def _clock(now: float) -> Iterator[DoctorFinding]:
 def _endpoint(endpoint: Endpoint) -> Iterator[DoctorFinding]:
     known = is_endpoint(endpoint.address)
     where = endpoint_text(endpoint.address) if known else endpoint.address
-    told = f"{where}, from {endpoint.origin}"
+    words = f"{where}, from {endpoint.origin}"
     if not known:
         remedy = "write tcp/<host>:<port> or tls/<host>:<port>"
-        yield problem("endpoint", f"{told}: that is none", remedy)
+        yield problem("endpoint", f"{words}: that is none", remedy)
     elif not (is_encrypted(endpoint.address) or is_local(endpoint.address)):
         yield warning(
             "endpoint",
-            f"{told}: plain TCP to another machine",
+            f"{words}: plain TCP to another machine",
             "whoever is in the network may read, submit and cancel: use tls/ (`scenario keys`)",
         )
     else:
-        yield ok("endpoint", told)
+        yield ok("endpoint", words)
 
 
 def _daemon(paths: StatePaths, endpoint: Endpoint) -> Iterator[DoctorFinding]:
@@ -211,13 +211,13 @@ def _daemon(paths: StatePaths, endpoint: Endpoint) -> Iterator[DoctorFinding]:
 
 
 def _traces(disk: DiskUsage) -> DoctorFinding:
-    told = f"{size_text(disk.traces)} in the state directory"
+    words = f"{size_text(disk.traces)} in the state directory"
     if not disk.quota:
-        return ok("traces", f"{told}, no quota: `scenario daemon --quota 20GiB` sets one")
-    told += f", the quota is {size_text(disk.quota)}"
+        return ok("traces", f"{words}, no quota: `scenario daemon --quota 20GiB` sets one")
+    words += f", the quota is {size_text(disk.quota)}"
     if disk.traces <= disk.quota:
-        return ok("traces", told)
-    return problem("traces", told, "start the daemon with a larger --quota, or cancel a campaign")
+        return ok("traces", words)
+    return problem("traces", words, "start the daemon with a larger --quota, or cancel a campaign")
 
 
 def _silence(paths: StatePaths, endpoint: Endpoint, error: DaemonError) -> DoctorFinding:
@@ -283,16 +283,16 @@ def _workers(workers: tuple[WorkerRow, ...], overview: DaemonOverview) -> Iterat
         )
     for worker in workers:
         silent = overview.now - worker.last_seen_at
-        told = f"{worker.id} on {worker.host}, {worker.busy} of {worker.slots} slots busy"
+        words = f"{worker.id} on {worker.host}, {worker.busy} of {worker.slots} slots busy"
         if worker.version != overview.version:
             yield warning(
-                "workers", f"{told}, version {worker.version}", f"install {overview.version} there"
+                "workers", f"{words}, version {worker.version}", f"install {overview.version} there"
             )
         elif silent > _SILENCE:
             yield warning(
                 "workers",
-                f"{told}, not heard of for {silent:.0f} s",
+                f"{words}, not heard of for {silent:.0f} s",
                 "see whether its machine is well",
             )
         else:
-            yield ok("workers", told)
+            yield ok("workers", words)

@@ -31,18 +31,18 @@ class DaemonStatus:
     disk: DiskUsage
 
 
-def prometheus_text(standing: DaemonStatus) -> str:
+def prometheus_text(status: DaemonStatus) -> str:
     """Return the metrics as text; campaigns are named while they are unfinished."""
     lines: list[str] = []
-    for name, about, samples in _families(standing):
+    for name, about, samples in _families(status):
         lines += [f"# HELP {name} {_escaped(about)}", f"# TYPE {name} gauge"]
         lines += [f"{name}{_labelled(labels)} {value!r}" for labels, value in samples]
     return "\n".join(lines) + "\n"
 
 
-def _families(standing: DaemonStatus) -> Iterator[tuple[str, str, Samples]]:
-    overview, disk = standing.overview, standing.disk
-    unfinished = [row for row in standing.campaigns if not row.finished]
+def _families(status: DaemonStatus) -> Iterator[tuple[str, str, Samples]]:
+    overview, disk = status.overview, status.disk
+    unfinished = [row for row in status.campaigns if not row.finished]
     yield "scenario_info", "The daemon, by version.", [({"version": overview.version}, 1)]
     yield "scenario_start_time_seconds", "When the daemon started.", _one(overview.started_at)
     yield "scenario_trouble", "1 while no run can start.", _one(int(bool(overview.trouble)))
@@ -59,7 +59,7 @@ def _families(standing: DaemonStatus) -> Iterator[tuple[str, str, Samples]]:
     paused: Samples = [({"campaign": row.id}, int(row.paused)) for row in unfinished]
     yield "scenario_campaign_paused", "1 while an unfinished campaign is paused.", paused
     yield "scenario_run_rate_hertz", "Runs finished lately.", _one(overview.rate / 60.0)
-    yield from _workers(standing.workers, overview.now)
+    yield from _workers(status.workers, overview.now)
     yield "scenario_disk_bytes", "Size of the state directory's disk.", _one(disk.total)
     yield "scenario_disk_free_bytes", "Free space on that disk.", _one(disk.free)
     yield "scenario_ledger_bytes", "Size of the ledger.", _one(disk.ledger)
