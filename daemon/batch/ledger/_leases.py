@@ -33,7 +33,9 @@ _LONGEST_REASON: Final = 4000
 class LeaseUpdates(RunUpdates):
     """What workers may do with runs; a lease lasts ``lease`` seconds."""
 
-    def __init__(self, connection: sqlite3.Connection, attempts: int, lease: float) -> None:
+    def __init__(
+        self, connection: sqlite3.Connection, *, attempts: int = 3, lease: float = 30.0
+    ) -> None:
         super().__init__(connection, attempts)
         self._lease = lease
         self._specs = SpecReader(connection)

@@ -29,11 +29,6 @@ class LedgerWriter(LeaseUpdates):
     Times given to the methods are wall clock seconds since the epoch.
     """
 
-    def __init__(
-        self, connection: sqlite3.Connection, *, attempts: int = 3, lease: float = 30.0
-    ) -> None:
-        super().__init__(connection, attempts, lease)
-
     @classmethod
     @contextmanager
     def open(cls, path: Path, *, attempts: int = 3, lease: float = 30.0) -> Iterator[LedgerWriter]:
