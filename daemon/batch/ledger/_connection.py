@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import sqlite3
-from importlib import resources
 from pathlib import Path
 from typing import Final
 
@@ -75,6 +74,8 @@ def _prepare(connection: sqlite3.Connection, path: Path) -> None:
             f"{path} has schema {version}, this version writes {SCHEMA_VERSION}: "
             "use the version that made it, or another state directory"
         )
+    from importlib import resources  # completion reads at every TAB and makes no tables
+
     here = resources.files(__package__)
     texts = (here.joinpath(name).read_text("utf-8") for name in scripts)
     try:
