@@ -10,8 +10,8 @@ from typing import Final
 from daemon.batch.errors import Refused
 from daemon.batch.ledger._records import SpecReader
 from daemon.batch.ledger._results import check_result, read_trace_location, store_result
-from daemon.batch.ledger._transitions import Completed, Leased, Released, Renewed, advance
 from daemon.batch.ledger._updates import RunUpdates
+from daemon.batch.ledger.transitions import Completed, Leased, Released, Renewed, advance
 from daemon.model.messages import Completion, Lease, LeaseRef, LedgerAnswer, ReleaseRequest
 from daemon.model.status import NONDETERMINISTIC, RunState
 
@@ -33,7 +33,9 @@ _LONGEST_REASON: Final = 4000
 class LeaseUpdates(RunUpdates):
     """What workers may do with runs; a lease lasts ``lease`` seconds."""
 
-    def __init__(self, connection: sqlite3.Connection, attempts: int, lease: float) -> None:
+    def __init__(
+        self, connection: sqlite3.Connection, *, attempts: int = 3, lease: float = 30.0
+    ) -> None:
         super().__init__(connection, attempts)
         self._lease = lease
         self._specs = SpecReader(connection)
