@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -13,9 +14,23 @@ from scenario_tui.cli import completion
 from scenario_tui.cli.completion import campaign_files
 from scenario_tui.cli.exit_codes import ExitCode
 from scenario_tui.cli.options import AsJson, State
+from scenario_tui.cli.output import Output, say, stderr_console, stdout_console
 
 if TYPE_CHECKING:
     from daemon.analysis.blame import Blame, CampaignRun, CandidateRunner, Element, RunCase, Without
+
+
+@dataclass(frozen=True)
+class BlameOutput(Output):
+    """What makes a run fail, what it took to find out, and where the least that fails lies."""
+
+    schema = "blame"
+
+    blame: Blame
+    runs: int
+    cached: int
+    seconds: float
+    saved: str
 
 
 def blame(
@@ -71,7 +86,6 @@ def blame(
         save_campaign,
     )
     from daemon.analysis.blame import explain_failure as search
-    from scenario_tui.cli.output import emit, say
 
     meant = _resolve_run(run, state, campaign)
     case = load_case(meant.campaign, meant.scenario, meant.sut, meant.repeat)
@@ -88,8 +102,7 @@ def blame(
     except BudgetSpentError as error:
         raise typer.BadParameter("not even the run itself fits", param_hint="--runs") from error
     if as_json:
-        spent = {"runs": runner.runs, "cached": runner.cached, "seconds": runner.seconds}
-        emit("blame", blame=found.story, **spent, saved=str(file))
+        BlameOutput(found.story, runner.runs, runner.cached, runner.seconds, str(file)).emit()
     else:
         _print_blame(case, found.story, runner, file)
     raise typer.Exit(
@@ -103,12 +116,10 @@ def _resolve_run(run: list[str], state: State, campaign: Path | None) -> Campaig
     from grammars.text.diagnostics import InputError
     from scenario_tui.cli.target import resolve_recorded
 
-    places = StatePaths.find(state)
+    paths = StatePaths.find(state)
     try:
-        words = (
-            [resolve_recorded(run[0], places)] if len(run) == 1 and not _is_yaml(run[0]) else run
-        )
-        return find_run(words, places, campaign)
+        words = [resolve_recorded(run[0], paths)] if len(run) == 1 and not _is_yaml(run[0]) else run
+        return find_run(words, paths, campaign)
     except InputError:
         raise
     except ValueError as error:
@@ -141,8 +152,6 @@ class _RunCounter:
     """A line of progress without a thread: runs are forked, and threads do not survive that."""
 
     def __init__(self) -> None:
-        from scenario_tui.cli.output import stderr_console
-
         self._console = stderr_console()
         # Where the line cannot be written again, every count would be a line of its own.
         self._moves = self._console.is_terminal and not self._console.is_dumb_terminal
@@ -160,7 +169,6 @@ class _RunCounter:
 
 
 def _print_blame(case: RunCase, story: Blame, runner: CandidateRunner, file: Path) -> None:
-    from scenario_tui.cli.output import stdout_console
     from scenario_tui.cli.results import print_commands
     from scenario_tui.text.formatting import duration, pluralise, verdict_line
 

@@ -32,7 +32,7 @@ from scenario_tui.cli import (
 )
 from scenario_tui.cli.exit_codes import ExitCode
 from scenario_tui.cli.options import with_keys_option
-from scenario_tui.cli.output import settle_streams
+from scenario_tui.cli.output import report_diagnostics, say, settle_streams
 
 
 class PlainFlagsCommand(TyperCommand):
@@ -192,7 +192,6 @@ def _report_wrong_usage(error: typer.TyperException) -> int:
 
 
 def _report_bad_input(error: InputError) -> int:
-    from scenario_tui.cli.output import report_diagnostics, say
     from scenario_tui.text.diagnostics import diagnostic_counts
 
     report_diagnostics(error.diagnostics)
@@ -201,8 +200,6 @@ def _report_bad_input(error: InputError) -> int:
 
 
 def _report_unhandled(error: Exception) -> int:
-    from scenario_tui.cli.output import say
-
     if isinstance(error, BrokenPipeError):
         return ExitCode.BROKEN_PIPE
     from daemon.batch.errors import DaemonError, Refused

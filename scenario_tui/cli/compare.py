@@ -5,6 +5,7 @@ A baseline is another campaign, a file of results, or the last campaign that was
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final, TypeAlias
 
@@ -13,6 +14,7 @@ import typer
 from scenario_tui.cli import completion
 from scenario_tui.cli.exit_codes import ExitCode
 from scenario_tui.cli.options import AsJson, Connect, State
+from scenario_tui.cli.output import Output, plain_table, say, stdout_console
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -105,7 +107,6 @@ def compare_with_baseline(
     with. Returns ``None``, and says so, when there is nothing to compare with.
     """
     from daemon.judging.assessment import JudgedCampaign, compare_campaigns
-    from scenario_tui.cli.output import say
 
     gate = results.declared.gate
     name = baseline or (gate.baseline if gate else "")
@@ -153,14 +154,22 @@ def _last_green(daemon: DaemonClient, row: CampaignRow) -> JudgedCampaign | None
 
 def final_code(results: CampaignResults, between: CampaignDifference | None) -> int:
     """Return the exit code of results, which is that of a finding when they got worse."""
-    from scenario_tui.cli.exit_codes import ExitCode
-
     if between is not None and between.regressed:
         return ExitCode.UNEXPECTED
     return results.assessment.exit_code
 
 
-MAX_LISTED = 30
+MAX_LISTED: Final = 30
+
+
+@dataclass(frozen=True)
+class CompareOutput(Output):
+    """What changed from one campaign to the other."""
+
+    schema = "compare"
+
+    comparison: CampaignDifference
+    regressed: bool
 
 
 def compare(
@@ -201,14 +210,13 @@ def compare(
     Repeats of equal number and seed are paired.
     """
     from daemon.judging.assessment import compare_campaigns as compared
-    from scenario_tui.cli.output import emit
     from scenario_tui.cli.target import DaemonTarget
 
     ask = DaemonTarget(connect, state).open
     allowed = None if worse_by is None else read_ratio(worse_by)
     found = compared(load_judged(before, ask), load_judged(after, ask), allowed)
     if as_json:
-        emit("compare", comparison=found, regressed=found.regressed)
+        CompareOutput(found, found.regressed).emit()
     else:
         print_comparison(found, everything=everything)
     raise typer.Exit(ExitCode.UNEXPECTED if found.regressed else ExitCode.EXPECTED)
@@ -216,7 +224,6 @@ def compare(
 
 def print_comparison(found: CampaignDifference, *, everything: bool = False) -> None:
     """Print what changed from one campaign to the other, what got worse first."""
-    from scenario_tui.cli.output import stdout_console
     from scenario_tui.text.formatting import pluralise
 
     console = stdout_console()
@@ -264,14 +271,10 @@ def _verdict_text(change: VerdictChange) -> Text:
 
 
 def _shift_table(shifts: Sequence[QuantityChange]) -> Table:
-    from rich import box
-    from rich.table import Table
     from rich.text import Text
 
-    table = Table(box=box.SIMPLE_HEAD, pad_edge=False, show_edge=False)
-    for title in ("scenario", "SUT", "quantity", "before", "after", "difference", "Cliff's delta",
-                  "p", ""):  # fmt: skip
-        table.add_column(title, overflow="fold")
+    titles = ("scenario", "SUT", "quantity", "before", "after", "difference", "Cliff's delta", "p")
+    table = plain_table(*titles, "")
     for shift in shifts:
         word = ("worse", "bold red") if shift.worse else ("changed" if shift.changed else "", "")
         table.add_row(*_shift_cells(shift), Text(*word))

@@ -1,4 +1,4 @@
-"""Executing a campaign to its end: by a daemon that lives as long as the command, or one that stays.
+"""Executing a campaign to its end: by a daemon that lives as long as the command, or that stays.
 
 Imports the client and the launcher; commands import this module when they need it.
 """

@@ -1,7 +1,8 @@
-"""The command that makes artefacts of a floor plan or a campaign, and the worlds they are made from."""
+"""The command that makes artefacts of a floor plan or a campaign, and the worlds they show."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -11,6 +12,7 @@ import typer
 from scenario_tui.cli import completion
 from scenario_tui.cli.completion import plan_or_campaign_files
 from scenario_tui.cli.options import AsJson
+from scenario_tui.cli.output import Output, report_diagnostics
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -137,6 +139,15 @@ class WaypointYaw(StrEnum):
     PATH = "path"
 
 
+@dataclass(frozen=True)
+class ExportOutput(Output):
+    """The files that were written."""
+
+    schema = "export"
+
+    files: list[str]
+
+
 def export(
     source: Annotated[
         Path,
@@ -204,7 +215,6 @@ def export(
     A campaign gets one folder per scenario; scenarios with equal worlds share one.
     """
     from grammars.text.diagnostics import Diagnostic, InputError, Severity, Where
-    from scenario_tui.cli.output import emit, report_diagnostics
     from templates.artefacts import export as write
     from templates.naming import file_name
     from templates.rendering import Templates
@@ -246,7 +256,7 @@ def export(
             for path in done.paths:
                 typer.echo(path)
     if as_json:
-        emit("export", files=written)
+        ExportOutput(written).emit()
 
 
 def _check_time(text: str) -> str:

@@ -14,6 +14,7 @@ import typer
 from daemon.model.execution import DaskScheduler, RunLimits
 from scenario_tui.cli.exit_codes import ExitCode
 from scenario_tui.cli.options import Connect, Keys, State, check_endpoint, read_duration, read_size
+from scenario_tui.cli.output import plain_table, say, stdout_console
 
 PrintUnit: TypeAlias = Annotated[
     bool, typer.Option("--print-unit", help="Write a systemd user unit for this and leave.")
@@ -35,8 +36,6 @@ def _check_store(url: str) -> str:
 def _check_size(text: str) -> str:
     """Refuse what is no size, as wrong usage."""
     if text:
-        from scenario_tui.cli.options import read_size
-
         read_size(text)
     return text
 
@@ -89,15 +88,13 @@ def daemon(
     """
     from daemon.batch.paths import StatePaths
     from daemon.batch.server import DaemonSettings, exposure_warning, serve
-    from scenario_tui.cli.options import read_size
-    from scenario_tui.cli.output import say
 
-    places = StatePaths.find(state)
+    paths = StatePaths.find(state)
     if print_unit:
         from daemon.batch.operation import daemon_unit
 
         unit = daemon_unit(
-            scenario_executable(), places.state, listen, slots,
+            scenario_executable(), paths.state, listen, slots,
             keys=keys, insecure=insecure, traces=traces, quota=quota,
         )  # fmt: skip
         typer.echo(unit, nl=False)
@@ -105,9 +102,9 @@ def daemon(
     if words := exposure_warning(listen):
         say(words)
     where = f" at {listen}" if listen else ""
-    say(f"starting a daemon{where}, state in {places.state}, Ctrl-C to leave")
+    say(f"starting a daemon{where}, state in {paths.state}, Ctrl-C to leave")
     settings = DaemonSettings(store=traces, quota=read_size(quota) if quota else 0)
-    serve(places.state, listen=listen, keys=keys, insecure=insecure, slots=slots, settings=settings)
+    serve(paths.state, listen=listen, keys=keys, insecure=insecure, slots=slots, settings=settings)
     say("the daemon has left; what is queued waits for the next one")
 
 
@@ -134,7 +131,6 @@ def tui(
 
     Keys, colours and more are set in config.toml; `scenario doctor` says where it is.
     """
-    from scenario_tui.cli.output import say
 
     if bindings:
         _print_bindings()
@@ -193,16 +189,10 @@ def _connecting_screen() -> Iterator[None]:
 
 def _print_bindings() -> None:
     """One line per binding: its id, its keys, where it works, what it does."""
-    from rich import box
-    from rich.table import Table
-
-    from scenario_tui.cli.output import stdout_console
     from scenario_tui.dashboard.config import config_path
     from scenario_tui.dashboard.key_bindings import list_key_bindings
 
-    table = Table(box=box.SIMPLE_HEAD, pad_edge=False, show_edge=False)
-    for title in ("id", "keys", "where", "what it does"):
-        table.add_column(title, overflow="fold")
+    table = plain_table("id", "keys", "where", "what it does")
     for bound in list_key_bindings():
         table.add_row(bound.id, bound.keys.replace(",", " "), bound.place, bound.meaning)
     console = stdout_console()
@@ -229,9 +219,6 @@ def _check_scheduler(address: str) -> str:
     return address
 
 
-Certificate: TypeAlias = Path | None
-
-
 def _file_option(name: str, what: str) -> object:
     return typer.Option(name, metavar="FILE", exists=True, dir_okay=False, help=what)
 
@@ -246,7 +233,8 @@ def worker(
         ),
     ] = None,
     backend: Annotated[
-        WorkerBackend, typer.Option("--backend", help="What executes: this machine or a Dask cluster.")
+        WorkerBackend,
+        typer.Option("--backend", help="What executes: this machine or a Dask cluster."),
     ] = WorkerBackend.LOCAL,
     scheduler: Annotated[
         str,
@@ -255,11 +243,15 @@ def worker(
             help="The scheduler of the Dask cluster, tcp://host:8786 or tls://host:8786.",
         ),
     ] = "",
-    tls_ca: Annotated[Certificate, _file_option("--tls-ca", "Who signed the scheduler's certificate.")]
-    = None,
-    tls_cert: Annotated[Certificate, _file_option("--tls-cert", "Our certificate for the scheduler.")]
-    = None,
-    tls_key: Annotated[Certificate, _file_option("--tls-key", "The key of our certificate.")] = None,
+    tls_ca: Annotated[
+        Path | None, _file_option("--tls-ca", "Who signed the scheduler's certificate.")
+    ] = None,
+    tls_cert: Annotated[
+        Path | None, _file_option("--tls-cert", "Our certificate for the scheduler.")
+    ] = None,
+    tls_key: Annotated[
+        Path | None, _file_option("--tls-key", "The key of our certificate.")
+    ] = None,
     memory: Annotated[
         str,
         typer.Option("--memory", metavar="SIZE", help="Address space of a run; 0B: no limit."),
@@ -306,7 +298,6 @@ def worker(
         return
     from daemon.batch.paths import endpoint_text, find_endpoint
     from daemon.batch.worker import work
-    from scenario_tui.cli.output import say
 
     endpoint = find_endpoint(connect, state)
     where = endpoint_text(endpoint.address)

@@ -203,9 +203,8 @@ def watch(
     """Show progress until no run of ``campaign`` waits or runs; return how it ended.
 
     After ``limit`` seconds it is returned as it stands then. A daemon that goes away is waited for
-    and found again. Raises :class:`daemon.batch.errors.Unreachable` when it stays away for ``patience``
-    seconds, or at the limit, and :class:`daemon.batch.errors.DaemonError` when it cannot execute runs
-    for ``endurance`` seconds.
+    and found again. Raises :class:`Unreachable` when it stays away for ``patience`` seconds, or at
+    the limit, and :class:`DaemonError` when it cannot execute runs for ``endurance`` seconds.
     """
     begun = time.monotonic()
     live: dict[str, LiveSnapshot] = {}

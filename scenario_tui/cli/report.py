@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final
@@ -12,6 +12,7 @@ import typer
 from scenario_tui.cli import completion
 from scenario_tui.cli.exit_codes import ExitCode
 from scenario_tui.cli.options import AsJson, Connect, State
+from scenario_tui.cli.output import Output, stdout_console, track_progress
 
 if TYPE_CHECKING:
     from daemon.analysis.report import ReportData, ReportInput, SuggestedCommand
@@ -24,6 +25,33 @@ _RUN_COMMANDS: Final = (
     ("scenario judge {run}", "judge it again", False),
     ("scenario blame {run}", "find out what makes it fail", True),
 )
+
+
+@dataclass(frozen=True)
+class ReportOutput(Output):
+    """What a campaign comes to, and the files ``written`` about it by their kind."""
+
+    schema = "report"
+
+    campaign: str
+    runs: int
+    answer: str
+    exit_code: int
+    written: dict[str, str]
+
+
+@dataclass(frozen=True)
+class PictureOutput(Output):
+    """A run that was drawn."""
+
+    schema = "picture"
+
+    trace: str
+    written: str
+
+    def print(self) -> None:
+        """Print the name of the file."""
+        stdout_console().print(self.written, markup=False, soft_wrap=True)
 
 
 def report(
@@ -83,7 +111,6 @@ def report(
         write_page,
         write_parquet,
     )
-    from scenario_tui.cli.output import track_progress
     from scenario_tui.cli.target import DaemonTarget
 
     target = DaemonTarget(connect, state)
@@ -124,8 +151,8 @@ def _choose_campaign(campaign: str, target: DaemonTarget) -> ReportInput:
         raise typer.BadParameter(f"{message}: for one run there is --run", param_hint="CAMPAIGN")
     if target.named:
         return _fetch_campaign(campaign, target)
-    with open_ledger(target.places) as reader:
-        return ledger_input(reader, find_campaign(reader, campaign), target.places)
+    with open_ledger(target.paths) as reader:
+        return ledger_input(reader, find_campaign(reader, campaign), target.paths)
 
 
 def _fetch_campaign(campaign: str, target: DaemonTarget) -> ReportInput:
@@ -168,18 +195,16 @@ def _write(path: Path, text: str) -> None:
 
 def _print_written(material: ReportData, written: dict[str, Path], *, as_json: bool) -> None:
     from daemon.analysis.report import headline
-    from scenario_tui.cli.output import emit, stdout_console
 
     said = headline(material.assessment, material.runs)
     if as_json:
-        emit(
-            "report",
-            campaign=material.chosen.name,
-            runs=len(material.runs),
-            answer=f"{said.word}. {said.sentence}",
-            exit_code=material.assessment.exit_code,
-            written={kind: str(path) for kind, path in written.items()},
-        )
+        ReportOutput(
+            material.chosen.name,
+            len(material.runs),
+            f"{said.word}. {said.sentence}",
+            material.assessment.exit_code,
+            {kind: str(path) for kind, path in written.items()},
+        ).emit()
         return
     console = stdout_console()
     # A folder may be called like a campaign: say which of them this is about.
@@ -196,7 +221,6 @@ def _draw_run(
     run: str, campaign: str, output: Path | None, target: DaemonTarget, *, as_json: bool
 ) -> None:
     from daemon.analysis.report import draw_run
-    from scenario_tui.cli.output import emit, stdout_console
     from scenario_tui.cli.target import one_trace
 
     if campaign:
@@ -206,7 +230,4 @@ def _draw_run(
         raise typer.BadParameter(f"{path} must end in .svg or .png", param_hint="--output")
     trace = one_trace(run, target, "--run")
     draw_run(trace, path)
-    if as_json:
-        emit("picture", trace=str(trace), written=str(path))
-        return
-    stdout_console().print(str(path), markup=False, soft_wrap=True)
+    PictureOutput(str(trace), str(path)).show(as_json)

@@ -4,20 +4,26 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-from rich import box
 from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
 from daemon.judging.assessment import CampaignDifference, JudgedCampaign
 from daemon.judging.statistics import at_least
-from daemon.model.assessments import AssessmentRules, ComparisonVerdict, RunRecord
+from daemon.model.assessments import (
+    Assessment,
+    AssessmentRules,
+    ComparisonVerdict,
+    RunRecord,
+)
+from daemon.model.status import CampaignRow, RunRow
 from grammars.text import codec
 from grammars.text.diagnostics import Diagnostic, InputError, Where
-from scenario_tui.cli.output import emit, stdout_console
+from scenario_tui.cli.output import Output, plain_table, schema_identifier, stdout_console
 from scenario_tui.text.assessment_text import (
     BOUNDS,
     Footnotes,
@@ -29,20 +35,31 @@ from scenario_tui.text.assessment_text import (
 from scenario_tui.text.formatting import NOTHING, TERMINAL_STYLES, fine_duration, pluralise
 from scenario_tui.text.results import CampaignResults
 
-RESULTS_SCHEMA: Final = "scenario/results/1"
+
+@dataclass(frozen=True)
+class ResultsOutput(Output):
+    """Everything about a campaign, with what it was held against."""
+
+    schema = "results"
+
+    campaign: CampaignRow
+    declared: AssessmentRules
+    assessment: Assessment
+    runs: tuple[RunRow, ...]
+    records: tuple[RunRecord, ...]
+    comparison: CampaignDifference | None
 
 
 def emit_results(results: CampaignResults, comparison: CampaignDifference | None = None) -> None:
-    """Write everything about a campaign as one JSON object, with what it was held against."""
-    emit(
-        "results",
-        campaign=results.row,
-        declared=results.declared,
-        assessment=results.assessment,
-        runs=list(results.rows),
-        records=list(results.records),
-        comparison=comparison,
-    )
+    """Write everything about a campaign as JSON."""
+    ResultsOutput(
+        results.row,
+        results.declared,
+        results.assessment,
+        results.rows,
+        results.records,
+        comparison,
+    ).emit()
 
 
 def read_results(path: Path) -> JudgedCampaign:
@@ -50,7 +67,7 @@ def read_results(path: Path) -> JudgedCampaign:
     where = Where(str(path))
     try:
         body = json.loads(path.read_text(encoding="utf-8"))
-        if body["schema"] != RESULTS_SCHEMA:
+        if body["schema"] != schema_identifier(ResultsOutput.schema):
             raise ValueError(f"it holds {body['schema']}")
         declared = codec.from_plain(AssessmentRules, body["declared"])
         records = codec.from_plain(tuple[RunRecord, ...], body["records"])
@@ -68,7 +85,7 @@ def matrix_table(results: CampaignResults, notes: Footnotes) -> Table:
     cells = {(cell.scenario, cell.sut): cell for cell in results.assessment.cells}
     suts = tuple(dict.fromkeys(sut for _, sut in cells))
     alone = len(suts) == 1
-    table = _empty_table("scenario", *suts)
+    table = plain_table("scenario", *suts)
     for scenario in dict.fromkeys(scenario for scenario, _ in cells):
         found = (cells.get((scenario, sut)) for sut in suts)
         row = (c and cell_text(c, results, notes, TERMINAL_STYLES, alone=alone) for c in found)
@@ -76,18 +93,11 @@ def matrix_table(results: CampaignResults, notes: Footnotes) -> Table:
     return table
 
 
-def _empty_table(*titles: str) -> Table:
-    table = Table(box=box.SIMPLE_HEAD, pad_edge=False, show_edge=False)
-    for title in titles:
-        table.add_column(title, overflow="fold")
-    return table
-
-
 def comparison_table(cells: Sequence[ComparisonVerdict], notes: Footnotes) -> Table:
     """Return one row for each comparison and one column for each system under test."""
     found = {(cell.comparison, cell.sut): cell for cell in cells}
     suts = tuple(dict.fromkeys(cell.sut for cell in cells))
-    table = _empty_table("comparison", *suts, "is to be")
+    table = plain_table("comparison", *suts, "is to be")
     for name, text in {cell.comparison: cell.text for cell in cells}.items():
         row = (found.get((name, sut)) for sut in suts)
         shown = (cell and comparison_cell_text(cell, notes, TERMINAL_STYLES) for cell in row)

@@ -14,10 +14,11 @@ from typing import TYPE_CHECKING, Protocol
 
 import typer
 
-from daemon.batch.errors import Refused, Unreachable
+from daemon.batch.errors import Refused, TraceUnavailable, Unreachable
 from daemon.model.status import CampaignRow, RunDetail
 from grammars.text.diagnostics import Diagnostic, InputError, Where, did_you_mean
-from scenario_tui.client import DaemonClient
+from scenario_tui.cli.output import say, stderr_console
+from scenario_tui.client import DaemonClient, all_runs
 
 if TYPE_CHECKING:
     from daemon.batch.paths import StatePaths
@@ -35,7 +36,7 @@ class DaemonTarget:
     def endpoint(self) -> str:
         """Where the daemon listens as far as known now; it may move when it restarts.
 
-        Raises :class:`daemon.batch.errors.Unreachable` for a state directory somebody chose that no
+        Raises :class:`Unreachable` for a state directory somebody chose that no
         daemon keeps: there is no need to look for its socket. Raises
         :class:`InputError` when the environment names what is no endpoint.
         """
@@ -54,7 +55,7 @@ class DaemonTarget:
         return found.address
 
     @property
-    def places(self) -> StatePaths:
+    def paths(self) -> StatePaths:
         """The state directory of this machine that is meant."""
         from daemon.batch.paths import StatePaths
 
@@ -69,7 +70,7 @@ class DaemonTarget:
 
     @contextmanager
     def open(self) -> Iterator[DaemonClient]:
-        """Open a client; raises :class:`daemon.batch.errors.Unreachable`."""
+        """Open a client; raises :class:`Unreachable`."""
         from daemon.batch.client import Client
 
         with Client.open(self.endpoint) as client:
@@ -87,13 +88,13 @@ class RunSource(CampaignSource, Protocol):
     """Whoever knows the runs as well."""
 
     def run(self, run: str, /) -> RunDetail:
-        """Everything about one run; raises :class:`daemon.batch.errors.Refused` for an unknown id."""
+        """Everything about one run; raises :class:`Refused` for an unknown id."""
 
 
 def find_run(daemon: RunSource, wanted: str) -> RunDetail:
     """Return the run meant by its id, or by a campaign as :func:`find_campaign` and its number.
 
-    Raises :class:`daemon.batch.errors.Refused` when there is none, with what there is.
+    Raises :class:`Refused` when there is none, with what there is.
     """
     name, dot, number = wanted.rpartition(".")
     try:
@@ -111,7 +112,7 @@ def find_run(daemon: RunSource, wanted: str) -> RunDetail:
 def find_campaign(daemon: CampaignSource, wanted: str) -> CampaignRow:
     """Return the campaign meant by an id, a name (the newest of it) or their beginning.
 
-    Without a word it is the newest. Raises :class:`daemon.batch.errors.Refused` when there is none or
+    Without a word it is the newest. Raises :class:`Refused` when there is none or
     when several different names begin that way.
     """
     rows = daemon.campaigns()
@@ -144,7 +145,7 @@ def one_trace(run: str, target: DaemonTarget, hint: str) -> Path:
     if _is_on_named_daemon(run, target):
         return _fetch_traces([run], target, hint)[0]
     try:
-        traces = find_traces([resolve_recorded(run, target.places)], target.places)
+        traces = find_traces([resolve_recorded(run, target.paths)], target.paths)
     except ValueError as error:
         raise typer.BadParameter(str(error), param_hint=hint) from error
     if len(traces) != 1:
@@ -164,7 +165,7 @@ def all_traces(named: Sequence[str], target: DaemonTarget, hint: str) -> tuple[P
     if not far:
         try:
             return find_traces(
-                [resolve_recorded(name, target.places) for name in named], target.places
+                [resolve_recorded(name, target.paths) for name in named], target.paths
             )
         except ValueError as error:
             raise typer.BadParameter(str(error), param_hint=hint) from error
@@ -175,10 +176,8 @@ def all_traces(named: Sequence[str], target: DaemonTarget, hint: str) -> tuple[P
 def recorded_runs(daemon: DaemonClient, name: str) -> tuple[RunDetail, ...]:
     """Return the run, or the runs of the campaign, that ``name`` means; those with a result.
 
-    Raises :class:`daemon.batch.errors.Refused` when it means neither.
+    Raises :class:`Refused` when it means neither.
     """
-    from daemon.batch.errors import Refused
-    from scenario_tui.client import all_runs
 
     if "." in name:
         return (find_run(daemon, name),)
@@ -195,8 +194,6 @@ def transfer_progress(total: int) -> Iterator[ByteProgress]:
     """Show on a terminal how much of ``total`` bytes has come; yields what is to be told."""
     from rich.progress import BarColumn, DownloadColumn, Progress, TransferSpeedColumn
 
-    from scenario_tui.cli.output import stderr_console
-
     console = stderr_console()
     columns = ("bringing traces", BarColumn(), DownloadColumn(), TransferSpeedColumn())
     with Progress(
@@ -212,9 +209,7 @@ def _is_on_named_daemon(name: str, target: DaemonTarget) -> bool:
 
 
 def _fetch_traces(named: Sequence[str], target: DaemonTarget, hint: str) -> tuple[Path, ...]:
-    from daemon.batch.errors import Refused, TraceUnavailable
     from daemon.batch.stores import TraceReference, local_copy, trace_reference
-    from scenario_tui.cli.output import say
 
     traces: dict[str, TraceReference] = {}
     with target.open() as daemon:
@@ -234,23 +229,22 @@ def _fetch_traces(named: Sequence[str], target: DaemonTarget, hint: str) -> tupl
             return tuple(local_copy(trace, daemon, told=told) for trace in traces.values())
 
 
-def resolve_recorded(name: str, places: StatePaths) -> str:
+def resolve_recorded(name: str, paths: StatePaths) -> str:
     """Return the id of the campaign or run that ``name`` means here; a file or folder as it is.
 
     Raises ``ValueError`` for what is none of them.
     """
     from daemon.analysis.report import open_ledger
-    from daemon.batch.errors import Refused
 
-    if Path(name).exists() or name.endswith(".mcap") or not places.ledger.is_file():
+    if Path(name).exists() or name.endswith(".mcap") or not paths.ledger.is_file():
         return name
     try:
-        with open_ledger(places) as ledger:
+        with open_ledger(paths) as ledger:
             if "." in name:
                 return find_run(ledger, name).row.id
             return find_campaign(ledger, name).id
     except Refused as error:
         # Traces of a campaign the ledger has forgotten may still be there.
-        if "/" not in name and (places.traces / name).is_dir():
+        if "/" not in name and (paths.traces / name).is_dir():
             return name
         raise ValueError(f"{name} is no trace, no folder and no run: {error}") from error

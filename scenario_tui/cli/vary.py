@@ -2,22 +2,32 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Final
 
 import typer
 
 from scenario_tui.cli import completion
 from scenario_tui.cli.completion import variation_files
 from scenario_tui.cli.options import AsJson
+from scenario_tui.cli.output import (
+    Output,
+    OutputPart,
+    plain_table,
+    report_diagnostics,
+    say,
+    stdout_console,
+)
 
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from grammars.variation import Variant, VariantFile, VariantValue, Variation
+    from grammars.variation import Variant, VariantFile
+    from grammars.variation import VariantValue as DrawnValue
 
-_DEFAULT_NUMBER = 10
+_DEFAULT_NUMBER: Final = 10
 
 
 class SamplingMethod(StrEnum):
@@ -28,6 +38,46 @@ class SamplingMethod(StrEnum):
     HALTON = "halton"
     LHS = "lhs"
     PAIRWISE = "pairwise"
+
+
+@dataclass(frozen=True)
+class DrawnValue(OutputPart):
+    """A value that was drawn."""
+
+    name: str
+    value: float
+    unit: str
+
+
+@dataclass(frozen=True)
+class MadeVariant(OutputPart):
+    """A variant, and what became of its file."""
+
+    file: str
+    outcome: str
+    seed: int
+    tries: int
+    values: list[DrawnValue]
+
+    @classmethod
+    def of(cls, entry: VariantFile) -> MadeVariant:
+        """Return a variant as it is written."""
+        made = entry.variant
+        values = [DrawnValue(v.name, v.number, v.unit) for v in made.values]
+        return cls(str(entry.path), entry.outcome, made.seed, made.tries, values)
+
+
+@dataclass(frozen=True)
+class VaryOutput(Output):
+    """The variants of a floor plan."""
+
+    schema = "vary"
+
+    variation: str
+    plan: str
+    method: str
+    seed: int
+    variants: list[MadeVariant]
 
 
 def vary(
@@ -95,18 +145,16 @@ def vary(
 ) -> None:
     """Write variants of a floor plan, drawn from distributions."""
     from grammars.variation import load_variation, sample, source_defects, write_variants
-    from scenario_tui.cli.output import emit, report_diagnostics, say
-    from scenario_tui.cli.output import stdout_console as results
 
-    variation = load_variation(file, shared_defaults=shared_defaults)
-    report_diagnostics(variation.warnings)
+    source = load_variation(file, shared_defaults=shared_defaults)
+    report_diagnostics(source.warnings)
     if check is not None:
-        report_diagnostics(source_defects(variation, check))
+        report_diagnostics(source_defects(source, check))
     if number is None and method not in (SamplingMethod.GRID, SamplingMethod.PAIRWISE):
         number = _DEFAULT_NUMBER
     try:
         variants = sample(
-            variation,
+            source,
             number,
             seed=seed,
             method=method.value,
@@ -117,52 +165,28 @@ def vary(
         )
     except ValueError as error:
         raise typer.BadParameter(str(error)) from error
-    written = write_variants(variants, out, overwrite=overwrite, source=variation.plan_file)
+    written = write_variants(variants, out, overwrite=overwrite, source=source.plan_file)
     if as_json:
-        emit("vary", **_output_fields(variation, method, seed, written))
+        made = [MadeVariant.of(entry) for entry in written]
+        VaryOutput(source.file, str(source.plan_file), method.value, seed, made).emit()
     else:
         for table in _tables(written):
-            results().print(table)
+            stdout_console().print(table)
     say(_summary(written, number, out))
     if check is None:
-        doubtful = sum(len(v.plan.warnings) > len(variation.source.warnings) for v in variants)
+        doubtful = sum(len(v.plan.warnings) > len(source.source.warnings) for v in variants)
         if doubtful:
             say(f"{doubtful} of them may not be sound: --check RADIUS makes only sound ones")
 
 
-def _output_fields(
-    variation: Variation, method: SamplingMethod, seed: int, written: tuple[VariantFile, ...]
-) -> dict[str, object]:
-    return {
-        "variation": variation.file,
-        "plan": str(variation.plan_file),
-        "method": method.value,
-        "seed": seed,
-        "variants": [
-            {
-                "file": str(entry.path),
-                "outcome": entry.outcome,
-                "seed": entry.variant.seed,
-                "tries": entry.variant.tries,
-                "values": [
-                    {"name": v.name, "value": v.number, "unit": v.unit}
-                    for v in entry.variant.values
-                ],
-            }
-            for entry in written
-        ],
-    }
-
-
 def _tables(written: tuple[VariantFile, ...]) -> list[Table]:
     """Return what the columns are, and the values of every variant."""
-    from rich import box
     from rich.table import Table
     from rich.text import Text
 
     names = Table(box=None, show_header=False, pad_edge=False)
-    values = Table(box=box.SIMPLE_HEAD, pad_edge=False, show_edge=False)
-    values.add_column("file", overflow="fold", no_wrap=True)
+    values = plain_table("file")
+    values.columns[0].no_wrap = True
     for index, value in enumerate(written[0].variant.values):
         names.add_row(
             _column_name(index), value.name, Text(f"[{value.unit}]" if value.unit else "")
@@ -175,7 +199,7 @@ def _tables(written: tuple[VariantFile, ...]) -> list[Table]:
     return [names, Table.grid(), values]
 
 
-def _number(value: VariantValue) -> str:
+def _number(value: DrawnValue) -> str:
     return f"{value.number:.6g}".replace("-", "−")
 
 
