@@ -35,27 +35,24 @@ from scenario_tui.cli.options import with_keys_option
 from scenario_tui.cli.output import report_diagnostics, say, settle_streams
 
 
-class PlainFlagsCommand(TyperCommand):
+class _PlainFlags:
+    """Shows flags without the ``<bool>`` that typer puts behind them."""
+
+    def get_params(self, ctx: Any) -> list[Any]:
+        """Return the parameters as help shows them."""
+        parameters: list[Any] = super().get_params(ctx)  # type: ignore[misc]
+        for one in parameters:
+            if isinstance(one, TyperOption) and one.is_flag and one.metavar is None:
+                one.metavar = ""
+        return parameters
+
+
+class PlainFlagsCommand(_PlainFlags, TyperCommand):
     """A command whose flags are shown without ``<bool>``."""
 
-    def get_params(self, ctx: Any) -> Any:
-        """Return the parameters as help shows them."""
-        return _without_flag_types(super().get_params(ctx))
 
-
-class PlainFlagsGroup(TyperGroup):
+class PlainFlagsGroup(_PlainFlags, TyperGroup):
     """A group of commands whose flags are shown without ``<bool>``."""
-
-    def get_params(self, ctx: Any) -> Any:
-        """Return the parameters as help shows them."""
-        return _without_flag_types(super().get_params(ctx))
-
-
-def _without_flag_types(parameters: list[Any]) -> list[Any]:
-    for parameter in parameters:
-        if isinstance(parameter, TyperOption) and parameter.is_flag and parameter.metavar is None:
-            parameter.metavar = ""
-    return parameters
 
 
 _PANELS: Final[dict[str, tuple[Callable[..., None], ...]]] = {
@@ -112,12 +109,6 @@ for _panel, _commands in _PANELS.items():
     for _command in _commands:
         app.command(rich_help_panel=_panel, cls=PlainFlagsCommand)(with_keys_option(_command))
 app.add_typer(keys.keys_app, rich_help_panel="Machines")
-
-
-def command_names() -> frozenset[str]:
-    """Return the names of all commands."""
-    commands = {command.__name__ for group in _PANELS.values() for command in group}
-    return frozenset(commands | {"keys"})
 
 
 def _print_version(wanted: bool) -> None:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Final, TypeAlias
 import typer
 
 from scenario_tui.cli import completion
-from scenario_tui.cli.exit_codes import ExitCode
+from scenario_tui.cli.exit_codes import ExitCode, wrong_usage
 from scenario_tui.cli.options import AsJson, Connect, State
 from scenario_tui.cli.output import Output, plain_table, say, stdout_console
 
@@ -41,11 +41,9 @@ def check_ratio(value: str | None) -> str | None:
     if value is not None:
         from grammars.text.quantity import read_as
 
-        try:
+        with wrong_usage():
             if read_as(value, "ratio") < 0.0:
                 raise ValueError(f'"{value}" is negative')
-        except ValueError as error:
-            raise typer.BadParameter(str(error)) from error
     return value
 
 
@@ -147,7 +145,7 @@ def _last_green(daemon: DaemonClient, row: CampaignRow) -> JudgedCampaign | None
     for candidate in older:
         if candidate.name == row.name and candidate.finished:
             declared, records = daemon.declared(candidate.id), daemon.records(candidate.id)
-            if assess(declared, records).exit_code == 0:
+            if assess(declared, records).exit_code == ExitCode.EXPECTED:
                 return JudgedCampaign(candidate.id, declared, records)
     return None
 

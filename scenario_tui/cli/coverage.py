@@ -9,7 +9,7 @@ import typer
 
 from scenario_tui.cli import completion
 from scenario_tui.cli.exit_codes import ExitCode
-from scenario_tui.cli.options import AsJson, Connect, State
+from scenario_tui.cli.options import AsJson, Connect, Processes, State
 from scenario_tui.cli.output import Output, plain_table, say, stdout_console
 
 if TYPE_CHECKING:
@@ -67,10 +67,7 @@ def coverage(
         float,
         typer.Option(min=0.01, max=1000.0, help="A door is met when the robot is so near, metres."),
     ] = 1.5,
-    processes: Annotated[
-        int | None,
-        typer.Option("--processes", "-j", min=1, max=1024, help="Default: one per core."),
-    ] = None,
+    processes: Processes = None,
     connect: Connect = "",
     state: State = None,
     as_json: AsJson = False,

@@ -1,9 +1,12 @@
-"""Exit codes, and which one a set of runs deserves."""
+"""Exit codes: which one a set of runs deserves, and what is wrong usage."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from enum import IntEnum
+
+import typer
 
 
 class ExitCode(IntEnum):
@@ -33,3 +36,12 @@ def exit_code(words: Iterable[str]) -> ExitCode:
     if not found or found - {"pass"}:
         return ExitCode.INCONCLUSIVE
     return ExitCode.EXPECTED
+
+
+@contextmanager
+def wrong_usage(hint: str | None = None) -> Iterator[None]:
+    """Turn a ``ValueError`` into wrong usage of the parameter ``hint``."""
+    try:
+        yield
+    except ValueError as error:
+        raise typer.BadParameter(str(error), param_hint=hint) from error

@@ -11,7 +11,7 @@ import typer
 from scenario_tui.cli import completion
 from scenario_tui.cli.completion import oracle_files
 from scenario_tui.cli.exit_codes import exit_code
-from scenario_tui.cli.options import AsJson, Connect, State
+from scenario_tui.cli.options import AsJson, Connect, Processes, State
 from scenario_tui.cli.output import Output, OutputPart, say, stdout_console, track_progress
 
 if TYPE_CHECKING:
@@ -96,10 +96,7 @@ def judge(
             autocompletion=completion.files(oracle_files),
         ),
     ] = None,
-    processes: Annotated[
-        int | None,
-        typer.Option("--processes", "-j", min=1, max=1024, help="Default: one per core."),
-    ] = None,
+    processes: Processes = None,
     connect: Connect = "",
     state: State = None,
     as_json: AsJson = False,

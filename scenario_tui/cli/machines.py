@@ -12,8 +12,15 @@ from typing import Annotated, Final, TypeAlias
 import typer
 
 from daemon.model.execution import DaskScheduler, RunLimits
-from scenario_tui.cli.exit_codes import ExitCode
-from scenario_tui.cli.options import Connect, Keys, State, check_endpoint, read_duration, read_size
+from scenario_tui.cli.exit_codes import ExitCode, wrong_usage
+from scenario_tui.cli.options import (
+    Connect,
+    Keys,
+    State,
+    check_endpoint,
+    read_duration,
+    read_size,
+)
 from scenario_tui.cli.output import plain_table, say, stdout_console
 
 PrintUnit: TypeAlias = Annotated[
@@ -26,10 +33,8 @@ def _check_store(url: str) -> str:
     if url:
         from daemon.batch.stores import check_store_url
 
-        try:
+        with wrong_usage():
             return check_store_url(url)
-        except ValueError as error:
-            raise typer.BadParameter(str(error)) from error
     return url
 
 

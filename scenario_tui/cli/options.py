@@ -96,6 +96,10 @@ Slots: TypeAlias = Annotated[
     int | None,
     typer.Option("--slots", "-j", min=1, max=1024, help="Runs at a time. Default: one per core."),
 ]
+Processes: TypeAlias = Annotated[
+    int | None,
+    typer.Option("--processes", "-j", min=1, max=1024, help="Default: one per core."),
+]
 CampaignFile: TypeAlias = Annotated[
     Path,
     typer.Argument(

@@ -9,7 +9,6 @@ from __future__ import annotations
 import ast
 import dataclasses
 import inspect
-import json
 import sys
 from functools import cache
 from importlib import import_module
@@ -95,11 +94,6 @@ def outputs_schema() -> dict[str, Any]:
     each = [keys[model, "serialization"] for model in models]
     dialect = "https://json-schema.org/draft/2020-12/schema"
     return {"$schema": dialect, "title": SCHEMA_TITLE, "oneOf": each, "$defs": found["$defs"]}
-
-
-def outputs_text() -> str:
-    """Return the schema as the text of its file."""
-    return json.dumps(outputs_schema(), ensure_ascii=False, indent=2) + "\n"
 
 
 def _object_model(

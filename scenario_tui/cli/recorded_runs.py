@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from scenario_tui.cli import completion
-from scenario_tui.cli.exit_codes import ExitCode
+from scenario_tui.cli.exit_codes import ExitCode, wrong_usage
 from scenario_tui.cli.options import AsJson, Connect, RunOrTrace, State
 from scenario_tui.cli.output import Output, OutputPart, say, stdout_console
 
@@ -205,10 +205,8 @@ def _replay_side_by_side(first: Path, second: Path, start: str, speed: float) ->
 
 
 def _resolve_time(playback: Playback, text: str, option: str) -> float:
-    try:
+    with wrong_usage(option):
         return playback.time_of(text)
-    except ValueError as error:
-        raise typer.BadParameter(str(error), param_hint=option) from error
 
 
 def _print_frame(playback: Playback, time: float, *, as_json: bool) -> None:
@@ -291,8 +289,11 @@ class PlotOutput(Output):
     @classmethod
     def of(cls, found: Curves) -> PlotOutput:
         """Return curves as JSON can hold them."""
-        signals = [PlottedCurve(c.name, c.unit, c.time.tolist(), c.values.tolist()) for c in found.curves]
         trace = found.trace
+        signals = [
+            PlottedCurve(one.name, one.unit, one.time.tolist(), one.values.tolist())
+            for one in found.curves
+        ]
         return cls(trace.spec.label, str(trace.path), signals, found.verdicts)
 
 
@@ -316,10 +317,8 @@ def plot(
     from scenario_tui.text.signal_plot import read_curves
 
     trace = one_trace(run, DaemonTarget(connect, state), "RUN")
-    try:
+    with wrong_usage("SIGNAL"):
         found = read_curves(trace, signals)
-    except ValueError as error:
-        raise typer.BadParameter(str(error), param_hint="SIGNAL") from error
     if as_json:
         PlotOutput.of(found).emit()
     else:

@@ -11,7 +11,7 @@ import typer
 
 from scenario_tui.cli import completion
 from scenario_tui.cli.exit_codes import ExitCode
-from scenario_tui.cli.options import AsJson, Connect, State
+from scenario_tui.cli.options import AsJson, Connect, Processes, State
 from scenario_tui.cli.output import Output, stdout_console, track_progress
 
 if TYPE_CHECKING:
@@ -95,10 +95,7 @@ def report(
         bool,
         typer.Option("--exit-status", help="Leave with the code of the verdicts, 1 for a failure."),
     ] = False,
-    processes: Annotated[
-        int | None,
-        typer.Option("--processes", "-j", min=1, max=1024, help="Default: one per core."),
-    ] = None,
+    processes: Processes = None,
     connect: Connect = "",
     state: State = None,
     as_json: AsJson = False,

@@ -23,6 +23,7 @@ from daemon.model.assessments import (
 from daemon.model.status import CampaignRow, RunRow
 from grammars.text import codec
 from grammars.text.diagnostics import Diagnostic, InputError, Where
+from scenario_tui.cli.exit_codes import ExitCode
 from scenario_tui.cli.output import Output, plain_table, schema_identifier, stdout_console
 from scenario_tui.text.assessment_text import (
     BOUNDS,
@@ -155,12 +156,12 @@ def _conclusion_line(results: CampaignResults) -> str:
     """Return the last word: whether all is as expected, and how little that shows."""
     code = results.assessment.exit_code
     said = {
-        0: "everything is as expected",
-        1: "not as expected",
-        3: "some runs could not be executed or judged",
-    }.get(code, "not everything is decided")
+        ExitCode.EXPECTED: "everything is as expected",
+        ExitCode.UNEXPECTED: "not as expected",
+        ExitCode.INFRASTRUCTURE: "some runs could not be executed or judged",
+    }.get(ExitCode(code), "not everything is decided")
     n = results.declared.policy.n
-    if code == 0 and results.declared.policy.rule == "all":
+    if code == ExitCode.EXPECTED and results.declared.policy.rule == "all":
         said += f"; {n} of {n} shows a pass rate of at least {100 * at_least(n, n):.1f} %"
     return said
 

@@ -17,6 +17,7 @@ import typer
 from daemon.batch.errors import Refused, TraceUnavailable, Unreachable
 from daemon.model.status import CampaignRow, RunDetail
 from grammars.text.diagnostics import Diagnostic, InputError, Where, did_you_mean
+from scenario_tui.cli.exit_codes import wrong_usage
 from scenario_tui.cli.output import say, stderr_console
 from scenario_tui.client import DaemonClient, all_runs
 
@@ -134,20 +135,23 @@ def find_campaign(daemon: CampaignSource, wanted: str) -> CampaignRow:
     raise Refused(f'there is no campaign "{wanted}": {did_you_mean(wanted, names)}')
 
 
+def _find_named(source: RunSource, name: str) -> CampaignRow | RunDetail:
+    """Return what a name means: with a dot in it a run, else a campaign.
+
+    Ids of campaigns have no dots; files and folders are told apart before anybody is asked.
+    """
+    return find_run(source, name) if "." in name else find_campaign(source, name)
+
+
 def one_trace(run: str, target: DaemonTarget, hint: str) -> Path:
     """Return the trace of a run named by its id or as a file; wrong usage for none or several.
 
     It is brought here first when it lies in a store, or with a daemon that ``target`` names.
     ``hint`` is the parameter the words came from.
     """
-    from daemon.analysis.rejudge import find_traces
-
     if _is_on_named_daemon(run, target):
         return _fetch_traces([run], target, hint)[0]
-    try:
-        traces = find_traces([resolve_recorded(run, target.paths)], target.paths)
-    except ValueError as error:
-        raise typer.BadParameter(str(error), param_hint=hint) from error
+    traces = _find_local_traces([run], target, hint)
     if len(traces) != 1:
         message = f"{run} means {len(traces)} traces, name one of them"
         raise typer.BadParameter(message, param_hint=hint)
@@ -159,18 +163,18 @@ def all_traces(named: Sequence[str], target: DaemonTarget, hint: str) -> tuple[P
 
     Like :func:`one_trace`; wrong usage for what names none.
     """
+    far = [name for name in named if _is_on_named_daemon(name, target)]
+    near = [name for name in named if name not in far]
+    found = _find_local_traces(near, target, hint) if near else ()
+    return (*found, *_fetch_traces(far, target, hint)) if far else found
+
+
+def _find_local_traces(named: Sequence[str], target: DaemonTarget, hint: str) -> tuple[Path, ...]:
     from daemon.analysis.rejudge import find_traces
 
-    far = [name for name in named if _is_on_named_daemon(name, target)]
-    if not far:
-        try:
-            return find_traces(
-                [resolve_recorded(name, target.paths) for name in named], target.paths
-            )
-        except ValueError as error:
-            raise typer.BadParameter(str(error), param_hint=hint) from error
-    near = [name for name in named if name not in far]
-    return (*(all_traces(near, target, hint) if near else ()), *_fetch_traces(far, target, hint))
+    with wrong_usage(hint):
+        names = [resolve_recorded(name, target.paths) for name in named]
+        return find_traces(names, target.paths)
 
 
 def recorded_runs(daemon: DaemonClient, name: str) -> tuple[RunDetail, ...]:
@@ -179,13 +183,15 @@ def recorded_runs(daemon: DaemonClient, name: str) -> tuple[RunDetail, ...]:
     Raises :class:`Refused` when it means neither.
     """
 
-    if "." in name:
-        return (find_run(daemon, name),)
     try:
-        campaign = find_campaign(daemon, name)
+        found = _find_named(daemon, name)
     except Refused as error:
+        if "." in name:
+            raise
         raise Refused(f"{name} is no file and no run: {error}") from error
-    rows = all_runs(daemon, campaign.id)
+    if isinstance(found, RunDetail):
+        return (found,)
+    rows = all_runs(daemon, found.id)
     return tuple(daemon.run(row.id) for row in rows if row.outcome is not None)
 
 
@@ -240,9 +246,8 @@ def resolve_recorded(name: str, paths: StatePaths) -> str:
         return name
     try:
         with open_ledger(paths) as ledger:
-            if "." in name:
-                return find_run(ledger, name).row.id
-            return find_campaign(ledger, name).id
+            found = _find_named(ledger, name)
+            return found.row.id if isinstance(found, RunDetail) else found.id
     except Refused as error:
         # Traces of a campaign the ledger has forgotten may still be there.
         if "/" not in name and (paths.traces / name).is_dir():

@@ -11,6 +11,7 @@ import typer
 
 from scenario_tui.cli import completion
 from scenario_tui.cli.completion import variation_files
+from scenario_tui.cli.exit_codes import wrong_usage
 from scenario_tui.cli.options import AsJson
 from scenario_tui.cli.output import (
     Output,
@@ -24,8 +25,7 @@ from scenario_tui.cli.output import (
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from grammars.variation import Variant, VariantFile
-    from grammars.variation import VariantValue as DrawnValue
+    from grammars.variation import Variant, VariantFile, VariantValue
 
 _DEFAULT_NUMBER: Final = 10
 
@@ -152,7 +152,7 @@ def vary(
         report_diagnostics(source_defects(source, check))
     if number is None and method not in (SamplingMethod.GRID, SamplingMethod.PAIRWISE):
         number = _DEFAULT_NUMBER
-    try:
+    with wrong_usage():
         variants = sample(
             source,
             number,
@@ -163,8 +163,6 @@ def vary(
             check=check,
             suffix=suffix,
         )
-    except ValueError as error:
-        raise typer.BadParameter(str(error)) from error
     written = write_variants(variants, out, overwrite=overwrite, source=source.plan_file)
     if as_json:
         made = [MadeVariant.of(entry) for entry in written]
@@ -199,7 +197,7 @@ def _tables(written: tuple[VariantFile, ...]) -> list[Table]:
     return [names, Table.grid(), values]
 
 
-def _number(value: DrawnValue) -> str:
+def _number(value: VariantValue) -> str:
     return f"{value.number:.6g}".replace("-", "−")
 
 
