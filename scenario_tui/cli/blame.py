@@ -92,11 +92,13 @@ def blame(
     if meant.note:
         say(f"{case.spec.label}: {meant.note}")
     try:
+        # Saving is inside: whether the first repeat fails as well may be one more run.
         with _run_counter() as watch:
             runner = CandidateRunner(runs, watch=watch)
             found = search(case, runner, oracle)
             file = save_campaign(case, found, out or _folder(case), runner)
     except NoFailureError as error:
+        # Nothing is wrong with what was typed: there is just no failure to explain.
         say(f"scenario: {error}")
         raise typer.Exit(ExitCode.INCONCLUSIVE) from error
     except BudgetSpentError as error:
@@ -121,6 +123,7 @@ def _resolve_run(run: list[str], state: State, campaign: Path | None) -> Campaig
         words = [resolve_recorded(run[0], paths)] if len(run) == 1 and not _is_yaml(run[0]) else run
         return find_run(words, paths, campaign)
     except InputError:
+        # It names the line of a file, and is a ValueError as well; the others are about the words.
         raise
     except ValueError as error:
         raise typer.BadParameter(str(error), param_hint="RUN") from error
@@ -164,6 +167,7 @@ class _RunCounter:
 
     def wipe(self) -> None:
         if self._moves:
+            # Erased, not ended: what follows is the answer, and the count is in it.
             self._console.file.write("\r\x1b[K")
             self._console.file.flush()
 
@@ -198,6 +202,7 @@ def _layer_lines(case: RunCase, story: Blame) -> Iterator[str]:
     yield f"fails with {names}{f' on top of {on_top}' if on_top else ''}"
     for one in story.layers:
         yield f"without {_short_name(one.element)}: {_outcome_without(one)}"
+    # With a single layer added there is nothing that an order could say.
     if story.flips is not None and len(case.added) > 1:
         yield f"in the order of the campaign, it is {_short_name(story.flips)} that flips it"
 

@@ -105,6 +105,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
+# Help shows commands in the order they are added, panels in the order of their first command.
 for _panel, _commands in _PANELS.items():
     for _command in _commands:
         app.command(rich_help_panel=_panel, cls=PlainFlagsCommand)(with_keys_option(_command))
@@ -131,6 +132,7 @@ def options(
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run the command line and leave with its exit code."""
+    # Before anything is written: the first message may already hold a sign the terminal lacks.
     settle_streams()
     code = invoke(sys.argv[1:] if arguments is None else arguments)
     try:
@@ -145,6 +147,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
 def invoke(arguments: Sequence[str]) -> int:
     """Run the command line and return its exit code; every error has been reported."""
+    # Out of standalone mode typer raises instead of printing and leaving: the codes are ours, and
+    # tests and the dashboard can call this.
     try:
         return _exit_code_of(app(args=list(arguments), prog_name="scenario", standalone_mode=False))
     except typer.TyperException as error:
@@ -191,6 +195,7 @@ def _report_bad_input(error: InputError) -> int:
 
 
 def _report_unhandled(error: Exception) -> int:
+    # Whoever left early knows why; a message would only tear at what is printed next.
     if isinstance(error, BrokenPipeError):
         return ExitCode.BROKEN_PIPE
     from daemon.batch.errors import DaemonError, Refused
@@ -199,6 +204,7 @@ def _report_unhandled(error: Exception) -> int:
         say(f"scenario: {error}")
         # A daemon that refuses is fine itself: it was asked for something that is not there.
         return ExitCode.BAD_INPUT if isinstance(error, Refused) else ExitCode.INFRASTRUCTURE
+    # A full disk, a folder that may not be written: not ours to mend, and no trace back helps.
     if isinstance(error, OSError):
         where = f": {error.filename}" if error.filename else ""
         say(f"scenario: {error.strerror or error}{where}")

@@ -77,6 +77,7 @@ def read_ratio(value: str) -> float:
 
 def is_results_file(name: str) -> bool:
     """Whether a name means a file of results and no campaign."""
+    # Ids of campaigns hold no slash (daemon.model.ids), so there is no need to look at the disk.
     return name.endswith(".json") or "/" in name
 
 
@@ -113,6 +114,7 @@ def compare_with_baseline(
     if ask is None and not is_results_file(name):
         say(f"not compared with {name}: without a daemon give a file of results as --baseline")
         return None
+    # The option, then the gate of the campaign file, then what is usual.
     allowed = gate.worse_by if gate else DEFAULT_WORSE_BY
     if worse_by is not None:
         allowed = read_ratio(worse_by)
@@ -141,8 +143,10 @@ def _last_green(daemon: DaemonClient, row: CampaignRow) -> JudgedCampaign | None
 
     rows = daemon.campaigns()
     ids = [candidate.id for candidate in rows]
+    # Rows come newest first: what stands behind it was submitted before.
     older = rows[ids.index(row.id) + 1 :] if row.id in ids else rows
     for candidate in older:
+        # Judged anew each time: green is what the rules of that campaign say, nobody stores it.
         if candidate.name == row.name and candidate.finished:
             declared, records = daemon.declared(candidate.id), daemon.records(candidate.id)
             if assess(declared, records).exit_code == ExitCode.EXPECTED:
@@ -152,6 +156,7 @@ def _last_green(daemon: DaemonClient, row: CampaignRow) -> JudgedCampaign | None
 
 def final_code(results: CampaignResults, between: CampaignDifference | None) -> int:
     """Return the exit code of results, which is that of a finding when they got worse."""
+    # A regression is a finding also where everything still is as the campaign expects.
     if between is not None and between.regressed:
         return ExitCode.UNEXPECTED
     return results.assessment.exit_code
@@ -239,6 +244,7 @@ def print_comparison(found: CampaignDifference, *, everything: bool = False) -> 
         console.print(_shift_table(shown[:MAX_LISTED]))
         if len(shown) > MAX_LISTED:
             console.print(f"and {len(shown) - MAX_LISTED} more")
+    # How many were tested is said because Holm's correction depends on it.
     tested = sum(shift.p is not None for shift in found.shifts)
     quantities = pluralise(tested, "quantity", "quantities")
     changed = sum(shift.changed for shift in found.shifts)

@@ -89,6 +89,7 @@ def _measure_coverage(
     from daemon.analysis.coverage import planned_coverage, trace_coverage
     from scenario_tui.cli.target import all_traces
 
+    # By name alone: a campaign file that is not there is to be missed as a file, not as a run.
     files = [name for name in subject if name.endswith((".yaml", ".yml"))]
     if files and len(subject) > 1:
         raise typer.BadParameter("one campaign file, or traces, not both", param_hint="CAMPAIGN")
@@ -139,6 +140,7 @@ def _door_table(found: Coverage) -> Table:
     near = f"within {found.near:g} m"
     titles = ("door", "runs", "moving", "moved", "triggered", near, "nearest")
     table = plain_table(*titles, figures=True)
+    # Doors of different buildings may share a name.
     several = len({door.scene for door in found.doors}) > 1
     for door in found.doors:
         figures = (door.runs, door.planned, door.moved, door.triggered, door.met)

@@ -148,6 +148,7 @@ def _add_section(
         del schema[key]
     for nested, body in schema.pop("$defs", {}).items():
         found.setdefault(nested, body)
+    # A ROS node ignores names it does not know, so other names are no errors in its section.
     schema["additionalProperties"] = without_effect is not None
     schema["properties"] = {key: _nullable(body) for key, body in schema["properties"].items()}
     for idle, reason in (without_effect or {}).items():
@@ -162,6 +163,7 @@ def _nullable(body: Schema) -> Schema:
     changed = dict(body)
     if isinstance(body.get("type"), str):
         changed["type"] = [body["type"], "null"]
+    # A constant of one value or null is a choice of two.
     if "const" in body:
         changed["enum"] = [changed.pop("const")]
     if "enum" in changed:
@@ -181,6 +183,7 @@ def _name_costmap_sources(found: dict[str, Schema]) -> None:
         "description": "Names of sources with spaces between them; each is described under its "
         "name.",
     }
+    # The name of a source is free; "scan" is the one in the files we ship, so it gets help.
     costmap["scan"] = _reference("source")
 
 

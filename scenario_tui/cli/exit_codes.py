@@ -18,6 +18,7 @@ class ExitCode(IntEnum):
     INFRASTRUCTURE = 3
     INCONCLUSIVE = 4
     BUG = 70
+    # What a shell reports for SIGINT and SIGPIPE: 128 and the number of the signal.
     INTERRUPTED = 130
     BROKEN_PIPE = 141
 

@@ -112,6 +112,7 @@ def judge(
         written = tuple(OracleText(o.name, o.text) for o in load_oracles(oracles).values())
     target = DaemonTarget(connect, state)
     paths = all_traces(traces, target, "TRACES")
+    # A generator: traces are judged by several processes while the bar counts what comes back.
     judged = rejudge(paths, written, places=target.paths, processes=processes)
     found = tuple(track_progress(judged, len(paths), "judging"))
     if as_json:

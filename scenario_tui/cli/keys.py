@@ -150,6 +150,7 @@ def bundle(
 def _certificate_hosts(chosen: list[str] | None) -> tuple[str, ...]:
     import socket
 
+    # Without loopback among the names, the daemon's own machine could not check its certificate.
     wanted = [*(chosen or [socket.gethostname()]), "localhost", "127.0.0.1", "::1"]
     return tuple(dict.fromkeys(wanted))
 

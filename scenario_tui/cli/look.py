@@ -101,6 +101,7 @@ def _campaign_table(campaigns: tuple[CampaignRow, ...], now: float, width: int) 
 
     table = plain_table("campaign", "runs", "verdicts", "submitted")
     runs = [f"{row.total - row.queued - row.running}/{row.total}" for row in campaigns]
+    # Verdicts wrap between their parts, never inside of one: rich would break at any blank.
     room = width - max(len(row.id) for row in campaigns) - max(map(len, runs)) - _OTHER_COLUMNS
     for row, progress in zip(campaigns, runs, strict=True):
         counts = wrap_parts(_tally_parts(row), max(24, room))
@@ -161,6 +162,7 @@ def results(
     with target.open() as daemon:
         row = find_campaign(daemon, campaign)
         found = gather_results(daemon, row)
+        # Filters choose what is listed; the verdict is always about all runs.
         rows = found.rows
         if outcome or text:
             rows = all_runs(daemon, row.id, outcome=outcome, text=text)
@@ -306,6 +308,7 @@ class LogsOutput(Output):
         """Print it in the order it happened."""
         if self.run:
             self._print_steps()
+            # The reason is the note of an attempt, as long as that attempt is remembered.
             known = any(step.note.strip() == self.reason.strip() for step in self.steps)
             for text in filter(None, (*self.output, "" if known else self.reason)):
                 stdout_console().print(f"\n{text.strip()}", markup=False, soft_wrap=True)
@@ -366,6 +369,7 @@ def _collect_logs(run: str, target: DaemonTarget) -> LogsOutput:
 
     steps: tuple[RunStep, ...] = ()
     output: tuple[str, ...] = ()
+    # Attempts and what they print are files of the state directory: no verb of the bus has them.
     if target.named:
         with target.open() as daemon:
             row = find_run(daemon, run).row

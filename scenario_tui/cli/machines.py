@@ -104,6 +104,7 @@ def daemon(
         )  # fmt: skip
         typer.echo(unit, nl=False)
         return
+    # A warning only: refusing is the server's, which knows the keys it found.
     if words := exposure_warning(listen):
         say(words)
     where = f" at {listen}" if listen else ""
@@ -155,6 +156,7 @@ def tui(
     if why:
         say(f"scenario: {why}")
         raise typer.Exit(ExitCode.BAD_INPUT)
+    # The option can only take rights away: who forbade changes in the file meant it.
     config = replace(config, read_only=config.read_only or read_only)
     equivalent = CommandLines(connect, state)
     code, farewell = run_dashboard(DaemonTarget(connect, state).open, config, equivalent)
@@ -184,6 +186,7 @@ def _connecting_screen() -> Iterator[None]:
         sys.stderr.write(text)
         sys.stderr.flush()
 
+    # Alternate screen, no cursor, cleared; first line, second column.
     write("\x1b[?1049h\x1b[?25l\x1b[2J\x1b[1;2H... connecting")
     try:
         yield
@@ -291,6 +294,7 @@ def worker(
 
     It executes runs of a daemon, on this machine, on another one or in a Dask cluster.
     """
+    # Limits guard runs; how far the worker itself steps back is another matter, said to work().
     usual = RunLimits()
     limits = RunLimits(
         read_duration(wall) if wall else usual.wall,
@@ -358,6 +362,7 @@ def _print_unit(
 
 def _limit_options(limits: RunLimits) -> Sequence[str]:
     usual = RunLimits()
+    # Only what differs from the usual: a unit that names a default would keep it for ever.
     words = ["--memory", f"{limits.memory}B"] if limits.memory != usual.memory else []
     words += ["--wall", f"{limits.wall:g}s"] if limits.wall != usual.wall else []
     return words + (["--nice", str(limits.nice)] if limits.nice != usual.nice else [])
@@ -369,6 +374,7 @@ def _cluster_options(cluster: DaskScheduler | None) -> Sequence[str]:
     words = ["--backend", "dask", "--scheduler", cluster.address]
     files = {"ca": cluster.ca, "cert": cluster.certificate, "key": cluster.key}
     for name, path in files.items():
+        # A unit runs in the home directory, not where it was written.
         words += [f"--tls-{name}", str(path.absolute())] if path else []
     return words
 

@@ -52,6 +52,7 @@ def doctor(connect: Connect = "", state: State = None, as_json: AsJson = False) 
     from daemon.batch.paths import StatePaths, find_endpoint
 
     paths, endpoint = StatePaths.find(state), find_endpoint(connect, state)
+    # The settings of the dashboard are examined here: the daemon's side knows no dashboard.
     findings = (*examine(paths, endpoint, Path.cwd()), _check_settings())
     DoctorOutput(str(paths.state), endpoint, findings).show(as_json)
     if any(finding.level is FindingLevel.PROBLEM for finding in findings):
@@ -184,6 +185,7 @@ def gc(
     from daemon.batch.ledger import RetentionPolicy, sweep_traces
     from daemon.batch.paths import StatePaths
 
+    # There is no usual amount: what goes is the only copy.
     if keep is None and not older_than and not max_size:
         raise typer.BadParameter("say what to keep: --keep, --older-than or --max-size")
     keeping = RetentionPolicy(

@@ -131,6 +131,7 @@ def with_keys_option(command: Callable[..., None]) -> Callable[..., None]:
 
     It says the same as ``SCENARIO_KEYS``, to this process and those it starts.
     """
+    # Annotations are text (PEP 563), and typer reads those of the wrapper: they are resolved here.
     signature = inspect.signature(command, eval_str=True)
     if "connect" not in signature.parameters:
         return command

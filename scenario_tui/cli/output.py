@@ -105,6 +105,7 @@ def plain_table(*titles: str, figures: bool = False) -> Table:
     from rich import box
     from rich.table import Table
 
+    # Folded, never cut: scripts and people look for whole names.
     table = Table(box=box.SIMPLE_HEAD, pad_edge=False, show_edge=False)
     for index, title in enumerate(titles):
         side: Literal["left", "right"] = "right" if figures and index else "left"
@@ -171,6 +172,8 @@ def _plain(value: Any) -> Any:
 
 def _null_for_nonfinite(plain: Any) -> Any:
     """Return plain data with ``None`` for what is infinite or no number."""
+    # Margins may be infinite. JSON knows no such number, and what Python's json writes for it,
+    # Infinity, other readers refuse.
     if isinstance(plain, float):
         return plain if math.isfinite(plain) else None
     if isinstance(plain, dict):

@@ -90,7 +90,8 @@ def outputs_schema() -> dict[str, Any]:
     )
     for body in found["$defs"].values():
         if "properties" in body:
-            body["required"] = list(body["properties"])  # what has a default is written as well
+            # Pydantic takes what has a default for optional; we write every field.
+            body["required"] = list(body["properties"])
     each = [keys[model, "serialization"] for model in models]
     dialect = "https://json-schema.org/draft/2020-12/schema"
     return {"$schema": dialect, "title": SCHEMA_TITLE, "oneOf": each, "$defs": found["$defs"]}

@@ -31,6 +31,7 @@ from scenario_tui.text.formatting import (
 )
 
 INTERVAL: Final = 0.25
+"""Seconds between two looks at a campaign."""
 PATIENCE: Final = 120.0
 """Seconds a watcher waits for a daemon that went away."""
 _LOOK: Final = 2.0
@@ -88,6 +89,7 @@ def open_display() -> Iterator[ProgressDisplay]:
 
 def progress_lines(progress: CampaignProgress, width: int) -> RenderableType:
     """Return the lines that show how far a campaign is, on a terminal ``width`` cells wide."""
+    # What is dispensable goes first, until the bar fits: the rate, then the words of verdicts.
     for words, pace in ((True, True), (True, False), (False, False)):
         head, tail = _campaign_line(progress, words=words, pace=pace)
         if head.cell_len + tail.cell_len + _BAR + 4 <= width:
@@ -147,6 +149,7 @@ class _RunRate:
     def look(self, row: CampaignRow, now: float) -> tuple[float, float | None]:
         """Return runs per minute and the seconds left at that pace."""
         left = row.queued + row.running
+        # What was over before somebody looked says nothing about the pace: it may be cached.
         since = row.total - left - self.before
         elapsed = now - self.started
         if since <= 0 or elapsed <= 0:
@@ -252,6 +255,7 @@ def _ask_progress(
     pace: _RunRate,
     now: float,
 ) -> CampaignProgress:
+    # One more than is shown tells whether there are more.
     running = daemon.runs(row.id, state="running", limit=_SHOWN_RUNS + 1).rows
     per_minute, left = pace.look(row, now)
     return CampaignProgress(row, running, live, per_minute, left)

@@ -83,6 +83,7 @@ def fetch(
     from daemon.model.ids import trace_name
     from scenario_tui.cli.target import DaemonTarget, recorded_runs, transfer_progress
 
+    # All are asked for first, so that the bar knows how much there is to come.
     begun = time.perf_counter()
     wanted: list[tuple[TraceReference, Path]] = []
     missing: dict[str, str] = {}
@@ -164,6 +165,7 @@ def replay(
             raise typer.BadParameter("goes with one run only", param_hint="--frame")
         _replay_side_by_side(trace, one_trace(other, target, "OTHER"), start, speed)
         return
+    # Drawn on standard error like the dashboard, with keys from standard input.
     if not frame and not (sys.stdin.isatty() and sys.stderr.isatty()):
         say("scenario: a replay needs a terminal; scripts use `scenario replay RUN --frame 10`")
         raise typer.Exit(ExitCode.BAD_INPUT)

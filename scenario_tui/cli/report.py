@@ -115,12 +115,14 @@ def report(
         _draw_run(run, campaign, output, target, as_json=as_json)
         return
     tables = {"junit": junit, "csv": csv, "parquet": parquet}
+    # Who asks for tables only gets no page besides.
     page = output or (None if any(tables.values()) else _DEFAULT_PAGE)
     chosen = _choose_campaign(campaign, target)
     bar = partial(track_progress, description="reading traces")
     material = read_report_data(chosen, processes=processes, watched=bar)
     if page is not None:
-        _write(page, write_page(material, _run_commands(), processes=processes))
+        text = write_page(material, _run_commands(), processes=processes)
+        page.write_text(text, encoding="utf-8")
     for writer, path in ((write_junit, junit), (write_csv, csv), (write_parquet, parquet)):
         if path is not None:
             writer(material, path)
@@ -166,6 +168,7 @@ def _fetch_campaign(campaign: str, target: DaemonTarget) -> ReportInput:
         size = sum(run.result.trace.size for run in runs if run.result is not None)
         with transfer_progress(size) as told:
             for position, run in enumerate(runs):
+                # Known to be gone: the report says so without asking again.
                 if records[position].trace is None:
                     continue
                 try:
@@ -184,10 +187,6 @@ def _run_commands() -> tuple[SuggestedCommand, ...]:
     from daemon.analysis.report import SuggestedCommand
 
     return tuple(SuggestedCommand(*command) for command in _RUN_COMMANDS)
-
-
-def _write(path: Path, text: str) -> None:
-    path.write_text(text, encoding="utf-8")
 
 
 def _print_written(material: ReportData, written: dict[str, Path], *, as_json: bool) -> None:

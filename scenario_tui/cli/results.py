@@ -85,6 +85,7 @@ def matrix_table(results: CampaignResults, notes: Footnotes) -> Table:
     """Return one row for each scenario and one column for each system under test."""
     cells = {(cell.scenario, cell.sut): cell for cell in results.assessment.cells}
     suts = tuple(dict.fromkeys(sut for _, sut in cells))
+    # With the row to itself a cell has room for its repeats.
     alone = len(suts) == 1
     table = plain_table("scenario", *suts)
     for scenario in dict.fromkeys(scenario for scenario, _ in cells):
@@ -160,6 +161,8 @@ def _conclusion_line(results: CampaignResults) -> str:
         ExitCode.UNEXPECTED: "not as expected",
         ExitCode.INFRASTRUCTURE: "some runs could not be executed or judged",
     }.get(ExitCode(code), "not everything is decided")
+    # n passes of n are no pass rate of 100 %: what they show at least is the lower bound of Clopper
+    # and Pearson.
     n = results.declared.policy.n
     if code == ExitCode.EXPECTED and results.declared.policy.rule == "all":
         said += f"; {n} of {n} shows a pass rate of at least {100 * at_least(n, n):.1f} %"

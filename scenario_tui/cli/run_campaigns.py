@@ -45,6 +45,7 @@ def demo(out: Out = None, slots: Slots = None, as_json: AsJson = False) -> None:
     from scenario_tui.cli.execute import run_here
     from scenario_tui.cli.results import emit_results, print_commands
 
+    # The campaigns are part of the package, which may lie in an archive.
     with as_file(files("campaigns")) as folder:
         found = run_here(
             _prepare_submission(folder / "demo" / "campaign.yaml"), out, slots, as_json
@@ -153,6 +154,7 @@ def submit(
     submission = _prepare_submission(campaign, fresh=fresh)
     target = DaemonTarget(connect, state)
     start_daemon_if_needed(target, slots)
+    # After starting one: before, there may be no endpoint.
     endpoint = target.endpoint
     with target.open() as daemon:
         receipt = daemon.submit(submission)
@@ -251,6 +253,7 @@ def wait(
     said = conclude(results.assessment, finished=row.finished).said
     if not row.finished:
         left = pluralise(row.queued + row.running, "run")
+        # What is said so far is said, but a campaign that goes on has no verdict yet.
         say(f"{row.id}: {left} left after {timeout}, {said}")
         raise typer.Exit(ExitCode.INCONCLUSIVE)
     say(f"{row.id}: {said}")

@@ -73,6 +73,7 @@ def _steer(
     with DaemonTarget(connect, state).open() as daemon:
         found = find_campaign(daemon, campaign).id
         runs = ask(daemon, found)
+    # The sentence is for people and on standard error, so it does no harm beside the JSON.
     if as_json:
         output(found, runs).emit()
     say(output.sentence.format(campaign=found, runs=pluralise(runs, "run")))

@@ -132,9 +132,11 @@ def _defaults(found: LoadedSut, read: RosParameters) -> dict[str, dict[str, Any]
 def _written_names(found: LoadedSut, namespace: str) -> set[str]:
     """Return the names somebody wrote in a namespace, or in the layers of a costmap."""
     above = tuple(namespace.split("/"))
+    # A costmap keeps what its layers read one level deeper, obstacle_layer/max_obstacle_height.
     deepest = len(above) + (2 if namespace.endswith("costmap") else 1)
     spaces = [above]
     if namespace.endswith("rotate_recovery"):
+        # rotate_recovery takes its speeds from there (rotate_recovery.cpp, initialize).
         spaces.append(("move_base", "TrajectoryPlannerROS"))
     return {
         path[-1] for path in found.settings if path[: len(above)] in spaces and len(path) <= deepest

@@ -98,6 +98,7 @@ def find_run(daemon: RunSource, wanted: str) -> RunDetail:
     Raises :class:`Refused` when there is none, with what there is.
     """
     name, dot, number = wanted.rpartition(".")
+    # The id as it is costs one question; only what is none needs the list of campaigns.
     try:
         return daemon.run(wanted)
     except Refused:
@@ -119,12 +120,14 @@ def find_campaign(daemon: CampaignSource, wanted: str) -> CampaignRow:
     rows = daemon.campaigns()
     if not rows:
         raise Refused("there are no campaigns yet: submit one with `scenario submit CAMPAIGN.yaml`")
+    # An id beats a name and both beat a beginning, so that what is said in full is never doubtful.
     if not wanted:
         return rows[0]
     for key in ("id", "name"):
         for row in rows:
             if getattr(row, key) == wanted:
                 return row
+    # Ids begin with the name: several campaigns of one name are no doubt, the newest is meant.
     close = [row for row in rows if row.id.startswith(wanted)]
     if len({row.name for row in close}) > 1:
         ids = ", ".join(row.id for row in close[:5])
@@ -228,6 +231,7 @@ def _fetch_traces(named: Sequence[str], target: DaemonTarget, hint: str) -> tupl
                 try:
                     traces[run.row.id] = trace_reference(run)
                 except TraceUnavailable as error:
+                    # One trace that is gone must not keep the others of a campaign.
                     say(str(error))
         if not traces:
             raise TraceUnavailable(f"{', '.join(named)}: there are no traces")

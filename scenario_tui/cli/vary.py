@@ -150,6 +150,7 @@ def vary(
     report_diagnostics(source.warnings)
     if check is not None:
         report_diagnostics(source_defects(source, check))
+    # Grid and pairwise have an end of their own; the others could go on for ever.
     if number is None and method not in (SamplingMethod.GRID, SamplingMethod.PAIRWISE):
         number = _DEFAULT_NUMBER
     with wrong_usage():
@@ -171,6 +172,7 @@ def vary(
         for table in _tables(written):
             stdout_console().print(table)
     say(_summary(written, number, out))
+    # A plan may have defects of its own: only more than those are the variant's.
     if check is None:
         doubtful = sum(len(v.plan.warnings) > len(source.source.warnings) for v in variants)
         if doubtful:
