@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -20,11 +19,8 @@ if TYPE_CHECKING:
     from daemon.analysis.blame import Blame, CampaignRun, CandidateRunner, Element, RunCase, Without
 
 
-@dataclass(frozen=True)
-class BlameOutput(Output):
+class BlameOutput(Output, schema="blame"):
     """What makes a run fail, what it took to find out, and where the least that fails lies."""
-
-    schema = "blame"
 
     blame: Blame
     runs: int

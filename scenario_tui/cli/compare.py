@@ -5,7 +5,6 @@ A baseline is another campaign, a file of results, or the last campaign that was
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final, TypeAlias
 
@@ -165,11 +164,8 @@ def final_code(results: CampaignResults, between: CampaignDifference | None) -> 
 MAX_LISTED: Final = 30
 
 
-@dataclass(frozen=True)
-class CompareOutput(Output):
+class CompareOutput(Output, schema="compare"):
     """What changed from one campaign to the other."""
-
-    schema = "compare"
 
     comparison: CampaignDifference
     regressed: bool

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, Final
 
 import typer
@@ -21,11 +20,8 @@ if TYPE_CHECKING:
 LISTED: Final = 12
 
 
-@dataclass(frozen=True)
-class CoverageOutput(Output):
+class CoverageOutput(Output, schema="coverage"):
     """What a campaign or its traces exercise."""
-
-    schema = "coverage"
 
     coverage: Coverage
     share_of_pairs: float
@@ -35,8 +31,8 @@ class CoverageOutput(Output):
         from scenario_tui.text.formatting import pluralise
 
         found, console = self.coverage, stdout_console()
-        told = "by their traces" if found.recorded else "as planned"
-        console.print(f"{pluralise(found.runs, 'run')}, {told}")
+        basis = "by their traces" if found.recorded else "as planned"
+        console.print(f"{pluralise(found.runs, 'run')}, {basis}")
         console.print()
         console.print(_feature_table(found))
         _print_pairs(found)

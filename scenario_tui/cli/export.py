@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -141,11 +140,8 @@ class WaypointYaw(StrEnum):
     PATH = "path"
 
 
-@dataclass(frozen=True)
-class ExportOutput(Output):
+class ExportOutput(Output, schema="export"):
     """The files that were written."""
-
-    schema = "export"
 
     files: list[str]
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -19,7 +19,6 @@ if TYPE_CHECKING:
     from daemon.model.verdicts import Outcome, Verdict
 
 
-@dataclass(frozen=True)
 class JudgedChange(OutputPart):
     """What an oracle said before and says now."""
 
@@ -44,7 +43,6 @@ class JudgedChange(OutputPart):
         )
 
 
-@dataclass(frozen=True)
 class JudgedTrace(OutputPart):
     """A trace judged again: the fields of a :class:`RejudgedTrace`, and what is different."""
 
@@ -62,15 +60,12 @@ class JudgedTrace(OutputPart):
     @classmethod
     def of(cls, one: RejudgedTrace) -> JudgedTrace:
         """Return a trace as it is written."""
-        told = {field.name: getattr(one, field.name) for field in fields(one)}
-        return cls(**told, changes=[JudgedChange.of(change) for change in one.changes])
+        values = {field.name: getattr(one, field.name) for field in fields(one)}
+        return cls(**values, changes=[JudgedChange.of(change) for change in one.changes])
 
 
-@dataclass(frozen=True)
-class JudgeOutput(Output):
+class JudgeOutput(Output, schema="judge"):
     """Traces judged by a layer of ``oracles``, by their own without one."""
-
-    schema = "judge"
 
     oracles: str
     traces: list[JudgedTrace]

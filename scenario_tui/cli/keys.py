@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import shlex
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, TypeAlias
 
@@ -93,11 +92,8 @@ def issue(
     _print_keys((make(keys_folder(keys), wanted, name, hosts, utc_now(), days),))
 
 
-@dataclass(frozen=True)
-class KeysOutput(Output):
+class KeysOutput(Output, schema="keys"):
     """The keys of a folder."""
-
-    schema = "keys"
 
     folder: str
     keys: tuple[IssuedKey, ...]
@@ -165,6 +161,6 @@ def _print_keys(issued: tuple[IssuedKey, ...]) -> None:
         table.add_column(title, no_wrap=True)
     for one in issued:
         until = f"{datetime.fromtimestamp(one.expires_at, UTC):%Y-%m-%d}"
-        told = "revoked" if one.revoked_at is not None else until
-        table.add_row(one.name, one.role, told, one.fingerprint[:16], " ".join(one.hosts))
+        end = "revoked" if one.revoked_at is not None else until
+        table.add_row(one.name, one.role, end, one.fingerprint[:16], " ".join(one.hosts))
     stdout_console().print(table)

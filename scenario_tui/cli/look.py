@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final, TypeAlias
 
@@ -31,11 +31,8 @@ _WIDE: Final = 120
 """Columns from which on a table has room for paths."""
 
 
-@dataclass(frozen=True)
-class StatusOutput(Output):
+class StatusOutput(Output, schema="status"):
     """How everything stands."""
-
-    schema = "status"
 
     endpoint: str
     overview: DaemonOverview
@@ -237,11 +234,8 @@ RunName: TypeAlias = Annotated[
 ]
 
 
-@dataclass(frozen=True)
-class RunOutput(Output):
+class RunOutput(Output, schema="run"):
     """Everything about one run."""
-
-    schema = "run"
 
     run: RunDetail
 
@@ -288,14 +282,11 @@ def _next_commands(detail: RunDetail) -> Iterable[tuple[str, str]]:
         yield f"scenario blame {row.id}", "what makes it fail"
 
 
-@dataclass(frozen=True)
-class LogsOutput(Output):
+class LogsOutput(Output, schema="logs"):
     """What happened in a run: the ``steps`` of its attempts, their ``output``, what it recorded.
 
     Of a trace alone only the last is known.
     """
-
-    schema = "logs"
 
     run: str
     attempts: int

@@ -353,8 +353,8 @@ def _print_unit(
     found = find_endpoint(connect, state)
     named = found.address if found.origin in ("--connect", "SCENARIO_CONNECT") else ""
     # Without an endpoint it is the state directory that says where the daemon is.
-    told = state or os.environ.get("SCENARIO_STATE") or not named
-    folder = StatePaths.find(state).state if told else None
+    names_state = state or os.environ.get("SCENARIO_STATE") or not named
+    folder = StatePaths.find(state).state if names_state else None
     options = [*_limit_options(limits), *_cluster_options(cluster), *_key_options()]
     unit = worker_unit(scenario_executable(), named, folder, slots, limits=limits, options=options)
     typer.echo(unit, nl=False)

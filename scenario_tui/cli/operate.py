@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final
 
@@ -20,11 +20,8 @@ if TYPE_CHECKING:
 _SIGNS: Final = {"ok": ("✓", "green"), "warning": ("!", "yellow"), "problem": ("✗", "bold red")}
 
 
-@dataclass(frozen=True)
-class DoctorOutput(Output):
+class DoctorOutput(Output, schema="doctor"):
     """What is configured, what answers, and what is wrong."""
-
-    schema = "doctor"
 
     state: str
     endpoint: Endpoint
@@ -88,11 +85,8 @@ def _check_settings() -> DoctorFinding:
     )
 
 
-@dataclass(frozen=True)
-class MetricsOutput(Output):
+class MetricsOutput(Output, schema="metrics"):
     """The daemon's numbers."""
-
-    schema = "metrics"
 
     standing: DaemonStatus
 
@@ -119,7 +113,6 @@ def metrics(connect: Connect = "", state: State = None, as_json: AsJson = False)
     MetricsOutput(standing).show(as_json)
 
 
-@dataclass(frozen=True)
 class SweptCampaign(OutputPart):
     """A campaign, and how many traces of it are gone."""
 
@@ -129,11 +122,8 @@ class SweptCampaign(OutputPart):
     bytes: int
 
 
-@dataclass(frozen=True)
-class GcOutput(Output):
+class GcOutput(Output, schema="gc"):
     """Traces that were removed, or would be; ``freed`` and ``kept`` are bytes."""
-
-    schema = "gc"
 
     state: str
     dry_run: bool

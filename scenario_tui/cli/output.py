@@ -16,7 +16,7 @@ import sys
 from collections.abc import Iterable
 from contextlib import suppress
 from dataclasses import dataclass, fields
-from typing import TYPE_CHECKING, Any, ClassVar, Final, Literal, TypeVar
+from typing import TYPE_CHECKING, Any, ClassVar, Final, Literal, TypeVar, dataclass_transform
 
 from grammars.text.diagnostics import Diagnostic
 
@@ -120,20 +120,30 @@ def say(message: str) -> None:
         sys.stderr.flush()
 
 
+@dataclass_transform(frozen_default=True)
 @dataclass(frozen=True)
 class OutputPart:
-    """An object inside of an output, with the fields of the dataclass and no others."""
+    """An object inside of an output; subclasses are frozen dataclasses of its fields.
+
+    Types of fields may be imported for type checkers only, so that commands load what they use.
+    """
+
+    def __init_subclass__(cls) -> None:
+        dataclass(frozen=True)(cls)
 
 
-@dataclass(frozen=True)
 class Output(OutputPart):
-    """What a command answers; the fields are those of the JSON object, values are value types.
+    """What a command answers, called ``schema`` in the field of that name.
 
-    Their types may be imported for type checkers only, so that commands load what they use.
+    The fields are those of the JSON object, their values are value types.
     """
 
     schema: ClassVar[str]
-    """What the output is called in the field ``schema``."""
+
+    def __init_subclass__(cls, schema: str = "") -> None:
+        super().__init_subclass__()
+        if schema:
+            cls.schema = schema
 
     def show(self, as_json: bool) -> None:
         """Write the output as JSON or print it for people."""

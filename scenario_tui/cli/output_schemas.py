@@ -104,8 +104,8 @@ def _object_model(
     from pydantic import ConfigDict, create_model
 
     types = get_type_hints(kind, localns=names)
-    told: dict[str, Any] = {one.name: (types[one.name], ...) for one in dataclasses.fields(kind)}
-    return create_model(title, __config__=ConfigDict(extra="forbid"), **more, **told)
+    members: dict[str, Any] = {one.name: (types[one.name], ...) for one in dataclasses.fields(kind)}
+    return create_model(title, __config__=ConfigDict(extra="forbid"), **more, **members)
 
 
 @cache

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -22,7 +21,6 @@ if TYPE_CHECKING:
     from scenario_tui.text.signal_plot import Curves
 
 
-@dataclass(frozen=True)
 class Brought(OutputPart):
     """A trace that is here now."""
 
@@ -32,11 +30,8 @@ class Brought(OutputPart):
     sha256: str
 
 
-@dataclass(frozen=True)
-class FetchOutput(Output):
+class FetchOutput(Output, schema="fetch"):
     """Traces that are here now, and why those that are ``missing`` are not."""
-
-    schema = "fetch"
 
     traces: list[Brought]
     missing: dict[str, str]
@@ -95,10 +90,10 @@ def fetch(
                 wanted.append((trace_reference(run), folder / name))
             except TraceUnavailable as error:
                 missing[row.id] = str(error)
-        with transfer_progress(sum(trace.size for trace, _ in wanted)) as told:
+        with transfer_progress(sum(trace.size for trace, _ in wanted)) as advance:
             for trace, path in wanted:
                 try:
-                    copy_trace(trace, daemon, path, told=told)
+                    copy_trace(trace, daemon, path, told=advance)
                 except TraceUnavailable as error:
                     missing[trace.run] = str(error)
     for why in missing.values():
@@ -224,11 +219,8 @@ def _print_frame(playback: Playback, time: float, *, as_json: bool) -> None:
         stdout_console().print(line, no_wrap=True, soft_wrap=True)
 
 
-@dataclass(frozen=True)
-class FrameOutput(Output):
+class FrameOutput(Output, schema="frame"):
     """A moment of a run; ``estimate`` is where the robot believes it is."""
-
-    schema = "frame"
 
     run: str
     trace: str
@@ -267,7 +259,6 @@ class FrameOutput(Output):
         )
 
 
-@dataclass(frozen=True)
 class PlottedCurve(OutputPart):
     """A signal over time; null where it is not known or not finite."""
 
@@ -277,11 +268,8 @@ class PlottedCurve(OutputPart):
     values: list[float | None]
 
 
-@dataclass(frozen=True)
-class PlotOutput(Output):
+class PlotOutput(Output, schema="plot"):
     """Signals of a run, and what its oracles say."""
-
-    schema = "plot"
 
     run: str
     trace: str

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final
@@ -27,11 +27,8 @@ _RUN_COMMANDS: Final = (
 )
 
 
-@dataclass(frozen=True)
-class ReportOutput(Output):
+class ReportOutput(Output, schema="report"):
     """What a campaign comes to, and the files ``written`` about it by their kind."""
-
-    schema = "report"
 
     campaign: str
     runs: int
@@ -40,11 +37,8 @@ class ReportOutput(Output):
     written: dict[str, str]
 
 
-@dataclass(frozen=True)
-class PictureOutput(Output):
+class PictureOutput(Output, schema="picture"):
     """A run that was drawn."""
-
-    schema = "picture"
 
     trace: str
     written: str
@@ -166,13 +160,13 @@ def _fetch_campaign(campaign: str, target: DaemonTarget) -> ReportInput:
         records = list(daemon.records(row.id))
         runs = [daemon.run(record.id) for record in records]
         size = sum(run.result.trace.size for run in runs if run.result is not None)
-        with transfer_progress(size) as told:
+        with transfer_progress(size) as advance:
             for position, run in enumerate(runs):
                 # Known to be gone: the report says so without asking again.
                 if records[position].trace is None:
                     continue
                 try:
-                    path = local_copy(recorded_trace(run), daemon, told=told)
+                    path = local_copy(recorded_trace(run), daemon, told=advance)
                     records[position] = replace(records[position], trace=str(path))
                 except TraceUnavailable as error:
                     note = f"{records[position].note} {error}".strip()

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
@@ -37,11 +36,8 @@ from scenario_tui.text.formatting import NOTHING, TERMINAL_STYLES, fine_duration
 from scenario_tui.text.results import CampaignResults
 
 
-@dataclass(frozen=True)
-class ResultsOutput(Output):
+class ResultsOutput(Output, schema="results"):
     """Everything about a campaign, with what it was held against."""
-
-    schema = "results"
 
     campaign: CampaignRow
     declared: AssessmentRules

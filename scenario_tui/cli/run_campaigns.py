@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -100,11 +99,8 @@ def run(
     raise typer.Exit(final_code(found, between))
 
 
-@dataclass(frozen=True)
-class SubmitOutput(Output):
+class SubmitOutput(Output, schema="submit"):
     """What the daemon says to a campaign."""
-
-    schema = "submit"
 
     receipt: SubmissionReceipt
     endpoint: str
@@ -165,11 +161,8 @@ def submit(
     SubmitOutput(receipt, endpoint).show(as_json)
 
 
-@dataclass(frozen=True)
-class CheckOutput(Output):
+class CheckOutput(Output, schema="check"):
     """What was found in each file."""
-
-    schema = "check"
 
     files: dict[str, tuple[Diagnostic, ...]]
 

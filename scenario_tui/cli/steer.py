@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, ClassVar, Final
 
@@ -20,7 +19,6 @@ if TYPE_CHECKING:
 _RETRYABLE: Final = ("lost", "cancelled", "fail", "error", "inconclusive", "pass", "all")
 
 
-@dataclass(frozen=True)
 class SteeringOutput(Output):
     """What became of so many ``runs`` of a campaign, in the words of ``sentence``."""
 
@@ -30,31 +28,27 @@ class SteeringOutput(Output):
     runs: int
 
 
-class CancelOutput(SteeringOutput):
+class CancelOutput(SteeringOutput, schema="cancel"):
     """A campaign whose runs were cancelled."""
 
-    schema = "cancel"
     sentence = "cancelled {runs} of {campaign}"
 
 
-class RetryOutput(SteeringOutput):
+class RetryOutput(SteeringOutput, schema="retry"):
     """A campaign with runs that are tried again."""
 
-    schema = "retry"
     sentence = "queued {runs} of {campaign} again"
 
 
-class PauseOutput(SteeringOutput):
+class PauseOutput(SteeringOutput, schema="pause"):
     """A campaign that waits."""
 
-    schema = "pause"
     sentence = "paused {campaign}; {runs} wait until `scenario resume {campaign}`"
 
 
-class ResumeOutput(SteeringOutput):
+class ResumeOutput(SteeringOutput, schema="resume"):
     """A campaign that goes on."""
 
-    schema = "resume"
     sentence = "resumed {campaign}, {runs} queued"
 
 
@@ -128,21 +122,15 @@ def resume(
     _steer(ResumeOutput, lambda daemon, id_: daemon.resume(id_), campaign, connect, state, as_json)
 
 
-@dataclass(frozen=True)
-class PriorityOutput(Output):
+class PriorityOutput(Output, schema="priority"):
     """A campaign and its priority."""
-
-    schema = "priority"
 
     campaign: str
     priority: int
 
 
-@dataclass(frozen=True)
-class StopOutput(Output):
+class StopOutput(Output, schema="stop"):
     """A daemon that leaves with so many runs ``unfinished``."""
-
-    schema = "stop"
 
     endpoint: str
     unfinished: int

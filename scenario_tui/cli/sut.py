@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import json
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final
 
@@ -26,14 +25,11 @@ _NOT_ROS_PARAMETERS: Final = frozenset(
 """Fields of the models that are no parameters, or say nothing when they are not given."""
 
 
-@dataclass(frozen=True)
-class SutOutput(Output):
+class SutOutput(Output, schema="sut"):
     """A system under test; ``places`` says where each of its parameters was written.
 
     What only the ROS stack has is empty or null for others.
     """
-
-    schema = "sut"
 
     name: str
     kind: str

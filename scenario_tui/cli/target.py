@@ -200,7 +200,7 @@ def recorded_runs(daemon: DaemonClient, name: str) -> tuple[RunDetail, ...]:
 
 @contextmanager
 def transfer_progress(total: int) -> Iterator[ByteProgress]:
-    """Show on a terminal how much of ``total`` bytes has come; yields what is to be told."""
+    """Show on a terminal how much of ``total`` bytes has come; yields what counts further bytes."""
     from rich.progress import BarColumn, DownloadColumn, Progress, TransferSpeedColumn
 
     console = stderr_console()
@@ -235,8 +235,8 @@ def _fetch_traces(named: Sequence[str], target: DaemonTarget, hint: str) -> tupl
                     say(str(error))
         if not traces:
             raise TraceUnavailable(f"{', '.join(named)}: there are no traces")
-        with transfer_progress(sum(trace.size for trace in traces.values())) as told:
-            return tuple(local_copy(trace, daemon, told=told) for trace in traces.values())
+        with transfer_progress(sum(trace.size for trace in traces.values())) as advance:
+            return tuple(local_copy(trace, daemon, told=advance) for trace in traces.values())
 
 
 def resolve_recorded(name: str, paths: StatePaths) -> str:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final
@@ -40,7 +39,6 @@ class SamplingMethod(StrEnum):
     PAIRWISE = "pairwise"
 
 
-@dataclass(frozen=True)
 class DrawnValue(OutputPart):
     """A value that was drawn."""
 
@@ -49,7 +47,6 @@ class DrawnValue(OutputPart):
     unit: str
 
 
-@dataclass(frozen=True)
 class MadeVariant(OutputPart):
     """A variant, and what became of its file."""
 
@@ -67,11 +64,8 @@ class MadeVariant(OutputPart):
         return cls(str(entry.path), entry.outcome, made.seed, made.tries, values)
 
 
-@dataclass(frozen=True)
-class VaryOutput(Output):
+class VaryOutput(Output, schema="vary"):
     """The variants of a floor plan."""
-
-    schema = "vary"
 
     variation: str
     plan: str

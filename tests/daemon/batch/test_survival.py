@@ -207,7 +207,7 @@ def test_a_second_signal_gives_runs_back(tmp_path: Path) -> None:
 def test_an_embedded_daemon_is_gone_afterwards(tmp_path: Path) -> None:
     state = tmp_path / "state"
     with embedded_daemon(state, slots=1, executor=EXECUTOR) as endpoint:
-        with Client.open(endpoint) as client:
+        with Client.open(endpoint, timeout=30.0) as client:
             client.submit(make_submission("c", 3))
             eventually(lambda: finished(client, 3))
             client.submit(make_submission("d", 3, sleep=600.0))
@@ -226,7 +226,7 @@ from daemon.batch.client import Client
 from daemon.batch.launch import embedded_daemon
 from tests.daemon.batch.samples import make_submission
 with embedded_daemon(Path(sys.argv[1]), slots=2, executor="{executor}") as endpoint:
-    with Client.open(endpoint) as client:
+    with Client.open(endpoint, timeout=30.0) as client:
         client.submit(make_submission("c", 4, sleep=600.0))
         while client.overview().running < 2:
             time.sleep(0.01)
@@ -256,7 +256,7 @@ def test_nothing_of_an_embedded_daemon_outlives_a_killed_parent(tmp_path: Path) 
 def test_a_daemon_is_started_once_and_stays(tmp_path: Path) -> None:
     state = tmp_path / "state"
     endpoint = ensure_daemon(state, slots=0)
-    with Client.open(endpoint) as client:
+    with Client.open(endpoint, timeout=30.0) as client:
         assert ensure_daemon(state, slots=0) == endpoint
         assert client.overview().state == str(state)
         client.shutdown()

@@ -34,7 +34,7 @@ def call(*arguments: str, state: Path, cwd: Path) -> subprocess.CompletedProcess
         text=True,
         cwd=cwd,
         env=environ | {"SCENARIO_STATE": str(state)},
-        timeout=300,
+        timeout=240,
     )
 
 

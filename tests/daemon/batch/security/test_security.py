@@ -81,7 +81,7 @@ def reached(part: DaemonPart) -> str:
 
 
 def as_role(daemon: DaemonPart, keys: Path, name: str) -> Client:
-    return Client.open(daemon.endpoint, keys=keys / name)
+    return Client.open(daemon.endpoint, keys=keys / name, timeout=30.0)
 
 
 def raw(daemon: DaemonPart, keys: Path, name: str) -> zenoh.Session:
@@ -110,7 +110,7 @@ def test_each_role_may_do_its_own_and_is_told_why_not_the_rest(
 
 
 def answered(session: zenoh.Session, verb: Verb) -> bool:
-    return bool(list(session.get(f"{ASK}/{verb}", payload=b"{", timeout=5.0)))
+    return bool(list(session.get(f"{ASK}/{verb}", payload=b"{", timeout=60.0)))
 
 
 @pytest.mark.parametrize("role", CLIENT_ROLES)
@@ -183,7 +183,7 @@ def test_a_viewer_watches_a_run_and_its_worker_knows(daemon: DaemonPart, keys: P
 
 
 def owner(daemon: DaemonPart) -> Client:
-    return Client.open(StatePaths(daemon.state).endpoint)
+    return Client.open(StatePaths(daemon.state).endpoint, timeout=30.0)
 
 
 def test_a_revoked_key_gets_no_answer_and_is_told_what_that_may_mean(
