@@ -323,12 +323,14 @@ class LogsOutput(Output, schema="logs"):
     def _print_recorded(self) -> None:
         from rich.text import Text
 
+        from scenario_tui.text.formatting import time_text
+
         console = stdout_console()
         console.print("\nin simulated time", style="dim")
         styles = {"warn": "yellow", "error": "bold red", "fatal": "bold red"}
         width = max(len(line.source) for line in self.recorded)
         for line in self.recorded:
-            text = Text(f"{line.time:8.1f} s  {line.source:<{width}}  ")
+            text = Text(f"{time_text(line.time):>10}  {line.source:<{width}}  ")
             console.print(text.append(line.text, style=styles.get(line.level, "")), soft_wrap=True)
 
 
