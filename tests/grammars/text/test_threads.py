@@ -17,7 +17,7 @@ def test_languages_are_loaded_by_several_threads_at_once() -> None:
     together = Barrier(len(GRAMMARS))
 
     def load(grammar: Path) -> str:
-        together.wait(10.0)
+        together.wait(60.0)
         return str(load_metamodel(grammar).rootcls.__name__)
 
     with ThreadPoolExecutor(len(GRAMMARS)) as threads:
