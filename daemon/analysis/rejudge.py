@@ -89,8 +89,8 @@ def rejudge(
     """Judge ``traces`` by the oracles ``written`` (``None``: those in each trace), in order.
 
     Spreads over ``processes`` (default: one per core). A trace that cannot be read gives a
-    :class:`RejudgedTrace` with its ``problem``. Raises :class:`daemon.batch.errors.DaemonError` when a judging
-    process dies.
+    :class:`RejudgedTrace` with its ``problem``. Raises :class:`daemon.batch.errors.DaemonError`
+    when a judging process dies.
     """
     oracles.warm_up()
     task = partial(_judge_file, None if written is None else tuple(written))
@@ -104,10 +104,10 @@ def _judge_file(written: tuple[OracleText, ...] | None, path: Path) -> RejudgedT
     try:
         trace = read_trace(path)
     except TraceError as error:
-        problem = "; ".join(found.message for found in error.diagnostics)
-        return RejudgedTrace(str(path), problem=problem)
+        return RejudgedTrace(str(path), problem=error.diagnostics[0].message)
     own = trace.spec.oracles
     asked = own if written is None else written
+    # Its own too, and not what a ledger says only: a trace may be of another machine's.
     found = oracles.judge(trace, (*asked, *own))
     verdicts, before = found[: len(asked)], found[len(asked) :]
     return RejudgedTrace(

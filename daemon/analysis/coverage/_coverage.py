@@ -183,7 +183,7 @@ def _read_coverage(path: Path) -> RunCoverage | Unreadable:
     try:
         trace = read_trace(path, scans=True)
     except TraceError as error:
-        return Unreadable(str(path), "; ".join(found.message for found in error.diagnostics))
+        return Unreadable(str(path), error.diagnostics[0].message)
     return run_coverage(trace, oracles.judge(trace, trace.spec.oracles))
 
 

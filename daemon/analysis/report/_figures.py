@@ -158,6 +158,7 @@ def _cells(data: ReportData) -> dict[tuple[str, str], list[RunTracks]]:
     for run in data.runs:
         if len(run.tracks.time) > 1:
             found.setdefault((run.record.scenario, run.record.sut), []).append(run.tracks)
+    # The first ones: those with surprises have their moment drawn whatever their place.
     return dict(list(found.items())[:MOST_CELLS])
 
 
@@ -166,6 +167,7 @@ def _of_cells(data: ReportData) -> Iterator[_FigureTask]:
     limit = oracle_limit(data.input.oracles, "loc.error")
     for scenario in dict.fromkeys(scenario for scenario, _ in cells):
         here = {sut: runs for (name, sut), runs in cells.items() if name == scenario}
+        # Systems under test of a scenario side by side: the same axes, or the eye compares wrongly.
         frame = _plots.plot_limits([run for runs in here.values() for run in runs])
         for sut, runs in here.items():
             of = f"{scenario} with {sut}"

@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 WIDTH: Final = 3.5
 """Width of a panel [inches]."""
 REPEATS: Final = 10
-"""Repeats drawn of one cell at most."""
+"""Repeats drawn of one cell at most: the paper has five; more lines than this are one band."""
 _CUT: Final = 0.3
 """Height [m] at which the map is cut: about where lasers look."""
 _BINS: Final = 64
@@ -138,6 +138,7 @@ def plot_way(
     draw_map(axes, scene, frame)
     limit = runs[0].limit if runs[0].limit > 0.0 else 0.2
     for run in runs[:REPEATS]:
+        # Far, near, inside of the buffer, inside of the box around the footprint.
         for low, top, colour, lw in (
             (2.0 * limit, np.inf, LINE, 0.6),
             (limit, 2.0 * limit, GOOD, 0.8),
@@ -229,7 +230,7 @@ def plot_buffer(name: str, label: str, runs: Sequence[RunTracks]) -> str:
         counts, _, _ = np.histogram2d(
             points[:, 0], points[:, 1], bins=_BINS, range=((-reach, reach), (-reach, reach))
         )
-        # Roots, since a wall driven along has hundreds of times the counts of a corner passed.
+        # Roots, since a wall driven along has many times the counts of a corner passed.
         shown = np.ma.masked_equal(counts.T, 0.0)
         axes.imshow(
             np.sqrt(shown), extent=(-reach, reach, -reach, reach), origin="lower",

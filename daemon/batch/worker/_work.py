@@ -54,6 +54,7 @@ def work(
     Raises :class:`daemon.batch.errors.Unreachable` when no daemon answers at the start and
     :class:`WorkerBroken` when runs cannot be executed here.
     """
+    # One sequence, in an order that matters, and half of the length is what it promises: not split.
     if tether:
         exit_when_stdin_closes()
     if nice:
