@@ -6,6 +6,7 @@ import argparse
 import os
 import sys
 from pathlib import Path
+from typing import Final
 
 from daemon.batch.amounts import QUOTA_VARIABLE, parse_size
 from daemon.batch.errors import (
@@ -17,6 +18,8 @@ from daemon.batch.errors import (
     WorkerBroken,
 )
 from daemon.model.execution import DEFAULT_EXECUTOR, DaskScheduler, RunLimits
+
+_SETTINGS: Final = {"lease": float, "grace": float, "attempts": int, "patience": float}
 
 
 def main() -> int:
@@ -42,10 +45,9 @@ def _parser() -> argparse.ArgumentParser:
     serve.add_argument("--insecure", action="store_true")
     serve.add_argument("--traces", default="")
     serve.add_argument("--quota", default=os.environ.get(QUOTA_VARIABLE, ""))
-    serve.add_argument("--lease", type=float, default=30.0)
-    serve.add_argument("--grace", type=float, default=5.0)
-    serve.add_argument("--attempts", type=int, default=3)
-    serve.add_argument("--patience", type=float, default=20.0)
+    # Their defaults are those of DaemonSettings, which only a daemon loads (Zenoh, the ledger).
+    for name, kind in _SETTINGS.items():
+        serve.add_argument(f"--{name}", type=kind)
     worker = commands.add_parser("worker", help="run a worker")
     worker.set_defaults(run=_work)
     worker.add_argument("--connect", required=True)
@@ -71,20 +73,15 @@ def _serve(options: argparse.Namespace) -> None:
         quota = parse_size(options.quota) if options.quota else 0
     except ValueError as error:
         raise DaemonError(f"the quota of traces: {error}") from error
+    given = {name: getattr(options, name) for name in _SETTINGS}
+    chosen = {name: value for name, value in given.items() if value is not None}
     serve(
         options.state,
         listen=options.listen,
         keys=options.keys,
         insecure=options.insecure,
         slots=options.slots,
-        settings=DaemonSettings(
-            options.lease,
-            options.grace,
-            options.attempts,
-            options.patience,
-            options.traces,
-            quota,
-        ),
+        settings=DaemonSettings(store=options.traces, quota=quota, **chosen),
         executor=options.executor,
         limits=RunLimits(options.wall, options.memory, options.nice),
         tether=options.tether,

@@ -27,15 +27,23 @@ from grammars.text import codec
 A = TypeVar("A")
 T = TypeVar("T")
 
+# Samples that wait while a call takes long. Events must be many, for a lost one means asking for
+# everything again; of a watched run nobody wants to see but the newest snapshots.
 _EVENTS_KEPT: Final = 4096
 _LIVE_KEPT: Final = 256
 _WATCHED_KEPT: Final = 4
 _SLOW_TIMEOUT: Final = 60.0
+"""Seconds to wait for the answer to a slow verb."""
 _FAULTS: Final = 5
+"""Parts of a file that may not be taken (damaged, or sent by two at once) until it is given up."""
 
 
 class _Feed(threading.Thread, Generic[T]):
-    """One key's samples, passed on in order; the oldest are dropped when calls take long."""
+    """One key's samples, passed on in order; the oldest are dropped when calls take long.
+
+    By a thread of its own: a slow callback of Zenoh's stops everything that comes over its link,
+    the answers to questions too.
+    """
 
     def __init__(
         self, session: zenoh.Session, key: str, kept: int, kind: type[T], call: Callable[[T], None]
@@ -70,6 +78,7 @@ class _Feed(threading.Thread, Generic[T]):
 
     def close(self) -> None:
         """Stop; afterwards no call is under way, unless this is one."""
+        # Before the thread is told to end, so that nothing arrives that nobody would pass on.
         self._subscriber.undeclare()  # type: ignore[no-untyped-call]
         with self._arrived:
             self._closing = True
@@ -104,10 +113,10 @@ class Client(DaemonClient):
         session: zenoh.Session,
         endpoint: str,
         timeout: float,
-        holder: Credentials | None = None,
+        credentials: Credentials | None = None,
     ) -> None:
         self._session = session
-        self._holder = holder
+        self._credentials = credentials
         self._timeout = timeout
         self._subscriptions: list[Subscription] = []
         self.endpoint = endpoint
@@ -119,14 +128,15 @@ class Client(DaemonClient):
         An encrypted one needs a key: that in ``keys``, else in ``SCENARIO_KEYS``, else in the
         user's settings. Raises :class:`Unreachable` when nobody is there.
         """
-        holder = find_credentials(Role.OPERATOR, keys) if is_encrypted(endpoint) else None
-        return cls(bus.open_client(endpoint, holder), endpoint, timeout, holder)
+        credentials = find_credentials(Role.OPERATOR, keys) if is_encrypted(endpoint) else None
+        return cls(bus.open_client(endpoint, credentials), endpoint, timeout, credentials)
 
     def close(self) -> None:
         """End the subscriptions and the connection."""
         for subscription in self._subscriptions:
             subscription.close()
         self._subscriptions.clear()
+        # Last: a process that leaves with a subscription open hangs in Zenoh's threads.
         self._session.close()  # type: ignore[no-untyped-call]
 
     def __enter__(self) -> Client:
@@ -143,17 +153,18 @@ class Client(DaemonClient):
     def ask(self, verb: Verb[..., A], request: object) -> A:
         """Ask the daemon, return its answer."""
         timeout = max(self._timeout, _SLOW_TIMEOUT) if verb.slow else self._timeout
-        return bus.ask(self._session, self.endpoint, verb, request, timeout, self._holder)
+        return bus.ask(self._session, self.endpoint, verb, request, timeout, self._credentials)
 
     def submit(self, submission: Submission) -> SubmissionReceipt:
         """Hand over a campaign, after the files that its systems under test need."""
+        # By identity: 100,000 runs share a handful of these, each with hundreds of parameters.
         suts = {id(run.sut): run.sut for run in (*submission.runs, *submission.reserve)}
         digests = (attached_digests(sut.parameters).values() for sut in suts.values())
         for digest in dict.fromkeys(chain.from_iterable(digests)):
-            self._keep(digest, user_files_folder() / digest)
+            self._upload_file(digest, user_files_folder() / digest)
         return self.ask(SUBMIT, pack_submission(submission))
 
-    def _keep(self, digest: str, path: Path) -> None:
+    def _upload_file(self, digest: str, path: Path) -> None:
         """Send a file the daemon lacks; one that is not here may be there all the same."""
         if not path.is_file():
             return

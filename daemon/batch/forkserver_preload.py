@@ -1,7 +1,8 @@
 """Imported by the fork server alone: loads and warms what every run needs, once for all.
 
-Children are forked from there and start with everything in memory. The fork server swallows
-import errors, so a failure is kept here and every child reports it.
+Children are forked from there and start with everything in memory, so that no run pays for
+importing the simulator and loading its compiled kernels. The fork server swallows import errors,
+so a failure is kept here and every child reports it.
 """
 
 from __future__ import annotations

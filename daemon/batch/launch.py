@@ -18,7 +18,9 @@ from daemon.model.execution import DEFAULT_EXECUTOR, python_command
 
 _START_LIMIT: Final = 20.0
 _LEAVE_LIMIT: Final = 5.0
+"""Seconds for a daemon to answer, and to leave when its tether is cut, before it is killed."""
 _LOG_TAIL: Final = 20
+"""Lines of its log that say why it did not come up."""
 
 
 def running_daemon(state: Path) -> str | None:
@@ -68,8 +70,8 @@ def embedded_daemon(
 ) -> Iterator[str]:
     """Run a daemon and its worker for the duration of a ``with`` block; yields its endpoint.
 
-    Afterwards no process is left, also when this process is
-    killed: the daemon, its worker and their children hang on a pipe that we hold.
+    Afterwards no process is left, also when this process is killed: the daemon, its worker and
+    their children hang on a pipe that we hold.
 
     Raises :class:`LaunchFailed` when it does not come up.
     """

@@ -41,6 +41,7 @@ FILES: Final = "files"
 WATCHED: Final = "watched"
 """Lies in the folder of an attempt while somebody watches it."""
 
+# The first byte of what a run's process tells its worker.
 LIVE: Final = b"L"
 FAILED: Final = b"F"
 DISK_FULL: Final = b"N"
@@ -109,6 +110,7 @@ def run_attempt(task: RunTask, wire: Connection) -> None:
 
 def _exit(code: int) -> NoReturn:
     """End without waiting for whatever threads the system under test has left running."""
+    # os._exit also skips the handlers of atexit, those of a system under test among them.
     sys.stdout.flush()
     sys.stderr.flush()
     os._exit(code)
@@ -120,6 +122,8 @@ def _write_result(result: RunResult, trace: Path, folder: Path) -> None:
         raise FileNotFoundError(f"the run left no trace at {trace.name}")
     data = codec.to_json(result)
     codec.from_json(RunResult, data)  # raises for what JSON cannot carry, a NaN say
+    # The trace is on the disk, its name may not be: the result must never be there without it,
+    # since whoever finds a result after a power cut delivers both.
     sync_directory(folder)
     write_atomically(folder / RESULT, data)
 
@@ -141,7 +145,7 @@ def _prepare_process(task: RunTask) -> None:
     os.setpriority(os.PRIO_PROCESS, 0, max(task.nice, os.getpriority(os.PRIO_PROCESS, 0)))
     with suppress(OSError):  # where there is such a thing: short of memory, a run goes first
         Path("/proc/self/oom_score_adj").write_text(_OOM_SCORE)
-    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))  # gigabytes for each crash of a stack
     if task.memory:
         # Of address space, the only memory that rlimits bound: numba and numpy reserve much more
         # than they touch, so the default is generous.
@@ -150,6 +154,7 @@ def _prepare_process(task: RunTask) -> None:
 
 
 def _die_with_worker() -> None:
+    # A thread, not PR_SET_PDEATHSIG: to the kernel the fork server is the parent, not the worker.
     # Nobody would take the result of an orphan, and its run is leased again: it ends within 20 ms
     # of a worker that was killed, instead of after its whole run.
     worker = parent_process()

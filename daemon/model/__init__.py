@@ -1,4 +1,4 @@
-"""The values of the daemon: specifications, results, verdicts, the SUT protocol, bus messages.
+"""The values of the daemon: specifications, results, verdicts, SUT protocol, messages, verbs.
 
 Public modules that import no other room of the daemon.
 """

@@ -24,6 +24,7 @@ LARGEST_FILE: Final = 64 * 2**20
 MOST_FILES: Final = 16
 FILES_VARIABLE: Final = "SCENARIO_FILES"
 """Environment variable that names the folder of files to the process of a run."""
+# Tells digests from a parameter ``files`` of the system's own, which may be anything.
 _MARK: Final = "sha256:"
 _NAME: Final = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,59}\Z")
 
@@ -76,6 +77,7 @@ def _store_file(name: str, path: Path) -> str:
     data = path.read_bytes()
     digest = hashlib.sha256(data).hexdigest()
     kept = user_files_folder() / digest
+    # The size as well: a copy that the disk had no room for once must not stay for ever.
     if not kept.exists() or kept.stat().st_size != len(data):
         kept.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
         with replacing(kept, mode=0o400) as temporary:

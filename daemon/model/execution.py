@@ -25,9 +25,9 @@ _FOR_FORK_SERVER: Final = "scenario fork server"
 def python_command(*words: str) -> list[str]:
     """Return the command of a child process that imports our modules.
 
-    ``-P`` keeps the current folder off the modules' path: otherwise ``python -m daemon`` in a folder
-    with somebody's ``daemon.py`` would be that. It does not keep PYTHONPATH off; ``scenario doctor``
-    says when something there, or another installed package, has one of our names.
+    ``-P`` keeps the current folder off the modules' path: else ``python -m daemon`` in a folder
+    with somebody's ``daemon.py`` would be that. It does not keep PYTHONPATH off; when something
+    there, or another package, has one of our names, ``scenario doctor`` says so.
     """
     return [sys.executable, "-P", *words]
 
@@ -36,8 +36,8 @@ def python_command(*words: str) -> list[str]:
 def safe_fork_server() -> Iterator[None]:
     """Let a fork server that is started meanwhile be one of ``python -P``.
 
-    :mod:`multiprocessing` starts it with ``-c``, for which the current folder comes first, and hands
-    on ``-P`` only from a parent that has it; the ``scenario`` command has not.
+    :mod:`multiprocessing` starts it with ``-c``, for which the current folder comes first, and
+    hands ``-P`` on only from a parent that has it; the ``scenario`` command has not.
     """
     os.environ.setdefault(_SAFE_PATH_VARIABLE, _FOR_FORK_SERVER)
     try:
@@ -49,7 +49,7 @@ def safe_fork_server() -> Iterator[None]:
 def forget_safe_path() -> None:
     """Undo :func:`safe_fork_server`, in the fork server too: what runs start may need its folder.
 
-    With the variable in its environment, ``python ROBOT/main.py`` would not find what lies beside it.
+    With the variable in its environment ``python robot/main.py`` does not find what lies beside.
     """
     if os.environ.get(_SAFE_PATH_VARIABLE) == _FOR_FORK_SERVER:
         del os.environ[_SAFE_PATH_VARIABLE]

@@ -24,6 +24,7 @@ WORK: Final = f"{PREFIX}/work"
 """Published without content when runs become available or unwanted: a hint, workers also poll."""
 
 LARGEST_SUBMISSION: Final = 64 * 2**20
+"""Bytes; a hundred thousand runs of a whole building are a few MiB packed."""
 LARGEST_REQUEST: Final = 4 * 2**20
 LARGEST_PAGE: Final = 1000
 LARGEST_CHUNK: Final = 2**20
@@ -34,6 +35,7 @@ HIGHEST_PRIORITY: Final = 1000
 IdText = Annotated[str, Field(max_length=128)]
 WorkerId = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]{0,99}$")]
 ShortText = Annotated[str, Field(max_length=400)]
+# Up to 2**53 every number is one in any JSON parser, and in SQLite's 64 bits.
 NonNegativeInt = Annotated[int, Field(ge=0, le=2**53)]
 Sha256Text = Annotated[str, Field(pattern=r"^[0-9a-f]{64}$")]
 Base64Text = Annotated[str, Field(max_length=LARGEST_CHUNK * 4 // 3 + 4)]
@@ -169,7 +171,11 @@ class Lease:
 
 @dataclass(frozen=True, slots=True)
 class LeaseReply:
-    """Runs to execute; ``draining`` says that none will come, the daemon is leaving."""
+    """Runs to execute; ``draining`` says that none will come, the daemon is leaving.
+
+    The field is called ``grants`` since a lease is granted: names on the bus stay as they are, so
+    that daemons and workers of different days talk to each other, if only to say so.
+    """
 
     grants: tuple[Lease, ...]
     draining: bool = False
@@ -200,7 +206,7 @@ class RenewReply:
 
 @dataclass(frozen=True, slots=True)
 class Completion:
-    """A finished run; its trace lies where the grant said, or was ``uploaded`` before.
+    """A finished run; its trace lies where the lease said, or was ``uploaded`` before.
 
     ``location`` is the URL of the trace, empty when it lies in the daemon's state directory.
     """
@@ -302,7 +308,10 @@ class DownloadChunk:
 
 @dataclass(frozen=True, slots=True)
 class FileUploadChunk:
-    """A part of a file of a system under test, on its way to the daemon; see :class:`TraceUploadChunk`."""
+    """A part of a file of a system under test, on its way to the daemon.
+
+    Its fields are as those of :class:`TraceUploadChunk`.
+    """
 
     sha256: Sha256Text
     size: Annotated[int, Field(ge=0, le=LARGEST_FILE)]

@@ -74,6 +74,7 @@ class Interner:
         self.scripts: list[Script] = []
         self._known: dict[bytes, int] = {}
         self._seen: dict[tuple[object, ...], int] = {}
+        # What is known by id() must not be freed: another object could get the same one.
         self._alive: list[object] = []
 
     def pack(self, run: RunSpec) -> PackedRun:
@@ -108,7 +109,7 @@ class Interner:
 
 
 def pack_submission(submission: Submission) -> PackedSubmission:
-    """Return the submission packed."""
+    """Put what the runs of a submission share into it once."""
     interner = Interner()
     runs = tuple(interner.pack(run) for run in submission.runs)
     reserve = tuple(interner.pack(run) for run in submission.reserve)
@@ -122,8 +123,7 @@ def pack_submission(submission: Submission) -> PackedSubmission:
 
 def unpack_submission(packed: PackedSubmission) -> Submission:
     """Make the submission again; raises ``ValueError`` for a number that stands for nothing."""
-    lists = (tuple(_unpack_runs(packed, runs)) for runs in (packed.runs, packed.reserve))
-    runs, reserve = lists
+    runs, reserve = (tuple(_unpack_runs(packed, each)) for each in (packed.runs, packed.reserve))
     same = (packed.campaign, packed.name, packed.about, packed.source)
     return Submission(*same, runs, packed.scenes, packed.declared, reserve, packed.fresh)
 
@@ -141,6 +141,9 @@ class _JsonWriter:
 
     The text of what runs share is kept: parts are known again by being the same object.
     """
+
+    # Measured with 20,000 runs of the campaign of the paper, 6.4 kB each: 0.43 s instead of 0.93 s.
+    # A submission is fingerprinted twice, by whoever submits and by the daemon.
 
     def __init__(self) -> None:
         self._texts: dict[object, tuple[object, bytes]] = {}
@@ -178,17 +181,16 @@ Fingerprint: TypeAlias = tuple[str, tuple[str, ...]]
 
 
 def fingerprint(submission: Submission) -> Fingerprint:
-    """Return ``codec.digest(submission)`` and the digest of each of its runs, in order.
-
-    Never are all runs written out at once.
-    """
-    printer, whole = _JsonWriter(), hashlib.sha256()
+    """Return ``codec.digest(submission)`` and the digest of each of its runs, in order."""
+    # Run by run into the hash, in the very form the codec gives the whole: all of it at once would
+    # be the 630 MB that packing saves.
+    writer, whole = _JsonWriter(), hashlib.sha256()
     digests: list[str] = []
     for i, (name, title, kind) in enumerate(_SUBMISSION_FIELDS):
         whole.update((b"," if i else b"{") + title)
         value = getattr(submission, name)
         if name in _LISTS:
-            found = _update_with_runs(whole, printer, value)
+            found = _update_with_runs(whole, writer, value)
             digests += found if name == "runs" else ()
         else:
             whole.update(codec.to_json(value, kind))
@@ -196,11 +198,11 @@ def fingerprint(submission: Submission) -> Fingerprint:
     return whole.hexdigest(), tuple(digests)
 
 
-def _update_with_runs(whole: Any, printer: _JsonWriter, runs: Iterable[RunSpec]) -> list[str]:
+def _update_with_runs(whole: Any, writer: _JsonWriter, runs: Iterable[RunSpec]) -> list[str]:
     digests = []
     whole.update(b"[")
     for i, run in enumerate(runs):
-        text = printer.text(run)
+        text = writer.text(run)
         whole.update(b"," + text if i else text)
         digests.append(hashlib.sha256(text).hexdigest())
     whole.update(b"]")

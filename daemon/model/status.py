@@ -1,7 +1,8 @@
-"""What people hand in and see of it: submissions, and how campaigns, runs, workers and the disk stand.
+"""What people hand in and see of it: submissions, campaigns, runs, workers and the disk.
 
 Everything is JSON made and validated by :mod:`grammars.text.codec`. Times named ``..._at`` are wall
-clock seconds since the epoch: they inform people and leases, never a run.
+clock seconds since the epoch: they inform people and leases, never a run. Fields added since the
+first version have defaults, so that what was written before can still be read.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ from daemon.model.verdicts import Outcome
 from grammars.model.scene import Scene
 
 PREFIX: Final = "scenario/v1"
+"""Of every key on the bus; another one would be for messages that this version cannot read."""
 
 
 NONDETERMINISTIC: Final = "nondeterministic"
@@ -215,9 +217,8 @@ class ChangeEvent:
     """Something changed: ``seq`` grows by one each; a gap means: ask for the whole again.
 
     ``kind``: ``campaign`` (submitted, paused, resumed, prioritised, cancelled, retried,
-    finished), ``run`` (state changed),
-    ``worker`` (came, gone), ``alarm`` (another attempt of the run gave another result). ``id``
-    names it.
+    finished), ``run`` (state changed), ``worker`` (came, gone), ``alarm`` (another attempt of the
+    run gave another result). ``id`` names it.
     """
 
     seq: int

@@ -89,7 +89,7 @@ class ServerThread(Enum):
 
 READER, WRITER, CARRIER = ServerThread.READER, ServerThread.WRITER, ServerThread.CARRIER
 
-# Ids and a few short texts: 16 KiB hold the largest of them, escaped, twice over.
+# Of requests that are ids and a few texts of at most 400 characters; and no more is read of others.
 _SMALL: Final = 16 * 2**10
 
 

@@ -145,7 +145,7 @@ def _fetch_campaign(campaign: str, target: DaemonTarget) -> ReportInput:
                 if records[position].trace is None:
                     continue
                 try:
-                    path = local_copy(recorded_trace(run), daemon, told=told)
+                    path = local_copy(recorded_trace(run), daemon, progress=told)
                     records[position] = replace(records[position], trace=str(path))
                 except TraceUnavailable as error:
                     note = f"{records[position].note} {error}".strip()

@@ -11,27 +11,22 @@ from daemon.batch.security._access_control import (
     strip_control_characters,
 )
 from daemon.batch.security._keys import (
-    KEYS_VARIABLE,
     Credentials,
     DaemonCredentials,
     IssuedKey,
-    KeyRegister,
     find_credentials,
     find_daemon_credentials,
     is_authority,
     keys_folder,
     load_register,
-    read_credentials,
 )
 from daemon.model.verbs import Role
 
 __all__ = [
     "CLIENT_ROLES",
-    "KEYS_VARIABLE",
     "Credentials",
     "DaemonCredentials",
     "IssuedKey",
-    "KeyRegister",
     "Role",
     "access_control",
     "allowed_verbs",
@@ -41,6 +36,5 @@ __all__ = [
     "is_authority",
     "keys_folder",
     "load_register",
-    "read_credentials",
     "strip_control_characters",
 ]

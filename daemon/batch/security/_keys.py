@@ -1,6 +1,9 @@
 """Keys and certificates on disk: where they lie, whose they are, which are trusted.
 
-A folder of one key has ``key.pem``, ``cert.pem`` and ``ca.pem``. The folder of the authority (:mod:`daemon.batch.security.authority`) has one of them for each key that was issued, and the register. Zenoh matches common names exactly, so the daemon must know every name: it admits those in the register, and a name that was revoked is never issued again.
+A folder of one key has ``key.pem``, ``cert.pem`` and ``ca.pem``. The folder of the authority
+(:mod:`daemon.batch.security.authority`) has one of them for each key that was issued, and the
+register. Zenoh matches common names exactly, so the daemon must know every name: it admits those in
+the register, and a name that was revoked is never issued again.
 """
 
 from __future__ import annotations
@@ -19,7 +22,11 @@ from daemon.model.verbs import Role
 from grammars.text import codec
 from grammars.text.files import write_atomically
 
+CA_FILE: Final = "ca.pem"
+CERTIFICATE_FILE: Final = "cert.pem"
+KEY_FILE: Final = "key.pem"
 REGISTER_FILE: Final = "register.json"
+KEYS_VARIABLE: Final = "SCENARIO_KEYS"
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,12 +76,6 @@ def write_register(folder: Path, register: KeyRegister) -> None:
     write_atomically(folder / REGISTER_FILE, codec.to_json(register))
 
 
-CA_FILE: Final = "ca.pem"
-CERTIFICATE_FILE: Final = "cert.pem"
-KEY_FILE: Final = "key.pem"
-KEYS_VARIABLE: Final = "SCENARIO_KEYS"
-
-
 @dataclass(frozen=True, slots=True)
 class Credentials:
     """A key with its certificate: who somebody is for a daemon.
@@ -102,6 +103,7 @@ class Credentials:
         return self._authority | {
             "listen_private_key": str(self.folder / KEY_FILE),
             "listen_certificate": str(self.folder / CERTIFICATE_FILE),
+            # Otherwise a certificate is looked at once, when the link is made, and links live long.
             "close_link_on_expiration": True,
         }
 
@@ -114,7 +116,7 @@ class Credentials:
 class DaemonCredentials:
     """What a daemon needs: its own key, and the names it admits."""
 
-    holder: Credentials
+    credentials: Credentials
     register: KeyRegister
 
 
@@ -126,7 +128,10 @@ def keys_folder(keys: Path | None = None, environ: Mapping[str, str] = os.enviro
 
 
 def is_authority(folder: Path) -> bool:
-    """Whether ``folder`` has the keys of everybody rather than one of them."""
+    """Whether ``folder`` has the keys of everybody rather than one of them.
+
+    A daemon's own folder has a register too, beside its certificate.
+    """
     return (folder / REGISTER_FILE).exists() and not (folder / CERTIFICATE_FILE).exists()
 
 
@@ -146,10 +151,10 @@ def find_daemon_credentials(keys: Path | None = None) -> DaemonCredentials:
     folder = keys_folder(keys)
     register = load_register(folder)
     alone = not is_authority(folder)
-    holder = read_credentials(folder) if alone else _newest_of_role(folder, register, Role.DAEMON)
-    if holder.role is not Role.DAEMON:
-        raise KeysUnusable(f'the key "{holder.name}" in {folder} is not one of a daemon')
-    return DaemonCredentials(holder, register)
+    own = read_credentials(folder) if alone else _newest_of_role(folder, register, Role.DAEMON)
+    if own.role is not Role.DAEMON:
+        raise KeysUnusable(f'the key "{own.name}" in {folder} is not one of a daemon')
+    return DaemonCredentials(own, register)
 
 
 def _newest_of_role(folder: Path, register: KeyRegister, role: Role) -> Credentials:
@@ -174,6 +179,7 @@ def load_register(folder: Path) -> KeyRegister:
 
 def read_credentials(folder: Path) -> Credentials:
     """Read whose key lies in ``folder``; raises :class:`KeysUnusable` with the remedy."""
+    # Loaded when a key is read: on one machine nobody needs keys, and commands start often.
     from cryptography import x509
     from cryptography.x509.oid import NameOID
 
@@ -191,6 +197,7 @@ def read_credentials(folder: Path) -> Credentials:
         ) from error
     except ValueError as error:
         raise KeysUnusable(f"{folder / CERTIFICATE_FILE} is none of ours: {error}") from error
+    # As OpenSSH does: a key that others could read may be theirs by now.
     if mode & (stat.S_IRWXG | stat.S_IRWXO):
         raise KeysUnusable(
             f"others can read {folder / KEY_FILE}: chmod 600 it, or have a new one made"

@@ -1,6 +1,7 @@
 """The certificate authority: making keys and certificates, revoking them, packing them to go.
 
-Elliptic curve P-256, SHA-256, X.509 v3. Certificates of the daemon serve for servers only and all others for clients only, so no worker can pass itself off as the daemon (RFC 5280, 4.2.1.12).
+Elliptic curve P-256, SHA-256, X.509 v3. Certificates of the daemon serve for servers only and all
+others for clients only, so no worker can pass itself off as the daemon (RFC 5280, 4.2.1.12).
 """
 
 from __future__ import annotations
@@ -42,10 +43,12 @@ from grammars.text.files import sync_directory
 
 VALID_DAYS: Final = 730
 _CA_DAYS: Final = 3650
+"""It outlives what it signs several times over: with a new authority every key has to be new."""
 _CA_KEY: Final = "ca.key"
 _LEEWAY: Final = timedelta(minutes=10)
 """A certificate is valid a little before it is made, for clocks that lag."""
 _NAME: Final = re.compile(r"[a-z0-9][a-z0-9-]{0,39}\Z")
+_ARCHIVE_FOLDER: Final = "keys"
 _HOST: Final = re.compile(r"[A-Za-z0-9_]([A-Za-z0-9_.-]{0,250}[A-Za-z0-9])?\Z")
 
 
@@ -94,6 +97,7 @@ def issue_key(
             raise KeysUnusable(f'the key "{common}" {was}: choose another name')
         key = ec.generate_private_key(ec.SECP256R1())
         certificate = _sign(signer, key, common, role, _checked_hosts(hosts), now, days)
+        # First the key, then the register: a key that is not in it is admitted nowhere.
         _store_key(folder, common, key, certificate)
         entry = _register_entry(common, role, hosts, certificate)
         write_register(folder, KeyRegister((*register.issued, entry)))
@@ -112,6 +116,11 @@ def revoke_key(folder: Path, name: str, now: datetime) -> None:
             raise KeysUnusable(f'there is no key "{name}"; there are {names}')
         if known.revoked_at is None:
             write_register(folder, register.revoke(name, now.timestamp()))
+
+
+def utc_now() -> datetime:
+    """Now, as certificates count it."""
+    return datetime.now(UTC).replace(microsecond=0)
 
 
 @contextmanager
@@ -134,6 +143,7 @@ def _locked(folder: Path) -> Iterator[tuple[_Signer, KeyRegister]]:
 
 def _make_authority(folder: Path, now: datetime) -> None:
     key = ec.generate_private_key(ec.SECP256R1())
+    # Of two authorities with one name TLS libraries may try the wrong certificate, and give up.
     name = _x509_name(f"scenario authority {os.urandom(4).hex()}")
     builder = _builder(name, name, key, now, _CA_DAYS)
     builder = builder.add_extension(x509.BasicConstraints(ca=True, path_length=0), critical=True)
@@ -260,14 +270,6 @@ def _write(path: Path, data: bytes) -> None:
         os.fsync(file.fileno())
 
 
-def utc_now() -> datetime:
-    """Now, as certificates count it."""
-    return datetime.now(UTC).replace(microsecond=0)
-
-
-_ARCHIVE_FOLDER: Final = "keys"
-
-
 def pack_key(folder: Path, name: str, output: Path) -> None:
     """Write the key ``name`` with what goes with it to ``output``: a new ``.tar``, or a new folder.
 
@@ -275,11 +277,10 @@ def pack_key(folder: Path, name: str, output: Path) -> None:
     settings. A daemon gets the register too. Readable by its owner only. Raises
     :class:`KeysUnusable` when there is no such key or ``output`` exists, and ``OSError``.
     """
-    issued = load_register(folder).find(name)
-    if issued is None or issued.revoked_at is not None:
-        names = ", ".join(
-            one.name for one in load_register(folder).issued if one.revoked_at is None
-        )
+    valid = {one.name: one for one in load_register(folder).issued if one.revoked_at is None}
+    issued = valid.get(name)
+    if issued is None:
+        names = ", ".join(valid)
         raise KeysUnusable(f'there is no key "{name}" to pack; there are {names}')
     files = {
         file: (folder / name / file).read_bytes() for file in (CA_FILE, CERTIFICATE_FILE, KEY_FILE)
@@ -288,11 +289,11 @@ def pack_key(folder: Path, name: str, output: Path) -> None:
         files[REGISTER_FILE] = (folder / REGISTER_FILE).read_bytes()
     try:
         if output.suffix == ".tar":
-            _write_private(output, _archive(files, issued.issued_at))
+            _write(output, _archive(files, issued.issued_at))
         else:
             output.mkdir(mode=0o700)
             for file, data in files.items():
-                _write_private(output / file, data)
+                _write(output / file, data)
     except FileExistsError as error:
         raise KeysUnusable(f"{output} is there already: name another file") from error
 
@@ -308,8 +309,3 @@ def _archive(files: dict[str, bytes], at: float) -> bytes:
             entry.size, entry.mode, entry.mtime = len(data), 0o600, int(at)
             archive.addfile(entry, io.BytesIO(data))
     return buffer.getvalue()
-
-
-def _write_private(path: Path, data: bytes) -> None:
-    with os.fdopen(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "wb") as file:
-        file.write(data)

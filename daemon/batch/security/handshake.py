@@ -9,9 +9,10 @@ from typing import Final
 from daemon.batch.security._keys import CA_FILE, CERTIFICATE_FILE, KEY_FILE, Credentials
 
 _PATIENCE: Final = 2.0
+"""Seconds for a TCP connection and a handshake; the daemon has failed to answer already."""
 
 
-def handshake_problem(endpoint: str, holder: Credentials) -> str:
+def handshake_problem(endpoint: str, credentials: Credentials) -> str:
     """Try a TLS handshake at ``endpoint`` and say what keeps it from succeeding.
 
     Empty when nobody listens there, or when nothing is wrong.
@@ -19,8 +20,10 @@ def handshake_problem(endpoint: str, holder: Credentials) -> str:
     host, _, port = endpoint.removeprefix("tls/").rpartition(":")
     host = host.strip("[]")
     try:
-        context = ssl.create_default_context(cafile=str(holder.folder / CA_FILE))
-        context.load_cert_chain(holder.folder / CERTIFICATE_FILE, holder.folder / KEY_FILE)
+        context = ssl.create_default_context(cafile=str(credentials.folder / CA_FILE))
+        context.load_cert_chain(
+            credentials.folder / CERTIFICATE_FILE, credentials.folder / KEY_FILE
+        )
         with (
             socket.create_connection((host, int(port)), timeout=_PATIENCE) as plain,
             context.wrap_socket(plain, server_hostname=host) as wrapped,
@@ -31,11 +34,11 @@ def handshake_problem(endpoint: str, holder: Credentials) -> str:
     except ssl.SSLCertVerificationError as error:
         return (
             f"who listens there does not prove to be the daemon of these keys: "
-            f"{error.verify_message.rstrip('.')} (keys of {holder.folder})"
+            f"{error.verify_message.rstrip('.')} (keys of {credentials.folder})"
         )
     except ssl.SSLError as error:
         reason = (error.reason or str(error)).replace("_", " ").lower()
-        whose = f'the key "{holder.name}" in {holder.folder}'
+        whose = f'the key "{credentials.name}" in {credentials.folder}'
         return f"who listens there does not take {whose}: {reason}"
     except OSError:
         return ""

@@ -18,6 +18,7 @@ from grammars.text import codec
 from grammars.text.files import write_atomically
 
 _SHOWN: Final = 10
+"""Problems that are said: who has forgotten a file has forgotten it for 100,000 runs."""
 
 
 def admit_submission(submission: Submission, paths: StatePaths) -> None:
@@ -27,6 +28,7 @@ def admit_submission(submission: Submission, paths: StatePaths) -> None:
     if problems:
         more = f"\nand {len(problems) - _SHOWN} more" if len(problems) > _SHOWN else ""
         raise Refused("\n".join(problems[:_SHOWN]) + more)
+    # Only when all is well, and before the ledger has the runs: a scene too many is harmless.
     for digest, scene in scenes.items():
         path = paths.scene(digest)
         if not path.exists():

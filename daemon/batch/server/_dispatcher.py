@@ -11,6 +11,7 @@ import queue
 import threading
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, Final
 
 import zenoh
@@ -25,9 +26,12 @@ from daemon.model.verbs import VERBS, AnyVerb, ServerThread
 from grammars.text import codec
 
 _BATCH: Final = 64
+"""Jobs that share a commit. Its fsync is what costs: measured on one disk, 2 950 runs a second with
+one for each job, 9 470 without any; and nobody waits for more than 64 others' jobs."""
 _MOST: Final = 2048
 _MOST_BYTES: Final = 256 * 2**20
-"""Requests that may wait for a thread, and their bytes: what comes then is told to come again."""
+"""Requests that may wait for a thread, and their bytes, four of the largest submissions: what comes
+then is told to come again."""
 BUSY: Final = Unavailable(
     f"the daemon is busy, {_MOST} requests wait already: try again in a moment"
 )
@@ -48,7 +52,8 @@ class LedgerJob:
 class _LedgerThread(threading.Thread):
     """A thread with a queue of jobs, done one after the other.
 
-    ``put`` takes what the daemon itself wants, ``offer`` what others want, within limits.
+    ``put`` takes what the daemon itself wants, ``offer`` what others want, within limits: a flood
+    of questions must not keep leases from expiring.
     """
 
     def __init__(self, name: str) -> None:
@@ -66,6 +71,7 @@ class _LedgerThread(threading.Thread):
         """Queue a job unless too much waits already; returns at once, whether it is queued."""
         with self._load:
             full = self._offered >= _MOST or self._bytes + job.size > _MOST_BYTES
+            # One that is larger than all the room there is has its turn when nothing else waits.
             if full and self._offered:
                 return False
             self._offered += 1
@@ -146,11 +152,14 @@ class ReaderThread(_LedgerThread):
             with self._reader.snapshot():
                 return job.act(self._reader)
         except Exception as error:
-            return error  # as above
+            return error  # the asker is told; what is no refusal goes to the log too
 
 
 class OverloadReply(_LedgerThread):
-    """Tells those to come again for whom there is no room; so that nobody else waits for that."""
+    """Tells those to come again for whom there is no room; so that nobody else waits for that.
+
+    A thread, since a reply from within Zenoh's callback may deadlock (eclipse-zenoh/zenoh#1092).
+    """
 
     def __init__(self) -> None:
         super().__init__("overload-reply")
@@ -237,12 +246,14 @@ class RequestDispatcher:
             if isinstance(value, Exception):
                 self._reply(query, value)
             else:
-                act = lambda ledger: _answer(verb, handler, ledger, value)  # noqa: E731
-                self._queue(self._thread(verb), query, act)
+                self._queue(
+                    self._thread(verb), query, partial(_answer, verb, handler, request=value)
+                )
 
         self._queue(self.carrier, query, lambda _: prepare(_request(verb, query)), go_on)
 
     def _reply(self, query: zenoh.Query, value: object) -> None:
+        # The asker waits until the query is closed, whatever was replied.
         with query:
             try:
                 if isinstance(value, bytes):

@@ -22,8 +22,13 @@ class DaemonSettings:
     there (0: as much as they like).
     """
 
+    # Two renewals in a row may get lost. It is also what a run waits whose worker's machine is
+    # unplugged; one that dies is noticed at once, by its connection.
     lease: float = 30.0
+    # Sessions reconnect within half a second: a network that hiccups costs no run.
     grace: float = 5.0
+    # A run may end badly because of its machine; one that does so three times on any of them is
+    # taken for the cause, and is not to bring down every worker in turn.
     attempts: int = 3
     patience: float = 20.0
     store: str = ""
@@ -36,7 +41,10 @@ class DaemonSettings:
 
     @property
     def tick(self) -> float:
-        """Seconds between two looks at the clock for lapsed leases and gone workers."""
+        """Seconds between two looks at the clock for expired leases and gone workers.
+
+        Small against both times, and not so small that an idle daemon keeps a core awake.
+        """
         return min(0.5, self.lease / 10, max(self.grace / 4, 0.02))
 
 

@@ -66,7 +66,7 @@ def local_copy(
     *,
     cache: Path | None = None,
     largest: int = LARGEST_CACHE,
-    told: ByteProgress | None = None,
+    progress: ByteProgress | None = None,
 ) -> Path:
     """Return a path on this machine where a trace can be read, bringing it here if need be.
 
@@ -82,7 +82,7 @@ def local_copy(
     if matches_digest(kept, trace.size, trace.sha256):
         os.utime(kept)
         return kept
-    copy_trace(trace, source, kept, told=told)
+    copy_trace(trace, source, kept, progress=progress)
     trim_cache(kept.parent.glob("*.mcap"), largest, lambda found: found.st_size, _IN_USE)
     return kept
 
@@ -97,7 +97,7 @@ def copy_trace(
     source: TraceSource | None,
     target: Path,
     *,
-    told: ByteProgress | None = None,
+    progress: ByteProgress | None = None,
 ) -> None:
     """Make ``target`` a copy of a trace, whole and verified.
 
@@ -110,7 +110,7 @@ def copy_trace(
             # Two commands may want the same trace: the second one waits and finds it there.
             fcntl.flock(lock, fcntl.LOCK_EX)
             if not matches_digest(target, trace.size, trace.sha256):
-                _fill_part(trace, source, part, told or (lambda _: None))
+                _fill_part(trace, source, part, progress or (lambda _: None))
                 move_durably(part, target)
             part.unlink(missing_ok=True)
     except OSError as error:

@@ -8,12 +8,13 @@ from pathlib import Path
 import pytest
 
 from daemon.model.execution import forget_safe_path, python_command, safe_fork_server
+from tests.daemon.batch.harness import daemon_at, eventually, finished
+from tests.daemon.batch.samples import make_submission
 
-STARTS_A_FORK_SERVER = """
-import os
-os.environ["SCENARIO_EXECUTOR"] = "tests.daemon.batch.fake_run:execute"
-from daemon.batch.worker._forkserver import ForkServerPool
-ForkServerPool(1).prove()
+WORKER = """
+import sys
+from daemon.batch.worker import work
+work(sys.argv[1], slots=1, executor="tests.daemon.batch.fake_run:execute")
 """
 
 
@@ -34,15 +35,20 @@ def test_a_module_in_the_current_folder_is_never_taken_for_ours(foreign: Path) -
     assert "serve" in ours.stdout
 
 
-def test_a_fork_server_is_ours_too(foreign: Path) -> None:
+def test_a_fork_server_is_ours_too(foreign: Path, tmp_path: Path) -> None:
     """Also when its parent, like the ``scenario`` command, was not started with ``-P``."""
     script = foreign / "scripts" / "command.py"
     script.parent.mkdir()
-    script.write_text(STARTS_A_FORK_SERVER)
-    done = subprocess.run(
-        [sys.executable, str(script)], cwd=foreign, capture_output=True, text=True
-    )
-    assert (done.returncode, done.stderr) == (0, "")
+    script.write_text(WORKER)
+    with daemon_at(tmp_path / "state") as daemon, daemon.client() as client:
+        client.submit(make_submission("c", 1))
+        command = [sys.executable, str(script), daemon.endpoint]
+        with subprocess.Popen(command, cwd=foreign, stderr=subprocess.PIPE) as worker:
+            try:
+                eventually(lambda: finished(client, 1) or worker.poll() is not None, 60.0)
+            finally:
+                worker.terminate()
+        assert finished(client, 1)
 
 
 def test_what_children_inherit_is_what_there_was(monkeypatch: pytest.MonkeyPatch) -> None:

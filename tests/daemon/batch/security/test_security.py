@@ -417,7 +417,7 @@ def test_a_bundle_unpacks_into_a_key_and_is_never_overwritten(keys: Path, tmp_pa
     with pytest.raises(KeysUnusable, match="is there already"):
         pack_key(keys, "worker", archive)
     pack_key(keys, "daemon", tmp_path / "daemon")
-    assert find_daemon_credentials(tmp_path / "daemon").holder.role is Role.DAEMON
+    assert find_daemon_credentials(tmp_path / "daemon").credentials.role is Role.DAEMON
 
 
 def test_openssl_agrees_with_the_certificates(keys: Path) -> None:

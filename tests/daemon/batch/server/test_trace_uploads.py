@@ -14,7 +14,7 @@ from typing import Any
 import pytest
 
 from daemon.batch.errors import Refused, Unavailable
-from daemon.batch.ledger import LedgerReader, LedgerWriter, connect, connect_reader
+from daemon.batch.ledger import LedgerReader, LedgerWriter
 from daemon.batch.paths import StatePaths
 from daemon.batch.server import EventLog, TraceUploads
 from daemon.batch.stores import encode_chunk, trace_url
@@ -81,16 +81,11 @@ def site(tmp_path: Path) -> Iterator[Site]:
     places = StatePaths(tmp_path)
     places.make_folders()
     journal = EventLog(places.log)
-    connection, reading = connect(places.ledger), connect_reader(places.ledger)
-    book = LedgerWriter(connection)
-    book.submit(make_submission("c", 1), NOW)
-    (grant,) = book.lease("w", 1, NOW)
-    yield Site(
-        places, book, LedgerReader(reading, places), TraceUploads(places, journal), journal, grant
-    )
+    with LedgerWriter.open(places.ledger) as book, LedgerReader.open(places) as reader:
+        book.submit(make_submission("c", 1), NOW)
+        (grant,) = book.lease("w", 1, NOW)
+        yield Site(places, book, reader, TraceUploads(places, journal), journal, grant)
     journal.close()
-    reading.close()
-    connection.close()
 
 
 def test_a_trace_arrives_in_parts_and_gets_its_name_with_the_result(site: Site) -> None:
