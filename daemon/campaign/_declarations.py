@@ -124,6 +124,8 @@ def _leg_measure(name: str, leg: str, where: Where) -> Oracle:
 
 def _sentence_place(name: str, document: YamlDocument) -> Where:
     """Return where the sentence of a comparison begins: after its key, when on the same line."""
+    # YAML knows where keys and list items stand, not where a value in the middle of a line does;
+    # a complaint about "S3.5" is to point at it.
     key, text = document.where(("compare", name)), document.data["compare"][name]
     lines = document.text.splitlines()
     line = lines[key.line - 1] if 0 < key.line <= len(lines) else ""
@@ -229,6 +231,7 @@ def _unmatched_expectation(
         hint = did_you_mean(written.scenario, scope.scenarios)
         yield Diagnostic(where, f'no scenario "{written.scenario}" to expect anything of', hint)
         return
+    # An expectation that matches nothing would hide a failure for ever once a name is changed.
     names = dict.fromkeys(n for s in scenarios for n in scope.judged_by(s))
     oracles = _matching(written.oracle, (*names, *comparisons))
     where = scope.document.where((*path, "oracle"))

@@ -86,6 +86,7 @@ class WorkerSignals:
             self._leaving = True
             self.hint()
 
+        # Nothing but flags and a byte: a handler may run between any two instructions of the loop.
         numbers = (signal.SIGTERM, signal.SIGINT, signal.SIGQUIT)
         kept = {number: signal.signal(number, on_signal) for number in numbers}
         try:
