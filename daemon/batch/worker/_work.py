@@ -76,7 +76,7 @@ def work(
         stack.callback(spool.close)
         # Present only once it can take runs; the token goes with the session, however it ends.
         stack.enter_context(session.liveliness().declare_token(f"{ALIVE}/{me.id}"))
-        stack.enter_context(session.declare_subscriber(WORK, lambda _: signals.hint()))
+        stack.enter_context(session.declare_subscriber(WORK, lambda _: signals.wake()))
         loop = WorkerLoop(
             daemon,
             lambda busy: replace(me, busy=busy, slots=backend.slots),
