@@ -8,6 +8,7 @@ import sys
 from pathlib import Path
 from typing import Final
 
+from daemon.batch.amounts import QUOTA_VARIABLE, parse_size
 from daemon.batch.errors import (
     EXIT_ALREADY_RUNNING,
     EXIT_BROKEN,
@@ -16,9 +17,7 @@ from daemon.batch.errors import (
     DaemonError,
     WorkerBroken,
 )
-from daemon.batch.sizes import QUOTA_VARIABLE, parse_size
 from daemon.model.execution import DEFAULT_EXECUTOR, DaskScheduler, RunLimits
-
 
 _SETTINGS: Final = {"lease": float, "grace": float, "attempts": int, "patience": float}
 

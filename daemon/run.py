@@ -2,17 +2,16 @@
 
 Every run, wherever it happens, is :func:`execute`. Simulated time advances in ticks of 10 ms; what
 happens inside one tick has a fixed order: physics, ground truth and joints, odometry, scan, the
-system under test, its command. Nothing here looks at a clock except to report what a run cost.
+system under test, its command. Why in this order: see ``_RunLoop._tick``. Nothing here looks at a
+clock except to report what a run cost.
 """
 
 from __future__ import annotations
 
-import functools
 import math
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Final, Literal
 
@@ -20,8 +19,9 @@ import numpy as np
 
 from daemon.judging import oracles
 from daemon.model.live_view import LiveView
-from daemon.model.spec import RunResult, RunSpec, Snapshot, Timing
+from daemon.model.spec import RunEnding, RunResult, RunSpec, Snapshot, Timing
 from daemon.model.sut import (
+    TICK_RATE,
     Briefing,
     Cloud,
     Decision,
@@ -31,6 +31,7 @@ from daemon.model.sut import (
     Odometry,
     SystemUnderTest,
 )
+from daemon.model.versions import package_versions
 from daemon.simulator import World
 from daemon.simulator import warm_up as warm_up_simulator
 from daemon.stacks.registry import make_sut
@@ -40,10 +41,11 @@ from grammars.model.scene import Scene
 from grammars.text.codec import warm_up as warm_up_codec
 from templates.occupancy import occupancy_grid
 
-TICKS_PER_SECOND: Final = 100
 STATE_RATE: Final = 20.0
 """Ground truth and joint states are recorded this often [Hz]."""
 CLOCK_RATE: Final = 10.0
+"""As often as the trace keeps the simulated time [Hz]. The writer thins it to the same rate; the
+timer is here as well because its ticks are among those at which the physics is stopped."""
 SNAPSHOT_RATE: Final = 1.0
 WATCHED_RATE: Final = 10.0
 """How often somebody who watches is asked whether a snapshot is wanted [Hz, simulated]."""
@@ -51,7 +53,6 @@ WATCHED_RATE: Final = 10.0
 ProgressCallback = Callable[[Snapshot], None]
 Interest = Callable[[], Literal["nothing", "progress", "everything"]]
 """Asked before a snapshot is taken: whether there is to be one, and how detailed."""
-RunEnding = Literal["finished", "limit", "crashed"]
 
 
 class SceneMismatchError(ValueError):
@@ -67,7 +68,7 @@ def warm_up() -> None:
     warm_up_navigation()
     warm_up_oracles()
     warm_up_codec(RunSpec, Scene, RunResult)
-    versions()
+    package_versions()
 
 
 def execute(
@@ -90,29 +91,17 @@ def execute(
     if scene.digest != spec.scene:
         raise SceneMismatchError(f"scene {scene.digest[:12]} given, {spec.scene[:12]} specified")
     wall, cpu = time.perf_counter(), time.process_time()
-    with TraceWriter(trace_path, spec, scene, versions=versions()) as trace:
+    with TraceWriter(trace_path, spec, scene, versions=package_versions()) as trace:
         loop = _RunLoop(spec, scene, trace, on_progress, interest)
         ended, note = loop.run()
         info = trace.close(ended, note)
+    # Judged is the file, not what is still in memory: the verdicts of a run are then the very
+    # ones that anybody gets who judges its trace again, on another machine and years later.
     recorded = read_trace(trace_path)
     verdicts = oracles.judge(recorded, spec.oracles)
     outcome = oracles.overall_outcome(recorded, verdicts)
     timing = Timing(time.perf_counter() - wall, time.process_time() - cpu, loop.world.time)
     return RunResult(spec.digest, outcome, verdicts, ended, info, timing, note)
-
-
-def versions() -> dict[str, str]:
-    """Versions of everything that can change a trace, for its metadata."""
-    packages = ("scenario-tui", "numpy", "numba", "pymunk", "mcap", "rosbags")
-    return {name: _version(name) for name in packages}
-
-
-@functools.cache
-def _version(package: str) -> str:
-    try:
-        return version(package)
-    except PackageNotFoundError:
-        return "not installed"
 
 
 @dataclass(slots=True)
@@ -123,12 +112,15 @@ class _PeriodicTimer:
     count: int = 0
     due: int = 0
 
-    def take(self, tick: int) -> bool:
+    def fires(self, tick: int) -> bool:
         """Return whether it is due at ``tick``, and move on to the next time if so."""
         if tick < self.due:
             return False
         self.count += 1
-        self.due = math.ceil(self.count * TICKS_PER_SECOND / self.rate - 1e-9)
+        # From the count and not from the last due tick, so that a rate that does not divide 100 Hz
+        # does not drift. Without the 1e-9 a quotient that is whole but for its last bit would be a
+        # tick late: a period of 0.07 s is a rate whose first tick is 7.000000000000001.
+        self.due = math.ceil(self.count * TICK_RATE / self.rate - 1e-9)
         return True
 
 
@@ -143,6 +135,8 @@ class _RunLoop:
         on_progress: ProgressCallback | None,
         interest: Interest | None,
     ) -> None:
+        # Two branches of one seed: what a system under test draws never changes doors or noise,
+        # so that different systems are compared under the same chance.
         world_seed, self._sut_seed = np.random.SeedSequence(spec.seed).spawn(2)
         start = spec.mission.start
         waypoints = tuple(waypoint.id for waypoint in spec.mission.waypoints)
@@ -173,29 +167,35 @@ class _RunLoop:
         self._update = _PeriodicTimer(1.0 / self._sut.period)
         self._interest = interest
         self._snapshot = _PeriodicTimer(SNAPSHOT_RATE if interest is None else WATCHED_RATE)
-        self._seen: LiveView | None = None
+        self._live_view: LiveView | None = None
 
     def run(self) -> tuple[RunEnding, str]:
         """Step until the mission is over, the limit is reached or the system crashes."""
         trace, world = self._trace, self.world
         trace.static(self._grid)
-        last = round(self._spec.limit * TICKS_PER_SECOND)
+        last = round(self._spec.limit * TICK_RATE)
         try:
-            self._brief(self._sut)
+            self._start_sut(self._sut)
             while True:
+                # The instant 0 is recorded and answered before anything moves, and the instant of
+                # the limit still is: the last answer may be the one that ends the mission.
                 finished = self._tick()
                 if finished or world.tick >= last:
                     break
+                # In one go to the next tick that anything is due at: Python is entered a few
+                # dozen times per simulated second and not a hundred times for each timer.
                 world.advance(min(self._next_due(), last) - world.tick)
         except _SutError as error:
             trace.event(world.time, "sut", error.note, level="error")
             return "crashed", error.note
         finally:
+            # Also after a crash: a trace is valid up to its last recorded state, and contacts and
+            # events since the one before are only recorded with it.
             if self._recorded != world.tick:
                 self._record_state()
         return ("finished", "") if finished else ("limit", "simulated time is up")
 
-    def _brief(self, sut: SystemUnderTest) -> None:
+    def _start_sut(self, sut: SystemUnderTest) -> None:
         spec = self._spec
         briefing = Briefing(
             spec.robot, self._grid, spec.mission, spec.mission.start, self._sut_seed
@@ -215,27 +215,38 @@ class _RunLoop:
         )
 
     def _tick(self) -> bool:
-        """Do everything due now; return whether the mission is over."""
+        """Do everything due now; return whether the mission is over.
+
+        The physics stands at this instant already; everything here looks at one and the same
+        state of the world, and the answer acts from the next physics step on.
+        """
         world, trace = self.world, self._trace
         tick, now = world.tick, world.time
-        if self._clock.take(tick):
+        # Truth first: it is what was before anybody answered, and what an answer of this instant
+        # is held against. It is in the trace even when that answer raises.
+        if self._clock.fires(tick):
             trace.clock(now)
-        if self._state.take(tick):
+        if self._state.fires(tick):
             self._record_state()
-        if self._odom.take(tick):
+        # Odometry before the scan, both before the update: the system under test can place a scan
+        # by the odometry of the same stamp, and what it sees is of now, not of a tick ago.
+        if self._odom.fires(tick):
+            # A period need not be a multiple of a tick: the sample then lies within the last one.
             at = (self._odom.count - 1) * self._period if self._period else now
             sample = world.odometry(at)
             trace.odometry(sample)
             self._odometry.append(sample)
-        if self._scan.take(tick):
+        if self._scan.fires(tick):
             ranges = world.scan()
             trace.scan(now, ranges)
             self._scans.append(LaserScan(now, ranges))
-            if self._seen is not None:
-                self._seen.look(world.pose(), ranges)
-        finished = self._update.take(tick) and self._consult(now)
-        if self._on_progress is not None and self._snapshot.take(tick):
-            self._tell(now)
+            if self._live_view is not None:
+                self._live_view.add_scan(world.pose(), ranges)
+        # Last, when everything of this instant has been measured: its command is taken by the
+        # base now and moves it with the next step, never the one that led here.
+        finished = self._update.fires(tick) and self._update_sut(now)
+        if self._on_progress is not None and self._snapshot.fires(tick):
+            self._publish_snapshot(now)
         return finished
 
     def _record_state(self) -> None:
@@ -252,12 +263,12 @@ class _RunLoop:
                 contact.normal,
                 contact.depth,
             )
-            if self._seen is not None:
-                self._seen.contacts.append(contact.point)
+            if self._live_view is not None:
+                self._live_view.contacts.append(contact.point)
         for event in world.take_events():
             trace.event(event.time, event.source, event.text)
 
-    def _consult(self, now: float) -> bool:
+    def _update_sut(self, now: float) -> bool:
         """Give the system under test what is new, record and apply its answer."""
         truth = self.world.pose() if self._sut.needs_ground_truth else None
         observation = Observation(now, tuple(self._odometry), tuple(self._scans), truth)
@@ -269,6 +280,8 @@ class _RunLoop:
         except Exception as error:
             raise _SutError(error) from error
         try:
+            # Recorded before it is carried out: what the trace refuses (a plan of another shape)
+            # must not have moved the robot.
             self._record_decision(now, decision)
             if self._decision is None or decision.progress != self._decision.progress:
                 self.world.progress(decision.progress.current, decision.progress.reached)
@@ -293,6 +306,7 @@ class _RunLoop:
         if decision.local_plan is not None:
             trace.local_plan(now, decision.local_plan)
         if decision.particles is not None:
+            # The particles are those the cloud sums up, so they have its stamp.
             trace.particles(decision.cloud.time if decision.cloud else now, decision.particles)
         if decision.costmap is not None:
             trace.costmap(decision.costmap)
@@ -303,21 +317,22 @@ class _RunLoop:
         for text in decision.events:
             trace.event(now, "sut", text)
 
-    def _tell(self, now: float) -> None:
+    def _publish_snapshot(self, now: float) -> None:
         """Tell how far the run is, as detailed as is wanted."""
         wanted = "progress" if self._interest is None else self._interest()
         if wanted == "nothing" or self._on_progress is None:
             return
-        picture = self._picture(now)
+        snapshot = self._take_snapshot(now)
         if wanted == "everything":
-            if self._seen is None:
-                self._seen = LiveView(self._spec.robot.laser)
-            picture = self._seen.added(picture, self._cloud or self._estimate, self._plan)
+            if self._live_view is None:
+                self._live_view = LiveView(self._spec.robot.laser)
+            snapshot = self._live_view.extend(snapshot, self._cloud or self._estimate, self._plan)
         else:
-            self._seen = None
-        self._on_progress(picture)
+            # Nobody looks any more: scans and contacts need not be kept for them.
+            self._live_view = None
+        self._on_progress(snapshot)
 
-    def _picture(self, now: float) -> Snapshot:
+    def _take_snapshot(self, now: float) -> Snapshot:
         decision = self._decision
         return Snapshot(
             time=now,
@@ -350,6 +365,8 @@ class _SutError(Exception):
     """The system under test raised; ``note`` says what, for the result and the trace."""
 
     def __init__(self, error: Exception) -> None:
+        # The innermost frame: where in the system under test it happened. Not
+        # ``grammars.text.plugins``, whose sentence differs: this one stands in recorded traces.
         where = error.__traceback__
         while where is not None and where.tb_next is not None:
             where = where.tb_next

@@ -16,6 +16,7 @@ T = TypeVar("T")
 R = TypeVar("R")
 
 _CHUNK: Final = 8
+"""Items a child takes at a time: fewer where that leaves one without work at the end."""
 FEW_ITEMS: Final = 8
 """So few traces are read sooner than other processes are started."""
 
@@ -26,13 +27,15 @@ def parallel_map(
     """Return ``task`` of each item, in order, by forked children where there are many items.
 
     ``processes`` defaults to one per core. What must be loaded or compiled should be before:
-    children have it in memory then. Raises :class:`daemon.batch.errors.DaemonError`, saying what it was
-    ``doing``, when a child dies.
+    children have it in memory then. Raises :class:`daemon.batch.errors.DaemonError`, saying what it
+    was ``doing``, when a child dies.
     """
     count = min(processes or available_cores(), len(items))
     if count < 2 or len(items) <= FEW_ITEMS:
         yield from map(task, items)
         return
+    # Forked: children start with oracles loaded and kernels compiled, which would take each of
+    # them seconds anew.
     context = multiprocessing.get_context("fork")
     executor = ProcessPoolExecutor(count, mp_context=context, initializer=_ignore_interrupts)
     try:

@@ -89,8 +89,8 @@ def rejudge(
     """Judge ``traces`` by the oracles ``written`` (``None``: those in each trace), in order.
 
     Spreads over ``processes`` (default: one per core). A trace that cannot be read gives a
-    :class:`RejudgedTrace` with its ``problem``. Raises :class:`daemon.batch.errors.DaemonError` when a judging
-    process dies.
+    :class:`RejudgedTrace` with its ``problem``. Raises :class:`DaemonError` when a judging process
+    dies.
     """
     oracles.warm_up()
     task = partial(_judge_file, None if written is None else tuple(written))

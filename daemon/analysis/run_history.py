@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 from daemon.batch.errors import DaemonError
 from daemon.batch.ledger import LedgerReader
@@ -17,6 +17,10 @@ from daemon.batch.run_process import OUTPUT
 
 if TYPE_CHECKING:
     from daemon.trace import Trace
+
+
+# Simulated seconds: bodies that bounce or scrape are in contact in some steps and not in others.
+_CONTACT_GAP: Final = 0.5
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,20 +42,20 @@ class RunLogLine:
     level: str = "info"
 
 
-def read_steps(places: StatePaths, run: str) -> tuple[RunStep, ...]:
+def read_steps(paths: StatePaths, run: str) -> tuple[RunStep, ...]:
     """Return the steps the ledger remembers, the oldest first; the earliest may be forgotten.
 
     Raises :class:`daemon.batch.errors.DaemonError` when there is no ledger that can be read.
     """
-    if not places.ledger.is_file():
-        raise DaemonError(f"{places.state} is no state directory: choose another with --state")
-    with LedgerReader.open(places) as ledger:
+    if not paths.ledger.is_file():
+        raise DaemonError(f"{paths.state} is no state directory: choose another with --state")
+    with LedgerReader.open(paths) as ledger:
         return tuple(RunStep(*step) for step in ledger.steps(run))
 
 
-def read_outputs(places: StatePaths, run: str) -> tuple[str, ...]:
+def read_outputs(paths: StatePaths, run: str) -> tuple[str, ...]:
     """Return what attempts on this machine printed that are running or not yet handed over."""
-    files = sorted(places.spool.glob(f"*/{run}/attempt-*/{OUTPUT}"))
+    files = sorted(paths.spool.glob(f"*/{run}/attempt-*/{OUTPUT}"))
     texts = (file.read_text(encoding="utf-8", errors="replace").strip() for file in files)
     return tuple(filter(None, texts))
 
@@ -92,7 +96,7 @@ def _contacts(trace: Trace) -> Iterator[RunLogLine]:
     last: dict[tuple[str, str], float] = {}
     for contact in trace.contacts:
         pair = (contact.first, contact.second)
-        if contact.time - last.get(pair, -1e9) > 0.5:
+        if contact.time - last.get(pair, -1e9) > _CONTACT_GAP:
             text = f"{contact.first} touches {contact.second}"
             yield RunLogLine(contact.time, "contact", text, "warn")
         last[pair] = contact.time

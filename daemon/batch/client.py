@@ -16,9 +16,9 @@ from daemon.batch import bus
 from daemon.batch.errors import Refused
 from daemon.batch.paths import is_encrypted
 from daemon.batch.security import Credentials, Role, find_credentials
-from daemon.batch.stores import encode_chunk, read_part
+from daemon.batch.stores import FileUpload
 from daemon.model.attachments import attached_digests, user_files_folder
-from daemon.model.messages import EVENTS, LARGEST_CHUNK, LIVE, FileUploadChunk
+from daemon.model.messages import EVENTS, LARGEST_CHUNK, LIVE, FileUploadChunk, UploadProgress
 from daemon.model.packed_submission import pack_submission
 from daemon.model.status import ChangeEvent, LiveSnapshot, Submission, SubmissionReceipt
 from daemon.model.verbs import KEEP, SUBMIT, DaemonClient, Verb
@@ -168,16 +168,15 @@ class Client(DaemonClient):
         """Send a file the daemon lacks; one that is not here may be there all the same."""
         if not path.is_file():
             return
-        size = path.stat().st_size
-        received = self.ask(KEEP, FileUploadChunk(digest, size))
-        faults = 0
-        while not received.complete:
-            data = read_part(path, received.offset, LARGEST_CHUNK)
-            part = FileUploadChunk(digest, size, received.offset, *encode_chunk(data))
-            received = self.ask(KEEP, part)
-            faults += bool(received.problem)
-            if faults > _FAULTS:
-                raise Refused(f"the file {path} does not arrive: {received.problem}")
+        upload, size = FileUpload(path), path.stat().st_size
+
+        def ask(offset: int, text: str, sha256: str) -> UploadProgress:
+            return self.ask(KEEP, FileUploadChunk(digest, size, offset, text, sha256))
+
+        while not upload.complete:
+            upload.send_next(ask, LARGEST_CHUNK)
+            if upload.faults > _FAULTS:
+                raise Refused(f"the file {path} does not arrive: {upload.problem}")
 
     def events(
         self,

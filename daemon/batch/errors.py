@@ -1,14 +1,17 @@
 """What can go wrong between a client, the daemon and its workers.
 
 DaemonError
-├── Unreachable     nobody answers at the endpoint
-│   └── Troubled    the daemon answered that it cannot just now: its disk is full, say
-├── Refused         the daemon answered and said no; the message is its words
-├── AlreadyRunning  another daemon keeps this state directory
-├── NotAtHand       a trace cannot be read here: it is gone, or where nobody reaches it
-├── KeysUnusable    the keys for a connection are missing, damaged or of the wrong kind
-├── LaunchFailed    a daemon was started and did not come up
-└── WorkerBroken    a worker cannot execute runs at all
+├── Unreachable       nobody answers at the endpoint
+│   └── Unavailable   the daemon answered that it cannot just now: its disk is full, say
+├── Refused           the daemon answered and said no; the message is its words
+├── AlreadyRunning    another daemon keeps this state directory
+├── TraceUnavailable  a trace cannot be read here: it is gone, or where nobody reaches it
+├── KeysUnusable      the keys for a connection are missing, damaged or of the wrong kind
+├── LaunchFailed      a daemon was started and did not come up
+└── WorkerBroken      a worker cannot execute runs at all
+
+Who asks decides by the class, never by the message: :class:`Unreachable` is worth asking again,
+:class:`Refused` is not.
 """
 
 from __future__ import annotations

@@ -1,7 +1,8 @@
 """Imported by the fork server alone: loads and warms what every run needs, once for all.
 
-Children are forked from there and start with everything in memory. The fork server swallows
-import errors, so a failure is kept here and every child reports it.
+Children are forked from there and start with everything in memory, so that no run pays for
+importing the simulator and loading its compiled kernels. The fork server swallows import errors,
+so a failure is kept here and every child reports it.
 """
 
 from __future__ import annotations
@@ -37,13 +38,17 @@ def _load(name: str) -> Callable[..., Any]:
 def _prepare() -> None:
     global execute, problem
     forget_safe_path()
+    # Decoders are built once here, not once in every child.
     codec.warm_up(Lease, Scene, RunResult, LiveSnapshot)
     try:
         execute = _load(os.environ[EXECUTOR_VARIABLE])
     except Exception:
+        # Also of an executor that plugs in; the first child reports it in place of a run.
         problem = traceback.format_exc()
+    # A collection writes to every object it visits, and so copies the pages that children share
+    # with the server. Garbage goes now; what is left is never looked at again by any collector.
     gc.collect()
-    gc.freeze()  # shared pages stay shared: the collector of a child does not touch them
+    gc.freeze()
 
 
 _prepare()

@@ -1,4 +1,4 @@
-"""Where numba keeps compiled kernels when neither of its usual places can be written."""
+"""Where numba keeps compiled kernels when neither of its usual paths can be written."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ CACHE_VARIABLE: Final = "NUMBA_CACHE_DIR"
 
 
 def numba_cache_environment(
-    places: StatePaths,
+    paths: StatePaths,
     environ: Mapping[str, str] = os.environ,
     usual: tuple[Path, ...] | None = None,
 ) -> dict[str, str]:
@@ -24,13 +24,14 @@ def numba_cache_environment(
 
     numba keeps what it compiles beside the sources, else in the user's cache folder, and raises
     where it can keep nothing: a container with a read-only installation and no home, say.
-    ``usual`` are these two places.
+    ``usual`` are these two paths.
     """
+    # The in-tree and the user-wide cache locators of numba.core.caching, in this order.
     beside = Path(daemon.__file__).parent / "__pycache__"
     folders = usual or (beside, platformdirs.user_cache_path("numba"))
     if environ.get(CACHE_VARIABLE) or any(_writable(folder) for folder in folders):
         return dict(environ)
-    return {**environ, CACHE_VARIABLE: str(places.state / "kernels")}
+    return {**environ, CACHE_VARIABLE: str(paths.state / "kernels")}
 
 
 def _writable(folder: Path) -> bool:

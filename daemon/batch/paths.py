@@ -98,7 +98,10 @@ class DaemonContact:
 
 @dataclass(frozen=True, slots=True)
 class StatePaths:
-    """The state directory and what lies in it."""
+    """The state directory and what lies in it.
+
+    One property for each thing that lies there: a table, in spite of its many members.
+    """
 
     state: Path
 
@@ -117,6 +120,7 @@ class StatePaths:
     @property
     def lock(self) -> Path:
         """Locked by the daemon as long as it lives."""
+        # A lock, not a process id in a file: it is gone with the process, however that ended.
         return self.state / "daemon.lock"
 
     @property
@@ -242,6 +246,8 @@ class StatePaths:
 def _make_private(folder: Path) -> None:
     """Make ``folder`` and see to it that it is ours alone; raises ``OSError``."""
     folder.mkdir(mode=0o700, exist_ok=True)
+    # Below /tmp somebody else may have been faster, with a folder or with a link to one of ours:
+    # whoever owns the folder of the socket can put another socket there.
     found = folder.lstat()
     if not stat.S_ISDIR(found.st_mode) or found.st_uid != os.getuid():
         raise PermissionError(errno.EPERM, "belongs to somebody else", str(folder))
@@ -269,8 +275,8 @@ def find_endpoint(
         return Endpoint(connect, "--connect")
     if environ.get("SCENARIO_CONNECT"):
         return Endpoint(parse_endpoint(environ["SCENARIO_CONNECT"]), "SCENARIO_CONNECT")
-    places = StatePaths.find(state, environ)
-    contact = places.read_contact()
+    paths = StatePaths.find(state, environ)
+    contact = paths.read_contact()
     if contact is not None:
         return Endpoint(contact.endpoint, "daemon.json")
-    return Endpoint(places.endpoint, "default")
+    return Endpoint(paths.endpoint, "default")

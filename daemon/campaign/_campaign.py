@@ -110,7 +110,7 @@ class _CampaignLoader:
     cells: list[CampaignCell] = field(default_factory=list)
     scenes: dict[Any, Scene] = field(default_factory=dict)
 
-    def attempt(self, make: Callable[[], T]) -> T | None:
+    def collect_errors(self, make: Callable[[], T]) -> T | None:
         """Return what ``make`` returns, or ``None`` when it reports bad input."""
         try:
             return make()
@@ -124,9 +124,9 @@ def load_campaign(path: str | Path) -> Campaign:
 
     Raises :class:`InputError` with the problems of all layers at once.
     """
-    campaign, loading = _load_all(path)
-    if loading.findings:
-        raise InputError(dict.fromkeys(loading.findings))
+    campaign, loader = _load_all(path)
+    if loader.findings:
+        raise InputError(dict.fromkeys(loader.findings))
     return campaign
 
 
@@ -137,8 +137,8 @@ def examine(path: str | Path) -> tuple[Campaign, tuple[Diagnostic, ...]]:
     scenarios is reported together with what cannot be read. Raises :class:`InputError` only when
     the campaign file itself cannot be understood.
     """
-    campaign, loading = _load_all(path)
-    found = (*loading.findings, *campaign.warnings, *_check(loading.worlds, campaign.cells))
+    campaign, loader = _load_all(path)
+    found = (*loader.findings, *campaign.warnings, *_check(loader.worlds, campaign.cells))
     return campaign, tuple(dict.fromkeys(found))
 
 
@@ -152,6 +152,7 @@ def _check(
     worlds: Iterable[_LoadedWorld | CampaignCell], cells: Iterable[CampaignCell]
 ) -> list[Diagnostic]:
     found: list[Diagnostic] = []
+    # Scenarios that differ in behaviours or mission only share a scene: it is checked once.
     for world in {id(world.scene): world for world in worlds}.values():
         found.extend(check_composition(world.plan, world.layers))
         found.extend(check_scene(world.scene, places=world.places))
@@ -173,16 +174,16 @@ def _check(
 def _load_all(path: str | Path) -> tuple[Campaign, _CampaignLoader]:
     document = load_yaml(path)
     text, scenarios = read_campaign(document)
-    loading = _CampaignLoader(text, LayerLibrary(Path(path).parent))
-    pool = loading.attempt(lambda: loading.library.oracles(_oracle_layers(text, document)))
+    loader = _CampaignLoader(text, LayerLibrary(Path(path).parent))
+    pool = loader.collect_errors(lambda: loader.library.oracles(_oracle_layers(text, document)))
     declared = AssessmentRules(repeat_policy(text.repeats))
     if pool is not None:
         named = {scenario.name: scenario for scenario in scenarios}
         declared, problems = read_declarations(DeclarationScope(text, document, named, pool))
-        loading.findings += problems
+        loader.findings += problems
     for scenario in scenarios:
         timed = tuple(c for c in declared.comparisons if scenario.name in (c.left, c.right))
-        _load_cells(scenario, loading, pool, LegTimings(timed, document))
+        _load_cells(scenario, loader, pool, LegTimings(timed, document))
     campaign = Campaign(
         name=text.campaign,
         about=text.about,
@@ -191,10 +192,10 @@ def _load_all(path: str | Path) -> tuple[Campaign, _CampaignLoader]:
         seed=text.seed,
         repeats=declared.policy.n,
         declared=declared,
-        cells=tuple(loading.cells),
-        warnings=tuple(dict.fromkeys(loading.library.warnings)),
+        cells=tuple(loader.cells),
+        warnings=tuple(dict.fromkeys(loader.library.warnings)),
     )
-    return campaign, loading
+    return campaign, loader
 
 
 def _oracle_layers(text: CampaignFile, document: YamlDocument) -> tuple[LayerReference, ...]:
@@ -206,35 +207,34 @@ def _oracle_layers(text: CampaignFile, document: YamlDocument) -> tuple[LayerRef
 
 def _load_cells(
     scenario: ResolvedScenario,
-    loading: _CampaignLoader,
+    loader: _CampaignLoader,
     pool: dict[str, Oracle] | None,
     timed: LegTimings,
 ) -> None:
     """Add the cells of a scenario: one, or one for each variant of its floor plan."""
-    attempt, library = loading.attempt, loading.library
+    attempt, library = loader.collect_errors, loader.library
     robot = attempt(lambda: library.robot(_required_reference(scenario.robot)))
-    mission = attempt(lambda: library.mission(_required_reference(scenario.mission)))
+    loaded = attempt(lambda: library.mission(_required_reference(scenario.mission)))
     suts = [attempt(partial(library.sut, reference)) for reference in scenario.suts]
-    picked = None if pool is None else attempt(lambda: _pick_oracles(scenario, pool))
-    oracles = (*(picked or ()), *timed.measures())
-    if mission is not None:
-        loading.findings += timed.problems(mission[0])
-    for world in _load_worlds(scenario, robot, loading):
-        if robot is None or mission is None:
+    picked = () if pool is None else attempt(lambda: _pick_oracles(scenario, pool)) or ()
+    oracles = (*picked, *timed.measures())
+    if loaded is not None:
+        loader.findings += timed.problems(loaded[0])
+    for world in _load_worlds(scenario, robot, loader):
+        if robot is None or loaded is None:
             continue
-        errand, document = mission
-        judging = picked or ()
-        loading.findings += [d for o in judging for d in check_references(o, world.scene, errand)]
-        loading.cells.append(
+        mission, document = loaded
+        loader.findings += [d for o in picked for d in check_references(o, world.scene, mission)]
+        loader.cells.append(
             CampaignCell(
                 name=world.name,
                 scenario=scenario,
                 plan=world.plan,
                 layers=world.layers,
                 scene=world.scene,
-                mission=errand,
+                mission=mission,
                 mission_where=document.where(),
-                places=dict(world.places) | _waypoint_places(errand, document),
+                places=dict(world.places) | _waypoint_places(mission, document),
                 robot=robot,
                 suts=tuple(sut for sut in suts if sut is not None),
                 oracles=oracles,
@@ -246,10 +246,10 @@ def _load_cells(
 
 
 def _load_worlds(
-    scenario: ResolvedScenario, robot: Robot | None, loading: _CampaignLoader
+    scenario: ResolvedScenario, robot: Robot | None, loader: _CampaignLoader
 ) -> list[_LoadedWorld]:
     """Return the worlds of a scenario; empty when a layer of it cannot be used."""
-    attempt, library = loading.attempt, loading.library
+    attempt, library = loader.collect_errors, loader.library
     plans = attempt(lambda: _plans(scenario, robot, library))
     references = (*scenario.objects, *scenario.behaviours)
     layers = [attempt(partial(_configured_layer, library, reference)) for reference in references]
@@ -258,16 +258,16 @@ def _load_worlds(
         return []
     worlds = []
     for name, plan in plans:
-        scene = attempt(partial(_scene, scenario, plan, sound, loading))
+        scene = attempt(partial(_scene, scenario, plan, sound, loader))
         if scene is None:
             continue
-        resolved = attempt(partial(_resolve_all, scenario, loading.text, sound, scene))
+        resolved = attempt(partial(_resolve_all, scenario, loader.text, sound, scene))
         if resolved is None:
             continue
         library.warnings.extend(resolved[0].overridden)
         places = places_of(sound, plan) | dict(resolved[0].places)
         worlds.append(_LoadedWorld(name, plan, sound, scene, resolved, places))
-    loading.worlds += worlds
+    loader.worlds += worlds
     return worlds
 
 
@@ -306,14 +306,15 @@ def _scene(
     scenario: ResolvedScenario,
     plan: FloorPlan,
     layers: tuple[SceneryLayer, ...],
-    loading: _CampaignLoader,
+    loader: _CampaignLoader,
 ) -> Scene:
     """Return the scene of a plan and the scenario's objects, each compiled once."""
     objects = layers[: len(scenario.objects)]
+    # Cells of equal plan and objects share a scene, and so its digest, its file and its check.
     key = (plan, objects)
-    if key not in loading.scenes:
-        loading.scenes[key] = compile_scene(plan, objects)
-    return loading.scenes[key]
+    if key not in loader.scenes:
+        loader.scenes[key] = compile_scene(plan, objects)
+    return loader.scenes[key]
 
 
 def _pick_oracles(scenario: ResolvedScenario, pool: dict[str, Oracle]) -> tuple[Oracle, ...]:
@@ -333,6 +334,8 @@ def _resolve_all(
     """Return the concrete behaviours of every repeat, drawn anew or once for all."""
     repeats = repeat_policy(text.repeats).at_most
     draws = repeats if scenario.chance == "per repeat" else 1
+    # The paper keeps the random doors of its scenario S2 the same in all five repeats, which is
+    # ``chance: per campaign``; sensor noise differs in each repeat either way.
     resolved = tuple(
         resolve_behaviours(scene, layers, seed=repeat_seed(text.seed, draw), limit=scenario.limit)
         for draw in range(draws)
@@ -341,7 +344,11 @@ def _resolve_all(
 
 
 def repeat_seed(seed: int, repeat: int) -> np.random.SeedSequence:
-    """Return the seed of repeat ``repeat``: the same in every cell of the campaign."""
+    """Return the seed of repeat ``repeat``: the same in every cell of the campaign.
+
+    Spawned, not counted up: with ``seed + repeat`` the second repeat of a campaign with seed 7
+    would be the first one of a campaign with seed 8.
+    """
     return np.random.SeedSequence(seed, spawn_key=(repeat,))
 
 
@@ -365,6 +372,7 @@ def expand(campaign: Campaign, *, fresh: bool = False) -> Submission:
         reserve=tuple(spec for spec in specs if spec.repeat >= campaign.repeats),
         fresh=fresh,
     )
+    # By content, so that a client that got no answer may submit once more.
     identity = secrets.token_hex(4) if fresh else fingerprint(submission)[0][:8]
     return replace(submission, campaign=f"{campaign.name}-{identity}")
 

@@ -49,21 +49,21 @@ class DeclarationScope:
         return tuple(reference.name for reference in self.scenarios[scenario].suts)
 
 
-def read_declarations(sources: DeclarationScope) -> tuple[AssessmentRules, list[Diagnostic]]:
+def read_declarations(scope: DeclarationScope) -> tuple[AssessmentRules, list[Diagnostic]]:
     """Return what the campaign declares, and everything that is wrong with how it says it."""
     problems: list[Diagnostic] = []
     comparisons: list[ScenarioComparison] = []
-    for name, sentence in sources.text.compare.items():
+    for name, sentence in scope.text.compare.items():
         try:
-            comparisons.append(_comparison(name, sentence, sources))
+            comparisons.append(_comparison(name, sentence, scope))
         except InputError as error:
             problems.extend(error.diagnostics)
-    names = tuple(sources.text.compare)
+    names = tuple(scope.text.compare)
     expectations = []
-    for index, written in enumerate(sources.text.expect):
+    for index, written in enumerate(scope.text.expect):
         path = ("expect", index)
-        problems.extend(_unmatched_expectation(written, path, names, sources))
-        where = sources.document.where(path)
+        problems.extend(_unmatched_expectation(written, path, names, scope))
+        where = scope.document.where(path)
         expectations.append(
             Expectation(
                 written.scenario,
@@ -74,9 +74,9 @@ def read_declarations(sources: DeclarationScope) -> tuple[AssessmentRules, list[
                 f"{Path(where.file).name}:{where.line}",
             )
         )
-    gate = sources.text.gate
+    gate = scope.text.gate
     declared = AssessmentRules(
-        repeat_policy(sources.text.repeats),
+        repeat_policy(scope.text.repeats),
         tuple(comparisons),
         tuple(expectations),
         RegressionGate(gate.baseline, gate.worse_by) if gate else None,
@@ -139,8 +139,8 @@ def _sentence_place(name: str, document: YamlDocument) -> Where:
     return Where(key.file, key.line, column + 1) if column >= 0 else key
 
 
-def _comparison(name: str, sentence: str, sources: DeclarationScope) -> ScenarioComparison:
-    where = _sentence_place(name, sources.document)
+def _comparison(name: str, sentence: str, scope: DeclarationScope) -> ScenarioComparison:
+    where = _sentence_place(name, scope.document)
     found = _SENTENCE.fullmatch(sentence)
     if found is None:
         raise InputError(Diagnostic(where, f'"{sentence}" is not a comparison', _EXAMPLE))
@@ -149,19 +149,19 @@ def _comparison(name: str, sentence: str, sources: DeclarationScope) -> Scenario
         return Where(where.file, where.line, where.column + found.start(part))
 
     left, right, quantity = found["left"], found["right"], found["quantity"]
-    problems = [d for part in ("left", "right") for d in _unknown(found[part], at(part), sources)]
+    problems = [d for part in ("left", "right") for d in _unknown(found[part], at(part), scope)]
     if problems:
         raise InputError(problems)
     if left == right:
         raise InputError(Diagnostic(at("right"), f'"{left}" is compared with itself'))
-    if not set(sources.suts_of(left)) & set(sources.suts_of(right)):
+    if not set(scope.suts_of(left)) & set(scope.suts_of(right)):
         message = f'"{left}" and "{right}" have no system under test in common'
         raise InputError(Diagnostic(at("left"), message))
     leg = found["leg"].strip('"') if found["leg"] else None
     if leg is not None and quantity != DELAY:
         message = f'"on leg" goes with delay; let the measure "{quantity}" say "on leg {leg}"'
         raise InputError(Diagnostic(at("leg"), message))
-    unit = "s" if quantity == DELAY else _unit(quantity, at("quantity"), (left, right), sources)
+    unit = "s" if quantity == DELAY else _unit(quantity, at("quantity"), (left, right), scope)
     limit = _limit(found["limit"], unit, quantity, at("limit"))
     return ScenarioComparison(
         name=name,
@@ -177,22 +177,20 @@ def _comparison(name: str, sentence: str, sources: DeclarationScope) -> Scenario
     )
 
 
-def _unknown(name: str, where: Where, sources: DeclarationScope) -> Iterator[Diagnostic]:
-    if name in sources.scenarios:
+def _unknown(name: str, where: Where, scope: DeclarationScope) -> Iterator[Diagnostic]:
+    if name in scope.scenarios:
         return
-    if name in sources.text.scenarios:
+    if name in scope.text.scenarios:
         hint = "compare scenarios that are like it"
         yield Diagnostic(where, f'scenario "{name}" is abstract, it is never run', hint)
         return
-    yield Diagnostic(where, f'no scenario "{name}" here', did_you_mean(name, sources.scenarios))
+    yield Diagnostic(where, f'no scenario "{name}" here', did_you_mean(name, scope.scenarios))
 
 
-def _unit(
-    quantity: str, where: Where, scenarios: tuple[str, str], sources: DeclarationScope
-) -> str:
+def _unit(quantity: str, where: Where, scenarios: tuple[str, str], scope: DeclarationScope) -> str:
     """Return the unit of a measure that both scenarios have; raises :class:`InputError`."""
-    measures = [name for name, oracle in sources.oracles.items() if oracle.is_measure]
-    oracle = sources.oracles.get(quantity)
+    measures = [name for name, oracle in scope.oracles.items() if oracle.is_measure]
+    oracle = scope.oracles.get(quantity)
     if oracle is None:
         hint = did_you_mean(quantity, [DELAY, *measures])
         raise InputError(Diagnostic(where, f'no measure "{quantity}"', hint))
@@ -200,7 +198,7 @@ def _unit(
         hint = f"compare one of: {', '.join([DELAY, *measures])}"
         raise InputError(Diagnostic(where, f'"{quantity}" has a limit, it is no measure', hint))
     for scenario in scenarios:
-        if quantity not in sources.judged_by(scenario):
+        if quantity not in scope.judged_by(scenario):
             hint = f"add it to the oracles of {scenario}"
             raise InputError(Diagnostic(where, f'"{scenario}" does not measure {quantity}', hint))
     match oracle.judgement:
@@ -229,27 +227,27 @@ def _unmatched_expectation(
     written: ExpectText,
     path: tuple[str, int],
     comparisons: Sequence[str],
-    sources: DeclarationScope,
+    scope: DeclarationScope,
 ) -> Iterator[Diagnostic]:
     """Yield what an expectation speaks of that is not there."""
-    scenarios = _matching(written.scenario, sources.scenarios)
+    scenarios = _matching(written.scenario, scope.scenarios)
     if not scenarios:
-        where = sources.document.where((*path, "scenario"))
-        hint = did_you_mean(written.scenario, sources.scenarios)
+        where = scope.document.where((*path, "scenario"))
+        hint = did_you_mean(written.scenario, scope.scenarios)
         yield Diagnostic(where, f'no scenario "{written.scenario}" to expect anything of', hint)
         return
-    names = dict.fromkeys(n for s in scenarios for n in sources.judged_by(s))
+    names = dict.fromkeys(n for s in scenarios for n in scope.judged_by(s))
     oracles = _matching(written.oracle, (*names, *comparisons))
-    where = sources.document.where((*path, "oracle"))
+    where = scope.document.where((*path, "oracle"))
     if not oracles:
         hint = did_you_mean(written.oracle, (*names, *comparisons))
         yield Diagnostic(where, f'no oracle "{written.oracle}" judges {written.scenario}', hint)
-    elif all(n in sources.oracles and sources.oracles[n].is_measure for n in oracles):
+    elif all(n in scope.oracles and scope.oracles[n].is_measure for n in oracles):
         yield Diagnostic(where, f'"{written.oracle}" is a measure, it has no verdict')
-    suts = dict.fromkeys(n for s in scenarios for n in sources.suts_of(s))
+    suts = dict.fromkeys(n for s in scenarios for n in scope.suts_of(s))
     for index, pattern in enumerate(written.sut):
         if not _matching(pattern, suts):
-            where = sources.document.where((*path, "sut", index))
+            where = scope.document.where((*path, "sut", index))
             hint = did_you_mean(pattern, suts)
             yield Diagnostic(where, f'no system under test "{pattern}" there', hint)
 

@@ -21,6 +21,7 @@ from grammars.text.documents import Duration, Length, Ratio, StrictModel, YamlDo
 from grammars.text.quantity import read_as
 
 _MOST_REPEATS: Final = 100_000
+"""As many as one submission of a campaign is tested with."""
 _RATE: Final = re.compile(r"rate\s*>=\s*(?P<rate>[^<>=]+)")
 
 
@@ -95,8 +96,25 @@ def repeat_policy(text: _RepeatsText) -> RepeatPolicy:
     return RepeatPolicy(text.n, rule, rate, text.until is not None, text.at_most or text.n)
 
 
-def _as_name_list(value: Any) -> Any:
+_CAMPAIGN_NAME: Final = r"^[A-Za-z0-9][A-Za-z0-9_-]{0,59}$"
+_NAME: Final = r"^[A-Za-z0-9][A-Za-z0-9._-]{0,59}$"
+Overrides: TypeAlias = dict[str, Any]
+_OneLayer: TypeAlias = Annotated[
+    dict[str, Overrides], Field(json_schema_extra={"minProperties": 1, "maxProperties": 1})
+]
+LayerName: TypeAlias = str | _OneLayer
+
+
+def _as_list(value: Any) -> Any:
     return value if isinstance(value, list) else [value]
+
+
+_Names: TypeAlias = Annotated[
+    list[str], BeforeValidator(_as_list, json_schema_input_type=str | list[str])
+]
+_References: TypeAlias = Annotated[
+    list[LayerName], BeforeValidator(_as_list, json_schema_input_type=LayerName | list[LayerName])
+]
 
 
 class ExpectText(StrictModel):
@@ -106,9 +124,7 @@ class ExpectText(StrictModel):
     """Name of a scenario, or a pattern such as S3.*; all when left out."""
     oracle: str = "*"
     """Name of an oracle or of a comparison, or a pattern; all when left out."""
-    sut: Annotated[
-        list[str], BeforeValidator(_as_name_list, json_schema_input_type=str | list[str])
-    ] = Field(default_factory=list)
+    sut: _Names = Field(default_factory=list)
     """Systems under test, names or patterns; all when left out."""
     verdict: Literal["pass", "fail", "mixed", "any"]
     """pass; fail: in every run; mixed: in at least one run; any: whatever comes out."""
@@ -132,27 +148,6 @@ class GateText(StrictModel):
     """By how much a margin or the duration may get worse, such as 10 %."""
 
 
-_CAMPAIGN_NAME: Final = r"^[A-Za-z0-9][A-Za-z0-9_-]{0,59}$"
-_NAME: Final = r"^[A-Za-z0-9][A-Za-z0-9._-]{0,59}$"
-Overrides: TypeAlias = dict[str, Any]
-_OneLayer: TypeAlias = Annotated[
-    dict[str, Overrides], Field(json_schema_extra={"minProperties": 1, "maxProperties": 1})
-]
-LayerName: TypeAlias = str | _OneLayer
-
-
-def _as_list(value: Any) -> Any:
-    return value if isinstance(value, list) else [value]
-
-
-_Names: TypeAlias = Annotated[
-    list[str], BeforeValidator(_as_list, json_schema_input_type=str | list[str])
-]
-_References: TypeAlias = Annotated[
-    list[LayerName], BeforeValidator(_as_list, json_schema_input_type=LayerName | list[LayerName])
-]
-
-
 class _MapText(StrictModel):
     """The map handed to the system under test."""
 
@@ -160,6 +155,9 @@ class _MapText(StrictModel):
     """Edge of a cell."""
     doors: Literal["none", "initial"] = "none"
     """none: without objects, as a surveyor would draw it; initial: as they stand at the start."""
+
+    def settings(self) -> MapSettings:
+        return MapSettings(self.resolution, self.doors)
 
 
 _Chance: TypeAlias = Literal["per repeat", "per campaign"]
@@ -351,6 +349,7 @@ def _resolve_scenario(
             hint = did_you_mean(scenario.like, text.scenarios)
             raise InputError(Diagnostic(like_at, f'no scenario "{scenario.like}" here', hint))
         base = _resolve_scenario(scenario.like, text, document, (*seen, name))
+    # The seed of variants that names none is the campaign's, also where the slot is inherited.
     varied = _vary(scenario.vary, (*path, "vary"), text, document) or base.vary
     renamed = replace(base, name=name, where=where, vary=varied)
     return _overlay(renamed, scenario, document, path)
@@ -360,14 +359,13 @@ def _defaults(
     name: str, where: Where, text: CampaignFile, document: YamlDocument
 ) -> ResolvedScenario:
     robot = LayerReference(text.robot, {}, document.where(("robot",))) if text.robot else None
-    suts = _references(text.matrix.sut if text.matrix else None, ("matrix", "sut"), document)
-    settings = MapSettings(text.map.resolution, text.map.doors)
+    suts = _references(text.matrix.sut if text.matrix else [], ("matrix", "sut"), document)
     return ResolvedScenario(
         name,
         where,
         robot=robot,
-        suts=suts or (),
-        map=settings,
+        suts=suts,
+        map=text.map.settings(),
         vary=_vary(text.vary, ("vary",), text, document),
         chance=text.chance,
         limit=text.limit,
@@ -386,6 +384,10 @@ def _vary(
     )
 
 
+_LISTS: Final = {"sut": "suts"} | {key: key for key in ("objects", "behaviours", "oracles")}
+"""Slots that hold several layers, by the key people write."""
+
+
 def _overlay(
     base: ResolvedScenario, scenario: _ScenarioText, document: YamlDocument, path: tuple[str, ...]
 ) -> ResolvedScenario:
@@ -394,16 +396,18 @@ def _overlay(
         value = getattr(scenario, slot)
         if value is not None:
             changes[slot] = LayerReference(value, {}, document.where((*path, slot)))
-    for key, slot in (("objects", "objects"), ("behaviours", "behaviours"), ("sut", "suts"),
-                      ("oracles", "oracles")):  # fmt: skip
-        found = _references(getattr(scenario, key), (*path, key), document)
-        if found is not None:
-            changes[slot] = found
+    # A list takes the place of the inherited one, the key with a plus adds to whichever holds:
+    # merging lists in silence is what surprises people elsewhere.
+    for key, slot in _LISTS.items():
+        value = getattr(scenario, key)
+        if value is not None:
+            changes[slot] = _references(value, (*path, key), document)
     for slot in ("behaviours", "oracles"):
-        more = _references(getattr(scenario, f"more_{slot}"), (*path, f"{slot}+"), document)
-        changes[slot] = changes.get(slot, getattr(base, slot)) + (more or ())
+        more = getattr(scenario, f"more_{slot}") or []
+        inherited = changes.get(slot, getattr(base, slot))
+        changes[slot] = inherited + _references(more, (*path, f"{slot}+"), document)
     if scenario.map is not None:
-        changes["map"] = MapSettings(scenario.map.resolution, scenario.map.doors)
+        changes["map"] = scenario.map.settings()
     for slot in ("limit", "chance", "about"):
         if getattr(scenario, slot):
             changes[slot] = getattr(scenario, slot)
@@ -411,10 +415,8 @@ def _overlay(
 
 
 def _references(
-    values: list[str] | list[LayerName] | None, path: tuple[str, ...], document: YamlDocument
-) -> tuple[LayerReference, ...] | None:
-    if values is None:
-        return None
+    values: list[str] | list[LayerName], path: tuple[str, ...], document: YamlDocument
+) -> tuple[LayerReference, ...]:
     references = []
     for index, value in enumerate(values):
         where = document.where((*path, index))
@@ -422,11 +424,8 @@ def _references(
             references.append(LayerReference(value, {}, where))
             continue
         if len(value) != 1:
-            raise InputError(
-                Diagnostic(
-                    where, "expected one layer with its overrides", "write one list item per layer"
-                )
-            )
+            hint = "write one list item per layer"
+            raise InputError(Diagnostic(where, "expected one layer with its overrides", hint))
         ((name, overrides),) = value.items()
         references.append(LayerReference(name, overrides, where))
     return tuple(references)

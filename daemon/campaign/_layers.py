@@ -130,6 +130,7 @@ class LayerLibrary:
         try:
             path = find_layer(self.folder, reference, SUT)
         except InputError:
+            # A file of that name comes first: so a kind can be given parameters without renaming.
             if reference.name not in sut_kinds():
                 raise
             return self._once("sut", Path(reference.name), partial(self._default_sut, reference))
@@ -175,6 +176,7 @@ class LayerLibrary:
 
     def _once(self, kind: str, path: Path, load: Callable[[Path], T]) -> T:
         """Load a file the first time it is named."""
+        # With the kind: a .jsonld file may be a floor plan for one slot and scenery for another.
         key = (kind, path)
         if key not in self._loaded:
             self._loaded[key] = load(path)

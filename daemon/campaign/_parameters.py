@@ -76,6 +76,7 @@ def merge_parameters(base: ParameterValues, over: ParameterValues) -> ParameterV
 def _put(settings: ParameterValues, path: ParameterPath, setting: ParameterValue) -> None:
     """Set one value in place of what stands at its path, above it or below it."""
     related = [old for old in settings if old != path and _shares(old, path)]
+    # An empty mapping in a file says nothing: it takes nothing away from what stands below it.
     if setting.value == {} and any(len(old) > len(path) for old in related):
         return
     for old in related:

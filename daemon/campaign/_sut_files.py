@@ -228,6 +228,8 @@ def _diagnostics(
     if isinstance(error, ParameterError):
         found = [_placed(problem, document, settings) for problem in error.problems]
         return list(dict.fromkeys(found))
+    # Only a kind that plugs in raises a plain ValueError, in words of its own: the best guess is
+    # the first parameter they name. What ships here raises ParameterError, with paths.
     message = str(error)
     for path, setting in settings.items():
         if f'"{path[0]}"' in message or message.startswith(f"{path[0]}:"):

@@ -1,1 +1,1 @@
-"""Judging recorded runs: oracles on one trace, assessments of a campaign, the statistics of both."""
+"""Judging recorded runs: oracles on one trace, assessments of a campaign, their statistics."""

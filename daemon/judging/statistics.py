@@ -10,12 +10,15 @@ definition each, held by tests to ``scipy.stats``.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Final, Literal
+from typing import Any, Final, Literal, TypeVar
+
+Key = TypeVar("Key", bound=tuple[Any, ...])
 
 CONFIDENCE: Final = 0.95
 _TOO_MANY: Final = 1_000_000
+"""More runs than anybody has [runs]: a rate that needs them is out of reach."""
 
 
 def at_least(passed: int, n: int, confidence: float = CONFIDENCE) -> float:
@@ -128,6 +131,7 @@ def mean_interval(values: Sequence[float], confidence: float = CONFIDENCE) -> Me
     """Return mean, deviation and t interval of at least one value; raises ``ValueError``."""
     if not values:
         raise ValueError("the mean of no values is unknown")
+    # fsum: the same mean in whatever order the runs came in.
     n, mean = len(values), math.fsum(values) / len(values)
     if n == 1:
         return MeanInterval(1, mean, None, None, None)
@@ -170,6 +174,22 @@ def welch_difference(
     return _difference(n, mean, math.sqrt(spread), freedom, confidence, "welch")
 
 
+def mean_difference(
+    left: Mapping[Key, float], right: Mapping[Key, float], confidence: float = CONFIDENCE
+) -> MeanDifference | None:
+    """Return left minus right, by pairs where there are keys in common, else of the means.
+
+    ``None`` for less than two pairs or values: then nothing is known of how they vary. A single
+    pair is no reason to throw away that it is one.
+    """
+    pairs = sorted(left.keys() & right.keys())
+    if len(pairs) > 1:
+        return paired_difference([left[k] for k in pairs], [right[k] for k in pairs], confidence)
+    if not pairs and min(len(left), len(right)) > 1:
+        return welch_difference(tuple(left.values()), tuple(right.values()), confidence)
+    return None
+
+
 def _difference(
     n: int,
     mean: float,
@@ -184,6 +204,7 @@ def _difference(
 
 def _deviation(values: Sequence[float]) -> float:
     """Return the sample's standard deviation; exactly 0 for equal values."""
+    # numpy's would be some 1e-17 for equal values, and every difference significant.
     if min(values) == max(values):
         return 0.0
     import numpy as np

@@ -1,4 +1,4 @@
 """The values of the daemon: specifications, results, verdicts, SUT protocol, messages, verbs.
 
-A shelf of public modules; it imports no other room of the daemon.
+Public modules that import no other room of the daemon.
 """

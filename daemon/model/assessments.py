@@ -36,6 +36,8 @@ class RepeatPolicy:
         """Numbers of repeats after which a cell is judged: one, or each time twice as many."""
         if not self.until_decided:
             return (self.n,)
+        # Doubled each time: every look costs confidence in all of them (see ``confidence_of``), and
+        # intervals shrink by the square root of the number of repeats only.
         found = [self.n]
         while found[-1] < self.at_most:
             found.append(min(2 * found[-1], self.at_most))
@@ -107,8 +109,8 @@ class RunRecord:
     """One run and what came out; ``outcome`` is ``None`` while, or when, there is no result.
 
     ``state`` is a word of :class:`daemon.model.status.RunState`; ``ended`` one of
-    :class:`daemon.model.spec.RunResult`, empty without a result. ``trace`` is the path of the trace on
-    the machine that keeps it. ``seed`` tells whether runs of two campaigns can be paired.
+    :class:`daemon.model.spec.RunResult`, empty without a result. ``trace`` is the path of the trace
+    on the machine that keeps it. ``seed`` tells whether runs of two campaigns can be paired.
     ``cached`` is the earlier run this result was taken from.
     """
 

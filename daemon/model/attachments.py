@@ -1,8 +1,8 @@
 """Files that a plugged-in system under test needs: they travel by digest, beside specifications.
 
 A specification has, below the parameter ``files``, the digest of each by name. Whoever submits has
-the files in a folder by digest (:func:`user_files_folder`), as have the daemon and its workers. A system
-under test gets paths.
+the files in a folder by digest (:func:`user_files_folder`), as have the daemon and its workers. A
+system under test gets paths.
 """
 
 from __future__ import annotations
@@ -24,8 +24,16 @@ LARGEST_FILE: Final = 64 * 2**20
 MOST_FILES: Final = 16
 FILES_VARIABLE: Final = "SCENARIO_FILES"
 """Environment variable that names the folder of files to the process of a run."""
+# Tells digests from a parameter ``files`` of the system's own, which may be anything.
 _MARK: Final = "sha256:"
 _NAME: Final = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,59}\Z")
+
+
+class SutMissing(ValueError):  # noqa: N818  (reads as a sentence where it is raised)
+    """A kind of system under test is not installed on this machine, or cannot be loaded there.
+
+    Not an error of the daemon but of the parameters, where it comes from: a ``ValueError``.
+    """
 
 
 def attached_digests(parameters: Mapping[str, Any]) -> dict[str, str]:
@@ -37,6 +45,7 @@ def attached_digests(parameters: Mapping[str, Any]) -> dict[str, str]:
     if not isinstance(files, Mapping):
         return {}
     found = {str(name): str(value).removeprefix(_MARK) for name, value in files.items()}
+    # Marked, so that a parameter of somebody's own called "files" is never taken for digests.
     marked = all(str(value).startswith(_MARK) for value in files.values())
     return found if marked and all(map(is_digest, found.values())) else {}
 
@@ -68,6 +77,7 @@ def _store_file(name: str, path: Path) -> str:
     data = path.read_bytes()
     digest = hashlib.sha256(data).hexdigest()
     kept = user_files_folder() / digest
+    # The size as well: a copy that the disk had no room for once must not stay for ever.
     if not kept.exists() or kept.stat().st_size != len(data):
         kept.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
         with replacing(kept, mode=0o400) as temporary:
@@ -80,7 +90,7 @@ def resolve_paths(
 ) -> Mapping[str, Any]:
     """Return parameters with paths of this machine instead of digests.
 
-    Raises :class:`daemon.model.attachments.SutMissing` for a file that is not here.
+    Raises :class:`SutMissing` for a file that is not here.
     """
     digests = attached_digests(parameters)
     if not digests:
@@ -91,10 +101,3 @@ def resolve_paths(
         if not path.is_file():
             raise SutMissing(f'the file "{name}" of the system under test is not here: {path}')
     return {**parameters, FILES_PARAMETER: {name: str(path) for name, path in paths.items()}}
-
-
-class SutMissing(ValueError):  # noqa: N818  (reads as a sentence where it is raised)
-    """A kind of system under test is not installed on this machine, or cannot be loaded there.
-
-    No :class:`DaemonError`: it is about parameters, and comes from there.
-    """

@@ -17,6 +17,8 @@ from daemon.model.sut import Cloud, Estimate
 from grammars.model.geometry import Floats, Point2, Pose2
 from grammars.model.robot import Laser
 
+# A pipe takes 4096 bytes at once, and a run must never wait for whoever reads them. With coordinates
+# of four or five digits these points are about 1700 bytes; the rest is for the joints.
 MOST_RETURNS: Final = 90
 """Laser returns of a snapshot at most."""
 MOST_PLAN_POINTS: Final = 40
@@ -29,15 +31,15 @@ class LiveView:
     """What was seen last: the scan, from where; and the contacts since the snapshot before."""
 
     laser: Laser
-    eye: Pose2 | None = None
+    laser_pose: Pose2 | None = None
     ranges: npt.NDArray[np.floating] | None = None
     contacts: list[Point2] = field(default_factory=list)
 
-    def look(self, pose: Pose2, ranges: npt.NDArray[np.floating]) -> None:
+    def add_scan(self, pose: Pose2, ranges: npt.NDArray[np.floating]) -> None:
         """Take in a scan made at ``pose``: ``ranges`` (rays,) [m]."""
-        self.eye, self.ranges = pose @ self.laser.mount, ranges
+        self.laser_pose, self.ranges = pose @ self.laser.mount, ranges
 
-    def added(
+    def extend(
         self, snapshot: Snapshot, belief: Cloud | Estimate | None, plan: Floats | None
     ) -> Snapshot:
         """Return ``snapshot`` with everything there is to see; contacts are told once."""
@@ -51,15 +53,18 @@ class LiveView:
         )
 
     def _returns(self) -> Floats:
-        if self.eye is None or self.ranges is None:
+        if self.laser_pose is None or self.ranges is None:
             return np.empty((0, 2))
         laser, step = self.laser, max(1, -(-self.laser.rays // MOST_RETURNS))
         ranges = np.asarray(self.ranges[::step], dtype=np.float64)
         seen = np.isfinite(ranges) & (ranges > 0.0)
         angles = np.linspace(laser.angle_min, laser.angle_max, laser.rays)[::step][seen]
-        bearing, ranges = self.eye.yaw + angles, ranges[seen]
+        bearing, ranges = self.laser_pose.yaw + angles, ranges[seen]
         return np.column_stack(
-            [self.eye.x + ranges * np.cos(bearing), self.eye.y + ranges * np.sin(bearing)]
+            [
+                self.laser_pose.x + ranges * np.cos(bearing),
+                self.laser_pose.y + ranges * np.sin(bearing),
+            ]
         )
 
 

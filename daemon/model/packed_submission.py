@@ -1,6 +1,8 @@
 """A submission packed for the bus and the ledger: what its runs share is there once.
 
-A run is a *cell* (everything that is the same for all repeats of a scenario with a system), a *script* (what the doors and people do) and two numbers. A hundred thousand runs of building C are 630 MB when each is written out, and a few MB when packed.
+A run is a *cell* (everything that is the same for all repeats of a scenario with a system), a
+*script* (what the doors and people do) and two numbers. A hundred thousand runs of building C are
+630 MB when each is written out, and a few MB when packed.
 """
 
 from __future__ import annotations
@@ -41,7 +43,7 @@ PackedRuns: TypeAlias = Annotated[tuple[PackedRun, ...], Field(max_length=MOST_R
 
 @dataclass(frozen=True, slots=True)
 class PackedSubmission:
-    """A :class:`daemon.model.status.Submission` on the bus; cells have no repeat, seed or script."""
+    """A :class:`Submission` on the bus; cells have no repeat, seed or script."""
 
     campaign: str
     name: str
@@ -72,6 +74,7 @@ class Interner:
         self.scripts: list[Script] = []
         self._known: dict[bytes, int] = {}
         self._seen: dict[tuple[object, ...], int] = {}
+        # What is known by id() must not be freed: another object could get the same one.
         self._alive: list[object] = []
 
     def pack(self, run: RunSpec) -> PackedRun:
@@ -79,6 +82,8 @@ class Interner:
         return PackedRun(self._cell(run), self._script(run.behaviours), run.repeat, run.seed)
 
     def _cell(self, run: RunSpec) -> int:
+        # Runs of a campaign share these objects, so their ids are a key that costs nothing; kept
+        # alive, because an id is that of something else when its object is gone.
         parts = (run.sut, run.robot, run.mission, run.oracles, run.map)
         plain = (run.campaign, run.scenario, run.scene, run.limit, run.engine)
         key = (*plain, *map(id, parts))
@@ -104,28 +109,27 @@ class Interner:
 
 
 def pack_submission(submission: Submission) -> PackedSubmission:
-    """Make a parcel of a submission."""
-    shelf = Interner()
-    runs = tuple(shelf.pack(run) for run in submission.runs)
-    reserve = tuple(shelf.pack(run) for run in submission.reserve)
+    """Put what the runs of a submission share into it once."""
+    interner = Interner()
+    runs = tuple(interner.pack(run) for run in submission.runs)
+    reserve = tuple(interner.pack(run) for run in submission.reserve)
     same = (submission.campaign, submission.name, submission.about, submission.source)
-    cells, scripts = tuple(shelf.cells), tuple(shelf.scripts)
+    cells, scripts = tuple(interner.cells), tuple(interner.scripts)
     scenes, declared = submission.scenes, submission.declared
     return PackedSubmission(
         *same, cells, scripts, runs, scenes, declared, reserve, submission.fresh
     )
 
 
-def unpack_submission(parcel: PackedSubmission) -> Submission:
+def unpack_submission(packed: PackedSubmission) -> Submission:
     """Make the submission again; raises ``ValueError`` for a number that stands for nothing."""
-    lists = (tuple(_unpack_runs(parcel, runs)) for runs in (parcel.runs, parcel.reserve))
-    runs, reserve = lists
-    same = (parcel.campaign, parcel.name, parcel.about, parcel.source)
-    return Submission(*same, runs, parcel.scenes, parcel.declared, reserve, parcel.fresh)
+    runs, reserve = (tuple(_unpack_runs(packed, each)) for each in (packed.runs, packed.reserve))
+    same = (packed.campaign, packed.name, packed.about, packed.source)
+    return Submission(*same, runs, packed.scenes, packed.declared, reserve, packed.fresh)
 
 
-def _unpack_runs(parcel: PackedSubmission, runs: Iterable[PackedRun]) -> Iterator[RunSpec]:
-    cells, scripts = parcel.cells, parcel.scripts
+def _unpack_runs(packed: PackedSubmission, runs: Iterable[PackedRun]) -> Iterator[RunSpec]:
+    cells, scripts = packed.cells, packed.scripts
     for cell, script, repeat, seed in runs:
         if cell >= len(cells) or script >= len(scripts):
             raise ValueError(f"there is no cell {cell} or no script {script} in the parcel")
@@ -138,6 +142,9 @@ class _JsonWriter:
     The text of what runs share is kept: parts are known again by being the same object.
     """
 
+    # Measured with 20,000 runs of the campaign of the paper, 6.4 kB each: 0.43 s instead of 0.93 s.
+    # A submission is fingerprinted twice, by whoever submits and by the daemon.
+
     def __init__(self) -> None:
         self._texts: dict[object, tuple[object, bytes]] = {}
 
@@ -147,6 +154,7 @@ class _JsonWriter:
 
     def _field(self, run: RunSpec, name: str, title: bytes, kind: Any) -> bytes:
         value = getattr(run, name)
+        # Not isinstance: a bool is an int as well and is written otherwise.
         if type(value) is int:
             return title + b"%d" % value
         key = (name, value) if isinstance(value, float | str) else id(value)
@@ -173,17 +181,16 @@ Fingerprint: TypeAlias = tuple[str, tuple[str, ...]]
 
 
 def fingerprint(submission: Submission) -> Fingerprint:
-    """Return ``codec.digest(submission)`` and the digest of each of its runs, in order.
-
-    Never are all runs written out at once.
-    """
-    printer, whole = _JsonWriter(), hashlib.sha256()
+    """Return ``codec.digest(submission)`` and the digest of each of its runs, in order."""
+    # Run by run into the hash, in the very form the codec gives the whole: all of it at once would
+    # be the 630 MB that packing saves.
+    writer, whole = _JsonWriter(), hashlib.sha256()
     digests: list[str] = []
     for i, (name, title, kind) in enumerate(_SUBMISSION_FIELDS):
         whole.update((b"," if i else b"{") + title)
         value = getattr(submission, name)
         if name in _LISTS:
-            found = _update_with_runs(whole, printer, value)
+            found = _update_with_runs(whole, writer, value)
             digests += found if name == "runs" else ()
         else:
             whole.update(codec.to_json(value, kind))
@@ -191,11 +198,11 @@ def fingerprint(submission: Submission) -> Fingerprint:
     return whole.hexdigest(), tuple(digests)
 
 
-def _update_with_runs(whole: Any, printer: _JsonWriter, runs: Iterable[RunSpec]) -> list[str]:
+def _update_with_runs(whole: Any, writer: _JsonWriter, runs: Iterable[RunSpec]) -> list[str]:
     digests = []
     whole.update(b"[")
     for i, run in enumerate(runs):
-        text = printer.text(run)
+        text = writer.text(run)
         whole.update(b"," + text if i else text)
         digests.append(hashlib.sha256(text).hexdigest())
     whole.update(b"]")

@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Final, Literal
+from typing import Any, Final, Literal, TypeAlias
 
 from daemon.model.verdicts import Outcome, Verdict
 from grammars.model.behaviour import Behaviour
@@ -14,6 +14,8 @@ from grammars.model.geometry import Pose2
 from grammars.model.mission import Mission
 from grammars.model.robot import Robot
 from grammars.text import codec
+
+RunEnding: TypeAlias = Literal["finished", "limit", "crashed"]
 
 ENGINE_VERSION: Final = "2"
 """Raised whenever a change alters traces of unchanged specifications."""
@@ -74,6 +76,7 @@ class RunSpec:
     @property
     def digest(self) -> str:
         """Identity of the run: 64 hexadecimal digits."""
+        # Not cached: with slots it would need a field of its own, which would be serialised.
         return codec.digest(self)
 
     @property
@@ -135,7 +138,7 @@ class RunResult:
     spec: str
     outcome: Outcome
     verdicts: tuple[Verdict, ...]
-    ended: Literal["finished", "limit", "crashed"]
+    ended: RunEnding
     trace: TraceInfo
     timing: Timing
     note: str = ""
@@ -143,6 +146,7 @@ class RunResult:
     @property
     def digest(self) -> str:
         """Digest of what must be equal when the same specification runs again (not timing)."""
+        # Times of the wall clock are left out; ``ended`` and ``note`` are in the trace.
         return codec.digest(_Outcome(self.spec, self.outcome, self.verdicts, self.trace))
 
 

@@ -9,7 +9,7 @@ navigation stack. Frames per REP 105: ``map``, ``odom``, ``base_link``.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal, Protocol
+from typing import Final, Literal, Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -18,6 +18,9 @@ from grammars.model.geometry import Floats, Pose2, Twist2
 from grammars.model.grid import OccupancyGrid
 from grammars.model.mission import Mission
 from grammars.model.robot import Robot
+
+TICK_RATE: Final = 100
+"""Steps of the simulation per simulated second; everything periodic happens at one of them."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

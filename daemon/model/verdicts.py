@@ -64,6 +64,7 @@ def combine(verdicts: Iterable[Verdict], *, valid: bool = True) -> Outcome:
     if not valid:
         return Outcome.ERROR
     found = {v.outcome for v in verdicts} - {Outcome.MEASURE}
+    # A failure before an error: what one oracle saw stands, though another could not be read.
     for outcome in (Outcome.FAIL, Outcome.ERROR, Outcome.INCONCLUSIVE, Outcome.PASS):
         if outcome in found:
             return outcome
@@ -93,7 +94,7 @@ class MarginInterval:
 
 
 def unknown_margin(note: str, *, measured: bool = False) -> MarginInterval:
-    """Return the finding of an oracle that had nothing to judge."""
+    """Return the interval of an oracle that had nothing to judge."""
     return MarginInterval(-math.inf, math.inf, Evidence(note=note), measured)
 
 

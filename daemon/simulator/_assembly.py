@@ -157,6 +157,7 @@ class _LinkPlacer:
         if link.name not in self._joints:
             return base
         joint, q = self._joints[link.name]
+        # Three joints that make a plane become one kinematic body instead of three bodies in a row.
         if self._walks and joint.name in PLANAR_JOINTS:
             return self._walker(base, joint)
         name = f"{item.name}.{joint.name}"
@@ -214,6 +215,7 @@ def _give_mass(space: pymunk.Space, assembly: BodyAssembly, slot: int, item: Sce
         parts += [(ring, placement.link.mass * area / total) for ring, area in areas]
     body = assembly.bodies[slot]
     position, angle = body.position, body.angle
+    # A new centre of mass moves the frame of a body; angle and position put it back, in this order.
     body.mass, body.center_of_gravity, body.moment = mass_properties(parts)
     body.angle = angle
     body.position = position

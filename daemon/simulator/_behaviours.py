@@ -12,9 +12,10 @@ from typing import Literal
 
 import numpy as np
 
+from daemon.model.sut import TICK_RATE
 from daemon.simulator._assembly import WORLD, BodyAssembly
 from daemon.simulator._joints import JointDrive, JointJumper
-from daemon.simulator._physics import TICK_RATE, convex_distance, ring_array, transform_array
+from daemon.simulator._physics import convex_distance, ring_array, transform_array
 from grammars.model.behaviour import (
     Behaviour,
     Hold,
@@ -33,10 +34,11 @@ from grammars.model.movers import PLANAR_JOINTS, Route, chain_positions, is_move
 from grammars.model.scene import Scene, SceneObject
 
 _OVERRUN = 0.05
-"""How far a sliding joint may overrun its limits, generously [m]."""
+"""How far a sliding joint may overrun its limits, generously [m]: one tick of a fast push."""
 
 _COMPLIANCE = 0.002
-"""More than loaded joints give way without their position changing [m]."""
+"""More than loaded joints give way without their position changing [m]; a hinge that is pushed with
+300 N gives way by 1.1 mm."""
 
 
 class RobotProximity:
@@ -152,28 +154,33 @@ class JointActuator:
         return self._drive.motion.name
 
     @property
-    def unfinished(self) -> bool:
+    def blocked(self) -> bool:
         """Whether a held jump still waits for the robot to make way."""
         return self._wanted is not None
 
-    def tell(self, text: str) -> None:
+    def report(self, text: str) -> None:
         """Report something that happened to this joint."""
         self._report(self.name, text)
 
-    def go(self, target: float, footprint: Floats, *, hold: bool) -> None:
+    def move_to(self, target: float, footprint: Floats, *, hold: bool) -> None:
         """Start to move to ``target``; a jump with ``hold`` stays there, else it is let go."""
         match self._motion:
-            case Servo(rate=rate, effort=effort):
-                self._drive.servo(target, rate, effort)
-            case Spring(stiffness=stiffness, damping=damping):
-                self._drive.spring(target, stiffness, damping)
             case Jump():
                 reached = self._jumper.jump(target, footprint)
                 if reached != target:
-                    self.tell(f"stopped at {reached:.3f} by the robot, short of {target:g}")
+                    self.report(f"stopped at {reached:.3f} by the robot, short of {target:g}")
+                # Only what is to stay there goes on trying; a key frame had its moment.
                 self._wanted = target if hold and reached != target else None
                 if hold:
                     self._drive.hold(reached)
+            case motion:
+                self._push(motion, target)
+
+    def _push(self, motion: Servo | Spring, target: float) -> None:
+        if isinstance(motion, Servo):
+            self._drive.servo(target, motion.rate, motion.effort)
+        else:
+            self._drive.spring(target, motion.stiffness, motion.damping)
 
     def retry(self, footprint: Floats) -> None:
         """Take a blocked, held jump as far as the robot now allows."""
@@ -182,25 +189,23 @@ class JointActuator:
         reached = self._jumper.jump(self._wanted, footprint)
         self._drive.hold(reached)
         if reached == self._wanted:
-            self.tell(f"reached {reached:g}")
+            self.report(f"reached {reached:g}")
             self._wanted = None
 
     def hold_start(self, start: float) -> None:
         """Hold the joint where it starts, by the means of the motion."""
         match self._motion:
-            case Servo(rate=rate, effort=effort):
-                self._drive.servo(start, rate, effort)
-            case Spring(stiffness=stiffness, damping=damping):
-                self._drive.spring(start, stiffness, damping)
             case Jump():
                 self._drive.hold(start)
+            case motion:
+                self._push(motion, start)
 
 
 class KeyFramePlayer:
     """Plays key frames; a jumped joint is free between frames."""
 
-    def __init__(self, behaviour: KeyFrames, mover: JointActuator) -> None:
-        self._mover = mover
+    def __init__(self, behaviour: KeyFrames, actuator: JointActuator) -> None:
+        self._actuator = actuator
         self._frames = behaviour.frames
         self._next = 0
 
@@ -215,12 +220,13 @@ class KeyFramePlayer:
         """Perform the frame that is due."""
         frame = self._frames[self._next]
         self._next += 1
-        self._mover.tell(f"key frame {self._next} at {frame.time:g} s: to {frame.position:g}")
-        self._mover.go(frame.position, footprint, hold=False)
+        self._actuator.report(f"key frame {self._next} at {frame.time:g} s: to {frame.position:g}")
+        self._actuator.move_to(frame.position, footprint, hold=False)
 
 
 def frame_tick(frame: KeyFrame) -> int:
     """Return the first tick not before the frame's time (within a nanosecond)."""
+    # Rounded first: 1.1 s times 100 is 110.00000000000001, whose next whole tick is the 111th.
     return math.ceil(round(frame.time * TICK_RATE, 7))
 
 
@@ -230,14 +236,14 @@ class TriggeredJoint:
     def __init__(
         self,
         behaviour: Trigger,
-        mover: JointActuator,
+        actuator: JointActuator,
         proximity: RobotProximity,
         fires: Callable[[], None],
     ) -> None:
-        self._behaviour, self.mover, self.proximity = behaviour, mover, proximity
+        self._behaviour, self.actuator, self.proximity = behaviour, actuator, proximity
         self._fires = fires
-        self._fired = self.close = False
-        mover.hold_start(behaviour.start)
+        self._fired = self.near = False
+        actuator.hold_start(behaviour.start)
 
     @property
     def threshold(self) -> float:
@@ -247,18 +253,20 @@ class TriggeredJoint:
             return behaviour.distance
         return math.inf if behaviour.rearm is None else behaviour.rearm
 
-    def watch(self, base: Pose2, footprint: Floats) -> float:
+    def check(self, base: Pose2, footprint: Floats) -> float:
         """Fire or re-arm if it is time; return how much motion cannot change anything [m].
 
-        Motion of the base origin alone, or, when ``close`` is set, of footprint and leaf too.
+        Motion of the base origin alone, or, when ``near`` is set, of footprint and leaf too.
         """
-        threshold, self.close = self.threshold, False
+        # The cheap bound first: most of a run the robot is far from most doors, and the distance
+        # of polygons need not be computed at all.
+        threshold, self.near = self.threshold, False
         if math.isinf(threshold):
             return math.inf
         slack = self.proximity.far_slack(base, threshold, inside=self._fired)
         if slack > 0.0:
             return slack
-        self.close = True
+        self.near = True
         distance = self.proximity.distance(base, footprint)
         if self._fired and distance > threshold:
             self._switch(False, f"re-armed at {distance:.3f} m: back to", footprint)
@@ -271,8 +279,8 @@ class TriggeredJoint:
     def _switch(self, fired: bool, text: str, footprint: Floats) -> None:
         self._fired = fired
         target = self._behaviour.end if fired else self._behaviour.start
-        self.mover.tell(f"{text} {target:g}")
-        self.mover.go(target, footprint, hold=True)
+        self.actuator.report(f"{text} {target:g}")
+        self.actuator.move_to(target, footprint, hold=True)
         if fired:
             self._fires()
 
@@ -280,14 +288,14 @@ class TriggeredJoint:
 class ReactingJoint:
     """Moves a joint once, when it is told to."""
 
-    def __init__(self, behaviour: Reaction, mover: JointActuator) -> None:
-        self._behaviour, self.mover = behaviour, mover
-        mover.hold_start(behaviour.start)
+    def __init__(self, behaviour: Reaction, actuator: JointActuator) -> None:
+        self._behaviour, self.actuator = behaviour, actuator
+        actuator.hold_start(behaviour.start)
 
     def act(self, footprint: Floats) -> None:
         """Go: the event has happened and the delay is over."""
-        self.mover.tell(f"reacts: to {self._behaviour.end:g}")
-        self.mover.go(self._behaviour.end, footprint, hold=True)
+        self.actuator.report(f"reacts: to {self._behaviour.end:g}")
+        self.actuator.move_to(self._behaviour.end, footprint, hold=True)
 
 
 def starting_positions(
@@ -304,6 +312,7 @@ def starting_positions(
     frozen = {f"{o.name}.{j.name}": o.frozen for o in scene.objects for j in o.joints}
     movers = {o.name: o for o in scene.objects if is_mover(o.joints)}
     start: dict[str, float] = {}
+    # Nobody pushes a person: who has no walk stands still for good.
     held = {
         f"{o.name}.{joint}": q
         for o in movers.values()

@@ -1,4 +1,8 @@
-"""Reads the states of all bodies and joints of a space in one call, in a fixed order."""
+"""Reads the states of all bodies and joints of a space in one call, in a fixed order.
+
+Asking 20 doors one by one costs more than the physics does; with one call for all of them a run
+went from 926 to 1279 times real time.
+"""
 
 from __future__ import annotations
 
@@ -8,6 +12,7 @@ import pymunk
 from pymunk.batch import BodyFields, Buffer, get_space_bodies
 
 from daemon.model.kernels import kernel
+from daemon.model.sut import TICK_RATE
 from daemon.simulator._assembly import MovingJoint
 from grammars.model.geometry import Floats
 
@@ -19,8 +24,11 @@ _FIELDS = (
     | BodyFields.ANGULAR_VELOCITY
 )
 
-_FALL_ASLEEP_TICKS = 25
-"""Ticks: half of what :func:`daemon.simulator._world._new_space` sets."""
+SLEEP_TIME = 0.5
+"""How long bodies have to rest before they fall asleep [s]."""
+
+_FALL_ASLEEP_TICKS = round(0.5 * SLEEP_TIME * TICK_RATE)
+"""No body can fall asleep within so many ticks; half of what it takes, to be on the safe side."""
 
 
 class BodyStates:
@@ -42,6 +50,7 @@ class BodyStates:
         self._tick, self._asleep = -1, False
         moving = [b for b in bodies[1:] if b.body_type != pymunk.Body.STATIC]
         self._sleepers = [b for b in moving if b.body_type == pymunk.Body.DYNAMIC]
+        # Kinematic bodies (people who walk) never sleep, whether they move or not.
         self._restless = len(self._sleepers) < len(moving)
 
     def at(self, tick: int) -> Floats:
@@ -66,6 +75,7 @@ class BodyStates:
     def _read(self) -> None:
         self._buffer.clear()
         get_space_bodies(self._space, _FIELDS, self._buffer)
+        # Sleeping bodies are listed too, and the space's own static body, but in another order.
         listing = bytes(self._buffer.int_buf())
         if listing != self._listing:
             ids = np.frombuffer(listing, dtype=np.uintp).tolist()
@@ -102,6 +112,8 @@ def _read_joints(
         dx, dy = q[0] - p[0], q[1] - p[1]
         way = dx * wx + dy * wy - geometry[k, 2] * ax - geometry[k, 3] * ay
         qc, qs = np.cos(q[2]), np.sin(q[2])
+        # From the parent's centre of mass to the child's: the parent, turning, carries the child
+        # along; what is left of the child's velocity is that of the joint.
         rx = dx + qc * geometry[k, 5] - qs * geometry[k, 6]
         ry = dy + qs * geometry[k, 5] + qc * geometry[k, 6]
         rx -= c * geometry[k, 7] - s * geometry[k, 8]

@@ -39,6 +39,7 @@ def laser_segments(
     moving: list[Edge] = []
     moving_owner: list[int] = []
     slots: list[int] = []
+    # By body, as the laser wants moving segments.
     for placement in sorted(assembly.placements, key=lambda p: p.slot):
         if not placement.link.z_min <= z < placement.link.z_max:
             continue
@@ -79,6 +80,8 @@ def _ids(values: Sequence[int]) -> OwnerIds:
 
 def build_walls(space: pymunk.Space, scene: Scene, height: float) -> dict[pymunk.Shape, str]:
     """Add all solids between the floor and ``height`` to ``space``; return owners by shape."""
+    # All that the body can hit, as if it were of one height: the outline of their union has no
+    # edges inside of it that a robot could catch on.
     solids = tuple(
         replace(solid, z_min=0.0, z_max=1.0)
         for solid in scene.solids

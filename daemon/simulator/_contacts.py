@@ -8,8 +8,9 @@ from typing import Any
 
 import pymunk
 
+from daemon.model.sut import TICK_RATE
 from daemon.simulator._mobile_base import MobileBase
-from daemon.simulator._physics import ROBOT_COLLISION_TYPE, TICK_RATE
+from daemon.simulator._physics import ROBOT_COLLISION_TYPE
 from grammars.model.geometry import Point2
 
 
@@ -43,7 +44,8 @@ class WorldEvent:
 
 
 _MERGE_TICKS = TICK_RATE // 10
-"""A touch that resumes within this many ticks is one touch, not two."""
+"""A touch that resumes within this many ticks is one touch, not two: a robot that scrapes along a
+wall may lose and find it every few ticks."""
 
 
 @dataclass(slots=True)
@@ -62,8 +64,9 @@ class _OngoingContact:
 class ContactLog:
     """Collects touches of the robot per owner.
 
-    The physics calls it only when a touch begins or ends; touches that last are looked at when
-    they are reported. ``tick`` is the tick being simulated and is kept up to date by the world.
+    The physics calls it only when a touch begins or ends (a call back into Python costs 1 to 2 us,
+    in every step of a lasting touch); touches that last are looked at when they are reported.
+    ``tick`` is the tick being simulated and is kept up to date by the world.
     """
 
     def __init__(
@@ -80,6 +83,7 @@ class ContactLog:
         space.on_collision(ROBOT_COLLISION_TYPE, None, begin=self._begin, separate=self._separate)
 
     def _begin(self, arbiter: pymunk.Arbiter, space: pymunk.Space, data: Any) -> None:
+        # Inside the step of ``tick``, whose end is the next one.
         owner, now = self._owner(arbiter), self.tick + 1
         touch = self._touches.get(owner)
         if touch is None or (touch.pairs == 0 and now - touch.last > _MERGE_TICKS):
@@ -94,6 +98,7 @@ class ContactLog:
 
     def _separate(self, arbiter: pymunk.Arbiter, space: pymunk.Space, data: Any) -> None:
         touch = self._touches[self._owner(arbiter)]
+        # Several pairs of shapes may touch at once: the links of a door, two pieces of a wall.
         touch.pairs -= 1
         self._base.touching -= 1
         if self.tick > touch.last:
@@ -133,6 +138,7 @@ class ContactLog:
             if touch.pairs:
                 touch.last = tick
             elif touch.reported:
+                # Over and told; forgotten only when it can no longer resume.
                 if tick - touch.last > _MERGE_TICKS:
                     del self._touches[owner]
                 continue

@@ -14,8 +14,9 @@ from collections.abc import Sequence
 import numpy as np
 import pymunk
 
+from daemon.model.sut import TICK_RATE
 from daemon.simulator._assembly import WORLD, BodyAssembly, MovingJoint
-from daemon.simulator._physics import DT, TICK_RATE, convex_distance, ring_array, transform_array
+from daemon.simulator._physics import DT, convex_distance, ring_array, transform_array
 from grammars.model.geometry import Floats, Point2, Pose2
 
 _LIMIT_LAG = 0.5
@@ -46,6 +47,7 @@ class JointDrive:
             self._add(self._make_spring(joint.rest, joint.stiffness, joint.damping))
 
     def _add(self, constraint: pymunk.Constraint) -> None:
+        # What hangs together overlaps by design, a leaf with its jamb or with the leaf before it.
         constraint.collide_bodies = False
         self._space.add(constraint)
 
@@ -130,7 +132,10 @@ class JointDrive:
         The approach is exponential near the target, with a time constant that lets the effort
         brake the mass from ``rate`` twice over.
         """
-        self._let_go()
+        self._release()
+        # The exponential approach begins at ``rate`` with a deceleration of rate / lag; the effort
+        # could brake with effort / inertia. Twice the lag at which both are equal leaves half of it
+        # for the closer and for what leans on the leaf; in less than a tick no error can be undone.
         self._steer(target, rate, effort, max(DT, 2.0 * self._inertia * rate / effort))
 
     def hold(self, target: float) -> None:
@@ -138,13 +143,16 @@ class JointDrive:
 
         On a parent that moves itself, the joint is stiff instead of immovable.
         """
-        self._let_go()
+        self._release()
+        # Heavy instead of static: the joint can be let go again without leaving the space. On a
+        # parent that moves, the mass would tear at that one's own joint.
         if self.motion.parent == WORLD:
             self.child.mass, self.child.moment = _HEAVY * self._mass, _HEAVY * self._moment
         self._steer(target, math.inf, math.inf, 10.0 * DT)
 
-    def _let_go(self) -> None:
+    def _release(self) -> None:
         self.child.mass, self.child.moment = self._mass, self._moment
+        # A sleeping body would not notice that its constraint has another goal.
         self.child.activate()
 
     def _steer(self, target: float, rate: float, effort: float, lag: float) -> None:
@@ -166,7 +174,7 @@ class JointDrive:
 
     def spring(self, target: float, stiffness: float, damping: float) -> None:
         """Pull to ``target`` with a spring, in addition to the object's own closer."""
-        self._let_go()
+        self._release()
         if self._spring is None:
             self._spring = self._make_spring(target, stiffness, damping)
             self._add(self._spring)
@@ -218,12 +226,13 @@ class JointJumper:
         reached = target
         if self._hits(way, footprint):
             reached = start + self._free_way(way, footprint)
-        self._place(reached - start)
+        self._move_bodies(reached - start)
         return reached
 
     def _free_way(self, way: float, footprint: Floats) -> float:
         if self._hits(0.0, footprint):
             return 0.0
+        # In steps before bisecting: a corner of the robot may lie between two free positions.
         reach = self._reach()
         steps = max(1, math.ceil(abs(way) * reach / _STEP))
         low = high = 0.0
@@ -268,7 +277,7 @@ class JointJumper:
         outlines = self._world_outlines(self._move(way))
         return any(convex_distance(outline, footprint) == 0.0 for outline in outlines)
 
-    def _place(self, way: float) -> None:
+    def _move_bodies(self, way: float) -> None:
         move = self._move(way)
         turn = 0.0 if self._drive.motion.joint.kind == "prismatic" else way
         for body in self._bodies:
@@ -276,5 +285,6 @@ class JointJumper:
             body.angle += turn
             body.position = position
             body.velocity, body.angular_velocity = (0.0, 0.0), 0.0
+            # Chipmunk finds a body that was moved by hand at its old place until then.
             if body.space is not None:
                 body.space.reindex_shapes_for_body(body)

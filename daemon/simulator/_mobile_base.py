@@ -3,7 +3,8 @@
 A base driven by motors has a control body that is kinematic and carries the commanded velocity; a
 pivot and a gear joint with bounded effort and no position correction make the robot follow it. So
 it pushes doors with what its motors have, stalls at walls and never tunnels, which writing
-velocities into the robot body would do.
+velocities into the robot body would do. Measured against a wall, four seconds at 1 m/s: 5 mm deep
+in it, 14 cm with a velocity written every 50 ms, on the other side with one written every step.
 
 A base whose velocity is imposed has it written into its body once a tick, before it moves, as
 Gazebo's planar-move plugin does. That alone would press the body through walls; so while anything
@@ -18,7 +19,8 @@ from typing import Final
 
 import pymunk
 
-from daemon.simulator._physics import DT, FRICTION, ROBOT_COLLISION_TYPE, ROBOT_FILTER, TICK_RATE
+from daemon.model.sut import TICK_RATE
+from daemon.simulator._physics import DT, FRICTION, ROBOT_COLLISION_TYPE, ROBOT_FILTER
 from grammars.model.geometry import Pose2, Twist2
 from grammars.model.robot import Robot
 
@@ -45,6 +47,8 @@ class MobileBase:
         self.shape.friction = FRICTION
         self._control = pymunk.Body(body_type=pymunk.Body.KINEMATIC)
         self._control.position = self.body.position
+        # Added to the space, but without a shape: nothing can touch it. Joints to a kinematic body
+        # also keep the robot from falling asleep.
         space.add(self.body, self.shape, self._control)
         self._goal = (0.0, 0.0, 0.0)
         self._expiry = math.inf
@@ -68,7 +72,7 @@ class MobileBase:
         """Set velocities for the tick that starts now."""
         raise NotImplementedError
 
-    def depth(self) -> float:
+    def penetration_depth(self) -> float:
         """Return how deep the robot is in what it touches at most [m]."""
         deepest = [0.0]
 
@@ -108,10 +112,12 @@ class MotorDrivenBase(MobileBase):
         body, speed = self.body, self._speed
         yaw = body.angle
         settled = speed == self._goal
+        # Straight on at a constant speed, which is most of a run: nothing to write.
         if settled and yaw == self._written_yaw:
             return
         # The step that starts now first moves the body with the velocity it has, then finds the
-        # velocity of the next one: halfway through that one is the heading that makes an arc.
+        # velocity of the next one: halfway through that one, 1.5 ticks from now, is the heading
+        # that makes an arc out of straight steps.
         if settled:
             vx, vy, wz = speed
             heading = yaw + 1.5 * DT * wz
@@ -142,6 +148,7 @@ class MotorDrivenBase(MobileBase):
         return Twist2(vx, vy, wz)
 
     def _body_velocity(self, yaw: float, spin: float) -> tuple[float, float]:
+        # The velocity was found for the heading in the middle of its step.
         x, y = self.body.velocity
         heading = yaw + 0.5 * DT * spin
         c, s = math.cos(heading), math.sin(heading)
@@ -167,7 +174,8 @@ def _clamp(value: float, limit: float) -> float:
 
 
 _MEAN_UPDATE_TIME: Final = 0.0045
-"""Mean time of ten updates of the plugin at the start of each millisecond of a tick [s]."""
+"""Mean time of ten updates of the plugin at the start of each millisecond of a tick [s]: that of
+0, 1, ... 9 ms."""
 
 
 class ImposedVelocityBase(MobileBase):
@@ -189,7 +197,10 @@ class ImposedVelocityBase(MobileBase):
         body = self.body
         if self._resisted != (self.touching > 0):
             self._resisted = not self._resisted
-            body.velocity_func = self._insist if self._resisted else pymunk.Body.update_velocity
+            # Only while it lasts: a velocity function in Python costs 2.5 us in every step. The yaw
+            # nan is unlike any, so that the velocity is written again afterwards.
+            own = self._impose_in_contact if self._resisted else pymunk.Body.update_velocity
+            body.velocity_func = own
             self._written = (self._goal, math.nan)
         if self._resisted:
             return
@@ -198,7 +209,7 @@ class ImposedVelocityBase(MobileBase):
             self._written = (self._goal, yaw)
             self._impose(yaw)
 
-    def _insist(
+    def _impose_in_contact(
         self, body: pymunk.Body, gravity: tuple[float, float], damping: float, dt: float
     ) -> None:
         """Have the commanded velocity again, for the solver to take away what meets resistance."""

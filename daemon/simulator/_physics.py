@@ -1,4 +1,4 @@
-"""Physics basics: time step, materials, who collides with whom; mass and distance of convex polygons."""
+"""Physics basics: time step, materials, who collides with whom; mass and distance of polygons."""
 
 from __future__ import annotations
 
@@ -9,14 +9,15 @@ import numpy as np
 import pymunk
 
 from daemon.model.kernels import kernel
+from daemon.model.sut import TICK_RATE
 from grammars.model.geometry import Floats, Point2, Pose2, Ring
 
-TICK_RATE = 100
-"""Physics ticks per simulated second."""
+# 100 Hz: with 20 doors a simulated second costs 0.3 to 1.2 ms, at 1 kHz 2 to 10 ms (measured), and
+# a robot driven through joints is no deeper in a wall than 5 mm.
 DT = 1.0 / TICK_RATE
 
 FRICTION = 0.5
-"""Coulomb friction of every surface; two surfaces in contact multiply to 0.25."""
+"""Coulomb friction of every surface; Chipmunk multiplies those of two in contact, to 0.25 here."""
 
 ROBOT_COLLISION_TYPE = 1
 """Collision type of the robot, the only one whose contacts are recorded."""
@@ -92,6 +93,7 @@ def mass_properties(parts: Sequence[tuple[Ring, float]]) -> tuple[float, Point2,
 @kernel
 def has_separating_edge(a: Floats, b: Floats) -> bool:
     """Tell whether an edge of convex ``a`` (n, 2) has all of ``b`` (m, 2) strictly outside."""
+    # Twice the area, signed: rings come in either direction of turning.
     n = a.shape[0]
     turn = 0.0
     for i in range(1, n - 1):
@@ -135,6 +137,7 @@ def convex_distance(a: Floats, b: Floats) -> float:
 
     A polygon may have a single corner. Overlap is decided by the separating axis theorem.
     """
+    # Two corners, or a corner and an edge, enclose no area that could overlap.
     if not (has_separating_edge(a, b) or has_separating_edge(b, a)) and a.shape[0] + b.shape[0] > 3:
         return 0.0
     return min(corner_distance(a, b), corner_distance(b, a))

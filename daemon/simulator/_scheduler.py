@@ -10,6 +10,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 
+from daemon.model.sut import TICK_RATE
 from daemon.simulator._assembly import BodyAssembly
 from daemon.simulator._behaviours import (
     EventReporter,
@@ -21,7 +22,7 @@ from daemon.simulator._behaviours import (
 )
 from daemon.simulator._joints import JointDrive, JointJumper
 from daemon.simulator._mobile_base import MobileBase
-from daemon.simulator._physics import TICK_RATE, area_and_centroid, ring_array, transform_array
+from daemon.simulator._physics import area_and_centroid, ring_array, transform_array
 from daemon.simulator._walkers import Walker
 from grammars.model.behaviour import (
     Behaviour,
@@ -41,7 +42,8 @@ from grammars.model.scene import Scene
 
 Action = Callable[[], None]
 MOVED_BY = 0.01
-"""A joint this far from where it started has started to move [rad or m]."""
+"""A joint this far from where it started has started to move [rad or m]: more than joints give way
+under a load, less than anybody would call open."""
 
 
 class EventQueue:
@@ -92,10 +94,10 @@ class EventQueue:
 
     @property
     def watching(self) -> bool:
-        """Whether :meth:`look` must be called every tick."""
+        """Whether :meth:`check_moving_joints` must be called every tick."""
         return bool(self._watched)
 
-    def progress(self, current: int, reached: int, tick: int) -> None:
+    def note_progress(self, current: int, reached: int, tick: int) -> None:
         """Take note of the mission: index of the waypoint approached, number of those reached."""
 
         def happened(event: Event) -> bool:
@@ -105,14 +107,15 @@ class EventQueue:
                 return reached > self._waypoints.index(event.waypoint)
             return False
 
-        self._happen(happened, tick)
+        self._schedule_matching(happened, tick)
 
-    def fired(self, joint: str, tick: int) -> None:
+    def note_fired(self, joint: str, tick: int) -> None:
         """Take note that the behaviour of a joint went off."""
-        self._happen(lambda e: isinstance(e, JointActs) and e.act == "fires" and joint in e.joints,
-                     tick)  # fmt: skip
+        self._schedule_matching(
+            lambda e: isinstance(e, JointActs) and e.act == "fires" and joint in e.joints, tick
+        )
 
-    def look(self, tick: int) -> None:
+    def check_moving_joints(self, tick: int) -> None:
         """Take note of joints that started to move."""
         stirred = {
             name
@@ -120,7 +123,7 @@ class EventQueue:
             if abs(self._positions[name]() - start) >= MOVED_BY
         }
         if stirred:
-            self._happen(
+            self._schedule_matching(
                 lambda e: (
                     isinstance(e, JointActs)
                     and e.act == "moves"
@@ -130,16 +133,17 @@ class EventQueue:
             )
             self._watch()
 
-    def _happen(self, happened: Callable[[Event], bool], tick: int) -> None:
+    def _schedule_matching(self, happened: Callable[[Event], bool], tick: int) -> None:
         waiting, self._waiting = self._waiting, []
         for event, delay, act in waiting:
             if happened(event):
+                # The count keeps those of one tick in the order they were declared in.
                 self._count += 1
                 heapq.heappush(self._agenda, (tick + delay, self._count, act))
             else:
                 self._waiting.append((event, delay, act))
 
-    def play(self, tick: int) -> None:
+    def run_due(self, tick: int) -> None:
         """Do what is due, also what becomes due by doing it."""
         while self._agenda and self._agenda[0][0] <= tick:
             heapq.heappop(self._agenda)[2]()
@@ -175,7 +179,9 @@ class BehaviourScheduler:
         positions: dict[str, Callable[[], float]] = {
             name: drive.position for name, drive in drives.items()
         }
-        self._cues = EventQueue(waypoints, positions)
+        self._events = EventQueue(waypoints, positions)
+        # Walkers first and their waiting afterwards: what a walk waits for may be the moving of
+        # another walker, whose position must be known by then.
         walks = [b for b in behaviours if isinstance(b, Walk)]
         for walk in walks:
             walker = self._add_walker(walk)
@@ -188,32 +194,31 @@ class BehaviourScheduler:
                 self._add(behaviour)
         self.active = bool(self._timed or self._triggers or self._reacting or self._walkers)
         self._due = min((t.due for t in self._timed), default=math.inf)
-        self._close: list[RobotProximity] = []
+        self._near: list[RobotProximity] = []
         self._seen = (0.0, 0.0, 0.0)
         self._slack = 0.0
 
     def _add(self, behaviour: KeyFrames | Trigger | Reaction) -> None:
         name, drive = behaviour.joint, self._drives[behaviour.joint]
-        mover = JointActuator(
+        actuator = JointActuator(
             behaviour.motion, drive, JointJumper(drive, self._assembly), self._report
         )
         if isinstance(behaviour, KeyFrames):
-            self._timed.append(KeyFramePlayer(behaviour, mover))
+            self._timed.append(KeyFramePlayer(behaviour, actuator))
         elif isinstance(behaviour, Trigger):
             centre = _doorway_centre(behaviour, drive, self._doorways)
             near = RobotProximity(
                 drive, self._assembly, behaviour.of, behaviour.to, centre, self._footprint
             )
-            self._triggers.append(
-                TriggeredJoint(behaviour, mover, near, lambda: self._cues.fired(name, self._tick))
-            )
+            fires = partial(self._note_fired, name)
+            self._triggers.append(TriggeredJoint(behaviour, actuator, near, fires))
         else:
-            reacting = ReactingJoint(behaviour, mover)
+            reacting = ReactingJoint(behaviour, actuator)
             self._reacting.append(reacting)
-            self._wait(behaviour.event, behaviour.delay, lambda: self._react(reacting))
+            self._wait(behaviour.event, behaviour.delay, partial(self._react, reacting))
 
     def _set_out(self, walker: Walker) -> None:
-        walker.begin(self._tick)
+        walker.set_out(self._tick)
 
     def _add_walker(self, walk: Walk) -> Walker:
         (slot,) = {m.child for m in self._assembly.walks if m.name == walk.joint}
@@ -230,27 +235,36 @@ class BehaviourScheduler:
         return walker
 
     def _wait(self, event: Event, delay: float, act: Callable[[], None]) -> None:
-        self._cues.wait(event, round(delay * TICK_RATE), act)
+        self._events.wait(event, round(delay * TICK_RATE), act)
 
     def _react(self, reacting: ReactingJoint) -> None:
         reacting.act(self._world_footprint())
-        self._cues.fired(reacting.mover.name, self._tick)
+        self._note_fired(reacting.actuator.name)
+
+    def _note_fired(self, joint: str) -> None:
+        self._events.note_fired(joint, self._tick)
 
     def progress(self, current: int, reached: int, tick: int) -> None:
         """Take note of what the mission has come to."""
-        self._cues.progress(current, reached, tick)
+        self._events.note_progress(current, reached, tick)
 
     def update(self, tick: int) -> None:
-        """Let everything happen that is due at the start of ``tick``."""
+        """Let everything happen that is due at the start of ``tick``.
+
+        Causes before effects: key frames and triggers, then joints seen moving, then what waited
+        for any of these, so that a reaction without a delay happens in the same tick.
+        """
         self._tick = tick
         if tick >= self._due:
             self._play(tick)
-        if self._triggers and not self._motion() < self._slack:
-            self._watch()
-        if self._cues.watching:
-            self._cues.look(tick)
-        if tick >= self._cues.due:
-            self._cues.play(tick)
+        # Not ``>=``: a robot whose position has become nan is checked, not trusted.
+        if self._triggers and not self._way_since_check() < self._slack:
+            self._check_triggers()
+        if self._events.watching:
+            self._events.check_moving_joints(tick)
+        if tick >= self._events.due:
+            self._events.run_due(tick)
+        # Walkers last: who sets out now makes the first step now.
         if self._reacting:
             self._retry()
         if self._walkers:
@@ -259,16 +273,16 @@ class BehaviourScheduler:
 
     def _retry(self) -> None:
         for reacting in self._reacting:
-            if reacting.mover.unfinished:
-                reacting.mover.retry(self._world_footprint())
+            if reacting.actuator.blocked:
+                reacting.actuator.retry(self._world_footprint())
 
-    def _motion(self) -> float:
+    def _way_since_check(self) -> float:
         """Return a bound on what moved since the triggers were watched [m]."""
         x, y = self._base.body.position
         motion = math.hypot(x - self._seen[0], y - self._seen[1])
-        if self._close:
+        if self._near:
             motion += self._radius * abs(self._base.body.angle - self._seen[2])
-            motion += max(proximity.moved() for proximity in self._close)
+            motion += max(proximity.moved() for proximity in self._near)
         return motion
 
     def _play(self, tick: int) -> None:
@@ -278,14 +292,15 @@ class BehaviourScheduler:
                 timed.act(footprint)
         self._due = min(timed.due for timed in self._timed)
 
-    def _watch(self) -> None:
+    def _check_triggers(self) -> None:
         pose, footprint = self._base.pose(), self._world_footprint()
         slacks = []
         for trigger in self._triggers:
-            trigger.mover.retry(footprint)
-            slack = trigger.watch(pose, footprint)
-            slacks.append(0.0 if trigger.mover.unfinished else slack)
-        self._close = [trigger.proximity for trigger in self._triggers if trigger.close]
+            trigger.actuator.retry(footprint)
+            slack = trigger.check(pose, footprint)
+            # A blocked jump is retried every tick, so that it follows the robot out of its way.
+            slacks.append(0.0 if trigger.actuator.blocked else slack)
+        self._near = [trigger.proximity for trigger in self._triggers if trigger.near]
         self._seen = (pose.x, pose.y, self._base.body.angle)
         # Slightly less than the bound, so that rounding cannot make a check late.
         self._slack = min(slacks) - 1e-6

@@ -9,13 +9,15 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Final, Literal, TypeAlias
+from enum import Enum
+from typing import Final
 
 import numpy as np
 import pymunk
 
+from daemon.model.sut import TICK_RATE
 from daemon.simulator._mobile_base import MobileBase
-from daemon.simulator._physics import DT, TICK_RATE, convex_distance, ring_array, transform_array
+from daemon.simulator._physics import DT, convex_distance, ring_array, transform_array
 from grammars.model.behaviour import Walk
 from grammars.model.geometry import Floats, Pose2, Ring
 from grammars.model.movers import TURN_RATE, Profile, Route
@@ -106,6 +108,7 @@ class RouteFollower:
         turned = leg.turned
         if time < self._rest_until and turned != self._turn_from:
             step = math.copysign((time - self._arrived) * TURN_RATE, turned - self._turn_from)
+            # Never more than half a turn, whatever rounding adds to the time.
             turned = self._turn_from + (step if abs(step) < math.pi else turned - self._turn_from)
         x, y = self.route.point(along)
         return x, y, self.route.yaw(along) + turned
@@ -145,7 +148,7 @@ class RouteFollower:
         self._stopped, self._begin, self._from = True, time, way
         self._braked_from = 0.0 if dead else speed
 
-    def go_on(self, time: float) -> None:
+    def resume(self, time: float) -> None:
         """Set out again from where it is."""
         way, speed = self._state(time)
         self._stopped = False
@@ -156,13 +159,21 @@ SQUEEZED_DEPTH: Final = 0.02
 """A mover stops dead when the robot it touches is this deep in anything [m]: it has no way out."""
 
 CLEAR_AGAIN: Final = 0.05
-"""It goes on when the robot is this much farther away than where it stopped for it [m]."""
+"""It goes on when the robot is this much farther away than where it stopped for it [m]: otherwise a
+robot that creeps along the limit would make it stop and go at every tick."""
 
 YIELD_ANGLE: Final = math.radians(60.0)
 """A mover yields to robots this far to the left and right of the way it goes [rad]."""
 
 _NEAR: Final = 1e-9
-_RobotInTheWay: TypeAlias = Literal["", "yields to", "blocked by"]
+
+
+class _RobotInTheWay(Enum):
+    """What a walker does about the robot, in the words of its events."""
+
+    NO = ""
+    YIELDS = "yields to"
+    BLOCKED = "blocked by"
 
 
 class Walker:
@@ -186,14 +197,14 @@ class Walker:
         self._home = (body.position.x, body.position.y)
         self._began: float | None = None if walk.event else walk.start
         self._on_the_way = self._still = False
-        self._obstacle: _RobotInTheWay = ""
+        self._obstacle = _RobotInTheWay.NO
 
     def moved(self) -> float:
         """Return how far it is from where it started [m]."""
         x, y = self._body.position
         return math.hypot(x - self._home[0], y - self._home[1])
 
-    def begin(self, tick: int) -> None:
+    def set_out(self, tick: int) -> None:
         """Set out now: what the walk waited for has happened."""
         if self._began is None:
             self._began = tick / TICK_RATE
@@ -225,11 +236,11 @@ class Walker:
         before, self._obstacle = self._obstacle, self._look(now)
         if self._obstacle == before:
             return
-        if self._obstacle:
-            self._follower.stop(now, dead=self._obstacle == "blocked by")
-            self._report(self._walk.object, f"{self._obstacle} the robot")
+        if self._obstacle is not _RobotInTheWay.NO:
+            self._follower.stop(now, dead=self._obstacle is _RobotInTheWay.BLOCKED)
+            self._report(self._walk.object, f"{self._obstacle.value} the robot")
         else:
-            self._follower.go_on(now)
+            self._follower.resume(now)
             self._report(self._walk.object, "walks on")
 
     def _look(self, now: float) -> _RobotInTheWay:
@@ -237,19 +248,21 @@ class Walker:
         (x, y), robot = self._body.position, self._base.body.position
         dx, dy = robot.x - x, robot.y - y
         yielding = self._walk.yielding or 0.0
+        # Far away, as most of the time: no polygons.
         if dx * dx + dy * dy > (yielding + self._reach) ** 2:
-            return ""
+            return _RobotInTheWay.NO
         heading = self._follower.heading(now)
         ahead = 0.0 if heading is None else dx * heading[0] + dy * heading[1]
         if ahead <= 0.0:
-            return ""
+            return _RobotInTheWay.NO
         gap = self._gap()
-        squeezed = gap <= 0.0 and self._base.depth() > SQUEEZED_DEPTH
-        if squeezed or (self._obstacle == "blocked by" and gap < CLEAR_AGAIN):
-            return "blocked by"
+        squeezed = gap <= 0.0 and self._base.penetration_depth() > SQUEEZED_DEPTH
+        if squeezed or (self._obstacle is _RobotInTheWay.BLOCKED and gap < CLEAR_AGAIN):
+            return _RobotInTheWay.BLOCKED
         in_sight = ahead > math.cos(YIELD_ANGLE) * math.hypot(dx, dy)
-        enough = yielding + CLEAR_AGAIN if self._obstacle and yielding > 0.0 else yielding
-        return "yields to" if in_sight and gap < enough else ""
+        stopped = self._obstacle is not _RobotInTheWay.NO
+        enough = yielding + CLEAR_AGAIN if stopped and yielding > 0.0 else yielding
+        return _RobotInTheWay.YIELDS if in_sight and gap < enough else _RobotInTheWay.NO
 
     def _gap(self) -> float:
         """Return the distance between the mover and the robot [m]."""

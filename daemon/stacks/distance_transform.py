@@ -7,7 +7,8 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from daemon.stacks.kernels import Singles, kernel
+from daemon.model.kernels import kernel
+from daemon.stacks.kernels import Singles
 
 FAR = 1.0e6
 """Distance reported where there is no solid cell at all [cells]."""

@@ -1,21 +1,17 @@
-"""The one way numba kernels are declared in the stacks, and small ones every stack uses."""
+"""Small kernels every stack uses, and the arrays kernels take."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from typing import Any, TypeAlias, TypeVar, cast
+from typing import TypeAlias
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
 
-F = TypeVar("F", bound=Callable[..., Any])
+from daemon.model.kernels import kernel
+
 Singles: TypeAlias = npt.NDArray[np.float32]
 Integers: TypeAlias = npt.NDArray[np.int32]
-
-kernel = cast(Callable[[F], F], njit(cache=True))
-"""Compile to machine code on the first call, cached on disk. Never parallel: workers fork."""
 
 
 @kernel

@@ -34,9 +34,11 @@ Fields = dict[str, npt.NDArray[Any]]
 T = TypeVar("T")
 
 _RARE_LIMIT: Final = 1 << 20
-_LEVELS: Final = {10: "debug", 20: "info", 30: "warn", 40: "error", 50: "fatal"}
+"""Largest message [bytes] that is given to rosbags; ours cut texts at ten thousand characters."""
+_LEVELS: Final = {number: level for level, number in ros.LEVELS.items()}
 _LOG_TIME: Final = struct.Struct("<Q")
 _LOG_TIME_AT: Final = 15
+"""Offset in an MCAP message record, after opcode, length, channel and sequence."""
 
 
 def motion(runs: Runs, topic: str, frame: str) -> MotionTrack:
@@ -89,6 +91,8 @@ def contacts(runs: Runs) -> tuple[ContactRecord, ...]:
     """Decode ``/contacts``, in the order of their times."""
     found: list[ContactRecord] = []
     for rows in runs.get("/contacts", []):
+        # A run of equal-sized messages may hold several pairs of names of the same length: the
+        # first row names a pair, all rows of it are taken at once, the rest is looked at again.
         while len(rows):
             first, second = _contact_names(rows[0].tobytes()[HEADER.size :])
             layout = _layouts.contact(first, second)
@@ -179,6 +183,8 @@ def _contact_records(
 
 def _contact_names(payload: bytes) -> tuple[str, str]:
     """Read the two names from a ``ContactsState`` with one state."""
+    # CDR: the encapsulation (4 bytes) and the stamp (8), then four strings: frame_id, behind it the
+    # number of states (4 bytes to skip), info and the two names. Strings are aligned to 4 bytes.
     at, found = 12, []
     try:
         for skip in (4, 0, 0, 0):
@@ -204,5 +210,6 @@ def _rare(runs: Runs, topic: str, read: Callable[[Any], T]) -> Iterator[tuple[fl
             try:
                 content = read(ros.deserialize(data[HEADER.size :], ros.KINDS[topic]))
             except Exception as error:
+                # Whatever: rosbags reads damaged bytes with struct, numpy and its own code.
                 raise DamagedTraceError(f"a damaged message on {topic}") from error
             yield _LOG_TIME.unpack_from(data, _LOG_TIME_AT)[0] / 1e9, content

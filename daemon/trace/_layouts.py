@@ -3,7 +3,8 @@
 A prototype message carries unmistakable marker values where the data will go; serializing it
 once with rosbags shows where each field lies. Whole columns of messages are then written and
 read with a handful of numpy assignments, and agree with rosbags byte for byte by construction.
-The frequent topics have one prototype each.
+The frequent topics have one prototype each. Measured: rosbags takes 5 to 13 us to serialize one
+of them, a template that is filled in message by message 0.6 to 1 us.
 """
 
 from __future__ import annotations
@@ -69,6 +70,7 @@ class FieldMarker:
     def _floats(
         self, name: str, count: int, kind: type, shape: tuple[int, ...]
     ) -> npt.NDArray[Any]:
+        # All unlike each other, and within a third of one, so that no mark reaches the next.
         steps = np.arange(count) / max(3 * count, 1)
         values: npt.NDArray[Any] = (12345.0 + len(self.slots) + steps).astype(kind)
         self.slots.append((name, "<f8" if kind is np.float64 else "<f4", shape, values.tobytes()))
@@ -143,6 +145,7 @@ def derive_layout(topic: str, kind: str, build: Callable[[FieldMarker], Any]) ->
     data = head + payload
     fields = {name: (np.dtype(form), at) for name, (form, at) in _HEADER_FIELDS.items()}
     constant = np.ones(len(data), np.bool_)
+    # Channel, sequence and both times; opcode and length before them stay the same.
     constant[9 : HEADER.size] = False
     template = np.frombuffer(data, np.uint8).copy()
     for name, form, shape, marker in mark.slots:
@@ -324,6 +327,8 @@ def joints(names: tuple[str, ...]) -> MessageLayout:
     )
 
 
+# One layout per pair of names, because names are constant bytes: a robot touches few things, but a
+# process that reads many traces meets many pairs.
 @functools.lru_cache(maxsize=1024)
 def contact(first: str, second: str) -> MessageLayout:
     """``/contacts`` with one contact between two named bodies: px, py, nx, ny, depth in map."""
@@ -344,25 +349,3 @@ def contact(first: str, second: str) -> MessageLayout:
         return ros.make(ros.CONTACTS, header=ros.header(mark.stamp(), "map"), states=[state])
 
     return derive_layout("/contacts", ros.CONTACTS, build)
-
-
-@functools.cache
-def path(count: int) -> MessageLayout:
-    """A ``nav_msgs/Path`` in map with ``count`` poses: x0, y0, x1, ... (see ``paths``)."""
-    kind = "nav_msgs/msg/Path"
-
-    def build(mark: FieldMarker) -> Any:
-        return ros.make(
-            kind,
-            header=ros.header(mark.stamp("stamp"), "map"),
-            poses=[
-                ros.make(
-                    "geometry_msgs/msg/PoseStamped",
-                    header=ros.header(mark.stamp(f"stamp{i}"), "map"),
-                    pose=ros.pose(mark.f8(f"x{i}"), mark.f8(f"y{i}"), 0.0, 1.0),
-                )
-                for i in range(count)
-            ],
-        )
-
-    return derive_layout("/plan", kind, build)

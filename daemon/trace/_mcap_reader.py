@@ -40,6 +40,7 @@ _CHUNK_HEAD: Final = struct.Struct("<QQQII")
 _LENGTH: Final = struct.Struct("<Q")
 _CHANNEL: Final = struct.Struct("<H")
 _WINDOW: Final = 512
+"""Rows compared at a time, so that short runs (events, contacts) cost no pass over the chunk."""
 
 
 class DamagedTraceError(Exception):
@@ -142,6 +143,7 @@ class _McapWalk:
             self._schemas[record.id] = record.name
         elif isinstance(record, records.Channel):
             kind = KINDS.get(record.topic)
+            # Topics that are not ours may be anything: merged files and other tools' additions.
             if kind is not None and self._schemas.get(record.schema_id) != kind:
                 raise DamagedTraceError(f"{record.topic} is not {kind}")
             self._channels[record.id] = record.topic
@@ -175,6 +177,7 @@ class _McapWalk:
             try:
                 opcode, content = self._record(at)
             except DamagedTraceError:
+                # Cut right behind the chunk: its index is lost, the chunk is not.
                 return True
             if opcode != Opcode.MESSAGE_INDEX:
                 return not indexed
@@ -198,6 +201,7 @@ class _McapWalk:
         if _LENGTH.unpack_from(raw, start - _LENGTH.size)[0] != len(raw) - start:
             raise DamagedTraceError("a damaged chunk")
         self._total += size
+        # Before decompressing: a few bytes of zstd can claim, and become, gigabytes.
         if size > CHUNK_LIMIT or self._total > TOTAL_LIMIT:
             raise TraceError(
                 self.recording.path,
@@ -255,6 +259,7 @@ def decompress(data: bytes, method: bytes, size: int | None, limit: int = CHUNK_
     most = limit if size is None else size
     try:
         if method == b"zstd":
+            # As a stream: ``decompress`` allocates what the frame's header claims.
             with zstandard.ZstdDecompressor().stream_reader(data) as reader:
                 found = bytes(reader.read(most + 1))
         elif method == b"":

@@ -30,6 +30,8 @@ MAGIC: Final = b"\x89MCAP0\r\n"
 LIBRARY: Final = "scenario-tui"
 PROFILE: Final = "ros2"
 COMPRESSION_LEVEL: Final = 1
+"""Measured on a minute of driving: 3.3 us a message and 1254 kB; the library's writer with its
+default level takes 6.3 us and 1234 kB. The noise of laser ranges does not compress at any level."""
 
 _INDEX_HEAD: Final = struct.Struct("<BQHI")
 _INDEX_ENTRY: Final = np.dtype([("time", "<u8"), ("offset", "<u8")])
@@ -126,6 +128,7 @@ class McapWriter:
         if not blocks:
             return
         parts = [block.data for block in blocks]
+        # Schemas and channels inside of the first chunk, where they are compressed.
         if not self._chunks:
             parts.insert(0, b"".join(map(_record_bytes, (*self._schemas, *self._channels))))
         data = b"".join(parts)
@@ -138,12 +141,12 @@ class McapWriter:
         )  # fmt: skip
         offset, length = self._write(_record_bytes(chunk))
         base = len(parts[0]) if len(parts) > len(blocks) else 0
-        index, places = self._index(blocks, base, self._size)
+        index, index_offsets = self._index(blocks, base, self._size)
         self._write(index)
         self._chunks.append(
             records.ChunkIndex(
                 message_start_time=start, message_end_time=end, chunk_start_offset=offset,
-                chunk_length=length, message_index_offsets=places,
+                chunk_length=length, message_index_offsets=index_offsets,
                 message_index_length=len(index), compression="zstd",
                 compressed_size=len(compressed), uncompressed_size=len(data),
             )
@@ -175,6 +178,7 @@ class McapWriter:
                 )
             at += len(data)
         body = b"".join([*summary, *map(_record_bytes, offsets)])
+        # The format's summary checksum covers the footer up to the checksum itself.
         head = struct.pack("<BQQQ", Opcode.FOOTER, 20, start, at)
         footer = records.Footer(
             summary_start=start, summary_offset_start=at, summary_crc=zlib.crc32(body + head)
@@ -182,26 +186,28 @@ class McapWriter:
         self._write(body + _record_bytes(footer) + MAGIC)
 
     def _index(
-        self, blocks: Sequence[MessageBlock], base: int, place: int
+        self, blocks: Sequence[MessageBlock], base: int, position: int
     ) -> tuple[bytes, dict[int, int]]:
         found: dict[int, list[tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]]] = {}
         for block in blocks:
             found.setdefault(block.channel, []).append((block.times, block.offsets + base))
             base += len(block.data)
-        parts, places = [], {}
+        parts, index_offsets = [], {}
         for channel, pieces in found.items():
             entries = np.empty(sum(len(times) for times, _ in pieces), _INDEX_ENTRY)
             np.concatenate([times for times, _ in pieces], out=entries["time"], casting="unsafe")
             np.concatenate([at for _, at in pieces], out=entries["offset"], casting="unsafe")
+            # Readers find the messages of a channel in order by it; stable, so that those of one
+            # instant stay in the order they were recorded in.
             if len(pieces) > 1 or (np.diff(pieces[0][0]) < 0).any():
                 entries = entries[np.argsort(entries["time"], kind="stable")]
             data = entries.tobytes()
-            places[channel] = place
+            index_offsets[channel] = position
             parts.append(_INDEX_HEAD.pack(Opcode.MESSAGE_INDEX, 6 + len(data), channel, len(data)))
             parts.append(data)
-            place += _INDEX_HEAD.size + len(data)
+            position += _INDEX_HEAD.size + len(data)
             self._counts[channel] = self._counts.get(channel, 0) + len(entries)
-        return b"".join(parts), places
+        return b"".join(parts), index_offsets
 
     def _statistics(self) -> records.Statistics:
         start, end = self._span or (0, 0)
@@ -231,7 +237,7 @@ def _record_bytes(record: Any) -> bytes:
 class SampleColumns:
     """Samples of one signal: a time [ns] and a fixed number of floats each.
 
-    Appending costs a fraction of a microsecond; nothing is encoded before :meth:`take`.
+    Appending costs a fraction of a microsecond; nothing is encoded before :meth:`drain`.
     """
 
     __slots__ = ("_times", "_values", "names")
@@ -249,7 +255,7 @@ class SampleColumns:
         self._times.append(time)
         self._values.extend(values)
 
-    def take(self) -> tuple[IntArray, dict[str, npt.NDArray[Any]]]:
+    def drain(self) -> tuple[IntArray, dict[str, npt.NDArray[Any]]]:
         """Return the samples as times (n,) and one column (n,) per name, and start anew."""
         times = np.frombuffer(self._times, np.int64)
         values = np.frombuffer(self._values, np.float64).reshape(len(times), len(self.names))
@@ -276,7 +282,7 @@ class MessageRecords:
         self._parts.append(head + payload)
         self.size += len(head) + len(payload)
 
-    def take(self) -> MessageBlock:
+    def drain(self) -> MessageBlock:
         """Return the messages as a block and start anew."""
         lengths = np.array([0, *map(len, self._parts)], np.int64)
         block = MessageBlock(

@@ -7,7 +7,6 @@ ACCEPTED. Goal ids are UUIDs of version 5 over the run's digest, so they are the
 
 from __future__ import annotations
 
-import math
 import uuid
 from typing import Any, Final, Literal
 
@@ -18,6 +17,7 @@ from daemon.trace import messages as ros
 from grammars.model.mission import Mission, Waypoint
 
 STATUS: Final = "action_msgs/msg/GoalStatusArray"
+# action_msgs/GoalStatus: STATUS_ACCEPTED, STATUS_EXECUTING, STATUS_SUCCEEDED, STATUS_ABORTED.
 _ACCEPTED, _EXECUTING, _SUCCEEDED, _ABORTED = 1, 2, 4, 6
 _STATES: Final[dict[int, Literal["active", "succeeded", "aborted"]]] = {
     _EXECUTING: "active",
@@ -72,9 +72,8 @@ def progress(message: Any) -> Progress:
 
 def goal(waypoint: Waypoint, stamp: int) -> Any:
     """Return the current waypoint as a ``geometry_msgs/PoseStamped``."""
-    half = (waypoint.yaw or 0.0) / 2
     return ros.make(
         "geometry_msgs/msg/PoseStamped",
         header=ros.header(ros.time(stamp), "map"),
-        pose=ros.pose(waypoint.x, waypoint.y, math.sin(half), math.cos(half)),
+        pose=ros.pose(waypoint.x, waypoint.y, *ros.yaw_quaternion(waypoint.yaw or 0.0)),
     )

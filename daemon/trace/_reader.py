@@ -23,7 +23,8 @@ from grammars.model.scene import Scene
 from grammars.text import codec
 
 MAX_GAP: Final = 0.5
-"""Longest time [s] between two ground truth samples in a trace that can be trusted."""
+"""Longest time [s] between two ground truth samples in a trace that can be trusted: ten in a row
+may be missing, as it is recorded at 20 Hz."""
 
 
 def recording_problems(
@@ -61,6 +62,7 @@ def _not_finite(name: str, time: Floats, values: Floats) -> list[str]:
 def _gaps(time: Floats, valid_until: float) -> list[str]:
     if not len(time):
         return ["there is no ground truth"]
+    # From the start of the run to the end of what is judged: missing ends are gaps like any other.
     edges = np.concatenate(([0.0], time, [valid_until]))
     steps = np.diff(edges)
     worst = int(np.argmax(steps))
@@ -70,6 +72,7 @@ def _gaps(time: Floats, valid_until: float) -> list[str]:
 
 
 _SCENE_LIMIT: Final = 64 << 20
+"""Largest scene [bytes of JSON] that is unpacked from a file that may be anybody's."""
 _JUDGED: Final = frozenset(
     {
         "/ground_truth", "/odom", "/joint_states", "/cmd_vel", "/pose", "/contacts",
@@ -144,6 +147,7 @@ def _decoded(recording: McapContents, spec: RunSpec, scene: Scene, scans: bool) 
 def _attached_spec(recording: McapContents) -> RunSpec:
     data = _attachment(recording, "spec.json")
     named = recording.metadata.get("run", {}).get("digest")
+    # Attachments have no checksum of ours otherwise, and everything is judged by what they say.
     if named != hashlib.sha256(data).hexdigest():
         raise TraceError(recording.path, "the run specification in the file is damaged")
     return _parsed(recording.path, RunSpec, data)
@@ -162,6 +166,7 @@ def _attachment(recording: McapContents, name: str) -> bytes:
     return found
 
 
+# A campaign's hundreds of traces have a scene or two.
 @functools.lru_cache(maxsize=16)
 def _cached_scene(packed: bytes) -> tuple[Scene, str]:
     data = decompress(packed, b"zstd", None, _SCENE_LIMIT)

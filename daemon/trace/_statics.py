@@ -44,6 +44,7 @@ class MovingLinks:
         column = 0
         for item in scene.objects:
             if item.joints and not item.frozen:
+                # With no rows: it computes nothing but raises for joints that form no tree.
                 link_tracks(item, np.empty((0, len(item.joints))))
                 objects.append((item, column))
             column += len(item.joints)
@@ -80,8 +81,10 @@ _COLOURS: Final = {
     "object": (0.62, 0.40, 0.22, 1.0),
     "waypoint": (0.10, 0.55, 0.85, 1.0),
 }
+# visualization_msgs/Marker: ARROW, TEXT_VIEW_FACING, TRIANGLE_LIST.
 _ARROW, _TEXT, _TRIANGLES = 0, 9, 11
 _FLOOR_HEIGHT: Final = 0.02
+"""Arrows lie this far above the floor [m], so that its plane does not hide half of them."""
 
 
 def occupancy_grid(grid: OccupancyGrid, now: int = 0, frame: str = "map") -> Any:
@@ -148,7 +151,8 @@ def markers(scene: Scene, mission: Mission) -> Any:
                 _marker(frame, item.name, number, _TRIANGLES, "object", points=points, locked=True)
             )
     for number, waypoint in enumerate(mission.waypoints):
-        at = ros.pose(*_arrow(waypoint.x, waypoint.y, waypoint.yaw or 0.0), z=_FLOOR_HEIGHT)
+        turn = ros.yaw_quaternion(waypoint.yaw or 0.0)
+        at = ros.pose(waypoint.x, waypoint.y, *turn, z=_FLOOR_HEIGHT)
         found.append(
             _marker("map", "waypoints", number, _ARROW, "waypoint", at=at, scale=(0.5, 0.08, 0.08))
         )
@@ -172,18 +176,15 @@ def _held(item: SceneObject) -> Iterable[tuple[str, Any]]:
         yield name.removeprefix(f"{item.name}/"), Pose2(x, y, 2.0 * math.atan2(qz, qw))
 
 
-def _arrow(x: float, y: float, yaw: float) -> tuple[float, float, float, float]:
-    return (x, y, math.sin(yaw / 2), math.cos(yaw / 2))
-
-
 def _transform(parent: str, child: str, x: float, y: float, yaw: float, z: float = 0.0) -> Any:
-    qz, qw = math.sin(yaw / 2), math.cos(yaw / 2)
+    qz, qw = ros.yaw_quaternion(yaw)
     return ros.transform(ros.time(0), parent, child, x=x, y=y, z=z, qz=qz, qw=qw)
 
 
 def _prism(ring: Ring, bottom: float, top: float) -> list[Any]:
     """Return the corners of triangles covering the top and the sides of a convex prism."""
     corners: list[tuple[Point2, float]] = []
+    # A fan from the first corner, since links and solids are convex. No bottom: nobody sees it.
     for a, b in itertools.pairwise(ring[1:]):
         corners += [(ring[0], top), (a, top), (b, top)]
     for a, b in zip(ring, ring[1:] + ring[:1], strict=True):

@@ -1,85 +1,54 @@
 """What a run shows but is not judged by: plans, particles and costmaps, thinned as they come.
 
-Paths are written as CDR of any length without a Python object per pose. Coordinates are rounded
-to 2^-10 m (about a millimetre): nobody sees less, and it makes paths a third as large on disk.
+Coordinates are rounded to 2^-10 m (about a millimetre): nobody sees less, and it makes paths a
+third as large on disk.
 """
 
 from __future__ import annotations
 
-import functools
 import struct
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 import numpy.typing as npt
 
 from daemon.model.sut import CostmapPicture
-from daemon.trace import _layouts, _statics
+from daemon.trace import _statics
 from daemon.trace import messages as ros
-from daemon.trace._layouts import HEADER, ByteArray, MessageLayout, stamps
+from daemon.trace._layouts import stamps
 from daemon.trace._mcap_writer import MessageBlock, MessageRecords
 from grammars.model.geometry import Floats
 from grammars.model.grid import OccupancyGrid
 
+_SECOND: Final = 1_000_000_000
 
-@dataclass(frozen=True, slots=True)
-class _PathShape:
-    """Payloads of paths with no and with one pose, and the bytes each further pose adds."""
-
-    empty: ByteArray
-    one: ByteArray
-    more: ByteArray
-    count: int
-    first: dict[str, int]
-    next: dict[str, int]
-
-
-@functools.cache
-def _path_shape() -> _PathShape:
-    empty, one, two = (_layouts.path(count) for count in range(3))
-    start = len(one.template)
-    head, longer = one.template[HEADER.size :], two.template[HEADER.size : start]
-    changed = np.flatnonzero(head != longer)
-    assert len(changed) == 1, "paths of one and two poses must differ in their count only"
-    names = ("stamp", "x", "y")
-    return _PathShape(
-        empty.template[HEADER.size :],
-        head,
-        two.template[start:],
-        int(changed[0]),
-        {name: _field_offset(one, f"{name}0") - HEADER.size for name in names},
-        {name: _field_offset(two, f"{name}1") - start for name in names},
-    )
+# A plan has hundreds of poses, of each of which rosbags wants a Python object. So the CDR of paths
+# and particles is written out here, a header and a table of rows; tests hold it to rosbags.
+_HEAD: Final = struct.Struct("<4siIi4sI")
+"""Encapsulation, stamp, length and text of the frame, number of rows."""
+_ENCAPSULATION: Final = b"\0\1\0\0"
+_FRAME: Final = (4, b"map\0")
+_STAMPED_POSE: Final = np.dtype([("stamp", "<u8"), ("frame", "V8"), ("pose", "<f8", 7)])
+_ALIGNED: Final = _HEAD.size + 16
+"""Where the first pose of a path stands: doubles lie at multiples of eight bytes after the four of
+the encapsulation, so four of padding precede it. All further rows are aligned by then."""
 
 
 def encode_path(now: int, points: Floats) -> bytes:
     """Return a path through ``points`` (n, 2) in map at ``now`` [ns]; all headings are 0.
 
-    Raises ``ValueError`` for any other shape. The poses after the first all have the size and
-    the alignment of the second.
+    Raises ``ValueError`` for any other shape.
     """
     if points.ndim != 2 or points.shape[1] != 2:
         raise ValueError(f"a plan must have shape (n, 2), not {points.shape}")
-    shape = _path_shape()
-    points = np.ascontiguousarray(points, np.float64)
-    stamp = stamps(np.array([now])).view(np.uint8)
-    head = (shape.one if len(points) else shape.empty).copy()
-    tail = np.tile(shape.more, (max(len(points) - 1, 0), 1))
-    header = _field_offset(_layouts.path(0), "stamp") - HEADER.size
-    head[header : header + 8] = stamp
-    if len(points):
-        head[shape.count : shape.count + 4] = np.array([len(points)], "<u4").view(np.uint8)
-        for rows, at, values in (
-            (head[None], shape.first, points[:1]),
-            (tail, shape.next, points[1:]),
-        ):
-            xy = np.ascontiguousarray(values).view(np.uint8)
-            rows[:, at["stamp"] : at["stamp"] + 8] = stamp
-            rows[:, at["x"] : at["x"] + 8] = xy[:, :8]
-            rows[:, at["y"] : at["y"] + 8] = xy[:, 8:]
-    return head.tobytes() + tail.tobytes()
+    rows = np.zeros(len(points), _STAMPED_POSE)
+    rows["stamp"] = stamps(np.array([now]))
+    rows["frame"] = struct.pack("<i4s", *_FRAME)
+    rows["pose"][:, :2] = points
+    rows["pose"][:, 6] = 1.0
+    message = _pack_head(now, len(points)) + rows.tobytes()
+    return message[:_ALIGNED] + bytes(4 if len(points) else 0) + message[_ALIGNED:]
 
 
 def decode_path(payload: bytes) -> Floats:
@@ -87,29 +56,15 @@ def decode_path(payload: bytes) -> Floats:
 
     Raises ``ValueError`` for a payload of another size than its number of poses takes.
     """
-    shape = _path_shape()
-    data = np.frombuffer(payload, np.uint8)
-    if len(data) == len(shape.empty):
-        return np.empty((0, 2))
-    more = len(data) - len(shape.one)
-    if more < 0 or more % len(shape.more):
+    rows = payload[_HEAD.size : _ALIGNED] + payload[_ALIGNED + 4 :]
+    if len(payload) < _HEAD.size or len(rows) % _STAMPED_POSE.itemsize:
         raise ValueError("a path of another size")
-    first, rest = data[None, : len(shape.one)], data[len(shape.one) :]
-    return np.vstack(
-        [_points(first, shape.first), _points(rest.reshape(-1, len(shape.more)), shape.next)]
-    )
+    points: Floats = np.frombuffer(rows, _STAMPED_POSE)["pose"][:, :2].copy()
+    return points
 
 
-def _points(rows: ByteArray, at: dict[str, int]) -> Floats:
-    """Return x and y (n, 2) of the poses in ``rows`` of bytes (n, size)."""
-    columns = [np.ascontiguousarray(rows[:, at[axis] : at[axis] + 8]) for axis in "xy"]
-    return np.column_stack([column.view("<f8").reshape(-1) for column in columns])
-
-
-def _field_offset(layout: MessageLayout, name: str) -> int:
-    fields = layout.record.fields
-    assert fields is not None
-    return int(fields[name][1])
+def _pack_head(now: int, count: int) -> bytes:
+    return _HEAD.pack(_ENCAPSULATION, *divmod(now, _SECOND), *_FRAME, count)
 
 
 PARTICLES: Final = "/particlecloud"
@@ -118,10 +73,8 @@ COSTMAP: Final = "/move_base/local_costmap/costmap"
 PLAN_POINTS: Final = 500
 """A plan of more points is thinned to about as many; navfn puts one every 2.5 cm."""
 
-_SECOND: Final = 1_000_000_000
 _LOCAL_PLAN_PERIOD: Final = _SECOND // 5
 _STEPS_PER_METRE: Final = 1024.0
-_POSES_HEAD: Final = struct.Struct("<4siIi4sI")
 
 
 class ViewerMessages:
@@ -176,10 +129,10 @@ class ViewerMessages:
             self._due[what] = now + period
         return due
 
-    def take(self) -> list[MessageBlock]:
+    def drain(self) -> list[MessageBlock]:
         """Return what was collected and start anew."""
         kept = (self._plan, self._local_plan, self._particles, self._costmap)
-        return [records.take() for records in kept]
+        return [records.drain() for records in kept]
 
 
 def _thin_plan(points: Floats) -> Floats:
@@ -204,14 +157,12 @@ def encode_poses(now: int, poses: Floats) -> bytes:
     """
     if poses.ndim != 2 or poses.shape[1] != 3 or not np.isfinite(poses).all():
         raise ValueError(f"particles must be finite and of shape (n, 3), not {poses.shape}")
-    seconds, rest = divmod(now, _SECOND)
-    head = _POSES_HEAD.pack(b"\0\1\0\0", seconds, rest, 4, b"map\0", len(poses))
     rows = np.zeros((len(poses), 7))
     rows[:, :2] = poses[:, :2]
     half = 0.5 * poses[:, 2]
     rows[:, 5], rows[:, 6] = np.sin(half), np.cos(half)
-    # Doubles stand at multiples of eight bytes after the four of the encapsulation.
-    return head + bytes(4 if len(poses) else 0) + _round_coordinates(rows).astype("<f8").tobytes()
+    padding = bytes(4 if len(poses) else 0)
+    return _pack_head(now, len(poses)) + padding + _round_coordinates(rows).tobytes()
 
 
 def _published_costmap(picture: CostmapPicture) -> OccupancyGrid:
@@ -227,6 +178,7 @@ def _published_costmap(picture: CostmapPicture) -> OccupancyGrid:
 
 def _cost_translation() -> npt.NDArray[np.int8]:
     costs = np.arange(256)
+    # Its loop in integer arithmetic: 1 + (97 * (cost - 1)) / 251 for costs of 1 to 252.
     table = (1 + 97 * (costs - 1) // 251).astype(np.int16)
     table[[0, 253, 254, 255]] = 0, 99, 100, -1
     return table.astype(np.int8)

@@ -84,6 +84,7 @@ def compress_scene(scene: Scene, digest: str) -> bytes:
     return _compressed(data)
 
 
+# Level 9 and not 1 as for messages: once per scene and process, while every trace carries it.
 @functools.lru_cache(maxsize=4)
 def _compressed(data: bytes) -> bytes:
     return zstandard.ZstdCompressor(level=9).compress(data)
@@ -92,17 +93,20 @@ def _compressed(data: bytes) -> bytes:
 PARTIAL: Final = ".partial"
 """Added to the name of a trace while it is written, and left there when its writer dies."""
 
-LEVELS: Final = {"debug": 10, "info": 20, "warn": 30, "error": 40, "fatal": 50}
-
 _SECOND: Final = 1_000_000_000
 _CHUNK: Final = 10 * _SECOND
+"""What a chunk covers [ns]: what is lost at most when a writer dies, and how far behind somebody is
+who judges a run while it goes on."""
 _EVENT_BYTES: Final = 8 << 20
+"""Events waiting for their chunk [bytes]; a system that talks without end must not fill memory."""
 _CLOCK_PERIOD: Final = _SECOND // 10
 _LATEST: Final = 2.0**31
+"""ROS 2 keeps seconds in an int32 [s]."""
 _TEXT_LIMIT: Final = 10_000
 _CONTACT: Final = ("px", "py", "nx", "ny", "depth")
 
 
+# More than twenty methods, and on purpose: one per thing that is recorded is its interface.
 class TraceWriter:
     """Writes one trace; a context manager.
 
@@ -120,12 +124,15 @@ class TraceWriter:
         self._goals = _mission.goal_ids(spec.digest, spec.mission)
         packed = compress_scene(scene, spec.scene)
         self._spec, self._scene = spec, scene
+        # Three seconds at 20 Hz: an estimate has the stamp of its scan, a few samples back.
         self._odometers: deque[Odometry] = deque(maxlen=64)
         self._localised = False
         self._progress_last = Progress(-1, -1, "active")
         self._clock_due = 0
         self._due = _CHUNK
         self._path, self._partial = path, path.with_name(path.name + PARTIAL)
+        # What a writer that died left behind. One that still lives, because it was only taken for
+        # dead, keeps writing into a file without a name; see _publish.
         self._partial.unlink(missing_ok=True)
         self._file = self._partial.open("xb")
         self._container = McapWriter(self._file)
@@ -139,7 +146,7 @@ class TraceWriter:
         for topic, payload in (("/map", drawn), *latched):
             records = MessageRecords(self._ids[topic])
             records.add(0, payload)
-            blocks.append(records.take())
+            blocks.append(records.drain())
         self._container.add_chunk(blocks)
         self.progress(0.0, Progress(0, 0, "active"))
 
@@ -149,6 +156,7 @@ class TraceWriter:
         if now >= self._clock_due:
             self._signals.clock.add(now, ())
             self._clock_due = now + _CLOCK_PERIOD
+            # A plan that waits for its second to be over has nothing else to wake it.
             self._signals.views.flush(now)
 
     def scan(self, time: float, ranges: npt.NDArray[np.float32]) -> None:
@@ -167,7 +175,7 @@ class TraceWriter:
         """
         now = self._at(sample.time)
         pose, twist = sample.pose, sample.twist
-        qz, qw = _yaw_quaternion(pose.yaw)
+        qz, qw = ros.yaw_quaternion(pose.yaw)
         self._signals.odometry.add(now, (pose.x, pose.y, qz, qw, twist.vx, twist.vy, twist.wz))
         self._odometers.append(sample)
         if not self._localised:
@@ -176,7 +184,7 @@ class TraceWriter:
     def ground_truth(self, time: float, pose: Pose2, twist: Twist2) -> None:
         """Record the true pose in map and the true body twist."""
         now = self._at(time)
-        qz, qw = _yaw_quaternion(pose.yaw)
+        qz, qw = ros.yaw_quaternion(pose.yaw)
         self._signals.truth.add(now, (pose.x, pose.y, qz, qw, twist.vx, twist.vy, twist.wz))
 
     def joints(self, time: float, positions: Floats, velocities: Floats) -> None:
@@ -242,11 +250,13 @@ class TraceWriter:
     def event(self, time: float, source: str, text: str, *, level: str = "info") -> None:
         """Record a sentence for the log; ``level`` is debug, info, warn, error or fatal."""
         now = self._at(time)
-        if level not in LEVELS:
-            raise ValueError(f"the level of an event is one of {', '.join(LEVELS)}, not {level!r}")
+        if level not in ros.LEVELS:
+            known = ", ".join(ros.LEVELS)
+            raise ValueError(f"the level of an event is one of {known}, not {level!r}")
         message = ros.make(
             "rcl_interfaces/msg/Log",
-            stamp=ros.time(now), level=LEVELS[level], name=_utf8_text(source), msg=_utf8_text(text),
+            stamp=ros.time(now), level=ros.LEVELS[level],
+            name=_utf8_text(source), msg=_utf8_text(text),
             file="", function="", line=0,
         )  # fmt: skip
         self._signals.events.add(now, ros.serialize(message, ros.KINDS["/events"]))
@@ -255,7 +265,7 @@ class TraceWriter:
 
     def close(self, ended: str, note: str = "") -> TraceInfo:
         """Finish the file and give it its name; ``ended`` and ``note`` say why the run ended."""
-        self._signals.joints.release()
+        self._signals.joints.keep_last_repeat()
         self._signals.views.flush(0, end=True)
         self._flush()
         container = self._container
@@ -270,6 +280,7 @@ class TraceWriter:
         )
         container.finish()
         self._file.flush()
+        # Before the rename, or a power cut could leave the final name on an empty file.
         os.fsync(self._file.fileno())
         self._publish()
         return TraceInfo(container.sha256, container.size, container.messages)
@@ -295,13 +306,14 @@ class TraceWriter:
     ) -> None:
         if not self._file.closed:
             with self._file:
-                self._signals.joints.release()
+                self._signals.joints.keep_last_repeat()
                 self._flush()
 
     def _at(self, time: float) -> int:
         """Return a time in nanoseconds; a chunk is written whenever ten seconds have passed."""
         if not 0.0 <= time < _LATEST:
             raise ValueError(f"a recorded time must be in [0, 2**31) seconds, not {time!r}")
+        # Times are multiples of 10 or of 1 ms in binary floats; rounding makes them whole again.
         now = int(time * 1e9 + 0.5)
         if now >= self._due:
             self._flush()
@@ -324,7 +336,7 @@ class TraceWriter:
         """
         turn = pose.yaw - odometry.yaw
         if math.isfinite(turn):
-            qz, qw = _yaw_quaternion(math.remainder(turn, math.tau))
+            qz, qw = ros.yaw_quaternion(math.remainder(turn, math.tau))
             c, s = qw * qw - qz * qz, 2.0 * qz * qw
             x = pose.x - c * odometry.x + s * odometry.y
             y = pose.y - s * odometry.x - c * odometry.y
@@ -332,7 +344,7 @@ class TraceWriter:
         self._localised = True
 
     def _flush(self) -> None:
-        judged, watched = self._signals.take()
+        judged, watched = self._signals.drain()
         self._container.add_chunk(judged)
         self._container.add_chunk(watched)
         self._file.flush()
@@ -341,16 +353,7 @@ class TraceWriter:
 def _estimate_columns(pose: Pose2, covariance: Floats) -> tuple[float, ...]:
     if covariance.shape != (3, 3):
         raise ValueError(f"a covariance must have shape (3, 3), not {covariance.shape}")
-    return (pose.x, pose.y, *_yaw_quaternion(pose.yaw), *covariance.ravel().tolist())
-
-
-def _yaw_quaternion(yaw: float) -> tuple[float, float]:
-    """Return z and w of the quaternion of a yaw, nan when it is not finite."""
-    half = yaw * 0.5
-    try:
-        return math.sin(half), math.cos(half)
-    except ValueError:
-        return math.nan, math.nan
+    return (pose.x, pose.y, *ros.yaw_quaternion(pose.yaw), *covariance.ravel().tolist())
 
 
 def _utf8_text(text: str) -> str:

@@ -8,10 +8,14 @@ it takes longer to load than reading a trace.
 from __future__ import annotations
 
 import functools
+import math
 from dataclasses import dataclass
 from typing import Any, Final
 
 CONTACTS: Final = "gazebo_msgs/msg/ContactsState"
+
+LEVELS: Final = {"debug": 10, "info": 20, "warn": 30, "error": 40, "fatal": 50}
+"""Levels of ``rcl_interfaces/msg/Log``."""
 
 _GAZEBO_DEFINITIONS: Final = {
     "gazebo_msgs/msg/ContactState": (
@@ -62,6 +66,7 @@ TOPICS: Final = (
 KINDS: Final = {topic.name: topic.kind for topic in TOPICS}
 
 
+# Not at import: rosbags takes about 40 ms to load.
 @functools.cache
 def typestore() -> Any:
     """Return the type store: ROS 2 Humble's messages and Gazebo's contacts."""
@@ -98,6 +103,8 @@ def schema(kind: str) -> str:
 def warm_up() -> None:
     """Make the code and the definitions of every type once, so that forked children do not."""
     for kind in KINDS.values():
+        # rosbags generates the serializer of a type in Python source and compiles it when it is
+        # first needed; a forked child inherits it.
         typestore().get_msgdef(kind)
         schema(kind)
 
@@ -121,6 +128,15 @@ def point(x: float, y: float, z: float = 0.0) -> Any:
 def vector(x: float, y: float, z: float = 0.0) -> Any:
     """Return a ``geometry_msgs/Vector3``."""
     return make("geometry_msgs/msg/Vector3", x=x, y=y, z=z)
+
+
+def yaw_quaternion(yaw: float) -> tuple[float, float]:
+    """Return z and w of the quaternion of a yaw, nan when it is not finite."""
+    half = yaw * 0.5
+    try:
+        return math.sin(half), math.cos(half)
+    except ValueError:
+        return math.nan, math.nan
 
 
 def quaternion(z: float = 0.0, w: float = 1.0) -> Any:

@@ -157,7 +157,7 @@ def _by_campaign(swept: SweepResult) -> list[dict[str, Any]]:
 
 
 def _print_swept(swept: SweepResult, dry_run: bool) -> None:
-    from daemon.batch.sizes import size_text
+    from daemon.batch.amounts import size_text
     from scenario_tui.cli.output import stdout_console
     from scenario_tui.text.formatting import pluralise
 

@@ -5,44 +5,37 @@ from __future__ import annotations
 import functools
 import inspect
 import os
-import re
 from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated, Any, Final, TypeAlias
+from typing import Annotated, Any, TypeAlias, TypeVar
 
 import typer
 
-from daemon.batch.sizes import parse_size
+from daemon.batch.amounts import parse_size, parse_time
 from scenario_tui.cli import completion
 from scenario_tui.cli.completion import campaign_files
 
-_AGES: Final = {"s": 1.0, "min": 60.0, "h": 3600.0, "d": 86400.0, "w": 604800.0}
-_NUMBER_AND_UNIT: Final = re.compile(r"\s*([0-9]+(?:\.[0-9]+)?)\s*([A-Za-z]+)\s*\Z")
+T = TypeVar("T")
 
 
 def read_age(text: str) -> float:
     """Return ``30d`` in seconds; raises :class:`typer.BadParameter`."""
-    return _read_seconds(text, "an age", "30d")
+    return _read_amount(lambda: parse_time(text, "an age", "30d"))
 
 
 def read_duration(text: str) -> float:
     """Return ``10min`` in seconds; raises :class:`typer.BadParameter`."""
-    return _read_seconds(text, "a time", "10min")
-
-
-def _read_seconds(text: str, what: str, example: str) -> float:
-    found = _NUMBER_AND_UNIT.match(text)
-    if found is None or found[2] not in _AGES:
-        raise typer.BadParameter(
-            f"{text!r} is not {what}: write a number and one of {', '.join(_AGES)}, as in {example}"
-        )
-    return float(found[1]) * _AGES[found[2]]
+    return _read_amount(lambda: parse_time(text, "a time", "10min"))
 
 
 def read_size(text: str) -> int:
     """Return ``20GiB`` in bytes; raises :class:`typer.BadParameter`."""
+    return _read_amount(lambda: parse_size(text))
+
+
+def _read_amount(parse: Callable[[], T]) -> T:
     try:
-        return parse_size(text)
+        return parse()
     except ValueError as error:
         raise typer.BadParameter(str(error)) from error
 

@@ -62,7 +62,7 @@ def fetch(
         with transfer_progress(sum(trace.size for trace, _ in wanted)) as told:
             for trace, path in wanted:
                 try:
-                    copy_trace(trace, daemon, path, told=told)
+                    copy_trace(trace, daemon, path, progress=told)
                 except TraceUnavailable as error:
                     missing[trace.run] = str(error)
     for why in missing.values():

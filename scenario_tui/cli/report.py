@@ -145,7 +145,7 @@ def _fetch_campaign(campaign: str, target: DaemonTarget) -> ReportInput:
                 if records[position].trace is None:
                     continue
                 try:
-                    path = local_copy(recorded_trace(run), daemon, told=told)
+                    path = local_copy(recorded_trace(run), daemon, progress=told)
                     records[position] = replace(records[position], trace=str(path))
                 except TraceUnavailable as error:
                     note = f"{records[position].note} {error}".strip()
@@ -174,7 +174,7 @@ def _print_written(material: ReportData, written: dict[str, Path], *, as_json: b
     if as_json:
         emit(
             "report",
-            campaign=material.chosen.name,
+            campaign=material.input.name,
             runs=len(material.runs),
             answer=f"{said.word}. {said.sentence}",
             exit_code=material.assessment.exit_code,
@@ -183,9 +183,9 @@ def _print_written(material: ReportData, written: dict[str, Path], *, as_json: b
         return
     console = stdout_console()
     # A folder may be called like a campaign: say which of them this is about.
-    about = f"{material.chosen.name} ({material.chosen.id or material.chosen.where})"
+    about = f"{material.input.name} ({material.input.id or material.input.where})"
     console.print(f"{about}: {said.word}. {said.sentence}", markup=False, soft_wrap=True)
-    for file, problem in material.chosen.unread:
+    for file, problem in material.input.unread:
         console.print(f"not read: {file}: {problem}", markup=False, soft_wrap=True)
     for path in written.values():
         size = path.stat().st_size / 1e6

@@ -231,7 +231,7 @@ def _fetch_traces(named: Sequence[str], target: DaemonTarget, hint: str) -> tupl
         if not traces:
             raise TraceUnavailable(f"{', '.join(named)}: there are no traces")
         with transfer_progress(sum(trace.size for trace in traces.values())) as told:
-            return tuple(local_copy(trace, daemon, told=told) for trace in traces.values())
+            return tuple(local_copy(trace, daemon, progress=told) for trace in traces.values())
 
 
 def resolve_recorded(name: str, places: StatePaths) -> str:

@@ -88,13 +88,13 @@ def _strip(
     values = sampler.sample(signal).values
     unit = "bool" if kind is None else kind.unit
     return SignalStrip(
-        name, unit, sampler.timeline.time, values, tuple(sorted(limits)), merge_spans(against),
+        name, unit, sampler.time_base.time, values, tuple(sorted(limits)), merge_spans(against),
         tuple(course.oracle for course in readers),
     )  # fmt: skip
 
 
 def _nearest_door(sampler: SignalSampler) -> SignalStrip:
-    time = sampler.timeline.time
+    time = sampler.time_base.time
     least = np.full(len(time), np.nan)
     for item in sampler.trace.scene.objects:
         one = sampler.sample(Signal("clearance", (Signal(item.name),))).values

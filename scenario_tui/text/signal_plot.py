@@ -61,7 +61,7 @@ def read_curves(path: Path, signals: list[str]) -> Curves:
         raise TraceError(path, f"not to be trusted: {'; '.join(problems)}", "run it again")
     sampler = SignalSampler(trace)
     curves = tuple(
-        Curve(text, unit, sampler.timeline.time, sampler.sample(signal).values)
+        Curve(text, unit, sampler.time_base.time, sampler.sample(signal).values)
         for text, (signal, unit) in zip(signals, parsed, strict=True)
     )
     return Curves(trace, curves, judge(trace, trace.spec.oracles, sampler=sampler))

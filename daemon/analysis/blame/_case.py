@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import os
 import re
-from collections.abc import Collection, Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
@@ -32,13 +32,13 @@ from daemon.model.spec import OracleText, RunSpec
 from daemon.trace import read_spec
 from grammars.model.behaviour import Behaviour, Walk
 from grammars.model.movers import is_mover
-from grammars.model.scene import Scene, SceneObject
+from grammars.model.scene import Scene
 from grammars.scenery import SceneryLayer, configure
 from grammars.scenery.composition import compile_scene, resolve_behaviours
 from grammars.text.diagnostics import Diagnostic, InputError, Where, did_you_mean
 
 _DEEPEST: Final = 4
-"""Campaign files are looked for so many folders below the current one."""
+"""Campaign files are looked for so many folders below the current one: a whole home takes long."""
 _SKIPPED: Final = re.compile(r"\.|node_modules\Z|__pycache__\Z")
 
 
@@ -53,7 +53,7 @@ class CampaignRun:
     note: str = ""
 
 
-def find_run(words: Sequence[str], places: StatePaths, campaign: Path | None = None) -> CampaignRun:
+def find_run(words: Sequence[str], paths: StatePaths, campaign: Path | None = None) -> CampaignRun:
     """Return the run that ``words`` name.
 
     ``CAMPAIGN.yaml SCENARIO [SUT [REPEAT]]``, or a trace, or the id of a run in the ledger. For
@@ -66,7 +66,7 @@ def find_run(words: Sequence[str], places: StatePaths, campaign: Path | None = N
         return _run_in_file(Path(first), rest)
     if rest:
         raise ValueError("one trace or one id of a run, or CAMPAIGN.yaml SCENARIO SUT REPEAT")
-    traces = find_traces([first], places)
+    traces = find_traces([first], paths)
     if len(traces) > 1:
         raise ValueError(f"{first} names {len(traces)} runs, name one of them")
     spec = read_spec(traces[0])
@@ -210,6 +210,7 @@ class RunCase:
 
     def _world(self, kept: Collection[Element]) -> tuple[Scene, tuple[Behaviour, ...]]:
         """Return the scene of the kept layers with everything in it, and what its joints do."""
+        # Most candidates differ in single things only: what they are made of is compiled once.
         key = frozenset(e for e in kept if e.kind in ("objects", "behaviours", "override"))
         if key not in self._worlds:
             self._worlds[key] = self._composed(key)
@@ -222,6 +223,7 @@ class RunCase:
             layer for layer, use in zip(layers, used, strict=True) if use.element.kind == "objects"
         ]
         scene = compile_scene(self.cell.plan, objects)
+        # The draws of the run itself, so that random doors move as they did.
         draw = self.spec.repeat if self.cell.scenario.chance == "per repeat" else 0
         seed = repeat_seed(self.campaign.seed, draw)
         found = resolve_behaviours(scene, layers, seed=seed, limit=self.spec.limit)
@@ -241,12 +243,10 @@ def behaviour_subject(behaviour: Behaviour) -> str:
 def scene_with_objects(scene: Scene, names: Collection[str]) -> Scene:
     """Return ``scene`` as if only the objects of these names had been put into it."""
     objects = tuple(thing for thing in scene.objects if thing.name in names)
-    frames = scene.frames if _any_mover(objects) else ()
+    # As the compiler has it: only scenes with movers keep the frames their routes refer to. Else
+    # the scene would have another digest than the same one compiled from the saved campaign.
+    frames = scene.frames if any(is_mover(thing.joints) for thing in objects) else ()
     return dataclasses.replace(scene, objects=objects, frames=frames)
-
-
-def _any_mover(objects: Iterable[SceneObject]) -> bool:
-    return any(is_mover(thing.joints) for thing in objects)
 
 
 def load_case(path: Path, scenario: str, sut: str, repeat: int) -> RunCase:

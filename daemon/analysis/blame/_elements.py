@@ -134,6 +134,7 @@ class SutDifferences:
 
         Raises ``ValueError`` when its kind does not take such parameters.
         """
+        # The very value, so that the whole run keeps its digest and is not executed twice.
         if all(element in elements for element in self.elements):
             return self.whole
         tree = parameter_tree(merge_parameters(self.base, self.kept(elements)))
@@ -159,6 +160,7 @@ def sut_differences(
         other = library.sut_file(Path(loaded.files[1]))
         like, base = other.reference.name, other.settings
     else:
+        # Like no other: what its own file says on top of the ROS files is the difference.
         own = loaded.files[0]
         base = {p: s for p, s in loaded.settings.items() if s.where.file != own}
         like = ""
@@ -178,6 +180,8 @@ def _changed_elements(
     differing |= {path: ParameterValue(None, nowhere) for path in base if path not in settings}
     groups: dict[object, ParameterValues] = {}
     for path, setting in differing.items():
+        # A footprint of five corners, or what costmap_common means for two costmaps, is one line
+        # of a file and one thing to blame.
         key = setting.where if setting.value is not None else path
         groups.setdefault(key, {})[path] = setting
     return tuple(

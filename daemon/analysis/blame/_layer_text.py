@@ -8,8 +8,6 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
-from typing import Final
 
 from grammars.model.behaviour import (
     Behaviour,
@@ -33,8 +31,6 @@ from grammars.scenery import SceneryLayer
 from grammars.text.diagnostics import Where
 from grammars.text.documents import read_text
 
-_MANNERS: Final = {"once": "once", "back-and-forth": "back and forth", "round": "round"}
-
 
 @dataclass(frozen=True, slots=True)
 class JointUnits:
@@ -45,6 +41,7 @@ class JointUnits:
 
     def position(self, value: float) -> str:
         """Return a position as the object's model counts it."""
+        # + 0.0: the mirrored zero would read "-0.0 rad".
         counted = -value + 0.0 if self.turns and self.mirrored else value
         return f"{counted!r} {'rad' if self.turns else 'm'}"
 
@@ -130,7 +127,7 @@ def _walk_sentence(walk: Walk) -> str:
         f"{walk.object} walks along " + ", ".join(f"({x!r} m, {y!r} m)" for x, y in walk.route),
         f"at {walk.speed!r} m/s",
         f"accelerating at {walk.acceleration!r} m/s^2",
-        _MANNERS[walk.manner],
+        walk.manner.replace("-", " "),
     ]
     if walk.stops == "points":
         said.append(f"pausing {walk.pause!r} s at every point")
@@ -188,6 +185,7 @@ def _statements(layer: SceneryLayer, text: str) -> Iterator[tuple[Where, str]]:
         layer.settings, layer.sentences,
     )  # fmt: skip
     places = sorted((value.where for values in kinds for value in values), key=_place_key)
+    # Layers know lines and columns, the text is cut at offsets.
     starts = [0]
     for line in text.splitlines(keepends=True):
         starts.append(starts[-1] + len(line))
@@ -218,8 +216,3 @@ def start_sentences(wanted: Scene, plain: Scene) -> str:
         if thing.frozen and not other.frozen:
             lines.append(f"{thing.name} is frozen")
     return "".join(f"{line}\n" for line in lines)
-
-
-def is_scenery_text(layer: SceneryLayer) -> bool:
-    """Say whether a layer was written in the scenery language, not as JSON-LD."""
-    return Path(layer.file).suffix != ".jsonld"

@@ -25,7 +25,9 @@ from grammars.text import codec
 from grammars.text.files import write_atomically
 
 SLOTS: Final = 2
-"""Candidates that run at the same time; what is found depends on it, not on who is faster."""
+"""Candidates that run at the same time; what is found depends on it, not on who is faster.
+
+So it is no number of cores: the same question has the same answer on every machine."""
 _NICENESS: Final = 10
 
 
@@ -80,10 +82,12 @@ class CandidateRunner:
         (endings,) = execute_candidates([candidate])
         return endings
 
-    def settle(self, candidates: Sequence[Candidate]) -> None:
-        """Execute all of these that are not known yet."""
-        for start in range(0, len(candidates), SLOTS):
-            self._execute(candidates[start : start + SLOTS])
+    def results(self, candidates: Sequence[Candidate | None]) -> list[CandidateResult | None]:
+        """Return how each ends, executing what is not known yet; ``None`` cannot be run."""
+        runs = [candidate for candidate in candidates if candidate is not None]
+        for start in range(0, len(runs), SLOTS):
+            self._execute(runs[start : start + SLOTS])
+        return [None if one is None else self._known[one.spec.digest] for one in candidates]
 
     def first_failing(self, candidates: Sequence[Candidate | None]) -> int | None:
         """Return the index of the first candidate that fails; ``None`` in it cannot be run.
@@ -102,6 +106,7 @@ class CandidateRunner:
     def _execute(self, candidates: Sequence[Candidate]) -> None:
         new = {c.spec.digest: c for c in candidates if c.spec.digest not in self._known}
         self.cached += len(candidates) - len(new)
+        # A whole batch or none: half of one would make the answer depend on the budget.
         if self.runs + len(new) > self.budget:
             raise BudgetSpentError
         if new:
@@ -112,19 +117,23 @@ class CandidateRunner:
             self.watch(self)
 
 
-def execute_candidates(candidates: Sequence[Candidate]) -> list[tuple[CandidateResult, ...]]:
+def execute_candidates(
+    candidates: Sequence[Candidate], execute_run: Callable[..., RunResult] = execute
+) -> list[tuple[CandidateResult, ...]]:
     """Execute runs at the same time, each in a forked process, and judge each by its oracles.
 
     A process that dies, is killed or takes too long leaves its run unresolved. Whatever is
     raised here, Ctrl-C included, no process survives it.
     """
+    # Forked from here and not from a worker's fork server: this process is warm already, has no
+    # Zenoh session, and the candidate need not be written to a file and read again.
     warm_up()
-    with tempfile.TemporaryDirectory(prefix="scenario-blame-") as folder:
-        places = [Path(folder) / str(index) for index in range(len(candidates))]
+    with tempfile.TemporaryDirectory(prefix="scenario-blame-") as parent:
+        folders = [Path(parent) / str(index) for index in range(len(candidates))]
         context = multiprocessing.get_context("fork")
         processes = [
-            context.Process(target=_run_candidate, args=(candidate, place), daemon=True)
-            for candidate, place in zip(candidates, places, strict=True)
+            context.Process(target=_run_candidate, args=(one, folder, execute_run), daemon=True)
+            for one, folder in zip(candidates, folders, strict=True)
         ]
         try:
             for process in processes:
@@ -136,7 +145,7 @@ def execute_candidates(candidates: Sequence[Candidate]) -> list[tuple[CandidateR
                     process.kill()
                 if process.pid is not None:
                     process.join()
-        return [_read_results(c, place) for c, place in zip(candidates, places, strict=True)]
+        return [_read_results(c, folder) for c, folder in zip(candidates, folders, strict=True)]
 
 
 def _await(processes: Sequence[ForkProcess], seconds: float) -> None:
@@ -146,17 +155,19 @@ def _await(processes: Sequence[ForkProcess], seconds: float) -> None:
         waiting -= set(wait(list(waiting), left))
 
 
-def _run_candidate(candidate: Candidate, place: Path) -> None:
+def _run_candidate(
+    candidate: Candidate, folder: Path, execute_run: Callable[..., RunResult]
+) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent tells when to end
     os.setpriority(os.PRIO_PROCESS, 0, max(_NICENESS, os.getpriority(os.PRIO_PROCESS, 0)))
     sys.stdout = sys.stderr = open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115, PTH123
-    place.mkdir()
-    result = execute(candidate.spec, candidate.scene, trace_path=place / "trace.mcap")
-    write_atomically(place / "result.json", codec.to_json(result))
+    folder.mkdir()
+    result = execute_run(candidate.spec, candidate.scene, trace_path=folder / "trace.mcap")
+    write_atomically(folder / "result.json", codec.to_json(result))
 
 
-def _read_results(candidate: Candidate, place: Path) -> tuple[CandidateResult, ...]:
-    file = place / "result.json"
+def _read_results(candidate: Candidate, folder: Path) -> tuple[CandidateResult, ...]:
+    file = folder / "result.json"
     if file.is_file():
         result = codec.from_json(RunResult, file.read_bytes())
         return tuple(judge_candidate(result, verdict) for verdict in result.verdicts)
@@ -170,7 +181,10 @@ def _read_results(candidate: Candidate, place: Path) -> tuple[CandidateResult, .
 
 
 def judge_candidate(result: RunResult, verdict: Verdict) -> CandidateResult:
-    """Return how a run ended by one oracle; a run that cannot be trusted is unresolved."""
+    """Return how a run ended by one oracle; a run that cannot be trusted is unresolved.
+
+    A crash of the system under test is one too: another failure than the one that is looked for.
+    """
     trusted = result.ended != "crashed" and verdict.outcome in (Outcome.PASS, Outcome.FAIL)
     if not trusted:
         return CandidateResult("unresolved", verdict)

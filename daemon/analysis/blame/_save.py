@@ -16,7 +16,6 @@ from daemon.analysis.blame._case import Candidate, RunCase
 from daemon.analysis.blame._elements import Blame
 from daemon.analysis.blame._layer_text import (
     behaviour_sentences,
-    is_scenery_text,
     layer_text,
     reduce_layers,
     start_sentences,
@@ -77,6 +76,7 @@ def save_campaign(case: RunCase, found: BlameResult, path: Path, runner: Candida
         "oracles": [smallest.spec.oracles[0].name],
     }
     robot = find_layer(case.folder, _required(case.cell.scenario.robot), ROBOT)
+    # Copied, not named: the folder is to be handed on with all it needs.
     folder.write("robot.yaml", _without_schema(robot.read_text(encoding="utf-8")))
     oracle = smallest.spec.oracles[0]
     folder.write("minimal.oracles.yaml", _yaml({oracle.name: oracle.text}))
@@ -130,7 +130,7 @@ def _objects(case: RunCase, smallest: Candidate, folder: _Folder) -> list[tuple[
     layers = reduce_layers(tuple(whole.values()), names)
     written, loaded = [], []
     for layer in layers:
-        if is_scenery_text(layer):
+        if Path(layer.file).suffix != ".jsonld":
             text = layer_text(layer, whole[layer.file])
             written.append((folder.write(f"{layer.name}.scenery", text), True))
             loaded.append(load_scenery(folder.path / written[-1][0]))
@@ -172,6 +172,7 @@ def _sut(case: RunCase, found: BlameResult, folder: _Folder) -> str:
     if not settings.like or not changes:
         whole = {"sut": sut.name, "kind": sut.kind, "parameters": sut.parameters}
         return folder.write(file, _yaml(whole))
+    # The saved system keeps its name, which verdicts show; the one it is like makes room.
     like = settings.like if settings.like != sut.name else f"{sut.name}-base"
     base = {"sut": like, "kind": sut.kind, "parameters": parameter_tree(settings.base)}
     folder.write(f"suts/{like}.yaml", _yaml(base))
@@ -209,7 +210,10 @@ def _required(value: T | None) -> T:
 
 
 def _yaml(tree: Mapping[str, Any], indent: str = "") -> str:
-    """Return mappings as block YAML, everything else as JSON, which YAML 1.2 reads the same."""
+    """Return mappings as block YAML, everything else as JSON, which YAML 1.2 reads the same.
+
+    JSON writes the shortest text that reads back as the same number: the run is the very same.
+    """
     lines = []
     for key, value in tree.items():
         name = key if _PLAIN.match(key) else json.dumps(key, ensure_ascii=False)

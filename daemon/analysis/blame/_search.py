@@ -21,7 +21,8 @@ from grammars.text.diagnostics import InputError, did_you_mean
 
 T = TypeVar("T")
 LINEAR_STEPS: Final = 4
-"""So many items are stepped over one by one when looking for a flip."""
+"""So many items are stepped over one by one when looking for a flip: suspects are added last, since
+a campaign puts its overrides and parameters on top of layers that others share."""
 FirstFailing: TypeAlias = Callable[[Sequence[tuple[T, ...]]], int | None]
 """Returns the index of the first configuration that fails, or ``None`` when none does."""
 
@@ -34,11 +35,13 @@ def ddmin(items: Sequence[T], first_failing: FirstFailing[T]) -> Iterator[tuple[
     counts as not failing. Nothing is yielded when nothing can be taken away.
     """
     current, parts = tuple(items), 2
+    # Nothing at all first: where none of a kind matters, that is one run instead of a logarithm.
     if current and first_failing([()]) == 0:
         yield ()
         return
     while len(current) > 1:
         chunks = split_evenly(current, parts)
+        # The complement of one half is the other half.
         complements = [_complement(current, chunk) for chunk in chunks] if parts > 2 else []
         tried = [*chunks, *complements]
         hit = first_failing(tried)
@@ -86,7 +89,7 @@ def find_flip(items: Sequence[T], first_failing: FirstFailing[T]) -> int:
     return high - 1
 
 
-Elements = tuple[Element, ...]
+Elements: TypeAlias = tuple[Element, ...]
 _PHASES: tuple[tuple[ElementKind, ...], ...] = (
     ("waypoint",),
     ("object",),
@@ -95,8 +98,10 @@ _PHASES: tuple[tuple[ElementKind, ...], ...] = (
 """Kinds that are reduced together, in this order: a shorter mission makes all later runs short."""
 
 
-_MOST_SUSPECTS = 12
-"""Up to so many layers and parameters, each is left out once: what passes then is a reason."""
+_MOST_SUSPECTS: Final = 12
+"""Up to so many layers and parameters, each is left out once: what passes then is a reason.
+
+Each costs a run of the budget; with more of them only the flip itself is held to be one."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -131,11 +136,11 @@ class _Search:
         while True:
             built = [self.build(kept) for kept in configurations[start:]]
             hit = self.runner.first_failing(built)
-            if hit is None or self._is_due(configurations[start + hit]):
+            if hit is None or self._fails_for_same_reason(configurations[start + hit]):
                 return None if hit is None else start + hit
             start += hit + 1
 
-    def _is_due(self, kept: Collection[Element]) -> bool:
+    def _fails_for_same_reason(self, kept: Collection[Element]) -> bool:
         without = [self.build([e for e in kept if e != reason]) for reason in self.reasons]
         return self.runner.first_failing(without) is None
 
@@ -167,31 +172,32 @@ class _Search:
         self.flips, before = added[at], added[:at]
         self.left = self.with_parts(added[: at + 1])
         self.reasons = self._reasons_among(added[: at + 1])
-        for fewer in ddmin(before, self._layers_with_flip_fail):
+        flip = added[at]
+        for fewer in ddmin(before, lambda tried: self.layers_fail([(*b, flip) for b in tried])):
             before = fewer
-            self.left = self.with_parts((*before, added[at]))
-        needed = (*before, added[at])
-        self.layers = tuple(self._without(element, needed) for element in needed)
+            self.left = self.with_parts((*before, flip))
+        needed = (*before, flip)
+        self.layers = tuple(self._removal_result(element, needed) for element in needed)
+        # From here on only what is needed can be a reason.
         self.reasons = tuple(one.element for one in self.layers if one.word == "pass")
 
     def _reasons_among(self, added: Elements) -> Elements:
         """Return the last element, the flip, and those without which the run passes as well."""
         if len(added) > _MOST_SUSPECTS:
             return added[-1:]
-        without = {e: self.build(self.with_parts([o for o in added if o != e])) for e in added}
-        self.runner.settle([one for one in without.values() if one is not None])
-        known = {e: self.runner.known(one) for e, one in without.items() if one is not None}
-        passing = {e for e, ended in known.items() if ended is not None and ended.word == "pass"}
-        return tuple(e for e in added if e in passing or e == added[-1])
+        ended = self.runner.results([self._without(element, added) for element in added])
+        return tuple(
+            element
+            for element, one in zip(added, ended, strict=True)
+            if element == added[-1] or (one is not None and one.word == "pass")
+        )
 
-    def _layers_with_flip_fail(self, configurations: Sequence[Elements]) -> int | None:
-        if self.flips is None:
-            raise ValueError("no element is known to flip the verdict")
-        return self.layers_fail([(*before, self.flips) for before in configurations])
+    def _without(self, element: Element, among: Elements) -> Candidate | None:
+        return self.build(self.with_parts([e for e in among if e != element]))
 
-    def _without(self, element: Element, needed: Elements) -> Without:
+    def _removal_result(self, element: Element, needed: Elements) -> Without:
         """Say how the run ends without one of the layers it needs; it has been executed."""
-        candidate = self.build(self.with_parts([e for e in needed if e != element]))
+        candidate = self._without(element, needed)
         known = self.runner.known(candidate) if candidate is not None else None
         if known is None:
             return Without(element, "unresolved", "there is no run, another layer needs it")
@@ -199,6 +205,7 @@ class _Search:
 
     def reduce(self) -> None:
         """Take single things away, kind by kind; then prove that no one thing can go."""
+        # One by one at the end: what was needed beside a thing of a later kind may not be any more.
         for kinds in _PHASES:
             self._reduce([e for e in self.left if e.kind in kinds])
         while self._drop_one():

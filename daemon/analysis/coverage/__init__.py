@@ -6,13 +6,6 @@ for which it also tells doors, floor and margins. Who has read traces already su
 :func:`run_coverage` of each by :func:`sum_coverage`.
 """
 
-from daemon.analysis.coverage._building import (
-    CoveredCells,
-    covered_cells,
-    floor_area,
-    floor_grid,
-    room_cells,
-)
 from daemon.analysis.coverage._coverage import (
     MAX_BINS,
     NEAR,
@@ -34,6 +27,15 @@ from daemon.analysis.coverage._features import (
     feature_leaves,
     pair_counts,
 )
+from daemon.analysis.coverage._floor import (
+    CoveredCells,
+    covered_cells,
+    floor_area,
+    floor_grid,
+    paint_footprints,
+    paint_rays,
+    room_cells,
+)
 from daemon.analysis.coverage._results import (
     Coverage,
     DoorCount,
@@ -46,6 +48,7 @@ from daemon.analysis.coverage._results import (
     RoomArea,
     Unreadable,
 )
+from daemon.analysis.coverage._rules import contains_point
 
 __all__ = [
     "MAX_BINS",
@@ -68,12 +71,15 @@ __all__ = [
     "ScenarioFeature",
     "Unreadable",
     "bin_edges",
+    "contains_point",
     "covered_cells",
     "feature_leaves",
     "floor_area",
     "floor_grid",
     "histogram_bars",
     "margin_histograms",
+    "paint_footprints",
+    "paint_rays",
     "pair_counts",
     "planned_coverage",
     "room_cells",

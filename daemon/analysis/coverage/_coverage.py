@@ -9,28 +9,19 @@ import dataclasses
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from functools import partial
 from itertools import pairwise
 from pathlib import Path
 from typing import Final
 
-from daemon.analysis.coverage._building import (
-    CoveredCells,
-    DoorRun,
-    covered_cells,
-    door_counts,
-    door_runs,
-    floor_area,
-    floor_grid,
-)
+from daemon.analysis.coverage._doors import DoorRun, door_counts, door_runs
 from daemon.analysis.coverage._features import (
     MODEL,
-    FeatureModel,
     RecognisedFeatures,
     feature_counts,
     pair_counts,
     recognise_features,
 )
+from daemon.analysis.coverage._floor import CoveredCells, covered_cells, floor_area, floor_grid
 from daemon.analysis.coverage._results import (
     Coverage,
     DoorCount,
@@ -47,7 +38,7 @@ from daemon.trace import Trace, TraceError, read_trace
 from grammars.model.scene import Scene
 
 MAX_BINS: Final = 12
-"""At most so many bins."""
+"""At most so many bins: a line of text, a bar a bin."""
 _BLOCKS: Final = "▁▂▃▄▅▆▇█"
 
 
@@ -130,7 +121,10 @@ NEAR: Final = 1.5
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RunCoverage:
-    """What one recorded run contributes; with equal ``world`` it is of the same building."""
+    """What one recorded run contributes; with equal ``world`` it is of the same building.
+
+    It travels from the process that read the trace, so the cells of its floor are packed.
+    """
 
     world: tuple[str, float]
     scene: Scene
@@ -140,85 +134,67 @@ class RunCoverage:
     verdicts: tuple[Verdict, ...]
 
 
-def planned_coverage(
-    runs: Iterable[RunSpec], scenes: Iterable[Scene], *, model: FeatureModel = MODEL
-) -> Coverage:
+def planned_coverage(runs: Iterable[RunSpec], scenes: Iterable[Scene]) -> Coverage:
     """Return which features and pairs of features runs would exercise; nothing is executed.
 
     ``scenes`` are those the specifications name. Raises ``KeyError`` when one is missing.
     """
     known = {scene.digest: scene for scene in scenes}
-    found = [recognise_features(model, run_facts(spec, known[spec.scene])) for spec in runs]
-    features = feature_counts(model, found)
-    return Coverage(len(found), 0, NEAR, features, pair_counts(model, found))
+    found = [recognise_features(MODEL, run_facts(spec, known[spec.scene])) for spec in runs]
+    features = feature_counts(MODEL, found)
+    return Coverage(len(found), 0, NEAR, features, pair_counts(MODEL, found))
 
 
 def trace_coverage(
-    traces: Sequence[Path],
-    *,
-    near: float = NEAR,
-    model: FeatureModel = MODEL,
-    processes: int | None = None,
+    traces: Sequence[Path], *, near: float = NEAR, processes: int | None = None
 ) -> Coverage:
     """Return what recorded runs have covered: features, doors, floor and margins.
 
     ``near`` [m] is how near the robot's base has to come to a door to have met it. Traces are
     read on ``processes`` (default: one per core) and judged by the oracles inside of them; one
-    that cannot be read is among ``unreadable``. Raises :class:`daemon.batch.errors.DaemonError` when a
-    reading process dies.
+    that cannot be read is among ``unreadable``. Raises :class:`daemon.batch.errors.DaemonError`
+    when a reading process dies.
     """
-    told: list[RunCoverage] = []
-    unreadable: list[Unreadable] = []
-    oracles.warm_up()
-    tell = partial(_read_coverage, model)
-    answers = parallel_map(tell, traces, doing="reading traces", processes=processes)
-    for path, one in zip(traces, answers, strict=True):
-        if isinstance(one, str):
-            unreadable.append(Unreadable(str(path), one))
-        else:
-            told.append(one)
-    return dataclasses.replace(
-        sum_coverage(told, near=near, model=model), unreadable=tuple(unreadable)
-    )
+    oracles.warm_up()  # once here, not once in every process
+    read = tuple(parallel_map(_read_coverage, traces, doing="reading traces", processes=processes))
+    runs = [one for one in read if isinstance(one, RunCoverage)]
+    unreadable = tuple(one for one in read if isinstance(one, Unreadable))
+    return dataclasses.replace(sum_coverage(runs, near=near), unreadable=unreadable)
 
 
-def sum_coverage(
-    told: Sequence[RunCoverage], *, near: float = NEAR, model: FeatureModel = MODEL
-) -> Coverage:
+def sum_coverage(runs: Sequence[RunCoverage], *, near: float = NEAR) -> Coverage:
     """Return what recorded runs have covered together; see :func:`trace_coverage`."""
-    found = [one.recognised for one in told]
-    doors, floor = _sum_scenes(told, near)
+    found = [run.recognised for run in runs]
+    doors, floor = _sum_scenes(runs, near)
     return Coverage(
         runs=len(found),
         recorded=len(found),
         near=near,
-        features=feature_counts(model, found),
-        pairs=pair_counts(model, found),
+        features=feature_counts(MODEL, found),
+        pairs=pair_counts(MODEL, found),
         doors=doors,
         floor=floor,
-        margins=margin_histograms(v for one in told for v in one.verdicts),
+        margins=margin_histograms(verdict for run in runs for verdict in run.verdicts),
     )
 
 
-def _read_coverage(model: FeatureModel, path: Path) -> RunCoverage | str:
+def _read_coverage(path: Path) -> RunCoverage | Unreadable:
     """Read one trace and return what it contributes, or what is wrong with it."""
     try:
         trace = read_trace(path, scans=True)
     except TraceError as error:
-        return "; ".join(found.message for found in error.diagnostics)
-    return run_coverage(trace, oracles.judge(trace, trace.spec.oracles), model=model)
+        return Unreadable(str(path), "; ".join(found.message for found in error.diagnostics))
+    return run_coverage(trace, oracles.judge(trace, trace.spec.oracles))
 
 
-def run_coverage(
-    trace: Trace, verdicts: tuple[Verdict, ...], *, model: FeatureModel = MODEL
-) -> RunCoverage:
+def run_coverage(trace: Trace, verdicts: tuple[Verdict, ...]) -> RunCoverage:
     """Return what a trace, read with its scans, contributes to coverage."""
     spec, scene = trace.spec, trace.scene
     facts = run_facts(spec, scene, trace)
     return RunCoverage(
         world=(spec.scene, spec.robot.laser.z),
         scene=scene,
-        recognised=recognise_features(model, facts),
+        recognised=recognise_features(MODEL, facts),
         doors=door_runs(facts, trace),
         painted=covered_cells(floor_grid(scene, spec.robot.laser.z), trace),
         verdicts=verdicts,
@@ -226,16 +202,16 @@ def run_coverage(
 
 
 def _sum_scenes(
-    told: Sequence[RunCoverage], near: float
+    runs: Sequence[RunCoverage], near: float
 ) -> tuple[tuple[DoorCount, ...], tuple[FloorArea, ...]]:
     """Sum up doors and floor, scene by scene."""
     groups: dict[tuple[str, float], list[RunCoverage]] = {}
-    for one in told:
-        groups.setdefault(one.world, []).append(one)
+    for run in runs:
+        groups.setdefault(run.world, []).append(run)
     doors: list[DoorCount] = []
     floor: list[FloorArea] = []
     for world, group in groups.items():
         scene = group[0].scene
-        doors += door_counts(scene.name, [one.doors for one in group], near)
-        floor.append(floor_area(scene, floor_grid(scene, world[1]), [one.painted for one in group]))
+        doors += door_counts(scene.name, [run.doors for run in group], near)
+        floor.append(floor_area(scene, floor_grid(scene, world[1]), [run.painted for run in group]))
     return tuple(doors), tuple(floor)

@@ -18,6 +18,9 @@ from typing import Final, Literal, TypeAlias
 from daemon.analysis.coverage import _rules as rules
 from daemon.analysis.coverage._results import FeatureCount, PairCount, Pairs
 from daemon.analysis.coverage._rules import RunFacts
+from daemon.model.joint_events import JointEvent
+from grammars.model.behaviour import Hold, KeyFrames, Reaction, Trigger, Walk
+from grammars.model.movers import is_mover
 
 FeatureRule: TypeAlias = Callable[[RunFacts], bool]
 FeatureNamer: TypeAlias = Callable[[RunFacts], str]
@@ -71,7 +74,7 @@ _OBJECTIVE: Final = (
     ScenarioFeature(
         "objective/functional",
         "an oracle judges whether the mission is done, or the localisation",
-        rules.functional,
+        lambda run: run.judges(rules.MISSION, "mission", "loc"),
     ),
     ScenarioFeature(
         "objective/robustness",
@@ -79,53 +82,100 @@ _OBJECTIVE: Final = (
         "walking about",
         rules.robustness,
     ),
-    ScenarioFeature("objective/safety", "an oracle judges clearance or contact", rules.safety),
+    ScenarioFeature(
+        "objective/safety",
+        "an oracle judges clearance or contact",
+        lambda run: run.judges("clearance", "contact"),
+    ),
     ScenarioFeature(
         "objective/performance",
         "an oracle judges or measures time, way or speed",
-        rules.performance,
+        lambda run: run.measures("elapsed", "mission.leg.elapsed", "path.length", "speed"),
     ),
 )
 _SUT: Final = (
     ScenarioFeature("sut", "what is tested, on which robot"),
     ScenarioFeature(
-        "sut/configuration", "the systems under test", named=rules.sut, group="alternative"
+        "sut/configuration",
+        "the systems under test",
+        named=lambda run: run.spec.sut.name,
+        group="alternative",
     ),
     ScenarioFeature("sut/base", "how the robot can move", group="alternative"),
-    ScenarioFeature("sut/base/differential", "forwards and turning", rules.differential),
-    ScenarioFeature("sut/base/omnidirectional", "sideways as well", rules.omnidirectional),
-    ScenarioFeature("sut/odometry", "what the wheels tell", group="alternative"),
-    ScenarioFeature("sut/odometry/perfect", "equals the true motion", rules.perfect_odometry),
-    ScenarioFeature("sut/odometry/erring", "grows wrong on the way", rules.erring_odometry),
-    ScenarioFeature("sut/map", "whether the map shows the objects", group="alternative"),
     ScenarioFeature(
-        "sut/map/bare", "walls only: the world differs from it by its objects", rules.bare_map
+        "sut/base/differential",
+        "forwards and turning",
+        lambda run: run.spec.robot.drive.kind == "differential",
     ),
     ScenarioFeature(
-        "sut/map/furnished", "with objects as they stand at the start", rules.furnished_map
+        "sut/base/omnidirectional",
+        "sideways as well",
+        lambda run: run.spec.robot.drive.kind == "omnidirectional",
+    ),
+    ScenarioFeature("sut/odometry", "what the wheels tell", group="alternative"),
+    ScenarioFeature("sut/odometry/perfect", "equals the true motion", rules.perfect_odometry),
+    ScenarioFeature(
+        "sut/odometry/erring", "grows wrong on the way", lambda run: not rules.perfect_odometry(run)
+    ),
+    ScenarioFeature("sut/map", "whether the map shows the objects", group="alternative"),
+    ScenarioFeature(
+        "sut/map/bare",
+        "walls only: the world differs from it by its objects",
+        lambda run: run.spec.map.doors == "none",
+    ),
+    ScenarioFeature(
+        "sut/map/furnished",
+        "with objects as they stand at the start",
+        lambda run: run.spec.map.doors == "initial",
     ),
 )
 _MISSION: Final = (
     ScenarioFeature("mission", "what the robot has to do"),
     ScenarioFeature("mission/waypoints", "how many places it has to reach", group="alternative"),
-    ScenarioFeature("mission/waypoints/one", "a single Go To action", rules.one_waypoint),
-    ScenarioFeature("mission/waypoints/few", "two to five in a sequence", rules.few_waypoints),
-    ScenarioFeature("mission/waypoints/many", "more than five in a sequence", rules.many_waypoints),
+    ScenarioFeature(
+        "mission/waypoints/one",
+        "a single Go To action",
+        lambda run: len(run.spec.mission.waypoints) == 1,
+    ),
+    ScenarioFeature(
+        "mission/waypoints/few",
+        "two to five in a sequence",
+        lambda run: 2 <= len(run.spec.mission.waypoints) <= rules.FEW,
+    ),
+    ScenarioFeature(
+        "mission/waypoints/many",
+        "more than five in a sequence",
+        lambda run: len(run.spec.mission.waypoints) > rules.FEW,
+    ),
     ScenarioFeature(
         "mission/distance", "longest straight line between two of them", group="alternative"
     ),
-    ScenarioFeature("mission/distance/near", "less than 15 m", rules.near),
-    ScenarioFeature("mission/distance/far", "15 m or more", rules.far),
-    ScenarioFeature("mission/reach", "whether a doorway lies between them", group="alternative"),
-    ScenarioFeature("mission/reach/one-room", "start and waypoints in one space", rules.one_room),
     ScenarioFeature(
-        "mission/reach/across-rooms", "in several spaces", rules.across_rooms, rules.crossed_rooms
+        "mission/distance/near", "less than 15 m", lambda run: run.longest_leg < rules.FAR
+    ),
+    ScenarioFeature(
+        "mission/distance/far", "15 m or more", lambda run: run.longest_leg >= rules.FAR
+    ),
+    ScenarioFeature("mission/reach", "whether a doorway lies between them", group="alternative"),
+    ScenarioFeature(
+        "mission/reach/one-room",
+        "start and waypoints in one space",
+        lambda run: len(set(run.rooms)) == 1,
+    ),
+    ScenarioFeature(
+        "mission/reach/across-rooms",
+        "in several spaces",
+        lambda run: len(set(run.rooms)) > 1,
+        rules.crossed_rooms,
     ),
     ScenarioFeature(
         "mission/circuit", "comes back to where it has been", rules.circuit, optional=True
     ),
     ScenarioFeature(
-        "mission/heading", "asks for a heading somewhere", rules.heading, optional=True
+        "mission/heading",
+        "asks for a heading somewhere",
+        lambda run: any(waypoint.yaw is not None for waypoint in run.spec.mission.waypoints),
+        optional=True,
     ),
 )
 _SCENERY: Final = (
@@ -133,36 +183,73 @@ _SCENERY: Final = (
     ScenarioFeature(
         "scenery/plan", "features of the floor plan besides walls", group="or", optional=True
     ),
-    ScenarioFeature("scenery/plan/doorways", "passages between spaces", rules.doorways),
+    ScenarioFeature(
+        "scenery/plan/doorways",
+        "passages between spaces",
+        lambda run: any(door.z_min <= 0.0 for door in run.scene.doorways),
+    ),
     ScenarioFeature(
         "scenery/plan/narrow-doorways",
         "with less than 0.2 m on either side of the robot (safety distance of section 4.3)",
         rules.narrow_doorways,
     ),
-    ScenarioFeature("scenery/plan/columns", "columns", rules.columns),
-    ScenarioFeature("scenery/plan/dividers", "dividers", rules.dividers),
+    ScenarioFeature(
+        "scenery/plan/columns",
+        "columns",
+        lambda run: any(solid.kind == "column" for solid in run.scene.solids),
+    ),
+    ScenarioFeature(
+        "scenery/plan/dividers",
+        "dividers",
+        lambda run: any(solid.kind == "divider" for solid in run.scene.solids),
+    ),
     ScenarioFeature("scenery/objects", "what is put into the building", group="or", optional=True),
     ScenarioFeature("scenery/objects/hinged", "objects with a revolute joint", rules.hinged),
     ScenarioFeature("scenery/objects/sliding", "objects with a prismatic joint", rules.sliding),
     ScenarioFeature("scenery/objects/furniture", "objects that cannot move", rules.furniture),
-    ScenarioFeature("scenery/objects/agents", "movers: people, animals, carts", rules.agents),
-    ScenarioFeature("scenery/dynamics", "how it changes during a run", group="or"),
-    ScenarioFeature("scenery/dynamics/static", "nothing moves of itself", rules.static),
     ScenarioFeature(
-        "scenery/dynamics/posed", "joints held in a pose (initial joint pose)", rules.posed
+        "scenery/objects/agents",
+        "movers: people, animals, carts",
+        lambda run: any(is_mover(o.joints) for o in run.scene.objects),
+    ),
+    ScenarioFeature("scenery/dynamics", "how it changes during a run", group="or"),
+    ScenarioFeature(
+        "scenery/dynamics/static",
+        "nothing moves of itself",
+        lambda run: not run.has_behaviour(KeyFrames, Trigger, Reaction, Walk),
+    ),
+    ScenarioFeature(
+        "scenery/dynamics/posed",
+        "joints held in a pose (initial joint pose)",
+        lambda run: run.has_behaviour(Hold),
     ),
     ScenarioFeature(
         "scenery/dynamics/pushable", "joints that nothing holds or drives", rules.pushable
     ),
-    ScenarioFeature("scenery/dynamics/timed", "joints move by the clock", rules.timed, rules.keyed),
     ScenarioFeature(
-        "scenery/dynamics/triggered", "joints move as the robot nears", rules.triggers, rules.fired
+        "scenery/dynamics/timed",
+        "joints move by the clock",
+        lambda run: run.has_behaviour(KeyFrames),
+        lambda run: run.logged(JointEvent.KEY_FRAME),
     ),
     ScenarioFeature(
-        "scenery/dynamics/reacting", "joints move on an occasion", rules.reacting, rules.reacted
+        "scenery/dynamics/triggered",
+        "joints move as the robot nears",
+        lambda run: run.has_behaviour(Trigger),
+        lambda run: run.logged(JointEvent.TRIGGERED),
     ),
-    ScenarioFeature("scenery/dynamics/walking", "movers walk", rules.walking, rules.walked),
+    ScenarioFeature(
+        "scenery/dynamics/reacting",
+        "joints move on an occasion",
+        lambda run: run.has_behaviour(Reaction),
+        lambda run: run.logged(JointEvent.REACTS),
+    ),
+    ScenarioFeature(
+        "scenery/dynamics/walking", "movers walk", lambda run: run.has_behaviour(Walk), rules.walked
+    ),
 )
+# What the tree cannot say: alternatives exclude each other already. Pairs that no run can have are
+# not held against a campaign.
 _STILL: Final = "where something moves, the scenery is not static"
 MODEL: Final = FeatureModel(
     (*_OBJECTIVE, *_SUT, *_MISSION, *_SCENERY),

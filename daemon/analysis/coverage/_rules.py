@@ -1,4 +1,4 @@
-"""Rules that recognise a feature in a run, one function each, and the facts they look at.
+"""Facts about a run that features are recognised by, and the rules that take more than a line.
 
 A run is told before or after it was executed; see the model for what each rule means.
 """
@@ -14,7 +14,8 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from grammars.model.behaviour import Behaviour, Hold, KeyFrames, Reaction, Trigger, Walk
+from daemon.model.joint_events import JointEvent, joint_event
+from grammars.model.behaviour import Behaviour, KeyFrames, Reaction, Walk
 from grammars.model.geometry import Point2, Ring
 from grammars.model.movers import is_mover, own_joints
 from grammars.model.robot import Robot
@@ -58,7 +59,7 @@ class RunFacts:
         """Say whether any oracle, a mere measure included, reads such a signal."""
         return any(_reads_signal(one, names) for one in self.asked)
 
-    def behaves(self, *kinds: type[Behaviour]) -> bool:
+    def has_behaviour(self, *kinds: type[Behaviour]) -> bool:
         """Say whether a joint has a behaviour of one of these kinds."""
         return any(isinstance(behaviour, kinds) for behaviour in self.spec.behaviours)
 
@@ -74,10 +75,10 @@ class RunFacts:
         """Longest straight line from one point of the mission to the next [m]."""
         return max((math.dist(a, b) for a, b in pairwise(self.points)), default=0.0)
 
-    def happened(self, *beginnings: str) -> bool:
-        """Say whether the log of the world has a line that begins so; only with a trace."""
+    def logged(self, wanted: JointEvent) -> bool:
+        """Say whether a joint acted so by the log of the world; only with a trace."""
         events = self.trace.events if self.trace is not None else ()
-        return any(event.text.startswith(beginnings) for event in events)
+        return any(joint_event(event.text) is wanted for event in events)
 
 
 def run_facts(spec: RunSpec, scene: Scene, trace: Trace | None = None) -> RunFacts:
@@ -95,6 +96,7 @@ def _oracle_signals(text: str) -> OracleSignals:
         oracle = parse_oracle("", text, Where("an oracle"))
     except InputError:
         return OracleSignals(frozenset(), False)
+    # What only says when to judge is not what is judged: a guard on a door makes no door oracle.
     judged = dataclasses.replace(oracle, guard=None)
     names = {signal.name for signal in signals_of(judged)}
     if isinstance(oracle.judgement, Reached):
@@ -116,7 +118,11 @@ def room_at(scene: Scene, point: Point2) -> str:
 
 
 def contains_point(ring: Ring, point: Point2) -> bool:
-    """Say whether a point lies in a simple polygon (even-odd rule; its border counts by half)."""
+    """Say whether a point lies in a simple polygon (even-odd rule; its border counts by half).
+
+    Not by shapely, to which a border is outside: a waypoint on the line between two rooms is in one
+    of them, and :func:`daemon.analysis.coverage.room_cells` counts cells by the same rule.
+    """
     x, y = point
     found = False
     for (ax, ay), (bx, by) in zip(ring, (*ring[1:], *ring[:1]), strict=True):
@@ -132,43 +138,21 @@ def articulated_objects(scene: Scene) -> tuple[SceneObject, ...]:
     )
 
 
+# The paper names the features, not where one ends and the next begins; these are ours but SPARE.
 FAR: Final = 15.0
 """Waypoints this far apart [m] are far from each other."""
 FEW: Final = 5
 """More waypoints than this are many."""
 SPARE: Final = 0.2
-"""A doorway with less room than this [m] on either side of the robot is narrow."""
+"""A doorway with less room than this [m] on either side of the robot is narrow: the safety
+distance of the paper (section 4.3)."""
 SAME: Final = 0.5
 """Points nearer than this [m] are the same place."""
 
 
-def functional(facts: RunFacts) -> bool:
-    return facts.judges(MISSION, "mission", "loc")
-
-
 def robustness(facts: RunFacts) -> bool:
-    changes = facts.behaves(KeyFrames, Reaction, Walk)
+    changes = facts.has_behaviour(KeyFrames, Reaction, Walk)
     return changes and any(one.judges for one in facts.asked)
-
-
-def safety(facts: RunFacts) -> bool:
-    return facts.judges("clearance", "contact")
-
-
-def performance(facts: RunFacts) -> bool:
-    return facts.measures("elapsed", "mission.leg.elapsed", "path.length", "speed")
-
-
-def sut(facts: RunFacts) -> str:
-    return facts.spec.sut.name
-
-
-def differential(facts: RunFacts) -> bool:
-    return facts.spec.robot.drive.kind == "differential"
-
-
-def omnidirectional(facts: RunFacts) -> bool:
-    return facts.spec.robot.drive.kind == "omnidirectional"
 
 
 def perfect_odometry(facts: RunFacts) -> bool:
@@ -176,52 +160,13 @@ def perfect_odometry(facts: RunFacts) -> bool:
     return noise.translation == noise.rotation == noise.drift == 0.0
 
 
-def erring_odometry(facts: RunFacts) -> bool:
-    return not perfect_odometry(facts)
-
-
-def bare_map(facts: RunFacts) -> bool:
-    return facts.spec.map.doors == "none"
-
-
-def furnished_map(facts: RunFacts) -> bool:
-    return facts.spec.map.doors == "initial"
-
-
-def one_waypoint(facts: RunFacts) -> bool:
-    return len(facts.spec.mission.waypoints) == 1
-
-
-def few_waypoints(facts: RunFacts) -> bool:
-    return 2 <= len(facts.spec.mission.waypoints) <= FEW
-
-
-def many_waypoints(facts: RunFacts) -> bool:
-    return len(facts.spec.mission.waypoints) > FEW
-
-
-def near(facts: RunFacts) -> bool:
-    return facts.longest_leg < FAR
-
-
-def far(facts: RunFacts) -> bool:
-    return facts.longest_leg >= FAR
-
-
-def one_room(facts: RunFacts) -> bool:
-    return len(set(facts.rooms)) == 1
-
-
-def across_rooms(facts: RunFacts) -> bool:
-    return len(set(facts.rooms)) > 1
-
-
 def crossed_rooms(facts: RunFacts) -> bool:
     """Say whether the robot has been in two of the rooms its mission is about."""
     if facts.trace is None:
         return False
     truth, wanted = facts.trace.ground_truth, set(facts.rooms) - {""}
-    # Once a second is enough: no robot crosses a room in less.
+    # Once a second is enough, no robot crosses a room in less. Poses come at daemon.run.STATE_RATE,
+    # 20 Hz, which is not imported: coverage is to know nothing of systems under test.
     points = zip(truth.x[::20].tolist(), truth.y[::20].tolist(), strict=True)
     return len({room_at(facts.scene, point) for point in points} & wanted) > 1
 
@@ -235,14 +180,6 @@ def circuit(facts: RunFacts) -> bool:
     )
 
 
-def heading(facts: RunFacts) -> bool:
-    return any(waypoint.yaw is not None for waypoint in facts.spec.mission.waypoints)
-
-
-def doorways(facts: RunFacts) -> bool:
-    return any(door.z_min <= 0.0 for door in facts.scene.doorways)
-
-
 def narrow_doorways(facts: RunFacts) -> bool:
     least = _width(facts.spec.robot) + 2.0 * SPARE
     return any(door.z_min <= 0.0 and door.width < least for door in facts.scene.doorways)
@@ -251,14 +188,6 @@ def narrow_doorways(facts: RunFacts) -> bool:
 def _width(robot: Robot) -> float:
     across = [y for _, y in robot.footprint]
     return max(across) - min(across)
-
-
-def columns(facts: RunFacts) -> bool:
-    return any(solid.kind == "column" for solid in facts.scene.solids)
-
-
-def dividers(facts: RunFacts) -> bool:
-    return any(solid.kind == "divider" for solid in facts.scene.solids)
 
 
 def hinged(facts: RunFacts) -> bool:
@@ -277,18 +206,6 @@ def furniture(facts: RunFacts) -> bool:
     return any(not own_joints(o.joints) and not is_mover(o.joints) for o in facts.scene.objects)
 
 
-def agents(facts: RunFacts) -> bool:
-    return any(is_mover(o.joints) for o in facts.scene.objects)
-
-
-def static(facts: RunFacts) -> bool:
-    return not facts.behaves(KeyFrames, Trigger, Reaction, Walk)
-
-
-def posed(facts: RunFacts) -> bool:
-    return facts.behaves(Hold)
-
-
 def pushable(facts: RunFacts) -> bool:
     spoken_of = {behaviour.joint for behaviour in facts.spec.behaviours}
     return any(
@@ -297,34 +214,6 @@ def pushable(facts: RunFacts) -> bool:
         if not thing.frozen
         for joint in own_joints(thing.joints)
     )
-
-
-def timed(facts: RunFacts) -> bool:
-    return facts.behaves(KeyFrames)
-
-
-def keyed(facts: RunFacts) -> bool:
-    return facts.happened("key frame ")
-
-
-def triggers(facts: RunFacts) -> bool:
-    return facts.behaves(Trigger)
-
-
-def fired(facts: RunFacts) -> bool:
-    return facts.happened("triggered ")
-
-
-def reacting(facts: RunFacts) -> bool:
-    return facts.behaves(Reaction)
-
-
-def reacted(facts: RunFacts) -> bool:
-    return facts.happened("reacts: ")
-
-
-def walking(facts: RunFacts) -> bool:
-    return facts.behaves(Walk)
 
 
 def walked(facts: RunFacts) -> bool:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Final
 
 from daemon.analysis.report._input import (
     NOTE,
+    ReportInput,
     campaign_input,
     folder_input,
     ledger_input,
@@ -17,10 +18,15 @@ from daemon.analysis.report._input import (
 if TYPE_CHECKING:
     from daemon.analysis.report._data import ReportData, ReportRun, read_report_data
     from daemon.analysis.report._exports import COLUMNS, write_csv, write_junit, write_parquet
-    from daemon.analysis.report._input import ReportInput, RunTracks
+    from daemon.analysis.report._formatting import (
+        format_quantity,
+        mean_and_deviation,
+        verdict_details,
+    )
     from daemon.analysis.report._page import SuggestedCommand, headline, write_page
     from daemon.analysis.report._run_picture import draw_run
-    from daemon.analysis.report._tracks import MEASURES, RunMeasure
+    from daemon.analysis.report._safety_buffer import SafetyBuffer, oracle_limit, safety_buffer
+    from daemon.analysis.report._tracks import MEASURES, RunMeasure, RunTracks, thinned_indices
 
 __all__ = [
     "COLUMNS",
@@ -31,14 +37,21 @@ __all__ = [
     "ReportRun",
     "RunMeasure",
     "RunTracks",
+    "SafetyBuffer",
     "SuggestedCommand",
     "campaign_input",
     "draw_run",
     "folder_input",
+    "format_quantity",
     "headline",
     "ledger_input",
+    "mean_and_deviation",
     "open_ledger",
+    "oracle_limit",
     "read_report_data",
+    "safety_buffer",
+    "thinned_indices",
+    "verdict_details",
     "write_campaign_note",
     "write_csv",
     "write_junit",
@@ -47,26 +60,22 @@ __all__ = [
 ]
 
 _MODULES: Final = {
-    "COLUMNS": "_exports",
-    "MEASURES": "_tracks",
-    "ReportData": "_data",
-    "ReportInput": "_input",
-    "ReportRun": "_data",
-    "RunMeasure": "_tracks",
-    "RunTracks": "_input",
-    "SuggestedCommand": "_page",
-    "draw_run": "_run_picture",
-    "headline": "_page",
-    "read_report_data": "_data",
-    "write_csv": "_exports",
-    "write_junit": "_exports",
-    "write_page": "_page",
-    "write_parquet": "_exports",
+    "_data": ("ReportData", "ReportRun", "read_report_data"),
+    "_exports": ("COLUMNS", "write_csv", "write_junit", "write_parquet"),
+    "_formatting": ("format_quantity", "mean_and_deviation", "verdict_details"),
+    "_page": ("SuggestedCommand", "headline", "write_page"),
+    "_run_picture": ("draw_run",),
+    "_safety_buffer": ("SafetyBuffer", "oracle_limit", "safety_buffer"),
+    "_tracks": ("MEASURES", "RunMeasure", "RunTracks", "thinned_indices"),
 }
 
 
 def __getattr__(name: str) -> object:
-    """Load what judges, draws and writes only when it is asked for."""
-    if name in _MODULES:
-        return getattr(import_module(f"{__name__}.{_MODULES[name]}"), name)
+    """Load what judges, draws and writes only when it is asked for.
+
+    ``scenario run`` and ``scenario compare`` take notes and ledgers from here and never draw.
+    """
+    for module, names in _MODULES.items():
+        if name in names:
+            return getattr(import_module(f"{__name__}.{module}"), name)
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

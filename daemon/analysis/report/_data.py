@@ -10,18 +10,20 @@ from typing import Final, TypeAlias
 
 from daemon.analysis.coverage import Coverage, RunCoverage, run_coverage, sum_coverage
 from daemon.analysis.parallel_map import parallel_map
-from daemon.analysis.report._input import ReportInput, RunTracks, SafetyBuffer, TriggerWatch
-from daemon.analysis.report._safety_buffer import safety_buffer
-from daemon.analysis.report._tracks import extract_tracks
+from daemon.analysis.report._input import ReportInput
+from daemon.analysis.report._safety_buffer import SafetyBuffer, safety_buffer
+from daemon.analysis.report._tracks import RunTracks, extract_tracks
 from daemon.judging import oracles
 from daemon.judging.assessment import assess
 from daemon.judging.oracles import SignalSampler
 from daemon.model.assessments import Assessment, RunRecord
 from daemon.model.spec import Timing
 from daemon.trace import TraceError, read_trace
+from grammars.model.behaviour import Trigger
 
 _SAMPLES: Final = 36_000
-"""Samples drawn in all figures of one kind together: what keeps a report small."""
+"""Samples drawn in all figures of one kind together: what keeps a report of thousands of runs
+something that can be sent by mail."""
 _FEWEST, _MOST = 90, 600
 """Samples drawn of one run."""
 
@@ -33,15 +35,15 @@ class ReportRun:
     """A run, judged, and what its trace says."""
 
     record: RunRecord
-    driven: RunTracks
-    covered: RunCoverage | None = None
+    tracks: RunTracks
+    coverage: RunCoverage | None = None
 
 
 @dataclass(frozen=True, slots=True)
 class ReportData:
     """Everything a report is written from."""
 
-    chosen: ReportInput
+    input: ReportInput
     runs: tuple[ReportRun, ...]
     assessment: Assessment
     buffer: SafetyBuffer
@@ -65,20 +67,20 @@ def read_report_data(
     )
     runs = tuple(found if watched is None else watched(found, len(chosen.records)))
     assessment = assess(chosen.declared, (run.record for run in runs))
-    coverage = sum_coverage([run.covered for run in runs if run.covered is not None])
+    coverage = sum_coverage([run.coverage for run in runs if run.coverage is not None])
     return ReportData(chosen, runs, assessment, buffer, coverage)
 
 
 def _read_run(
-    record: RunRecord, *, buffer: SafetyBuffer, watches: tuple[TriggerWatch, ...], points: int
+    record: RunRecord, *, buffer: SafetyBuffer, watches: tuple[Trigger, ...], points: int
 ) -> ReportRun:
     if record.trace is None:
         return ReportRun(record, RunTracks(record.id, problem=record.note or "there is no trace"))
     try:
         trace = read_trace(Path(record.trace), scans=True)
     except TraceError as error:
-        problem = "; ".join(found.message for found in error.diagnostics)
-        return ReportRun(record, RunTracks(record.id, problem=problem))
+        return ReportRun(record, RunTracks(record.id, problem=error.diagnostics[0].message))
+    # A clock that jumps or a NaN: nothing in the trace can be trusted, verdicts say so themselves.
     invalid = oracles.trace_problems(trace)
     sampler = None if invalid else SignalSampler(trace)
     if record.outcome is None and record.state == "done":

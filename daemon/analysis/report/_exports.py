@@ -1,7 +1,7 @@
-"""Reports for machines: a table as CSV and Parquet, JUnit XML, by libraries of the extra ``report``.
+"""Reports for machines: a table as CSV and Parquet, and JUnit XML.
 
 The table has one row for each number. JUnit has a suite for each cell, a case for each of its
-oracles, as build servers read them.
+oracles, as build servers read them. Parquet and JUnit take libraries of the extra ``report``.
 """
 
 from __future__ import annotations
@@ -15,8 +15,7 @@ from typing import Any, Final
 
 from daemon.analysis.report._data import ReportData
 from daemon.analysis.report._formatting import format_quantity
-from daemon.analysis.report._input import RunTracks
-from daemon.analysis.report._tracks import MEASURES
+from daemon.analysis.report._tracks import MEASURES, RunTracks
 from daemon.judging.assessment import evidence_text
 from daemon.model.assessments import CellAssessment, CellVerdict, ComparisonVerdict, RunRecord
 from daemon.model.verdicts import Outcome
@@ -48,12 +47,12 @@ COLUMNS: Final = (
 Row = tuple[str | int | float | None, ...]
 
 
-def table_rows(material: ReportData) -> Iterator[Row]:
+def table_rows(data: ReportData) -> Iterator[Row]:
     """Return one row for each number of each run, in the order of :data:`COLUMNS`."""
-    for run in material.runs:
+    for run in data.runs:
         record = run.record
         head: Row = (
-            material.chosen.name,
+            data.input.name,
             record.scenario,
             record.sut,
             record.repeat,
@@ -61,13 +60,13 @@ def table_rows(material: ReportData) -> Iterator[Row]:
             record.digest,
             str(record.outcome or record.state),
         )
-        yield from ((*head, *row) for row in (*_measure_rows(run.driven), *_verdict_rows(record)))
+        yield from ((*head, *row) for row in (*_measure_rows(run.tracks), *_verdict_rows(record)))
 
 
-def _measure_rows(driven: RunTracks) -> Iterator[Row]:
+def _measure_rows(tracks: RunTracks) -> Iterator[Row]:
     for measure in MEASURES:
-        if measure.name in driven.measures:
-            value = driven.measures[measure.name]
+        if measure.name in tracks.measures:
+            value = tracks.measures[measure.name]
             yield ("measure", measure.name, value, measure.unit, "", None, "")
 
 
@@ -86,20 +85,20 @@ def _verdict_rows(record: RunRecord) -> Iterator[Row]:
         )
 
 
-def write_csv(material: ReportData, path: Path) -> None:
+def write_csv(data: ReportData, path: Path) -> None:
     """Write the table as CSV (UTF-8, RFC 4180, numbers in full precision)."""
     with path.open("w", encoding="utf-8", newline="") as file:
         writer = csv.writer(file)
         writer.writerow(COLUMNS)
-        writer.writerows(table_rows(material))
+        writer.writerows(table_rows(data))
 
 
-def write_parquet(material: ReportData, path: Path) -> None:
+def write_parquet(data: ReportData, path: Path) -> None:
     """Write the table as Parquet; raises :class:`InputError` without the extra ``report``."""
     arrow = require_extra("pyarrow", "a Parquet file")
     parquet = require_extra("pyarrow.parquet", "a Parquet file")
     columns: Sequence[tuple[str | int | float | None, ...]] = tuple(
-        zip(*table_rows(material), strict=True)
+        zip(*table_rows(data), strict=True)
     ) or ((),) * len(COLUMNS)
     kinds = {"repeat": arrow.int64(), "value": arrow.float64(), "time": arrow.float64()}
     fields = [arrow.field(name, kinds.get(name, arrow.string())) for name in COLUMNS]
@@ -107,7 +106,7 @@ def write_parquet(material: ReportData, path: Path) -> None:
     parquet.write_table(arrow.table(arrays, schema=arrow.schema(fields)), path)
 
 
-def write_junit(material: ReportData, path: Path) -> None:
+def write_junit(data: ReportData, path: Path) -> None:
     """Write what :func:`daemon.judging.assessment.assess` made of the campaign.
 
     FAIL is a failure, ERROR an error, INCONCLUSIVE an error of type ``inconclusive``; what fails
@@ -115,40 +114,40 @@ def write_junit(material: ReportData, path: Path) -> None:
     ``xpass``. Raises :class:`InputError` without the extra ``report``.
     """
     junit = require_extra("junitparser", "a JUnit file")
-    xml = junit.JUnitXml(xml_text(material.chosen.name))
-    wall = {run.record.id: run.record.timing.wall for run in material.runs if run.record.timing}
-    for cell in material.assessment.cells:
+    xml = junit.JUnitXml(xml_text(data.input.name))
+    wall = {run.record.id: run.record.timing.wall for run in data.runs if run.record.timing}
+    for cell in data.assessment.cells:
         suite = junit.TestSuite(xml_text(f"{cell.scenario}/{cell.sut}"))
-        for case in _cell_cases(cell, material, junit):
+        for case in _cell_cases(cell, data, junit):
             suite.add_testcase(case)
         suite.update_statistics()
         suite.time = round(sum(wall.get(run, 0.0) for run in cell.runs), 3)
         xml.add_testsuite(suite)
-    if material.assessment.comparisons:
+    if data.assessment.comparisons:
         suite = junit.TestSuite("comparisons")
-        for comparison in material.assessment.comparisons:
-            suite.add_testcase(_comparison_case(comparison, material, junit))
+        for comparison in data.assessment.comparisons:
+            suite.add_testcase(_comparison_case(comparison, data, junit))
         suite.update_statistics()
         xml.add_testsuite(suite)
     xml.update_statistics()
     xml.write(str(path), pretty=True)
 
 
-def _cell_cases(cell: CellAssessment, material: ReportData, junit: Any) -> list[Any]:
-    place = f"{material.chosen.name}.{cell.scenario}.{cell.sut}"
+def _cell_cases(cell: CellAssessment, data: ReportData, junit: Any) -> list[Any]:
+    place = f"{data.input.name}.{cell.scenario}.{cell.sut}"
     if not cell.oracles:
         case = junit.TestCase("runs", xml_text(place))
         case.result = [junit.Error("no run was judged by any oracle", str(cell.verdict))]
         return [case]
-    return [_oracle_case(oracle, place, material, junit) for oracle in cell.oracles]
+    return [_oracle_case(oracle, place, data, junit) for oracle in cell.oracles]
 
 
-def _oracle_case(oracle: CellVerdict, place: str, material: ReportData, junit: Any) -> Any:
+def _oracle_case(oracle: CellVerdict, place: str, data: ReportData, junit: Any) -> Any:
     case = junit.TestCase(xml_text(oracle.oracle), xml_text(place))
     case.result = _case_result(oracle, oracle.passed > 0, _summary(oracle), junit)
     lines = [
         f"{run.record.id}: {verdict.outcome}  {evidence_text(verdict)}"
-        for run in material.runs
+        for run in data.runs
         if (run.record.scenario, run.record.sut) == (oracle.scenario, oracle.sut)
         and (verdict := run.record.verdict(oracle.oracle)) is not None
     ]
@@ -164,13 +163,13 @@ def _summary(oracle: CellVerdict) -> str:
     return "; ".join(parts)
 
 
-def _comparison_case(cell: ComparisonVerdict, material: ReportData, junit: Any) -> Any:
+def _comparison_case(cell: ComparisonVerdict, data: ReportData, junit: Any) -> Any:
     case = junit.TestCase(
-        xml_text(f"{cell.comparison} {cell.sut}"), xml_text(f"{material.chosen.name}.comparisons")
+        xml_text(f"{cell.comparison} {cell.sut}"), xml_text(f"{data.input.name}.comparisons")
     )
     said = f"mean {format_quantity(cell.mean, cell.unit, signed=True)}, n={cell.n}: {cell.text}"
     passed = cell.verdict is Outcome.PASS
-    case.result = _case_result(cell, passed, f"{said}; {cell.note}".removesuffix("; "), junit)
+    case.result = _case_result(cell, passed, f"{said}; {cell.note}" if cell.note else said, junit)
     return case
 
 

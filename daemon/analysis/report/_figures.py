@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Final, Literal, TypeAlias
 
 import numpy as np
 
@@ -14,9 +14,9 @@ from daemon.analysis.parallel_map import parallel_map
 from daemon.analysis.report import _plots
 from daemon.analysis.report._data import ReportData
 from daemon.analysis.report._exports import require_extra
-from daemon.analysis.report._input import RunTracks, TriggerEncounter
-from daemon.analysis.report._safety_buffer import oracle_limit, outlines_near
+from daemon.analysis.report._safety_buffer import oracle_limit, outlines_near, transform_points
 from daemon.analysis.report._svg import BAD, BODY, LINE, SECOND, SOFT, WALL, new_figure, to_svg
+from daemon.analysis.report._tracks import RunTracks, TriggerEncounter
 from daemon.judging.oracles import SignalSampler
 from daemon.model.assessments import CellVerdict
 from daemon.model.verdicts import Outcome
@@ -27,6 +27,13 @@ from grammars.model.scene import Scene
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
+FigureKind: TypeAlias = Literal[
+    "moment", "localisation", "distance", "way", "inside", "worst-localisation", "boxes", "trigger"
+]
+MOST_CELLS: Final = 60
+"""Cells that get figures of their own; in larger campaigns the first ones, and it is said so."""
+MOST_MOMENTS: Final = 24
+"""Findings whose deciding moment is drawn: each reads a trace once more."""
 _WIDE, _HIGH = 3.2, 2.0
 """Half of what is shown [m]."""
 _WAY_SHOWN: Final = 10.0
@@ -44,7 +51,7 @@ def draw_moment(
     except TraceError:
         return ""
     sampler = SignalSampler(recorded)
-    stamps = sampler.timeline.time
+    stamps = sampler.time_base.time
     index = min(int(np.searchsorted(stamps, time)), len(stamps) - 1)
     pose = sampler.poses[index]
     sheet, axes = new_figure(3.5, 3.5 * _HIGH / _WIDE, bare=True)
@@ -66,110 +73,97 @@ def draw_moment(
 def _draw_robot(axes: Axes, footprint: Floats, pose: Floats, buffer: Point2) -> None:
     hx, hy = buffer
     box = np.array([(hx, hy), (-hx, hy), (-hx, -hy), (hx, -hy), (hx, hy)])
-    around, body = _transform_points(box, pose), _transform_points(footprint, pose)
-    nose = _transform_points(
-        np.array([(0.0, 0.0), (0.7 * float(footprint[:, 0].max()), 0.0)]), pose
+    ahead = np.array([(0.0, 0.0), (0.7 * float(footprint[:, 0].max()), 0.0)])
+    around, body, nose = (
+        transform_points(points, pose[None]) for points in (box, footprint, ahead)
     )
     axes.plot(around[:, 0], around[:, 1], color=SOFT, lw=0.9, ls=(0, (4, 3)))
     axes.fill(body[:, 0], body[:, 1], facecolor=BODY, edgecolor=BODY, alpha=0.55)
     axes.plot(nose[:, 0], nose[:, 1], color=BODY, lw=2.0)
 
 
-def _transform_points(points: Floats, pose: Floats) -> Any:
-    c, s = np.cos(pose[2]), np.sin(pose[2])
-    return points @ np.array([(c, s), (-s, c)]) + pose[:2]
-
-
-MOST_CELLS: Final = 60
-"""Cells that get figures of their own; in larger campaigns the first ones, and it is said so."""
-
-
-MOST_MOMENTS: Final = 24
-"""Findings whose deciding moment is drawn."""
-
-
 @dataclass(frozen=True, slots=True)
 class ReportFigure:
-    """A drawn figure: ``svg`` and what it shows of which cell."""
+    """A figure: what it shows of which cell, of ``subject`` (an oracle) if so, and its ``svg``."""
 
-    kind: str
+    kind: FigureKind
     scenario: str
     sut: str
     caption: str
-    svg: str
+    svg: str = ""
+    subject: str = ""
 
 
 @dataclass(frozen=True, slots=True)
 class _FigureTask:
     """A figure to draw: ``draw(name, label)`` gives its SVG."""
 
-    kind: str
-    scenario: str
-    sut: str
-    caption: str
+    figure: ReportFigure
     label: str
     draw: Callable[[str, str], str]
 
 
-def draw_figures(material: ReportData, *, processes: int | None = None) -> tuple[ReportFigure, ...]:
+def draw_figures(data: ReportData, *, processes: int | None = None) -> tuple[ReportFigure, ...]:
     """Draw every figure of a report; raises :class:`InputError` without the extra ``report``."""
+    # Loaded here, before processes are forked that need it.
     require_extra("matplotlib.figure", "a report with figures")
     require_extra("matplotlib.backends.backend_svg", "a report with figures")
-    drawn = (*_moments(material), *_of_cells(material), *_of_campaign(material))
+    drawn = (*_moments(data), *_of_cells(data), *_of_campaign(data))
     tasks = tuple(enumerate(drawn))
     return tuple(parallel_map(_draw_task, tasks, doing="that draws figures", processes=processes))
 
 
 def _draw_task(numbered: tuple[int, _FigureTask]) -> ReportFigure:
     number, task = numbered
-    svg = task.draw(f"f{number}", task.label)
-    return ReportFigure(task.kind, task.scenario, task.sut, task.caption, svg)
+    return replace(task.figure, svg=task.draw(f"f{number}", task.label))
 
 
-def notable_verdicts(material: ReportData) -> tuple[CellVerdict, ...]:
+def notable_verdicts(data: ReportData) -> tuple[CellVerdict, ...]:
     """Return the verdicts to look at: what contradicts, is open or fails, unexpected ones first."""
     wanted = [
         oracle
-        for cell in material.assessment.cells
+        for cell in data.assessment.cells
         for oracle in cell.oracles
         if not oracle.met or oracle.verdict is not Outcome.PASS
     ]
     return tuple(sorted(wanted, key=lambda oracle: oracle.met))
 
 
-def _moments(material: ReportData) -> Iterator[_FigureTask]:
+def _moments(data: ReportData) -> Iterator[_FigureTask]:
     """Draw the deciding moments of the first findings."""
-    runs = {run.record.id: run for run in material.runs}
-    for oracle in notable_verdicts(material)[:MOST_MOMENTS]:
+    runs = {run.record.id: run for run in data.runs}
+    for oracle in notable_verdicts(data)[:MOST_MOMENTS]:
         worst = oracle.worst
         time = None if worst is None else worst.verdict.evidence.time
         if worst is None or time is None:
             continue
         run, involved = runs[worst.run], worst.verdict.evidence.object
-        if run.record.trace is None or not len(run.driven.time):
+        if run.record.trace is None or not len(run.tracks.time):
             continue
         caption = f"repeat {worst.repeat} at {time:.1f} s"
         yield _FigureTask(
-            f"moment {oracle.oracle}", oracle.scenario, oracle.sut, caption,
+            ReportFigure(
+                "moment", oracle.scenario, oracle.sut, caption, subject=oracle.oracle
+            ),
             f"The moment that decides {oracle.oracle}, {oracle.scenario} with {oracle.sut}",
             partial(
                 draw_moment, trace=Path(run.record.trace), time=time, involved=involved,
-                buffer=run.driven.buffer,
+                buffer=run.tracks.buffer,
             ),
         )  # fmt: skip
 
 
-def _cells(material: ReportData) -> dict[tuple[str, str], list[RunTracks]]:
+def _cells(data: ReportData) -> dict[tuple[str, str], list[RunTracks]]:
     found: dict[tuple[str, str], list[RunTracks]] = {}
-    for run in material.runs:
-        if len(run.driven.time) > 1:
-            found.setdefault((run.record.scenario, run.record.sut), []).append(run.driven)
+    for run in data.runs:
+        if len(run.tracks.time) > 1:
+            found.setdefault((run.record.scenario, run.record.sut), []).append(run.tracks)
     return dict(list(found.items())[:MOST_CELLS])
 
 
-def _of_cells(material: ReportData) -> Iterator[_FigureTask]:
-    cells, scenes = _cells(material), _scenes(material)
-    limit = oracle_limit(material.chosen.oracles, "loc.error")
+def _of_cells(data: ReportData) -> Iterator[_FigureTask]:
+    cells, scenes = _cells(data), _scenes(data)
+    limit = oracle_limit(data.input.oracles, "loc.error")
     for scenario in dict.fromkeys(scenario for scenario, _ in cells):
         here = {sut: runs for (name, sut), runs in cells.items() if name == scenario}
         frame = _plots.plot_limits([run for runs in here.values() for run in runs])
@@ -177,104 +171,105 @@ def _of_cells(material: ReportData) -> Iterator[_FigureTask]:
             of = f"{scenario} with {sut}"
             if any(not np.isnan(run.error).all() for run in runs):
                 yield _FigureTask(
-                    "localisation", scenario, sut, sut,
+                    ReportFigure("localisation", scenario, sut, sut),
                     f"Localisation error and spread over time, {of}",
                     partial(_plots.plot_localisation, runs=runs, frame=frame, limit=limit),
                 )  # fmt: skip
             if any(np.isnan(run.clearance).all() for run in runs):
                 continue
             yield _FigureTask(
-                "distance", scenario, sut, sut, f"Clearance over time, {of}",
+                ReportFigure("distance", scenario, sut, sut), f"Clearance over time, {of}",
                 partial(_plots.plot_clearance, runs=runs, frame=frame),
             )  # fmt: skip
             scene = scenes.get(runs[0].scene)
             if scene is not None:
                 yield _FigureTask(
-                    "way", scenario, sut, sut, f"Clearance along the way on the map, {of}",
+                    ReportFigure("way", scenario, sut, sut),
+                    f"Clearance along the way on the map, {of}",
                     partial(_plots.plot_way, runs=runs, frame=frame, scene=scene),
                 )  # fmt: skip
             if any(len(run.inside) for run in runs):
                 yield _FigureTask(
-                    "inside", scenario, sut, f"{scenario}, {sut}",
+                    ReportFigure("inside", scenario, sut, f"{scenario}, {sut}"),
                     f"Obstacles inside the safety buffer as seen from the robot, {of}",
                     partial(_plots.plot_buffer, runs=runs),
                 )  # fmt: skip
 
 
-def _of_campaign(material: ReportData) -> Iterator[_FigureTask]:
-    yield from _worst_localisation(material)
-    yield from _boxes(material, "time in buffer", "time in buffer [s]")
-    yield from _boxes(material, "error p95", "95 % of the error [m]")
-    yield from _boxes(material, "duration", "duration [s]")
-    yield from _triggers(material)
+def _of_campaign(data: ReportData) -> Iterator[_FigureTask]:
+    yield from _worst_localisation(data)
+    yield from _boxes(data, "time in buffer", "time in buffer [s]")
+    yield from _boxes(data, "error p95", "95 % of the error [m]")
+    yield from _boxes(data, "duration", "duration [s]")
+    yield from _triggers(data)
 
 
-def _worst_localisation(material: ReportData) -> Iterator[_FigureTask]:
-    known = [run for run in material.runs if "error max" in run.driven.measures]
+def _worst_localisation(data: ReportData) -> Iterator[_FigureTask]:
+    known = [run for run in data.runs if "error max" in run.tracks.measures]
     if not known:
         return
-    worst = max(known, key=lambda run: run.driven.measures["error max"])
-    scene = _scenes(material).get(worst.driven.scene)
+    worst = max(known, key=lambda run: run.tracks.measures["error max"])
+    scene = _scenes(data).get(worst.tracks.scene)
     if scene is None:
         return
     of = f"{worst.record.scenario} with {worst.record.sut}, repeat {worst.record.repeat}"
-    limit = oracle_limit(material.chosen.oracles, "loc.error")
+    limit = oracle_limit(data.input.oracles, "loc.error")
     yield _FigureTask(
-        "worst-localisation", worst.record.scenario, of, "around the peak",
+        ReportFigure("worst-localisation", worst.record.scenario, of, "around the peak"),
         f"The largest localisation error over time, {of}",
-        partial(_plots.plot_error_peak, run=worst.driven, limit=limit),
+        partial(_plots.plot_error_peak, run=worst.tracks, limit=limit),
     )  # fmt: skip
     yield _FigureTask(
-        "worst-localisation", worst.record.scenario, of, "where it was",
+        ReportFigure("worst-localisation", worst.record.scenario, of, "where it was"),
         f"The largest localisation error on the map, {of}",
-        partial(_plots.plot_peak_map, run=worst.driven, scene=scene),
+        partial(_plots.plot_peak_map, run=worst.tracks, scene=scene),
     )  # fmt: skip
 
 
-def _boxes(material: ReportData, measure: str, axis: str) -> Iterator[_FigureTask]:
+def _boxes(data: ReportData, measure: str, axis: str) -> Iterator[_FigureTask]:
     values: dict[str, dict[str, list[float]]] = {}
-    for run in material.runs:
-        if measure in run.driven.measures:
+    for run in data.runs:
+        if measure in run.tracks.measures:
             of = values.setdefault(run.record.scenario, {}).setdefault(run.record.sut, [])
-            of.append(run.driven.measures[measure])
+            of.append(run.tracks.measures[measure])
     if not values or not any(v for cells in values.values() for vs in cells.values() for v in vs):
         return
     suts = tuple(dict.fromkeys(sut for cells in values.values() for sut in cells))
     table = tuple((scenario, tuple(cells.items())) for scenario, cells in values.items())
     yield _FigureTask(
-        f"boxes {measure}", "", "", measure, f"Boxplots of {measure} by scenario",
+        ReportFigure("boxes", "", "", measure), f"Boxplots of {measure} by scenario",
         partial(_plots.plot_boxes, values=table, suts=suts, axis=axis),
     )  # fmt: skip
 
 
-def scenarios_with_triggers(material: ReportData) -> tuple[str, ...]:
+def scenarios_with_triggers(data: ReportData) -> tuple[str, ...]:
     """Return the scenarios in the figures around triggers, in the order of their colours."""
-    names = (run.record.scenario for run in material.runs if run.driven.passings)
+    names = (run.record.scenario for run in data.runs if run.tracks.encounters)
     return tuple(dict.fromkeys(names))
 
 
-def _triggers(material: ReportData) -> Iterator[_FigureTask]:
-    colours = {name: number for number, name in enumerate(scenarios_with_triggers(material))}
+def _triggers(data: ReportData) -> Iterator[_FigureTask]:
+    colours = {name: number for number, name in enumerate(scenarios_with_triggers(data))}
     found: dict[tuple[str, str], dict[int, list[TriggerEncounter]]] = {}
-    for run in material.runs:
-        for passing in run.driven.passings:
-            if len(passing.since) > 1:
-                by_scenario = found.setdefault((passing.joint, run.record.sut), {})
-                by_scenario.setdefault(colours[run.record.scenario], []).append(passing)
+    for run in data.runs:
+        for encounter in run.tracks.encounters:
+            if len(encounter.since) > 1:
+                by_scenario = found.setdefault((encounter.joint, run.record.sut), {})
+                by_scenario.setdefault(colours[run.record.scenario], []).append(encounter)
     for (joint, sut), by_scenario in sorted(found.items()):
         door = joint.rpartition(".")[0] or joint
         yield _FigureTask(
-            "trigger", door, sut, sut,
+            ReportFigure("trigger", door, sut, sut),
             f"Speed and turning speed around the trigger of {door} with {sut}",
             partial(_plots.plot_triggers, scenarios=tuple(by_scenario.items())),
         )  # fmt: skip
 
 
-def _scenes(material: ReportData) -> dict[str, Scene]:
+def _scenes(data: ReportData) -> dict[str, Scene]:
     """Return the scenes of the runs by digest, each read from one of the traces."""
     found: dict[str, Scene] = {}
-    for run in material.runs:
-        digest, trace = run.driven.scene, run.record.trace
+    for run in data.runs:
+        digest, trace = run.tracks.scene, run.record.trace
         if digest and trace is not None and digest not in found:
             try:
                 found[digest] = read_scene(Path(trace))

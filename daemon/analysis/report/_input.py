@@ -1,19 +1,15 @@
 """What a report is about: a campaign of a state directory, or a folder of traces.
 
-With the values a report is made from: runs, and what their traces say, thinned for paper and
-screen.
+Loaded by commands that never draw: nothing here may import numpy, matplotlib or the oracles.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
-
-import numpy as np
-import numpy.typing as npt
 
 from daemon.batch.errors import DaemonError, Refused, TraceUnavailable
 from daemon.batch.ledger import LedgerReader
@@ -25,23 +21,7 @@ from daemon.model.spec import RunSpec
 from daemon.model.status import CampaignRow, Submission
 from daemon.trace import TraceError, read_spec
 from grammars.model.behaviour import Trigger
-from grammars.model.geometry import Point2, Ring
 from grammars.text import codec
-
-ThinnedSamples = npt.NDArray[np.float32]
-"""Samples kept for drawing; numbers that count are taken from all samples before."""
-
-
-@dataclass(frozen=True, slots=True)
-class TriggerWatch:
-    """A trigger of some scenario: runs without it are looked at when they come as near."""
-
-    trigger: Trigger
-
-    @property
-    def name(self) -> str:
-        """The joint that is triggered, ``door-17.hinge``."""
-        return self.trigger.joint
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,69 +40,8 @@ class ReportInput:
     declared: AssessmentRules
     records: tuple[RunRecord, ...]
     oracles: tuple[str, ...] = ()
-    watches: tuple[TriggerWatch, ...] = ()
+    watches: tuple[Trigger, ...] = ()
     unread: tuple[tuple[str, str], ...] = ()
-
-
-@dataclass(frozen=True, slots=True)
-class SafetyBuffer:
-    """The safety buffer the report looks at: a box in the base frame, half extents [m].
-
-    Without ``half`` it is the box around the footprint and ``margin`` [m] more on every side.
-    ``source`` says in words where it is from.
-    """
-
-    half: Point2 | None
-    margin: float
-    source: str
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class TriggerEncounter:
-    """The robot near what triggers, from ``before`` to ``after`` the moment it came so near.
-
-    ``fired``: the trigger is part of the scenario; otherwise it only would have been. ``time`` [s]
-    of the run; ``since`` (n,) [s] around it, with ``speed`` [m/s] and ``turning`` [rad/s].
-    """
-
-    joint: str
-    time: float
-    fired: bool
-    speed_then: float
-    since: ThinnedSamples
-    speed: ThinnedSamples
-    turning: ThinnedSamples
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class RunTracks:
-    """What the trace of one run says. Tracks have the shape (n,), all on ``time`` [s].
-
-    ``x``, ``y`` [m]: true position. ``clearance`` [m]: distance from the box around the footprint
-    to the nearest obstacle, negative inside. ``error``, ``sigma_x``, ``sigma_y`` [m]: localisation;
-    NaN where unknown. ``inside`` (k, 2) [m]: points of obstacles that were inside the buffer, base
-    frame. ``contacts`` (time, object, x, y). ``measures`` by name, in the units of
-    :data:`daemon.analysis.report.MEASURES`. ``problem`` says why there is nothing, if so.
-    """
-
-    run: str
-    problem: str = ""
-    footprint: Ring = ()
-    body: Point2 = (0.0, 0.0)
-    buffer: Point2 = (0.0, 0.0)
-    limit: float = 0.0
-    time: ThinnedSamples = field(default_factory=lambda: np.empty(0, np.float32))
-    x: ThinnedSamples = field(default_factory=lambda: np.empty(0, np.float32))
-    y: ThinnedSamples = field(default_factory=lambda: np.empty(0, np.float32))
-    clearance: ThinnedSamples = field(default_factory=lambda: np.empty(0, np.float32))
-    error: ThinnedSamples = field(default_factory=lambda: np.empty(0, np.float32))
-    sigma_x: ThinnedSamples = field(default_factory=lambda: np.empty(0, np.float32))
-    sigma_y: ThinnedSamples = field(default_factory=lambda: np.empty(0, np.float32))
-    inside: ThinnedSamples = field(default_factory=lambda: np.empty((0, 2), np.float32))
-    contacts: tuple[tuple[float, str, float, float], ...] = ()
-    passings: tuple[TriggerEncounter, ...] = ()
-    measures: dict[str, float] = field(default_factory=dict)
-    scene: str = ""
 
 
 NOTE: Final = "campaign.json"
@@ -139,21 +58,21 @@ class CampaignNote:
 
 
 @contextmanager
-def open_ledger(places: StatePaths) -> Iterator[LedgerReader]:
+def open_ledger(paths: StatePaths) -> Iterator[LedgerReader]:
     """Open the ledger of a state directory for questions; no daemon is needed for that.
 
-    Raises :class:`daemon.batch.errors.DaemonError` when there is none, or none this version can read.
+    Raises :class:`daemon.batch.errors.DaemonError` when there is none, or none this version reads.
     """
-    if not places.ledger.is_file():
+    if not paths.ledger.is_file():
         raise DaemonError(
-            f"{places.state} is no state directory: name a folder of traces, or choose another "
+            f"{paths.state} is no state directory: name a folder of traces, or choose another "
             "directory with --state"
         )
-    with LedgerReader.open(places) as reader:
+    with LedgerReader.open(paths) as reader:
         yield reader
 
 
-def ledger_input(reader: LedgerReader, row: CampaignRow, places: StatePaths) -> ReportInput:
+def ledger_input(reader: LedgerReader, row: CampaignRow, paths: StatePaths) -> ReportInput:
     """Return a campaign of a state directory with all its runs, also those without a result."""
     records: list[RunRecord] = []
     while True:
@@ -163,7 +82,7 @@ def ledger_input(reader: LedgerReader, row: CampaignRow, places: StatePaths) -> 
             break
     specs = [reader.run(record.id).spec for record in records]
     records = [_local_record(reader, record) for record in records]
-    return campaign_input(row, str(places.state), reader.declared(row.id), records, specs)
+    return campaign_input(row, str(paths.state), reader.declared(row.id), records, specs)
 
 
 def _local_record(reader: LedgerReader, record: RunRecord) -> RunRecord:
@@ -195,7 +114,10 @@ def write_campaign_note(folder: Path, submission: Submission) -> None:
 
 
 def _read_note(folder: Path, otherwise: str) -> CampaignNote:
-    """Read what :func:`write_campaign_note` wrote; raises :class:`daemon.batch.errors.Refused` for nonsense."""
+    """Read what :func:`write_campaign_note` wrote.
+
+    Raises :class:`daemon.batch.errors.Refused` for nonsense.
+    """
     path = folder / NOTE
     if not path.is_file():
         return CampaignNote(otherwise, "", AssessmentRules())
@@ -218,7 +140,7 @@ def folder_input(folder: Path) -> ReportInput:
         try:
             spec = read_spec(trace)
         except TraceError as error:
-            unread.append((str(trace), "; ".join(d.message for d in error.diagnostics)))
+            unread.append((str(trace), error.diagnostics[0].message))
             continue
         specs.append(spec)
         records.append(
@@ -246,9 +168,9 @@ def folder_input(folder: Path) -> ReportInput:
 def _add_specs(chosen: ReportInput, specs: Sequence[RunSpec]) -> ReportInput:
     """Return ``chosen`` with the oracles and triggers of all its runs, each once."""
     oracles = dict.fromkeys(oracle.text for spec in specs for oracle in spec.oracles)
-    watches: dict[tuple[str, float], TriggerWatch] = {}
+    watches: dict[tuple[str, float], Trigger] = {}
     for spec in specs:
         for behaviour in spec.behaviours:
             if isinstance(behaviour, Trigger):
-                watches.setdefault((behaviour.joint, behaviour.distance), TriggerWatch(behaviour))
+                watches.setdefault((behaviour.joint, behaviour.distance), behaviour)
     return replace(chosen, oracles=tuple(oracles), watches=tuple(watches.values()))

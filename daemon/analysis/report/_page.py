@@ -79,50 +79,51 @@ class SuggestedCommand:
 
 
 def write_page(
-    material: ReportData, commands: Sequence[SuggestedCommand], *, processes: int | None = None
+    data: ReportData, commands: Sequence[SuggestedCommand], *, processes: int | None = None
 ) -> str:
     """Return the report as HTML; ``commands`` are what people can type about a run.
 
     Raises :class:`InputError` without the extra ``report``.
     """
-    figures = draw_figures(material, processes=processes)
-    assessment = material.assessment
+    figures = draw_figures(data, processes=processes)
+    assessment = data.assessment
     scenarios = tuple(dict.fromkeys(cell.scenario for cell in assessment.cells))
     suts = tuple(dict.fromkeys(cell.sut for cell in assessment.cells))
-    used = tuple(m for m in MEASURES if any(m.name in r.driven.measures for r in material.runs))
+    used = tuple(m for m in MEASURES if any(m.name in r.tracks.measures for r in data.runs))
     filters = {
         "quantity": format_quantity,
         "share": percentage,
         "glyph": lambda word: GLYPHS.get(str(word), "?"),
         "said": verdict_details,
         "bars": histogram_bars,
+        # Verdict texts align columns of a terminal by two blanks.
         "joined": lambda text: text.replace("  ", ", ").replace(" -", " −"),
     }
     return render_report(
         filters,
-        chosen=material.chosen,
+        chosen=data.input,
         assessment=assessment,
-        answer=headline(assessment, material.runs),
-        facts=_facts(material, scenarios, suts),
+        answer=headline(assessment, data.runs),
+        facts=_facts(data, scenarios, suts),
         scenarios=scenarios,
         suts=suts,
         cells={(cell.scenario, cell.sut): cell for cell in assessment.cells},
         surprised={(s.scenario, s.sut) for s in assessment.surprises},
-        findings=_findings(material, commands, figures),
-        compared=[(group, _compared(material, group)) for group in _grouped(used)],
+        findings=_findings(data, commands, figures),
+        compared=[(group, _compared(data, group)) for group in _grouped(used)],
         declared_measures=_declared(assessment),
-        boxes=[_as_markup(f) for f in figures if f.kind.startswith("boxes")],
+        boxes=[_as_markup(f) for f in figures if f.kind == "boxes"],
         worst=[_as_markup(f) for f in figures if f.kind == "worst-localisation"],
         worst_run=next((f.sut for f in figures if f.kind == "worst-localisation"), ""),
         by_kind={k: _by_scenario([f for f in figures if f.kind == k]) for k in _FIGURE_KINDS},
         sut_colours=_colours(suts),
-        trigger_colours=_colours(scenarios_with_triggers(material)),
-        runs=material.runs,
-        buffer=material.buffer,
+        trigger_colours=_colours(scenarios_with_triggers(data)),
+        runs=data.runs,
+        buffer=data.buffer,
         most=MOST_CELLS if len(assessment.cells) > MOST_CELLS else 0,
         nothing=NOTHING,
         honest=_strongest_claim(assessment),
-        coverage=material.coverage if material.coverage.runs else None,
+        coverage=data.coverage if data.coverage.runs else None,
     )
 
 
@@ -137,12 +138,13 @@ def headline(assessment: Assessment, runs: Sequence[ReportRun]) -> Headline:
         return Headline("good", "Yes", f"All {verdicts} are as expected{extra}.")
     missed = [oracle for oracle in oracles if not oracle.met]
     undecided = len(missed) + sum(not cell.met for cell in assessment.comparisons)
-    undecided -= len(assessment.surprises)
+    undecided -= len(assessment.surprises)  # not met too, but decided
     if assessment.exit_code == 1:
         count = len(assessment.surprises)
         also = f", {undecided} undecided" if undecided > 0 else ""
         verb = "is" if count == 1 else "are"
         return Headline("bad", "No", f"{count} of {verdicts} {verb} not as expected{also}.")
+    # Neither as expected nor unexpected: say what is missing, the most basic first.
     judged = sum(run.record.outcome not in (None, Outcome.ERROR) for run in runs)
     broken = len(runs) - judged
     if broken:
@@ -160,9 +162,9 @@ def _strongest_claim(assessment: Assessment) -> str:
 
 
 def _facts(
-    material: ReportData, scenarios: Sequence[str], suts: Sequence[str]
+    data: ReportData, scenarios: Sequence[str], suts: Sequence[str]
 ) -> tuple[tuple[str, str], ...]:
-    records = [run.record for run in material.runs]
+    records = [run.record for run in data.runs]
     simulated = sum(record.timing.simulated for record in records if record.timing)
     counts = dict.fromkeys(("pass", "fail", "inconclusive", "error", "without a result"), 0)
     for record in records:
@@ -172,29 +174,29 @@ def _facts(
         ("runs", f"{len(records)}: {verdicts}"),
         ("cells", f"{count_noun(len(scenarios), 'scenario')} × {count_noun(len(suts), 'SUT')}"),
         ("simulated", duration_text(simulated)),
-        ("from", material.chosen.id or material.chosen.where),
+        ("from", data.input.id or data.input.where),
     )
 
 
 def _findings(
-    material: ReportData, commands: Sequence[SuggestedCommand], figures: Sequence[ReportFigure]
+    data: ReportData, commands: Sequence[SuggestedCommand], figures: Sequence[ReportFigure]
 ) -> tuple[ReportFinding, ...]:
-    shown = {(f.scenario, f.sut, f.kind): f for f in figures if f.svg}
+    moments = {(f.scenario, f.sut, f.subject): f for f in figures if f.kind == "moment" and f.svg}
     return tuple(
-        _finding(o, material, commands, shown.get((o.scenario, o.sut, f"moment {o.oracle}")))
-        for o in notable_verdicts(material)
+        _finding(o, data, commands, moments.get((o.scenario, o.sut, o.oracle)))
+        for o in notable_verdicts(data)
     )
 
 
 def _finding(
     oracle: CellVerdict,
-    material: ReportData,
+    data: ReportData,
     commands: Sequence[SuggestedCommand],
     moment: ReportFigure | None,
 ) -> ReportFinding:
     here = [
         run.record
-        for run in material.runs
+        for run in data.runs
         if (run.record.scenario, run.record.sut) == (oracle.scenario, oracle.sut)
     ]
     judged = [(r, v) for r in here if (v := r.verdict(oracle.oracle)) is not None]
@@ -204,7 +206,7 @@ def _finding(
     picture = None if moment is None else _as_markup(moment)
     if shown is None:
         return ReportFinding(oracle, text, runs, (), picture)
-    name = shown.id if material.chosen.id else shown.trace or shown.id
+    name = shown.id if data.input.id else shown.trace or shown.id
     failed = shown.outcome is Outcome.FAIL
     typed = tuple(
         (c.text.format(run=shlex.quote(name)), c.purpose)
@@ -221,13 +223,13 @@ def _grouped(measures: Sequence[RunMeasure]) -> list[tuple[RunMeasure, ...]]:
 
 
 def _compared(
-    material: ReportData, measures: Sequence[RunMeasure]
+    data: ReportData, measures: Sequence[RunMeasure]
 ) -> tuple[tuple[CellAssessment, tuple[MeasureRow | None, ...]], ...]:
     """Return the measures of every cell, in the order of ``measures``."""
     found = []
-    for cell in material.assessment.cells:
+    for cell in data.assessment.cells:
         of = set(cell.runs)
-        runs = [run.driven.measures for run in material.runs if run.record.id in of]
+        runs = [run.tracks.measures for run in data.runs if run.record.id in of]
         rows = []
         for measure in measures:
             values = [run[measure.name] for run in runs if measure.name in run]
@@ -238,8 +240,8 @@ def _compared(
 
 def _row(values: Sequence[float], unit: str) -> MeasureRow:
     mean, deviation = mean_and_deviation(values)
-    extent = f"{format_quantity(min(values), unit)} to {format_quantity(max(values), unit)}, n={len(values)}"
-    return MeasureRow(mean, deviation, extent)
+    least, most = format_quantity(min(values), unit), format_quantity(max(values), unit)
+    return MeasureRow(mean, deviation, f"{least} to {most}, n={len(values)}")
 
 
 def _declared(

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from daemon.analysis.report._input import RunTracks, TriggerEncounter
 from daemon.analysis.report._svg import (
     BAD,
     BODY,
@@ -27,7 +26,7 @@ from daemon.analysis.report._svg import (
     title_axes,
     to_svg,
 )
-from daemon.analysis.report._tracks import AFTER, BEFORE
+from daemon.analysis.report._tracks import AFTER, BEFORE, RunTracks, TriggerEncounter
 from grammars.model.scene import Scene
 
 if TYPE_CHECKING:
@@ -65,6 +64,7 @@ def plot_limits(runs: Sequence[RunTracks]) -> PlotLimits:
         time=max(float(r.time[-1]) for r in runs),
         error=_top([r.error for r in runs]),
         sigma=_top([s for r in runs for s in (r.sigma_x, r.sigma_y)]),
+        # Up to 2 m: in a hall the dips that matter would vanish at the bottom.
         clearance=min(max(_top([r.clearance for r in runs]), 0.3), 2.0),
         west=float(xs.min()) - margin,
         south=float(ys.min()) - margin,
@@ -93,6 +93,7 @@ def plot_localisation(
         below.plot(run.time, run.sigma_x, color=LINE, **_line_style(runs))
         below.plot(run.time, run.sigma_y, color=SECOND, **_line_style(runs))
     top = frame.error
+    # A limit far above the curve would press it flat against the axis.
     if limit is not None and limit < 4.0 * frame.error:
         above.axhline(limit, color=BAD, lw=0.9, ls=(0, (4, 3)))
         top = max(top, 1.1 * limit)
@@ -116,9 +117,9 @@ def plot_clearance(name: str, label: str, runs: Sequence[RunTracks], frame: Plot
     axes.axhline(0.0, color=BAD, lw=0.9)
     for run in runs[:REPEATS]:
         axes.plot(run.time, run.clearance, color=LINE, **_line_style(runs))
-        for passing in run.passings:
-            if passing.fired:
-                axes.axvline(passing.time, color=INK, lw=0.8, ls=":", alpha=0.6)
+        for encounter in run.encounters:
+            if encounter.fired:
+                axes.axvline(encounter.time, color=INK, lw=0.8, ls=":", alpha=0.6)
     axes.set(
         xlim=(0.0, frame.time),
         ylim=(low, frame.clearance),
@@ -228,6 +229,7 @@ def plot_buffer(name: str, label: str, runs: Sequence[RunTracks]) -> str:
         counts, _, _ = np.histogram2d(
             points[:, 0], points[:, 1], bins=_BINS, range=((-reach, reach), (-reach, reach))
         )
+        # Roots, since a wall driven along has hundreds of times the counts of a corner passed.
         shown = np.ma.masked_equal(counts.T, 0.0)
         axes.imshow(
             np.sqrt(shown), extent=(-reach, reach, -reach, reach), origin="lower",
@@ -259,6 +261,7 @@ def plot_error_peak(name: str, label: str, run: RunTracks, limit: float | None) 
     sheet, axes = new_figure(WIDTH, 2.4)
     around = np.abs(run.time - at) <= _AROUND
     time = run.time[around]
+    # Two deviations: the band that the paper's confidence oracle asks the true pose to be in.
     spread = 2.0 * np.hypot(run.sigma_x, run.sigma_y)[around]
     axes.fill_between(time, spread, color=SECOND, alpha=0.15, lw=0, label="2 σ")
     axes.plot(time, run.error[around], color=LINE, lw=1.2, label="error")
@@ -350,6 +353,7 @@ def plot_triggers(
         for axes, kind in ((above, "speed"), (below, "turning")):
             lines = np.stack([_resample(grid, p, kind) for p in found])
             known = ~np.isnan(lines).any(axis=0)
+            # Only where every repeat has values: a mean that changes its number of runs jumps.
             lines = lines[:, known]
             if not known.any():
                 continue
@@ -366,6 +370,6 @@ def plot_triggers(
     return to_svg(sheet, name, label)
 
 
-def _resample(grid: Any, passing: TriggerEncounter, kind: str) -> Any:
-    values = passing.speed if kind == "speed" else passing.turning
-    return np.interp(grid, passing.since, values, left=np.nan, right=np.nan)
+def _resample(grid: Any, encounter: TriggerEncounter, kind: str) -> Any:
+    values = encounter.speed if kind == "speed" else encounter.turning
+    return np.interp(grid, encounter.since, values, left=np.nan, right=np.nan)

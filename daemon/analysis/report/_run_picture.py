@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from itertools import pairwise
 from pathlib import Path
 from typing import Final
 
@@ -11,7 +10,7 @@ import numpy.typing as npt
 
 from daemon.analysis.report._formatting import count_noun, format_quantity
 from daemon.analysis.report._safety_buffer import safety_buffer
-from daemon.analysis.report._tracks import extract_tracks
+from daemon.analysis.report._tracks import extract_tracks, unbroken_runs
 from daemon.judging import oracles
 from daemon.judging.oracles import SignalSampler
 from daemon.trace import PoseTrack, Trace, read_trace
@@ -87,5 +86,5 @@ def _pieces(
     x: npt.NDArray[np.floating], y: npt.NDArray[np.floating], held: npt.NDArray[np.bool_]
 ) -> tuple[tuple[Point2, ...], ...]:
     """Return the unbroken pieces of a way where ``held``."""
-    edges = np.flatnonzero(np.diff(np.concatenate(([0], held.astype(np.int8), [0])))).tolist()
-    return tuple(_line(x[a : b + 1], y[a : b + 1]) for a, b in list(pairwise(edges))[::2])
+    ends = zip(*unbroken_runs(held), strict=True)
+    return tuple(_line(x[a : b + 1], y[a : b + 1]) for a, b in ends)

@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from dataclasses import fields, is_dataclass
-from typing import TYPE_CHECKING, Any, Final
+from dataclasses import dataclass, fields, is_dataclass
+from typing import TYPE_CHECKING, Any, Final, TypeAlias
 
 import numpy as np
+import numpy.typing as npt
 
-from daemon.analysis.report._input import SafetyBuffer, ThinnedSamples
 from daemon.judging.oracles import SignalSampler
 from grammars.model.geometry import Floats, Point2
 from grammars.oracle import Comparison, Number, Signal, parse_oracle
 from grammars.text.diagnostics import InputError, Where
 
 if TYPE_CHECKING:
-    from daemon.judging.oracles._clearance import ObstaclePolygons
+    from daemon.judging.oracles import ObstaclePolygons
 
 DEFAULT_MARGIN: Final = 0.2
 """Distance [m] kept to obstacles where no oracle names one: the paper's (section 4.3.1)."""
@@ -24,12 +24,30 @@ _STEP: Final = 0.03
 _MOMENTS: Final = 160
 """Most moments of one run at which the buffer is looked into."""
 _POINTS: Final = 4000
+"""Most points kept of one run: they fill a histogram of 64 by 64 cells."""
+
+ThinnedSamples: TypeAlias = npt.NDArray[np.float32]
+"""Samples kept for drawing; numbers that count are taken from all samples before."""
+
+
+@dataclass(frozen=True, slots=True)
+class SafetyBuffer:
+    """The safety buffer the report looks at: a box in the base frame, half extents [m].
+
+    Without ``half`` it is the box around the footprint and ``margin`` [m] more on every side.
+    ``source`` says in words where it is from.
+    """
+
+    half: Point2 | None
+    margin: float
+    source: str
 
 
 def safety_buffer(texts: Iterable[str]) -> SafetyBuffer:
     """Return the largest box that oracles call clear, ``clearance(hx, hy)``.
 
-    Without one, the largest limit of a plain ``clearance``; without that, the paper's 0.2 m.
+    Without one, the largest limit of a plain ``clearance``; without that, the paper's 0.2 m. The
+    largest, since a campaign may also hold the collision box of section 4.2.3 clear.
     """
     boxes: dict[Point2, str] = {}
     limits: dict[float, str] = {}
@@ -108,10 +126,14 @@ def outlines_near(
     obstacles = sampler.obstacles
     for polygon in _ObstacleOutlines(obstacles).within(moment, sampler.poses[moment], reach):
         first, last = obstacles.offsets[polygon : polygon + 2]
-        corners, frame = obstacles.corners[first:last], int(obstacles.frame[polygon])
-        if frame >= 0:
-            corners = _transform_points(corners, obstacles.tracks[moment, frame][None])
-        yield obstacles.names[polygon], frame >= 0, corners
+        corners = _placed(obstacles, moment, polygon, obstacles.corners[first:last])
+        yield obstacles.names[polygon], bool(obstacles.frame[polygon] >= 0), corners
+
+
+def _placed(obstacles: ObstaclePolygons, moment: int, polygon: int, points: Floats) -> Floats:
+    """Return points of a polygon where they are at a sample, in the map frame."""
+    frame = int(obstacles.frame[polygon])
+    return points if frame < 0 else transform_points(points, obstacles.tracks[moment, frame][None])
 
 
 class _ObstacleOutlines:
@@ -128,7 +150,7 @@ class _ObstacleOutlines:
         moving = frame >= 0
         if moving.any():
             track = self._obstacles.tracks[moment, frame[moving]]
-            centres[moving] = _transform_points(centres[moving], track)
+            centres[moving] = transform_points(centres[moving], track)
         away = np.hypot(centres[:, 0] - pose[0], centres[:, 1] - pose[1])
         near: list[int] = np.flatnonzero(away <= reach + circle[:, 2]).tolist()
         return near
@@ -138,15 +160,13 @@ class _ObstacleOutlines:
         if polygon not in self._points:
             first, last = self._obstacles.offsets[polygon : polygon + 2]
             self._points[polygon] = _dense_outline(self._obstacles.corners[first:last])
-        points, frame = self._points[polygon], int(self._obstacles.frame[polygon])
-        if frame >= 0:
-            points = _transform_points(points, self._obstacles.tracks[moment, frame][None])
+        points = _placed(self._obstacles, moment, polygon, self._points[polygon])
         c, s = np.cos(pose[2]), np.sin(pose[2])
         dx, dy = points[:, 0] - pose[0], points[:, 1] - pose[1]
         return np.column_stack((c * dx + s * dy, c * dy - s * dx))
 
 
-def _transform_points(points: Floats, poses: Floats) -> Floats:
+def transform_points(points: Floats, poses: Floats) -> Floats:
     """Return points (n, 2) moved by poses (n or 1, 3)."""
     c, s = np.cos(poses[:, 2]), np.sin(poses[:, 2])
     x = poses[:, 0] + c * points[:, 0] - s * points[:, 1]

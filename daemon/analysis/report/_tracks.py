@@ -7,23 +7,17 @@ the robot drove around doors that shut in its face, and around the same doors wh
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Final
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Final, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 
-from daemon.analysis.report._input import (
-    RunTracks,
-    SafetyBuffer,
-    ThinnedSamples,
-    TriggerEncounter,
-    TriggerWatch,
-)
-from daemon.analysis.report._safety_buffer import points_inside
+from daemon.analysis.report._safety_buffer import SafetyBuffer, ThinnedSamples, points_inside
 from daemon.judging.oracles import SignalSampler
+from daemon.model.joint_events import JointEvent, joint_event
 from grammars.model.behaviour import Trigger
-from grammars.model.geometry import Floats, Point2
+from grammars.model.geometry import Floats, Point2, Ring
 from grammars.model.scene import Joint, SceneObject
 from grammars.oracle import Dimension, Number, Signal, object_signals
 
@@ -32,12 +26,65 @@ if TYPE_CHECKING:
 
 BEFORE: Final = 5.0
 AFTER: Final = 15.0
-"""Seconds around a trigger that are shown."""
+"""Seconds around a trigger that are shown: the approach, and the way around what shuts."""
 _RATE: Final = 5.0
+"""Samples a second that are kept of it."""
+_ROBOT: Final = "robot"
+_METRE: Final = Dimension((1, 0, 0, 0))
+
+Indices: TypeAlias = npt.NDArray[np.int64]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TriggerEncounter:
+    """The robot near what triggers, from ``before`` to ``after`` the moment it came so near.
+
+    ``fired``: the trigger is part of the scenario; otherwise it only would have been. ``time`` [s]
+    of the run; ``since`` (n,) [s] around it, with ``speed`` [m/s] and ``turning`` [rad/s].
+    """
+
+    joint: str
+    time: float
+    fired: bool
+    speed_then: float
+    since: ThinnedSamples
+    speed: ThinnedSamples
+    turning: ThinnedSamples
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RunTracks:
+    """What the trace of one run says. Tracks have the shape (n,), all on ``time`` [s].
+
+    ``x``, ``y`` [m]: true position. ``clearance`` [m]: distance from the box around the footprint
+    to the nearest obstacle, negative inside. ``error``, ``sigma_x``, ``sigma_y`` [m]: localisation;
+    NaN where unknown. ``inside`` (k, 2) [m]: points of obstacles that were inside the buffer, base
+    frame. ``contacts`` (time, object, x, y). ``measures`` by name, in the units of
+    :data:`daemon.analysis.report.MEASURES`. ``problem`` says why there is nothing, if so.
+    """
+
+    run: str
+    problem: str = ""
+    footprint: Ring = ()
+    body: Point2 = (0.0, 0.0)
+    buffer: Point2 = (0.0, 0.0)
+    limit: float = 0.0
+    time: ThinnedSamples = field(default_factory=lambda: np.empty(0, np.float32))
+    x: ThinnedSamples = field(default_factory=lambda: np.empty(0, np.float32))
+    y: ThinnedSamples = field(default_factory=lambda: np.empty(0, np.float32))
+    clearance: ThinnedSamples = field(default_factory=lambda: np.empty(0, np.float32))
+    error: ThinnedSamples = field(default_factory=lambda: np.empty(0, np.float32))
+    sigma_x: ThinnedSamples = field(default_factory=lambda: np.empty(0, np.float32))
+    sigma_y: ThinnedSamples = field(default_factory=lambda: np.empty(0, np.float32))
+    inside: ThinnedSamples = field(default_factory=lambda: np.empty((0, 2), np.float32))
+    contacts: tuple[tuple[float, str, float, float], ...] = ()
+    encounters: tuple[TriggerEncounter, ...] = ()
+    measures: dict[str, float] = field(default_factory=dict)
+    scene: str = ""
 
 
 def find_encounters(
-    trace: Trace, sampler: SignalSampler, watches: Sequence[TriggerWatch]
+    trace: Trace, sampler: SignalSampler, watches: Sequence[Trigger]
 ) -> tuple[TriggerEncounter, ...]:
     """Return how the robot drove around each trigger, in the order of time.
 
@@ -51,10 +98,10 @@ def find_encounters(
         for joint, time in _fired_triggers(trace).items()
     ]
     for watch in watches:
-        if watch.name not in own:
-            time = _approach_time(trace, sampler, watch.trigger)
+        if watch.joint not in own:
+            time = _approach_time(trace, sampler, watch)
             if time is not None:
-                found.append(_encounter(sampler, watch.name, time, fired=False))
+                found.append(_encounter(sampler, watch.joint, time, fired=False))
     return tuple(sorted(found, key=lambda p: (p.time, p.joint)))
 
 
@@ -63,12 +110,14 @@ def _fired_triggers(trace: Trace) -> dict[str, float]:
     triggers = {b.joint for b in trace.spec.behaviours if isinstance(b, Trigger)}
     found: dict[str, float] = {}
     for event in trace.events:
-        if event.source in triggers and event.text.startswith("triggered"):
+        if event.source in triggers and joint_event(event.text) is JointEvent.TRIGGERED:
             found.setdefault(event.source, event.time)
     return found
 
 
 def _approach_time(trace: Trace, sampler: SignalSampler, trigger: Trigger) -> float | None:
+    # Only what stands still can be measured from afterwards: a leaf that swings in another
+    # scenario, or a footprint beside it, is somewhere else here.
     if trigger.to != "base" or trigger.of == "leaf":
         return None
     for item in trace.scene.objects:
@@ -76,7 +125,7 @@ def _approach_time(trace: Trace, sampler: SignalSampler, trigger: Trigger) -> fl
             if f"{item.name}.{joint.name}" == trigger.joint:
                 away = _distance(trace, sampler, item, joint, trigger)
                 near = np.flatnonzero(away < trigger.distance)
-                return float(sampler.timeline.time[near[0]]) if len(near) else None
+                return float(sampler.time_base.time[near[0]]) if len(near) else None
     return None
 
 
@@ -99,7 +148,7 @@ def _distance(
 
 def _encounter(sampler: SignalSampler, joint: str, time: float, *, fired: bool) -> TriggerEncounter:
     """Return speed and turning speed around ``time``, thinned to five samples a second."""
-    stamps, truth = sampler.timeline.time, sampler.trace.ground_truth
+    stamps, truth = sampler.time_base.time, sampler.trace.ground_truth
     first, last = np.searchsorted(stamps, (time - BEFORE, time + AFTER))
     rate = len(stamps) / max(float(stamps[-1] - stamps[0]), 1e-9) if len(stamps) > 1 else _RATE
     kept = slice(int(first), int(last), max(1, round(rate / _RATE)))
@@ -116,24 +165,17 @@ def _encounter(sampler: SignalSampler, joint: str, time: float, *, fired: bool) 
     )
 
 
-Indices = npt.NDArray[np.int64]
-
-_ROBOT: Final = "robot"
-_METRE: Final = Dimension((1, 0, 0, 0))
-
-
 @dataclass(frozen=True, slots=True)
 class RunMeasure:
-    """A number every run has: what it is called, its unit, what it is in words."""
+    """A number every run has: what it is called, its unit, what it is in words.
+
+    Those of ``localisation`` are about where the robot believed to be.
+    """
 
     name: str
     unit: str
     about: str
-
-    @property
-    def localisation(self) -> bool:
-        """Whether it is about where the robot believed to be."""
-        return self.name.startswith(("error", "inside"))
+    localisation: bool = False
 
 
 MEASURES: Final = (
@@ -142,11 +184,13 @@ MEASURES: Final = (
     RunMeasure("min clearance", "m", "nearest an obstacle came to the box around the footprint"),
     RunMeasure("time in buffer", "s", "time with an obstacle inside the safety buffer"),
     RunMeasure("longest in buffer", "s", "longest such time without a break"),
-    RunMeasure("error mean", "m", "localisation error, mean over time"),
-    RunMeasure("error median", "m", "localisation error, half of the time below"),
-    RunMeasure("error p95", "m", "localisation error, 95 % of the time below"),
-    RunMeasure("error max", "m", "largest localisation error"),
-    RunMeasure("inside 2 sigma", "%", "share of time with the true position within two deviations"),
+    RunMeasure("error mean", "m", "localisation error, mean over time", True),
+    RunMeasure("error median", "m", "localisation error, half of the time below", True),
+    RunMeasure("error p95", "m", "localisation error, 95 % of the time below", True),
+    RunMeasure("error max", "m", "largest localisation error", True),
+    RunMeasure(
+        "inside 2 sigma", "%", "share of time with the true position within two deviations", True
+    ),
     RunMeasure(
         "speed at trigger", "m/s", "speed when a door was triggered, mean over the triggers"
     ),
@@ -161,24 +205,27 @@ def extract_tracks(
     trace: Trace,
     sampler: SignalSampler,
     buffer: SafetyBuffer,
-    watches: Sequence[TriggerWatch],
+    watches: Sequence[Trigger],
     points: int,
 ) -> RunTracks:
     """Return what ``trace`` says, thinned to about ``points`` samples for drawing."""
-    timeline = sampler.timeline
+    timeline = sampler.time_base
     if not len(timeline.time):
         return RunTracks(run, problem="nothing was recorded")
     centre, body, half, limit = _boxes(trace, buffer)
     clearance = _signal(sampler, "clearance")
     inside = clearance - limit
+    # Clearance of a box that is wider by the same on all sides is the one of the footprint's box
+    # less that; sampling it anew takes as long as all the rest of a trace.
     if buffer.half is not None and not _is_even_buffer(body, half, centre):
         inside = _signal(sampler, "clearance", *half)
     error, sigma_x, sigma_y = (
         _signal(sampler, name) for name in ("loc.error", "loc.sigma.x", "loc.sigma.y")
     )
+    # Numbers are from all samples; only what is drawn is thinned, below.
     kept = thinned_indices(clearance, error, points)
-    passed = find_encounters(trace, sampler, watches)
-    speeds = [p.speed_then for p in passed if p.fired]
+    encounters = find_encounters(trace, sampler, watches)
+    speeds = [e.speed_then for e in encounters if e.fired]
     measures = {
         "duration": timeline.end - timeline.start,
         "path length": float(_signal(sampler, "path.length")[-1]),
@@ -201,7 +248,7 @@ def extract_tracks(
         sigma_y=_pick_samples(sigma_y, kept),
         inside=points_inside(sampler, inside, centre if buffer.half is None else (0.0, 0.0), half),
         contacts=_contacts(trace),
-        passings=passed,
+        encounters=encounters,
         measures={name: value for name, value in measures.items() if np.isfinite(value)},
         scene=trace.spec.scene,
     )
@@ -234,7 +281,7 @@ def _clearance_measures(
 ) -> dict[str, float]:
     if np.isnan(clearance).all():
         return {}
-    weight = sampler.timeline.weight
+    weight = sampler.time_base.weight
     within = inside < 0.0
     found = {
         "min clearance": float(np.nanmin(clearance)),
@@ -247,22 +294,28 @@ def _clearance_measures(
 
 
 def _longest_time(held: npt.NDArray[np.bool_], weight: Floats) -> float:
-    edges = np.flatnonzero(np.diff(np.concatenate(([0], held.astype(np.int8), [0]))))
     total = np.concatenate(([0.0], np.cumsum(weight)))
-    spans = total[edges[1::2]] - total[edges[::2]]
-    return float(spans.max()) if len(spans) else 0.0
+    starts, ends = unbroken_runs(held)
+    return float((total[ends] - total[starts]).max()) if len(starts) else 0.0
+
+
+def unbroken_runs(held: npt.NDArray[np.bool_]) -> tuple[Indices, Indices]:
+    """Return where ``held`` begins to be true, and where it is not any more."""
+    edges = np.flatnonzero(np.diff(np.concatenate(([0], held.astype(np.int8), [0]))))
+    return edges[::2], edges[1::2]
 
 
 def _localisation_measures(sampler: SignalSampler, error: Floats) -> dict[str, float]:
     """Return the distribution of the error, every value weighed by how long it held."""
     known = ~np.isnan(error)
-    weight = sampler.timeline.weight * known
+    weight = sampler.time_base.weight * known
     if not weight.sum() > 0.0:
         return {}
     values, share = error[known], weight[known]
     order = np.argsort(values, kind="stable")
     passed = np.cumsum(share[order]) / share.sum()
     found: dict[str, float] = {}
+    # Samples are not evenly apart: a quantile of time, not of samples.
     for name, quantile in (("median", 0.5), ("p95", 0.95)):
         index = min(int(np.searchsorted(passed, quantile)), len(order) - 1)
         found[f"error {name}"] = float(values[order[index]])
@@ -270,8 +323,8 @@ def _localisation_measures(sampler: SignalSampler, error: Floats) -> dict[str, f
     found |= {"error max": float(values.max())}
     inside = _signal(sampler, "loc.inside_2sigma")
     known = ~np.isnan(inside)
-    if (sampler.timeline.weight * known).sum() > 0.0:
-        covered = np.average(inside[known], weights=sampler.timeline.weight[known])
+    if (sampler.time_base.weight * known).sum() > 0.0:
+        covered = np.average(inside[known], weights=sampler.time_base.weight[known])
         found["inside 2 sigma"] = 100.0 * float(covered)
     return found
 
@@ -279,7 +332,8 @@ def _localisation_measures(sampler: SignalSampler, error: Floats) -> dict[str, f
 def thinned_indices(clearance: Floats, error: Floats, points: int) -> Indices:
     """Return the indices of about ``points`` samples that keep every dip and every peak.
 
-    Of each stretch the first sample, the least clearance and the largest error are kept.
+    Of each stretch the first sample, the least clearance and the largest error are kept: what a
+    figure is looked at for would be the first to go by taking every n-th sample.
     """
     count = len(clearance)
     width = max(1, -(-3 * count // points))
@@ -306,6 +360,7 @@ def _contacts(trace: Trace) -> tuple[tuple[float, str, float, float], ...]:
     """Return when and where the robot touched what; one entry for each second and object."""
     found: dict[tuple[int, str], tuple[float, str, float, float]] = {}
     for record in trace.contacts:
+        # A contact is recorded at every step it lasts, 100 a second: one cross in a figure will do.
         if _ROBOT in (record.first, record.second):
             other = record.second if record.first == _ROBOT else record.first
             entry = (record.time, other, record.point[0], record.point[1])

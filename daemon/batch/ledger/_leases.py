@@ -10,8 +10,8 @@ from typing import Final
 from daemon.batch.errors import Refused
 from daemon.batch.ledger._records import SpecReader
 from daemon.batch.ledger._results import check_result, read_trace_location, store_result
-from daemon.batch.ledger._transitions import Completed, Leased, Released, Renewed, advance
 from daemon.batch.ledger._updates import RunUpdates
+from daemon.batch.ledger.transitions import Completed, Leased, Released, Renewed, advance
 from daemon.model.messages import Completion, Lease, LeaseRef, LedgerAnswer, ReleaseRequest
 from daemon.model.status import NONDETERMINISTIC, RunState
 

@@ -49,15 +49,22 @@ _SORTABLE: Final = {
     "limit": "time_limit",
     "wall": "wall",
 }
+# Named like the fields of RunRow, and what its trace is found by.
 _ROW: Final = (
-    "id, campaign, position, scenario, sut, repeat, state, attempt, worker, outcome, oracle,"
-    " margin, unit, simulated, time_limit, wall, trace_name, reason, cached, trace_at"
+    'id, campaign, position AS "index", scenario, sut, repeat, state, attempt, worker, outcome,'
+    ' oracle, margin, unit, simulated, time_limit AS "limit", wall, reason, cached, trace_name,'
+    " trace_at"
 )
 _TEXT: Final = (
     "scenario || '/' || sut || '/' || repeat || ' ' || oracle || ' ' || reason || ' ' || id"
 )
 _WORDS: Final = ("scenario", "sut", "oracle", "id", "repeat", "reason")
 """The columns of that text: what neither slash nor space is in stands in one of them."""
+_OUTCOMES: Final = {
+    "passed": Outcome.PASS, "failed": Outcome.FAIL,
+    "inconclusive": Outcome.INCONCLUSIVE, "errors": Outcome.ERROR,
+}  # fmt: skip
+"""Outcomes by the names of their counts."""
 _WILD: Final = re.compile(r"[\\%_]")
 _ESCAPED: Final = r"\\\g<0>"
 _RATE_SPAN: Final = 600.0
@@ -114,9 +121,8 @@ class LedgerReader:
             counts.setdefault(campaign, Counter())
             _count(counts[campaign], state, outcome, runs)
         rows = self._db.execute(
-            "SELECT id, name, about, submitted_at, finished_at, total, cached, paused,"
-            " priority FROM campaign"
-            " ORDER BY serial DESC"
+            "SELECT id, name, about, submitted_at, finished_at, total, cached, paused, priority"
+            " FROM campaign ORDER BY serial DESC"
         )
         return tuple(_campaign_row(row, counts.get(row[0], Counter())) for row in rows)
 
@@ -268,33 +274,18 @@ class LedgerReader:
         return ExpectedUpload(str(row[3]), wanted=row[0] != RunState.DONE)
 
     def _run_row(self, row: sqlite3.Row) -> RunRow:
-        outcome = Outcome(row["outcome"]) if row["outcome"] else None
-        trace, gone = "", ""
-        if outcome is not None:
-            names = (row["trace_name"], row["cached"], row["trace_at"])
-            trace = find_trace(self._db, self._paths, *names)
-            gone = "" if trace else missing_trace_text(row["cached"])
-        return RunRow(
-            id=row["id"],
-            campaign=row["campaign"],
-            index=row["position"],
-            scenario=row["scenario"],
-            sut=row["sut"],
-            repeat=row["repeat"],
-            state=RunState(row["state"]),
-            attempt=row["attempt"],
-            worker=row["worker"],
-            outcome=outcome,
-            oracle=row["oracle"],
-            margin=row["margin"],
-            unit=row["unit"],
-            simulated=row["simulated"],
-            limit=row["time_limit"],
-            wall=row["wall"],
-            trace=trace,
-            reason="; ".join(reason for reason in (row["reason"], gone) if reason),
-            cached=row["cached"],
-        )
+        values = dict(row)
+        names = (values.pop("trace_name"), values["cached"], values.pop("trace_at"))
+        outcome = Outcome(values["outcome"]) if values["outcome"] else None
+        trace = find_trace(self._db, self._paths, *names) if outcome is not None else ""
+        gone = missing_trace_text(values["cached"]) if outcome is not None and not trace else ""
+        values |= {
+            "state": RunState(values["state"]),
+            "outcome": outcome,
+            "trace": trace,
+            "reason": "; ".join(reason for reason in (values["reason"], gone) if reason),
+        }
+        return RunRow(**values)
 
 
 def _count(counts: Counter[str], state: str, outcome: str, runs: int) -> None:
@@ -305,32 +296,13 @@ def _count(counts: Counter[str], state: str, outcome: str, runs: int) -> None:
 
 def count_states(counts: Counter[str]) -> dict[str, int]:
     """Return how runs stand, under the field names of campaign rows and the overview."""
-    return {
-        "queued": counts["queued"],
-        "running": counts["running"],
-        "done": counts["done"],
-        "lost": counts["lost"],
-        "cancelled": counts["cancelled"],
-        "passed": counts["outcome pass"],
-        "failed": counts["outcome fail"],
-        "inconclusive": counts["outcome inconclusive"],
-        "errors": counts["outcome error"],
-    }
+    outcomes = {field: counts[f"outcome {word}"] for field, word in _OUTCOMES.items()}
+    return {state.value: counts[state] for state in RunState} | outcomes
 
 
 def _campaign_row(row: sqlite3.Row, counts: Counter[str]) -> CampaignRow:
-    return CampaignRow(
-        id=row["id"],
-        name=row["name"],
-        about=row["about"],
-        submitted_at=row["submitted_at"],
-        finished_at=row["finished_at"],
-        total=row["total"],
-        cached=row["cached"],
-        paused=bool(row["paused"]),
-        priority=row["priority"],
-        **count_states(counts),
-    )
+    values: dict[str, Any] = dict(row) | {"paused": bool(row["paused"])} | count_states(counts)
+    return CampaignRow(**values)
 
 
 def _order(query: RunQuery) -> str:

@@ -26,6 +26,11 @@ _MOST_CACHED: Final = 1024
 _NAME: Final = 32
 """Hexadecimal digits of SHA-256 that name a part: 128 bits, and half the bytes in every body."""
 
+_COLUMNS: Final = (
+    "run.id, scenario, sut, repeat, run.digest, state, reason, seed, cached, trace_name,"
+    " trace_at, body"
+)
+
 
 class SpecReader:
     """Reads bodies on one connection; the parts of those read lately are remembered."""
@@ -81,12 +86,6 @@ class SpecWriter:
 def _read_script(text: bytes) -> Script:
     script: Script = codec.from_json(Script, text)
     return script
-
-
-_COLUMNS: Final = (
-    "run.id, scenario, sut, repeat, run.digest, state, reason, seed, cached, trace_name,"
-    " trace_at, body"
-)
 
 
 def find_trace(

@@ -21,6 +21,31 @@ from daemon.model.spec import RunResult, RunSpec
 from daemon.model.verdicts import Outcome, Verdict
 from grammars.text import codec
 
+_INSERT_RUN: Final = (
+    "INSERT INTO run (id, campaign, position, scenario, sut, repeat, time_limit, digest,"
+    " trace_name, seed, kind) VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)"
+)
+# Of several results the latest one. The old run must be at rest: while it is executed again, its
+# result may yet turn out to be in doubt.
+_FIND_RESULTS: Final = (
+    "SELECT new.id, max(old.serial) FROM run AS new JOIN run AS old"
+    " ON old.digest = new.digest AND old.result <> ''"
+    " WHERE new.campaign = ? AND new.state = 'queued' AND new.result = ''"
+    " AND old.state = 'done' AND old.outcome <> 'error' GROUP BY new.id"
+)
+# A result that was itself used again leads to the run that was executed, so that its trace is found
+# in one step.
+_TAKE_RESULT: Final = (
+    "UPDATE run SET (state, result, outcome, oracle, margin, unit, simulated, wall, trace_at,"
+    " cached) = (SELECT 'done', result, outcome, oracle, margin, unit, simulated, wall, trace_at,"
+    " CASE cached WHEN '' THEN id ELSE cached END FROM run WHERE serial = ?) WHERE id = ?"
+)
+_COPY_RESULT: Final = (
+    "INSERT INTO result (run, attempt, worker, digest, at, body)"
+    " SELECT ?, attempt, worker, digest, at, body FROM result"
+    " WHERE run = (SELECT id FROM run WHERE serial = ?)"
+)
+
 
 def check_result(db: sqlite3.Connection, completion: Completion) -> str:
     """Refuse what is no result of a run of ours; returns the run's campaign."""
@@ -95,32 +120,6 @@ def deciding_verdict(result: RunResult) -> Verdict | None:
             return verdict
     measured = [v for v in judged if v.margin is not None]
     return min(measured, key=lambda v: v.margin or 0.0, default=judged[0] if judged else None)
-
-
-_INSERT_RUN: Final = (
-    "INSERT INTO run (id, campaign, position, scenario, sut, repeat, time_limit, digest,"
-    " trace_name, seed, kind) VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)"
-)
-# Of several results the latest one. The old run must be at rest: while it is executed again, its
-# result may yet turn out to be in doubt.
-_FIND_RESULTS: Final = (
-    "SELECT new.id, max(old.serial) FROM run AS new JOIN run AS old"
-    " ON old.digest = new.digest AND old.result <> ''"
-    " WHERE new.campaign = ? AND new.state = 'queued' AND new.result = ''"
-    " AND old.state = 'done' AND old.outcome <> 'error' GROUP BY new.id"
-)
-# A result that was itself used again leads to the run that was executed, so that its trace is found
-# in one step.
-_TAKE_RESULT: Final = (
-    "UPDATE run SET (state, result, outcome, oracle, margin, unit, simulated, wall, trace_at,"
-    " cached) = (SELECT 'done', result, outcome, oracle, margin, unit, simulated, wall, trace_at,"
-    " CASE cached WHEN '' THEN id ELSE cached END FROM run WHERE serial = ?) WHERE id = ?"
-)
-_COPY_RESULT: Final = (
-    "INSERT INTO result (run, attempt, worker, digest, at, body)"
-    " SELECT ?, attempt, worker, digest, at, body FROM result"
-    " WHERE run = (SELECT id FROM run WHERE serial = ?)"
-)
 
 
 def insert_runs(

@@ -8,7 +8,7 @@ from typing import Final
 
 from daemon.batch.errors import Refused
 from daemon.batch.ledger._results import queue_reserve, reuse_results
-from daemon.batch.ledger._transitions import ExecutionState, RunEvent, RunTransition, advance
+from daemon.batch.ledger.transitions import ExecutionState, RunEvent, RunTransition, advance
 from daemon.model.status import ChangeEvent, RunState
 
 _FIELDS: Final = tuple(field.name for field in fields(ExecutionState))

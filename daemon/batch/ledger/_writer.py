@@ -12,7 +12,7 @@ from daemon.batch.errors import Refused, Unavailable
 from daemon.batch.ledger._connection import connect
 from daemon.batch.ledger._leases import LeaseUpdates
 from daemon.batch.ledger._results import insert_runs, reuse_results, store_reserve
-from daemon.batch.ledger._transitions import Cancelled, Retried
+from daemon.batch.ledger.transitions import Cancelled, Retried
 from daemon.model.messages import RetryRequest
 from daemon.model.packed_submission import Fingerprint, fingerprint
 from daemon.model.status import Submission, SubmissionReceipt

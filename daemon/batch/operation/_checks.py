@@ -22,6 +22,16 @@ from daemon.batch.paths import StatePaths
 from daemon.batch.security import IssuedKey, Role, find_credentials, is_authority, load_register
 from daemon.model.ids import is_id
 
+_EXPIRES_SOON: Final = 30 * 86_400.0
+_RENEWAL: Final = "`scenario keys issue {role} NAME` makes another, `scenario keys bundle` packs it"
+# Seconds: a clock that is being disciplined may be a little behind what it said before.
+_LEDGER_SKEW: Final = 5.0
+_BACKUP: Final = (
+    "stop the daemon, keep a copy of the directory, restore the ledger from a backup "
+    "or save what is readable with `sqlite3 ledger.db .recover`"
+)
+_SHOWN: Final = 3
+
 
 class FindingLevel(StrEnum):
     """How a finding is to be taken; a problem keeps runs from being executed or kept safe."""
@@ -56,10 +66,6 @@ def problem(subject: str, message: str, remedy: str) -> DoctorFinding:
     return DoctorFinding(FindingLevel.PROBLEM, subject, message, remedy)
 
 
-_EXPIRES_SOON: Final = 30 * 86_400.0
-_RENEWAL: Final = "`scenario keys issue {role} NAME` makes another, `scenario keys bundle` packs it"
-
-
 def check_keys(folder: Path, now: float, *, needed: bool) -> Iterator[DoctorFinding]:
     """Look at the keys in ``folder``; that there are none is a problem only when ``needed``."""
     if not folder.exists():
@@ -91,13 +97,6 @@ def _expiry_finding(name: str, role: Role, expires_at: float, now: float) -> Doc
     if now > expires_at - _EXPIRES_SOON:
         return warning("keys", f'"{name}" expires on {day}', _RENEWAL.format(role=role))
     return ok("keys", f'"{name}", good until {day}')
-
-
-_LEDGER_SKEW: Final = 5.0
-_BACKUP: Final = (
-    "stop the daemon, keep a copy of the directory, restore the ledger from a backup "
-    "or save what is readable with `sqlite3 ledger.db .recover`"
-)
 
 
 def check_ledger(paths: StatePaths, now: float) -> Iterator[DoctorFinding]:
@@ -154,25 +153,22 @@ def _content_findings(found: LedgerIntegrity, now: float) -> Iterator[DoctorFind
         yield ok("clock", "not before the ledger's newest event")
 
 
-_SHOWN = 3
-
-
-def check_leftovers(places: StatePaths, here: Path) -> Iterator[DoctorFinding]:
+def check_leftovers(paths: StatePaths, here: Path) -> Iterator[DoctorFinding]:
     """Look for partial traces, orphan spools, unknown traces, and workshops at and below ``here``.
 
     Locks are tried for a moment, shared; nothing is changed.
     """
     found = [
         *_leftover_findings(
-            "partial traces", _partial_traces(places), "remove them while no worker runs: {remove}"
+            "partial traces", _partial_traces(paths), "remove them while no worker runs: {remove}"
         ),
         *_leftover_findings(
             "spools of dead workers",
-            _orphan_spools(places),
+            _orphan_spools(paths),
             "the next worker to start delivers what is finished and removes them",
         ),
         *_leftover_findings(
-            "traces unknown to the ledger", _unknown_traces(places), "if unwanted: {remove}"
+            "traces unknown to the ledger", _unknown_traces(paths), "if unwanted: {remove}"
         ),
         *_leftover_findings(
             "workshops of interrupted runs",
@@ -193,13 +189,14 @@ def _leftover_findings(what: str, paths: Iterable[Path], remedy: str) -> Iterato
     yield warning("leftovers", message, remedy.format(remove=f"rm -r {names}"))
 
 
-def _partial_traces(places: StatePaths) -> Iterator[Path]:
+def _partial_traces(paths: StatePaths) -> Iterator[Path]:
+    # Of grammars.text.files.replacing, and of a trace that is being written.
     for pattern in ("*/.*.tmp", "*/*.partial"):
-        yield from places.traces.glob(pattern)
+        yield from paths.traces.glob(pattern)
 
 
-def _orphan_spools(places: StatePaths) -> Iterator[Path]:
-    for folder in places.spool.glob("*"):
+def _orphan_spools(paths: StatePaths) -> Iterator[Path]:
+    for folder in paths.spool.glob("*"):
         if is_id(folder.name) and (folder / "lock").exists() and not is_locked(folder / "lock"):
             yield folder
 
@@ -226,6 +223,8 @@ def is_locked(path: Path) -> bool:
     """Whether somebody holds the lock that ``path`` is."""
     with suppress(FileNotFoundError), path.open("rb") as lock:
         try:
+            # Shared, so that two doctors do not take each other for its holder, and given back at
+            # once: a daemon that starts meanwhile would be told that there is one already.
             fcntl.flock(lock, fcntl.LOCK_SH | fcntl.LOCK_NB)
         except BlockingIOError:
             return True

@@ -15,6 +15,7 @@ from typing import Final
 import platformdirs
 
 import daemon
+from daemon.batch.amounts import size_text
 from daemon.batch.client import Client
 from daemon.batch.errors import DaemonError
 from daemon.batch.operation._checks import (
@@ -35,21 +36,22 @@ from daemon.batch.paths import (
     is_local,
 )
 from daemon.batch.security import keys_folder
-from daemon.batch.sizes import size_text
 from daemon.model.execution import available_cores
 from daemon.model.spec import ENGINE_VERSION
 from daemon.model.status import DaemonOverview, DiskUsage, WorkerRow
 
 _PACKAGES: Final = ("eclipse-zenoh", "numpy", "numba", "pymunk", "pydantic", "mcap", "textual")
 _OWN_PACKAGES: Final = ("daemon", "grammars", "templates", "scenario_tui")
+# A lease: a worker that has not asked for anything in that time has lost its runs.
 _SILENCE: Final = 30.0
+# Seconds. Leases are measured by the daemon's clock alone; this is about times people compare.
 _SKEW: Final = 2.0
 _ROOMY: Final = 2 * 2**30
 _OLDEST_NOW: Final = 1_735_689_600.0
 """2025-01-01: a clock before that was never set."""
 
 
-def examine(places: StatePaths, endpoint: Endpoint, here: Path) -> tuple[DoctorFinding, ...]:
+def examine(paths: StatePaths, endpoint: Endpoint, here: Path) -> tuple[DoctorFinding, ...]:
     """Return all findings, for the state directory, the endpoint and leftovers below ``here``."""
     now = time.time()
     return (
@@ -59,14 +61,14 @@ def examine(places: StatePaths, endpoint: Endpoint, here: Path) -> tuple[DoctorF
             "slots",
             f"{available_cores()} cores may be used: one run each unless --slots says otherwise",
         ),
-        *_kernels(places),
-        *_state(places),
-        *check_ledger(places, now),
+        *_kernels(paths),
+        *_state(paths),
+        *check_ledger(paths, now),
         *_clock(now),
         *_endpoint(endpoint),
         *check_keys(keys_folder(), now, needed=is_encrypted(endpoint.address)),
-        *(_daemon(places, endpoint) if is_endpoint(endpoint.address) else ()),
-        *check_leftovers(places, here),
+        *(_daemon(paths, endpoint) if is_endpoint(endpoint.address) else ()),
+        *check_leftovers(paths, here),
     )
 
 
@@ -105,11 +107,11 @@ def _packages() -> Iterator[DoctorFinding]:
         yield ok("packages", f"{', '.join(_OWN_PACKAGES)} are those of {root}")
 
 
-def _kernels(places: StatePaths) -> Iterator[DoctorFinding]:
+def _kernels(paths: StatePaths) -> Iterator[DoctorFinding]:
     beside = Path(daemon.__file__).parent
     asked = os.environ.get("NUMBA_CACHE_DIR")
     folders = [Path(asked)] if asked else [beside, platformdirs.user_cache_path("numba")]
-    counts = [(sum(1 for _ in f.rglob("*.nbi")), f) for f in (*folders, places.state / "kernels")]
+    counts = [(sum(1 for _ in f.rglob("*.nbi")), f) for f in (*folders, paths.state / "kernels")]
     count, folder = max(counts, key=lambda pair: pair[0])
     if count:
         yield ok("kernels", f"{count} compiled ones are kept below {folder}")
@@ -117,8 +119,8 @@ def _kernels(places: StatePaths) -> Iterator[DoctorFinding]:
         yield warning("kernels", "none is compiled yet", "the first runs take longer, once")
 
 
-def _state(places: StatePaths) -> Iterator[DoctorFinding]:
-    state = places.state
+def _state(paths: StatePaths) -> Iterator[DoctorFinding]:
+    state = paths.state
     if not state.exists():
         yield ok("state", f"{state} is not there yet: the first daemon makes it")
         return
@@ -129,11 +131,11 @@ def _state(places: StatePaths) -> Iterator[DoctorFinding]:
             "choose another with --state, or change its owner",
         )
         return
-    yield from _permissions(places)
-    disk = places.disk()
+    yield from _permissions(paths)
+    disk = paths.disk()
     sizes = f"{disk.free / 2**30:.1f} of {disk.total / 2**30:.1f} GiB free, "
     sizes += f"ledger {disk.ledger / 2**20:.1f} MiB"
-    if shortage := places.disk_shortage():
+    if shortage := paths.disk_shortage():
         yield problem("disk", shortage, "free some: `scenario gc --max-size 10GiB --dry-run`")
     elif disk.free < _ROOMY:
         yield warning("disk", sizes, "free some: `scenario gc --max-size 10GiB --dry-run`")
@@ -141,14 +143,14 @@ def _state(places: StatePaths) -> Iterator[DoctorFinding]:
         yield ok("disk", sizes)
 
 
-def _permissions(places: StatePaths) -> Iterator[DoctorFinding]:
-    folders = (places.state, places.scenes, places.traces, places.spool)
+def _permissions(paths: StatePaths) -> Iterator[DoctorFinding]:
+    folders = (paths.state, paths.scenes, paths.traces, paths.spool)
     modes = {folder: folder.stat() for folder in folders if folder.exists()}
     foreign = [str(f) for f, found in modes.items() if found.st_uid != os.getuid()]
     writable = [
         str(f) for f, found in modes.items() if found.st_mode & (stat.S_IWGRP | stat.S_IWOTH)
     ]
-    readable = places.state.stat().st_mode & (stat.S_IRWXG | stat.S_IRWXO)
+    readable = paths.state.stat().st_mode & (stat.S_IRWXG | stat.S_IRWXO)
     if foreign:
         yield warning(
             "state",
@@ -157,12 +159,12 @@ def _permissions(places: StatePaths) -> Iterator[DoctorFinding]:
         )
     if writable:
         yield problem(
-            "state", f"others can write {', '.join(writable)}", f"chmod -R go-rwx {places.state}"
+            "state", f"others can write {', '.join(writable)}", f"chmod -R go-rwx {paths.state}"
         )
     elif readable:
-        yield warning("state", f"others can read {places.state}", f"chmod go-rwx {places.state}")
+        yield warning("state", f"others can read {paths.state}", f"chmod go-rwx {paths.state}")
     elif not foreign:
-        yield ok("state", f"{places.state}, yours alone")
+        yield ok("state", f"{paths.state}, yours alone")
 
 
 def _clock(now: float) -> Iterator[DoctorFinding]:
@@ -173,30 +175,30 @@ def _clock(now: float) -> Iterator[DoctorFinding]:
 def _endpoint(endpoint: Endpoint) -> Iterator[DoctorFinding]:
     known = is_endpoint(endpoint.address)
     where = endpoint_text(endpoint.address) if known else endpoint.address
-    told = f"{where}, from {endpoint.origin}"
+    words = f"{where}, from {endpoint.origin}"
     if not known:
         remedy = "write tcp/<host>:<port> or tls/<host>:<port>"
-        yield problem("endpoint", f"{told}: that is none", remedy)
+        yield problem("endpoint", f"{words}: that is none", remedy)
     elif not (is_encrypted(endpoint.address) or is_local(endpoint.address)):
         yield warning(
             "endpoint",
-            f"{told}: plain TCP to another machine",
+            f"{words}: plain TCP to another machine",
             "whoever is in the network may read, submit and cancel: use tls/ (`scenario keys`)",
         )
     else:
-        yield ok("endpoint", told)
+        yield ok("endpoint", words)
 
 
-def _daemon(places: StatePaths, endpoint: Endpoint) -> Iterator[DoctorFinding]:
+def _daemon(paths: StatePaths, endpoint: Endpoint) -> Iterator[DoctorFinding]:
     try:
         with Client.open(endpoint.address) as client:
             before = time.time()
             overview, after = client.overview(), time.time()
             workers, disk = client.workers(), client.disk()
     except DaemonError as error:
-        yield _silence(places, endpoint, error)
+        yield _silence(paths, endpoint, error)
         return
-    yield from _answering(overview, places, endpoint)
+    yield from _answering(overview, paths, endpoint)
     skew = overview.now - (before + after) / 2
     if abs(skew) > _SKEW:
         yield warning(
@@ -209,26 +211,26 @@ def _daemon(places: StatePaths, endpoint: Endpoint) -> Iterator[DoctorFinding]:
 
 
 def _traces(disk: DiskUsage) -> DoctorFinding:
-    told = f"{size_text(disk.traces)} in the state directory"
+    words = f"{size_text(disk.traces)} in the state directory"
     if not disk.quota:
-        return ok("traces", f"{told}, no quota: `scenario daemon --quota 20GiB` sets one")
-    told += f", the quota is {size_text(disk.quota)}"
+        return ok("traces", f"{words}, no quota: `scenario daemon --quota 20GiB` sets one")
+    words += f", the quota is {size_text(disk.quota)}"
     if disk.traces <= disk.quota:
-        return ok("traces", told)
-    return problem("traces", told, "start the daemon with a larger --quota, or cancel a campaign")
+        return ok("traces", words)
+    return problem("traces", words, "start the daemon with a larger --quota, or cancel a campaign")
 
 
-def _silence(places: StatePaths, endpoint: Endpoint, error: DaemonError) -> DoctorFinding:
+def _silence(paths: StatePaths, endpoint: Endpoint, error: DaemonError) -> DoctorFinding:
     if endpoint.origin in ("--connect", "SCENARIO_CONNECT"):
         return problem("daemon", str(error), f"start it there, or correct {endpoint.origin}")
-    contact = places.read_contact()
+    contact = paths.read_contact()
     if contact is None:
         return ok("daemon", "none runs: `scenario submit` or `scenario daemon` starts one")
     if _lives(contact.pid):
         return problem(
             "daemon",
             f"process {contact.pid} keeps the directory and does not answer",
-            f"see {places.log}; end it with kill, else kill -9 (what it recorded stays)",
+            f"see {paths.log}; end it with kill, else kill -9 (what it recorded stays)",
         )
     return warning(
         "daemon",
@@ -248,14 +250,14 @@ def _lives(pid: int) -> bool:
 
 
 def _answering(
-    overview: DaemonOverview, places: StatePaths, endpoint: Endpoint
+    overview: DaemonOverview, paths: StatePaths, endpoint: Endpoint
 ) -> Iterator[DoctorFinding]:
     own = version("scenario-tui")
-    if Path(overview.state) != places.state and endpoint.origin in ("daemon.json", "default"):
+    if Path(overview.state) != paths.state and endpoint.origin in ("daemon.json", "default"):
         yield problem(
             "daemon",
             f"the one at {endpoint_text(endpoint.address)} keeps {overview.state}",
-            f"name it with --state, or start one for {places.state}",
+            f"name it with --state, or start one for {paths.state}",
         )
         return
     if overview.version != own:
@@ -269,7 +271,7 @@ def _answering(
         yield ok("daemon", f"answers at {endpoint_text(endpoint.address)}, {waiting}")
     if overview.trouble:
         last = overview.trouble.strip().splitlines()[-1]
-        yield problem("daemon", f"no run can start: {last}", f"see {places.worker_log}")
+        yield problem("daemon", f"no run can start: {last}", f"see {paths.worker_log}")
 
 
 def _workers(workers: tuple[WorkerRow, ...], overview: DaemonOverview) -> Iterator[DoctorFinding]:
@@ -281,16 +283,16 @@ def _workers(workers: tuple[WorkerRow, ...], overview: DaemonOverview) -> Iterat
         )
     for worker in workers:
         silent = overview.now - worker.last_seen_at
-        told = f"{worker.id} on {worker.host}, {worker.busy} of {worker.slots} slots busy"
+        words = f"{worker.id} on {worker.host}, {worker.busy} of {worker.slots} slots busy"
         if worker.version != overview.version:
             yield warning(
-                "workers", f"{told}, version {worker.version}", f"install {overview.version} there"
+                "workers", f"{words}, version {worker.version}", f"install {overview.version} there"
             )
         elif silent > _SILENCE:
             yield warning(
                 "workers",
-                f"{told}, not heard of for {silent:.0f} s",
+                f"{words}, not heard of for {silent:.0f} s",
                 "see whether its machine is well",
             )
         else:
-            yield ok("workers", told)
+            yield ok("workers", words)

@@ -6,13 +6,19 @@ ledger's counts go down when runs are queued again, so they are gauges.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TypeAlias
+from typing import Final, TypeAlias
 
-from daemon.model.status import CampaignRow, DaemonOverview, DiskUsage, WorkerRow
+from daemon.model.status import CampaignRow, DaemonOverview, DiskUsage, RunState, WorkerRow
 
-Samples: TypeAlias = list[tuple[Mapping[str, str], float]]
+Samples: TypeAlias = Sequence[tuple[Mapping[str, str], float]]
+
+_STATES: Final = tuple(state.value for state in RunState)
+_OUTCOMES: Final = {
+    "pass": "passed", "fail": "failed", "inconclusive": "inconclusive", "error": "errors",
+}  # fmt: skip
+"""Fields of the overview by outcome."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,54 +31,44 @@ class DaemonStatus:
     disk: DiskUsage
 
 
-def prometheus_text(standing: DaemonStatus) -> str:
+def prometheus_text(status: DaemonStatus) -> str:
     """Return the metrics as text; campaigns are named while they are unfinished."""
     lines: list[str] = []
-    for name, about, samples in _families(standing):
+    for name, about, samples in _families(status):
         lines += [f"# HELP {name} {_escaped(about)}", f"# TYPE {name} gauge"]
         lines += [f"{name}{_labelled(labels)} {value!r}" for labels, value in samples]
     return "\n".join(lines) + "\n"
 
 
-def _families(standing: DaemonStatus) -> Iterator[tuple[str, str, Samples]]:
-    overview, disk = standing.overview, standing.disk
-    unfinished = [row for row in standing.campaigns if not row.finished]
+def _families(status: DaemonStatus) -> Iterator[tuple[str, str, Samples]]:
+    overview, disk = status.overview, status.disk
+    unfinished = [row for row in status.campaigns if not row.finished]
     yield "scenario_info", "The daemon, by version.", [({"version": overview.version}, 1)]
-    yield "scenario_start_time_seconds", "When the daemon started.", [({}, overview.started_at)]
-    yield "scenario_trouble", "1 while no run can start.", [({}, int(bool(overview.trouble)))]
-    states = ("queued", "running", "done", "lost", "cancelled")
-    yield "scenario_runs", "Runs in the ledger, by state.", _fields(overview, "state", states)
-    outcomes = {"pass": "passed", "fail": "failed", "inconclusive": "inconclusive"}
-    yield (
-        "scenario_outcomes",
-        "Runs that are done, by outcome.",
-        [
-            ({"outcome": word}, getattr(overview, field))
-            for word, field in (outcomes | {"error": "errors"}).items()
-        ],
-    )
-    yield "scenario_campaigns", "Campaigns in the ledger.", [({}, overview.campaigns)]
-    yield (
-        "scenario_campaign_runs",
-        "Runs of unfinished campaigns, by state.",
-        [
-            ({"campaign": row.id, **labels}, value)
-            for row in unfinished
-            for labels, value in _fields(row, "state", states)
-        ],
-    )
-    yield (
-        "scenario_campaign_paused",
-        "1 while an unfinished campaign is paused.",
-        [({"campaign": row.id}, int(row.paused)) for row in unfinished],
-    )
-    yield "scenario_run_rate_hertz", "Runs finished lately.", [({}, overview.rate / 60.0)]
-    yield from _workers(standing.workers, overview.now)
-    yield "scenario_disk_bytes", "Size of the state directory's disk.", [({}, disk.total)]
-    yield "scenario_disk_free_bytes", "Free space on that disk.", [({}, disk.free)]
-    yield "scenario_ledger_bytes", "Size of the ledger.", [({}, disk.ledger)]
-    yield "scenario_traces_bytes", "Size of the traces there.", [({}, disk.traces)]
-    yield "scenario_traces_quota_bytes", "What they may take; 0: no limit.", [({}, disk.quota)]
+    yield "scenario_start_time_seconds", "When the daemon started.", _one(overview.started_at)
+    yield "scenario_trouble", "1 while no run can start.", _one(int(bool(overview.trouble)))
+    yield "scenario_runs", "Runs in the ledger, by state.", _fields(overview, "state", _STATES)
+    outcomes = [({"outcome": word}, getattr(overview, field)) for word, field in _OUTCOMES.items()]
+    yield "scenario_outcomes", "Runs that are done, by outcome.", outcomes
+    yield "scenario_campaigns", "Campaigns in the ledger.", _one(overview.campaigns)
+    runs: Samples = [
+        ({"campaign": row.id, **labels}, value)
+        for row in unfinished
+        for labels, value in _fields(row, "state", _STATES)
+    ]
+    yield "scenario_campaign_runs", "Runs of unfinished campaigns, by state.", runs
+    paused: Samples = [({"campaign": row.id}, int(row.paused)) for row in unfinished]
+    yield "scenario_campaign_paused", "1 while an unfinished campaign is paused.", paused
+    yield "scenario_run_rate_hertz", "Runs finished lately.", _one(overview.rate / 60.0)
+    yield from _workers(status.workers, overview.now)
+    yield "scenario_disk_bytes", "Size of the state directory's disk.", _one(disk.total)
+    yield "scenario_disk_free_bytes", "Free space on that disk.", _one(disk.free)
+    yield "scenario_ledger_bytes", "Size of the ledger.", _one(disk.ledger)
+    yield "scenario_traces_bytes", "Size of the traces there.", _one(disk.traces)
+    yield "scenario_traces_quota_bytes", "What they may take; 0: no limit.", _one(disk.quota)
+
+
+def _one(value: float) -> Samples:
+    return [({}, value)]
 
 
 def _fields(row: DaemonOverview | CampaignRow, label: str, fields: tuple[str, ...]) -> Samples:
@@ -81,23 +77,18 @@ def _fields(row: DaemonOverview | CampaignRow, label: str, fields: tuple[str, ..
 
 def _workers(workers: tuple[WorkerRow, ...], now: float) -> Iterator[tuple[str, str, Samples]]:
     named = [({"worker": row.id, "host": row.host}, row) for row in workers]
-    yield "scenario_workers", "Workers connected.", [({}, len(workers))]
+    yield "scenario_workers", "Workers connected.", _one(len(workers))
     yield "scenario_worker_slots", "Slots, by worker.", [(n, row.slots) for n, row in named]
     yield "scenario_worker_busy", "Busy slots, by worker.", [(n, row.busy) for n, row in named]
-    yield (
-        "scenario_worker_silence_seconds",
-        "Time since a worker was last heard of.",
-        [(n, max(0.0, now - row.last_seen_at)) for n, row in named],
-    )
+    silences = [(n, max(0.0, now - row.last_seen_at)) for n, row in named]
+    yield "scenario_worker_silence_seconds", "Time since a worker was last heard of.", silences
 
 
 def _labelled(labels: Mapping[str, str]) -> str:
     if not labels:
         return ""
-    pairs = (
-        f'{name}="{_escaped(text).replace(chr(34), chr(92) + chr(34))}"'
-        for name, text in labels.items()
-    )
+    quote = str.maketrans({'"': r"\""})  # in labels, not in help texts
+    pairs = (f'{name}="{_escaped(text).translate(quote)}"' for name, text in labels.items())
     return "{" + ",".join(pairs) + "}"
 
 

@@ -15,6 +15,7 @@ from typing import Final
 from daemon.batch.server import STOP_MARGIN, DaemonSettings
 from daemon.model.execution import RunLimits
 
+# Seconds on top of what the process says it needs: past TimeoutStopSec systemd kills the runs.
 _MARGIN: Final = 10.0
 _UNSAFE: Final = frozenset("\"'\\$")
 _UNIT: Final = """\

@@ -11,19 +11,20 @@ import time
 from collections.abc import Callable
 from typing import Final
 
+from daemon.batch.amounts import size_text
 from daemon.batch.errors import DaemonError
 from daemon.batch.ledger import RetentionPolicy, stored_bytes, sweep_traces
 from daemon.batch.paths import StatePaths
 from daemon.batch.server._runtime import EventLog
-from daemon.batch.sizes import size_text
 
+# Seconds between two looks: regularly, and at least, when the quota is reached.
 _PERIOD: Final = 60.0
 _REST: Final = 1.0
-"""Seconds between two looks: regularly, and at least, when the quota is reached."""
+# A look reads the folder of every campaign and may take long with many traces: a rest of at least
+# so many times its length keeps it below 5 % of a core and of the disk.
 _SHARE: Final = 20.0
-"""A look is followed by a rest of at least so many times its length."""
+# Part of the quota that is left after sweeping, so that not every trace makes us look again.
 _LEAST: Final = 0.95
-"""Part of the quota that is left after sweeping, so that not every trace makes us look again."""
 
 
 class Quota(threading.Thread):
@@ -33,14 +34,14 @@ class Quota(threading.Thread):
     """
 
     def __init__(
-        self, places: StatePaths, journal: EventLog, limit: int, now: Callable[[], float]
+        self, paths: StatePaths, log: EventLog, limit: int, now: Callable[[], float]
     ) -> None:
         super().__init__(name="quota", daemon=True)
         self.limit = limit
         self.used = 0
         self.trouble = ""
-        self._places = places
-        self._journal = journal
+        self._paths = paths
+        self._log = log
         self._now = now
         self._wake = threading.Event()
         self._closing = threading.Event()
@@ -58,8 +59,9 @@ class Quota(threading.Thread):
             try:
                 self._enforce()
             except (DaemonError, OSError) as error:
-                self._journal.write("quota not kept", problem=str(error))
+                self._log.write("quota not kept", problem=str(error))
             self._closing.wait(max(_REST, _SHARE * (time.monotonic() - begun)))
+            # With no run allowed to start nothing will wake us: room is looked for again and again.
             if not self.trouble:
                 self._wake.wait(_PERIOD)
             self._wake.clear()
@@ -72,15 +74,15 @@ class Quota(threading.Thread):
             self.join()
 
     def _enforce(self) -> None:
-        self.used = stored_bytes(self._places)
+        self.used = stored_bytes(self._paths)
         if self.limit and self.used > self.limit:
             swept = sweep_traces(
-                self._places, RetentionPolicy(size=int(_LEAST * self.limit)), self._now()
+                self._paths, RetentionPolicy(size=int(_LEAST * self.limit)), self._now()
             )
             self.used = swept.kept
             if swept.gone:
                 campaigns = list(dict.fromkeys(trace.campaign for trace in swept.gone))
-                self._journal.write(
+                self._log.write(
                     "traces removed", bytes=swept.freed, traces=len(swept.gone), of=campaigns[:20]
                 )
         self._update_trouble()
@@ -88,7 +90,7 @@ class Quota(threading.Thread):
     def _update_trouble(self) -> None:
         before, self.trouble = self.trouble, self._trouble_text()
         if bool(before) != bool(self.trouble):
-            self._journal.write("quota", trouble=self.trouble, bytes=self.used)
+            self._log.write("quota", trouble=self.trouble, bytes=self.used)
 
     def _trouble_text(self) -> str:
         if not self.limit or self.used <= self.limit:

@@ -1,6 +1,8 @@
 """What every part of the daemon is given: its clock and its log.
 
-A clock that is set back an hour would keep leases alive for an hour, one set forward would end them all at once. Leases and graces are measured on a clock that only follows the wall clock when it is told to, and whoever tells it moves them along by as much.
+A clock that is set back an hour would keep leases alive for an hour, one set forward would end
+them all at once. Leases and graces are measured on a clock that only follows the wall clock when
+it is told to, and whoever tells it moves them along by as much.
 """
 
 from __future__ import annotations
@@ -15,10 +17,12 @@ from typing import Final
 
 _STEP: Final = 0.5
 """Seconds; less than this between two looks is a clock being disciplined, not set."""
+_LARGEST: Final = 4 * 2**20
+_OLD_FILES: Final = 3
 
 
 class DaemonClock:
-    """Wall clock seconds since the epoch that pass evenly between two calls of :meth:`follow_wall_clock`."""
+    """Seconds since the epoch that pass evenly between calls of :meth:`follow_wall_clock`."""
 
     def __init__(
         self,
@@ -44,10 +48,6 @@ class DaemonClock:
         return moved if abs(moved) > _STEP else 0.0
 
 
-_LARGEST: Final = 4 * 2**20
-_OLD_FILES: Final = 3
-
-
 class EventLog:
     """Writes events of the daemon to ``daemon.log``; safe to use from any thread."""
 
@@ -59,6 +59,8 @@ class EventLog:
     def write(self, event: str, **fields: object) -> None:
         """Add a line ``{"at": ..., "event": event, ...fields}``."""
         line = json.dumps({"at": round(time.time(), 3), "event": event, **fields}, default=str)
+        # The handler alone, no logger: it has the lock and the rotation that is wanted of it, and
+        # whatever a library configures for logging cannot reach this file.
         self._handler.handle(logging.makeLogRecord({"msg": line}))
 
     def close(self) -> None:

@@ -1,15 +1,17 @@
 """Uploads in parts: traces from workers on other machines, files of systems under test.
 
-A part of a trace lies under the run, the lease and the digest it is sent for, so that no sender touches what another one sends. It gets a name of a trace only when all of it is there, verified, and the ledger takes the result. Files are kept by digest, and given to workers.
+A part of a trace lies under the run, the lease and the digest it is sent for, so that no sender
+touches what another one sends. It gets a name of a trace only when all of it is there, verified,
+and the ledger takes the result. Files are kept by digest, and given to workers.
 """
 
 from __future__ import annotations
 
 import time
+from abc import ABC, abstractmethod
 from contextlib import suppress
-from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Final
+from typing import Final, Generic, TypeVar
 
 from daemon.batch.errors import Refused, Unavailable
 from daemon.batch.ledger import LedgerReader, LedgerWriter
@@ -39,150 +41,173 @@ from grammars.text.files import move_durably
 
 _MOST_UPLOADS: Final = 1024
 """Uploads at a time, finished ones whose result has not come included."""
+_MOST_FILES: Final = 4096
+"""Files kept, those under way included."""
 _STALE: Final = 3600.0
 """Seconds after which an upload that nobody goes on with is given up."""
 _SWEEP: Final = 60.0
 
-
-@dataclass(slots=True)
-class _PartialTrace:
-    part: Path
-    whole: Path
-    chunk: TraceUploadChunk
-
-    @property
-    def offset(self) -> int:
-        """How many bytes there are."""
-        return file_size(self.part)
+Chunk = TypeVar("Chunk", TraceUploadChunk, FileUploadChunk)
 
 
-@dataclass(slots=True)
-class TraceUploads:
-    """Takes chunks, in one thread, and hands whole traces over, in the ledger's."""
+class _Uploads(ABC, Generic[Chunk]):
+    """Takes parts of files, in one thread; the daemon's side of :class:`FileUpload`.
 
-    places: StatePaths
-    journal: EventLog
-    _begun: dict[str, float] = field(default_factory=dict)
-    _sweep_at: float = 0.0
+    Nothing is remembered between two parts but the file itself: another daemon goes on with it.
+    """
 
-    def add_chunk(self, reader: LedgerReader, chunk: TraceUploadChunk) -> UploadProgress:
-        """Add a chunk to its upload; the answer says where to go on.
+    def __init__(self, paths: StatePaths, log: EventLog) -> None:
+        self.paths = paths
+        self._log = log
 
-        Refuses what comes under no lease, or a stale one; raises :class:`Unavailable` while there is
-        no room.
-        """
-        if not is_run_id(chunk.run) or not is_digest(chunk.sha256):
-            raise Refused(f"{chunk.run!r} is not the id of a run")
-        self._sweep()
-        wanted = reader.expected_upload(chunk.run, chunk.token)
-        upload = self._upload(chunk)
-        there = self.places.trace(wanted.name)
-        if not wanted.wanted or upload.whole.exists():
+    @abstractmethod
+    def _what(self, chunk: Chunk) -> str:
+        """What is sent, as messages call it."""
+
+    @abstractmethod
+    def _make_room(self, chunk: Chunk) -> None:
+        """See whether another upload can begin; raises :class:`Unavailable`."""
+
+    @abstractmethod
+    def _log_end(self, chunk: Chunk, *, accepted: bool) -> None:
+        """Write down that all of it came, and whether it is what was announced."""
+
+    def _receive(
+        self, part: Path, whole: Path, chunk: Chunk, *, mode: int | None = None
+    ) -> UploadProgress:
+        """Add a part, or only say where to go on; gives the file its name when it is whole."""
+        problem = self._append(part, chunk) if chunk.data else ""
+        have = file_size(part)
+        if problem or have != chunk.size:
+            return UploadProgress(have, complete=False, problem=problem)
+        accepted = accept_part(part, whole, chunk.sha256, mode=mode)
+        self._log_end(chunk, accepted=accepted)
+        if accepted:
             return UploadProgress(chunk.size, complete=True)
-        if not chunk.data and matches_digest(there, chunk.size, chunk.sha256):
-            return UploadProgress(chunk.size, complete=True)
-        problem = self._add(upload) if chunk.data else ""
-        if not problem and upload.offset == chunk.size:
-            return self._finish(upload)
-        return UploadProgress(upload.offset, complete=False, problem=problem)
+        problem = "the whole has another digest: begin again"
+        return UploadProgress(0, complete=False, problem=problem)
 
-    def _upload(self, chunk: TraceUploadChunk) -> _PartialTrace:
-        name = f"{chunk.run}.{chunk.token}.{chunk.sha256}"
-        folder = self.places.incoming
-        return _PartialTrace(folder / f"{name}.part", folder / f"{name}.mcap", chunk)
-
-    def _add(self, upload: _PartialTrace) -> str:
-        chunk = upload.chunk
-        if chunk.offset != upload.offset:
-            return f"the chunk begins at {chunk.offset}, expected is {upload.offset}"
+    def _append(self, part: Path, chunk: Chunk) -> str:
+        """Add a part; returns what is wrong with it if it is to be sent again."""
+        have = file_size(part)
+        if chunk.offset != have:
+            # Sent twice, because the first answer was lost say: the sender goes on from here.
+            return f"the chunk begins at {chunk.offset}, expected is {have}"
         try:
             data = decode_chunk(chunk.data, chunk.digest)
         except ValueError as error:
             return str(error)
-        if chunk.offset + len(data) > chunk.size:
-            raise Refused(f"{chunk.run}: there are more bytes than the {chunk.size} announced")
+        if have + len(data) > chunk.size:
+            # Somebody else has announced another size: whose it was not begins again.
+            part.unlink(missing_ok=True)
+            raise Refused(
+                f"{self._what(chunk)}: there are more bytes than the {chunk.size} announced"
+            )
         if chunk.offset == 0:
             self._make_room(chunk)
-        if shortage := self.places.disk_shortage():
+        if shortage := self.paths.disk_shortage():
             raise Unavailable(shortage)
         try:
-            append_part(upload.part, chunk.offset, data)
+            append_part(part, have, data)
         except OSError as error:
-            raise Unavailable(f"the trace of {chunk.run} cannot be written: {error}") from error
+            raise Unavailable(f"{self._what(chunk)} cannot be written: {error}") from error
         return ""
+
+
+class TraceUploads(_Uploads[TraceUploadChunk]):
+    """Takes chunks, in one thread, and hands whole traces over, in the ledger's."""
+
+    def __init__(self, paths: StatePaths, log: EventLog, *, most: int = _MOST_UPLOADS) -> None:
+        super().__init__(paths, log)
+        self._most = most
+        self._begun: dict[str, float] = {}
+        self._sweep_at = 0.0
+
+    def add_chunk(self, reader: LedgerReader, chunk: TraceUploadChunk) -> UploadProgress:
+        """Add a chunk to its upload; the answer says where to go on.
+
+        Refuses what comes under no lease, or a stale one; raises :class:`Unavailable` while there
+        is no room.
+        """
+        if not is_run_id(chunk.run) or not is_digest(chunk.sha256):
+            raise Refused(f"{chunk.run!r} is not the id of a run")
+        self._sweep()
+        expected = reader.expected_upload(chunk.run, chunk.token)
+        whole = self._whole(chunk.run, chunk.token, chunk.sha256)
+        if not expected.wanted or whole.exists():
+            return UploadProgress(chunk.size, complete=True)
+        # Only when the sender asks where to begin: reading all of a trace at every part of it
+        # would make an upload quadratic.
+        there = self.paths.trace(expected.name)
+        if not chunk.data and matches_digest(there, chunk.size, chunk.sha256):
+            return UploadProgress(chunk.size, complete=True)
+        return self._receive(whole.with_suffix(".part"), whole, chunk)
+
+    def _whole(self, run: str, token: int, sha256: str) -> Path:
+        return self.paths.incoming / f"{run}.{token}.{sha256}.mcap"
+
+    def _what(self, chunk: TraceUploadChunk) -> str:
+        return f"the trace of {chunk.run}"
 
     def _make_room(self, chunk: TraceUploadChunk) -> None:
         """Look whether another upload can begin; what was sent of this run before goes."""
-        for path in self.places.incoming.glob(f"{chunk.run}.*"):
+        for path in self.paths.incoming.glob(f"{chunk.run}.*"):
             path.unlink(missing_ok=True)
-        if sum(1 for _ in self.places.incoming.iterdir()) >= _MOST_UPLOADS:
-            raise Unavailable(
-                f"{_MOST_UPLOADS} traces are on their way already: this one has to wait"
-            )
-        if self.places.disk().free < chunk.size:
+        if sum(1 for _ in self.paths.incoming.iterdir()) >= self._most:
+            raise Unavailable(f"{self._most} traces are on their way already: this one has to wait")
+        if self.paths.disk().free < chunk.size:
             raise Unavailable(f"no room for the {chunk.size} bytes of the trace of {chunk.run}")
         self._begun[chunk.run] = time.monotonic()
 
-    def _finish(self, upload: _PartialTrace) -> UploadProgress:
-        chunk = upload.chunk
-        if not accept_part(upload.part, upload.whole, chunk.sha256):
-            self.journal.write("trace damaged", run=chunk.run, worker=chunk.worker)
-            return UploadProgress(
-                0, complete=False, problem="the whole has another digest: begin again"
-            )
+    def _log_end(self, chunk: TraceUploadChunk, *, accepted: bool) -> None:
+        if not accepted:
+            self._log.write("trace damaged", run=chunk.run, worker=chunk.worker)
+            return
         begun = self._begun.pop(chunk.run, None)
         took = None if begun is None else round(time.monotonic() - begun, 3)
-        self.journal.write(
+        self._log.write(
             "trace received", run=chunk.run, worker=chunk.worker, bytes=chunk.size, seconds=took
         )
-        return UploadProgress(chunk.size, complete=True)
 
-    def is_missing(self, book: LedgerWriter, completion: Completion) -> bool:
+    def is_missing(self, ledger: LedgerWriter, completion: Completion) -> bool:
         """Whether a result would be recorded whose trace is not here (and in no store)."""
-        if completion.location or not book.awaits_result(completion.run):
+        if completion.location or not ledger.awaits_result(completion.run):
             return False
-        name, _ = book.trace_location(completion.run)
-        there = self.places.trace(name)
+        name, _ = ledger.trace_location(completion.run)
+        there, info = self.paths.trace(name), completion.result.trace
         if not completion.uploaded:
             return not there.is_file()
-        if self._whole(completion).exists():
+        if self._completed(completion).exists():
             return False
-        return not matches_digest(
-            there, completion.result.trace.size, completion.result.trace.sha256
-        )
+        return not matches_digest(there, info.size, info.sha256)
 
     def settle_result(
-        self, book: LedgerWriter, completion: Completion, answer: LedgerAnswer
+        self, ledger: LedgerWriter, completion: Completion, answer: LedgerAnswer
     ) -> None:
-        """Do with a trace what became of its result: give it its name, or drop it.
-
-        Before the ledger commits: what it then says is true, also when this is the end.
-        """
-        name, location = book.trace_location(completion.run)
-        there = self.places.trace(name)
-        if (
-            answer is LedgerAnswer.KNOWN
-            and not location
-            and not there.exists()
-            and completion.location
-        ):
-            book.set_trace_location(completion.run, completion.location)
-        if not completion.uploaded:
-            return
-        whole = self._whole(completion)
+        """Do with a trace what became of its result: give it its name, or drop it."""
+        # Before the ledger commits, so that what it then says is true also when this process ends
+        # here: a trace without its result the next attempt replaces, a result without its trace
+        # would stay so.
+        name, location = ledger.trace_location(completion.run)
+        there = self.paths.trace(name)
         # A repetition of a run whose trace was removed brings it back.
         lost = answer is LedgerAnswer.KNOWN and not location and not there.exists()
+        if lost and completion.location:
+            ledger.set_trace_location(completion.run, completion.location)
+        if not completion.uploaded:
+            return
+        whole = self._completed(completion)
         if whole.exists() and (answer is LedgerAnswer.RECORDED or lost):
             make_folder(there.parent)
             move_durably(whole, there)
-        for path in self.places.incoming.glob(f"{completion.run}.{completion.token}.*"):
+        for path in self.paths.incoming.glob(f"{completion.run}.{completion.token}.*"):
             path.unlink(missing_ok=True)
 
-    def _whole(self, completion: Completion) -> Path:
+    def _completed(self, completion: Completion) -> Path:
         sha256 = completion.result.trace.sha256
         if not is_digest(sha256):
             raise Refused(f"{sha256[:70]!r} is not the digest of a trace")
-        return self.places.incoming / f"{completion.run}.{completion.token}.{sha256}.mcap"
+        return self._whole(completion.run, completion.token, sha256)
 
     def _sweep(self) -> None:
         """Remove uploads that nobody has gone on with for long."""
@@ -190,77 +215,48 @@ class TraceUploads:
         if now < self._sweep_at:
             return
         self._sweep_at = now + _SWEEP
-        for path in self.places.incoming.iterdir():
+        for path in self.paths.incoming.iterdir():
             with suppress(FileNotFoundError):
                 idle = time.time() - path.stat().st_mtime
                 # A clock that was set back must not keep anything for ever.
                 if abs(idle) > _STALE:
                     path.unlink()
-                    self.journal.write("upload given up", name=path.name)
+                    self._log.write("upload given up", name=path.name)
 
 
-_MOST_FILES: Final = 4096
-"""Files kept, those under way included."""
-
-
-@dataclass(frozen=True, slots=True)
-class FileUploads:
+class FileUploads(_Uploads[FileUploadChunk]):
     """The files there are; used in one thread."""
 
-    places: StatePaths
-    journal: EventLog
-
-    def add_chunk(self, _: LedgerReader, keep: FileUploadChunk) -> UploadProgress:
+    def add_chunk(self, _: LedgerReader, chunk: FileUploadChunk) -> UploadProgress:
         """Add a part to a file, whoever sends it; the answer says where to go on.
 
         Raises :class:`Unavailable` while there is no room.
         """
-        whole = self.places.files / keep.sha256
+        whole = self.paths.files / chunk.sha256
         if whole.exists():
-            return UploadProgress(keep.size, complete=True)
-        part = self.places.files / f".{keep.sha256}.part"
-        problem = self._add(part, keep) if keep.data else ""
-        if not problem and file_size(part) == keep.size:
-            return self._finish(part, whole, keep)
-        return UploadProgress(file_size(part), complete=False, problem=problem)
+            return UploadProgress(chunk.size, complete=True)
+        # For reading only: what has this name has this digest, for every run to come.
+        return self._receive(self.paths.files / f".{chunk.sha256}.part", whole, chunk, mode=0o400)
 
-    def _add(self, part: Path, keep: FileUploadChunk) -> str:
-        if keep.offset != file_size(part):
-            return f"the part begins at {keep.offset}, expected is {file_size(part)}"
-        try:
-            data = decode_chunk(keep.data, keep.digest)
-        except ValueError as error:
-            return str(error)
-        if keep.offset + len(data) > keep.size:
-            # Somebody else has announced another size: whose it was not begins again.
-            part.unlink(missing_ok=True)
-            raise Refused(f"there are more bytes than the {keep.size} announced")
-        if keep.offset == 0 and sum(1 for _ in self.places.files.iterdir()) >= _MOST_FILES:
+    def _what(self, chunk: FileUploadChunk) -> str:
+        return "the file"
+
+    def _make_room(self, chunk: FileUploadChunk) -> None:
+        if sum(1 for _ in self.paths.files.iterdir()) >= _MOST_FILES:
             raise Unavailable(
-                f"{_MOST_FILES} files are kept already: remove some in {self.places.files}"
+                f"{_MOST_FILES} files are kept already: remove some in {self.paths.files}"
             )
-        if shortage := self.places.disk_shortage():
-            raise Unavailable(shortage)
-        try:
-            append_part(part, keep.offset, data)
-        except OSError as error:
-            raise Unavailable(f"the file cannot be written: {error}") from error
-        return ""
 
-    def _finish(self, part: Path, whole: Path, keep: FileUploadChunk) -> UploadProgress:
-        if not accept_part(part, whole, keep.sha256, mode=0o400):
-            return UploadProgress(
-                0, complete=False, problem="the whole has another digest: begin again"
-            )
-        self.journal.write("file received", sha256=keep.sha256, bytes=keep.size)
-        return UploadProgress(keep.size, complete=True)
+    def _log_end(self, chunk: FileUploadChunk, *, accepted: bool) -> None:
+        if accepted:
+            self._log.write("file received", sha256=chunk.sha256, bytes=chunk.size)
 
-    def read_chunk(self, _: LedgerReader, fetch: FileDownloadRequest) -> DownloadChunk:
+    def read_chunk(self, _: LedgerReader, request: FileDownloadRequest) -> DownloadChunk:
         """Return a part of a file; refuses for one that is not here."""
-        path = self.places.files / fetch.sha256
+        path = self.paths.files / request.sha256
         try:
-            data = read_part(path, fetch.offset, fetch.count)
+            data = read_part(path, request.offset, request.count)
             size = path.stat().st_size
         except OSError as error:
-            raise Refused(f"there is no file {fetch.sha256}") from error
-        return DownloadChunk(fetch.offset, size, fetch.sha256, *encode_chunk(data))
+            raise Refused(f"there is no file {request.sha256}") from error
+        return DownloadChunk(request.offset, size, request.sha256, *encode_chunk(data))

@@ -21,6 +21,16 @@ from daemon.model.status import WorkerRow
 
 MOST_WORKERS: Final = 4096
 
+# Seconds. A worker that dies at once is started again after twice the time, up to the longest; one
+# that ran steadily died of something new and is started without delay.
+_FIRST_PAUSE: Final = 0.1
+_LONGEST_PAUSE: Final = 10.0
+_STEADY: Final = 30.0
+_SETTLED: Final = 5.0
+_LARGEST_LOG: Final = 4 * 2**20
+_LONGEST_TAIL: Final = 2000
+"""Characters of the log that say why the local worker died."""
+
 
 @dataclass(slots=True)
 class _ConnectedWorker:
@@ -40,6 +50,7 @@ class WorkerRegistry:
     grace: float
     silence: float
     _entries: dict[str, _ConnectedWorker] = field(default_factory=dict)
+    # Asked by the ledger's threads, told by Zenoh's callbacks.
     _lock: threading.Lock = field(default_factory=threading.Lock)
 
     def is_full(self, worker: str) -> bool:
@@ -110,14 +121,6 @@ class WorkerRegistry:
             )
 
 
-_FIRST_PAUSE: Final = 0.1
-_LONGEST_PAUSE: Final = 10.0
-_STEADY: Final = 30.0
-_LARGEST_LOG: Final = 4 * 2**20
-_LAST_WORDS: Final = 2000
-_SETTLED: Final = 5.0
-
-
 class LocalWorker:
     """Starts the worker, starts it again when it dies, and ends it.
 
@@ -126,8 +129,8 @@ class LocalWorker:
 
     def __init__(
         self,
-        places: StatePaths,
-        journal: EventLog,
+        paths: StatePaths,
+        log: EventLog,
         *,
         endpoint: str,
         slots: int,
@@ -135,8 +138,8 @@ class LocalWorker:
         limits: RunLimits,
         tether: bool,
     ) -> None:
-        self._places = places
-        self._journal = journal
+        self._paths = paths
+        self._log = log
         self._tether = tether
         self._command = python_command("-m", "daemon", "worker", "--connect", endpoint)
         self._command += ["--slots", str(slots), "--executor", executor]
@@ -165,7 +168,7 @@ class LocalWorker:
             self._pause = _FIRST_PAUSE if steady else min(2 * self._pause, _LONGEST_PAUSE)
             self._next_start = now + self._pause
             self.trouble = self._log_tail(code)
-            self._journal.write(
+            self._log.write(
                 "local worker ended", code=code, restart_in=self._pause, words=self.trouble
             )
         if now >= self._next_start:
@@ -176,7 +179,9 @@ class LocalWorker:
 
         What it writes in that very moment is lost.
         """
-        log = self._places.worker_log
+        # Copied and cut off, not renamed: the worker and its children keep writing to the open
+        # file, in append mode, so that they go on at its new end.
+        log = self._paths.worker_log
         with suppress(FileNotFoundError):
             if log.stat().st_size > _LARGEST_LOG:
                 shutil.copyfile(log, log.with_suffix(".log.1"))
@@ -185,7 +190,7 @@ class LocalWorker:
 
     def _start(self, now: float) -> None:
         self._rotate()
-        log = self._places.worker_log
+        log = self._paths.worker_log
         with log.open("ab") as output:
             self._log_start = output.tell()
             self._process = subprocess.Popen(
@@ -194,17 +199,18 @@ class LocalWorker:
                 stdin=None if self._tether else subprocess.DEVNULL,
                 stdout=output,
                 stderr=output,
+                # Ctrl-C in the daemon's terminal is for the daemon, which ends it in order.
                 start_new_session=True,
-                env=numba_cache_environment(self._places),
+                env=numba_cache_environment(self._paths),
             )
         self._started = now
-        self._journal.write("local worker started", pid=self._process.pid)
+        self._log.write("local worker started", pid=self._process.pid)
 
     def _log_tail(self, code: int) -> str:
-        with self._places.worker_log.open("rb") as log:
+        with self._paths.worker_log.open("rb") as log:
             log.seek(self._log_start)
             words = log.read().decode("utf-8", "replace").strip()
-        return words[-_LAST_WORDS:] or f"the worker ended with code {code}"
+        return words[-_LONGEST_TAIL:] or f"the worker ended with code {code}"
 
     @property
     def alive(self) -> bool:

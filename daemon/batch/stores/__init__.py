@@ -15,27 +15,32 @@ from daemon.batch.stores._store import (
     put_in_store,
     remove_from_store,
 )
-from daemon.batch.stores._transfer import (
-    ByteProgress,
+from daemon.batch.stores._trace_copies import (
     TraceReference,
     TraceSource,
+    copy_trace,
+    local_copy,
+    trace_reference,
+)
+from daemon.batch.stores._transfer import (
+    ByteProgress,
+    FileUpload,
     accept_part,
     append_part,
-    copy_trace,
     decode_chunk,
+    download,
     encode_chunk,
     file_sha256,
     file_size,
-    local_copy,
     make_folder,
     matches_digest,
     read_part,
-    trace_reference,
-    user_trace_cache,
+    trim_cache,
 )
 
 __all__ = [
     "ByteProgress",
+    "FileUpload",
     "Marker",
     "StoreUnusable",
     "TraceReference",
@@ -45,6 +50,7 @@ __all__ = [
     "check_store_url",
     "copy_trace",
     "decode_chunk",
+    "download",
     "encode_chunk",
     "file_sha256",
     "file_size",
@@ -60,6 +66,6 @@ __all__ = [
     "remove_from_store",
     "trace_reference",
     "trace_url",
-    "user_trace_cache",
+    "trim_cache",
     "write_marker",
 ]

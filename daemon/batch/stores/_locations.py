@@ -17,6 +17,7 @@ from grammars.text import codec
 from grammars.text.files import write_atomically
 
 _URL: Final = re.compile(r"[a-z][a-z0-9+.-]*://")
+# Of 64: enough to tell the few traces of one run apart, short enough to read in a listing.
 _SHOWN_DIGEST: Final = 16
 
 
@@ -50,6 +51,7 @@ def check_store_url(url: str) -> str:
 
 
 def _check_protocol(name: str) -> None:
+    # Imported here: most daemons keep traces in their own directory.
     from fsspec import available_protocols
 
     from grammars.text.diagnostics import did_you_mean
@@ -76,23 +78,23 @@ class Marker:
     probe: str
 
 
-def write_marker(places: StatePaths) -> Marker:
+def write_marker(paths: StatePaths) -> Marker:
     """Write a marker nobody can know from elsewhere, and return it.
 
     The directory keeps its identity for good. The probe is new each time: a copy of the directory
     on another machine, under the same path, is not mistaken for it. Raises ``OSError``.
     """
-    known = read_marker(places)
+    known = read_marker(paths)
     identity = known.identity if known is not None else secrets.token_hex(8)
     marker = Marker(identity, secrets.token_hex(16))
-    write_atomically(places.marker, codec.to_json(marker))
+    write_atomically(paths.marker, codec.to_json(marker))
     return marker
 
 
-def read_marker(places: StatePaths) -> Marker | None:
+def read_marker(paths: StatePaths) -> Marker | None:
     """Return the marker in a directory, or ``None`` when there is none that can be read."""
     try:
-        marker = codec.from_json(Marker, places.marker.read_bytes())
+        marker = codec.from_json(Marker, paths.marker.read_bytes())
     except (OSError, ValueError):
         return None
     return marker if is_id(marker.identity) else None

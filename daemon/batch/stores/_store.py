@@ -17,7 +17,7 @@ from urllib.parse import urlsplit
 from grammars.text.files import replacing
 
 _WHOLE_PUTS: Final = frozenset(
-    {
+    (
         "s3",
         "s3a",
         "gs",
@@ -31,9 +31,9 @@ _WHOLE_PUTS: Final = frozenset(
         "oss",
         "tos",
         "tosfs",
-    }
+    )
 )
-"""Object stores: what is put there appears as a whole or not at all."""
+"""Object stores: what is put there appears as a whole or not at all, and moving is copying."""
 
 
 class StoreUnusable(OSError):  # noqa: N818  (reads as a sentence where it is raised)
@@ -69,6 +69,7 @@ def put_in_store(source: Path, url: str) -> None:
 
 
 def _put_here(source: Path, target: Path) -> None:
+    # The name has the digest in it and a file gets its name when it is whole: the size is enough.
     if target.is_file() and target.stat().st_size == source.stat().st_size:
         return
     target.parent.mkdir(parents=True, exist_ok=True)

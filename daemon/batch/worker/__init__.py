@@ -2,16 +2,15 @@
 
 from daemon.batch.worker._attempts import Attempt
 from daemon.batch.worker._connection import DaemonConnection, WorkerPaths, choose_paths
-from daemon.batch.worker._inputs import FileCache, SceneCache
+from daemon.batch.worker._inputs import InputCache
 from daemon.batch.worker._uploader import ResultUploader
 from daemon.batch.worker._work import work
 
 __all__ = [
     "Attempt",
     "DaemonConnection",
-    "FileCache",
+    "InputCache",
     "ResultUploader",
-    "SceneCache",
     "WorkerPaths",
     "choose_paths",
     "work",

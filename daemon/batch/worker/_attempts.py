@@ -5,6 +5,9 @@
 
 What a dead worker left is adopted by the next one: results are delivered, the rest is removed.
 Attempts are executed by processes of this machine or by a cluster; the loop cannot tell which.
+
+Each attempt has a folder of its own, so two executions of a run never share a file. The spool is
+the outbox of a worker: what the daemon has not acknowledged stays in it and is delivered again.
 """
 
 from __future__ import annotations
@@ -20,14 +23,12 @@ from socket import socket
 from typing import IO, Final, Protocol, TypeAlias
 
 from daemon.batch.paths import StatePaths
-from daemon.batch.run_process import GRANT, OUTPUT, RESULT, TRACE
-from daemon.batch.stores import file_sha256, make_folder
+from daemon.batch.run_process import FILES, LEASE, OUTPUT, RESULT
 from daemon.model.execution import RunLimits
 from daemon.model.ids import is_id, is_run_id
 from daemon.model.messages import Lease
 from daemon.model.spec import RunResult
 from grammars.text import codec
-from grammars.text.files import replacing
 
 _LOCK: Final = "lock"
 _SHOWN_OUTPUT: Final = 2000
@@ -37,8 +38,27 @@ _SHOWN_OUTPUT: Final = 2000
 class Attempt:
     """One execution of a run, in its own folder."""
 
-    grant: Lease
+    lease: Lease
     folder: Path
+
+    @classmethod
+    def prepare(cls, folder: Path, lease: Lease) -> Attempt:
+        """Make the folder of a leased run, in place of one of the same name."""
+        if folder.exists():
+            shutil.rmtree(folder)
+        folder.mkdir(parents=True)
+        # Not synchronised: what a power cut takes from here runs again.
+        (folder / LEASE).write_bytes(codec.to_json(lease))
+        return cls(lease, folder)
+
+    @classmethod
+    def read(cls, folder: Path) -> Attempt:
+        """Return the attempt in a folder; raises ``OSError`` or ``ValueError`` if there is none."""
+        return cls(codec.from_json(Lease, (folder / LEASE).read_bytes()), folder)
+
+    def link_files(self, folder: Path) -> None:
+        """Put the files of systems under test in ``folder`` within reach of the run."""
+        (self.folder / FILES).symlink_to(folder)
 
     @property
     def finished(self) -> bool:
@@ -68,50 +88,47 @@ class Attempt:
 class Spool:
     """This worker's part of the spool."""
 
-    def __init__(self, places: StatePaths, worker: str) -> None:
-        self._places = places
-        self._folder = places.spool / worker
+    def __init__(self, paths: StatePaths, worker: str) -> None:
+        self._paths = paths
+        self._folder = paths.spool / worker
         # Locked before it has its name: nobody adopts it in between.
-        unborn = places.spool / f".{worker}"
+        unborn = paths.spool / f".{worker}"
         unborn.mkdir(mode=0o700)
         self._lock = _try_lock(unborn)
         unborn.rename(self._folder)
 
-    def open(self, grant: Lease) -> Attempt:
+    def open(self, lease: Lease) -> Attempt:
         """Make the folder of a leased run; raises ``ValueError`` for a name that is none."""
-        if not is_run_id(grant.run):
-            raise ValueError(f"{grant.run!r} is not the id of a run")
-        folder = self._folder / grant.run / f"attempt-{grant.attempt}"
-        if folder.exists():
-            shutil.rmtree(folder)
-        folder.mkdir(parents=True)
-        # Not synchronised: what a power cut takes from here runs again.
-        (folder / GRANT).write_bytes(codec.to_json(grant))
-        return Attempt(grant, folder)
+        if not is_run_id(lease.run):
+            raise ValueError(f"{lease.run!r} is not the id of a run")
+        folder = self._folder / lease.run / f"attempt-{lease.attempt}"
+        return Attempt.prepare(folder, lease)
 
     def adopt(self) -> tuple[Attempt, ...]:
         """Take over what dead workers left: their finished attempts become this worker's."""
         found = []
-        for folder in sorted(self._places.spool.iterdir()):
+        for folder in sorted(self._paths.spool.iterdir()):
             if folder == self._folder or not is_id(folder.name):
                 continue
             lock = _try_lock(folder)
             if lock is None:
                 continue
             with lock:
+                # A removed folder can still be locked by who had its lock open: the first to
+                # come has adopted it, name and all.
                 if not folder.exists():
-                    continue  # somebody else has just adopted it
+                    continue
                 found += [self._move(attempt) for attempt in _finished_attempts(folder)]
                 shutil.rmtree(folder)
         return tuple(found)
 
     def _move(self, attempt: Attempt) -> Attempt:
-        target = self._folder / attempt.grant.run / attempt.folder.name
+        target = self._folder / attempt.lease.run / attempt.folder.name
         if target.exists():
             shutil.rmtree(target)
         target.parent.mkdir(exist_ok=True)
         attempt.folder.rename(target)
-        return Attempt(attempt.grant, target)
+        return Attempt(attempt.lease, target)
 
     def close(self) -> None:
         """Let go; the folder goes too when nothing waits in it."""
@@ -137,50 +154,24 @@ def _try_lock(folder: Path) -> IO[str] | None:
 def _finished_attempts(folder: Path) -> Iterator[Attempt]:
     for path in sorted(folder.glob("*/attempt-*")):
         try:
-            attempt = Attempt(codec.from_json(Lease, (path / GRANT).read_bytes()), path)
+            attempt = Attempt.read(path)
         except (OSError, ValueError):
-            continue  # the worker died before it had written the grant: nothing ran
-        if attempt.finished and is_run_id(attempt.grant.run):
+            continue  # the worker died before it had written the lease: nothing ran
+        if attempt.finished and is_run_id(attempt.lease.run):
             yield attempt
 
 
 @dataclass(frozen=True, slots=True)
-class TracePlacement:
-    """A trace on its way from the spool to where the grant says.
+class AttemptEnd:
+    """How an attempt ended; where it left no result, ``why``, and whether it ``counts`` against it.
 
-    The first trace to arrive stays; the one the ledger recorded may replace it.
+    A run has only so many attempts that count. It is not its doing that a disk is full, a worker
+    was stopped, or the system under test is not installed where it was tried (``sut_missing``).
     """
 
-    source: Path
-    target: Path
-    sha256: str
-
-    @classmethod
-    def of(cls, attempt: Attempt, places: StatePaths, result: RunResult) -> TracePlacement:
-        """Plan it; raises ``ValueError`` when the grant's trace name leaves the directory."""
-        target = places.trace(attempt.grant.trace)
-        return cls(attempt.folder / TRACE, target, result.trace.sha256)
-
-    def put(self) -> bool:
-        """Put the trace there unless there is one; returns whether it is this one now."""
-        make_folder(self.target.parent)
-        if self.target.exists():
-            return file_sha256(self.target) == self.sha256
-        self.replace()
-        return True
-
-    def replace(self) -> None:
-        """Put the trace there whatever is there; the spool keeps its own."""
-        with replacing(self.target) as temporary:
-            try:
-                os.link(self.source, temporary)
-            except OSError:  # no hard links here, or another file system
-                shutil.copyfile(self.source, temporary)
-
-    def withdraw(self) -> None:
-        """Remove the trace from there if it is this one."""
-        if self.target.exists() and file_sha256(self.target) == self.sha256:
-            self.target.unlink()
+    why: str = ""
+    counts: bool = False
+    sut_missing: bool = False
 
 
 Waitable: TypeAlias = Connection | socket | int
@@ -192,34 +183,23 @@ class Execution(Protocol):
 
     attempt: Attempt
     live: bytes
-    """What it last told about itself, a :class:`daemon.model.status.LiveSnapshot` in JSON; or nothing."""
+    """The last :class:`daemon.model.status.LiveSnapshot` it sent, in JSON, or nothing."""
     deadline: float
     """When it has to be listened to at the latest, by the monotonic clock [s]."""
-
-    @property
-    def lacks(self) -> bool:
-        """Whether the system under test is not installed where it was executed."""
 
     @property
     def waitables(self) -> Sequence[Waitable]:
         """What becomes ready when there is something to listen to, or at the end."""
 
     @property
-    def ended(self) -> bool:
-        """Whether nothing of it runs any more, as far as can be known here."""
-
-    @property
-    def blame(self) -> bool:
-        """Whether it counts against the run that it ended without a result."""
+    def end(self) -> AttemptEnd | None:
+        """How it ended, ``None`` while anything of it runs as far as can be known here."""
 
     def listen(self) -> None:
-        """Take in what it has told."""
+        """Take in what it has sent."""
 
     def kill(self, why: str = "") -> None:
         """End it at once, for that reason; it has ended afterwards."""
-
-    def why(self) -> str:
-        """Why there is no result."""
 
     def close(self) -> None:
         """Free what belongs to it, once it has ended."""
@@ -242,6 +222,6 @@ class Backend(Protocol):
     def start(self, attempt: Attempt, scene: Path, limits: RunLimits) -> Execution:
         """Start an attempt on the scene in that file.
 
-        Raises :class:`daemon.batch.errors.DaemonError`, ``OSError`` or ``EOFError`` when that is not
-        possible now, which is nothing to blame the run for.
+        Raises :class:`daemon.batch.errors.DaemonError`, ``OSError`` or ``EOFError`` when that is
+        not possible now, which is nothing to blame the run for.
         """

@@ -1,4 +1,4 @@
-"""The process beside a Dask worker that starts its runs: ``python -m ... WIRE EXECUTOR FOLDER``.
+"""The process beside a Dask worker that starts its runs: ``python -m … WIRE EXECUTOR FOLDER``.
 
 A Dask worker may not fork and takes seconds to import what a run needs; this one is warm and
 forks. It lives as long as the other end of the socket ``WIRE`` is held, ends its runs when that
@@ -20,11 +20,9 @@ from typing import Any, Final
 from daemon.batch.errors import WorkerBroken
 from daemon.batch.numba_cache import numba_cache_environment
 from daemon.batch.paths import StatePaths
-from daemon.batch.run_process import GRANT
-from daemon.batch.worker._attempts import Attempt
+from daemon.batch.worker._attempts import Attempt, AttemptEnd
 from daemon.batch.worker._forkserver import ForkedExecution, ForkServerPool, prepare_environment
 from daemon.model.execution import RunLimits
-from daemon.model.messages import Lease
 from grammars.text import codec
 
 READY: Final = b"R"
@@ -43,39 +41,36 @@ class LaunchRequest:
 
 @dataclass(frozen=True, slots=True)
 class LaunchReport:
-    """What an attempt told, or that it ended, and, if it left no result, why and whose fault."""
+    """What an attempt said of itself, or how it ended."""
 
     key: str
     live: str = ""
-    ended: bool = False
-    blame: bool = False
-    why: str = ""
-    lacks: bool = False
+    end: AttemptEnd | None = None
 
 
 class Launcher:
-    """Obeys orders until the wire closes."""
+    """Obeys signals until the wire closes."""
 
-    def __init__(self, wire: Connection, nursery: ForkServerPool) -> None:
+    def __init__(self, wire: Connection, pool: ForkServerPool) -> None:
         self._wire = wire
-        self._nursery = nursery
+        self._pool = pool
         self._children: dict[str, ForkedExecution] = {}
 
-    def sit(self) -> None:
+    def run(self) -> None:
         """Work until nobody holds the other end any more; then nothing runs."""
         try:
             while True:
-                self._rest()
+                self._wait()
                 while self._wire.poll():
-                    self._obey(codec.from_json(LaunchRequest, self._wire.recv_bytes()))
-                self._look()
+                    self._handle(codec.from_json(LaunchRequest, self._wire.recv_bytes()))
+                self._poll_children()
         except (EOFError, OSError):
             return  # the Dask worker is gone
         finally:
             for child in self._children.values():
                 child.kill()
 
-    def _rest(self) -> None:
+    def _wait(self) -> None:
         things: list[Any] = [self._wire]
         for child in self._children.values():
             things += child.waitables
@@ -83,41 +78,40 @@ class Launcher:
         moments = [child.deadline - now for child in self._children.values()]
         wait(things, max(0.001, min(moments)) if moments else None)
 
-    def _obey(self, order: LaunchRequest) -> None:
-        if order.limits is None:
-            if order.key in self._children:
-                self._children[order.key].kill("stopped")
+    def _handle(self, request: LaunchRequest) -> None:
+        if request.limits is None:
+            if request.key in self._children:
+                self._children[request.key].kill("stopped")
             return
-        folder = Path(order.folder)
         try:
-            grant = codec.from_json(Lease, (folder / GRANT).read_bytes())
-            attempt, scene = Attempt(grant, folder), Path(order.scene)
-            self._children[order.key] = self._nursery.start(attempt, scene, order.limits)
+            attempt = Attempt.read(Path(request.folder))
+            child = self._pool.start(attempt, Path(request.scene), request.limits)
         except (OSError, EOFError, ValueError) as error:
-            self._tell(LaunchReport(order.key, ended=True, why=f"not started: {error}"))
+            self._report(LaunchReport(request.key, end=AttemptEnd(f"not started: {error}")))
+        else:
+            self._children[request.key] = child
 
-    def _look(self) -> None:
+    def _poll_children(self) -> None:
         for key, child in tuple(self._children.items()):
             child.listen()
             if child.live:
-                self._tell(LaunchReport(key, live=child.live.decode()))
+                self._report(LaunchReport(key, live=child.live.decode()))
                 child.live = b""
-            if child.ended:
-                child.listen()
-                why = "" if child.attempt.finished else child.why()
-                self._tell(
-                    LaunchReport(key, ended=True, blame=child.blame, why=why, lacks=child.lacks)
-                )
+            if child.end is not None:
+                child.listen()  # its last words may have come after the ones just read
+                self._report(LaunchReport(key, end=child.end))
                 del self._children[key]
                 child.close()
 
-    def _tell(self, told: LaunchReport) -> None:
-        self._wire.send_bytes(codec.to_json(told))
+    def _report(self, report: LaunchReport) -> None:
+        self._wire.send_bytes(codec.to_json(report))
 
 
 def main() -> None:
-    """Say where the folder is once warm, or what is wrong; then sit."""
+    """Say where the folder is once warm, or what is wrong; then run."""
     number, executor, directory = sys.argv[1:]
+    # Ctrl-C is for the Dask worker, whose end closes the wire. SIGTERM must unwind the stack: by
+    # default it would leave the temporary folder behind.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(1))
     with (
@@ -126,14 +120,14 @@ def main() -> None:
     ):
         os.environ.update(numba_cache_environment(StatePaths(Path(folder))))
         prepare_environment(executor)
-        nursery = ForkServerPool(0)
+        pool = ForkServerPool(0)  # slots are for loops that lease: here Dask counts
         try:
-            nursery.prove()
+            pool.warm_up()
         except WorkerBroken as error:
             wire.send_bytes(BROKEN + str(error).encode())
             return
         wire.send_bytes(READY + folder.encode())
-        Launcher(wire, nursery).sit()
+        Launcher(wire, pool).run()
 
 
 if __name__ == "__main__":

@@ -1,9 +1,16 @@
 """The worker's loop: leases runs, has them executed, publishes their live views, delivers results.
 
-One loop in one thread. It never holds the daemon's word for granted: whatever was not
+One loop in one thread. It never takes the daemon's word for granted: whatever was not
 acknowledged is asked, renewed or delivered again, across restarts of daemon and worker. A run is
 watched while somebody subscribes to its own key; whoever executes it is told by a file in the
 attempt's folder, and makes the details then only.
+
+What becomes of a lease here:
+
+    leased ──▶ executing ──▶ finished: outbox ──▶ delivered, forgotten
+       │           ├───────▶ ended without a result: released, blamed or not
+       │           └───────▶ not wanted any more (cancelled, leased by others): stopped, forgotten
+       └─ no disk, no process, no scene: released, not blamed
 """
 
 from __future__ import annotations
@@ -20,9 +27,9 @@ import zenoh
 
 from daemon.batch.errors import DaemonError, Refused, Unreachable
 from daemon.batch.run_process import WATCHED
-from daemon.batch.worker._attempts import Attempt, Backend, Execution, Spool
+from daemon.batch.worker._attempts import Attempt, AttemptEnd, Backend, Execution, Spool
 from daemon.batch.worker._connection import DaemonConnection, WorkerPaths
-from daemon.batch.worker._inputs import FileCache, SceneCache
+from daemon.batch.worker._inputs import InputCache
 from daemon.batch.worker._signals import WorkerSignals
 from daemon.batch.worker._uploader import ResultUploader
 from daemon.model.execution import RunLimits
@@ -38,7 +45,7 @@ from daemon.model.messages import (
 from daemon.model.verbs import LEASE, RELEASE, RENEW
 
 _LIVE_PERIOD: Final = 0.2
-"""Seconds between two words about a run to everybody, at least."""
+"""Seconds between two snapshots of a run for those who watch all runs, at least."""
 
 
 @dataclass(slots=True)
@@ -48,7 +55,7 @@ class _WatchedRun:
     publisher: zenoh.Publisher
     folder: Path
     watched: bool = False
-    said: float = 0.0
+    published_at: float = 0.0
 
 
 @dataclass(slots=True)
@@ -64,11 +71,13 @@ class LivePublisher:
         self._all = self._publisher(f"{LIVE}/{self.worker}")
 
     def _publisher(self, key: str) -> zenoh.Publisher:
+        # Telemetry, never the record. With BLOCK a frozen daemon stops this loop for 5 s, and then
+        # the transport is closed and everything on it lost.
         drop = zenoh.CongestionControl.DROP
         return self.session.declare_publisher(key, congestion_control=drop)
 
     def publish(self, execution: Execution) -> None:
-        """Pass on what an execution last told, to those who want it."""
+        """Pass on what an execution last said of itself, to those who want it."""
         live, execution.live = execution.live, b""
         if not live:
             return
@@ -76,12 +85,12 @@ class LivePublisher:
         now = time.monotonic()
         if watch.watched:
             watch.publisher.put(live)
-        if now - watch.said >= _LIVE_PERIOD and _has_subscribers(self._all):
-            watch.said = now
+        if now - watch.published_at >= _LIVE_PERIOD and _has_subscribers(self._all):
+            watch.published_at = now
             self._all.put(live)
 
     def _watch(self, execution: Execution) -> _WatchedRun:
-        run, folder = execution.attempt.grant.run, execution.attempt.folder
+        run, folder = execution.attempt.lease.run, execution.attempt.folder
         watch = self._runs.get(run)
         if watch is None or watch.folder != folder:
             self.forget(run)
@@ -105,14 +114,21 @@ class LivePublisher:
 
 
 def _has_subscribers(publisher: zenoh.Publisher) -> bool:
-    """Whether anybody subscribes: the status itself, declared as bool, is always true."""
+    """Whether anybody subscribes.
+
+    The status is declared as a bool but is an object, which is always true (zenoh 1.10.2).
+    """
     return bool(publisher.matching_status.matching)  # type: ignore[attr-defined]
 
 
 _POLL: Final = 1.0
+"""Seconds between two requests for work: hints that there is some are sent once, unconfirmed."""
 _RETRY_UNREACHABLE: Final = 0.5
+"""Seconds to the next try when nobody answers: Zenoh itself connects again within 0.1 to 2 s."""
 _DELIVERY_PAUSE: Final = 0.05
+"""Seconds between two turns of a large trace; the end of a run is noticed at once anyway."""
 _RETRY_FAILED: Final = 3.0
+"""Seconds after a full disk or a missing scene: nothing that mends itself at once."""
 _LEAVE_TIMEOUT: Final = 10.0
 """Seconds a leaving worker waits for a daemon that takes its results; then the spool has them.
 
@@ -121,31 +137,31 @@ Traces that are on their way go on.
 
 
 class WorkerLoop:
-    """A worker's loop; :meth:`run` returns when its orders say so and its work is done."""
+    """A worker's loop; :meth:`run` returns when its signals say so and its work is done."""
 
     def __init__(
         self,
-        link: DaemonConnection,
+        daemon: DaemonConnection,
         info: Callable[[int], WorkerInfo],
-        base: WorkerPaths,
+        paths: WorkerPaths,
         spool: Spool,
         backend: Backend,
-        orders: WorkerSignals,
+        signals: WorkerSignals,
         *,
         limits: RunLimits,
         renew: float,
         log: Callable[[str], None],
     ) -> None:
-        self._link = link
+        self._daemon = daemon
         self._info = info
-        self._places = base.places
-        self._courier = ResultUploader(link, info(0).id, base, log)
-        self._scenes = SceneCache(link, base)
-        self._files = FileCache(link, base, self._renew)
-        self._granted: deque[Lease] = deque()
+        self._paths = paths.state
+        self._uploader = ResultUploader(daemon, info(0).id, paths, log)
+        self._inputs = InputCache(daemon, paths, self._renew)
+        # Leased, not started yet: renewed while scenes and files for the ones before are fetched.
+        self._leased: deque[Lease] = deque()
         self._spool = spool
         self._backend = backend
-        self._orders = orders
+        self._signals = signals
         self._limits = limits
         self._renew_period = renew
         self._log = log
@@ -161,79 +177,86 @@ class WorkerLoop:
         self._leave_by = 0.0
         self._moved = 0
         self._refusal = ""
-        self._lacks: dict[str, None] = {}
-        self._watchers = LivePublisher(link.session, info(0).id)
+        # Kinds of systems under test that are not installed here: no run of them is leased again.
+        self._missing_suts: dict[str, None] = {}
+        self._live = LivePublisher(daemon.session, info(0).id)
 
     def run(self) -> None:
         """Work until told to leave, then finish or give back what is under way."""
-        while not self._orders.abort:
-            self._collect()
-            self._talk()
-            if self._orders.drain and not self._executions and self._may_leave():
+        while not self._signals.abort:
+            self._collect_results()
+            self._talk_to_daemon()
+            if self._signals.drain and not self._executions and self._may_leave():
                 return
-            self._rest()
+            self._wait()
         self._give_up()
 
     def _may_leave(self) -> bool:
+        # Results that nobody takes do not keep a worker for ever: the spool keeps them. The limit
+        # begins anew whenever something of a trace arrives.
         now = time.monotonic()
-        if self._courier.moved != self._moved:
-            self._moved, self._leave_by = self._courier.moved, 0.0
+        if self._uploader.moved != self._moved:
+            self._moved, self._leave_by = self._uploader.moved, 0.0
         self._leave_by = self._leave_by or now + _LEAVE_TIMEOUT
         return now > self._leave_by or not (self._outbox or self._releases)
 
-    def _rest(self) -> None:
+    def _wait(self) -> None:
         now = time.monotonic()
         moments = [now + _POLL, max(self._renew_at, self._silent_until)]
         moments += [execution.deadline for execution in self._executions]
         if self._outbox or self._releases:
             moments.append(max(self._silent_until, self._deliver_at, now + _DELIVERY_PAUSE))
         pause = max(0.0, min(moments) - now)
-        things: list[Any] = [self._orders.wake, *self._backend.waitables]
+        things: list[Any] = [self._signals.wake, *self._backend.waitables]
         for execution in self._executions:
             things += execution.waitables
-        wait(things, max(pause, 0.001))
-        if self._orders.take_hints():
+        wait(things, max(pause, 0.001))  # 0 would spin while a deadline passes
+        if self._signals.take_hints():
             # Something came to the queue, or something that runs here is not wanted any more.
             self._lease_at = self._renew_at = 0.0
 
-    def _collect(self) -> None:
+    def _collect_results(self) -> None:
         self._backend.listen()
         for execution in tuple(self._executions):
             execution.listen()
-            self._watchers.publish(execution)
-            if execution.ended:
-                self._take_in(execution)
+            self._live.publish(execution)
+            if execution.end is not None:
+                self._take_ended(execution)
 
-    def _take_in(self, execution: Execution) -> None:
+    def _take_ended(self, execution: Execution) -> None:
         self._executions.remove(execution)
-        self._watchers.forget(execution.attempt.grant.run)
+        self._live.forget(execution.attempt.lease.run)
         self._lease_at = 0.0
-        execution.listen()
+        execution.listen()  # its last words may have come after the ones just read
+        end = execution.end or AttemptEnd()
         if execution.attempt.finished:
             self._outbox.append(execution.attempt)
-        elif execution.lacks:
-            self._do_without(execution.attempt, execution.why())
+        elif end.sut_missing:
+            self._give_back_missing_sut(execution.attempt, end.why)
         else:
-            self._give_back(execution.attempt, execution.why(), blame=execution.blame)
+            self._give_back(execution.attempt, end.why, blame=end.counts)
         execution.close()
 
-    def _do_without(self, attempt: Attempt, why: str) -> None:
+    def _give_back_missing_sut(self, attempt: Attempt, why: str) -> None:
         """Give a run back whose system under test is not installed here, and lease no such."""
-        kind, me = attempt.grant.spec.sut.kind, self._info(0)
-        self._lacks[kind] = None
+        kind, me = attempt.lease.spec.sut.kind, self._info(0)
+        self._missing_suts[kind] = None
         remedy = f'install what brings the system under test "{kind}" for worker {me.id}'
         self._give_back(attempt, f"{why}\n{remedy} on {me.host}, and start it again", blame=False)
 
     def _give_back(self, attempt: Attempt, why: str, *, blame: bool) -> None:
-        grant = attempt.grant
-        self._log(f"{grant.run} attempt {grant.attempt}: {why}")
-        self._releases.append(ReleaseRequest(self._info(0).id, grant.run, grant.token, why, blame))
+        lease = attempt.lease
+        self._log(f"{lease.run} attempt {lease.attempt}: {why}")
+        self._releases.append(ReleaseRequest(self._info(0).id, lease.run, lease.token, why, blame))
         attempt.discard()
 
-    def _talk(self) -> None:
+    def _talk_to_daemon(self) -> None:
         if time.monotonic() < self._silent_until:
             return
         try:
+            # In this order: what is delivered or given back needs no renewal, and frees the slots
+            # that are leased for next. Leases that are old are renewed before new ones are asked
+            # for: fetching what those need may take longer than the old ones last.
             self._deliver()
             self._renew()
             self._lease()
@@ -255,14 +278,14 @@ class WorkerLoop:
             return
         for attempt in tuple(self._outbox):
             try:
-                delivered = self._courier.hand_over(attempt)
+                delivered = self._uploader.deliver(attempt)
             except (Refused, ValueError) as error:
                 # Never to be taken: not a run of this ledger, or damaged in the spool.
                 self._outbox.remove(attempt)
                 self._give_back(attempt, f"the result was not taken: {error}", blame=True)
             except OSError as error:
                 # A full disk, say: the spool keeps it.
-                self._log(f"{attempt.grant.run}: delivered later, {error}")
+                self._log(f"{attempt.lease.run}: delivered later, {error}")
                 self._deliver_at = time.monotonic() + _RETRY_FAILED
             else:
                 if not delivered:
@@ -272,8 +295,9 @@ class WorkerLoop:
 
     def _release(self, release: ReleaseRequest) -> None:
         try:
-            self._link.ask(RELEASE, release)
+            self._daemon.ask(RELEASE, release)
         except Refused as error:
+            # Somebody else's by now, or forgotten: there is nothing left to give back.
             self._log(f"{release.run}: {error}")
 
     def _busy(self) -> WorkerInfo:
@@ -282,30 +306,31 @@ class WorkerLoop:
     def _renew(self) -> None:
         if time.monotonic() < self._renew_at:
             return
+        # First, so that what a dead worker finished is held from now on and not leased anew.
         self._outbox += self._spool.adopt()
         attempts = [execution.attempt for execution in self._executions] + self._outbox
-        grants = [*(attempt.grant for attempt in attempts), *self._granted]
-        holds = tuple(LeaseRef(grant.run, grant.token) for grant in grants)
-        reply = self._link.ask(RENEW, RenewRequest(self._busy(), holds))
+        leases = [*(attempt.lease for attempt in attempts), *self._leased]
+        holds = tuple(LeaseRef(lease.run, lease.token) for lease in leases)
+        reply = self._daemon.ask(RENEW, RenewRequest(self._busy(), holds))
         self._renew_at = time.monotonic() + self._renew_period
         gone = {hold.token for hold in reply.gone}
-        self._overdue = any(a.finished and a.grant.token in gone for a in attempts)
+        self._overdue = any(a.finished and a.lease.token in gone for a in attempts)
         for execution in tuple(self._executions):
             # What has finished meanwhile is delivered: nobody has to execute it again.
-            if execution.attempt.grant.token in gone and not execution.attempt.finished:
+            if execution.attempt.lease.token in gone and not execution.attempt.finished:
                 self._drop(execution)
 
     def _drop(self, execution: Execution) -> None:
-        self._log(f"{execution.attempt.grant.run}: no longer wanted here, stopped")
+        self._log(f"{execution.attempt.lease.run}: no longer wanted here, stopped")
         execution.kill()
         self._executions.remove(execution)
-        self._watchers.forget(execution.attempt.grant.run)
+        self._live.forget(execution.attempt.lease.run)
         execution.close()
         execution.attempt.discard()
 
     def _lease(self) -> None:
         free = self._backend.slots - len(self._executions)
-        if free <= 0 or self._orders.drain:
+        if free <= 0 or self._signals.drain:
             return
         finished = any(execution.attempt.finished for execution in self._executions)
         if self._overdue and (self._outbox or finished):
@@ -313,34 +338,36 @@ class WorkerLoop:
             return
         if time.monotonic() < max(self._lease_at, self._troubled_until):
             return
-        shortage = self._places.disk_shortage()
+        shortage = self._paths.disk_shortage()
         if shortage:
             self._log(shortage)
             self._troubled_until = time.monotonic() + _RETRY_FAILED
             return
-        reply = self._link.ask(LEASE, LeaseRequest(self._busy(), free, tuple(self._lacks)))
+        request = LeaseRequest(self._busy(), free, tuple(self._missing_suts))
+        reply = self._daemon.ask(LEASE, request)
         if len(reply.grants) < free:
+            # The queue is empty: it is asked again when there is a hint, or in a while.
             self._lease_at = time.monotonic() + _POLL
-        self._granted.extend(reply.grants)
-        while self._granted:
-            self._begin(self._granted[0])
-            self._granted.popleft()
+        self._leased.extend(reply.grants)
+        while self._leased:
+            self._begin(self._leased[0])
+            self._leased.popleft()
 
-    def _begin(self, grant: Lease) -> None:
+    def _begin(self, lease: Lease) -> None:
         attempt: Attempt | None = None
         try:
-            attempt = self._spool.open(grant)
-            scene = self._scenes.path(grant.spec.scene)
-            self._files.lay_out(attempt)
+            attempt = self._spool.open(lease)
+            scene = self._inputs.scene(lease.spec.scene)
+            self._inputs.provide_files(attempt)
             self._executions.append(self._backend.start(attempt, scene, self._limits))
         except (DaemonError, OSError, EOFError, ValueError) as error:
             # No disk, no process, no scene: nothing the run could help.
             if attempt is not None:
                 attempt.discard()
-            self._log(f"{grant.run}: not started, {error}")
+            self._log(f"{lease.run}: not started, {error}")
             me = self._info(0).id
             self._releases.append(
-                ReleaseRequest(me, grant.run, grant.token, f"not started: {error}", blame=False)
+                ReleaseRequest(me, lease.run, lease.token, f"not started: {error}", blame=False)
             )
             self._troubled_until = time.monotonic() + _RETRY_FAILED
 
@@ -350,7 +377,8 @@ class WorkerLoop:
             if execution.attempt.finished:
                 self._outbox.append(execution.attempt)
             else:
-                self._give_back(execution.attempt, execution.why(), blame=False)
+                why = execution.end.why if execution.end is not None else ""
+                self._give_back(execution.attempt, why, blame=False)
             execution.close()
         self._executions.clear()
         try:

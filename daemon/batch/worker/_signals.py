@@ -16,69 +16,74 @@ from types import FrameType
 
 
 class WakeupSocket:
-    """Ringing never blocks; however often it rang, it is heard once."""
+    """Wakes a loop that waits for sockets: never blocks, and wakes once however often it was told.
+
+    A socket and no ``threading.Event``: the loop waits for processes and pipes at the same time,
+    and a signal handler must not take a lock.
+    """
 
     def __init__(self) -> None:
-        self.ear, self._button = socket.socketpair()
-        self.ear.setblocking(False)
-        self._button.setblocking(False)
+        self.receiver, self._sender = socket.socketpair()
+        self.receiver.setblocking(False)
+        self._sender.setblocking(False)
 
-    def ring(self) -> None:
-        """Make ``ear`` ready to be read. Callable from any thread and from signal handlers."""
+    def wake(self) -> None:
+        """Make ``receiver`` ready to be read. Callable from any thread and from signal handlers."""
         try:
-            self._button.send(b"!")
+            self._sender.send(b"!")
         except BlockingIOError:
-            return  # it has not been heard yet, and will be
+            return  # the buffer is full of wake-ups that were not taken yet
 
-    def take(self) -> bool:
-        """Whether it rang since the last call."""
+    def take_wakeups(self) -> bool:
+        """Whether it was woken since the last call."""
         try:
-            return bool(self.ear.recv(4096))
+            return bool(self.receiver.recv(4096))
         except BlockingIOError:
             return False
 
     def close(self) -> None:
         """Free the sockets."""
-        self.ear.close()
-        self._button.close()
+        self.receiver.close()
+        self._sender.close()
 
 
 class WorkerSignals:
-    """Set by signal handlers and callbacks, read by the agent's loop.
+    """Set by signal handlers and callbacks, read by the worker's loop.
 
     SIGTERM or SIGINT, or the death of process ``parent``: finish what runs, then leave
     (``drain``). SIGQUIT or a second signal: give everything back (``abort``).
     """
 
     def __init__(self, *, parent: int = 0) -> None:
-        self._bell = WakeupSocket()
-        self.wake = self._bell.ear
+        self._wakeup = WakeupSocket()
+        self.wake = self._wakeup.receiver
         self._parent = parent
-        self._told = False
+        self._leaving = False
         self.abort = False
 
     @property
     def drain(self) -> bool:
         """Whether to take no more runs."""
-        if not self._told and self._parent and os.getppid() != self._parent:
-            self._told = True
-        return self._told
+        # Asked once a second anyway: no signal comes when a parent dies.
+        if self._parent and os.getppid() != self._parent:
+            self._leaving = True
+        return self._leaving
 
     def hint(self) -> None:
         """Wake the loop: there may be work. Callable from any thread, never blocks."""
-        self._bell.ring()
+        self._wakeup.wake()
 
     def take_hints(self) -> bool:
         """Whether there were hints since the last call."""
-        return self._bell.take()
+        return self._wakeup.take_wakeups()
 
     @contextmanager
-    def signals(self) -> Iterator[None]:
+    def handled(self) -> Iterator[None]:
         """Handle signals meanwhile; only in the main thread."""
 
         def on_signal(number: int, _: FrameType | None) -> None:
-            self.abort = self.abort or self._told or number == signal.SIGQUIT
-            self._told = True
+            self.abort = self.abort or self._leaving or number == signal.SIGQUIT
+            self._leaving = True
             self.hint()
 
         numbers = (signal.SIGTERM, signal.SIGINT, signal.SIGQUIT)
@@ -91,11 +96,15 @@ class WorkerSignals:
 
     def close(self) -> None:
         """Free the sockets."""
-        self._bell.close()
+        self._wakeup.close()
 
 
 def exit_when_stdin_closes() -> None:
-    """End this process at once when standard input closes; its children follow by themselves."""
+    """End this process at once when standard input closes; its children follow by themselves.
+
+    For a worker that was started by ssh: its parent there is sshd, which outlives the connection,
+    so ``parent`` would not do.
+    """
 
     def watch() -> None:
         while os.read(sys.stdin.fileno(), 4096):

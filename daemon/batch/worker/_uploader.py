@@ -1,12 +1,14 @@
 """Delivering results: the trace goes where it belongs, then the ledger is told.
 
 On the daemon's own file system the worker puts it there. To a store it goes directly. From any
-other machine it travels over the bus, part by part between the agent's other duties, and goes on
+other machine it travels over the bus, part by part between the worker's other duties, and goes on
 where it was after whatever broke in between.
 """
 
 from __future__ import annotations
 
+import os
+import shutil
 import threading
 import time
 from collections.abc import Callable
@@ -17,8 +19,9 @@ from typing import Final
 
 from daemon.batch import stores
 from daemon.batch.errors import Unavailable, Unreachable
+from daemon.batch.paths import StatePaths
 from daemon.batch.run_process import TRACE
-from daemon.batch.worker._attempts import Attempt, TracePlacement
+from daemon.batch.worker._attempts import Attempt
 from daemon.batch.worker._connection import DaemonConnection, WorkerPaths
 from daemon.model.messages import (
     LARGEST_CHUNK,
@@ -29,23 +32,25 @@ from daemon.model.messages import (
 )
 from daemon.model.spec import RunResult
 from daemon.model.verbs import COMPLETE, UPLOAD
+from grammars.text.files import replacing
 
-_LONGEST_TURN: Final = 0.5
-"""Seconds of sending before the agent looks after its runs and leases again."""
+LONGEST_TURN: Final = 0.5
+"""Seconds of sending before the worker looks after its runs and leases again."""
+# Parts double while each is answered within _QUICK_ANSWER, so that a fast link is not spent on
+# questions, and halve when one is lost, so that a slow link gets something through between two
+# breaks: the smallest, 22 kB as text, passes within the 5 s of a question at 40 kbit/s.
 _QUICK_ANSWER: Final = 0.1
 _SMALLEST_CHUNK: Final = 16 * 2**10
 _FIRST_CHUNK: Final = 64 * 2**10
 _FAULTS: Final = 5
+"""Parts refused in a row before a trace is put aside: others may still arrive."""
 
 
 @dataclass(slots=True)
-class _BusUpload:
-    """A trace on its way over the bus; ``offset`` is unknown until the daemon says it."""
+class _BusUpload(stores.FileUpload):
+    """A trace on its way over the bus."""
 
     begun: float = field(default_factory=time.monotonic)
-    offset: int | None = None
-    complete: bool = False
-    faults: int = 0
 
 
 class _StoreUpload(threading.Thread):
@@ -66,31 +71,82 @@ class _StoreUpload(threading.Thread):
             self.problem = error
 
 
+@dataclass(frozen=True, slots=True)
+class TracePlacement:
+    """A trace on its way from the spool to where its lease says.
+
+    The first trace to arrive stays; the one the ledger recorded may replace it.
+    """
+
+    source: Path
+    target: Path
+    sha256: str
+
+    @classmethod
+    def of(cls, attempt: Attempt, paths: StatePaths, result: RunResult) -> TracePlacement:
+        """Plan it; raises ``ValueError`` when the lease's trace name leaves the directory."""
+        target = paths.trace(attempt.lease.trace)
+        return cls(attempt.folder / TRACE, target, result.trace.sha256)
+
+    def put(self) -> bool:
+        """Put the trace there unless there is one; returns whether it is this one now.
+
+        It is put there before the ledger is told, so that a recorded run always has its trace; the
+        first stays, since another worker may have recorded the run with it in the meantime.
+        """
+        stores.make_folder(self.target.parent)
+        if self.target.exists():
+            return stores.file_sha256(self.target) == self.sha256
+        self.replace()
+        return True
+
+    def replace(self) -> None:
+        """Put the trace there whatever is there; the spool keeps its own."""
+        with replacing(self.target) as temporary:
+            try:
+                os.link(self.source, temporary)
+            except OSError:  # no hard links here, or another file system
+                shutil.copyfile(self.source, temporary)
+
+    def withdraw(self) -> None:
+        """Remove the trace from there if it is this one."""
+        if self.target.exists() and stores.file_sha256(self.target) == self.sha256:
+            self.target.unlink()
+
+
 class ResultUploader:
     """Hands finished attempts over; ``moved`` grows whenever something of a trace has arrived."""
 
     def __init__(
-        self, link: DaemonConnection, worker: str, base: WorkerPaths, log: Callable[[str], None]
+        self,
+        daemon: DaemonConnection,
+        worker: str,
+        paths: WorkerPaths,
+        log: Callable[[str], None],
+        *,
+        turn: float = LONGEST_TURN,
     ) -> None:
-        self._link = link
+        self._daemon = daemon
         self._worker = worker
-        self._base = base
+        self._paths = paths
         self._log = log
+        self._turn = turn
         self._chunk = _FIRST_CHUNK
+        # By the tokens of leases: a run that is leased again is another delivery.
         self._sending: dict[int, _BusUpload] = {}
         self._putting: dict[int, _StoreUpload] = {}
         self.moved = 0
 
-    def hand_over(self, attempt: Attempt) -> bool:
+    def deliver(self, attempt: Attempt) -> bool:
         """Deliver an attempt, or go on with it for a moment; returns whether it is delivered.
 
         Raises :class:`daemon.batch.errors.Refused` or ``ValueError`` for what is never to be taken,
         ``OSError`` for what may be delivered later, and :class:`Unreachable`.
         """
         result = attempt.result()
-        if attempt.grant.store:
+        if attempt.lease.store:
             return self._by_store(attempt, result)
-        if self._base.shared:
+        if self._paths.shared:
             self._by_path(attempt, result)
             return True
         return self._by_bus(attempt, result)
@@ -98,37 +154,39 @@ class ResultUploader:
     def _complete(
         self, attempt: Attempt, result: RunResult, location: str = "", *, uploaded: bool = False
     ) -> LedgerAnswer:
-        grant = attempt.grant
+        lease = attempt.lease
         completion = Completion(
-            self._worker, grant.run, grant.attempt, grant.token, result, location, uploaded
+            self._worker, lease.run, lease.attempt, lease.token, result, location, uploaded
         )
-        return self._link.ask(COMPLETE, completion).answer
+        return self._daemon.ask(COMPLETE, completion).answer
 
     def _by_path(self, attempt: Attempt, result: RunResult) -> None:
-        placement = TracePlacement.of(attempt, self._base.places, result)
+        placement = TracePlacement.of(attempt, self._paths.state, result)
         placed = placement.put()
         answer = self._complete(attempt, result)
         if answer is LedgerAnswer.MISSING:
             raise OSError(f"the daemon does not find {placement.target}")
         if answer is LedgerAnswer.RECORDED and not placed:
+            # The trace there is of an attempt whose result did not count: the ledger says so.
             placement.replace()
         elif answer is LedgerAnswer.DROPPED:
             placement.withdraw()
 
     def _by_store(self, attempt: Attempt, result: RunResult) -> bool:
-        grant, trace = attempt.grant, _checked_trace(attempt, result)
-        url = stores.trace_url(grant.store, grant.trace, result.trace.sha256)
-        putting = self._putting.get(grant.token)
+        lease, trace = attempt.lease, _checked_trace(attempt, result)
+        url = stores.trace_url(lease.store, lease.trace, result.trace.sha256)
+        putting = self._putting.get(lease.token)
         if putting is None:
-            self._putting[grant.token] = _StoreUpload(trace, url)
+            # In a thread of its own: it is put in one call, which may take minutes.
+            self._putting[lease.token] = _StoreUpload(trace, url)
             return False
         if putting.is_alive():
             return False
         if putting.problem is not None:
-            del self._putting[grant.token]
+            del self._putting[lease.token]
             raise putting.problem
         answer = self._complete(attempt, result, url)
-        del self._putting[grant.token]
+        del self._putting[lease.token]
         self.moved += result.trace.size
         self._tell(attempt, result, putting.begun, "kept in the store")
         if answer in (LedgerAnswer.DROPPED, LedgerAnswer.DIFFERS):
@@ -137,11 +195,10 @@ class ResultUploader:
         return True
 
     def _by_bus(self, attempt: Attempt, result: RunResult) -> bool:
-        token = attempt.grant.token
+        token = attempt.lease.token
         if token not in self._sending:
-            _checked_trace(attempt, result)
-            self._sending[token] = _BusUpload()
-        sending, until = self._sending[token], time.monotonic() + _LONGEST_TURN
+            self._sending[token] = _BusUpload(_checked_trace(attempt, result))
+        sending, until = self._sending[token], time.monotonic() + self._turn
         try:
             while not sending.complete:
                 self._send(attempt, result, sending)
@@ -151,8 +208,9 @@ class ResultUploader:
             sending.offset = None  # whoever answers next says how far it is
             self._chunk = max(self._chunk // 2, _SMALLEST_CHUNK)
             raise
+        # Missing: the parts are gone from the daemon's folder since it acknowledged the last one.
         if self._complete(attempt, result, uploaded=True) is LedgerAnswer.MISSING:
-            self._sending[token] = _BusUpload()
+            self._sending[token] = _BusUpload(sending.path)
             return False
         self._tell(attempt, result, sending.begun, "sent")
         del self._sending[token]
@@ -160,37 +218,28 @@ class ResultUploader:
 
     def _send(self, attempt: Attempt, result: RunResult, sending: _BusUpload) -> None:
         """Send the next part, or ask where to go on."""
-        grant, trace = attempt.grant, result.trace
-        data = b""
-        if sending.offset is not None:
-            data = stores.read_part(attempt.folder / TRACE, sending.offset, self._chunk)
-        text, digest = stores.encode_chunk(data)
-        chunk = TraceUploadChunk(
-            self._worker, grant.run, grant.token, trace.sha256, trace.size,
-            sending.offset or 0, text, digest,
-        )  # fmt: skip
+        lease, trace = attempt.lease, result.trace
+        ours = (self._worker, lease.run, lease.token, trace.sha256, trace.size)
+
+        def ask(offset: int, text: str, digest: str) -> UploadProgress:
+            chunk = TraceUploadChunk(*ours, offset, text, digest)
+            return self._daemon.ask(UPLOAD, chunk)
+
         asked = time.monotonic()
         try:
-            received = self._link.ask(UPLOAD, chunk)
+            self.moved += sending.send_next(ask, self._chunk)
         except Unavailable as error:
             # No room there just now. Everything else goes on: leases are renewed, say.
             raise OSError(str(error)) from error
         if time.monotonic() - asked < _QUICK_ANSWER:
             self._chunk = min(2 * self._chunk, LARGEST_CHUNK)
-        if received.problem:
-            self._count_fault(grant.run, sending, received)
-        self.moved += len(data)
-        sending.offset, sending.complete = received.offset, received.complete
-
-    def _count_fault(self, run: str, sending: _BusUpload, received: UploadProgress) -> None:
-        sending.faults += 1
         if sending.faults >= _FAULTS:
             sending.faults, sending.offset = 0, None
-            raise OSError(f"the trace of {run} does not arrive: {received.problem}")
+            raise OSError(f"the trace of {lease.run} does not arrive: {sending.problem}")
 
     def _tell(self, attempt: Attempt, result: RunResult, begun: float, what: str) -> None:
         took = time.monotonic() - begun
-        self._log(f"{attempt.grant.run}: {result.trace.size} bytes {what} in {took:.2f} s")
+        self._log(f"{attempt.lease.run}: {result.trace.size} bytes {what} in {took:.2f} s")
 
 
 def _checked_trace(attempt: Attempt, result: RunResult) -> Path:

@@ -2,37 +2,27 @@
 
 from __future__ import annotations
 
-import os
-import re
-import secrets
-import socket
 import sys
 from contextlib import ExitStack, suppress
 from dataclasses import replace
 from datetime import datetime
-from importlib.metadata import version
 from pathlib import Path
-from typing import Final
 
 from daemon.batch import bus
-from daemon.batch.errors import Refused, WorkerBroken
+from daemon.batch.errors import WorkerBroken
 from daemon.batch.paths import is_encrypted
 from daemon.batch.security import Role, find_credentials
 from daemon.batch.worker._attempts import Backend, Spool
-from daemon.batch.worker._connection import DaemonConnection, choose_paths
+from daemon.batch.worker._connection import DaemonConnection, choose_paths, describe_worker
 from daemon.batch.worker._forkserver import (
     ForkServerPool,
     lower_session_priority,
     prepare_environment,
 )
 from daemon.batch.worker._loop import WorkerLoop
-from daemon.batch.worker._signals import WorkerSignals
-from daemon.batch.worker._signals import exit_when_stdin_closes as hold_tether
+from daemon.batch.worker._signals import WorkerSignals, exit_when_stdin_closes
 from daemon.model.execution import DEFAULT_EXECUTOR, DaskScheduler, RunLimits, available_cores
-from daemon.model.messages import ALIVE, WORK, WelcomeReply, WorkerInfo
-from daemon.model.verbs import WELCOME
-
-_HOST_PART: Final = 40
+from daemon.model.messages import ALIVE, WORK
 
 
 def work(
@@ -65,37 +55,40 @@ def work(
     :class:`WorkerBroken` when runs cannot be executed here.
     """
     if tether:
-        hold_tether()
+        exit_when_stdin_closes()
     if nice:
         lower_session_priority(nice)
-    me = _describe_worker()
+    me = describe_worker()
     with ExitStack() as stack:
-        orders = WorkerSignals(parent=parent)
-        stack.callback(orders.close)
-        stack.enter_context(orders.signals())
+        signals = WorkerSignals(parent=parent)
+        stack.callback(signals.close)
+        stack.enter_context(signals.handled())
+        # Before the session is opened: what is forked from here on never sees Zenoh. And a worker
+        # that cannot execute runs shall not have leased any.
         backend = _open_backend(slots, executor, scheduler, stack)
         holder = find_credentials(Role.WORKER, keys) if is_encrypted(connect) else None
         session = stack.enter_context(bus.open_client(connect, holder))
-        link = DaemonConnection(session, connect, holder)
-        welcome = _ask_welcome(link, me)
-        base = choose_paths(state, welcome)
-        spool = Spool(base.places, me.id)
+        daemon = DaemonConnection(session, connect, holder)
+        welcome = daemon.ask_welcome(me)
+        paths = choose_paths(state, welcome)
+        spool = Spool(paths.state, me.id)
         stack.callback(spool.close)
+        # Present only once it can take runs; the token goes with the session, however it ends.
         stack.enter_context(session.liveliness().declare_token(f"{ALIVE}/{me.id}"))
-        stack.enter_context(session.declare_subscriber(WORK, lambda _: orders.hint()))
-        agent = WorkerLoop(
-            link,
+        stack.enter_context(session.declare_subscriber(WORK, lambda _: signals.hint()))
+        loop = WorkerLoop(
+            daemon,
             lambda busy: replace(me, busy=busy, slots=backend.slots),
-            base,
+            paths,
             spool,
             backend,
-            orders,
+            signals,
             limits=limits or RunLimits(),
             renew=welcome.renew,
             log=_log,
         )
-        _log(f"{me.id} works for {connect} with {backend.slots} slots in {base.places.state}")
-        agent.run()
+        _log(f"{me.id} works for {connect} with {backend.slots} slots in {paths.state.state}")
+        loop.run()
         _log(f"{me.id} leaves")
 
 
@@ -105,9 +98,9 @@ def _open_backend(
     """What executes runs, proven to; raises :class:`WorkerBroken`."""
     if scheduler is None:
         prepare_environment(executor)
-        nursery = ForkServerPool(available_cores() if slots is None else slots)
-        nursery.prove()
-        return nursery
+        pool = ForkServerPool(available_cores() if slots is None else slots)
+        pool.warm_up()
+        return pool
     try:
         from daemon.batch.worker.cluster import Gateway
     except ImportError as error:
@@ -118,20 +111,6 @@ def _open_backend(
     stack.callback(gateway.close)
     gateway.open()
     return gateway
-
-
-def _describe_worker() -> WorkerInfo:
-    host = socket.gethostname()
-    safe = re.sub(r"[^A-Za-z0-9_-]", "-", host)[:_HOST_PART].lstrip("-_") or "host"
-    name = f"{safe}-{os.getpid()}-{secrets.token_hex(2)}"
-    return WorkerInfo(name, host, os.getpid(), version("scenario-tui"), 0, 0)
-
-
-def _ask_welcome(link: DaemonConnection, me: WorkerInfo) -> WelcomeReply:
-    try:
-        return link.ask(WELCOME, me)
-    except Refused as error:
-        raise WorkerBroken(str(error)) from error
 
 
 def _log(message: str) -> None:

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Collection, Iterable, Sequence
 
 from daemon.judging.assessment._cell_verdicts import (
     BY_GRAVITY,
     ExpectationStatus,
     cell_measures,
     cell_verdict,
+    group_by_cell,
+    status_of,
     trusted_verdicts,
 )
 from daemon.judging.assessment._comparisons import comparison_verdicts
@@ -24,15 +25,7 @@ from daemon.model.assessments import (
 )
 from daemon.model.verdicts import Outcome, Verdict
 
-AS_EXPECTED, UNEXPECTED, INFRASTRUCTURE, UNDECIDED = 0, 1, 3, 4
-
-
-@dataclass(frozen=True, slots=True)
-class _JudgedCell:
-    """A cell with how each of its oracles stands to what is expected."""
-
-    cell: CellAssessment
-    stands: tuple[ExpectationStatus, ...]
+AS_EXPECTED, UNEXPECTED, INFRASTRUCTURE, UNDECIDED = 0, 1, 3, 4  # 2 is bad input
 
 
 def assess(declared: AssessmentRules, records: Iterable[RunRecord]) -> Assessment:
@@ -42,29 +35,21 @@ def assess(declared: AssessmentRules, records: Iterable[RunRecord]) -> Assessmen
     without a result count as repeats of which nothing is known.
     """
     runs = tuple(records)
-    found = [_assess_cell(group, declared) for group in _group_by_cell(runs)]
-    compared = [
-        pair
+    cells = tuple(_assess_cell(group, declared) for group in _cells(runs))
+    compared = tuple(
+        verdict
         for comparison in declared.comparisons
-        for pair in comparison_verdicts(comparison, runs, declared)
-    ]
-    surprises = [
-        _unexpected_verdict(oracle, runs)
-        for one in found
-        for oracle, stands in zip(one.cell.oracles, one.stands, strict=True)
-        if stands is ExpectationStatus.CONTRADICTED
-    ]
-    surprises += [
-        _unexpected_comparison(cell) for cell, s in compared if s is ExpectationStatus.CONTRADICTED
-    ]
-    cells = tuple(one.cell for one in found)
-    stands = [s for one in found for s in one.stands] + [s for _, s in compared]
-    return Assessment(
-        cells=cells,
-        comparisons=tuple(cell for cell, _ in compared),
-        surprises=tuple(surprises),
-        exit_code=_exit_code(runs, cells, stands),
+        for verdict in comparison_verdicts(comparison, runs, declared)
     )
+    oracles = [oracle for cell in cells for oracle in cell.oracles]
+    surprises = [_unexpected_verdict(o, runs) for o in oracles if _is_contradicted(o)]
+    surprises += [_unexpected_comparison(c) for c in compared if _is_contradicted(c)]
+    statuses = {status_of(oracle) for oracle in oracles} | {status_of(c) for c in compared}
+    return Assessment(cells, compared, tuple(surprises), _exit_code(runs, cells, statuses))
+
+
+def _is_contradicted(verdict: CellVerdict | ComparisonVerdict) -> bool:
+    return status_of(verdict) is ExpectationStatus.CONTRADICTED
 
 
 def undecided_cells(
@@ -76,10 +61,10 @@ def undecided_cells(
     nothing is expected or that some repeat could not judge.
     """
     found = []
-    for group in _group_by_cell(tuple(records)):
+    for group in _cells(records):
         if any(record.outcome is None for record in group):
             continue
-        cell = _assess_cell(group, declared).cell
+        cell = _assess_cell(group, declared)
         if any(_can_be_decided(oracle) for oracle in cell.oracles):
             found.append((cell.scenario, cell.sut))
     return tuple(found)
@@ -90,21 +75,17 @@ def _can_be_decided(oracle: CellVerdict) -> bool:
     return open_yet and not oracle.inconclusive
 
 
-def _group_by_cell(records: Sequence[RunRecord]) -> list[list[RunRecord]]:
-    groups: dict[tuple[str, str], list[RunRecord]] = {}
-    for record in records:
-        groups.setdefault((record.scenario, record.sut), []).append(record)
-    return [sorted(group, key=lambda r: r.repeat) for group in groups.values()]
+def _cells(records: Iterable[RunRecord]) -> list[list[RunRecord]]:
+    return [sorted(group, key=lambda r: r.repeat) for group in group_by_cell(records).values()]
 
 
-def _assess_cell(records: Sequence[RunRecord], declared: AssessmentRules) -> _JudgedCell:
+def _assess_cell(records: Sequence[RunRecord], declared: AssessmentRules) -> CellAssessment:
     found = [v for r in records for v in trusted_verdicts(r)]
     # A trace that cannot be trusted gives errors for measures too; they are no oracles for that.
     measures = {v.oracle for v in found if v.outcome is Outcome.MEASURE}
     names = dict.fromkeys(v.oracle for v in found if v.oracle not in measures)
-    pairs = [cell_verdict(name, records, declared) for name in names]
-    oracles = tuple(cell for cell, _ in pairs)
-    cell = CellAssessment(
+    oracles = tuple(cell_verdict(name, records, declared) for name in names)
+    return CellAssessment(
         scenario=records[0].scenario,
         sut=records[0].sut,
         verdict=_worst_outcome(oracles, records),
@@ -112,7 +93,6 @@ def _assess_cell(records: Sequence[RunRecord], declared: AssessmentRules) -> _Ju
         measures=cell_measures(records),
         runs=tuple(record.id for record in records),
     )
-    return _JudgedCell(cell, tuple(stands for _, stands in pairs))
 
 
 def _worst_outcome(oracles: Sequence[CellVerdict], records: Sequence[RunRecord]) -> Outcome:
@@ -130,16 +110,17 @@ def _broken(record: RunRecord) -> bool:
 def _exit_code(
     records: Sequence[RunRecord],
     cells: Sequence[CellAssessment],
-    stands: Sequence[ExpectationStatus],
+    statuses: Collection[ExpectationStatus],
 ) -> int:
     """Return 1, 3, 4 or 0: a finding counts even when other runs broke."""
-    if ExpectationStatus.CONTRADICTED in stands:
+    if ExpectationStatus.CONTRADICTED in statuses:
         return UNEXPECTED
     if any(_broken(record) for record in records):
         return INFRASTRUCTURE
     unfinished = any(record.outcome is None for record in records)
+    # A cell that nothing was asked about is no success either.
     silent = not cells or any(not cell.oracles for cell in cells)
-    if unfinished or silent or ExpectationStatus.OPEN in stands:
+    if unfinished or silent or ExpectationStatus.OPEN in statuses:
         return UNDECIDED
     return AS_EXPECTED
 

@@ -12,13 +12,18 @@ from dataclasses import dataclass, replace
 from typing import Final, Literal, TypeAlias
 
 from daemon.judging.assessment._assess import assess
-from daemon.judging.assessment._cell_verdicts import DURATION, measured_value, trusted_verdicts
+from daemon.judging.assessment._cell_verdicts import (
+    DURATION,
+    Cell,
+    group_by_cell,
+    measured_value,
+    trusted_verdicts,
+)
 from daemon.judging.statistics import (
     MeanDifference,
     cliffs_delta,
     holm_adjusted,
-    paired_difference,
-    welch_difference,
+    mean_difference,
 )
 from daemon.model.assessments import Assessment, AssessmentRules, CellVerdict, RunRecord
 from daemon.model.verdicts import Outcome
@@ -27,7 +32,6 @@ QuantityKind: TypeAlias = Literal["margin", "measure", "duration"]
 SIGNIFICANT: Final = 0.05
 _EACH_SIDE: Final = 0.975
 """Confidence of each bound of a two-sided 95 % interval."""
-_CellKey: TypeAlias = tuple[str, str]
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,7 +115,7 @@ def compare_campaigns(
     ``worse_by`` is how much, as a share of what it was before, a margin or a duration may get
     worse; ``None`` asks for no such thing.
     """
-    sides = tuple(_cells(side.records) for side in (before, after))
+    sides = tuple(group_by_cell(side.records) for side in (before, after))
     shared = [key for key in sides[1] if key in sides[0]]
     shifts = [
         shift
@@ -129,15 +133,8 @@ def compare_campaigns(
     )
 
 
-def _cells(records: Iterable[RunRecord]) -> dict[_CellKey, list[RunRecord]]:
-    found: dict[_CellKey, list[RunRecord]] = {}
-    for record in records:
-        found.setdefault((record.scenario, record.sut), []).append(record)
-    return found
-
-
 def _verdicts(
-    before: JudgedCampaign, after: JudgedCampaign, shared: set[_CellKey]
+    before: JudgedCampaign, after: JudgedCampaign, shared: set[Cell]
 ) -> Iterable[VerdictChange]:
     old, new = (_oracles(assess(side.declared, side.records)) for side in (before, after))
     for key in dict.fromkeys((*new, *old)):
@@ -216,8 +213,7 @@ def _test_change(
     new: Mapping[tuple[int, int], float],
     worse_by: float | None,
 ) -> _TestedChange:
-    pairs = sorted(old.keys() & new.keys())
-    difference = _difference(old, new, pairs)
+    difference = mean_difference(new, old, confidence=_EACH_SIDE)
     was, now = (sum(side.values()) / len(side) for side in (old, new))
     shift = QuantityChange(
         scenario=record.scenario,
@@ -227,7 +223,7 @@ def _test_change(
         unit=unit,
         before=was,
         after=now,
-        n=difference.n if difference else len(pairs),
+        n=difference.n if difference else len(old.keys() & new.keys()),
         method=difference.method if difference else "",
         mean=difference.mean if difference else now - was,
     )
@@ -242,19 +238,6 @@ def _test_change(
     return _TestedChange(shift, difference.p_different, _p_worse(difference, kind, was, worse_by))
 
 
-def _difference(
-    old: Mapping[tuple[int, int], float],
-    new: Mapping[tuple[int, int], float],
-    pairs: Sequence[tuple[int, int]],
-) -> MeanDifference | None:
-    if len(pairs) > 1:
-        sides = ([new[key] for key in pairs], [old[key] for key in pairs])
-        return paired_difference(*sides, confidence=_EACH_SIDE)
-    if not pairs and min(len(old), len(new)) > 1:
-        return welch_difference(tuple(new.values()), tuple(old.values()), confidence=_EACH_SIDE)
-    return None
-
-
 def _p_worse(
     difference: MeanDifference, kind: QuantityKind, before: float, worse_by: float | None
 ) -> float | None:
@@ -264,6 +247,7 @@ def _p_worse(
     allowed = worse_by * abs(before)
     if kind == "duration":
         return difference.p_above(allowed)
+    # A margin gets worse downwards: the same question about the negated difference.
     down = replace(difference, mean=-difference.mean, low=-difference.high, high=-difference.low)
     return down.p_above(allowed)
 

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from enum import Enum
 from fnmatch import fnmatchcase
-from typing import Final
+from typing import Final, TypeAlias
 
 from daemon.judging.statistics import (
+    CONFIDENCE,
     at_least,
     at_most,
     mean_interval,
@@ -19,6 +20,7 @@ from daemon.model.assessments import (
     AssessmentRules,
     CellMeasure,
     CellVerdict,
+    ComparisonVerdict,
     Expectation,
     ExpectedVerdict,
     RepeatPolicy,
@@ -26,6 +28,17 @@ from daemon.model.assessments import (
     WorstRun,
 )
 from daemon.model.verdicts import Evidence, Outcome, Verdict
+
+Cell: TypeAlias = tuple[str, str]
+"""A scenario (or one of its variants) with a system under test."""
+
+
+def group_by_cell(records: Iterable[RunRecord]) -> dict[Cell, list[RunRecord]]:
+    """Return the runs of each cell, cells and runs in the order of their appearance."""
+    groups: dict[Cell, list[RunRecord]] = {}
+    for record in records:
+        groups.setdefault((record.scenario, record.sut), []).append(record)
+    return groups
 
 
 class ExpectationStatus(Enum):
@@ -67,7 +80,11 @@ def expected_verdict(
 def expectation_status(
     wanted: ExpectedVerdict, verdict: Outcome, *, passed: int, failed: int, n: int
 ) -> ExpectationStatus:
-    """Compare what came out of ``n`` repeats with what was expected."""
+    """Compare what came out of ``n`` repeats with what was expected.
+
+    ``pass`` is about the verdict, which follows the policy; ``fail`` and ``mixed`` are about single
+    repeats: what is known to be broken must not pass by chance either.
+    """
     if wanted == "any":
         return ExpectationStatus.MET
     if wanted == "pass":
@@ -79,6 +96,15 @@ def expectation_status(
     if met:
         return ExpectationStatus.MET
     return ExpectationStatus.CONTRADICTED if contradicted else ExpectationStatus.OPEN
+
+
+def status_of(cell: CellVerdict | ComparisonVerdict) -> ExpectationStatus:
+    """Return how a verdict stands to what was expected of it; a comparison is one repeat."""
+    if isinstance(cell, CellVerdict):
+        passed, failed, n = cell.passed, cell.failed, cell.n
+    else:
+        passed, failed, n = cell.verdict is Outcome.PASS, cell.verdict is Outcome.FAIL, 1
+    return expectation_status(cell.expected, cell.verdict, passed=passed, failed=failed, n=n)
 
 
 DURATION: Final = "duration"
@@ -134,7 +160,7 @@ def _cell_measure(name: str, unit: str, records: Sequence[RunRecord]) -> CellMea
 
 
 BY_GRAVITY: Final = (Outcome.FAIL, Outcome.ERROR, Outcome.INCONCLUSIVE, Outcome.PASS)
-_CONFIDENCE: Final = 0.95
+"""What is said first of a cell: a failure is a finding, an error may hide one."""
 
 
 def trusted_verdicts(record: RunRecord) -> tuple[Verdict, ...]:
@@ -149,9 +175,7 @@ def _distrust(verdict: Verdict, note: str) -> Verdict:
     return Verdict(verdict.oracle, verdict.text, Outcome.ERROR, None, None, verdict.unit, evidence)
 
 
-def cell_verdict(
-    name: str, records: Sequence[RunRecord], declared: AssessmentRules
-) -> tuple[CellVerdict, ExpectationStatus]:
+def cell_verdict(name: str, records: Sequence[RunRecord], declared: AssessmentRules) -> CellVerdict:
     """Return what the oracle ``name`` says about the repeats of one cell."""
     found = [(r, v) for r in records for v in trusted_verdicts(r) if v.oracle == name]
     verdicts = [v for _, v in found]
@@ -161,10 +185,10 @@ def cell_verdict(
     verdict = _policy_verdict(policy, verdicts, n)
     scenario, sut = records[0].scenario, records[0].sut
     wanted, why = expected_verdict(declared.expectations, scenario, name, sut)
-    stands = expectation_status(wanted, verdict, passed=passed, failed=failed, n=n)
+    status = expectation_status(wanted, verdict, passed=passed, failed=failed, n=n)
     confidence = confidence_of(policy)
     needed = runs_needed(passed, n, policy.rate, confidence) if policy.rule == "rate" else None
-    cell = CellVerdict(
+    return CellVerdict(
         scenario=scenario,
         sut=sut,
         oracle=name,
@@ -182,10 +206,9 @@ def cell_verdict(
         worst=_worst_run(found),
         verdict=verdict,
         expected=wanted,
-        met=stands is ExpectationStatus.MET,
+        met=status is ExpectationStatus.MET,
         why=why,
     )
-    return cell, stands
 
 
 def confidence_of(policy: RepeatPolicy) -> float:
@@ -194,7 +217,7 @@ def confidence_of(policy: RepeatPolicy) -> float:
     Whoever looks again and again until something shows finds it by chance: with ``k`` looks each
     may err in 5 %/k (Bonferroni), so that all of them together err in at most 5 %.
     """
-    return 1.0 - (1.0 - _CONFIDENCE) / len(policy.looks)
+    return 1.0 - (1.0 - CONFIDENCE) / len(policy.looks)
 
 
 def _policy_verdict(policy: RepeatPolicy, verdicts: Sequence[Verdict], n: int) -> Outcome:
@@ -204,6 +227,8 @@ def _policy_verdict(policy: RepeatPolicy, verdicts: Sequence[Verdict], n: int) -
         if found and found[0] is not Outcome.INCONCLUSIVE:
             return found[0]
         return Outcome.PASS if counts[Outcome.PASS] == n else Outcome.INCONCLUSIVE
+    # A rate or a mean that is shown is shown whatever the broken repeats would have been; they
+    # matter only where nothing is shown.
     shown = _rate(policy, counts, n) if policy.rule == "rate" else _mean(policy, verdicts, n)
     undecided = shown is Outcome.INCONCLUSIVE
     return Outcome.ERROR if undecided and counts[Outcome.ERROR] else shown
@@ -258,6 +283,7 @@ def _statement(policy: RepeatPolicy, passed: int, failed: int, n: int, needed: i
 
 def _percent(rate: float) -> str:
     """Return ``54.9 %``, cut and not rounded: nothing is shown that was not."""
+    # The 1e-9 give back what binary floats took: 0.549 * 1000 is 549.0 or a last bit less.
     return f"{int(rate * 1000 + 1e-9) / 10:g} %"
 
 

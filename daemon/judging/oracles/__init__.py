@@ -11,9 +11,7 @@ from typing import TYPE_CHECKING, Final
 if TYPE_CHECKING:
     from daemon.judging.oracles._clearance import ObstaclePolygons
     from daemon.judging.oracles._judge import (
-        cut_trace,
         judge,
-        judge_prefix,
         overall_outcome,
         trace_problems,
         warm_up,
@@ -25,9 +23,7 @@ __all__ = [
     "ObstaclePolygons",
     "OracleTimeline",
     "SignalSampler",
-    "cut_trace",
     "judge",
-    "judge_prefix",
     "oracle_timeline",
     "overall_outcome",
     "trace_problems",

@@ -15,25 +15,26 @@ from __future__ import annotations
 
 import functools
 import math
-from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import Final
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
 
 from daemon.judging.oracles._series import SignalSeries
+from daemon.model.kernels import kernel
+from daemon.trace import Trace
 from grammars.model import kinematics
 from grammars.model.geometry import Floats, Point2, Ring
 from grammars.model.kinematics import WORLD, link_poses
-from grammars.model.scene import Joint, Link, Scene, SceneObject
+from grammars.model.scene import Joint, Scene, SceneObject
 
-if TYPE_CHECKING:
-    from daemon.trace import Trace
+_SQRT_2: Final = 1.4142135623730951
+_SLACK: Final = 1e-9
+"""Added to the radius of circles [m], whose rounding must not skip the nearest polygon."""
 
 
-@njit(cache=True)
+@kernel
 def cos_sin(angles: Floats) -> tuple[Floats, Floats]:
     """Return cosine and sine of ``angles`` (n,) [rad] from the C library.
 
@@ -46,7 +47,7 @@ def cos_sin(angles: Floats) -> tuple[Floats, Floats]:
     return cosines, sines
 
 
-@njit(cache=True)
+@kernel
 def _edge_minimum(ax: float, ay: float, bx: float, by: float, hx: float, hy: float) -> float:
     """Return the minimum of ``g`` over the segment a-b."""
     dx, dy = bx - ax, by - ay
@@ -73,7 +74,7 @@ def _edge_minimum(ax: float, ay: float, bx: float, by: float, hx: float, hy: flo
     return best
 
 
-@njit(cache=True)
+@kernel
 def _polygon_minimum(
     corners: Floats, first: int, last: int, c: float, s: float, tx: float, ty: float,
     hx: float, hy: float,
@@ -91,12 +92,14 @@ def _polygon_minimum(
         right = right and side <= 0.0
         best = min(best, _edge_minimum(px, py, qx, qy, hx, hy))
         px, py = qx, qy
+    # Every edge has the box centre on the same side, whichever way the ring turns: it is inside. On
+    # all of them (both) it is only when the polygon has no area.
     if left != right:
         return -min(hx, hy)
     return best
 
 
-@njit(cache=True)
+@kernel
 def box_clearance(
     poses: Floats, centre: Floats, half: Floats, corners: Floats, offsets: npt.NDArray[np.int64],
     frame: npt.NDArray[np.int64], circle: Floats, tracks: Floats,
@@ -104,8 +107,7 @@ def box_clearance(
     """Return clearance (n,) [m] and the index of the nearest polygon (n,) for each pose (n, 3).
 
     ``centre`` and ``half`` extents of the box in the base frame; the polygons are those of
-    :class:`daemon.judging.oracles._clearance.ObstaclePolygons`, at least one. Of equally near polygons the first
-    one counts.
+    :class:`ObstaclePolygons`, at least one. Of equally near polygons the first one counts.
 
     A polygon whose circle is at distance d from the box centre has ``g >= d / sqrt(2) - max(hx,
     hy)``, so most are skipped; starting from the previous sample's nearest one keeps it tight.
@@ -131,7 +133,7 @@ def box_clearance(
                 lc, ls = math.cos(tracks[i, f, 2]), math.sin(tracks[i, f, 2])
                 wx, wy = lx + lc * wx - ls * wy, ly + ls * wx + lc * wy
             # Farther than this no point of the circle can be as near as the best so far.
-            limit = (best + reach) * 1.4142135623730951 + circle[p, 2] + 1e-9
+            limit = (best + reach) * _SQRT_2 + circle[p, 2] + _SLACK
             if (wx - bx) ** 2 + (wy - by) ** 2 > limit * limit:
                 continue
             found = _polygon_minimum(
@@ -326,13 +328,9 @@ def _fixed_rings(scene: Scene, height: float) -> tuple[list[Ring], list[str], li
         poses = link_poses(item, item.initial)
         for link in item.links:
             if _in_reach(link.z_min, link.z_max, height):
-                rings.extend(_placed(link, poses[link.name].apply_ring))
+                rings.extend(map(poses[link.name].apply_ring, link.polygons))
                 names.extend([f"{item.name}.{link.name}"] * len(link.polygons))
     return rings, names, [-1] * len(rings)
-
-
-def _placed(link: Link, place: Callable[[Ring], Ring]) -> list[Ring]:
-    return [place(ring) for ring in link.polygons]
 
 
 def _in_reach(z_min: float, z_max: float, height: float) -> bool:

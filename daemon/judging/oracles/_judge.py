@@ -2,7 +2,7 @@
 
 A trace that says nothing about the robot (impossible clocks, numbers, motion) is an error of the
 simulation, the recording or the set-up, never a failure of the robot, whatever its oracles would
-say. A trace can be cut to what it was while its run was going on.
+say.
 """
 
 from __future__ import annotations
@@ -10,8 +10,8 @@ from __future__ import annotations
 import functools
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field, fields, replace
-from typing import Any, Final
+from dataclasses import dataclass, field
+from typing import Final
 
 import numpy as np
 
@@ -46,50 +46,9 @@ from grammars.oracle import (
 )
 from grammars.text.diagnostics import InputError, Where
 
-_EPSILON = 1e-9
-
-
-def cut_trace(trace: Trace, at: float) -> Trace:
-    """Return ``trace`` as if its recording had been cut at ``at`` [s]; nothing later is in it.
-
-    ``trace`` itself when it is cut and ends before that.
-    """
-    if not trace.complete and trace.valid_until <= at:
-        return trace
-    tracks = ("ground_truth", "odometry", "command", "estimate", "joints", "scans")
-    changes: dict[str, Any] = {name: _cut_track(getattr(trace, name), at) for name in tracks}
-    for name in ("contacts", "progress", "events"):
-        records = getattr(trace, name)
-        changes[name] = tuple(r for r in records if r.time <= at + _EPSILON)
-    return replace(
-        trace,
-        ended=None,
-        note="judged while it was going on",
-        complete=False,
-        valid_until=min(at, trace.valid_until),
-        cloud=_cut_track(trace.cloud, at),
-        cloud_count=trace.cloud_count[: _samples_until(trace.cloud.time, at)],
-        **changes,
-    )
-
-
-def _cut_track(track: Any, at: float) -> Any:
-    if track is None:
-        return None
-    count = _samples_until(track.time, at)
-    names = [field.name for field in fields(track)]
-    arrays = {n: getattr(track, n) for n in names if isinstance(getattr(track, n), np.ndarray)}
-    return replace(track, **{name: array[:count] for name, array in arrays.items()})
-
-
-def _samples_until(time: Any, at: float) -> int:
-    """Return how many leading samples are not later than ``at``; clocks may run backwards."""
-    later = np.flatnonzero(time > at + _EPSILON)
-    return int(later[0]) if len(later) else len(time)
-
-
 _SHORTEST_LEAP: Final = 0.5
-"""Shortest step [m] between two samples that may be an explosion of the physics."""
+"""Shortest step [m] between two samples that may be an explosion of the physics: ten times the way
+of a fast robot (1 m/s) between two samples."""
 _LEAP_SPEED_FACTOR: Final = 5.0
 _FASTEST_ROBOT: Final = 20.0
 """A step is impossible when it is so many times faster than the robot can drive, or as fast [m/s]
@@ -97,7 +56,8 @@ when nothing limits its drive."""
 MOVED_DISTANCE: Final = 0.01
 MOVED_ANGLE: Final = 0.05
 """A robot that has not left a circle of this radius [m], nor turned by this angle [rad], has never
-moved. One that turns on the spot and goes nowhere is alive, and fails."""
+moved; a door or a person may have pushed it a little. One that turns on the spot and goes nowhere
+is alive, and fails."""
 AT_START_DISTANCE: Final = 0.1
 """A mission asks a robot to move when a waypoint is farther [m] than this from where it starts."""
 
@@ -108,6 +68,7 @@ def trace_problems(trace: Trace) -> tuple[str, ...]:
     What its reader found; numbers that are none; clocks that run backwards; leaps no robot can
     make; a robot that never moved during a whole run although its mission asked it to.
     """
+    # From what makes the next question meaningless to what only a sound recording can be asked.
     found = [*trace.problems, *_not_finite(trace)]
     if not found:
         found += [*_clock(trace), *_leaps(trace)]
@@ -143,6 +104,7 @@ def _leaps(trace: Trace) -> list[str]:
     if len(truth.time) < 2:
         return []
     steps = np.hypot(np.diff(truth.x), np.diff(truth.y))
+    # Generously: a robot that a door pushes may be faster than it can drive.
     fastest = min(_FASTEST_ROBOT, _LEAP_SPEED_FACTOR * float(np.hypot(drive.max_vx, drive.max_vy)))
     leaps = np.flatnonzero(steps > np.maximum(_SHORTEST_LEAP, fastest * np.diff(truth.time)))
     if not len(leaps):
@@ -200,16 +162,6 @@ def judge(
     )
 
 
-def judge_prefix(trace: Trace, oracles: Sequence[OracleText], at: float) -> tuple[Verdict, ...]:
-    """Judge ``trace`` by what is recorded up to ``at`` [s], as if the run were still going on.
-
-    Three-valued: pass and fail are final, whatever the rest of the run brings, unless that makes
-    the trace invalid; everything else is inconclusive. The file of a run that is still being
-    written can be judged by :func:`judge` itself.
-    """
-    return judge(cut_trace(trace, at), oracles)
-
-
 def overall_outcome(trace: Trace, verdicts: Sequence[Verdict]) -> Outcome:
     """Combine the verdicts of a run: invalid > fail > error > inconclusive > pass.
 
@@ -221,11 +173,9 @@ def overall_outcome(trace: Trace, verdicts: Sequence[Verdict]) -> Outcome:
 
 
 def _judge_one(written: OracleText, sampler: SignalSampler) -> Verdict:
-    trace = sampler.trace
     try:
-        place = SceneAndMission(trace.spec.scene, trace.spec.mission, trace.scene)
-        oracle = bind_oracle(written.name, written.text, place)
-        finding = _evaluate(oracle, sampler)
+        oracle = bind_oracle(written, sampler.trace)
+        interval = _evaluate(oracle, sampler)
     except InputError as error:
         return _error_verdict(written, "; ".join(d.message for d in error.diagnostics))
     except PluginError as error:
@@ -233,16 +183,25 @@ def _judge_one(written: OracleText, sampler: SignalSampler) -> Verdict:
     return Verdict(
         written.name,
         written.text,
-        finding.outcome,
-        _bound_or_none(finding.lower),
-        _bound_or_none(finding.upper),
+        interval.outcome,
+        _bound_or_none(interval.lower),
+        _bound_or_none(interval.upper),
         _unit(oracle),
-        finding.evidence,
+        interval.evidence,
     )
 
 
+def bind_oracle(written: OracleText, trace: Trace) -> Oracle:
+    """Parse an oracle and bind it to the scene and the mission of a run.
+
+    Raises :class:`InputError`.
+    """
+    place = _SceneAndMission(trace.spec.scene, trace.spec.mission, trace.scene)
+    return _bind(written.name, written.text, place)
+
+
 @dataclass(frozen=True, slots=True)
-class SceneAndMission:
+class _SceneAndMission:
     """Where a run was: equal when the ``digest`` of the scene and the mission are."""
 
     digest: str
@@ -250,12 +209,9 @@ class SceneAndMission:
     scene: Scene = field(compare=False)
 
 
+# Once for the thousands of runs that an oracle judges in one building.
 @functools.lru_cache(maxsize=1024)
-def bind_oracle(name: str, text: str, place: SceneAndMission) -> Oracle:
-    """Parse an oracle and bind it to a scene, once for the thousands of runs it judges there.
-
-    Raises :class:`InputError`.
-    """
+def _bind(name: str, text: str, place: _SceneAndMission) -> Oracle:
     oracle = _parse(name, text)
     found = check_references(oracle, place.scene, place.mission)
     if found:
@@ -315,6 +271,8 @@ def warm_up() -> None:
     # A limit with a unit loads the registry of units.
     parse_oracle("warm-up", "always(clearance >= 0.1 m)", Where("warm-up"))
     cos_sin(np.zeros(1))
+    # A triangle before the robot, in arrays of the types that traces give: a kernel is compiled for
+    # each combination of types.
     box_clearance(
         np.zeros((1, 3)),
         np.zeros(2),

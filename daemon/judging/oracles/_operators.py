@@ -18,10 +18,8 @@ give a heading are judged on position only: the paper's requirement is to reach 
 from __future__ import annotations
 
 import math
-from typing import TypeAlias
 
 import numpy as np
-import numpy.typing as npt
 
 from daemon.judging.oracles._predicate import (
     JUST_BELOW,
@@ -46,7 +44,7 @@ from grammars.oracle import Amount, Limit, Oracle, Reached, Statistic, Temporal,
 
 def judge_temporal(oracle: Oracle, judgement: Temporal, sampler: SignalSampler) -> MarginInterval:
     """Judge ``always``, ``never`` or ``eventually``."""
-    timeline = sampler.timeline
+    time_base = sampler.time_base
     found = evaluate_predicate(judgement.predicate, sampler, negated=judgement.operator == "never")
     window = window_of(oracle, sampler)
     scope = scope_of(oracle, sampler, window, found.margin)
@@ -54,18 +52,20 @@ def judge_temporal(oracle: Oracle, judgement: Temporal, sampler: SignalSampler) 
     if judgement.within is not None:
         horizon = window.start + judgement.within.value
         closed = closed or window.end >= horizon
-        allowed = allowed & (timeline.time <= horizon + 1e-9)
+        allowed = allowed & (time_base.time <= horizon + 1e-9)
     if not allowed.any():
         return unknown_margin(scope.reason)
     eventually = judgement.operator == "eventually"
     margin = np.where(allowed, found.margin, -math.inf if eventually else math.inf)
+    # The decisive moment: of what must always hold the worst one, of what must once hold the best.
     index = int(margin.argmax() if eventually else margin.argmin())
     worst = float(margin[index])
-    first = _first_note(timeline, allowed & ((found.margin >= 0.0) == eventually), index)
-    evidence = evidence_at_sample(found, timeline, index, first, scope.note, window.cut)
+    first = _first_note(time_base, allowed & ((found.margin >= 0.0) == eventually), index)
+    evidence = evidence_at_sample(found, time_base, index, first, scope.note, window.cut)
     if not unit_of_margin(judgement.predicate) and (worst >= 0.0) != eventually:
         # True or false, and nothing happened: no moment of the run is more telling than another.
         evidence = Evidence(note=join_notes(*found.notes, scope.note, window.cut))
+    # What is still to come can only make the best better, and the worst worse.
     if eventually:
         return MarginInterval(worst, worst if closed else math.inf, evidence)
     return MarginInterval(worst if closed else -math.inf, worst, evidence)
@@ -73,7 +73,7 @@ def judge_temporal(oracle: Oracle, judgement: Temporal, sampler: SignalSampler) 
 
 def judge_amount(oracle: Oracle, judgement: Amount, sampler: SignalSampler) -> MarginInterval:
     """Judge or measure ``fraction``, ``time``, ``longest`` or ``count``."""
-    timeline, limit = sampler.timeline, judgement.limit
+    time_base, limit = sampler.time_base, judgement.limit
     found = evaluate_predicate(judgement.predicate, sampler)
     window = window_of(oracle, sampler)
     scope = scope_of(oracle, sampler, window, found.margin)
@@ -81,11 +81,11 @@ def judge_amount(oracle: Oracle, judgement: Amount, sampler: SignalSampler) -> M
         return unknown_margin(scope.reason, measured=limit is None)
     allowed = scope.allowed
     holds = allowed & (found.margin >= 0.0)
-    value, low, high = _amount(judgement.operator, timeline, window, allowed, holds)
+    value, low, high = _amount(judgement.operator, time_base, window, allowed, holds)
     if math.isnan(value):
         return unknown_margin("no time has passed", measured=limit is None)
     wants_more = limit is not None and limit.operator in (">=", ">")
-    stretch = _longest(timeline, allowed & ~holds if wants_more else holds)
+    stretch = _longest(time_base, allowed & ~holds if wants_more else holds)
     note = join_notes(*found.notes, scope.note, window.cut)
     evidence = Evidence(value=value, note=note)
     if stretch is not None:
@@ -93,46 +93,49 @@ def judge_amount(oracle: Oracle, judgement: Amount, sampler: SignalSampler) -> M
         index = stretch.start + int(inside.argmin() if wants_more else inside.argmax())
         clause = found.clauses[found.decided[index]]
         evidence = Evidence(
-            float(timeline.time[stretch.start]), value, None, clause.value.object_at(index), note
+            float(time_base.time[stretch.start]), value, None, clause.value.object_at(index), note
         )
     return _compare_with_limit(limit, low, high, evidence)
 
 
 def judge_statistic(oracle: Oracle, judgement: Statistic, sampler: SignalSampler) -> MarginInterval:
     """Judge or measure ``max``, ``min``, ``mean``, ``final`` or ``p95`` of a signal."""
-    timeline, limit = sampler.timeline, judgement.limit
+    time_base, limit = sampler.time_base, judgement.limit
     signal = evaluate_quantity(judgement.signal, sampler)
     window = window_of(oracle, sampler)
     scope = scope_of(oracle, sampler, window, signal.values)
     if not scope.allowed.any():
         return unknown_margin(scope.reason, measured=limit is None)
-    value, index = _statistic(judgement.operator, timeline, scope.allowed, signal.values)
+    value, index = _statistic(judgement.operator, time_base, scope.allowed, signal.values)
     low, high = value, value
+    # A maximum so far can only grow, a minimum only shrink; of the others nothing is known yet.
     if not window.closed:
         low = value if judgement.operator == "max" else -math.inf
         high = value if judgement.operator == "min" else math.inf
     note = join_notes(signal.note, scope.note, window.cut)
     evidence = Evidence(value=value, note=note)
     if index is not None:
-        evidence = Evidence(float(timeline.time[index]), value, None, signal.object_at(index), note)
+        evidence = Evidence(
+            float(time_base.time[index]), value, None, signal.object_at(index), note
+        )
     return _compare_with_limit(limit, low, high, evidence)
 
 
 def _amount(
-    operator: str, timeline: TimeBase, window: JudgedWindow, allowed: SampleMask, holds: SampleMask
+    operator: str, time_base: TimeBase, window: JudgedWindow, allowed: SampleMask, holds: SampleMask
 ) -> tuple[float, float, float]:
     """Return the amount so far and the bounds of what it can be at the end of the run."""
     rest = window.remaining
-    held = float(timeline.weight[holds].sum())
+    held = float(time_base.weight[holds].sum())
     if operator == "time":
         return held, held, held + rest
     if operator == "fraction":
-        total = float(timeline.weight[allowed].sum())
+        total = float(time_base.weight[allowed].sum())
         if total <= 0.0:
             return math.nan, 0.0, 1.0
         return held / total, held / (total + rest), (held + rest) / (total + rest)
     if operator == "longest":
-        lengths = [float(timeline.weight[s].sum()) for s in true_stretches(holds)]
+        lengths = [float(time_base.weight[s].sum()) for s in true_stretches(holds)]
         longest = max(lengths, default=0.0)
         current = lengths[-1] if lengths and not window.closed and holds[-1] else 0.0
         return longest, longest, max(longest, current + rest) if rest else longest
@@ -141,11 +144,11 @@ def _amount(
 
 
 def _statistic(
-    operator: str, timeline: TimeBase, allowed: SampleMask, values: Floats
+    operator: str, time_base: TimeBase, allowed: SampleMask, values: Floats
 ) -> tuple[float, int | None]:
     """Return the statistic and the sample that decides it (``None``: all of them)."""
     indices = np.flatnonzero(allowed)
-    judged, weight = values[indices], timeline.weight[indices]
+    judged, weight = values[indices], time_base.weight[indices]
     if weight.sum() <= 0.0:
         weight = np.ones(len(judged))
     if operator == "mean":
@@ -153,6 +156,7 @@ def _statistic(
     if operator == "p95":
         order = np.argsort(judged, kind="stable")
         covered = np.cumsum(weight[order])
+        # The first value that covers 95 % of the time; the 1e-9 s undo the rounding of their sum.
         rank = min(int(np.searchsorted(covered, 0.95 * covered[-1] - 1e-9)), len(order) - 1)
         chosen = int(order[rank])
     elif operator == "final":
@@ -171,6 +175,7 @@ def _compare_with_limit(
     target = limit.number.value
     judged = Evidence(evidence.time, evidence.value, target, evidence.object, evidence.note)
     ends = np.array([low, high])
+    # The margin of an equality is largest, or smallest, inside of an interval that holds the limit.
     if limit.operator in ("==", "!=") and low <= target <= high:
         ends = np.array([low, target, high])
     margins = margin_of(limit.operator, ends, np.full(len(ends), target))
@@ -183,20 +188,20 @@ def true_stretches(holds: SampleMask) -> list[slice]:
     return [slice(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]
 
 
-def _longest(timeline: TimeBase, holds: SampleMask) -> slice | None:
-    return max(true_stretches(holds), key=lambda s: float(timeline.weight[s].sum()), default=None)
+def _longest(time_base: TimeBase, holds: SampleMask) -> slice | None:
+    return max(true_stretches(holds), key=lambda s: float(time_base.weight[s].sum()), default=None)
 
 
-def _first_note(timeline: TimeBase, samples: SampleMask, decisive: int) -> str:
+def _first_note(time_base: TimeBase, samples: SampleMask, decisive: int) -> str:
     """Say when it first happened, when that is not the decisive moment."""
     if not samples.any():
         return ""
     index = int(samples.argmax())
-    return f"first at {timeline.time[index]:.2f} s" if index != decisive else ""
+    return f"first at {time_base.time[index]:.2f} s" if index != decisive else ""
 
 
 def evidence_at_sample(
-    found: PredicateSeries, timeline: TimeBase, index: int, *notes: str
+    found: PredicateSeries, time_base: TimeBase, index: int, *notes: str
 ) -> Evidence:
     """Return the evidence for a predicate at sample ``index``: of the clause that decided there."""
     clause = found.clauses[found.decided[index]]
@@ -204,7 +209,7 @@ def evidence_at_sample(
     limit = None if clause.limit is None else float(clause.limit[index])
     decided = f"decided by {clause.text}" if len(found.clauses) > 1 else ""
     note = join_notes(decided, *found.notes, *notes)
-    return Evidence(float(timeline.time[index]), value, limit, clause.value.object_at(index), note)
+    return Evidence(float(time_base.time[index]), value, limit, clause.value.object_at(index), note)
 
 
 def judge_until(oracle: Oracle, judgement: Until, sampler: SignalSampler) -> MarginInterval:
@@ -213,7 +218,7 @@ def judge_until(oracle: Oracle, judgement: Until, sampler: SignalSampler) -> Mar
     The release counts wherever it comes inside the window; the guard says where the predicate is
     judged. Violated before the release: fail, whatever comes.
     """
-    timeline = sampler.timeline
+    time_base = sampler.time_base
     window, closed, awaited = _release_window(oracle, judgement, sampler)
     held = evaluate_predicate(judgement.predicate, sampler, negated=judgement.operator == "never")
     release = evaluate_predicate(judgement.release, sampler)
@@ -229,8 +234,8 @@ def judge_until(oracle: Oracle, judgement: Until, sampler: SignalSampler) -> Mar
     worst = float(margin[index])
     if not came.any() and closed and worst >= 0.0:
         return _release_never_came(judgement, release, sampler, awaited)
-    ended = f"until {timeline.time[first]:.2f} s" if came.any() else window.cut
-    evidence = evidence_at_sample(held, timeline, index, scope.note, ended)
+    ended = f"until {time_base.time[first]:.2f} s" if came.any() else window.cut
+    evidence = evidence_at_sample(held, time_base, index, scope.note, ended)
     if not unit_of_margin(judgement.predicate) and worst >= 0.0:
         # True or false, and nothing happened: no moment is more telling than another.
         evidence = Evidence(note=join_notes(*held.notes, scope.note, ended))
@@ -248,7 +253,7 @@ def _release_window(
     if judgement.within is None:
         return window, window.closed, window.inside
     horizon = window.start + judgement.within.value
-    awaited = window.inside & (sampler.timeline.time <= horizon + 1e-9)
+    awaited = window.inside & (sampler.time_base.time <= horizon + 1e-9)
     return window, window.closed or window.end >= horizon, awaited
 
 
@@ -261,19 +266,16 @@ def _release_never_came(
     nearness = np.where(awaited & ~np.isnan(release.margin), release.margin, -math.inf)
     if not unit_of_margin(judgement.release) or np.isinf(nearness).all():
         return MarginInterval(margin, margin, Evidence(note=note))
-    evidence = evidence_at_sample(release, sampler.timeline, int(nearness.argmax()), note)
+    evidence = evidence_at_sample(release, sampler.time_base, int(nearness.argmax()), note)
     return MarginInterval(margin, margin, evidence)
-
-
-VisitMask: TypeAlias = npt.NDArray[np.bool_]
 
 
 def judge_reached(oracle: Oracle, judgement: Reached, sampler: SignalSampler) -> MarginInterval:
     """Judge the mission; with a guard, only positions where it holds count as visits."""
-    timeline, tolerance = sampler.timeline, judgement.tolerance.value
-    if not len(timeline.time):
+    time_base, tolerance = sampler.time_base, judgement.tolerance.value
+    if not len(time_base.time):
         return unknown_margin("nothing was recorded")
-    usable = np.full(len(timeline.time), True)
+    usable = np.full(len(time_base.time), True)
     if oracle.guard is not None:
         usable = evaluate_predicate(oracle.guard, sampler).margin >= 0.0
         if not usable.any():
@@ -284,19 +286,22 @@ def judge_reached(oracle: Oracle, judgement: Reached, sampler: SignalSampler) ->
         return unknown_margin(VACUOUS)
     evidence = _decisive_visit(sampler, usable, waypoints, closest, tolerance)
     margin = tolerance - closest
-    return MarginInterval(margin, margin if timeline.closed else math.inf, evidence)
+    return MarginInterval(margin, margin if time_base.closed else math.inf, evidence)
 
 
-def _distance(sampler: SignalSampler, usable: VisitMask, waypoint: Waypoint) -> Floats:
+def _distance(sampler: SignalSampler, usable: SampleMask, waypoint: Waypoint) -> Floats:
     """Return the distance [m] at every sample, infinite where a guard forbids to count it."""
     distance = np.hypot(sampler.x - waypoint.x, sampler.y - waypoint.y)
     distance[~usable] = math.inf
     return distance
 
 
-def _closest(sampler: SignalSampler, usable: VisitMask, waypoints: tuple[Waypoint, ...]) -> float:
+def _closest(sampler: SignalSampler, usable: SampleMask, waypoints: tuple[Waypoint, ...]) -> float:
     """Return the smallest worst distance [m] over all ways to visit the waypoints in order."""
-    best = np.zeros(len(sampler.timeline.time))
+    # Dynamic programming over the waypoints: best[i] is the smallest worst distance of all ways to
+    # visit those so far by sample i. One pass of numpy each, where all readings would be n to the
+    # power of the waypoints.
+    best = np.zeros(len(sampler.time_base.time))
     for waypoint in waypoints:
         worst = np.maximum(best, _distance(sampler, usable, waypoint))
         best = np.minimum.accumulate(worst)
@@ -305,13 +310,13 @@ def _closest(sampler: SignalSampler, usable: VisitMask, waypoints: tuple[Waypoin
 
 def _decisive_visit(
     sampler: SignalSampler,
-    usable: VisitMask,
+    usable: SampleMask,
     waypoints: tuple[Waypoint, ...],
     closest: float,
     tolerance: float,
 ) -> Evidence:
     """Return where the worst distance of the best reading comes about."""
-    time, start = sampler.timeline.time, 0
+    time, start = sampler.time_base.time, 0
     worst, decisive, when = -math.inf, 0, 0
     for index, waypoint in enumerate(waypoints):
         distance = _distance(sampler, usable, waypoint)[start:]
@@ -325,8 +330,8 @@ def _decisive_visit(
         note = f"all {count} waypoints visited, the last at {time[start]:.2f} s"
     else:
         note = f"in order, waypoint {decisive + 1} of {count} is not visited nearer"
-    if not sampler.timeline.closed:
-        cut = f"the trace ends at {sampler.timeline.end:.2f} s, before the run"
+    if not sampler.time_base.closed:
+        cut = f"the trace ends at {sampler.time_base.end:.2f} s, before the run"
         note = join_notes(note, "" if closest <= tolerance else cut)
     return Evidence(float(time[when]), closest, tolerance, waypoints[decisive].id, note)
 

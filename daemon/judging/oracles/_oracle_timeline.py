@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from daemon.judging.oracles._judge import SceneAndMission, bind_oracle
+from daemon.judging.oracles._judge import bind_oracle
 from daemon.judging.oracles._operators import true_stretches
 from daemon.judging.oracles._predicate import (
     PredicateSeries,
@@ -62,11 +62,9 @@ class OracleTimeline:
 
 def oracle_timeline(written: OracleText, sampler: SignalSampler) -> OracleTimeline:
     """Return the course of an oracle; an empty one when it cannot be read or evaluated."""
-    trace = sampler.trace
     try:
-        place = SceneAndMission(trace.spec.scene, trace.spec.mission, trace.scene)
-        oracle = bind_oracle(written.name, written.text, place)
-        against = _violations(oracle, sampler) if len(sampler.timeline.time) else ()
+        oracle = bind_oracle(written, sampler.trace)
+        against = _violations(oracle, sampler) if len(sampler.time_base.time) else ()
     except (InputError, PluginError):
         return OracleTimeline(written.name, (), (), ())
     named = {render(signal): signal for signal in signals_of(oracle)}
@@ -106,9 +104,9 @@ def _violations(oracle: Oracle, sampler: SignalSampler) -> tuple[Stretch, ...]:
 
 def _time_stretches(sampler: SignalSampler, wrong: SampleMask) -> tuple[Stretch, ...]:
     """Return stretches of time; a sample counts until the next one."""
-    ends = np.append(sampler.timeline.time[1:], sampler.timeline.end)
+    ends = np.append(sampler.time_base.time[1:], sampler.time_base.end)
     return tuple(
-        (float(sampler.timeline.time[part.start]), float(ends[part.stop - 1]))
+        (float(sampler.time_base.time[part.start]), float(ends[part.stop - 1]))
         for part in true_stretches(wrong)
     )
 

@@ -90,7 +90,7 @@ def evaluate_quantity(expression: Expression, sampler: SignalSampler) -> SignalS
     """Evaluate a checked quantity on the time base; division by zero is unknown (NaN)."""
     match expression:
         case Number(value=value):
-            return SignalSeries(np.full(len(sampler.timeline.time), value))
+            return SignalSeries(np.full(len(sampler.time_base.time), value))
         case Signal():
             return sampler.sample(expression)
         case Function(name=name, operand=operand):
@@ -134,6 +134,8 @@ def margin_of(operator: str, value: Floats, limit: Floats) -> Floats:
             margin = 0.0 - np.abs(value - limit)
         case _:
             margin = np.abs(value - limit)
+    # So that the sign alone says whether it holds, also where a strict comparison is met exactly;
+    # + 0.0 makes 0.0 of -0.0.
     if operator in ("<", ">", "!="):
         margin = np.where(margin == 0.0, JUST_BELOW, margin)
     return margin + 0.0
@@ -170,6 +172,8 @@ def _combine(parts: list[PredicateSeries], *, every: bool, comparable: bool) -> 
 
     Margins in unlike units only keep their sign.
     """
+    # ``and`` is the minimum of margins and ``or`` the maximum, as in robust semantics of temporal
+    # logic; one that is unknown decides nothing unless the others settle it.
     margins = np.stack([p.margin if comparable else _sign(p.margin) for p in parts])
     unknown = np.isnan(margins)
     known = np.where(unknown, np.inf if every else -np.inf, margins)
@@ -225,16 +229,16 @@ class JudgedSamples:
 
 def window_of(oracle: Oracle, sampler: SignalSampler) -> JudgedWindow:
     """Return the part of the run that ``oracle`` is about."""
-    timeline = sampler.timeline
+    time_base = sampler.time_base
     if oracle.leg is None:
-        everything = np.full(len(timeline.time), True)
+        everything = np.full(len(time_base.time), True)
         return JudgedWindow(
-            everything, timeline.start, timeline.end, timeline.closed, timeline.remaining
+            everything, time_base.start, time_base.end, time_base.closed, time_base.remaining
         )
-    return _leg_window(oracle.leg, sampler, timeline)
+    return _leg_window(oracle.leg, sampler, time_base)
 
 
-def _leg_window(leg: Leg, sampler: SignalSampler, timeline: TimeBase) -> JudgedWindow:
+def _leg_window(leg: Leg, sampler: SignalSampler, time_base: TimeBase) -> JudgedWindow:
     """Return the first unbroken time in which the leg's waypoint is approached.
 
     Coming back to it later does not count: otherwise a leg would never be known to be over.
@@ -248,18 +252,18 @@ def _leg_window(leg: Leg, sampler: SignalSampler, timeline: TimeBase) -> JudgedW
     inside[first:last] = True
     if last < len(there):
         return JudgedWindow(
-            inside, float(timeline.time[first]), float(timeline.time[last]), True, 0.0
+            inside, float(time_base.time[first]), float(time_base.time[last]), True, 0.0
         )
-    start = float(timeline.time[first]) if first < len(there) else timeline.end
+    start = float(time_base.time[first]) if first < len(there) else time_base.end
     absent = "" if there.any() else f"vacuous: {leg} was never begun"
-    return JudgedWindow(inside, start, timeline.end, timeline.closed, timeline.remaining, absent)
+    return JudgedWindow(inside, start, time_base.end, time_base.closed, time_base.remaining, absent)
 
 
 def scope_of(
     oracle: Oracle, sampler: SignalSampler, window: JudgedWindow, values: Floats
 ) -> JudgedSamples:
     """Return where in ``window`` the guard holds and ``values`` (n,) are known."""
-    time = sampler.timeline.time
+    time = sampler.time_base.time
     known = window.inside & ~np.isnan(values)
     if not len(time):
         return JudgedSamples(known, "nothing was recorded", "")

@@ -9,7 +9,7 @@ import functools
 import math
 from collections.abc import Callable
 from dataclasses import fields, is_dataclass, replace
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -33,6 +33,7 @@ from daemon.judging.oracles._series import (
     time_base_of,
 )
 from daemon.model.verdicts import Evidence, MarginInterval
+from daemon.trace import Trace
 from grammars.model.geometry import Floats
 from grammars.oracle import (
     SIGNALS,
@@ -47,9 +48,6 @@ from grammars.oracle import (
 )
 from grammars.text.plugins import explain_plugin_error
 
-if TYPE_CHECKING:
-    from daemon.trace import Trace
-
 T = TypeVar("T")
 
 
@@ -62,8 +60,10 @@ def sample_plugin_signal(
 ) -> SignalSeries:
     """Sample a signal that plugs in; raises :class:`PluginError`."""
     declared = _require_plugin(custom_signal(name), "signal", name)
-    time = read_only_view(sampler.timeline.time)
-    answer = _call_plugin(f'the signal "{name}"', declared.sample, sampler.sealed, time, *arguments)
+    time = read_only_view(sampler.time_base.time)
+    answer = _call_plugin(
+        f'the signal "{name}"', declared.sample, sampler.read_only_trace, time, *arguments
+    )
     values = _as_floats(answer, f'the signal "{name}"')
     if values.shape != time.shape:
         raise PluginError(
@@ -81,9 +81,9 @@ def judge_by_plugin(judgement: CustomCall, sampler: SignalSampler) -> MarginInte
     name = f'the oracle "{judgement.name}"'
     declared = _require_plugin(custom_oracle(judgement.name), "oracle", judgement.name)
     arguments = tuple(number.value for number in judgement.arguments)
-    answer = _call_plugin(name, declared.judge, sampler.sealed, *arguments)
+    answer = _call_plugin(name, declared.judge, sampler.read_only_trace, *arguments)
     lower, upper, evidence = _interval(answer, name)
-    if sampler.timeline.closed or declared.judges_prefixes:
+    if sampler.time_base.closed or declared.judges_prefixes:
         return MarginInterval(lower, upper, evidence)
     # What it says of a trace that was cut is what it would say of a run that ended there.
     return MarginInterval(-math.inf, math.inf, evidence)
@@ -128,7 +128,7 @@ def _require_plugin(declared: T | None, kind: str, name: str) -> T:
 def _call_plugin(what: str, function: Any, *arguments: object) -> object:
     try:
         answer: object = function(*arguments)
-    except (Exception, SystemExit) as error:
+    except (Exception, SystemExit) as error:  # sys.exit() in a plug-in must not end a worker
         raise PluginError(explain_plugin_error(f"{what} failed", error, __file__)) from error
     return answer
 
@@ -148,6 +148,7 @@ def _interval(answer: object, what: str) -> tuple[float, float, Evidence]:
     if not isinstance(evidence, Evidence):
         raise PluginError(f"{what} gave {type(evidence).__name__} instead of Evidence")
     lower, upper = _as_floats(answer[:2], what).tolist()
+    # Not ``lower > upper``: nan is refused as well.
     if not lower <= upper:
         raise PluginError(f"{what} gave the interval [{lower}, {upper}]")
     return lower, upper, _plain_evidence(evidence, what)
@@ -172,18 +173,18 @@ class SignalSampler:
 
     def __init__(self, trace: Trace) -> None:
         self.trace = trace
-        self.timeline = time_base_of(trace)
-        count = len(self.timeline.time)
+        self.time_base = time_base_of(trace)
+        count = len(self.time_base.time)
         truth = trace.ground_truth
         self.x, self.y = truth.x[:count], truth.y[:count]
         self.poses = np.column_stack((self.x, self.y, truth.yaw[:count]))
         self._cache: dict[tuple[str, str, tuple[float, ...]], SignalSeries] = {}
-        self._localisation = LocalisationSignals(trace, self.timeline.time)
+        self._localisation = LocalisationSignals(trace, self.time_base.time)
 
     def sample(self, signal: Signal) -> SignalSeries:
         """Return ``signal`` on the time base; it must have passed the static checks.
 
-        Raises :class:`daemon.judging.oracles._sampler.PluginError` for a signal of one's own that fails.
+        Raises :class:`PluginError` for a signal of one's own that fails.
         """
         thing = signal.object.name if signal.object is not None else ""
         arguments = tuple(a.value for a in signal.arguments if isinstance(a, Number))
@@ -193,7 +194,7 @@ class SignalSampler:
         return self._cache[key]
 
     @functools.cached_property
-    def sealed(self) -> Trace:
+    def read_only_trace(self) -> Trace:
         """The trace as plug-ins get it: none of its arrays can be written to."""
         return read_only_copy(self.trace)
 
@@ -215,7 +216,7 @@ class SignalSampler:
                 return sample_plugin_signal(name, self, arguments)
             return self._object_signal(name)
         if name in RECORDED_SIGNALS:
-            return SignalSeries(recorded_signal(self.trace, name, self.timeline.time))
+            return SignalSeries(recorded_signal(self.trace, name, self.time_base.time))
         if name.startswith("loc."):
             return self._localisation.sample(name)
         if name == "clearance":
@@ -228,7 +229,7 @@ class SignalSampler:
             "speed": self._speed,
             "speed.angular": self._angular_speed,
             "path.length": self._path_length,
-            "elapsed": lambda: self.timeline.time - self.timeline.start,
+            "elapsed": lambda: self.time_base.time - self.time_base.start,
             "mission.leg": lambda: self._leg() + 1.0,
             "mission.leg.elapsed": self._leg_elapsed,
             "mission.reached": self._reached,
@@ -247,14 +248,14 @@ class SignalSampler:
     @functools.cached_property
     def obstacles(self) -> ObstaclePolygons:
         """Everything the robot's body can hit, over time."""
-        return obstacles_of(self.trace, self.timeline.time)
+        return obstacles_of(self.trace, self.time_base.time)
 
     def _contacts(self, thing: str) -> tuple[Floats, ObjectIndices, tuple[str, ...]]:
         """Deepest contact of the robot per sample, since the previous sample, and with what.
 
         With ``thing``, only contacts with that.
         """
-        time = self.timeline.time
+        time = self.time_base.time
         depth = np.zeros(len(time))
         objects = np.full(len(time), -1, dtype=np.int32)
         names: dict[str, int] = {}
@@ -264,6 +265,8 @@ class SignalSampler:
             other = record.second if record.first == ROBOT else record.first
             if thing and not belongs_to(other, thing):
                 continue
+            # Contacts are recorded with the next state: each belongs to the first sample that is
+            # not before it.
             index = int(np.searchsorted(time, record.time - 1e-9))
             if index < len(time) and (objects[index] < 0 or record.depth > depth[index]):
                 depth[index] = max(depth[index], record.depth)
@@ -271,11 +274,11 @@ class SignalSampler:
         return depth, objects, tuple(names)
 
     def _speed(self) -> Floats:
-        truth, count = self.trace.ground_truth, len(self.timeline.time)
+        truth, count = self.trace.ground_truth, len(self.time_base.time)
         return np.hypot(truth.vx[:count], truth.vy[:count])
 
     def _angular_speed(self) -> Floats:
-        return np.abs(self.trace.ground_truth.wz[: len(self.timeline.time)])
+        return np.abs(self.trace.ground_truth.wz[: len(self.time_base.time)])
 
     def _path_length(self) -> Floats:
         steps = np.hypot(np.diff(self.x, prepend=self.x[:1]), np.diff(self.y, prepend=self.y[:1]))
@@ -286,7 +289,7 @@ class SignalSampler:
         return np.minimum(self.current, len(self.trace.spec.mission.waypoints) - 1.0)
 
     def _leg_elapsed(self) -> Floats:
-        leg, time = self._leg(), self.timeline.time
+        leg, time = self._leg(), self.time_base.time
         begun: dict[float, float] = {}
         for now, value in zip(time.tolist(), leg.tolist(), strict=True):
             begun.setdefault(value, now)
@@ -299,7 +302,7 @@ class SignalSampler:
     def _distance_to_go(self) -> Floats:
         waypoints = self.trace.spec.mission.waypoints
         if not waypoints:
-            return np.full(len(self.timeline.time), np.nan)
+            return np.full(len(self.time_base.time), np.nan)
         leg = self._leg()
         unknown = np.isnan(leg)
         index = np.where(unknown, 0.0, leg).astype(np.int64)
@@ -308,11 +311,11 @@ class SignalSampler:
 
     def _progress(self, values: list[float]) -> Floats:
         stamps = np.array([p.time for p in self.trace.progress], dtype=np.float64)
-        return hold_last(stamps, np.array(values), self.timeline.time)
+        return hold_last(stamps, np.array(values), self.time_base.time)
 
     def _object_signal(self, name: str) -> SignalSeries:
         reference = self._objects[name]
-        positions = joint_positions(self.trace, reference.object, self.timeline.time)
+        positions = joint_positions(self.trace, reference.object, self.time_base.time)
         if name.endswith(".distance"):
             foot_x, foot_y = hinge_foot(reference.object, reference.joint, positions)
             return SignalSeries(np.hypot(self.x - foot_x, self.y - foot_y))

@@ -8,15 +8,14 @@ interpolated between ground-truth samples, and held until the next one.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 import numpy as np
 import numpy.typing as npt
 
+from daemon.model.sut import TICK_RATE
+from daemon.trace import PoseTrack, Trace
 from grammars.model.geometry import Floats
-
-if TYPE_CHECKING:
-    from daemon.trace import PoseTrack, Trace
 
 ObjectIndices = npt.NDArray[np.int32]
 
@@ -41,8 +40,8 @@ class SignalSeries:
         return self.names[int(self.objects[index])]
 
 
-_TICK: Final = 0.01
-"""A run may end one simulation tick past its limit [s]."""
+_ROUNDING: Final = 1e-9
+"""Recorded nanoseconds are read as seconds [s]; times meant equal differ by less than this."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -72,13 +71,14 @@ def time_base_of(trace: Trace) -> TimeBase:
     A run that crashed counts as cut: what the robot would have done is unknown.
     """
     recorded = np.asarray(trace.ground_truth.time, dtype=np.float64)
-    count = int(np.searchsorted(recorded, trace.valid_until + 1e-9, side="right"))
+    count = int(np.searchsorted(recorded, trace.valid_until + _ROUNDING, side="right"))
     time = recorded[:count]
     end = max(float(trace.valid_until), float(time[-1])) if count else float(trace.valid_until)
     weight = np.diff(time, append=end) if count else np.empty(0)
     closed = trace.complete and trace.ended != "crashed"
+    # A run may end one simulation tick past its limit, which is counted from its first sample.
     start = float(time[0]) if count else 0.0
-    remaining = 0.0 if closed else max(0.0, start + trace.spec.limit + _TICK - end)
+    remaining = 0.0 if closed else max(0.0, start + trace.spec.limit + 1.0 / TICK_RATE - end)
     return TimeBase(time, weight, end, closed, remaining)
 
 
@@ -89,7 +89,7 @@ def hold_last(stamps: Floats, values: Floats, time: Floats) -> Floats:
     """
     if not len(stamps):
         return np.full(len(time), np.nan)
-    index = np.searchsorted(stamps, time + 1e-9, side="right") - 1
+    index = np.searchsorted(stamps, time + _ROUNDING, side="right") - 1
     return np.where(index < 0, np.nan, values[np.maximum(index, 0)])
 
 
@@ -171,6 +171,8 @@ class LocalisationSignals:
             return empty, empty, empty
         x = np.interp(stamps, truth.time, truth.x)
         y = np.interp(stamps, truth.time, truth.y)
+        # Unwrapped before interpolating: between pi - e and -pi + e lies pi, not 0.
         yaw = np.interp(stamps, truth.time, np.unwrap(truth.yaw))
+        # Into (-pi, pi]. Not ``wrap_angle``, whose last bits differ: verdicts hang on them.
         turned = np.pi - np.mod(np.pi - (track.yaw - yaw), 2.0 * np.pi)
         return track.x - x, track.y - y, turned

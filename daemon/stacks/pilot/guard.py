@@ -17,7 +17,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from daemon.stacks.kernels import Singles, interpolate_at, kernel
+from daemon.model.kernels import kernel
+from daemon.stacks.kernels import Singles, interpolate_at
 from daemon.stacks.pilot._parameters import PilotParameters
 from daemon.stacks.pilot.map_field import MapField
 from daemon.stacks.pilot.pursuit import DriveLimits

@@ -13,8 +13,9 @@ import math
 
 import numpy as np
 
+from daemon.model.kernels import kernel
 from daemon.model.sut import Estimate, Odometry
-from daemon.stacks.kernels import Singles, kernel, wrap_angle_modulo
+from daemon.stacks.kernels import Singles, wrap_angle_modulo
 from daemon.stacks.pilot._parameters import PilotParameters
 from daemon.stacks.pilot.map_field import MapField
 from grammars.model.geometry import Floats, Pose2, Twist2

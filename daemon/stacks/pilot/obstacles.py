@@ -6,7 +6,8 @@ import math
 
 import numpy as np
 
-from daemon.stacks.kernels import Integers, Singles, kernel
+from daemon.model.kernels import kernel
+from daemon.stacks.kernels import Integers, Singles
 from daemon.stacks.pilot.map_field import MapField
 from grammars.model.geometry import Floats, Pose2
 from grammars.model.robot import Laser

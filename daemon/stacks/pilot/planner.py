@@ -11,7 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from daemon.stacks.kernels import Integers, Singles, kernel
+from daemon.model.kernels import kernel
+from daemon.stacks.kernels import Integers, Singles
 from daemon.stacks.pilot.map_field import MapField
 from grammars.model.geometry import Floats, Point2
 

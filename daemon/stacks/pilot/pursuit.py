@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from daemon.stacks.kernels import kernel
+from daemon.model.kernels import kernel
 from daemon.stacks.pilot._parameters import PilotParameters
 from daemon.stacks.pilot.planner import SPACING, PlannedPath
 from grammars.model.geometry import Floats, Pose2, Twist2, wrap_angle

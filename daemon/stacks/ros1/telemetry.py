@@ -18,8 +18,8 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from daemon.model.kernels import kernel
 from daemon.model.sut import Cloud, CostmapPicture, Estimate
-from daemon.stacks.kernels import kernel
 from daemon.stacks.ros1.cost_grid import CostGrid
 from grammars.model.geometry import Floats, Pose2
 

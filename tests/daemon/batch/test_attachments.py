@@ -15,8 +15,7 @@ from daemon.batch.errors import Refused
 from daemon.batch.paths import StatePaths
 from daemon.batch.server import EventLog, FileUploads, admit_submission
 from daemon.batch.stores import encode_chunk
-from daemon.batch.worker import FileCache as WorkerFiles
-from daemon.batch.worker import WorkerPaths
+from daemon.batch.worker import InputCache, WorkerPaths
 from daemon.campaign import load_sut
 from daemon.model import attachments
 from daemon.model.attachments import (
@@ -170,7 +169,7 @@ def test_a_whole_that_is_another_one_is_never_kept(files: FileUploads) -> None:
         files.add_chunk(None, keep(0, MODEL + b"!"))  # type: ignore[arg-type]
     with pytest.raises(Refused, match="no file"):
         files.read_chunk(None, FileDownloadRequest(DIGEST, 0))  # type: ignore[arg-type]
-    assert list(files.places.files.iterdir()) == []
+    assert list(files.paths.files.iterdir()) == []
 
 
 def test_a_worker_never_keeps_what_another_digest_names(tmp_path: Path) -> None:
@@ -181,9 +180,9 @@ def test_a_worker_never_keeps_what_another_digest_names(tmp_path: Path) -> None:
         def ask(self, verb: object, request: FileDownloadRequest) -> DownloadChunk:
             return DownloadChunk(request.offset, 5, request.sha256, *encode_chunk(b"other"))
 
-    fetched = WorkerFiles(Liar(), WorkerPaths(places, shared=False), lambda: None)  # type: ignore[arg-type]
+    inputs = InputCache(Liar(), WorkerPaths(places, shared=False), lambda: None)  # type: ignore[arg-type]
     with pytest.raises(ValueError, match="another file"):
-        fetched._ensure(DIGEST)
+        inputs.file(DIGEST)
     assert list(places.files.iterdir()) == []
 
 

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
+from daemon.batch.amounts import parse_size, size_text
 from daemon.batch.client import Client
-from daemon.batch.sizes import parse_size, size_text
 from tests.daemon.batch.harness import daemon_at, eventually
 from tests.daemon.batch.samples import make_submission
 

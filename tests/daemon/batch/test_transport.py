@@ -172,7 +172,7 @@ def test_traces_come_over_the_bus_into_the_cache_and_are_verified(
     assert local_copy(trace, client) == Path(trace.location)  # it lies here
     there = TraceReference(trace.run, "/nowhere/" + trace.location, trace.sha256, trace.size)
     seen: list[int] = []
-    copy = local_copy(there, client, cache=tmp_path, told=seen.append)
+    copy = local_copy(there, client, cache=tmp_path, progress=seen.append)
     assert copy.read_bytes() == Path(trace.location).read_bytes()
     assert sum(seen) == trace.size
     assert len(seen) > 2

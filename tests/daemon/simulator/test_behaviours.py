@@ -179,7 +179,7 @@ def test_every_kind_of_distance_fires_at_the_same_tick_as_watching_always(of: st
             start=Pose2(1.3, -0.3, 0.0),
         )
         if not lazily:
-            simulated._director._motion = lambda: math.inf  # type: ignore[method-assign]
+            simulated._scheduler._way_since_check = lambda: math.inf  # type: ignore[method-assign]
         for k in range(240):
             turn = 0.3 * math.cos(0.07 * k)
             simulated.command(Twist2(0.7 * math.cos(0.04 * k), 0.1 * math.sin(0.1 * k), turn))
@@ -204,7 +204,7 @@ def test_triggers_of_sliding_and_chained_joints_miss_nothing_either(
             start=Pose2(0.8, 0.0, 0.0), behaviours=(behaviour,),
         )  # fmt: skip
         if not lazily:
-            simulated._director._motion = lambda: math.inf  # type: ignore[method-assign]
+            simulated._scheduler._way_since_check = lambda: math.inf  # type: ignore[method-assign]
         for k in range(200):
             simulated.command(Twist2(0.7 * math.cos(0.05 * k), 0.0, 0.2 * math.cos(0.1 * k)))
             simulated.advance(12)

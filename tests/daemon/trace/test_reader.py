@@ -123,8 +123,8 @@ def test_thinned_joint_states_interpolate_to_all_of_them(positions: list[float])
     samples = JointSamples(1)
     for step, position in enumerate(positions):
         samples.add(step * 50_000_000, np.array([position]), np.zeros(1))
-    samples.release()
-    times, states = samples.take()
+    samples.keep_last_repeat()
+    times, states = samples.drain()
     assert np.diff(times).max(initial=0) <= 1_000_000_000
     found = np.interp(np.arange(len(positions)) * 50_000_000, times, states[:, 0])
     np.testing.assert_array_equal(found, positions)

@@ -10,7 +10,7 @@ import pytest
 
 from daemon.batch.ledger import LedgerWriter, connect
 from daemon.batch.paths import StatePaths
-from daemon.batch.stores import _transfer, file_sha256, put_in_store, trace_url
+from daemon.batch.stores import file_sha256, put_in_store, trace_url
 from daemon.judging.oracles import judge, overall_outcome
 from daemon.model.ids import trace_name
 from daemon.model.messages import Completion
@@ -67,12 +67,12 @@ def here(tmp_path: Path, far: DaemonPart, monkeypatch: pytest.MonkeyPatch) -> Pa
     monkeypatch.setenv("SCENARIO_CONNECT", far.endpoint)
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     monkeypatch.chdir(tmp_path)
-    there = _transfer.matches_digest
+    there = Path.is_file
 
-    def is_file_of(path: Path, size: int, sha256: str) -> bool:
-        return not path.is_relative_to(far.state) and there(path, size, sha256)
+    def is_file(path: Path) -> bool:
+        return not path.is_relative_to(far.state) and there(path)
 
-    monkeypatch.setattr(_transfer, "matches_digest", is_file_of)
+    monkeypatch.setattr(Path, "is_file", is_file)
     return tmp_path
 
 

@@ -6,6 +6,7 @@ import logging
 import threading
 import uuid
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from typing import Final
 
 from distributed import Client, Future
@@ -20,6 +21,7 @@ from grammars.text import codec
 
 _TIMEOUT: Final = 5.0
 _PERIOD: Final = 0.5
+"""Seconds between two looks at who is there: Dask's own news of workers are not for clients."""
 _AFTER_LOSS: Final = 1.0
 
 _NO_CONNECTION: Final = (OSError, ValueError, TypeError, RuntimeError)
@@ -46,8 +48,22 @@ def _security(scheduler: DaskScheduler) -> Security:
     return security
 
 
+@dataclass(frozen=True, slots=True)
+class _DaskWorker:
+    """A Dask worker: asked by ``proof`` whether it executes runs, then fit, or not for a reason."""
+
+    proof: Future | None = None
+    threads: int = 0
+    unfit: str = ""
+
+
 class ClusterConnection:
-    """A thread that looks at the cluster twice a second, and connects again when it is gone."""
+    """A thread that looks at the cluster twice a second, and connects again when it is gone.
+
+    Dask keeps no results over the loss of its scheduler, and a client that reconnects finds all of
+    its futures cancelled. So the client is thrown away and made anew; attempts that were under way
+    end without blame and are leased again. Results are the ledger's business, not the cluster's.
+    """
 
     def __init__(
         self,
@@ -55,28 +71,27 @@ class ClusterConnection:
         executor: str,
         *,
         changed: Callable[[], None],
-        told: Callable[[str], None],
+        on_event: Callable[[object], None],
         log: Callable[[str], None],
     ) -> None:
         self._scheduler = scheduler
         self._executor = executor
         self._changed = changed
-        self._told = told
+        self._on_event = on_event
         self._log = log
         self._client: Client | None = None
         self._lock = threading.Lock()
-        self._proofs: dict[str, Future] = {}
-        self._fit: dict[str, int] = {}
-        self._unfit: dict[str, str] = {}
+        # By address. Written by the thread here and, when a job finds its worker unfit, by Dask's.
+        self._workers: dict[str, _DaskWorker] = {}
         self._leaving = threading.Event()
         self._keeper = threading.Thread(target=self._keep, name="cluster", daemon=True)
         self.topic = f"scenario-{uuid.uuid4().hex}"
 
     @property
-    def useless(self) -> bool:
+    def has_only_unfit(self) -> bool:
         """Whether there are workers and none of them is fit."""
         with self._lock:
-            return bool(self._unfit) and not self._fit and not self._proofs
+            return bool(self._workers) and all(one.unfit for one in self._workers.values())
 
     def open(self) -> None:
         """Connect; raises :class:`WorkerBroken` when nobody answers or versions differ."""
@@ -107,7 +122,7 @@ class ClusterConnection:
     def threads(self) -> int:
         """How many jobs the fit workers of the cluster execute at a time."""
         with self._lock:
-            return sum(self._fit.values())
+            return sum(one.threads for one in self._workers.values())
 
     def submit(self, job: bytes, given: Sequence[bytes]) -> tuple[Future, frozenset[str]]:
         """Have the cluster execute a job; raises ``OSError`` when that is not possible now.
@@ -119,7 +134,8 @@ class ClusterConnection:
         if client is None or not self.connected:
             raise ConnectionError(f"the Dask scheduler {self._scheduler.address} is gone")
         with self._lock:
-            workers = frozenset(self._fit if self._unfit else ())
+            some_unfit = any(one.unfit for one in self._workers.values())
+            workers = self._fit if some_unfit else frozenset()
         try:
             future = client.submit(
                 _remote.execute_job,
@@ -127,23 +143,26 @@ class ClusterConnection:
                 job,
                 *given,
                 workers=list(workers) or None,
-                retries=0,
-                pure=False,
+                retries=0,  # the ledger counts attempts
+                pure=False,  # the same run may be wanted again
             )
         except (RuntimeError, TypeError) as error:  # it was closed in the meantime
             raise ConnectionError(f"the Dask client is gone: {error}") from error
         return future, workers
 
-    def stranded(self, workers: frozenset[str]) -> bool:
+    def has_no_worker(self, workers: frozenset[str]) -> bool:
         """Whether a job that only these workers may execute waits for ever."""
         with self._lock:
             return bool(workers) and workers.isdisjoint(self._fit)
 
-    def distrust(self, worker: str, words: str) -> None:
+    @property
+    def _fit(self) -> frozenset[str]:
+        return frozenset(address for address, one in self._workers.items() if one.threads)
+
+    def exclude(self, worker: str, words: str) -> None:
         """Give that worker no more jobs."""
         with self._lock:
-            self._fit.pop(worker, None)
-            self._unfit[worker] = words
+            self._workers[worker] = _DaskWorker(unfit=words)
         self._log(f"not used: {words}")
         self._changed()
 
@@ -154,7 +173,7 @@ class ClusterConnection:
                 if not self.connected:
                     self._drop()
                     self._connect()
-                self._look()
+                self._update_workers()
             except (WorkerBroken, *_NO_CONNECTION) as error:
                 if not lost:
                     self._log(f"without the Dask scheduler {self._scheduler.address}: {error}")
@@ -176,7 +195,7 @@ class ClusterConnection:
         except BaseException:
             client.close()
             raise
-        client.subscribe_topic(self.topic, lambda event: self._told(event[1]))
+        client.subscribe_topic(self.topic, lambda event: self._on_event(event[1]))
         self._client = client
 
     def _check_scheduler(self, client: Client) -> None:
@@ -191,58 +210,59 @@ class ClusterConnection:
     def _drop(self) -> None:
         client, self._client = self._client, None
         with self._lock:
-            self._proofs.clear()
-            self._fit.clear()
-            self._unfit.clear()
+            self._workers.clear()
         if client is not None:
             client.close(timeout=_TIMEOUT)
         self._changed()
 
-    def _look(self) -> None:
+    def _update_workers(self) -> None:
         client = self._client
         assert client is not None
         threads: dict[str, int] = client.nthreads()
         with self._lock:
-            before = (dict(self._fit), dict(self._unfit))
-            for known in (self._proofs, self._fit, self._unfit):
-                for gone in known.keys() - threads.keys():
-                    del known[gone]
-        new = threads.keys() - self._proofs.keys() - self._fit.keys() - self._unfit.keys()
+            before = dict(self._workers)
+            for address in before.keys() - threads.keys():
+                del self._workers[address]
+            known = dict(self._workers)
+        new = threads.keys() - known.keys()
         if new:
-            self._meet(client, sorted(new))
-        for address in [a for a, proof in self._proofs.items() if proof.done()]:
-            self._settle(address, threads[address])
-        if before != (self._fit, self._unfit):
+            self._check_new(client, sorted(new))
+        for address, one in known.items():
+            if one.proof is not None and one.proof.done():
+                self._take_proof(address, one.proof, threads[address])
+        if before != self._workers:
             self._changed()
 
-    def _meet(self, client: Client, new: list[str]) -> None:
-        """Ask new workers who they are, and those of our version to get ready."""
+    def _check_new(self, client: Client, new: list[str]) -> None:
+        """Ask new workers who they are, and those of our version to get ready.
+
+        Asked by ``run``, not by a task: a worker that cannot import a task dies of it (distributed
+        2026.8), and with it what it executes for others.
+        """
         answers = client.run(own_version, workers=new, on_error="return")
         for address, answer in answers.items():
             if isinstance(answer, OSError):
-                continue  # gone already, or asked again at the next look
+                continue  # it left already, or is asked again at the next look
             words = _version_mismatch(f"Dask worker {address}", answer)
             if words:
-                self.distrust(address, words)
+                self.exclude(address, words)
                 continue
             proof = client.submit(
                 _remote.start_launcher, self._executor, workers=[address], retries=0, pure=False
             )
             with self._lock:
-                self._proofs[address] = proof
+                self._workers[address] = _DaskWorker(proof)
 
-    def _settle(self, address: str, threads: int) -> None:
-        future = self._proofs[address]
-        if future.status == "cancelled":
-            del self._proofs[address]  # asked again at the next look
-            return
-        words = _unfit_reason(address, future)
+    def _take_proof(self, address: str, proof: Future, threads: int) -> None:
+        words = "" if proof.status == "cancelled" else _unfit_reason(address, proof)
         if words:
-            self.distrust(address, words)
+            self.exclude(address, words)
+            return
         with self._lock:
-            if not words:
-                self._fit[address] = threads
-            del self._proofs[address]
+            if proof.status == "cancelled":
+                self._workers.pop(address, None)  # asked again at the next look
+            else:
+                self._workers[address] = _DaskWorker(threads=threads)
 
 
 def _unfit_reason(address: str, proof: Future) -> str:
@@ -251,7 +271,7 @@ def _unfit_reason(address: str, proof: Future) -> str:
     if error is not None:
         return f"Dask worker {address}: {error!r}"
     report = codec.from_json(JobReport, proof.result(timeout=_TIMEOUT))
-    return report.words if report.fate is JobStatus.UNFIT else ""
+    return report.end.why if report.status is JobStatus.UNFIT else ""
 
 
 def _version_mismatch(place: str, answer: object) -> str:

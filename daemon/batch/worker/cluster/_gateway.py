@@ -1,4 +1,4 @@
-"""The backend that has a Dask cluster execute attempts, and one such attempt as the loop sees it."""
+"""The backend that has a Dask cluster execute attempts, and one such attempt for the loop."""
 
 from __future__ import annotations
 
@@ -8,13 +8,13 @@ import threading
 from collections import deque
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Final, Protocol
+from typing import Final
 
 from distributed import Future, KilledWorker
 from distributed.client import FutureCancelledError
 
 from daemon.batch.run_process import FILES, RESULT, TRACE
-from daemon.batch.worker._attempts import Attempt, Waitable
+from daemon.batch.worker._attempts import Attempt, AttemptEnd, Waitable
 from daemon.batch.worker._signals import WakeupSocket
 from daemon.batch.worker.cluster._connection import ClusterConnection
 from daemon.batch.worker.cluster._remote import (
@@ -36,24 +36,8 @@ from grammars.text.files import write_atomically
 _LONGEST_REASON: Final = 6000
 
 
-class ExecutionOwner(Protocol):
-    """Who looks after the attempts of the cluster."""
-
-    def submitted(self, key: str, run: RemoteExecution) -> None:
-        """The attempt is known to Dask as ``key``."""
-
-    def leave(self, run: RemoteExecution, key: str) -> None:
-        """An attempt has ended and been taken in."""
-
-    def suspect(self, run: str) -> bool:
-        """Dask gave up on a run since its workers died; returns whether that is nothing new."""
-
-    def ring(self) -> None:
-        """Something is to be listened to. Callable from any thread."""
-
-
 class RemoteExecution:
-    """Ends when Dask says so: in Dask's thread for callbacks, or in the agent's when killed."""
+    """Ends when Dask says so: in Dask's thread for callbacks, or in the worker's when killed."""
 
     waitables: tuple[Waitable, ...] = ()
     deadline = math.inf
@@ -64,31 +48,28 @@ class RemoteExecution:
         attempt: Attempt,
         scene: Path,
         job: bytes,
-        link: ClusterConnection,
-        home: ExecutionOwner,
+        cluster: ClusterConnection,
+        gateway: Gateway,
     ) -> None:
         self.attempt = attempt
         self.live = b""
-        self.blame = False
-        self.lacks = False
-        self.ended = False
+        self.end: AttemptEnd | None = None
         self._scene = scene
         self._job = job
-        self._link = link
-        self._home = home
-        self._words = ""
+        self._cluster = cluster
+        self._gateway = gateway
         self._future: Future | None = None
         self._key = ""
         self._workers: frozenset[str] = frozenset()
-        self._gave = False
+        self._inputs_sent = False
         self._lock = threading.RLock()
 
     def submit(self, given: Sequence[bytes] = ()) -> None:
         """Give it to the cluster; raises ``OSError`` when that is not possible now."""
-        future, self._workers = self._link.submit(self._job, given)
+        future, self._workers = self._cluster.submit(self._job, given)
         self._future = future
         self._key = future.key
-        self._home.submitted(future.key, self)
+        self._gateway.submitted(future.key, self)
         future.add_done_callback(self._take)
 
     def submit_or_end(self) -> None:
@@ -96,43 +77,38 @@ class RemoteExecution:
         try:
             self.submit()
         except OSError as error:
-            self._end(str(error))
+            self._finish(str(error))
 
     def listen(self) -> None:
         """Give up when no worker that may execute it is left; all else comes by itself."""
-        if self._link.stranded(self._workers):
+        if self._cluster.has_no_worker(self._workers):
             self.kill("the Dask workers that could execute it are gone")
 
     def kill(self, why: str = "") -> None:
         """Give it up; the cluster stops it within a fraction of a second."""
         with self._lock:
-            if not self.ended:
-                self._end(why)
-
-    def why(self) -> str:
-        """Why there is no result."""
-        return self._words[-_LONGEST_REASON:]
+            if self.end is None:
+                self._finish(why)
 
     def close(self) -> None:
         """Let others go on."""
-        self._home.leave(self, self._key)
+        self._gateway.forget(self, self._key)
 
-    def _end(self, words: str = "", *, blame: bool = False) -> None:
-        self._words = words
-        self.blame = blame
-        self.ended = True
+    def _finish(self, why: str = "", *, counts: bool = False, sut_missing: bool = False) -> None:
+        self.end = AttemptEnd(why[-_LONGEST_REASON:], counts, sut_missing)
         if self._future is not None:
             # Nobody wants it any more: Dask frees what it keeps, or cancels what executes.
             self._future.release()
-        self._home.ring()
+        self._gateway.wake()
 
     def _take(self, future: Future) -> None:
         try:
             answer = future.result()
         except KilledWorker as error:
             with self._lock:
-                if not self.ended:
-                    self._end(f"{error}", blame=self._home.suspect(self.attempt.grant.run))
+                if self.end is None:
+                    again = self._gateway.mark_suspect(self.attempt.lease.run)
+                    self._finish(str(error), counts=again)
         except FutureCancelledError as error:
             self.kill(f"the cluster dropped it: {error.reason}")
         except Exception as error:
@@ -141,27 +117,28 @@ class RemoteExecution:
             self.kill(f"the cluster failed: {error!r}")
         else:
             with self._lock:
-                if not self.ended and future is self._future:
-                    self._judge(answer)
+                # Not the answer that asked for scene and files, when they are on their way.
+                if self.end is None and future is self._future:
+                    self._take_answer(answer)
 
-    def _judge(self, answer: tuple[bytes, bytes, bytes]) -> None:
+    def _take_answer(self, answer: tuple[bytes, bytes, bytes]) -> None:
         report_json, result, trace = answer
         try:
             report = codec.from_json(JobReport, report_json)
-            if report.fate is JobStatus.DONE:
-                self._keep(result, trace)
-                self._end()
-            elif report.fate is JobStatus.MISSING and not self._gave:
-                self._gave = True
-                self.submit(self._gifts(report.missing))
+            if report.status is JobStatus.DONE:
+                self._write_output(result, trace)
+                self._finish()
+            elif report.status is JobStatus.MISSING and not self._inputs_sent:
+                self._inputs_sent = True
+                self.submit(self._read_inputs(report.missing))
             else:
                 self._fail(report)
         except (OSError, ValueError) as error:
-            self._end(f"what came from the cluster was not taken: {error}")
+            self._finish(f"what came from the cluster was not taken: {error}")
 
-    def _gifts(self, missing: Sequence[str]) -> list[bytes]:
+    def _read_inputs(self, missing: Sequence[str]) -> list[bytes]:
         """What the Dask worker lacks; raises ``ValueError`` for more than it may."""
-        spec = self.attempt.grant.spec
+        spec = self.attempt.lease.spec
         files = set(attached_digests(spec.sut.parameters).values())
         paths = {digest: self.attempt.folder / FILES / digest for digest in files}
         paths[spec.scene] = self._scene
@@ -174,27 +151,29 @@ class RemoteExecution:
         return [path.read_bytes() for path in found]
 
     def _fail(self, report: JobReport) -> None:
-        if report.fate is JobStatus.UNFIT:
-            self._link.distrust(report.worker, report.words)
-        self.lacks = report.lacks
-        words = report.words or f"Dask worker {report.worker} ended it: {report.fate}"
-        self._end(words, blame=report.blame)
+        if report.status is JobStatus.UNFIT:
+            self._cluster.exclude(report.worker, report.end.why)
+        why = report.end.why or f"Dask worker {report.worker} ended it: {report.status}"
+        self._finish(why, counts=report.end.counts, sut_missing=report.end.sut_missing)
 
-    def _keep(self, result: bytes, trace: bytes) -> None:
+    def _write_output(self, result: bytes, trace: bytes) -> None:
         """Put both where a run of this machine would; raises ``ValueError`` for damage."""
         if len(result) > LARGEST_REQUEST or len(trace) > LARGEST_TRACE:
             raise ValueError(f"{len(result)} + {len(trace)} bytes are too many")
         value = codec.from_json(RunResult, result)
-        if value.spec != self.attempt.grant.spec.digest:
+        if value.spec != self.attempt.lease.spec.digest:
             raise ValueError("it is the result of another run")
         if hashlib.sha256(trace).hexdigest() != value.trace.sha256:
             raise ValueError("the trace was damaged on its way")
+        # Before Dask may forget them: from here on the spool has both, whatever dies.
         write_atomically(self.attempt.folder / TRACE, trace)
         write_atomically(self.attempt.folder / RESULT, result)
 
 
 _MOST_SLOTS: Final = 1024
+"""Most attempts leased at a time: each is a folder and is renewed every few seconds."""
 _MOST_SUSPECTS: Final = 4096
+"""So many are remembered; who was forgotten is suspected anew before it is blamed."""
 
 
 class Gateway:
@@ -213,44 +192,46 @@ class Gateway:
         slots: int | None,
         log: Callable[[str], None],
     ) -> None:
-        self._bell = WakeupSocket()
+        self._wakeup = WakeupSocket()
         self._executor = executor
         self._wished = slots
-        self._link = ClusterConnection(
-            scheduler, executor, changed=self._bell.ring, told=self._hear, log=log
+        self._cluster = ClusterConnection(
+            scheduler, executor, changed=self.wake, on_event=self._on_progress, log=log
         )
         self._runs: dict[str, RemoteExecution] = {}
         self._suspects: dict[str, None] = {}
         self._alone: RemoteExecution | None = None
         self._waiting: deque[RemoteExecution] = deque()
-        self.waitables: tuple[Waitable, ...] = (self._bell.ear,)
+        self.waitables: tuple[Waitable, ...] = (self._wakeup.receiver,)
 
     def open(self) -> None:
         """Connect; raises :class:`daemon.batch.errors.WorkerBroken` when that is impossible."""
-        self._link.open()
+        self._cluster.open()
 
     def close(self) -> None:
         """Leave the cluster; what it still executes for us is stopped there."""
-        self._link.close()
-        self._bell.close()
+        self._cluster.close()
+        self._wakeup.close()
 
     @property
     def slots(self) -> int:
         """How many attempts the cluster takes at a time, right now."""
-        if not self._link.connected or self._link.useless:
+        if not self._cluster.connected or self._cluster.has_only_unfit:
             return 0
-        wished = self._link.threads if self._wished is None else self._wished
+        wished = self._cluster.threads if self._wished is None else self._wished
         return min(wished, _MOST_SLOTS)
 
     def listen(self) -> None:
-        """Let the bell ring again."""
-        self._bell.take()
+        """Take the wake-ups: executions say themselves what is new."""
+        self._wakeup.take_wakeups()
 
     def start(self, attempt: Attempt, scene: Path, limits: RunLimits) -> RemoteExecution:
         """Give an attempt to the cluster; raises ``OSError`` when that is not possible now."""
-        job = ClusterJob(self._executor, attempt.grant, limits, self._link.topic)
-        run = RemoteExecution(attempt, scene, codec.to_json(job), self._link, self)
-        if attempt.grant.run not in self._suspects:
+        job = ClusterJob(self._executor, attempt.lease, limits, self._cluster.topic)
+        run = RemoteExecution(attempt, scene, codec.to_json(job), self._cluster, self)
+        # Dask kills a task's neighbours with their worker: two suspects at a time would let an
+        # innocent one die of the other again, and be blamed.
+        if attempt.lease.run not in self._suspects:
             run.submit()
         elif self._alone is None:
             run.submit()
@@ -263,11 +244,11 @@ class Gateway:
         """The attempt is known to Dask as ``key``."""
         self._runs[key] = run
 
-    def ring(self) -> None:
+    def wake(self) -> None:
         """Something is to be listened to. Callable from any thread."""
-        self._bell.ring()
+        self._wakeup.wake()
 
-    def suspect(self, run: str) -> bool:
+    def mark_suspect(self, run: str) -> bool:
         """Dask gave up on a run since its workers died; returns whether that is nothing new."""
         known = run in self._suspects
         self._suspects[run] = None
@@ -275,11 +256,11 @@ class Gateway:
             del self._suspects[next(iter(self._suspects))]
         return known
 
-    def leave(self, run: RemoteExecution, key: str) -> None:
+    def forget(self, run: RemoteExecution, key: str) -> None:
         """An attempt has ended and been taken in."""
         self._runs.pop(key, None)
         if run.attempt.finished:
-            self._suspects.pop(run.attempt.grant.run, None)
+            self._suspects.pop(run.attempt.lease.run, None)
         if run in self._waiting:
             self._waiting.remove(run)
         if run is self._alone:
@@ -287,16 +268,16 @@ class Gateway:
             if self._alone is not None:
                 self._alone.submit_or_end()
 
-    def _hear(self, message: object) -> None:
-        """Anybody in the cluster may publish anything: what is not news is ignored."""
+    def _on_progress(self, message: object) -> None:
+        """Take in what a run says; anybody in the cluster may publish anything else."""
         if not isinstance(message, str):
             return
         try:
-            news = codec.from_json(JobProgress, message)
-            live = codec.from_json(LiveSnapshot, news.live)
+            progress = codec.from_json(JobProgress, message)
+            live = codec.from_json(LiveSnapshot, progress.live)
         except ValueError:
             return
-        run = self._runs.get(news.key)
-        if run is not None and run.attempt.grant.run == live.run:
+        run = self._runs.get(progress.key)
+        if run is not None and run.attempt.lease.run == live.run:
             run.live = codec.to_json(live)
-            self._bell.ring()
+            self.wake()

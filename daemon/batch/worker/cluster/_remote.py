@@ -14,7 +14,7 @@ import time
 import uuid
 from collections.abc import Callable, Iterable
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from enum import StrEnum
 from multiprocessing.connection import Connection
 from pathlib import Path
@@ -26,7 +26,8 @@ from distributed.core import Status
 
 from daemon.batch.errors import WorkerBroken
 from daemon.batch.paths import StatePaths
-from daemon.batch.run_process import FILES, GRANT, RESULT, TRACE
+from daemon.batch.run_process import RESULT, TRACE
+from daemon.batch.worker._attempts import Attempt, AttemptEnd
 from daemon.batch.worker._launcher import READY, LaunchReport, LaunchRequest
 from daemon.model.attachments import attached_digests
 from daemon.model.execution import RunLimits, python_command
@@ -68,46 +69,51 @@ class JobStatus(StrEnum):
     STOPPED = "stopped"
 
 
+_NOTHING_SAID: Final = AttemptEnd()
+
+
 @dataclass(frozen=True, slots=True)
 class JobReport:
-    """The end of a job on Dask worker ``worker``; ``blame`` is the run's for having failed.
+    """What became of a job on Dask worker ``worker``; ``missing`` are digests of what it needs."""
 
-    It ``lacks`` the system under test, or things ``missing``, by digest.
-    """
-
-    fate: JobStatus
+    status: JobStatus
     worker: str
-    words: str = ""
-    blame: bool = False
-    lacks: bool = False
+    end: AttemptEnd = _NOTHING_SAID
     missing: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
 class JobProgress:
-    """What a job under way tells: a :class:`daemon.model.status.LiveSnapshot` in JSON."""
+    """What a job under way says: a :class:`daemon.model.status.LiveSnapshot` in JSON."""
 
     key: str
     live: str
 
 
 _WARM_UP_LIMIT: Final = 330.0
+"""Seconds: longer than the fork server of the launcher may take, which has a reason to give."""
 _TICK: Final = 0.2
+"""Seconds after which a run that nobody wants any more is stopped."""
 
 
 @dataclass(frozen=True, slots=True)
 class AttemptOutput:
     """What an attempt left; without a result, why."""
 
-    told: LaunchReport
+    end: AttemptEnd
     result: bytes = b""
     trace: bytes = b""
 
 
+_LAUNCHER_ENDED: Final = AttemptEnd("the process that starts runs ended")
+
+
 class RemoteLauncher:
-    """One sitter with its folder; any thread may have it run an attempt."""
+    """One launcher with its folder; any thread may have it run an attempt."""
 
     def __init__(self, executor: str, directory: str) -> None:
+        # A program of its own: a Dask worker has threads and event loops, so nothing may be forked
+        # from it, and what runs need takes seconds to import.
         ours, theirs = socket.socketpair()
         with theirs:
             command = python_command("-m", "daemon.batch.worker._launcher")
@@ -116,14 +122,14 @@ class RemoteLauncher:
                 command, stdin=subprocess.DEVNULL, pass_fds=(theirs.fileno(),)
             )
         self._wire = Connection(ours.detach())
-        self._places = StatePaths(Path(self._greet()))
-        self._places.make_folders()
+        self._paths = StatePaths(Path(self._read_greeting()))
+        self._paths.make_folders()
         self._sending = threading.Lock()
         self._inboxes: dict[str, SimpleQueue[LaunchReport]] = {}
-        self.gone = False
-        threading.Thread(target=self._read, name="sitter", daemon=True).start()
+        self.ended = False
+        threading.Thread(target=self._read, name="launcher", daemon=True).start()
 
-    def _greet(self) -> str:
+    def _read_greeting(self) -> str:
         hello = b""
         with suppress(EOFError, OSError):  # it died: there are no words
             hello = self._wire.recv_bytes() if self._wire.poll(_WARM_UP_LIMIT) else b""
@@ -136,15 +142,15 @@ class RemoteLauncher:
         return words
 
     def _read(self) -> None:
-        with suppress(EOFError, OSError):  # the sitter is gone: everybody waiting is told
+        with suppress(EOFError, OSError):  # it ended: whoever waits is told below
             while True:
-                told = codec.from_json(LaunchReport, self._wire.recv_bytes())
-                inbox = self._inboxes.get(told.key)
+                report = codec.from_json(LaunchReport, self._wire.recv_bytes())
+                inbox = self._inboxes.get(report.key)
                 if inbox is not None:
-                    inbox.put(told)
-        self.gone = True
+                    inbox.put(report)
+        self.ended = True
         for key, inbox in tuple(self._inboxes.items()):
-            inbox.put(LaunchReport(key, ended=True, why="the process that starts runs ended"))
+            inbox.put(LaunchReport(key, end=_LAUNCHER_ENDED))
         self._process.wait()
 
     def missing(self, spec: RunSpec) -> tuple[str, ...]:
@@ -164,14 +170,14 @@ class RemoteLauncher:
             write_atomically(path, data, durable=False)
 
     def _needed(self, spec: RunSpec) -> dict[str, Path]:
-        paths = {spec.scene: self._places.scene(spec.scene)}
+        paths = {spec.scene: self._paths.scene(spec.scene)}
         for digest in attached_digests(spec.sut.parameters).values():
-            paths[digest] = self._places.files / digest
+            paths[digest] = self._paths.files / digest
         return paths
 
     def run(
         self,
-        grant: Lease,
+        lease: Lease,
         limits: RunLimits,
         wanted: Callable[[], bool],
         tell: Callable[[str], None],
@@ -181,17 +187,15 @@ class RemoteLauncher:
         ``tell`` is given what it tells about itself. Raises ``OSError`` when there is no room.
         """
         key = uuid.uuid4().hex
-        folder = self._places.spool / key / f"attempt-{grant.attempt}"
+        folder = self._paths.spool / key / f"attempt-{lease.attempt}"
         inbox = self._inboxes[key] = SimpleQueue()
         try:
-            folder.mkdir(parents=True)
-            (folder / GRANT).write_bytes(codec.to_json(grant))
-            if attached_digests(grant.spec.sut.parameters):
-                (folder / FILES).symlink_to(self._places.files)
-            scene = self._places.scene(grant.spec.scene)
+            attempt = Attempt.prepare(folder, lease)
+            if attached_digests(lease.spec.sut.parameters):
+                attempt.link_files(self._paths.files)
+            scene = self._paths.scene(lease.spec.scene)
             self._send(LaunchRequest(key, str(folder), str(scene), limits))
-            told = self._await(key, inbox, wanted, tell)
-            return _read_output(told, folder)
+            return _read_output(self._await(key, inbox, wanted, tell), attempt)
         finally:
             del self._inboxes[key]
             shutil.rmtree(folder.parent, ignore_errors=True)
@@ -202,35 +206,36 @@ class RemoteLauncher:
         inbox: SimpleQueue[LaunchReport],
         wanted: Callable[[], bool],
         tell: Callable[[str], None],
-    ) -> LaunchReport:
+    ) -> AttemptEnd:
         while True:
             try:
-                told = inbox.get(timeout=_TICK)
+                report = inbox.get(timeout=_TICK)
             except Empty:
-                if self.gone:
-                    return LaunchReport(key, ended=True, why="the process that starts runs ended")
+                # It may have ended before this inbox was there for its reader to find.
+                if self.ended:
+                    return _LAUNCHER_ENDED
                 if not wanted():
                     self._send(LaunchRequest(key))
                 continue
-            if told.ended:
-                return told
-            tell(told.live)
+            if report.end is not None:
+                return report.end
+            tell(report.live)
 
-    def _send(self, order: LaunchRequest) -> None:
+    def _send(self, request: LaunchRequest) -> None:
         with self._sending:
-            self._wire.send_bytes(codec.to_json(order))
+            self._wire.send_bytes(codec.to_json(request))
 
 
-def _read_output(told: LaunchReport, folder: Path) -> AttemptOutput:
-    result, trace = folder / RESULT, folder / TRACE
-    if not result.exists():
-        return AttemptOutput(told)
+def _read_output(end: AttemptEnd, attempt: Attempt) -> AttemptOutput:
+    if not attempt.finished:
+        return AttemptOutput(end)
+    result, trace = attempt.folder / RESULT, attempt.folder / TRACE
     for path, limit in ((result, LARGEST_REQUEST), (trace, LARGEST_TRACE)):
         size = path.stat().st_size
         if size > limit:
             words = f"its {path.name} has {size} bytes; at most {limit} travel from a cluster"
-            return AttemptOutput(LaunchReport(told.key, ended=True, blame=True, why=words))
-    return AttemptOutput(told, result.read_bytes(), trace.read_bytes())
+            return AttemptOutput(AttemptEnd(words, counts=True))
+    return AttemptOutput(end, result.read_bytes(), trace.read_bytes())
 
 
 _launchers: dict[str, RemoteLauncher] = {}
@@ -238,18 +243,19 @@ _starting: Final = threading.Lock()
 
 
 def remote_launcher(executor: str, directory: str) -> RemoteLauncher:
-    """The household of this process for ``executor``, a new one when it is gone.
+    """The launcher of this process for ``executor``, a new one when it has ended.
 
     Raises :class:`WorkerBroken` when runs cannot be executed here.
     """
     with _starting:
         found = _launchers.get(executor)
-        if found is None or found.gone:
+        if found is None or found.ended:
             found = _launchers[executor] = RemoteLauncher(executor, directory)
         return found
 
 
 _LIVE_PERIOD: Final = 1.0
+"""Seconds between two snapshots of a run: all of them pass through the one scheduler."""
 _CLOSING: Final = (Status.closing, Status.closed, Status.failed)
 
 
@@ -261,28 +267,27 @@ def start_launcher(executor: str) -> bytes:
         remote_launcher(executor, worker.local_directory)
     except (WorkerBroken, OSError) as error:
         words = f"Dask worker {worker.address}: {error}"
-    return codec.to_json(
-        JobReport(JobStatus.UNFIT if words else JobStatus.DONE, worker.address, words)
-    )
+    status = JobStatus.UNFIT if words else JobStatus.DONE
+    return codec.to_json(JobReport(status, worker.address, AttemptEnd(words)))
 
 
 def execute_job(version: str, job: bytes, *given: bytes) -> tuple[bytes, bytes, bytes]:
-    """Execute a :class:`ClusterJob` of that version: a :class:`JobReport`, the result (both in JSON) and
-    the trace.
+    """Execute a :class:`ClusterJob` of that version.
 
-    Scene and files not ``given`` are those this Dask worker has kept, or the report asks for them.
+    Returns a :class:`JobReport`, the result (both in JSON) and the trace. Scene and files not
+    ``given`` are those this Dask worker has kept, or the report asks for them.
     """
     worker = get_worker()
-    report, result, trace = JobReport(JobStatus.UNFIT, worker.address), b"", b""
+    result, trace = b"", b""
     try:
-        if version == own_version():
-            report, result, trace = _execute_here(worker, codec.from_json(ClusterJob, job), given)
-        else:
-            report = replace(report, words=f"{worker.address} has {own_version()}")
+        # Compared before the job is read: what it is written in may have changed.
+        if version != own_version():
+            raise WorkerBroken(f"{worker.address} has {own_version()}")
+        report, result, trace = _execute_here(worker, codec.from_json(ClusterJob, job), given)
     except WorkerBroken as error:
-        report = replace(report, words=str(error))
+        report = JobReport(JobStatus.UNFIT, worker.address, AttemptEnd(str(error)))
     except (OSError, ValueError) as error:
-        report = JobReport(JobStatus.FAILED, worker.address, str(error))
+        report = JobReport(JobStatus.FAILED, worker.address, AttemptEnd(str(error)))
     return codec.to_json(report), result, trace
 
 
@@ -290,22 +295,22 @@ def _execute_here(
     worker: Any, job: ClusterJob, given: tuple[bytes, ...]
 ) -> tuple[JobReport, bytes, bytes]:
     where = worker.address
-    house = remote_launcher(job.executor, worker.local_directory)
-    house.keep(job.grant.spec, given)
-    missing = house.missing(job.grant.spec)
+    launcher = remote_launcher(job.executor, worker.local_directory)
+    launcher.keep(job.grant.spec, given)
+    missing = launcher.missing(job.grant.spec)
     if missing:
         return JobReport(JobStatus.MISSING, where, missing=missing), b"", b""
     key = worker.get_current_task()
-    left = house.run(
+    output = launcher.run(
         job.grant,
         job.limits,
         lambda: _is_wanted(worker, key),
         _progress_publisher(worker, job.topic, key),
     )
-    if left.result:
-        return JobReport(JobStatus.DONE, where), left.result, left.trace
-    fate = JobStatus.FAILED if _is_wanted(worker, key) else JobStatus.STOPPED
-    return JobReport(fate, where, left.told.why, left.told.blame, left.told.lacks), b"", b""
+    if output.result:
+        return JobReport(JobStatus.DONE, where), output.result, output.trace
+    status = JobStatus.FAILED if _is_wanted(worker, key) else JobStatus.STOPPED
+    return JobReport(status, where, output.end), b"", b""
 
 
 def _is_wanted(worker: Any, key: str) -> bool:
@@ -316,6 +321,7 @@ def _is_wanted(worker: Any, key: str) -> bool:
     """
     if worker.status in _CLOSING:
         return False
+    # Dask has no public way to ask (distributed 2026.8): its worker's own table of tasks.
     task = worker.state.tasks.get(key)
     return task is not None and task.state in ("executing", "long-running")
 

@@ -9,7 +9,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from daemon.stacks.kernels import kernel, wrap_angle_modulo
+from daemon.model.kernels import kernel
+from daemon.stacks.kernels import wrap_angle_modulo
 from daemon.stacks.ros1.amcl._parameters import AmclParameters
 from grammars.model.geometry import Floats, Pose2, wrap_angle
 

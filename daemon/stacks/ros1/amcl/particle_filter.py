@@ -11,7 +11,8 @@ from functools import cached_property
 
 import numpy as np
 
-from daemon.stacks.kernels import Integers, Singles, kernel
+from daemon.model.kernels import kernel
+from daemon.stacks.kernels import Integers, Singles
 from daemon.stacks.ros1.amcl._parameters import AmclParameters
 from daemon.stacks.ros1.amcl.laser_model import LaserModel
 from daemon.stacks.ros1.amcl.motion_model import OdometryMotion, move_particles

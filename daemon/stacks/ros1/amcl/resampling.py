@@ -16,7 +16,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from daemon.stacks.kernels import Integers, kernel
+from daemon.model.kernels import kernel
+from daemon.stacks.kernels import Integers
 from daemon.stacks.ros1.amcl._parameters import AmclParameters
 from grammars.model.geometry import Floats
 

@@ -13,7 +13,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from daemon.stacks.kernels import Integers, kernel
+from daemon.model.kernels import kernel
+from daemon.stacks.kernels import Integers
 from daemon.stacks.ros1.cost_grid import INSCRIBED
 from daemon.stacks.ros1.costmap._obstacle_layer import LETHAL, UNKNOWN, Cells, cell_value
 

@@ -14,7 +14,8 @@ from typing import TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from daemon.stacks.kernels import Integers, Singles, kernel
+from daemon.model.kernels import kernel
+from daemon.stacks.kernels import Integers, Singles
 from grammars.model.geometry import Floats, Pose2
 
 

@@ -17,7 +17,8 @@ from typing import Final
 
 import numpy as np
 
-from daemon.stacks.kernels import Integers, kernel
+from daemon.model.kernels import kernel
+from daemon.stacks.kernels import Integers
 from daemon.stacks.ros1.cost_grid import FREE_SPACE
 from daemon.stacks.ros1.costmap._inflation import (
     InflationTable,

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from daemon.stacks.kernels import Integers, kernel
+from daemon.model.kernels import kernel
+from daemon.stacks.kernels import Integers
 from daemon.stacks.ros1.dwa._parameters import DwaSettings
 from daemon.stacks.ros1.dwa.footprint import footprint_cost, footprint_scale
 from daemon.stacks.ros1.dwa.map_grid import DIGITS, Bits, Cells, cell_of, distance_at, is_fit

@@ -13,7 +13,8 @@ import math
 
 import numpy as np
 
-from daemon.stacks.kernels import Integers, kernel
+from daemon.model.kernels import kernel
+from daemon.stacks.kernels import Integers
 from daemon.stacks.ros1.dwa._parameters import DwaSettings
 from daemon.stacks.ros1.dwa._scoring import ScoringGrid, oscillates, score_trajectory, total_cost
 from daemon.stacks.ros1.dwa.footprint import footprint_cost, footprint_scale

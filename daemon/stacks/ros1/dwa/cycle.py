@@ -11,7 +11,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from daemon.stacks.kernels import Integers, kernel
+from daemon.model.kernels import kernel
+from daemon.stacks.kernels import Integers
 from daemon.stacks.ros1.cost_grid import CostGrid
 from daemon.stacks.ros1.dwa._parameters import DwaSettings
 from daemon.stacks.ros1.dwa._scoring import ScoringGrid, score_trajectory, set_critic_weights

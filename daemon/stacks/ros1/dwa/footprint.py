@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 
-from daemon.stacks.kernels import Integers, kernel
+from daemon.model.kernels import kernel
+from daemon.stacks.kernels import Integers
 from daemon.stacks.ros1.cost_grid import INSCRIBED, LETHAL
 from daemon.stacks.ros1.dwa._parameters import DwaSettings
 from daemon.stacks.ros1.dwa.map_grid import Cells, cell_of

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from daemon.stacks.kernels import kernel
+from daemon.model.kernels import kernel
 from daemon.stacks.ros1.dwa._parameters import DwaSettings
 from grammars.model.geometry import Floats
 

@@ -16,7 +16,7 @@ from typing import Final, Protocol
 import numpy as np
 import numpy.typing as npt
 
-from daemon.stacks.kernels import kernel
+from daemon.model.kernels import kernel
 from daemon.stacks.ros1.cost_grid import CostGrid
 from daemon.stacks.ros1.dwa import footprint_cost
 from daemon.stacks.ros1.move_base._parameters import (

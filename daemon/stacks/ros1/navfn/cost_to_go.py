@@ -6,7 +6,8 @@ from typing import Final
 
 import numpy as np
 
-from daemon.stacks.kernels import Integers, Singles, kernel
+from daemon.model.kernels import kernel
+from daemon.stacks.kernels import Integers, Singles
 from daemon.stacks.ros1.navfn.propagation import (
     BLOCKED,
     BUFFER,

@@ -15,7 +15,8 @@ from typing import Final, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from daemon.stacks.kernels import Integers, Singles, kernel
+from daemon.model.kernels import kernel
+from daemon.stacks.kernels import Integers, Singles
 from daemon.stacks.ros1.cost_grid import INSCRIBED, NO_INFORMATION
 from grammars.model.geometry import Floats
 

@@ -10,7 +10,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from daemon.stacks.kernels import Integers, Singles, kernel
+from daemon.model.kernels import kernel
+from daemon.stacks.kernels import Integers, Singles
 from daemon.stacks.ros1.navfn.propagation import (
     BLOCKED,
     PENDING,

@@ -12,6 +12,7 @@ import pytest
 from daemon.analysis.blame import BudgetSpentError, Candidate, CandidateRunner, execute_candidates
 from daemon.campaign import expand, load_campaign
 from daemon.model.verdicts import Outcome
+from daemon.run import execute
 from tests.daemon.analysis.blame.cases import CAMPAIGN, failing_if, pretend, write
 
 
@@ -28,21 +29,16 @@ def numbered(candidate: Candidate, count: int) -> list[Candidate]:
     ]
 
 
-def test_verdicts_come_back_and_a_process_that_dies_is_unresolved(
-    candidate: Candidate, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_verdicts_come_back_and_a_process_that_dies_is_unresolved(candidate: Candidate) -> None:
     doomed = dataclasses.replace(candidate.spec, seed=1)
 
-    def execute(spec, scene, **rest):
+    def execute_or_die(spec, scene, **rest):
         if spec.seed == 1:
             os._exit(3)
-        return real(spec, scene, **rest)
+        return execute(spec, scene, **rest)
 
-    from daemon.analysis.blame import _runner
-
-    real = _runner.execute
-    monkeypatch.setattr(_runner, "execute", execute)
-    good, bad = execute_candidates([candidate, Candidate(doomed, candidate.scene)])
+    pair = [candidate, Candidate(doomed, candidate.scene)]
+    good, bad = execute_candidates(pair, execute_or_die)
     assert [one.word for one in good] == ["fail", "pass"]
     assert [one.verdict.oracle for one in good] == ["reached", "no-contact"]
     assert {one.word for one in bad} == {"unresolved"}
@@ -52,7 +48,7 @@ def test_verdicts_come_back_and_a_process_that_dies_is_unresolved(
 def test_an_interrupt_leaves_no_process_behind(
     candidate: Candidate, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    def execute(*_, **__) -> None:
+    def never_end(*_, **__) -> None:
         (tmp_path / str(os.getpid())).touch()
         time.sleep(60.0)
 
@@ -61,10 +57,9 @@ def test_an_interrupt_leaves_no_process_behind(
             time.sleep(0.01)
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("daemon.analysis.blame._runner.execute", execute)
     monkeypatch.setattr("daemon.analysis.blame._runner._await", interrupted)
     with pytest.raises(KeyboardInterrupt):
-        execute_candidates(numbered(candidate, 2))
+        execute_candidates(numbered(candidate, 2), never_end)  # type: ignore[arg-type]
     for name in tmp_path.glob("[0-9]*"):
         with pytest.raises(ProcessLookupError):
             os.kill(int(name.name), 0)

@@ -10,9 +10,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from daemon.analysis.coverage import covered_cells, floor_area, floor_grid, room_cells
-from daemon.analysis.coverage._building import paint_footprints, paint_rays
-from daemon.analysis.coverage._rules import contains_point
+from daemon.analysis.coverage import (
+    contains_point,
+    covered_cells,
+    floor_area,
+    floor_grid,
+    paint_footprints,
+    paint_rays,
+    room_cells,
+)
 from daemon.trace import TraceWriter, read_trace
 from grammars.model.geometry import Pose2, Twist2
 from grammars.model.grid import OccupancyGrid

@@ -33,10 +33,10 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="session")
-def material(folder: Path) -> ReportData:
+def data(folder: Path) -> ReportData:
     return read_report_data(folder_input(folder), processes=1)
 
 
 @pytest.fixture(scope="session")
-def page(material: ReportData) -> str:
-    return write_page(material, (COMMAND,), processes=1)
+def page(data: ReportData) -> str:
+    return write_page(data, (COMMAND,), processes=1)

@@ -11,9 +11,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from daemon.analysis.report import ReportData, ReportRun, folder_input, read_report_data
-from daemon.analysis.report._safety_buffer import oracle_limit, safety_buffer
-from daemon.analysis.report._tracks import thinned_indices
+from daemon.analysis.report import (
+    ReportData,
+    ReportRun,
+    folder_input,
+    oracle_limit,
+    read_report_data,
+    safety_buffer,
+    thinned_indices,
+)
 from daemon.batch.errors import Refused
 from daemon.model.verdicts import Outcome
 from tests.daemon.analysis.report.recordings import (
@@ -30,10 +36,10 @@ from tests.daemon.analysis.report.recordings import (
 )
 
 
-def run_of(material: ReportData, scenario: str, sut: str, repeat: int = 0) -> ReportRun:
+def run_of(data: ReportData, scenario: str, sut: str, repeat: int = 0) -> ReportRun:
     (found,) = [
         run
-        for run in material.runs
+        for run in data.runs
         if (run.record.scenario, run.record.sut, run.record.repeat) == (scenario, sut, repeat)
     ]
     return found
@@ -43,7 +49,7 @@ def test_a_folder_is_a_campaign_with_what_it_declares(folder: Path) -> None:
     chosen = folder_input(folder)
     assert (chosen.name, chosen.about, chosen.declared) == (NAME, ABOUT, DECLARED)
     assert len(chosen.records) == 4 * REPEATS
-    assert [watch.name for watch in chosen.watches] == ["door-17.hinge"]
+    assert [trigger.joint for trigger in chosen.watches] == ["door-17.hinge"]
 
 
 def test_traces_without_a_note_must_all_pass(folder: Path, tmp_path: Path) -> None:
@@ -54,16 +60,16 @@ def test_traces_without_a_note_must_all_pass(folder: Path, tmp_path: Path) -> No
     assert read_report_data(chosen, processes=1).assessment.exit_code == 1
 
 
-def test_runs_are_judged_and_assessed(material: ReportData) -> None:
-    near = run_of(material, SHUT, SUTS[0])
+def test_runs_are_judged_and_assessed(data: ReportData) -> None:
+    near = run_of(data, SHUT, SUTS[0])
     assert near.record.outcome is Outcome.FAIL
-    assert run_of(material, SHUT, SUTS[1]).record.outcome is Outcome.PASS
-    (surprise,) = material.assessment.surprises
+    assert run_of(data, SHUT, SUTS[1]).record.outcome is Outcome.PASS
+    (surprise,) = data.assessment.surprises
     assert (surprise.scenario, surprise.sut, surprise.oracle) == (OPEN, SUTS[0], "buffer")
 
 
-def test_measures_are_those_of_plain_geometry(material: ReportData) -> None:
-    found = run_of(material, OPEN, SUTS[0], 1).driven.measures
+def test_measures_are_those_of_plain_geometry(data: ReportData) -> None:
+    found = run_of(data, OPEN, SUTS[0], 1).tracks.measures
     # The leaf of the door stands 2 cm out of the wall at y = 1 m.
     nearest = 1.0 - 0.02 - LATERAL[SUTS[0]] - 0.233
     assert found["min clearance"] == pytest.approx(nearest, abs=1e-9)
@@ -77,14 +83,14 @@ def test_measures_are_those_of_plain_geometry(material: ReportData) -> None:
     assert "speed at trigger" not in found
 
 
-def test_the_far_robot_has_nothing_in_its_buffer(material: ReportData) -> None:
-    driven = run_of(material, SHUT, SUTS[1]).driven
-    assert driven.measures["time in buffer"] == 0.0
-    assert driven.inside.shape == (0, 2)
+def test_the_far_robot_has_nothing_in_its_buffer(data: ReportData) -> None:
+    tracks = run_of(data, SHUT, SUTS[1]).tracks
+    assert tracks.measures["time in buffer"] == 0.0
+    assert tracks.inside.shape == (0, 2)
 
 
-def test_obstacles_in_the_buffer_are_seen_from_the_robot(material: ReportData) -> None:
-    inside = run_of(material, OPEN, SUTS[0]).driven.inside
+def test_obstacles_in_the_buffer_are_seen_from_the_robot(data: ReportData) -> None:
+    inside = run_of(data, OPEN, SUTS[0]).tracks.inside
     assert len(inside) > 100
     assert (np.abs(inside) < (0.55, 0.433)).all()
     beside = 1.0 - LATERAL[SUTS[0]]
@@ -92,17 +98,17 @@ def test_obstacles_in_the_buffer_are_seen_from_the_robot(material: ReportData) -
         assert min(abs(y - beside - off) for off in (-0.02, 0.0, 0.02)) < 1e-6
 
 
-def test_a_door_that_shuts_and_the_same_door_that_does_not(material: ReportData) -> None:
-    (fired,) = run_of(material, SHUT, SUTS[0]).driven.passings
+def test_a_door_that_shuts_and_the_same_door_that_does_not(data: ReportData) -> None:
+    (fired,) = run_of(data, SHUT, SUTS[0]).tracks.encounters
     assert (fired.fired, fired.time, fired.speed_then) == (True, 14.0, SPEED)
-    (would,) = run_of(material, OPEN, SUTS[0]).driven.passings
+    (would,) = run_of(data, OPEN, SUTS[0]).tracks.encounters
     assert not would.fired
     ahead = math.sqrt(1.3**2 - (1.0 - LATERAL[SUTS[0]]) ** 2)
     assert would.time == pytest.approx((8.0 - ahead) / SPEED, abs=0.051)
 
 
-def test_contacts_are_kept(material: ReportData) -> None:
-    assert run_of(material, OPEN, SUTS[0]).driven.contacts == ((5.0, "wall-north", 2.5, 1.0),)
+def test_contacts_are_kept(data: ReportData) -> None:
+    assert run_of(data, OPEN, SUTS[0]).tracks.contacts == ((5.0, "wall-north", 2.5, 1.0),)
 
 
 def copied(folder: Path, to: Path) -> list[Path]:
@@ -121,8 +127,8 @@ def test_what_is_no_trace_is_named_and_left_out(folder: Path, tmp_path: Path) ->
 def test_a_trace_that_was_cut_is_judged_as_far_as_it_goes(folder: Path, tmp_path: Path) -> None:
     first = copied(folder, tmp_path)[0]
     first.write_bytes(first.read_bytes()[:-9000])
-    material = read_report_data(folder_input(tmp_path), processes=1)
-    (cut,) = [run for run in material.runs if run.record.trace == str(first)]
+    data = read_report_data(folder_input(tmp_path), processes=1)
+    (cut,) = [run for run in data.runs if run.record.trace == str(first)]
     assert cut.record.ended == ""
     assert cut.record.outcome in (Outcome.INCONCLUSIVE, Outcome.FAIL, Outcome.ERROR)
 
@@ -131,9 +137,9 @@ def test_a_trace_that_went_away_leaves_its_run(folder: Path, tmp_path: Path) -> 
     copied(folder, tmp_path)
     chosen = folder_input(tmp_path)
     Path(str(chosen.records[0].trace)).unlink()
-    material = read_report_data(chosen, processes=1)
-    assert "cannot be read" in material.runs[0].driven.problem
-    assert material.runs[0].record.outcome is None
+    data = read_report_data(chosen, processes=1)
+    assert "cannot be read" in data.runs[0].tracks.problem
+    assert data.runs[0].record.outcome is None
 
 
 def test_a_folder_without_traces_is_refused(tmp_path: Path) -> None:
@@ -141,10 +147,10 @@ def test_a_folder_without_traces_is_refused(tmp_path: Path) -> None:
         folder_input(tmp_path)
 
 
-def test_many_processes_find_the_same(folder: Path, material: ReportData) -> None:
+def test_many_processes_find_the_same(folder: Path, data: ReportData) -> None:
     spread = read_report_data(folder_input(folder), processes=2)
-    assert [run.record for run in spread.runs] == [run.record for run in material.runs]
-    assert [r.driven.measures for r in spread.runs] == [r.driven.measures for r in material.runs]
+    assert [run.record for run in spread.runs] == [run.record for run in data.runs]
+    assert [r.tracks.measures for r in spread.runs] == [r.tracks.measures for r in data.runs]
 
 
 @pytest.mark.parametrize(

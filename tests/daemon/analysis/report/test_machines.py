@@ -24,19 +24,19 @@ from tests.daemon.analysis.report.recordings import OPEN_SHOWN, SHUT, SUTS, WHY
 
 
 def test_the_table_has_every_measure_and_margin_in_full_precision(
-    material: ReportData, tmp_path: Path
+    data: ReportData, tmp_path: Path
 ) -> None:
-    write_csv(material, tmp_path / "measures.csv")
+    write_csv(data, tmp_path / "measures.csv")
     with (tmp_path / "measures.csv").open(encoding="utf-8", newline="") as file:
         rows = list(csv.DictReader(file))
     assert tuple(rows[0]) == COLUMNS
     found = {(row["run"], row["name"]): row for row in rows}
     assert len(found) == len(rows)
-    for run in material.runs:
+    for run in data.runs:
         for measure in MEASURES:
-            if measure.name in run.driven.measures:
+            if measure.name in run.tracks.measures:
                 row = found[run.record.id, measure.name]
-                assert float(row["value"]) == run.driven.measures[measure.name]
+                assert float(row["value"]) == run.tracks.measures[measure.name]
                 assert (row["kind"], row["unit"]) == ("measure", measure.unit)
         for verdict in run.record.verdicts:
             row = found[run.record.id, verdict.oracle]
@@ -45,9 +45,9 @@ def test_the_table_has_every_measure_and_margin_in_full_precision(
             assert float(row["value"]) == (verdict.evidence.value if measured else verdict.margin)
 
 
-def test_parquet_is_the_same_table_with_types(material: ReportData, tmp_path: Path) -> None:
-    write_csv(material, tmp_path / "measures.csv")
-    write_parquet(material, tmp_path / "measures.parquet")
+def test_parquet_is_the_same_table_with_types(data: ReportData, tmp_path: Path) -> None:
+    write_csv(data, tmp_path / "measures.csv")
+    write_parquet(data, tmp_path / "measures.parquet")
     table = pyarrow.parquet.read_table(tmp_path / "measures.parquet")
     with (tmp_path / "measures.csv").open(encoding="utf-8", newline="") as file:
         rows = list(csv.DictReader(file))
@@ -57,9 +57,9 @@ def test_parquet_is_the_same_table_with_types(material: ReportData, tmp_path: Pa
         assert {k: "" if v is None else str(v) for k, v in one.items()} == other
 
 
-def cases(material: ReportData, folder: Path) -> dict[tuple[str, str], junitparser.TestCase]:
+def cases(data: ReportData, folder: Path) -> dict[tuple[str, str], junitparser.TestCase]:
     path = folder / "results.xml"
-    write_junit(material, path)
+    write_junit(data, path)
     return {
         (suite.name, case.name): case
         for suite in junitparser.JUnitXml.fromfile(str(path))
@@ -67,10 +67,8 @@ def cases(material: ReportData, folder: Path) -> dict[tuple[str, str], junitpars
     }
 
 
-def test_build_servers_see_failures_known_ones_and_passes(
-    material: ReportData, tmp_path: Path
-) -> None:
-    found = cases(material, tmp_path)
+def test_build_servers_see_failures_known_ones_and_passes(data: ReportData, tmp_path: Path) -> None:
+    found = cases(data, tmp_path)
     near, far = SUTS
     (unexpected,) = found[f"{OPEN_SHOWN}/{near}", "buffer"].result
     assert isinstance(unexpected, junitparser.Failure)
@@ -83,15 +81,15 @@ def test_build_servers_see_failures_known_ones_and_passes(
     assert len(found) == 3 * 4 + 2
 
 
-def only(material: ReportData, **changes: object) -> ReportData:
+def only(data: ReportData, **changes: object) -> ReportData:
     """A campaign of one oracle of one cell, changed."""
-    cell = next(c for c in material.assessment.cells if (c.scenario, c.sut) == (SHUT, SUTS[0]))
+    cell = next(c for c in data.assessment.cells if (c.scenario, c.sut) == (SHUT, SUTS[0]))
     oracle = replace(cell.oracles[-1], **changes)  # type: ignore[arg-type]
-    return with_cell(material, replace(cell, oracles=(oracle,)))
+    return with_cell(data, replace(cell, oracles=(oracle,)))
 
 
-def with_cell(material: ReportData, cell: CellAssessment) -> ReportData:
-    return replace(material, assessment=Assessment((cell,), (), (), 0))
+def with_cell(data: ReportData, cell: CellAssessment) -> ReportData:
+    return replace(data, assessment=Assessment((cell,), (), (), 0))
 
 
 @pytest.mark.parametrize(
@@ -115,21 +113,21 @@ def with_cell(material: ReportData, cell: CellAssessment) -> ReportData:
     ],
 )  # fmt: skip
 def test_each_verdict_has_its_place_in_junit(
-    material: ReportData, tmp_path: Path, changes: dict[str, object], kind: str | None, type_: str
+    data: ReportData, tmp_path: Path, changes: dict[str, object], kind: str | None, type_: str
 ) -> None:
-    (case,) = cases(only(material, **changes), tmp_path).values()
+    (case,) = cases(only(data, **changes), tmp_path).values()
     shown = [(type(result).__name__, result.type) for result in case.result]
     assert shown == ([] if kind is None else [(kind, type_)])
 
 
-def test_a_cell_that_nothing_judged_is_an_error(material: ReportData, tmp_path: Path) -> None:
-    cell = replace(material.assessment.cells[0], oracles=(), verdict=Outcome.ERROR)
-    (case,) = cases(with_cell(material, cell), tmp_path).values()
+def test_a_cell_that_nothing_judged_is_an_error(data: ReportData, tmp_path: Path) -> None:
+    cell = replace(data.assessment.cells[0], oracles=(), verdict=Outcome.ERROR)
+    (case,) = cases(with_cell(data, cell), tmp_path).values()
     assert isinstance(case.result[0], junitparser.Error)
 
 
-def test_names_no_xml_can_hold_are_made_holdable(material: ReportData, tmp_path: Path) -> None:
-    oracle = replace(material.assessment.cells[0].oracles[0], oracle="bell \x07", worst=None)
+def test_names_no_xml_can_hold_are_made_holdable(data: ReportData, tmp_path: Path) -> None:
+    oracle = replace(data.assessment.cells[0].oracles[0], oracle="bell \x07", worst=None)
     assert isinstance(oracle, CellVerdict)
-    cell = replace(material.assessment.cells[0], oracles=(oracle,), scenario="\x00")
-    assert [name for _, name in cases(with_cell(material, cell), tmp_path)] == ["bell \ufffd"]
+    cell = replace(data.assessment.cells[0], oracles=(oracle,), scenario="\x00")
+    assert [name for _, name in cases(with_cell(data, cell), tmp_path)] == ["bell \ufffd"]

@@ -10,8 +10,15 @@ import html5lib
 import pytest
 
 from daemon.analysis.coverage import histogram_bars
-from daemon.analysis.report import ReportData, SuggestedCommand, headline, write_page
-from daemon.analysis.report._formatting import format_quantity, mean_and_deviation, verdict_details
+from daemon.analysis.report import (
+    ReportData,
+    SuggestedCommand,
+    format_quantity,
+    headline,
+    mean_and_deviation,
+    verdict_details,
+    write_page,
+)
 from daemon.judging.assessment import assess
 from daemon.model.verdicts import Evidence, Outcome, Verdict
 from tests.daemon.analysis.report.recordings import (
@@ -87,9 +94,9 @@ def test_identifiers_are_unique_and_references_lead_somewhere(page: str, tree: E
     assert references <= set(found)
 
 
-def test_the_matrix_says_what_the_assessment_says(material: ReportData, tree: Element) -> None:
+def test_the_matrix_says_what_the_assessment_says(data: ReportData, tree: Element) -> None:
     rows = list(section(tree, "matrix").iter(f"{HTML}tr"))[1:]
-    cells = {(c.scenario, c.sut): c for c in material.assessment.cells}
+    cells = {(c.scenario, c.sut): c for c in data.assessment.cells}
     for row, scenario in zip(rows, dict.fromkeys(s for s, _ in cells), strict=True):
         head, *shown = list(row)
         assert words(head) == scenario.replace("\x07", "\ufffd")
@@ -101,21 +108,21 @@ def test_the_matrix_says_what_the_assessment_says(material: ReportData, tree: El
                 assert f"to {100 * oracle.high:.1f}".removesuffix(".0") in words(column)
 
 
-def test_measures_are_means_over_the_repeats(material: ReportData, tree: Element) -> None:
+def test_measures_are_means_over_the_repeats(data: ReportData, tree: Element) -> None:
     table = next(section(tree, "measures").iter(f"{HTML}table"))
     names = [words(e).partition(" [")[0] for e in table.iter(f"{HTML}th")]
     row = next(r for r in table.iter(f"{HTML}tr") if SUTS[1] in words(r))
     shown = dict(zip(names, map(words, row), strict=False))
     values = [
-        run.driven.measures["min clearance"]
-        for run in material.runs
-        if (run.record.scenario, run.record.sut) == (material.runs[0].record.scenario, SUTS[1])
+        run.tracks.measures["min clearance"]
+        for run in data.runs
+        if (run.record.scenario, run.record.sut) == (data.runs[0].record.scenario, SUTS[1])
     ]
     mean, deviation = mean_and_deviation(values)
     assert shown["min clearance"] == f"{mean} ± {deviation}"
 
 
-def test_what_fails_comes_with_evidence_and_commands(material: ReportData, tree: Element) -> None:
+def test_what_fails_comes_with_evidence_and_commands(data: ReportData, tree: Element) -> None:
     found = section(tree, "findings")
     first = next(found.iter(f"{HTML}details"))
     assert OPEN_SHOWN in words(first)
@@ -127,9 +134,9 @@ def test_what_fails_comes_with_evidence_and_commands(material: ReportData, tree:
     assert f"known: {WHY}" in known
 
 
-def test_comparisons_have_their_bounds(material: ReportData, tree: Element) -> None:
+def test_comparisons_have_their_bounds(data: ReportData, tree: Element) -> None:
     shown = words(section(tree, "comparisons"))
-    for cell in material.assessment.comparisons:
+    for cell in data.assessment.comparisons:
         assert format_quantity(cell.mean, "s", signed=True) in shown
         assert format_quantity(cell.limit, "s") in shown
 
@@ -150,24 +157,24 @@ def test_every_figure_of_the_paper_is_there_and_has_a_name(tree: Element) -> Non
         assert any(label.startswith(start) for label in labels), start
 
 
-def test_the_same_runs_give_the_same_page(material: ReportData, page: str) -> None:
+def test_the_same_runs_give_the_same_page(data: ReportData, page: str) -> None:
     again = write_page(
-        material, (SuggestedCommand("scenario judge {run}", "judge it again"),), processes=2
+        data, (SuggestedCommand("scenario judge {run}", "judge it again"),), processes=2
     )
     assert again == page
 
 
-def test_runs_that_left_nothing_are_told_and_drawn_without(material: ReportData) -> None:
+def test_runs_that_left_nothing_are_told_and_drawn_without(data: ReportData) -> None:
     empty = tuple(
         replace(
             run,
             record=replace(run.record, outcome=None, verdicts=(), trace=None, state="lost"),
-            driven=replace(run.driven, time=run.driven.time[:0], measures={}, passings=()),
+            tracks=replace(run.tracks, time=run.tracks.time[:0], measures={}, encounters=()),
         )
-        for run in material.runs
+        for run in data.runs
     )
-    lost = assess(material.chosen.declared, (run.record for run in empty))
-    bare = replace(material, runs=empty, assessment=lost)
+    lost = assess(data.input.declared, (run.record for run in empty))
+    bare = replace(data, runs=empty, assessment=lost)
     assert headline(lost, empty).sentence == "8 of 8 runs could not be executed or judged."
     html5lib.HTMLParser(strict=True).parse(write_page(bare, (), processes=1))
 
@@ -197,9 +204,9 @@ def test_means_have_digits_that_mean_something(
     assert mean_and_deviation(values) == shown
 
 
-def test_what_was_exercised_is_told_and_what_was_not(tree: Element, material: ReportData) -> None:
-    part, coverage = section(tree, "coverage"), material.coverage
-    assert coverage.runs == len(material.runs)
+def test_what_was_exercised_is_told_and_what_was_not(tree: Element, data: ReportData) -> None:
+    part, coverage = section(tree, "coverage"), data.coverage
+    assert coverage.runs == len(data.runs)
     assert f"these {coverage.runs} runs exercised" in words(part)
     rows = {words(next(row.iter(f"{HTML}th"))): row for row in elements(part, "tr")}
     for group in coverage.groups:

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from daemon.batch.errors import DaemonError, Refused
-from daemon.batch.ledger import LedgerReader, LedgerWriter, connect, connect_reader
+from daemon.batch.ledger import LedgerReader, LedgerWriter, connect
 from daemon.batch.paths import StatePaths
 from daemon.model.messages import Completion, RunQuery
 from daemon.model.spec import RunResult
@@ -18,9 +18,8 @@ NOW = 1_000_000.0
 @pytest.fixture
 def ledger(tmp_path: Path):  # type: ignore[no-untyped-def]
     writing = connect(tmp_path / "ledger.db")
-    reading = connect_reader(tmp_path / "ledger.db")
-    yield LedgerWriter(writing), LedgerReader(reading, StatePaths(tmp_path)), writing
-    reading.close()
+    with LedgerReader.open(StatePaths(tmp_path)) as reader:
+        yield LedgerWriter(writing), reader, writing
     writing.close()
 
 

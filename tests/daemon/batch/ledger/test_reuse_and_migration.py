@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from daemon.batch.errors import Refused
-from daemon.batch.ledger import SCHEMA_VERSION, LedgerReader, LedgerWriter, connect, connect_reader
+from daemon.batch.ledger import SCHEMA_VERSION, LedgerReader, LedgerWriter, connect
 from daemon.batch.paths import StatePaths
 from daemon.batch.server import admit_submission
 from daemon.batch.stores import trace_url
@@ -75,9 +75,8 @@ def ledger(tmp_path: Path) -> Iterator[Ledger]:
     places.make_folders()
     writing = connect(places.ledger)
     writing.execute("PRAGMA synchronous = OFF")  # power cuts are tested elsewhere
-    reading = connect_reader(places.ledger)
-    yield Ledger(LedgerWriter(writing), LedgerReader(reading, places), places)
-    reading.close()
+    with LedgerReader.open(places) as reader:
+        yield Ledger(LedgerWriter(writing), reader, places)
     writing.close()
 
 

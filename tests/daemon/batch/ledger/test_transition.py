@@ -2,7 +2,7 @@ from dataclasses import replace
 
 import pytest
 
-from daemon.batch.ledger import (
+from daemon.batch.ledger.transitions import (
     Cancelled,
     Completed,
     ExecutionState,

@@ -16,7 +16,6 @@ from daemon.batch.ledger import (
     RetentionPolicy,
     SweepResult,
     connect,
-    connect_reader,
     sweep_traces,
 )
 from daemon.batch.paths import StatePaths
@@ -99,15 +98,13 @@ def test_unfinished_campaigns_keep_theirs_and_those_they_took_results_from(store
 
 def test_results_stay_and_say_that_the_trace_is_gone(store: Store) -> None:
     sweep_traces(store.places, RetentionPolicy(newest=0), 100.0)
-    db = connect_reader(store.places.ledger)
-    reader = LedgerReader(db, store.places)
-    row = reader.runs(RunQuery("a")).rows[0]
-    record = reader.records(RecordQuery("a"))[0]
+    with LedgerReader.open(store.places) as reader:
+        row = reader.runs(RunQuery("a")).rows[0]
+        record = reader.records(RecordQuery("a"))[0]
     assert (row.state, row.outcome, row.trace) == ("done", "pass", "")
     assert row.reason == record.note == "its trace is gone"
     assert record.verdicts
     assert record.trace is None
-    db.close()
 
 
 def test_a_campaign_that_starts_again_meanwhile_keeps_its_traces(

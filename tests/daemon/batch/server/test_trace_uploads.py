@@ -14,9 +14,9 @@ from typing import Any
 import pytest
 
 from daemon.batch.errors import Refused, Unavailable
-from daemon.batch.ledger import LedgerReader, LedgerWriter, connect, connect_reader
+from daemon.batch.ledger import LedgerReader, LedgerWriter
 from daemon.batch.paths import StatePaths
-from daemon.batch.server import EventLog, TraceUploads, _uploads
+from daemon.batch.server import EventLog, TraceUploads
 from daemon.batch.stores import encode_chunk, trace_url
 from daemon.model.messages import (
     Completion,
@@ -61,7 +61,7 @@ class Site:
         return replace(made, **changes)
 
     def complete(self, completion: Completion) -> LedgerAnswer:
-        """What the desk does."""
+        """What the daemon does with a completion."""
         if self.intake.is_missing(self.book, completion):
             return LedgerAnswer.MISSING
         answer = self.book.complete(completion, NOW)
@@ -81,16 +81,11 @@ def site(tmp_path: Path) -> Iterator[Site]:
     places = StatePaths(tmp_path)
     places.make_folders()
     journal = EventLog(places.log)
-    connection, reading = connect(places.ledger), connect_reader(places.ledger)
-    book = LedgerWriter(connection)
-    book.submit(make_submission("c", 1), NOW)
-    (grant,) = book.lease("w", 1, NOW)
-    yield Site(
-        places, book, LedgerReader(reading, places), TraceUploads(places, journal), journal, grant
-    )
+    with LedgerWriter.open(places.ledger) as book, LedgerReader.open(places) as reader:
+        book.submit(make_submission("c", 1), NOW)
+        (grant,) = book.lease("w", 1, NOW)
+        yield Site(places, book, reader, TraceUploads(places, journal), journal, grant)
     journal.close()
-    reading.close()
-    connection.close()
 
 
 def test_a_trace_arrives_in_parts_and_gets_its_name_with_the_result(site: Site) -> None:
@@ -222,8 +217,8 @@ def test_hostile_digests_and_sizes_do_not_pass_the_border(site: Site) -> None:
             codec.from_plain(TraceUploadChunk, good | {field: value})
 
 
-def test_uploads_are_bounded_in_number(site: Site, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(_uploads, "_MOST_UPLOADS", 2)
+def test_uploads_are_bounded_in_number(site: Site) -> None:
+    site.intake = TraceUploads(site.places, site.journal, most=2)
     for name in ("a", "b"):
         (site.places.incoming / name).touch()
     with pytest.raises(Unavailable, match="has to wait"):

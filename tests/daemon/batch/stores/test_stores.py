@@ -12,7 +12,6 @@ from daemon.batch.errors import TraceUnavailable
 from daemon.batch.stores import (
     StoreUnusable,
     TraceReference,
-    _transfer,
     check_store_url,
     file_sha256,
     get_from_store,
@@ -120,13 +119,11 @@ def test_a_file_of_the_same_name_and_size_is_not_mistaken(tmp_path: Path) -> Non
         local_copy(TraceReference("c.0", str(there), "0" * 64, 1000), cache=tmp_path / "cache")
 
 
-def test_the_cache_is_bounded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(_transfer, "LARGEST_CACHE", 2500)
-    monkeypatch.setattr(_transfer, "_RECENT", -1.0)
+def test_the_cache_is_bounded(tmp_path: Path) -> None:
     cache = tmp_path / "cache"
     for number in range(4):
         source = tmp_path / f"{number}.mcap"
         source.write_bytes(bytes([number]) * 1000)
         trace = TraceReference("c.0", source.as_uri(), file_sha256(source), 1000)
-        os.utime(local_copy(trace, cache=cache), (number, number))
+        os.utime(local_copy(trace, cache=cache, largest=2500), (number, number))
     assert sorted(path.read_bytes()[0] for path in cache.iterdir()) == [2, 3]

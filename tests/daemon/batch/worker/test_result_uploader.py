@@ -14,7 +14,7 @@ from daemon.batch.errors import Refused, Unavailable, Unreachable
 from daemon.batch.paths import StatePaths
 from daemon.batch.run_process import RESULT, TRACE
 from daemon.batch.stores import decode_chunk, trace_url
-from daemon.batch.worker import Attempt, ResultUploader, WorkerPaths, _uploader
+from daemon.batch.worker import Attempt, ResultUploader, WorkerPaths
 from daemon.model import verbs
 from daemon.model.messages import (
     Lease,
@@ -77,95 +77,99 @@ def attempt(tmp_path: Path) -> Attempt:
 
 
 @pytest.fixture
-def courier(daemon: Daemon, tmp_path: Path) -> ResultUploader:
-    base = WorkerPaths(StatePaths(tmp_path / "own"), shared=False)
-    return ResultUploader(daemon, "w", base, lambda _: None)  # type: ignore[arg-type]
+def uploader(daemon: Daemon, tmp_path: Path) -> ResultUploader:
+    return uploader_of(daemon, tmp_path)
 
 
-def delivered(courier: ResultUploader, attempt: Attempt) -> Callable[[], bool]:
-    return lambda: courier.hand_over(attempt)
+def uploader_of(daemon: Daemon, folder: Path, **options: float) -> ResultUploader:
+    paths = WorkerPaths(StatePaths(folder / "own"), shared=False)
+    return ResultUploader(daemon, "w", paths, lambda _: None, **options)  # type: ignore[arg-type]
+
+
+def delivered(uploader: ResultUploader, attempt: Attempt) -> Callable[[], bool]:
+    return lambda: uploader.deliver(attempt)
 
 
 def test_parts_grow_on_a_quick_link(
-    courier: ResultUploader, daemon: Daemon, attempt: Attempt
+    uploader: ResultUploader, daemon: Daemon, attempt: Attempt
 ) -> None:
-    eventually(delivered(courier, attempt))
+    eventually(delivered(uploader, attempt))
     assert daemon.arrived == DATA
     sent = [size for size in daemon.sizes if size]
     assert max(sent[:-1]) > sent[0]
-    assert courier.moved == len(DATA)
+    assert uploader.moved == len(DATA)
     (completion,) = daemon.completions
     assert (completion.token, completion.uploaded, completion.location) == (7, True, "")
 
 
 def test_a_break_costs_a_question_and_smaller_parts(
-    courier: ResultUploader, daemon: Daemon, attempt: Attempt
+    uploader: ResultUploader, daemon: Daemon, attempt: Attempt
 ) -> None:
     daemon.arrived = DATA[:100_000]  # of before
     daemon.faults = [Unreachable("gone")]
-    before = courier._chunk
+    before = uploader._chunk
     with pytest.raises(Unreachable):
-        courier.hand_over(attempt)
-    assert courier._chunk == before // 2
-    eventually(delivered(courier, attempt))
+        uploader.deliver(attempt)
+    assert uploader._chunk == before // 2
+    eventually(delivered(uploader, attempt))
     assert daemon.arrived == DATA
 
 
 def test_faults_on_the_way_are_not_for_ever(
-    courier: ResultUploader, daemon: Daemon, attempt: Attempt
+    uploader: ResultUploader, daemon: Daemon, attempt: Attempt
 ) -> None:
     daemon.faults = [UploadProgress(0, complete=False, problem="the chunk is damaged")] * 5
     with pytest.raises(OSError, match="does not arrive: the chunk is damaged"):
-        eventually(delivered(courier, attempt))
-    eventually(delivered(courier, attempt))
+        eventually(delivered(uploader, attempt))
+    eventually(delivered(uploader, attempt))
     assert daemon.arrived == DATA
 
 
 def test_a_daemon_without_room_is_asked_again_later(
-    courier: ResultUploader, daemon: Daemon, attempt: Attempt
+    uploader: ResultUploader, daemon: Daemon, attempt: Attempt
 ) -> None:
     """Not as if it was gone: then nothing else would be told to it either."""
     daemon.faults = [Unavailable("the disk is full")]
     with pytest.raises(OSError, match="the disk is full"):
-        courier.hand_over(attempt)
-    eventually(delivered(courier, attempt))
+        uploader.deliver(attempt)
+    eventually(delivered(uploader, attempt))
 
 
-def test_a_stale_lease_ends_it(courier: ResultUploader, daemon: Daemon, attempt: Attempt) -> None:
+def test_a_stale_lease_ends_it(uploader: ResultUploader, daemon: Daemon, attempt: Attempt) -> None:
     daemon.faults = [Refused("the lease 7 of c.0 is stale")]
     with pytest.raises(Refused):
-        courier.hand_over(attempt)
+        uploader.deliver(attempt)
 
 
 def test_a_trace_the_daemon_has_lost_is_sent_again(
-    courier: ResultUploader, daemon: Daemon, attempt: Attempt
+    uploader: ResultUploader, daemon: Daemon, attempt: Attempt
 ) -> None:
     daemon.answers = [LedgerAnswer.MISSING]
-    assert not courier.hand_over(attempt)
+    assert not uploader.deliver(attempt)
     daemon.arrived = b""
-    eventually(delivered(courier, attempt))
+    eventually(delivered(uploader, attempt))
     assert daemon.arrived == DATA
     assert len(daemon.completions) == 2
 
 
 def test_a_trace_damaged_in_the_spool_is_never_sent(
-    courier: ResultUploader, daemon: Daemon, attempt: Attempt
+    uploader: ResultUploader, daemon: Daemon, attempt: Attempt
 ) -> None:
     (attempt.folder / TRACE).write_bytes(DATA[:-1])
     with pytest.raises(ValueError, match="damaged in the spool"):
-        courier.hand_over(attempt)
+        uploader.deliver(attempt)
     (attempt.folder / TRACE).unlink()
     with pytest.raises(ValueError, match="gone"):
-        courier.hand_over(attempt)
+        uploader.deliver(attempt)
     assert not daemon.arrived
 
 
 def test_a_slow_link_leaves_time_for_everything_else(
-    courier: ResultUploader, daemon: Daemon, attempt: Attempt, monkeypatch: pytest.MonkeyPatch
+    daemon: Daemon, attempt: Attempt, tmp_path: Path
 ) -> None:
-    monkeypatch.setattr(_uploader, "_LONGEST_TURN", 0.0)
+    uploader = uploader_of(daemon, tmp_path, turn=0.0)
     turns = 1
-    while not courier.hand_over(attempt):
+    while not uploader.deliver(attempt):
         turns += 1
     assert turns > 3
     assert daemon.arrived == DATA
@@ -175,12 +179,12 @@ def test_a_slow_link_leaves_time_for_everything_else(
     ("answer", "stays"), [(LedgerAnswer.RECORDED, True), (LedgerAnswer.DIFFERS, False)]
 )
 def test_a_store_gets_it_directly(
-    courier: ResultUploader, daemon: Daemon, attempt: Attempt, answer: LedgerAnswer, stays: bool
+    uploader: ResultUploader, daemon: Daemon, attempt: Attempt, answer: LedgerAnswer, stays: bool
 ) -> None:
     store = (attempt.folder / "store").as_uri()
-    attempt = Attempt(replace(attempt.grant, store=store), attempt.folder)
+    attempt = Attempt(replace(attempt.lease, store=store), attempt.folder)
     daemon.answers = [answer]
-    eventually(delivered(courier, attempt))
+    eventually(delivered(uploader, attempt))
     (completion,) = daemon.completions
     sha256 = hashlib.sha256(DATA).hexdigest()
     assert completion.location == trace_url(store, "c/S1.pilot.0.mcap", sha256)
@@ -189,12 +193,12 @@ def test_a_store_gets_it_directly(
 
 
 def test_a_store_that_cannot_be_written_keeps_it_in_the_spool(
-    courier: ResultUploader, daemon: Daemon, attempt: Attempt
+    uploader: ResultUploader, daemon: Daemon, attempt: Attempt
 ) -> None:
     (attempt.folder / "store").write_text("no folder")
     store = (attempt.folder / "store").as_uri()
-    attempt = Attempt(replace(attempt.grant, store=store), attempt.folder)
+    attempt = Attempt(replace(attempt.lease, store=store), attempt.folder)
     with pytest.raises(OSError, match="cannot be used from here"):
-        eventually(delivered(courier, attempt))
+        eventually(delivered(uploader, attempt))
     assert attempt.finished
     assert not daemon.completions

@@ -50,7 +50,7 @@ class Cluster:
         self.tasks.append(Task(str(len(self.tasks))))
         return self.tasks[-1], frozenset()
 
-    def stranded(self, _: frozenset[str]) -> bool:
+    def has_no_worker(self, _: frozenset[str]) -> bool:
         return False
 
     def close(self) -> None: ...
@@ -64,7 +64,7 @@ def cluster() -> Cluster:
 @pytest.fixture
 def gateway(cluster: Cluster) -> Iterator[Gateway]:
     made: Any = Gateway(DaskScheduler("tcp://nowhere:1"), "none", slots=4, log=lambda _: None)
-    made._link = cluster
+    made._cluster = cluster
     with closing(made):
         yield made
 
@@ -79,9 +79,11 @@ def start(gateway: Gateway, folder: Path, *runs: str) -> list[RemoteExecution]:
 
 
 def take_in(*runs: RemoteExecution) -> list[bool]:
-    """What the agent does with ended attempts; whether they are blamed."""
-    assert all(run.ended for run in runs)
-    blamed = [run.blame for run in runs]
+    """What the worker does with ended attempts; whether they are blamed."""
+    blamed = []
+    for run in runs:
+        assert run.end is not None
+        blamed.append(run.end.counts)
     for run in runs:
         run.close()
     return blamed
@@ -103,16 +105,16 @@ def test_suspects_are_executed_one_at_a_time_and_only_the_second_death_is_blamed
     cluster.tasks[3].die()
     assert take_in(guilty) == [True]
     assert len(cluster.tasks) == 6
-    assert not beside.ended
+    assert beside.end is None
 
     (tmp_path / "beside" / RESULT).touch()
     beside.kill()
     assert take_in(beside) == [False]
     assert len(cluster.tasks) == 7
-    assert not innocent.ended
+    assert innocent.end is None
     start(gateway, tmp_path, "beside")
     assert len(cluster.tasks) == 8  # it has shown that it can finish
-    assert not stranger.ended
+    assert stranger.end is None
 
 
 def test_a_suspect_that_waits_can_be_given_up(
@@ -124,7 +126,8 @@ def test_a_suspect_that_waits_can_be_given_up(
     take_in(*first)
     one, two, _ = start(gateway, tmp_path, "one", "two", "three")
     two.kill("not wanted")
-    assert two.why() == "not wanted"
+    assert two.end is not None
+    assert two.end.why == "not wanted"
     take_in(two)
     one.kill()
     take_in(one)

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from daemon.judging.oracles import judge, judge_prefix
+from daemon.judging.oracles import judge
 from daemon.model.spec import OracleText
 from daemon.model.verdicts import Outcome, Verdict
 from daemon.trace import ContactRecord, ProgressRecord, Trace
@@ -103,16 +103,6 @@ def test_a_prefix_never_claims_what_the_whole_run_denies(form: str, data: st.Dat
     if Outcome.INCONCLUSIVE is not late.outcome:
         low, high = bounds(early)
         assert low - 1e-9 <= bounds(late)[0] <= bounds(late)[1] <= high + 1e-9
-
-
-@settings(max_examples=40, deadline=None)
-@given(traces(), st.lists(oracles(), min_size=1, max_size=6), st.integers(0, 20))
-def test_judging_a_prefix_is_judging_a_run_that_goes_on(
-    whole: Trace, texts: list[str], steps: int
-) -> None:
-    written = tuple(OracleText(str(i), text) for i, text in enumerate(texts))
-    at = min(steps / 4.0, whole.valid_until)
-    assert judge_prefix(whole, written, at) == judge(cut(whole, at), written)
 
 
 @settings(deadline=None)

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from daemon.judging.oracles import judge
-from daemon.judging.oracles._judge import cut_trace
 from daemon.model.spec import MapSettings, OracleText, RunSpec, SutReference
 from daemon.model.verdicts import Verdict
 from daemon.trace import (
@@ -160,8 +159,42 @@ def make_trace(
 
 
 def cut(trace: Trace, at: float) -> Trace:
-    """Return ``trace`` as if its writer had died at ``at`` [s]."""
-    return cut_trace(trace, at)
+    """Return ``trace`` as if its writer had died at ``at`` [s]; nothing later is in it.
+
+    ``trace`` itself when it is cut and ends before that.
+    """
+    if not trace.complete and trace.valid_until <= at:
+        return trace
+    tracks = ("ground_truth", "odometry", "command", "estimate", "joints", "scans")
+    changes: dict[str, Any] = {name: _cut_track(getattr(trace, name), at) for name in tracks}
+    for name in ("contacts", "progress", "events"):
+        records = getattr(trace, name)
+        changes[name] = tuple(r for r in records if r.time <= at + 1e-9)
+    return replace(
+        trace,
+        ended=None,
+        note="judged while it was going on",
+        complete=False,
+        valid_until=min(at, trace.valid_until),
+        cloud=_cut_track(trace.cloud, at),
+        cloud_count=trace.cloud_count[: _samples_until(trace.cloud.time, at)],
+        **changes,
+    )
+
+
+def _cut_track(track: Any, at: float) -> Any:
+    if track is None:
+        return None
+    count = _samples_until(track.time, at)
+    names = [field.name for field in fields(track)]
+    arrays = {n: getattr(track, n) for n in names if isinstance(getattr(track, n), np.ndarray)}
+    return replace(track, **{name: array[:count] for name, array in arrays.items()})
+
+
+def _samples_until(time: Any, at: float) -> int:
+    """Return how many leading samples are not later than ``at``; clocks may run backwards."""
+    later = np.flatnonzero(time > at + 1e-9)
+    return int(later[0]) if len(later) else len(time)
 
 
 def verdict(trace: Trace, text: str) -> Verdict:

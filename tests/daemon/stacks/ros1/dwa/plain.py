@@ -9,7 +9,8 @@ import math
 
 import numpy as np
 
-from daemon.stacks.kernels import Integers, kernel
+from daemon.model.kernels import kernel
+from daemon.stacks.kernels import Integers
 from daemon.stacks.ros1.dwa import DwaSettings
 from daemon.stacks.ros1.dwa.map_grid import Cells
 from grammars.model.geometry import Floats

@@ -2,11 +2,11 @@
 
     queued ──lease──▶ running ──complete──▶ done
        ▲                │
-       └──release/lapse─┘   after ``attempts`` strikes ──▶ lost
+       └─release/expire─┘   after ``attempts`` strikes ──▶ lost
     queued, running ──cancel──▶ cancelled          lost, cancelled, done ──retry──▶ queued
 
 Execution is at least once, the result is exactly one: the first one wins, also a late one from
-a lease that lapsed. Runs are deterministic, so a second result that differs raises an alarm.
+a lease that expired. Runs are deterministic, so a second result that differs raises an alarm.
 """
 
 from __future__ import annotations
@@ -100,6 +100,7 @@ def advance(run: ExecutionState, event: RunEvent, *, attempts: int) -> RunTransi
         case Renewed(token, until):
             if not _holds(run, token):
                 return RunTransition(run, LedgerAnswer.STALE)
+            # The later of both: renewals may overtake each other on the way.
             return RunTransition(
                 replace(run, lease_until=max(until, run.lease_until)), LedgerAnswer.DONE
             )
@@ -147,6 +148,7 @@ def _lease(run: ExecutionState, event: Leased) -> RunTransition:
 def _complete(run: ExecutionState, token: int, digest: str) -> RunTransition:
     if run.state is RunState.CANCELLED:
         return RunTransition(run, LedgerAnswer.DROPPED)
+    # Whatever lease it comes from: work that is done is not thrown away because it came late.
     if not run.result:
         done = replace(_at_rest(run, RunState.DONE, ""), result=digest)
         return RunTransition(done, LedgerAnswer.RECORDED, record=True)
@@ -165,6 +167,7 @@ def _settled(run: ExecutionState, token: int, reason: str) -> ExecutionState:
 
 
 def _give_back(run: ExecutionState, reason: str, blame: bool, attempts: int) -> ExecutionState:
+    # Leases, not strikes, would count a worker's shutdown or a full disk against the run.
     strikes = run.strikes + blame
     if strikes < attempts:
         state = RunState.QUEUED

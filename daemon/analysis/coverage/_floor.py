@@ -1,0 +1,235 @@
+"""Floor of a building that runs covered: seen by the laser, driven on by the footprint."""
+
+from __future__ import annotations
+
+import functools
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final, TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+
+from daemon.analysis.coverage._results import FloorArea, RoomArea
+from daemon.model.kernels import kernel
+from daemon.trace import MotionTrack, Trace
+from grammars.model.geometry import Floats, Pose2, Ring
+from grammars.model.grid import FREE, OccupancyGrid
+from grammars.model.robot import Robot
+from grammars.model.scene import Region, Scene
+from templates.occupancy import occupancy_grid
+
+_Cells: TypeAlias = npt.NDArray[np.bool_]
+_Ranges: TypeAlias = npt.NDArray[np.float32]
+RESOLUTION: Final = 0.1
+"""Edge of a cell [m]: fine enough for a doorway, and a floor of 1000 m² is 100 000 cells."""
+SCAN_PERIOD: Final = 1.0
+"""Scans are taken this far apart [s]: a robot goes a fraction of the laser's range in between."""
+STRIDE: Final = 0.05
+"""The footprint is placed again after such a way [m], or after turning by 0.1 rad."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class CoveredCells:
+    """Cells of the free floor that one run has seen and driven on, eight to a byte."""
+
+    seen: npt.NDArray[np.uint8]
+    driven: npt.NDArray[np.uint8]
+
+
+@functools.lru_cache(maxsize=4)
+def floor_grid(scene: Scene, laser_height: float) -> OccupancyGrid:
+    """Return the floor of a scene without its objects, at the resolution of coverage."""
+    return occupancy_grid(
+        scene, resolution=RESOLUTION, laser_height=laser_height, margin=RESOLUTION
+    )
+
+
+def covered_cells(grid: OccupancyGrid, trace: Trace) -> CoveredCells:
+    """Return what a recorded run has covered; needs its scans (``read_trace(scans=True)``)."""
+    free = grid.cells == FREE
+    return CoveredCells(*(np.packbits(f(grid, trace) & free) for f in (_seen_cells, _driven_cells)))
+
+
+def _seen_cells(grid: OccupancyGrid, trace: Trace) -> _Cells:
+    cells: _Cells = np.zeros(grid.cells.shape, np.bool_)
+    if trace.scans is None or not len(trace.scans.time) or not len(trace.ground_truth.time):
+        return cells
+    laser = trace.spec.robot.laser
+    # By the true pose: what was seen, not what the robot believed to see.
+    taken = _first_samples(trace.scans.time, SCAN_PERIOD)
+    poses = _mounted_poses(poses_at(trace.ground_truth, trace.scans.time[taken]), laser.mount)
+    ranges = np.ascontiguousarray(trace.scans.ranges[taken])
+    step = (laser.angle_max - laser.angle_min) / max(1, laser.rays - 1)
+    paint_rays(
+        cells, grid.x, grid.y, grid.resolution, poses, ranges,
+        laser.angle_min, step, laser.range_max,
+    )  # fmt: skip
+    return cells
+
+
+def _driven_cells(grid: OccupancyGrid, trace: Trace) -> _Cells:
+    cells: _Cells = np.zeros(grid.cells.shape, np.bool_)
+    truth = trace.ground_truth
+    poses = np.column_stack((truth.x, truth.y, truth.yaw))
+    poses = np.ascontiguousarray(poses[_strides(poses)])
+    ring = counter_clockwise(trace.spec.robot)
+    reach = float(np.hypot(ring[:, 0], ring[:, 1]).max())
+    paint_footprints(cells, grid.x, grid.y, grid.resolution, poses, ring, reach)
+    return cells
+
+
+def counter_clockwise(robot: Robot) -> Floats:
+    """Return the footprint's corners (m, 2), counter-clockwise."""
+    ring = np.array(robot.footprint, dtype=np.float64)
+    following = np.roll(ring, -1, axis=0)
+    area = float((ring[:, 0] * following[:, 1] - ring[:, 1] * following[:, 0]).sum())
+    return ring if area > 0.0 else np.ascontiguousarray(ring[::-1])
+
+
+def poses_at(motion: MotionTrack, time: Floats) -> Floats:
+    """Return true poses (n, 3) at ``time`` (n,), interpolated; held beyond both ends."""
+    # The heading unwrapped: halfway from 179 to -179 degrees is 180, not 0.
+    x, y = (np.interp(time, motion.time, values) for values in (motion.x, motion.y))
+    yaw = np.interp(time, motion.time, np.unwrap(motion.yaw))
+    return np.column_stack((x, y, yaw))
+
+
+def _mounted_poses(poses: Floats, mount: Pose2) -> Floats:
+    c, s = np.cos(poses[:, 2]), np.sin(poses[:, 2])
+    x = poses[:, 0] + c * mount.x - s * mount.y
+    y = poses[:, 1] + s * mount.x + c * mount.y
+    return np.column_stack((x, y, poses[:, 2] + mount.yaw))
+
+
+def _first_samples(time: Floats, period: float) -> npt.NDArray[np.intp]:
+    """Return the first sample of each ``period``."""
+    # 1e-6: a stamp that should be a whole number of periods may be a rounding error below it.
+    slots = np.floor((time - time[0]) / period + 1e-6)
+    return np.unique(slots, return_index=True)[1]
+
+
+def _strides(poses: Floats) -> npt.NDArray[np.intp]:
+    """Return the first pose after each stride of way or turn, and the last one."""
+    if not len(poses):
+        return np.empty(0, np.intp)
+    way = np.hypot(*np.diff(poses[:, :2], axis=0, prepend=poses[:1, :2]).T)
+    turn = np.abs(np.diff(np.unwrap(poses[:, 2]), prepend=poses[0, 2]))
+    slots = np.floor(np.cumsum(way) / STRIDE + np.cumsum(turn) / 0.1)
+    first = np.unique(slots, return_index=True)[1]
+    return np.union1d(first, [len(poses) - 1]).astype(np.intp)
+
+
+def floor_area(scene: Scene, grid: OccupancyGrid, runs: Sequence[CoveredCells]) -> FloorArea:
+    """Return the areas that any of the runs of one scene has covered."""
+    free = grid.cells == FREE
+    seen = _unpacked([run.seen for run in runs], grid)
+    driven = _unpacked([run.driven for run in runs], grid)
+    rooms = ((region.name, room_cells(grid, region)) for region in scene.regions)
+    return FloorArea(
+        scene=scene.name,
+        resolution=grid.resolution,
+        runs=len(runs),
+        free=_area(free, grid),
+        seen=_area(seen, grid),
+        driven=_area(driven, grid),
+        rooms=tuple(
+            RoomArea(name, *(_area(cells & room, grid) for cells in (free, seen, driven)))
+            for name, room in rooms
+        ),
+    )
+
+
+def _unpacked(packed: Sequence[npt.NDArray[np.uint8]], grid: OccupancyGrid) -> _Cells:
+    """Return the cells that are set in any of the runs."""
+    cells = grid.cells
+    bits = np.unpackbits(np.bitwise_or.reduce(packed), count=cells.size)
+    return bits.reshape(cells.shape).astype(np.bool_)
+
+
+def _area(cells: _Cells, grid: OccupancyGrid) -> float:
+    # Rounded, since 0.1 ** 2 is not 0.01: areas are read by people and compared by machines.
+    return round(float(cells.sum()) * grid.resolution**2, 6)
+
+
+def room_cells(grid: OccupancyGrid, region: Region) -> _Cells:
+    """Return the cells whose centre lies in a region, by crossings of a line with its outline."""
+    rows, columns = grid.cells.shape
+    x: Floats = np.arange(0.5, columns) * grid.resolution + grid.x
+    y: Floats = np.arange(0.5, rows) * grid.resolution + grid.y
+    return _cells_inside(region.outline, x, y)
+
+
+def _cells_inside(ring: Ring, x: Floats, y: Floats) -> _Cells:
+    found: _Cells = np.zeros((len(y), len(x)), np.bool_)
+    for (ax, ay), (bx, by) in zip(ring, (*ring[1:], *ring[:1]), strict=True):
+        crossed = (ay > y) != (by > y)
+        slope = (bx - ax) / (by - ay) if ay != by else 0.0
+        left_of = x[None, :] < (ax + (y[crossed] - ay) * slope)[:, None]
+        found[crossed] ^= left_of
+    return found
+
+
+@kernel
+def paint_rays(
+    cells: _Cells, x0: float, y0: float, resolution: float, poses: Floats, ranges: _Ranges,
+    angle_min: float, step: float, range_max: float,
+) -> None:  # fmt: skip
+    """Mark the cells that rays pass: those at every half a cell from the laser to the return.
+
+    ``poses`` (n, 3) of the laser, ``ranges`` (n, rays). No return (inf) is a look as far as
+    ``range_max``; a lost ray (nan) and one that met something too near (-inf) see nothing.
+    """
+    rows, columns = cells.shape
+    for i in range(len(poses)):
+        x, y, yaw = poses[i, 0] - x0, poses[i, 1] - y0, poses[i, 2]
+        for k in range(ranges.shape[1]):
+            reach = min(float(ranges[i, k]), range_max)
+            if not reach > 0.0:
+                continue
+            # Marched, not traversed cell by cell: at half a cell a step no cell of more than a
+            # corner is missed, and the loop has no branches that depend on the direction.
+            angle = yaw + angle_min + k * step
+            dx, dy = math.cos(angle), math.sin(angle)
+            for j in range(int(reach / (0.5 * resolution)) + 1):
+                along = 0.5 * j * resolution
+                column = math.floor((x + along * dx) / resolution)
+                row = math.floor((y + along * dy) / resolution)
+                if 0 <= row < rows and 0 <= column < columns:
+                    cells[row, column] = True
+
+
+@kernel
+def paint_footprints(
+    cells: _Cells, x0: float, y0: float, resolution: float, poses: Floats, ring: Floats,
+    reach: float,
+) -> None:  # fmt: skip
+    """Mark the cells whose centre a convex ``ring`` (m, 2), counter-clockwise, covers at a pose.
+
+    ``reach`` is the distance of its farthest corner from the base.
+    """
+    rows, columns = cells.shape
+    corners = len(ring)
+    for i in range(len(poses)):
+        x, y = poses[i, 0] - x0, poses[i, 1] - y0
+        c, s = math.cos(poses[i, 2]), math.sin(poses[i, 2])
+        bottom = max(0, math.floor((y - reach) / resolution))
+        top = min(rows - 1, math.floor((y + reach) / resolution))
+        left = max(0, math.floor((x - reach) / resolution))
+        right = min(columns - 1, math.floor((x + reach) / resolution))
+        for row in range(bottom, top + 1):
+            for column in range(left, right + 1):
+                if cells[row, column]:
+                    continue
+                u, v = (column + 0.5) * resolution - x, (row + 0.5) * resolution - y
+                px, py = c * u + s * v, c * v - s * u
+                covered = True
+                for k in range(corners):
+                    ax, ay = ring[k, 0], ring[k, 1]
+                    bx, by = ring[(k + 1) % corners, 0], ring[(k + 1) % corners, 1]
+                    if (bx - ax) * (py - ay) - (by - ay) * (px - ax) < 0.0:
+                        covered = False
+                        break
+                if covered:
+                    cells[row, column] = True
