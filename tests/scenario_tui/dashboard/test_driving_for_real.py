@@ -2,12 +2,8 @@
 
 from __future__ import annotations
 
-import asyncio
 import shutil
-import time
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import pytest
 from rich.console import Console
@@ -24,16 +20,10 @@ from scenario_tui.dashboard.screens.submit import SubmitScreen
 from scenario_tui.text.rejudge_text import parse_judge_answer, rejudge_report
 from tests.daemon.batch.harness import daemon_at
 from tests.daemon.batch.samples import make_submission
+from tests.scenario_tui.dashboard.driven import eventually
 from tests.scenario_tui.recorded import record_run
 
 CAMPAIGNS = Path(__file__).parents[3] / "campaigns"
-
-
-async def eventually(condition: Callable[[], Any], seconds: float = 20.0) -> None:
-    deadline = time.monotonic() + seconds
-    while not condition():
-        assert time.monotonic() < deadline, "it did not happen in time"
-        await asyncio.sleep(0.05)
 
 
 async def test_a_campaign_is_steered_to_its_end(tmp_path: Path) -> None:
