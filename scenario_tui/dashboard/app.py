@@ -74,9 +74,9 @@ class Dashboard(BaseDashboard):
         if self.config.theme:
             self.theme = self.config.theme
         self.set_keymap(self.config.keys)
-        self.feed.on_answer = partial(self.call_later, self.look)
+        self.feed.on_answer = partial(self.call_later, self.update_state)
         self.feed.start()
-        self.set_interval(1.0 / FRAMES, self.look)
+        self.set_interval(1.0 / FRAMES, self.update_state)
         self.set_timer(_READY, self._load_screens)
 
     @work(thread=True)
@@ -89,26 +89,26 @@ class Dashboard(BaseDashboard):
         """Stop asking."""
         self.feed.close()
 
-    def look(self) -> None:
+    def update_state(self) -> None:
         """Take over what is new and bring the screen in front up to date."""
-        picture, lives, notices = self.feed.take()
-        self.errands.settle()
+        state, lives, notices = self.feed.take_news()
+        self.background_tasks.deliver()
         for live in lives:
             self.tracks.add(live)
         for notice in notices:
             self.notify(notice.text, severity=notice.severity, markup=False)
-        if picture is not None:
-            self.picture = picture
+        if state is not None:
+            self.daemon_state = state
         now = self.clock()
         # Ages grow even when nothing is new.
-        if picture is not None or lives or now - self._said >= 1.0:
+        if state is not None or lives or now - self._said >= 1.0:
             self._said = now
-            self._present()
+            self._update_front_screen()
 
-    def _present(self) -> None:
+    def _update_front_screen(self) -> None:
         for screen in reversed(self.screen_stack):
             if isinstance(screen, BaseScreen):
-                screen.present()
+                screen.update_from_state()
                 return
 
     def action_submit(self) -> None:
@@ -159,21 +159,23 @@ class Dashboard(BaseDashboard):
 
     def farewell(self) -> str:
         """Say what goes on without the dashboard."""
-        overview = self.picture.overview
+        overview = self.daemon_state.overview
         said = ["Left the dashboard"]
-        if overview is not None and self.picture.connected:
+        if overview is not None and self.daemon_state.connected:
             waiting = overview.queued + overview.running
             runs = pluralise(waiting, "unfinished run")
             said.append(f"the daemon goes on with {runs}" if waiting else "no run is waiting")
-        said += [f"a process of its own goes on {doing}" for doing in sorted(self.going_on)]
-        return f"{'; '.join(said)}. Back with: {self.equivalent.line('tui')}"
+        said += [f"a process of its own goes on {doing}" for doing in sorted(self.running_jobs)]
+        return f"{'; '.join(said)}. Back with: {self.command_lines.daemon_line('tui')}"
 
 
 def run_dashboard(
-    open_daemon: ClientOpener, config: Config | None = None, equivalent: CommandLines | None = None
+    open_daemon: ClientOpener,
+    config: Config | None = None,
+    command_lines: CommandLines | None = None,
 ) -> tuple[int, str]:
     """Show the dashboard until somebody leaves it; return exit code and parting words."""
-    app = Dashboard(Feed(open_daemon), config=config, equivalent=equivalent)
+    app = Dashboard(Feed(open_daemon), config=config, command_lines=command_lines)
     # The screen is drawn on standard error: a warning printed there would tear it.
     logging.getLogger().addHandler(logging.NullHandler())
     with warnings.catch_warnings():

@@ -31,7 +31,7 @@ Problem = Callable[[str], None]
 
 
 class BackgroundTasks:
-    """Runs errands; :meth:`settle` passes on what came of them."""
+    """Runs tasks in threads of their own; :meth:`deliver` passes on what came of them."""
 
     def __init__(self) -> None:
         self._done: deque[Callable[[], None]] = deque()
@@ -39,16 +39,16 @@ class BackgroundTasks:
     def start(self, work: Callable[[], T], then: Callable[[T], None], otherwise: Problem) -> None:
         """Have ``work`` done by another thread; ``then`` takes what it returns.
 
-        ``otherwise`` is told why it could not be done. Both are called by :meth:`settle`.
+        ``otherwise`` is told why it could not be done. Both are called by :meth:`deliver`.
         """
-        # Nobody waits for an errand who leaves the dashboard.
-        errand = partial(self._run, work, then, otherwise)
-        threading.Thread(target=errand, name="errand", daemon=True).start()
+        # Nobody waits for a task who leaves the dashboard.
+        task = partial(self._run, work, then, otherwise)
+        threading.Thread(target=task, name="background task", daemon=True).start()
 
-    def settle(self) -> bool:
+    def deliver(self) -> bool:
         """Pass on what was done since; return whether there was something.
 
-        A bug in an errand is raised here, where it is seen.
+        A bug in a task is raised here, where it is seen.
         """
         waiting = len(self._done)
         for _ in range(waiting):
@@ -91,19 +91,19 @@ class CommandLines:
     def _named(option: str, value: object) -> tuple[str, ...]:
         return (option, str(value)) if value else ()
 
-    def line(self, command: str, *arguments: str) -> str:
+    def daemon_line(self, command: str, *arguments: str) -> str:
         """Return the command line of something the daemon is asked for."""
         # A negative number is no option: it must come last, behind a bare --.
         last = ("--", arguments[-1]) if _negative(arguments) else ()
         plain = arguments[:-1] if last else arguments
         return shlex.join(("scenario", command, *plain, *self._daemon, *last))
 
-    def local(self, state: Path, command: str, *arguments: str) -> tuple[str, ...]:
+    def local_arguments(self, state: Path, command: str, *arguments: str) -> tuple[str, ...]:
         """Return the arguments of something done here, on the state directory ``state``."""
         from daemon.batch.paths import StatePaths
 
-        told = self.state or (None if StatePaths.find().state == state else state)
-        return (command, *arguments, *self._named("--state", told))
+        state_option = self.state or (None if StatePaths.find().state == state else state)
+        return (command, *arguments, *self._named("--state", state_option))
 
 
 def _negative(arguments: tuple[str, ...]) -> bool:

@@ -58,7 +58,7 @@ class Feed:
         self._judged = threading.Lock()
         self._clock = clock
         self._want = Query()
-        self._picture = DashboardState()
+        self._state = DashboardState()
         self._changed = False
         self._scenes: dict[str, Scene] = {}
         self._recording: tuple[tuple[str, str], TraceSummary | UnavailableTrace] | None = None
@@ -89,7 +89,7 @@ class Feed:
         if self._thread.is_alive():
             self._thread.join(timeout=5.0)
 
-    def look(self, want: Query) -> None:
+    def set_query(self, want: Query) -> None:
         """Say what is to be shown now."""
         if want != self._want:
             self._want = want
@@ -99,7 +99,7 @@ class Feed:
         """Ask again at once."""
         self._hurry()
 
-    def do(self, action: Action) -> None:
+    def enqueue_action(self, action: Action) -> None:
         """Have something done; what it returns, or why it was refused, becomes a notice."""
         self._actions.append(action)
         self._hurry()
@@ -108,15 +108,15 @@ class Feed:
         self._asked.set()
         self._wake.set()
 
-    def take(self) -> tuple[DashboardState | None, list[LiveSnapshot], list[Notice]]:
-        """Return what is new: the picture when it changed, telemetry, notices.
+    def take_news(self) -> tuple[DashboardState | None, list[LiveSnapshot], list[Notice]]:
+        """Return what is new: the state when it changed, telemetry, notices.
 
         A bug in the asking thread is raised here, where it is seen.
         """
         if self._failure is not None:
             raise self._failure
         changed, self._changed = self._changed, False
-        return self._picture if changed else None, _drain(self._lives), _drain(self._notices)
+        return self._state if changed else None, _drain(self._lives), _drain(self._notices)
 
     def _run(self) -> None:
         while not self._closing:
@@ -134,7 +134,7 @@ class Feed:
     def _lose(self, error: DaemonError) -> None:
         """Keep what is known, and why nothing more is."""
         refused = not isinstance(error, Unreachable)
-        self._show(replace(self._picture, connected=False, problem=str(error), refused=refused))
+        self._show(replace(self._state, connected=False, problem=str(error), refused=refused))
 
     def _session(self) -> None:
         """Ask over one connection until it breaks or the feed is closed."""
@@ -184,7 +184,7 @@ class Feed:
     def judge(self, daemon: DaemonClient) -> bool:
         """Judge one campaign if one changed; return whether there was one."""
         with self._judged:
-            return self._judge.step(daemon, self._picture.campaigns, self._want.results)
+            return self._judge.step(daemon, self._state.campaigns, self._want.results)
 
     def _on_event(self, event: ChangeEvent) -> None:
         if event.campaign:
@@ -195,23 +195,23 @@ class Feed:
         """Do what was asked for and find out what is newly wanted; return whether a page was."""
         while self._actions:
             self._act(daemon, self._actions.popleft())
-        want, picture = self._want, self._picture
-        turned = want.runs is not None and want.runs != picture.wanted
+        want, state = self._want, self._state
+        turned = want.runs is not None and want.runs != state.wanted
         if want.runs is not None and turned:
-            picture = replace(picture, wanted=want.runs, page=_page(daemon, want.runs))
-        if want.run and (picture.detail is None or picture.detail.row.id != want.run):
-            picture = self._with_run(daemon, picture, want.run)
-        if picture is not self._picture:
-            self._show(picture)
+            state = replace(state, wanted=want.runs, page=_page(daemon, want.runs))
+        if want.run and (state.detail is None or state.detail.row.id != want.run):
+            state = self._with_run(daemon, state, want.run)
+        if state is not self._state:
+            self._show(state)
             self.on_answer()
         return turned
 
     def step(self, daemon: DaemonClient) -> None:
-        """Do what was asked for, then take one picture."""
+        """Do what was asked for, then take one state."""
         turned = self.answer(daemon)
         want = self._want
-        picture = replace(
-            self._picture,
+        state = replace(
+            self._state,
             connected=True,
             problem="",
             refused=False,
@@ -222,19 +222,19 @@ class Feed:
             at=self._clock(),
         )
         if want.workers:
-            picture = replace(picture, workers=daemon.workers())
-        if want.runs is not None and not (turned and want.runs == picture.wanted):
-            picture = replace(picture, wanted=want.runs, page=_page(daemon, want.runs))
+            state = replace(state, workers=daemon.workers())
+        if want.runs is not None and not (turned and want.runs == state.wanted):
+            state = replace(state, wanted=want.runs, page=_page(daemon, want.runs))
         if want.run:
-            picture = self._with_run(daemon, picture, want.run)
-        self._watch(daemon, picture.detail if want.run else None)
-        self._show(picture)
+            state = self._with_run(daemon, state, want.run)
+        self._watch(daemon, state.detail if want.run else None)
+        self._show(state)
 
-    def _with_run(self, daemon: DaemonClient, picture: DashboardState, run: str) -> DashboardState:
+    def _with_run(self, daemon: DaemonClient, state: DashboardState, run: str) -> DashboardState:
         detail = self._detail(daemon, run)
         scene = self._scene(daemon, detail.spec.scene) if detail is not None else None
         recording = self._recorded(daemon, detail)
-        return replace(picture, detail=detail, scene=scene, recording=recording)
+        return replace(state, detail=detail, scene=scene, recording=recording)
 
     def _forget(self) -> None:
         """Forget what was asked for: nobody expects it to be done when the daemon is back."""
@@ -321,8 +321,8 @@ class Feed:
             self._scenes[digest] = scene
         return self._scenes[digest]
 
-    def _show(self, picture: DashboardState) -> None:
-        self._picture = picture
+    def _show(self, state: DashboardState) -> None:
+        self._state = state
         self._changed = True
 
 

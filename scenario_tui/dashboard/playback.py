@@ -67,10 +67,10 @@ def sample_timeline(trace: Trace, verdicts: Sequence[Verdict]) -> RunTimeline:
 
 
 def _strips(sampler: SignalSampler) -> tuple[SignalStrip, ...]:
-    courses = [oracle_timeline(oracle, sampler) for oracle in sampler.trace.spec.oracles]
-    asked = {render(signal): signal for course in courses for signal in course.signals}
+    oracles = [oracle_timeline(one, sampler) for one in sampler.trace.spec.oracles]
+    asked = {render(signal): signal for oracle in oracles for signal in oracle.signals}
     usual = {name: Signal(name) for name in _USUAL if name != DOOR_CLEARANCE}
-    found = {name: _strip(name, signal, sampler, courses) for name, signal in
+    found = {name: _strip(name, signal, sampler, oracles) for name, signal in
              (usual | asked).items()}  # fmt: skip
     found[DOOR_CLEARANCE] = _nearest_door(sampler)
     order = [*_USUAL, *(name for name in asked if name not in _USUAL)]
@@ -79,17 +79,17 @@ def _strips(sampler: SignalSampler) -> tuple[SignalStrip, ...]:
 
 
 def _strip(
-    name: str, signal: Signal, sampler: SignalSampler, courses: Iterable[OracleTimeline]
+    name: str, signal: Signal, sampler: SignalSampler, oracles: Iterable[OracleTimeline]
 ) -> SignalStrip:
     kind = kind_of(signal)
-    readers = [c for c in courses if name in {render(read) for read in c.signals}]
-    limits = {limit for c in readers for read, limit in c.limits if read == name}
-    against = [stretch for c in readers for stretch in c.against]
+    readers = [o for o in oracles if name in {render(read) for read in o.signals}]
+    limits = {limit for o in readers for read, limit in o.limits if read == name}
+    against = [span for o in readers for span in o.against]
     values = sampler.sample(signal).values
     unit = "bool" if kind is None else kind.unit
     return SignalStrip(
         name, unit, sampler.timeline.time, values, tuple(sorted(limits)), merge_spans(against),
-        tuple(course.oracle for course in readers),
+        tuple(reader.oracle for reader in readers),
     )  # fmt: skip
 
 
@@ -248,7 +248,7 @@ class Playback:
         )
 
     @cached_property
-    def chronicle(self) -> RunTimeline:
+    def timeline(self) -> RunTimeline:
         """Signals, doors and mission along time."""
         return sample_timeline(self.trace, self.verdicts)
 

@@ -105,27 +105,27 @@ def _map_times(times: Floats, here: tuple[float, ...], there: tuple[float, ...])
     return mapped
 
 
-def shift_to_clock(chronicle: RunTimeline, clock: CommonClock) -> RunTimeline:
-    """Return the second chronicle as it lies on the time of the first."""
+def shift_to_clock(timeline: RunTimeline, clock: CommonClock) -> RunTimeline:
+    """Return the second timeline as it lies on the time of the first."""
 
     def moved(time: float) -> float:
         return float(clock.to_first(np.array([time]))[0])
 
     return RunTimeline(
-        moved(chronicle.start),
-        moved(chronicle.end),
+        moved(timeline.start),
+        moved(timeline.end),
         tuple(
             replace(
                 strip,
                 time=clock.to_first(strip.time),
                 against=tuple((moved(a), moved(b)) for a, b in strip.against),
             )
-            for strip in chronicle.strips
+            for strip in timeline.strips
         ),
-        tuple(replace(event, time=moved(event.time)) for event in chronicle.doors),
-        tuple(moved(time) for time in chronicle.reached),
-        chronicle.waypoints,
-        tuple(moved(time) for time in chronicle.decided),
+        tuple(replace(event, time=moved(event.time)) for event in timeline.doors),
+        tuple(moved(time) for time in timeline.reached),
+        timeline.waypoints,
+        tuple(moved(time) for time in timeline.decided),
     )
 
 

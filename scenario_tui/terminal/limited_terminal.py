@@ -76,7 +76,7 @@ class TerminalDiff:
         self._rows.clear()
         self._place = self._style = None
 
-    def thin(self, data: str) -> str:
+    def reduce(self, data: str) -> str:
         """Return what must be sent of ``data``; frames begin by placing the cursor."""
         if data in _SYNC:
             return self._synchronise(begins=data == _SYNC[0])
@@ -215,13 +215,13 @@ class LimitedTerminalApp(App[None]):
 
     def __init__(self, limits: TerminalLimits | None = None) -> None:
         super().__init__()
-        self._sparing: tuple[LineFilter, ...] = ()
+        self._limit_filters: tuple[LineFilter, ...] = ()
         self._drawn = False
         if "TEXTUAL_ANIMATIONS" not in os.environ:
             self.animation_level = "none"
-        self.limit(limits or TerminalLimits())
+        self.apply_limits(limits or TerminalLimits())
 
-    def limit(self, limits: TerminalLimits) -> None:
+    def apply_limits(self, limits: TerminalLimits) -> None:
         """Show everything within these limits."""
         self.ascii_only = limits.ascii_only
         colours = "none" if self.no_color else limits.colours
@@ -230,18 +230,18 @@ class LimitedTerminalApp(App[None]):
             filters.append(ReducedColours(colours=colours == "few"))
         if limits.ascii_only:
             filters.append(AsciiGlyphs())
-        self._sparing = tuple(filters)
+        self._limit_filters = tuple(filters)
 
     def limit_to_terminal(self) -> None:
         """Show everything within what the terminal of this process can do."""
-        self.limit(terminal_limits(self.console.color_system))
+        self.apply_limits(terminal_limits(self.console.color_system))
 
     def get_line_filters(self) -> Sequence[LineFilter]:
         """Return ours behind the library's, in place of its shades of grey."""
         theirs = super().get_line_filters()
-        if not self._sparing:
+        if not self._limit_filters:
             return theirs
-        return [*(one for one in theirs if not isinstance(one, Monochrome)), *self._sparing]
+        return [*(one for one in theirs if not isinstance(one, Monochrome)), *self._limit_filters]
 
     def get_key_display(self, binding: Binding) -> str:
         """Name keys in words where there are no signs for them."""
@@ -267,27 +267,27 @@ class LimitedTerminalApp(App[None]):
             self.screen.refresh()
 
     def _forget(self) -> None:
-        shadow = getattr(self._driver, "shadow", None)
-        if shadow is not None:
-            shadow.forget()
+        diff = getattr(self._driver, "terminal_diff", None)
+        if diff is not None:
+            diff.forget()
 
 
 def _diffing_driver(base: type[Driver]) -> type[Driver]:
     """Return a driver like ``base`` that sends only what changed on the screen."""
 
-    class ThriftyDriver(base):  # type: ignore[misc, valid-type]
-        """Thins out frames; everything else goes through."""
+    class DiffingDriver(base):  # type: ignore[misc, valid-type]
+        """Sends what changed of frames; everything else goes through."""
 
         def __init__(self, *arguments: Any, **settings: Any) -> None:
             super().__init__(*arguments, **settings)
-            self.shadow = TerminalDiff()
+            self.terminal_diff = TerminalDiff()
 
         def write(self, data: str) -> None:
             """Send what of it is news.
 
             The mouse reports clicks and drags: every move of it would travel up the line, too.
             """
-            if news := self.shadow.thin(data.replace("\x1b[?1003", "\x1b[?1002")):
+            if news := self.terminal_diff.reduce(data.replace("\x1b[?1003", "\x1b[?1002")):
                 super().write(news)
 
-    return ThriftyDriver
+    return DiffingDriver

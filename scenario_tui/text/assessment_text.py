@@ -167,12 +167,12 @@ def attention_lists(results: CampaignResults, styles: Styles) -> list[tuple[str,
     groups = (
         ("unexpected", [surprise_text(found, styles) for found in results.assessment.surprises]),
         ("undecided", [undecided_text(found, styles) for found in results.undecided]),
-        ("not executed", [_lost_run_text(row, styles) for row in results.unexecuted]),
+        ("not executed", [_lost_run_text(row, styles) for row in results.lost_runs]),
         (
             "not reproducible",
             [
                 _attention_line(run_word(r), run_label(r), [r.reason], styles)
-                for r in results.doubtful
+                for r in results.nondeterministic_runs
             ],
         ),
     )

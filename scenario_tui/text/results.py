@@ -31,7 +31,7 @@ class Conclusion:
     unexpected: int = 0
 
     @property
-    def said(self) -> str:
+    def glyph_text(self) -> str:
         """The text behind its glyph: ``✓ as expected``."""
         return f"{GLYPHS[self.word]} {self.text}"
 
@@ -80,12 +80,12 @@ class CampaignResults:
         )
 
     @property
-    def unexecuted(self) -> tuple[RunRow, ...]:
+    def lost_runs(self) -> tuple[RunRow, ...]:
         """Runs that were given up or broke before anything could be judged."""
         return tuple(row for row in self.rows if run_word(row) == "lost")
 
     @property
-    def doubtful(self) -> tuple[RunRow, ...]:
+    def nondeterministic_runs(self) -> tuple[RunRow, ...]:
         """Runs that came out differently when the same was executed before."""
         return tuple(row for row in self.rows if row.reason.startswith("nondeterministic"))
 

@@ -60,7 +60,7 @@ class BaseScreen(Screen[None]):
         """Yield the screen's own widgets."""
         raise NotImplementedError
 
-    def want(self) -> Query:
+    def state_query(self) -> Query:
         """Say what this screen shows."""
         return Query()
 
@@ -68,22 +68,22 @@ class BaseScreen(Screen[None]):
         """Say where we are: the second line."""
         raise NotImplementedError
 
-    def show(self, picture: DashboardState) -> None:
+    def show(self, state: DashboardState) -> None:
         """Show what is known."""
         raise NotImplementedError
 
     def command(self) -> str:
         """Return what to type to be told the same."""
-        return self.dashboard.equivalent.line("status")
+        return self.dashboard.command_lines.daemon_line("status")
 
-    def barred(self) -> frozenset[str]:
+    def disabled_keys(self) -> frozenset[str]:
         """Return the ids of keys that may not be used now; pressed, they say why."""
         return CHANGING_KEYS if self.dashboard.read_only else frozenset()
 
     @property
     def active_bindings(self) -> dict[str, ActiveBinding]:
         """The bindings as the footer and help show them."""
-        barred, renamed = self.barred(), self._renamed
+        barred, renamed = self.disabled_keys(), self._renamed
         found = {}
         for key, active in super().active_bindings.items():
             id, binding = active.binding.id or "", active.binding
@@ -99,7 +99,7 @@ class BaseScreen(Screen[None]):
         order = self.IN_FOOTER
         return order.index(binding.id) if binding.id in order else len(order)
 
-    def deeds(self) -> Iterable[PaletteAction]:
+    def palette_actions(self) -> Iterable[PaletteAction]:
         """Yield what can be done here beyond what has a key."""
         return ()
 
@@ -115,40 +115,40 @@ class BaseScreen(Screen[None]):
     def on_mount(self) -> None:
         """Ask for what this screen shows, show what is known already."""
         self._composed = True
-        self.wanted_changed()
+        self.query_changed()
 
     def on_screen_resume(self) -> None:
         """Ask for what this screen shows, when we come back to it."""
         if self._composed:
-            self.wanted_changed()
+            self.query_changed()
 
-    def present(self) -> None:
+    def update_from_state(self) -> None:
         """Bring everything up to date."""
         # A timer may still fire while the screens are being taken down.
         if not self._composed or not self.app.is_running:
             return
-        picture, now = self.dashboard.picture, self.dashboard.clock()
-        self.query_one(StatusLine).show(picture, now)
+        state, now = self.dashboard.daemon_state, self.dashboard.clock()
+        self.query_one(StatusLine).show(state, now)
         trail, text = self.query_one("#trail", Static), self._trail()
         if text != trail.content:  # else everything would be laid out again for nothing
             trail.update(text)
-        self.set_class(not picture.connected and picture.at > 0, "-stale")
-        self.show(picture)
+        self.set_class(not state.connected and state.at > 0, "-stale")
+        self.show(state)
 
     def _trail(self) -> Text:
         text = Text(self.trail(), no_wrap=True)
         if self.dashboard.read_only:
             text.append("  read-only", style=UNSURE)
-        overview = self.dashboard.picture.overview
+        overview = self.dashboard.daemon_state.overview
         if overview is not None and overview.trouble:
             why = " ".join(overview.trouble.split())
             text.append(f"  {GLYPHS['lost']} {why}", style=DASHBOARD_STYLES["lost"])
         return text
 
-    def wanted_changed(self) -> None:
+    def query_changed(self) -> None:
         """Ask anew because what is wanted changed."""
-        self.dashboard.feed.look(self.want())
-        self.present()
+        self.dashboard.feed.set_query(self.state_query())
+        self.update_from_state()
 
     def action_back(self) -> None:
         """Leave this screen, unless it is the first."""

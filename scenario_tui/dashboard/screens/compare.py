@@ -95,7 +95,7 @@ class CompareScreen(PlayingScreen):
 
     def _meet(self, time: float | None) -> None:
         """Put both runs on one clock and stand at a moment of the first."""
-        first, second = self.first.chronicle, self.second.chronicle
+        first, second = self.first.timeline, self.second.timeline
         self._clock = common_clock(first, second, self.by)
         moved = shift_to_clock(second, self._clock)
         self._moved = moved
@@ -151,7 +151,7 @@ class CompareScreen(PlayingScreen):
             self.query_one(f"#name-{side}", Static).update(name)
         self.query_one(TimelineView).move(transport.time)
 
-    def turned(self) -> None:
+    def view_changed(self) -> None:
         """Give the keys to what can be scrolled."""
         if self.VIEWS[self._part] == "differences" or self.has_class("-wide"):
             self.query_one("#differences").focus(scroll_visible=False)
@@ -180,13 +180,13 @@ class CompareScreen(PlayingScreen):
 
 def mark_or_compare(dashboard: BaseDashboard, run: str) -> None:
     """Mark a run, or compare it with the one that is marked."""
-    marked = dashboard.marked
+    marked = dashboard.marked_run
     if not marked or marked == run:
-        dashboard.marked = "" if marked == run else run
+        dashboard.marked_run = "" if marked == run else run
         said = f"{run} is marked no more" if marked else f"marked {run}: now mark another run"
         dashboard.notify(said, markup=False)
         return
-    dashboard.marked = ""
+    dashboard.marked_run = ""
     dashboard.notify(f"reading {marked} and {run}", markup=False, timeout=2)
     dashboard.run_worker(lambda: _open(dashboard, marked, run), thread=True, group="compare")
 
@@ -210,5 +210,5 @@ def _playback(dashboard: BaseDashboard, run: str) -> Playback:
         raise DaemonError(f"{run}: {found.why}")
     assert detail.result is not None
     playback = open_playback(found, detail.result.verdicts)
-    playback.chronicle  # noqa: B018  sampled here and not where it would be waited for
+    playback.timeline  # noqa: B018  sampled here and not where it would be waited for
     return playback

@@ -168,8 +168,8 @@ class ActionCommands(PaletteProvider):
                 about = f"{self.app.get_key_display(binding)}  {binding.tooltip}"
                 yield PaletteEntry(binding.description, about, self._doing(action, active.node))
         if isinstance(self.screen, BaseScreen):
-            for deed in self.screen.deeds():
-                yield PaletteEntry(deed.name, deed.about, self._doing(deed.action, self.screen))
+            for extra in self.screen.palette_actions():
+                yield PaletteEntry(extra.name, extra.about, self._doing(extra.action, self.screen))
         yield PaletteEntry(
             "Theme", "Choose other colours, until you leave", self.app.action_change_theme
         )
@@ -183,14 +183,14 @@ class CampaignCommands(PaletteProvider):
 
     def offers(self) -> Iterator[PaletteEntry]:
         """Yield a way to each campaign and to its matrix."""
-        for row in self.dashboard.picture.campaigns:
+        for row in self.dashboard.daemon_state.campaigns:
             yield PaletteEntry(f"go to campaign {row.id}", "its runs", self._to(row.id))
             to_matrix = partial(self.dashboard.open_matrix, row.id)
             yield PaletteEntry(f"go to matrix of {row.id}", "the campaign judged", to_matrix)
 
     def first(self) -> Iterator[PaletteEntry]:
         """Yield ways to the newest campaigns."""
-        for row in self.dashboard.picture.campaigns[:_CAMPAIGNS]:
+        for row in self.dashboard.daemon_state.campaigns[:_CAMPAIGNS]:
             yield PaletteEntry(f"go to campaign {row.id}", "its runs", self._to(row.id))
 
     def _to(self, campaign: str) -> Callable[[], object]:
@@ -206,7 +206,7 @@ class RunCommands(PaletteProvider):
 
     def offers(self) -> Iterator[PaletteEntry]:
         """Yield ways to the runs that are known here."""
-        page = self.dashboard.picture.page
+        page = self.dashboard.daemon_state.page
         for row in page.rows if page is not None else ():
             yield self._offer(row)
 
@@ -218,9 +218,9 @@ class RunCommands(PaletteProvider):
         """Offer what fits of the page shown, then what the daemon finds."""
         async for hit in super().search(query):
             yield hit
-        if not self.dashboard.picture.connected:
+        if not self.dashboard.daemon_state.connected:
             return
-        page = self.dashboard.picture.page
+        page = self.dashboard.daemon_state.page
         known = {row.id for row in page.rows} if page is not None else set()
         wanted = query.strip().removeprefix("go to run").strip()
         for row in await self._found(wanted) if wanted else ():
@@ -230,7 +230,7 @@ class RunCommands(PaletteProvider):
 
     async def _found(self, wanted: str) -> tuple[RunRow, ...]:
         found: Future[tuple[RunRow, ...]] = Future()
-        self.dashboard.feed.do(partial(_look_for, wanted[:200], found))
+        self.dashboard.feed.enqueue_action(partial(_look_for, wanted[:200], found))
         try:
             return await asyncio.wait_for(asyncio.wrap_future(found), _PATIENCE)
         except (TimeoutError, asyncio.CancelledError):

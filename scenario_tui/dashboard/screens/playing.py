@@ -86,7 +86,7 @@ class PlayingScreen(Screen[None]):
     def on_mount(self) -> None:
         """Look at the clock from now on."""
         self._at = self.clock()
-        self.look_at(self._part)
+        self.show_view(self._part)
         self.set_interval(1.0 / FRAMES, self.tick)
 
     def tick(self) -> None:
@@ -104,15 +104,15 @@ class PlayingScreen(Screen[None]):
             self.transport.playing = False
             self.show_moment()
 
-    def look_at(self, part: int) -> None:
+    def show_view(self, part: int) -> None:
         """Show one part of the screen where there is room for one only."""
         if self.VIEWS:
             self._part = part % len(self.VIEWS)
             others = {f"-{name}" for name in self.VIEWS}
             self.set_classes([*(self.classes - others), f"-{self.VIEWS[self._part]}"])
-            self.call_after_refresh(self.turned)
+            self.call_after_refresh(self.view_changed)
 
-    def turned(self) -> None:
+    def view_changed(self) -> None:
         """Give the part that came the keys, if it takes any."""
 
     def tabs(self) -> str:
@@ -177,7 +177,7 @@ class PlayingScreen(Screen[None]):
 
     def action_view(self, step: int) -> None:
         """Show the next part of the screen, or the one before."""
-        self.look_at(self._part + step)
+        self.show_view(self._part + step)
 
     def action_zoom(self) -> None:
         """Come nearer to the robot on the map."""

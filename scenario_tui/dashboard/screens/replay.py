@@ -70,11 +70,11 @@ class ReplayScreen(PlayingScreen):
         """Return when oracles were decided against."""
         return self.playback.moments
 
-    def turned(self) -> None:
+    def view_changed(self) -> None:
         """Sample the signals once they are looked at: that may take a moment."""
         signals = self.query_one(TimelineView)
         if signals.size and not signals.drawn:
-            signals.show((self.playback.chronicle,))
+            signals.show((self.playback.timeline,))
         self.show_moment()
 
     def show_moment(self, window: float = FLASH) -> None:

@@ -80,7 +80,7 @@ def log_lines(playback: Playback) -> Iterator[Line]:
     decided = [(m.time, "oracle", f"✗ {m.oracle} decided against") for m in playback.moments]
     doors = [
         (event.time, event.name, "opens" if event.opens else "is shut")
-        for event in playback.chronicle.doors
+        for event in playback.timeline.doors
     ]
     touched = sorted((c.time, "contact", f"{c.first} touches {c.second}") for c in trace.contacts)
     yield from heapq.merge(said, decided, doors, _first_of_each(touched))
@@ -151,24 +151,26 @@ class RunScreen(PlayingScreen, SteeringScreen):
     def on_resize(self) -> None:
         """Put map and signals side by side where there is room for that."""
         self.set_class(self.size.width >= _VAST, "-vast")
-        self.call_after_refresh(self.present)
+        self.call_after_refresh(self.update_from_state)
 
-    def want(self) -> Query:
+    def state_query(self) -> Query:
         """This run."""
         return Query(run=self._run)
 
-    def judged(self) -> str:
+    def rejudge_target(self) -> str:
         """This run alone is judged again."""
         return self._run
 
     def command(self) -> str:
         """Return what to type to watch it."""
-        return self.dashboard.equivalent.line("replay", self._run)
+        return self.dashboard.command_lines.daemon_line("replay", self._run)
 
     def campaign(self) -> CampaignRow | None:
         """Return the campaign the run is part of."""
         wanted = self._run.rpartition(".")[0]
-        return next((row for row in self.dashboard.picture.campaigns if row.id == wanted), None)
+        return next(
+            (row for row in self.dashboard.daemon_state.campaigns if row.id == wanted), None
+        )
 
     def trail(self) -> str:
         """Where we are."""
@@ -181,15 +183,15 @@ class RunScreen(PlayingScreen, SteeringScreen):
         return self._playback.moments if self._playback is not None else ()
 
     def _detail(self) -> RunDetail | None:
-        detail = self.dashboard.picture.detail
+        detail = self.dashboard.daemon_state.detail
         return detail if detail is not None and detail.row.id == self._run else None
 
-    def show(self, picture: DashboardState) -> None:
+    def show(self, state: DashboardState) -> None:
         """Show what is known of the run: live, or as it was."""
         detail = self._detail()
         if detail is None:
             return
-        track, seen = track_of(self.dashboard, detail), trace_summary_of(picture, self._run)
+        track, seen = track_of(self.dashboard, detail), trace_summary_of(state, self._run)
         if (
             isinstance(seen, TraceSummary)
             and detail.result is not None
@@ -199,7 +201,7 @@ class RunScreen(PlayingScreen, SteeringScreen):
             self._open(seen.path, detail.result.verdicts)
         self._words(detail, track)
         if self._playback is None:
-            self._live(detail, picture, track, seen)
+            self._live(detail, state, track, seen)
         self._say(detail)
 
     def _words(self, detail: RunDetail, track: Track | None) -> None:
@@ -213,12 +215,12 @@ class RunScreen(PlayingScreen, SteeringScreen):
             self.query_one(VerdictList).show(result.verdicts)
         if self._shown != (detail, self._playback):
             if self._shown is None:
-                self.look_at(self.VIEWS.index("map") if _runs(detail) else 0)
+                self.show_view(self.VIEWS.index("map") if _runs(detail) else 0)
             self._shown = (detail, self._playback)
             self.query_one("#log-text", Static).update(log_text(detail, self._playback))
 
     def _live(
-        self, detail: RunDetail, picture: DashboardState, track: Track | None,
+        self, detail: RunDetail, state: DashboardState, track: Track | None,
         seen: TraceSummary | UnavailableTrace | None,
     ) -> None:  # fmt: skip
         """Show the map as it is now, or why there is nothing to see."""
@@ -229,9 +231,9 @@ class RunScreen(PlayingScreen, SteeringScreen):
         show_message_or(self.query_one("#untold"), signals, why or waiting)
         self.query_one("#legend").display = not why
         self.query_one("#signs").display = False
-        if not why and picture.scene is not None:
+        if not why and state.scene is not None:
             recorded = seen if isinstance(seen, TraceSummary) else None
-            top.show(view_of(detail, picture.scene, track, recorded))
+            top.show(view_of(detail, state.scene, track, recorded))
 
     def _say(self, detail: RunDetail) -> None:
         """Say when it is and which part of the screen this is."""
@@ -261,14 +263,14 @@ class RunScreen(PlayingScreen, SteeringScreen):
         self.query_one("#signals", TimelineView).move(transport.time)
         self._say(detail)
 
-    def turned(self) -> None:
+    def view_changed(self) -> None:
         """Give the keys to what is shown."""
         wanted = {"verdicts": "#decided", "log": "#log"}.get(self.VIEWS[self._part])
         if wanted is not None and self.query(wanted):
             self.query_one(wanted).focus(scroll_visible=False)
         else:
             self.set_focus(None)
-        self.present()
+        self.update_from_state()
 
     @work(thread=True, exclusive=True)
     def _open(self, path: Path, verdicts: tuple[Verdict, ...]) -> None:
@@ -279,7 +281,7 @@ class RunScreen(PlayingScreen, SteeringScreen):
 
         try:
             playback = open_playback(path, verdicts)
-            playback.chronicle  # noqa: B018
+            playback.timeline  # noqa: B018
         except TraceError as error:
             why = "; ".join(f"{d.message}\n\n{d.hint}" for d in error.diagnostics)
             self.app.call_from_thread(self._broken, f"{why}: {path}")
@@ -288,7 +290,7 @@ class RunScreen(PlayingScreen, SteeringScreen):
 
     def _broken(self, why: str) -> None:
         self._damage = why
-        self.present()
+        self.update_from_state()
 
     def _ready(self, playback: Playback) -> None:
         """Show the run at the moment that tells most."""
@@ -298,10 +300,10 @@ class RunScreen(PlayingScreen, SteeringScreen):
             self.query_one(name).display = False
         for name in ("#map", "#legend", "#signals", "#signs"):
             self.query_one(name).display = True
-        signals.show((playback.chronicle,))
+        signals.show((playback.timeline,))
         self.begin(ReplayTransport(playback.start, playback.end, playback.start, playing=False))
         self._to_chosen()
-        self.present()
+        self.update_from_state()
 
     def _moment_of(self, verdict: Verdict | None) -> float | None:
         return None if verdict is None else verdict.evidence.time
@@ -334,7 +336,7 @@ class RunScreen(PlayingScreen, SteeringScreen):
 
     def _why_not(self) -> str:
         """Return why the run cannot be played."""
-        seen = trace_summary_of(self.dashboard.picture, self._run)
+        seen = trace_summary_of(self.dashboard.daemon_state, self._run)
         if self._damage or isinstance(seen, UnavailableTrace):
             return self._damage or (seen.why if isinstance(seen, UnavailableTrace) else "")
         return "its trace is being read" if self._opened else "a run can be played when it is over"

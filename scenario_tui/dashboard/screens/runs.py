@@ -47,21 +47,21 @@ class RunPanel(Vertical):
             yield TopView(id="map")
             yield Static(LEGEND, id="legend")
 
-    def show(self, dashboard: BaseDashboard, picture: DashboardState | None) -> None:
-        """Show the run of a picture, or nothing."""
-        detail = picture.detail if picture is not None else None
-        if picture is None or detail is None:
+    def show(self, dashboard: BaseDashboard, state: DashboardState | None) -> None:
+        """Show the run of a state, or nothing."""
+        detail = state.detail if state is not None else None
+        if state is None or detail is None:
             self.query_one("#run-text", Static).update("")
             self._above(None)
             return
         track = track_of(dashboard, detail)
         snapshot = track.snapshot if track else None
         self.query_one("#run-text", Static).update(run_text(detail, snapshot))
-        seen = trace_summary_of(picture, detail.row.id)
+        seen = trace_summary_of(state, detail.row.id)
         if isinstance(seen, UnavailableTrace):
             self._above(None, seen.why)
-        elif picture.scene is not None:
-            self._above(view_of(detail, picture.scene, track, seen))
+        elif state.scene is not None:
+            self._above(view_of(detail, state.scene, track, seen))
         else:
             self._above(None)
 
@@ -79,9 +79,9 @@ def track_of(dashboard: BaseDashboard, detail: RunDetail) -> Track | None:
     return dashboard.tracks.get(detail.row.id) if running else None
 
 
-def trace_summary_of(picture: DashboardState, run: str) -> TraceSummary | UnavailableTrace | None:
-    """Return what the picture knows of the trace of a run."""
-    seen = picture.recording
+def trace_summary_of(state: DashboardState, run: str) -> TraceSummary | UnavailableTrace | None:
+    """Return what the state knows of the trace of a run."""
+    seen = state.recording
     return seen if seen is not None and seen.run == run else None
 
 
@@ -175,14 +175,14 @@ class RunsScreen(SteeringScreen):
         self.query_one(Input).display = False
         super().on_mount()
 
-    def want(self) -> Query:
+    def state_query(self) -> Query:
         """The page; in wide terminals also the run under the cursor."""
         beside = self.query_one("#side").display and self.has_class("-wide")
         return Query(runs=self._wanted, run=self.query_one(KeyedTable).key if beside else "")
 
     def trail(self) -> str:
         """Where we are, which page, sorted and filtered how."""
-        wanted, page = self._wanted, self._page(self.dashboard.picture)
+        wanted, page = self._wanted, self._page(self.dashboard.daemon_state)
         parts = [f"campaigns › {wanted.campaign}" if wanted.campaign else "all runs"]
         if wanted.scenario:
             parts[0] += f" › {wanted.scenario}/{wanted.sut}"
@@ -195,8 +195,8 @@ class RunsScreen(SteeringScreen):
             parts.append(f"only {FILTERS[self._only][0]}")
         if wanted.text:
             parts.append(f"/{wanted.text}")
-        if self.dashboard.marked:
-            parts.append(f"= {self.dashboard.marked} marked")
+        if self.dashboard.marked_run:
+            parts.append(f"= {self.dashboard.marked_run} marked")
         row = self.campaign() if wanted.campaign else None
         parts += schedule_marks(row) if row is not None else []
         return "  ".join(parts)
@@ -208,21 +208,23 @@ class RunsScreen(SteeringScreen):
             return super().command()
         narrowed = [("--outcome", wanted.outcome), ("--filter", wanted.text)]
         options = [word for option in narrowed if option[1] for word in option]
-        return self.dashboard.equivalent.line("results", row.id, *(options or ["--runs"]))
+        return self.dashboard.command_lines.daemon_line("results", row.id, *(options or ["--runs"]))
 
     def campaign(self) -> CampaignRow | None:
         """Return the campaign shown, or that of the run under the cursor."""
         wanted = self._wanted.campaign
         if not wanted:
             wanted = self.query_one(KeyedTable).key.rpartition(".")[0]
-        return next((row for row in self.dashboard.picture.campaigns if row.id == wanted), None)
+        return next(
+            (row for row in self.dashboard.daemon_state.campaigns if row.id == wanted), None
+        )
 
-    def _page(self, picture: DashboardState) -> Any:
-        return picture.page if picture.wanted == self._wanted else None
+    def _page(self, state: DashboardState) -> Any:
+        return state.page if state.wanted == self._wanted else None
 
-    def show(self, picture: DashboardState) -> None:
+    def show(self, state: DashboardState) -> None:
         """Fill the table with the page, once it is the one wanted."""
-        page = self._page(picture)
+        page = self._page(state)
         if page is None:
             return
         message = "" if page.rows else self._nothing()
@@ -234,10 +236,10 @@ class RunsScreen(SteeringScreen):
         if not message and not self.query_one(Input).has_focus:
             table.focus(scroll_visible=False)
         if self.has_class("-wide"):
-            self.dashboard.feed.look(self.want())
-            detail = picture.detail
+            self.dashboard.feed.set_query(self.state_query())
+            detail = state.detail
             shown = detail is not None and detail.row.id == table.key
-            self.query_one(RunPanel).show(self.dashboard, picture if shown else None)
+            self.query_one(RunPanel).show(self.dashboard, state if shown else None)
 
     def _nothing(self) -> str:
         if self._only or self._wanted.text:
@@ -250,7 +252,7 @@ class RunsScreen(SteeringScreen):
     def on_data_table_row_highlighted(self) -> None:
         """Ask for the run the cursor came to."""
         if self.has_class("-wide"):
-            self.dashboard.feed.look(self.want())
+            self.dashboard.feed.set_query(self.state_query())
 
     def on_data_table_row_selected(self) -> None:
         """Open the run."""
@@ -259,7 +261,7 @@ class RunsScreen(SteeringScreen):
     def _change(self, **changes: Any) -> None:
         self._wanted = replace(self._wanted, **({"offset": 0} | changes))
         self.query_one(KeyedTable).from_top()
-        self.wanted_changed()
+        self.query_changed()
 
     def action_filter(self) -> None:
         """Open the filter line."""
@@ -318,7 +320,7 @@ class RunsScreen(SteeringScreen):
 
     def on_keyed_table_beyond(self, event: KeyedTable.Beyond) -> None:
         """Go on to the page behind, or to the very last one."""
-        page = self._page(self.dashboard.picture)
+        page = self._page(self.dashboard.daemon_state)
         if page is None or not page.total:
             return
         last = (page.total - 1) // PAGE * PAGE
@@ -333,7 +335,7 @@ class RunsScreen(SteeringScreen):
 
     def action_page(self, step: int) -> None:
         """Turn the page."""
-        page = self._page(self.dashboard.picture)
+        page = self._page(self.dashboard.daemon_state)
         offset = self._wanted.offset + step * PAGE
         if page is not None and 0 <= offset < page.total:
             self._change(offset=offset)

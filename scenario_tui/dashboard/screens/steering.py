@@ -64,7 +64,7 @@ class SteeringScreen(BaseScreen):
         """Return the campaign the keys are about."""
         raise NotImplementedError
 
-    def judged(self) -> str:
+    def rejudge_target(self) -> str:
         """Return the run that is judged again, empty for all of the campaign."""
         return ""
 
@@ -73,9 +73,9 @@ class SteeringScreen(BaseScreen):
         row = self.campaign()
         return super().command() if row is None else self._line("results", row.id)
 
-    def present(self) -> None:
+    def update_from_state(self) -> None:
         """Bring everything up to date; the key that pauses is also the one that resumes."""
-        super().present()
+        super().update_from_state()
         if not self._composed or not self.app.is_running:
             return
         row = self.campaign()
@@ -84,7 +84,7 @@ class SteeringScreen(BaseScreen):
             self._renamed = renamed
             self.refresh_bindings()
 
-    def deeds(self) -> Iterable[PaletteAction]:
+    def palette_actions(self) -> Iterable[PaletteAction]:
         """Yield retrying of each kind: the key only opens a menu of them."""
         for _, words, only in _KINDS:
             yield PaletteAction(
@@ -92,7 +92,7 @@ class SteeringScreen(BaseScreen):
             )
 
     def _line(self, command: str, *arguments: str) -> str:
-        return self.dashboard.equivalent.line(command, *arguments)
+        return self.dashboard.command_lines.daemon_line(command, *arguments)
 
     def _about(self, *, steering: bool = True) -> CampaignRow | None:
         """Return the campaign to do something about; say so when there is none, or it is barred."""
@@ -205,7 +205,7 @@ class SteeringScreen(BaseScreen):
         """Ask by which oracles, then judge the recorded runs again."""
         row = self._about(steering=False)
         if row is not None:
-            judge_again(self.dashboard, row, self.judged() or row.id)
+            judge_again(self.dashboard, row, self.rejudge_target() or row.id)
 
     def action_report(self) -> None:
         """Write the report."""

@@ -78,7 +78,7 @@ class SubmitScreen(BaseScreen):
         self._fresh = self._busy = False
         self._pausing: Timer | None = None
         self._news: int | None = None
-        # What errands bring may come when the screen is being taken down.
+        # What background tasks bring may come when the screen is being taken down.
         hint = "parts of the name, or the way to a folder"
         self._line = Input(placeholder=hint, id="wanted", compact=True)
         self._list = OptionList(id="files", compact=True)
@@ -113,14 +113,14 @@ class SubmitScreen(BaseScreen):
         path = self._chosen()
         name = "CAMPAIGN.yaml" if path is None else relative_name(path, self._here)
         fresh = ("--fresh",) if self._fresh else ()
-        return self.dashboard.equivalent.line("submit", name, *fresh)
+        return self.dashboard.command_lines.daemon_line("submit", name, *fresh)
 
-    def show(self, picture: DashboardState) -> None:
+    def show(self, state: DashboardState) -> None:
         """Nothing here depends on the daemon."""
 
     def _look_in(self, folder: Path) -> None:
         self._folder, self._files = folder, None
-        self.dashboard.errands.start(
+        self.dashboard.background_tasks.start(
             partial(find_files, folder, is_campaign),
             partial(self._found, folder),
             self.dashboard.problem,
@@ -155,7 +155,7 @@ class SubmitScreen(BaseScreen):
         show_message_or(self._empty, self._picker, message)
         if self._names:
             self._list.highlighted = 0
-        self.present()
+        self.update_from_state()
 
     def _chosen(self) -> Path | None:
         index = self._list.highlighted
@@ -186,8 +186,8 @@ class SubmitScreen(BaseScreen):
         if len(self._checking) >= _AT_ONCE:
             return
         self._checking.add(path)
-        self.dashboard.errands.start(
-            partial(_examined, self.dashboard.examine, path),
+        self.dashboard.background_tasks.start(
+            partial(_examined, self.dashboard.check_file, path),
             partial(self._note, path),
             partial(self._note_failure, path),
         )
@@ -196,7 +196,7 @@ class SubmitScreen(BaseScreen):
         """See whether the file under the cursor is being edited, or one beside it."""
         path = self._chosen()
         if path in self._checked:
-            self.dashboard.errands.start(
+            self.dashboard.background_tasks.start(
                 partial(newest_change, path.parent),
                 partial(self._note_change, path),
                 partial(self._note_failure, path),
@@ -251,8 +251,8 @@ class SubmitScreen(BaseScreen):
             self._busy = True
             self._tell()
             # The file may have changed since it was checked: what is handed over is read anew.
-            self.dashboard.errands.start(
-                partial(self.dashboard.examine, path, submit=True, fresh=self._fresh),
+            self.dashboard.background_tasks.start(
+                partial(self.dashboard.check_file, path, submit=True, fresh=self._fresh),
                 partial(self._hand_over, path),
                 partial(self._refuse, path),
             )
@@ -294,7 +294,7 @@ class SubmitScreen(BaseScreen):
         """Run everything anew, or only what has no result."""
         self._fresh = not self._fresh
         self._tell()
-        self.present()
+        self.update_from_state()
 
     def action_back(self) -> None:
         """Forget what was typed first, then leave."""

@@ -31,7 +31,7 @@ class InlineFeed(Feed):
     def start(self) -> None:
         """Start no thread."""
 
-    def take(self) -> tuple[DashboardState | None, list[LiveSnapshot], list[Notice]]:
+    def take_news(self) -> tuple[DashboardState | None, list[LiveSnapshot], list[Notice]]:
         try:
             self.step(self.fake)
             if self.judge(self.fake):
@@ -40,7 +40,7 @@ class InlineFeed(Feed):
             self._lose(error)
         self._lives.extend(self.fake.live)
         self.fake.live = ()
-        return super().take()
+        return super().take_news()
 
 
 def make_dashboard(fake: FakeDaemon, **settings: Any) -> Dashboard:
@@ -55,7 +55,7 @@ async def settle(pilot: Pilot[None]) -> None:
     for _ in range(2):
         await _quiet(pilot)
         assert isinstance(pilot.app, Dashboard)
-        pilot.app.look()
+        pilot.app.update_state()
         await _quiet(pilot)
 
 

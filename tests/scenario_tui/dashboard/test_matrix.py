@@ -159,8 +159,8 @@ def test_what_did_not_change_is_not_judged_again(judged) -> None:
     assert [judge.step(judged, rows, "") for _ in range(3)] == [True, True, False]
     assert judge.step(judged, rows, CAMPAIGN)  # now everything about it is wanted
     assert not judge.step(judged, rows, CAMPAIGN)
-    assert judge.conclusions[OLD].said == "✓ as expected"
-    assert judge.conclusions[CAMPAIGN].said == "✗ 1 unexpected"
+    assert judge.conclusions[OLD].glyph_text == "✓ as expected"
+    assert judge.conclusions[CAMPAIGN].glyph_text == "✗ 1 unexpected"
 
 
 @pytest.mark.parametrize(
