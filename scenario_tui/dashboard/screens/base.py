@@ -13,6 +13,7 @@ from textual.screen import Screen
 from textual.widget import Widget
 from textual.widgets import Footer, Static
 
+from scenario_tui.campaign_actions import KEYED
 from scenario_tui.dashboard.state import DashboardState, Query
 from scenario_tui.dashboard.widgets.status_line import StatusLine
 from scenario_tui.text.formatting import DASHBOARD_STYLES, GLYPHS, UNSURE
@@ -21,7 +22,7 @@ if TYPE_CHECKING:
     from scenario_tui.dashboard.base_app import BaseDashboard
 
 
-CHANGING_KEYS: Final = frozenset({"submit", "pause", "cancel", "retry", "priority"})
+CHANGING_KEYS: Final = frozenset({"submit", *(action.command for action in KEYED)})
 """Ids of the keys that change something at the daemon."""
 
 
