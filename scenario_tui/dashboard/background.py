@@ -1,4 +1,4 @@
-"""What the dashboard has done elsewhere: in threads, or by ``scenario`` commands as child processes.
+"""What the dashboard has done elsewhere: in threads, or by ``scenario`` commands as children.
 
 Every background task has a thread of its own. What comes of it waits until the thread that draws
 asks, so that nothing touches the screen from elsewhere, also while it is being taken down. Judging
@@ -128,8 +128,8 @@ CommandRunner: TypeAlias = Callable[[tuple[str, ...]], CommandAnswer]
 def run_command(arguments: tuple[str, ...]) -> CommandAnswer:
     """Run a command and return what it wrote.
 
-    It goes on when the dashboard is left. Raises :class:`daemon.batch.errors.DaemonError` with its last
-    words when it wrote nothing usable.
+    It goes on when the dashboard is left. Raises :class:`daemon.batch.errors.DaemonError` with its
+    last words when it wrote nothing usable.
     """
     done = subprocess.run(
         command_argv((*arguments, "--json")),

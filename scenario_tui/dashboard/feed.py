@@ -1,8 +1,8 @@
 """What the dashboard knows: asked for by a thread of its own, taken by the screen's timer.
 
-The thread leaves an immutable :class:`~scenario_tui.dashboard.state.DashboardState` behind; telemetry and
-notices wait in queues that forget the oldest. A second thread judges campaigns, which takes long
-when they are large. Nothing here ever blocks the thread that draws.
+The thread leaves an immutable :class:`~scenario_tui.dashboard.state.DashboardState` behind;
+telemetry and notices wait in queues that forget the oldest. A second thread judges campaigns, which
+takes long when they are large. Nothing here ever blocks the thread that draws.
 """
 
 from __future__ import annotations
@@ -12,33 +12,29 @@ import time
 from collections import deque
 from collections.abc import Callable
 from contextlib import AbstractContextManager
-from dataclasses import replace
+from dataclasses import asdict, replace
 from typing import Final, TypeAlias, TypeVar
 
-from daemon.batch.errors import DaemonError, Refused, Unreachable
-from daemon.model.status import ChangeEvent, LiveSnapshot, RunDetail, RunPage, RunState
-from grammars.model.scene import Scene
-from scenario_tui.client import ClientOpener, Closeable, DaemonClient
-from scenario_tui.dashboard.local_traces import (
-    TraceSummary,
-    UnavailableTrace,
-    can_fetch_trace,
-    read_trace_summary,
-)
-from scenario_tui.dashboard.state import CampaignAssessor, DashboardState, Notice, Query, RunsQuery
+from daemon.batch.errors import DaemonError, Unreachable
+from daemon.model.status import ChangeEvent, LiveSnapshot
+from scenario_tui.client import ClientOpener, DaemonClient
+from scenario_tui.dashboard.run_watch import RunWatch
+from scenario_tui.dashboard.state import CampaignAssessor, DashboardState, Notice, Query
 
 T = TypeVar("T")
 
 REFRESH: Final = 1.0
 """Seconds between two looks when nothing is known to have changed."""
 _BREATH: Final = 0.2
-"""Seconds between two looks at least, however much happens."""
+"""Seconds between two looks at least: a campaign of short runs changes far more often than that."""
 _GATHER: Final = 0.01
+"""Seconds others are waited for when a key was pressed: they often come several at once."""
 _RETRY: Final = 0.5
+"""Seconds after which a daemon that was lost is tried again."""
 _PATIENCE: Final = 1.0
+"""Seconds the judging thread gets to leave; it may hang in a question to a daemon that is gone."""
 _JUDGING: Final = 0.1
 """Seconds between two looks for campaigns that should be judged."""
-_SCENES_KEPT: Final = 8
 
 Action: TypeAlias = Callable[[DaemonClient], str]
 
@@ -55,20 +51,18 @@ class Feed:
     ) -> None:
         self._open = open_daemon
         self._judge = judge or CampaignAssessor()
+        # After a lost connection the old judging thread may still be at work beside the new one.
         self._judged = threading.Lock()
         self._clock = clock
         self._want = Query()
         self._state = DashboardState()
         self._changed = False
-        self._scenes: dict[str, Scene] = {}
-        self._recording: tuple[tuple[str, str], TraceSummary | UnavailableTrace] | None = None
-        self._watching: Closeable | None = None
-        self._watched = self._detailed = ""
         self._actions: deque[Action] = deque()
         self._lives: deque[LiveSnapshot] = deque(maxlen=512)
         self._notices: deque[Notice] = deque(maxlen=16)
         self._wake = threading.Event()
         self._asked = threading.Event()
+        self._run_watch = RunWatch(open_daemon, self._lives, self._note_problem, self._wake.set)
         self._closing = False
         self.on_answer: Callable[[], object] = _nobody_waits
         self._failure: Exception | None = None
@@ -95,10 +89,6 @@ class Feed:
             self._want = want
             self._hurry()
 
-    def refresh(self) -> None:
-        """Ask again at once."""
-        self._hurry()
-
     def enqueue_action(self, action: Action) -> None:
         """Have something done; what it returns, or why it was refused, becomes a notice."""
         self._actions.append(action)
@@ -115,6 +105,8 @@ class Feed:
         """
         if self._failure is not None:
             raise self._failure
+        # First the flag, then the state: what is left behind in between is taken the next time.
+        # The other way round it would never be.
         changed, self._changed = self._changed, False
         return self._state if changed else None, _drain(self._lives), _drain(self._notices)
 
@@ -139,7 +131,8 @@ class Feed:
     def _session(self) -> None:
         """Ask over one connection until it breaks or the feed is closed."""
         with self._open() as daemon:
-            subscription = daemon.events(self._on_event, self._on_live)
+            # Before the first look: what changes in between is then heard of and not missed.
+            subscription = daemon.events(self._on_event, self._run_watch.hear)
             leaving = threading.Event()
             judging = threading.Thread(
                 target=self._judging, args=(daemon, leaving), name="judge", daemon=True
@@ -156,14 +149,14 @@ class Feed:
                 leaving.set()
                 # A question about a large campaign may still wait for a daemon that is gone.
                 judging.join(_PATIENCE)
-                self._unwatch()
+                self._run_watch.close()
                 subscription.close()
 
     def _breathe(self, daemon: DaemonClient) -> None:
         """Let some time pass between two looks; only what people wait for is answered at once."""
         until = time.monotonic() + _BREATH
         while self._asked.wait(max(0.0, until - time.monotonic())) and not self._closing:
-            # Keys often come several at once: the last of them says what is wanted.
+            # The last of several keys says what is wanted.
             time.sleep(_GATHER)
             self._asked.clear()
             self.answer(daemon)
@@ -198,9 +191,9 @@ class Feed:
         want, state = self._want, self._state
         turned = want.runs is not None and want.runs != state.wanted
         if want.runs is not None and turned:
-            state = replace(state, wanted=want.runs, page=_page(daemon, want.runs))
+            state = replace(state, wanted=want.runs, page=daemon.runs(**asdict(want.runs)))
         if want.run and (state.detail is None or state.detail.row.id != want.run):
-            state = self._with_run(daemon, state, want.run)
+            state = self._run_watch.add_run(daemon, state, want.run)
         if state is not self._state:
             self._show(state)
             self.on_answer()
@@ -224,121 +217,33 @@ class Feed:
         if want.workers:
             state = replace(state, workers=daemon.workers())
         if want.runs is not None and not (turned and want.runs == state.wanted):
-            state = replace(state, wanted=want.runs, page=_page(daemon, want.runs))
+            state = replace(state, wanted=want.runs, page=daemon.runs(**asdict(want.runs)))
         if want.run:
-            state = self._with_run(daemon, state, want.run)
-        self._watch(daemon, state.detail if want.run else None)
+            state = self._run_watch.add_run(daemon, state, want.run)
+        self._run_watch.follow(daemon, state.detail if want.run else None)
         self._show(state)
-
-    def _with_run(self, daemon: DaemonClient, state: DashboardState, run: str) -> DashboardState:
-        detail = self._detail(daemon, run)
-        scene = self._scene(daemon, detail.spec.scene) if detail is not None else None
-        recording = self._recorded(daemon, detail)
-        return replace(state, detail=detail, scene=scene, recording=recording)
 
     def _forget(self) -> None:
         """Forget what was asked for: nobody expects it to be done when the daemon is back."""
         if _drain(self._actions):
-            self._notices.append(Notice("no daemon answers: nothing was done", "error"))
-
-    def _watch(self, daemon: DaemonClient, detail: RunDetail | None) -> None:
-        """Have details of the run that is shown sent while it runs, and of no other."""
-        running = detail is not None and detail.row.state is RunState.RUNNING
-        run = detail.row.id if detail is not None and running else ""
-        if run == self._watched:
-            return
-        self._unwatch()
-        if run:
-            self._watching, self._watched = daemon.watch(run, self._on_detail), run
-
-    def _unwatch(self) -> None:
-        if self._watching is not None:
-            self._watching.close()
-        self._watching, self._watched, self._detailed = None, "", ""
-
-    def _on_live(self, live: LiveSnapshot) -> None:
-        # What is told to everybody comes late for a run that is watched.
-        if live.run != self._detailed:
-            self._lives.append(live)
-
-    def _on_detail(self, live: LiveSnapshot) -> None:
-        self._detailed = live.run
-        self._lives.append(live)
+            self._note_problem("no daemon answers: nothing was done")
 
     def _act(self, daemon: DaemonClient, action: Action) -> None:
         try:
             said = action(daemon)
         except DaemonError as error:
-            self._notices.append(Notice(str(error), "error"))
+            self._note_problem(str(error))
         else:
             if said:
                 self._notices.append(Notice(said))
 
-    def _detail(self, daemon: DaemonClient, run: str) -> RunDetail | None:
-        try:
-            return daemon.run(run)
-        except Refused as error:
-            self._notices.append(Notice(str(error), "error"))
-            return None
-
-    def _recorded(
-        self, daemon: DaemonClient, detail: RunDetail | None
-    ) -> TraceSummary | UnavailableTrace | None:
-        """Return what the trace of a run says that is over, or why it says nothing."""
-        if detail is None or detail.row.state in (RunState.QUEUED, RunState.RUNNING):
-            return None
-        key = (detail.row.id, detail.row.trace)
-        if self._recording is None or self._recording[0] != key:
-            if can_fetch_trace(detail, daemon):
-                size = 0.0 if detail.result is None else detail.result.trace.size / 1e6
-                seen = UnavailableTrace(detail.row.id, f"Bringing its trace here, {size:.1f} MB …")
-                self._recording = (key, seen)
-                threading.Thread(target=self._bring, args=(key, detail), daemon=True).start()
-            else:
-                self._recording = (key, read_trace_summary(detail))
-        return self._recording[1]
-
-    def _bring(self, key: tuple[str, str], detail: RunDetail) -> None:
-        """Bring a trace here beside everything else that is asked."""
-        seen: TraceSummary | UnavailableTrace
-        try:
-            with self._open() as daemon:
-                seen = read_trace_summary(detail, daemon)
-        except DaemonError as error:
-            seen = UnavailableTrace(detail.row.id, f"Its trace cannot be brought here: {error}")
-        if self._recording is not None and self._recording[0] == key:
-            self._recording = (key, seen)
-            self._wake.set()
-
-    def _scene(self, daemon: DaemonClient, digest: str) -> Scene | None:
-        if digest not in self._scenes:
-            try:
-                scene = daemon.scene(digest)
-            except Refused:
-                return None  # without the scene there is no map; everything else is shown
-            while len(self._scenes) >= _SCENES_KEPT:
-                self._scenes.pop(next(iter(self._scenes)))
-            self._scenes[digest] = scene
-        return self._scenes[digest]
+    def _note_problem(self, text: str) -> None:
+        self._notices.append(Notice(text, "error"))
 
     def _show(self, state: DashboardState) -> None:
+        # Without a lock: the state is immutable, and the flag is set behind it.
         self._state = state
         self._changed = True
-
-
-def _page(daemon: DaemonClient, wanted: RunsQuery) -> RunPage:
-    return daemon.runs(
-        wanted.campaign,
-        state=wanted.state,
-        outcome=wanted.outcome,
-        text=wanted.text,
-        sort=wanted.sort,
-        descending=wanted.descending,
-        offset=wanted.offset,
-        limit=wanted.limit,
-        scenario=wanted.scenario,
-        sut=wanted.sut,
-    )
 
 
 def _nobody_waits() -> None:

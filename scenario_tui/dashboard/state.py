@@ -11,6 +11,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Final, Literal
 
+from daemon.model.messages import RunQuery
 from daemon.model.spec import Snapshot
 from daemon.model.status import (
     CampaignRow,
@@ -34,26 +35,10 @@ from scenario_tui.text.results import (
 
 
 @dataclass(frozen=True, slots=True)
-class RunsQuery:
-    """A page of runs, as :meth:`scenario_tui.client.DaemonClient.runs` takes it."""
-
-    campaign: str = ""
-    state: str = ""
-    outcome: str = ""
-    text: str = ""
-    sort: str = "index"
-    descending: bool = False
-    offset: int = 0
-    limit: int = 100
-    scenario: str = ""
-    sut: str = ""
-
-
-@dataclass(frozen=True, slots=True)
 class Query:
     """What the screen in front shows beyond the overview: nothing else is asked for."""
 
-    runs: RunsQuery | None = None
+    runs: RunQuery | None = None
     run: str = ""
     workers: bool = False
     results: str = ""
@@ -74,13 +59,29 @@ class DashboardState:
     overview: DaemonOverview | None = None
     campaigns: tuple[CampaignRow, ...] = ()
     workers: tuple[WorkerRow, ...] = ()
-    wanted: RunsQuery | None = None
+    wanted: RunQuery | None = None
     page: RunPage | None = None
     detail: RunDetail | None = None
     scene: Scene | None = None
     recording: TraceSummary | UnavailableTrace | None = None
     conclusions: Mapping[str, Conclusion] = field(default_factory=dict)
     results: CampaignResults | None = None
+
+    def campaign(self, campaign: str) -> CampaignRow | None:
+        """Return the campaign with this id."""
+        return next((row for row in self.campaigns if row.id == campaign), None)
+
+    def page_for(self, query: RunQuery) -> RunPage | None:
+        """Return the page of runs asked for; the last one asked for may be another."""
+        return self.page if self.wanted == query else None
+
+    def detail_of(self, run: str) -> RunDetail | None:
+        """Return the details of a run, if that is the one that was asked for last."""
+        return self.detail if self.detail is not None and self.detail.row.id == run else None
+
+    def recording_of(self, run: str) -> TraceSummary | UnavailableTrace | None:
+        """Return what is known of the trace of a run."""
+        return self.recording if self.recording is not None and self.recording.run == run else None
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,4 +1,4 @@
-"""What the terminal can do, found out before the first thing is drawn: colours, UTF-8, clipboard."""
+"""What the terminal can do, found out before anything is drawn: colours, UTF-8, clipboard."""
 
 from __future__ import annotations
 

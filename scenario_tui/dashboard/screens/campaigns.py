@@ -86,8 +86,7 @@ class CampaignsScreen(SteeringScreen):
 
     def campaign(self) -> CampaignRow | None:
         """Return the campaign under the cursor."""
-        key = self.query_one(KeyedTable).key
-        return next((row for row in self.dashboard.daemon_state.campaigns if row.id == key), None)
+        return self.dashboard.daemon_state.campaign(self.query_one(KeyedTable).key)
 
     def show(self, state: DashboardState) -> None:
         """Fill the table."""

@@ -1,4 +1,4 @@
-"""What can be done on the screen below: its keys, made from its bindings, and the command palette."""
+"""What can be done on the screen below: its keys, read off its bindings, and the palette."""
 
 from __future__ import annotations
 

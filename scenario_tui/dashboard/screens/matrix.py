@@ -51,8 +51,7 @@ class MatrixScreen(SteeringScreen):
 
     def campaign(self) -> CampaignRow | None:
         """Return the campaign shown."""
-        rows = self.dashboard.daemon_state.campaigns
-        return next((row for row in rows if row.id == self._campaign), None)
+        return self.dashboard.daemon_state.campaign(self._campaign)
 
     def trail(self) -> str:
         """Where we are, how it stands, how far it is."""

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar, Final
 
 from rich.text import Text
-from textual import work
+from textual import on, work
 from textual.app import ComposeResult
 from textual.binding import Binding, BindingType
 from textual.containers import Horizontal, Vertical, VerticalScroll
@@ -20,7 +20,7 @@ from daemon.model.verdicts import Verdict
 from scenario_tui.dashboard.local_traces import TraceSummary, UnavailableTrace
 from scenario_tui.dashboard.screens.base import show_message_or
 from scenario_tui.dashboard.screens.playing import PlayingScreen, clock_line
-from scenario_tui.dashboard.screens.runs import trace_summary_of, track_of, view_of
+from scenario_tui.dashboard.screens.run_panel import RunMap, top_view_of, track_of
 from scenario_tui.dashboard.screens.steering import SteeringScreen
 from scenario_tui.dashboard.signal_strips import FLASH, FailureMoment, ReplayTransport
 from scenario_tui.dashboard.state import DashboardState, Query, Track
@@ -139,10 +139,7 @@ class RunScreen(PlayingScreen, SteeringScreen):
                 with VerticalScroll(id="log"):
                     yield Static(id="log-text")
             with Vertical(id="right"):
-                with Vertical(id="above"):
-                    yield Static(id="unseen")
-                    yield TopView(id="map")
-                    yield Static(REPLAY_LEGEND, id="legend")
+                yield RunMap(REPLAY_LEGEND)
                 with Vertical(id="along"):
                     yield Static(id="untold")
                     yield TimelineView(id="signals")
@@ -167,10 +164,7 @@ class RunScreen(PlayingScreen, SteeringScreen):
 
     def campaign(self) -> CampaignRow | None:
         """Return the campaign the run is part of."""
-        wanted = self._run.rpartition(".")[0]
-        return next(
-            (row for row in self.dashboard.daemon_state.campaigns if row.id == wanted), None
-        )
+        return self.dashboard.daemon_state.campaign(self._run.rpartition(".")[0])
 
     def trail(self) -> str:
         """Where we are."""
@@ -183,15 +177,14 @@ class RunScreen(PlayingScreen, SteeringScreen):
         return self._playback.moments if self._playback is not None else ()
 
     def _detail(self) -> RunDetail | None:
-        detail = self.dashboard.daemon_state.detail
-        return detail if detail is not None and detail.row.id == self._run else None
+        return self.dashboard.daemon_state.detail_of(self._run)
 
     def show(self, state: DashboardState) -> None:
         """Show what is known of the run: live, or as it was."""
         detail = self._detail()
         if detail is None:
             return
-        track, seen = track_of(self.dashboard, detail), trace_summary_of(state, self._run)
+        track, seen = track_of(self.dashboard, detail), state.recording_of(self._run)
         if (
             isinstance(seen, TraceSummary)
             and detail.result is not None
@@ -201,7 +194,7 @@ class RunScreen(PlayingScreen, SteeringScreen):
             self._open(seen.path, detail.result.verdicts)
         self._words(detail, track)
         if self._playback is None:
-            self._live(detail, state, track, seen)
+            self._show_live(detail, state, track)
         self._say(detail)
 
     def _words(self, detail: RunDetail, track: Track | None) -> None:
@@ -219,21 +212,17 @@ class RunScreen(PlayingScreen, SteeringScreen):
             self._shown = (detail, self._playback)
             self.query_one("#log-text", Static).update(log_text(detail, self._playback))
 
-    def _live(
-        self, detail: RunDetail, state: DashboardState, track: Track | None,
-        seen: TraceSummary | UnavailableTrace | None,
-    ) -> None:  # fmt: skip
+    def _show_live(self, detail: RunDetail, state: DashboardState, track: Track | None) -> None:
         """Show the map as it is now, or why there is nothing to see."""
-        why = self._damage or (seen.why if isinstance(seen, UnavailableTrace) else "")
-        top, signals = self.query_one("#map", TopView), self.query_one("#signals", TimelineView)
-        show_message_or(self.query_one("#unseen"), top, why)
+        view, why = top_view_of(state, detail, track)
+        why = self._damage or why
+        above, signals = self.query_one(RunMap), self.query_one("#signals", TimelineView)
+        above.explain(why)
         waiting = "Signals are drawn when the run is over." if _unfinished(detail) else "Reading."
         show_message_or(self.query_one("#untold"), signals, why or waiting)
-        self.query_one("#legend").display = not why
         self.query_one("#signs").display = False
-        if not why and state.scene is not None:
-            recorded = seen if isinstance(seen, TraceSummary) else None
-            top.show(view_of(detail, state.scene, track, recorded))
+        if not why and view is not None:
+            above.show(view)
 
     def _say(self, detail: RunDetail) -> None:
         """Say when it is and which part of the screen this is."""
@@ -295,34 +284,25 @@ class RunScreen(PlayingScreen, SteeringScreen):
     def _ready(self, playback: Playback) -> None:
         """Show the run at the moment that tells most."""
         self._playback = playback
+        self.query_one(RunMap).explain("")
+        self.query_one("#untold").display = False
         signals = self.query_one("#signals", TimelineView)
-        for name in ("#unseen", "#untold"):
-            self.query_one(name).display = False
-        for name in ("#map", "#legend", "#signals", "#signs"):
-            self.query_one(name).display = True
+        signals.display = self.query_one("#signs").display = True
         signals.show((playback.timeline,))
         self.begin(ReplayTransport(playback.start, playback.end, playback.start, playing=False))
-        self._to_chosen()
+        self._go_to_chosen()
         self.update_from_state()
 
-    def _moment_of(self, verdict: Verdict | None) -> float | None:
-        return None if verdict is None else verdict.evidence.time
-
-    def on_option_list_option_highlighted(self, event: OptionList.OptionHighlighted) -> None:
-        """Go to when the chosen oracle was decided."""
-        self._to_chosen()
-
-    def on_option_list_option_selected(self, event: OptionList.OptionSelected) -> None:
-        """Go back to when the chosen oracle was decided."""
-        self._to_chosen()
-
-    def _to_chosen(self) -> None:
+    @on(OptionList.OptionHighlighted)
+    @on(OptionList.OptionSelected)
+    def _go_to_chosen(self) -> None:
+        """Go to when the chosen oracle was decided; Enter goes back there."""
         chosen = self.query_one(VerdictList).chosen()
-        if chosen is not None:
-            self.query_one("#signals", TimelineView).lead(chosen.oracle)
-        time = self._moment_of(chosen)
-        if time is not None:
-            self.go(time)
+        if chosen is None:
+            return
+        self.query_one("#signals", TimelineView).lead(chosen.oracle)
+        if chosen.evidence.time is not None:
+            self.go(chosen.evidence.time)
 
     def action_replay(self) -> None:
         """Play the recorded run, the map alone, once its trace is read."""
@@ -336,7 +316,7 @@ class RunScreen(PlayingScreen, SteeringScreen):
 
     def _why_not(self) -> str:
         """Return why the run cannot be played."""
-        seen = trace_summary_of(self.dashboard.daemon_state, self._run)
+        seen = self.dashboard.daemon_state.recording_of(self._run)
         if self._damage or isinstance(seen, UnavailableTrace):
             return self._damage or (seen.why if isinstance(seen, UnavailableTrace) else "")
         return "its trace is being read" if self._opened else "a run can be played when it is over"

@@ -3,23 +3,21 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any, ClassVar, Final
+from typing import Any, ClassVar, Final
 
 from rich.text import Text
 from textual.app import ComposeResult
 from textual.binding import Binding, BindingType
-from textual.containers import Horizontal, Vertical, VerticalScroll
+from textual.containers import Horizontal, Vertical
 from textual.widgets import Input, Static
 
-from daemon.model.live_view import from_centimetres
-from daemon.model.status import CampaignRow, RunDetail, RunRow, RunState
-from grammars.model.scene import Scene
-from scenario_tui.dashboard.local_traces import TraceSummary, UnavailableTrace
+from daemon.model.messages import RunQuery
+from daemon.model.status import CampaignRow, RunPage, RunRow, RunState
 from scenario_tui.dashboard.screens.base import show_message_or
+from scenario_tui.dashboard.screens.run_panel import RunPanel
 from scenario_tui.dashboard.screens.steering import SteeringScreen, schedule_marks
-from scenario_tui.dashboard.state import DashboardState, Query, RunsQuery, Track
+from scenario_tui.dashboard.state import DashboardState, Query, Track
 from scenario_tui.dashboard.widgets.tables import Column, KeyedTable, Row
-from scenario_tui.dashboard.widgets.top_view import LEGEND, TopView, View
 from scenario_tui.text.formatting import (
     DASHBOARD_STYLES,
     QUIET,
@@ -29,84 +27,6 @@ from scenario_tui.text.formatting import (
     run_word,
     time_text,
 )
-from scenario_tui.text.run_text import run_text
-
-if TYPE_CHECKING:
-    from scenario_tui.dashboard.base_app import BaseDashboard
-
-
-class RunPanel(Vertical):
-    """Words and map of one run, one above the other: beside the table of runs."""
-
-    def compose(self) -> ComposeResult:
-        """Lay out words and map."""
-        with VerticalScroll(id="words"):
-            yield Static(id="run-text")
-        with Vertical(id="above"):
-            yield Static(id="unseen")
-            yield TopView(id="map")
-            yield Static(LEGEND, id="legend")
-
-    def show(self, dashboard: BaseDashboard, state: DashboardState | None) -> None:
-        """Show the run of a state, or nothing."""
-        detail = state.detail if state is not None else None
-        if state is None or detail is None:
-            self.query_one("#run-text", Static).update("")
-            self._above(None)
-            return
-        track = track_of(dashboard, detail)
-        snapshot = track.snapshot if track else None
-        self.query_one("#run-text", Static).update(run_text(detail, snapshot))
-        seen = trace_summary_of(state, detail.row.id)
-        if isinstance(seen, UnavailableTrace):
-            self._above(None, seen.why)
-        elif state.scene is not None:
-            self._above(view_of(detail, state.scene, track, seen))
-        else:
-            self._above(None)
-
-    def _above(self, view: View | None, why: str = "") -> None:
-        """Show the map, or why there is none."""
-        top, legend = self.query_one(TopView), self.query_one("#legend")
-        top.show(view)
-        show_message_or(self.query_one("#unseen"), top, why)
-        legend.display = not why
-
-
-def track_of(dashboard: BaseDashboard, detail: RunDetail) -> Track | None:
-    """Return what was heard of a run that is running."""
-    running = detail.row.state is RunState.RUNNING
-    return dashboard.tracks.get(detail.row.id) if running else None
-
-
-def trace_summary_of(state: DashboardState, run: str) -> TraceSummary | UnavailableTrace | None:
-    """Return what the state knows of the trace of a run."""
-    seen = state.recording
-    return seen if seen is not None and seen.run == run else None
-
-
-def view_of(
-    detail: RunDetail, scene: Scene, track: Track | None, recording: TraceSummary | None
-) -> View:
-    """Return the top view of a run: live, as recorded, or as it will start."""
-    resting = tuple(value for obj in scene.objects for value in obj.initial)
-    spec = detail.spec
-    if track is not None:
-        seen = track.snapshot
-        joints = seen.joints if len(seen.joints) == len(resting) else resting
-        return View(
-            scene, spec.robot, spec.mission, joints, seen.pose, seen.estimate, seen.reached,
-            tuple(track.trail), from_centimetres(seen.returns), from_centimetres(seen.plan), tuple(track.flashes),
-            seen.spread,
-        )  # fmt: skip
-    if recording is not None:
-        joints = recording.joints if len(recording.joints) == len(resting) else resting
-        return View(
-            scene, spec.robot, spec.mission, joints, recording.pose, reached=recording.reached,
-            trail=recording.trail,
-        )  # fmt: skip
-    return View(scene, spec.robot, spec.mission, resting)
-
 
 PAGE: Final = 100
 SORTS: Final = ("index", "outcome", "margin", "oracle", "scenario", "wall", "simulated")
@@ -158,7 +78,7 @@ class RunsScreen(SteeringScreen):
 
     def __init__(self, campaign: str = "", scenario: str = "", sut: str = "") -> None:
         super().__init__()
-        self._wanted = RunsQuery(campaign, limit=PAGE, scenario=scenario, sut=sut)
+        self._wanted = RunQuery(campaign, limit=PAGE, scenario=scenario, sut=sut)
         self._only = 0
 
     def body(self) -> ComposeResult:
@@ -182,7 +102,7 @@ class RunsScreen(SteeringScreen):
 
     def trail(self) -> str:
         """Where we are, which page, sorted and filtered how."""
-        wanted, page = self._wanted, self._page(self.dashboard.daemon_state)
+        wanted, page = self._wanted, self._page()
         parts = [f"campaigns › {wanted.campaign}" if wanted.campaign else "all runs"]
         if wanted.scenario:
             parts[0] += f" › {wanted.scenario}/{wanted.sut}"
@@ -215,16 +135,14 @@ class RunsScreen(SteeringScreen):
         wanted = self._wanted.campaign
         if not wanted:
             wanted = self.query_one(KeyedTable).key.rpartition(".")[0]
-        return next(
-            (row for row in self.dashboard.daemon_state.campaigns if row.id == wanted), None
-        )
+        return self.dashboard.daemon_state.campaign(wanted)
 
-    def _page(self, state: DashboardState) -> Any:
-        return state.page if state.wanted == self._wanted else None
+    def _page(self) -> RunPage | None:
+        return self.dashboard.daemon_state.page_for(self._wanted)
 
     def show(self, state: DashboardState) -> None:
         """Fill the table with the page, once it is the one wanted."""
-        page = self._page(state)
+        page = self._page()
         if page is None:
             return
         message = "" if page.rows else self._nothing()
@@ -237,9 +155,7 @@ class RunsScreen(SteeringScreen):
             table.focus(scroll_visible=False)
         if self.has_class("-wide"):
             self.dashboard.feed.set_query(self.state_query())
-            detail = state.detail
-            shown = detail is not None and detail.row.id == table.key
-            self.query_one(RunPanel).show(self.dashboard, state if shown else None)
+            self.query_one(RunPanel).show(self.dashboard, state.detail_of(table.key))
 
     def _nothing(self) -> str:
         if self._only or self._wanted.text:
@@ -320,7 +236,7 @@ class RunsScreen(SteeringScreen):
 
     def on_keyed_table_beyond(self, event: KeyedTable.Beyond) -> None:
         """Go on to the page behind, or to the very last one."""
-        page = self._page(self.dashboard.daemon_state)
+        page = self._page()
         if page is None or not page.total:
             return
         last = (page.total - 1) // PAGE * PAGE
@@ -335,7 +251,7 @@ class RunsScreen(SteeringScreen):
 
     def action_page(self, step: int) -> None:
         """Turn the page."""
-        page = self._page(self.dashboard.daemon_state)
+        page = self._page()
         offset = self._wanted.offset + step * PAGE
         if page is not None and 0 <= offset < page.total:
             self._change(offset=offset)

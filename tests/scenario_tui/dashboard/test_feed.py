@@ -10,13 +10,13 @@ from dataclasses import replace
 import pytest
 
 from daemon.batch.stores import encode_chunk
-from daemon.model.messages import DownloadChunk
+from daemon.model.messages import DownloadChunk, RunQuery
 from daemon.model.spec import TraceInfo
 from daemon.model.status import ChangeEvent
 from scenario_tui.dashboard import feed as feed_module
 from scenario_tui.dashboard.feed import Feed
 from scenario_tui.dashboard.local_traces import UnavailableTrace, read_trace_summary
-from scenario_tui.dashboard.state import Query, RunsQuery
+from scenario_tui.dashboard.state import Query
 from tests.scenario_tui.fake import CAMPAIGN, FakeDaemon, make_live
 
 
@@ -43,7 +43,7 @@ def test_only_what_is_wanted_is_asked_for(
     feed.start()
     eventually(lambda: feed.take_news()[0] is not None)
     assert {call[0] for call in fake.calls} == {"open", "overview", "campaigns"}
-    feed.set_query(Query(runs=RunsQuery(CAMPAIGN, limit=3), run=f"{CAMPAIGN}.5", workers=True))
+    feed.set_query(Query(runs=RunQuery(CAMPAIGN, limit=3), run=f"{CAMPAIGN}.5", workers=True))
     eventually(lambda: any(call[0] == "run" for call in fake.calls))
     eventually(lambda: (p := feed.take_news()[0]) is not None and p.scene is not None)
     picture = feed._state

@@ -173,7 +173,7 @@ def test_what_did_not_change_is_not_judged_again(judged) -> None:
     ],
 )
 def test_a_campaign_is_told_in_two_words(code, finished, said) -> None:
-    assert conclude(Assessment((), (), (), code), finished=finished).said == said
+    assert conclude(Assessment((), (), (), code), finished=finished).glyph_text == said
 
 
 def test_the_first_line_is_about_the_newest_campaign_of_each_name(judged) -> None:
