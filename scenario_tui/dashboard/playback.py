@@ -25,20 +25,15 @@ from scenario_tui.dashboard.signal_strips import (
     RunTimeline,
     SignalStrip,
     TimeSpan,
-    next_moment,
-    previous_moment,
 )
 from scenario_tui.dashboard.widgets.cell_view import segments
 from scenario_tui.dashboard.widgets.top_view import REPLAY_LEGEND, STYLES, View, draw_view
 from scenario_tui.text.formatting import (
     DASHBOARD_STYLES,
     QUIET,
-    SEVERITY,
-    glyph_word,
-    margin,
     pluralise,
-    time_text,
 )
+from scenario_tui.text.verdict_text import verdict_lines
 
 DOOR_CLEARANCE: Final = "clearance(doors)"
 """Name of the signal that is the least clearance of any object that moves."""
@@ -157,14 +152,6 @@ class Playback:
     def waypoints(self) -> int:
         """How many waypoints the mission has."""
         return len(self.trace.spec.mission.waypoints)
-
-    def next_moment(self, time: float) -> FailureMoment | None:
-        """Return the first moment after ``time`` that an oracle was decided against."""
-        return next_moment(self.moments, time)
-
-    def previous_moment(self, time: float) -> FailureMoment | None:
-        """Return the last moment before ``time`` that an oracle was decided against."""
-        return previous_moment(self.moments, time)
 
     def time_of(self, text: str) -> float:
         """Return the moment meant [s]: a number of seconds, or when an oracle was decided.
@@ -314,8 +301,6 @@ def open_playback(path: Path, verdicts: Sequence[Verdict] | None = None) -> Play
     return Playback(trace, verdicts)
 
 
-VERDICT_LINES: Final = 3
-"""Lines for verdicts: the worst of them, and how the others are."""
 _CHROME: Final = 3
 """Lines of a frame that are neither map nor verdicts: headline, timeline and legend."""
 
@@ -343,46 +328,11 @@ def timeline_bar(playback: Playback, time: float, width: int) -> Text:
     return text
 
 
-def verdict_lines(playback: Playback, time: float, most: int = VERDICT_LINES) -> list[Text]:
-    """Return at most ``most`` lines on the verdicts, what was decided against first.
-
-    What is decided later than ``time`` is known already but said to lie ahead.
-    """
-    judged = [v for v in playback.verdicts if v.outcome is not Outcome.MEASURE]
-    ordered = sorted(judged, key=lambda v: (SEVERITY.index(v.outcome), v.evidence.time or 0.0))
-    bad = [v for v in ordered if v.outcome is not Outcome.PASS]
-    passed = len(ordered) - len(bad)
-    room = most - (1 if passed or len(bad) > most else 0)
-    lines = [_verdict_line(verdict, time) for verdict in bad[:room]]
-    rest = [f"and {len(bad) - room} more not passed"] if len(bad) > room else []
-    if passed:
-        rest.append(glyph_word("pass").replace("pass", f"{passed} pass"))
-    if rest:
-        lines.append(
-            Text(", ".join(rest), style=QUIET if len(rest) > 1 else DASHBOARD_STYLES["pass"])
-        )
-    return lines or [Text("no oracle judged this run", style=QUIET)]
-
-
-def _verdict_line(verdict: Verdict, time: float) -> Text:
-    text = Text(no_wrap=True, overflow="ellipsis")
-    text.append(glyph_word(verdict.outcome), style=DASHBOARD_STYLES[verdict.outcome])
-    text.append(f"  {verdict.oracle}", style="bold")
-    text.append(f"  {margin(verdict.margin, verdict.unit)}")
-    decided = verdict.evidence.time
-    if decided is not None:
-        ahead = f", {decided - time:.1f} s ahead" if decided > time + 1e-6 else ""
-        text.append(f" at {time_text(decided)}{ahead}", style=QUIET)
-    if verdict.evidence.object:
-        text.append(f"  {verdict.evidence.object}", style=QUIET)
-    return text
-
-
 def render_frame(
     playback: Playback, time: float, width: int, height: int, *, zoom: int = 1
 ) -> list[Text]:
     """Return the frame at ``time`` [s] as lines that fit into ``width`` x ``height`` cells."""
-    verdicts = verdict_lines(playback, time)
+    verdicts = verdict_lines(playback.verdicts, time)
     rows = max(3, height - _CHROME - len(verdicts))
     codes, owners = draw_view(playback.view(time), width, rows, zoom=zoom).cells()
     lines = [Text(headline(playback, time), style="bold"), timeline_bar(playback, time, width)]

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 import sys
+from collections.abc import Mapping
 from typing import Final
 
 from daemon.model.status import CampaignRow, DaemonOverview, RunRow, RunState
@@ -36,6 +37,29 @@ TERMINAL_STYLES: Final = {
     "queued": "dim",
     "running": "blue",
 }
+GOOD: Final = "#7fd88f"
+BAD: Final = "#ff7b7b"
+UNSURE: Final = "#f5c76a"
+BROKEN: Final = "#e29bff"
+BUSY: Final = "#8ab8ff"
+FACT: Final = "#7fd5e0"
+QUIET: Final = "#a0a4ad"
+
+DASHBOARD_STYLES: Final = {
+    "pass": GOOD,
+    "fail": f"bold {BAD}",
+    "inconclusive": UNSURE,
+    "error": f"bold {BROKEN}",
+    "measure": FACT,
+    "lost": f"bold {BROKEN}",
+    "cancelled": QUIET,
+    "queued": QUIET,
+    "running": BUSY,
+}
+
+Styles = Mapping[str, str]
+"""A style for each word of :data:`GLYPHS`: one of the two above."""
+
 SEVERITY: Final = (
     "fail",
     "error",
@@ -50,6 +74,11 @@ SEVERITY: Final = (
 """Words from what people must look at first to what is fine."""
 
 NOTHING: Final = "–"
+
+
+def quiet_style(styles: Styles) -> str:
+    """Return the style of what is not to draw the eye."""
+    return styles["cancelled"]
 
 
 def run_word(row: RunRow) -> str:
@@ -107,6 +136,11 @@ def margin_bar(share: float, half: int = 4) -> str:
 def time_text(seconds: float | None) -> str:
     """Return a moment of simulated time: ``312.4 s``."""
     return NOTHING if seconds is None else f"{seconds:.1f} s"
+
+
+def moment_text(seconds: float | None) -> str:
+    """Return ``at 312.4 s``, nothing for no moment."""
+    return "" if seconds is None else f"at {time_text(seconds)}"
 
 
 def duration(seconds: float | None) -> str:
@@ -179,33 +213,6 @@ def run_label(row: RunRow) -> str:
 def verdict_line(verdict: Verdict) -> str:
     """Return a verdict and its evidence: ``no-collision: −0.03 m at 512.0 s, door-3``."""
     seen = verdict.evidence
-    parts = [f"{verdict.oracle}: {margin(verdict.margin, verdict.unit)}"]
-    if seen.time is not None:
-        parts.append(f"at {time_text(seen.time)}")
-    text = " ".join(parts)
-    for extra in (seen.object, seen.note):
-        if extra:
-            text += f", {extra}"
-    return text
-
-
-GOOD: Final = "#7fd88f"
-BAD: Final = "#ff7b7b"
-UNSURE: Final = "#f5c76a"
-BROKEN: Final = "#e29bff"
-BUSY: Final = "#8ab8ff"
-FACT: Final = "#7fd5e0"
-QUIET: Final = "#a0a4ad"
-
-DASHBOARD_STYLES: Final = {
-    "pass": GOOD,
-    "fail": f"bold {BAD}",
-    "inconclusive": UNSURE,
-    "error": f"bold {BROKEN}",
-    "measure": FACT,
-    "lost": f"bold {BROKEN}",
-    "cancelled": QUIET,
-    "queued": QUIET,
-    "running": BUSY,
-}
-"""A style for each word of :data:`scenario_tui.text.formatting.GLYPHS`."""
+    result = f"{verdict.oracle}: {margin(verdict.margin, verdict.unit)}"
+    first = " ".join(filter(None, (result, moment_text(seen.time))))
+    return ", ".join(filter(None, (first, seen.object, seen.note)))

@@ -1,6 +1,6 @@
 """Runs judged again, in words: what every oracle says now and said before, what is different.
 
-``styles`` gives a style for each word of :data:`scenario_tui.text.formatting.GLYPHS`.
+``styles`` are those of the terminal or those of the dashboard.
 """
 
 from __future__ import annotations
@@ -22,18 +22,17 @@ from scenario_tui.text.formatting import (
     GLYPHS,
     NOTHING,
     SEVERITY,
+    Styles,
     glyph_word,
     margin,
+    moment_text,
     pluralise,
     quantity,
-    time_text,
     verdict_line,
 )
 
 LISTED: Final = 20
 """Verdicts that changed, as many as are listed."""
-
-Styles = Mapping[str, str]
 
 
 def parse_judge_answer(answer: Mapping[str, Any]) -> tuple[RejudgedTrace, ...]:
@@ -138,8 +137,8 @@ def _worst(verdicts: Sequence[tuple[str, Verdict]]) -> tuple[str, str]:
     if not known:
         return NOTHING, ""
     least, label, verdict = min(known, key=lambda entry: entry[0])
-    at = verdict.evidence.time
-    return margin(least, verdict.unit), label + ("" if at is None else f" at {time_text(at)}")
+    run = " ".join(filter(None, (label, moment_text(verdict.evidence.time))))
+    return margin(least, verdict.unit), run
 
 
 def _line(label: str, change: OracleChange, styles: Styles) -> Text:

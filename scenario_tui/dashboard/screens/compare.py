@@ -17,13 +17,11 @@ from daemon.batch.errors import DaemonError
 from grammars.text.diagnostics import InputError
 from scenario_tui.dashboard.local_traces import UnavailableTrace, local_trace
 from scenario_tui.dashboard.playback import Playback, open_playback
-from scenario_tui.dashboard.screens.help import Help
-from scenario_tui.dashboard.screens.playing import PlayingScreen, clock_line
-from scenario_tui.dashboard.screens.replay import leave
+from scenario_tui.dashboard.screens.playing import clock_line
+from scenario_tui.dashboard.screens.replay import StandaloneScreen
 from scenario_tui.dashboard.signal_strips import (
     FLASH,
     Alignment,
-    CommonClock,
     FailureMoment,
     ReplayTransport,
     common_clock,
@@ -40,7 +38,7 @@ if TYPE_CHECKING:
 _BY: dict[Alignment, str] = {"time": "by simulated time", "mission": "by waypoints done"}
 
 
-class CompareScreen(PlayingScreen):
+class CompareScreen(StandaloneScreen):
     """Plays two runs at once; the clock is that of the first."""
 
     HORIZONTAL_BREAKPOINTS = [(0, "-narrow"), (110, "-wide")]  # noqa: RUF012
@@ -89,10 +87,6 @@ class CompareScreen(PlayingScreen):
         """Begin, both runs standing still."""
         self._meet(self._begin)
 
-    def on_resize(self) -> None:
-        """Say which part is shown, for the new width."""
-        self.call_after_refresh(self.show_moment)
-
     def _meet(self, time: float | None) -> None:
         """Put both runs on one clock and stand at a moment of the first."""
         first, second = self.first.timeline, self.second.timeline
@@ -121,11 +115,6 @@ class CompareScreen(PlayingScreen):
 
         times = np.array([moment.time for moment in moments], dtype=np.float64)
         return [float(time) for time in self._clock.to_first(times)]
-
-    @property
-    def common(self) -> CommonClock:
-        """How the times of both go together."""
-        return self._clock
 
     def show_moment(self, window: float = FLASH) -> None:
         """Show both runs at the moment."""
@@ -168,14 +157,6 @@ class CompareScreen(PlayingScreen):
         then = self._clock.to_second(now)
         self.first, self.second = self.second, self.first
         self._meet(then)
-
-    def action_keys(self) -> None:
-        """Show the keys."""
-        self.app.push_screen(Help(self.app.screen))
-
-    def action_leave(self) -> None:
-        """Go back to where this came from."""
-        leave(self)
 
 
 def mark_or_compare(dashboard: BaseDashboard, run: str) -> None:
