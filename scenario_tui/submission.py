@@ -90,7 +90,7 @@ def check_file_in_child(path: Path, *, submit: bool = False, fresh: bool = False
         stdin=subprocess.DEVNULL,
         capture_output=True,
         check=False,
-        start_new_session=True,
+        start_new_session=True,  # Ctrl-C is for the dashboard
     )
     try:
         return codec.from_json(CheckedFile, done.stdout)

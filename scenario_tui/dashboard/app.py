@@ -28,7 +28,7 @@ from scenario_tui.terminal.filters import BrightThemeColours
 from scenario_tui.text.formatting import pluralise
 
 FRAMES: Final = 10
-"""How often a second the screen takes over what the feed has found."""
+"""How often a second the screen takes over what the feed has found, live maps included."""
 _READY: Final = 0.5
 """Seconds after which the first screen is there and other ones can be loaded."""
 
@@ -38,6 +38,8 @@ class Dashboard(BaseDashboard):
 
     TITLE = "scenario"
     CSS_PATH = ["dashboard.tcss", "playing.tcss"]  # noqa: RUF012
+    # Narrow screens show one thing, Enter and Escape lead in and out; wide ones a table and beside
+    # it what the cursor is on, which takes 110 columns.
     HORIZONTAL_BREAKPOINTS = [(0, "-narrow"), (110, "-wide")]  # noqa: RUF012
     VERTICAL_BREAKPOINTS = [(0, "-short"), (16, "-tall")]  # noqa: RUF012
     COMMAND_PALETTE_BINDING = "colon"

@@ -50,6 +50,7 @@ class BackgroundTasks:
 
         A bug in a task is raised here, where it is seen.
         """
+        # Only those: what they start may be done at once, and the screen has to be drawn, too.
         waiting = len(self._done)
         for _ in range(waiting):
             self._done.popleft()()
@@ -102,6 +103,7 @@ class CommandLines:
         """Return the arguments of something done here, on the state directory ``state``."""
         from daemon.batch.paths import StatePaths
 
+        # Named when it is not the one found without: what is told to be typed shall be short.
         state_option = self.state or (None if StatePaths.find().state == state else state)
         return (command, *arguments, *self._named("--state", state_option))
 
@@ -138,6 +140,8 @@ def run_command(arguments: tuple[str, ...]) -> CommandAnswer:
         text=True,
         check=False,
         start_new_session=True,
+        # Its last words become a notice: in one line, without colours, and in its own session it
+        # does not hear Ctrl-C or that the terminal was closed.
         env=os.environ | {"COLUMNS": "160", "TERM": "dumb"},
     )
     try:

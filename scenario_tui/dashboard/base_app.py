@@ -87,6 +87,7 @@ class BaseDashboard(LimitedTerminalApp):
 
     def copy(self, command: str) -> None:
         """Put a command line into the clipboard of the terminal, also over SSH (OSC 52)."""
+        # tmux ignores OSC 52 of programs inside of it, and is told itself.
         self.copy_to_clipboard(command)
         self.background_tasks.start(partial(copy_to_tmux, command), _nothing, self.problem)
         self.notify(f"copied: {command}", markup=False)

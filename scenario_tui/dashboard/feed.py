@@ -11,7 +11,6 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable
-from contextlib import AbstractContextManager
 from dataclasses import asdict, replace
 from typing import Final, TypeAlias, TypeVar
 
@@ -49,7 +48,8 @@ class Feed:
         clock: Callable[[], float] = time.time,
         judge: CampaignAssessor | None = None,
     ) -> None:
-        self._open = open_daemon
+        self.connect = open_daemon
+        """Opens a connection of one's own, for questions that may take a while."""
         self._judge = judge or CampaignAssessor()
         # After a lost connection the old judging thread may still be at work beside the new one.
         self._judged = threading.Lock()
@@ -57,6 +57,8 @@ class Feed:
         self._want = Query()
         self._state = DashboardState()
         self._changed = False
+        # Appending to a deque needs no lock. Measured for one message: 0.6 us this way, 20 us by
+        # Textual's post_message, 54 us by its call_from_thread.
         self._actions: deque[Action] = deque()
         self._lives: deque[LiveSnapshot] = deque(maxlen=512)
         self._notices: deque[Notice] = deque(maxlen=16)
@@ -67,10 +69,6 @@ class Feed:
         self.on_answer: Callable[[], object] = _nobody_waits
         self._failure: Exception | None = None
         self._thread = threading.Thread(target=self._run, name="feed", daemon=True)
-
-    def connect(self) -> AbstractContextManager[DaemonClient]:
-        """Return a connection of one's own, for questions that may take a while."""
-        return self._open()
 
     def start(self) -> None:
         """Begin to ask."""
@@ -130,7 +128,7 @@ class Feed:
 
     def _session(self) -> None:
         """Ask over one connection until it breaks or the feed is closed."""
-        with self._open() as daemon:
+        with self.connect() as daemon:
             # Before the first look: what changes in between is then heard of and not missed.
             subscription = daemon.events(self._on_event, self._run_watch.hear)
             leaving = threading.Event()
@@ -180,6 +178,8 @@ class Feed:
             return self._judge.step(daemon, self._state.campaigns, self._want.results)
 
     def _on_event(self, event: ChangeEvent) -> None:
+        # The bus calls this, and RunWatch.hear, on the thread of its link, which waits meanwhile: a
+        # request beside a slow callback ran into its time-out. So nothing is asked from here.
         if event.campaign:
             self._judge.touch(event.campaign)
         self._wake.set()
@@ -201,6 +201,7 @@ class Feed:
 
     def step(self, daemon: DaemonClient) -> None:
         """Do what was asked for, then take one state."""
+        # First what people wait for; a page that was just turned is not asked for twice.
         turned = self.answer(daemon)
         want = self._want
         state = replace(
@@ -251,6 +252,7 @@ def _nobody_waits() -> None:
 
 
 def _drain(waiting: deque[T]) -> list[T]:
+    # One by one: another thread may be appending, and an iteration would raise.
     drained = []
     while waiting:
         drained.append(waiting.popleft())

@@ -95,6 +95,7 @@ def check_config(config: Config) -> None:
 
 
 def _unknown_keys(config: Config) -> Iterator[Diagnostic]:
+    # Textual takes any name and then waits for a key that never comes.
     known = {key.value.rpartition("+")[2] for key in Keys}
     known |= {_character_to_key(chr(code)) for code in range(33, 127)}
     for name, keys in config.keys.items():
@@ -112,6 +113,7 @@ def _clashes(config: Config) -> Iterator[Diagnostic]:
         if not issubclass(kind, Screen):
             continue
         bindings = all_bindings(kind) + _around(kind)
+        # Some keys have two meanings on purpose: Escape leaves the filter first, then the screen.
         before = _doubles(bindings, {})
         for key, ids in _doubles(bindings, config.keys).items():
             if ids != before.get(key) and ids not in told:

@@ -267,6 +267,7 @@ class Playback:
         ranges = scans.ranges[index, ::step].astype(np.float64)
         angles = np.linspace(laser.angle_min, laser.angle_max, laser.rays)[::step]
         seen = np.isfinite(ranges) & (ranges > 0.0)
+        # From where it was then, not now: a scan is older than the pose by up to its period.
         eye = self.pose(float(scans.time[index])) @ laser.mount
         x = eye.x + ranges[seen] * np.cos(eye.yaw + angles[seen])
         y = eye.y + ranges[seen] * np.sin(eye.yaw + angles[seen])
@@ -280,6 +281,7 @@ class Playback:
 
 def _last(stamps: Floats, time: float, least: int = -1) -> int:
     """Return the index of the last stamp until ``time``, at least ``least``."""
+    # A moment that was added up, or typed, may lie a rounding error before the sample it means.
     return max(int(np.searchsorted(stamps, time + 1e-9, side="right")) - 1, least)
 
 
@@ -322,6 +324,7 @@ def timeline_bar(playback: Playback, time: float, width: int) -> Text:
     signs = ["━" if index < cell(time) else "─" for index in range(width)]
     signs[cell(time)] = "●"
     text = Text("".join(signs), style=QUIET, no_wrap=True)
+    # Last, over the line and the dot: what was decided must not be hidden by where the replay is.
     for found in playback.moments:
         at = cell(found.time)
         text = Text.assemble(text[:at], ("✗", DASHBOARD_STYLES["fail"]), text[at + 1 :])

@@ -90,6 +90,8 @@ def common_clock(first: RunTimeline, second: RunTimeline, by: Alignment) -> Comm
     """Return the common clock: by simulated time, or by the waypoints both have done."""
     ours, theirs = [first.start], [second.start]
     if by == "mission":
+        # Only moments later than the last in both runs: two waypoints done at one instant would
+        # make the clock jump.
         for a, b in zip(first.reached, second.reached, strict=False):
             if a > ours[-1] and b > theirs[-1]:
                 ours.append(a)

@@ -93,6 +93,7 @@ class Notice:
 
 
 _KEPT_RUNS: Final = 64
+"""Running runs whose tracks are kept; nobody looks at more of them at a time."""
 _KEPT_POINTS: Final = 2000
 """Points of a trail; of a longer one every other point is forgotten."""
 _TRAIL_STEP: Final = 0.03
@@ -119,6 +120,7 @@ class Track:
             return
         self.trail.append(here)
         if len(self.trail) > _KEPT_POINTS:
+            # Coarser, not shorter: the way from the start stays to be seen.
             del self.trail[1::2]
             self.step *= 2.0
 
@@ -145,6 +147,7 @@ class Tracks:
 
             track.flashes |= dict.fromkeys(from_centimetres(seen.contacts), now + _CONTACT_FLASH)
         self._tracks[live.run] = track
+        # Put in anew above, so that the first of the dictionary was heard of least recently.
         while len(self._tracks) > _KEPT_RUNS:
             self._tracks.pop(next(iter(self._tracks)))
 
@@ -160,7 +163,9 @@ ASSESS_OTHERS_EVERY: Final = 5.0
 CAMPAIGNS_ASSESSED: Final = 100
 """How many campaigns are judged, the newest first."""
 _SHARE: Final = 0.25
-"""The share of its time a judge works at most, however large the campaigns are."""
+"""The share of its time a judge works at most, however large the campaigns are: it is a thread beside the
+one that draws, and only one of them at a time runs Python.
+"""
 
 _State = tuple[CampaignRow, int]
 
@@ -186,6 +191,7 @@ class CampaignAssessor:
         self._touches: dict[str, int] = {}
         self._rest_until = 0.0
 
+    # A run that is judged again may change its verdict while all counts stay what they were.
     def touch(self, campaign: str) -> None:
         """Note that something of a campaign changed, even if its counts stay the same."""
         self._touches[campaign] = self._touches.get(campaign, 0) + 1

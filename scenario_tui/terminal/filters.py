@@ -26,6 +26,7 @@ from scenario_tui.text.formatting import BAD, BROKEN, BUSY, FACT, GOOD, QUIET, U
 _LIT: Final = 0.1
 """Relative luminance from which on a background is there to be seen, over a dark one."""
 _FAINT: Final = 0.03
+"""Relative luminance below which words are meant to be overlooked; shown dim instead."""
 _GREY: Final = 0.22
 """Saturation below which a colour is none."""
 _HUES: Final = (
@@ -104,6 +105,7 @@ def _named(colour: ColorTriplet) -> str | None:
 _BRAILLE: Final = range(0x2800, 0x2900)
 _DENSITY: Final = " ..::::##"
 """How the number of dots of a braille cell looks."""
+# One character for each: a sign that took another number of cells would shift all behind it.
 _SIGNS: Final = str.maketrans(
     "✓✗‼…▶▸›»‖◆◇✱●○■□•·–—−∞×°±µσΔ≤≥≠’‘“”⌫⏎↵⇥←→↑↓↗↖↙↘▲▼△▽◀▪",
     "+xE~>>>>=*oX@o#o*.---Ixo+usD<>#''\"\"<&&><>^v/\\/\\^v^v<#",
@@ -145,6 +147,7 @@ def to_ascii(text: str) -> str:
 def _ascii_character(character: str) -> str:
     if character.isascii():
         return character
+    # Letters lose their accents; what decomposes into more cells than it took is not shown.
     width = cell_len(character)
     letters = unicodedata.normalize("NFKD", character).encode("ascii", "ignore").decode()
     return letters if len(letters) == width else "?" * width

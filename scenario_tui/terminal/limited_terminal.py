@@ -23,6 +23,7 @@ from textual.filter import LineFilter, Monochrome
 from scenario_tui.terminal.capabilities import TerminalLimits, terminal_limits
 from scenario_tui.terminal.filters import AsciiGlyphs, ReducedColours
 
+# All that frames of Textual are made of: placing the cursor, styles, text, ends of lines.
 _TOKEN: Final = re.compile(
     r"\x1b\[(?P<row>\d+);(?P<column>\d+)H"
     r"|\x1b\[(?P<style>[\d;:]*)m"
@@ -30,10 +31,14 @@ _TOKEN: Final = re.compile(
     r"|(?P<newline>\r?\n)"
 )
 _FRAME: Final = re.compile(r"\x1b\[\d+;\d+H")
+# After these nobody knows what the terminal shows: reset, the other screen, cleared.
 _LOST: Final = re.compile(r"\x1b(c|\[\?(1049|47|1047)[hl]|\[\d*J)")
+# Begin and end of a frame that is to be shown at once (DEC mode 2026).
 _SYNC: Final = ("\x1b[?2026h", "\x1b[?2026l")
 _GAP: Final = 6
-"""Cells that stayed the same are sent along when stepping over them would cost more."""
+"""Cells that stayed the same are sent along when stepping over them would cost more: a step is five
+bytes (``ESC [ 1 2 C``), and a style may have to be set again behind it.
+"""
 _UNKNOWN: Final = "\0"
 
 
@@ -94,6 +99,8 @@ class TerminalDiff:
 
     def _synchronise(self, *, begins: bool) -> str:
         """Announce frames to terminals that show them at once, unless there is nothing to show."""
+        # Textual brackets every frame, ten a second; those in which nothing is left are not sent at
+        # all, brackets included (measured: 38 bytes a second when nothing happens).
         opened, self._held, self._opened = self._opened, begins, False
         return _SYNC[1] if opened and not begins else ""
 
@@ -154,6 +161,7 @@ class TerminalDiff:
 
     def _restyle(self, style: str) -> Iterator[str]:
         if style != self._style:
+            # Styles add up in a terminal: one over another begins with a reset.
             known = self._style == ""
             self._style = style
             yield f"\x1b[{style if known or not style else '0;' + style}m"
@@ -217,6 +225,7 @@ class LimitedTerminalApp(App[None]):
         super().__init__()
         self._limit_filters: tuple[LineFilter, ...] = ()
         self._drawn = False
+        # Every step of an animation would be a frame over the line; who wants them says so.
         if "TEXTUAL_ANIMATIONS" not in os.environ:
             self.animation_level = "none"
         self.apply_limits(limits or TerminalLimits())
@@ -256,6 +265,7 @@ class LimitedTerminalApp(App[None]):
         """Draw everything again: what terminals keep of a screen when its size changes differs."""
         if self._drawn:
             self._forget()
+            # Once more when it has its size: frames sent while it is dragged are for another one.
             self.set_timer(_SETTLED, self.action_redraw)
         self._drawn = True
 
@@ -275,6 +285,7 @@ class LimitedTerminalApp(App[None]):
 def _diffing_driver(base: type[Driver]) -> type[Driver]:
     """Return a driver like ``base`` that sends only what changed on the screen."""
 
+    # Made at run time: which driver there is depends on the platform and on the test harness.
     class DiffingDriver(base):  # type: ignore[misc, valid-type]
         """Sends what changed of frames; everything else goes through."""
 

@@ -39,6 +39,7 @@ from scenario_tui.text.verdict_text import evidence_parts
 BOUNDS: Final = "mean difference [one-sided 95 % bounds] over n repeats"
 _LETTERS: Final = "abcdefghijklmnopqrstuvwxyz"
 _MANY: Final = 20
+"""Repeats that get a glyph each: more of them leave no room for the oracle in 80 columns."""
 
 
 @dataclass(slots=True)

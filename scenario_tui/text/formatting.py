@@ -37,6 +37,7 @@ TERMINAL_STYLES: Final = {
     "queued": "dim",
     "running": "blue",
 }
+# Pale, for dark backgrounds: terminal.filters.BrightThemeColours darkens them on bright ones.
 GOOD: Final = "#7fd88f"
 BAD: Final = "#ff7b7b"
 UNSURE: Final = "#f5c76a"
@@ -108,6 +109,7 @@ def quantity(value: float | None, unit: str, *, signed: bool = False) -> str:
     # The margin of a strict limit that is met exactly is less than nothing, by nothing.
     shown = math.copysign(0.0, value) if abs(value) < sys.float_info.min * 2 else value
     number = f"{shown:{'+' if signed else ''}.3g}"
+    # The format turns to powers of ten at 1,000 already; up to a million digits are read faster.
     if "e" in number and 1e-4 <= abs(value) < 1e6:
         number = f"{value:{'+' if signed else ''}.0f}"
     number = number.replace("-", "−")
@@ -166,6 +168,7 @@ def fine_duration(seconds: float) -> str:
 
 def brief_duration(seconds: float) -> str:
     """Return a span in one unit, where there is little room: ``95 s``, ``12 min``, ``3 h``."""
+    # An age counted from now is a span.
     return age_text(-seconds, 0.0).removesuffix(" ago")
 
 

@@ -87,6 +87,7 @@ class CampaignResults:
     @property
     def nondeterministic_runs(self) -> tuple[RunRow, ...]:
         """Runs that came out differently when the same was executed before."""
+        # The ledger says so in the reason, in words that begin like this, and nowhere else.
         return tuple(row for row in self.rows if row.reason.startswith("nondeterministic"))
 
 
@@ -99,11 +100,13 @@ def gather_results(daemon: DaemonClient, row: CampaignRow) -> CampaignResults:
 
 def fetch_conclusion(daemon: DaemonClient, row: CampaignRow) -> Conclusion:
     """Ask for what decides whether a campaign is as expected, and no more."""
+    # Without the rows: only the campaign in front needs them, and this is asked of all others.
     return conclude(assess(daemon.declared(row.id), daemon.records(row.id)), finished=row.finished)
 
 
 def conclude(assessment: Assessment, *, finished: bool) -> Conclusion:
     """Return an assessment in two words; of an unfinished campaign what can be said so far."""
+    # By the exit code of `scenario results`, so that scripts and people are told the same.
     code, count = assessment.exit_code, len(assessment.surprises)
     if code == 1:
         return unexpected_conclusion(count)
@@ -147,6 +150,7 @@ def leading_oracle(cell: CellAssessment) -> CellVerdict | None:
     margin: a tight pass is worth seeing.
     """
     found = [oracle for oracle in cell.oracles if oracle.verdict is cell.verdict]
+    # False before True: not met before met, with a margin before without.
     return min(found, key=_interest, default=None)
 
 

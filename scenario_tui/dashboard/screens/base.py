@@ -85,6 +85,8 @@ class BaseScreen(Screen[None]):
     def active_bindings(self) -> dict[str, ActiveBinding]:
         """The bindings as the footer and help show them."""
         barred, renamed = self.disabled_keys(), self._renamed
+        # Footer, help and palette all read this: the order, the names and what is greyed out are
+        # decided here, once.
         found = {}
         for key, active in super().active_bindings.items():
             id, binding = active.binding.id or "", active.binding

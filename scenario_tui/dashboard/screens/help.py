@@ -110,6 +110,7 @@ _CAMPAIGNS: Final = 5
 """Campaigns offered before anything is typed."""
 _RUNS: Final = 10
 _PATIENCE: Final = 2.0
+"""Seconds the palette waits for the runs the daemon finds."""
 _UNUSUAL: Final = ("command_palette", "select_cursor", "cursor_down", "cursor_up", "scroll_top",
                    "scroll_bottom", "back")  # fmt: skip
 """Actions nobody goes to the palette for."""
@@ -161,6 +162,7 @@ class ActionCommands(PaletteProvider):
         """Yield actions and places."""
         from scenario_tui.dashboard.screens.base import BaseScreen
 
+        # An action with several keys is offered once, under the first of them.
         bound = {active.binding.action: active for active in reversed(our_bindings(self.screen))}
         for action, active in reversed(bound.items()):
             binding = active.binding

@@ -27,6 +27,9 @@ _NEEDS_RUN: Final = ("play", "scrub", "edge", "faster", "slower", "next", "previ
 class PlayingScreen(Screen[None]):
     """A screen with a moment of simulated time; nothing can be played without a transport."""
 
+    # More than twenty methods: twelve are keys, which Textual calls by name, of one line or two.
+    # The clock itself is ReplayTransport.
+
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("space", "play", "Play/pause", id="replay-play", tooltip="At the end: once more"),
         Binding("left", "scrub(-1)", "−1 s", show=False, id="back-1", tooltip="A second back"),

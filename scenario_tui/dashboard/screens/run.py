@@ -107,6 +107,9 @@ _VAST: Final = 170
 class RunScreen(PlayingScreen, SteeringScreen):
     """A run by its id; one that is over is played as soon as its trace is read."""
 
+    # More than twenty methods: ten answer what its two bases ask of a screen, and each of the
+    # others fills one part of it. The map, alone with the legend, is RunMap.
+
     AUTO_FOCUS = "VerdictList"
     VIEWS = ("verdicts", "signals", "map", "log")
     IN_FOOTER = (

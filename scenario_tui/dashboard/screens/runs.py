@@ -29,6 +29,7 @@ from scenario_tui.text.formatting import (
 )
 
 PAGE: Final = 100
+"""Runs asked for at a time, out of 100,000 in a large campaign: KeyedTable says why not all."""
 SORTS: Final = ("index", "outcome", "margin", "oracle", "scenario", "wall", "simulated")
 FILTERS: Final[tuple[tuple[str, dict[str, str]], ...]] = (
     ("all", {}),
@@ -52,6 +53,9 @@ _COLUMNS: Final = (
 
 class RunsScreen(SteeringScreen):
     """Runs in a table; wide terminals show the one under the cursor beside it."""
+
+    # More than twenty methods: thirteen are keys and messages, which Textual calls by name, and
+    # change one field of the query; the daemon filters, sorts and pages.
 
     IN_FOOTER = (
         "open", "back", "filter", "only", "matrix", "retry", "palette", "help", "quit",

@@ -46,8 +46,8 @@ _NONE: Final = (
 class SubmitScreen(BaseScreen):
     """Choose a campaign file by typing parts of its name; it is checked while you look."""
 
-    # More than twenty methods, each short: seven are what every screen answers, nine the keys and
-    # messages Textual calls by name. What is not the screen's own is in CheckQueue.
+    # More than twenty methods: five answer what is asked of every screen, nine are keys and
+    # messages, which Textual calls by name. What is known of files is in CheckQueue.
 
     AUTO_FOCUS = "#wanted"
     IN_FOOTER = ("submit-file", "next-file", "previous-file", "fresh", "back", "help")

@@ -126,6 +126,7 @@ def _state(dashboard: BaseDashboard, row: CampaignRow) -> Path | None:
 
 def has_display(environ: Mapping[str, str]) -> bool:
     """Whether somebody sits at this machine's own screen; never over SSH."""
+    # Even with a forwarded display: a browser over the line is not what anybody waits for.
     if any(environ.get(name) for name in _SSH):
         return False
     return sys.platform == "darwin" or any(environ.get(name) for name in _DISPLAYS)

@@ -75,6 +75,8 @@ def _shortenings(parts: Sequence[_Part], gap: str) -> Iterator[Text]:
     for level in range(_LAST):
         levels = dict.fromkeys(parts, level)
         yield _joined(levels, gap)
+    # First all words get shorter together, level by level; then, part by part, those of least
+    # weight, from the right; at last parts go.
     tight = gap.replace("  ", " ")
     yield _joined(levels, tight)
     order = {part: place for place, part in enumerate(parts)}

@@ -85,12 +85,15 @@ def fit_heights(strips: Sequence[SignalStrip], rows: int) -> list[int]:
         small = [i for i, h in enumerate(heights) if strips[i].unit != "bool" and h < _ROWS]
         if not small:
             break
+        # The lowest one next, the first of several: all grow evenly, those above first.
         heights[min(small, key=heights.__getitem__)] += 1
     return heights
 
 
 class TimelineDrawing:
     """The cells of timelines drawn one over the other, without the cursor."""
+
+    # The cursor alone moves while a run is played: this is drawn once and copied for each frame.
 
     def __init__(
         self, timelines: Sequence[RunTimeline], first: int, columns: int, rows: int
@@ -131,7 +134,7 @@ class TimelineDrawing:
 
         for limit in strip.limits:
             if low <= limit <= high:
-                x = np.arange(0.0, canvas.width, 4)
+                x = np.arange(0.0, canvas.width, 4)  # dotted: told from the curve without colour
                 canvas.points(np.column_stack([x, np.full(len(x), dots(np.array(limit)))]), _LIMIT)
         for (least, most), layer in zip(curves, (_CURVE, _OTHER), strict=False):
             x = np.flatnonzero(np.isfinite(least))

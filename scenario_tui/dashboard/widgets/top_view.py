@@ -95,6 +95,7 @@ class _Projection:
         low, high = corners.min(axis=0), corners.max(axis=0)
         extent = np.maximum(high - low, 0.1)
         self.scale = zoom * min((width - 1) / extent[0], (height - 1) / extent[1])
+        # Dots are about square: a cell is twice as high as wide, and has four dots by two.
         self._middle = (low + high) / 2
         if zoom > 1:
             self._middle = np.array(middle or (view.where.x, view.where.y))
@@ -144,11 +145,13 @@ def draw_view(
     """
     canvas = Canvas(columns, rows, len(STYLES))
     project = _Projection(view, canvas.width, canvas.height, zoom, middle)
+    # Walls are most of the work, and stand still.
     if walls is not None:
         canvas.copy_layer(walls, _WALLS)
     else:
         solids = [s.polygon for s in view.scene.solids if _cut(s.z_min, s.z_max)]
         canvas.lines(project.edges(solids), _WALLS)
+    # Lines in any order: a cell takes the style of its highest layer. Of characters the last stays.
     canvas.lines(project.edges(object_rings(view.scene, view.joints)), _DOORS)
     canvas.points(project.dots(view.returns), _RETURNS)
     canvas.points(_dotted(project.dots(view.plan)), _PLAN)

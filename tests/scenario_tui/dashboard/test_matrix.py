@@ -179,8 +179,11 @@ def test_a_campaign_is_told_in_two_words(code, finished, said) -> None:
 def test_the_first_line_is_about_the_newest_campaign_of_each_name(judged) -> None:
     rows = judged._campaign_rows()
     fixed = replace(rows[0], id="first-later")
-    said = {rows[0].id: unexpected_conclusion(2), rows[1].id: unexpected_conclusion(1), fixed.id: conclude(
-        Assessment((), (), (), 0), finished=True)}  # fmt: skip
+    said = {
+        rows[0].id: unexpected_conclusion(2),
+        rows[1].id: unexpected_conclusion(1),
+        fixed.id: conclude(Assessment((), (), (), 0), finished=True),
+    }
     assert overall_conclusion(rows, said) == unexpected_conclusion(3)
     assert overall_conclusion((fixed, *rows), said) == unexpected_conclusion(1)
     assert overall_conclusion((fixed,), said) == said[fixed.id]
