@@ -28,6 +28,10 @@ from grammars.text.diagnostics import InputError
 T = TypeVar("T")
 
 Problem = Callable[[str], None]
+_PROGRAM: Final = "from scenario_tui.cli import main; main()"
+CommandAnswer: TypeAlias = Mapping[str, Any]
+CommandRunner: TypeAlias = Callable[[tuple[str, ...]], CommandAnswer]
+"""Runs ``scenario`` with arguments and ``--json``; returns the object it wrote."""
 
 
 class BackgroundTasks:
@@ -74,9 +78,6 @@ def _raise(error: Exception) -> None:
     raise error
 
 
-_PROGRAM: Final = "from scenario_tui.cli import main; main()"
-
-
 @dataclass(frozen=True, slots=True)
 class CommandLines:
     """How the dashboard was told which daemon it is about; empty when it was not."""
@@ -120,11 +121,6 @@ def command_line(arguments: tuple[str, ...]) -> str:
 def command_argv(arguments: tuple[str, ...]) -> list[str]:
     """Return how to start this installation's ``scenario`` with these arguments."""
     return [sys.executable, "-c", _PROGRAM, *arguments]
-
-
-CommandAnswer: TypeAlias = Mapping[str, Any]
-CommandRunner: TypeAlias = Callable[[tuple[str, ...]], CommandAnswer]
-"""Runs ``scenario`` with arguments and ``--json``; returns the object it wrote."""
 
 
 def run_command(arguments: tuple[str, ...]) -> CommandAnswer:

@@ -166,7 +166,7 @@ class Feed:
                 if self.judge(daemon):
                     self._wake.set()
             except DaemonError:
-                continue  # whoever takes the pictures notices too, and says so
+                continue  # the asking thread notices too, and says so
             except Exception as error:
                 if not leaving.is_set():  # else the connection was closed while it was used
                     self._failure = error

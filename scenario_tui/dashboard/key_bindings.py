@@ -108,7 +108,7 @@ def _unknown_keys(config: Config) -> Iterator[Diagnostic]:
 
 def _clashes(config: Config) -> Iterator[Diagnostic]:
     """Report keys that would mean two things on one screen, and do not without the file."""
-    told: set[tuple[str, ...]] = set()
+    reported: set[tuple[str, ...]] = set()
     for kind in classes_with_bindings():
         if not issubclass(kind, Screen):
             continue
@@ -116,8 +116,8 @@ def _clashes(config: Config) -> Iterator[Diagnostic]:
         # Some keys have two meanings on purpose: Escape leaves the filter first, then the screen.
         before = _doubles(bindings, {})
         for key, ids in _doubles(bindings, config.keys).items():
-            if ids != before.get(key) and ids not in told:
-                told.add(ids)
+            if ids != before.get(key) and ids not in reported:
+                reported.add(ids)
                 mapped = next(name for name in config.keys if name in ids)
                 others = " and ".join(f'"{name}"' for name in ids if name != mapped)
                 message = f'"{key}" would mean both "{mapped}" and {others} ({_place(kind)})'

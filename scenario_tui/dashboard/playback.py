@@ -40,6 +40,12 @@ DOOR_CLEARANCE: Final = "clearance(doors)"
 _USUAL: Final = ("loc.error", "clearance", DOOR_CLEARANCE, "speed")
 _AJAR: Final = 0.05
 """A door this far from how it is drawn, shut, counts as open [rad or m]."""
+RAYS: Final = 120
+"""Laser returns shown of one scan at most: more of them fall into the same dots."""
+_STEP: Final = 0.03
+"""Metres between two points of the trail."""
+_CHROME: Final = 3
+"""Lines of a frame that are neither map nor verdicts: headline, timeline and legend."""
 
 
 def sample_timeline(trace: Trace, verdicts: Sequence[Verdict]) -> RunTimeline:
@@ -123,12 +129,6 @@ def _reached(trace: Trace) -> tuple[float, ...]:
     for record in trace.progress:
         moments += [record.time] * (record.reached - len(moments))
     return tuple(moments)
-
-
-RAYS: Final = 120
-"""Laser returns shown of one scan at most: more of them fall into the same dots."""
-_STEP: Final = 0.03
-"""Metres between two points of the trail."""
 
 
 class Playback:
@@ -301,10 +301,6 @@ def open_playback(path: Path, verdicts: Sequence[Verdict] | None = None) -> Play
     if verdicts is None:
         verdicts = judge(trace, trace.spec.oracles)
     return Playback(trace, verdicts)
-
-
-_CHROME: Final = 3
-"""Lines of a frame that are neither map nor verdicts: headline, timeline and legend."""
 
 
 def headline(playback: Playback, time: float) -> str:

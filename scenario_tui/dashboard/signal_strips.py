@@ -15,6 +15,10 @@ from grammars.model.geometry import Floats
 
 Alignment = Literal["time", "mission"]
 TimeSpan = tuple[float, float]
+SPEEDS: Final = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0, 200.0, 500.0, 1000.0)
+"""What one goes through when faster or slower is asked for: simulated seconds a second."""
+FLASH: Final = 0.5
+"""Seconds a contact stays to be seen."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -129,12 +133,6 @@ def shift_to_clock(timeline: RunTimeline, clock: CommonClock) -> RunTimeline:
         timeline.waypoints,
         tuple(moved(time) for time in timeline.decided),
     )
-
-
-SPEEDS: Final = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0, 200.0, 500.0, 1000.0)
-"""What one goes through when faster or slower is asked for: simulated seconds a second."""
-FLASH: Final = 0.5
-"""Seconds a contact stays to be seen."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -33,6 +33,26 @@ from scenario_tui.text.results import (
     gather_results,
 )
 
+_KEPT_RUNS: Final = 64
+"""Running runs whose tracks are kept; nobody looks at more of them at a time."""
+_KEPT_POINTS: Final = 2000
+"""Points of a trail; of a longer one every other point is forgotten."""
+_TRAIL_STEP: Final = 0.03
+"""Metres between two points of a trail; a dot of the map is rarely finer."""
+_CONTACT_FLASH: Final = 0.5
+"""Seconds of the wall a contact stays to be seen."""
+ASSESS_SHOWN_EVERY: Final = 1.0
+"""Seconds between two looks at the campaign that is shown."""
+ASSESS_OTHERS_EVERY: Final = 5.0
+"""Seconds between two looks at another one."""
+CAMPAIGNS_ASSESSED: Final = 100
+"""How many campaigns are judged, the newest first."""
+_SHARE: Final = 0.25
+"""The share of its time the assessor works at most, however large the campaigns are: it is a thread
+beside the one that draws, and only one of them at a time runs Python.
+"""
+_State = tuple[CampaignRow, int]
+
 
 @dataclass(frozen=True, slots=True)
 class Query:
@@ -92,16 +112,6 @@ class Notice:
     severity: Literal["information", "error"] = "information"
 
 
-_KEPT_RUNS: Final = 64
-"""Running runs whose tracks are kept; nobody looks at more of them at a time."""
-_KEPT_POINTS: Final = 2000
-"""Points of a trail; of a longer one every other point is forgotten."""
-_TRAIL_STEP: Final = 0.03
-"""Metres between two points of a trail; a dot of the map is rarely finer."""
-_CONTACT_FLASH: Final = 0.5
-"""Seconds of the wall a contact stays to be seen."""
-
-
 @dataclass(slots=True)
 class Track:
     """A running run: ``snapshot`` is the last one, ``trail`` the way so far [m].
@@ -154,20 +164,6 @@ class Tracks:
     def get(self, run: str) -> Track | None:
         """Return the track of a run, if anything was heard of it."""
         return self._tracks.get(run)
-
-
-ASSESS_SHOWN_EVERY: Final = 1.0
-"""Seconds between two looks at the campaign that is shown."""
-ASSESS_OTHERS_EVERY: Final = 5.0
-"""Seconds between two looks at another one."""
-CAMPAIGNS_ASSESSED: Final = 100
-"""How many campaigns are judged, the newest first."""
-_SHARE: Final = 0.25
-"""The share of its time a judge works at most, however large the campaigns are: it is a thread beside the
-one that draws, and only one of them at a time runs Python.
-"""
-
-_State = tuple[CampaignRow, int]
 
 
 class CampaignAssessor:

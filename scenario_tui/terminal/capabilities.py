@@ -21,6 +21,8 @@ _CURSOR_REPORT: Final = re.compile(rb"\x1b\[\d+;(\d+)R")
 # As terminfo names them: DEC's terminals, and monochrome variants of others.
 _COLOURLESS: Final = re.compile(r"vt\d|.*-m(ono)?$")
 _UNDRAWABLE: Final = ("", "dumb", "unknown")
+_TMUX_PATIENCE: Final = 2.0
+"""Seconds; in a thread of its own, so that nobody waits."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,10 +116,6 @@ def _answer(reading: int) -> bytes:
             break
         said += os.read(reading, 256)
     return said
-
-
-_TMUX_PATIENCE: Final = 2.0
-"""Seconds; in a thread of its own, so that nobody waits."""
 
 
 def copy_to_tmux(text: str, environ: Mapping[str, str] = os.environ) -> bool:

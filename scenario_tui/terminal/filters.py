@@ -59,11 +59,14 @@ class ReducedColours(LineFilter):
 @lru_cache(maxsize=4096)
 def reduce_style(style: Style, *, colours: bool, dark: bool = True) -> Style:
     """Return a style with the terminal's own colours; without ``colours`` attributes only."""
-    lit = style.bgcolor is not None and _stands_out(_triplet(style.bgcolor), dark)
-    hue = None if lit or not colours or style.color is None else _named(_triplet(style.color))
-    faint = style.color is not None and not lit and _faint(_triplet(style.color), dark)
+    lit = style.bgcolor is not None and _stands_out(style.bgcolor.get_truecolor(), dark)
+    # What stands on a bright background is shown in reverse, in the terminal's own two colours.
+    colour = None if lit or style.color is None else style.color.get_truecolor()
+    faint = colour is not None and _faint(colour, dark)
+    hue = _named(colour) if colour is not None and colours and not faint else None
     return Style(
-        color=None if faint else hue,
+        color=hue,
+        # None and not False: what is not set is not sent.
         bold=style.bold or None,
         dim=faint or style.dim or None,
         italic=style.italic or None,
@@ -71,10 +74,6 @@ def reduce_style(style: Style, *, colours: bool, dark: bool = True) -> Style:
         strike=style.strike or None,
         reverse=bool(style.reverse) != lit or None,
     )
-
-
-def _triplet(colour: TerminalColor) -> ColorTriplet:
-    return colour.get_truecolor()
 
 
 def _luminance(colour: ColorTriplet) -> float:

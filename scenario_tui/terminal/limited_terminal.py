@@ -40,6 +40,8 @@ _GAP: Final = 6
 bytes (``ESC [ 1 2 C``), and a style may have to be set again behind it.
 """
 _UNKNOWN: Final = "\0"
+_SETTLED = 0.25
+"""Seconds after which a window that was dragged has its size."""
 
 
 @dataclass(slots=True)
@@ -203,10 +205,6 @@ def _cells(text: str) -> list[str]:
     if text.isascii() or _single(text):
         return list(text)
     return [text, *[""] * (cell_len(text) - 1)]
-
-
-_SETTLED = 0.25
-"""Seconds after which a window that was dragged has its size."""
 
 
 class LimitedTerminalApp(App[None]):

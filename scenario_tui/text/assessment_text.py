@@ -40,6 +40,8 @@ BOUNDS: Final = "mean difference [one-sided 95 % bounds] over n repeats"
 _LETTERS: Final = "abcdefghijklmnopqrstuvwxyz"
 _MANY: Final = 20
 """Repeats that get a glyph each: more of them leave no room for the oracle in 80 columns."""
+MatrixRow = tuple[str, tuple[Text, ...]]
+"""The label of a row, and a cell for each column."""
 
 
 @dataclass(slots=True)
@@ -176,10 +178,6 @@ def _attention_line(word: str, subject: str, more: Iterable[str], styles: Styles
     for part in more:
         text.append(f"  {part}" if part else "")
     return text
-
-
-MatrixRow = tuple[str, tuple[Text, ...]]
-"""The label of a row, and a cell for each column."""
 
 
 def matrix_rows(

@@ -36,7 +36,7 @@ class PaletteAction:
 
 
 class BaseScreen(Screen[None]):
-    """A screen that shows pictures of the daemon; subclasses say what they want to know."""
+    """A screen that shows the state of the daemon; subclasses say what they want to know."""
 
     AUTO_FOCUS = "KeyedTable"
     BINDINGS: ClassVar[list[BindingType]] = [

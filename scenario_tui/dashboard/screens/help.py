@@ -27,6 +27,15 @@ if TYPE_CHECKING:
     from scenario_tui.dashboard.base_app import BaseDashboard
 
 Lines = list[tuple[str, str]]
+_CAMPAIGNS: Final = 5
+"""Campaigns offered before anything is typed."""
+_RUNS: Final = 10
+"""Runs the daemon is asked for as somebody types."""
+_PATIENCE: Final = 2.0
+"""Seconds the palette waits for the runs the daemon finds."""
+_UNUSUAL: Final = ("command_palette", "select_cursor", "cursor_down", "cursor_up", "scroll_top",
+                   "scroll_bottom", "back")  # fmt: skip
+"""Actions nobody goes to the palette for."""
 
 
 class Help(ModalScreen[None]):
@@ -106,16 +115,6 @@ def our_classes(kind: type[DOMNode]) -> list[type[DOMNode]]:
     return [k for k in ours if "BINDINGS" in vars(k)]
 
 
-_CAMPAIGNS: Final = 5
-"""Campaigns offered before anything is typed."""
-_RUNS: Final = 10
-_PATIENCE: Final = 2.0
-"""Seconds the palette waits for the runs the daemon finds."""
-_UNUSUAL: Final = ("command_palette", "select_cursor", "cursor_down", "cursor_up", "scroll_top",
-                   "scroll_bottom", "back")  # fmt: skip
-"""Actions nobody goes to the palette for."""
-
-
 @dataclass(frozen=True, slots=True)
 class PaletteEntry:
     """A line of the palette: ``do`` is what choosing it does."""
@@ -160,6 +159,7 @@ class ActionCommands(PaletteProvider):
 
     def offers(self) -> Iterator[PaletteEntry]:
         """Yield actions and places."""
+        # Replays show their keys by this module as well, without the rest of the dashboard.
         from scenario_tui.dashboard.screens.base import BaseScreen
 
         # An action with several keys is offered once, under the first of them.

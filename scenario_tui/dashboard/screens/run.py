@@ -44,6 +44,8 @@ if TYPE_CHECKING:
 _LINES: Final = 5000
 
 Line = tuple[float, str, str]
+_VAST: Final = 170
+"""Columns from which on map and signals stand side by side."""
 
 
 def log_text(detail: RunDetail | None, playback: Playback | None, limit: int = _LINES) -> Text:
@@ -98,10 +100,6 @@ def _first_of_each(touched: list[Line], pause: float = 1.0) -> Iterator[Line]:
 def _notes(reason: str, result: RunResult | None) -> list[str]:
     note = result.note if result is not None else ""
     return list(dict.fromkeys(filter(None, (reason.strip(), note.strip()))))
-
-
-_VAST: Final = 170
-"""Columns from which on map and signals stand side by side."""
 
 
 class RunScreen(PlayingScreen, SteeringScreen):

@@ -106,7 +106,7 @@ class SteeringScreen(BaseScreen):
         self,
         action: CampaignAction,
         row: CampaignRow,
-        request: Callable[[DaemonClient], int],
+        request: Callable[[DaemonClient], int | None],
         *options: str,
         ending: str = "",
         **words: object,
@@ -114,7 +114,7 @@ class SteeringScreen(BaseScreen):
         """Have the daemon do something to a campaign; say what came of it."""
 
         def act(daemon: DaemonClient) -> str:
-            return action.outcome_text(row.id, request(daemon), **words) + ending
+            return action.outcome_text(row.id, request(daemon) or 0, **words) + ending
 
         self.dashboard.steer(act, self._line(action.command, row.id, *options))
 
@@ -149,12 +149,13 @@ class SteeringScreen(BaseScreen):
         def decided(answer: str | None) -> None:
             if answer is not None:
                 number = int(answer)
-
-                def prioritise(daemon: DaemonClient) -> int:
-                    daemon.prioritise(row.id, number)
-                    return 0
-
-                self._steer(PRIORITY, row, prioritise, answer, priority=number)
+                self._steer(
+                    PRIORITY,
+                    row,
+                    lambda daemon: daemon.prioritise(row.id, number),
+                    answer,
+                    priority=number,
+                )
 
         text = f"Priority of {row.id}\n−{_LIMIT} to {_LIMIT}, usual is 0; the highest goes first"
         prompt = Prompt(

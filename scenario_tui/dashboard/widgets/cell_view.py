@@ -31,6 +31,11 @@ _BITS: Final = np.array([[0x01, 0x08], [0x02, 0x10], [0x04, 0x20], [0x40, 0x80]]
 
 Cells = npt.NDArray[np.uint8]
 Codes = npt.NDArray[np.int32]
+_GAP: Final = 16
+"""Unchanged cells between two changed ones that are drawn along. More than the 6 that
+:class:`~scenario_tui.terminal.limited_terminal.TerminalDiff` sends along, which takes these out
+again: here every part is work for the compositor.
+"""
 
 
 class Canvas:
@@ -95,13 +100,6 @@ class Canvas:
             codes[place] = ord(character)
             owners[place] = layer
         return codes, owners
-
-
-_GAP: Final = 16
-"""Unchanged cells between two changed ones that are drawn along. More than the 6 that
-:class:`~scenario_tui.terminal.limited_terminal.TerminalDiff` sends along, which takes these out
-again: here every part is work for the compositor.
-"""
 
 
 def segments(codes: Codes, owners: Codes, styles: Sequence[Style], base: Style) -> list[Segment]:

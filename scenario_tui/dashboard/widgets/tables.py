@@ -16,8 +16,10 @@ from textual.widgets.option_list import Option
 from daemon.model.verdicts import Verdict
 from scenario_tui.text.verdict_text import by_severity, verdict_text
 
-CellRow = tuple[str, tuple[Text, ...]]
-"""The label of a row, and a cell for each column."""
+Row = tuple[str, tuple[Text, ...]]
+"""The label or key of a row, and a cell for each column."""
+_LEAST: Final = 9
+"""Cells of the column that takes what is left, at least: the last columns give way to it."""
 
 
 class CellTable(DataTable[Text]):
@@ -34,7 +36,7 @@ class CellTable(DataTable[Text]):
     def __init__(self, *, id: str | None = None) -> None:
         super().__init__(cursor_type="cell", id=id)
         self._titles: tuple[str, ...] = ()
-        self._lines: tuple[CellRow, ...] = ()
+        self._lines: tuple[Row, ...] = ()
 
     @property
     def cell(self) -> tuple[str, str] | None:
@@ -56,7 +58,7 @@ class CellTable(DataTable[Text]):
         place = (labels.index(row), self._titles.index(column)) if found else (0, 0)
         self.move_cursor(row=place[0], column=place[1], animate=False)
 
-    def fill(self, titles: Sequence[str], lines: Sequence[CellRow]) -> None:
+    def fill(self, titles: Sequence[str], lines: Sequence[Row]) -> None:
         """Show these rows; unchanged cells are not touched."""
         labels = [label for label, _ in lines]
         if (tuple(titles), labels) != (self._titles, [label for label, _ in self._lines]):
@@ -68,7 +70,7 @@ class CellTable(DataTable[Text]):
                     self.update_cell_at(Coordinate(row, column), new, update_width=True)
         self._lines = tuple(lines)
 
-    def _refill(self, titles: tuple[str, ...], lines: tuple[CellRow, ...]) -> None:
+    def _refill(self, titles: tuple[str, ...], lines: tuple[Row, ...]) -> None:
         before = self.cell
         self.clear(columns=True)
         self._titles, self._lines = titles, lines
@@ -81,13 +83,6 @@ class CellTable(DataTable[Text]):
             self.add_row(*cells, key=label, label=label, height=height)
         if before is not None:
             self.go_to(*before)
-
-
-Row = tuple[str, tuple[Text, ...]]
-
-
-_LEAST: Final = 9
-"""Cells of the column that takes what is left, at least: the last columns give way to it."""
 
 
 @dataclass(frozen=True, slots=True)
