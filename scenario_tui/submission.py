@@ -101,8 +101,8 @@ def check_file_in_child(path: Path, *, submit: bool = False, fresh: bool = False
 
 def main(arguments: list[str]) -> None:
     """Write what was found of a file to standard output, and nothing else there."""
-    # Systems under test that plug in may print: whatever does goes to standard error, and the answer
-    # to what was standard output.
+    # Systems under test that plug in may print: that goes to standard error, and only the answer to
+    # what was standard output.
     answer = os.dup(sys.stdout.fileno())
     os.dup2(sys.stderr.fileno(), sys.stdout.fileno())
     path, *options = arguments

@@ -1,8 +1,8 @@
 """What the dashboard knows: asked for by a thread of its own, taken by the screen's timer.
 
 The thread leaves an immutable :class:`~scenario_tui.dashboard.state.DashboardState` behind;
-telemetry and notices wait in queues that forget the oldest. A second thread judges campaigns, which
-takes long when they are large. Nothing here ever blocks the thread that draws.
+telemetry and notices wait in queues that forget the oldest. A second thread assesses campaigns,
+which takes long when they are large. Nothing here ever blocks the thread that draws.
 """
 
 from __future__ import annotations
@@ -31,9 +31,9 @@ _GATHER: Final = 0.01
 _RETRY: Final = 0.5
 """Seconds after which a daemon that was lost is tried again."""
 _PATIENCE: Final = 1.0
-"""Seconds the judging thread gets to leave; it may hang in a question to a daemon that is gone."""
-_JUDGING: Final = 0.1
-"""Seconds between two looks for campaigns that should be judged."""
+"""Seconds the assessing thread gets to leave: it may wait for a daemon that is gone."""
+_ASSESS_EVERY: Final = 0.1
+"""Seconds between two looks for campaigns that should be assessed."""
 
 Action: TypeAlias = Callable[[DaemonClient], str]
 
@@ -46,15 +46,15 @@ class Feed:
         open_daemon: ClientOpener,
         *,
         clock: Callable[[], float] = time.time,
-        judge: CampaignAssessor | None = None,
+        assessor: CampaignAssessor | None = None,
     ) -> None:
         self.connect = open_daemon
         """Opens a connection of one's own, for questions that may take a while."""
-        self._judge = judge or CampaignAssessor()
-        # After a lost connection the old judging thread may still be at work beside the new one.
-        self._judged = threading.Lock()
+        self._assessor = assessor or CampaignAssessor()
+        # After a lost connection the old assessing thread may still be at work beside the new one.
+        self._assessing = threading.Lock()
         self._clock = clock
-        self._want = Query()
+        self._query = Query()
         self._state = DashboardState()
         self._changed = False
         # Appending to a deque needs no lock. Measured for one message: 0.6 us this way, 20 us by
@@ -81,10 +81,10 @@ class Feed:
         if self._thread.is_alive():
             self._thread.join(timeout=5.0)
 
-    def set_query(self, want: Query) -> None:
+    def set_query(self, query: Query) -> None:
         """Say what is to be shown now."""
-        if want != self._want:
-            self._want = want
+        if query != self._query:
+            self._query = query
             self._hurry()
 
     def enqueue_action(self, action: Action) -> None:
@@ -132,10 +132,10 @@ class Feed:
             # Before the first look: what changes in between is then heard of and not missed.
             subscription = daemon.events(self._on_event, self._run_watch.hear)
             leaving = threading.Event()
-            judging = threading.Thread(
-                target=self._judging, args=(daemon, leaving), name="judge", daemon=True
+            assessing = threading.Thread(
+                target=self._assess_changes, args=(daemon, leaving), name="assessor", daemon=True
             )
-            judging.start()
+            assessing.start()
             try:
                 while not self._closing:
                     self._wake.clear()
@@ -146,7 +146,7 @@ class Feed:
             finally:
                 leaving.set()
                 # A question about a large campaign may still wait for a daemon that is gone.
-                judging.join(_PATIENCE)
+                assessing.join(_PATIENCE)
                 self._run_watch.close()
                 subscription.close()
 
@@ -159,11 +159,11 @@ class Feed:
             self._asked.clear()
             self.answer(daemon)
 
-    def _judging(self, daemon: DaemonClient, leaving: threading.Event) -> None:
-        """Judge what changed until the connection is left."""
-        while not leaving.wait(_JUDGING):
+    def _assess_changes(self, daemon: DaemonClient, leaving: threading.Event) -> None:
+        """Assess what changed until the connection is left."""
+        while not leaving.wait(_ASSESS_EVERY):
             try:
-                if self.judge(daemon):
+                if self.assess(daemon):
                     self._wake.set()
             except DaemonError:
                 continue  # the asking thread notices too, and says so
@@ -172,28 +172,28 @@ class Feed:
                     self._failure = error
                 return
 
-    def judge(self, daemon: DaemonClient) -> bool:
-        """Judge one campaign if one changed; return whether there was one."""
-        with self._judged:
-            return self._judge.step(daemon, self._state.campaigns, self._want.results)
+    def assess(self, daemon: DaemonClient) -> bool:
+        """Assess one campaign if one changed; return whether there was one."""
+        with self._assessing:
+            return self._assessor.step(daemon, self._state.campaigns, self._query.results)
 
     def _on_event(self, event: ChangeEvent) -> None:
         # The bus calls this, and RunWatch.hear, on the thread of its link, which waits meanwhile: a
         # request beside a slow callback ran into its time-out. So nothing is asked from here.
         if event.campaign:
-            self._judge.touch(event.campaign)
+            self._assessor.touch(event.campaign)
         self._wake.set()
 
     def answer(self, daemon: DaemonClient) -> bool:
         """Do what was asked for and find out what is newly wanted; return whether a page was."""
         while self._actions:
             self._act(daemon, self._actions.popleft())
-        want, state = self._want, self._state
-        turned = want.runs is not None and want.runs != state.wanted
-        if want.runs is not None and turned:
-            state = replace(state, wanted=want.runs, page=daemon.runs(**asdict(want.runs)))
-        if want.run and (state.detail is None or state.detail.row.id != want.run):
-            state = self._run_watch.add_run(daemon, state, want.run)
+        query, state = self._query, self._state
+        turned = query.runs is not None and query.runs != state.wanted
+        if query.runs is not None and turned:
+            state = replace(state, wanted=query.runs, page=daemon.runs(**asdict(query.runs)))
+        if query.run and (state.detail is None or state.detail.row.id != query.run):
+            state = self._run_watch.add_run(daemon, state, query.run)
         if state is not self._state:
             self._show(state)
             self.on_answer()
@@ -203,7 +203,7 @@ class Feed:
         """Do what was asked for, then take one state."""
         # First what people wait for; a page that was just turned is not asked for twice.
         turned = self.answer(daemon)
-        want = self._want
+        query = self._query
         state = replace(
             self._state,
             connected=True,
@@ -211,17 +211,17 @@ class Feed:
             refused=False,
             overview=daemon.overview(),
             campaigns=daemon.campaigns(),
-            conclusions=self._judge.conclusions,
-            results=self._judge.results,
+            conclusions=self._assessor.conclusions,
+            results=self._assessor.results,
             at=self._clock(),
         )
-        if want.workers:
+        if query.workers:
             state = replace(state, workers=daemon.workers())
-        if want.runs is not None and not (turned and want.runs == state.wanted):
-            state = replace(state, wanted=want.runs, page=daemon.runs(**asdict(want.runs)))
-        if want.run:
-            state = self._run_watch.add_run(daemon, state, want.run)
-        self._run_watch.follow(daemon, state.detail if want.run else None)
+        if query.runs is not None and not (turned and query.runs == state.wanted):
+            state = replace(state, wanted=query.runs, page=daemon.runs(**asdict(query.runs)))
+        if query.run:
+            state = self._run_watch.add_run(daemon, state, query.run)
+        self._run_watch.follow(daemon, state.detail if query.run else None)
         self._show(state)
 
     def _forget(self) -> None:

@@ -24,8 +24,8 @@ class InlineFeed(Feed):
     """Takes its picture in the caller's thread, so that tests know when it is taken."""
 
     def __init__(self, daemon: FakeDaemon) -> None:
-        judge = CampaignAssessor(every=0.0, elsewhere=0.0)
-        super().__init__(daemon.open, clock=lambda: daemon.now, judge=judge)
+        assessor = CampaignAssessor(every=0.0, elsewhere=0.0)
+        super().__init__(daemon.open, clock=lambda: daemon.now, assessor=assessor)
         self.fake = daemon
 
     def start(self) -> None:
@@ -34,7 +34,7 @@ class InlineFeed(Feed):
     def take_news(self) -> tuple[DashboardState | None, list[LiveSnapshot], list[Notice]]:
         try:
             self.step(self.fake)
-            if self.judge(self.fake):
+            if self.assess(self.fake):
                 self.step(self.fake)
         except DaemonError as error:
             self._lose(error)

@@ -39,7 +39,7 @@ def eventually(condition: Callable[[], bool]) -> None:
 def test_only_what_is_wanted_is_asked_for(
     feed: Feed, fake: FakeDaemon, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(feed_module, "_JUDGING", 60.0)
+    monkeypatch.setattr(feed_module, "_ASSESS_EVERY", 60.0)
     feed.start()
     eventually(lambda: feed.take_news()[0] is not None)
     assert {call[0] for call in fake.calls} == {"open", "overview", "campaigns"}
@@ -104,7 +104,7 @@ def test_a_bug_in_the_thread_is_seen_by_whoever_takes(feed, fake) -> None:
 def test_an_event_makes_the_feed_look_at_once(fake, monkeypatch) -> None:
     monkeypatch.setattr(feed_module, "REFRESH", 60.0)
     monkeypatch.setattr(feed_module, "_BREATH", 0.005)
-    monkeypatch.setattr(feed_module, "_JUDGING", 60.0)
+    monkeypatch.setattr(feed_module, "_ASSESS_EVERY", 60.0)
     feed = Feed(fake.open)
     feed.start()
     eventually(lambda: bool(fake.listeners) and feed._state.connected)
@@ -121,7 +121,7 @@ def test_a_daemon_that_goes_while_it_is_asked_for_results_is_noticed(
 ) -> None:
     silent, asked = threading.Event(), threading.Event()
     monkeypatch.setattr(feed_module, "_PATIENCE", 0.01)
-    monkeypatch.setattr(feed_module, "_JUDGING", 0.005)
+    monkeypatch.setattr(feed_module, "_ASSESS_EVERY", 0.005)
 
     def records(campaign: str) -> tuple[()]:
         asked.set()
@@ -135,7 +135,7 @@ def test_a_daemon_that_goes_while_it_is_asked_for_results_is_noticed(
     eventually(lambda: not feed._state.connected)
     silent.set()
     for thread in threading.enumerate():
-        if thread.name == "judge":
+        if thread.name == "assessor":
             thread.join(5.0)
     assert feed._failure is None
 
