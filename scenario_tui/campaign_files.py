@@ -42,6 +42,7 @@ def find_files(folder: Path, wanted: Callable[[Path], bool]) -> tuple[Path, ...]
 
     Hidden folders and those with what was built or downloaded are passed by.
     """
+    # Who submits a file has most likely just written it.
     found = [(entry.stat().st_mtime, Path(entry.path)) for entry in _walk(folder, wanted)]
     found.sort(key=lambda pair: (-pair[0], pair[1]))
     return tuple(path for _, path in found)

@@ -69,6 +69,7 @@ class BackgroundTasks:
             where = f": {error.filename}" if error.filename else ""
             self._done.append(partial(otherwise, f"{error.strerror or error}{where}"))
         except Exception as error:
+            # Nobody sees what a thread dies of.
             self._done.append(partial(_raise, error))
         else:
             self._done.append(partial(then, found))

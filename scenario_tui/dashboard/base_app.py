@@ -66,6 +66,7 @@ class BaseDashboard(LimitedTerminalApp):
 
     def may_steer(self) -> bool:
         """Whether anything may be changed from here; says so when not."""
+        # Only what people see here is barred: who may do what, the daemon decides by their key.
         if self.read_only:
             self.problem("read-only: nothing is changed from this dashboard")
         elif not self.daemon_state.connected:

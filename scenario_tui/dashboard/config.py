@@ -65,6 +65,8 @@ _Keys = Annotated[str, BeforeValidator(_keys)]
 class _Table(BaseModel):
     """A table of the file: a word nobody knows is a mistake, and so is ``"yes"`` for ``true``."""
 
+    # Named with hyphens, as TOML files are written; the errors of pydantic name them so, too.
+
     model_config = ConfigDict(
         extra="forbid", strict=True, alias_generator=lambda name: name.replace("_", "-")
     )
@@ -122,6 +124,8 @@ class Config:
     keys: Mapping[str, str] = field(default_factory=dict)
     themes: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
 
+    # The text is kept because names of keys and themes are checked later, by those who know them,
+    # and the line is wanted then, too.
     def where(self, table: str, name: str = "") -> Where:
         """Return where something of a table is written, as well as it can be found."""
         return Where(str(self.path or ""), _line(self.text, table, name))

@@ -62,6 +62,7 @@ def classes_with_bindings() -> tuple[type[DOMNode], ...]:
 
 
 def _bound(module: Any) -> Iterator[type[DOMNode]]:
+    # Found, not listed: a screen with keys that nobody listed could not be configured.
     for kind in vars(module).values():
         ours = isinstance(kind, type) and kind.__module__ == module.__name__
         if ours and issubclass(kind, DOMNode) and "BINDINGS" in vars(kind):

@@ -73,6 +73,7 @@ def _strips(sampler: SignalSampler) -> tuple[SignalStrip, ...]:
     usual = {name: Signal(name) for name in _USUAL if name != DOOR_CLEARANCE}
     found = {name: _strip(name, signal, sampler, oracles) for name, signal in
              (usual | asked).items()}  # fmt: skip
+    # No signal of the language: the least clearance of every object, each of which is one.
     found[DOOR_CLEARANCE] = _nearest_door(sampler)
     order = [*_USUAL, *(name for name in asked if name not in _USUAL)]
     known = (found[name] for name in order)
@@ -244,6 +245,7 @@ class Playback:
         """Samples of the trail: each some centimetres on from the one before."""
         way = self.trace.ground_truth
         steps = np.hypot(np.diff(way.x, prepend=way.x[:1]), np.diff(way.y, prepend=way.y[:1]))
+        # By distance, not by time: a robot that waits adds nothing, one that is fast no gaps.
         passed = np.floor(np.cumsum(steps) / _STEP)
         return np.flatnonzero(np.diff(passed, prepend=-1.0) > 0).tolist()
 

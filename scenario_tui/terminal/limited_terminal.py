@@ -126,6 +126,7 @@ class TerminalDiff:
                 row, column = row + 1, 0
             else:
                 row, column = int(token["row"]) - 1, int(token["column"]) - 1
+        # Textual takes the cursor to stand where its frame ended, without a style.
         if self._place != (row, column):
             yield from self._restyle("")
             yield self._move(row, column)
@@ -134,6 +135,8 @@ class TerminalDiff:
     def _write(self, row: int, column: int, style: str, text: str) -> Iterator[str]:
         here = self._rows.setdefault(row, _Row())
         cells = _cells(text)
+        # Character by character only where every character is one cell: half of a wide one cannot
+        # be written over, and what stands beside it would move.
         end = column + len(cells)
         here.reach(end)
         if "" in here.cells[column : end + 1] or len(cells) != len(text):
@@ -172,6 +175,7 @@ class TerminalDiff:
         if self._place == (row, column):
             return ""
         before, self._place = self._place, (row, column)
+        # To the right in the same row takes fewer bytes without the coordinates.
         if before is not None and before[0] == row and before[1] < column:
             return f"\x1b[{column - before[1]}C"
         return f"\x1b[{row + 1};{column + 1}H"
@@ -245,6 +249,7 @@ class LimitedTerminalApp(App[None]):
 
     def get_line_filters(self) -> Sequence[LineFilter]:
         """Return ours behind the library's, in place of its shades of grey."""
+        # Textual answers NO_COLOR with greys, which are colours to a terminal that has none.
         theirs = super().get_line_filters()
         if not self._limit_filters:
             return theirs

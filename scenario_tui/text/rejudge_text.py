@@ -109,6 +109,7 @@ def rejudge_table(judged: Sequence[RejudgedTrace], styles: Styles) -> Table:
 
 def _labels(judged: Sequence[RejudgedTrace]) -> dict[str, str]:
     """Name each trace by its run, or by its file where runs of one name are judged together."""
+    # Copies of a campaign, or traces of other state directories, have runs of the same names.
     runs = Counter(one.run for one in judged)
     return {one.trace: one.run if runs[one.run] == 1 else one.trace for one in judged}
 

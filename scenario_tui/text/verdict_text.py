@@ -95,6 +95,7 @@ def verdict_lines(
     """
     judged = [v for v in verdicts if v.outcome is not Outcome.MEASURE]
     ordered = sorted(judged, key=lambda v: (SEVERITY.index(v.outcome), v.evidence.time or 0.0))
+    # A line for each that did not pass; those that passed share one, which needs room, too.
     bad = [v for v in ordered if v.outcome is not Outcome.PASS]
     passed = len(ordered) - len(bad)
     room = most - (1 if passed or len(bad) > most else 0)

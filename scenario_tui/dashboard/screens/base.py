@@ -122,6 +122,7 @@ class BaseScreen(Screen[None]):
 
     def on_screen_resume(self) -> None:
         """Ask for what this screen shows, when we come back to it."""
+        # Comes also before the first mount, when there are no widgets to ask.
         if self._composed:
             self.query_changed()
 

@@ -29,6 +29,7 @@ from scenario_tui.text.formatting import (
 from scenario_tui.text.results import Conclusion
 
 SHOWN: Final = 500
+"""Campaigns in the table, the newest: a table of thousands is slow to lay out."""
 _COLUMNS: Final = (
     Column("campaign", 0),
     Column("judged", 15),
@@ -97,6 +98,7 @@ class CampaignsScreen(SteeringScreen):
         said = state.conclusions
         rows = state.campaigns[:SHOWN]
         table.fill([campaign_cells(row, said.get(row.id), now) for row in rows])
+        # A table that was hidden, because there was no campaign, could not take the keys.
         if not table.has_focus and table.display and self.focused is None:
             table.focus()
         self._describe()

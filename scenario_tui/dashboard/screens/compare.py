@@ -91,6 +91,8 @@ class CompareScreen(StandaloneScreen):
         """Put both runs on one clock and stand at a moment of the first."""
         first, second = self.first.timeline, self.second.timeline
         self._clock = common_clock(first, second, self.by)
+        # The signals of the second run are laid on the clock of the first once, here; the maps ask
+        # for the moment of the second run at every frame.
         moved = shift_to_clock(second, self._clock)
         self._moved = moved
         start, end = min(first.start, moved.start), max(first.end, moved.end)

@@ -103,6 +103,7 @@ class Menu(ModalScreen[int]):
 
     def on_key(self, event: Key) -> None:
         """Choose by the key of a line."""
+        # Not bindings, which belong to a class: the choices differ from menu to menu.
         for index, choice in enumerate(self._choices):
             if choice.key == event.character and not choice.why_not:
                 event.stop()

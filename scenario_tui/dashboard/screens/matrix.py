@@ -72,6 +72,8 @@ class MatrixScreen(SteeringScreen):
             results = None
         message = "" if results and results.assessment.cells else self._nothing(results)
         show_message_or(self.query_one("#empty"), self.query_one("#grid"), message)
+        # By identity: results are replaced and never changed, and comparing them would cost more
+        # than showing them again.
         if results is None or results is self._shown:
             return
         self._shown = results

@@ -98,6 +98,7 @@ class PlayingScreen(Screen[None]):
         passed, self._at = now - self._at, now
         if self.transport is not None and self.transport.playing:
             went = self.transport.advance(passed)
+            # The window of contacts grows with the step, or at 100x most would fall between two.
             self.show_moment(max(FLASH, went))
 
     def go(self, time: float) -> None:
@@ -135,7 +136,7 @@ class PlayingScreen(Screen[None]):
         """Play or pause."""
         if self.transport is not None:
             self.transport.toggle()
-            self._at = self.clock()
+            self._at = self.clock()  # the time it stood still does not count
             self.show_moment()
 
     def action_scrub(self, seconds: int) -> None:

@@ -42,6 +42,7 @@ if TYPE_CHECKING:
     from scenario_tui.dashboard.playback import Playback
 
 _LINES: Final = 5000
+"""Lines of the log that are laid out at once; `scenario logs` prints all."""
 
 Line = tuple[float, str, str]
 _VAST: Final = 170
@@ -209,6 +210,7 @@ class RunScreen(PlayingScreen, SteeringScreen):
             self.query_one(VerdictList).show(result.verdicts)
         if self._shown != (detail, self._playback):
             if self._shown is None:
+                # What is going on for a run that runs, why it failed for one that is over.
                 self.show_view(self.VIEWS.index("map") if _runs(detail) else 0)
             self._shown = (detail, self._playback)
             self.query_one("#log-text", Static).update(log_text(detail, self._playback))
@@ -271,7 +273,7 @@ class RunScreen(PlayingScreen, SteeringScreen):
 
         try:
             playback = open_playback(path, verdicts)
-            playback.timeline  # noqa: B018
+            playback.timeline  # noqa: B018  sampled here and not where it would be waited for
         except TraceError as error:
             why = "; ".join(f"{d.message}\n\n{d.hint}" for d in error.diagnostics)
             self.app.call_from_thread(self._broken, f"{why}: {path}")

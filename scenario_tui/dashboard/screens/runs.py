@@ -157,6 +157,7 @@ class RunsScreen(SteeringScreen):
         # A table that was hidden because it was empty has lost the keys to its neighbour.
         if not message and not self.query_one(Input).has_focus:
             table.focus(scroll_visible=False)
+        # The cursor may be on another run now that the rows are others.
         if self.has_class("-wide"):
             self.dashboard.feed.set_query(self.state_query())
             self.query_one(RunPanel).show(self.dashboard, state.detail_of(table.key))
@@ -250,6 +251,7 @@ class RunsScreen(SteeringScreen):
         if not 0 <= offset <= last or offset == self._wanted.offset:
             return
         self._change(offset=offset)
+        # Up to the page before, or to the very end: the cursor goes on from the bottom.
         if (event.step > 0) == event.far:
             self.query_one(KeyedTable).from_bottom()
 

@@ -24,6 +24,7 @@ from scenario_tui.dashboard.screens.trace_actions import judge_again, make_repor
 from scenario_tui.text.formatting import pluralise
 
 _LOST: Final = "lost|cancelled"
+"""What `scenario retry` queues again without --only."""
 _KINDS: Final = (
     ("l", "lost and cancelled", _LOST),
     ("f", "failed", "fail"),
@@ -32,6 +33,7 @@ _KINDS: Final = (
     ("a", "all that are over", "all"),
 )
 _LIMIT: Final = 1000
+"""Priorities the daemon takes, either way; asked for here so that a slip is told while typing."""
 
 
 class SteeringScreen(BaseScreen):

@@ -31,6 +31,7 @@ _LAST: Final = 3
 """The level of the shortest forms."""
 _SPARE: Final = 2
 """Parts worth no more than this give way before others lose their words."""
+# What has to be looked at stays longest, what went well is the first of the counts to go.
 _KEEP: Final = {"fail": 8, "error": 7, "lost": 7, "running": 6, "queued": 6, "inconclusive": 5,
                 "pass": 4, "cancelled": 1}  # fmt: skip
 _CLAUSE: Final = re.compile(r"[?:;.](\s|$)")
@@ -104,6 +105,7 @@ def _gone(state: DashboardState, now: float) -> Iterator[_Part]:
         yield _Part(("… connecting",), "", 9)
         return
     if state.refused:
+        # The first clause is the news; the empty screen below says the rest, and what to do.
         said = _CLAUSE.split(state.problem, maxsplit=1)[0]
         yield _Part((f"! {said}",), "bold", 9)
     else:

@@ -60,6 +60,8 @@ class CellTable(DataTable[Text]):
 
     def fill(self, titles: Sequence[str], lines: Sequence[Row]) -> None:
         """Show these rows; unchanged cells are not touched."""
+        # Every cell that is set has its row drawn and its column measured again: over a slow line a
+        # matrix in which nothing changes shall cost nothing.
         labels = [label for label, _ in lines]
         if (tuple(titles), labels) != (self._titles, [label for label, _ in self._lines]):
             self._refill(tuple(titles), tuple(lines))
@@ -178,6 +180,7 @@ class KeyedTable(DataTable[Text]):
     def fill(self, rows: Sequence[Row]) -> None:
         """Show these rows; unchanged cells are not touched, the cursor stays on its row."""
         rows, before, key = tuple(rows), self._rows, self.key
+        # Columns that come or go, after a resize, leave no cell where it was.
         if self._layout():
             self._refill(rows)
             return
@@ -203,6 +206,7 @@ class KeyedTable(DataTable[Text]):
 
     def _settle(self, key: str) -> None:
         """Put the cursor on the row of a key, on the first one if there is none."""
+        # The scroll of another page would show its middle; where the cursor begins, the view does.
         beginning, self._from = self._from, ""
         found = next((i for i, (name, _) in enumerate(self._rows) if name == key), 0)
         if beginning:
@@ -257,6 +261,8 @@ class KeyedTable(DataTable[Text]):
 
 class VerdictList(OptionList, inherit_bindings=False):
     """Verdicts in some lines each; the highlighted one is what the rest of the screen is about."""
+
+    # Without the keys of option lists: Home and End are for the clock of the replay.
 
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("down", "cursor_down", "Next verdict", show=False, id="verdict-next",

@@ -64,6 +64,7 @@ def ranges(strip: SignalStrip, start: float, end: float, count: int) -> tuple[Fl
     time, values = strip.time[known], strip.values[known]
     if not len(time):
         return low, high
+    # From the last sample at or before an edge: values hold until the next one is written.
     edges = np.linspace(start, end, count + 1)
     first = np.searchsorted(time, edges[:-1] + 1e-9, side="right") - 1
     last = np.searchsorted(time, edges[1:] + 1e-9, side="right")
@@ -164,6 +165,8 @@ class TimelineDrawing:
         """Mark the stretches the run spoke against an oracle, by glyph and by colour."""
         for start, end in strip.against:
             part = slice(self.span.column(start), self.span.column(end) + 1)
+            # Beside the curve where there is room, or else over its first row: without colour the
+            # stretch must be seen, and so must the curve.
             empty = (codes[:, part] == ord(" ")) | (codes[:, part] == ord("▁"))
             codes[:, part][empty] = ord("░")
             codes[0, part][~empty.any(axis=0)] = ord("░")
@@ -223,6 +226,7 @@ class TimelineDrawing:
 
 def limits_of(strip: SignalStrip, curves: Sequence[tuple[Floats, Floats]]) -> tuple[float, float]:
     """Return the least and greatest value a graph shows: of the curves, and limits near them."""
+    # Limits far away are left out: the curve would become a flat line at the other end.
     known = np.concatenate([part[np.isfinite(part)] for curve in curves for part in curve])
     low, high = (float(known.min()), float(known.max())) if len(known) else (0.0, 1.0)
     size = max(high - low, 1e-9)
@@ -298,6 +302,7 @@ class TimelineView(CellView):
         codes, owners = drawing.codes.copy(), drawing.owners.copy()
         column = drawing.gutter + drawing.span.column(self._time)
         line = codes[:, column]
+        # A line where nothing is to be hidden; signs and curves under it are shown in reverse.
         empty = np.isin(line, [ord(" "), ord("·"), ord("─")])
         owners[:, column] = np.where(empty, _CURSOR, _HIT)
         line[empty] = ord("│")

@@ -120,6 +120,7 @@ def _cut(z_min: float, z_max: float) -> bool:
 
 def object_rings(scene: Scene, joints: Sequence[float]) -> list[Ring]:
     """Return the outlines of all object links for joint positions in scene order."""
+    # Joint positions come in one row for all objects, as they do in traces and telemetry.
     rings: list[Ring] = []
     start = 0
     for obj in scene.objects:
@@ -194,6 +195,7 @@ def ellipse(centre: Pose2, spread: tuple[float, float, float], count: int = 48) 
     ``spread`` is xx, xy and yy of the covariance [m²].
     """
     xx, xy, yy = spread
+    # Axes of the covariance; rounding may make the smaller of two variances negative.
     sizes, axes = np.linalg.eigh(np.array([[xx, xy], [xy, yy]]))
     angles = np.linspace(0.0, math.tau, count, endpoint=False)
     unit = np.column_stack([np.cos(angles), np.sin(angles)])
@@ -267,6 +269,7 @@ class TopView(CellView):
         """Have the part seen hold the robot when it is to be followed."""
         if self._zoom == 1 or not self._follows:
             return
+        # Not centred all the time: every shift of the map sends all of it over the line.
         here = (view.where.x, view.where.y)
         if self._middle is None:
             self._middle = here
