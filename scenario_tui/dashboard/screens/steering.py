@@ -7,6 +7,7 @@ from typing import ClassVar, Final
 
 from textual.binding import Binding, BindingType
 
+from daemon.model.messages import HIGHEST_PRIORITY
 from daemon.model.status import CampaignRow
 from scenario_tui.campaign_actions import (
     CANCEL,
@@ -32,8 +33,6 @@ _KINDS: Final = (
     ("i", "inconclusive", "inconclusive"),
     ("a", "all that are over", "all"),
 )
-_LIMIT: Final = 1000
-"""Priorities the daemon takes, either way; asked for here so that a slip is told while typing."""
 
 
 class SteeringScreen(BaseScreen):
@@ -159,7 +158,8 @@ class SteeringScreen(BaseScreen):
                     priority=number,
                 )
 
-        text = f"Priority of {row.id}\n−{_LIMIT} to {_LIMIT}, usual is 0; the highest goes first"
+        span = f"−{HIGHEST_PRIORITY} to {HIGHEST_PRIORITY}"
+        text = f"Priority of {row.id}\n{span}, usual is 0; the highest goes first"
         prompt = Prompt(
             text,
             str(row.priority),
@@ -292,4 +292,8 @@ def _no_priority(answer: str) -> str:
         number = int(answer)
     except ValueError:
         return "write a whole number, such as 5 or -5"
-    return "" if -_LIMIT <= number <= _LIMIT else f"at least −{_LIMIT}, at most {_LIMIT}"
+    return (
+        ""
+        if -HIGHEST_PRIORITY <= number <= HIGHEST_PRIORITY
+        else f"at least −{HIGHEST_PRIORITY}, at most {HIGHEST_PRIORITY}"
+    )
