@@ -17,7 +17,7 @@ from __future__ import annotations
 
 import re
 import tomllib
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any, Final
@@ -129,26 +129,6 @@ class Config:
     def where(self, table: str, name: str = "") -> Where:
         """Return where something of a table is written, as well as it can be found."""
         return Where(str(self.path or ""), _line(self.text, table, name))
-
-    def check_keys(self, known: Iterable[str]) -> None:
-        """Raise :class:`InputError` for ids of bindings there are not."""
-        ids = tuple(known)
-        wrong = [name for name in self.keys if name not in ids]
-        if wrong:
-            raise InputError(self._unknown(name, ids) for name in wrong)
-
-    def _unknown(self, name: str, ids: tuple[str, ...]) -> Diagnostic:
-        message = f'unknown key id "{name}"; ids are {", ".join(sorted(ids))}'
-        return Diagnostic(
-            self.where("keys", name), message, "`scenario tui --bindings` says what they do"
-        )
-
-    def check_theme(self, known: Iterable[str]) -> None:
-        """Raise :class:`InputError` for a theme that is neither built in nor in the file."""
-        names = (*known, *self.themes)
-        if self.theme and self.theme not in names:
-            message = f'unknown theme "{self.theme}"; themes are {", ".join(sorted(names))}'
-            raise InputError(Diagnostic(self.where("dashboard", "theme"), message))
 
 
 def config_path() -> Path:

@@ -86,13 +86,24 @@ def check_config(config: Config) -> None:
     """
     from textual.theme import BUILTIN_THEMES
 
-    config.check_theme(BUILTIN_THEMES)
-    if not config.keys:
-        return
-    config.check_keys({bound.id for bound in list_key_bindings()})
-    found = [*_unknown_keys(config), *_clashes(config)]
-    if found:
-        raise InputError(found)
+    themes = sorted((*BUILTIN_THEMES, *config.themes))
+    if config.theme and config.theme not in themes:
+        message = f'unknown theme "{config.theme}"; themes are {", ".join(themes)}'
+        raise InputError(Diagnostic(config.where("dashboard", "theme"), message))
+    # Finding all keys loads every screen.
+    if config.keys:
+        found = [*_unknown_ids(config)] or [*_unknown_keys(config), *_clashes(config)]
+        if found:
+            raise InputError(found)
+
+
+def _unknown_ids(config: Config) -> Iterator[Diagnostic]:
+    ids = sorted({bound.id for bound in list_key_bindings()})
+    for name in config.keys:
+        if name not in ids:
+            message = f'unknown key id "{name}"; ids are {", ".join(ids)}'
+            hint = "`scenario tui --bindings` says what they do"
+            yield Diagnostic(config.where("keys", name), message, hint)
 
 
 def _unknown_keys(config: Config) -> Iterator[Diagnostic]:

@@ -25,6 +25,14 @@ def same_as(command: str) -> Text:
     return Text(f"same as: {command}" if command else "", style=QUIET)
 
 
+def move_cursor(options: OptionList, step: int) -> None:
+    """Go to the next option, or with a negative ``step`` to the one before."""
+    if step > 0:
+        options.action_cursor_down()
+    else:
+        options.action_cursor_up()
+
+
 class Question(ModalScreen[bool]):
     """A yes-or-no question; ``command`` is what to type to do the same."""
 
@@ -112,11 +120,7 @@ class Menu(ModalScreen[int]):
 
     def action_move(self, step: int) -> None:
         """Move the cursor."""
-        options = self.query_one(OptionList)
-        if step > 0:
-            options.action_cursor_down()
-        else:
-            options.action_cursor_up()
+        move_cursor(self.query_one(OptionList), step)
 
 
 class Prompt(ModalScreen[str]):

@@ -186,17 +186,18 @@ class CampaignCommands(PaletteProvider):
     def offers(self) -> Iterator[PaletteEntry]:
         """Yield a way to each campaign and to its matrix."""
         for row in self.dashboard.daemon_state.campaigns:
-            yield PaletteEntry(f"go to campaign {row.id}", "its runs", self._to(row.id))
+            yield self._to(row.id)
             to_matrix = partial(self.dashboard.open_matrix, row.id)
             yield PaletteEntry(f"go to matrix of {row.id}", "the campaign judged", to_matrix)
 
     def first(self) -> Iterator[PaletteEntry]:
         """Yield ways to the newest campaigns."""
         for row in self.dashboard.daemon_state.campaigns[:_CAMPAIGNS]:
-            yield PaletteEntry(f"go to campaign {row.id}", "its runs", self._to(row.id))
+            yield self._to(row.id)
 
-    def _to(self, campaign: str) -> Callable[[], object]:
-        return partial(self.dashboard.open_runs, campaign)
+    def _to(self, campaign: str) -> PaletteEntry:
+        to_runs = partial(self.dashboard.open_runs, campaign)
+        return PaletteEntry(f"go to campaign {campaign}", "its runs", to_runs)
 
 
 class RunCommands(PaletteProvider):

@@ -27,7 +27,7 @@ from scenario_tui.campaign_files import (
 from scenario_tui.client import DaemonClient
 from scenario_tui.dashboard.check_queue import CheckQueue
 from scenario_tui.dashboard.screens.base import BaseScreen, show_message_or
-from scenario_tui.dashboard.screens.dialogs import same_as
+from scenario_tui.dashboard.screens.dialogs import move_cursor, same_as
 from scenario_tui.dashboard.state import DashboardState
 from scenario_tui.submission import CheckedFile, receipt_text
 from scenario_tui.text.diagnostics import diagnostic_counts, render_diagnostic
@@ -243,10 +243,7 @@ class SubmitScreen(BaseScreen):
 
     def action_move(self, step: int) -> None:
         """Go to another file."""
-        if step > 0:
-            self._list.action_cursor_down()
-        else:
-            self._list.action_cursor_up()
+        move_cursor(self._list, step)
 
     def action_read(self, pages: int) -> None:
         """Scroll what the check says."""
