@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable
 
     from rich.table import Table
+    from rich.text import Text
 
     from daemon.analysis.run_history import RunLogLine, RunStep
     from daemon.model.status import CampaignRow, DaemonOverview, RunDetail, RunRow, WorkerRow
@@ -248,7 +249,6 @@ def show(run: RunName, connect: Connect = "", state: State = None, as_json: AsJs
     from scenario_tui.cli.output import emit, stdout_console
     from scenario_tui.cli.results import print_commands
     from scenario_tui.cli.target import DaemonTarget, find_run
-    from scenario_tui.text.formatting import TERMINAL_STYLES
     from scenario_tui.text.run_text import run_text
 
     with DaemonTarget(connect, state).open() as daemon:
@@ -256,8 +256,23 @@ def show(run: RunName, connect: Connect = "", state: State = None, as_json: AsJs
     if as_json:
         emit("run", run=detail)
         return
-    stdout_console().print(run_text(detail, None, TERMINAL_STYLES), soft_wrap=True)
+    stdout_console().print(_in_terminal_colours(run_text(detail, None)), soft_wrap=True)
     print_commands(*_next_commands(detail))
+
+
+def _in_terminal_colours(text: Text) -> Text:
+    """Return a text of the dashboard in the colours of this terminal."""
+    from rich.text import Span
+
+    from scenario_tui.text import formatting
+    from scenario_tui.text.formatting import TERMINAL_STYLES
+
+    ours = {style: TERMINAL_STYLES[word] for word, style in formatting.DASHBOARD_STYLES.items()}
+    ours |= {formatting.QUIET: "dim", formatting.UNSURE: "yellow"}
+    text.spans = [
+        Span(span.start, span.end, ours.get(str(span.style), span.style)) for span in text.spans
+    ]
+    return text
 
 
 def _next_commands(detail: RunDetail) -> Iterable[tuple[str, str]]:

@@ -133,7 +133,7 @@ class Feed:
             subscription = daemon.events(self._on_event, self._run_watch.hear)
             leaving = threading.Event()
             assessing = threading.Thread(
-                target=self._assess_changes, args=(daemon, leaving), name="assessor", daemon=True
+                target=self._assess_changes, args=(daemon, leaving), name="judge", daemon=True
             )
             assessing.start()
             try:

@@ -135,7 +135,7 @@ def test_a_daemon_that_goes_while_it_is_asked_for_results_is_noticed(
     eventually(lambda: not feed._state.connected)
     silent.set()
     for thread in threading.enumerate():
-        if thread.name == "assessor":
+        if thread.name == "judge":
             thread.join(5.0)
     assert feed._failure is None
 
