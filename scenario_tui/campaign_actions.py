@@ -40,11 +40,7 @@ PAUSE: Final = CampaignAction(
 RESUME: Final = CampaignAction("resume", "resumed {campaign}, {runs} queued")
 """Has no key of its own: the one that pauses resumes a paused campaign."""
 CANCEL: Final = CampaignAction(
-    "cancel",
-    "cancelled {runs} of {campaign}",
-    "c",
-    "Cancel",
-    "What is not over, after a question",
+    "cancel", "cancelled {runs} of {campaign}", "c", "Cancel", "What is not over, after a question"
 )
 RETRY: Final = CampaignAction(
     "retry",

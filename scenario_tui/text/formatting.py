@@ -15,28 +15,6 @@ from typing import Final
 from daemon.model.status import CampaignRow, DaemonOverview, RunRow, RunState
 from daemon.model.verdicts import Outcome, Verdict
 
-GLYPHS: Final = {
-    "pass": "✓",
-    "fail": "✗",
-    "inconclusive": "?",
-    "error": "‼",
-    "measure": "·",
-    "lost": "!",
-    "cancelled": "-",
-    "queued": "…",
-    "running": "▶",
-}
-TERMINAL_STYLES: Final = {
-    "pass": "green",
-    "fail": "bold red",
-    "inconclusive": "yellow",
-    "error": "bold magenta",
-    "measure": "cyan",
-    "lost": "bold magenta",
-    "cancelled": "dim",
-    "queued": "dim",
-    "running": "blue",
-}
 # Pale, for dark backgrounds: terminal.filters.BrightThemeColours darkens them on bright ones.
 GOOD: Final = "#7fd88f"
 BAD: Final = "#ff7b7b"
@@ -46,33 +24,27 @@ BUSY: Final = "#8ab8ff"
 FACT: Final = "#7fd5e0"
 QUIET: Final = "#a0a4ad"
 
-DASHBOARD_STYLES: Final = {
-    "pass": GOOD,
-    "fail": f"bold {BAD}",
-    "inconclusive": UNSURE,
-    "error": f"bold {BROKEN}",
-    "measure": FACT,
-    "lost": f"bold {BROKEN}",
-    "cancelled": QUIET,
-    "queued": QUIET,
-    "running": BUSY,
-}
+_WORDS: Final = (
+    ("fail", "✗", "bold red", f"bold {BAD}"),
+    ("error", "‼", "bold magenta", f"bold {BROKEN}"),
+    ("lost", "!", "bold magenta", f"bold {BROKEN}"),
+    ("inconclusive", "?", "yellow", UNSURE),
+    ("running", "▶", "blue", BUSY),
+    ("queued", "…", "dim", QUIET),
+    ("cancelled", "-", "dim", QUIET),
+    ("pass", "✓", "green", GOOD),
+    ("measure", "·", "cyan", FACT),
+)
+"""Every word for a verdict or a state: glyph, style on the terminal, style on the dashboard."""
+
+SEVERITY: Final = tuple(word for word, *_ in _WORDS)
+"""Words from what people must look at first to what is fine."""
+GLYPHS: Final = {word: glyph for word, glyph, *_ in _WORDS}
+TERMINAL_STYLES: Final = {word: terminal for word, _, terminal, _ in _WORDS}
+DASHBOARD_STYLES: Final = {word: dashboard for word, *_, dashboard in _WORDS}
 
 Styles = Mapping[str, str]
-"""A style for each word of :data:`GLYPHS`: one of the two above."""
-
-SEVERITY: Final = (
-    "fail",
-    "error",
-    "lost",
-    "inconclusive",
-    "running",
-    "queued",
-    "cancelled",
-    "pass",
-    "measure",
-)
-"""Words from what people must look at first to what is fine."""
+"""A style for each word: one of the two above."""
 
 NOTHING: Final = "–"
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Final
 
 from daemon.judging.assessment import assess
 from daemon.model.assessments import (
@@ -34,6 +35,14 @@ class Conclusion:
     def glyph_text(self) -> str:
         """The text behind its glyph: ``✓ as expected``."""
         return f"{GLYPHS[self.word]} {self.text}"
+
+
+_CONCLUSIONS: Final = {
+    0: Conclusion("pass", "as expected"),
+    3: Conclusion("lost", "not all judged"),
+    4: Conclusion("inconclusive", "undecided"),
+}
+"""By the exit code of `scenario results`, so that scripts and people are told the same."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,19 +115,12 @@ def fetch_conclusion(daemon: DaemonClient, row: CampaignRow) -> Conclusion:
 
 def conclude(assessment: Assessment, *, finished: bool) -> Conclusion:
     """Return an assessment in two words; of an unfinished campaign what can be said so far."""
-    # By the exit code of `scenario results`, so that scripts and people are told the same.
-    code, count = assessment.exit_code, len(assessment.surprises)
+    code = assessment.exit_code
     if code == 1:
-        return unexpected_conclusion(count)
-    if code == 0:
-        return Conclusion("pass", "as expected")
-    if code == 3:
-        return Conclusion("lost", "not all judged")
-    return (
-        Conclusion("inconclusive", "undecided")
-        if finished
-        else Conclusion("running", "so far fine")
-    )
+        return unexpected_conclusion(len(assessment.surprises))
+    if code == 4 and not finished:
+        return Conclusion("running", "so far fine")
+    return _CONCLUSIONS[code]
 
 
 def unexpected_conclusion(count: int) -> Conclusion:
