@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING, ClassVar, Final, cast
 
 from rich.text import Text
-from textual.app import ComposeResult
+from textual.app import ComposeResult, SystemCommand
 from textual.binding import ActiveBinding, Binding, BindingType
 from textual.screen import Screen
 from textual.widget import Widget
@@ -24,15 +24,6 @@ if TYPE_CHECKING:
 
 CHANGING_KEYS: Final = frozenset({"submit", *(action.command for action in KEYED)})
 """Ids of the keys that change something at the daemon."""
-
-
-@dataclass(frozen=True, slots=True)
-class PaletteAction:
-    """Something that can be done on a screen, as the command palette offers it."""
-
-    name: str
-    about: str
-    action: str
 
 
 class BaseScreen(Screen[None]):
@@ -102,7 +93,7 @@ class BaseScreen(Screen[None]):
         order = self.IN_FOOTER
         return order.index(binding.id) if binding.id in order else len(order)
 
-    def palette_actions(self) -> Iterable[PaletteAction]:
+    def palette_commands(self) -> Iterable[SystemCommand]:
         """Yield what can be done here beyond what has a key."""
         return ()
 

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
+from functools import partial
 from typing import ClassVar, Final
 
+from textual.app import SystemCommand
 from textual.binding import Binding, BindingType
 
 from daemon.model.messages import HIGHEST_PRIORITY
@@ -19,7 +21,7 @@ from scenario_tui.campaign_actions import (
     CampaignAction,
 )
 from scenario_tui.client import DaemonClient
-from scenario_tui.dashboard.screens.base import BaseScreen, PaletteAction
+from scenario_tui.dashboard.screens.base import BaseScreen
 from scenario_tui.dashboard.screens.dialogs import Menu, MenuChoice, Prompt, Question
 from scenario_tui.dashboard.screens.trace_actions import judge_again, make_report
 from scenario_tui.text.formatting import pluralise
@@ -84,12 +86,11 @@ class SteeringScreen(BaseScreen):
             self._renamed = renamed
             self.refresh_bindings()
 
-    def palette_actions(self) -> Iterable[PaletteAction]:
+    def palette_commands(self) -> Iterable[SystemCommand]:
         """Yield retrying of each kind: the key only opens a menu of them."""
         for _, words, only in _KINDS:
-            yield PaletteAction(
-                f"Retry {words}", "Queue these runs again", f"screen.retry_only('{only}')"
-            )
+            retry = partial(self._retry_only, only)
+            yield SystemCommand(f"Retry {words}", "Queue these runs again", retry)
 
     def _line(self, command: str, *arguments: str) -> str:
         return self.dashboard.command_lines.daemon_line(command, *arguments)
@@ -202,7 +203,7 @@ class SteeringScreen(BaseScreen):
         note = "Runs that have a result keep it: running them again checks it."
         self.app.push_screen(Menu(f"Retry which runs of {row.id}?", choices, note), decided)
 
-    def action_retry_only(self, only: str) -> None:
+    def _retry_only(self, only: str) -> None:
         """Queue runs of one kind again."""
         row = self._about()
         if row is None:
