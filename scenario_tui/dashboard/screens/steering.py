@@ -108,7 +108,7 @@ class SteeringScreen(BaseScreen):
         self,
         action: CampaignAction,
         row: CampaignRow,
-        request: Callable[[DaemonClient], int | None],
+        request: Callable[[DaemonClient], object],
         *options: str,
         ending: str = "",
         **words: object,
@@ -116,7 +116,9 @@ class SteeringScreen(BaseScreen):
         """Have the daemon do something to a campaign; say what came of it."""
 
         def act(daemon: DaemonClient) -> str:
-            return action.outcome_text(row.id, request(daemon) or 0, **words) + ending
+            answer = request(daemon)  # how many runs it concerned; a priority concerns none
+            runs = answer if isinstance(answer, int) else 0
+            return action.outcome_text(row.id, runs, **words) + ending
 
         self.dashboard.steer(act, self._line(action.command, row.id, *options))
 
