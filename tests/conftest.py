@@ -6,11 +6,17 @@ import os
 from pathlib import Path
 
 import pytest
-from hypothesis import settings
+from hypothesis import HealthCheck, settings
 
-# Loading compiled kernels for the first time takes longer than hypothesis allows one example. What
-# lands is judged by the same examples each time; new ones are sought on developers' machines.
-settings.register_profile("project", deadline=None, derandomize="CI" in os.environ)
+# Loading compiled kernels for the first time takes longer than hypothesis allows one example, and
+# beside other load so does making examples. What lands is judged by the same examples each time;
+# new ones are sought on developers' machines.
+settings.register_profile(
+    "project",
+    deadline=None,
+    derandomize="CI" in os.environ,
+    suppress_health_check=[HealthCheck.too_slow],
+)
 settings.load_profile("project")
 
 

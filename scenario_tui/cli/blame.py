@@ -13,9 +13,20 @@ from scenario_tui.cli import completion
 from scenario_tui.cli.completion import campaign_files
 from scenario_tui.cli.exit_codes import ExitCode
 from scenario_tui.cli.options import AsJson, State
+from scenario_tui.cli.output import Output, say, stderr_console, stdout_console
 
 if TYPE_CHECKING:
     from daemon.analysis.blame import Blame, CampaignRun, CandidateRunner, Element, RunCase, Without
+
+
+class BlameOutput(Output, schema="blame"):
+    """What makes a run fail, what it took to find out, and where the least that fails lies."""
+
+    blame: Blame
+    runs: int
+    cached: int
+    seconds: float
+    saved: str
 
 
 def blame(
@@ -71,25 +82,25 @@ def blame(
         save_campaign,
     )
     from daemon.analysis.blame import explain_failure as search
-    from scenario_tui.cli.output import emit, say
 
     meant = _resolve_run(run, state, campaign)
     case = load_case(meant.campaign, meant.scenario, meant.sut, meant.repeat)
     if meant.note:
         say(f"{case.spec.label}: {meant.note}")
     try:
+        # Saving is inside: whether the first repeat fails as well may be one more run.
         with _run_counter() as watch:
             runner = CandidateRunner(runs, watch=watch)
             found = search(case, runner, oracle)
             file = save_campaign(case, found, out or _folder(case), runner)
     except NoFailureError as error:
+        # Nothing is wrong with what was typed: there is just no failure to explain.
         say(f"scenario: {error}")
         raise typer.Exit(ExitCode.INCONCLUSIVE) from error
     except BudgetSpentError as error:
         raise typer.BadParameter("not even the run itself fits", param_hint="--runs") from error
     if as_json:
-        spent = {"runs": runner.runs, "cached": runner.cached, "seconds": runner.seconds}
-        emit("blame", blame=found.story, **spent, saved=str(file))
+        BlameOutput(found.story, runner.runs, runner.cached, runner.seconds, str(file)).emit()
     else:
         _print_blame(case, found.story, runner, file)
     raise typer.Exit(
@@ -103,13 +114,12 @@ def _resolve_run(run: list[str], state: State, campaign: Path | None) -> Campaig
     from grammars.text.diagnostics import InputError
     from scenario_tui.cli.target import resolve_recorded
 
-    places = StatePaths.find(state)
+    paths = StatePaths.find(state)
     try:
-        words = (
-            [resolve_recorded(run[0], places)] if len(run) == 1 and not _is_yaml(run[0]) else run
-        )
-        return find_run(words, places, campaign)
+        words = [resolve_recorded(run[0], paths)] if len(run) == 1 and not _is_yaml(run[0]) else run
+        return find_run(words, paths, campaign)
     except InputError:
+        # It names the line of a file, and is a ValueError as well; the others are about the words.
         raise
     except ValueError as error:
         raise typer.BadParameter(str(error), param_hint="RUN") from error
@@ -141,8 +151,6 @@ class _RunCounter:
     """A line of progress without a thread: runs are forked, and threads do not survive that."""
 
     def __init__(self) -> None:
-        from scenario_tui.cli.output import stderr_console
-
         self._console = stderr_console()
         # Where the line cannot be written again, every count would be a line of its own.
         self._moves = self._console.is_terminal and not self._console.is_dumb_terminal
@@ -155,12 +163,12 @@ class _RunCounter:
 
     def wipe(self) -> None:
         if self._moves:
+            # Erased, not ended: what follows is the answer, and the count is in it.
             self._console.file.write("\r\x1b[K")
             self._console.file.flush()
 
 
 def _print_blame(case: RunCase, story: Blame, runner: CandidateRunner, file: Path) -> None:
-    from scenario_tui.cli.output import stdout_console
     from scenario_tui.cli.results import print_commands
     from scenario_tui.text.formatting import duration, pluralise, verdict_line
 
@@ -190,6 +198,7 @@ def _layer_lines(case: RunCase, story: Blame) -> Iterator[str]:
     yield f"fails with {names}{f' on top of {on_top}' if on_top else ''}"
     for one in story.layers:
         yield f"without {_short_name(one.element)}: {_outcome_without(one)}"
+    # With a single layer added there is nothing that an order could say.
     if story.flips is not None and len(case.added) > 1:
         yield f"in the order of the campaign, it is {_short_name(story.flips)} that flips it"
 

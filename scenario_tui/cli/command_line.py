@@ -32,30 +32,27 @@ from scenario_tui.cli import (
 )
 from scenario_tui.cli.exit_codes import ExitCode
 from scenario_tui.cli.options import with_keys_option
-from scenario_tui.cli.output import settle_streams
+from scenario_tui.cli.output import report_diagnostics, say, settle_streams
 
 
-class PlainFlagsCommand(TyperCommand):
+class _PlainFlags:
+    """Shows flags without the ``<bool>`` that typer puts behind them."""
+
+    def get_params(self, ctx: Any) -> list[Any]:
+        """Return the parameters as help shows them."""
+        parameters: list[Any] = super().get_params(ctx)  # type: ignore[misc]
+        for one in parameters:
+            if isinstance(one, TyperOption) and one.is_flag and one.metavar is None:
+                one.metavar = ""
+        return parameters
+
+
+class PlainFlagsCommand(_PlainFlags, TyperCommand):
     """A command whose flags are shown without ``<bool>``."""
 
-    def get_params(self, ctx: Any) -> Any:
-        """Return the parameters as help shows them."""
-        return _without_flag_types(super().get_params(ctx))
 
-
-class PlainFlagsGroup(TyperGroup):
+class PlainFlagsGroup(_PlainFlags, TyperGroup):
     """A group of commands whose flags are shown without ``<bool>``."""
-
-    def get_params(self, ctx: Any) -> Any:
-        """Return the parameters as help shows them."""
-        return _without_flag_types(super().get_params(ctx))
-
-
-def _without_flag_types(parameters: list[Any]) -> list[Any]:
-    for parameter in parameters:
-        if isinstance(parameter, TyperOption) and parameter.is_flag and parameter.metavar is None:
-            parameter.metavar = ""
-    return parameters
 
 
 _PANELS: Final[dict[str, tuple[Callable[..., None], ...]]] = {
@@ -108,16 +105,11 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
+# Help shows commands in the order they are added, panels in the order of their first command.
 for _panel, _commands in _PANELS.items():
     for _command in _commands:
         app.command(rich_help_panel=_panel, cls=PlainFlagsCommand)(with_keys_option(_command))
 app.add_typer(keys.keys_app, rich_help_panel="Machines")
-
-
-def command_names() -> frozenset[str]:
-    """Return the names of all commands."""
-    commands = {command.__name__ for group in _PANELS.values() for command in group}
-    return frozenset(commands | {"keys"})
 
 
 def _print_version(wanted: bool) -> None:
@@ -140,6 +132,7 @@ def options(
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run the command line and leave with its exit code."""
+    # Before anything is written: the first message may already hold a sign the terminal lacks.
     settle_streams()
     code = invoke(sys.argv[1:] if arguments is None else arguments)
     try:
@@ -154,6 +147,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
 def invoke(arguments: Sequence[str]) -> int:
     """Run the command line and return its exit code; every error has been reported."""
+    # Out of standalone mode typer raises instead of printing and leaving: the codes are ours, and
+    # tests and the dashboard can call this.
     try:
         return _exit_code_of(app(args=list(arguments), prog_name="scenario", standalone_mode=False))
     except typer.TyperException as error:
@@ -192,7 +187,6 @@ def _report_wrong_usage(error: typer.TyperException) -> int:
 
 
 def _report_bad_input(error: InputError) -> int:
-    from scenario_tui.cli.output import report_diagnostics, say
     from scenario_tui.text.diagnostics import diagnostic_counts
 
     report_diagnostics(error.diagnostics)
@@ -201,8 +195,7 @@ def _report_bad_input(error: InputError) -> int:
 
 
 def _report_unhandled(error: Exception) -> int:
-    from scenario_tui.cli.output import say
-
+    # Whoever left early knows why; a message would only tear at what is printed next.
     if isinstance(error, BrokenPipeError):
         return ExitCode.BROKEN_PIPE
     from daemon.batch.errors import DaemonError, Refused
@@ -211,6 +204,7 @@ def _report_unhandled(error: Exception) -> int:
         say(f"scenario: {error}")
         # A daemon that refuses is fine itself: it was asked for something that is not there.
         return ExitCode.BAD_INPUT if isinstance(error, Refused) else ExitCode.INFRASTRUCTURE
+    # A full disk, a folder that may not be written: not ours to mend, and no trace back helps.
     if isinstance(error, OSError):
         where = f": {error.filename}" if error.filename else ""
         say(f"scenario: {error.strerror or error}{where}")

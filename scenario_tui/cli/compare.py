@@ -11,8 +11,9 @@ from typing import TYPE_CHECKING, Annotated, Final, TypeAlias
 import typer
 
 from scenario_tui.cli import completion
-from scenario_tui.cli.exit_codes import ExitCode
+from scenario_tui.cli.exit_codes import ExitCode, wrong_usage
 from scenario_tui.cli.options import AsJson, Connect, State
+from scenario_tui.cli.output import Output, plain_table, say, stdout_console
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -39,11 +40,9 @@ def check_ratio(value: str | None) -> str | None:
     if value is not None:
         from grammars.text.quantity import read_as
 
-        try:
+        with wrong_usage():
             if read_as(value, "ratio") < 0.0:
                 raise ValueError(f'"{value}" is negative')
-        except ValueError as error:
-            raise typer.BadParameter(str(error)) from error
     return value
 
 
@@ -77,6 +76,7 @@ def read_ratio(value: str) -> float:
 
 def is_results_file(name: str) -> bool:
     """Whether a name means a file of results and no campaign."""
+    # Ids of campaigns hold no slash (daemon.model.ids), so there is no need to look at the disk.
     return name.endswith(".json") or "/" in name
 
 
@@ -105,7 +105,6 @@ def compare_with_baseline(
     with. Returns ``None``, and says so, when there is nothing to compare with.
     """
     from daemon.judging.assessment import JudgedCampaign, compare_campaigns
-    from scenario_tui.cli.output import say
 
     gate = results.declared.gate
     name = baseline or (gate.baseline if gate else "")
@@ -114,6 +113,7 @@ def compare_with_baseline(
     if ask is None and not is_results_file(name):
         say(f"not compared with {name}: without a daemon give a file of results as --baseline")
         return None
+    # The option, then the gate of the campaign file, then what is usual.
     allowed = gate.worse_by if gate else DEFAULT_WORSE_BY
     if worse_by is not None:
         allowed = read_ratio(worse_by)
@@ -142,25 +142,33 @@ def _last_green(daemon: DaemonClient, row: CampaignRow) -> JudgedCampaign | None
 
     rows = daemon.campaigns()
     ids = [candidate.id for candidate in rows]
+    # Rows come newest first: what stands behind it was submitted before.
     older = rows[ids.index(row.id) + 1 :] if row.id in ids else rows
     for candidate in older:
+        # Judged anew each time: green is what the rules of that campaign say, nobody stores it.
         if candidate.name == row.name and candidate.finished:
             declared, records = daemon.declared(candidate.id), daemon.records(candidate.id)
-            if assess(declared, records).exit_code == 0:
+            if assess(declared, records).exit_code == ExitCode.EXPECTED:
                 return JudgedCampaign(candidate.id, declared, records)
     return None
 
 
 def final_code(results: CampaignResults, between: CampaignDifference | None) -> int:
     """Return the exit code of results, which is that of a finding when they got worse."""
-    from scenario_tui.cli.exit_codes import ExitCode
-
+    # A regression is a finding also where everything still is as the campaign expects.
     if between is not None and between.regressed:
         return ExitCode.UNEXPECTED
     return results.assessment.exit_code
 
 
-MAX_LISTED = 30
+MAX_LISTED: Final = 30
+
+
+class CompareOutput(Output, schema="compare"):
+    """What changed from one campaign to the other."""
+
+    comparison: CampaignDifference
+    regressed: bool
 
 
 def compare(
@@ -201,14 +209,13 @@ def compare(
     Repeats of equal number and seed are paired.
     """
     from daemon.judging.assessment import compare_campaigns as compared
-    from scenario_tui.cli.output import emit
     from scenario_tui.cli.target import DaemonTarget
 
     ask = DaemonTarget(connect, state).open
     allowed = None if worse_by is None else read_ratio(worse_by)
     found = compared(load_judged(before, ask), load_judged(after, ask), allowed)
     if as_json:
-        emit("compare", comparison=found, regressed=found.regressed)
+        CompareOutput(found, found.regressed).emit()
     else:
         print_comparison(found, everything=everything)
     raise typer.Exit(ExitCode.UNEXPECTED if found.regressed else ExitCode.EXPECTED)
@@ -216,7 +223,6 @@ def compare(
 
 def print_comparison(found: CampaignDifference, *, everything: bool = False) -> None:
     """Print what changed from one campaign to the other, what got worse first."""
-    from scenario_tui.cli.output import stdout_console
     from scenario_tui.text.formatting import pluralise
 
     console = stdout_console()
@@ -234,6 +240,7 @@ def print_comparison(found: CampaignDifference, *, everything: bool = False) -> 
         console.print(_shift_table(shown[:MAX_LISTED]))
         if len(shown) > MAX_LISTED:
             console.print(f"and {len(shown) - MAX_LISTED} more")
+    # How many were tested is said because Holm's correction depends on it.
     tested = sum(shift.p is not None for shift in found.shifts)
     quantities = pluralise(tested, "quantity", "quantities")
     changed = sum(shift.changed for shift in found.shifts)
@@ -264,14 +271,10 @@ def _verdict_text(change: VerdictChange) -> Text:
 
 
 def _shift_table(shifts: Sequence[QuantityChange]) -> Table:
-    from rich import box
-    from rich.table import Table
     from rich.text import Text
 
-    table = Table(box=box.SIMPLE_HEAD, pad_edge=False, show_edge=False)
-    for title in ("scenario", "SUT", "quantity", "before", "after", "difference", "Cliff's delta",
-                  "p", ""):  # fmt: skip
-        table.add_column(title, overflow="fold")
+    titles = ("scenario", "SUT", "quantity", "before", "after", "difference", "Cliff's delta", "p")
+    table = plain_table(*titles, "")
     for shift in shifts:
         word = ("worse", "bold red") if shift.worse else ("changed" if shift.changed else "", "")
         table.add_row(*_shift_cells(shift), Text(*word))

@@ -88,12 +88,12 @@ def names_in(campaign: str, what: str) -> Offer:
     }
     if what == "scenarios":
         return [(str(name), "scenario") for name in scenarios]
-    places = [
+    sections = [
         body,
         body.get("matrix") or {},
         *filter(lambda text: isinstance(text, dict), scenarios.values()),
     ]
-    suts = [place.get("sut") or () for place in places]
+    suts = [section.get("sut") or () for section in sections]
     found = (name for sut in suts for name in ([sut] if isinstance(sut, str) else sut))
     return [(str(name), "system under test") for name in dict.fromkeys(found)]
 

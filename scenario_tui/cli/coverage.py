@@ -8,7 +8,8 @@ import typer
 
 from scenario_tui.cli import completion
 from scenario_tui.cli.exit_codes import ExitCode
-from scenario_tui.cli.options import AsJson, Connect, State
+from scenario_tui.cli.options import AsJson, Connect, Processes, State
+from scenario_tui.cli.output import Output, plain_table, say, stdout_console
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -17,6 +18,35 @@ if TYPE_CHECKING:
     from scenario_tui.cli.target import DaemonTarget
 
 LISTED: Final = 12
+
+
+class CoverageOutput(Output, schema="coverage"):
+    """What a campaign or its traces exercise."""
+
+    coverage: Coverage
+    share_of_pairs: float
+
+    def print(self) -> None:
+        """Print a table for each kind of thing that can be covered."""
+        from scenario_tui.text.formatting import pluralise
+
+        found, console = self.coverage, stdout_console()
+        basis = "by their traces" if found.recorded else "as planned"
+        console.print(f"{pluralise(found.runs, 'run')}, {basis}")
+        console.print()
+        console.print(_feature_table(found))
+        _print_pairs(found)
+        recorded = (
+            (found.doors, _door_table),
+            (found.floor, _floor_table),
+            (found.margins, _margin_table),
+        )
+        for rows, table in recorded:
+            if rows:
+                console.print()
+                console.print(table(found))
+        for one in found.unreadable:
+            say(f"{one.trace}: error: {one.problem}")
 
 
 def coverage(
@@ -33,10 +63,7 @@ def coverage(
         float,
         typer.Option(min=0.01, max=1000.0, help="A door is met when the robot is so near, metres."),
     ] = 1.5,
-    processes: Annotated[
-        int | None,
-        typer.Option("--processes", "-j", min=1, max=1024, help="Default: one per core."),
-    ] = None,
+    processes: Processes = None,
     connect: Connect = "",
     state: State = None,
     as_json: AsJson = False,
@@ -45,14 +72,10 @@ def coverage(
 
     Of recorded runs also: doors met and triggered, floor seen and driven on, margins.
     """
-    from scenario_tui.cli.output import emit
     from scenario_tui.cli.target import DaemonTarget
 
     found = _measure_coverage(subject, near, processes, DaemonTarget(connect, state))
-    if as_json:
-        emit("coverage", coverage=found, share_of_pairs=found.pairs.share)
-    else:
-        _print_coverage(found)
+    CoverageOutput(found, found.pairs.share).show(as_json)
     raise typer.Exit(ExitCode.INFRASTRUCTURE if found.unreadable else ExitCode.EXPECTED)
 
 
@@ -62,6 +85,7 @@ def _measure_coverage(
     from daemon.analysis.coverage import planned_coverage, trace_coverage
     from scenario_tui.cli.target import all_traces
 
+    # By name alone: a campaign file that is not there is to be missed as a file, not as a run.
     files = [name for name in subject if name.endswith((".yaml", ".yml"))]
     if files and len(subject) > 1:
         raise typer.BadParameter("one campaign file, or traces, not both", param_hint="CAMPAIGN")
@@ -74,45 +98,9 @@ def _measure_coverage(
     return trace_coverage(paths, near=near, processes=processes)
 
 
-def _print_coverage(found: Coverage) -> None:
-    from scenario_tui.cli.output import say, stdout_console
-    from scenario_tui.text.formatting import pluralise
-
-    console = stdout_console()
-    told = "by their traces" if found.recorded else "as planned"
-    console.print(f"{pluralise(found.runs, 'run')}, {told}")
-    console.print()
-    console.print(_feature_table(found))
-    _print_pairs(found)
-    if found.doors:
-        console.print()
-        console.print(_door_table(found))
-    if found.floor:
-        console.print()
-        console.print(_floor_table(found))
-    if found.margins:
-        console.print()
-        console.print(_margin_table(found))
-    for one in found.unreadable:
-        say(f"{one.trace}: error: {one.problem}")
-
-
-def _table(*titles: str) -> Table:
-    """Return a table whose columns after the first are figures."""
-    from rich import box
-    from rich.table import Table
-
-    table = Table(box=box.SIMPLE_HEAD, pad_edge=False, show_edge=False)
-    for index, title in enumerate(titles):
-        table.add_column(title, overflow="fold", justify="right" if index else "left")
-    return table
-
-
 def _feature_table(found: Coverage) -> Table:
     """One row per group of features: those exercised with their runs, and those not."""
-    table = _table("feature", "", "not exercised")
-    for column in table.columns[1:]:
-        column.justify = "left"
+    table = plain_table("feature", "", "not exercised")
     for group in found.groups:
         met = ", ".join(_feature_with_runs(feature, found) for feature in group.planned)
         unmet = ", ".join(feature.name for feature in group.missing)
@@ -128,8 +116,6 @@ def _feature_with_runs(feature: FeatureCount, found: Coverage) -> str:
 
 
 def _print_pairs(found: Coverage) -> None:
-    from scenario_tui.cli.output import stdout_console
-
     pairs, console = found.pairs, stdout_console()
     console.print()
     console.print(
@@ -147,9 +133,10 @@ def _print_pairs(found: Coverage) -> None:
 def _door_table(found: Coverage) -> Table:
     from scenario_tui.text.formatting import quantity
 
-    table = _table(
-        "door", "runs", "moving", "moved", "triggered", f"within {found.near:g} m", "nearest"
-    )
+    near = f"within {found.near:g} m"
+    titles = ("door", "runs", "moving", "moved", "triggered", near, "nearest")
+    table = plain_table(*titles, figures=True)
+    # Doors of different buildings may share a name.
     several = len({door.scene for door in found.doors}) > 1
     for door in found.doors:
         figures = (door.runs, door.planned, door.moved, door.triggered, door.met)
@@ -159,7 +146,7 @@ def _door_table(found: Coverage) -> Table:
 
 
 def _floor_table(found: Coverage) -> Table:
-    table = _table("floor", "free", "seen by the laser", "driven on")
+    table = plain_table("floor", "free", "seen by the laser", "driven on", figures=True)
     for floor in found.floor:
         table.add_row(floor.scene, *_area_cells(floor))
         for room in floor.rooms:
@@ -180,7 +167,8 @@ def _margin_table(found: Coverage) -> Table:
     from daemon.analysis.coverage import histogram_bars
     from scenario_tui.text.formatting import margin
 
-    table = _table("oracle", "pass", "fail", "undecided", "least margin", "greatest", "margins")
+    titles = ("oracle", "pass", "fail", "undecided", "least margin", "greatest", "margins")
+    table = plain_table(*titles, figures=True)
     table.columns[-1].justify = "left"
     for one in found.margins:
         figures = map(str, (one.passed, one.failed, one.undecided))

@@ -6,6 +6,7 @@ parameters of the ROS stack.
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping
 from enum import StrEnum
 from pathlib import Path
@@ -54,13 +55,6 @@ def schema_of(kind: FileKind) -> dict[str, Any]:
     if kind is FileKind.SUT:
         return sut_schema(_TITLES[kind])
     return editor_schema(models[kind], _TITLES[kind])
-
-
-def schema_text(kind: FileKind) -> str:
-    """Return the schema as the text of its file."""
-    import json
-
-    return json.dumps(schema_of(kind), ensure_ascii=False, indent=2) + "\n"
 
 
 Schema = dict[str, Any]
@@ -154,6 +148,7 @@ def _add_section(
         del schema[key]
     for nested, body in schema.pop("$defs", {}).items():
         found.setdefault(nested, body)
+    # A ROS node ignores names it does not know, so other names are no errors in its section.
     schema["additionalProperties"] = without_effect is not None
     schema["properties"] = {key: _nullable(body) for key, body in schema["properties"].items()}
     for idle, reason in (without_effect or {}).items():
@@ -168,6 +163,7 @@ def _nullable(body: Schema) -> Schema:
     changed = dict(body)
     if isinstance(body.get("type"), str):
         changed["type"] = [body["type"], "null"]
+    # A constant of one value or null is a choice of two.
     if "const" in body:
         changed["enum"] = [changed.pop("const")]
     if "enum" in changed:
@@ -187,6 +183,7 @@ def _name_costmap_sources(found: dict[str, Schema]) -> None:
         "description": "Names of sources with spaces between them; each is described under its "
         "name.",
     }
+    # The name of a source is free; "scan" is the one in the files we ship, so it gets help.
     costmap["scan"] = _reference("source")
 
 
@@ -238,29 +235,29 @@ def schema(
     if outputs:
         if kind is not None:
             raise typer.BadParameter("is about no kind of file", param_hint="--outputs")
-        _outputs(out)
+        from scenario_tui.cli.output_schemas import SCHEMA_FILE, outputs_schema
+
+        _publish(outputs_schema(), out, SCHEMA_FILE)
         return
-    if out is None:
-        if kind is None:
-            raise typer.BadParameter("name a kind to print, or a folder to write to with --out")
-        typer.echo(schema_text(kind), nl=False)
-        return
-    out.mkdir(parents=True, exist_ok=True)
+    if out is None and kind is None:
+        raise typer.BadParameter("name a kind to print, or a folder to write to with --out")
     for each in FileKind if kind is None else (kind,):
-        path = out / each.file
-        path.write_text(schema_text(each), encoding="utf-8")
-        typer.echo(path)
+        _publish(schema_of(each), out, each.file)
 
 
-def _outputs(out: Path | None) -> None:
-    from scenario_tui.cli.output_schemas import SCHEMA_FILE, outputs_text
+def schema_text(found: Schema) -> str:
+    """Return a schema as the text of its file."""
+    return json.dumps(found, ensure_ascii=False, indent=2) + "\n"
 
-    if out is None:
-        typer.echo(outputs_text(), nl=False)
+
+def _publish(found: Schema, folder: Path | None, file: str) -> None:
+    """Print a schema, or write it into a folder and print where it is."""
+    if folder is None:
+        typer.echo(schema_text(found), nl=False)
         return
-    out.mkdir(parents=True, exist_ok=True)
-    path = out / SCHEMA_FILE
-    path.write_text(outputs_text(), encoding="utf-8")
+    folder.mkdir(parents=True, exist_ok=True)
+    path = folder / file
+    path.write_text(schema_text(found), encoding="utf-8")
     typer.echo(path)
 
 

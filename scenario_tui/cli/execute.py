@@ -1,4 +1,4 @@
-"""Executing a campaign to its end: by a daemon that lives as long as the command, or one that stays.
+"""Executing a campaign to its end: by a daemon that lives as long as the command, or that stays.
 
 Imports the client and the launcher; commands import this module when they need it.
 """
@@ -49,6 +49,7 @@ def run_here(
     """
     target = (folder or Path("scenario-results") / submission.campaign).absolute()
     target.mkdir(parents=True, exist_ok=True)
+    # First of all: with it the traces of a run that is interrupted can still be reported.
     write_campaign_note(target, submission)
     started = time.perf_counter()
     with (
@@ -78,6 +79,7 @@ def run_here(
 @contextmanager
 def _temporary_state(target: Path, campaign: str) -> Iterator[Path]:
     """Lend a state directory beside the traces; at the end its traces move out, it goes away."""
+    # On the file system of the traces, so that moving them out renames and never copies.
     state = Path(tempfile.mkdtemp(prefix=".scenario-", dir=target))
     # Being told to end is being interrupted: what has finished is kept, nothing else is left.
     before = signal.signal(signal.SIGTERM, signal.default_int_handler)
@@ -90,6 +92,7 @@ def _temporary_state(target: Path, campaign: str) -> Iterator[Path]:
     else:
         _move_traces(state, target, campaign)
     finally:
+        # The daemon inside has ended by now: it is the inner of the two contexts.
         signal.signal(signal.SIGTERM, before)
         shutil.rmtree(state, ignore_errors=True)
 

@@ -1,9 +1,12 @@
-"""Exit codes, and which one a set of runs deserves."""
+"""Exit codes: which one a set of runs deserves, and what is wrong usage."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from enum import IntEnum
+
+import typer
 
 
 class ExitCode(IntEnum):
@@ -15,6 +18,7 @@ class ExitCode(IntEnum):
     INFRASTRUCTURE = 3
     INCONCLUSIVE = 4
     BUG = 70
+    # What a shell reports for SIGINT and SIGPIPE: 128 and the number of the signal.
     INTERRUPTED = 130
     BROKEN_PIPE = 141
 
@@ -33,3 +37,12 @@ def exit_code(words: Iterable[str]) -> ExitCode:
     if not found or found - {"pass"}:
         return ExitCode.INCONCLUSIVE
     return ExitCode.EXPECTED
+
+
+@contextmanager
+def wrong_usage(hint: str | None = None) -> Iterator[None]:
+    """Turn a ``ValueError`` into wrong usage of the parameter ``hint``."""
+    try:
+        yield
+    except ValueError as error:
+        raise typer.BadParameter(str(error), param_hint=hint) from error

@@ -1,4 +1,4 @@
-"""The command that makes artefacts of a floor plan or a campaign, and the worlds they are made from."""
+"""The command that makes artefacts of a floor plan or a campaign, and the worlds they show."""
 
 from __future__ import annotations
 
@@ -11,13 +11,15 @@ import typer
 from scenario_tui.cli import completion
 from scenario_tui.cli.completion import plan_or_campaign_files
 from scenario_tui.cli.options import AsJson
+from scenario_tui.cli.output import Output, report_diagnostics
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
     from daemon.campaign import Campaign, CampaignCell
     from grammars.text.diagnostics import Diagnostic
-    from templates.world import ArtefactWorld, BehaviourDraw
+    from templates.rendering import Templates
+    from templates.world import ArtefactWorld, BehaviourDraw, ExportSettings
 
 
 def world_of_plan(path: Path) -> tuple[ArtefactWorld, tuple[Diagnostic, ...]]:
@@ -82,6 +84,7 @@ def _draws(cell: CampaignCell, repeats: int | None) -> tuple[BehaviourDraw, ...]
     from templates.world import BehaviourDraw
 
     first: dict[object, int] = {}
+    # Only what is drawn differs from repeat to repeat; of equal draws the first gives the number.
     for repeat, behaviours in enumerate(cell.behaviours[:repeats]):
         first.setdefault(behaviours, repeat)
     several = len(first) > 1
@@ -135,6 +138,12 @@ class WaypointYaw(StrEnum):
 
     ZERO = "zero"
     PATH = "path"
+
+
+class ExportOutput(Output, schema="export"):
+    """The files that were written."""
+
+    files: list[str]
 
 
 def export(
@@ -203,9 +212,6 @@ def export(
 
     A campaign gets one folder per scenario; scenarios with equal worlds share one.
     """
-    from grammars.text.diagnostics import Diagnostic, InputError, Severity, Where
-    from scenario_tui.cli.output import emit, report_diagnostics
-    from templates.artefacts import export as write
     from templates.naming import file_name
     from templates.rendering import Templates
     from templates.world import ExportSettings
@@ -231,22 +237,40 @@ def export(
     written: list[str] = []
     report_diagnostics(own.unused())
     for world in worlds:
+        # A campaign has a folder for each world, also when there is one: paths stay the same when
+        # another scenario is added.
         folder = out / file_name(world.name) if is_campaign else out
-        try:
-            done = write(world, kinds, folder, settings=settings, templates=own)
-        except OSError as error:
-            place = Where(str(error.filename or folder))
-            raise InputError(Diagnostic(place, f"cannot be written: {error.strerror}")) from error
-        where = Where(f"{source} ({world.name})" if is_campaign else str(source))
-        report_diagnostics(
-            Diagnostic(where, note, severity=Severity.WARNING) for note in done.notes
-        )
-        written += map(str, done.paths)
+        about = f"{source} ({world.name})" if is_campaign else str(source)
+        paths = _write_world(world, kinds, folder, settings, own, about)
+        written += paths
+        # Said as they are made and not at the end: with meshes that takes a while.
         if not as_json:
-            for path in done.paths:
+            for path in paths:
                 typer.echo(path)
     if as_json:
-        emit("export", files=written)
+        ExportOutput(written).emit()
+
+
+def _write_world(
+    world: ArtefactWorld,
+    kinds: list[Artefact],
+    folder: Path,
+    settings: ExportSettings,
+    templates: Templates,
+    about: str,
+) -> list[str]:
+    """Make the artefacts of a world and report what they leave out; return their paths."""
+    from grammars.text.diagnostics import Diagnostic, InputError, Severity, Where
+    from templates.artefacts import export as write
+
+    try:
+        done = write(world, kinds, folder, settings=settings, templates=templates)
+    except OSError as error:
+        place = Where(str(error.filename or folder))
+        raise InputError(Diagnostic(place, f"cannot be written: {error.strerror}")) from error
+    notes = (Diagnostic(Where(about), note, severity=Severity.WARNING) for note in done.notes)
+    report_diagnostics(notes)
+    return [str(path) for path in done.paths]
 
 
 def _check_time(text: str) -> str:

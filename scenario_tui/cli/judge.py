@@ -2,20 +2,73 @@
 
 from __future__ import annotations
 
+from dataclasses import fields
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from scenario_tui.cli import completion
 from scenario_tui.cli.completion import oracle_files
 from scenario_tui.cli.exit_codes import exit_code
-from scenario_tui.cli.options import AsJson, Connect, State
+from scenario_tui.cli.options import AsJson, Connect, Processes, State
+from scenario_tui.cli.output import Output, OutputPart, say, stdout_console, track_progress
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from daemon.analysis.rejudge import OracleChange, RejudgedTrace, VerdictOrigin
+    from daemon.model.verdicts import Outcome, Verdict
 
-    from daemon.analysis.rejudge import RejudgedTrace
+
+class JudgedChange(OutputPart):
+    """What an oracle said before and says now."""
+
+    oracle: str
+    change: str
+    before: Outcome | None
+    now: Outcome | None
+    margin_before: float | None
+    margin_now: float | None
+
+    @classmethod
+    def of(cls, change: OracleChange) -> JudgedChange:
+        """Return a change without the evidence of its verdicts."""
+        before, now = change.before, change.now
+        return cls(
+            change.oracle,
+            change.kind,
+            before.outcome if before else None,
+            now.outcome if now else None,
+            before.margin if before else None,
+            now.margin if now else None,
+        )
+
+
+class JudgedTrace(OutputPart):
+    """A trace judged again: the fields of a :class:`RejudgedTrace`, and what is different."""
+
+    trace: str
+    run: str
+    digest: str
+    outcome: Outcome
+    verdicts: tuple[Verdict, ...]
+    outcome_before: Outcome | None
+    before: tuple[Verdict, ...]
+    origin: VerdictOrigin
+    problem: str
+    changes: list[JudgedChange]
+
+    @classmethod
+    def of(cls, one: RejudgedTrace) -> JudgedTrace:
+        """Return a trace as it is written."""
+        values = {field.name: getattr(one, field.name) for field in fields(one)}
+        return cls(**values, changes=[JudgedChange.of(change) for change in one.changes])
+
+
+class JudgeOutput(Output, schema="judge"):
+    """Traces judged by a layer of ``oracles``, by their own without one."""
+
+    oracles: str
+    traces: list[JudgedTrace]
 
 
 def judge(
@@ -38,10 +91,7 @@ def judge(
             autocompletion=completion.files(oracle_files),
         ),
     ] = None,
-    processes: Annotated[
-        int | None,
-        typer.Option("--processes", "-j", min=1, max=1024, help="Default: one per core."),
-    ] = None,
+    processes: Processes = None,
     connect: Connect = "",
     state: State = None,
     as_json: AsJson = False,
@@ -50,7 +100,6 @@ def judge(
     from daemon.analysis.rejudge import rejudge
     from daemon.model.spec import OracleText
     from grammars.oracle import load_oracles
-    from scenario_tui.cli.output import emit, track_progress
     from scenario_tui.cli.target import DaemonTarget, all_traces
 
     written = None
@@ -58,35 +107,17 @@ def judge(
         written = tuple(OracleText(o.name, o.text) for o in load_oracles(oracles).values())
     target = DaemonTarget(connect, state)
     paths = all_traces(traces, target, "TRACES")
-    judged = rejudge(paths, written, places=target.places, processes=processes)
+    # A generator: traces are judged by several processes while the bar counts what comes back.
+    judged = rejudge(paths, written, places=target.paths, processes=processes)
     found = tuple(track_progress(judged, len(paths), "judging"))
     if as_json:
-        emit("judge", oracles=str(oracles or ""), traces=[_plain_rejudged(one) for one in found])
+        JudgeOutput(str(oracles or ""), [JudgedTrace.of(one) for one in found]).emit()
     else:
         _print_rejudged(found)
     raise typer.Exit(exit_code(str(one.outcome) for one in found))
 
 
-def _plain_rejudged(one: RejudgedTrace) -> dict[str, Any]:
-    from grammars.text.codec import to_plain
-
-    changes = [
-        {
-            "oracle": change.oracle,
-            "change": change.kind,
-            "before": None if change.before is None else change.before.outcome,
-            "now": None if change.now is None else change.now.outcome,
-            "margin_before": None if change.before is None else change.before.margin,
-            "margin_now": None if change.now is None else change.now.margin,
-        }
-        for change in one.changes
-    ]
-    plain: dict[str, Any] = to_plain(one)
-    return plain | {"changes": changes}
-
-
-def _print_rejudged(found: Sequence[RejudgedTrace]) -> None:
-    from scenario_tui.cli.output import say, stdout_console
+def _print_rejudged(found: tuple[RejudgedTrace, ...]) -> None:
     from scenario_tui.text.formatting import TERMINAL_STYLES
     from scenario_tui.text.rejudge_text import LISTED, change_lines, rejudge_summary, rejudge_table
 

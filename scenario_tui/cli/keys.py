@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, TypeAlias
 import typer
 
 from scenario_tui.cli.options import AsJson
+from scenario_tui.cli.output import Output, say, stdout_console
 
 if TYPE_CHECKING:
     from daemon.batch.security import IssuedKey
@@ -59,7 +60,6 @@ def init(
     """
     from daemon.batch.security import keys_folder
     from daemon.batch.security.authority import create_authority, utc_now
-    from scenario_tui.cli.output import say
 
     place = keys_folder(folder)
     register = create_authority(place, _certificate_hosts(host), utc_now(), days)
@@ -92,18 +92,24 @@ def issue(
     _print_keys((make(keys_folder(keys), wanted, name, hosts, utc_now(), days),))
 
 
+class KeysOutput(Output, schema="keys"):
+    """The keys of a folder."""
+
+    folder: str
+    keys: tuple[IssuedKey, ...]
+
+    def print(self) -> None:
+        """Print a line for each."""
+        _print_keys(self.keys)
+
+
 @keys_app.command("list")
 def list_(keys: KeysFolder = None, as_json: AsJson = False) -> None:
     """List who has a key, for what, until when, and its fingerprint."""
     from daemon.batch.security import keys_folder, load_register
-    from scenario_tui.cli.output import emit
 
     place = keys_folder(keys)
-    issued = load_register(place).issued
-    if as_json:
-        emit("keys", folder=str(place), keys=list(issued))
-    else:
-        _print_keys(issued)
+    KeysOutput(str(place), load_register(place).issued).show(as_json)
 
 
 @keys_app.command()
@@ -112,7 +118,6 @@ def revoke(key: KeyName, keys: KeysFolder = None) -> None:
     from daemon.batch.security import keys_folder
     from daemon.batch.security.authority import revoke_key as withdraw
     from daemon.batch.security.authority import utc_now
-    from scenario_tui.cli.output import say
 
     withdraw(keys_folder(keys), key, utc_now())
     say(f'"{key}" is revoked; a daemon that runs still admits it until it is started again')
@@ -133,7 +138,6 @@ def bundle(
     """
     from daemon.batch.security import keys_folder
     from daemon.batch.security.authority import pack_key
-    from scenario_tui.cli.output import say
 
     pack_key(keys_folder(keys), key, output)
     say(f'"{key}" is in {output}: whoever has it is "{key}" for the daemon')
@@ -142,6 +146,7 @@ def bundle(
 def _certificate_hosts(chosen: list[str] | None) -> tuple[str, ...]:
     import socket
 
+    # Without loopback among the names, the daemon's own machine could not check its certificate.
     wanted = [*(chosen or [socket.gethostname()]), "localhost", "127.0.0.1", "::1"]
     return tuple(dict.fromkeys(wanted))
 
@@ -151,13 +156,11 @@ def _print_keys(issued: tuple[IssuedKey, ...]) -> None:
 
     from rich.table import Table
 
-    from scenario_tui.cli.output import stdout_console
-
     table = Table(box=None, pad_edge=False, header_style="bold")
     for title in ("KEY", "ROLE", "UNTIL", "FINGERPRINT", "FOR"):
         table.add_column(title, no_wrap=True)
     for one in issued:
         until = f"{datetime.fromtimestamp(one.expires_at, UTC):%Y-%m-%d}"
-        told = "revoked" if one.revoked_at is not None else until
-        table.add_row(one.name, one.role, told, one.fingerprint[:16], " ".join(one.hosts))
+        end = "revoked" if one.revoked_at is not None else until
+        table.add_row(one.name, one.role, end, one.fingerprint[:16], " ".join(one.hosts))
     stdout_console().print(table)

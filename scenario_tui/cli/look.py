@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, TypeAlias
+from typing import TYPE_CHECKING, Annotated, Final, TypeAlias
 
 import typer
 
 from scenario_tui.cli import completion
 from scenario_tui.cli.compare import Baseline, WorseBy
 from scenario_tui.cli.options import AsJson, Connect, RunOrTrace, State
+from scenario_tui.cli.output import Output, plain_table, stdout_console, wrap_parts
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -23,9 +24,58 @@ if TYPE_CHECKING:
     from scenario_tui.cli.target import DaemonTarget
 
 
+_MAX_CAMPAIGNS: Final = 15
+_OTHER_COLUMNS: Final = 18
+"""Columns that age and gaps take in the list of campaigns."""
+_WIDE: Final = 120
+"""Columns from which on a table has room for paths."""
+
+
+class StatusOutput(Output, schema="status"):
+    """How everything stands."""
+
+    endpoint: str
+    overview: DaemonOverview
+    campaigns: tuple[CampaignRow, ...]
+    workers: tuple[WorkerRow, ...]
+
+    def print(self) -> None:
+        """Print the daemon on two lines, and the newest campaigns."""
+        console, now = stdout_console(), self.overview.now
+        self._print_overview()
+        if not self.campaigns:
+            console.print("\nNo campaigns yet. Type: scenario submit CAMPAIGN.yaml")
+            return
+        console.print(_campaign_table(self.campaigns[:_MAX_CAMPAIGNS], now, console.width))
+        if len(self.campaigns) > _MAX_CAMPAIGNS:
+            console.print(f"and {len(self.campaigns) - _MAX_CAMPAIGNS} older ones")
+
+    def _print_overview(self) -> None:
+        from daemon.batch.paths import endpoint_text
+        from scenario_tui.text.formatting import duration, pluralise, rate_text
+
+        overview, console = self.overview, stdout_console()
+        slots = sum(worker.slots for worker in self.workers)
+        console.print(
+            f"daemon {overview.version} at {endpoint_text(self.endpoint)}, "
+            f"up {duration(overview.now - overview.started_at)}, "
+            f"{pluralise(overview.workers, 'worker')} with {pluralise(slots, 'slot')}",
+            soft_wrap=True,
+        )
+        parts = _tally_parts(overview) or ["no runs yet"]
+        if overview.rate > 0:
+            parts.append(rate_text(overview.rate))
+        if overview.seconds_left is not None:
+            parts.append(f"{duration(overview.seconds_left)} left")
+        console.print(wrap_parts(parts, console.width), markup=False)
+        if overview.trouble:
+            last = overview.trouble.strip().splitlines()[-1]
+            words = f"! no run can start: {last}"
+            console.print(words, markup=False, style="yellow", soft_wrap=True)
+
+
 def status(connect: Connect = "", state: State = None, as_json: AsJson = False) -> None:
     """Say how everything stands: daemon, workers, campaigns."""
-    from scenario_tui.cli.output import emit, stdout_console
     from scenario_tui.cli.target import DaemonTarget
 
     target = DaemonTarget(connect, state)
@@ -33,56 +83,7 @@ def status(connect: Connect = "", state: State = None, as_json: AsJson = False) 
     with target.open() as daemon:
         overview, campaigns = daemon.overview(), daemon.campaigns()
         workers = daemon.workers()
-    if as_json:
-        emit(
-            "status",
-            endpoint=endpoint,
-            overview=overview,
-            campaigns=list(campaigns),
-            workers=list(workers),
-        )
-        return
-    console = stdout_console()
-    _print_overview(overview, endpoint, workers)
-    if not campaigns:
-        console.print("\nNo campaigns yet. Type: scenario submit CAMPAIGN.yaml")
-        return
-    console.print(_campaign_table(campaigns[:_MAX_CAMPAIGNS], overview.now, console.width))
-    if len(campaigns) > _MAX_CAMPAIGNS:
-        console.print(f"and {len(campaigns) - _MAX_CAMPAIGNS} older ones")
-
-
-_MAX_CAMPAIGNS = 15
-_OTHER_COLUMNS = 18
-"""Columns that age and gaps take in the list of campaigns."""
-_WIDE = 120
-"""Columns from which on a table has room for paths."""
-
-
-def _print_overview(
-    overview: DaemonOverview, endpoint: str, workers: tuple[WorkerRow, ...]
-) -> None:
-    from daemon.batch.paths import endpoint_text
-    from scenario_tui.cli.output import stdout_console, wrap_parts
-    from scenario_tui.text.formatting import duration, pluralise, rate_text
-
-    console = stdout_console()
-    slots = sum(worker.slots for worker in workers)
-    console.print(
-        f"daemon {overview.version} at {endpoint_text(endpoint)}, "
-        f"up {duration(overview.now - overview.started_at)}, "
-        f"{pluralise(overview.workers, 'worker')} with {pluralise(slots, 'slot')}",
-        soft_wrap=True,
-    )
-    parts = _tally_parts(overview) or ["no runs yet"]
-    if overview.rate > 0:
-        parts.append(rate_text(overview.rate))
-    if overview.seconds_left is not None:
-        parts.append(f"{duration(overview.seconds_left)} left")
-    console.print(wrap_parts(parts, console.width), markup=False)
-    if overview.trouble:
-        last = overview.trouble.strip().splitlines()[-1]
-        console.print(f"! no run can start: {last}", markup=False, style="yellow", soft_wrap=True)
+    StatusOutput(endpoint, overview, campaigns, workers).show(as_json)
 
 
 def _tally_parts(row: CampaignRow | DaemonOverview) -> list[str]:
@@ -93,16 +94,11 @@ def _tally_parts(row: CampaignRow | DaemonOverview) -> list[str]:
 
 
 def _campaign_table(campaigns: tuple[CampaignRow, ...], now: float, width: int) -> Table:
-    from rich import box
-    from rich.table import Table
-
-    from scenario_tui.cli.output import wrap_parts
     from scenario_tui.text.formatting import age_text
 
-    table = Table(box=box.SIMPLE_HEAD, pad_edge=False, show_edge=False)
-    for title in ("campaign", "runs", "verdicts", "submitted"):
-        table.add_column(title, overflow="fold")
+    table = plain_table("campaign", "runs", "verdicts", "submitted")
     runs = [f"{row.total - row.queued - row.running}/{row.total}" for row in campaigns]
+    # Verdicts wrap between their parts, never inside of one: rich would break at any blank.
     room = width - max(len(row.id) for row in campaigns) - max(map(len, runs)) - _OTHER_COLUMNS
     for row, progress in zip(campaigns, runs, strict=True):
         counts = wrap_parts(_tally_parts(row), max(24, room))
@@ -163,6 +159,7 @@ def results(
     with target.open() as daemon:
         row = find_campaign(daemon, campaign)
         found = gather_results(daemon, row)
+        # Filters choose what is listed; the verdict is always about all runs.
         rows = found.rows
         if outcome or text:
             rows = all_runs(daemon, row.id, outcome=outcome, text=text)
@@ -187,7 +184,6 @@ def _elapsed(row: CampaignRow) -> float | None:
 
 
 def _print_trace_folder(row: CampaignRow, rows: tuple[RunRow, ...], *, listed: bool) -> None:
-    from scenario_tui.cli.output import stdout_console
     from scenario_tui.cli.results import print_commands
     from scenario_tui.text.formatting import pluralise
 
@@ -201,11 +197,8 @@ def _print_trace_folder(row: CampaignRow, rows: tuple[RunRow, ...], *, listed: b
 
 
 def _print_runs(rows: tuple[RunRow, ...]) -> None:
-    from rich import box
-    from rich.table import Table
     from rich.text import Text
 
-    from scenario_tui.cli.output import stdout_console
     from scenario_tui.text.formatting import (
         TERMINAL_STYLES,
         glyph_word,
@@ -218,11 +211,8 @@ def _print_runs(rows: tuple[RunRow, ...]) -> None:
     # Paths would be folded into columns of letters; below, the folder of all of them is said.
     paths = console.width >= _WIDE
     remarks = paths or any(row.reason or row.cached for row in rows)
-    table = Table(box=box.SIMPLE_HEAD, pad_edge=False, show_edge=False)
-    for title in ("run", "", "verdict", "decided by", "margin"):
-        table.add_column(title, overflow="fold")
-    if remarks:
-        table.add_column("trace" if paths else "remark", overflow="fold")
+    more = ("trace" if paths else "remark",) if remarks else ()
+    table = plain_table("run", "", "verdict", "decided by", "margin", *more)
     for row in rows:
         word = Text(glyph_word(run_word(row)), style=TERMINAL_STYLES[run_word(row)])
         shown = margin(row.margin, row.unit) if row.oracle else ""
@@ -244,20 +234,27 @@ RunName: TypeAlias = Annotated[
 ]
 
 
+class RunOutput(Output, schema="run"):
+    """Everything about one run."""
+
+    run: RunDetail
+
+    def print(self) -> None:
+        """Print what it was and what each oracle says, then what to type next."""
+        from scenario_tui.cli.results import print_commands
+        from scenario_tui.text.run_text import run_text
+
+        stdout_console().print(_in_terminal_colours(run_text(self.run, None)), soft_wrap=True)
+        print_commands(*_next_commands(self.run))
+
+
 def show(run: RunName, connect: Connect = "", state: State = None, as_json: AsJson = False) -> None:
     """Show one run: what each oracle says and why, what it was, where its trace lies."""
-    from scenario_tui.cli.output import emit, stdout_console
-    from scenario_tui.cli.results import print_commands
     from scenario_tui.cli.target import DaemonTarget, find_run
-    from scenario_tui.text.run_text import run_text
 
     with DaemonTarget(connect, state).open() as daemon:
         detail = find_run(daemon, run)
-    if as_json:
-        emit("run", run=detail)
-        return
-    stdout_console().print(_in_terminal_colours(run_text(detail, None)), soft_wrap=True)
-    print_commands(*_next_commands(detail))
+    RunOutput(detail).show(as_json)
 
 
 def _in_terminal_colours(text: Text) -> Text:
@@ -285,6 +282,56 @@ def _next_commands(detail: RunDetail) -> Iterable[tuple[str, str]]:
         yield f"scenario blame {row.id}", "what makes it fail"
 
 
+class LogsOutput(Output, schema="logs"):
+    """What happened in a run: the ``steps`` of its attempts, their ``output``, what it recorded.
+
+    Of a trace alone only the last is known.
+    """
+
+    run: str
+    attempts: int
+    reason: str
+    steps: tuple[RunStep, ...]
+    output: tuple[str, ...]
+    recorded: tuple[RunLogLine, ...]
+
+    def print(self) -> None:
+        """Print it in the order it happened."""
+        if self.run:
+            self._print_steps()
+            # The reason is the note of an attempt, as long as that attempt is remembered.
+            known = any(step.note.strip() == self.reason.strip() for step in self.steps)
+            for text in filter(None, (*self.output, "" if known else self.reason)):
+                stdout_console().print(f"\n{text.strip()}", markup=False, soft_wrap=True)
+        if self.recorded or not self.run:
+            self._print_recorded()
+
+    def _print_steps(self) -> None:
+        from datetime import datetime
+
+        from scenario_tui.text.formatting import pluralise
+
+        console = stdout_console()
+        for step in self.steps:
+            when = datetime.fromtimestamp(step.at).astimezone().strftime("%Y-%m-%d %H:%M:%S")
+            note = f"  {step.note.strip()}" if step.note else ""
+            console.print(f"{when}  {step.state}{note}", markup=False, soft_wrap=True)
+        if not self.steps:
+            attempts = pluralise(self.attempts, "attempt")
+            console.print(f"{attempts}; when is not remembered any more")
+
+    def _print_recorded(self) -> None:
+        from rich.text import Text
+
+        console = stdout_console()
+        console.print("\nin simulated time", style="dim")
+        styles = {"warn": "yellow", "error": "bold red", "fatal": "bold red"}
+        width = max(len(line.source) for line in self.recorded)
+        for line in self.recorded:
+            text = Text(f"{line.time:8.1f} s  {line.source:<{width}}  ")
+            console.print(text.append(line.text, style=styles.get(line.level, "")), soft_wrap=True)
+
+
 def logs(
     run: RunOrTrace,
     connect: Connect = "",
@@ -296,83 +343,30 @@ def logs(
     Read from the state directory of this machine; no daemon is needed unless one is named.
     """
     from daemon.analysis.run_history import read_run_log
-    from scenario_tui.cli.output import emit
     from scenario_tui.cli.target import DaemonTarget
 
     if run.endswith(".mcap"):
-        said = read_run_log(Path(run))
-        if as_json:
-            emit("logs", run="", attempts=0, reason="", steps=[], output=[], recorded=list(said))
-        else:
-            _print_recorded(said)
-        return
-    row, happened, printed, said = _collect_log(run, DaemonTarget(connect, state))
-    if as_json:
-        emit("logs", run=row.id, attempts=row.attempt, reason=row.reason, steps=list(happened),
-             output=list(printed), recorded=list(said))  # fmt: skip
-        return
-    _print_steps(happened, row.attempt)
-    known = any(step.note.strip() == row.reason.strip() for step in happened)
-    _print_texts((*printed, "" if known else row.reason))
-    if said:
-        _print_recorded(said)
+        found = LogsOutput("", 0, "", (), (), read_run_log(Path(run)))
+    else:
+        found = _collect_logs(run, DaemonTarget(connect, state))
+    found.show(as_json)
 
 
-def _collect_log(
-    run: str, target: DaemonTarget
-) -> tuple[RunRow, tuple[RunStep, ...], tuple[str, ...], tuple[RunLogLine, ...]]:
-    """Return a run, its attempts, what they print, what its trace recorded.
-
-    A daemon elsewhere does not tell of attempts.
-    """
+def _collect_logs(run: str, target: DaemonTarget) -> LogsOutput:
+    """Return what a run left; a daemon elsewhere does not tell of attempts."""
     from daemon.analysis.report import open_ledger
     from daemon.analysis.run_history import read_outputs, read_run_log, read_steps
     from scenario_tui.cli.target import find_run, one_trace
 
-    happened: tuple[RunStep, ...] = ()
-    printed: tuple[str, ...] = ()
+    steps: tuple[RunStep, ...] = ()
+    output: tuple[str, ...] = ()
+    # Attempts and what they print are files of the state directory: no verb of the bus has them.
     if target.named:
         with target.open() as daemon:
             row = find_run(daemon, run).row
     else:
-        with open_ledger(target.places) as ledger:
+        with open_ledger(target.paths) as ledger:
             row = find_run(ledger, run).row
-        happened, printed = read_steps(target.places, row.id), read_outputs(target.places, row.id)
-    said = read_run_log(one_trace(row.id, target, "RUN")) if row.trace else ()
-    return row, happened, printed, said
-
-
-def _print_steps(happened: tuple[RunStep, ...], attempts: int) -> None:
-    from datetime import datetime
-
-    from scenario_tui.cli.output import stdout_console
-    from scenario_tui.text.formatting import pluralise
-
-    console = stdout_console()
-    for step in happened:
-        when = datetime.fromtimestamp(step.at).astimezone().strftime("%Y-%m-%d %H:%M:%S")
-        note = f"  {step.note.strip()}" if step.note else ""
-        console.print(f"{when}  {step.state}{note}", markup=False, soft_wrap=True)
-    if not happened:
-        console.print(f"{pluralise(attempts, 'attempt')}; when is not remembered any more")
-
-
-def _print_texts(texts: tuple[str, ...]) -> None:
-    from scenario_tui.cli.output import stdout_console
-
-    for text in filter(None, texts):
-        stdout_console().print(f"\n{text.strip()}", markup=False, soft_wrap=True)
-
-
-def _print_recorded(said: tuple[RunLogLine, ...]) -> None:
-    from rich.text import Text
-
-    from scenario_tui.cli.output import stdout_console
-
-    console = stdout_console()
-    console.print("\nin simulated time", style="dim")
-    styles = {"warn": "yellow", "error": "bold red", "fatal": "bold red"}
-    width = max(len(line.source) for line in said)
-    for line in said:
-        text = Text(f"{line.time:8.1f} s  {line.source:<{width}}  ")
-        console.print(text.append(line.text, style=styles.get(line.level, "")), soft_wrap=True)
+        steps, output = read_steps(target.paths, row.id), read_outputs(target.paths, row.id)
+    recorded = read_run_log(one_trace(row.id, target, "RUN")) if row.trace else ()
+    return LogsOutput(row.id, row.attempt, row.reason, steps, output, recorded)

@@ -12,8 +12,16 @@ from typing import Annotated, Final, TypeAlias
 import typer
 
 from daemon.model.execution import DaskScheduler, RunLimits
-from scenario_tui.cli.exit_codes import ExitCode
-from scenario_tui.cli.options import Connect, Keys, State, check_endpoint, read_duration, read_size
+from scenario_tui.cli.exit_codes import ExitCode, wrong_usage
+from scenario_tui.cli.options import (
+    Connect,
+    Keys,
+    State,
+    check_endpoint,
+    read_duration,
+    read_size,
+)
+from scenario_tui.cli.output import plain_table, say, stdout_console
 
 PrintUnit: TypeAlias = Annotated[
     bool, typer.Option("--print-unit", help="Write a systemd user unit for this and leave.")
@@ -25,18 +33,14 @@ def _check_store(url: str) -> str:
     if url:
         from daemon.batch.stores import check_store_url
 
-        try:
+        with wrong_usage():
             return check_store_url(url)
-        except ValueError as error:
-            raise typer.BadParameter(str(error)) from error
     return url
 
 
 def _check_size(text: str) -> str:
     """Refuse what is no size, as wrong usage."""
     if text:
-        from scenario_tui.cli.options import read_size
-
         read_size(text)
     return text
 
@@ -89,25 +93,24 @@ def daemon(
     """
     from daemon.batch.paths import StatePaths
     from daemon.batch.server import DaemonSettings, exposure_warning, serve
-    from scenario_tui.cli.options import read_size
-    from scenario_tui.cli.output import say
 
-    places = StatePaths.find(state)
+    paths = StatePaths.find(state)
     if print_unit:
         from daemon.batch.operation import daemon_unit
 
         unit = daemon_unit(
-            scenario_executable(), places.state, listen, slots,
+            scenario_executable(), paths.state, listen, slots,
             keys=keys, insecure=insecure, traces=traces, quota=quota,
         )  # fmt: skip
         typer.echo(unit, nl=False)
         return
+    # A warning only: refusing is the server's, which knows the keys it found.
     if words := exposure_warning(listen):
         say(words)
     where = f" at {listen}" if listen else ""
-    say(f"starting a daemon{where}, state in {places.state}, Ctrl-C to leave")
+    say(f"starting a daemon{where}, state in {paths.state}, Ctrl-C to leave")
     settings = DaemonSettings(store=traces, quota=read_size(quota) if quota else 0)
-    serve(places.state, listen=listen, keys=keys, insecure=insecure, slots=slots, settings=settings)
+    serve(paths.state, listen=listen, keys=keys, insecure=insecure, slots=slots, settings=settings)
     say("the daemon has left; what is queued waits for the next one")
 
 
@@ -134,7 +137,6 @@ def tui(
 
     Keys, colours and more are set in config.toml; `scenario doctor` says where it is.
     """
-    from scenario_tui.cli.output import say
 
     if bindings:
         _print_bindings()
@@ -154,6 +156,7 @@ def tui(
     if why:
         say(f"scenario: {why}")
         raise typer.Exit(ExitCode.BAD_INPUT)
+    # The option can only take rights away: who forbade changes in the file meant it.
     config = replace(config, read_only=config.read_only or read_only)
     equivalent = CommandLines(connect, state)
     code, farewell = run_dashboard(DaemonTarget(connect, state).open, config, equivalent)
@@ -183,6 +186,7 @@ def _connecting_screen() -> Iterator[None]:
         sys.stderr.write(text)
         sys.stderr.flush()
 
+    # Alternate screen, no cursor, cleared; first line, second column.
     write("\x1b[?1049h\x1b[?25l\x1b[2J\x1b[1;2H... connecting")
     try:
         yield
@@ -193,16 +197,10 @@ def _connecting_screen() -> Iterator[None]:
 
 def _print_bindings() -> None:
     """One line per binding: its id, its keys, where it works, what it does."""
-    from rich import box
-    from rich.table import Table
-
-    from scenario_tui.cli.output import stdout_console
     from scenario_tui.dashboard.config import config_path
     from scenario_tui.dashboard.key_bindings import list_key_bindings
 
-    table = Table(box=box.SIMPLE_HEAD, pad_edge=False, show_edge=False)
-    for title in ("id", "keys", "where", "what it does"):
-        table.add_column(title, overflow="fold")
+    table = plain_table("id", "keys", "where", "what it does")
     for bound in list_key_bindings():
         table.add_row(bound.id, bound.keys.replace(",", " "), bound.place, bound.meaning)
     console = stdout_console()
@@ -229,9 +227,6 @@ def _check_scheduler(address: str) -> str:
     return address
 
 
-Certificate: TypeAlias = Path | None
-
-
 def _file_option(name: str, what: str) -> object:
     return typer.Option(name, metavar="FILE", exists=True, dir_okay=False, help=what)
 
@@ -246,7 +241,8 @@ def worker(
         ),
     ] = None,
     backend: Annotated[
-        WorkerBackend, typer.Option("--backend", help="What executes: this machine or a Dask cluster.")
+        WorkerBackend,
+        typer.Option("--backend", help="What executes: this machine or a Dask cluster."),
     ] = WorkerBackend.LOCAL,
     scheduler: Annotated[
         str,
@@ -255,11 +251,15 @@ def worker(
             help="The scheduler of the Dask cluster, tcp://host:8786 or tls://host:8786.",
         ),
     ] = "",
-    tls_ca: Annotated[Certificate, _file_option("--tls-ca", "Who signed the scheduler's certificate.")]
-    = None,
-    tls_cert: Annotated[Certificate, _file_option("--tls-cert", "Our certificate for the scheduler.")]
-    = None,
-    tls_key: Annotated[Certificate, _file_option("--tls-key", "The key of our certificate.")] = None,
+    tls_ca: Annotated[
+        Path | None, _file_option("--tls-ca", "Who signed the scheduler's certificate.")
+    ] = None,
+    tls_cert: Annotated[
+        Path | None, _file_option("--tls-cert", "Our certificate for the scheduler.")
+    ] = None,
+    tls_key: Annotated[
+        Path | None, _file_option("--tls-key", "The key of our certificate.")
+    ] = None,
     memory: Annotated[
         str,
         typer.Option("--memory", metavar="SIZE", help="Address space of a run; 0B: no limit."),
@@ -294,6 +294,7 @@ def worker(
 
     It executes runs of a daemon, on this machine, on another one or in a Dask cluster.
     """
+    # Limits guard runs; how far the worker itself steps back is another matter, said to work().
     usual = RunLimits()
     limits = RunLimits(
         read_duration(wall) if wall else usual.wall,
@@ -306,7 +307,6 @@ def worker(
         return
     from daemon.batch.paths import endpoint_text, find_endpoint
     from daemon.batch.worker import work
-    from scenario_tui.cli.output import say
 
     endpoint = find_endpoint(connect, state)
     where = endpoint_text(endpoint.address)
@@ -353,8 +353,8 @@ def _print_unit(
     found = find_endpoint(connect, state)
     named = found.address if found.origin in ("--connect", "SCENARIO_CONNECT") else ""
     # Without an endpoint it is the state directory that says where the daemon is.
-    told = state or os.environ.get("SCENARIO_STATE") or not named
-    folder = StatePaths.find(state).state if told else None
+    names_state = state or os.environ.get("SCENARIO_STATE") or not named
+    folder = StatePaths.find(state).state if names_state else None
     options = [*_limit_options(limits), *_cluster_options(cluster), *_key_options()]
     unit = worker_unit(scenario_executable(), named, folder, slots, limits=limits, options=options)
     typer.echo(unit, nl=False)
@@ -362,6 +362,7 @@ def _print_unit(
 
 def _limit_options(limits: RunLimits) -> Sequence[str]:
     usual = RunLimits()
+    # Only what differs from the usual: a unit that names a default would keep it for ever.
     words = ["--memory", f"{limits.memory}B"] if limits.memory != usual.memory else []
     words += ["--wall", f"{limits.wall:g}s"] if limits.wall != usual.wall else []
     return words + (["--nice", str(limits.nice)] if limits.nice != usual.nice else [])
@@ -373,6 +374,7 @@ def _cluster_options(cluster: DaskScheduler | None) -> Sequence[str]:
     words = ["--backend", "dask", "--scheduler", cluster.address]
     files = {"ca": cluster.ca, "cert": cluster.certificate, "key": cluster.key}
     for name, path in files.items():
+        # A unit runs in the home directory, not where it was written.
         words += [f"--tls-{name}", str(path.absolute())] if path else []
     return words
 

@@ -2,18 +2,42 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated, Any
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Final
 
 import typer
 
 from scenario_tui.cli.exit_codes import ExitCode
-from scenario_tui.cli.options import AsJson, Connect, State
+from scenario_tui.cli.options import AsJson, Connect, State, read_age, read_size
+from scenario_tui.cli.output import Output, OutputPart, stdout_console
 
 if TYPE_CHECKING:
     from daemon.batch.ledger import SweepResult
-    from daemon.batch.operation import DoctorFinding
+    from daemon.batch.operation import DaemonStatus, DoctorFinding
+    from daemon.batch.paths import Endpoint
 
-_SIGNS = {"ok": ("✓", "green"), "warning": ("!", "yellow"), "problem": ("✗", "bold red")}
+_SIGNS: Final = {"ok": ("✓", "green"), "warning": ("!", "yellow"), "problem": ("✗", "bold red")}
+
+
+class DoctorOutput(Output, schema="doctor"):
+    """What is configured, what answers, and what is wrong."""
+
+    state: str
+    endpoint: Endpoint
+    findings: tuple[DoctorFinding, ...]
+
+    def print(self) -> None:
+        """Print a line for each finding, and its remedy below."""
+        from rich.text import Text
+
+        for finding in self.findings:
+            sign, style = _SIGNS[finding.level]
+            line = Text(f"{sign} {finding.level:<8}", style=style)
+            line.append(f"{finding.subject:<11} {finding.message}", style="default")
+            if finding.remedy:
+                line.append(f"\n            {finding.remedy}", style="cyan")
+            stdout_console().print(line, soft_wrap=True)
 
 
 def doctor(connect: Connect = "", state: State = None, as_json: AsJson = False) -> None:
@@ -21,18 +45,13 @@ def doctor(connect: Connect = "", state: State = None, as_json: AsJson = False) 
 
     Changes nothing. Leaves with 3 when there is a problem.
     """
-    from pathlib import Path
-
     from daemon.batch.operation import FindingLevel, examine
     from daemon.batch.paths import StatePaths, find_endpoint
-    from scenario_tui.cli.output import emit
 
-    places, endpoint = StatePaths.find(state), find_endpoint(connect, state)
-    findings = (*examine(places, endpoint, Path.cwd()), _check_settings())
-    if as_json:
-        emit("doctor", state=str(places.state), endpoint=endpoint, findings=list(findings))
-    else:
-        _print_findings(findings)
+    paths, endpoint = StatePaths.find(state), find_endpoint(connect, state)
+    # The settings of the dashboard are examined here: the daemon's side knows no dashboard.
+    findings = (*examine(paths, endpoint, Path.cwd()), _check_settings())
+    DoctorOutput(str(paths.state), endpoint, findings).show(as_json)
     if any(finding.level is FindingLevel.PROBLEM for finding in findings):
         raise typer.Exit(ExitCode.INFRASTRUCTURE)
 
@@ -66,19 +85,16 @@ def _check_settings() -> DoctorFinding:
     )
 
 
-def _print_findings(findings: tuple[DoctorFinding, ...]) -> None:
-    from rich.text import Text
+class MetricsOutput(Output, schema="metrics"):
+    """The daemon's numbers."""
 
-    from scenario_tui.cli.output import stdout_console
+    standing: DaemonStatus
 
-    console = stdout_console()
-    for finding in findings:
-        sign, style = _SIGNS[finding.level]
-        line = Text(f"{sign} {finding.level:<8}", style=style)
-        line.append(f"{finding.subject:<11} {finding.message}", style="default")
-        if finding.remedy:
-            line.append(f"\n            {finding.remedy}", style="cyan")
-        console.print(line, soft_wrap=True)
+    def print(self) -> None:
+        """Print them as Prometheus reads them."""
+        from daemon.batch.operation import prometheus_text
+
+        typer.echo(prometheus_text(self.standing), nl=False)
 
 
 def metrics(connect: Connect = "", state: State = None, as_json: AsJson = False) -> None:
@@ -87,18 +103,49 @@ def metrics(connect: Connect = "", state: State = None, as_json: AsJson = False)
     Runs by state and outcome, workers and their slots, rate, disk; for node_exporter's textfile
     collector, say.
     """
-    from daemon.batch.operation import DaemonStatus, prometheus_text
-    from scenario_tui.cli.output import emit
+    from daemon.batch.operation import DaemonStatus
     from scenario_tui.cli.target import DaemonTarget
 
     with DaemonTarget(connect, state).open() as daemon:
         standing = DaemonStatus(
             daemon.overview(), daemon.campaigns(), daemon.workers(), daemon.disk()
         )
-    if as_json:
-        emit("metrics", standing=standing)
-        return
-    typer.echo(prometheus_text(standing), nl=False)
+    MetricsOutput(standing).show(as_json)
+
+
+class SweptCampaign(OutputPart):
+    """A campaign, and how many traces of it are gone."""
+
+    campaign: str
+    finished_at: float | None
+    traces: int
+    bytes: int
+
+
+class GcOutput(Output, schema="gc"):
+    """Traces that were removed, or would be; ``freed`` and ``kept`` are bytes."""
+
+    state: str
+    dry_run: bool
+    freed: int
+    kept: int
+    campaigns: list[SweptCampaign]
+
+    def print(self) -> None:
+        """Print a line for each campaign and one for all."""
+        from daemon.batch.amounts import size_text
+        from scenario_tui.text.formatting import pluralise
+
+        console = stdout_console()
+        for one in self.campaigns:
+            line = f"{one.campaign}  {pluralise(one.traces, 'trace')}  {size_text(one.bytes)}"
+            console.print(line, markup=False, soft_wrap=True)
+        verb = "would remove" if self.dry_run else "removed"
+        gone = pluralise(sum(one.traces for one in self.campaigns), "trace")
+        console.print(
+            f"{verb} {gone}, {size_text(self.freed)}; {size_text(self.kept)} of traces stay",
+            soft_wrap=True,
+        )
 
 
 def gc(
@@ -127,9 +174,8 @@ def gc(
 
     from daemon.batch.ledger import RetentionPolicy, sweep_traces
     from daemon.batch.paths import StatePaths
-    from scenario_tui.cli.options import read_age, read_size
-    from scenario_tui.cli.output import emit
 
+    # There is no usual amount: what goes is the only copy.
     if keep is None and not older_than and not max_size:
         raise typer.BadParameter("say what to keep: --keep, --older-than or --max-size")
     keeping = RetentionPolicy(
@@ -137,37 +183,14 @@ def gc(
         read_age(older_than) if older_than else None,
         read_size(max_size) if max_size else None,
     )
-    places = StatePaths.find(state)
-    swept = sweep_traces(places, keeping, time.time(), dry=dry_run)
-    if as_json:
-        emit("gc", state=str(places.state), dry_run=dry_run, freed=swept.freed, kept=swept.kept,
-             campaigns=_by_campaign(swept))  # fmt: skip
-        return
-    _print_swept(swept, dry_run)
+    paths = StatePaths.find(state)
+    swept = sweep_traces(paths, keeping, time.time(), dry=dry_run)
+    GcOutput(str(paths.state), dry_run, swept.freed, swept.kept, _by_campaign(swept)).show(as_json)
 
 
-def _by_campaign(swept: SweepResult) -> list[dict[str, Any]]:
-    found: dict[str, dict[str, Any]] = {}
+def _by_campaign(swept: SweepResult) -> list[SweptCampaign]:
+    found: dict[str, SweptCampaign] = {}
     for trace in swept.gone:
-        entry = {"campaign": trace.campaign, "finished_at": trace.finished_at}
-        one = found.setdefault(trace.campaign, {**entry, "traces": 0, "bytes": 0})
-        one["traces"] += 1
-        one["bytes"] += trace.size
+        one = found.get(trace.campaign) or SweptCampaign(trace.campaign, trace.finished_at, 0, 0)
+        found[one.campaign] = replace(one, traces=one.traces + 1, bytes=one.bytes + trace.size)
     return list(found.values())
-
-
-def _print_swept(swept: SweepResult, dry_run: bool) -> None:
-    from daemon.batch.amounts import size_text
-    from scenario_tui.cli.output import stdout_console
-    from scenario_tui.text.formatting import pluralise
-
-    console = stdout_console()
-    for one in _by_campaign(swept):
-        line = f"{one['campaign']}  {pluralise(one['traces'], 'trace')}  {size_text(one['bytes'])}"
-        console.print(line, markup=False, soft_wrap=True)
-    verb = "would remove" if dry_run else "removed"
-    console.print(
-        f"{verb} {pluralise(len(swept.gone), 'trace')}, {size_text(swept.freed)}; "
-        f"{size_text(swept.kept)} of traces stay",
-        soft_wrap=True,
-    )

@@ -89,6 +89,10 @@ Slots: TypeAlias = Annotated[
     int | None,
     typer.Option("--slots", "-j", min=1, max=1024, help="Runs at a time. Default: one per core."),
 ]
+Processes: TypeAlias = Annotated[
+    int | None,
+    typer.Option("--processes", "-j", min=1, max=1024, help="Default: one per core."),
+]
 CampaignFile: TypeAlias = Annotated[
     Path,
     typer.Argument(
@@ -120,6 +124,7 @@ def with_keys_option(command: Callable[..., None]) -> Callable[..., None]:
 
     It says the same as ``SCENARIO_KEYS``, to this process and those it starts.
     """
+    # Annotations are text (PEP 563), and typer reads those of the wrapper: they are resolved here.
     signature = inspect.signature(command, eval_str=True)
     if "connect" not in signature.parameters:
         return command

@@ -1,4 +1,9 @@
-"""Where words go: results to standard output, messages and progress to standard error."""
+"""Where words go: results to standard output, messages and progress to standard error.
+
+What a command answers is an :class:`Output`: one declaration from which follow the JSON object it
+writes with ``--json``, the schema of that object (:mod:`scenario_tui.cli.output_schemas`) and what
+people read.
+"""
 
 from __future__ import annotations
 
@@ -10,12 +15,14 @@ import os
 import sys
 from collections.abc import Iterable
 from contextlib import suppress
-from typing import TYPE_CHECKING, Any, Final, TypeVar
+from dataclasses import dataclass, fields
+from typing import TYPE_CHECKING, Any, ClassVar, Final, Literal, TypeVar, dataclass_transform
 
 from grammars.text.diagnostics import Diagnostic
 
 if TYPE_CHECKING:
     from rich.console import Console
+    from rich.table import Table
 
 T = TypeVar("T")
 
@@ -93,6 +100,19 @@ def wrap_parts(parts: Iterable[str], width: int) -> str:
     return "\n".join(lines)
 
 
+def plain_table(*titles: str, figures: bool = False) -> Table:
+    """Return a table without lines, columns folded; ``figures`` are all but the first column."""
+    from rich import box
+    from rich.table import Table
+
+    # Folded, never cut: scripts and people look for whole names.
+    table = Table(box=box.SIMPLE_HEAD, pad_edge=False, show_edge=False)
+    for index, title in enumerate(titles):
+        side: Literal["left", "right"] = "right" if figures and index else "left"
+        table.add_column(title, overflow="fold", justify=side)
+    return table
+
+
 def say(message: str) -> None:
     """Write a message for people to standard error; that nobody reads it changes nothing."""
     with suppress(BrokenPipeError):
@@ -100,29 +120,75 @@ def say(message: str) -> None:
         sys.stderr.flush()
 
 
-def emit(schema: str, **fields: Any) -> None:
-    """Write one JSON object to standard output; values are value types or plain data.
+@dataclass_transform(frozen_default=True)
+@dataclass(frozen=True)
+class OutputPart:
+    """An object inside of an output; subclasses are frozen dataclasses of its fields.
 
-    :mod:`scenario_tui.cli.output_schemas` declares what is written; numbers that JSON has not are null.
+    Types of fields may be imported for type checkers only, so that commands load what they use.
     """
-    from grammars.text.codec import to_plain
-    from scenario_tui.cli.output_schemas import schema_identifier
 
-    told = {name: _null_for_nonfinite(to_plain(value)) for name, value in fields.items()}
-    body = {"schema": schema_identifier(schema)} | told
-    # Escapes carry any text through any encoding; a stream that knows them all needs none.
-    escaped = (sys.stdout.encoding or "").lower().replace("-", "") != "utf8"
-    text = json.dumps(body, ensure_ascii=escaped, indent=2, allow_nan=False)
-    sys.stdout.write(text + "\n")
+    def __init_subclass__(cls) -> None:
+        dataclass(frozen=True)(cls)
+
+
+class Output(OutputPart):
+    """What a command answers, called ``schema`` in the field of that name.
+
+    The fields are those of the JSON object, their values are value types.
+    """
+
+    schema: ClassVar[str]
+
+    def __init_subclass__(cls, schema: str = "") -> None:
+        super().__init_subclass__()
+        if schema:
+            cls.schema = schema
+
+    def show(self, as_json: bool) -> None:
+        """Write the output as JSON or print it for people."""
+        if as_json:
+            self.emit()
+        else:
+            self.print()
+
+    def print(self) -> None:
+        """Print for people; commands that say the same either way print nothing more."""
+
+    def emit(self) -> None:
+        """Write one JSON object to standard output; numbers that JSON has not are null."""
+        body = {"schema": schema_identifier(self.schema)} | _null_for_nonfinite(_plain(self))
+        # Escapes carry any text through any encoding; a stream that knows them all needs none.
+        escaped = (sys.stdout.encoding or "").lower().replace("-", "") != "utf8"
+        text = json.dumps(body, ensure_ascii=escaped, indent=2, allow_nan=False)
+        sys.stdout.write(text + "\n")
+
+
+def schema_identifier(name: str) -> str:
+    """Return what stands in the field ``schema`` of an output."""
+    return f"scenario/{name}/1"
+
+
+def _plain(value: Any) -> Any:
+    """Return a value as JSON has it."""
+    if isinstance(value, OutputPart):
+        return {field.name: _plain(getattr(value, field.name)) for field in fields(value)}
+    if isinstance(value, (list, tuple)) and value and isinstance(value[0], OutputPart):
+        return [_plain(one) for one in value]
+    from grammars.text.codec import to_plain
+
+    return to_plain(value)
 
 
 def _null_for_nonfinite(plain: Any) -> Any:
     """Return plain data with ``None`` for what is infinite or no number."""
+    # Margins may be infinite. JSON knows no such number, and what Python's json writes for it,
+    # Infinity, other readers refuse.
     if isinstance(plain, float):
         return plain if math.isfinite(plain) else None
     if isinstance(plain, dict):
         return {key: _null_for_nonfinite(value) for key, value in plain.items()}
-    if isinstance(plain, (list, tuple)):
+    if isinstance(plain, list):
         return [_null_for_nonfinite(value) for value in plain]
     return plain
 

@@ -7,16 +7,16 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from typing import Final, Protocol
+from typing import Final
 
-from rich.console import Console, Group, RenderableType
+from rich.console import Group, RenderableType
 from rich.live import Live as Screen
 from rich.progress_bar import ProgressBar
 from rich.table import Table
 from rich.text import Text
 
 from daemon.batch.errors import DaemonError, Refused, Unreachable
-from daemon.model.status import CampaignRow, ChangeEvent, LiveSnapshot, RunRow
+from daemon.model.status import CampaignRow, LiveSnapshot, RunRow
 from scenario_tui.cli.output import say, stderr_console
 from scenario_tui.client import ClientOpener, DaemonClient
 from scenario_tui.text.formatting import (
@@ -31,6 +31,7 @@ from scenario_tui.text.formatting import (
 )
 
 INTERVAL: Final = 0.25
+"""Seconds between two looks at a campaign."""
 PATIENCE: Final = 120.0
 """Seconds a watcher waits for a daemon that went away."""
 _LOOK: Final = 2.0
@@ -51,40 +52,27 @@ class CampaignProgress:
     seconds_left: float | None = None
 
 
-class ProgressDisplay(Protocol):
-    """Where a watcher tells what it sees."""
+class ProgressDisplay:
+    """Where a watcher tells what it sees: a line for the campaign, one for each running run.
 
-    def show(self, sight: CampaignProgress) -> None:
-        """Show the campaign as it stands."""
+    Without a ``screen`` standard error is no terminal, and a log file is no place for progress.
+    """
 
-    def note(self, message: str) -> None:
-        """Say something that must not be overwritten."""
+    def __init__(self, screen: Screen | None) -> None:
+        self._screen = screen
 
-
-class QuietDisplay:
-    """The display when standard error is no terminal: notes only."""
-
-    def show(self, sight: CampaignProgress) -> None:
-        """Show nothing: a log file is no place for progress."""
-
-    def note(self, message: str) -> None:
-        """Write the message to standard error."""
-        say(message)
-
-
-class LiveDisplay:
-    """The display on a terminal: one line for the campaign, one for each running run."""
-
-    def __init__(self, console: Console, screen: Screen) -> None:
-        self._console, self._screen = console, screen
-
-    def show(self, sight: CampaignProgress) -> None:
+    def show(self, progress: CampaignProgress) -> None:
         """Draw the campaign as it stands."""
-        self._screen.update(progress_lines(sight, self._console.width), refresh=True)
+        if self._screen is not None:
+            width = self._screen.console.width
+            self._screen.update(progress_lines(progress, width), refresh=True)
 
     def note(self, message: str) -> None:
-        """Print the message above the bar."""
-        self._console.print(message, style="yellow")
+        """Say something that must not be overwritten: on a terminal it stands above the bar."""
+        if self._screen is None:
+            say(message)
+        else:
+            self._screen.console.print(message, style="yellow")
 
 
 @contextmanager
@@ -92,37 +80,39 @@ def open_display() -> Iterator[ProgressDisplay]:
     """Choose the display that fits standard error."""
     console = stderr_console()
     if not console.is_terminal:
-        yield QuietDisplay()
+        yield ProgressDisplay(None)
         return
+    # Drawn where the watcher looks, four times a second: no thread of rich's is needed for it.
     with Screen(console=console, auto_refresh=False, transient=True) as screen:
-        yield LiveDisplay(console, screen)
+        yield ProgressDisplay(screen)
 
 
-def progress_lines(sight: CampaignProgress, width: int) -> RenderableType:
+def progress_lines(progress: CampaignProgress, width: int) -> RenderableType:
     """Return the lines that show how far a campaign is, on a terminal ``width`` cells wide."""
+    # What is dispensable goes first, until the bar fits: the rate, then the words of verdicts.
     for words, pace in ((True, True), (True, False), (False, False)):
-        head, tail = _campaign_line(sight, words=words, pace=pace)
+        head, tail = _campaign_line(progress, words=words, pace=pace)
         if head.cell_len + tail.cell_len + _BAR + 4 <= width:
             break
-    row = sight.row
+    row = progress.row
     line = Table.grid(padding=(0, 2))
     for _ in range(3):
         line.add_column(no_wrap=True)
     finished = row.total - row.queued - row.running
     bar = ProgressBar(total=max(1, row.total), completed=finished, width=_BAR)
     line.add_row(head, bar, tail)
-    runs = [_run_line(run, sight.live.get(run.id)) for run in sight.running[:_SHOWN_RUNS]]
-    if not finished and not sight.running:
+    runs = [_run_line(run, progress.live.get(run.id)) for run in progress.running[:_SHOWN_RUNS]]
+    if not finished and not progress.running:
         runs.append(Text(f"  {_WAITING}", style="dim"))
-    hidden = len(sight.running) - len(runs)
+    hidden = len(progress.running) - len(runs)
     if hidden > 0:
         runs.append(Text(f"  and {hidden} more", style="dim"))
     return Group(line, *runs)
 
 
-def _campaign_line(sight: CampaignProgress, *, words: bool, pace: bool) -> tuple[Text, Text]:
+def _campaign_line(progress: CampaignProgress, *, words: bool, pace: bool) -> tuple[Text, Text]:
     """Return what stands before and after the bar, with or without words and rate."""
-    row = sight.row
+    row = progress.row
     finished = row.total - row.queued - row.running
     tail = Text(f"{finished}/{pluralise(row.total, 'run')}")
     for word, count in run_counts(row).items():
@@ -131,10 +121,10 @@ def _campaign_line(sight: CampaignProgress, *, words: bool, pace: bool) -> tuple
                 f"  {GLYPHS[word]} {count}{' ' + word if words else ''}",
                 style=TERMINAL_STYLES[word],
             )
-    if sight.seconds_left is not None:
-        tail.append(f"  {duration(sight.seconds_left)} left", style="default")
-    if pace and sight.per_minute:
-        tail.append(f"  {rate_text(sight.per_minute)}", style="default")
+    if progress.seconds_left is not None:
+        tail.append(f"  {duration(progress.seconds_left)} left", style="default")
+    if pace and progress.per_minute:
+        tail.append(f"  {rate_text(progress.per_minute)}", style="default")
     return Text(row.name, style="bold"), tail
 
 
@@ -159,6 +149,7 @@ class _RunRate:
     def look(self, row: CampaignRow, now: float) -> tuple[float, float | None]:
         """Return runs per minute and the seconds left at that pace."""
         left = row.queued + row.running
+        # What was over before somebody looked says nothing about the pace: it may be cached.
         since = row.total - left - self.before
         elapsed = now - self.started
         if since <= 0 or elapsed <= 0:
@@ -203,9 +194,8 @@ def watch(
     """Show progress until no run of ``campaign`` waits or runs; return how it ended.
 
     After ``limit`` seconds it is returned as it stands then. A daemon that goes away is waited for
-    and found again. Raises :class:`daemon.batch.errors.Unreachable` when it stays away for ``patience``
-    seconds, or at the limit, and :class:`daemon.batch.errors.DaemonError` when it cannot execute runs
-    for ``endurance`` seconds.
+    and found again. Raises :class:`Unreachable` when it stays away for ``patience`` seconds, or at
+    the limit, and :class:`DaemonError` when it cannot execute runs for ``endurance`` seconds.
     """
     begun = time.monotonic()
     live: dict[str, LiveSnapshot] = {}
@@ -243,15 +233,12 @@ def _collect_telemetry(daemon: DaemonClient, live: dict[str, LiveSnapshot]) -> I
     def on_live(message: LiveSnapshot) -> None:
         live[message.run] = message
 
-    subscription = daemon.events(_ignore_event, on_live)
+    # Events of changes are not needed: the campaign is asked for anyway.
+    subscription = daemon.events(lambda _: None, on_live)
     try:
         yield
     finally:
         subscription.close()
-
-
-def _ignore_event(event: ChangeEvent) -> None:
-    """The campaign is asked for anyway."""
 
 
 def _ask_campaign(daemon: DaemonClient, campaign: str) -> CampaignRow:
@@ -268,6 +255,7 @@ def _ask_progress(
     pace: _RunRate,
     now: float,
 ) -> CampaignProgress:
+    # One more than is shown tells whether there are more.
     running = daemon.runs(row.id, state="running", limit=_SHOWN_RUNS + 1).rows
     per_minute, left = pace.look(row, now)
     return CampaignProgress(row, running, live, per_minute, left)

@@ -9,13 +9,44 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from scenario_tui.cli import completion
-from scenario_tui.cli.exit_codes import ExitCode
+from scenario_tui.cli.exit_codes import ExitCode, wrong_usage
 from scenario_tui.cli.options import AsJson, Connect, RunOrTrace, State
+from scenario_tui.cli.output import Output, OutputPart, say, stdout_console
 
 if TYPE_CHECKING:
     from daemon.batch.stores import TraceReference
+    from daemon.model.verdicts import Verdict
+    from grammars.model.geometry import Point2, Pose2
     from scenario_tui.dashboard.playback import Playback
-    from scenario_tui.text.signal_plot import Curve, Curves
+    from scenario_tui.text.signal_plot import Curves
+
+
+class Brought(OutputPart):
+    """A trace that is here now."""
+
+    run: str
+    path: str
+    bytes: int
+    sha256: str
+
+
+class FetchOutput(Output, schema="fetch"):
+    """Traces that are here now, and why those that are ``missing`` are not."""
+
+    traces: list[Brought]
+    missing: dict[str, str]
+    bytes: int
+    seconds: float
+
+    def print(self) -> None:
+        """Print how much it was and where it lies."""
+        from scenario_tui.text.formatting import pluralise
+
+        folders = ", ".join(sorted({str(Path(one.path).parent) for one in self.traces}))
+        where = f" in {folders}" if folders else ""
+        count, size = pluralise(len(self.traces), "trace"), self.bytes / 1e6
+        words = f"{count}{where}, {size:.1f} MB, {self.seconds:.1f} s"
+        stdout_console().print(words, markup=False, soft_wrap=True)
 
 
 def fetch(
@@ -45,9 +76,9 @@ def fetch(
     from daemon.batch.errors import TraceUnavailable
     from daemon.batch.stores import copy_trace, trace_reference
     from daemon.model.ids import trace_name
-    from scenario_tui.cli.output import say
     from scenario_tui.cli.target import DaemonTarget, recorded_runs, transfer_progress
 
+    # All are asked for first, so that the bar knows how much there is to come.
     begun = time.perf_counter()
     wanted: list[tuple[TraceReference, Path]] = []
     missing: dict[str, str] = {}
@@ -59,41 +90,22 @@ def fetch(
                 wanted.append((trace_reference(run), folder / name))
             except TraceUnavailable as error:
                 missing[row.id] = str(error)
-        with transfer_progress(sum(trace.size for trace, _ in wanted)) as told:
+        with transfer_progress(sum(trace.size for trace, _ in wanted)) as advance:
             for trace, path in wanted:
                 try:
-                    copy_trace(trace, daemon, path, progress=told)
+                    copy_trace(trace, daemon, path, progress=advance)
                 except TraceUnavailable as error:
                     missing[trace.run] = str(error)
     for why in missing.values():
         say(why)
-    brought = [(trace, path) for trace, path in wanted if trace.run not in missing]
-    _print_fetched(brought, missing, time.perf_counter() - begun, as_json=as_json)
+    brought = [
+        Brought(trace.run, str(path), trace.size, trace.sha256)
+        for trace, path in wanted
+        if trace.run not in missing
+    ]
+    size = sum(one.bytes for one in brought)
+    FetchOutput(brought, missing, size, time.perf_counter() - begun).show(as_json)
     raise typer.Exit(ExitCode.INFRASTRUCTURE if missing or not brought else ExitCode.EXPECTED)
-
-
-def _print_fetched(
-    brought: list[tuple[TraceReference, Path]],
-    missing: dict[str, str],
-    seconds: float,
-    *,
-    as_json: bool,
-) -> None:
-    from scenario_tui.cli.output import emit, stdout_console
-    from scenario_tui.text.formatting import pluralise
-
-    size = sum(trace.size for trace, _ in brought)
-    if as_json:
-        traces = [
-            {"run": trace.run, "path": str(path), "bytes": trace.size, "sha256": trace.sha256}
-            for trace, path in brought
-        ]
-        emit("fetch", traces=traces, missing=missing, bytes=size, seconds=seconds)
-        return
-    folders = ", ".join(sorted({str(path.parent) for _, path in brought}))
-    where = f" in {folders}" if folders else ""
-    words = f"{pluralise(len(brought), 'trace')}{where}, {size / 1e6:.1f} MB, {seconds:.1f} s"
-    stdout_console().print(words, markup=False, soft_wrap=True)
 
 
 def replay(
@@ -135,7 +147,6 @@ def replay(
     """Watch a recorded run from above, with what its oracles say, or two of them side by side."""
     import sys
 
-    from scenario_tui.cli.output import say
     from scenario_tui.cli.target import DaemonTarget, one_trace
     from scenario_tui.dashboard.playback import open_playback
     from scenario_tui.terminal.capabilities import why_undrawable
@@ -149,6 +160,7 @@ def replay(
             raise typer.BadParameter("goes with one run only", param_hint="--frame")
         _replay_side_by_side(trace, one_trace(other, target, "OTHER"), start, speed)
         return
+    # Drawn on standard error like the dashboard, with keys from standard input.
     if not frame and not (sys.stdin.isatty() and sys.stderr.isatty()):
         say("scenario: a replay needs a terminal; scripts use `scenario replay RUN --frame 10`")
         raise typer.Exit(ExitCode.BAD_INPUT)
@@ -171,7 +183,6 @@ def _replay_side_by_side(first: Path, second: Path, start: str, speed: float) ->
     """Show two runs side by side; without a terminal print how they differ."""
     import sys
 
-    from scenario_tui.cli.output import stdout_console
     from scenario_tui.dashboard.playback import open_playback
     from scenario_tui.terminal.capabilities import why_undrawable
     from scenario_tui.text.comparison_text import comparison_text
@@ -191,42 +202,89 @@ def _replay_side_by_side(first: Path, second: Path, start: str, speed: float) ->
 
 
 def _resolve_time(playback: Playback, text: str, option: str) -> float:
-    try:
+    with wrong_usage(option):
         return playback.time_of(text)
-    except ValueError as error:
-        raise typer.BadParameter(str(error), param_hint=option) from error
 
 
 def _print_frame(playback: Playback, time: float, *, as_json: bool) -> None:
     import shutil
 
-    from scenario_tui.cli.output import emit, stdout_console
     from scenario_tui.dashboard.playback import render_frame
 
-    if not as_json:
-        size = shutil.get_terminal_size((80, 24))
-        for line in render_frame(playback, time, size.columns, size.lines - 1):
-            stdout_console().print(line, no_wrap=True, soft_wrap=True)
+    if as_json:
+        FrameOutput.of(playback, time).emit()
         return
-    view = playback.view(time)
-    names = playback.trace.scene.joint_names
-    emit(
-        "frame",
-        run=playback.label,
-        trace=str(playback.trace.path),
-        time=time,
-        start=playback.start,
-        end=playback.end,
-        pose=view.where,
-        estimate=view.estimate,
-        joints=dict(zip(names, view.joints, strict=True)),
-        reached=view.reached,
-        waypoints=playback.waypoints,
-        returns=list(view.returns),
-        plan=list(view.plan),
-        contacts=list(view.contacts),
-        verdicts=list(playback.verdicts),
-    )
+    size = shutil.get_terminal_size((80, 24))
+    for line in render_frame(playback, time, size.columns, size.lines - 1):
+        stdout_console().print(line, no_wrap=True, soft_wrap=True)
+
+
+class FrameOutput(Output, schema="frame"):
+    """A moment of a run; ``estimate`` is where the robot believes it is."""
+
+    run: str
+    trace: str
+    time: float
+    start: float
+    end: float
+    pose: Pose2
+    estimate: Pose2 | None
+    joints: dict[str, float]
+    reached: int
+    waypoints: int
+    returns: tuple[Point2, ...]
+    plan: tuple[Point2, ...]
+    contacts: tuple[Point2, ...]
+    verdicts: tuple[Verdict, ...]
+
+    @classmethod
+    def of(cls, playback: Playback, time: float) -> FrameOutput:
+        """Return the run as it was at a moment."""
+        view, trace = playback.view(time), playback.trace
+        return cls(
+            run=playback.label,
+            trace=str(trace.path),
+            time=time,
+            start=playback.start,
+            end=playback.end,
+            pose=view.where,
+            estimate=view.estimate,
+            joints=dict(zip(trace.scene.joint_names, view.joints, strict=True)),
+            reached=view.reached,
+            waypoints=playback.waypoints,
+            returns=view.returns,
+            plan=view.plan,
+            contacts=view.contacts,
+            verdicts=playback.verdicts,
+        )
+
+
+class PlottedCurve(OutputPart):
+    """A signal over time; null where it is not known or not finite."""
+
+    name: str
+    unit: str
+    time: list[float]
+    values: list[float | None]
+
+
+class PlotOutput(Output, schema="plot"):
+    """Signals of a run, and what its oracles say."""
+
+    run: str
+    trace: str
+    signals: list[PlottedCurve]
+    verdicts: tuple[Verdict, ...]
+
+    @classmethod
+    def of(cls, found: Curves) -> PlotOutput:
+        """Return curves as JSON can hold them."""
+        trace = found.trace
+        signals = [
+            PlottedCurve(one.name, one.unit, one.time.tolist(), one.values.tolist())
+            for one in found.curves
+        ]
+        return cls(trace.spec.label, str(trace.path), signals, found.verdicts)
 
 
 def plot(
@@ -249,34 +307,12 @@ def plot(
     from scenario_tui.text.signal_plot import read_curves
 
     trace = one_trace(run, DaemonTarget(connect, state), "RUN")
-    try:
+    with wrong_usage("SIGNAL"):
         found = read_curves(trace, signals)
-    except ValueError as error:
-        raise typer.BadParameter(str(error), param_hint="SIGNAL") from error
     if as_json:
-        _emit_curves(found)
+        PlotOutput.of(found).emit()
     else:
         _print_curves(found)
-
-
-def _emit_curves(found: Curves) -> None:
-    from scenario_tui.cli.output import emit
-
-    emit(
-        "plot",
-        run=found.trace.spec.label,
-        trace=str(found.trace.path),
-        signals=[_plain_curve(curve) for curve in found.curves],
-        verdicts=list(found.verdicts),
-    )
-
-
-def _plain_curve(curve: Curve) -> dict[str, object]:
-    """Return a curve as JSON can hold it: null where the signal is not known or not finite."""
-    import math
-
-    values = [value if math.isfinite(value) else None for value in curve.values.tolist()]
-    return {"name": curve.name, "unit": curve.unit, "time": curve.time.tolist(), "values": values}
 
 
 def _print_curves(found: Curves) -> None:
@@ -286,8 +322,8 @@ def _print_curves(found: Curves) -> None:
     from rich.text import Text
 
     from daemon.model.verdicts import Outcome
-    from scenario_tui.cli.output import stdout_console
     from scenario_tui.text.formatting import glyph_word, quantity, time_text
+    from scenario_tui.text.signal_plot import draw_curve
 
     console = stdout_console()
     size = shutil.get_terminal_size((80, 24))
@@ -305,16 +341,12 @@ def _print_curves(found: Curves) -> None:
             said = f"{low} to {high}, at the end {quantity(float(known[-1]), unit)}"
         console.print(Text.assemble((curve.name, "bold"), f"  {said}"), soft_wrap=True)
         if len(known):
-            console.print(Text.from_ansi(_draw_curve(curve, size.columns, rows, colour, marks)))
+            console.print(
+                Text.from_ansi(draw_curve(curve, size.columns, rows, colour=colour, marks=marks))
+            )
     for verdict in against:
         line = f"{glyph_word(verdict.outcome)}  {verdict.oracle}"
         when = (
             f" at {time_text(verdict.evidence.time)}" if verdict.evidence.time is not None else ""
         )
         console.print(line + when, markup=False, soft_wrap=True)
-
-
-def _draw_curve(curve: Curve, width: int, rows: int, colour: bool, marks: tuple[float, ...]) -> str:
-    from scenario_tui.text.signal_plot import draw_curve
-
-    return draw_curve(curve, width, rows, colour=colour, marks=marks)

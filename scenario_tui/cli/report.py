@@ -11,7 +11,8 @@ import typer
 
 from scenario_tui.cli import completion
 from scenario_tui.cli.exit_codes import ExitCode
-from scenario_tui.cli.options import AsJson, Connect, State
+from scenario_tui.cli.options import AsJson, Connect, Processes, State
+from scenario_tui.cli.output import Output, stdout_console, track_progress
 
 if TYPE_CHECKING:
     from daemon.analysis.report import ReportData, ReportInput, SuggestedCommand
@@ -24,6 +25,27 @@ _RUN_COMMANDS: Final = (
     ("scenario judge {run}", "judge it again", False),
     ("scenario blame {run}", "find out what makes it fail", True),
 )
+
+
+class ReportOutput(Output, schema="report"):
+    """What a campaign comes to, and the files ``written`` about it by their kind."""
+
+    campaign: str
+    runs: int
+    answer: str
+    exit_code: int
+    written: dict[str, str]
+
+
+class PictureOutput(Output, schema="picture"):
+    """A run that was drawn."""
+
+    trace: str
+    written: str
+
+    def print(self) -> None:
+        """Print the name of the file."""
+        stdout_console().print(self.written, markup=False, soft_wrap=True)
 
 
 def report(
@@ -67,10 +89,7 @@ def report(
         bool,
         typer.Option("--exit-status", help="Leave with the code of the verdicts, 1 for a failure."),
     ] = False,
-    processes: Annotated[
-        int | None,
-        typer.Option("--processes", "-j", min=1, max=1024, help="Default: one per core."),
-    ] = None,
+    processes: Processes = None,
     connect: Connect = "",
     state: State = None,
     as_json: AsJson = False,
@@ -83,7 +102,6 @@ def report(
         write_page,
         write_parquet,
     )
-    from scenario_tui.cli.output import track_progress
     from scenario_tui.cli.target import DaemonTarget
 
     target = DaemonTarget(connect, state)
@@ -91,12 +109,14 @@ def report(
         _draw_run(run, campaign, output, target, as_json=as_json)
         return
     tables = {"junit": junit, "csv": csv, "parquet": parquet}
+    # Who asks for tables only gets no page besides.
     page = output or (None if any(tables.values()) else _DEFAULT_PAGE)
     chosen = _choose_campaign(campaign, target)
     bar = partial(track_progress, description="reading traces")
     material = read_report_data(chosen, processes=processes, watched=bar)
     if page is not None:
-        _write(page, write_page(material, _run_commands(), processes=processes))
+        text = write_page(material, _run_commands(), processes=processes)
+        page.write_text(text, encoding="utf-8")
     for writer, path in ((write_junit, junit), (write_csv, csv), (write_parquet, parquet)):
         if path is not None:
             writer(material, path)
@@ -124,8 +144,8 @@ def _choose_campaign(campaign: str, target: DaemonTarget) -> ReportInput:
         raise typer.BadParameter(f"{message}: for one run there is --run", param_hint="CAMPAIGN")
     if target.named:
         return _fetch_campaign(campaign, target)
-    with open_ledger(target.places) as reader:
-        return ledger_input(reader, find_campaign(reader, campaign), target.places)
+    with open_ledger(target.paths) as reader:
+        return ledger_input(reader, find_campaign(reader, campaign), target.paths)
 
 
 def _fetch_campaign(campaign: str, target: DaemonTarget) -> ReportInput:
@@ -140,12 +160,13 @@ def _fetch_campaign(campaign: str, target: DaemonTarget) -> ReportInput:
         records = list(daemon.records(row.id))
         runs = [daemon.run(record.id) for record in records]
         size = sum(run.result.trace.size for run in runs if run.result is not None)
-        with transfer_progress(size) as told:
+        with transfer_progress(size) as advance:
             for position, run in enumerate(runs):
+                # Known to be gone: the report says so without asking again.
                 if records[position].trace is None:
                     continue
                 try:
-                    path = local_copy(recorded_trace(run), daemon, progress=told)
+                    path = local_copy(recorded_trace(run), daemon, progress=advance)
                     records[position] = replace(records[position], trace=str(path))
                 except TraceUnavailable as error:
                     note = f"{records[position].note} {error}".strip()
@@ -162,24 +183,18 @@ def _run_commands() -> tuple[SuggestedCommand, ...]:
     return tuple(SuggestedCommand(*command) for command in _RUN_COMMANDS)
 
 
-def _write(path: Path, text: str) -> None:
-    path.write_text(text, encoding="utf-8")
-
-
 def _print_written(material: ReportData, written: dict[str, Path], *, as_json: bool) -> None:
     from daemon.analysis.report import headline
-    from scenario_tui.cli.output import emit, stdout_console
 
     said = headline(material.assessment, material.runs)
     if as_json:
-        emit(
-            "report",
-            campaign=material.input.name,
-            runs=len(material.runs),
-            answer=f"{said.word}. {said.sentence}",
-            exit_code=material.assessment.exit_code,
-            written={kind: str(path) for kind, path in written.items()},
-        )
+        ReportOutput(
+            material.input.name,
+            len(material.runs),
+            f"{said.word}. {said.sentence}",
+            material.assessment.exit_code,
+            {kind: str(path) for kind, path in written.items()},
+        ).emit()
         return
     console = stdout_console()
     # A folder may be called like a campaign: say which of them this is about.
@@ -196,7 +211,6 @@ def _draw_run(
     run: str, campaign: str, output: Path | None, target: DaemonTarget, *, as_json: bool
 ) -> None:
     from daemon.analysis.report import draw_run
-    from scenario_tui.cli.output import emit, stdout_console
     from scenario_tui.cli.target import one_trace
 
     if campaign:
@@ -206,7 +220,4 @@ def _draw_run(
         raise typer.BadParameter(f"{path} must end in .svg or .png", param_hint="--output")
     trace = one_trace(run, target, "--run")
     draw_run(trace, path)
-    if as_json:
-        emit("picture", trace=str(trace), written=str(path))
-        return
-    stdout_console().print(str(path), markup=False, soft_wrap=True)
+    PictureOutput(str(trace), str(path)).show(as_json)

@@ -7,42 +7,61 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Final
 
-from rich import box
 from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
 from daemon.judging.assessment import CampaignDifference, JudgedCampaign
 from daemon.judging.statistics import at_least
-from daemon.model.assessments import AssessmentRules, ComparisonVerdict, RunRecord
+from daemon.model.assessments import (
+    Assessment,
+    AssessmentRules,
+    ComparisonVerdict,
+    RunRecord,
+)
+from daemon.model.status import CampaignRow, RunRow
 from grammars.text import codec
 from grammars.text.diagnostics import Diagnostic, InputError, Where
-from scenario_tui.cli.output import emit, stdout_console
+from scenario_tui.cli.exit_codes import ExitCode
+from scenario_tui.cli.output import Output, plain_table, schema_identifier, stdout_console
 from scenario_tui.text.assessment_text import (
     BOUNDS,
     Footnotes,
     attention_lists,
     cell_text,
     comparison_cell_text,
+)
+from scenario_tui.text.formatting import (
+    NOTHING,
+    TERMINAL_STYLES,
+    fine_duration,
+    pluralise,
     quiet_style,
 )
-from scenario_tui.text.formatting import NOTHING, TERMINAL_STYLES, fine_duration, pluralise
 from scenario_tui.text.results import CampaignResults
 
-RESULTS_SCHEMA: Final = "scenario/results/1"
+
+class ResultsOutput(Output, schema="results"):
+    """Everything about a campaign, with what it was held against."""
+
+    campaign: CampaignRow
+    declared: AssessmentRules
+    assessment: Assessment
+    runs: tuple[RunRow, ...]
+    records: tuple[RunRecord, ...]
+    comparison: CampaignDifference | None
 
 
 def emit_results(results: CampaignResults, comparison: CampaignDifference | None = None) -> None:
-    """Write everything about a campaign as one JSON object, with what it was held against."""
-    emit(
-        "results",
-        campaign=results.row,
-        declared=results.declared,
-        assessment=results.assessment,
-        runs=list(results.rows),
-        records=list(results.records),
-        comparison=comparison,
-    )
+    """Write everything about a campaign as JSON."""
+    ResultsOutput(
+        results.row,
+        results.declared,
+        results.assessment,
+        results.rows,
+        results.records,
+        comparison,
+    ).emit()
 
 
 def read_results(path: Path) -> JudgedCampaign:
@@ -50,7 +69,7 @@ def read_results(path: Path) -> JudgedCampaign:
     where = Where(str(path))
     try:
         body = json.loads(path.read_text(encoding="utf-8"))
-        if body["schema"] != RESULTS_SCHEMA:
+        if body["schema"] != schema_identifier(ResultsOutput.schema):
             raise ValueError(f"it holds {body['schema']}")
         declared = codec.from_plain(AssessmentRules, body["declared"])
         records = codec.from_plain(tuple[RunRecord, ...], body["records"])
@@ -67,8 +86,9 @@ def matrix_table(results: CampaignResults, notes: Footnotes) -> Table:
     """Return one row for each scenario and one column for each system under test."""
     cells = {(cell.scenario, cell.sut): cell for cell in results.assessment.cells}
     suts = tuple(dict.fromkeys(sut for _, sut in cells))
+    # With the row to itself a cell has room for its repeats.
     alone = len(suts) == 1
-    table = _empty_table("scenario", *suts)
+    table = plain_table("scenario", *suts)
     for scenario in dict.fromkeys(scenario for scenario, _ in cells):
         found = (cells.get((scenario, sut)) for sut in suts)
         row = (c and cell_text(c, results, notes, TERMINAL_STYLES, alone=alone) for c in found)
@@ -76,18 +96,11 @@ def matrix_table(results: CampaignResults, notes: Footnotes) -> Table:
     return table
 
 
-def _empty_table(*titles: str) -> Table:
-    table = Table(box=box.SIMPLE_HEAD, pad_edge=False, show_edge=False)
-    for title in titles:
-        table.add_column(title, overflow="fold")
-    return table
-
-
 def comparison_table(cells: Sequence[ComparisonVerdict], notes: Footnotes) -> Table:
     """Return one row for each comparison and one column for each system under test."""
     found = {(cell.comparison, cell.sut): cell for cell in cells}
     suts = tuple(dict.fromkeys(cell.sut for cell in cells))
-    table = _empty_table("comparison", *suts, "is to be")
+    table = plain_table("comparison", *suts, "is to be")
     for name, text in {cell.comparison: cell.text for cell in cells}.items():
         row = (found.get((name, sut)) for sut in suts)
         shown = (cell and comparison_cell_text(cell, notes, TERMINAL_STYLES) for cell in row)
@@ -145,12 +158,14 @@ def _conclusion_line(results: CampaignResults) -> str:
     """Return the last word: whether all is as expected, and how little that shows."""
     code = results.assessment.exit_code
     said = {
-        0: "everything is as expected",
-        1: "not as expected",
-        3: "some runs could not be executed or judged",
-    }.get(code, "not everything is decided")
+        ExitCode.EXPECTED: "everything is as expected",
+        ExitCode.UNEXPECTED: "not as expected",
+        ExitCode.INFRASTRUCTURE: "some runs could not be executed or judged",
+    }.get(ExitCode(code), "not everything is decided")
+    # n passes of n are no pass rate of 100 %: what they show at least is the lower bound of Clopper
+    # and Pearson.
     n = results.declared.policy.n
-    if code == 0 and results.declared.policy.rule == "all":
+    if code == ExitCode.EXPECTED and results.declared.policy.rule == "all":
         said += f"; {n} of {n} shows a pass rate of at least {100 * at_least(n, n):.1f} %"
     return said
 

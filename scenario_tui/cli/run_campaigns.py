@@ -11,10 +11,19 @@ from scenario_tui.cli import completion
 from scenario_tui.cli.compare import Baseline, WorseBy
 from scenario_tui.cli.completion import layer_files
 from scenario_tui.cli.exit_codes import ExitCode
-from scenario_tui.cli.options import AsJson, CampaignFile, CampaignName, Connect, Slots, State
+from scenario_tui.cli.options import (
+    AsJson,
+    CampaignFile,
+    CampaignName,
+    Connect,
+    Slots,
+    State,
+    read_age,
+)
+from scenario_tui.cli.output import Output, report_diagnostics, say, stdout_console
 
 if TYPE_CHECKING:
-    from daemon.model.status import Submission
+    from daemon.model.status import Submission, SubmissionReceipt
     from grammars.text.diagnostics import Diagnostic
 
 Out = Annotated[
@@ -33,9 +42,9 @@ def demo(out: Out = None, slots: Slots = None, as_json: AsJson = False) -> None:
     from importlib.resources import as_file, files
 
     from scenario_tui.cli.execute import run_here
-    from scenario_tui.cli.output import stdout_console as console
     from scenario_tui.cli.results import emit_results, print_commands
 
+    # The campaigns are part of the package, which may lie in an archive.
     with as_file(files("campaigns")) as folder:
         found = run_here(
             _prepare_submission(folder / "demo" / "campaign.yaml"), out, slots, as_json
@@ -43,7 +52,7 @@ def demo(out: Out = None, slots: Slots = None, as_json: AsJson = False) -> None:
     if as_json:
         emit_results(found)
     else:
-        console().print("This is what testing with scenarios looks like. Make it yours:")
+        stdout_console().print("This is what testing with scenarios looks like. Make it yours:")
         print_commands(
             ("scenario check CAMPAIGN.yaml", "find every problem before anything runs"),
             ("scenario submit CAMPAIGN.yaml", "hand a campaign to the daemon and go on"),
@@ -90,6 +99,23 @@ def run(
     raise typer.Exit(final_code(found, between))
 
 
+class SubmitOutput(Output, schema="submit"):
+    """What the daemon says to a campaign."""
+
+    receipt: SubmissionReceipt
+    endpoint: str
+
+    def print(self) -> None:
+        """Print what to type next."""
+        from scenario_tui.cli.results import print_commands
+
+        print_commands(
+            ("scenario tui", "watch it in the dashboard"),
+            (f"scenario results {self.receipt.campaign}", "verdicts so far"),
+            (f"scenario cancel {self.receipt.campaign}", "stop it"),
+        )
+
+
 def submit(
     campaign: CampaignFile,
     watch: Annotated[
@@ -116,7 +142,6 @@ def submit(
     answers.
     """
     from scenario_tui.cli.execute import start_daemon_if_needed, watch_to_end
-    from scenario_tui.cli.output import emit, say
     from scenario_tui.cli.target import DaemonTarget
     from scenario_tui.submission import receipt_text
 
@@ -125,6 +150,7 @@ def submit(
     submission = _prepare_submission(campaign, fresh=fresh)
     target = DaemonTarget(connect, state)
     start_daemon_if_needed(target, slots)
+    # After starting one: before, there may be no endpoint.
     endpoint = target.endpoint
     with target.open() as daemon:
         receipt = daemon.submit(submission)
@@ -132,16 +158,13 @@ def submit(
     if watch:
         code = watch_to_end(target, submission.campaign, as_json, baseline, worse_by)
         raise typer.Exit(code)
-    if as_json:
-        emit("submit", receipt=receipt, endpoint=endpoint)
-        return
-    from scenario_tui.cli.results import print_commands
+    SubmitOutput(receipt, endpoint).show(as_json)
 
-    print_commands(
-        ("scenario tui", "watch it in the dashboard"),
-        (f"scenario results {submission.campaign}", "verdicts so far"),
-        (f"scenario cancel {submission.campaign}", "stop it"),
-    )
+
+class CheckOutput(Output, schema="check"):
+    """What was found in each file."""
+
+    files: dict[str, tuple[Diagnostic, ...]]
 
 
 def check(
@@ -160,7 +183,6 @@ def check(
     Nothing is run; the geometry of what would run is examined.
     """
     from grammars.text.diagnostics import Severity
-    from scenario_tui.cli.output import emit, report_diagnostics, say
     from scenario_tui.file_check import check_file
     from scenario_tui.text.diagnostics import diagnostic_counts
 
@@ -172,7 +194,7 @@ def check(
             report_diagnostics(found)
             say(f"{file}: {about + ', ' if about else ''}{diagnostic_counts(found)}")
     if as_json:
-        emit("check", files=findings)
+        CheckOutput(findings).emit()
     everything = [d for found in findings.values() for d in found]
     if any(d.severity is Severity.ERROR for d in everything):
         raise typer.Exit(ExitCode.BAD_INPUT)
@@ -180,7 +202,6 @@ def check(
 
 def _prepare_submission(path: Path, *, fresh: bool = False) -> Submission:
     """Load, check and expand a campaign; warnings are printed, errors raise ``InputError``."""
-    from scenario_tui.cli.output import report_diagnostics
     from scenario_tui.submission import prepare_submission
 
     submission, warnings = prepare_submission(path, fresh=fresh)
@@ -203,8 +224,6 @@ def wait(
     """
     from math import inf
 
-    from scenario_tui.cli.options import read_age
-    from scenario_tui.cli.output import say
     from scenario_tui.cli.progress import watch
     from scenario_tui.cli.results import emit_results
     from scenario_tui.cli.target import DaemonTarget, find_campaign
@@ -224,9 +243,10 @@ def wait(
         results = gather_results(daemon, row)
     if as_json:
         emit_results(results)
-    said = conclude(results.assessment, finished=row.finished).said
+    said = conclude(results.assessment, finished=row.finished).glyph_text
     if not row.finished:
         left = pluralise(row.queued + row.running, "run")
+        # What is said so far is said, but a campaign that goes on has no verdict yet.
         say(f"{row.id}: {left} left after {timeout}, {said}")
         raise typer.Exit(ExitCode.INCONCLUSIVE)
     say(f"{row.id}: {said}")

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Final
+from typing import TYPE_CHECKING, Annotated, ClassVar, Final
 
 import typer
 
 from scenario_tui.cli import completion
 from scenario_tui.cli.options import AsJson, CampaignName, Connect, State
+from scenario_tui.cli.output import Output, say
 
 if TYPE_CHECKING:
     from scenario_tui.client import DaemonClient
@@ -18,25 +19,58 @@ if TYPE_CHECKING:
 _RETRYABLE: Final = ("lost", "cancelled", "fail", "error", "inconclusive", "pass", "all")
 
 
+class SteeringOutput(Output):
+    """What became of so many ``runs`` of a campaign, in the words of ``sentence``."""
+
+    sentence: ClassVar[str]
+
+    campaign: str
+    runs: int
+
+
+class CancelOutput(SteeringOutput, schema="cancel"):
+    """A campaign whose runs were cancelled."""
+
+    sentence = "cancelled {runs} of {campaign}"
+
+
+class RetryOutput(SteeringOutput, schema="retry"):
+    """A campaign with runs that are tried again."""
+
+    sentence = "queued {runs} of {campaign} again"
+
+
+class PauseOutput(SteeringOutput, schema="pause"):
+    """A campaign that waits."""
+
+    sentence = "paused {campaign}; {runs} wait until `scenario resume {campaign}`"
+
+
+class ResumeOutput(SteeringOutput, schema="resume"):
+    """A campaign that goes on."""
+
+    sentence = "resumed {campaign}, {runs} queued"
+
+
 def _steer(
-    word: str,
+    output: type[SteeringOutput],
     ask: Callable[[DaemonClient, str], int],
     campaign: str,
     connect: str,
     state: Path | None,
     as_json: bool,
-) -> tuple[str, str]:
-    """Ask the daemon about a campaign; return its id and how many runs it concerned, in words."""
-    from scenario_tui.cli.output import emit
+) -> None:
+    """Ask the daemon to do something with a campaign, and say what became of it."""
     from scenario_tui.cli.target import DaemonTarget, find_campaign
     from scenario_tui.text.formatting import pluralise
 
     with DaemonTarget(connect, state).open() as daemon:
         found = find_campaign(daemon, campaign).id
         runs = ask(daemon, found)
+    # The sentence is for people and on standard error, so it does no harm beside the JSON.
     if as_json:
-        emit(word, campaign=found, runs=runs)
-    return found, pluralise(runs, "run")
+        output(found, runs).emit()
+    say(output.sentence.format(campaign=found, runs=pluralise(runs, "run")))
 
 
 def cancel(
@@ -46,12 +80,7 @@ def cancel(
 
     The results it has are kept.
     """
-    from scenario_tui.cli.output import say
-
-    found, runs = _steer(
-        "cancel", lambda daemon, found: daemon.cancel(found), campaign, connect, state, as_json
-    )
-    say(f"cancelled {runs} of {found}")
+    _steer(CancelOutput, lambda daemon, id_: daemon.cancel(id_), campaign, connect, state, as_json)
 
 
 def retry(
@@ -69,17 +98,11 @@ def retry(
     as_json: AsJson = False,
 ) -> None:
     """Queue lost or cancelled runs of a campaign again."""
-    from scenario_tui.cli.output import say
 
-    found, runs = _steer(
-        "retry",
-        lambda daemon, found: daemon.retry(found, only=only),
-        campaign,
-        connect,
-        state,
-        as_json,
-    )
-    say(f"queued {runs} of {found} again")
+    def ask(daemon: DaemonClient, id_: str) -> int:
+        return daemon.retry(id_, only=only)
+
+    _steer(RetryOutput, ask, campaign, connect, state, as_json)
 
 
 def pause(
@@ -89,24 +112,28 @@ def pause(
 
     Runs that are running finish.
     """
-    from scenario_tui.cli.output import say
-
-    found, runs = _steer(
-        "pause", lambda daemon, found: daemon.pause(found), campaign, connect, state, as_json
-    )
-    say(f"paused {found}; {runs} wait until `scenario resume {found}`")
+    _steer(PauseOutput, lambda daemon, id_: daemon.pause(id_), campaign, connect, state, as_json)
 
 
 def resume(
     campaign: CampaignName, connect: Connect = "", state: State = None, as_json: AsJson = False
 ) -> None:
     """Go on with a paused campaign."""
-    from scenario_tui.cli.output import say
+    _steer(ResumeOutput, lambda daemon, id_: daemon.resume(id_), campaign, connect, state, as_json)
 
-    found, runs = _steer(
-        "resume", lambda daemon, found: daemon.resume(found), campaign, connect, state, as_json
-    )
-    say(f"resumed {found}, {runs} queued")
+
+class PriorityOutput(Output, schema="priority"):
+    """A campaign and its priority."""
+
+    campaign: str
+    priority: int
+
+
+class StopOutput(Output, schema="stop"):
+    """A daemon that leaves with so many runs ``unfinished``."""
+
+    endpoint: str
+    unfinished: int
 
 
 def priority(
@@ -125,14 +152,13 @@ def priority(
 
     Campaigns of the same priority take turns, run by run.
     """
-    from scenario_tui.cli.output import emit, say
     from scenario_tui.cli.target import DaemonTarget, find_campaign
 
     with DaemonTarget(connect, state).open() as daemon:
         row = find_campaign(daemon, campaign)
         daemon.prioritise(row.id, number)
     if as_json:
-        emit("priority", campaign=row.id, priority=number)
+        PriorityOutput(row.id, number).emit()
     say(f"{row.id} has priority {number}")
 
 
@@ -142,7 +168,6 @@ def stop(connect: Connect = "", state: State = None, as_json: AsJson = False) ->
     Running runs get a while to finish; what is queued goes on with the next daemon.
     """
     from daemon.batch.paths import endpoint_text
-    from scenario_tui.cli.output import emit, say
     from scenario_tui.cli.target import DaemonTarget
 
     target = DaemonTarget(connect, state)
@@ -153,6 +178,6 @@ def stop(connect: Connect = "", state: State = None, as_json: AsJson = False) ->
         daemon.shutdown()
     waiting = overview.queued + overview.running
     if as_json:
-        emit("stop", endpoint=endpoint, unfinished=waiting)
+        StopOutput(endpoint, waiting).emit()
     kept = f"; {waiting} unfinished runs go on when it is started again" if waiting else ""
     say(f"the daemon at {endpoint_text(endpoint)} is leaving{kept}")

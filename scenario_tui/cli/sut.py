@@ -12,15 +12,52 @@ import typer
 from scenario_tui.cli import completion
 from scenario_tui.cli.completion import sut_files
 from scenario_tui.cli.options import AsJson
+from scenario_tui.cli.output import Output, plain_table, report_diagnostics, stdout_console
 
 if TYPE_CHECKING:
     from daemon.campaign import LoadedSut
     from daemon.stacks.ros1.configuration import RosParameters
+    from grammars.text.diagnostics import Diagnostic
 
 _NOT_ROS_PARAMETERS: Final = frozenset(
     {"sources", "obstacle_layer", "obstacle_layer_name", "inflation_layer", "recovery_behaviors"}
 )
 """Fields of the models that are no parameters, or say nothing when they are not given."""
+
+
+class SutOutput(Output, schema="sut"):
+    """A system under test; ``places`` says where each of its parameters was written.
+
+    What only the ROS stack has is empty or null for others.
+    """
+
+    name: str
+    kind: str
+    files: tuple[str, ...]
+    parameters: dict[str, Any]
+    places: dict[str, str]
+    defaults: dict[str, dict[str, Any]]
+    topics: dict[str, Any] | None
+    wiring: dict[str, bool] | None
+    without_effect: dict[str, str]
+    warnings: tuple[Diagnostic, ...]
+
+    @classmethod
+    def of(cls, found: LoadedSut, read: RosParameters | None) -> SutOutput:
+        """Return what was found in a file, and what the ROS stack reads there."""
+        unused = found.findings.without_effect
+        return cls(
+            found.reference.name,
+            found.reference.kind,
+            found.files,
+            found.reference.parameters,
+            {"/".join(path): str(s.where) for path, s in found.settings.items()},
+            {} if read is None else _defaults(found, read),
+            None if read is None else dataclasses.asdict(read.topics),
+            None if read is None else dataclasses.asdict(read.wiring),
+            {"/".join(map(str, f.path)): f.message for f in unused},
+            found.warnings,
+        )
 
 
 def sut(
@@ -40,26 +77,11 @@ def sut(
     laser.
     """
     from daemon.campaign import LayerLibrary
-    from scenario_tui.cli.output import emit, report_diagnostics
 
     found = LayerLibrary(file.parent).sut_file(file)
     read = _read_ros_parameters(found)
     if as_json:
-        emit(
-            "sut",
-            name=found.reference.name,
-            kind=found.reference.kind,
-            files=list(found.files),
-            parameters=found.reference.parameters,
-            places={"/".join(path): str(s.where) for path, s in found.settings.items()},
-            defaults={} if read is None else _defaults(found, read),
-            topics=None if read is None else read.topics,
-            wiring=None if read is None else read.wiring,
-            without_effect={
-                "/".join(map(str, f.path)): f.message for f in found.findings.without_effect
-            },
-            warnings=list(found.warnings),
-        )
+        SutOutput.of(found, read).emit()
         return
     _print_head(found)
     _print_given(found)
@@ -106,9 +128,11 @@ def _defaults(found: LoadedSut, read: RosParameters) -> dict[str, dict[str, Any]
 def _written_names(found: LoadedSut, namespace: str) -> set[str]:
     """Return the names somebody wrote in a namespace, or in the layers of a costmap."""
     above = tuple(namespace.split("/"))
+    # A costmap keeps what its layers read one level deeper, obstacle_layer/max_obstacle_height.
     deepest = len(above) + (2 if namespace.endswith("costmap") else 1)
     spaces = [above]
     if namespace.endswith("rotate_recovery"):
+        # rotate_recovery takes its speeds from there (rotate_recovery.cpp, initialize).
         spaces.append(("move_base", "TrajectoryPlannerROS"))
     return {
         path[-1] for path in found.settings if path[: len(above)] in spaces and len(path) <= deepest
@@ -116,8 +140,6 @@ def _written_names(found: LoadedSut, namespace: str) -> set[str]:
 
 
 def _print_head(found: LoadedSut) -> None:
-    from scenario_tui.cli.output import stdout_console
-
     reference = found.reference
     about = f": {found.about}" if found.about else ""
     stdout_console().print(
@@ -127,18 +149,12 @@ def _print_head(found: LoadedSut) -> None:
 
 
 def _print_given(found: LoadedSut) -> None:
-    from rich import box
-    from rich.table import Table
     from rich.text import Text
-
-    from scenario_tui.cli.output import stdout_console
 
     if not found.settings:
         return
     reasons = {f.path: f.message for f in found.findings.without_effect}
-    table = Table(box=box.SIMPLE_HEAD, pad_edge=False, show_edge=False)
-    for title in ("parameter", "value", "written in", "without effect here"):
-        table.add_column(title, overflow="fold")
+    table = plain_table("parameter", "value", "written in", "without effect here")
     above = ""
     for path, setting in sorted(found.settings.items(), key=lambda item: (item[0][:-1], item[0])):
         namespace = "/".join(path[:-1])
@@ -164,8 +180,6 @@ def _yaml_text(value: Any) -> str:
 
 
 def _print_defaults(defaults: dict[str, dict[str, Any]]) -> None:
-    from scenario_tui.cli.output import stdout_console
-
     stdout_console().print("\nnot written anywhere", style="bold")
     for namespace, values in defaults.items():
         if values:
@@ -174,8 +188,6 @@ def _print_defaults(defaults: dict[str, dict[str, Any]]) -> None:
 
 
 def _print_quirks(read: RosParameters) -> None:
-    from scenario_tui.cli.output import stdout_console
-
     off = [name for name, on in dataclasses.asdict(read.quirks).items() if not on]
     if off:
         stdout_console().print("\noddities of the original that are off", style="bold")
@@ -183,8 +195,6 @@ def _print_quirks(read: RosParameters) -> None:
 
 
 def _print_wiring(read: RosParameters) -> None:
-    from scenario_tui.cli.output import stdout_console
-
     console = stdout_console()
     console.print(f"\nthe scan comes on {read.topics.published}", style="bold")
     listeners = {

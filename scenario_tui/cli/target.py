@@ -14,10 +14,12 @@ from typing import TYPE_CHECKING, Protocol
 
 import typer
 
-from daemon.batch.errors import Refused, Unreachable
+from daemon.batch.errors import Refused, TraceUnavailable, Unreachable
 from daemon.model.status import CampaignRow, RunDetail
 from grammars.text.diagnostics import Diagnostic, InputError, Where, did_you_mean
-from scenario_tui.client import DaemonClient
+from scenario_tui.cli.exit_codes import wrong_usage
+from scenario_tui.cli.output import say, stderr_console
+from scenario_tui.client import DaemonClient, all_runs
 
 if TYPE_CHECKING:
     from daemon.batch.paths import StatePaths
@@ -35,7 +37,7 @@ class DaemonTarget:
     def endpoint(self) -> str:
         """Where the daemon listens as far as known now; it may move when it restarts.
 
-        Raises :class:`daemon.batch.errors.Unreachable` for a state directory somebody chose that no
+        Raises :class:`Unreachable` for a state directory somebody chose that no
         daemon keeps: there is no need to look for its socket. Raises
         :class:`InputError` when the environment names what is no endpoint.
         """
@@ -54,7 +56,7 @@ class DaemonTarget:
         return found.address
 
     @property
-    def places(self) -> StatePaths:
+    def paths(self) -> StatePaths:
         """The state directory of this machine that is meant."""
         from daemon.batch.paths import StatePaths
 
@@ -69,7 +71,7 @@ class DaemonTarget:
 
     @contextmanager
     def open(self) -> Iterator[DaemonClient]:
-        """Open a client; raises :class:`daemon.batch.errors.Unreachable`."""
+        """Open a client; raises :class:`Unreachable`."""
         from daemon.batch.client import Client
 
         with Client.open(self.endpoint) as client:
@@ -87,15 +89,16 @@ class RunSource(CampaignSource, Protocol):
     """Whoever knows the runs as well."""
 
     def run(self, run: str, /) -> RunDetail:
-        """Everything about one run; raises :class:`daemon.batch.errors.Refused` for an unknown id."""
+        """Everything about one run; raises :class:`Refused` for an unknown id."""
 
 
 def find_run(daemon: RunSource, wanted: str) -> RunDetail:
     """Return the run meant by its id, or by a campaign as :func:`find_campaign` and its number.
 
-    Raises :class:`daemon.batch.errors.Refused` when there is none, with what there is.
+    Raises :class:`Refused` when there is none, with what there is.
     """
     name, dot, number = wanted.rpartition(".")
+    # The id as it is costs one question; only what is none needs the list of campaigns.
     try:
         return daemon.run(wanted)
     except Refused:
@@ -111,18 +114,20 @@ def find_run(daemon: RunSource, wanted: str) -> RunDetail:
 def find_campaign(daemon: CampaignSource, wanted: str) -> CampaignRow:
     """Return the campaign meant by an id, a name (the newest of it) or their beginning.
 
-    Without a word it is the newest. Raises :class:`daemon.batch.errors.Refused` when there is none or
+    Without a word it is the newest. Raises :class:`Refused` when there is none or
     when several different names begin that way.
     """
     rows = daemon.campaigns()
     if not rows:
         raise Refused("there are no campaigns yet: submit one with `scenario submit CAMPAIGN.yaml`")
+    # An id beats a name and both beat a beginning, so that what is said in full is never doubtful.
     if not wanted:
         return rows[0]
     for key in ("id", "name"):
         for row in rows:
             if getattr(row, key) == wanted:
                 return row
+    # Ids begin with the name: several campaigns of one name are no doubt, the newest is meant.
     close = [row for row in rows if row.id.startswith(wanted)]
     if len({row.name for row in close}) > 1:
         ids = ", ".join(row.id for row in close[:5])
@@ -133,20 +138,23 @@ def find_campaign(daemon: CampaignSource, wanted: str) -> CampaignRow:
     raise Refused(f'there is no campaign "{wanted}": {did_you_mean(wanted, names)}')
 
 
+def _find_named(source: RunSource, name: str) -> CampaignRow | RunDetail:
+    """Return what a name means: with a dot in it a run, else a campaign.
+
+    Ids of campaigns have no dots; files and folders are told apart before anybody is asked.
+    """
+    return find_run(source, name) if "." in name else find_campaign(source, name)
+
+
 def one_trace(run: str, target: DaemonTarget, hint: str) -> Path:
     """Return the trace of a run named by its id or as a file; wrong usage for none or several.
 
     It is brought here first when it lies in a store, or with a daemon that ``target`` names.
     ``hint`` is the parameter the words came from.
     """
-    from daemon.analysis.rejudge import find_traces
-
     if _is_on_named_daemon(run, target):
         return _fetch_traces([run], target, hint)[0]
-    try:
-        traces = find_traces([resolve_recorded(run, target.places)], target.places)
-    except ValueError as error:
-        raise typer.BadParameter(str(error), param_hint=hint) from error
+    traces = _find_local_traces([run], target, hint)
     if len(traces) != 1:
         message = f"{run} means {len(traces)} traces, name one of them"
         raise typer.BadParameter(message, param_hint=hint)
@@ -158,44 +166,42 @@ def all_traces(named: Sequence[str], target: DaemonTarget, hint: str) -> tuple[P
 
     Like :func:`one_trace`; wrong usage for what names none.
     """
+    far = [name for name in named if _is_on_named_daemon(name, target)]
+    near = [name for name in named if name not in far]
+    found = _find_local_traces(near, target, hint) if near else ()
+    return (*found, *_fetch_traces(far, target, hint)) if far else found
+
+
+def _find_local_traces(named: Sequence[str], target: DaemonTarget, hint: str) -> tuple[Path, ...]:
     from daemon.analysis.rejudge import find_traces
 
-    far = [name for name in named if _is_on_named_daemon(name, target)]
-    if not far:
-        try:
-            return find_traces(
-                [resolve_recorded(name, target.places) for name in named], target.places
-            )
-        except ValueError as error:
-            raise typer.BadParameter(str(error), param_hint=hint) from error
-    near = [name for name in named if name not in far]
-    return (*(all_traces(near, target, hint) if near else ()), *_fetch_traces(far, target, hint))
+    with wrong_usage(hint):
+        names = [resolve_recorded(name, target.paths) for name in named]
+        return find_traces(names, target.paths)
 
 
 def recorded_runs(daemon: DaemonClient, name: str) -> tuple[RunDetail, ...]:
     """Return the run, or the runs of the campaign, that ``name`` means; those with a result.
 
-    Raises :class:`daemon.batch.errors.Refused` when it means neither.
+    Raises :class:`Refused` when it means neither.
     """
-    from daemon.batch.errors import Refused
-    from scenario_tui.client import all_runs
 
-    if "." in name:
-        return (find_run(daemon, name),)
     try:
-        campaign = find_campaign(daemon, name)
+        found = _find_named(daemon, name)
     except Refused as error:
+        if "." in name:
+            raise
         raise Refused(f"{name} is no file and no run: {error}") from error
-    rows = all_runs(daemon, campaign.id)
+    if isinstance(found, RunDetail):
+        return (found,)
+    rows = all_runs(daemon, found.id)
     return tuple(daemon.run(row.id) for row in rows if row.outcome is not None)
 
 
 @contextmanager
 def transfer_progress(total: int) -> Iterator[ByteProgress]:
-    """Show on a terminal how much of ``total`` bytes has come; yields what is to be told."""
+    """Show on a terminal how much of ``total`` bytes has come; yields what counts further bytes."""
     from rich.progress import BarColumn, DownloadColumn, Progress, TransferSpeedColumn
-
-    from scenario_tui.cli.output import stderr_console
 
     console = stderr_console()
     columns = ("bringing traces", BarColumn(), DownloadColumn(), TransferSpeedColumn())
@@ -212,9 +218,7 @@ def _is_on_named_daemon(name: str, target: DaemonTarget) -> bool:
 
 
 def _fetch_traces(named: Sequence[str], target: DaemonTarget, hint: str) -> tuple[Path, ...]:
-    from daemon.batch.errors import Refused, TraceUnavailable
     from daemon.batch.stores import TraceReference, local_copy, trace_reference
-    from scenario_tui.cli.output import say
 
     traces: dict[str, TraceReference] = {}
     with target.open() as daemon:
@@ -227,30 +231,29 @@ def _fetch_traces(named: Sequence[str], target: DaemonTarget, hint: str) -> tupl
                 try:
                     traces[run.row.id] = trace_reference(run)
                 except TraceUnavailable as error:
+                    # One trace that is gone must not keep the others of a campaign.
                     say(str(error))
         if not traces:
             raise TraceUnavailable(f"{', '.join(named)}: there are no traces")
-        with transfer_progress(sum(trace.size for trace in traces.values())) as told:
-            return tuple(local_copy(trace, daemon, progress=told) for trace in traces.values())
+        with transfer_progress(sum(trace.size for trace in traces.values())) as advance:
+            return tuple(local_copy(trace, daemon, progress=advance) for trace in traces.values())
 
 
-def resolve_recorded(name: str, places: StatePaths) -> str:
+def resolve_recorded(name: str, paths: StatePaths) -> str:
     """Return the id of the campaign or run that ``name`` means here; a file or folder as it is.
 
     Raises ``ValueError`` for what is none of them.
     """
     from daemon.analysis.report import open_ledger
-    from daemon.batch.errors import Refused
 
-    if Path(name).exists() or name.endswith(".mcap") or not places.ledger.is_file():
+    if Path(name).exists() or name.endswith(".mcap") or not paths.ledger.is_file():
         return name
     try:
-        with open_ledger(places) as ledger:
-            if "." in name:
-                return find_run(ledger, name).row.id
-            return find_campaign(ledger, name).id
+        with open_ledger(paths) as ledger:
+            found = _find_named(ledger, name)
+            return found.row.id if isinstance(found, RunDetail) else found.id
     except Refused as error:
         # Traces of a campaign the ledger has forgotten may still be there.
-        if "/" not in name and (places.traces / name).is_dir():
+        if "/" not in name and (paths.traces / name).is_dir():
             return name
         raise ValueError(f"{name} is no trace, no folder and no run: {error}") from error

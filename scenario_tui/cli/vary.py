@@ -4,20 +4,29 @@ from __future__ import annotations
 
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Final
 
 import typer
 
 from scenario_tui.cli import completion
 from scenario_tui.cli.completion import variation_files
+from scenario_tui.cli.exit_codes import wrong_usage
 from scenario_tui.cli.options import AsJson
+from scenario_tui.cli.output import (
+    Output,
+    OutputPart,
+    plain_table,
+    report_diagnostics,
+    say,
+    stdout_console,
+)
 
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from grammars.variation import Variant, VariantFile, VariantValue, Variation
+    from grammars.variation import Variant, VariantFile, VariantValue
 
-_DEFAULT_NUMBER = 10
+_DEFAULT_NUMBER: Final = 10
 
 
 class SamplingMethod(StrEnum):
@@ -28,6 +37,41 @@ class SamplingMethod(StrEnum):
     HALTON = "halton"
     LHS = "lhs"
     PAIRWISE = "pairwise"
+
+
+class DrawnValue(OutputPart):
+    """A value that was drawn."""
+
+    name: str
+    value: float
+    unit: str
+
+
+class MadeVariant(OutputPart):
+    """A variant, and what became of its file."""
+
+    file: str
+    outcome: str
+    seed: int
+    tries: int
+    values: list[DrawnValue]
+
+    @classmethod
+    def of(cls, entry: VariantFile) -> MadeVariant:
+        """Return a variant as it is written."""
+        made = entry.variant
+        values = [DrawnValue(v.name, v.number, v.unit) for v in made.values]
+        return cls(str(entry.path), entry.outcome, made.seed, made.tries, values)
+
+
+class VaryOutput(Output, schema="vary"):
+    """The variants of a floor plan."""
+
+    variation: str
+    plan: str
+    method: str
+    seed: int
+    variants: list[MadeVariant]
 
 
 def vary(
@@ -95,18 +139,17 @@ def vary(
 ) -> None:
     """Write variants of a floor plan, drawn from distributions."""
     from grammars.variation import load_variation, sample, source_defects, write_variants
-    from scenario_tui.cli.output import emit, report_diagnostics, say
-    from scenario_tui.cli.output import stdout_console as results
 
-    variation = load_variation(file, shared_defaults=shared_defaults)
-    report_diagnostics(variation.warnings)
+    source = load_variation(file, shared_defaults=shared_defaults)
+    report_diagnostics(source.warnings)
     if check is not None:
-        report_diagnostics(source_defects(variation, check))
+        report_diagnostics(source_defects(source, check))
+    # Grid and pairwise have an end of their own; the others could go on for ever.
     if number is None and method not in (SamplingMethod.GRID, SamplingMethod.PAIRWISE):
         number = _DEFAULT_NUMBER
-    try:
+    with wrong_usage():
         variants = sample(
-            variation,
+            source,
             number,
             seed=seed,
             method=method.value,
@@ -115,54 +158,29 @@ def vary(
             check=check,
             suffix=suffix,
         )
-    except ValueError as error:
-        raise typer.BadParameter(str(error)) from error
-    written = write_variants(variants, out, overwrite=overwrite, source=variation.plan_file)
+    written = write_variants(variants, out, overwrite=overwrite, source=source.plan_file)
     if as_json:
-        emit("vary", **_output_fields(variation, method, seed, written))
+        made = [MadeVariant.of(entry) for entry in written]
+        VaryOutput(source.file, str(source.plan_file), method.value, seed, made).emit()
     else:
         for table in _tables(written):
-            results().print(table)
+            stdout_console().print(table)
     say(_summary(written, number, out))
+    # A plan may have defects of its own: only more than those are the variant's.
     if check is None:
-        doubtful = sum(len(v.plan.warnings) > len(variation.source.warnings) for v in variants)
+        doubtful = sum(len(v.plan.warnings) > len(source.source.warnings) for v in variants)
         if doubtful:
             say(f"{doubtful} of them may not be sound: --check RADIUS makes only sound ones")
 
 
-def _output_fields(
-    variation: Variation, method: SamplingMethod, seed: int, written: tuple[VariantFile, ...]
-) -> dict[str, object]:
-    return {
-        "variation": variation.file,
-        "plan": str(variation.plan_file),
-        "method": method.value,
-        "seed": seed,
-        "variants": [
-            {
-                "file": str(entry.path),
-                "outcome": entry.outcome,
-                "seed": entry.variant.seed,
-                "tries": entry.variant.tries,
-                "values": [
-                    {"name": v.name, "value": v.number, "unit": v.unit}
-                    for v in entry.variant.values
-                ],
-            }
-            for entry in written
-        ],
-    }
-
-
 def _tables(written: tuple[VariantFile, ...]) -> list[Table]:
     """Return what the columns are, and the values of every variant."""
-    from rich import box
     from rich.table import Table
     from rich.text import Text
 
     names = Table(box=None, show_header=False, pad_edge=False)
-    values = Table(box=box.SIMPLE_HEAD, pad_edge=False, show_edge=False)
-    values.add_column("file", overflow="fold", no_wrap=True)
+    values = plain_table("file")
+    values.columns[0].no_wrap = True
     for index, value in enumerate(written[0].variant.values):
         names.add_row(
             _column_name(index), value.name, Text(f"[{value.unit}]" if value.unit else "")

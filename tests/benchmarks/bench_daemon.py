@@ -179,7 +179,7 @@ def scale() -> None:
         for part in range(10):
             client.submit(replace(large_campaign(QUEUED // 10), campaign=f"part-{part}"))
         with crowded(daemon.endpoint):
-            eventually(lambda: client.overview().workers == WORKERS, 30.0)
+            eventually(lambda: client.overview().workers == WORKERS)
             before, start = cpu(daemon.pid), time.monotonic()
             time.sleep(5.0)
             used = (cpu(daemon.pid) - before) / (time.monotonic() - start)

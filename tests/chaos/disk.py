@@ -63,7 +63,7 @@ def full_disk(folder: Path, *, runs: int = 60, times: int = 4, hold: float = 3.0
             client.submit(make_submission("full", runs, sleep=0.1, ballast=BALLAST))
             stuffed = [_stuff(client, disk / "ballast", hold) for _ in range(times)]
             eventually(lambda: finished(client, runs), 60.0)
-            eventually(lambda: not list((state / "spool").glob("*/*/attempt-*")), 20.0)
+            eventually(lambda: not list((state / "spool").glob("*/*/attempt-*")))
         report.fact("times full while runs were under way", sum(stuffed))
         report.fact("runs", runs)
         with closing(sqlite3.connect(state / "ledger.db")) as db:
@@ -77,7 +77,7 @@ def full_disk(folder: Path, *, runs: int = 60, times: int = 4, hold: float = 3.0
 def _stuff(client: Client, ballast: Path, hold: float) -> bool:
     """Fill the disk for a while; returns whether something ran and the daemon said so."""
     before = client.overview()
-    eventually(lambda: (now := client.overview()).done > before.done or not now.queued, 30.0)
+    eventually(lambda: (now := client.overview()).done > before.done or not now.queued)
     _fill(ballast)
     under_way = client.overview().running + client.overview().queued
     told = eventually(lambda: "is full" in client.overview().trouble)

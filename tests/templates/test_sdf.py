@@ -179,7 +179,7 @@ def test_libsdformat_has_no_complaint(tmp_path: Path, ending: str) -> None:
         env=os.environ | {"SDF_PATH": str(tmp_path / "gazebo" / "models"), "HOME": str(tmp_path)},
         capture_output=True,
         text=True,
-        timeout=60,
+        timeout=240,
         check=False,
     )
     said = done.stdout + done.stderr

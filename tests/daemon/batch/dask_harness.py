@@ -45,7 +45,7 @@ class Dask:
         """Start workers and return their processes as soon as they serve."""
         log = self.folder / f"worker-{time.monotonic_ns()}.log"
         first = self._start("worker", self.address, kind, *map(str, threads), log=log)
-        eventually(lambda: len(_SERVING.findall(log.read_text())) == len(threads), 20.0)
+        eventually(lambda: len(_SERVING.findall(log.read_text())) == len(threads))
         return [first, *first.children()]
 
     def _start(self, *words: str, log: Path | None = None) -> psutil.Process:
@@ -76,7 +76,7 @@ class Dask:
         for process in self._started:
             if process.poll() is None:
                 end(family(process.pid))
-                process.wait(5.0)
+                process.wait(60.0)
 
 
 @contextmanager

@@ -1,8 +1,8 @@
 """A Dask scheduler, or workers, of a test: on loopback, without nannies.
 
-``python -m tests.daemon.batch.dask_part scheduler PORT KIND FOLDER`` or ``... worker ADDRESS KIND FOLDER
-THREADS ...``, one process for each number of threads. Of kind ``other`` they have another version
-of ours, of kind ``lacking`` none.
+``python -m tests.daemon.batch.dask_part scheduler PORT KIND FOLDER`` or ``... worker ADDRESS KIND
+FOLDER THREADS ...``, one process for each number of threads. Of kind ``other`` they have another
+version of ours, of kind ``lacking`` none.
 """
 
 from __future__ import annotations

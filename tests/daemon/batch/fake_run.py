@@ -1,6 +1,7 @@
 """A stand-in for ``daemon.run`` that costs nothing and misbehaves when told to.
 
-The parameters of the system under test say what to do: ``sleep`` [s], ``outcome``, ``crash``
+The parameters of the system under test say what to do: ``sleep`` [s], ``until`` (goes on until
+there is this file; ``{attempt}`` in its name is the attempt's number), ``outcome``, ``crash``
 (the attempt numbers that die by SIGKILL), ``kill`` (the ancestor that dies by SIGKILL: 1 is the
 fork server, 2 what started that), ``abort`` (say this and abort), ``raise``, ``allocate``
 [MiB], ``log`` (a file that gets a line per execution), ``noise`` (makes the trace differ each
@@ -54,7 +55,9 @@ def execute(
     if "raise" in asked:
         raise RuntimeError(asked["raise"])
     ballast = bytearray(asked.get("allocate", 0) * 2**20)
-    _sleep(asked.get("sleep", 0.0), spec, on_progress, interest or (lambda: "progress"))
+    gate = asked.get("until", "").replace("{attempt}", str(_attempt(trace_path)))
+    seconds = asked.get("sleep", 0.0)
+    _wait(seconds, gate, spec, on_progress, interest or (lambda: "progress"))
     data = f"{spec.digest} {scene.digest} {len(ballast)}".encode()
     if "reads" in asked:
         file = Path(resolve_paths(asked)["files"][asked["reads"]])
@@ -71,16 +74,17 @@ def _attempt(trace_path: Path) -> int:
     return int(trace_path.parent.name.removeprefix("attempt-"))
 
 
-def _sleep(
+def _wait(
     seconds: float,
+    gate: str,
     spec: RunSpec,
     on_progress: Callable[[Snapshot], None] | None,
     interest: Callable[[], str],
 ) -> None:
     start = time.monotonic()
-    while (passed := time.monotonic() - start) < seconds:
+    while (passed := time.monotonic() - start) < seconds or (gate and not Path(gate).exists()):
         wanted = interest()
         if on_progress is not None and wanted != "nothing":
             seen = (100, 200) if wanted == "everything" else ()
             on_progress(Snapshot(passed, spec.limit, Pose2(passed), None, 0, 1, (), returns=seen))
-        time.sleep(min(0.01, seconds))
+        time.sleep(0.01 if gate else min(0.01, seconds))

@@ -198,7 +198,7 @@ def test_files_travel_to_workers_and_into_the_process_of_the_run(
         # The worker has another user's cache: what it needs it has from the daemon.
         monkeypatch.setenv("XDG_CACHE_HOME", str(here / "other"))
         with worker_for(daemon, 1, "--state", str(elsewhere)):
-            eventually(lambda: finished(client, 2), 20.0)
+            eventually(lambda: finished(client, 2))
         (own,) = (elsewhere / "work").iterdir()
         assert [path.name for path in (own / "files").iterdir()] == [DIGEST]
         for run in ("c.0", "c.1"):

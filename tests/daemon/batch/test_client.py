@@ -51,14 +51,19 @@ def test_a_slow_listener_loses_the_oldest_and_stops_nobody(tmp_path: Path) -> No
         gate.wait()
         events.append(event)
 
+    quick: list[int] = []
     with daemon_at(tmp_path / "state") as daemon, daemon.client() as client:
-        with client.events(slow), bus.open_client(daemon.endpoint) as session:
+        with (
+            client.events(slow),
+            client.events(lambda event: quick.append(event.seq)),
+            bus.open_client(daemon.endpoint) as session,
+        ):
             for seq in range(6000):
                 session.put(EVENTS, codec.to_json(ChangeEvent(seq, "run", "r")))
             session.put(EVENTS, b"nonsense")
             session.put(EVENTS, codec.to_json(ChangeEvent(9999, "run", "last")))
             assert client.overview().campaigns == 0
-            time.sleep(0.2)
+            eventually(lambda: quick and quick[-1] == 9999)  # by then all have arrived
             gate.set()
             eventually(lambda: events and events[-1].seq == 9999)
         assert len(events) < 4200
@@ -66,12 +71,16 @@ def test_a_slow_listener_loses_the_oldest_and_stops_nobody(tmp_path: Path) -> No
 
 
 def test_a_frozen_daemon_is_unreachable_after_the_timeout(tmp_path: Path) -> None:
-    with daemon_at(tmp_path / "state") as daemon, daemon.client(timeout=0.3) as client:
+    with (
+        daemon_at(tmp_path / "state") as daemon,
+        daemon.client() as client,
+        daemon.client(timeout=0.3) as hasty,
+    ):
         daemon.freeze()
         start = time.monotonic()
         with pytest.raises(Unreachable):
-            client.overview()
-        assert time.monotonic() - start < 2.0
+            hasty.overview()
+        assert time.monotonic() - start < 10.0  # the timeout of others
         daemon.signal(signal.SIGCONT)
         assert eventually(lambda: client.overview().now)
 

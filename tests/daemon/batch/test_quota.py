@@ -26,7 +26,7 @@ def test_the_oldest_traces_go_when_the_quota_is_reached(tmp_path: Path) -> None:
     with daemon_at(tmp_path / "state", 2, quota="320kB") as daemon, daemon.client() as client:
         for name in ("old", "new"):
             client.submit(make_submission(name, 5, size=SIZE))
-            eventually(lambda name=name: finished(client, name), 30.0)
+            eventually(lambda name=name: finished(client, name))
         disk = eventually(lambda: 0 < (now := client.disk()).traces <= now.quota and now)
         gone = 5 - traces(daemon.state, "old")
         assert gone >= 2
@@ -41,7 +41,7 @@ def test_the_oldest_traces_go_when_the_quota_is_reached(tmp_path: Path) -> None:
 def test_runs_wait_when_unfinished_campaigns_alone_take_too_much(tmp_path: Path) -> None:
     with daemon_at(tmp_path / "state", 1, quota="100kB") as daemon, daemon.client() as client:
         client.submit(make_submission("big", 40, size=SIZE, sleep=0.1))
-        trouble = eventually(lambda: client.overview().trouble, 30.0)
+        trouble = eventually(lambda: client.overview().trouble)
         assert "the quota is 97.7 KiB: no more runs start" in trouble
         assert "--quota, or cancel" in trouble
         eventually(lambda: client.overview().running == 0)
@@ -51,18 +51,18 @@ def test_runs_wait_when_unfinished_campaigns_alone_take_too_much(tmp_path: Path)
         eventually(lambda: not client.overview().trouble)
         assert traces(daemon.state, "big") < there
         client.submit(make_submission("next", 1))
-        eventually(lambda: finished(client, "next"), 30.0)
+        eventually(lambda: finished(client, "next"))
 
 
 def test_the_log_of_a_worker_that_stays_is_put_aside_when_it_has_grown(tmp_path: Path) -> None:
     with daemon_at(tmp_path / "state", 1) as daemon, daemon.client() as client:
-        eventually(client.workers, 30.0)
+        eventually(client.workers)
         log = daemon.state / "worker.log"
         with log.open("ab") as file:
             file.write(b"many words\n" * 500_000)
         eventually(lambda: log.with_suffix(".log.1").exists() and log.stat().st_size < 1000)
         client.submit(make_submission("raises", 1, **{"raise": "in the new log"}))
-        eventually(lambda: finished(client, "raises"), 30.0)
+        eventually(lambda: finished(client, "raises"))
         assert "in the new log" in log.read_text()
         assert len(client.workers()) == 1
 

@@ -70,7 +70,7 @@ def test_a_trace_survives_the_death_of_daemon_and_worker_on_its_way(tmp_path: Pa
         with daemon.client() as client:
             client.submit(make_submission("c", 1, size=LARGE))
         with worker_for(daemon, 1, "--state", str(elsewhere)) as worker:
-            (part,) = eventually(lambda: parts(daemon), 20.0)
+            (part,) = eventually(lambda: parts(daemon))
             daemon.kill()
             after_first = part.stat().st_size
             assert after_first < LARGE
@@ -80,7 +80,7 @@ def test_a_trace_survives_the_death_of_daemon_and_worker_on_its_way(tmp_path: Pa
         after_second = part.stat().st_size
         number = part.stat().st_ino
         with worker_for(daemon, 1, "--state", str(elsewhere)), daemon.client() as client:
-            eventually(lambda: finished(client, 1), 20.0)
+            eventually(lambda: finished(client, 1))
             trace = whole(client, "c.0")
             row = client.run("c.0").row
         assert (row.state, row.attempt) == (RunState.DONE, 1)
@@ -102,7 +102,7 @@ def remote(tmp_path_factory: pytest.TempPathFactory) -> Iterator[DaemonPart]:
     with daemon_at(base / "state", lease=10.0) as daemon, daemon.client() as client:
         client.submit(make_submission("c", 5, size=1_500_000))
         with worker_for(daemon, 2, "--state", str(base / "elsewhere")) as worker:
-            eventually(lambda: finished(client, 5), 20.0)
+            eventually(lambda: finished(client, 5))
             worker.signal(signal.SIGTERM)
             assert worker.wait() == 0
             assert "bytes sent in" in worker.output
@@ -230,7 +230,7 @@ def test_traces_go_into_a_store_and_the_ledger_knows_where_each_lies(tmp_path: P
     with daemon_at(tmp_path / "state", traces=store) as daemon, daemon.client() as client:
         client.submit(make_submission("c", 2, size=1000))
         with worker_for(daemon, 2, "--state", str(tmp_path / "elsewhere")):
-            eventually(lambda: finished(client, 2), 20.0)
+            eventually(lambda: finished(client, 2))
         for run in ("c.0", "c.1"):
             trace = trace_reference(client.run(run))
             assert trace.location.startswith(f"{store}/c/S1.pilot.{run[-1]}.{trace.sha256[:16]}")

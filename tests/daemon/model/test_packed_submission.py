@@ -29,7 +29,7 @@ def submission(campaigns: Path) -> Submission:
     return expand(load_campaign(campaigns / "demo" / "campaign.yaml"))
 
 
-def test_a_parcel_is_the_submission_again(submission: Submission) -> None:
+def test_unpacked_it_is_the_submission_again(submission: Submission) -> None:
     travelled = codec.from_json(PackedSubmission, codec.to_json(pack_submission(submission)))
     assert unpack_submission(travelled) == submission
     spare = replace(submission, runs=submission.runs[:1], reserve=submission.runs[1:])
@@ -44,8 +44,8 @@ def test_digests_are_those_of_what_is_written_out(submission: Submission) -> Non
 
 def test_equal_parts_are_there_once_whoever_made_them() -> None:
     specs = [make_spec(repeat) for repeat in range(50)]
-    parcel = pack_submission(submission_of("c", *specs))
-    assert (len(parcel.cells), len(parcel.scripts), len(parcel.runs)) == (1, 1, 50)
+    packed_form = pack_submission(submission_of("c", *specs))
+    assert (len(packed_form.cells), len(packed_form.scripts), len(packed_form.runs)) == (1, 1, 50)
 
 
 def test_a_hundred_thousand_runs_fit_into_one_submission(submission: Submission) -> None:
@@ -64,9 +64,9 @@ def _repeated(submission: Submission, times: int) -> Submission:
 
 
 @pytest.mark.parametrize("packed", [(9, 0, 0, 0), (0, 9, 0, 0)])
-def test_a_parcel_with_a_number_for_nothing_is_none(packed: tuple[int, int, int, int]) -> None:
-    parcel = pack_submission(submission_of("c", make_spec()))
-    text = codec.to_json(parcel).replace(b"[0,0,0,0]", str(list(packed)).encode())
+def test_a_number_for_nothing_is_refused(packed: tuple[int, int, int, int]) -> None:
+    packed_form = pack_submission(submission_of("c", make_spec()))
+    text = codec.to_json(packed_form).replace(b"[0,0,0,0]", str(list(packed)).encode())
     with pytest.raises(ValueError, match="no cell"):
         unpack_submission(codec.from_json(PackedSubmission, text))
 

@@ -103,7 +103,7 @@ def hosted(
         capture_output=True,
         text=True,
         check=True,
-        timeout=60,
+        timeout=240,
         start_new_session=True,
     )
     answer: dict[str, Any] = json.loads(done.stdout)

@@ -9,7 +9,7 @@ import re
 import numpy as np
 import pytest
 import shapely
-from hypothesis import HealthCheck, assume, given, settings
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from grammars.floorplan import FloorPlan, parse_floorplan
@@ -225,7 +225,7 @@ def test_the_seed_of_the_mutations_is_a_plan() -> None:
     assert len(parse_floorplan(SEED).spaces) == 2
 
 
-@settings(max_examples=300, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@settings(max_examples=300)
 @given(st.randoms(use_true_random=False), st.integers(1, 4))
 def test_a_damaged_plan_is_answered_never_crashed_on(rng: random.Random, damages: int) -> None:
     tokens = list(TOKENS)

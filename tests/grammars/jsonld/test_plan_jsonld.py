@@ -324,7 +324,10 @@ VALUES = st.sampled_from(
 KEYS = st.sampled_from(["@id", "@type", "of", "x", "points", "@graph", "voids", "@reverse", "a:b"])
 
 
-@settings(max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(
+    max_examples=60,
+    suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow],
+)
 @given(st.data())
 def test_mutated_plans_give_diagnostics_and_nothing_else(data: st.DataObject) -> None:
     from grammars.jsonld import expand_text, read_plan, refuse_broken, replace_legacy_terms

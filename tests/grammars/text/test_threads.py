@@ -17,7 +17,7 @@ def test_languages_are_loaded_by_several_threads_at_once() -> None:
     together = Barrier(len(LANGUAGES))
 
     def load(language: object) -> str:
-        together.wait(10.0)
+        together.wait(60.0)
         return str(language._metamodel.__wrapped__().rootcls.__name__)  # type: ignore[attr-defined]
 
     with ThreadPoolExecutor(len(LANGUAGES)) as threads:

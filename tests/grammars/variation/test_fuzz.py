@@ -7,7 +7,7 @@ import re
 from pathlib import Path
 
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from grammars.floorplan import parse_floorplan
@@ -116,13 +116,13 @@ def test_the_seed_of_the_mutations_gives_variants(folder: Path) -> None:
     assert len(sample(parse_variation(SEED, "seed.variation", folder), 3, seed=0)) == 3
 
 
-@settings(max_examples=200, suppress_health_check=[HealthCheck.too_slow])
+@settings(max_examples=200)
 @given(rng=st.randoms(use_true_random=False), damages=st.integers(1, 4))
 def test_a_damaged_variation_is_answered(folder: Path, rng: random.Random, damages: int) -> None:
     check(rng, damages, folder)
 
 
-@settings(max_examples=60, suppress_health_check=[HealthCheck.too_slow])
+@settings(max_examples=60)
 @given(rng=st.randoms(use_true_random=False), damages=st.integers(1, 3))
 def test_a_damaged_plan_is_answered(folder: Path, rng: random.Random, damages: int) -> None:
     check_plan(rng, damages, folder)

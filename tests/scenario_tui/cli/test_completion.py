@@ -15,7 +15,7 @@ import pytest
 from daemon.batch.ledger import LedgerWriter, connect
 from daemon.model.messages import Completion
 from daemon.model.verdicts import Outcome
-from scenario_tui.cli import invoke
+from scenario_tui.cli import completion, invoke
 from tests.daemon.batch.samples import make_result, make_spec, submission_of
 from tests.scenario_tui.fake import CAMPAIGN, FakeDaemon
 
@@ -144,6 +144,7 @@ def test_nothing_without_a_usable_ledger(
 def test_a_daemon_somebody_names_is_asked(tab: Tab, monkeypatch: pytest.MonkeyPatch) -> None:
     import daemon.batch.client
 
+    monkeypatch.setattr(completion, "PATIENCE", 60.0)
     fake = FakeDaemon()
     monkeypatch.setattr(daemon.batch.client.Client, "open", lambda *_, **__: fake.open())
     assert tab("scenario results --connect tcp/127.0.0.1:7 fi") == [CAMPAIGN, "first"]

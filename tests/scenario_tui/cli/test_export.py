@@ -200,7 +200,7 @@ def test_pictures_need_no_mesh_library(campaigns: Path, tmp_path: Path) -> None:
         capture_output=True,
         text=True,
         check=False,
-        timeout=60,
+        timeout=240,
     )
     assert done.returncode == 2, done.stderr
     assert 'pip install "scenario-tui[mesh]"' in done.stderr

@@ -34,7 +34,7 @@ def call(*arguments: str, state: Path, cwd: Path) -> subprocess.CompletedProcess
         text=True,
         cwd=cwd,
         env=environ | {"SCENARIO_STATE": str(state)},
-        timeout=60,
+        timeout=240,
     )
 
 
@@ -98,7 +98,7 @@ def test_a_run_told_to_end_leaves_no_workshop_behind(
         assert process.poll() is None
         time.sleep(0.05)
     process.send_signal(number)
-    _, said = process.communicate(timeout=30)
+    _, said = process.communicate(timeout=120)
     assert process.returncode == 130
     assert "interrupted" in said
     assert not list(tmp_path.glob(".scenario-*"))
@@ -190,14 +190,14 @@ def test_the_dashboard_opens_in_a_terminal_and_leaves_without_stopping_work(
     )
     os.close(follower)
     try:
-        assert "connected" in _read_until(leader, "connected")
+        _read_until(leader, "connected")
         # The mission takes longer than the limit of this campaign.
-        assert "1 unexpected" in _read_until(leader, "1 unexpected")
+        _read_until(leader, "1 unexpected")
         os.write(leader, b"m")
-        assert "expected pass" in _read_until(leader, "expected pass")
+        _read_until(leader, "expected pass")
         os.write(leader, b"q")
         assert "no run is waiting" in _read_until(leader, "Back with")
-        assert process.wait(10) == 0
+        assert process.wait(60) == 0
     finally:
         process.kill()
         process.wait()
@@ -205,10 +205,11 @@ def test_the_dashboard_opens_in_a_terminal_and_leaves_without_stopping_work(
     assert call("status", state=finished, cwd=place).returncode == 0
 
 
-def _read_until(terminal: int, word: str, seconds: float = 20.0) -> str:
+def _read_until(terminal: int, word: str) -> str:
     seen = ""
-    deadline = time.monotonic() + seconds
-    while word not in seen and time.monotonic() < deadline:
+    deadline = time.monotonic() + 60.0
+    while word not in seen:
+        assert time.monotonic() < deadline, f"{word!r} never came: {seen}"
         ready, _, _ = select.select([terminal], [], [], 0.1)
         if ready:
             seen += os.read(terminal, 65536).decode("utf-8", "replace")
@@ -229,7 +230,7 @@ def test_a_reader_that_leaves_early_causes_no_noise(finished: Path, place: Path)
     process.stdout.close()
     assert process.stderr.read() == b""
     process.stderr.close()
-    assert process.wait(20) == 141
+    assert process.wait(60) == 141
 
 
 def test_check_reports_every_layer(place: Path) -> None:

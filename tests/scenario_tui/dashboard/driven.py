@@ -63,7 +63,7 @@ class Commands:
 
     def __call__(self, arguments: tuple[str, ...]) -> CommandAnswer:
         self.asked.append(arguments)
-        assert self.done.wait(10.0)
+        assert self.done.wait(60.0)
         return self.answer
 
 
@@ -75,13 +75,19 @@ def local(state: Path) -> CommandLines:
     return CommandLines("", state)
 
 
-async def until(pilot: Pilot[None], condition: Callable[[], Any], seconds: float = 10.0) -> None:
-    """Wait for something another thread does."""
-    deadline = time.monotonic() + seconds
+async def eventually(condition: Callable[[], Any], pilot: Pilot[None] | None = None) -> None:
+    """Wait for something another thread or process does; let a ``pilot``'s app come to rest."""
+    deadline = time.monotonic() + 60.0
     while not condition():
         assert time.monotonic() < deadline, "it did not happen in time"
         await asyncio.sleep(0.01)
-        await settle(pilot)
+        if pilot is not None:
+            await settle(pilot)
+
+
+async def until(pilot: Pilot[None], condition: Callable[[], Any]) -> None:
+    """Wait for something another thread does."""
+    await eventually(condition, pilot)
 
 
 def notices(pilot: Any) -> str:

@@ -8,6 +8,7 @@ from dataclasses import replace
 from typing import Any
 
 import pytest
+from textual.command import CommandList
 
 from daemon.model.status import RunState
 from daemon.model.verdicts import Outcome
@@ -19,6 +20,7 @@ from scenario_tui.dashboard.screens.runs import FILTERS, SORTS, RunsScreen
 from scenario_tui.dashboard.screens.workers import WorkersScreen
 from scenario_tui.dashboard.widgets.tables import KeyedTable
 from scenario_tui.dashboard.widgets.top_view import TopView
+from tests.scenario_tui.dashboard.driven import until
 from tests.scenario_tui.dashboard.inline import make_dashboard, press, screen_text, settle
 from tests.scenario_tui.fake import CAMPAIGN, NOW, OLD, FakeDaemon, make_live, make_row
 
@@ -298,7 +300,7 @@ async def test_the_colon_opens_a_list_of_places(opened) -> None:
     async with opened() as pilot:
         await settle(pilot)
         await press(pilot, "colon", *"workers")
-        await pilot.pause(0.3)
+        await until(pilot, lambda: pilot.app.screen.query_one(CommandList).option_count)
         await press(pilot, "enter")
         await settle(pilot)
         assert isinstance(pilot.app.screen, WorkersScreen)

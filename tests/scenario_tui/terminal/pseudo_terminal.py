@@ -67,13 +67,21 @@ class Terminal:
         self._stream.feed(data)
         return bool(data)
 
-    def until(self, seen: str | Callable[[], bool], seconds: float = 30.0) -> None:
+    def until(self, seen: str | Callable[[], bool], seconds: float = 120.0) -> None:
         """Read until some text is on the screen, or something else is true."""
         true = seen if callable(seen) else lambda: seen in self.text
         deadline = time.monotonic() + seconds
         while not true():
             assert time.monotonic() < deadline, f"not in time: {seen!r}\n{self.text}"
             self.read(0.02)
+
+    def settle(self, few: int) -> None:
+        """Read until no more than a ``few`` bytes have come in a second: all is painted."""
+        for _ in range(60):
+            before = self.sent
+            self.read(1.0)
+            if self.sent - before <= few:
+                return
 
     def type(self, keys: str) -> None:
         """Press keys."""
@@ -85,7 +93,7 @@ class Terminal:
         self.screen.resize(rows, columns)
         os.kill(self.pid, signal.SIGWINCH)
 
-    def wait(self, seconds: float = 5.0) -> int:
+    def wait(self, seconds: float = 60.0) -> int:
         """Read until the program has left; returns its exit code, minus the signal's number."""
         deadline = time.monotonic() + seconds
         while self._code is None:

@@ -88,7 +88,7 @@ def test_signs_follow_the_locale_and_where_it_is_silent_the_terminal(
 
 @pytest.mark.parametrize(("column", "knows"), [(2, True), (4, False), (None, False)])
 def test_a_terminal_is_asked_how_far_a_sign_moved_it(monkeypatch, column, knows: bool) -> None:
-    monkeypatch.setattr(capabilities, "_PATIENCE", 0.1 if column is None else 5.0)
+    monkeypatch.setattr(capabilities, "_PATIENCE", 0.1 if column is None else 60.0)
     master, slave = pty.openpty()
 
     def answer() -> None:

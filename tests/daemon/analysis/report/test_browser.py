@@ -61,7 +61,7 @@ def look(page: str, folder: Path, width: int, *options: str) -> dict[str, Any]:
         f"--user-data-dir={folder / 'profile'}", f"--window-size={width},900", *options,
         "--dump-dom", probed.as_uri(),
     ]  # fmt: skip
-    done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=True)
+    done = subprocess.run(command, capture_output=True, text=True, timeout=240, check=True)
     found = re.search(r'<pre id="found">(.*?)</pre>', done.stdout, re.DOTALL)
     assert found is not None
     notes: dict[str, Any] = json.loads(unescape(found[1]))

@@ -8,7 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from daemon.batch.errors import Refused
@@ -116,7 +116,7 @@ STEPS = st.lists(
 )
 
 
-@settings(max_examples=30, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@settings(max_examples=30)
 @given(sizes=st.lists(st.integers(1, 4), min_size=3, max_size=3), steps=STEPS)
 def test_leases_follow_the_plain_rule(sizes: list[int], steps: list[tuple[str, int]]) -> None:
     """Against queues in memory: unpaused, highest priority, served longest ago, in order."""

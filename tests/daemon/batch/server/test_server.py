@@ -35,7 +35,7 @@ def client(daemon: DaemonPart) -> Iterator[Client]:
 def raw(daemon: DaemonPart, key: str, payload: bytes) -> str:
     """Ask past the client; returns the daemon's complaint."""
     with bus.open_client(daemon.endpoint) as session:
-        replies = list(session.get(key, payload=payload, timeout=5.0))
+        replies = list(session.get(key, payload=payload, timeout=60.0))
     assert len(replies) == 1
     assert replies[0].err is not None
     return codec.from_json(ErrorReply, replies[0].err.payload.to_bytes()).problem

@@ -152,8 +152,8 @@ def test_parameters_are_those_of_noetic_and_checked() -> None:
 def test_everything_is_compiled_by_the_warm_up_and_only_once() -> None:
     warm_up()
     kernels = (
-        translate_costs, propagate_wave, propagate_towards, descent_reads_cut, history_reads_cut, descend_gradient, reset_potentials,
-        path_to_poses, relax_lowered_costs,
+        translate_costs, propagate_wave, propagate_towards, descent_reads_cut, history_reads_cut,
+        descend_gradient, reset_potentials, path_to_poses, relax_lowered_costs,
     )  # fmt: skip
     grid = a_grid()
     plan(grid, centre(grid, 5, 10), centre(grid, 30, 10), tolerance=0.1)
