@@ -12,7 +12,9 @@ _DEPTH: Final = 6
 _LOOKED_AT: Final = 20_000
 """Directory entries looked at; who starts in `/` shall get an answer too."""
 _MOST: Final = 500
+"""Files returned at most."""
 _HEAD: Final = 65_536
+"""Bytes of a file that are looked through for a key: no file is loaded to find out what it is."""
 _PASSED: Final = frozenset(
     {"node_modules", "site-packages", "__pycache__", "build", "dist", "scenario-results", "venv"}
 )
@@ -40,6 +42,7 @@ def find_files(folder: Path, wanted: Callable[[Path], bool]) -> tuple[Path, ...]
 
     Hidden folders and those with what was built or downloaded are passed by.
     """
+    # Who submits a file has most likely just written it.
     found = [(entry.stat().st_mtime, Path(entry.path)) for entry in _walk(folder, wanted)]
     found.sort(key=lambda pair: (-pair[0], pair[1]))
     return tuple(path for _, path in found)

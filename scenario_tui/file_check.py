@@ -36,6 +36,7 @@ def _checker(path: Path) -> Checker:
     return _yaml
 
 
+# Each imports its language itself: one file needs one of them, and all take a while to load.
 def _floorplan(path: Path) -> tuple[str, tuple[Diagnostic, ...]]:
     from grammars.floorplan import load_floorplan
     from grammars.preflight import check_scene

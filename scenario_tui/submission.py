@@ -20,6 +20,9 @@ from grammars.text import codec
 from grammars.text.diagnostics import Diagnostic, InputError, Severity
 from scenario_tui.text.formatting import pluralise
 
+_SUBMIT: Final = "--submit"
+_FRESH: Final = "--fresh"
+
 
 def prepare_submission(
     path: Path, *, fresh: bool = False
@@ -46,10 +49,6 @@ def receipt_text(receipt: SubmissionReceipt) -> str:
     return f"submitted {receipt.campaign}: {runs}{cached}"
 
 
-_SUBMIT: Final = "--submit"
-_FRESH: Final = "--fresh"
-
-
 @dataclass(frozen=True, slots=True)
 class CheckedFile:
     """What a file is in a few words, what was found, and what to hand over if that was asked for
@@ -69,10 +68,10 @@ class FileChecker(Protocol):
 
 def check_file(path: Path, *, submit: bool = False, fresh: bool = False) -> CheckedFile:
     """Examine a file in this process."""
-    from scenario_tui.file_check import check_file
+    from scenario_tui import file_check
 
     if not submit:
-        return CheckedFile(*check_file(path))
+        return CheckedFile(*file_check.check_file(path))
     try:
         submission, warnings = prepare_submission(path, fresh=fresh)
     except InputError as error:
@@ -91,7 +90,7 @@ def check_file_in_child(path: Path, *, submit: bool = False, fresh: bool = False
         stdin=subprocess.DEVNULL,
         capture_output=True,
         check=False,
-        start_new_session=True,
+        start_new_session=True,  # Ctrl-C is for the dashboard
     )
     try:
         return codec.from_json(CheckedFile, done.stdout)
@@ -103,7 +102,8 @@ def check_file_in_child(path: Path, *, submit: bool = False, fresh: bool = False
 
 def main(arguments: list[str]) -> None:
     """Write what was found of a file to standard output, and nothing else there."""
-    # Systems under test that plug in may print.
+    # Systems under test that plug in may print: that goes to standard error, and only the answer to
+    # what was standard output.
     answer = os.dup(sys.stdout.fileno())
     os.dup2(sys.stderr.fileno(), sys.stdout.fileno())
     path, *options = arguments

@@ -34,8 +34,7 @@ def parallel_map(
     if count < 2 or len(items) <= FEW_ITEMS:
         yield from map(task, items)
         return
-    # Forked: children start with oracles loaded and kernels compiled, which would take each of
-    # them seconds anew.
+    # Forked: children start with oracles loaded and kernels compiled, not each by itself.
     context = multiprocessing.get_context("fork")
     executor = ProcessPoolExecutor(count, mp_context=context, initializer=_ignore_interrupts)
     try:

@@ -104,10 +104,10 @@ def _judge_file(written: tuple[OracleText, ...] | None, path: Path) -> RejudgedT
     try:
         trace = read_trace(path)
     except TraceError as error:
-        problem = "; ".join(found.message for found in error.diagnostics)
-        return RejudgedTrace(str(path), problem=problem)
+        return RejudgedTrace(str(path), problem=error.diagnostics[0].message)
     own = trace.spec.oracles
     asked = own if written is None else written
+    # Its own too, and not what a ledger says only: a trace may be of another machine's.
     found = oracles.judge(trace, (*asked, *own))
     verdicts, before = found[: len(asked)], found[len(asked) :]
     return RejudgedTrace(

@@ -7,7 +7,6 @@ from collections import deque
 from collections.abc import Callable
 from itertools import chain
 from pathlib import Path
-from types import TracebackType
 from typing import Any, Final, Generic, TypeVar
 
 import zenoh
@@ -142,12 +141,7 @@ class Client(DaemonClient):
     def __enter__(self) -> Client:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
     def ask(self, verb: Verb[..., A], request: object) -> A:

@@ -9,7 +9,7 @@ from daemon.campaign._campaign import (
     load_campaign,
     repeat_seed,
 )
-from daemon.campaign._file import CampaignFile, LayerReference, ResolvedScenario, read_campaign
+from daemon.campaign._file import CampaignFile, LayerReference, read_campaign
 from daemon.campaign._layers import (
     FLOORPLAN,
     MISSION,
@@ -18,7 +18,6 @@ from daemon.campaign._layers import (
     SCENERY,
     SUT,
     VARIATION,
-    LayerKind,
     LayerLibrary,
     find_layer,
 )
@@ -42,13 +41,11 @@ __all__ = [
     "Campaign",
     "CampaignCell",
     "CampaignFile",
-    "LayerKind",
     "LayerLibrary",
     "LayerReference",
     "LoadedSut",
     "ParameterValue",
     "ParameterValues",
-    "ResolvedScenario",
     "SutFile",
     "check",
     "examine",

@@ -256,6 +256,7 @@ def _load_worlds(
     sound = tuple(layer for layer in layers if layer is not None)
     if plans is None or len(sound) < len(layers):
         return []
+    # One variant that cannot be composed does not hide what is wrong with the next.
     worlds = []
     for name, plan in plans:
         scene = attempt(partial(_scene, scenario, plan, sound, loader))

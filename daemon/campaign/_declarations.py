@@ -23,6 +23,7 @@ from grammars.text.diagnostics import Diagnostic, InputError, Where, did_you_mea
 from grammars.text.documents import YamlDocument
 from grammars.text.quantity import read_quantity
 
+# A sentence and not keys of YAML: a value that begins with ">" or "<" means something else there.
 _NAME: Final = r"[A-Za-z0-9][A-Za-z0-9._-]*"
 _SENTENCE: Final = re.compile(
     rf"\s*(?P<quantity>{_NAME})\s*\(\s*(?P<left>{_NAME})\s+vs\s+(?P<right>{_NAME})"
@@ -91,47 +92,40 @@ class LegTimings:
     comparisons: tuple[ScenarioComparison, ...]
     document: YamlDocument
 
+    def _legs(self) -> Iterator[tuple[str, str, Where]]:
+        """Yield name of the measure, leg, and place of each comparison that is about one."""
+        for comparison in self.comparisons:
+            if comparison.leg is not None:
+                where = _sentence_place(comparison.name, self.document)
+                yield comparison.measure, comparison.leg, where
+
     def measures(self) -> tuple[Oracle, ...]:
         """Return the measures that time legs, each once."""
-        places = ((c, _sentence_place(c.name, self.document)) for c in self.comparisons)
-        found = (_leg_measure(comparison, where) for comparison, where in places)
-        return tuple({measure.name: measure for measure in found if measure is not None}.values())
+        found = {name: _leg_measure(name, leg, where) for name, leg, where in self._legs()}
+        return tuple(found.values())
 
     def problems(self, mission: Mission) -> list[Diagnostic]:
         """Return what is wrong with the legs in the scenario's mission."""
-        return [
-            problem
-            for comparison in self.comparisons
-            for problem in _check_leg(
-                comparison, mission, _sentence_place(comparison.name, self.document)
-            )
-        ]
+        found = []
+        for _, leg, where in self._legs():
+            number = int(leg) if leg.isdigit() else 0
+            try:
+                leg_number(Leg(number, "" if number else leg), mission)
+            except ValueError as error:
+                found.append(Diagnostic(where, str(error)))
+        return found
 
 
-def _leg_measure(comparison: ScenarioComparison, where: Where) -> Oracle | None:
-    """Return the measure that times the leg a comparison is about, ``None`` for whole runs."""
-    if comparison.leg is None:
-        return None
-    plain = comparison.leg.isdigit() or re.fullmatch(r"[A-Za-z_][A-Za-z0-9_-]*", comparison.leg)
-    leg = comparison.leg if plain else f'"{comparison.leg}"'
-    return parse_oracle(comparison.measure, f"max(mission.leg.elapsed) on leg {leg}", where)
-
-
-def _check_leg(
-    comparison: ScenarioComparison, mission: Mission, where: Where
-) -> Iterator[Diagnostic]:
-    """Yield what is wrong with the leg of a comparison in one of its missions."""
-    if comparison.leg is None:
-        return
-    number = int(comparison.leg) if comparison.leg.isdigit() else 0
-    try:
-        leg_number(Leg(number, "" if number else comparison.leg), mission)
-    except ValueError as error:
-        yield Diagnostic(where, str(error))
+def _leg_measure(name: str, leg: str, where: Where) -> Oracle:
+    plain = leg.isdigit() or re.fullmatch(r"[A-Za-z_][A-Za-z0-9_-]*", leg)
+    written = leg if plain else f'"{leg}"'
+    return parse_oracle(name, f"max(mission.leg.elapsed) on leg {written}", where)
 
 
 def _sentence_place(name: str, document: YamlDocument) -> Where:
     """Return where the sentence of a comparison begins: after its key, when on the same line."""
+    # YAML knows where keys and list items stand, not where a value in the middle of a line does;
+    # a complaint about "S3.5" is to point at it.
     key, text = document.where(("compare", name)), document.data["compare"][name]
     lines = document.text.splitlines()
     line = lines[key.line - 1] if 0 < key.line <= len(lines) else ""
@@ -154,6 +148,7 @@ def _comparison(name: str, sentence: str, scope: DeclarationScope) -> ScenarioCo
         raise InputError(problems)
     if left == right:
         raise InputError(Diagnostic(at("right"), f'"{left}" is compared with itself'))
+    # Paired by repeat and system under test, so without one in common there is no pair at all.
     if not set(scope.suts_of(left)) & set(scope.suts_of(right)):
         message = f'"{left}" and "{right}" have no system under test in common'
         raise InputError(Diagnostic(at("left"), message))
@@ -236,6 +231,7 @@ def _unmatched_expectation(
         hint = did_you_mean(written.scenario, scope.scenarios)
         yield Diagnostic(where, f'no scenario "{written.scenario}" to expect anything of', hint)
         return
+    # An expectation that matches nothing would hide a failure for ever once a name is changed.
     names = dict.fromkeys(n for s in scenarios for n in scope.judged_by(s))
     oracles = _matching(written.oracle, (*names, *comparisons))
     where = scope.document.where((*path, "oracle"))

@@ -34,6 +34,7 @@ def read_rule(text: str) -> tuple[PolicyRule, float]:
     if found is None:
         raise ValueError(f'"{text}" is not a rule: write all, mean or rate >= 80 %')
     rate = read_as(found["rate"].strip(), "ratio")
+    # No finite number of passes excludes a rate just below 100 %; "all" says what can be said.
     if not 0.0 < rate < 1.0:
         raise ValueError(
             f"no number of runs shows a rate of {found['rate'].strip()}: "
@@ -49,6 +50,7 @@ def _check_rule(text: str) -> str:
 
 def _repeats_mapping(value: Any) -> Any:
     """Take a plain number of repeats for ``{n: number}``."""
+    # bool is an int to Python: "repeats: true" would be one run.
     if isinstance(value, bool) or not isinstance(value, int | dict):
         raise ValueError("must be a whole number, or {n: 5, pass: rate >= 80 %}")
     return {"n": value} if isinstance(value, int) else value
@@ -342,6 +344,7 @@ def _resolve_scenario(
         base = _defaults(name, where, text, document)
     else:
         like_at = document.where((*path, "like"))
+        # In the order in which people would follow it, to be read as a chain.
         if scenario.like in (*seen, name):
             chain = " -> ".join((*seen, name, scenario.like))
             raise InputError(Diagnostic(like_at, f"scenarios are like each other: {chain}"))

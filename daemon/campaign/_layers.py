@@ -57,6 +57,7 @@ def find_layer(folder: Path, reference: LayerReference, kind: LayerKind) -> Path
         if path.is_file():
             return path
         raise InputError(Diagnostic(reference.where, f'no file "{name}" for the {kind.title}'))
+    # Beside the campaign first, so that one may have its own robot of a name that others share.
     places = (folder, folder / kind.folder, folder / ".." / kind.folder)
     for place in places:
         for ending in kind.endings:
@@ -78,6 +79,7 @@ def _names_in(place: Path, kind: LayerKind) -> list[str]:
         return []
     ending = kind.endings[0]
     names = [p.name.removesuffix(ending) for p in place.iterdir() if p.name.endswith(ending)]
+    # "tiny.mission" is what another ending leaves of a name, not one that could be written.
     return [name for name in names if "." not in name]
 
 

@@ -62,6 +62,7 @@ def merge_parameters(base: ParameterValues, over: ParameterValues) -> ParameterV
 
     Raises :class:`InputError` for a ``null`` where nothing is inherited.
     """
+    # Checked against the base, not the result: two lines of one file may each take something away.
     result = dict(base)
     for path, setting in over.items():
         if setting.value is None and not any(_shares(path, old) for old in base):
@@ -165,6 +166,7 @@ def load_package_folder(
     """
     if not folder.is_dir():
         raise InputError(Diagnostic(where, f"no folder {folder}", _folders_near(folder)))
+    # Of two names for the same file the usual one wins: it is the last in reversed order.
     present = {path.name for path in folder.iterdir() if path.is_file()}
     named = {kind: name for kind in _PACKAGE_FILES for name in kind.names[::-1] if name in present}
     if not named:

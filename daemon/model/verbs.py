@@ -89,7 +89,7 @@ class ServerThread(Enum):
 
 READER, WRITER, CARRIER = ServerThread.READER, ServerThread.WRITER, ServerThread.CARRIER
 
-# Of requests that are ids and a few texts of at most 400 characters; and no more is read of others.
+# Enough for ids and a few texts of at most 400 characters, which is what most requests are.
 _SMALL: Final = 16 * 2**10
 
 
@@ -98,16 +98,17 @@ _SMALL: Final = 16 * 2**10
 class Verb(Generic[P, A]):
     """Something the daemon can be asked: ``name`` is the last part of the request's key.
 
-    ``request`` makes the request (its parameters are those of the client's method), ``largest``
-    are the bytes it may have, and ``advice`` says what to do about one that is larger. A ``slow``
-    one may take up to a minute, with 100,000 runs say.
+    Who may ask it has no default: what nobody thought about must not be everybody's. ``request``
+    makes the request (its parameters are those of the client's method), ``largest`` are the bytes
+    it may have, and ``advice`` says what to do about one that is larger. A ``slow`` one may take up
+    to a minute, with 100,000 runs say.
     """
 
     name: str
     request: Callable[P, object]
     answer: type[A]
     about: str
-    roles: frozenset[Role] = VIEWING
+    roles: frozenset[Role]
     thread: ServerThread = READER
     largest: int = _SMALL
     slow: bool = False
@@ -120,23 +121,26 @@ class Verb(Generic[P, A]):
 AnyVerb: TypeAlias = Verb[..., Any]
 
 # fmt: off
-OVERVIEW: Final = Verb("overview", Empty, DaemonOverview, "How everything stands, in one line.")
+OVERVIEW: Final = Verb("overview", Empty, DaemonOverview,
+    "How everything stands, in one line.", VIEWING)
 CAMPAIGNS: Final = Verb("campaigns", Empty, tuple[CampaignRow, ...],
-    "All campaigns, the newest first.")
+    "All campaigns, the newest first.", VIEWING)
 RUNS: Final = Verb("runs", RunQuery, RunPage,
-    "A page of at most 1000 runs; ``text`` is looked for in label, oracle, reason and id.")
-RUN: Final = Verb("run", IdRequest, RunDetail, "Everything about one run.")
+    "A page of at most 1000 runs; ``text`` is looked for in label, oracle, reason and id.",
+    VIEWING)
+RUN: Final = Verb("run", IdRequest, RunDetail, "Everything about one run.", VIEWING)
 DECLARED: Final = Verb("declared", IdRequest, AssessmentRules,
-    "What a campaign declares about its results: policy, comparisons, expectations.")
+    "What a campaign declares about its results: policy, comparisons, expectations.", VIEWING)
 RECORDS: Final = Verb("records", RecordQuery, tuple[RunRecord, ...],
-    "A page of the runs of a campaign with their verdicts, in order.", slow=True)
+    "A page of the runs of a campaign with their verdicts, in order.", VIEWING, slow=True)
 SCENE: Final = Verb("scene", IdRequest, Scene,
     "A compiled scene, by its digest.", VIEWING | WORKING)
-WORKERS: Final = Verb("workers", Empty, tuple[WorkerRow, ...], "The workers connected now.")
+WORKERS: Final = Verb("workers", Empty, tuple[WorkerRow, ...],
+    "The workers connected now.", VIEWING)
 DISK: Final = Verb("disk", Empty, DiskUsage,
-    "How much space there is where the daemon keeps things.")
+    "How much space there is where the daemon keeps things.", VIEWING)
 FETCH: Final = Verb("fetch", TraceDownloadRequest, DownloadChunk,
-    "A part of the trace of a run.", thread=CARRIER, slow=True)
+    "A part of the trace of a run.", VIEWING, CARRIER, slow=True)
 FILE: Final = Verb("file", FileDownloadRequest, DownloadChunk,
     "A part of a file of a system under test.", WORKING, CARRIER)
 KEEP: Final = Verb("keep", FileUploadChunk, UploadProgress,

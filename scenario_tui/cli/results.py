@@ -30,9 +30,14 @@ from scenario_tui.text.assessment_text import (
     attention_lists,
     cell_text,
     comparison_cell_text,
+)
+from scenario_tui.text.formatting import (
+    NOTHING,
+    TERMINAL_STYLES,
+    fine_duration,
+    pluralise,
     quiet_style,
 )
-from scenario_tui.text.formatting import NOTHING, TERMINAL_STYLES, fine_duration, pluralise
 from scenario_tui.text.results import CampaignResults
 
 

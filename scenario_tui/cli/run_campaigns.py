@@ -243,7 +243,7 @@ def wait(
         results = gather_results(daemon, row)
     if as_json:
         emit_results(results)
-    said = conclude(results.assessment, finished=row.finished).said
+    said = conclude(results.assessment, finished=row.finished).glyph_text
     if not row.finished:
         left = pluralise(row.queued + row.running, "run")
         # What is said so far is said, but a campaign that goes on has no verdict yet.

@@ -28,7 +28,7 @@ from scenario_tui.terminal.filters import BrightThemeColours
 from scenario_tui.text.formatting import pluralise
 
 FRAMES: Final = 10
-"""How often a second the screen takes over what the feed has found."""
+"""How often a second the screen takes over what the feed has found, live maps included."""
 _READY: Final = 0.5
 """Seconds after which the first screen is there and other ones can be loaded."""
 
@@ -38,6 +38,8 @@ class Dashboard(BaseDashboard):
 
     TITLE = "scenario"
     CSS_PATH = ["dashboard.tcss", "playing.tcss"]  # noqa: RUF012
+    # Narrow screens show one thing, Enter and Escape lead in and out; wide ones a table and beside
+    # it what the cursor is on, which takes 110 columns.
     HORIZONTAL_BREAKPOINTS = [(0, "-narrow"), (110, "-wide")]  # noqa: RUF012
     VERTICAL_BREAKPOINTS = [(0, "-short"), (16, "-tall")]  # noqa: RUF012
     COMMAND_PALETTE_BINDING = "colon"
@@ -74,9 +76,9 @@ class Dashboard(BaseDashboard):
         if self.config.theme:
             self.theme = self.config.theme
         self.set_keymap(self.config.keys)
-        self.feed.on_answer = partial(self.call_later, self.look)
+        self.feed.on_answer = partial(self.call_later, self.update_state)
         self.feed.start()
-        self.set_interval(1.0 / FRAMES, self.look)
+        self.set_interval(1.0 / FRAMES, self.update_state)
         self.set_timer(_READY, self._load_screens)
 
     @work(thread=True)
@@ -89,26 +91,26 @@ class Dashboard(BaseDashboard):
         """Stop asking."""
         self.feed.close()
 
-    def look(self) -> None:
+    def update_state(self) -> None:
         """Take over what is new and bring the screen in front up to date."""
-        picture, lives, notices = self.feed.take()
-        self.errands.settle()
+        state, lives, notices = self.feed.take_news()
+        self.background_tasks.deliver()
         for live in lives:
             self.tracks.add(live)
         for notice in notices:
             self.notify(notice.text, severity=notice.severity, markup=False)
-        if picture is not None:
-            self.picture = picture
+        if state is not None:
+            self.daemon_state = state
         now = self.clock()
         # Ages grow even when nothing is new.
-        if picture is not None or lives or now - self._said >= 1.0:
+        if state is not None or lives or now - self._said >= 1.0:
             self._said = now
-            self._present()
+            self._update_front_screen()
 
-    def _present(self) -> None:
+    def _update_front_screen(self) -> None:
         for screen in reversed(self.screen_stack):
             if isinstance(screen, BaseScreen):
-                screen.present()
+                screen.update_from_state()
                 return
 
     def action_submit(self) -> None:
@@ -159,21 +161,23 @@ class Dashboard(BaseDashboard):
 
     def farewell(self) -> str:
         """Say what goes on without the dashboard."""
-        overview = self.picture.overview
+        overview = self.daemon_state.overview
         said = ["Left the dashboard"]
-        if overview is not None and self.picture.connected:
+        if overview is not None and self.daemon_state.connected:
             waiting = overview.queued + overview.running
             runs = pluralise(waiting, "unfinished run")
             said.append(f"the daemon goes on with {runs}" if waiting else "no run is waiting")
-        said += [f"a process of its own goes on {doing}" for doing in sorted(self.going_on)]
-        return f"{'; '.join(said)}. Back with: {self.equivalent.line('tui')}"
+        said += [f"a process of its own goes on {doing}" for doing in sorted(self.running_jobs)]
+        return f"{'; '.join(said)}. Back with: {self.command_lines.daemon_line('tui')}"
 
 
 def run_dashboard(
-    open_daemon: ClientOpener, config: Config | None = None, equivalent: CommandLines | None = None
+    open_daemon: ClientOpener,
+    config: Config | None = None,
+    command_lines: CommandLines | None = None,
 ) -> tuple[int, str]:
     """Show the dashboard until somebody leaves it; return exit code and parting words."""
-    app = Dashboard(Feed(open_daemon), config=config, equivalent=equivalent)
+    app = Dashboard(Feed(open_daemon), config=config, command_lines=command_lines)
     # The screen is drawn on standard error: a warning printed there would tear it.
     logging.getLogger().addHandler(logging.NullHandler())
     with warnings.catch_warnings():

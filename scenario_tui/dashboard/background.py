@@ -1,4 +1,4 @@
-"""What the dashboard has done elsewhere: in threads, or by ``scenario`` commands as child processes.
+"""What the dashboard has done elsewhere: in threads, or by ``scenario`` commands as children.
 
 Every background task has a thread of its own. What comes of it waits until the thread that draws
 asks, so that nothing touches the screen from elsewhere, also while it is being taken down. Judging
@@ -28,10 +28,14 @@ from grammars.text.diagnostics import InputError
 T = TypeVar("T")
 
 Problem = Callable[[str], None]
+_PROGRAM: Final = "from scenario_tui.cli import main; main()"
+CommandAnswer: TypeAlias = Mapping[str, Any]
+CommandRunner: TypeAlias = Callable[[tuple[str, ...]], CommandAnswer]
+"""Runs ``scenario`` with arguments and ``--json``; returns the object it wrote."""
 
 
 class BackgroundTasks:
-    """Runs errands; :meth:`settle` passes on what came of them."""
+    """Runs tasks in threads of their own; :meth:`deliver` passes on what came of them."""
 
     def __init__(self) -> None:
         self._done: deque[Callable[[], None]] = deque()
@@ -39,17 +43,18 @@ class BackgroundTasks:
     def start(self, work: Callable[[], T], then: Callable[[T], None], otherwise: Problem) -> None:
         """Have ``work`` done by another thread; ``then`` takes what it returns.
 
-        ``otherwise`` is told why it could not be done. Both are called by :meth:`settle`.
+        ``otherwise`` is told why it could not be done. Both are called by :meth:`deliver`.
         """
-        # Nobody waits for an errand who leaves the dashboard.
-        errand = partial(self._run, work, then, otherwise)
-        threading.Thread(target=errand, name="errand", daemon=True).start()
+        # Nobody waits for a task who leaves the dashboard.
+        task = partial(self._run, work, then, otherwise)
+        threading.Thread(target=task, name="background task", daemon=True).start()
 
-    def settle(self) -> bool:
+    def deliver(self) -> bool:
         """Pass on what was done since; return whether there was something.
 
-        A bug in an errand is raised here, where it is seen.
+        A bug in a task is raised here, where it is seen.
         """
+        # Only those: what they start may be done at once, and the screen has to be drawn, too.
         waiting = len(self._done)
         for _ in range(waiting):
             self._done.popleft()()
@@ -64,6 +69,7 @@ class BackgroundTasks:
             where = f": {error.filename}" if error.filename else ""
             self._done.append(partial(otherwise, f"{error.strerror or error}{where}"))
         except Exception as error:
+            # Nobody sees what a thread dies of.
             self._done.append(partial(_raise, error))
         else:
             self._done.append(partial(then, found))
@@ -71,9 +77,6 @@ class BackgroundTasks:
 
 def _raise(error: Exception) -> None:
     raise error
-
-
-_PROGRAM: Final = "from scenario_tui.cli import main; main()"
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,19 +94,20 @@ class CommandLines:
     def _named(option: str, value: object) -> tuple[str, ...]:
         return (option, str(value)) if value else ()
 
-    def line(self, command: str, *arguments: str) -> str:
+    def daemon_line(self, command: str, *arguments: str) -> str:
         """Return the command line of something the daemon is asked for."""
         # A negative number is no option: it must come last, behind a bare --.
         last = ("--", arguments[-1]) if _negative(arguments) else ()
         plain = arguments[:-1] if last else arguments
         return shlex.join(("scenario", command, *plain, *self._daemon, *last))
 
-    def local(self, state: Path, command: str, *arguments: str) -> tuple[str, ...]:
+    def local_arguments(self, state: Path, command: str, *arguments: str) -> tuple[str, ...]:
         """Return the arguments of something done here, on the state directory ``state``."""
         from daemon.batch.paths import StatePaths
 
-        told = self.state or (None if StatePaths.find().state == state else state)
-        return (command, *arguments, *self._named("--state", told))
+        # Named when it is not the one found without: what is told to be typed shall be short.
+        state_option = self.state or (None if StatePaths.find().state == state else state)
+        return (command, *arguments, *self._named("--state", state_option))
 
 
 def _negative(arguments: tuple[str, ...]) -> bool:
@@ -120,16 +124,11 @@ def command_argv(arguments: tuple[str, ...]) -> list[str]:
     return python_command("-c", _PROGRAM, *arguments)
 
 
-CommandAnswer: TypeAlias = Mapping[str, Any]
-CommandRunner: TypeAlias = Callable[[tuple[str, ...]], CommandAnswer]
-"""Runs ``scenario`` with arguments and ``--json``; returns the object it wrote."""
-
-
 def run_command(arguments: tuple[str, ...]) -> CommandAnswer:
     """Run a command and return what it wrote.
 
-    It goes on when the dashboard is left. Raises :class:`daemon.batch.errors.DaemonError` with its last
-    words when it wrote nothing usable.
+    It goes on when the dashboard is left. Raises :class:`daemon.batch.errors.DaemonError` with its
+    last words when it wrote nothing usable.
     """
     done = subprocess.run(
         command_argv((*arguments, "--json")),
@@ -138,6 +137,8 @@ def run_command(arguments: tuple[str, ...]) -> CommandAnswer:
         text=True,
         check=False,
         start_new_session=True,
+        # Its last words become a notice: in one line, without colours, and in its own session it
+        # does not hear Ctrl-C or that the terminal was closed.
         env=os.environ | {"COLUMNS": "160", "TERM": "dumb"},
     )
     try:

@@ -33,22 +33,22 @@ class BaseDashboard(LimitedTerminalApp):
         *,
         clock: Callable[[], float] = time.time,
         config: Config | None = None,
-        equivalent: CommandLines | None = None,
-        ask: CommandRunner = run_command,
-        examine: FileChecker = check_file_in_child,
+        command_lines: CommandLines | None = None,
+        run_command: CommandRunner = run_command,
+        check_file: FileChecker = check_file_in_child,
     ) -> None:
         super().__init__()
         self.feed = feed
-        self.errands = BackgroundTasks()
-        self.ask, self.examine = ask, examine
-        self.equivalent = equivalent or CommandLines()
+        self.background_tasks = BackgroundTasks()
+        self.run_command, self.check_file = run_command, check_file
+        self.command_lines = command_lines or CommandLines()
         self.config = config or Config()
         self.read_only = self.config.read_only
         self.submitted: tuple[Path, ...] = ()
-        self.going_on: set[str] = set()
-        self.marked = ""
+        self.running_jobs: set[str] = set()
+        self.marked_run = ""
         self.clock = clock
-        self.picture = DashboardState()
+        self.daemon_state = DashboardState()
         self.tracks = Tracks()
         self._said = 0.0
 
@@ -66,16 +66,17 @@ class BaseDashboard(LimitedTerminalApp):
 
     def may_steer(self) -> bool:
         """Whether anything may be changed from here; says so when not."""
+        # Only what people see here is barred: who may do what, the daemon decides by their key.
         if self.read_only:
             self.problem("read-only: nothing is changed from this dashboard")
-        elif not self.picture.connected:
+        elif not self.daemon_state.connected:
             self.problem("no daemon answers: nothing was done")
-        return self.picture.connected and not self.read_only
+        return self.daemon_state.connected and not self.read_only
 
     def steer(self, action: Action, command: str) -> None:
         """Have the daemon do something; what comes of it is said with what to type instead."""
         if self.may_steer():
-            self.feed.do(lambda daemon: f"{action(daemon)}\nsame as: {command}")
+            self.feed.enqueue_action(lambda daemon: f"{action(daemon)}\nsame as: {command}")
 
     def say(self, text: str, command: str) -> None:
         """Say something, and what to type to do the same."""
@@ -87,8 +88,9 @@ class BaseDashboard(LimitedTerminalApp):
 
     def copy(self, command: str) -> None:
         """Put a command line into the clipboard of the terminal, also over SSH (OSC 52)."""
+        # tmux ignores OSC 52 of programs inside of it, and is told itself.
         self.copy_to_clipboard(command)
-        self.errands.start(partial(copy_to_tmux, command), _nothing, self.problem)
+        self.background_tasks.start(partial(copy_to_tmux, command), _nothing, self.problem)
         self.notify(f"copied: {command}", markup=False)
 
     def remember(self, file: Path) -> None:

@@ -17,26 +17,95 @@ from __future__ import annotations
 
 import re
 import tomllib
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Final
+from typing import Annotated, Any, Final
 
 import platformdirs
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
+from pydantic_core import ErrorDetails, PydanticCustomError
 
 from grammars.text.diagnostics import Diagnostic, InputError, Where, did_you_mean
 
-_TABLES: Final = ("dashboard", "keys", "themes")
-_SETTINGS: Final[Mapping[str, type]] = {"theme": str, "read-only": bool, "mouse": bool}
-_WORDS: Final = {str: "a text in quotes", bool: "true or false"}
-_THEME_SWITCHES: Final = ("dark", "ansi")
-_THEME_NUMBERS: Final = ("luminosity-spread", "text-alpha")
-_THEME_COLOURS: Final = (
-    "primary", "secondary", "warning", "error", "success", "accent", "foreground", "background",
-    "surface", "panel", "boost",
-)  # fmt: skip
 _AT: Final = re.compile(r"\(at line (\d+), column (\d+)\)")
 _HEADER: Final = re.compile(r"\s*\[\s*([^\[\]]+?)\s*\]")
+_WRONG_TYPE: Final = {
+    "string_type": "must be a text in quotes",
+    "bool_type": "must be true or false",
+    "float_type": "must be a number",
+}
+
+
+def _colour(value: object) -> str:
+    if not isinstance(value, str):
+        raise PydanticCustomError("colour", 'must be a colour in quotes, such as "#88c0d0"')
+    # Only files with themes of their own pay for what knows colours.
+    from textual.color import Color, ColorParseError
+
+    try:
+        Color.parse(value)
+    except ColorParseError as error:
+        message = f'is no colour: "{value}" (write "#88c0d0")'
+        raise PydanticCustomError("colour", "{message}", {"message": message}) from error
+    return value
+
+
+def _keys(value: Any) -> str:
+    keys = value if isinstance(value, list) else [value]
+    if not keys or not all(isinstance(key, str) and key.strip(" ,") for key in keys):
+        raise PydanticCustomError("keys", "must be a key in quotes, or a list of them")
+    return ",".join(part.strip() for key in keys for part in key.split(",") if part.strip())
+
+
+_Colour = Annotated[str, BeforeValidator(_colour)]
+_Keys = Annotated[str, BeforeValidator(_keys)]
+
+
+class _Table(BaseModel):
+    """A table of the file: a word nobody knows is a mistake, and so is ``"yes"`` for ``true``."""
+
+    # Named with hyphens, as TOML files are written; the errors of pydantic name them so, too.
+
+    model_config = ConfigDict(
+        extra="forbid", strict=True, alias_generator=lambda name: name.replace("_", "-")
+    )
+
+    @classmethod
+    def names(cls) -> list[str]:
+        return [field.alias or name for name, field in cls.model_fields.items()]
+
+
+class _DashboardTable(_Table):
+    theme: str = ""
+    read_only: bool = False
+    mouse: bool = True
+
+
+class _ThemeTable(_Table):
+    """What :class:`textual.theme.Theme` takes; only what the file sets is handed to it."""
+
+    primary: _Colour
+    secondary: _Colour = ""
+    warning: _Colour = ""
+    error: _Colour = ""
+    success: _Colour = ""
+    accent: _Colour = ""
+    foreground: _Colour = ""
+    background: _Colour = ""
+    surface: _Colour = ""
+    panel: _Colour = ""
+    boost: _Colour = ""
+    dark: bool = True
+    ansi: bool = False
+    luminosity_spread: float = 0.0
+    text_alpha: float = 0.0
+
+
+class _ConfigFile(_Table):
+    dashboard: _DashboardTable = Field(default_factory=_DashboardTable)
+    keys: dict[str, _Keys] = Field(default_factory=dict)
+    themes: dict[str, _ThemeTable] = Field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,29 +124,11 @@ class Config:
     keys: Mapping[str, str] = field(default_factory=dict)
     themes: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
 
+    # The text is kept because names of keys and themes are checked later, by those who know them,
+    # and the line is wanted then, too.
     def where(self, table: str, name: str = "") -> Where:
         """Return where something of a table is written, as well as it can be found."""
         return Where(str(self.path or ""), _line(self.text, table, name))
-
-    def check_keys(self, known: Iterable[str]) -> None:
-        """Raise :class:`InputError` for ids of bindings there are not."""
-        ids = tuple(known)
-        wrong = [name for name in self.keys if name not in ids]
-        if wrong:
-            raise InputError(self._unknown(name, ids) for name in wrong)
-
-    def _unknown(self, name: str, ids: tuple[str, ...]) -> Diagnostic:
-        message = f'unknown key id "{name}"; ids are {", ".join(sorted(ids))}'
-        return Diagnostic(
-            self.where("keys", name), message, "`scenario tui --bindings` says what they do"
-        )
-
-    def check_theme(self, known: Iterable[str]) -> None:
-        """Raise :class:`InputError` for a theme that is neither built in nor in the file."""
-        names = (*known, *self.themes)
-        if self.theme and self.theme not in names:
-            message = f'unknown theme "{self.theme}"; themes are {", ".join(sorted(names))}'
-            raise InputError(Diagnostic(self.where("dashboard", "theme"), message))
 
 
 def config_path() -> Path:
@@ -103,19 +154,19 @@ def read_config(path: Path | None = None) -> Config:
         data = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
         raise InputError(_no_toml(path, error)) from error
-    config = Config(path, text)
-    found = tuple(_problems(config, data))
-    if found:
-        raise InputError(found)
-    dashboard = data.get("dashboard", {})
+    try:
+        file = _ConfigFile.model_validate(data)
+    except ValidationError as error:
+        config = Config(path, text)
+        found = (_problem(config, one) for one in error.errors())
+        # pydantic goes through the settings it knows; people read their file from the top.
+        raise InputError(sorted(found, key=lambda one: one.where.line)) from error
     return Config(
         path,
         text,
-        theme=dashboard.get("theme", ""),
-        read_only=dashboard.get("read-only", False),
-        mouse=dashboard.get("mouse", True),
-        keys={name: _keys(keys) for name, keys in data.get("keys", {}).items()},
-        themes={name: _theme(body) for name, body in data.get("themes", {}).items()},
+        **dict(file.dashboard),
+        keys=file.keys,
+        themes={name: theme.model_dump(exclude_unset=True) for name, theme in file.themes.items()},
     )
 
 
@@ -126,85 +177,35 @@ def _no_toml(path: Path, error: tomllib.TOMLDecodeError) -> Diagnostic:
     return Diagnostic(where, f"is no TOML: {said}")
 
 
-def _problems(config: Config, data: Mapping[str, Any]) -> Iterator[Diagnostic]:
-    for table, body in data.items():
-        if table not in _TABLES:
-            message = f'unknown table or setting "{table}"'
-            place = config.where(table) if isinstance(body, dict) else config.where("", table)
-            hint = "did you mean to write it below [dashboard]?" if table in _SETTINGS else ""
-            yield Diagnostic(place, message, hint or did_you_mean(table, _TABLES))
-        elif not isinstance(body, dict):
-            yield Diagnostic(config.where("", table), f'"{table}" must be a table: [{table}]')
-        else:
-            yield from _CHECKS[table](config, body)
+def _problem(config: Config, error: ErrorDetails) -> Diagnostic:
+    """Return what pydantic found, in the words and with the places of the file."""
+    *tables, name = map(str, error["loc"])
+    kind, table = error["type"], ".".join(tables)
+    if kind in ("model_type", "dict_type"):
+        if tables:
+            return Diagnostic(config.where(table, name), f"must be a table: [{table}.{name}]")
+        return Diagnostic(config.where("", name), f'"{name}" must be a table: [{name}]')
+    if kind == "missing":
+        return Diagnostic(config.where(table), f'theme "{tables[-1]}" needs a colour "{name}"')
+    if kind != "extra_forbidden":
+        message = _WRONG_TYPE.get(kind, error["msg"])
+        return Diagnostic(config.where(table, name), f'"{name}" {message}')
+    return _unknown_name(config, tables, name, isinstance(error["input"], dict))
 
 
-def _dashboard_problems(config: Config, body: Mapping[str, Any]) -> Iterator[Diagnostic]:
-    for name, value in body.items():
-        kind = _SETTINGS.get(name)
-        where = config.where("dashboard", name)
-        if kind is None:
-            yield Diagnostic(where, f'unknown setting "{name}"', did_you_mean(name, _SETTINGS))
-        elif not isinstance(value, kind):
-            yield Diagnostic(where, f'"{name}" must be {_WORDS[kind]}')
-
-
-def _key_problems(config: Config, body: Mapping[str, Any]) -> Iterator[Diagnostic]:
-    for name, value in body.items():
-        keys = value if isinstance(value, list) else [value]
-        if not keys or not all(isinstance(key, str) and key.strip(" ,") for key in keys):
-            message = f'"{name}" must be a key in quotes, or a list of them'
-            yield Diagnostic(config.where("keys", name), message)
-
-
-def _theme_problems(config: Config, body: Mapping[str, Any]) -> Iterator[Diagnostic]:
-    for theme, values in body.items():
-        table = f"themes.{theme}"
-        if not isinstance(values, dict):
-            yield Diagnostic(config.where("themes", theme), f"must be a table: [themes.{theme}]")
-            continue
-        if "primary" not in values:
-            yield Diagnostic(config.where(table), f'theme "{theme}" needs a colour "primary"')
-        for name, value in values.items():
-            expected = _expected(name, value)
-            if expected:
-                yield Diagnostic(config.where(table, name), f'"{name}" {expected}')
-
-
-def _expected(name: str, value: object) -> str:
-    """Return what is wrong with one value of a theme, empty when nothing is."""
-    if name in _THEME_COLOURS:
-        if not isinstance(value, str):
-            return 'must be a colour in quotes, such as "#88c0d0"'
-        return "" if _is_colour(value) else f'is no colour: "{value}" (write "#88c0d0")'
-    if name in _THEME_SWITCHES:
-        return "" if isinstance(value, bool) else "must be true or false"
-    if name in _THEME_NUMBERS:
-        number = isinstance(value, int | float) and not isinstance(value, bool)
-        return "" if number else "must be a number"
-    known = (*_THEME_COLOURS, *_THEME_SWITCHES, *_THEME_NUMBERS)
-    return f"is nothing a theme has; {did_you_mean(name, known)}"
-
-
-def _is_colour(text: str) -> bool:
-    # Only files with themes of their own pay for what knows colours.
-    from textual.color import Color, ColorParseError
-
-    try:
-        Color.parse(text)
-    except ColorParseError:
-        return False
-    return True
-
-
-def _keys(value: str | list[str]) -> str:
-    keys = value if isinstance(value, list) else [value]
-    parts = [part.strip() for key in keys for part in (key.split(",") if key != "," else ["comma"])]
-    return ",".join(part for part in parts if part)
-
-
-def _theme(body: Mapping[str, Any]) -> dict[str, Any]:
-    return {name.replace("-", "_"): value for name, value in body.items()}
+def _unknown_name(config: Config, tables: list[str], name: str, is_table: bool) -> Diagnostic:
+    if not tables:
+        where = config.where(name) if is_table else config.where("", name)
+        hint = did_you_mean(name, _ConfigFile.names())
+        if name in _DashboardTable.names():
+            hint = "did you mean to write it below [dashboard]?"
+        return Diagnostic(where, f'unknown table or setting "{name}"', hint)
+    where = config.where(".".join(tables), name)
+    if tables == ["dashboard"]:
+        hint = did_you_mean(name, _DashboardTable.names())
+        return Diagnostic(where, f'unknown setting "{name}"', hint)
+    message = f'"{name}" is nothing a theme has; {did_you_mean(name, _ThemeTable.names())}'
+    return Diagnostic(where, message)
 
 
 def _line(text: str, table: str, name: str) -> int:
@@ -221,10 +222,3 @@ def _line(text: str, table: str, name: str) -> int:
         elif not inside and not name and re.match(rf"\s*{re.escape(table)}\s*[=.]", line):
             begins = number
     return begins
-
-
-_CHECKS: Final = {
-    "dashboard": _dashboard_problems,
-    "keys": _key_problems,
-    "themes": _theme_problems,
-}

@@ -62,6 +62,7 @@ def classes_with_bindings() -> tuple[type[DOMNode], ...]:
 
 
 def _bound(module: Any) -> Iterator[type[DOMNode]]:
+    # Found, not listed: a screen with keys that nobody listed could not be configured.
     for kind in vars(module).values():
         ours = isinstance(kind, type) and kind.__module__ == module.__name__
         if ours and issubclass(kind, DOMNode) and "BINDINGS" in vars(kind):
@@ -85,16 +86,28 @@ def check_config(config: Config) -> None:
     """
     from textual.theme import BUILTIN_THEMES
 
-    config.check_theme(BUILTIN_THEMES)
-    if not config.keys:
-        return
-    config.check_keys({bound.id for bound in list_key_bindings()})
-    found = [*_unknown_keys(config), *_clashes(config)]
-    if found:
-        raise InputError(found)
+    themes = sorted((*BUILTIN_THEMES, *config.themes))
+    if config.theme and config.theme not in themes:
+        message = f'unknown theme "{config.theme}"; themes are {", ".join(themes)}'
+        raise InputError(Diagnostic(config.where("dashboard", "theme"), message))
+    # Finding all keys loads every screen.
+    if config.keys:
+        found = [*_unknown_ids(config)] or [*_unknown_keys(config), *_clashes(config)]
+        if found:
+            raise InputError(found)
+
+
+def _unknown_ids(config: Config) -> Iterator[Diagnostic]:
+    ids = sorted({bound.id for bound in list_key_bindings()})
+    for name in config.keys:
+        if name not in ids:
+            message = f'unknown key id "{name}"; ids are {", ".join(ids)}'
+            hint = "`scenario tui --bindings` says what they do"
+            yield Diagnostic(config.where("keys", name), message, hint)
 
 
 def _unknown_keys(config: Config) -> Iterator[Diagnostic]:
+    # Textual takes any name and then waits for a key that never comes.
     known = {key.value.rpartition("+")[2] for key in Keys}
     known |= {_character_to_key(chr(code)) for code in range(33, 127)}
     for name, keys in config.keys.items():
@@ -107,15 +120,16 @@ def _unknown_keys(config: Config) -> Iterator[Diagnostic]:
 
 def _clashes(config: Config) -> Iterator[Diagnostic]:
     """Report keys that would mean two things on one screen, and do not without the file."""
-    told: set[tuple[str, ...]] = set()
+    reported: set[tuple[str, ...]] = set()
     for kind in classes_with_bindings():
         if not issubclass(kind, Screen):
             continue
         bindings = all_bindings(kind) + _around(kind)
+        # Some keys have two meanings on purpose: Escape leaves the filter first, then the screen.
         before = _doubles(bindings, {})
         for key, ids in _doubles(bindings, config.keys).items():
-            if ids != before.get(key) and ids not in told:
-                told.add(ids)
+            if ids != before.get(key) and ids not in reported:
+                reported.add(ids)
                 mapped = next(name for name in config.keys if name in ids)
                 others = " and ".join(f'"{name}"' for name in ids if name != mapped)
                 message = f'"{key}" would mean both "{mapped}" and {others} ({_place(kind)})'

@@ -12,6 +12,7 @@ from grammars.model.geometry import Point2, Pose2
 from scenario_tui.client import DaemonClient
 
 _TRAIL_POINTS: Final = 4000
+"""Points of a way at most: more of them would fall into the same dots of the map."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,6 +78,7 @@ def can_fetch_trace(detail: RunDetail, source: DaemonClient) -> bool:
         return False
     if is_url(row.trace):
         return True
+    # Only the daemon knows whether it can: asked for the first piece, it says so.
     try:
         source.piece(row.id, 0)
     except Refused:

@@ -25,26 +25,27 @@ from scenario_tui.dashboard.signal_strips import (
     RunTimeline,
     SignalStrip,
     TimeSpan,
-    next_moment,
-    previous_moment,
 )
 from scenario_tui.dashboard.widgets.cell_view import segments
 from scenario_tui.dashboard.widgets.top_view import REPLAY_LEGEND, STYLES, View, draw_view
 from scenario_tui.text.formatting import (
     DASHBOARD_STYLES,
     QUIET,
-    SEVERITY,
-    glyph_word,
-    margin,
     pluralise,
-    time_text,
 )
+from scenario_tui.text.verdict_text import verdict_lines
 
 DOOR_CLEARANCE: Final = "clearance(doors)"
 """Name of the signal that is the least clearance of any object that moves."""
 _USUAL: Final = ("loc.error", "clearance", DOOR_CLEARANCE, "speed")
 _AJAR: Final = 0.05
 """A door this far from how it is drawn, shut, counts as open [rad or m]."""
+RAYS: Final = 120
+"""Laser returns shown of one scan at most: more of them fall into the same dots."""
+_STEP: Final = 0.03
+"""Metres between two points of the trail."""
+_CHROME: Final = 3
+"""Lines of a frame that are neither map nor verdicts: headline, timeline and legend."""
 
 
 def sample_timeline(trace: Trace, verdicts: Sequence[Verdict]) -> RunTimeline:
@@ -67,11 +68,12 @@ def sample_timeline(trace: Trace, verdicts: Sequence[Verdict]) -> RunTimeline:
 
 
 def _strips(sampler: SignalSampler) -> tuple[SignalStrip, ...]:
-    courses = [oracle_timeline(oracle, sampler) for oracle in sampler.trace.spec.oracles]
-    asked = {render(signal): signal for course in courses for signal in course.signals}
+    oracles = [oracle_timeline(one, sampler) for one in sampler.trace.spec.oracles]
+    asked = {render(signal): signal for oracle in oracles for signal in oracle.signals}
     usual = {name: Signal(name) for name in _USUAL if name != DOOR_CLEARANCE}
-    found = {name: _strip(name, signal, sampler, courses) for name, signal in
+    found = {name: _strip(name, signal, sampler, oracles) for name, signal in
              (usual | asked).items()}  # fmt: skip
+    # No signal of the language: the least clearance of every object, each of which is one.
     found[DOOR_CLEARANCE] = _nearest_door(sampler)
     order = [*_USUAL, *(name for name in asked if name not in _USUAL)]
     known = (found[name] for name in order)
@@ -79,17 +81,17 @@ def _strips(sampler: SignalSampler) -> tuple[SignalStrip, ...]:
 
 
 def _strip(
-    name: str, signal: Signal, sampler: SignalSampler, courses: Iterable[OracleTimeline]
+    name: str, signal: Signal, sampler: SignalSampler, oracles: Iterable[OracleTimeline]
 ) -> SignalStrip:
     kind = kind_of(signal)
-    readers = [c for c in courses if name in {render(read) for read in c.signals}]
-    limits = {limit for c in readers for read, limit in c.limits if read == name}
-    against = [stretch for c in readers for stretch in c.against]
+    readers = [o for o in oracles if name in {render(read) for read in o.signals}]
+    limits = {limit for o in readers for read, limit in o.limits if read == name}
+    against = [span for o in readers for span in o.against]
     values = sampler.sample(signal).values
     unit = "bool" if kind is None else kind.unit
     return SignalStrip(
         name, unit, sampler.time_base.time, values, tuple(sorted(limits)), merge_spans(against),
-        tuple(course.oracle for course in readers),
+        tuple(reader.oracle for reader in readers),
     )  # fmt: skip
 
 
@@ -130,12 +132,6 @@ def _reached(trace: Trace) -> tuple[float, ...]:
     return tuple(moments)
 
 
-RAYS: Final = 120
-"""Laser returns shown of one scan at most: more of them fall into the same dots."""
-_STEP: Final = 0.03
-"""Metres between two points of the trail."""
-
-
 class Playback:
     """A trace made ready for looking at any of its moments; ``verdicts`` are those shown."""
 
@@ -157,14 +153,6 @@ class Playback:
     def waypoints(self) -> int:
         """How many waypoints the mission has."""
         return len(self.trace.spec.mission.waypoints)
-
-    def next_moment(self, time: float) -> FailureMoment | None:
-        """Return the first moment after ``time`` that an oracle was decided against."""
-        return next_moment(self.moments, time)
-
-    def previous_moment(self, time: float) -> FailureMoment | None:
-        """Return the last moment before ``time`` that an oracle was decided against."""
-        return previous_moment(self.moments, time)
 
     def time_of(self, text: str) -> float:
         """Return the moment meant [s]: a number of seconds, or when an oracle was decided.
@@ -248,7 +236,7 @@ class Playback:
         )
 
     @cached_property
-    def chronicle(self) -> RunTimeline:
+    def timeline(self) -> RunTimeline:
         """Signals, doors and mission along time."""
         return sample_timeline(self.trace, self.verdicts)
 
@@ -257,6 +245,7 @@ class Playback:
         """Samples of the trail: each some centimetres on from the one before."""
         way = self.trace.ground_truth
         steps = np.hypot(np.diff(way.x, prepend=way.x[:1]), np.diff(way.y, prepend=way.y[:1]))
+        # By distance, not by time: a robot that waits adds nothing, one that is fast no gaps.
         passed = np.floor(np.cumsum(steps) / _STEP)
         return np.flatnonzero(np.diff(passed, prepend=-1.0) > 0).tolist()
 
@@ -280,6 +269,7 @@ class Playback:
         ranges = scans.ranges[index, ::step].astype(np.float64)
         angles = np.linspace(laser.angle_min, laser.angle_max, laser.rays)[::step]
         seen = np.isfinite(ranges) & (ranges > 0.0)
+        # From where it was then, not now: a scan is older than the pose by up to its period.
         eye = self.pose(float(scans.time[index])) @ laser.mount
         x = eye.x + ranges[seen] * np.cos(eye.yaw + angles[seen])
         y = eye.y + ranges[seen] * np.sin(eye.yaw + angles[seen])
@@ -293,6 +283,7 @@ class Playback:
 
 def _last(stamps: Floats, time: float, least: int = -1) -> int:
     """Return the index of the last stamp until ``time``, at least ``least``."""
+    # A moment that was added up, or typed, may lie a rounding error before the sample it means.
     return max(int(np.searchsorted(stamps, time + 1e-9, side="right")) - 1, least)
 
 
@@ -314,12 +305,6 @@ def open_playback(path: Path, verdicts: Sequence[Verdict] | None = None) -> Play
     return Playback(trace, verdicts)
 
 
-VERDICT_LINES: Final = 3
-"""Lines for verdicts: the worst of them, and how the others are."""
-_CHROME: Final = 3
-"""Lines of a frame that are neither map nor verdicts: headline, timeline and legend."""
-
-
 def headline(playback: Playback, time: float) -> str:
     """Return the first line: when it is, of how much, and how far the mission is."""
     done = f"reached {playback.reached(time)} of {pluralise(playback.waypoints, 'waypoint')}"
@@ -337,44 +322,10 @@ def timeline_bar(playback: Playback, time: float, width: int) -> Text:
     signs = ["━" if index < cell(time) else "─" for index in range(width)]
     signs[cell(time)] = "●"
     text = Text("".join(signs), style=QUIET, no_wrap=True)
+    # Last, over the line and the dot: what was decided must not be hidden by where the replay is.
     for found in playback.moments:
         at = cell(found.time)
         text = Text.assemble(text[:at], ("✗", DASHBOARD_STYLES["fail"]), text[at + 1 :])
-    return text
-
-
-def verdict_lines(playback: Playback, time: float, most: int = VERDICT_LINES) -> list[Text]:
-    """Return at most ``most`` lines on the verdicts, what was decided against first.
-
-    What is decided later than ``time`` is known already but said to lie ahead.
-    """
-    judged = [v for v in playback.verdicts if v.outcome is not Outcome.MEASURE]
-    ordered = sorted(judged, key=lambda v: (SEVERITY.index(v.outcome), v.evidence.time or 0.0))
-    bad = [v for v in ordered if v.outcome is not Outcome.PASS]
-    passed = len(ordered) - len(bad)
-    room = most - (1 if passed or len(bad) > most else 0)
-    lines = [_verdict_line(verdict, time) for verdict in bad[:room]]
-    rest = [f"and {len(bad) - room} more not passed"] if len(bad) > room else []
-    if passed:
-        rest.append(glyph_word("pass").replace("pass", f"{passed} pass"))
-    if rest:
-        lines.append(
-            Text(", ".join(rest), style=QUIET if len(rest) > 1 else DASHBOARD_STYLES["pass"])
-        )
-    return lines or [Text("no oracle judged this run", style=QUIET)]
-
-
-def _verdict_line(verdict: Verdict, time: float) -> Text:
-    text = Text(no_wrap=True, overflow="ellipsis")
-    text.append(glyph_word(verdict.outcome), style=DASHBOARD_STYLES[verdict.outcome])
-    text.append(f"  {verdict.oracle}", style="bold")
-    text.append(f"  {margin(verdict.margin, verdict.unit)}")
-    decided = verdict.evidence.time
-    if decided is not None:
-        ahead = f", {decided - time:.1f} s ahead" if decided > time + 1e-6 else ""
-        text.append(f" at {time_text(decided)}{ahead}", style=QUIET)
-    if verdict.evidence.object:
-        text.append(f"  {verdict.evidence.object}", style=QUIET)
     return text
 
 
@@ -382,7 +333,7 @@ def render_frame(
     playback: Playback, time: float, width: int, height: int, *, zoom: int = 1
 ) -> list[Text]:
     """Return the frame at ``time`` [s] as lines that fit into ``width`` x ``height`` cells."""
-    verdicts = verdict_lines(playback, time)
+    verdicts = verdict_lines(playback.verdicts, time)
     rows = max(3, height - _CHROME - len(verdicts))
     codes, owners = draw_view(playback.view(time), width, rows, zoom=zoom).cells()
     lines = [Text(headline(playback, time), style="bold"), timeline_bar(playback, time, width)]

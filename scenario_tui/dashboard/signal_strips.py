@@ -15,6 +15,10 @@ from grammars.model.geometry import Floats
 
 Alignment = Literal["time", "mission"]
 TimeSpan = tuple[float, float]
+SPEEDS: Final = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0, 200.0, 500.0, 1000.0)
+"""What one goes through when faster or slower is asked for: simulated seconds a second."""
+FLASH: Final = 0.5
+"""Seconds a contact stays to be seen."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -90,6 +94,8 @@ def common_clock(first: RunTimeline, second: RunTimeline, by: Alignment) -> Comm
     """Return the common clock: by simulated time, or by the waypoints both have done."""
     ours, theirs = [first.start], [second.start]
     if by == "mission":
+        # Only moments later than the last in both runs: two waypoints done at one instant would
+        # make the clock jump.
         for a, b in zip(first.reached, second.reached, strict=False):
             if a > ours[-1] and b > theirs[-1]:
                 ours.append(a)
@@ -105,34 +111,28 @@ def _map_times(times: Floats, here: tuple[float, ...], there: tuple[float, ...])
     return mapped
 
 
-def shift_to_clock(chronicle: RunTimeline, clock: CommonClock) -> RunTimeline:
-    """Return the second chronicle as it lies on the time of the first."""
+def shift_to_clock(timeline: RunTimeline, clock: CommonClock) -> RunTimeline:
+    """Return the second timeline as it lies on the time of the first."""
 
     def moved(time: float) -> float:
         return float(clock.to_first(np.array([time]))[0])
 
     return RunTimeline(
-        moved(chronicle.start),
-        moved(chronicle.end),
+        moved(timeline.start),
+        moved(timeline.end),
         tuple(
             replace(
                 strip,
                 time=clock.to_first(strip.time),
                 against=tuple((moved(a), moved(b)) for a, b in strip.against),
             )
-            for strip in chronicle.strips
+            for strip in timeline.strips
         ),
-        tuple(replace(event, time=moved(event.time)) for event in chronicle.doors),
-        tuple(moved(time) for time in chronicle.reached),
-        chronicle.waypoints,
-        tuple(moved(time) for time in chronicle.decided),
+        tuple(replace(event, time=moved(event.time)) for event in timeline.doors),
+        tuple(moved(time) for time in timeline.reached),
+        timeline.waypoints,
+        tuple(moved(time) for time in timeline.decided),
     )
-
-
-SPEEDS: Final = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0, 200.0, 500.0, 1000.0)
-"""What one goes through when faster or slower is asked for: simulated seconds a second."""
-FLASH: Final = 0.5
-"""Seconds a contact stays to be seen."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,6 +11,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Final, Literal
 
+from daemon.model.messages import RunQuery
 from daemon.model.spec import Snapshot
 from daemon.model.status import (
     CampaignRow,
@@ -32,28 +33,32 @@ from scenario_tui.text.results import (
     gather_results,
 )
 
-
-@dataclass(frozen=True, slots=True)
-class RunsQuery:
-    """A page of runs, as :meth:`scenario_tui.client.DaemonClient.runs` takes it."""
-
-    campaign: str = ""
-    state: str = ""
-    outcome: str = ""
-    text: str = ""
-    sort: str = "index"
-    descending: bool = False
-    offset: int = 0
-    limit: int = 100
-    scenario: str = ""
-    sut: str = ""
+_KEPT_RUNS: Final = 64
+"""Running runs whose tracks are kept; nobody looks at more of them at a time."""
+_KEPT_POINTS: Final = 2000
+"""Points of a trail; of a longer one every other point is forgotten."""
+_TRAIL_STEP: Final = 0.03
+"""Metres between two points of a trail; a dot of the map is rarely finer."""
+_CONTACT_FLASH: Final = 0.5
+"""Seconds of the wall a contact stays to be seen."""
+ASSESS_SHOWN_EVERY: Final = 1.0
+"""Seconds between two looks at the campaign that is shown."""
+ASSESS_OTHERS_EVERY: Final = 5.0
+"""Seconds between two looks at another one."""
+CAMPAIGNS_ASSESSED: Final = 100
+"""How many campaigns are judged, the newest first."""
+_SHARE: Final = 0.25
+"""The share of its time the assessor works at most, however large the campaigns are: it is a thread
+beside the one that draws, and only one of them at a time runs Python.
+"""
+_State = tuple[CampaignRow, int]
 
 
 @dataclass(frozen=True, slots=True)
 class Query:
     """What the screen in front shows beyond the overview: nothing else is asked for."""
 
-    runs: RunsQuery | None = None
+    runs: RunQuery | None = None
     run: str = ""
     workers: bool = False
     results: str = ""
@@ -74,13 +79,29 @@ class DashboardState:
     overview: DaemonOverview | None = None
     campaigns: tuple[CampaignRow, ...] = ()
     workers: tuple[WorkerRow, ...] = ()
-    wanted: RunsQuery | None = None
+    wanted: RunQuery | None = None
     page: RunPage | None = None
     detail: RunDetail | None = None
     scene: Scene | None = None
     recording: TraceSummary | UnavailableTrace | None = None
     conclusions: Mapping[str, Conclusion] = field(default_factory=dict)
     results: CampaignResults | None = None
+
+    def campaign(self, campaign: str) -> CampaignRow | None:
+        """Return the campaign with this id."""
+        return next((row for row in self.campaigns if row.id == campaign), None)
+
+    def page_for(self, query: RunQuery) -> RunPage | None:
+        """Return the page of runs asked for; the last one asked for may be another."""
+        return self.page if self.wanted == query else None
+
+    def detail_of(self, run: str) -> RunDetail | None:
+        """Return the details of a run, if that is the one that was asked for last."""
+        return self.detail if self.detail is not None and self.detail.row.id == run else None
+
+    def recording_of(self, run: str) -> TraceSummary | UnavailableTrace | None:
+        """Return what is known of the trace of a run."""
+        return self.recording if self.recording is not None and self.recording.run == run else None
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,15 +110,6 @@ class Notice:
 
     text: str
     severity: Literal["information", "error"] = "information"
-
-
-_KEPT_RUNS: Final = 64
-_KEPT_POINTS: Final = 2000
-"""Points of a trail; of a longer one every other point is forgotten."""
-_TRAIL_STEP: Final = 0.03
-"""Metres between two points of a trail; a dot of the map is rarely finer."""
-_CONTACT_FLASH: Final = 0.5
-"""Seconds of the wall a contact stays to be seen."""
 
 
 @dataclass(slots=True)
@@ -118,6 +130,7 @@ class Track:
             return
         self.trail.append(here)
         if len(self.trail) > _KEPT_POINTS:
+            # Coarser, not shorter: the way from the start stays to be seen.
             del self.trail[1::2]
             self.step *= 2.0
 
@@ -144,24 +157,13 @@ class Tracks:
 
             track.flashes |= dict.fromkeys(from_centimetres(seen.contacts), now + _CONTACT_FLASH)
         self._tracks[live.run] = track
+        # Put in anew above, so that the first of the dictionary was heard of least recently.
         while len(self._tracks) > _KEPT_RUNS:
             self._tracks.pop(next(iter(self._tracks)))
 
     def get(self, run: str) -> Track | None:
         """Return the track of a run, if anything was heard of it."""
         return self._tracks.get(run)
-
-
-ASSESS_SHOWN_EVERY: Final = 1.0
-"""Seconds between two looks at the campaign that is shown."""
-ASSESS_OTHERS_EVERY: Final = 5.0
-"""Seconds between two looks at another one."""
-CAMPAIGNS_ASSESSED: Final = 100
-"""How many campaigns are judged, the newest first."""
-_SHARE: Final = 0.25
-"""The share of its time a judge works at most, however large the campaigns are."""
-
-_State = tuple[CampaignRow, int]
 
 
 class CampaignAssessor:
@@ -185,6 +187,7 @@ class CampaignAssessor:
         self._touches: dict[str, int] = {}
         self._rest_until = 0.0
 
+    # A run that is judged again may change its verdict while all counts stay what they were.
     def touch(self, campaign: str) -> None:
         """Note that something of a campaign changed, even if its counts stay the same."""
         self._touches[campaign] = self._touches.get(campaign, 0) + 1

@@ -1,4 +1,4 @@
-"""What the terminal can do, found out before the first thing is drawn: colours, UTF-8, clipboard."""
+"""What the terminal can do, found out before anything is drawn: colours, UTF-8, clipboard."""
 
 from __future__ import annotations
 
@@ -16,9 +16,13 @@ from dataclasses import dataclass
 from typing import Final, Literal
 
 _PATIENCE: Final = 0.5
+"""Seconds a terminal or tmux gets to answer: some never do, and the first screen waits for it."""
 _CURSOR_REPORT: Final = re.compile(rb"\x1b\[\d+;(\d+)R")
+# As terminfo names them: DEC's terminals, and monochrome variants of others.
 _COLOURLESS: Final = re.compile(r"vt\d|.*-m(ono)?$")
 _UNDRAWABLE: Final = ("", "dumb", "unknown")
+_TMUX_PATIENCE: Final = 2.0
+"""Seconds; in a thread of its own, so that nobody waits."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,6 +70,7 @@ def ascii_only(
     chosen = environ.get("SCENARIO_GLYPHS", "")
     if chosen in ("ascii", "unicode"):
         return chosen == "ascii"
+    # Textual draws on standard error, not on standard output.
     if (sys.stderr.encoding or "").lower().replace("-", "") != "utf8":
         return True
     if not sys.flags.utf8_mode or environ.get("PYTHONUTF8") == "1":
@@ -98,6 +103,7 @@ def terminal_takes_utf8(reading: int = 0, writing: int = 2) -> bool:
         os.write(writing, b"\r   \r")
     finally:
         termios.tcsetattr(reading, termios.TCSANOW, before)
+    # From the first column: one cell further in UTF-8, three where every byte is a character.
     return said is not None and int(said[1]) == 2
 
 
@@ -110,9 +116,6 @@ def _answer(reading: int) -> bytes:
             break
         said += os.read(reading, 256)
     return said
-
-
-_TMUX_PATIENCE: Final = 2.0
 
 
 def copy_to_tmux(text: str, environ: Mapping[str, str] = os.environ) -> bool:

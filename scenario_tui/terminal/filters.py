@@ -26,6 +26,7 @@ from scenario_tui.text.formatting import BAD, BROKEN, BUSY, FACT, GOOD, QUIET, U
 _LIT: Final = 0.1
 """Relative luminance from which on a background is there to be seen, over a dark one."""
 _FAINT: Final = 0.03
+"""Relative luminance below which words are meant to be overlooked; shown dim instead."""
 _GREY: Final = 0.22
 """Saturation below which a colour is none."""
 _HUES: Final = (
@@ -58,11 +59,14 @@ class ReducedColours(LineFilter):
 @lru_cache(maxsize=4096)
 def reduce_style(style: Style, *, colours: bool, dark: bool = True) -> Style:
     """Return a style with the terminal's own colours; without ``colours`` attributes only."""
-    lit = style.bgcolor is not None and _stands_out(_triplet(style.bgcolor), dark)
-    hue = None if lit or not colours or style.color is None else _named(_triplet(style.color))
-    faint = style.color is not None and not lit and _faint(_triplet(style.color), dark)
+    lit = style.bgcolor is not None and _stands_out(style.bgcolor.get_truecolor(), dark)
+    # What stands on a bright background is shown in reverse, in the terminal's own two colours.
+    colour = None if lit or style.color is None else style.color.get_truecolor()
+    faint = colour is not None and _faint(colour, dark)
+    hue = _named(colour) if colour is not None and colours and not faint else None
     return Style(
-        color=None if faint else hue,
+        color=hue,
+        # None and not False: what is not set is not sent.
         bold=style.bold or None,
         dim=faint or style.dim or None,
         italic=style.italic or None,
@@ -70,10 +74,6 @@ def reduce_style(style: Style, *, colours: bool, dark: bool = True) -> Style:
         strike=style.strike or None,
         reverse=bool(style.reverse) != lit or None,
     )
-
-
-def _triplet(colour: TerminalColor) -> ColorTriplet:
-    return colour.get_truecolor()
 
 
 def _luminance(colour: ColorTriplet) -> float:
@@ -104,6 +104,7 @@ def _named(colour: ColorTriplet) -> str | None:
 _BRAILLE: Final = range(0x2800, 0x2900)
 _DENSITY: Final = " ..::::##"
 """How the number of dots of a braille cell looks."""
+# One character for each: a sign that took another number of cells would shift all behind it.
 _SIGNS: Final = str.maketrans(
     "✓✗‼…▶▸›»‖◆◇✱●○■□•·–—−∞×°±µσΔ≤≥≠’‘“”⌫⏎↵⇥←→↑↓↗↖↙↘▲▼△▽◀▪",
     "+xE~>>>>=*oX@o#o*.---Ixo+usD<>#''\"\"<&&><>^v/\\/\\^v^v<#",
@@ -145,6 +146,7 @@ def to_ascii(text: str) -> str:
 def _ascii_character(character: str) -> str:
     if character.isascii():
         return character
+    # Letters lose their accents; what decomposes into more cells than it took is not shown.
     width = cell_len(character)
     letters = unicodedata.normalize("NFKD", character).encode("ascii", "ignore").decode()
     return letters if len(letters) == width else "?" * width

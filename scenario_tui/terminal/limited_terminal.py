@@ -23,6 +23,7 @@ from textual.filter import LineFilter, Monochrome
 from scenario_tui.terminal.capabilities import TerminalLimits, terminal_limits
 from scenario_tui.terminal.filters import AsciiGlyphs, ReducedColours
 
+# All that frames of Textual are made of: placing the cursor, styles, text, ends of lines.
 _TOKEN: Final = re.compile(
     r"\x1b\[(?P<row>\d+);(?P<column>\d+)H"
     r"|\x1b\[(?P<style>[\d;:]*)m"
@@ -30,11 +31,17 @@ _TOKEN: Final = re.compile(
     r"|(?P<newline>\r?\n)"
 )
 _FRAME: Final = re.compile(r"\x1b\[\d+;\d+H")
+# After these nobody knows what the terminal shows: reset, the other screen, cleared.
 _LOST: Final = re.compile(r"\x1b(c|\[\?(1049|47|1047)[hl]|\[\d*J)")
+# Begin and end of a frame that is to be shown at once (DEC mode 2026).
 _SYNC: Final = ("\x1b[?2026h", "\x1b[?2026l")
 _GAP: Final = 6
-"""Cells that stayed the same are sent along when stepping over them would cost more."""
+"""Cells that stayed the same are sent along when stepping over them would cost more: a step is five
+bytes (``ESC [ 1 2 C``), and a style may have to be set again behind it.
+"""
 _UNKNOWN: Final = "\0"
+_SETTLED = 0.25
+"""Seconds after which a window that was dragged has its size."""
 
 
 @dataclass(slots=True)
@@ -76,7 +83,7 @@ class TerminalDiff:
         self._rows.clear()
         self._place = self._style = None
 
-    def thin(self, data: str) -> str:
+    def reduce(self, data: str) -> str:
         """Return what must be sent of ``data``; frames begin by placing the cursor."""
         if data in _SYNC:
             return self._synchronise(begins=data == _SYNC[0])
@@ -94,6 +101,8 @@ class TerminalDiff:
 
     def _synchronise(self, *, begins: bool) -> str:
         """Announce frames to terminals that show them at once, unless there is nothing to show."""
+        # Textual brackets every frame, ten a second; those in which nothing is left are not sent at
+        # all, brackets included (measured: 38 bytes a second when nothing happens).
         opened, self._held, self._opened = self._opened, begins, False
         return _SYNC[1] if opened and not begins else ""
 
@@ -117,6 +126,7 @@ class TerminalDiff:
                 row, column = row + 1, 0
             else:
                 row, column = int(token["row"]) - 1, int(token["column"]) - 1
+        # Textual takes the cursor to stand where its frame ended, without a style.
         if self._place != (row, column):
             yield from self._restyle("")
             yield self._move(row, column)
@@ -125,6 +135,8 @@ class TerminalDiff:
     def _write(self, row: int, column: int, style: str, text: str) -> Iterator[str]:
         here = self._rows.setdefault(row, _Row())
         cells = _cells(text)
+        # Character by character only where every character is one cell: half of a wide one cannot
+        # be written over, and what stands beside it would move.
         end = column + len(cells)
         here.reach(end)
         if "" in here.cells[column : end + 1] or len(cells) != len(text):
@@ -154,6 +166,7 @@ class TerminalDiff:
 
     def _restyle(self, style: str) -> Iterator[str]:
         if style != self._style:
+            # Styles add up in a terminal: one over another begins with a reset.
             known = self._style == ""
             self._style = style
             yield f"\x1b[{style if known or not style else '0;' + style}m"
@@ -162,6 +175,7 @@ class TerminalDiff:
         if self._place == (row, column):
             return ""
         before, self._place = self._place, (row, column)
+        # To the right in the same row takes fewer bytes without the coordinates.
         if before is not None and before[0] == row and before[1] < column:
             return f"\x1b[{column - before[1]}C"
         return f"\x1b[{row + 1};{column + 1}H"
@@ -197,10 +211,6 @@ def _cells(text: str) -> list[str]:
     return [text, *[""] * (cell_len(text) - 1)]
 
 
-_SETTLED = 0.25
-"""Seconds after which a window that was dragged has its size."""
-
-
 class LimitedTerminalApp(App[None]):
     """An app that sends little, and that shows itself in what its terminal has."""
 
@@ -215,13 +225,14 @@ class LimitedTerminalApp(App[None]):
 
     def __init__(self, limits: TerminalLimits | None = None) -> None:
         super().__init__()
-        self._sparing: tuple[LineFilter, ...] = ()
+        self._limit_filters: tuple[LineFilter, ...] = ()
         self._drawn = False
+        # Every step of an animation would be a frame over the line; who wants them says so.
         if "TEXTUAL_ANIMATIONS" not in os.environ:
             self.animation_level = "none"
-        self.limit(limits or TerminalLimits())
+        self.apply_limits(limits or TerminalLimits())
 
-    def limit(self, limits: TerminalLimits) -> None:
+    def apply_limits(self, limits: TerminalLimits) -> None:
         """Show everything within these limits."""
         self.ascii_only = limits.ascii_only
         colours = "none" if self.no_color else limits.colours
@@ -230,18 +241,19 @@ class LimitedTerminalApp(App[None]):
             filters.append(ReducedColours(colours=colours == "few"))
         if limits.ascii_only:
             filters.append(AsciiGlyphs())
-        self._sparing = tuple(filters)
+        self._limit_filters = tuple(filters)
 
     def limit_to_terminal(self) -> None:
         """Show everything within what the terminal of this process can do."""
-        self.limit(terminal_limits(self.console.color_system))
+        self.apply_limits(terminal_limits(self.console.color_system))
 
     def get_line_filters(self) -> Sequence[LineFilter]:
         """Return ours behind the library's, in place of its shades of grey."""
+        # Textual answers NO_COLOR with greys, which are colours to a terminal that has none.
         theirs = super().get_line_filters()
-        if not self._sparing:
+        if not self._limit_filters:
             return theirs
-        return [*(one for one in theirs if not isinstance(one, Monochrome)), *self._sparing]
+        return [*(one for one in theirs if not isinstance(one, Monochrome)), *self._limit_filters]
 
     def get_key_display(self, binding: Binding) -> str:
         """Name keys in words where there are no signs for them."""
@@ -256,6 +268,7 @@ class LimitedTerminalApp(App[None]):
         """Draw everything again: what terminals keep of a screen when its size changes differs."""
         if self._drawn:
             self._forget()
+            # Once more when it has its size: frames sent while it is dragged are for another one.
             self.set_timer(_SETTLED, self.action_redraw)
         self._drawn = True
 
@@ -267,27 +280,28 @@ class LimitedTerminalApp(App[None]):
             self.screen.refresh()
 
     def _forget(self) -> None:
-        shadow = getattr(self._driver, "shadow", None)
-        if shadow is not None:
-            shadow.forget()
+        diff = getattr(self._driver, "terminal_diff", None)
+        if diff is not None:
+            diff.forget()
 
 
 def _diffing_driver(base: type[Driver]) -> type[Driver]:
     """Return a driver like ``base`` that sends only what changed on the screen."""
 
-    class ThriftyDriver(base):  # type: ignore[misc, valid-type]
-        """Thins out frames; everything else goes through."""
+    # Made at run time: which driver there is depends on the platform and on the test harness.
+    class DiffingDriver(base):  # type: ignore[misc, valid-type]
+        """Sends what changed of frames; everything else goes through."""
 
         def __init__(self, *arguments: Any, **settings: Any) -> None:
             super().__init__(*arguments, **settings)
-            self.shadow = TerminalDiff()
+            self.terminal_diff = TerminalDiff()
 
         def write(self, data: str) -> None:
             """Send what of it is news.
 
             The mouse reports clicks and drags: every move of it would travel up the line, too.
             """
-            if news := self.shadow.thin(data.replace("\x1b[?1003", "\x1b[?1002")):
+            if news := self.terminal_diff.reduce(data.replace("\x1b[?1003", "\x1b[?1002")):
                 super().write(news)
 
-    return ThriftyDriver
+    return DiffingDriver

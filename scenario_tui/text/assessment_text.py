@@ -1,12 +1,11 @@
 """An assessment as styled text: cells of the matrix, comparisons, footnotes, what to look at.
 
-``styles`` maps words of :data:`scenario_tui.text.formatting.GLYPHS` to styles, those of the
-terminal or those of the dashboard.
+``styles`` are those of the terminal or those of the dashboard.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import Final
 
@@ -19,26 +18,30 @@ from daemon.model.assessments import (
     UnexpectedVerdict,
 )
 from daemon.model.status import RunRow
-from daemon.model.verdicts import Outcome, Verdict
+from daemon.model.verdicts import Outcome
 from scenario_tui.text.formatting import (
     DASHBOARD_STYLES,
     GLYPHS,
     NOTHING,
     QUIET,
     SEVERITY,
+    Styles,
     glyph_word,
     margin,
+    moment_text,
+    quiet_style,
     run_label,
     run_word,
-    time_text,
 )
 from scenario_tui.text.results import CampaignResults, leading_oracle
-
-Styles = Mapping[str, str]
+from scenario_tui.text.verdict_text import evidence_parts
 
 BOUNDS: Final = "mean difference [one-sided 95 % bounds] over n repeats"
 _LETTERS: Final = "abcdefghijklmnopqrstuvwxyz"
 _MANY: Final = 20
+"""Repeats that get a glyph each: more of them leave no room for the oracle in 80 columns."""
+MatrixRow = tuple[str, tuple[Text, ...]]
+"""The label of a row, and a cell for each column."""
 
 
 @dataclass(slots=True)
@@ -62,11 +65,6 @@ class Footnotes:
     def _next(self) -> str:
         count = len(self.letters)
         return _LETTERS[count] if count < len(_LETTERS) else f"({count + 1})"
-
-
-def quiet_style(styles: Styles) -> str:
-    """Return the style of what is not to draw the eye."""
-    return styles["cancelled"]
 
 
 def cell_text(
@@ -116,7 +114,7 @@ def _worst(cell: CellAssessment) -> str:
     if verdict.margin is not None:
         text += f" {margin(verdict.margin, verdict.unit)}"
     if verdict.evidence.time is not None and verdict.outcome is not Outcome.PASS:
-        text += f" at {time_text(verdict.evidence.time)}"
+        text += f" {moment_text(verdict.evidence.time)}"
     return text
 
 
@@ -135,14 +133,6 @@ def comparison_cell_text(cell: ComparisonVerdict, notes: Footnotes, styles: Styl
     if cell.note:
         text.append(f"\n{cell.note}", style=quiet_style(styles))
     return text
-
-
-def evidence_parts(verdict: Verdict) -> list[str]:
-    """Return margin, moment, object and note of a verdict, as far as there are any."""
-    seen = verdict.evidence
-    parts = ["" if verdict.margin is None else margin(verdict.margin, verdict.unit)]
-    parts.append("" if seen.time is None else f"at {time_text(seen.time)}")
-    return [part for part in (*parts, seen.object, seen.note) if part]
 
 
 def surprise_text(found: UnexpectedVerdict, styles: Styles) -> Text:
@@ -167,12 +157,12 @@ def attention_lists(results: CampaignResults, styles: Styles) -> list[tuple[str,
     groups = (
         ("unexpected", [surprise_text(found, styles) for found in results.assessment.surprises]),
         ("undecided", [undecided_text(found, styles) for found in results.undecided]),
-        ("not executed", [_lost_run_text(row, styles) for row in results.unexecuted]),
+        ("not executed", [_lost_run_text(row, styles) for row in results.lost_runs]),
         (
             "not reproducible",
             [
                 _attention_line(run_word(r), run_label(r), [r.reason], styles)
-                for r in results.doubtful
+                for r in results.nondeterministic_runs
             ],
         ),
     )
@@ -190,12 +180,8 @@ def _attention_line(word: str, subject: str, more: Iterable[str], styles: Styles
     return text
 
 
-MatrixRow = tuple[str, tuple[Text, ...]]
-"""The label of a row, and a cell for each column."""
-
-
 def matrix_rows(
-    results: CampaignResults, notes: Footnotes
+    results: CampaignResults, notes: Footnotes, styles: Styles = DASHBOARD_STYLES
 ) -> tuple[tuple[str, ...], tuple[MatrixRow, ...]]:
     """Return systems under test and, for each scenario, its label with a cell for each of them."""
 
@@ -205,8 +191,10 @@ def matrix_rows(
     lines = []
     for scenario in dict.fromkeys(scenario for scenario, _ in cells):
         found = (cells.get((scenario, sut)) for sut in suts)
-        shown = (c and cell_text(c, results, notes, DASHBOARD_STYLES, alone=alone) for c in found)
-        lines.append((scenario, tuple(text or Text(NOTHING, style=QUIET) for text in shown)))
+        shown = (c and cell_text(c, results, notes, styles, alone=alone) for c in found)
+        lines.append(
+            (scenario, tuple(text or Text(NOTHING, style=quiet_style(styles)) for text in shown))
+        )
     return suts, tuple(lines)
 
 

@@ -24,6 +24,7 @@ from scenario_tui.text.formatting import (
 _IDENTITY: Final = ("campaign", "repeat")
 """What tells runs apart without making them different."""
 _LONGEST: Final = 40
+"""Characters of a value that are shown, unless two that differ would look the same."""
 _FEW: Final = 2
 """Differences of one part that are listed one by one."""
 
@@ -114,6 +115,8 @@ def _flat(path: str, value: Any) -> Iterator[tuple[str, str]]:
     if isinstance(value, Mapping) and value:
         for key, part in value.items():
             yield from _flat(f"{path}.{key}" if path else str(key), part)
+    # Lists of numbers, a pose say, are one value; lists of things are told apart by their names,
+    # or one that is new would make all behind it different.
     elif isinstance(value, list) and any(isinstance(part, Mapping | list) for part in value):
         for index, part in enumerate(value):
             name = str(index + 1)

@@ -59,6 +59,7 @@ def _source_excerpt(where: Where) -> tuple[str, int] | None:
     lines = _source_lines(where.file) if where.line else ()
     if not 0 < where.line <= len(lines):
         return None
+    # Columns count characters, so a tab has to stay one, or the caret would point beside.
     line = lines[where.line - 1].expandtabs(1).rstrip()
     indent = len(line) - len(line.lstrip())
     caret = where.column - 1 - indent

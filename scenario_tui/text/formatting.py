@@ -9,47 +9,49 @@ from __future__ import annotations
 
 import math
 import sys
+from collections.abc import Mapping
 from typing import Final
 
 from daemon.model.status import CampaignRow, DaemonOverview, RunRow, RunState
 from daemon.model.verdicts import Outcome, Verdict
 
-GLYPHS: Final = {
-    "pass": "✓",
-    "fail": "✗",
-    "inconclusive": "?",
-    "error": "‼",
-    "measure": "·",
-    "lost": "!",
-    "cancelled": "-",
-    "queued": "…",
-    "running": "▶",
-}
-TERMINAL_STYLES: Final = {
-    "pass": "green",
-    "fail": "bold red",
-    "inconclusive": "yellow",
-    "error": "bold magenta",
-    "measure": "cyan",
-    "lost": "bold magenta",
-    "cancelled": "dim",
-    "queued": "dim",
-    "running": "blue",
-}
-SEVERITY: Final = (
-    "fail",
-    "error",
-    "lost",
-    "inconclusive",
-    "running",
-    "queued",
-    "cancelled",
-    "pass",
-    "measure",
+# Pale, for dark backgrounds: terminal.filters.BrightThemeColours darkens them on bright ones.
+GOOD: Final = "#7fd88f"
+BAD: Final = "#ff7b7b"
+UNSURE: Final = "#f5c76a"
+BROKEN: Final = "#e29bff"
+BUSY: Final = "#8ab8ff"
+FACT: Final = "#7fd5e0"
+QUIET: Final = "#a0a4ad"
+
+_WORDS: Final = (
+    ("fail", "✗", "bold red", f"bold {BAD}"),
+    ("error", "‼", "bold magenta", f"bold {BROKEN}"),
+    ("lost", "!", "bold magenta", f"bold {BROKEN}"),
+    ("inconclusive", "?", "yellow", UNSURE),
+    ("running", "▶", "blue", BUSY),
+    ("queued", "…", "dim", QUIET),
+    ("cancelled", "-", "dim", QUIET),
+    ("pass", "✓", "green", GOOD),
+    ("measure", "·", "cyan", FACT),
 )
+"""Every word for a verdict or a state: glyph, style on the terminal, style on the dashboard."""
+
+SEVERITY: Final = tuple(word for word, *_ in _WORDS)
 """Words from what people must look at first to what is fine."""
+GLYPHS: Final = {word: glyph for word, glyph, *_ in _WORDS}
+TERMINAL_STYLES: Final = {word: terminal for word, _, terminal, _ in _WORDS}
+DASHBOARD_STYLES: Final = {word: dashboard for word, *_, dashboard in _WORDS}
+
+Styles = Mapping[str, str]
+"""A style for each word: one of the two above."""
 
 NOTHING: Final = "–"
+
+
+def quiet_style(styles: Styles) -> str:
+    """Return the style of what is not to draw the eye."""
+    return styles["cancelled"]
 
 
 def run_word(row: RunRow) -> str:
@@ -79,6 +81,7 @@ def quantity(value: float | None, unit: str, *, signed: bool = False) -> str:
     # The margin of a strict limit that is met exactly is less than nothing, by nothing.
     shown = math.copysign(0.0, value) if abs(value) < sys.float_info.min * 2 else value
     number = f"{shown:{'+' if signed else ''}.3g}"
+    # The format turns to powers of ten at 1,000 already; up to a million digits are read faster.
     if "e" in number and 1e-4 <= abs(value) < 1e6:
         number = f"{value:{'+' if signed else ''}.0f}"
     number = number.replace("-", "−")
@@ -109,6 +112,11 @@ def time_text(seconds: float | None) -> str:
     return NOTHING if seconds is None else f"{seconds:.1f} s"
 
 
+def moment_text(seconds: float | None) -> str:
+    """Return ``at 312.4 s``, nothing for no moment."""
+    return "" if seconds is None else f"at {time_text(seconds)}"
+
+
 def duration(seconds: float | None) -> str:
     """Return a span for people: ``8 s``, ``3 min 20 s``, ``2 h 05 min``."""
     if seconds is None or not math.isfinite(seconds):
@@ -132,6 +140,7 @@ def fine_duration(seconds: float) -> str:
 
 def brief_duration(seconds: float) -> str:
     """Return a span in one unit, where there is little room: ``95 s``, ``12 min``, ``3 h``."""
+    # An age counted from now is a span.
     return age_text(-seconds, 0.0).removesuffix(" ago")
 
 
@@ -179,33 +188,6 @@ def run_label(row: RunRow) -> str:
 def verdict_line(verdict: Verdict) -> str:
     """Return a verdict and its evidence: ``no-collision: −0.03 m at 512.0 s, door-3``."""
     seen = verdict.evidence
-    parts = [f"{verdict.oracle}: {margin(verdict.margin, verdict.unit)}"]
-    if seen.time is not None:
-        parts.append(f"at {time_text(seen.time)}")
-    text = " ".join(parts)
-    for extra in (seen.object, seen.note):
-        if extra:
-            text += f", {extra}"
-    return text
-
-
-GOOD: Final = "#7fd88f"
-BAD: Final = "#ff7b7b"
-UNSURE: Final = "#f5c76a"
-BROKEN: Final = "#e29bff"
-BUSY: Final = "#8ab8ff"
-FACT: Final = "#7fd5e0"
-QUIET: Final = "#a0a4ad"
-
-DASHBOARD_STYLES: Final = {
-    "pass": GOOD,
-    "fail": f"bold {BAD}",
-    "inconclusive": UNSURE,
-    "error": f"bold {BROKEN}",
-    "measure": FACT,
-    "lost": f"bold {BROKEN}",
-    "cancelled": QUIET,
-    "queued": QUIET,
-    "running": BUSY,
-}
-"""A style for each word of :data:`scenario_tui.text.formatting.GLYPHS`."""
+    result = f"{verdict.oracle}: {margin(verdict.margin, verdict.unit)}"
+    first = " ".join(filter(None, (result, moment_text(seen.time))))
+    return ", ".join(filter(None, (first, seen.object, seen.note)))

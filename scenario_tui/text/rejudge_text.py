@@ -1,6 +1,6 @@
 """Runs judged again, in words: what every oracle says now and said before, what is different.
 
-``styles`` gives a style for each word of :data:`scenario_tui.text.formatting.GLYPHS`.
+``styles`` are those of the terminal or those of the dashboard.
 """
 
 from __future__ import annotations
@@ -22,18 +22,17 @@ from scenario_tui.text.formatting import (
     GLYPHS,
     NOTHING,
     SEVERITY,
+    Styles,
     glyph_word,
     margin,
+    moment_text,
     pluralise,
     quantity,
-    time_text,
     verdict_line,
 )
 
 LISTED: Final = 20
 """Verdicts that changed, as many as are listed."""
-
-Styles = Mapping[str, str]
 
 
 def parse_judge_answer(answer: Mapping[str, Any]) -> tuple[RejudgedTrace, ...]:
@@ -110,6 +109,7 @@ def rejudge_table(judged: Sequence[RejudgedTrace], styles: Styles) -> Table:
 
 def _labels(judged: Sequence[RejudgedTrace]) -> dict[str, str]:
     """Name each trace by its run, or by its file where runs of one name are judged together."""
+    # Copies of a campaign, or traces of other state directories, have runs of the same names.
     runs = Counter(one.run for one in judged)
     return {one.trace: one.run if runs[one.run] == 1 else one.trace for one in judged}
 
@@ -138,8 +138,8 @@ def _worst(verdicts: Sequence[tuple[str, Verdict]]) -> tuple[str, str]:
     if not known:
         return NOTHING, ""
     least, label, verdict = min(known, key=lambda entry: entry[0])
-    at = verdict.evidence.time
-    return margin(least, verdict.unit), label + ("" if at is None else f" at {time_text(at)}")
+    run = " ".join(filter(None, (label, moment_text(verdict.evidence.time))))
+    return margin(least, verdict.unit), run
 
 
 def _line(label: str, change: OracleChange, styles: Styles) -> Text:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Final
 
 from daemon.judging.assessment import assess
 from daemon.model.assessments import (
@@ -31,9 +32,17 @@ class Conclusion:
     unexpected: int = 0
 
     @property
-    def said(self) -> str:
+    def glyph_text(self) -> str:
         """The text behind its glyph: ``✓ as expected``."""
         return f"{GLYPHS[self.word]} {self.text}"
+
+
+_CONCLUSIONS: Final = {
+    0: Conclusion("pass", "as expected"),
+    3: Conclusion("lost", "not all judged"),
+    4: Conclusion("inconclusive", "undecided"),
+}
+"""By the exit code of `scenario results`, so that scripts and people are told the same."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,12 +89,12 @@ class CampaignResults:
         )
 
     @property
-    def unexecuted(self) -> tuple[RunRow, ...]:
+    def lost_runs(self) -> tuple[RunRow, ...]:
         """Runs that were given up or broke before anything could be judged."""
         return tuple(row for row in self.rows if run_word(row) == "lost")
 
     @property
-    def doubtful(self) -> tuple[RunRow, ...]:
+    def nondeterministic_runs(self) -> tuple[RunRow, ...]:
         """Runs that came out differently when the same was executed before."""
         return tuple(row for row in self.rows if row.nondeterministic)
 
@@ -99,23 +108,18 @@ def gather_results(daemon: DaemonClient, row: CampaignRow) -> CampaignResults:
 
 def fetch_conclusion(daemon: DaemonClient, row: CampaignRow) -> Conclusion:
     """Ask for what decides whether a campaign is as expected, and no more."""
+    # Without the rows: only the campaign in front needs them, and this is asked of all others.
     return conclude(assess(daemon.declared(row.id), daemon.records(row.id)), finished=row.finished)
 
 
 def conclude(assessment: Assessment, *, finished: bool) -> Conclusion:
     """Return an assessment in two words; of an unfinished campaign what can be said so far."""
-    code, count = assessment.exit_code, len(assessment.surprises)
+    code = assessment.exit_code
     if code == 1:
-        return unexpected_conclusion(count)
-    if code == 0:
-        return Conclusion("pass", "as expected")
-    if code == 3:
-        return Conclusion("lost", "not all judged")
-    return (
-        Conclusion("inconclusive", "undecided")
-        if finished
-        else Conclusion("running", "so far fine")
-    )
+        return unexpected_conclusion(len(assessment.surprises))
+    if code == 4 and not finished:
+        return Conclusion("running", "so far fine")
+    return _CONCLUSIONS[code]
 
 
 def unexpected_conclusion(count: int) -> Conclusion:
@@ -147,6 +151,7 @@ def leading_oracle(cell: CellAssessment) -> CellVerdict | None:
     margin: a tight pass is worth seeing.
     """
     found = [oracle for oracle in cell.oracles if oracle.verdict is cell.verdict]
+    # False before True: not met before met, with a margin before without.
     return min(found, key=_interest, default=None)
 
 

@@ -81,6 +81,8 @@ def _parsed(text: str, trace: Trace) -> tuple[Signal, str]:
 
 def _oracle_about(text: str) -> Oracle:
     """Return an oracle about the signal, which is a quantity, else true or false."""
+    # Signals have no grammar of their own. What is wrong is said of the first try: most signals
+    # are quantities.
     where = Where(f"signal {text}")
     try:
         return parse_oracle(text, f"max({text})", where)
@@ -125,7 +127,7 @@ def draw_curve(
     figure.register_label_formatter(float, _number)
     figure.x_label = "s"
     figure.y_label = curve.unit
-    time, values = envelope(curve, 2 * columns)
+    time, values = envelope(curve, 2 * columns)  # a braille cell is two dots wide
     start, end = _span(curve.time)
     figure.set_x_limits(min_=start, max_=end)
     low, high = _span(values, 0.05)

@@ -277,7 +277,7 @@ async def an_hour() -> None:
             fake.now += 1.0
             fake.live = tuple(make_live(7 + k % 3, second + k / 10) for k in range(10))
             fake.rows = tuple(replace(r, simulated=float(second)) for r in fake.rows)
-            pilot.app.look()
+            pilot.app.update_state()
             if second % 10 == 0:
                 await pilot.pause(0)
     ended = process.memory_info().rss / 2**20

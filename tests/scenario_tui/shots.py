@@ -203,7 +203,7 @@ async def draw(name: str, folder: Path) -> str:
         app = shot.open(folder)
         async with app.run_test(size=shot.size) as pilot:
             await pilot.pause(0)
-            if hasattr(app, "look"):
+            if hasattr(app, "update_state"):
                 await settle(pilot)
                 await press(pilot, *shot.keys)
             else:
@@ -213,7 +213,7 @@ async def draw(name: str, folder: Path) -> str:
                 await shot.before(pilot)
             for line in app.screen.query(Input):
                 line.cursor_blink = False
-            await (settle(pilot) if hasattr(app, "look") else pilot.pause(0))
+            await (settle(pilot) if hasattr(app, "update_state") else pilot.pause(0))
             svg = app.export_screenshot(title=f"scenario tui: {name}")
     return _slim(svg.replace(_identifier(svg), name))
 

@@ -9,7 +9,6 @@ from daemon.analysis.blame._case import CampaignRun, Candidate, RunCase, find_ru
 from daemon.analysis.blame._elements import Blame, Element, NoFailureError, Without, sut_differences
 from daemon.analysis.blame._layer_text import behaviour_sentences
 from daemon.analysis.blame._runner import (
-    SLOTS,
     BudgetSpentError,
     CandidateResult,
     CandidateRunner,
@@ -18,7 +17,6 @@ from daemon.analysis.blame._runner import (
 from daemon.analysis.blame._save import save_campaign
 from daemon.analysis.blame._search import (
     LINEAR_STEPS,
-    BlameResult,
     ddmin,
     explain_failure,
     find_flip,
@@ -27,9 +25,7 @@ from daemon.analysis.blame._search import (
 
 __all__ = [
     "LINEAR_STEPS",
-    "SLOTS",
     "Blame",
-    "BlameResult",
     "BudgetSpentError",
     "CampaignRun",
     "Candidate",

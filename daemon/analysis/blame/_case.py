@@ -70,6 +70,7 @@ def find_run(words: Sequence[str], paths: StatePaths, campaign: Path | None = No
     if len(traces) > 1:
         raise ValueError(f"{first} names {len(traces)} runs, name one of them")
     spec = read_spec(traces[0])
+    # A trace holds what was composed, not the layers it was composed of, which are what is blamed.
     file = campaign or _find_campaign_file(spec)
     same = campaign is None or _has_run(campaign, spec)
     note = "" if same else "its layers have changed since: this is about the run as they are now"
@@ -87,6 +88,7 @@ def _run_in_file(campaign: Path, rest: Sequence[str]) -> CampaignRun:
 
 def _find_campaign_file(spec: RunSpec) -> Path:
     """Return the campaign file that specifies a run, among those of its campaign's name."""
+    # By a line of its text before it is loaded: most YAML files of a project are no campaigns.
     named = [path for path in _yaml_files(Path()) if _is_campaign_named(path, spec.campaign)]
     for path in named:
         if _has_run(path, spec):

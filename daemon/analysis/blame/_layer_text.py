@@ -166,6 +166,7 @@ def reduce_layers(layers: Sequence[SceneryLayer], names: Collection[str]) -> lis
 
 def layer_text(layer: SceneryLayer, whole: SceneryLayer) -> str:
     """Return the text of a reduced ``.scenery`` layer: the statements of the ``whole``, copied."""
+    # Statements are found by where they stand: names repeat, and places are unique.
     wanted = {_place_key(m.where) for m in layer.models} | {
         _place_key(p.where) for p in layer.parameters
     }

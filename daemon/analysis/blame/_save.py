@@ -116,6 +116,8 @@ def _earliest_repeat(
 
 def _plan(case: RunCase, folder: _Folder) -> str:
     scenario = case.cell.scenario
+    # A variant has no file of its own: it is drawn from the variation layer, whose draws must not
+    # be repeated by who gets the folder.
     if scenario.vary is not None:
         text = json.dumps(plan_document(case.cell.plan), indent=1)
         return folder.write(f"{case.cell.plan.name}.jsonld", text)

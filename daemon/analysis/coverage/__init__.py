@@ -8,7 +8,6 @@ for which it also tells doors, floor and margins. Who has read traces already su
 
 from daemon.analysis.coverage._coverage import (
     MAX_BINS,
-    NEAR,
     RunCoverage,
     bin_edges,
     histogram_bars,
@@ -20,15 +19,11 @@ from daemon.analysis.coverage._coverage import (
 )
 from daemon.analysis.coverage._features import (
     MODEL,
-    Exclusion,
-    FeatureModel,
     RecognisedFeatures,
-    ScenarioFeature,
     feature_leaves,
     pair_counts,
 )
 from daemon.analysis.coverage._floor import (
-    CoveredCells,
     covered_cells,
     floor_area,
     floor_grid,
@@ -38,38 +33,21 @@ from daemon.analysis.coverage._floor import (
 )
 from daemon.analysis.coverage._results import (
     Coverage,
-    DoorCount,
     FeatureCount,
-    FeatureGroup,
     FloorArea,
-    MarginHistogram,
-    PairCount,
-    Pairs,
     RoomArea,
-    Unreadable,
 )
 from daemon.analysis.coverage._rules import contains_point
 
 __all__ = [
     "MAX_BINS",
     "MODEL",
-    "NEAR",
     "Coverage",
-    "CoveredCells",
-    "DoorCount",
-    "Exclusion",
     "FeatureCount",
-    "FeatureGroup",
-    "FeatureModel",
     "FloorArea",
-    "MarginHistogram",
-    "PairCount",
-    "Pairs",
     "RecognisedFeatures",
     "RoomArea",
     "RunCoverage",
-    "ScenarioFeature",
-    "Unreadable",
     "bin_edges",
     "contains_point",
     "covered_cells",

@@ -57,6 +57,7 @@ def margin_histograms(verdicts: Iterable[Verdict]) -> tuple[MarginHistogram, ...
 
 
 def _histogram(name: str, unit: str, verdicts: Sequence[Verdict]) -> MarginHistogram:
+    # A margin may be infinite, when nothing came near at all: it has no bin and is counted apart.
     decided = [v for v in verdicts if v.outcome in (Outcome.PASS, Outcome.FAIL)]
     margins = [v.margin for v in decided]
     known = [m for m in margins if m is not None and math.isfinite(m)]
@@ -183,7 +184,7 @@ def _read_coverage(path: Path) -> RunCoverage | Unreadable:
     try:
         trace = read_trace(path, scans=True)
     except TraceError as error:
-        return Unreadable(str(path), "; ".join(found.message for found in error.diagnostics))
+        return Unreadable(str(path), error.diagnostics[0].message)
     return run_coverage(trace, oracles.judge(trace, trace.spec.oracles))
 
 
@@ -207,6 +208,7 @@ def _sum_scenes(
     """Sum up doors and floor, scene by scene."""
     groups: dict[tuple[str, float], list[RunCoverage]] = {}
     for run in runs:
+        # At another height the laser meets other walls and windows: another floor to be seen.
         groups.setdefault(run.world, []).append(run)
     doors: list[DoorCount] = []
     floor: list[FloorArea] = []

@@ -187,8 +187,8 @@ def paint_rays(
             reach = min(float(ranges[i, k]), range_max)
             if not reach > 0.0:
                 continue
-            # Marched, not traversed cell by cell: at half a cell a step no cell of more than a
-            # corner is missed, and the loop has no branches that depend on the direction.
+            # Marched, not traversed cell by cell: half a cell a step misses only cells that a ray
+            # crosses at a corner, and the loop has no branches that depend on the direction.
             angle = yaw + angle_min + k * step
             dx, dy = math.cos(angle), math.sin(angle)
             for j in range(int(reach / (0.5 * resolution)) + 1):

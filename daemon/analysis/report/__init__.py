@@ -6,7 +6,6 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Final
 
 from daemon.analysis.report._input import (
-    NOTE,
     ReportInput,
     campaign_input,
     folder_input,
@@ -25,19 +24,15 @@ if TYPE_CHECKING:
     )
     from daemon.analysis.report._page import SuggestedCommand, headline, write_page
     from daemon.analysis.report._run_picture import draw_run
-    from daemon.analysis.report._safety_buffer import SafetyBuffer, oracle_limit, safety_buffer
-    from daemon.analysis.report._tracks import MEASURES, RunMeasure, RunTracks, thinned_indices
+    from daemon.analysis.report._safety_buffer import oracle_limit, safety_buffer
+    from daemon.analysis.report._tracks import MEASURES, thinned_indices
 
 __all__ = [
     "COLUMNS",
     "MEASURES",
-    "NOTE",
     "ReportData",
     "ReportInput",
     "ReportRun",
-    "RunMeasure",
-    "RunTracks",
-    "SafetyBuffer",
     "SuggestedCommand",
     "campaign_input",
     "draw_run",
@@ -65,8 +60,8 @@ _MODULES: Final = {
     "_formatting": ("format_quantity", "mean_and_deviation", "verdict_details"),
     "_page": ("SuggestedCommand", "headline", "write_page"),
     "_run_picture": ("draw_run",),
-    "_safety_buffer": ("SafetyBuffer", "oracle_limit", "safety_buffer"),
-    "_tracks": ("MEASURES", "RunMeasure", "RunTracks", "thinned_indices"),
+    "_safety_buffer": ("oracle_limit", "safety_buffer"),
+    "_tracks": ("MEASURES", "thinned_indices"),
 }
 
 

@@ -22,8 +22,7 @@ from daemon.trace import TraceError, read_trace
 from grammars.model.behaviour import Trigger
 
 _SAMPLES: Final = 36_000
-"""Samples drawn in all figures of one kind together: what keeps a report of thousands of runs
-something that can be sent by mail."""
+"""Samples drawn in all figures of one kind together: what keeps a report small."""
 _FEWEST, _MOST = 90, 600
 """Samples drawn of one run."""
 

@@ -100,6 +100,8 @@ def write_parquet(data: ReportData, path: Path) -> None:
     columns: Sequence[tuple[str | int | float | None, ...]] = tuple(
         zip(*table_rows(data), strict=True)
     ) or ((),) * len(COLUMNS)
+    # Declared, not inferred: a column of nothing but gaps would get no type, and files of two
+    # campaigns could not be read together.
     kinds = {"repeat": arrow.int64(), "value": arrow.float64(), "time": arrow.float64()}
     fields = [arrow.field(name, kinds.get(name, arrow.string())) for name in COLUMNS]
     arrays = [arrow.array(c, type=f.type) for c, f in zip(columns, fields, strict=True)]
@@ -176,6 +178,9 @@ def _comparison_case(cell: ComparisonVerdict, data: ReportData, junit: Any) -> A
 def _case_result(
     cell: CellVerdict | ComparisonVerdict, passed: bool, said: str, junit: Any
 ) -> list[Any]:
+    # JUnit knows no expectations and no third verdict. As pytest does: what fails as expected is
+    # skipped, what passes against expectation fails; inconclusive is an error, so that a build that
+    # shows nothing is not green.
     message = xml_text(said)
     if cell.expected != "pass" and cell.met:
         if cell.verdict is Outcome.PASS:

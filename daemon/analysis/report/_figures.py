@@ -26,6 +26,7 @@ from grammars.model.scene import Scene
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 FigureKind: TypeAlias = Literal[
     "moment", "localisation", "distance", "way", "inside", "worst-localisation", "boxes", "trigger"
@@ -40,16 +41,15 @@ _WAY_SHOWN: Final = 10.0
 """Seconds of the way there that are shown."""
 
 
-def draw_moment(
-    name: str, label: str, trace: Path, time: float, involved: str, buffer: Point2
-) -> str:
-    """Return the place at ``time`` [s] of a run, the object ``involved`` in red; empty if the trace
-    cannot be read any more.
+def plot_moment(trace: Path, time: float, involved: str, buffer: Point2) -> Figure | None:
+    """Return the place at ``time`` [s] of a run, the object ``involved`` in red.
+
+    ``None`` if the trace cannot be read any more.
     """
     try:
         recorded = read_trace(trace)
     except TraceError:
-        return ""
+        return None
     sampler = SignalSampler(recorded)
     stamps = sampler.time_base.time
     index = min(int(np.searchsorted(stamps, time)), len(stamps) - 1)
@@ -67,7 +67,7 @@ def draw_moment(
         aspect="equal",
     )
     axes.set_axis_off()
-    return to_svg(sheet, name, label)
+    return sheet
 
 
 def _draw_robot(axes: Axes, footprint: Floats, pose: Floats, buffer: Point2) -> None:
@@ -96,11 +96,11 @@ class ReportFigure:
 
 @dataclass(frozen=True, slots=True)
 class _FigureTask:
-    """A figure to draw: ``draw(name, label)`` gives its SVG."""
+    """A figure to draw; ``label`` says what it shows where pictures are not seen."""
 
     figure: ReportFigure
     label: str
-    draw: Callable[[str, str], str]
+    draw: Callable[[], Figure | None]
 
 
 def draw_figures(data: ReportData, *, processes: int | None = None) -> tuple[ReportFigure, ...]:
@@ -115,7 +115,9 @@ def draw_figures(data: ReportData, *, processes: int | None = None) -> tuple[Rep
 
 def _draw_task(numbered: tuple[int, _FigureTask]) -> ReportFigure:
     number, task = numbered
-    return replace(task.figure, svg=task.draw(f"f{number}", task.label))
+    drawn = task.draw()
+    svg = "" if drawn is None else to_svg(drawn, f"f{number}", task.label)
+    return replace(task.figure, svg=svg)
 
 
 def notable_verdicts(data: ReportData) -> tuple[CellVerdict, ...]:
@@ -147,7 +149,7 @@ def _moments(data: ReportData) -> Iterator[_FigureTask]:
             ),
             f"The moment that decides {oracle.oracle}, {oracle.scenario} with {oracle.sut}",
             partial(
-                draw_moment, trace=Path(run.record.trace), time=time, involved=involved,
+                plot_moment, trace=Path(run.record.trace), time=time, involved=involved,
                 buffer=run.tracks.buffer,
             ),
         )  # fmt: skip
@@ -158,6 +160,7 @@ def _cells(data: ReportData) -> dict[tuple[str, str], list[RunTracks]]:
     for run in data.runs:
         if len(run.tracks.time) > 1:
             found.setdefault((run.record.scenario, run.record.sut), []).append(run.tracks)
+    # The first ones: those with surprises have their moment drawn whatever their place.
     return dict(list(found.items())[:MOST_CELLS])
 
 
@@ -166,6 +169,7 @@ def _of_cells(data: ReportData) -> Iterator[_FigureTask]:
     limit = oracle_limit(data.input.oracles, "loc.error")
     for scenario in dict.fromkeys(scenario for scenario, _ in cells):
         here = {sut: runs for (name, sut), runs in cells.items() if name == scenario}
+        # Systems under test of a scenario side by side: the same axes, or the eye compares wrongly.
         frame = _plots.plot_limits([run for runs in here.values() for run in runs])
         for sut, runs in here.items():
             of = f"{scenario} with {sut}"

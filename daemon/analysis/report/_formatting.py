@@ -22,7 +22,7 @@ def format_quantity(value: float | None, unit: str = "", *, signed: bool = False
     if math.isinf(value):
         return "∞" if value > 0 else "−∞"
     sign = "+" if signed else ""
-    whole = abs(value) >= 100.0
+    whole = abs(value) >= 100.0  # no exponents: 1234 m, not 1.23e+03 m
     text = f"{value:{sign}.0f}" if whole else f"{value:{sign}.3g}"
     text = text.replace("-", "−")
     return f"{text} {unit}" if unit not in ("", "1") else text
@@ -42,6 +42,7 @@ def mean_and_deviation(values: Sequence[float]) -> tuple[str, str]:
     if len(values) < 2:
         return format_quantity(mean), ""
     deviation = math.sqrt(sum((v - mean) ** 2 for v in values) / (len(values) - 1))
+    # The deviation's first two digits say how many of the mean mean anything.
     digits = min(_digits(deviation, 1), _digits(mean, 3)) if deviation else _digits(mean, 2)
     return f"{mean:.{digits}f}".replace("-", "−"), f"{deviation:.{digits}f}"
 

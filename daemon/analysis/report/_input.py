@@ -80,6 +80,7 @@ def ledger_input(reader: LedgerReader, row: CampaignRow, paths: StatePaths) -> R
         records += page
         if len(page) < LARGEST_PAGE:
             break
+    # A record holds verdicts, not what was specified: oracles and triggers are in the latter.
     specs = [reader.run(record.id).spec for record in records]
     records = [_local_record(reader, record) for record in records]
     return campaign_input(row, str(paths.state), reader.declared(row.id), records, specs)
@@ -140,6 +141,7 @@ def folder_input(folder: Path) -> ReportInput:
         try:
             spec = read_spec(trace)
         except TraceError as error:
+            # Said on the page: a report that silently leaves a run out lies.
             unread.append((str(trace), error.diagnostics[0].message))
             continue
         specs.append(spec)

@@ -166,6 +166,7 @@ def _facts(
 ) -> tuple[tuple[str, str], ...]:
     records = [run.record for run in data.runs]
     simulated = sum(record.timing.simulated for record in records if record.timing)
+    # In this order whatever comes first, so that two reports can be laid side by side.
     counts = dict.fromkeys(("pass", "fail", "inconclusive", "error", "without a result"), 0)
     for record in records:
         counts[str(record.outcome or "without a result")] += 1
@@ -206,6 +207,7 @@ def _finding(
     picture = None if moment is None else _as_markup(moment)
     if shown is None:
         return ReportFinding(oracle, text, runs, (), picture)
+    # A folder of traces has no ids that commands would know.
     name = shown.id if data.input.id else shown.trace or shown.id
     failed = shown.outcome is Outcome.FAIL
     typed = tuple(

@@ -24,7 +24,6 @@ from daemon.analysis.report._svg import (
     escape_mathtext,
     new_figure,
     title_axes,
-    to_svg,
 )
 from daemon.analysis.report._tracks import AFTER, BEFORE, RunTracks, TriggerEncounter
 from grammars.model.cross_section import object_rings, solid_rings
@@ -32,11 +31,12 @@ from grammars.model.scene import Scene
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 WIDTH: Final = 3.5
 """Width of a panel [inches]."""
 REPEATS: Final = 10
-"""Repeats drawn of one cell at most."""
+"""Repeats drawn of one cell at most: the paper has five; more lines than this are one band."""
 _CUT: Final = 0.3
 """Height [m] at which the map is cut: about where lasers look."""
 _BINS: Final = 64
@@ -84,9 +84,7 @@ def _top(values: Sequence[Any]) -> float:
     return 1.05 * max(known, default=1.0) or 1.0
 
 
-def plot_localisation(
-    name: str, label: str, runs: Sequence[RunTracks], frame: PlotLimits, limit: float | None
-) -> str:
+def plot_localisation(runs: Sequence[RunTracks], frame: PlotLimits, limit: float | None) -> Figure:
     """Return the localisation error and the spread of the estimate over time (figure 8)."""
     sheet, (above, below) = new_figure(WIDTH, 2.6, 2, 1, sharex=True)
     for run in runs[:REPEATS]:
@@ -105,10 +103,10 @@ def plot_localisation(
     below.plot([], [], color=LINE, lw=1.2, label="σ along x")
     below.plot([], [], color=SECOND, lw=1.2, label="σ along y")
     add_legend(below)
-    return to_svg(sheet, name, label)
+    return sheet
 
 
-def plot_clearance(name: str, label: str, runs: Sequence[RunTracks], frame: PlotLimits) -> str:
+def plot_clearance(runs: Sequence[RunTracks], frame: PlotLimits) -> Figure:
     """Return the distance to the nearest obstacle over time, triggers dotted (figure 12)."""
     sheet, axes = new_figure(WIDTH, 1.9)
     limit = runs[0].limit
@@ -127,18 +125,17 @@ def plot_clearance(name: str, label: str, runs: Sequence[RunTracks], frame: Plot
         xlabel="time [s]",
     )
     title_axes(axes, "clearance [m]")
-    return to_svg(sheet, name, label)
+    return sheet
 
 
-def plot_way(
-    name: str, label: str, runs: Sequence[RunTracks], frame: PlotLimits, scene: Scene
-) -> str:
+def plot_way(runs: Sequence[RunTracks], frame: PlotLimits, scene: Scene) -> Figure:
     """Return the ways driven on the map, coloured by the distance to obstacles (figure 10)."""
     wide, high = frame.east - frame.west, frame.north - frame.south
     sheet, axes = new_figure(WIDTH, min(max(WIDTH * high / wide, 1.2), 4.4), bare=True)
     draw_map(axes, scene, frame)
     limit = runs[0].limit if runs[0].limit > 0.0 else 0.2
     for run in runs[:REPEATS]:
+        # Far, near, inside of the buffer, inside of the box around the footprint.
         for low, top, colour, lw in (
             (2.0 * limit, np.inf, LINE, 0.6),
             (limit, 2.0 * limit, GOOD, 0.8),
@@ -151,7 +148,7 @@ def plot_way(
     if touched:
         axes.plot(*zip(*touched, strict=True), "x", color=BAD, ms=4.0, mew=1.1)
     axes.plot(runs[0].x[:1], runs[0].y[:1], "o", color=INK, ms=3.0)
-    return to_svg(sheet, name, label)
+    return sheet
 
 
 def _way_pieces(run: RunTracks, shown: Any) -> tuple[Any, Any]:
@@ -202,7 +199,7 @@ def _touches(ring: Any, frame: PlotLimits) -> bool:
     )
 
 
-def plot_buffer(name: str, label: str, runs: Sequence[RunTracks]) -> str:
+def plot_buffer(runs: Sequence[RunTracks]) -> Figure:
     """Return where obstacles were inside the buffer, seen from the robot (figure 11)."""
     from matplotlib.patches import Polygon, Rectangle
 
@@ -215,7 +212,7 @@ def plot_buffer(name: str, label: str, runs: Sequence[RunTracks]) -> str:
         counts, _, _ = np.histogram2d(
             points[:, 0], points[:, 1], bins=_BINS, range=((-reach, reach), (-reach, reach))
         )
-        # Roots, since a wall driven along has hundreds of times the counts of a corner passed.
+        # Roots, since a wall driven along has many times the counts of a corner passed.
         shown = np.ma.masked_equal(counts.T, 0.0)
         axes.imshow(
             np.sqrt(shown), extent=(-reach, reach, -reach, reach), origin="lower",
@@ -230,7 +227,7 @@ def plot_buffer(name: str, label: str, runs: Sequence[RunTracks]) -> str:
     axes.set(xlim=(-reach, reach), ylim=(-reach, reach), aspect="equal", xlabel="ahead [m]")
     title_axes(axes, "left [m]")
     axes.grid(color=RULE)
-    return to_svg(sheet, name, label)
+    return sheet
 
 
 _STEP: Final = 0.2
@@ -240,7 +237,7 @@ _PEAK_MAP_HALF: Final = 6.0
 """Half the width of the map around it [m]."""
 
 
-def plot_error_peak(name: str, label: str, run: RunTracks, limit: float | None) -> str:
+def plot_error_peak(run: RunTracks, limit: float | None) -> Figure:
     """Return the localisation error of a run around its peak (figure 9)."""
     peak = int(np.nanargmax(run.error))
     at = float(run.time[peak])
@@ -258,10 +255,10 @@ def plot_error_peak(name: str, label: str, run: RunTracks, limit: float | None) 
     axes.set_ylim(bottom=0.0)
     title_axes(axes, "error [m]")
     add_legend(axes)
-    return to_svg(sheet, name, label)
+    return sheet
 
 
-def plot_peak_map(name: str, label: str, run: RunTracks, scene: Scene) -> str:
+def plot_peak_map(run: RunTracks, scene: Scene) -> Figure:
     """Return the map around the place with the largest localisation error of a run (figure 9)."""
     peak = int(np.nanargmax(run.error))
     x, y = float(run.x[peak]), float(run.y[peak])
@@ -280,16 +277,14 @@ def plot_peak_map(name: str, label: str, run: RunTracks, scene: Scene) -> str:
     )  # fmt: skip
     axes.plot([x], [y], "o", color=BAD, ms=4.0, label="largest error")
     add_legend(axes)
-    return to_svg(sheet, name, label)
+    return sheet
 
 
 def plot_boxes(
-    name: str,
-    label: str,
     values: Sequence[tuple[str, Sequence[tuple[str, Sequence[float]]]]],
     suts: Sequence[str],
     axis: str,
-) -> str:
+) -> Figure:
     """Return boxplots of one measure, SUTs side by side for each scenario (figure 13).
 
     Boxes show the quartiles, whiskers everything, dots each repeat.
@@ -312,7 +307,7 @@ def plot_boxes(
     title_axes(axes, axis)
     axes.set_ylim(bottom=min(0.0, axes.get_ylim()[0]))
     axes.grid(visible=False, axis="x")
-    return to_svg(sheet, name, label)
+    return sheet
 
 
 def _draw_box(axes: Any, x: float, values: Any, half: float, colour: str) -> None:
@@ -323,9 +318,7 @@ def _draw_box(axes: Any, x: float, values: Any, half: float, colour: str) -> Non
     axes.plot(np.full(len(values), x), values, "o", color=colour, ms=2.2, alpha=0.8, mew=0)
 
 
-def plot_triggers(
-    name: str, label: str, scenarios: Sequence[tuple[int, Sequence[TriggerEncounter]]]
-) -> str:
+def plot_triggers(scenarios: Sequence[tuple[int, Sequence[TriggerEncounter]]]) -> Figure:
     """Return speed and turning speed around one trigger with one SUT (figure 14).
 
     ``scenarios`` are the numbers of their colours and what happened in each repeat. Means over the
@@ -353,7 +346,7 @@ def plot_triggers(
     below.set_xlabel("time from the trigger [s]")
     title_axes(above, "speed [m/s]")
     title_axes(below, "turning [rad/s]")
-    return to_svg(sheet, name, label)
+    return sheet
 
 
 def _resample(grid: Any, encounter: TriggerEncounter, kind: str) -> Any:

@@ -46,6 +46,7 @@ def draw_run(trace_path: Path, picture: Path) -> None:
 
 
 def _run(trace: Trace) -> RunOverlay:
+    # Signals of a trace with leaps or NaNs would be judged and drawn as if they were true.
     problems = oracles.trace_problems(trace)
     if problems:
         way = _line(trace.ground_truth.x, trace.ground_truth.y)

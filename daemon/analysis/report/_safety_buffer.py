@@ -24,7 +24,7 @@ _STEP: Final = 0.03
 _MOMENTS: Final = 160
 """Most moments of one run at which the buffer is looked into."""
 _POINTS: Final = 4000
-"""Most points kept of one run: they fill a histogram of 64 by 64 cells."""
+"""Most points kept of one run: about as many as the histogram has cells, 64 by 64."""
 
 ThinnedSamples: TypeAlias = npt.NDArray[np.float32]
 """Samples kept for drawing; numbers that count are taken from all samples before."""
@@ -106,6 +106,8 @@ def points_inside(
     outlines = _ObstacleOutlines(obstacles)
     reach = float(np.hypot(*half)) + float(np.hypot(*centre))
     found = []
+    # Points of outlines, not laser returns: what the laser does not see is inside of the buffer
+    # all the same, and clearance is judged by outlines.
     for moment in moments.tolist():
         pose = sampler.poses[moment]
         for polygon in outlines.within(moment, pose, reach):
@@ -145,6 +147,7 @@ class _ObstacleOutlines:
 
     def within(self, moment: int, pose: Floats, reach: float) -> list[int]:
         """Return the polygons whose circle comes as near as ``reach`` [m]."""
+        # By circles first: of a building, nearly everything is far away.
         frame, circle = self._obstacles.frame, self._obstacles.circle
         centres = circle[:, :2].copy()
         moving = frame >= 0

@@ -98,7 +98,7 @@ def new_figure(
     *,
     bare: bool = False,
     **options: Any,
-) -> Any:
+) -> tuple[Figure, Any]:
     """Return a matplotlib figure [inches] and its axes, styled for the page.
 
     ``bare`` axes have no words around them.

@@ -93,6 +93,8 @@ def find_encounters(
     what stands still to the base).
     """
     own = {b.joint for b in trace.spec.behaviours if isinstance(b, Trigger)}
+    # Section 4.4.1 asks what a door that shuts costs a robot: the same moment is needed in the
+    # static sibling of the scenario, where nothing fires.
     found = [
         _encounter(sampler, joint, time, fired=True)
         for joint, time in _fired_triggers(trace).items()
@@ -215,8 +217,8 @@ def extract_tracks(
     centre, body, half, limit = _boxes(trace, buffer)
     clearance = _signal(sampler, "clearance")
     inside = clearance - limit
-    # Clearance of a box that is wider by the same on all sides is the one of the footprint's box
-    # less that; sampling it anew takes as long as all the rest of a trace.
+    # The clearance of a box that is wider by the same on all sides is the one of the footprint's
+    # box less that, and need not be sampled anew.
     if buffer.half is not None and not _is_even_buffer(body, half, centre):
         inside = _signal(sampler, "clearance", *half)
     error, sigma_x, sigma_y = (
@@ -360,7 +362,7 @@ def _contacts(trace: Trace) -> tuple[tuple[float, str, float, float], ...]:
     """Return when and where the robot touched what; one entry for each second and object."""
     found: dict[tuple[int, str], tuple[float, str, float, float]] = {}
     for record in trace.contacts:
-        # A contact is recorded at every step it lasts, 100 a second: one cross in a figure will do.
+        # A contact is recorded for as long as it lasts: one cross in a figure will do.
         if _ROBOT in (record.first, record.second):
             other = record.second if record.first == _ROBOT else record.first
             entry = (record.time, other, record.point[0], record.point[1])

@@ -37,6 +37,8 @@ def access_control(register: KeyRegister) -> ZenohSetting:
     ]
     subjects: list[ZenohSetting] = [{"id": "owner", "link_protocols": ["unixsock-stream"]}]
     policies: list[ZenohSetting] = [{"rules": ["owner", "to"], "subjects": ["owner"]}]
+    # Zenoh matches common names exactly and knows no patterns: every valid name stands here, and a
+    # daemon does not know those that are issued after its start.
     for role in CLIENT_ROLES:
         names = [one.name for one in register.valid(role)]
         if names:
@@ -55,6 +57,8 @@ def access_control(register: KeyRegister) -> ZenohSetting:
 
 def _role_rules(role: Role) -> list[ZenohSetting]:
     questions = [f"{ASK}/{verb}" for verb in allowed_verbs(role)]
+    # What comes in and what goes out are ruled apart: without the second rule a question is
+    # answered and the answer dropped on its way.
     made = [
         _rule(f"{role} asks", "ingress", ("query",), *questions),
         _rule(f"{role} is answered", "egress", ("reply",), *questions),

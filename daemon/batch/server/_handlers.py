@@ -72,6 +72,7 @@ class _AdmittedSubmission:
     fingerprint: Fingerprint
 
 
+@dataclass
 class Handlers:
     """What the daemon does when it is asked: a method for each verb, and so more than twenty.
 
@@ -79,35 +80,23 @@ class Handlers:
     validated request and what its thread owns of the ledger, and returns the answer.
     """
 
-    def __init__(
-        self,
-        paths: StatePaths,
-        settings: DaemonSettings,
-        registry: WorkerRegistry,
-        log: EventLog,
-        clock: DaemonClock,
-        quota: Quota,
-        *,
-        version: str,
-        stop: Callable[[], None],
-        trouble: Callable[[], str],
-        marker: Marker,
-    ) -> None:
-        self._paths = paths
-        self._settings = settings
-        self._registry = registry
-        self._log = log
-        self._clock = clock
-        self._quota = quota
-        self._stop = stop
-        self._trouble = trouble
-        self._version = version
+    paths: StatePaths
+    settings: DaemonSettings
+    registry: WorkerRegistry
+    log: EventLog
+    clock: DaemonClock
+    quota: Quota
+    version: str
+    stop: Callable[[], None]
+    trouble: Callable[[], str]
+    marker: Marker
+    draining: bool = False
+
+    def __post_init__(self) -> None:
         self._identity = own_version()
-        self._marker = marker
-        self._traces = TraceUploads(paths, log)
-        self._files = FileUploads(paths, log)
-        self._started_at = clock.now()
-        self.draining = False
+        self._traces = TraceUploads(self.paths, self.log)
+        self._files = FileUploads(self.paths, self.log)
+        self._started_at = self.clock.now()
         self.by_verb = {verb: VerbHandler(getattr(self, name)) for name, verb in VERBS.items()}
         # To unpack and check 100,000 runs takes seconds: not the writer's, leases wait for those.
         self.by_verb[SUBMIT] = VerbHandler(self.submit, prepare=self._admit)
@@ -115,21 +104,21 @@ class Handlers:
     # Questions, each answered from one snapshot of the ledger
 
     def overview(self, ledger: LedgerReader, _: Empty) -> DaemonOverview:
-        now = self._clock.now()
+        now = self.clock.now()
         campaigns, counts = ledger.counts()
         rate = ledger.rate(now)
         waiting = counts["queued"] + counts["running"]
         return DaemonOverview(
-            version=self._version,
-            state=str(self._paths.state),
+            version=self.version,
+            state=str(self.paths.state),
             started_at=self._started_at,
             now=now,
             campaigns=campaigns,
-            workers=len(self._registry.rows()),
+            workers=len(self.registry.rows()),
             **count_states(counts),
             rate=rate,
             seconds_left=60.0 * waiting / rate if waiting and rate > 0.0 else None,
-            trouble=self._trouble(),
+            trouble=self.trouble(),
         )
 
     def campaigns(self, ledger: LedgerReader, _: Empty) -> tuple[CampaignRow, ...]:
@@ -148,35 +137,35 @@ class Handlers:
         return ledger.records(query)
 
     def workers(self, _: LedgerReader, __: Empty) -> tuple[WorkerRow, ...]:
-        return self._registry.rows()
+        return self.registry.rows()
 
     def scene(self, _: LedgerReader, request: IdRequest) -> Scene:
         try:
-            data = self._paths.scene(request.id).read_bytes()
+            data = self.paths.scene(request.id).read_bytes()
         except (OSError, ValueError) as error:
             raise Refused(f"there is no scene {request.id}") from error
         return codec.from_json(Scene, data)
 
     def welcome(self, _: LedgerReader, worker: WorkerInfo) -> WelcomeReply:
         self._check_version(worker)
-        settings = self._settings
+        settings = self.settings
         return WelcomeReply(
-            str(self._paths.state),
-            self._version,
+            str(self.paths.state),
+            self.version,
             ENGINE_VERSION,
             settings.lease,
             settings.renew,
-            self._marker.identity,
-            self._marker.probe,
+            self.marker.identity,
+            self.marker.probe,
             settings.store,
         )
 
     def disk(self, _: LedgerReader, __: Empty) -> DiskUsage:
-        return replace(self._paths.disk(), traces=self._quota.used, quota=self._quota.limit)
+        return replace(self.paths.disk(), traces=self.quota.used, quota=self.quota.limit)
 
     def shutdown(self, _: LedgerReader, __: Empty) -> Empty:
-        self._log.write("shutdown requested")
-        self._stop()
+        self.log.write("shutdown requested")
+        self.stop()
         return Empty()
 
     # Megabytes, carried in a thread of their own
@@ -190,7 +179,7 @@ class Handlers:
         except OSError as error:
             raise Refused(f"the trace of {request.run} cannot be read: {error.strerror}") from error
         if data and request.offset + len(data) == trace.size:
-            self._log.write("trace fetched", run=request.run, bytes=trace.size)
+            self.log.write("trace fetched", run=request.run, bytes=trace.size)
         return DownloadChunk(request.offset, trace.size, trace.sha256, *encode_chunk(data))
 
     def upload(self, ledger: LedgerReader, chunk: TraceUploadChunk) -> UploadProgress:
@@ -209,51 +198,51 @@ class Handlers:
             submission = unpack_submission(packed)
         except ValueError as error:
             raise Refused(f"the request is malformed: {error}") from error
-        admit_submission(submission, self._paths)
+        admit_submission(submission, self.paths)
         return _AdmittedSubmission(submission, fingerprint(submission))
 
     def submit(self, ledger: LedgerWriter, admitted: _AdmittedSubmission) -> SubmissionReceipt:
-        receipt = ledger.submit(admitted.submission, self._clock.now(), admitted.fingerprint)
-        self._log.write("submitted", **codec.to_plain(receipt))
+        receipt = ledger.submit(admitted.submission, self.clock.now(), admitted.fingerprint)
+        self.log.write("submitted", **codec.to_plain(receipt))
         return receipt
 
     def cancel(self, ledger: LedgerWriter, request: IdRequest) -> Count:
-        count = ledger.cancel(request.id, self._clock.now())
-        self._log.write("cancelled", campaign=request.id, runs=count)
+        count = ledger.cancel(request.id, self.clock.now())
+        self.log.write("cancelled", campaign=request.id, runs=count)
         return Count(count)
 
     def retry(self, ledger: LedgerWriter, request: RetryRequest) -> Count:
-        count = ledger.retry(request, self._clock.now())
-        self._log.write("retried", campaign=request.campaign, runs=count)
+        count = ledger.retry(request, self.clock.now())
+        self.log.write("retried", campaign=request.campaign, runs=count)
         return Count(count)
 
     def pause(self, ledger: LedgerWriter, request: IdRequest) -> Count:
-        self._log.write("paused", campaign=request.id)
-        return Count(ledger.pause(request.id, self._clock.now(), paused=True))
+        self.log.write("paused", campaign=request.id)
+        return Count(ledger.pause(request.id, self.clock.now(), paused=True))
 
     def resume(self, ledger: LedgerWriter, request: IdRequest) -> Count:
-        self._log.write("resumed", campaign=request.id)
-        return Count(ledger.pause(request.id, self._clock.now(), paused=False))
+        self.log.write("resumed", campaign=request.id)
+        return Count(ledger.pause(request.id, self.clock.now(), paused=False))
 
     def prioritise(self, ledger: LedgerWriter, request: PriorityRequest) -> Empty:
-        ledger.set_priority(request.campaign, request.priority, self._clock.now())
-        self._log.write("prioritised", **codec.to_plain(request))
+        ledger.set_priority(request.campaign, request.priority, self.clock.now())
+        self.log.write("prioritised", **codec.to_plain(request))
         return Empty()
 
     def lease(self, ledger: LedgerWriter, request: LeaseRequest) -> LeaseReply:
-        now = self._clock.now()
+        now = self.clock.now()
         self._register_worker(ledger, request.worker, now)
         if self.draining:
             return LeaseReply((), draining=True)
-        if self._quota.trouble:
+        if self.quota.trouble:
             return LeaseReply(())  # not an error: workers ask again until there is room
-        store = self._settings.store
+        store = self.settings.store
         return LeaseReply(
             ledger.lease(request.worker.id, request.count, now, store=store, lacks=request.lacks)
         )
 
     def renew(self, ledger: LedgerWriter, request: RenewRequest) -> RenewReply:
-        now = self._clock.now()
+        now = self.clock.now()
         self._register_worker(ledger, request.worker, now)
         return RenewReply(ledger.renew(request.worker.id, request.holds, now))
 
@@ -264,17 +253,17 @@ class Handlers:
         ledger.check_completion(completion)
         if self._traces.is_missing(ledger, completion):
             return LedgerAcknowledgement(LedgerAnswer.MISSING)
-        answer = ledger.complete(completion, self._clock.now())
+        answer = ledger.complete(completion, self.clock.now())
         self._traces.settle_result(ledger, completion, answer)
         if answer is LedgerAnswer.RECORDED and not completion.location:
-            self._quota.add_bytes(completion.result.trace.size)
+            self.quota.add_bytes(completion.result.trace.size)
         if answer is LedgerAnswer.DIFFERS:
-            self._log.write("nondeterminism", run=completion.run, worker=completion.worker)
+            self.log.write("nondeterminism", run=completion.run, worker=completion.worker)
         return LedgerAcknowledgement(answer)
 
     def release(self, ledger: LedgerWriter, request: ReleaseRequest) -> LedgerAcknowledgement:
-        answer = ledger.release(request, self._clock.now())
-        self._log.write("released", run=request.run, reason=request.reason[-400:])
+        answer = ledger.release(request, self.clock.now())
+        self.log.write("released", run=request.run, reason=request.reason[-400:])
         return LedgerAcknowledgement(answer)
 
     def _check_version(self, worker: WorkerInfo) -> None:
@@ -290,8 +279,8 @@ class Handlers:
         # With every request rather than once: after a restart the registry is empty, and workers
         # do not notice restarts.
         self._check_version(worker)
-        if self._registry.is_full(worker.id):
+        if self.registry.is_full(worker.id):
             raise Refused(f"worker {worker.id} has to wait: there are {MOST_WORKERS} already")
-        if self._registry.record_contact(worker, now):
+        if self.registry.record_contact(worker, now):
             ledger.record_event(now, "worker", worker.id, state="came")
-            self._log.write("worker came", worker=worker.id, slots=worker.slots)
+            self.log.write("worker came", worker=worker.id, slots=worker.slots)

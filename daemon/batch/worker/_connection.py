@@ -63,6 +63,7 @@ def choose_paths(state: Path | None, welcome: WelcomeReply) -> WorkerPaths:
     there = StatePaths.find(state or Path(welcome.state))
     shared = _is_shared(there, welcome)
     paths = there if shared else _own_paths(state, welcome)
+    # Now, not after the first run: what cannot be kept need not be computed.
     if welcome.store:
         try:
             probe_store(welcome.store)

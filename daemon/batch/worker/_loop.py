@@ -207,11 +207,11 @@ class WorkerLoop:
         if self._outbox or self._releases:
             moments.append(max(self._silent_until, self._deliver_at, now + _DELIVERY_PAUSE))
         pause = max(0.0, min(moments) - now)
-        things: list[Any] = [self._signals.wake, *self._backend.waitables]
+        things: list[Any] = [self._signals.receiver, *self._backend.waitables]
         for execution in self._executions:
             things += execution.waitables
         wait(things, max(pause, 0.001))  # 0 would spin while a deadline passes
-        if self._signals.take_hints():
+        if self._signals.take_wakeups():
             # Something came to the queue, or something that runs here is not wanted any more.
             self._lease_at = self._renew_at = 0.0
 

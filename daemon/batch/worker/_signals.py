@@ -47,16 +47,15 @@ class WakeupSocket:
         self._sender.close()
 
 
-class WorkerSignals:
-    """Set by signal handlers and callbacks, read by the worker's loop.
+class WorkerSignals(WakeupSocket):
+    """Set by signal handlers and callbacks, read by the worker's loop, which it wakes.
 
     SIGTERM or SIGINT, or the death of process ``parent``: finish what runs, then leave
     (``drain``). SIGQUIT or a second signal: give everything back (``abort``).
     """
 
     def __init__(self, *, parent: int = 0) -> None:
-        self._wakeup = WakeupSocket()
-        self.wake = self._wakeup.receiver
+        super().__init__()
         self._parent = parent
         self._leaving = False
         self.abort = False
@@ -69,14 +68,6 @@ class WorkerSignals:
             self._leaving = True
         return self._leaving
 
-    def hint(self) -> None:
-        """Wake the loop: there may be work. Callable from any thread, never blocks."""
-        self._wakeup.wake()
-
-    def take_hints(self) -> bool:
-        """Whether there were hints since the last call."""
-        return self._wakeup.take_wakeups()
-
     @contextmanager
     def handled(self) -> Iterator[None]:
         """Handle signals meanwhile; only in the main thread."""
@@ -84,8 +75,9 @@ class WorkerSignals:
         def on_signal(number: int, _: FrameType | None) -> None:
             self.abort = self.abort or self._leaving or number == signal.SIGQUIT
             self._leaving = True
-            self.hint()
+            self.wake()
 
+        # Nothing but flags and a byte: a handler may run between any two instructions of the loop.
         numbers = (signal.SIGTERM, signal.SIGINT, signal.SIGQUIT)
         kept = {number: signal.signal(number, on_signal) for number in numbers}
         try:
@@ -93,10 +85,6 @@ class WorkerSignals:
         finally:
             for number, handler in kept.items():
                 signal.signal(number, handler)
-
-    def close(self) -> None:
-        """Free the sockets."""
-        self._wakeup.close()
 
 
 def exit_when_stdin_closes() -> None:

@@ -54,6 +54,7 @@ def work(
     Raises :class:`daemon.batch.errors.Unreachable` when no daemon answers at the start and
     :class:`WorkerBroken` when runs cannot be executed here.
     """
+    # One sequence, in an order that matters, and half of the length is what it promises: not split.
     if tether:
         exit_when_stdin_closes()
     if nice:
@@ -75,7 +76,7 @@ def work(
         stack.callback(spool.close)
         # Present only once it can take runs; the token goes with the session, however it ends.
         stack.enter_context(session.liveliness().declare_token(f"{ALIVE}/{me.id}"))
-        stack.enter_context(session.declare_subscriber(WORK, lambda _: signals.hint()))
+        stack.enter_context(session.declare_subscriber(WORK, lambda _: signals.wake()))
         loop = WorkerLoop(
             daemon,
             lambda busy: replace(me, busy=busy, slots=backend.slots),

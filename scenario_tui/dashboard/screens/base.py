@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING, ClassVar, Final, cast
 
 from rich.text import Text
-from textual.app import ComposeResult
+from textual.app import ComposeResult, SystemCommand
 from textual.binding import ActiveBinding, Binding, BindingType
 from textual.screen import Screen
 from textual.widget import Widget
 from textual.widgets import Footer, Static
 
+from scenario_tui.campaign_actions import KEYED
 from scenario_tui.dashboard.state import DashboardState, Query
 from scenario_tui.dashboard.widgets.status_line import StatusLine
 from scenario_tui.text.formatting import DASHBOARD_STYLES, GLYPHS, UNSURE
@@ -21,21 +22,12 @@ if TYPE_CHECKING:
     from scenario_tui.dashboard.base_app import BaseDashboard
 
 
-CHANGING_KEYS: Final = frozenset({"submit", "pause", "cancel", "retry", "priority"})
+CHANGING_KEYS: Final = frozenset({"submit", *(action.command for action in KEYED)})
 """Ids of the keys that change something at the daemon."""
 
 
-@dataclass(frozen=True, slots=True)
-class PaletteAction:
-    """Something that can be done on a screen, as the command palette offers it."""
-
-    name: str
-    about: str
-    action: str
-
-
 class BaseScreen(Screen[None]):
-    """A screen that shows pictures of the daemon; subclasses say what they want to know."""
+    """A screen that shows the state of the daemon; subclasses say what they want to know."""
 
     AUTO_FOCUS = "KeyedTable"
     BINDINGS: ClassVar[list[BindingType]] = [
@@ -60,7 +52,7 @@ class BaseScreen(Screen[None]):
         """Yield the screen's own widgets."""
         raise NotImplementedError
 
-    def want(self) -> Query:
+    def state_query(self) -> Query:
         """Say what this screen shows."""
         return Query()
 
@@ -68,22 +60,24 @@ class BaseScreen(Screen[None]):
         """Say where we are: the second line."""
         raise NotImplementedError
 
-    def show(self, picture: DashboardState) -> None:
+    def show(self, state: DashboardState) -> None:
         """Show what is known."""
         raise NotImplementedError
 
     def command(self) -> str:
         """Return what to type to be told the same."""
-        return self.dashboard.equivalent.line("status")
+        return self.dashboard.command_lines.daemon_line("status")
 
-    def barred(self) -> frozenset[str]:
+    def disabled_keys(self) -> frozenset[str]:
         """Return the ids of keys that may not be used now; pressed, they say why."""
         return CHANGING_KEYS if self.dashboard.read_only else frozenset()
 
     @property
     def active_bindings(self) -> dict[str, ActiveBinding]:
         """The bindings as the footer and help show them."""
-        barred, renamed = self.barred(), self._renamed
+        barred, renamed = self.disabled_keys(), self._renamed
+        # Footer, help and palette all read this: the order, the names and what is greyed out are
+        # decided here, once.
         found = {}
         for key, active in super().active_bindings.items():
             id, binding = active.binding.id or "", active.binding
@@ -99,7 +93,7 @@ class BaseScreen(Screen[None]):
         order = self.IN_FOOTER
         return order.index(binding.id) if binding.id in order else len(order)
 
-    def deeds(self) -> Iterable[PaletteAction]:
+    def palette_commands(self) -> Iterable[SystemCommand]:
         """Yield what can be done here beyond what has a key."""
         return ()
 
@@ -115,40 +109,41 @@ class BaseScreen(Screen[None]):
     def on_mount(self) -> None:
         """Ask for what this screen shows, show what is known already."""
         self._composed = True
-        self.wanted_changed()
+        self.query_changed()
 
     def on_screen_resume(self) -> None:
         """Ask for what this screen shows, when we come back to it."""
+        # Comes also before the first mount, when there are no widgets to ask.
         if self._composed:
-            self.wanted_changed()
+            self.query_changed()
 
-    def present(self) -> None:
+    def update_from_state(self) -> None:
         """Bring everything up to date."""
         # A timer may still fire while the screens are being taken down.
         if not self._composed or not self.app.is_running:
             return
-        picture, now = self.dashboard.picture, self.dashboard.clock()
-        self.query_one(StatusLine).show(picture, now)
+        state, now = self.dashboard.daemon_state, self.dashboard.clock()
+        self.query_one(StatusLine).show(state, now)
         trail, text = self.query_one("#trail", Static), self._trail()
         if text != trail.content:  # else everything would be laid out again for nothing
             trail.update(text)
-        self.set_class(not picture.connected and picture.at > 0, "-stale")
-        self.show(picture)
+        self.set_class(not state.connected and state.at > 0, "-stale")
+        self.show(state)
 
     def _trail(self) -> Text:
         text = Text(self.trail(), no_wrap=True)
         if self.dashboard.read_only:
             text.append("  read-only", style=UNSURE)
-        overview = self.dashboard.picture.overview
+        overview = self.dashboard.daemon_state.overview
         if overview is not None and overview.trouble:
             why = " ".join(overview.trouble.split())
             text.append(f"  {GLYPHS['lost']} {why}", style=DASHBOARD_STYLES["lost"])
         return text
 
-    def wanted_changed(self) -> None:
+    def query_changed(self) -> None:
         """Ask anew because what is wanted changed."""
-        self.dashboard.feed.look(self.want())
-        self.present()
+        self.dashboard.feed.set_query(self.state_query())
+        self.update_from_state()
 
     def action_back(self) -> None:
         """Leave this screen, unless it is the first."""

@@ -29,6 +29,7 @@ from scenario_tui.text.formatting import (
 from scenario_tui.text.results import Conclusion
 
 SHOWN: Final = 500
+"""Campaigns in the table, the newest: a table of thousands is slow to lay out."""
 _COLUMNS: Final = (
     Column("campaign", 0),
     Column("judged", 15),
@@ -80,24 +81,24 @@ class CampaignsScreen(SteeringScreen):
 
     def trail(self) -> str:
         """Say how many campaigns there are."""
-        count = len(self.dashboard.picture.campaigns)
+        count = len(self.dashboard.daemon_state.campaigns)
         more = f", the newest {SHOWN} shown" if count > SHOWN else ""
         return f"campaigns ({count}{more})"
 
     def campaign(self) -> CampaignRow | None:
         """Return the campaign under the cursor."""
-        key = self.query_one(KeyedTable).key
-        return next((row for row in self.dashboard.picture.campaigns if row.id == key), None)
+        return self.dashboard.daemon_state.campaign(self.query_one(KeyedTable).key)
 
-    def show(self, picture: DashboardState) -> None:
+    def show(self, state: DashboardState) -> None:
         """Fill the table."""
         now = self.dashboard.clock()
-        message = "" if picture.campaigns else _nothing(picture)
+        message = "" if state.campaigns else _nothing(state)
         show_message_or(self.query_one("#empty"), self.query_one("#split"), message)
         table = self.query_one(KeyedTable)
-        said = picture.conclusions
-        rows = picture.campaigns[:SHOWN]
+        said = state.conclusions
+        rows = state.campaigns[:SHOWN]
         table.fill([campaign_cells(row, said.get(row.id), now) for row in rows])
+        # A table that was hidden, because there was no campaign, could not take the keys.
         if not table.has_focus and table.display and self.focused is None:
             table.focus()
         self._describe()
@@ -109,7 +110,7 @@ class CampaignsScreen(SteeringScreen):
     def _describe(self) -> None:
         row = self.campaign()
         if row is not None:
-            said = self.dashboard.picture.conclusions.get(row.id)
+            said = self.dashboard.daemon_state.conclusions.get(row.id)
             text = campaign_text(row, said, self.dashboard.clock())
             self.query_one("#about", Static).update(text)
 
@@ -118,11 +119,11 @@ class CampaignsScreen(SteeringScreen):
         self.dashboard.open_runs(self.query_one(KeyedTable).key)
 
 
-def _nothing(picture: DashboardState) -> str:
-    if not picture.connected:
-        if picture.refused:
-            return f"{picture.problem}\n\n{_OTHERS}"
-        return _NOBODY if picture.problem else ""
+def _nothing(state: DashboardState) -> str:
+    if not state.connected:
+        if state.refused:
+            return f"{state.problem}\n\n{_OTHERS}"
+        return _NOBODY if state.problem else ""
     return _NOTHING
 
 
@@ -144,7 +145,9 @@ def _judged(row: CampaignRow, said: Conclusion | None) -> Text:
     if row.paused and not row.finished:
         return Text("‖ paused", style=UNSURE)
     return (
-        Text(said.said, style=DASHBOARD_STYLES[said.word]) if said else Text(NOTHING, style=QUIET)
+        Text(said.glyph_text, style=DASHBOARD_STYLES[said.word])
+        if said
+        else Text(NOTHING, style=QUIET)
     )
 
 
@@ -158,7 +161,7 @@ def campaign_text(row: CampaignRow, said: Conclusion | None, now: float) -> Text
     """Return a campaign in words, and what to type about it."""
     text = Text.assemble((row.name, "bold"), "\n")
     if said:
-        text.append(f"{said.said}\n", style=DASHBOARD_STYLES[said.word])
+        text.append(f"{said.glyph_text}\n", style=DASHBOARD_STYLES[said.word])
     for mark in schedule_marks(row):
         text.append(f"{mark}\n", style=UNSURE)
     if row.about:

@@ -17,13 +17,11 @@ from daemon.batch.errors import DaemonError
 from grammars.text.diagnostics import InputError
 from scenario_tui.dashboard.local_traces import UnavailableTrace, local_trace
 from scenario_tui.dashboard.playback import Playback, open_playback
-from scenario_tui.dashboard.screens.help import Help
-from scenario_tui.dashboard.screens.playing import PlayingScreen, clock_line
-from scenario_tui.dashboard.screens.replay import leave
+from scenario_tui.dashboard.screens.playing import clock_line
+from scenario_tui.dashboard.screens.replay import StandaloneScreen
 from scenario_tui.dashboard.signal_strips import (
     FLASH,
     Alignment,
-    CommonClock,
     FailureMoment,
     ReplayTransport,
     common_clock,
@@ -40,7 +38,7 @@ if TYPE_CHECKING:
 _BY: dict[Alignment, str] = {"time": "by simulated time", "mission": "by waypoints done"}
 
 
-class CompareScreen(PlayingScreen):
+class CompareScreen(StandaloneScreen):
     """Plays two runs at once; the clock is that of the first."""
 
     HORIZONTAL_BREAKPOINTS = [(0, "-narrow"), (110, "-wide")]  # noqa: RUF012
@@ -89,14 +87,12 @@ class CompareScreen(PlayingScreen):
         """Begin, both runs standing still."""
         self._meet(self._begin)
 
-    def on_resize(self) -> None:
-        """Say which part is shown, for the new width."""
-        self.call_after_refresh(self.show_moment)
-
     def _meet(self, time: float | None) -> None:
         """Put both runs on one clock and stand at a moment of the first."""
-        first, second = self.first.chronicle, self.second.chronicle
+        first, second = self.first.timeline, self.second.timeline
         self._clock = common_clock(first, second, self.by)
+        # The signals of the second run are laid on the clock of the first once, here; the maps ask
+        # for the moment of the second run at every frame.
         moved = shift_to_clock(second, self._clock)
         self._moved = moved
         start, end = min(first.start, moved.start), max(first.end, moved.end)
@@ -122,11 +118,6 @@ class CompareScreen(PlayingScreen):
         times = np.array([moment.time for moment in moments], dtype=np.float64)
         return [float(time) for time in self._clock.to_first(times)]
 
-    @property
-    def common(self) -> CommonClock:
-        """How the times of both go together."""
-        return self._clock
-
     def show_moment(self, window: float = FLASH) -> None:
         """Show both runs at the moment."""
         transport = self.transport
@@ -151,7 +142,7 @@ class CompareScreen(PlayingScreen):
             self.query_one(f"#name-{side}", Static).update(name)
         self.query_one(TimelineView).move(transport.time)
 
-    def turned(self) -> None:
+    def view_changed(self) -> None:
         """Give the keys to what can be scrolled."""
         if self.VIEWS[self._part] == "differences" or self.has_class("-wide"):
             self.query_one("#differences").focus(scroll_visible=False)
@@ -169,24 +160,16 @@ class CompareScreen(PlayingScreen):
         self.first, self.second = self.second, self.first
         self._meet(then)
 
-    def action_keys(self) -> None:
-        """Show the keys."""
-        self.app.push_screen(Help(self.app.screen))
-
-    def action_leave(self) -> None:
-        """Go back to where this came from."""
-        leave(self)
-
 
 def mark_or_compare(dashboard: BaseDashboard, run: str) -> None:
     """Mark a run, or compare it with the one that is marked."""
-    marked = dashboard.marked
+    marked = dashboard.marked_run
     if not marked or marked == run:
-        dashboard.marked = "" if marked == run else run
+        dashboard.marked_run = "" if marked == run else run
         said = f"{run} is marked no more" if marked else f"marked {run}: now mark another run"
         dashboard.notify(said, markup=False)
         return
-    dashboard.marked = ""
+    dashboard.marked_run = ""
     dashboard.notify(f"reading {marked} and {run}", markup=False, timeout=2)
     dashboard.run_worker(lambda: _open(dashboard, marked, run), thread=True, group="compare")
 
@@ -210,5 +193,5 @@ def _playback(dashboard: BaseDashboard, run: str) -> Playback:
         raise DaemonError(f"{run}: {found.why}")
     assert detail.result is not None
     playback = open_playback(found, detail.result.verdicts)
-    playback.chronicle  # noqa: B018  sampled here and not where it would be waited for
+    playback.timeline  # noqa: B018  sampled here and not where it would be waited for
     return playback

@@ -25,6 +25,14 @@ def same_as(command: str) -> Text:
     return Text(f"same as: {command}" if command else "", style=QUIET)
 
 
+def move_cursor(options: OptionList, step: int) -> None:
+    """Go to the next option, or with a negative ``step`` to the one before."""
+    if step > 0:
+        options.action_cursor_down()
+    else:
+        options.action_cursor_up()
+
+
 class Question(ModalScreen[bool]):
     """A yes-or-no question; ``command`` is what to type to do the same."""
 
@@ -103,6 +111,7 @@ class Menu(ModalScreen[int]):
 
     def on_key(self, event: Key) -> None:
         """Choose by the key of a line."""
+        # Not bindings, which belong to a class: the choices differ from menu to menu.
         for index, choice in enumerate(self._choices):
             if choice.key == event.character and not choice.why_not:
                 event.stop()
@@ -111,11 +120,7 @@ class Menu(ModalScreen[int]):
 
     def action_move(self, step: int) -> None:
         """Move the cursor."""
-        options = self.query_one(OptionList)
-        if step > 0:
-            options.action_cursor_down()
-        else:
-            options.action_cursor_up()
+        move_cursor(self.query_one(OptionList), step)
 
 
 class Prompt(ModalScreen[str]):

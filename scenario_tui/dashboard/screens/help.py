@@ -1,16 +1,15 @@
-"""What can be done on the screen below: its keys, made from its bindings, and the command palette."""
+"""What can be done on the screen below: its keys, read off its bindings, and the palette."""
 
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from concurrent.futures import Future
-from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, ClassVar, Final, cast
 
 from rich.text import Text
-from textual.app import App, ComposeResult
+from textual.app import App, ComposeResult, SystemCommand
 from textual.binding import ActiveBinding, Binding, BindingType
 from textual.command import DiscoveryHit, Hit, Hits, Provider
 from textual.containers import VerticalScroll
@@ -27,6 +26,15 @@ if TYPE_CHECKING:
     from scenario_tui.dashboard.base_app import BaseDashboard
 
 Lines = list[tuple[str, str]]
+_CAMPAIGNS: Final = 5
+"""Campaigns offered before anything is typed."""
+_RUNS: Final = 10
+"""Runs the daemon is asked for as somebody types."""
+_PATIENCE: Final = 2.0
+"""Seconds the palette waits for the runs the daemon finds."""
+_UNUSUAL: Final = ("command_palette", "select_cursor", "cursor_down", "cursor_up", "scroll_top",
+                   "scroll_bottom", "back")  # fmt: skip
+"""Actions nobody goes to the palette for."""
 
 
 class Help(ModalScreen[None]):
@@ -106,32 +114,14 @@ def our_classes(kind: type[DOMNode]) -> list[type[DOMNode]]:
     return [k for k in ours if "BINDINGS" in vars(k)]
 
 
-_CAMPAIGNS: Final = 5
-"""Campaigns offered before anything is typed."""
-_RUNS: Final = 10
-_PATIENCE: Final = 2.0
-_UNUSUAL: Final = ("command_palette", "select_cursor", "cursor_down", "cursor_up", "scroll_top",
-                   "scroll_bottom", "back")  # fmt: skip
-"""Actions nobody goes to the palette for."""
-
-
-@dataclass(frozen=True, slots=True)
-class PaletteEntry:
-    """A line of the palette: ``do`` is what choosing it does."""
-
-    name: str
-    about: str
-    do: Callable[[], object]
-
-
 class PaletteProvider(Provider):
     """Offers whose names fit what is typed."""
 
-    def offers(self) -> Iterator[PaletteEntry]:
+    def offers(self) -> Iterator[SystemCommand]:
         """Yield everything there is to offer."""
         raise NotImplementedError
 
-    def first(self) -> Iterator[PaletteEntry]:
+    def first(self) -> Iterator[SystemCommand]:
         """Yield what is offered before anything is typed."""
         return self.offers()
 
@@ -143,94 +133,94 @@ class PaletteProvider(Provider):
     async def discover(self) -> Hits:
         """Offer something before anything is typed."""
         for offer in self.first():
-            yield DiscoveryHit(offer.name, offer.do, help=offer.about)
+            yield DiscoveryHit(offer.title, offer.callback, help=offer.help)
 
     async def search(self, query: str) -> Hits:
         """Offer what fits."""
         matcher = self.matcher(query)
         for offer in self.offers():
-            score = matcher.match(offer.name)
+            score = matcher.match(offer.title)
             if score > 0:
-                yield Hit(score, matcher.highlight(offer.name), offer.do, help=offer.about)
+                yield Hit(score, matcher.highlight(offer.title), offer.callback, help=offer.help)
 
 
 class ActionCommands(PaletteProvider):
     """What has a key on the screen in front, and what has none."""
 
-    def offers(self) -> Iterator[PaletteEntry]:
+    def offers(self) -> Iterator[SystemCommand]:
         """Yield actions and places."""
+        # Replays show their keys by this module as well, without the rest of the dashboard.
         from scenario_tui.dashboard.screens.base import BaseScreen
 
+        # An action with several keys is offered once, under the first of them.
         bound = {active.binding.action: active for active in reversed(our_bindings(self.screen))}
         for action, active in reversed(bound.items()):
             binding = active.binding
             if action.partition("(")[0] not in _UNUSUAL:
                 about = f"{self.app.get_key_display(binding)}  {binding.tooltip}"
-                yield PaletteEntry(binding.description, about, self._doing(action, active.node))
+                do = partial(self.app.run_action, action, active.node)
+                yield SystemCommand(binding.description, about, do)
         if isinstance(self.screen, BaseScreen):
-            for deed in self.screen.deeds():
-                yield PaletteEntry(deed.name, deed.about, self._doing(deed.action, self.screen))
-        yield PaletteEntry(
+            yield from self.screen.palette_commands()
+        yield SystemCommand(
             "Theme", "Choose other colours, until you leave", self.app.action_change_theme
         )
-
-    def _doing(self, action: str, node: DOMNode) -> Callable[[], object]:
-        return partial(self.app.run_action, action, node)
 
 
 class CampaignCommands(PaletteProvider):
     """Going to a campaign."""
 
-    def offers(self) -> Iterator[PaletteEntry]:
+    def offers(self) -> Iterator[SystemCommand]:
         """Yield a way to each campaign and to its matrix."""
-        for row in self.dashboard.picture.campaigns:
-            yield PaletteEntry(f"go to campaign {row.id}", "its runs", self._to(row.id))
+        for row in self.dashboard.daemon_state.campaigns:
+            yield self._to(row.id)
             to_matrix = partial(self.dashboard.open_matrix, row.id)
-            yield PaletteEntry(f"go to matrix of {row.id}", "the campaign judged", to_matrix)
+            yield SystemCommand(f"go to matrix of {row.id}", "the campaign judged", to_matrix)
 
-    def first(self) -> Iterator[PaletteEntry]:
+    def first(self) -> Iterator[SystemCommand]:
         """Yield ways to the newest campaigns."""
-        for row in self.dashboard.picture.campaigns[:_CAMPAIGNS]:
-            yield PaletteEntry(f"go to campaign {row.id}", "its runs", self._to(row.id))
+        for row in self.dashboard.daemon_state.campaigns[:_CAMPAIGNS]:
+            yield self._to(row.id)
 
-    def _to(self, campaign: str) -> Callable[[], object]:
-        return partial(self.dashboard.open_runs, campaign)
+    def _to(self, campaign: str) -> SystemCommand:
+        to_runs = partial(self.dashboard.open_runs, campaign)
+        return SystemCommand(f"go to campaign {campaign}", "its runs", to_runs)
 
 
 class RunCommands(PaletteProvider):
     """Going to a run: those on the screen, and those the daemon finds."""
 
-    def first(self) -> Iterator[PaletteEntry]:
+    def first(self) -> Iterator[SystemCommand]:
         """Yield nothing: there are too many."""
         return iter(())
 
-    def offers(self) -> Iterator[PaletteEntry]:
+    def offers(self) -> Iterator[SystemCommand]:
         """Yield ways to the runs that are known here."""
-        page = self.dashboard.picture.page
+        page = self.dashboard.daemon_state.page
         for row in page.rows if page is not None else ():
             yield self._offer(row)
 
-    def _offer(self, row: RunRow) -> PaletteEntry:
+    def _offer(self, row: RunRow) -> SystemCommand:
         to_run = partial(self.dashboard.open_run, row.id)
-        return PaletteEntry(f"go to run {run_label(row)}", f"of {row.campaign}", to_run)
+        return SystemCommand(f"go to run {run_label(row)}", f"of {row.campaign}", to_run)
 
     async def search(self, query: str) -> Hits:
         """Offer what fits of the page shown, then what the daemon finds."""
         async for hit in super().search(query):
             yield hit
-        if not self.dashboard.picture.connected:
+        if not self.dashboard.daemon_state.connected:
             return
-        page = self.dashboard.picture.page
+        page = self.dashboard.daemon_state.page
         known = {row.id for row in page.rows} if page is not None else set()
         wanted = query.strip().removeprefix("go to run").strip()
         for row in await self._found(wanted) if wanted else ():
             if row.id not in known:
                 offer = self._offer(row)
-                yield Hit(0.5, offer.name, offer.do, help=offer.about)
+                yield Hit(0.5, offer.title, offer.callback, help=offer.help)
 
     async def _found(self, wanted: str) -> tuple[RunRow, ...]:
         found: Future[tuple[RunRow, ...]] = Future()
-        self.dashboard.feed.do(partial(_look_for, wanted[:200], found))
+        self.dashboard.feed.enqueue_action(partial(_look_for, wanted[:200], found))
         try:
             return await asyncio.wait_for(asyncio.wrap_future(found), _PATIENCE)
         except (TimeoutError, asyncio.CancelledError):

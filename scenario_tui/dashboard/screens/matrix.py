@@ -45,34 +45,35 @@ class MatrixScreen(SteeringScreen):
             with VerticalScroll(id="notes"):
                 yield Static(id="about")
 
-    def want(self) -> Query:
+    def state_query(self) -> Query:
         """The campaign judged."""
         return Query(results=self._campaign)
 
     def campaign(self) -> CampaignRow | None:
         """Return the campaign shown."""
-        rows = self.dashboard.picture.campaigns
-        return next((row for row in rows if row.id == self._campaign), None)
+        return self.dashboard.daemon_state.campaign(self._campaign)
 
     def trail(self) -> str:
         """Where we are, how it stands, how far it is."""
         parts = [f"campaigns › {self._campaign} › matrix"]
         row = self.campaign()
-        conclusion = self.dashboard.picture.conclusions.get(self._campaign)
+        conclusion = self.dashboard.daemon_state.conclusions.get(self._campaign)
         if conclusion is not None:
-            parts.append(conclusion.said)
+            parts.append(conclusion.glyph_text)
         if row is not None and not row.finished:
             parts.append(f"{row.total - row.queued - row.running}/{row.total} runs")
             parts += schedule_marks(row)
         return "  ".join(parts)
 
-    def show(self, picture: DashboardState) -> None:
+    def show(self, state: DashboardState) -> None:
         """Show the results once they are there, again only when they are others."""
-        results = picture.results
+        results = state.results
         if results is None or results.row.id != self._campaign:
             results = None
         message = "" if results and results.assessment.cells else self._nothing(results)
         show_message_or(self.query_one("#empty"), self.query_one("#grid"), message)
+        # By identity: results are replaced and never changed, and comparing them would cost more
+        # than showing them again.
         if results is None or results is self._shown:
             return
         self._shown = results
@@ -86,7 +87,7 @@ class MatrixScreen(SteeringScreen):
     def _nothing(self, results: CampaignResults | None) -> str:
         if results is not None:
             return "This campaign has no runs."
-        return "… judging" if self.dashboard.picture.connected else ""
+        return "… judging" if self.dashboard.daemon_state.connected else ""
 
     def _cell(self) -> CellAssessment | None:
         place = self.query_one(CellTable).cell

@@ -27,6 +27,9 @@ _NEEDS_RUN: Final = ("play", "scrub", "edge", "faster", "slower", "next", "previ
 class PlayingScreen(Screen[None]):
     """A screen with a moment of simulated time; nothing can be played without a transport."""
 
+    # More than twenty methods: twelve are keys, which Textual calls by name, of one line or two.
+    # The clock itself is ReplayTransport.
+
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("space", "play", "Play/pause", id="replay-play", tooltip="At the end: once more"),
         Binding("left", "scrub(-1)", "−1 s", show=False, id="back-1", tooltip="A second back"),
@@ -86,7 +89,7 @@ class PlayingScreen(Screen[None]):
     def on_mount(self) -> None:
         """Look at the clock from now on."""
         self._at = self.clock()
-        self.look_at(self._part)
+        self.show_view(self._part)
         self.set_interval(1.0 / FRAMES, self.tick)
 
     def tick(self) -> None:
@@ -95,6 +98,7 @@ class PlayingScreen(Screen[None]):
         passed, self._at = now - self._at, now
         if self.transport is not None and self.transport.playing:
             went = self.transport.advance(passed)
+            # The window of contacts grows with the step, or at 100x most would fall between two.
             self.show_moment(max(FLASH, went))
 
     def go(self, time: float) -> None:
@@ -104,15 +108,15 @@ class PlayingScreen(Screen[None]):
             self.transport.playing = False
             self.show_moment()
 
-    def look_at(self, part: int) -> None:
+    def show_view(self, part: int) -> None:
         """Show one part of the screen where there is room for one only."""
         if self.VIEWS:
             self._part = part % len(self.VIEWS)
             others = {f"-{name}" for name in self.VIEWS}
             self.set_classes([*(self.classes - others), f"-{self.VIEWS[self._part]}"])
-            self.call_after_refresh(self.turned)
+            self.call_after_refresh(self.view_changed)
 
-    def turned(self) -> None:
+    def view_changed(self) -> None:
         """Give the part that came the keys, if it takes any."""
 
     def tabs(self) -> str:
@@ -132,7 +136,7 @@ class PlayingScreen(Screen[None]):
         """Play or pause."""
         if self.transport is not None:
             self.transport.toggle()
-            self._at = self.clock()
+            self._at = self.clock()  # the time it stood still does not count
             self.show_moment()
 
     def action_scrub(self, seconds: int) -> None:
@@ -177,7 +181,7 @@ class PlayingScreen(Screen[None]):
 
     def action_view(self, step: int) -> None:
         """Show the next part of the screen, or the one before."""
-        self.look_at(self._part + step)
+        self.show_view(self._part + step)
 
     def action_zoom(self) -> None:
         """Come nearer to the robot on the map."""

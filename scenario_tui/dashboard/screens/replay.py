@@ -13,17 +13,40 @@ from textual.containers import Horizontal
 from textual.screen import Screen
 from textual.widgets import Footer, Static
 
-from scenario_tui.dashboard.playback import Playback, headline, timeline_bar, verdict_lines
+from scenario_tui.dashboard.playback import Playback, headline, timeline_bar
 from scenario_tui.dashboard.screens.help import Help
 from scenario_tui.dashboard.screens.playing import PlayingScreen
 from scenario_tui.dashboard.signal_strips import FLASH, FailureMoment, ReplayTransport
 from scenario_tui.dashboard.widgets.timeline import TimelineView
 from scenario_tui.dashboard.widgets.top_view import REPLAY_LEGEND, TopView
 from scenario_tui.terminal.limited_terminal import LimitedTerminalApp
+from scenario_tui.text.verdict_text import verdict_lines
 
 
-class ReplayScreen(PlayingScreen):
-    """Plays a :class:`Playback`; leaving it leaves the app when nothing lies below."""
+class StandaloneScreen(PlayingScreen):
+    """A screen of its own, over the dashboard or in a :class:`ReplayApp`, which has no other keys.
+
+    Subclasses bind ``keys`` and ``leave``.
+    """
+
+    def on_resize(self) -> None:
+        """Draw everything for the new size."""
+        self.call_after_refresh(self.show_moment)
+
+    def action_keys(self) -> None:
+        """Show the keys."""
+        self.app.push_screen(Help(self.app.screen))
+
+    def action_leave(self) -> None:
+        """Go back to where this came from; leave the app when nothing lies below."""
+        if len(self.app.screen_stack) > 1:
+            self.app.pop_screen()
+        else:
+            self.app.exit()
+
+
+class ReplayScreen(StandaloneScreen):
+    """Plays a :class:`Playback`."""
 
     HORIZONTAL_BREAKPOINTS = [(0, "-narrow"), (150, "-wide")]  # noqa: RUF012
     VIEWS = ("map", "signals")
@@ -62,19 +85,15 @@ class ReplayScreen(PlayingScreen):
         """Show the first moment."""
         self.show_moment()
 
-    def on_resize(self) -> None:
-        """Draw the timeline for the new width."""
-        self.call_after_refresh(self.show_moment)
-
     def moments(self) -> Sequence[FailureMoment]:
         """Return when oracles were decided against."""
         return self.playback.moments
 
-    def turned(self) -> None:
+    def view_changed(self) -> None:
         """Sample the signals once they are looked at: that may take a moment."""
         signals = self.query_one(TimelineView)
         if signals.size and not signals.drawn:
-            signals.show((self.playback.chronicle,))
+            signals.show((self.playback.timeline,))
         self.show_moment()
 
     def show_moment(self, window: float = FLASH) -> None:
@@ -88,26 +107,10 @@ class ReplayScreen(PlayingScreen):
         width = max(self.size.width - 2, 2)
         line = timeline_bar(playback, transport.time, width)
         self.query_one("#timeline", Static).update(line)
-        words = Text("\n").join(verdict_lines(playback, transport.time))
+        words = Text("\n").join(verdict_lines(playback.verdicts, transport.time))
         self.query_one("#verdicts", Static).update(words)
         self.query_one(TopView).show(playback.view(transport.time, window=window))
         self.query_one(TimelineView).move(transport.time)
-
-    def action_keys(self) -> None:
-        """Show the keys."""
-        self.app.push_screen(Help(self.app.screen))
-
-    def action_leave(self) -> None:
-        """Go back to where this came from."""
-        leave(self)
-
-
-def leave(screen: Screen[None]) -> None:
-    """Leave a screen, and the app when nothing lies below it."""
-    if len(screen.app.screen_stack) > 1:
-        screen.app.pop_screen()
-    else:
-        screen.app.exit()
 
 
 class ReplayApp(LimitedTerminalApp):

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar, Final
 
 from rich.text import Text
-from textual import work
+from textual import on, work
 from textual.app import ComposeResult
 from textual.binding import Binding, BindingType
 from textual.containers import Horizontal, Vertical, VerticalScroll
@@ -20,7 +20,7 @@ from daemon.model.verdicts import Verdict
 from scenario_tui.dashboard.local_traces import TraceSummary, UnavailableTrace
 from scenario_tui.dashboard.screens.base import show_message_or
 from scenario_tui.dashboard.screens.playing import PlayingScreen, clock_line
-from scenario_tui.dashboard.screens.runs import trace_summary_of, track_of, view_of
+from scenario_tui.dashboard.screens.run_panel import RunMap, top_view_of, track_of
 from scenario_tui.dashboard.screens.steering import SteeringScreen
 from scenario_tui.dashboard.signal_strips import FLASH, FailureMoment, ReplayTransport
 from scenario_tui.dashboard.state import DashboardState, Query, Track
@@ -42,8 +42,11 @@ if TYPE_CHECKING:
     from scenario_tui.dashboard.playback import Playback
 
 _LINES: Final = 5000
+"""Lines of the log that are laid out at once; `scenario logs` prints all."""
 
 Line = tuple[float, str, str]
+_VAST: Final = 170
+"""Columns from which on map and signals stand side by side."""
 
 
 def log_text(detail: RunDetail | None, playback: Playback | None, limit: int = _LINES) -> Text:
@@ -80,7 +83,7 @@ def log_lines(playback: Playback) -> Iterator[Line]:
     decided = [(m.time, "oracle", f"✗ {m.oracle} decided against") for m in playback.moments]
     doors = [
         (event.time, event.name, "opens" if event.opens else "is shut")
-        for event in playback.chronicle.doors
+        for event in playback.timeline.doors
     ]
     touched = sorted((c.time, "contact", f"{c.first} touches {c.second}") for c in trace.contacts)
     yield from heapq.merge(said, decided, doors, _first_of_each(touched))
@@ -100,12 +103,11 @@ def _notes(reason: str, result: RunResult | None) -> list[str]:
     return list(dict.fromkeys(filter(None, (reason.strip(), note.strip()))))
 
 
-_VAST: Final = 170
-"""Columns from which on map and signals stand side by side."""
-
-
 class RunScreen(PlayingScreen, SteeringScreen):
     """A run by its id; one that is over is played as soon as its trace is read."""
+
+    # More than twenty methods: ten answer what its two bases ask of a screen, and each of the
+    # others fills one part of it. The map, alone with the legend, is RunMap.
 
     AUTO_FOCUS = "VerdictList"
     VIEWS = ("verdicts", "signals", "map", "log")
@@ -139,10 +141,7 @@ class RunScreen(PlayingScreen, SteeringScreen):
                 with VerticalScroll(id="log"):
                     yield Static(id="log-text")
             with Vertical(id="right"):
-                with Vertical(id="above"):
-                    yield Static(id="unseen")
-                    yield TopView(id="map")
-                    yield Static(REPLAY_LEGEND, id="legend")
+                yield RunMap(REPLAY_LEGEND)
                 with Vertical(id="along"):
                     yield Static(id="untold")
                     yield TimelineView(id="signals")
@@ -151,24 +150,23 @@ class RunScreen(PlayingScreen, SteeringScreen):
     def on_resize(self) -> None:
         """Put map and signals side by side where there is room for that."""
         self.set_class(self.size.width >= _VAST, "-vast")
-        self.call_after_refresh(self.present)
+        self.call_after_refresh(self.update_from_state)
 
-    def want(self) -> Query:
+    def state_query(self) -> Query:
         """This run."""
         return Query(run=self._run)
 
-    def judged(self) -> str:
+    def rejudge_target(self) -> str:
         """This run alone is judged again."""
         return self._run
 
     def command(self) -> str:
         """Return what to type to watch it."""
-        return self.dashboard.equivalent.line("replay", self._run)
+        return self.dashboard.command_lines.daemon_line("replay", self._run)
 
     def campaign(self) -> CampaignRow | None:
         """Return the campaign the run is part of."""
-        wanted = self._run.rpartition(".")[0]
-        return next((row for row in self.dashboard.picture.campaigns if row.id == wanted), None)
+        return self.dashboard.daemon_state.campaign(self._run.rpartition(".")[0])
 
     def trail(self) -> str:
         """Where we are."""
@@ -181,15 +179,14 @@ class RunScreen(PlayingScreen, SteeringScreen):
         return self._playback.moments if self._playback is not None else ()
 
     def _detail(self) -> RunDetail | None:
-        detail = self.dashboard.picture.detail
-        return detail if detail is not None and detail.row.id == self._run else None
+        return self.dashboard.daemon_state.detail_of(self._run)
 
-    def show(self, picture: DashboardState) -> None:
+    def show(self, state: DashboardState) -> None:
         """Show what is known of the run: live, or as it was."""
         detail = self._detail()
         if detail is None:
             return
-        track, seen = track_of(self.dashboard, detail), trace_summary_of(picture, self._run)
+        track, seen = track_of(self.dashboard, detail), state.recording_of(self._run)
         if (
             isinstance(seen, TraceSummary)
             and detail.result is not None
@@ -199,7 +196,7 @@ class RunScreen(PlayingScreen, SteeringScreen):
             self._open(seen.path, detail.result.verdicts)
         self._words(detail, track)
         if self._playback is None:
-            self._live(detail, picture, track, seen)
+            self._show_live(detail, state, track)
         self._say(detail)
 
     def _words(self, detail: RunDetail, track: Track | None) -> None:
@@ -213,25 +210,22 @@ class RunScreen(PlayingScreen, SteeringScreen):
             self.query_one(VerdictList).show(result.verdicts)
         if self._shown != (detail, self._playback):
             if self._shown is None:
-                self.look_at(self.VIEWS.index("map") if _runs(detail) else 0)
+                # What is going on for a run that runs, why it failed for one that is over.
+                self.show_view(self.VIEWS.index("map") if _runs(detail) else 0)
             self._shown = (detail, self._playback)
             self.query_one("#log-text", Static).update(log_text(detail, self._playback))
 
-    def _live(
-        self, detail: RunDetail, picture: DashboardState, track: Track | None,
-        seen: TraceSummary | UnavailableTrace | None,
-    ) -> None:  # fmt: skip
+    def _show_live(self, detail: RunDetail, state: DashboardState, track: Track | None) -> None:
         """Show the map as it is now, or why there is nothing to see."""
-        why = self._damage or (seen.why if isinstance(seen, UnavailableTrace) else "")
-        top, signals = self.query_one("#map", TopView), self.query_one("#signals", TimelineView)
-        show_message_or(self.query_one("#unseen"), top, why)
+        view, why = top_view_of(state, detail, track)
+        why = self._damage or why
+        above, signals = self.query_one(RunMap), self.query_one("#signals", TimelineView)
+        above.explain(why)
         waiting = "Signals are drawn when the run is over." if _unfinished(detail) else "Reading."
         show_message_or(self.query_one("#untold"), signals, why or waiting)
-        self.query_one("#legend").display = not why
         self.query_one("#signs").display = False
-        if not why and picture.scene is not None:
-            recorded = seen if isinstance(seen, TraceSummary) else None
-            top.show(view_of(detail, picture.scene, track, recorded))
+        if not why and view is not None:
+            above.show(view)
 
     def _say(self, detail: RunDetail) -> None:
         """Say when it is and which part of the screen this is."""
@@ -261,14 +255,14 @@ class RunScreen(PlayingScreen, SteeringScreen):
         self.query_one("#signals", TimelineView).move(transport.time)
         self._say(detail)
 
-    def turned(self) -> None:
+    def view_changed(self) -> None:
         """Give the keys to what is shown."""
         wanted = {"verdicts": "#decided", "log": "#log"}.get(self.VIEWS[self._part])
         if wanted is not None and self.query(wanted):
             self.query_one(wanted).focus(scroll_visible=False)
         else:
             self.set_focus(None)
-        self.present()
+        self.update_from_state()
 
     @work(thread=True, exclusive=True)
     def _open(self, path: Path, verdicts: tuple[Verdict, ...]) -> None:
@@ -279,7 +273,7 @@ class RunScreen(PlayingScreen, SteeringScreen):
 
         try:
             playback = open_playback(path, verdicts)
-            playback.chronicle  # noqa: B018
+            playback.timeline  # noqa: B018  sampled here and not where it would be waited for
         except TraceError as error:
             why = "; ".join(f"{d.message}\n\n{d.hint}" for d in error.diagnostics)
             self.app.call_from_thread(self._broken, f"{why}: {path}")
@@ -288,39 +282,30 @@ class RunScreen(PlayingScreen, SteeringScreen):
 
     def _broken(self, why: str) -> None:
         self._damage = why
-        self.present()
+        self.update_from_state()
 
     def _ready(self, playback: Playback) -> None:
         """Show the run at the moment that tells most."""
         self._playback = playback
+        self.query_one(RunMap).explain("")
+        self.query_one("#untold").display = False
         signals = self.query_one("#signals", TimelineView)
-        for name in ("#unseen", "#untold"):
-            self.query_one(name).display = False
-        for name in ("#map", "#legend", "#signals", "#signs"):
-            self.query_one(name).display = True
-        signals.show((playback.chronicle,))
+        signals.display = self.query_one("#signs").display = True
+        signals.show((playback.timeline,))
         self.begin(ReplayTransport(playback.start, playback.end, playback.start, playing=False))
-        self._to_chosen()
-        self.present()
+        self._go_to_chosen()
+        self.update_from_state()
 
-    def _moment_of(self, verdict: Verdict | None) -> float | None:
-        return None if verdict is None else verdict.evidence.time
-
-    def on_option_list_option_highlighted(self, event: OptionList.OptionHighlighted) -> None:
-        """Go to when the chosen oracle was decided."""
-        self._to_chosen()
-
-    def on_option_list_option_selected(self, event: OptionList.OptionSelected) -> None:
-        """Go back to when the chosen oracle was decided."""
-        self._to_chosen()
-
-    def _to_chosen(self) -> None:
+    @on(OptionList.OptionHighlighted)
+    @on(OptionList.OptionSelected)
+    def _go_to_chosen(self) -> None:
+        """Go to when the chosen oracle was decided; Enter goes back there."""
         chosen = self.query_one(VerdictList).chosen()
-        if chosen is not None:
-            self.query_one("#signals", TimelineView).lead(chosen.oracle)
-        time = self._moment_of(chosen)
-        if time is not None:
-            self.go(time)
+        if chosen is None:
+            return
+        self.query_one("#signals", TimelineView).lead(chosen.oracle)
+        if chosen.evidence.time is not None:
+            self.go(chosen.evidence.time)
 
     def action_replay(self) -> None:
         """Play the recorded run, the map alone, once its trace is read."""
@@ -334,7 +319,7 @@ class RunScreen(PlayingScreen, SteeringScreen):
 
     def _why_not(self) -> str:
         """Return why the run cannot be played."""
-        seen = trace_summary_of(self.dashboard.picture, self._run)
+        seen = self.dashboard.daemon_state.recording_of(self._run)
         if self._damage or isinstance(seen, UnavailableTrace):
             return self._damage or (seen.why if isinstance(seen, UnavailableTrace) else "")
         return "its trace is being read" if self._opened else "a run can be played when it is over"

@@ -3,23 +3,21 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any, ClassVar, Final
+from typing import Any, ClassVar, Final
 
 from rich.text import Text
 from textual.app import ComposeResult
 from textual.binding import Binding, BindingType
-from textual.containers import Horizontal, Vertical, VerticalScroll
+from textual.containers import Horizontal, Vertical
 from textual.widgets import Input, Static
 
-from daemon.model.live_view import from_centimetres
-from daemon.model.status import CampaignRow, RunDetail, RunRow, RunState
-from grammars.model.scene import Scene
-from scenario_tui.dashboard.local_traces import TraceSummary, UnavailableTrace
+from daemon.model.messages import RunQuery
+from daemon.model.status import CampaignRow, RunPage, RunRow, RunState
 from scenario_tui.dashboard.screens.base import show_message_or
+from scenario_tui.dashboard.screens.run_panel import RunPanel
 from scenario_tui.dashboard.screens.steering import SteeringScreen, schedule_marks
-from scenario_tui.dashboard.state import DashboardState, Query, RunsQuery, Track
+from scenario_tui.dashboard.state import DashboardState, Query, Track
 from scenario_tui.dashboard.widgets.tables import Column, KeyedTable, Row
-from scenario_tui.dashboard.widgets.top_view import LEGEND, TopView, View
 from scenario_tui.text.formatting import (
     DASHBOARD_STYLES,
     QUIET,
@@ -29,86 +27,9 @@ from scenario_tui.text.formatting import (
     run_word,
     time_text,
 )
-from scenario_tui.text.run_text import run_text
-
-if TYPE_CHECKING:
-    from scenario_tui.dashboard.base_app import BaseDashboard
-
-
-class RunPanel(Vertical):
-    """Words and map of one run, one above the other: beside the table of runs."""
-
-    def compose(self) -> ComposeResult:
-        """Lay out words and map."""
-        with VerticalScroll(id="words"):
-            yield Static(id="run-text")
-        with Vertical(id="above"):
-            yield Static(id="unseen")
-            yield TopView(id="map")
-            yield Static(LEGEND, id="legend")
-
-    def show(self, dashboard: BaseDashboard, picture: DashboardState | None) -> None:
-        """Show the run of a picture, or nothing."""
-        detail = picture.detail if picture is not None else None
-        if picture is None or detail is None:
-            self.query_one("#run-text", Static).update("")
-            self._above(None)
-            return
-        track = track_of(dashboard, detail)
-        snapshot = track.snapshot if track else None
-        self.query_one("#run-text", Static).update(run_text(detail, snapshot))
-        seen = trace_summary_of(picture, detail.row.id)
-        if isinstance(seen, UnavailableTrace):
-            self._above(None, seen.why)
-        elif picture.scene is not None:
-            self._above(view_of(detail, picture.scene, track, seen))
-        else:
-            self._above(None)
-
-    def _above(self, view: View | None, why: str = "") -> None:
-        """Show the map, or why there is none."""
-        top, legend = self.query_one(TopView), self.query_one("#legend")
-        top.show(view)
-        show_message_or(self.query_one("#unseen"), top, why)
-        legend.display = not why
-
-
-def track_of(dashboard: BaseDashboard, detail: RunDetail) -> Track | None:
-    """Return what was heard of a run that is running."""
-    running = detail.row.state is RunState.RUNNING
-    return dashboard.tracks.get(detail.row.id) if running else None
-
-
-def trace_summary_of(picture: DashboardState, run: str) -> TraceSummary | UnavailableTrace | None:
-    """Return what the picture knows of the trace of a run."""
-    seen = picture.recording
-    return seen if seen is not None and seen.run == run else None
-
-
-def view_of(
-    detail: RunDetail, scene: Scene, track: Track | None, recording: TraceSummary | None
-) -> View:
-    """Return the top view of a run: live, as recorded, or as it will start."""
-    resting = tuple(scene.initial_joints.values())
-    spec = detail.spec
-    if track is not None:
-        seen = track.snapshot
-        joints = seen.joints if len(seen.joints) == len(resting) else resting
-        return View(
-            scene, spec.robot, spec.mission, joints, seen.pose, seen.estimate, seen.reached,
-            tuple(track.trail), from_centimetres(seen.returns), from_centimetres(seen.plan), tuple(track.flashes),
-            seen.spread,
-        )  # fmt: skip
-    if recording is not None:
-        joints = recording.joints if len(recording.joints) == len(resting) else resting
-        return View(
-            scene, spec.robot, spec.mission, joints, recording.pose, reached=recording.reached,
-            trail=recording.trail,
-        )  # fmt: skip
-    return View(scene, spec.robot, spec.mission, resting)
-
 
 PAGE: Final = 100
+"""Runs asked for at a time, out of 100,000 in a large campaign: KeyedTable says why not all."""
 SORTS: Final = ("index", "outcome", "margin", "oracle", "scenario", "wall", "simulated")
 FILTERS: Final[tuple[tuple[str, dict[str, str]], ...]] = (
     ("all", {}),
@@ -132,6 +53,9 @@ _COLUMNS: Final = (
 
 class RunsScreen(SteeringScreen):
     """Runs in a table; wide terminals show the one under the cursor beside it."""
+
+    # More than twenty methods: thirteen are keys and messages, which Textual calls by name, and
+    # change one field of the query; the daemon filters, sorts and pages.
 
     IN_FOOTER = (
         "open", "back", "filter", "only", "matrix", "retry", "palette", "help", "quit",
@@ -158,7 +82,7 @@ class RunsScreen(SteeringScreen):
 
     def __init__(self, campaign: str = "", scenario: str = "", sut: str = "") -> None:
         super().__init__()
-        self._wanted = RunsQuery(campaign, limit=PAGE, scenario=scenario, sut=sut)
+        self._wanted = RunQuery(campaign, limit=PAGE, scenario=scenario, sut=sut)
         self._only = 0
 
     def body(self) -> ComposeResult:
@@ -175,14 +99,14 @@ class RunsScreen(SteeringScreen):
         self.query_one(Input).display = False
         super().on_mount()
 
-    def want(self) -> Query:
+    def state_query(self) -> Query:
         """The page; in wide terminals also the run under the cursor."""
         beside = self.query_one("#side").display and self.has_class("-wide")
         return Query(runs=self._wanted, run=self.query_one(KeyedTable).key if beside else "")
 
     def trail(self) -> str:
         """Where we are, which page, sorted and filtered how."""
-        wanted, page = self._wanted, self._page(self.dashboard.picture)
+        wanted, page = self._wanted, self._page()
         parts = [f"campaigns › {wanted.campaign}" if wanted.campaign else "all runs"]
         if wanted.scenario:
             parts[0] += f" › {wanted.scenario}/{wanted.sut}"
@@ -195,8 +119,8 @@ class RunsScreen(SteeringScreen):
             parts.append(f"only {FILTERS[self._only][0]}")
         if wanted.text:
             parts.append(f"/{wanted.text}")
-        if self.dashboard.marked:
-            parts.append(f"= {self.dashboard.marked} marked")
+        if self.dashboard.marked_run:
+            parts.append(f"= {self.dashboard.marked_run} marked")
         row = self.campaign() if wanted.campaign else None
         parts += schedule_marks(row) if row is not None else []
         return "  ".join(parts)
@@ -208,21 +132,21 @@ class RunsScreen(SteeringScreen):
             return super().command()
         narrowed = [("--outcome", wanted.outcome), ("--filter", wanted.text)]
         options = [word for option in narrowed if option[1] for word in option]
-        return self.dashboard.equivalent.line("results", row.id, *(options or ["--runs"]))
+        return self.dashboard.command_lines.daemon_line("results", row.id, *(options or ["--runs"]))
 
     def campaign(self) -> CampaignRow | None:
         """Return the campaign shown, or that of the run under the cursor."""
         wanted = self._wanted.campaign
         if not wanted:
             wanted = self.query_one(KeyedTable).key.rpartition(".")[0]
-        return next((row for row in self.dashboard.picture.campaigns if row.id == wanted), None)
+        return self.dashboard.daemon_state.campaign(wanted)
 
-    def _page(self, picture: DashboardState) -> Any:
-        return picture.page if picture.wanted == self._wanted else None
+    def _page(self) -> RunPage | None:
+        return self.dashboard.daemon_state.page_for(self._wanted)
 
-    def show(self, picture: DashboardState) -> None:
+    def show(self, state: DashboardState) -> None:
         """Fill the table with the page, once it is the one wanted."""
-        page = self._page(picture)
+        page = self._page()
         if page is None:
             return
         message = "" if page.rows else self._nothing()
@@ -233,11 +157,10 @@ class RunsScreen(SteeringScreen):
         # A table that was hidden because it was empty has lost the keys to its neighbour.
         if not message and not self.query_one(Input).has_focus:
             table.focus(scroll_visible=False)
+        # The cursor may be on another run now that the rows are others.
         if self.has_class("-wide"):
-            self.dashboard.feed.look(self.want())
-            detail = picture.detail
-            shown = detail is not None and detail.row.id == table.key
-            self.query_one(RunPanel).show(self.dashboard, picture if shown else None)
+            self.dashboard.feed.set_query(self.state_query())
+            self.query_one(RunPanel).show(self.dashboard, state.detail_of(table.key))
 
     def _nothing(self) -> str:
         if self._only or self._wanted.text:
@@ -250,7 +173,7 @@ class RunsScreen(SteeringScreen):
     def on_data_table_row_highlighted(self) -> None:
         """Ask for the run the cursor came to."""
         if self.has_class("-wide"):
-            self.dashboard.feed.look(self.want())
+            self.dashboard.feed.set_query(self.state_query())
 
     def on_data_table_row_selected(self) -> None:
         """Open the run."""
@@ -259,7 +182,7 @@ class RunsScreen(SteeringScreen):
     def _change(self, **changes: Any) -> None:
         self._wanted = replace(self._wanted, **({"offset": 0} | changes))
         self.query_one(KeyedTable).from_top()
-        self.wanted_changed()
+        self.query_changed()
 
     def action_filter(self) -> None:
         """Open the filter line."""
@@ -318,7 +241,7 @@ class RunsScreen(SteeringScreen):
 
     def on_keyed_table_beyond(self, event: KeyedTable.Beyond) -> None:
         """Go on to the page behind, or to the very last one."""
-        page = self._page(self.dashboard.picture)
+        page = self._page()
         if page is None or not page.total:
             return
         last = (page.total - 1) // PAGE * PAGE
@@ -328,12 +251,13 @@ class RunsScreen(SteeringScreen):
         if not 0 <= offset <= last or offset == self._wanted.offset:
             return
         self._change(offset=offset)
+        # Up to the page before, or to the very end: the cursor goes on from the bottom.
         if (event.step > 0) == event.far:
             self.query_one(KeyedTable).from_bottom()
 
     def action_page(self, step: int) -> None:
         """Turn the page."""
-        page = self._page(self.dashboard.picture)
+        page = self._page()
         offset = self._wanted.offset + step * PAGE
         if page is not None and 0 <= offset < page.total:
             self._change(offset=offset)

@@ -2,20 +2,32 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from functools import partial
 from typing import ClassVar, Final
 
+from textual.app import SystemCommand
 from textual.binding import Binding, BindingType
 
+from daemon.model.messages import HIGHEST_PRIORITY
 from daemon.model.status import CampaignRow
+from scenario_tui.campaign_actions import (
+    CANCEL,
+    KEYED,
+    PAUSE,
+    PRIORITY,
+    RESUME,
+    RETRY,
+    CampaignAction,
+)
 from scenario_tui.client import DaemonClient
-from scenario_tui.dashboard.screens.base import BaseScreen, PaletteAction
+from scenario_tui.dashboard.screens.base import BaseScreen
 from scenario_tui.dashboard.screens.dialogs import Menu, MenuChoice, Prompt, Question
 from scenario_tui.dashboard.screens.trace_actions import judge_again, make_report
 from scenario_tui.text.formatting import pluralise
 
 _LOST: Final = "lost|cancelled"
+"""What `scenario retry` queues again without --only."""
 _KINDS: Final = (
     ("l", "lost and cancelled", _LOST),
     ("f", "failed", "fail"),
@@ -23,28 +35,18 @@ _KINDS: Final = (
     ("i", "inconclusive", "inconclusive"),
     ("a", "all that are over", "all"),
 )
-_LIMIT: Final = 1000
 
 
 class SteeringScreen(BaseScreen):
     """A screen about a campaign that can be steered from it."""
 
     BINDINGS: ClassVar[list[BindingType]] = [
-        Binding(
-            "P", "pause", "Pause", show=False, id="pause",
-            tooltip="Start no more runs of the campaign, or go on",
-        ),
-        Binding(
-            "c", "cancel", "Cancel", show=False, id="cancel",
-            tooltip="What is not over, after a question",
-        ),
-        Binding(
-            "r", "retry", "Retry", show=False, id="retry",
-            tooltip="Queue lost, failed or all runs again",
-        ),
-        Binding(
-            "number_sign", "priority", "Priority", show=False, id="priority",
-            tooltip="Which campaign goes first",
+        *(
+            Binding(
+                action.key, action.command, action.name, show=False, id=action.command,
+                tooltip=action.tooltip,
+            )
+            for action in KEYED
         ),
         Binding(
             "J", "judge", "Judge again", show=False, id="judge",
@@ -64,7 +66,7 @@ class SteeringScreen(BaseScreen):
         """Return the campaign the keys are about."""
         raise NotImplementedError
 
-    def judged(self) -> str:
+    def rejudge_target(self) -> str:
         """Return the run that is judged again, empty for all of the campaign."""
         return ""
 
@@ -73,9 +75,9 @@ class SteeringScreen(BaseScreen):
         row = self.campaign()
         return super().command() if row is None else self._line("results", row.id)
 
-    def present(self) -> None:
+    def update_from_state(self) -> None:
         """Bring everything up to date; the key that pauses is also the one that resumes."""
-        super().present()
+        super().update_from_state()
         if not self._composed or not self.app.is_running:
             return
         row = self.campaign()
@@ -84,15 +86,14 @@ class SteeringScreen(BaseScreen):
             self._renamed = renamed
             self.refresh_bindings()
 
-    def deeds(self) -> Iterable[PaletteAction]:
+    def palette_commands(self) -> Iterable[SystemCommand]:
         """Yield retrying of each kind: the key only opens a menu of them."""
         for _, words, only in _KINDS:
-            yield PaletteAction(
-                f"Retry {words}", "Queue these runs again", f"screen.retry_only('{only}')"
-            )
+            retry = partial(self._retry_only, only)
+            yield SystemCommand(f"Retry {words}", "Queue these runs again", retry)
 
     def _line(self, command: str, *arguments: str) -> str:
-        return self.dashboard.equivalent.line(command, *arguments)
+        return self.dashboard.command_lines.daemon_line(command, *arguments)
 
     def _about(self, *, steering: bool = True) -> CampaignRow | None:
         """Return the campaign to do something about; say so when there is none, or it is barred."""
@@ -102,6 +103,24 @@ class SteeringScreen(BaseScreen):
         if row is None:
             self.notify("there is no campaign here to do that with")
         return row
+
+    def _steer(
+        self,
+        action: CampaignAction,
+        row: CampaignRow,
+        request: Callable[[DaemonClient], object],
+        *options: str,
+        ending: str = "",
+        **words: object,
+    ) -> None:
+        """Have the daemon do something to a campaign; say what came of it."""
+
+        def act(daemon: DaemonClient) -> str:
+            answer = request(daemon)  # how many runs it concerned; a priority concerns none
+            runs = answer if isinstance(answer, int) else 0
+            return action.outcome_text(row.id, runs, **words) + ending
+
+        self.dashboard.steer(act, self._line(action.command, row.id, *options))
 
     def action_matrix(self) -> None:
         """Show the campaign's matrix."""
@@ -115,11 +134,12 @@ class SteeringScreen(BaseScreen):
         if row is None:
             return
         if row.paused:
-            self.dashboard.steer(partial(_resume, row.id), self._line("resume", row.id))
+            self._steer(RESUME, row, lambda daemon: daemon.resume(row.id))
         elif row.finished:
             self.notify(f"{row.id} is finished, there is nothing to pause")
         else:
-            self.dashboard.steer(partial(_pause, row.id), self._line("pause", row.id))
+            until = "it is resumed, what runs finishes"
+            self._steer(PAUSE, row, lambda daemon: daemon.pause(row.id), until=until)
 
     def action_priority(self) -> None:
         """Ask for another priority."""
@@ -132,10 +152,17 @@ class SteeringScreen(BaseScreen):
 
         def decided(answer: str | None) -> None:
             if answer is not None:
-                steer = partial(_prioritise, row.id, int(answer))
-                self.dashboard.steer(steer, self._line("priority", row.id, answer))
+                number = int(answer)
+                self._steer(
+                    PRIORITY,
+                    row,
+                    lambda daemon: daemon.prioritise(row.id, number),
+                    answer,
+                    priority=number,
+                )
 
-        text = f"Priority of {row.id}\n−{_LIMIT} to {_LIMIT}, usual is 0; the highest goes first"
+        span = f"−{HIGHEST_PRIORITY} to {HIGHEST_PRIORITY}"
+        text = f"Priority of {row.id}\n{span}, usual is 0; the highest goes first"
         prompt = Prompt(
             text,
             str(row.priority),
@@ -153,14 +180,13 @@ class SteeringScreen(BaseScreen):
         if not waiting:
             self.notify(f"{row.id} is finished, there is nothing to cancel")
             return
-        command = self._line("cancel", row.id)
 
         def decided(yes: bool | None) -> None:
             if yes:
-                self.dashboard.steer(partial(_cancel, row.id), command)
+                self._steer(CANCEL, row, lambda daemon: daemon.cancel(row.id))
 
         text = f"Cancel {pluralise(waiting, 'unfinished run')} of {row.id}? Its results are kept."
-        self.app.push_screen(Question(text, command), decided)
+        self.app.push_screen(Question(text, self._line("cancel", row.id)), decided)
 
     def action_retry(self) -> None:
         """Ask which runs to queue again."""
@@ -179,7 +205,7 @@ class SteeringScreen(BaseScreen):
         note = "Runs that have a result keep it: running them again checks it."
         self.app.push_screen(Menu(f"Retry which runs of {row.id}?", choices, note), decided)
 
-    def action_retry_only(self, only: str) -> None:
+    def _retry_only(self, only: str) -> None:
         """Queue runs of one kind again."""
         row = self._about()
         if row is None:
@@ -190,22 +216,22 @@ class SteeringScreen(BaseScreen):
         self._retry(row, only)
 
     def _retry(self, row: CampaignRow, only: str) -> None:
-        self.dashboard.steer(partial(_retry, row, only), self._retry_line(row, only))
-
-    def _retry_line(self, row: CampaignRow, only: str) -> str:
-        return self._line("retry", row.id, *(() if only == _LOST else ("--only", only)))
+        waits = "; it is paused, they wait until it is resumed" if row.paused else ""
+        self._steer(
+            RETRY, row, lambda daemon: daemon.retry(row.id, only=only), *_only(only), ending=waits
+        )
 
     def _choice(self, row: CampaignRow, key: str, words: str, only: str) -> MenuChoice:
         runs = _over(row, only)
         why_not = "" if runs else "none"
         text = f"{words}: {runs:,}" if runs else words
-        return MenuChoice(key, text, self._retry_line(row, only), why_not)
+        return MenuChoice(key, text, self._line("retry", row.id, *_only(only)), why_not)
 
     def action_judge(self) -> None:
         """Ask by which oracles, then judge the recorded runs again."""
         row = self._about(steering=False)
         if row is not None:
-            judge_again(self.dashboard, row, self.judged() or row.id)
+            judge_again(self.dashboard, row, self.rejudge_target() or row.id)
 
     def action_report(self) -> None:
         """Write the report."""
@@ -258,34 +284,19 @@ def _over(row: CampaignRow, only: str) -> int:
     }[only]
 
 
+def _only(kind: str) -> tuple[str, ...]:
+    """Return the option that retries runs of a kind: lost and cancelled ones need none."""
+    return () if kind == _LOST else ("--only", kind)
+
+
 def _no_priority(answer: str) -> str:
     """Return why an answer is no priority, empty when it is one."""
     try:
         number = int(answer)
     except ValueError:
         return "write a whole number, such as 5 or -5"
-    return "" if -_LIMIT <= number <= _LIMIT else f"at least −{_LIMIT}, at most {_LIMIT}"
-
-
-def _cancel(campaign: str, daemon: DaemonClient) -> str:
-    return f"cancelled {pluralise(daemon.cancel(campaign), 'run')} of {campaign}"
-
-
-def _retry(row: CampaignRow, only: str, daemon: DaemonClient) -> str:
-    runs = pluralise(daemon.retry(row.id, only=only), "run")
-    waits = "; it is paused, they wait until it is resumed" if row.paused else ""
-    return f"queued {runs} of {row.id} again{waits}"
-
-
-def _pause(campaign: str, daemon: DaemonClient) -> str:
-    runs = pluralise(daemon.pause(campaign), "run")
-    return f"paused {campaign}; {runs} wait until it is resumed, what runs finishes"
-
-
-def _resume(campaign: str, daemon: DaemonClient) -> str:
-    return f"resumed {campaign}, {pluralise(daemon.resume(campaign), 'run')} queued"
-
-
-def _prioritise(campaign: str, priority: int, daemon: DaemonClient) -> str:
-    daemon.prioritise(campaign, priority)
-    return f"{campaign} has priority {priority}"
+    return (
+        ""
+        if -HIGHEST_PRIORITY <= number <= HIGHEST_PRIORITY
+        else f"at least −{HIGHEST_PRIORITY}, at most {HIGHEST_PRIORITY}"
+    )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-import time
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import ClassVar, Final
@@ -16,40 +16,38 @@ from textual.timer import Timer
 from textual.widgets import Input, OptionList, Static
 
 from daemon.model.status import Submission
-from grammars.text.diagnostics import Diagnostic, Severity, Where
+from grammars.text.diagnostics import Severity
 from scenario_tui.campaign_files import (
     find_files,
     fuzzy_matches,
     is_campaign,
-    newest_change,
     relative_name,
     typed_folder,
 )
 from scenario_tui.client import DaemonClient
+from scenario_tui.dashboard.check_queue import CheckQueue
 from scenario_tui.dashboard.screens.base import BaseScreen, show_message_or
-from scenario_tui.dashboard.screens.dialogs import same_as
+from scenario_tui.dashboard.screens.dialogs import move_cursor, same_as
 from scenario_tui.dashboard.state import DashboardState
-from scenario_tui.submission import CheckedFile, FileChecker, receipt_text
+from scenario_tui.submission import CheckedFile, receipt_text
 from scenario_tui.text.diagnostics import diagnostic_counts, render_diagnostic
-from scenario_tui.text.formatting import DASHBOARD_STYLES, QUIET, pluralise
+from scenario_tui.text.formatting import DASHBOARD_STYLES, GLYPHS, QUIET, pluralise
 
 _PAUSE: Final = 0.15
 """Seconds the cursor rests on a file before it is checked."""
 _AGAIN: Final = 1.0
 """Seconds between two looks for whether it was edited."""
-_AT_ONCE: Final = 2
-"""Files checked at a time: one that takes long, and the one looked at."""
 _NONE: Final = (
     "No campaign file here: a YAML file with `campaign:` in it.\n\n"
     "Type the way to another folder, such as ../ or ~/lab/."
 )
 
-Checked = tuple[float, CheckedFile]
-"""What was found of a file, and as of when."""
-
 
 class SubmitScreen(BaseScreen):
     """Choose a campaign file by typing parts of its name; it is checked while you look."""
+
+    # More than twenty methods: five answer what is asked of every screen, nine are keys and
+    # messages, which Textual calls by name. What is known of files is in CheckQueue.
 
     AUTO_FOCUS = "#wanted"
     IN_FOOTER = ("submit-file", "next-file", "previous-file", "fresh", "back", "help")
@@ -73,13 +71,12 @@ class SubmitScreen(BaseScreen):
         self._here = self._folder = Path.cwd()
         self._files: tuple[Path, ...] | None = None
         self._names: tuple[str, ...] = ()
-        self._checked: dict[Path, Checked] = {}
-        self._checking: set[Path] = set()
         self._fresh = self._busy = False
         self._pausing: Timer | None = None
         self._news: int | None = None
-        # What errands bring may come when the screen is being taken down.
         hint = "parts of the name, or the way to a folder"
+        # Held here and not queried: what background tasks bring may come while the screen is being
+        # taken down, when there is nothing left to be found by a query.
         self._line = Input(placeholder=hint, id="wanted", compact=True)
         self._list = OptionList(id="files", compact=True)
         self._empty, self._about = Static(id="empty"), Static(id="about")
@@ -97,6 +94,9 @@ class SubmitScreen(BaseScreen):
     def on_mount(self) -> None:
         """Look for files."""
         self._list.can_focus = False
+        self._checks = CheckQueue(
+            self.dashboard.background_tasks, self.dashboard.check_file, self._on_checked
+        )
         super().on_mount()
         self.set_interval(_AGAIN, self._look_again)
         self._look_in(self._folder)
@@ -113,14 +113,14 @@ class SubmitScreen(BaseScreen):
         path = self._chosen()
         name = "CAMPAIGN.yaml" if path is None else relative_name(path, self._here)
         fresh = ("--fresh",) if self._fresh else ()
-        return self.dashboard.equivalent.line("submit", name, *fresh)
+        return self.dashboard.command_lines.daemon_line("submit", name, *fresh)
 
-    def show(self, picture: DashboardState) -> None:
+    def show(self, state: DashboardState) -> None:
         """Nothing here depends on the daemon."""
 
     def _look_in(self, folder: Path) -> None:
         self._folder, self._files = folder, None
-        self.dashboard.errands.start(
+        self.dashboard.background_tasks.start(
             partial(find_files, folder, is_campaign),
             partial(self._found, folder),
             self.dashboard.problem,
@@ -155,7 +155,7 @@ class SubmitScreen(BaseScreen):
         show_message_or(self._empty, self._picker, message)
         if self._names:
             self._list.highlighted = 0
-        self.present()
+        self.update_from_state()
 
     def _chosen(self) -> Path | None:
         index = self._list.highlighted
@@ -179,40 +179,18 @@ class SubmitScreen(BaseScreen):
             self.action_submit_file()
 
     def _check(self) -> None:
-        """Check the file under the cursor, unless enough of them are being checked."""
+        """Check the file under the cursor."""
         path = self._chosen()
-        if path is None or path in self._checked or path in self._checking:
-            return
-        if len(self._checking) >= _AT_ONCE:
-            return
-        self._checking.add(path)
-        self.dashboard.errands.start(
-            partial(_examined, self.dashboard.examine, path),
-            partial(self._note, path),
-            partial(self._note_failure, path),
-        )
+        if path is not None:
+            self._checks.check(path)
 
     def _look_again(self) -> None:
-        """See whether the file under the cursor is being edited, or one beside it."""
         path = self._chosen()
-        if path in self._checked:
-            self.dashboard.errands.start(
-                partial(newest_change, path.parent),
-                partial(self._note_change, path),
-                partial(self._note_failure, path),
-            )
+        if path is not None:
+            self._checks.look_again(path)
 
-    def _note_change(self, path: Path, changed: float) -> None:
-        if path in self._checked and changed > self._checked[path][0]:
-            del self._checked[path]
-            self._check()
-
-    def _note_failure(self, path: Path, why: str) -> None:
-        self._note(path, (time.time(), CheckedFile("", (Diagnostic(Where(str(path)), why),))))
-
-    def _note(self, path: Path, found: Checked) -> None:
-        self._checking.discard(path)
-        self._checked[path] = found
+    def _on_checked(self) -> None:
+        # The file looked at may have had to wait until another one was checked.
         if self.is_attached:
             self._tell()
             self._check()
@@ -221,26 +199,14 @@ class SubmitScreen(BaseScreen):
         """Say what the check says of the file under the cursor."""
         path = self._chosen()
         if path is not None:
-            text = self._words(path)
+            found = self._checks.found(path)
+            if self._busy or found is None:
+                text = Text("… submitting" if self._busy else "… checking", style=QUIET)
+            else:
+                text = _checked_text(found, self._here)
             text.append("\n\n")
             text.append_text(same_as(self.command()))
             self._about.update(text)
-
-    def _words(self, path: Path) -> Text:
-        found = self._checked.get(path)
-        if self._busy or found is None:
-            return Text("… submitting" if self._busy else "… checking", style=QUIET)
-        about, diagnostics = found[1].about, found[1].findings
-        word = "fail" if _errors(diagnostics) else "pass"
-        sign = "✗" if _errors(diagnostics) else "✓"
-        text = Text(
-            f"{sign} {about + ', ' if about else ''}{diagnostic_counts(diagnostics)}",
-            DASHBOARD_STYLES[word],
-        )
-        for diagnostic in diagnostics:
-            text.append("\n\n")
-            text.append_text(render_diagnostic(_from(self._here, diagnostic)))
-        return text
 
     def action_submit_file(self) -> None:
         """Submit the file, unless something is wrong with it."""
@@ -251,8 +217,8 @@ class SubmitScreen(BaseScreen):
             self._busy = True
             self._tell()
             # The file may have changed since it was checked: what is handed over is read anew.
-            self.dashboard.errands.start(
-                partial(self.dashboard.examine, path, submit=True, fresh=self._fresh),
+            self.dashboard.background_tasks.start(
+                partial(self.dashboard.check_file, path, submit=True, fresh=self._fresh),
                 partial(self._hand_over, path),
                 partial(self._refuse, path),
             )
@@ -271,19 +237,13 @@ class SubmitScreen(BaseScreen):
 
     def _refuse(self, path: Path, why: str) -> None:
         self._busy = False
-        self._checked.pop(path, None)
-        first = why.splitlines()[0]
-        self.dashboard.problem(f"not submitted: {first}")
-        if self.is_attached:
-            self._tell()
-            self._check()
+        self._checks.forget(path)
+        self.dashboard.problem(f"not submitted: {why.splitlines()[0]}")
+        self._on_checked()
 
     def action_move(self, step: int) -> None:
         """Go to another file."""
-        if step > 0:
-            self._list.action_cursor_down()
-        else:
-            self._list.action_cursor_up()
+        move_cursor(self._list, step)
 
     def action_read(self, pages: int) -> None:
         """Scroll what the check says."""
@@ -294,7 +254,7 @@ class SubmitScreen(BaseScreen):
         """Run everything anew, or only what has no result."""
         self._fresh = not self._fresh
         self._tell()
-        self.present()
+        self.update_from_state()
 
     def action_back(self) -> None:
         """Forget what was typed first, then leave."""
@@ -304,22 +264,22 @@ class SubmitScreen(BaseScreen):
         super().action_back()
 
 
-def _examined(examine: FileChecker, path: Path) -> Checked:
-    """Return what the check says, and as of when the files it is about are."""
-    return newest_change(path.parent), examine(path)
-
-
 def _submit(submission: Submission, daemon: DaemonClient) -> str:
     return receipt_text(daemon.submit(submission))
 
 
-def _errors(diagnostics: tuple[Diagnostic, ...]) -> bool:
-    return any(d.severity is Severity.ERROR for d in diagnostics)
-
-
-def _from(here: Path, diagnostic: Diagnostic) -> Diagnostic:
-    """Return a diagnostic whose file is named from ``here``: screens are narrow."""
-    where = diagnostic.where
-    file = relative_name(Path(os.path.normpath(where.file)), here) if where.file else ""
-    place = Where(file, where.line, where.column)
-    return Diagnostic(place, diagnostic.message, diagnostic.hint, diagnostic.severity)
+def _checked_text(found: CheckedFile, here: Path) -> Text:
+    """Return what a file is and what was found; other files are named from ``here``."""
+    wrong = any(d.severity is Severity.ERROR for d in found.findings)
+    about = f"{found.about}, " if found.about else ""
+    text = Text(
+        f"{GLYPHS['fail' if wrong else 'pass']} {about}{diagnostic_counts(found.findings)}",
+        DASHBOARD_STYLES["fail" if wrong else "pass"],
+    )
+    for diagnostic in found.findings:
+        where = diagnostic.where
+        # Screens are narrow: from here the name is shorter.
+        file = relative_name(Path(os.path.normpath(where.file)), here) if where.file else ""
+        nearer = replace(diagnostic, where=replace(where, file=file))
+        text.append("\n\n").append_text(render_diagnostic(nearer))
+    return text

@@ -36,7 +36,7 @@ def judge_again(dashboard: BaseDashboard, row: CampaignRow, what: str) -> None:
         return
     here = Path.cwd()
     find = partial(find_files, here, lambda path: path.name.endswith(ENDING))
-    dashboard.errands.start(
+    dashboard.background_tasks.start(
         find, lambda files: _choose_oracles(dashboard, what, state, files, here), dashboard.problem
     )
 
@@ -44,11 +44,13 @@ def judge_again(dashboard: BaseDashboard, row: CampaignRow, what: str) -> None:
 def _choose_oracles(
     dashboard: BaseDashboard, what: str, state: Path, files: Sequence[Path], here: Path
 ) -> None:
-    own = dashboard.equivalent.local(state, "judge", what)
+    own = dashboard.command_lines.local_arguments(state, "judge", what)
     ways = [("the oracles it was submitted with", own)]
     for file in files:
         name = relative_name(file, here)
-        ways.append((name, dashboard.equivalent.local(state, "judge", what, "--oracles", name)))
+        ways.append(
+            (name, dashboard.command_lines.local_arguments(state, "judge", what, "--oracles", name))
+        )
     choices = [
         MenuChoice(str(i) if i < 10 else " ", words, command_line(way))
         for i, (words, way) in enumerate(ways)
@@ -74,12 +76,12 @@ def make_report(dashboard: BaseDashboard, row: CampaignRow) -> None:
     if state is None:
         return
     page = f"{row.id}.html"
-    way = dashboard.equivalent.local(state, "report", row.id, "-o", page)
+    way = dashboard.command_lines.local_arguments(state, "report", row.id, "-o", page)
     doing = f"writing the report of {row.id}"
-    if doing in dashboard.going_on:
+    if doing in dashboard.running_jobs:
         dashboard.notify(f"… {doing} already", markup=False)
         return
-    dashboard.going_on.add(doing)
+    dashboard.running_jobs.add(doing)
     done = partial(_tell_report, dashboard, Path.cwd() / page, command_line(way), doing)
     _ask(dashboard, doing, way, done)
 
@@ -87,7 +89,7 @@ def make_report(dashboard: BaseDashboard, row: CampaignRow) -> None:
 def _tell_report(
     dashboard: BaseDashboard, page: Path, command: str, doing: str, answer: CommandAnswer
 ) -> None:
-    dashboard.going_on.discard(doing)
+    dashboard.running_jobs.discard(doing)
     opened = open_in_browser(page, os.environ)
     where = "opened in the browser" if opened else "open it in a browser"
     dashboard.say(f"{answer['answer']}\n{page} ({where})", command)
@@ -102,15 +104,15 @@ def _ask(
     dashboard.say(f"{doing} …", command_line(way))
 
     def failed(why: str) -> None:
-        dashboard.going_on.discard(doing)
+        dashboard.running_jobs.discard(doing)
         dashboard.problem(why)
 
-    dashboard.errands.start(partial(dashboard.ask, way), then, failed)
+    dashboard.background_tasks.start(partial(dashboard.run_command, way), then, failed)
 
 
 def _state(dashboard: BaseDashboard, row: CampaignRow) -> Path | None:
     """Return the state directory with the traces; say so when it is not on this machine."""
-    overview = dashboard.picture.overview
+    overview = dashboard.daemon_state.overview
     state = Path(overview.state) if overview is not None else None
     if state is None or not StatePaths(state).ledger.is_file():
         where = "" if state is None else f" ({state} on the daemon's machine)"
@@ -124,6 +126,7 @@ def _state(dashboard: BaseDashboard, row: CampaignRow) -> Path | None:
 
 def has_display(environ: Mapping[str, str]) -> bool:
     """Whether somebody sits at this machine's own screen; never over SSH."""
+    # Even with a forwarded display: a browser over the line is not what anybody waits for.
     if any(environ.get(name) for name in _SSH):
         return False
     return sys.platform == "darwin" or any(environ.get(name) for name in _DISPLAYS)

@@ -38,27 +38,27 @@ class WorkersScreen(BaseScreen):
         yield Static(id="empty")
         yield KeyedTable(_COLUMNS, id="workers")
 
-    def want(self) -> Query:
+    def state_query(self) -> Query:
         """The workers."""
         return Query(workers=True)
 
     def trail(self) -> str:
         """Where we are, and the sum of it."""
-        rows = self.dashboard.picture.workers
+        rows = self.dashboard.daemon_state.workers
         busy, slots = sum(row.busy for row in rows), sum(row.slots for row in rows)
         return f"workers ({len(rows)})  {busy} of {pluralise(slots, 'slot')} busy"
 
-    def show(self, picture: DashboardState) -> None:
+    def show(self, state: DashboardState) -> None:
         """Fill the table."""
         now = self.dashboard.clock()
         table = self.query_one(KeyedTable)
-        trouble = picture.overview.trouble.strip() if picture.overview else ""
+        trouble = state.overview.trouble.strip() if state.overview else ""
         nobody = f"No run can start:\n\n{trouble}" if trouble else _NOBODY
         show_message_or(
-            self.query_one("#empty"), table, "" if picture.workers and not trouble else nobody
+            self.query_one("#empty"), table, "" if state.workers and not trouble else nobody
         )
-        table.display = bool(picture.workers)
-        table.fill([worker_cells(row, now) for row in picture.workers])
+        table.display = bool(state.workers)
+        table.fill([worker_cells(row, now) for row in state.workers])
         if self.focused is None:
             table.focus()
 

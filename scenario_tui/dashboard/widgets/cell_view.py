@@ -20,11 +20,22 @@ from textual.widget import Widget
 
 from grammars.model.geometry import Floats
 
+# Own drawing, for what there is costs more. Measured for a map with laser and trail on 80x24, ten
+# frames a second, CPU a frame and bytes to the terminal: this 3.3 ms and 29 kB/s (86 without
+# changed_spans), textual-hires-canvas 5.2 ms and 106 kB/s, textual-plot 13.9 ms and 244 kB/s,
+# textual-plotext 21.1 ms and 137 kB/s.
+
 BLANK: Final = 0x2800
+"""The braille cell without dots; the bits of a code behind it are its dots, by row and column."""
 _BITS: Final = np.array([[0x01, 0x08], [0x02, 0x10], [0x04, 0x20], [0x40, 0x80]], dtype=np.uint8)
 
 Cells = npt.NDArray[np.uint8]
 Codes = npt.NDArray[np.int32]
+_GAP: Final = 16
+"""Unchanged cells between two changed ones that are drawn along. More than the 6 that
+:class:`~scenario_tui.terminal.limited_terminal.TerminalDiff` sends along, which takes these out
+again: here every part is work for the compositor.
+"""
 
 
 class Canvas:
@@ -55,6 +66,7 @@ class Canvas:
         inside = np.all((whole >= 0) & (whole < (self.width, self.height)), axis=1)
         x, y = whole[inside].T
         bits = _BITS[y % 4, x % 2]
+        # With .at every dot counts: of several in one cell plain indexing would keep the last.
         np.bitwise_or.at(self._dots[layer], (y // 4, x // 2), bits)
 
     def lines(self, segments: Floats, layer: int) -> None:
@@ -88,12 +100,6 @@ class Canvas:
             codes[place] = ord(character)
             owners[place] = layer
         return codes, owners
-
-
-_GAP: Final = 16
-"""Unchanged cells between two changed ones that are drawn along: the app sends changed ones only,
-and every part takes some work.
-"""
 
 
 def segments(codes: Codes, owners: Codes, styles: Sequence[Style], base: Style) -> list[Segment]:

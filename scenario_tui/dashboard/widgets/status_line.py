@@ -31,6 +31,7 @@ _LAST: Final = 3
 """The level of the shortest forms."""
 _SPARE: Final = 2
 """Parts worth no more than this give way before others lose their words."""
+# What has to be looked at stays longest, what went well is the first of the counts to go.
 _KEEP: Final = {"fail": 8, "error": 7, "lost": 7, "running": 6, "queued": 6, "inconclusive": 5,
                 "pass": 4, "cancelled": 1}  # fmt: skip
 _CLAUSE: Final = re.compile(r"[?:;.](\s|$)")
@@ -51,18 +52,18 @@ class _Part:
 class StatusLine(Static):
     """One line: connected or not, counts by word, rate, time left; shorter where it must be."""
 
-    def show(self, picture: DashboardState, now: float) -> None:
+    def show(self, state: DashboardState, now: float) -> None:
         """Show what is known at wall clock time ``now``."""
-        self.set_class(not picture.connected, "-gone")
-        text = status_text(picture, now, (self.size.width or self.app.size.width - 2))
+        self.set_class(not state.connected, "-gone")
+        text = status_text(state, now, (self.size.width or self.app.size.width - 2))
         if text != self.content:
             self.update(text)
 
 
-def status_text(picture: DashboardState, now: float, width: int) -> Text:
+def status_text(state: DashboardState, now: float, width: int) -> Text:
     """Return the line with as many words as fit into ``width`` cells, what matters most first."""
-    parts = list(_standing(picture) if picture.connected else _gone(picture, now))
-    for text in _shortenings(parts, "  " if picture.connected else ", "):
+    parts = list(_standing(state) if state.connected else _gone(state, now))
+    for text in _shortenings(parts, "  " if state.connected else ", "):
         if text.cell_len <= width:
             return text
     text.truncate(width, overflow="ellipsis")
@@ -75,6 +76,8 @@ def _shortenings(parts: Sequence[_Part], gap: str) -> Iterator[Text]:
     for level in range(_LAST):
         levels = dict.fromkeys(parts, level)
         yield _joined(levels, gap)
+    # First all words get shorter together, level by level; then, part by part, those of least
+    # weight, from the right; at last parts go.
     tight = gap.replace("  ", " ")
     yield _joined(levels, tight)
     order = {part: place for place, part in enumerate(parts)}
@@ -96,40 +99,41 @@ def _joined(levels: Mapping[_Part, int], gap: str) -> Text:
     return Text(gap).join(texts)
 
 
-def _gone(picture: DashboardState, now: float) -> Iterator[_Part]:
+def _gone(state: DashboardState, now: float) -> Iterator[_Part]:
     """Say that nobody answers, or what they say instead, and how old everything else is."""
-    if not picture.problem:
+    if not state.problem:
         yield _Part(("… connecting",), "", 9)
         return
-    if picture.refused:
-        said = _CLAUSE.split(picture.problem, maxsplit=1)[0]
+    if state.refused:
+        # The first clause is the news; the empty screen below says the rest, and what to do.
+        said = _CLAUSE.split(state.problem, maxsplit=1)[0]
         yield _Part((f"! {said}",), "bold", 9)
     else:
         yield _Part(("! no daemon answers", "! no daemon"), "bold", 9)
-    if picture.at:
-        age = duration(now - picture.at)
-        short = brief_duration(now - picture.at)
+    if state.at:
+        age = duration(now - state.at)
+        short = brief_duration(now - state.at)
         yield _Part((f"data is {age} old", f"data {short} old", f"{short} old"), "bold", 8)
     yield _Part(("reconnecting",), "bold", 1)
 
 
-def _standing(picture: DashboardState) -> Iterator[_Part]:
-    overview = picture.overview
+def _standing(state: DashboardState) -> Iterator[_Part]:
+    overview = state.overview
     if overview is None:
         yield _Part(("… connecting",), "", 9)
         return
     yield _Part(("✓ connected", "✓ up", "✓ up", "✓"), GOOD, 9)
     yield from _troubles(overview)
-    said = overall_conclusion(picture.campaigns, picture.conclusions)
+    said = overall_conclusion(state.campaigns, state.conclusions)
     if said is not None:
         keep = 8 if said.unexpected else 3
-        yield _Part((said.said,), DASHBOARD_STYLES[said.word], keep)
+        yield _Part((said.glyph_text,), DASHBOARD_STYLES[said.word], keep)
     counts = run_counts(overview)
     for word, count in counts.items():
         yield _Part(_counted(word, count), DASHBOARD_STYLES[word], _KEEP[word])
     if not counts:
         yield _Part(("nothing to do",), QUIET, 4)
-    if waits := _paused(picture.campaigns):
+    if waits := _paused(state.campaigns):
         yield _Part((waits,), UNSURE, 6)
     yield from _pace(overview)
 

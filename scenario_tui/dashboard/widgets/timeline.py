@@ -64,6 +64,7 @@ def ranges(strip: SignalStrip, start: float, end: float, count: int) -> tuple[Fl
     time, values = strip.time[known], strip.values[known]
     if not len(time):
         return low, high
+    # From the last sample at or before an edge: values hold until the next one is written.
     edges = np.linspace(start, end, count + 1)
     first = np.searchsorted(time, edges[:-1] + 1e-9, side="right") - 1
     last = np.searchsorted(time, edges[1:] + 1e-9, side="right")
@@ -85,34 +86,37 @@ def fit_heights(strips: Sequence[SignalStrip], rows: int) -> list[int]:
         small = [i for i, h in enumerate(heights) if strips[i].unit != "bool" and h < _ROWS]
         if not small:
             break
+        # The lowest one next, the first of several: all grow evenly, those above first.
         heights[min(small, key=heights.__getitem__)] += 1
     return heights
 
 
 class TimelineDrawing:
-    """The cells of chronicles drawn one over the other, without the cursor."""
+    """The cells of timelines drawn one over the other, without the cursor."""
+
+    # The cursor alone moves while a run is played: this is drawn once and copied for each frame.
 
     def __init__(
-        self, chronicles: Sequence[RunTimeline], first: int, columns: int, rows: int
+        self, timelines: Sequence[RunTimeline], first: int, columns: int, rows: int
     ) -> None:
         self.codes: Codes = np.full((rows, columns), ord(" "), dtype=np.int32)
         self.owners: Codes = np.full((rows, columns), -1, dtype=np.int32)
         # Two values need room beside each other.
-        self.gutter = min(GUTTER, columns // (3 if len(chronicles) == 1 else 2))
-        ends = max(c.end for c in chronicles)
-        self.span = _Span(min(c.start for c in chronicles), ends, max(columns - self.gutter, 1))
-        lead = chronicles[0]
+        self.gutter = min(GUTTER, columns // (3 if len(timelines) == 1 else 2))
+        ends = max(c.end for c in timelines)
+        self.span = _Span(min(c.start for c in timelines), ends, max(columns - self.gutter, 1))
+        lead = timelines[0]
         self.strips = lead.strips[first:]
-        below = AXIS + len(chronicles) - 1
+        below = AXIS + len(timelines) - 1
         self.heights = fit_heights(self.strips, max(rows - below, 0))
         self.more = len(self.strips) - len(self.heights)
         row = 0
         for strip, height in zip(self.strips, self.heights, strict=False):
-            others = [s for c in chronicles[1:] for s in c.strips if s.name == strip.name]
+            others = [s for c in timelines[1:] for s in c.strips if s.name == strip.name]
             self._draw(strip, others, row, height)
             row += height
         self.axis = max(rows - below, 0) if row else 0
-        self._events(chronicles)
+        self._events(timelines)
 
     def _draw(
         self, strip: SignalStrip, others: Sequence[SignalStrip], top: int, height: int
@@ -131,7 +135,7 @@ class TimelineDrawing:
 
         for limit in strip.limits:
             if low <= limit <= high:
-                x = np.arange(0.0, canvas.width, 4)
+                x = np.arange(0.0, canvas.width, 4)  # dotted: told from the curve without colour
                 canvas.points(np.column_stack([x, np.full(len(x), dots(np.array(limit)))]), _LIMIT)
         for (least, most), layer in zip(curves, (_CURVE, _OTHER), strict=False):
             x = np.flatnonzero(np.isfinite(least))
@@ -161,6 +165,8 @@ class TimelineDrawing:
         """Mark the stretches the run spoke against an oracle, by glyph and by colour."""
         for start, end in strip.against:
             part = slice(self.span.column(start), self.span.column(end) + 1)
+            # Beside the curve where there is room, or else over its first row: without colour the
+            # stretch must be seen, and so must the curve.
             empty = (codes[:, part] == ord(" ")) | (codes[:, part] == ord("▁"))
             codes[:, part][empty] = ord("░")
             codes[0, part][~empty.any(axis=0)] = ord("░")
@@ -179,36 +185,34 @@ class TimelineDrawing:
         self.codes[row, column : column + len(room)] = [ord(c) for c in room]
         self.owners[row, column : column + len(room)] = owner
 
-    def _events(self, chronicles: Sequence[RunTimeline]) -> None:
+    def _events(self, timelines: Sequence[RunTimeline]) -> None:
         """Draw doors of the first run, the mission of every one, and the axis of time."""
         doors, span = self.axis, self.span
         self.write(doors, 0, "doors", _NAME)
         self.write(doors, self.gutter, "·" * span.columns, _QUIET)
-        for event in chronicles[0].doors if doors < len(self.codes) else ():
+        for event in timelines[0].doors if doors < len(self.codes) else ():
             column = self.gutter + span.column(event.time)
             seen, sign = chr(self.codes[doors, column]), "o" if event.opens else "c"
             self.write(doors, column, "x" if seen not in ("·", sign) else sign, _EVENT)
-        for row, chronicle in enumerate(chronicles, start=doors + 1):
+        for row, timeline in enumerate(timelines, start=doors + 1):
             self.write(row, 0, "mission", _NAME)
-            self._mission(row, chronicle)
-        axis = doors + 1 + len(chronicles)
+            self._mission(row, timeline)
+        axis = doors + 1 + len(timelines)
         self._axis(axis)
-        for row, chronicle in enumerate(
-            chronicles, start=axis if len(chronicles) == 1 else doors + 1
-        ):
-            for time in chronicle.decided:
+        for row, timeline in enumerate(timelines, start=axis if len(timelines) == 1 else doors + 1):
+            for time in timeline.decided:
                 self.write(row, self.gutter + span.column(time), "✗", _FAIL)
 
-    def _mission(self, row: int, chronicle: RunTimeline) -> None:
+    def _mission(self, row: int, timeline: RunTimeline) -> None:
         """Draw the legs: a diamond where a waypoint is done, then the number of the next leg."""
         at, span = self.gutter, self.span
-        begins, ends = span.column(chronicle.start), span.column(chronicle.end)
+        begins, ends = span.column(timeline.start), span.column(timeline.end)
         self.write(row, at + begins, "─" * (ends - begins + 1), _QUIET)
         self.write(row, at + begins, "1", _QUIET)
-        for number, time in enumerate(chronicle.reached, start=1):
+        for number, time in enumerate(timeline.reached, start=1):
             column = at + span.column(time)
             self.write(row, column, "◇", _DONE)
-            if number < chronicle.waypoints:
+            if number < timeline.waypoints:
                 self.write(row, column + 1, str(number + 1), _QUIET)
 
     def _axis(self, row: int) -> None:
@@ -222,6 +226,7 @@ class TimelineDrawing:
 
 def limits_of(strip: SignalStrip, curves: Sequence[tuple[Floats, Floats]]) -> tuple[float, float]:
     """Return the least and greatest value a graph shows: of the curves, and limits near them."""
+    # Limits far away are left out: the curve would become a flat line at the other end.
     known = np.concatenate([part[np.isfinite(part)] for curve in curves for part in curve])
     low, high = (float(known.min()), float(known.max())) if len(known) else (0.0, 1.0)
     size = max(high - low, 1e-9)
@@ -240,36 +245,36 @@ def at_cursor(strip: SignalStrip, time: float) -> str:
 
 
 class TimelineView(CellView):
-    """Draws chronicles, the first with its marks and the second over it, with a cursor."""
+    """Draws timelines, the first with its marks and the second over it, with a cursor."""
 
     STYLES: ClassVar[Sequence[Style]] = _STYLES
 
     def __init__(self, *, id: str | None = None) -> None:
         super().__init__(id=id)
-        self._chronicles: tuple[RunTimeline, ...] = ()
+        self._timelines: tuple[RunTimeline, ...] = ()
         self._time = 0.0
         self._first = 0
-        self._picture: TimelineDrawing | None = None
+        self._drawing: TimelineDrawing | None = None
 
     @property
     def drawn(self) -> bool:
         """Whether it has anything to show."""
-        return bool(self._chronicles)
+        return bool(self._timelines)
 
-    def show(self, chronicles: Sequence[RunTimeline]) -> None:
+    def show(self, timelines: Sequence[RunTimeline]) -> None:
         """Show other runs, or none."""
-        self._chronicles, self._first, self._picture = tuple(chronicles), 0, None
+        self._timelines, self._first, self._drawing = tuple(timelines), 0, None
         self.redraw()
 
     def lead(self, oracle: str) -> None:
         """Show what an oracle reads above everything else."""
-        if not self._chronicles:
+        if not self._timelines:
             return
-        first, *others = self._chronicles
+        first, *others = self._timelines
         ordered = sorted(first.strips, key=lambda strip: oracle not in strip.readers)
         if [s.name for s in ordered] != [s.name for s in first.strips] or self._first:
-            self._chronicles = (replace(first, strips=tuple(ordered)), *others)
-            self._first, self._picture = 0, None
+            self._timelines = (replace(first, strips=tuple(ordered)), *others)
+            self._first, self._drawing = 0, None
             self.redraw()
 
     def move(self, time: float) -> None:
@@ -280,36 +285,37 @@ class TimelineView(CellView):
 
     def scroll_signals(self, step: int) -> None:
         """Show signals further down or up."""
-        if self._picture is None or (step > 0 and not self._picture.more):
+        if self._drawing is None or (step > 0 and not self._drawing.more):
             return
-        first = min(max(self._first + step, 0), max(len(self._chronicles[0].strips) - 1, 0))
+        first = min(max(self._first + step, 0), max(len(self._timelines[0].strips) - 1, 0))
         if first != self._first:
-            self._first, self._picture = first, None
+            self._first, self._drawing = first, None
             self.redraw()
 
     def cells(self, columns: int, rows: int) -> tuple[Codes, Codes] | None:
-        """Return the picture with values and a line at the cursor."""
-        if not self._chronicles or columns < 12 or rows < 2:
+        """Return the drawing with values and a line at the cursor."""
+        if not self._timelines or columns < 12 or rows < 2:
             return None
-        picture = self._picture
-        if picture is None or picture.codes.shape != (rows, columns):
-            picture = self._picture = TimelineDrawing(self._chronicles, self._first, columns, rows)
-        codes, owners = picture.codes.copy(), picture.owners.copy()
-        column = picture.gutter + picture.span.column(self._time)
+        drawing = self._drawing
+        if drawing is None or drawing.codes.shape != (rows, columns):
+            drawing = self._drawing = TimelineDrawing(self._timelines, self._first, columns, rows)
+        codes, owners = drawing.codes.copy(), drawing.owners.copy()
+        column = drawing.gutter + drawing.span.column(self._time)
         line = codes[:, column]
+        # A line where nothing is to be hidden; signs and curves under it are shown in reverse.
         empty = np.isin(line, [ord(" "), ord("·"), ord("─")])
         owners[:, column] = np.where(empty, _CURSOR, _HIT)
         line[empty] = ord("│")
-        self._label(picture, codes, owners)
+        self._label(drawing, codes, owners)
         return codes, owners
 
-    def _label(self, picture: TimelineDrawing, codes: Codes, owners: Codes) -> None:
+    def _label(self, drawing: TimelineDrawing, codes: Codes, owners: Codes) -> None:
         """Write beside every signal what it is called and what it is at the cursor."""
-        row, width = 0, picture.gutter - 1
-        for strip, height in zip(picture.strips, picture.heights, strict=False):
+        row, width = 0, drawing.gutter - 1
+        for strip, height in zip(drawing.strips, drawing.heights, strict=False):
             said = at_cursor(strip, self._time)
-            if len(self._chronicles) > 1:
-                same = (s for s in self._chronicles[1].strips if s.name == strip.name)
+            if len(self._timelines) > 1:
+                same = (s for s in self._timelines[1].strips if s.name == strip.name)
                 said += " ┊ " + next((at_cursor(s, self._time) for s in same), NOTHING)
             words = [(strip.name, _NAME), (said, _CURVE)]
             if height == 1:
@@ -322,7 +328,7 @@ class TimelineView(CellView):
                 codes[row + line, : len(shown)] = [ord(c) for c in shown]
                 owners[row + line, : len(shown)] = owner
             row += height
-        if picture.more:
-            text = f"> {picture.more} more"[:width]
+        if drawing.more:
+            text = f"> {drawing.more} more"[:width]
             codes[-1, : len(text)] = [ord(c) for c in text]
             owners[-1, : len(text)] = _QUIET

@@ -95,6 +95,7 @@ class _Projection:
         low, high = corners.min(axis=0), corners.max(axis=0)
         extent = np.maximum(high - low, 0.1)
         self.scale = zoom * min((width - 1) / extent[0], (height - 1) / extent[1])
+        # Dots are about square: a cell is twice as high as wide, and has four dots by two.
         self._middle = (low + high) / 2
         if zoom > 1:
             self._middle = np.array(middle or (view.where.x, view.where.y))
@@ -123,11 +124,13 @@ def draw_view(
     """
     canvas = Canvas(columns, rows, len(STYLES))
     project = _Projection(view, canvas.width, canvas.height, zoom, middle)
+    # Walls are most of the work, and stand still.
     if walls is not None:
         canvas.copy_layer(walls, _WALLS)
     else:
         canvas.lines(project.edges(solid_rings(view.scene, _EYE_HEIGHT)), _WALLS)
     positions = dict(zip(view.scene.joint_names, view.joints, strict=True))
+    # Lines in any order: a cell takes the style of its highest layer. Of characters the last stays.
     canvas.lines(project.edges(object_rings(view.scene, _EYE_HEIGHT, positions)), _DOORS)
     canvas.points(project.dots(view.returns), _RETURNS)
     canvas.points(_dotted(project.dots(view.plan)), _PLAN)
@@ -170,6 +173,7 @@ def ellipse(centre: Pose2, spread: tuple[float, float, float], count: int = 48) 
     ``spread`` is xx, xy and yy of the covariance [m²].
     """
     xx, xy, yy = spread
+    # Axes of the covariance; rounding may make the smaller of two variances negative.
     sizes, axes = np.linalg.eigh(np.array([[xx, xy], [xy, yy]]))
     angles = np.linspace(0.0, math.tau, count, endpoint=False)
     unit = np.column_stack([np.cos(angles), np.sin(angles)])
@@ -243,6 +247,7 @@ class TopView(CellView):
         """Have the part seen hold the robot when it is to be followed."""
         if self._zoom == 1 or not self._follows:
             return
+        # Not centred all the time: every shift of the map sends all of it over the line.
         here = (view.where.x, view.where.y)
         if self._middle is None:
             self._middle = here

@@ -69,7 +69,7 @@ class Dask:
         return [process.pid for process in self._started]
 
     def leftovers(self) -> list[Path]:
-        """What sitters have left behind."""
+        """What launchers have left behind."""
         return list((self.folder / "scratch").rglob("scenario-*"))
 
     def close(self) -> None:

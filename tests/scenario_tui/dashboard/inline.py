@@ -24,23 +24,23 @@ class InlineFeed(Feed):
     """Takes its picture in the caller's thread, so that tests know when it is taken."""
 
     def __init__(self, daemon: FakeDaemon) -> None:
-        judge = CampaignAssessor(every=0.0, elsewhere=0.0)
-        super().__init__(daemon.open, clock=lambda: daemon.now, judge=judge)
+        assessor = CampaignAssessor(every=0.0, elsewhere=0.0)
+        super().__init__(daemon.open, clock=lambda: daemon.now, assessor=assessor)
         self.fake = daemon
 
     def start(self) -> None:
         """Start no thread."""
 
-    def take(self) -> tuple[DashboardState | None, list[LiveSnapshot], list[Notice]]:
+    def take_news(self) -> tuple[DashboardState | None, list[LiveSnapshot], list[Notice]]:
         try:
             self.step(self.fake)
-            if self.judge(self.fake):
+            if self.assess(self.fake):
                 self.step(self.fake)
         except DaemonError as error:
             self._lose(error)
         self._lives.extend(self.fake.live)
         self.fake.live = ()
-        return super().take()
+        return super().take_news()
 
 
 def make_dashboard(fake: FakeDaemon, **settings: Any) -> Dashboard:
@@ -55,7 +55,7 @@ async def settle(pilot: Pilot[None]) -> None:
     for _ in range(2):
         await _quiet(pilot)
         assert isinstance(pilot.app, Dashboard)
-        pilot.app.look()
+        pilot.app.update_state()
         await _quiet(pilot)
 
 

@@ -26,19 +26,19 @@ from tests.scenario_tui.dashboard.inline import screen_text
 from tests.scenario_tui.recorded import HIT, make_run, record_run
 
 
-def chronicle(end: float, reached: tuple[float, ...]) -> RunTimeline:
+def timeline(end: float, reached: tuple[float, ...]) -> RunTimeline:
     time = np.array([0.0, end])
     strip = SignalStrip("speed", "m/s", time, time, against=((0.0, end),))
     return RunTimeline(0.0, end, (strip,), (DoorEvent(end, "door", True),), reached, 3, (end,))
 
 
 def test_by_time_the_clocks_are_the_same() -> None:
-    clock = common_clock(chronicle(10.0, (2.0,)), chronicle(20.0, (4.0,)), "time")
+    clock = common_clock(timeline(10.0, (2.0,)), timeline(20.0, (4.0,)), "time")
     assert [clock.to_second(t) for t in (-1.0, 0.0, 15.0)] == [-1.0, 0.0, 15.0]
 
 
 def test_by_mission_waypoints_meet_and_the_rest_goes_on() -> None:
-    first, second = chronicle(10.0, (2.0, 6.0)), chronicle(30.0, (10.0, 20.0, 25.0))
+    first, second = timeline(10.0, (2.0, 6.0)), timeline(30.0, (10.0, 20.0, 25.0))
     clock = common_clock(first, second, "mission")
     assert [clock.to_second(t) for t in (0.0, 1.0, 2.0, 4.0, 6.0, 9.0)] == [
         0.0, 5.0, 10.0, 15.0, 20.0, 23.0,

@@ -221,7 +221,7 @@ async def test_the_report_is_made_and_its_place_is_said(fake, tmp_path, monkeypa
     (tmp_path / "ledger.db").touch()
     fake.state = str(tmp_path)
     ask = Commands({"answer": "Yes. All is as expected."})
-    async with opened(fake, ask=ask, equivalent=local(tmp_path)) as pilot:
+    async with opened(fake, run_command=ask, command_lines=local(tmp_path)) as pilot:
         await settle(pilot)
         await press(pilot, "o")
         assert f"goes on writing the report of {CAMPAIGN}" in pilot.app.farewell()
@@ -237,7 +237,7 @@ async def test_the_report_is_made_and_its_place_is_said(fake, tmp_path, monkeypa
 
 async def test_traces_on_another_machine_are_not_judged_here(fake) -> None:
     ask = Commands()
-    async with opened(fake, ask=ask) as pilot:
+    async with opened(fake, run_command=ask) as pilot:
         await settle(pilot)
         await press(pilot, "o", "J")
         assert notices(pilot).count("are not on this machine") == 2
@@ -256,7 +256,7 @@ async def test_runs_are_judged_again_by_oracles_chosen(fake, tmp_path, monkeypat
     found = RejudgedTrace("run.mcap", "S1/pilot/0", "0" * 64, Outcome.FAIL, bad, Outcome.PASS, good,
                      "ledger")  # fmt: skip
     ask = Commands({"traces": [to_plain(found) | {"changes": []}]})
-    async with opened(fake, ask=ask, equivalent=local(tmp_path)) as pilot:
+    async with opened(fake, run_command=ask, command_lines=local(tmp_path)) as pilot:
         await settle(pilot)
         await press(pilot, "J")
         await until(pilot, lambda: isinstance(pilot.app.screen, Menu))

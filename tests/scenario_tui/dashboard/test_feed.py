@@ -10,13 +10,13 @@ from dataclasses import replace
 import pytest
 
 from daemon.batch.stores import encode_chunk
-from daemon.model.messages import DownloadChunk
+from daemon.model.messages import DownloadChunk, RunQuery
 from daemon.model.spec import TraceInfo
 from daemon.model.status import ChangeEvent
 from scenario_tui.dashboard import feed as feed_module
 from scenario_tui.dashboard.feed import Feed
 from scenario_tui.dashboard.local_traces import UnavailableTrace, read_trace_summary
-from scenario_tui.dashboard.state import Query, RunsQuery
+from scenario_tui.dashboard.state import Query
 from tests.daemon.batch.harness import eventually
 from tests.scenario_tui.fake import CAMPAIGN, FakeDaemon, make_live
 
@@ -33,14 +33,14 @@ def feed(fake: FakeDaemon, monkeypatch: pytest.MonkeyPatch) -> Iterator[Feed]:
 def test_only_what_is_wanted_is_asked_for(
     feed: Feed, fake: FakeDaemon, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(feed_module, "_JUDGING", 60.0)
+    monkeypatch.setattr(feed_module, "_ASSESS_EVERY", 60.0)
     feed.start()
-    eventually(lambda: feed.take()[0] is not None)
+    eventually(lambda: feed.take_news()[0] is not None)
     assert {call[0] for call in fake.calls} == {"open", "overview", "campaigns"}
-    feed.look(Query(runs=RunsQuery(CAMPAIGN, limit=3), run=f"{CAMPAIGN}.5", workers=True))
+    feed.set_query(Query(runs=RunQuery(CAMPAIGN, limit=3), run=f"{CAMPAIGN}.5", workers=True))
     eventually(lambda: any(call[0] == "run" for call in fake.calls))
-    eventually(lambda: (p := feed.take()[0]) is not None and p.scene is not None)
-    picture = feed._picture
+    eventually(lambda: (p := feed.take_news()[0]) is not None and p.scene is not None)
+    picture = feed._state
     assert picture.page is not None
     assert len(picture.page.rows) == 3
     assert picture.page.total == 10
@@ -50,36 +50,36 @@ def test_only_what_is_wanted_is_asked_for(
 
 def test_a_gone_daemon_leaves_the_last_picture_and_is_found_again(feed, fake) -> None:
     feed.start()
-    eventually(lambda: feed._picture.connected)
+    eventually(lambda: feed._state.connected)
     fake.reachable = False
-    eventually(lambda: not feed._picture.connected)
-    assert feed._picture.problem.startswith("no daemon answers")
-    assert feed._picture.campaigns
+    eventually(lambda: not feed._state.connected)
+    assert feed._state.problem.startswith("no daemon answers")
+    assert feed._state.campaigns
     fake.reachable = True
-    eventually(lambda: feed._picture.connected)
+    eventually(lambda: feed._state.connected)
 
 
 def test_telemetry_waits_until_it_is_taken(feed, fake) -> None:
     fake.live = (make_live(7, 1.0), make_live(7, 2.0))
     feed.start()
     eventually(lambda: len(feed._lives) == 2)
-    _, lives, _ = feed.take()
+    _, lives, _ = feed.take_news()
     assert [live.snapshot.time for live in lives] == [1.0, 2.0]
-    assert feed.take()[1] == []
+    assert feed.take_news()[1] == []
 
 
 def test_telemetry_nobody_takes_does_not_grow(feed) -> None:
     for index in range(2000):
         feed._lives.append(make_live(7, float(index)))
-    assert len(feed.take()[1]) == 512
+    assert len(feed.take_news()[1]) == 512
 
 
 def test_actions_become_notices(feed, fake) -> None:
-    feed.do(lambda daemon: f"cancelled {daemon.cancel(CAMPAIGN)}")
-    feed.do(lambda daemon: str(daemon.run("nobody.1")))
+    feed.enqueue_action(lambda daemon: f"cancelled {daemon.cancel(CAMPAIGN)}")
+    feed.enqueue_action(lambda daemon: str(daemon.run("nobody.1")))
     feed.start()
     eventually(lambda: len(feed._notices) == 2)
-    good, bad = feed.take()[2]
+    good, bad = feed.take_news()[2]
     assert (good.text, good.severity) == ("cancelled 2", "information")
     assert (bad.text, bad.severity) == ("there is no run nobody.1", "error")
 
@@ -92,16 +92,16 @@ def test_a_bug_in_the_thread_is_seen_by_whoever_takes(feed, fake) -> None:
     feed.start()
     eventually(lambda: feed._failure is not None)
     with pytest.raises(KeyError):
-        feed.take()
+        feed.take_news()
 
 
 def test_an_event_makes_the_feed_look_at_once(fake, monkeypatch) -> None:
     monkeypatch.setattr(feed_module, "REFRESH", 60.0)
     monkeypatch.setattr(feed_module, "_BREATH", 0.005)
-    monkeypatch.setattr(feed_module, "_JUDGING", 60.0)
+    monkeypatch.setattr(feed_module, "_ASSESS_EVERY", 60.0)
     feed = Feed(fake.open)
     feed.start()
-    eventually(lambda: bool(fake.listeners) and feed._picture.connected)
+    eventually(lambda: bool(fake.listeners) and feed._state.connected)
     before = len(fake.calls)
     time.sleep(0.05)
     assert len(fake.calls) <= before + 2
@@ -115,7 +115,7 @@ def test_a_daemon_that_goes_while_it_is_asked_for_results_is_noticed(
 ) -> None:
     silent, asked = threading.Event(), threading.Event()
     monkeypatch.setattr(feed_module, "_PATIENCE", 0.01)
-    monkeypatch.setattr(feed_module, "_JUDGING", 0.005)
+    monkeypatch.setattr(feed_module, "_ASSESS_EVERY", 0.005)
 
     def records(campaign: str) -> tuple[()]:
         asked.set()
@@ -126,7 +126,7 @@ def test_a_daemon_that_goes_while_it_is_asked_for_results_is_noticed(
     feed.start()
     assert asked.wait(60.0)
     fake.reachable = False
-    eventually(lambda: not feed._picture.connected)
+    eventually(lambda: not feed._state.connected)
     silent.set()
     for thread in threading.enumerate():
         if thread.name == "judge":
@@ -150,9 +150,9 @@ def test_a_trace_elsewhere_is_brought_here_meanwhile(fake, feed, tmp_path, monke
     monkeypatch.setattr(fake, "run", lambda run: detail)
     monkeypatch.setattr(fake, "piece", lambda *_: DownloadChunk(0, len(data), digest, text, digest))
     feed.start()
-    feed.look(Query(run=f"{CAMPAIGN}.0"))
-    eventually(lambda: isinstance(feed._picture.recording, UnavailableTrace))
-    eventually(lambda: "is not an MCAP file" in feed._picture.recording.why)
+    feed.set_query(Query(run=f"{CAMPAIGN}.0"))
+    eventually(lambda: isinstance(feed._state.recording, UnavailableTrace))
+    eventually(lambda: "is not an MCAP file" in feed._state.recording.why)
     assert [path.read_bytes() for path in tmp_path.rglob("*.mcap")] == [data]
 
 

@@ -159,8 +159,8 @@ def test_what_did_not_change_is_not_judged_again(judged) -> None:
     assert [judge.step(judged, rows, "") for _ in range(3)] == [True, True, False]
     assert judge.step(judged, rows, CAMPAIGN)  # now everything about it is wanted
     assert not judge.step(judged, rows, CAMPAIGN)
-    assert judge.conclusions[OLD].said == "✓ as expected"
-    assert judge.conclusions[CAMPAIGN].said == "✗ 1 unexpected"
+    assert judge.conclusions[OLD].glyph_text == "✓ as expected"
+    assert judge.conclusions[CAMPAIGN].glyph_text == "✗ 1 unexpected"
 
 
 @pytest.mark.parametrize(
@@ -173,14 +173,17 @@ def test_what_did_not_change_is_not_judged_again(judged) -> None:
     ],
 )
 def test_a_campaign_is_told_in_two_words(code, finished, said) -> None:
-    assert conclude(Assessment((), (), (), code), finished=finished).said == said
+    assert conclude(Assessment((), (), (), code), finished=finished).glyph_text == said
 
 
 def test_the_first_line_is_about_the_newest_campaign_of_each_name(judged) -> None:
     rows = judged._campaign_rows()
     fixed = replace(rows[0], id="first-later")
-    said = {rows[0].id: unexpected_conclusion(2), rows[1].id: unexpected_conclusion(1), fixed.id: conclude(
-        Assessment((), (), (), 0), finished=True)}  # fmt: skip
+    said = {
+        rows[0].id: unexpected_conclusion(2),
+        rows[1].id: unexpected_conclusion(1),
+        fixed.id: conclude(Assessment((), (), (), 0), finished=True),
+    }
     assert overall_conclusion(rows, said) == unexpected_conclusion(3)
     assert overall_conclusion((fixed, *rows), said) == unexpected_conclusion(1)
     assert overall_conclusion((fixed,), said) == said[fixed.id]

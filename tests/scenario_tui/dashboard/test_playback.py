@@ -14,10 +14,15 @@ from scenario_tui.dashboard.playback import (
     open_playback,
     render_frame,
     timeline_bar,
-    verdict_lines,
 )
-from scenario_tui.dashboard.signal_strips import SPEEDS, ReplayTransport
+from scenario_tui.dashboard.signal_strips import (
+    SPEEDS,
+    ReplayTransport,
+    next_moment,
+    previous_moment,
+)
 from scenario_tui.dashboard.widgets.top_view import draw_view
+from scenario_tui.text.verdict_text import verdict_lines
 from tests.scenario_tui.recorded import HIT, TURNED, record_run
 
 
@@ -72,12 +77,12 @@ def test_plans_are_dotted_where_trails_are_not(playback: Playback) -> None:
 def test_moments_are_those_oracles_were_decided_against(playback: Playback) -> None:
     assert [(m.time, m.oracle) for m in playback.moments] == [(HIT, "no-contact"), (TURNED, "calm")]
     first, second = playback.moments
-    assert playback.next_moment(0.0) == first
-    assert playback.next_moment(first.time) == second
-    assert playback.next_moment(second.time) is None
-    assert playback.previous_moment(9.0) == second
-    assert playback.previous_moment(second.time) == first
-    assert playback.previous_moment(0.0) is None
+    assert next_moment(playback.moments, 0.0) == first
+    assert next_moment(playback.moments, first.time) == second
+    assert next_moment(playback.moments, second.time) is None
+    assert previous_moment(playback.moments, 9.0) == second
+    assert previous_moment(playback.moments, second.time) == first
+    assert previous_moment(playback.moments, 0.0) is None
 
 
 @pytest.mark.parametrize(
@@ -113,7 +118,7 @@ def test_a_frame_fits_into_any_terminal(playback: Playback, size: tuple[int, int
 
 
 def test_verdicts_that_do_not_fit_are_counted(playback: Playback) -> None:
-    lines = [line.plain for line in verdict_lines(playback, 0.0, most=2)]
+    lines = [line.plain for line in verdict_lines(playback.verdicts, 0.0, most=2)]
     assert len(lines) == 2
     assert lines[1] == "and 1 more not passed, ✓ 1 pass"
 

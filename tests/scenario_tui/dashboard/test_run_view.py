@@ -180,25 +180,25 @@ async def test_two_runs_marked_are_compared(trace: Path) -> None:
         pilot.app.open_runs(CAMPAIGN)
         await settle(pilot)
         await press(pilot, *["j"] * 5, "equals_sign")
-        assert pilot.app.marked == RUN
+        assert pilot.app.marked_run == RUN
         assert f"= {RUN} marked" in shown(pilot)
         await press(pilot, "j", "equals_sign")
         await pilot.app.workers.wait_for_complete()
         await settle(pilot)
         assert isinstance(pilot.app.screen, CompareScreen)
-        assert pilot.app.marked == ""
+        assert pilot.app.marked_run == ""
         await press(pilot, "q")
         await look_at(pilot)
         await press(pilot, "C")
-        assert pilot.app.marked == RUN
+        assert pilot.app.marked_run == RUN
         await press(pilot, "C")
-        assert pilot.app.marked == ""
+        assert pilot.app.marked_run == ""
 
 
 async def test_a_run_without_a_trace_is_not_compared(fake: FakeDaemon) -> None:
     async with opened(fake) as pilot:
         await look_at(pilot, f"{CAMPAIGN}.0")
-        pilot.app.marked = f"{CAMPAIGN}.1"
+        pilot.app.marked_run = f"{CAMPAIGN}.1"
         await press(pilot, "C")
         await pilot.app.workers.wait_for_complete()
         assert "trace" in " ".join(n.message for n in pilot.app._notifications)

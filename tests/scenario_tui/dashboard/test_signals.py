@@ -30,7 +30,7 @@ def playback(tmp_path_factory: pytest.TempPathFactory) -> Playback:
 
 def drawn(playback: Playback, columns: int = 80, rows: int = 24, time: float = 2.0) -> list[str]:
     view = TimelineView()
-    view._chronicles, view._time = (playback.chronicle,), time
+    view._timelines, view._time = (playback.timeline,), time
     cells = view.cells(columns, rows)
     assert cells is not None
     assert cells[0].shape == (rows, columns)
@@ -38,9 +38,9 @@ def drawn(playback: Playback, columns: int = 80, rows: int = 24, time: float = 2
 
 
 def test_the_usual_signals_come_first_then_those_oracles_read(playback: Playback) -> None:
-    names = [strip.name for strip in playback.chronicle.strips]
+    names = [strip.name for strip in playback.timeline.strips]
     assert names == ["loc.error", "clearance", DOOR_CLEARANCE, "speed", "speed.angular", "contact"]
-    signals = {strip.name: strip for strip in playback.chronicle.strips}
+    signals = {strip.name: strip for strip in playback.timeline.strips}
     assert signals["speed"].limits == (0.6,)
     assert signals["speed"].against == ()
     assert signals["speed.angular"].against == (
@@ -126,7 +126,7 @@ def test_the_timeline_fits_into_any_room(playback: Playback, size: tuple[int, in
 
 def test_what_does_not_fit_is_counted(playback: Playback) -> None:
     assert any("> 4 more" in line for line in drawn(playback, 80, 8))
-    few = [replace(playback.chronicle.strips[0])] * 3
+    few = [replace(playback.timeline.strips[0])] * 3
     assert fit_heights(few, 7) == [3, 2, 2]
     assert fit_heights(few, 3) == [3]
 

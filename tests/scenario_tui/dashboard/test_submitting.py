@@ -43,7 +43,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 def make_dashboard(fake: SteeredDaemon) -> Dashboard:
     """Files are examined in this process, which has loaded what that takes."""
-    return inline.make_dashboard(fake, examine=check_file)
+    return inline.make_dashboard(fake, check_file=check_file)
 
 
 def about(pilot: Any) -> str:

@@ -27,7 +27,7 @@ class Pair:
         self._whole, self._thin = (pyte.Stream(screen) for screen in self.screens)
 
     def show(self, data: str) -> str:
-        sent = self.shadow.thin(data)
+        sent = self.shadow.reduce(data)
         self._whole.feed(data)
         self._thin.feed(sent)
         return sent
@@ -101,7 +101,7 @@ def test_a_cleared_screen_is_drawn_whole() -> None:
 def test_what_is_no_frame_goes_through() -> None:
     shadow = TerminalDiff()
     for data in ("\x1b[?25l", "\x07", "\x1b]52;c;aGk=\x07", "\x1b[?1006h"):
-        assert shadow.thin(data) == data
+        assert shadow.reduce(data) == data
 
 
 def test_a_frame_with_something_else_in_it_goes_through() -> None:
@@ -115,8 +115,8 @@ def test_a_frame_with_something_else_in_it_goes_through() -> None:
 def test_updates_are_announced_only_when_there_are_some() -> None:
     shadow = TerminalDiff()
     begin, end = "\x1b[?2026h", "\x1b[?2026l"
-    sent = [shadow.thin(data) for data in (begin, FRAME, end)]
+    sent = [shadow.reduce(data) for data in (begin, FRAME, end)]
     assert sent[0] == ""
     assert sent[1].startswith(begin)
     assert sent[2] == end
-    assert [shadow.thin(data) for data in (begin, FRAME, end)] == ["", "", ""]
+    assert [shadow.reduce(data) for data in (begin, FRAME, end)] == ["", "", ""]

@@ -21,7 +21,7 @@ from grammars.text import codec
 
 _TIMEOUT: Final = 5.0
 _PERIOD: Final = 0.5
-"""Seconds between two looks at who is there: Dask's own news of workers are not for clients."""
+"""Seconds between two looks at who is there."""
 _AFTER_LOSS: Final = 1.0
 
 _NO_CONNECTION: Final = (OSError, ValueError, TypeError, RuntimeError)

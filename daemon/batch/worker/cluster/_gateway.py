@@ -250,6 +250,7 @@ class Gateway:
 
     def mark_suspect(self, run: str) -> bool:
         """Dask gave up on a run since its workers died; returns whether that is nothing new."""
+        # Dask says which task it gave up, not which of those on the dead workers was at fault.
         known = run in self._suspects
         self._suspects[run] = None
         while len(self._suspects) > _MOST_SUSPECTS:

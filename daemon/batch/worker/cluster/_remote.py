@@ -259,6 +259,8 @@ _LIVE_PERIOD: Final = 1.0
 _CLOSING: Final = (Status.closing, Status.closed, Status.failed)
 
 
+# Reports travel as JSON of ours, not as objects: Dask would pickle those, and whoever unpickles
+# runs what another version, or anybody in the cluster, has put there.
 def start_launcher(executor: str) -> bytes:
     """Be warm here, or say what is wrong: a :class:`JobReport` of ``done`` or ``unfit`` in JSON."""
     worker = get_worker()
@@ -321,7 +323,7 @@ def _is_wanted(worker: Any, key: str) -> bool:
     """
     if worker.status in _CLOSING:
         return False
-    # Dask has no public way to ask (distributed 2026.8): its worker's own table of tasks.
+    # By the worker's own table of tasks (distributed 2026.8).
     task = worker.state.tasks.get(key)
     return task is not None and task.state in ("executing", "long-running")
 

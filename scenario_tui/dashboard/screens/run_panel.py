@@ -1,0 +1,122 @@
+"""One run in words and from above: the panel beside the table of runs, and the map alone."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from textual.app import ComposeResult
+from textual.containers import Vertical, VerticalScroll
+from textual.widgets import Static
+
+from daemon.model.live_view import from_centimetres
+from daemon.model.status import RunDetail, RunState
+from grammars.model.scene import Scene
+from scenario_tui.dashboard.local_traces import TraceSummary, UnavailableTrace
+from scenario_tui.dashboard.screens.base import show_message_or
+from scenario_tui.dashboard.state import DashboardState, Track
+from scenario_tui.dashboard.widgets.top_view import LEGEND, TopView, View
+from scenario_tui.text.run_text import run_text
+
+if TYPE_CHECKING:
+    from scenario_tui.dashboard.base_app import BaseDashboard
+
+
+class RunMap(Vertical):
+    """The top view of a run with its legend, or why there is none."""
+
+    def __init__(self, legend: str = LEGEND) -> None:
+        super().__init__(id="above")
+        self._legend = legend
+
+    def compose(self) -> ComposeResult:
+        """Lay out map, legend, and what is said instead of them."""
+        yield Static(id="unseen")
+        yield TopView(id="map")
+        yield Static(self._legend, id="legend")
+
+    def show(self, view: View | None) -> None:
+        """Show another view, or nothing."""
+        self.query_one(TopView).show(view)
+
+    def explain(self, why: str) -> None:
+        """Say ``why`` there is no map; show the map when that is empty."""
+        show_message_or(self.query_one("#unseen"), self.query_one(TopView), why)
+        self.query_one("#legend").display = not why
+
+
+class RunPanel(Vertical):
+    """Words and map of one run, one above the other: beside the table of runs."""
+
+    def compose(self) -> ComposeResult:
+        """Lay out words and map."""
+        with VerticalScroll(id="words"):
+            yield Static(id="run-text")
+        yield RunMap()
+
+    def show(self, dashboard: BaseDashboard, detail: RunDetail | None) -> None:
+        """Show a run as the dashboard knows it, or nothing."""
+        words, above = self.query_one("#run-text", Static), self.query_one(RunMap)
+        if detail is None:
+            words.update("")
+            above.show(None)
+            above.explain("")
+            return
+        track = track_of(dashboard, detail)
+        words.update(run_text(detail, track.snapshot if track else None))
+        view, why = top_view_of(dashboard.daemon_state, detail, track)
+        above.show(view)
+        above.explain(why)
+
+
+def track_of(dashboard: BaseDashboard, detail: RunDetail) -> Track | None:
+    """Return what was heard of a run that is running."""
+    running = detail.row.state is RunState.RUNNING
+    return dashboard.tracks.get(detail.row.id) if running else None
+
+
+def top_view_of(
+    state: DashboardState, detail: RunDetail, track: Track | None
+) -> tuple[View | None, str]:
+    """Return the top view of a run as far as it is known, and why there is none."""
+    recording = state.recording_of(detail.row.id)
+    if isinstance(recording, UnavailableTrace):
+        return None, recording.why
+    if state.scene is None:
+        return None, ""
+    return _view(detail, state.scene, track, recording), ""
+
+
+def _view(
+    detail: RunDetail, scene: Scene, track: Track | None, recording: TraceSummary | None
+) -> View:
+    """Return the top view of a run: live, as recorded, or as it will start."""
+    resting = tuple(scene.initial_joints.values())
+    spec = detail.spec
+    if track is not None:
+        seen = track.snapshot
+        return View(
+            scene,
+            spec.robot,
+            spec.mission,
+            # The scene may be of another attempt than what was heard, if only for a moment.
+            seen.joints if len(seen.joints) == len(resting) else resting,
+            seen.pose,
+            seen.estimate,
+            seen.reached,
+            tuple(track.trail),
+            from_centimetres(seen.returns),
+            from_centimetres(seen.plan),
+            tuple(track.flashes),
+            seen.spread,
+        )
+    if recording is not None:
+        return View(
+            scene,
+            spec.robot,
+            spec.mission,
+            recording.joints if len(recording.joints) == len(resting) else resting,
+            recording.pose,
+            reached=recording.reached,
+            trail=recording.trail,
+        )
+    return View(scene, spec.robot, spec.mission, resting)
