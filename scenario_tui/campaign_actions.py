@@ -57,5 +57,7 @@ PRIORITY: Final = CampaignAction(
     "Which campaign goes first",
 )
 
+ACTIONS: Final = {action.command: action for action in (PAUSE, RESUME, CANCEL, RETRY, PRIORITY)}
+"""All of them by command."""
 KEYED: Final = (PAUSE, CANCEL, RETRY, PRIORITY)
 """Those with a key, in the order the keys are listed."""

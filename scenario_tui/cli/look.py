@@ -17,7 +17,6 @@ if TYPE_CHECKING:
     from collections.abc import Iterable
 
     from rich.table import Table
-    from rich.text import Text
 
     from daemon.analysis.run_history import RunLogLine, RunStep
     from daemon.model.status import CampaignRow, DaemonOverview, RunDetail, RunRow, WorkerRow
@@ -242,9 +241,10 @@ class RunOutput(Output, schema="run"):
     def print(self) -> None:
         """Print what it was and what each oracle says, then what to type next."""
         from scenario_tui.cli.results import print_commands
+        from scenario_tui.text.formatting import TERMINAL_STYLES
         from scenario_tui.text.run_text import run_text
 
-        stdout_console().print(_in_terminal_colours(run_text(self.run, None)), soft_wrap=True)
+        stdout_console().print(run_text(self.run, None, TERMINAL_STYLES), soft_wrap=True)
         print_commands(*_next_commands(self.run))
 
 
@@ -255,21 +255,6 @@ def show(run: RunName, connect: Connect = "", state: State = None, as_json: AsJs
     with DaemonTarget(connect, state).open() as daemon:
         detail = find_run(daemon, run)
     RunOutput(detail).show(as_json)
-
-
-def _in_terminal_colours(text: Text) -> Text:
-    """Return a text of the dashboard in the colours of this terminal."""
-    from rich.text import Span
-
-    from scenario_tui.text import formatting
-    from scenario_tui.text.formatting import TERMINAL_STYLES
-
-    ours = {style: TERMINAL_STYLES[word] for word, style in formatting.DASHBOARD_STYLES.items()}
-    ours |= {formatting.QUIET: "dim", formatting.UNSURE: "yellow"}
-    text.spans = [
-        Span(span.start, span.end, ours.get(str(span.style), span.style)) for span in text.spans
-    ]
-    return text
 
 
 def _next_commands(detail: RunDetail) -> Iterable[tuple[str, str]]:

@@ -28,8 +28,8 @@ from scenario_tui.text.assessment_text import (
     BOUNDS,
     Footnotes,
     attention_lists,
-    cell_text,
     comparison_cell_text,
+    matrix_rows,
 )
 from scenario_tui.text.formatting import (
     NOTHING,
@@ -84,15 +84,10 @@ def read_results(path: Path) -> JudgedCampaign:
 
 def matrix_table(results: CampaignResults, notes: Footnotes) -> Table:
     """Return one row for each scenario and one column for each system under test."""
-    cells = {(cell.scenario, cell.sut): cell for cell in results.assessment.cells}
-    suts = tuple(dict.fromkeys(sut for _, sut in cells))
-    # With the row to itself a cell has room for its repeats.
-    alone = len(suts) == 1
+    suts, rows = matrix_rows(results, notes, TERMINAL_STYLES)
     table = plain_table("scenario", *suts)
-    for scenario in dict.fromkeys(scenario for scenario, _ in cells):
-        found = (cells.get((scenario, sut)) for sut in suts)
-        row = (c and cell_text(c, results, notes, TERMINAL_STYLES, alone=alone) for c in found)
-        table.add_row(scenario, *(shown or NOTHING for shown in row))
+    for scenario, cells in rows:
+        table.add_row(scenario, *cells)
     return table
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, ClassVar, Final
+from typing import TYPE_CHECKING, Annotated, Final
 
 import typer
 
@@ -20,9 +20,7 @@ _RETRYABLE: Final = ("lost", "cancelled", "fail", "error", "inconclusive", "pass
 
 
 class SteeringOutput(Output):
-    """What became of so many ``runs`` of a campaign, in the words of ``sentence``."""
-
-    sentence: ClassVar[str]
+    """What became of so many ``runs`` of a campaign; the schema is named like the action."""
 
     campaign: str
     runs: int
@@ -31,25 +29,17 @@ class SteeringOutput(Output):
 class CancelOutput(SteeringOutput, schema="cancel"):
     """A campaign whose runs were cancelled."""
 
-    sentence = "cancelled {runs} of {campaign}"
-
 
 class RetryOutput(SteeringOutput, schema="retry"):
     """A campaign with runs that are tried again."""
-
-    sentence = "queued {runs} of {campaign} again"
 
 
 class PauseOutput(SteeringOutput, schema="pause"):
     """A campaign that waits."""
 
-    sentence = "paused {campaign}; {runs} wait until `scenario resume {campaign}`"
-
 
 class ResumeOutput(SteeringOutput, schema="resume"):
     """A campaign that goes on."""
-
-    sentence = "resumed {campaign}, {runs} queued"
 
 
 def _steer(
@@ -61,8 +51,8 @@ def _steer(
     as_json: bool,
 ) -> None:
     """Ask the daemon to do something with a campaign, and say what became of it."""
+    from scenario_tui.campaign_actions import ACTIONS
     from scenario_tui.cli.target import DaemonTarget, find_campaign
-    from scenario_tui.text.formatting import pluralise
 
     with DaemonTarget(connect, state).open() as daemon:
         found = find_campaign(daemon, campaign).id
@@ -70,7 +60,7 @@ def _steer(
     # The sentence is for people and on standard error, so it does no harm beside the JSON.
     if as_json:
         output(found, runs).emit()
-    say(output.sentence.format(campaign=found, runs=pluralise(runs, "run")))
+    say(ACTIONS[output.schema].outcome_text(found, runs, until=f"`scenario resume {found}`"))
 
 
 def cancel(
@@ -152,6 +142,7 @@ def priority(
 
     Campaigns of the same priority take turns, run by run.
     """
+    from scenario_tui.campaign_actions import PRIORITY
     from scenario_tui.cli.target import DaemonTarget, find_campaign
 
     with DaemonTarget(connect, state).open() as daemon:
@@ -159,7 +150,7 @@ def priority(
         daemon.prioritise(row.id, number)
     if as_json:
         PriorityOutput(row.id, number).emit()
-    say(f"{row.id} has priority {number}")
+    say(PRIORITY.outcome_text(row.id, priority=number))
 
 
 def stop(connect: Connect = "", state: State = None, as_json: AsJson = False) -> None:
