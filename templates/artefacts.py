@@ -6,7 +6,8 @@ asked for by name and left out when all are asked for.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+import importlib
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final, Literal, TypeAlias
@@ -21,18 +22,23 @@ ALL: Final = "all"
 
 @dataclass(frozen=True, slots=True)
 class ArtefactKind:
-    """A kind of artefact: ``about`` for people, what it ``needs``, how it is made."""
+    """A kind of artefact: ``about`` for people, what it ``needs``, its ``maker`` in templates."""
 
     name: str
     about: str
     needs: Needs
-    make: Callable[[ExportJob], Iterable[Path]]
+    maker: str
 
     def fits(self, world: ArtefactWorld) -> bool:
         """Return whether ``world`` holds what this kind is made of."""
         if self.needs == "plan":
             return world.plan is not None
         return self.needs == "scene" or world.mission is not None
+
+    def make(self, job: ExportJob) -> tuple[Path, ...]:
+        """Make artefacts of this kind and return their files."""
+        module, _, name = self.maker.partition(":")
+        return tuple(getattr(importlib.import_module(f"templates.{module}"), name)(job))
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,7 +72,7 @@ def export(
     job = ExportJob(world, folder, settings or ExportSettings(), templates or Templates())
     folder.mkdir(parents=True, exist_ok=True)
     for kind in chosen:
-        job.made[kind.name] = tuple(kind.make(job))
+        job.made[kind.name] = kind.make(job)
     return ExportResult(job.made, tuple(dict.fromkeys(job.notes)))
 
 
@@ -93,106 +99,56 @@ def choose_kinds(world: ArtefactWorld, names: Iterable[str]) -> tuple[ArtefactKi
     )
 
 
-def _geojson(job: ExportJob) -> Iterable[Path]:
-    from templates.maps import write_geojson
-
-    plan = job.world.plan
-    return (write_geojson(plan, job.path(f"{job.name}.geojson")),) if plan else ()
-
-
-def _jsonld(job: ExportJob) -> Iterable[Path]:
-    from templates.jsonld import write_jsonld
-
-    plan = job.world.plan
-    return write_jsonld(plan, job.path("jsonld"), job.world.layers) if plan else ()
-
-
-def _map(job: ExportJob) -> Iterable[Path]:
-    from templates.maps import write_maps
-
-    return write_maps(job)
-
-
-def _mesh(job: ExportJob) -> Iterable[Path]:
-    from templates.mesh import wall_mesh, write_glb, write_stl
-
-    if not job.world.scene.solids:
-        job.notes.append("nothing stands here: there is no mesh")
-        return ()
-    mesh = job.once("mesh", lambda: wall_mesh(job.world.scene))
-    stl, glb = (job.path("mesh", f"{job.building}.{ending}") for ending in ("stl", "glb"))
-    return write_stl(mesh, stl), write_glb(mesh, glb, name=job.building)
-
-
-def _sdf(job: ExportJob) -> Iterable[Path]:
-    from templates.sdf import write_sdf
-
-    return write_sdf(job)
-
-
-def _keyframes(job: ExportJob) -> Iterable[Path]:
-    from templates.sdf import write_keyframes
-
-    return write_keyframes(job)
-
-
-def _tasks(job: ExportJob) -> Iterable[Path]:
-    from templates.tasks import write_tasks
-
-    return write_tasks(job)
-
-
-def _launch(job: ExportJob) -> Iterable[Path]:
-    from templates.launch import write_launch
-
-    return write_launch(job)
-
-
-def _foxglove(job: ExportJob) -> Iterable[Path]:
-    from templates.launch import write_layout
-
-    return write_layout(job)
-
-
-def _picture(job: ExportJob) -> Iterable[Path]:
-    from templates.picture import write_picture
-
-    return write_picture(job)
-
-
-def _prov(job: ExportJob) -> Iterable[Path]:
-    from templates.provenance import write_provenance
-
-    return write_provenance(job)
-
-
+# Makers are named, not imported: one kind needs shapely, another jinja2 or the mesh extra, and who
+# asks for a map loads none of the others.
 KINDS: Final = {
     kind.name: kind
     for kind in (
-        ArtefactKind("geojson", "the plan as 2D geometry", "plan", _geojson),
+        ArtefactKind("geojson", "the plan as 2D geometry", "plan", "maps:export_geojson"),
         ArtefactKind(
             "jsonld",
             "the composable model: plan in six files and in one, scenery layers",
             "plan",
-            _jsonld,
+            "jsonld:export_jsonld",
         ),
         ArtefactKind(
-            "map", "occupancy grids for ROS, .pgm and .yaml, per state of the doors", "scene", _map
-        ),
-        ArtefactKind("mesh", "walls as one watertight mesh, .stl and .glb", "scene", _mesh),
-        ArtefactKind("sdf", "Gazebo models and worlds, gz-sim and Classic", "scene", _sdf),
-        ArtefactKind(
-            "keyframes", "doors that move at given times, as JSON", "campaign", _keyframes
+            "map",
+            "occupancy grids for ROS, .pgm and .yaml, per state of the doors",
+            "scene",
+            "maps:write_maps",
         ),
         ArtefactKind(
-            "tasks", "waypoints around every space, and the mission, as YAML", "scene", _tasks
+            "mesh", "walls as one watertight mesh, .stl and .glb", "scene", "mesh:write_meshes"
         ),
-        ArtefactKind("launch", "launch files for ROS 1 and ROS 2", "scene", _launch),
-        ArtefactKind("foxglove", "a layout for Foxglove", "scene", _foxglove),
         ArtefactKind(
-            "picture", "plan, doors, waypoints and robot, .svg and .png", "scene", _picture
+            "sdf", "Gazebo models and worlds, gz-sim and Classic", "scene", "sdf:write_sdf"
         ),
-        ArtefactKind("prov", "where all of it comes from, W3C PROV", "scene", _prov),
+        ArtefactKind(
+            "keyframes",
+            "doors that move at given times, as JSON",
+            "campaign",
+            "sdf:write_keyframes",
+        ),
+        ArtefactKind(
+            "tasks",
+            "waypoints around every space, and the mission, as YAML",
+            "scene",
+            "tasks:write_tasks",
+        ),
+        ArtefactKind("launch", "launch files for ROS 1 and ROS 2", "scene", "launch:write_launch"),
+        ArtefactKind("foxglove", "a layout for Foxglove", "scene", "launch:write_layout"),
+        ArtefactKind(
+            "picture",
+            "plan, doors, waypoints and robot, .svg and .png",
+            "scene",
+            "picture:write_picture",
+        ),
+        ArtefactKind(
+            "prov",
+            "where all of it comes from, W3C PROV",
+            "scene",
+            "provenance:write_provenance",
+        ),
     )
 }
 """Every kind by name, in the order they are made: the last one tells of all before it."""

@@ -87,6 +87,7 @@ def body_of(thing: SceneObject) -> Body:
     solid = tuple(link for link in thing.links if link.polygons)
     moving = () if thing.frozen else driven_joints(thing)
     positions = [
+        # Simulators start every joint at zero; what cannot move there stands as it starts here.
         0.0 if joint in moving else initial
         for joint, initial in zip(thing.joints, thing.initial, strict=True)
     ]
@@ -101,6 +102,7 @@ def body_of(thing: SceneObject) -> Body:
     joints = [_joint(joint, by_name, names, taken, placed[joint.child]) for joint in moving]
     above = {joint.child: joint for joint in thing.joints}
     hung = {joint.child for joint in moving}
+    # Gazebo lets fall what hangs on nothing.
     resting = [link.name for link in solid if link.name not in hung]
     fixed = [_fixed(name, _bearer(above.get(name), names), names, taken) for name in resting]
     return Body(links, (*fixed, *joints), False)

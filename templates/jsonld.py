@@ -11,6 +11,13 @@ from grammars.floorplan import FloorPlan
 from grammars.jsonld import plan_document, plan_documents, scenery_document
 from grammars.scenery import SceneryLayer
 from templates.naming import file_name
+from templates.world import ExportJob
+
+
+def export_jsonld(job: ExportJob) -> tuple[Path, ...]:
+    """Write the folder ``jsonld``."""
+    plan = job.world.plan
+    return write_jsonld(plan, job.path("jsonld"), job.world.layers) if plan else ()
 
 
 def write_jsonld(

@@ -30,6 +30,7 @@ def write_launch(job: ExportJob) -> tuple[Path, ...]:
         "yaw": start.yaw,
         "robot": job.world.robot.name if job.world.robot else "robot",
     }
+    # A launch file starts one world: that of the first draw of behaviours.
     draw = job.world.draws[0]
     ros1 = job.templates.render(
         "ros1.launch.j2",

@@ -12,7 +12,7 @@ from typing import Any
 
 from grammars.floorplan import FloorPlan
 from grammars.model.behaviour import start_positions
-from grammars.model.geometry import Ring
+from grammars.model.geometry import Ring, signed_area
 from templates.naming import file_name
 from templates.occupancy import occupancy_grid, write_map
 from templates.world import ExportJob
@@ -96,6 +96,12 @@ def feature_collection(plan: FloorPlan) -> dict[str, Any]:
     return {"type": "FeatureCollection", "name": plan.name, "features": features}
 
 
+def export_geojson(job: ExportJob) -> tuple[Path, ...]:
+    """Write ``<world>.geojson``."""
+    plan = job.world.plan
+    return (write_geojson(plan, job.path(f"{job.name}.geojson")),) if plan else ()
+
+
 def write_geojson(plan: FloorPlan, path: Path) -> Path:
     """Write the plan as GeoJSON, one feature per line, and return the path."""
     collection = feature_collection(plan)
@@ -124,7 +130,5 @@ def _feature(id: str, ring: Ring, **known: Any) -> dict[str, Any]:
 
 
 def _exterior(ring: Ring) -> list[list[float]]:
-    pairs = zip(ring, ring[1:] + ring[:1], strict=True)
-    twice_area = sum(p[0] * q[1] - q[0] * p[1] for p, q in pairs)
-    corners = ring if twice_area >= 0.0 else tuple(reversed(ring))
+    corners = ring if signed_area(ring) >= 0.0 else tuple(reversed(ring))
     return [[x, y] for x, y in (*corners, corners[0])]

@@ -8,6 +8,7 @@ no cracks, slivers or inner faces. Uniting the prisms directly would leave faces
 
 from __future__ import annotations
 
+import importlib
 import itertools
 from dataclasses import dataclass
 from pathlib import Path
@@ -21,6 +22,7 @@ from shapely.geometry.polygon import orient
 from grammars.model.geometry import Floats
 from grammars.model.scene import Scene
 from grammars.text.diagnostics import InputError, Where
+from templates.world import ExportJob
 
 _GRID: Final = 1e-6
 """Corners closer than this are one corner [m]."""
@@ -55,6 +57,7 @@ def wall_mesh(scene: Scene) -> WallMesh:
     layers = [_extruded(m3, *layer) for layer in _layers(scene)]
     if not layers:
         raise ValueError(f"nothing stands in {scene.name}: there is no mesh of it")
+    # as_original() forgets which prism a face came from: only then are coplanar faces joined.
     body = m3.Manifold.batch_boolean(layers, m3.OpType.Add).as_original().simplify(_TOLERANCE)
     if body.status() != m3.Error.NoError:
         raise ValueError(f"the walls of {scene.name} have no closed surface: {body.status()}")
@@ -62,6 +65,16 @@ def wall_mesh(scene: Scene) -> WallMesh:
     vertices = np.ascontiguousarray(mesh.vert_properties[:, :3], np.float64)
     faces = np.ascontiguousarray(mesh.tri_verts, np.int64)
     return WallMesh(vertices, faces, float(body.volume()))
+
+
+def write_meshes(job: ExportJob) -> tuple[Path, ...]:
+    """Write ``mesh/<building>.stl`` and ``.glb``, if anything stands there."""
+    if not job.world.scene.solids:
+        job.notes.append("nothing stands here: there is no mesh")
+        return ()
+    mesh = job.cached("mesh", lambda: wall_mesh(job.world.scene))
+    stl, glb = (job.path("mesh", f"{job.building}.{ending}") for ending in ("stl", "glb"))
+    return write_stl(mesh, stl), write_glb(mesh, glb, name=job.building)
 
 
 def write_stl(mesh: WallMesh, path: Path) -> Path:
@@ -90,8 +103,6 @@ def write_glb(mesh: WallMesh, path: Path, *, name: str) -> Path:
 
 
 def _library(name: str) -> Any:
-    import importlib
-
     try:
         return importlib.import_module(name)
     except ImportError as error:
@@ -111,6 +122,8 @@ def _layers(scene: Scene) -> list[tuple[float, float, Any]]:
     heights = sorted({float(z) for z in extents.ravel()})
     layers = []
     for low, high in itertools.pairwise(heights):
+        # Heights are those of the solids themselves, so each crosses a layer as a whole or not at
+        # all.
         standing = (extents[:, 0] <= low) & (extents[:, 1] >= high)
         filled = np.unique(inside[1][standing[inside[0]]])
         if len(filled):

@@ -28,6 +28,7 @@ from grammars.model.movers import is_mover
 from grammars.model.scene import Scene
 from grammars.text.diagnostics import did_you_mean
 
+# Corners are rounded to nanometres, a cell is some centimetres: anything below is no overlap.
 _NOISE: Final = 1e-6
 """Overlaps smaller than this part of a cell are rounding errors."""
 
@@ -58,6 +59,7 @@ def occupancy_grid(
     if not everything:
         raise ValueError(f"scene {scene.name} has neither regions nor solids")
     corners = np.array([corner for ring in everything for corner in ring])
+    # The margin of the published maps: a border of 50 cells of 5 cm, half of it on each side.
     first: Floats = np.floor((corners.min(axis=0) - margin) / resolution)
     last: Floats = np.ceil((corners.max(axis=0) + margin) / resolution)
     shape = (int(last[1] - first[1]), int(last[0] - first[0]))
@@ -86,6 +88,7 @@ def write_map(grid: OccupancyGrid, stem: Path, *, laser_height: float) -> tuple[
     back as such. ``laser_height`` [m] is noted in the files.
     """
     image, meta = (stem.with_name(stem.name + suffix) for suffix in (".pgm", ".yaml"))
+    # As map_saver of ROS writes them: 205 is an occupancy of 50 / 255, just above free_thresh.
     grey = np.full_like(grid.cells, 205, dtype=np.uint8)
     grey[grid.cells == FREE] = 254
     grey[grid.cells == OCCUPIED] = 0

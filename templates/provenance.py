@@ -65,22 +65,10 @@ def write_provenance(job: ExportJob) -> tuple[Path, ...]:
 
 def provenance(job: ExportJob, made: dict[str, tuple[Path, ...]]) -> list[dict[str, Any]]:
     """Return the nodes of the provenance of ``made`` files by kind, each file once."""
-    agent = {
-        "id": "here:agent/scenario-tui",
-        "type": ["prov:Agent", "prov:SoftwareAgent"],
-        "label": "scenario-tui",
-        "hasVersion": _version("scenario-tui"),
-    }
-    libraries = [
-        {
-            "id": f"here:agent/{name}",
-            "type": ["prov:Agent", "prov:SoftwareAgent"],
-            "label": name,
-            "hasVersion": _version(name),
-        }
-        for name in _LIBRARIES
-    ]
-    sources = [_source(name, path) for name, path in _named(job.world.sources)]
+    agent, *libraries = (_agent(name) for name in ("scenario-tui", *_LIBRARIES))
+    plan = ["prov:Entity", "prov:Plan"]
+    named = _named(job.world.sources)
+    sources = [_file("here:source", plan, name, path) for name, path in named]
     scene = {
         "id": "here:scene",
         "type": "prov:Entity",
@@ -107,7 +95,8 @@ def provenance(job: ExportJob, made: dict[str, tuple[Path, ...]]) -> list[dict[s
             "wasAssociatedWith": [agent["id"], *(library["id"] for library in libraries)],
         }
         for path in paths:
-            entity = _output(job, path) | {
+            name = path.relative_to(job.folder).as_posix()
+            entity = _file("here:file", "prov:Entity", name, path) | {
                 "wasGeneratedBy": activity,
                 "wasDerivedFrom": scene["id"],
                 "wasAttributedTo": agent["id"],
@@ -119,7 +108,7 @@ def provenance(job: ExportJob, made: dict[str, tuple[Path, ...]]) -> list[dict[s
         "id": "here:artefacts",
         "type": ["prov:Entity", "prov:Collection"],
         "title": f"artefacts of {job.world.name}",
-        "hadMember": [name for name, node in nodes.items() if node["type"] == "prov:Entity"],
+        "hadMember": [id for id, node in nodes.items() if node["type"] == "prov:Entity"],
     }
     return [agent, *libraries, *sources, scene, *parameters, *nodes.values(), whole]
 
@@ -143,27 +132,26 @@ def _ours(job: ExportJob, path: Path) -> bool:
 def _named(paths: tuple[Path, ...]) -> Iterator[tuple[str, Path]]:
     """Name each source once, from the folder all of them lie in: where that is, is nobody's."""
     found = {path.resolve(): path for path in paths}
+    # Absolute paths would tell whose machine it was, and change the bytes from one to the next.
     folder = os.path.commonpath([path.parent for path in found]) if found else ""
     for whole, path in found.items():
         yield whole.relative_to(folder).as_posix(), path
 
 
-def _source(name: str, path: Path) -> dict[str, Any]:
-    data = path.read_bytes()
+def _agent(name: str) -> dict[str, Any]:
     return {
-        "id": f"here:source/{quote(name)}",
-        "type": ["prov:Entity", "prov:Plan"],
-        "title": name,
-        "extent": len(data),
-        "checksum": _sha256(hashlib.sha256(data).hexdigest()),
+        "id": f"here:agent/{name}",
+        "type": ["prov:Agent", "prov:SoftwareAgent"],
+        "label": name,
+        "hasVersion": _version(name),
     }
 
 
-def _output(job: ExportJob, path: Path) -> dict[str, Any]:
-    data, name = path.read_bytes(), path.relative_to(job.folder).as_posix()
+def _file(id: str, kind: str | list[str], name: str, path: Path) -> dict[str, Any]:
+    data = path.read_bytes()
     return {
-        "id": f"here:file/{quote(name)}",
-        "type": "prov:Entity",
+        "id": f"{id}/{quote(name)}",
+        "type": kind,
         "title": name,
         "extent": len(data),
         "checksum": _sha256(hashlib.sha256(data).hexdigest()),

@@ -15,6 +15,7 @@ from grammars.text.diagnostics import Diagnostic, InputError, Severity, Where, d
 from templates.naming import xml_text
 
 BUILT_IN: Final = Path(__file__).parent / "files"
+# Endings of templates into which everything is put escaped.
 _XML: Final = (".sdf.j2", ".world.j2", ".config.j2", ".svg.j2", ".launch.j2", ".xml.j2")
 
 
@@ -29,13 +30,9 @@ class Templates:
         if folder is not None:
             loaders.insert(0, jinja2.FileSystemLoader(folder))
         self.folder = folder
-        self._environment = jinja2.Environment(
-            loader=jinja2.ChoiceLoader(loaders),
-            undefined=jinja2.StrictUndefined,
+        self._environment = strict_environment(
+            jinja2.ChoiceLoader(loaders),
             autoescape=lambda name: bool(name and name.endswith(_XML)),
-            finalize=lambda value: xml_text(value) if type(value) is str else value,
-            trim_blocks=True,
-            lstrip_blocks=True,
             keep_trailing_newline=True,
         )
         self._environment.filters.update(number=number, numbers=numbers, json=_json)
@@ -73,6 +70,19 @@ class Templates:
             for path in sorted(self.folder.glob("*.j2"))
             if path.name not in ours
         )
+
+
+def strict_environment(loader: jinja2.BaseLoader, **options: Any) -> jinja2.Environment:
+    """Return an environment in which missing names are errors and texts are fit for XML."""
+    return jinja2.Environment(
+        loader=loader,
+        undefined=jinja2.StrictUndefined,
+        # Plain strings only: what is marked as safe was made here and stays as it is.
+        finalize=lambda value: xml_text(value) if type(value) is str else value,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        **options,
+    )
 
 
 def number(value: float, digits: int = 9) -> str:

@@ -82,6 +82,8 @@ def write_keyframes(job: ExportJob) -> tuple[Path, ...]:
             for joint in thing.joints:
                 act = acts.get(f"{thing.name}.{joint.name}")
                 if isinstance(act, KeyFrames):
+                    # The plugins renamed the key in June 2025; with the wrong one every position
+                    # reads as 0.
                     for era, key in ((False, "position"), (True, "pose")):
                         path = job.path(*frames_file(thing, joint.name, draw, era=era).split("/"))
                         written.append(job.write(path, frames_text(act, key)))
@@ -122,6 +124,7 @@ def models_of(scene: Scene, taken: set[str]) -> dict[str, tuple[str, Body]]:
     found: dict[str, tuple[str, Body]] = {}
     for thing in scene.objects:
         body = body_of(thing)
+        # Mirrored and frozen objects are other bodies of the same model.
         key = (thing.model, body)
         if key not in names:
             wanted = file_name(thing.model + ("_mirrored" if thing.mirrored else ""))
@@ -170,7 +173,7 @@ def _write_building(job: ExportJob) -> list[Path]:
     written: list[Path] = []
     if job.world.scene.solids:
         stl = job.path(*folder.split("/"), "meshes", f"{name}.stl")
-        walls = job.once("mesh", lambda: wall_mesh(job.world.scene))
+        walls = job.cached("mesh", lambda: wall_mesh(job.world.scene))
         written.append(write_stl(walls, stl))
     mesh = f"model://{name}/meshes/{name}.stl" if written else ""
     path = job.path(*folder.split("/"), "model.sdf")
@@ -228,9 +231,11 @@ def _act(
 def _gains(joint: BodyJoint, motion: Servo | Spring | Jump) -> dict[str, float]:
     """Return gains of a position controller that moves the joint as the motion says."""
     if isinstance(motion, Spring):
+        # A spring pulls as hard as it takes; 1000 is no limit for a door.
         return {"p": motion.stiffness, "d": motion.damping, "effort": 1000.0}
     effort = motion.effort if isinstance(motion, Servo) else 1000.0
     moment = joint.moment
+    # p = I w^2 and d = 2 I w: critically damped for the moment of inertia the joint moves.
     return {"p": moment * _BANDWIDTH**2, "d": 2.0 * moment * _BANDWIDTH, "effort": effort}
 
 
@@ -254,6 +259,8 @@ def _losses(job: ExportJob) -> Iterator[str]:
                 )
             if act.rearm is not None:
                 yield f"{joint}: the trigger plugin fires once, it does not rearm"
+            # Its PID has P 0.5, I 1, D 0 with the default limits [0, 0] of the integral, which
+            # Gazebo Classic clamps to zero: what is left is a spring.
             if act.motion != Spring(0.5, 0.0):
                 yield (
                     f"{joint}: the trigger plugin of 2024 pulls with a spring of 0.5 N m/rad, "

@@ -69,6 +69,8 @@ def inset_contour(region: Region, distance: float) -> Contour:
     if not (distance > 0.0 and math.isfinite(distance)):
         raise ValueError(f"a contour lies inside of a space, not {distance} m from its edge")
     floor = Polygon(region.outline)
+    # The published tool insets edge by edge, which is wrong for rooms that are not convex or
+    # narrow.
     inner = floor.buffer(-distance, join_style="mitre", mitre_limit=_SHARPEST)
     rings = [
         _numbered(part.exterior, region.outline, distance)
@@ -114,6 +116,7 @@ def too_close(
 
     Each as waypoint (``0``, or ``1.0`` for part 1), what stands there, and how far it is [m].
     """
+    # Walls are kept off by the inset itself.
     things = [s for s in scene.solids if s.kind != "wall" and s.z_min < height]
     tree = shapely.STRtree([Polygon(s.polygon) for s in things])
     found: dict[tuple[str, str], float] = {}
@@ -131,6 +134,7 @@ def too_close(
 def _numbered(ring: shapely.LinearRing, outline: Ring, distance: float) -> tuple[int, Ring]:
     """Return the corners in the order of ``outline``, and which of its edges comes first."""
     corners = shapely.get_coordinates(shapely.normalize(ring).simplify(0.0))[:-1]
+    # shapely turns rings as it likes.
     if _turns_left(corners) != _turns_left(np.array(outline)):
         corners = corners[::-1]
     arriving = _edges_behind(corners, np.array(outline), distance)

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Final, Literal, TypeVar
+from typing import Any, Final, Literal, TypeAlias, TypeVar
 
 from grammars.floorplan import FloorPlan
 from grammars.model.behaviour import Behaviour
@@ -20,10 +20,11 @@ from grammars.scenery import SceneryLayer
 from templates.naming import file_name
 from templates.rendering import Templates
 
-States = tuple[tuple[str, tuple[tuple[str, float], ...]], ...]
+NamedStates: TypeAlias = tuple[tuple[str, tuple[tuple[str, float], ...]], ...]
+"""Joint positions [rad or m] by scene-wide joint name, by the name of the state."""
 
 
-def named_states(scene: Scene, layers: Iterable[SceneryLayer]) -> States:
+def named_states(scene: Scene, layers: Iterable[SceneryLayer]) -> NamedStates:
     """Return every state name with the positions [rad or m] it gives by scene-wide joint name.
 
     Mirrored objects turn the other way round, as in the scene.
@@ -71,7 +72,7 @@ class ArtefactWorld:
     mission: Mission | None = None
     robot: Robot | None = None
     draws: tuple[BehaviourDraw, ...] = (BehaviourDraw("", ()),)
-    states: tuple[tuple[str, tuple[tuple[str, float], ...]], ...] = ()
+    states: NamedStates = ()
     sources: tuple[Path, ...] = ()
     resolution: float = DEFAULT_RESOLUTION
     layers: tuple[SceneryLayer, ...] = ()
@@ -113,7 +114,7 @@ class ExportJob:
     notes: list[str] = field(default_factory=list)
     _shared: dict[str, Any] = field(default_factory=dict)
 
-    def once(self, name: str, make: Callable[[], T]) -> T:
+    def cached(self, name: str, make: Callable[[], T]) -> T:
         """Return what ``make`` returned the first time: several kinds may need the same."""
         if name not in self._shared:
             self._shared[name] = make()
@@ -161,6 +162,7 @@ def driven_joints(thing: SceneObject) -> tuple[Joint, ...]:
     Others only carry: fixed ones, and those of chains of links without a shape, on which people
     and other movers walk.
     """
+    # A carrier of a mover has no shape: nothing one could see moves against it.
     shapes = {link.name for link in thing.links if link.polygons} | {WORLD}
     return tuple(
         joint

@@ -14,7 +14,6 @@ from grammars.floorplan.model import (
     Point3,
     Space,
     Wall,
-    frame_of,
     frames,
 )
 
@@ -32,7 +31,6 @@ __all__ = [
     "Space",
     "Wall",
     "check_geometry",
-    "frame_of",
     "frames",
     "load_floorplan",
     "opening_at",

@@ -108,6 +108,8 @@ _EXAMPLE: Final = {
     "of": 'say which own frame is placed: "of: this" or "of: this.walls[0]"',
     "in": 'say which walls it cuts: "in: hall.walls[0]" or "in: hall.walls[0] and room.walls[2]"',
 }
+# Things on the floor move along x and y and turn about z; openings move in the plane of their wall,
+# x and z, and turn about y.
 _IN_FLOOR: Final = {"translation": "xy", "rotation": "z"}
 _IN_WALL: Final = {"translation": "xz", "rotation": "y"}
 

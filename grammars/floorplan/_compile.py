@@ -20,7 +20,7 @@ from grammars.floorplan._features import (
     draft_feature,
     draft_opening,
 )
-from grammars.floorplan._shapes import floor_outline, signed_area
+from grammars.floorplan._shapes import floor_outline
 from grammars.floorplan._spaces import (
     SpaceDraft,
     build_space,
@@ -32,6 +32,7 @@ from grammars.floorplan._spaces import (
 )
 from grammars.floorplan._syntax import parse_syntax
 from grammars.floorplan.model import FloorPlan, Opening, Wall
+from grammars.model.geometry import signed_area
 from grammars.text.diagnostics import InputError, Where
 from grammars.text.source import DiagnosticCollector, SourceText, SyntaxNode, in_source_order
 
@@ -69,6 +70,7 @@ def _check_gaps(drafts: Sequence[SpaceDraft], findings: DiagnosticCollector) -> 
         location, other = draft.location, draft.against
         if location is None or other is None or draft.own is None or draft.other is None:
             continue
+        # Only walls that face each other without a turn have a gap that one number tells.
         if "spaced" in location or "not aligned" in location or location.get("rotation.z"):
             continue
         gap = location.get("translation.y")
@@ -110,6 +112,7 @@ def _check_opening(opening: Opening, walls: Sequence[Wall], findings: Diagnostic
 def _check_pair(opening: Opening, first: Wall, second: Wall, findings: DiagnosticCollector) -> None:
     relative = first.frame.inverse() @ second.frame
     label = f'{opening.kind} "{opening.name}": {first.id} and {second.id}'
+    # Facing each other is half a turn apart.
     if math.cos(relative.yaw) > -1.0 + 1e-6:
         findings.warn(opening.where, f"{label} do not face each other")
     elif abs(relative.y - opening.depth) > _TOUCHING:
@@ -124,6 +127,7 @@ def _check_floor(plan: FloorPlan, findings: DiagnosticCollector) -> None:
     """Warn of rooms that share floor and of features outside their space."""
     import shapely
 
+    # A tree, because all pairs of rooms of a large plan are too many.
     outlines = [shapely.Polygon(space.outline) for space in plan.spaces]
     tree = shapely.STRtree(outlines)
     first, second = tree.query(outlines, predicate="intersects")
@@ -148,6 +152,9 @@ def _check_floor(plan: FloorPlan, findings: DiagnosticCollector) -> None:
 def compile_plan(tree: SyntaxNode, source: SourceText) -> FloorPlan:
     """Return the plan a syntax tree means; raises ``InputError`` with all errors found."""
     reader = ElementReader(source)
+    # In this order, so that each step finds what it refers to, and none ends the compilation:
+    # people get everything that is wrong with a plan at once. What was refused is None from here
+    # on.
     _check_order(tree, reader)
     reader.define(tree.variables)
     dimensions = _dimensions(tree.defaults, reader)
@@ -279,6 +286,7 @@ def _build(
     world = place_all(drafts)
     spaces = tuple(build_space(draft, world[draft.name], reader) for draft in drafts)
     walls = {(wall.space, wall.index): wall for space in spaces for wall in space.walls}
+    # Names of features may repeat in other spaces; published identifiers may not.
     names = Counter(feature.node.name for feature in features)
     plan = FloorPlan(
         name,

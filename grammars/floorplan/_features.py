@@ -66,6 +66,7 @@ def _reference_space(
                 'name the space: "wrt: hall", or write the feature into its "features:"',
             )
         return owner
+    # A space may be called world; then it is what is meant here.
     if reference.name == "world" and "world" not in spaces:
         reader.error(reference, "features stand in a space, not in the world", 'write "wrt: hall"')
         return None
@@ -209,8 +210,11 @@ def opening_at(
     """Return the opening that a prism cuts at ``frame`` (on the floor) through ``walls``."""
     z, tilt, depth = prism.z, prism.tilt, prism.depth
     c, s = math.cos(tilt), math.sin(tilt)
+    # Ry(tilt) of the ring, which lies in the x-z plane of the opening (y only where a polygon
+    # leans).
     turned = [(c * px + s * pz, py, c * pz - s * px) for px, py, pz in prism.ring]
     low, high = min(p[0] for p in turned), max(p[0] for p in turned)
+    # A polygon may lean out of the face of its wall; the footprint goes from there to the far face.
     near_y = min(p[1] for p in turned)
     return Opening(
         kind=kind,

@@ -18,12 +18,14 @@ from grammars.model.geometry import Floats, Point2, Ring
 from grammars.text.diagnostics import with_article
 from grammars.text.source import SyntaxNode, TypedNode
 
-# As many corners as the published FloorPlan tools give a circle, from the top and clockwise like
-# their other shapes: every edge becomes a wall with a number. Circles of objects have no such
-# numbers, see grammars.scenery._objects.
+# As FloorPlan DSL v1 approximated circles: 40 corners, the first at (0, r), clockwise, so that
+# walls grow outwards. Every edge is a wall with a number; circles of objects have no such numbers
+# and fewer corners (grammars.scenery._objects).
 CIRCLE_CORNERS: Final = 40
 SAME_POINT: Final = 1e-9
 """Corners closer than this [m] are one corner."""
+# 1 + cosine of the turn at a corner below which the outline turns back on itself: the mitre of
+# outer_corners divides by this number.
 _SPIKE: Final = 1e-9
 
 
@@ -37,12 +39,6 @@ def circle(radius: float) -> Ring:
     """Return the regular 40-gon of a circle, clockwise from its top [m]."""
     angles = [math.tau * k / CIRCLE_CORNERS for k in range(CIRCLE_CORNERS)]
     return tuple((radius * math.sin(a), radius * math.cos(a)) for a in angles)
-
-
-def signed_area(ring: Ring) -> float:
-    """Return the area inside a ring [m²], negative when it runs clockwise (shoelace formula)."""
-    pairs = zip(ring, ring[1:] + ring[:1], strict=True)
-    return sum(p[0] * q[1] - q[0] * p[1] for p, q in pairs) / 2
 
 
 class RectangleNode(TypedNode):
@@ -200,6 +196,7 @@ def _crossing(corners: Floats) -> str:
     ends = np.roll(corners, -1, axis=0)
     count = len(corners)
     for i in range(count - 2):
+        # The last edge is a neighbour of the first.
         last = count - 1 if i == 0 else count
         touching = _edges_meet(corners[i], ends[i], corners[i + 2 : last], ends[i + 2 : last])
         if touching.size:

@@ -65,6 +65,7 @@ def outer_corners(ring: Ring, thickness: float) -> Ring:
     corners: list[Point2] = []
     for k, (x, y) in enumerate(ring):
         (ax, ay), (bx, by) = normals[k - 1], normals[k]
+        # No limit to the mitre, as in the published tools: a sharp corner reaches far out.
         reach = thickness / (1.0 + ax * bx + ay * by)
         corners.append((x + reach * (ax + bx), y + reach * (ay + by)))
     return tuple(corners)
@@ -83,6 +84,7 @@ def find_wall(
     if not -count <= index < count:
         reader.error(node, f'wall index {index}: space "{draft.name}" has walls 0..{count - 1}')
         return False, None
+    # Version 2 of the published tools takes it, so plans may have it.
     if index < 0:
         reader.warn(
             node, f"wall index {index} counts from the end", f"write walls[{index + count}]"
@@ -169,6 +171,7 @@ def _check_flags(draft: SpaceDraft, location: Location, reader: ElementReader) -
 
 def check_anchored(drafts: list[SpaceDraft], reader: ElementReader) -> None:
     """Report every loop of placements: nothing ties its spaces to the world."""
+    # Every space is walked over once; a walk that ends on a space of its own turn went in a circle.
     state: dict[int, int] = {}
     for turn, start in enumerate(drafts):
         path: list[SpaceDraft] = []
@@ -190,6 +193,7 @@ def check_anchored(drafts: list[SpaceDraft], reader: ElementReader) -> None:
 def pose_in_world(draft: SpaceDraft, world: dict[str, Pose2]) -> Pose2:
     """Return the world pose of a space whose ``against`` is already in ``world``."""
     other = draft.against
+    # World(space) = World(wrt) T inverse(M(space <- of)).
     base = IDENTITY if other is None else world[other.name] @ other.frame(draft.other)
     return base @ offset_of(draft) @ draft.frame(draft.own).inverse()
 
@@ -205,6 +209,9 @@ def offset_of(draft: SpaceDraft) -> Pose2:
         if "spaced" in location:
             y += (draft.thickness or 0.0) + (other.thickness or 0.0)
         if "not aligned" not in location:
+            # The half turn makes two walls face each other, y of one against y of the other. It is
+            # added for counter-clockwise outlines too, where it mirrors: the published tools do so
+            # as well.
             yaw += math.pi
     return Pose2(x, y, yaw)
 
@@ -216,6 +223,7 @@ def frame_id(name: str, wall: int | None) -> str:
 
 def place_all(drafts: list[SpaceDraft]) -> dict[str, Pose2]:
     """Return the world pose of every space; placements must be free of loops."""
+    # Without recursion: a chain of rooms may be longer than the stack of calls.
     world: dict[str, Pose2] = {}
     for start in drafts:
         chain: list[SpaceDraft] = []
@@ -255,6 +263,7 @@ def space_at(
 ) -> Space:
     """Return a space whose outline in its own frame is ``ring``, with the walls it implies."""
     count = len(ring)
+    # Here too, not only in the draft: plans read from JSON-LD come this way.
     frames, outer = wall_frames(ring), outer_corners(ring, thickness)
     walls = []
     for k in range(count):

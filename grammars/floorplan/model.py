@@ -163,8 +163,3 @@ def frames(plan: FloorPlan) -> dict[str, Pose2]:
     found.update((f"{f.kind}-{f.id}-frame", f.frame) for f in plan.features)
     found.update((f"{o.kind}-{o.id}-frame", o.frame) for o in plan.openings)
     return found
-
-
-def frame_of(plan: FloorPlan, id: str) -> Pose2:
-    """Return the world pose of one published frame; raises :class:`KeyError` if there is none."""
-    return frames(plan)[id]

@@ -41,6 +41,7 @@ def composed_nodes(plan: FloorPlan, layers: Sequence[SceneryLayer] = ()) -> Node
             "@graph": writer.files[name],
         }
         nodes.merge(expand(document, name))
+    # Places in the .fpm text instead of those in JSON that nobody has seen.
     nodes.places.update(writer.places)
     for layer in layers:
         layer_writer = LayerWriter(layer, writer, layers)
@@ -84,12 +85,12 @@ def validate(graph: Graph) -> tuple[Diagnostic, ...]:
     from grammars.jsonld.rdf import check_shapes, graph_of, nodes_of
 
     nodes = nodes_of(graph)
-    before = len(nodes.findings)
+    before = len(nodes.diagnostics)
     nodes = replace_legacy_terms(nodes)
     # Shapes are about current names: what was written with old ones is looked at as it is read.
-    current = graph if len(nodes.findings) == before else graph_of(nodes)
-    nodes.findings.extend(getattr(graph, "findings", ()))
-    found = (*nodes.findings, *check_structure(nodes), *check_shapes(current, nodes.places))
+    current = graph if len(nodes.diagnostics) == before else graph_of(nodes)
+    nodes.diagnostics.extend(getattr(graph, "diagnostics", ()))
+    found = (*nodes.diagnostics, *check_structure(nodes), *check_shapes(current, nodes.places))
     return tuple(dict.fromkeys(found))
 
 
@@ -102,13 +103,13 @@ def check_composition(
     shapes, so only what depends on the layers' content is looked at.
     """
     nodes = composed_nodes(plan, layers)
-    return tuple(dict.fromkeys((*nodes.findings, *check_structure(nodes))))
+    return tuple(dict.fromkeys((*nodes.diagnostics, *check_structure(nodes))))
 
 
 def load_nodes(path: str | Path) -> NodeGraph:
     """Read a JSON-LD file, or every ``*.json`` of a folder, into one graph.
 
-    Raises :class:`InputError` with everything that cannot be read; warnings are in ``findings``.
+    Raises :class:`InputError` with everything that cannot be read; warnings are in ``diagnostics``.
     """
     file = Path(path)
     files = [file]
@@ -152,7 +153,7 @@ def load_scenery_jsonld(path: str | Path, warnings: list[Diagnostic] | None = No
     layers = read_layers(nodes, str(path))
     if len(layers) == 1:
         if warnings is not None:
-            warnings.extend(dict.fromkeys(nodes.findings))
+            warnings.extend(dict.fromkeys(nodes.diagnostics))
         return layers[0]
     hint = "an Object, an ObjectInstance or a layer of ours is needed"
     message = f"there are {len(layers)} layers in it" if layers else "there is no scenery in it"
@@ -168,8 +169,9 @@ def check_jsonld(path: str | Path) -> tuple[Diagnostic, ...]:
     from grammars.jsonld.rdf import check_shapes, graph_of
 
     nodes = load_nodes(path)
+    # A layer alone refers to frames that are elsewhere: SHACL would refuse every one of them.
     whole = bool(nodes.of_type(FP["FloorPlan"]))
-    found = [*nodes.findings, *check_structure(nodes, partial=not whole)]
+    found = [*nodes.diagnostics, *check_structure(nodes, partial=not whole)]
     if whole:
         found += check_shapes(graph_of(nodes), nodes.places)
     if not any(d.severity is Severity.ERROR for d in found):
@@ -179,5 +181,5 @@ def check_jsonld(path: str | Path) -> tuple[Diagnostic, ...]:
             read_layers(nodes, str(path))
         except InputError as error:
             found += error.diagnostics
-        found += nodes.findings
+        found += nodes.diagnostics
     return tuple(dict.fromkeys(found))

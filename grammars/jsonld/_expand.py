@@ -7,7 +7,6 @@ vanishing.
 
 from __future__ import annotations
 
-import bisect
 import functools
 import json
 import math
@@ -17,6 +16,7 @@ from typing import Any, Final
 from grammars.jsonld._nodes import Node, NodeGraph, Ref, Value
 from grammars.jsonld.vocabulary import XSD, ContextError, JsonLdContext, Term
 from grammars.text.diagnostics import Diagnostic, InputError, Severity, Where
+from grammars.text.source import SourceText
 
 _ID: Final = re.compile(r'"(?:@id|id)"\s*:\s*"([^"\\]*)"')
 
@@ -36,8 +36,8 @@ class JsonText:
         return found
 
     @functools.cached_property
-    def _starts(self) -> list[int]:
-        return [0, *(match.end() for match in re.finditer("\n", self.text))]
+    def _source(self) -> SourceText:
+        return SourceText(self.text, self.file)
 
     def parsed(self) -> Any:
         """Return the JSON in the text; raises :class:`InputError` when it is none."""
@@ -56,8 +56,7 @@ class JsonText:
         position = self._ids.get(id)
         if position is None:
             return Where(self.file, 1, 1)
-        line = bisect.bisect_right(self._starts, position)
-        return Where(self.file, line, position - self._starts[line - 1] + 1)
+        return self._source.where(position)
 
 
 def _unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
@@ -74,6 +73,8 @@ def _refused(constant: str) -> float:
 
 
 _NO_IRI: Final = re.compile(r'[\x00-\x20<>"{}|\\^`]')
+# Documents come from outside: one with a million mistakes, or lists nested without end, is refused
+# after the first few.
 _MOST_FINDINGS: Final = 50
 _DEEPEST_LIST: Final = 8
 _DOUBLE: Final = XSD["double"]
@@ -114,15 +115,15 @@ class _Expansion:
         self.good: set[str] = set()
 
     def error(self, id: str, message: str, hint: str = "") -> None:
-        if len(self.nodes.findings) < _MOST_FINDINGS:
-            self.nodes.findings.append(Diagnostic(self.document.where(id), message, hint))
+        if len(self.nodes.diagnostics) < _MOST_FINDINGS:
+            self.nodes.diagnostics.append(Diagnostic(self.document.where(id), message, hint))
 
     def warn(self, id: str, message: str, hint: str = "") -> None:
         where = self.document.where(id)
-        self.nodes.findings.append(Diagnostic(where, message, hint, Severity.WARNING))
+        self.nodes.diagnostics.append(Diagnostic(where, message, hint, Severity.WARNING))
 
     def finished(self) -> NodeGraph:
-        errors = [d for d in self.nodes.findings if d.severity is Severity.ERROR]
+        errors = [d for d in self.nodes.diagnostics if d.severity is Severity.ERROR]
         if errors:
             raise InputError(errors)
         for address in sorted(self.outdated):
@@ -155,6 +156,7 @@ class _Expansion:
             context = context.extended(data["@context"], self.outdated)
         terms = context.terms
         types, written, rest = self._split(data, terms)
+        # Terms scoped to each of its types; rdflib knows those of the first type only.
         typed = context.for_types(types, self.outdated) if types else context
         if top and written is None and any(k == "@graph" for k, _, _ in rest):
             self._envelope(rest, context)
@@ -245,6 +247,7 @@ class _Expansion:
         inner = outer
         if term.scoped is not None:
             inner = outer.extended(term.scoped, self.outdated)
+        # One value that is no list is a list of one.
         if term.container == "@list" and not (isinstance(value, dict) and "@list" in value):
             items = value if isinstance(value, list) else [value]
             node.add(term.iri, self._list(items, term, typed, inner, node.id))
@@ -337,6 +340,7 @@ class _Expansion:
             if not math.isfinite(number):
                 self.error(written, f"a number of {written or 'a node'} is not finite")
                 return None
+            # 1 of a term typed as double is 1.0, as in RDF.
             whole = isinstance(value, int) and kind != _DOUBLE
             return value if whole else number
         if isinstance(value, str):

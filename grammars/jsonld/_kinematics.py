@@ -67,6 +67,8 @@ def scaled(node: Node, predicate: str, units: dict[str, float]) -> float | None:
     value = node.number(predicate)
     if value is None:
         return None
+    # Coordinates of a pose name two units, one of length and one of angle. Without any they are in
+    # metres and radians.
     factor = next((units[u] for u in node.refs(QUDT["unit"]) if u in units), 1.0)
     return value if factor == 1.0 else value * factor
 
@@ -89,14 +91,14 @@ class PoseGraph:
     def _edge(self, node: Node, coordinates: list[Node]) -> PoseEdge | None:
         of, wrt = node.ref(REL["of"]), node.ref(REL["with-respect-to"])
         if of is None or wrt is None:
-            self._nodes.error(node.id, f"pose {local_name(node.id)} lacks a frame")
+            self._nodes.add_error(node.id, f"pose {local_name(node.id)} lacks a frame")
             return None
         if not coordinates:
-            self._nodes.error(node.id, f"pose {local_name(node.id)} has no coordinates")
+            self._nodes.add_error(node.id, f"pose {local_name(node.id)} has no coordinates")
             return None
         seen = coordinates[0].ref(COORD["as-seen-by"])
         if seen is not None and seen != wrt:
-            self._nodes.error(
+            self._nodes.add_error(
                 coordinates[0].id,
                 f"{local_name(coordinates[0].id)} is seen by {local_name(seen)}, "
                 f"its pose is with respect to {local_name(wrt)}",
@@ -107,7 +109,7 @@ class PoseGraph:
             scaled(coordinates[0], COORD[angle], ANGLES) or 0.0 for angle in ("alpha", "beta")
         )
         if max(abs(v) for v in (x, y, z)) > _LARGEST:
-            self._nodes.error(coordinates[0].id, "a coordinate is farther away than 1000 km")
+            self._nodes.add_error(coordinates[0].id, "a coordinate is farther away than 1000 km")
             return None
         return PoseEdge(node.id, of, wrt, Pose2(x, y, alpha), z, beta)
 
@@ -133,6 +135,9 @@ class PoseGraph:
                         back, here.z - edge.z, here.tilt - edge.tilt, frame, edge
                     )
                     queue.append(edge.wrt)
+                    # Composing a pose with its inverse changes the last digits. A room placed by
+                    # one of its walls is therefore put anew from that wall, as the language does
+                    # it: plans come back bit by bit.
                     if frame != root:
                         settled = back @ edge.pose
                         found[frame] = PlacedFrame(
@@ -163,6 +168,8 @@ class Positions:
         for position in nodes.of_type(REL["Position"]):
             point = position.ref(REL["of"])
             for coordinate in numbers.get(position.id, [])[:1] if point else []:
+                # Layers of others may leave out who sees a point: then it is the frame with that
+                # origin.
                 seen = coordinate.ref(COORD["as-seen-by"]) or origins.get(
                     position.ref(REL["with-respect-to"]) or ""
                 )
@@ -239,20 +246,20 @@ def _check_limits(
     name = local_name(joint.id)
     for side, have in zip(("lower", "upper"), bounds, strict=True):
         if not have:
-            found.error(joint.id, f"joint {name} has no {side} limit")
+            found.add_error(joint.id, f"joint {name} has no {side} limit")
         elif len(have) > 1:
             listed = ", ".join(local_name(node.id) for node in have)
             message = f"joint {name} has {len(have)} {side} limits: {listed}"
-            found.error(have[1].id, message, "keep one of them")
+            found.add_error(have[1].id, message, "keep one of them")
     if len(bounds[0]) != 1 or len(bounds[1]) != 1:
         return
     lower, upper = (joint_position(have[0], joint) for have in bounds)
     if lower is None or upper is None:
-        found.error(joint.id, f"a limit of joint {name} has no value")
+        found.add_error(joint.id, f"a limit of joint {name} has no value")
         return
     if lower > upper:
         message = f"the lower limit of joint {name} ({lower:g}) is above the upper ({upper:g})"
-        found.error(bounds[0][0].id, message)
+        found.add_error(bounds[0][0].id, message)
     for state in states.get(joint.id, []):
         _check_state(nodes, found, state, joint, (lower, upper))
 
@@ -264,9 +271,9 @@ def _check_state(
     value = joint_position(pose, joint) if pose is not None else None
     label = local_name(state.ref(ST["state"]) or state.id)
     if value is None:
-        found.error(state.id, f"state {label} gives joint {local_name(joint.id)} no position")
+        found.add_error(state.id, f"state {label} gives joint {local_name(joint.id)} no position")
     elif not bounds[0] - _TOLERANCE <= value <= bounds[1] + _TOLERANCE:
-        found.error(
+        found.add_error(
             state.id,
             f"state {label} puts joint {local_name(joint.id)} at {value:g}, outside its limits",
             f"between {bounds[0]:g} and {bounds[1]:g}",
@@ -279,7 +286,7 @@ def _check_state_types(nodes: NodeGraph, found: NodeGraph) -> None:
         for kind in ("JointLowerLimit", "JointUpperLimit") if pose is not None else ():
             if pose is not None and OBJ[kind] in pose.types:
                 message = f"{local_name(pose.id)} is the position of a state and typed {kind}"
-                found.warn(pose.id, message, "it is not taken as a limit; remove the type")
+                found.add_warning(pose.id, message, "it is not taken as a limit; remove the type")
 
 
 def axis_vectors(nodes: NodeGraph, joint: Node) -> list[Ref]:
@@ -302,19 +309,20 @@ def _check_axis(nodes: NodeGraph, found: NodeGraph, joint: Node) -> None:
     name = local_name(joint.id)
     bodies = joint.refs(KC["between-attachments"])
     if len(bodies) != 2:
-        found.error(joint.id, f"joint {name} is between {len(bodies)} bodies, not two")
+        found.add_error(joint.id, f"joint {name} is between {len(bodies)} bodies, not two")
         return
     lines = axis_vectors(nodes, joint)
+    # A fixed joint needs no axis.
     if not is_moving(joint):
         return
     if len(lines) != 2:
         message = f"the axis of joint {name} is on {len(lines)} lines, not two"
-        found.error(joint.id, message, "one vector of each body is collinear with the other's")
+        found.add_error(joint.id, message, "one vector of each body is collinear with the other's")
         return
     parts = [set(nodes.get(body).refs(GEOM["simplices"])) for body in bodies]
     sides = [{k for k, part in enumerate(parts) if line in part} for line in lines]
     if not any(a in sides[0] and b in sides[1] for a, b in ((0, 1), (1, 0))):
-        found.error(
+        found.add_error(
             joint.id,
             f"the axis of joint {name} is not on both of its bodies",
             f"{' and '.join(map(local_name, lines))} are vectors of "

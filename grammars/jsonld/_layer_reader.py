@@ -12,7 +12,7 @@ from grammars.jsonld._sentences import SentenceReader, frame_name, is_on_floor, 
 from grammars.jsonld.vocabulary import GEOM, OBJ, SCN, ST, local_name
 from grammars.scenery import SceneryLayer
 from grammars.scenery.model import At, In, Instance, Measure, Name, ObjectModel
-from grammars.text.diagnostics import InputError, Severity, Where
+from grammars.text.diagnostics import InputError, Where
 
 _ON_FLOOR: Final = 1e-6
 
@@ -30,9 +30,8 @@ def read_layers(nodes: NodeGraph, file: str) -> tuple[SceneryLayer, ...]:
     loose = reader.loose()
     if loose is not None:
         read.append(loose)
-    errors = tuple(dict.fromkeys(d for d in nodes.findings if d.severity is Severity.ERROR))
-    if errors:
-        raise InputError(errors)
+    if nodes.errors:
+        raise InputError(nodes.errors)
     return tuple(read)
 
 
@@ -84,7 +83,7 @@ class _LayerReader:
             try:
                 found.append(self._sentences.read(id, *kinds))
             except InputError as error:
-                self._nodes.findings.extend(error.diagnostics)
+                self._nodes.diagnostics.extend(error.diagnostics)
         return tuple(found)
 
     def _models(self, ids: list[Any]) -> tuple[ObjectModel, ...]:
@@ -99,7 +98,7 @@ class _LayerReader:
             try:
                 found.append(self._instance(self._nodes.get(id)))
             except InputError as error:
-                self._nodes.findings.extend(error.diagnostics)
+                self._nodes.diagnostics.extend(error.diagnostics)
         return tuple(found)
 
     def _instance(self, node: Node) -> Instance:
@@ -141,6 +140,8 @@ class _LayerReader:
         for id, seen in placed.items():
             known = self._nodes.by_id.get(id)
             elsewhere = known is None or GEOM["Frame"] not in known.types
+            # The first frame on the way that is of another file or of the plan: those before it are
+            # the object's own.
             if id == frame or not (elsewhere or (base and id.startswith(base))):
                 continue
             name = frame_name(local_name(id), where)
@@ -148,7 +149,9 @@ class _LayerReader:
                 abs(seen.z) > _ON_FLOOR and is_on_floor(local_name(id))
             ):
                 message = f"instance {local_name(node.id)} is lifted or tilted"
-                self._nodes.warn(node.id, message, "it is taken to stand upright on the floor")
+                self._nodes.add_warning(
+                    node.id, message, "it is taken to stand upright on the floor"
+                )
             edge = seen.edge
             pose = seen.pose.inverse()
             if edge is not None and edge.of == frame:

@@ -4,10 +4,16 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
-from typing import Any, TypeAlias
+from typing import Any
 
 from grammars.floorplan import WORLD_FRAME, FloorPlan
-from grammars.jsonld._object_writer import frame_nodes, object_nodes, pose_nodes, trim_rounding
+from grammars.jsonld._geometry_nodes import Json
+from grammars.jsonld._object_writer import (
+    object_frame_nodes,
+    object_nodes,
+    object_pose_nodes,
+    trim_rounding,
+)
 from grammars.jsonld._plan_writer import PlanWriter, plan_base
 from grammars.jsonld._sentences import frame_name, sentence_fields, value_to_jsonld
 from grammars.jsonld.vocabulary import ITEMS, ROB2B_CONTEXTS, SCN, SECORO_CONTEXTS, rob2b, secoro
@@ -22,8 +28,6 @@ from grammars.scenery.composition import (
 )
 from grammars.scenery.model import At, FrameName, Instance, Name, ObjectModel
 from grammars.text.diagnostics import InputError, Where
-
-Json: TypeAlias = dict[str, Any]
 
 
 def scenery_document(
@@ -62,7 +66,7 @@ class LayerWriter:
                 self.places[f"{ITEMS}{id.removeprefix('item:')}.state.{state.name}"] = state.where
         for instance in self._layer.instances:
             self._instance(instance)
-        self._say()
+        self._write_layer()
         return {"@context": _context(self._plan.name), "@graph": self.nodes}
 
     def _add(self, nodes: list[Json], where: Where) -> None:
@@ -88,6 +92,8 @@ class LayerWriter:
             placed = place_instance(self._plan, instance, model)
             opening = next(o for o in self._plan.openings if o.name == instance.place.entryway.text)
             wall = next(w for w in self._plan.walls if w.id == opening.walls[0])
+            # Others know no entryways to fit doors into: they get a pose at the wall, and our own
+            # words say how it came about, for us to read back.
             relative = wall.frame.inverse() @ placed.pose
             wrt = f"fpm:{self._frames.frame(f'{wall.id}-frame')}"
             pose = Pose2(trim_rounding(relative.x), trim_rounding(relative.y), relative.yaw)
@@ -99,7 +105,7 @@ class LayerWriter:
         self._start(node, instance, model)
         if instance.frozen:
             node["scn:frozen"] = True
-        frames = [*frame_nodes(f"{id}.frame"), *pose_nodes(f"{id}.frame", wrt, pose)]
+        frames = [*object_frame_nodes(f"{id}.frame"), *object_pose_nodes(f"{id}.frame", wrt, pose)]
         self._add([*frames, node], instance.where)
 
     def _at(self, instance: Instance, model: ObjectModel, node: Json, wrt: str) -> Pose2:
@@ -107,6 +113,8 @@ class LayerWriter:
         at = instance.place
         assert isinstance(at, At)
         read_back = frame_name(wrt.removeprefix("fpm:"), at.frame.where)
+        # A pose says it all, unless it is meant inside of a space or the frame has another name
+        # here.
         if at == At(read_back, at.x, at.y, at.yaw):
             return Pose2(at.x, at.y, at.yaw)
         node["scn:placement"] = value_to_jsonld(at)
@@ -169,7 +177,7 @@ class LayerWriter:
             )
         return f"fpm:{self._frames.frame(published)}"
 
-    def _say(self) -> None:
+    def _write_layer(self) -> None:
         """Write the layer itself, with what it says about objects."""
         layer = self._layer
         id = f"item:layer.{layer.name}"
@@ -178,7 +186,7 @@ class LayerWriter:
         node["scn:instances"] = _references(f"item:{i.name}" for i in layer.instances)
         for word in sentence_fields():
             said = [
-                {"@id": f"{id}.{word}-{k}", **value_to_jsonld(value), **self._about(value)}
+                {"@id": f"{id}.{word}-{k}", **value_to_jsonld(value), **self._subject_links(value)}
                 for k, value in enumerate(getattr(layer, word))
             ]
             for part, value in zip(said, getattr(layer, word), strict=True):
@@ -186,7 +194,7 @@ class LayerWriter:
             node[f"scn:{word}"] = _references(part["@id"] for part in said)
         self._add([node], Where(layer.file))
 
-    def _about(self, value: Any) -> Json:
+    def _subject_links(self, value: Any) -> Json:
         """Link a sentence to the objects it is about, where they can be told."""
         subject = getattr(value, "subject", getattr(value, "members", None))
         if subject is None:

@@ -38,6 +38,7 @@ _YAW: Final = (COORD["theta"], POLY["theta"])
 def replace_legacy_terms(nodes: NodeGraph) -> NodeGraph:
     """Return ``nodes`` with current names everywhere; every kind of drift is one warning."""
     seen: dict[str, str] = {}
+    # Looked at first: what is current, which is nearly everything, is not copied.
     if any(_is_old(word) for word in _words(nodes)):
         nodes = _renamed(nodes, seen)
     for node in nodes.by_id.values():
@@ -46,7 +47,7 @@ def replace_legacy_terms(nodes: NodeGraph) -> NodeGraph:
             if said:
                 seen.setdefault(said, node.id)
     for message, id in seen.items():
-        nodes.warn(id, message, "read as its current form")
+        nodes.add_warning(id, message, "read as its current form")
     return nodes
 
 
@@ -78,7 +79,7 @@ def _current(word: str) -> str:
 
 
 def _renamed(nodes: NodeGraph, seen: dict[str, str]) -> NodeGraph:
-    fresh = NodeGraph(places=nodes.places, findings=nodes.findings)
+    fresh = NodeGraph(places=nodes.places, diagnostics=nodes.diagnostics)
 
     def current(word: str, id: str) -> str:
         new = _current(word)
@@ -128,6 +129,8 @@ def _units(node: Node) -> str:
 
 
 def _quantity(node: Node) -> str:
+    # comp-rob2b defines "value" only inside the type Quantity now; door files of 2023 lack the
+    # type.
     if QUDT["value"] in node.values and QUDT["Quantity"] not in node.types:
         node.add_type(QUDT["Quantity"])
         if KC_STATE["of-joint"] in node.values:

@@ -33,6 +33,7 @@ class Node:
     def add(self, predicate: str, value: Value) -> None:
         """Say something more; what was said already is not repeated."""
         known = self.values.setdefault(predicate, [])
+        # A graph is a set of statements: layers that say the same say it once.
         if value not in known:
             known.append(value)
 
@@ -85,7 +86,7 @@ class NodeGraph:
 
     by_id: dict[str, Node] = field(default_factory=dict)
     places: dict[str, Where] = field(default_factory=dict)
-    findings: list[Diagnostic] = field(default_factory=list)
+    diagnostics: list[Diagnostic] = field(default_factory=list)
 
     def get(self, id: str) -> Node:
         """Return the node called ``id``, made when there is none yet."""
@@ -102,13 +103,19 @@ class NodeGraph:
         """Return where ``id`` was written."""
         return self.places.get(id) or default or Where(_shown(id))
 
-    def error(self, id: str, message: str, hint: str = "") -> None:
-        """Note an error about ``id``."""
-        self.findings.append(Diagnostic(self.where(id), message, hint))
+    @property
+    def errors(self) -> tuple[Diagnostic, ...]:
+        """The errors among the diagnostics, each once."""
+        errors = (d for d in self.diagnostics if d.severity is Severity.ERROR)
+        return tuple(dict.fromkeys(errors))
 
-    def warn(self, id: str, message: str, hint: str = "") -> None:
+    def add_error(self, id: str, message: str, hint: str = "") -> None:
+        """Note an error about ``id``."""
+        self.diagnostics.append(Diagnostic(self.where(id), message, hint))
+
+    def add_warning(self, id: str, message: str, hint: str = "") -> None:
         """Note a warning about ``id``."""
-        self.findings.append(Diagnostic(self.where(id), message, hint, Severity.WARNING))
+        self.diagnostics.append(Diagnostic(self.where(id), message, hint, Severity.WARNING))
 
     def merge(self, other: NodeGraph) -> None:
         """Take over everything ``other`` says; equal IRIs become one node."""
@@ -124,7 +131,7 @@ class NodeGraph:
                     mine.add(predicate, value)
         for id, where in other.places.items():
             self.places.setdefault(id, where)
-        self.findings.extend(other.findings)
+        self.diagnostics.extend(other.diagnostics)
 
 
 def _shown(id: str) -> str:

@@ -25,13 +25,13 @@ from grammars.jsonld.vocabulary import DYN, GEOM, KC, OBJ, POLY, SCN, ST, local_
 from grammars.model.geometry import Point2, Pose2, Ring
 from grammars.model.scene import Joint, Link
 from grammars.scenery.model import NamedState, ObjectModel
-from grammars.text.diagnostics import Where
+from grammars.text.diagnostics import Severity, Where
 
 _LEVEL: Final = 1e-6
 
 
 class LinkShapes:
-    """Reads the shapes of links; problems are noted in the nodes' findings."""
+    """Reads the shapes of links; problems are noted in the nodes' diagnostics."""
 
     def __init__(self, nodes: NodeGraph) -> None:
         self._nodes = nodes
@@ -58,7 +58,7 @@ class LinkShapes:
         if POLY["CuboidWithSize"] in shape.types:
             sizes = [scaled(shape, POLY[f"{axis}-size"], LENGTHS) for axis in "xyz"]
             if any(size is None or not 1e-6 < size < 1e6 for size in sizes):
-                self._nodes.error(shape.id, f"cuboid {local_name(shape.id)} lacks a size")
+                self._nodes.add_error(shape.id, f"cuboid {local_name(shape.id)} lacks a size")
                 return None
             x, y, z = (size / 2 for size in sizes if size is not None)
             ring = here.pose.apply_ring(((-x, -y), (x, -y), (x, y), (-x, y)))
@@ -70,7 +70,7 @@ class LinkShapes:
             message = (
                 f"shape {local_name(shape.id)} is neither a cuboid nor a prism of known corners"
             )
-            self._nodes.error(shape.id, message)
+            self._nodes.add_error(shape.id, message)
             return None
         corners = frame.pose.apply_ring(tuple((x, y) for x, y, _ in drawn[1]))
         return self._prism(shape, corners, [trim_rounding(z + frame.z) for _, _, z in drawn[1]])
@@ -84,13 +84,13 @@ class LinkShapes:
         half = len(corners) // 2
         ring = _tidy_ring(corners[:half])
         if not isinstance(hull, shapely.Polygon) or hull.area < 1e-9:
-            self._nodes.error(shape.id, f"shape {local_name(shape.id)} has no area")
+            self._nodes.add_error(shape.id, f"shape {local_name(shape.id)} has no area")
             return None
         if shapely.Polygon(ring).is_valid and abs(shapely.Polygon(ring).area - hull.area) < 1e-9:
             return ring, (min(heights), max(heights))
         outline = [(float(x), float(y)) for x, y in hull.exterior.coords[:-1]]
         message = f"shape {local_name(shape.id)} is no convex prism: its convex hull is taken"
-        self._nodes.warn(shape.id, message)
+        self._nodes.add_warning(shape.id, message)
         return _tidy_ring(tuple(reversed(outline))), (min(heights), max(heights))
 
 
@@ -123,7 +123,7 @@ def name_of(node: Node, owner: Node | None = None) -> str:
 
 
 class ObjectReader:
-    """Reads object models; problems are noted in the nodes' findings."""
+    """Reads object models; problems are noted in the nodes' diagnostics."""
 
     def __init__(self, nodes: NodeGraph, file: str) -> None:
         self._nodes = nodes
@@ -138,10 +138,10 @@ class ObjectReader:
 
     def read(self, node: Node) -> ObjectModel | None:
         """Return the model an ``Object`` node describes, or ``None`` after noting why not."""
-        before = len(self._nodes.findings)
+        before = len(self._nodes.diagnostics)
         base = node.ref(OBJ["object-frame"])
         if base is None:
-            self._nodes.error(node.id, f"object {local_name(node.id)} has no object-frame")
+            self._nodes.add_error(node.id, f"object {local_name(node.id)} has no object-frame")
             return None
         placed = self._poses.reach(base)
         order = {str(id): k for k, id in enumerate(node.refs(SCN["order"]))}
@@ -154,7 +154,7 @@ class ObjectReader:
         )
         joints = {str(id): self._joint(self._nodes.get(id), node, bodies, placed) for id in ids}
         states = self._object_states(node, joints, order)
-        if any(d.severity.value == "error" for d in self._nodes.findings[before:]):
+        if any(d.severity is Severity.ERROR for d in self._nodes.diagnostics[before:]):
             return None
         return ObjectModel(
             name_of(node),
@@ -172,11 +172,11 @@ class ObjectReader:
             link = self._nodes.get(id)
             body = link.ref(OBJ["link"])
             if body is None:
-                self._nodes.error(id, f"link {local_name(id)} has no body")
+                self._nodes.add_error(id, f"link {local_name(id)} has no body")
             else:
                 found[body] = link
         if not found:
-            self._nodes.error(node.id, f"object {local_name(node.id)} has no links")
+            self._nodes.add_error(node.id, f"object {local_name(node.id)} has no links")
         return found
 
     def _link(self, body: str, link: Node, placed: dict[str, PlacedFrame]) -> Link | None:
@@ -185,7 +185,7 @@ class ObjectReader:
         here = placed.get(frame or "")
         if here is None or not is_level(here):
             problem = "is not connected to its object" if here is None else "is tilted"
-            self._nodes.error(link.id, f"the frame of link {name} {problem}")
+            self._nodes.add_error(link.id, f"the frame of link {name} {problem}")
             return None
         if link.all(SCN["carrier"])[:1] == [True]:
             return Link(name, (), 0.0, 0.0, 0.0)
@@ -197,7 +197,7 @@ class ObjectReader:
                 rings.append(drawn[0])
                 heights.extend(drawn[1])
         if not rings:
-            self._nodes.error(link.id, f"link {name} has no shape that can be read")
+            self._nodes.add_error(link.id, f"link {name} has no shape that can be read")
             return None
         return Link(name, tuple(rings), self._mass(body, name), min(heights), max(heights))
 
@@ -209,9 +209,9 @@ class ObjectReader:
             mass = inertia.number(DYN["mass"])
             if mass is not None and 0.0 < mass < 1e6:
                 return mass
-            self._nodes.error(inertia.id, f"the mass of link {name} is not greater than 0 kg")
+            self._nodes.add_error(inertia.id, f"the mass of link {name} is not greater than 0 kg")
             return 1.0
-        self._nodes.warn(body, f"link {name} has no mass", "1 kg is taken")
+        self._nodes.add_warning(body, f"link {name} has no mass", "1 kg is taken")
         return 1.0
 
     def _joint(
@@ -220,7 +220,7 @@ class ObjectReader:
         name = name_of(joint, owner)
         ends = self._ends(joint, bodies, placed)
         if ends is None:
-            self._nodes.error(joint.id, f"joint {name} is not between two links of its object")
+            self._nodes.add_error(joint.id, f"joint {name} is not between two links of its object")
             return None
         parent, child = ends
         if not is_moving(joint):
@@ -232,12 +232,12 @@ class ObjectReader:
         values = [joint_position(side[0], joint) if side else None for side in bounds]
         if here is None or not is_level(here) or values[0] is None or values[1] is None:
             message = f"joint {name} has no axis in its object, or no limits"
-            self._nodes.error(joint.id, message)
+            self._nodes.add_error(joint.id, message)
             return None
         if is_turning(joint) != (slot == "z"):
             what = "turns about a lying axis" if is_turning(joint) else "slides up and down"
             message = f"joint {name} {what}: only motion in the plane is simulated"
-            self._nodes.error(joint.id, message)
+            self._nodes.add_error(joint.id, message)
             return None
         anchor = (trim_rounding(here.pose.x), trim_rounding(here.pose.y))
         axis = (0.0, 0.0)
@@ -261,7 +261,7 @@ class ObjectReader:
             joint.number(SCN[word]) or 0.0 for word in ("friction", "stiffness", "damping", "rest")
         )
         if min(friction, stiffness, damping) < 0.0:
-            self._nodes.error(joint.id, f"friction, stiffness or damping of {name} is negative")
+            self._nodes.add_error(joint.id, f"friction, stiffness or damping of {name} is negative")
         return Joint(
             name,
             "prismatic" if OBJ["PrismaticJoint"] in joint.types else "revolute",
@@ -284,6 +284,7 @@ class ObjectReader:
             parent, children = tree.ref(OBJ["parent"]), tree.refs(OBJ["children"])
             if parent is not None and len(children) == 1 and children[0] in bodies:
                 return parent, children[0]
+        # Frames come in the order in which poses lead to them from the object's frame.
         near = list(placed)
         both = joint.refs(KC["between-attachments"])
         if len(both) != 2:

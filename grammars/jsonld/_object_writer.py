@@ -3,9 +3,16 @@
 from __future__ import annotations
 
 import math
-from typing import Any, Final, TypeAlias
+from typing import Final
 
-from grammars.jsonld._plan_writer import prism_faces
+from grammars.jsonld._geometry_nodes import (
+    POINT,
+    Json,
+    frame_nodes,
+    polyhedron_node,
+    pose_nodes,
+    position_nodes,
+)
 from grammars.model.geometry import Point2, Pose2, Ring
 from grammars.model.scene import Joint, Link
 from grammars.scenery.model import ObjectModel
@@ -38,6 +45,8 @@ def relative(parent: Pose2, child: Pose2) -> Pose2:
 def link_frame(link: Link) -> tuple[Pose2, float]:
     """Return the frame of a link in the object frame, and its height: centred for boxes."""
     box = box_of(link)
+    # A cuboid of the vocabulary has a size and no place: it stands around the frame of its link.
+    # Corners of other shapes are in the frame of the object.
     if box is None:
         return Pose2(), 0.0
     return box[0], trim_rounding((link.z_min + link.z_max) / 2)
@@ -79,48 +88,26 @@ def moments(mass: float, x: float, y: float, z: float) -> dict[str, float]:
     }
 
 
-Json: TypeAlias = dict[str, Any]
-
-_POINT: Final = ["3D", "Euclidean", "Point"]
 _VECTOR: Final = ["3D", "Euclidean", "Vector", "BoundVector", "UnitLength"]
 _FRAME: Final = ["Frame", "Orthonormal", "RigidBody", "RightHanded", "OriginVectorsXYZ"]
-_COORDINATE: Final = ["PoseReference", "PoseCoordinate", "VectorXYZ", "EulerAngles"]
 _MATERIAL: Final = "Grey"
 WORLD: Final = "world"
 
 
-def pose_nodes(of: str, wrt: str, pose: Pose2, z: float = 0.0) -> list[Json]:
+def object_pose_nodes(of: str, wrt: str, pose: Pose2, z: float = 0.0) -> list[Json]:
     """Return a relative pose and its coordinates."""
     id = f"{of}.pose"
-    return [
-        {"@id": id, "@type": "Pose", "of": of, "with-respect-to": wrt},
-        {
-            "@id": f"{id}.coordinates",
-            "@type": _COORDINATE,
-            "of-pose": id,
-            "as-seen-by": wrt,
-            "unit": ["M", "RAD"],
-            "alpha": pose.yaw,
-            "beta": 0.0,
-            "x": pose.x,
-            "y": pose.y,
-            "z": z,
-        },
-    ]
+    return pose_nodes((id, f"{id}.coordinates"), of, wrt, pose, z)
 
 
-def frame_nodes(frame: str) -> list[Json]:
+def object_frame_nodes(frame: str) -> list[Json]:
     """Return a plain frame and its origin."""
-    origin = f"{frame}.origin"
-    return [
-        {"@id": origin, "@type": _POINT},
-        {"@id": frame, "@type": "Frame", "origin": origin},
-    ]
+    return frame_nodes(frame, f"{frame}.origin")
 
 
 def object_nodes(id: str, model: ObjectModel, *, mirror_of: str = "") -> list[Json]:
     """Return the nodes of an object model called ``id`` (a compact IRI)."""
-    return _ObjectWriter(id, model).written(mirror_of)
+    return _ObjectWriter(id, model).nodes_for(mirror_of)
 
 
 class _ObjectWriter:
@@ -131,17 +118,17 @@ class _ObjectWriter:
         self.frames = {link.name: link_frame(link) for link in model.links}
         self.members: dict[str, list[str]] = {link.name: [] for link in model.links}
 
-    def written(self, mirror_of: str) -> list[Json]:
+    def nodes_for(self, mirror_of: str) -> list[Json]:
         base = f"{self.id}.frame"
-        self.nodes += frame_nodes(base)
+        self.nodes += object_frame_nodes(base)
         if any(joint.parent == WORLD for joint in self.model.joints):
             self.members[WORLD] = [base, f"{base}.origin"]
         moved = {joint.child for joint in self.model.joints}
         for link in self.model.links:
-            self._own(link.name, frame_nodes(self._frame_id(link.name)))
+            self._own(link.name, object_frame_nodes(self._frame_id(link.name)))
             if link.name not in moved:
                 pose, z = self.frames[link.name]
-                self.nodes += pose_nodes(self._frame_id(link.name), base, pose, z)
+                self.nodes += object_pose_nodes(self._frame_id(link.name), base, pose, z)
         for joint in self.model.joints:
             self._joint(joint)
         for link in self.model.links:
@@ -173,13 +160,15 @@ class _ObjectWriter:
         axis, slot = joint_axis(joint)
         parent, parent_z = self.frames.get(joint.parent, (Pose2(), 0.0))
         child, child_z = self.frames[joint.child]
+        # Two frames in one place while the joint is at zero, one on each body: their axes are the
+        # two lines the vocabulary wants to be collinear.
         ends = f"{id}.parent", f"{id}.child"
         for frame, link in zip(ends, (joint.parent, joint.child), strict=True):
             vector = f"{frame}.axis"
             self._own(
                 link,
                 [
-                    {"@id": f"{frame}.origin", "@type": _POINT},
+                    {"@id": f"{frame}.origin", "@type": POINT},
                     {"@id": vector, "@type": _VECTOR, "start": f"{frame}.origin"},
                     {
                         "@id": frame,
@@ -189,11 +178,11 @@ class _ObjectWriter:
                     },
                 ],
             )
-        self.nodes += pose_nodes(
+        self.nodes += object_pose_nodes(
             ends[0], self._frame_id(joint.parent), relative(parent, axis), trim_rounding(-parent_z)
         )
-        self.nodes += pose_nodes(ends[1], ends[0], Pose2())
-        self.nodes += pose_nodes(
+        self.nodes += object_pose_nodes(ends[1], ends[0], Pose2())
+        self.nodes += object_pose_nodes(
             self._frame_id(joint.child), ends[1], relative(axis, child), child_z
         )
         bodies = [self._body(joint.parent), self._body(joint.child)]
@@ -284,29 +273,11 @@ class _ObjectWriter:
         frame = self._frame_id(link.name)
         corners = [(*p, link.z_min) for p in ring] + [(*p, link.z_max) for p in ring]
         points = [f"{id}.corner-{k}" for k in range(len(corners))]
-        for point, (x, y, z) in zip(points, corners, strict=True):
-            position = f"{point}.position"
-            self.nodes += [
-                {"@id": point, "@type": _POINT},
-                {
-                    "@id": position,
-                    "@type": "Position",
-                    "of": point,
-                    "with-respect-to": f"{frame}.origin",
-                },
-                {
-                    "@id": f"{position}.coordinates",
-                    "@type": ["PositionReference", "PositionCoordinate", "VectorXYZ"],
-                    "of-position": position,
-                    "as-seen-by": frame,
-                    "unit": "M",
-                    "x": x,
-                    "y": y,
-                    "z": z,
-                },
-            ]
-        faces = [[points[k] for k in face] for face in prism_faces(len(ring))]
-        self.nodes.append({"@id": id, "@type": "Polyhedron", "points": points, "faces": faces})
+        for point, at in zip(points, corners, strict=True):
+            ids = (f"{point}.position", f"{point}.position.coordinates")
+            self.nodes.append({"@id": point, "@type": POINT})
+            self.nodes += position_nodes(ids, point, frame, f"{frame}.origin", at)
+        self.nodes.append(polyhedron_node(id, points))
 
     def _state(self, name: str, positions: dict[str, float]) -> None:
         id = f"{self.id}.state.{name}"
@@ -332,6 +303,7 @@ class _ObjectWriter:
         states = [f"{self.id}.state.{state.name}" for state in self.model.states]
         node: Json = {"@id": self.id, "@type": ["Object"], "object-frame": base}
         node |= {"object-links": links, "scn:name": self.model.name}
+        # RDF has no order of its own; links and joints come back as they were written.
         order = [*links, *joints, *states]
         node["scn:order"] = {"@list": [{"@id": part} for part in order]}
         if joints:

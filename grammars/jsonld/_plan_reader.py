@@ -11,17 +11,21 @@ from grammars.floorplan import (
     Feature,
     FloorPlan,
     Opening,
+    OpeningPrism,
     Placement,
     Point3,
     Space,
     Wall,
+    check_geometry,
+    opening_at,
 )
 from grammars.jsonld._kinematics import LENGTHS, PlacedFrame, PoseGraph, Positions, scaled
 from grammars.jsonld._nodes import Node, NodeGraph, Ref
 from grammars.jsonld._plan_writer import implied_space, is_polygon
 from grammars.jsonld.vocabulary import FP, OBJ, POLY, SCN, local_name
 from grammars.model.geometry import Ring
-from grammars.text.diagnostics import Diagnostic, InputError, Severity, Where, did_you_mean
+from grammars.text.diagnostics import Diagnostic, InputError, Where, did_you_mean
+from grammars.text.source import DiagnosticCollector, SourceText
 
 _LARGEST: Final = 1e6
 
@@ -50,11 +54,11 @@ class _PlanReader:
         self.placed = PoseGraph(self.nodes).reach(self._world(root))
         spaces = [self._space(node) for node in self._listed(root, FP["spaces"], "Space")]
         if not root.refs(FP["spaces"]):
-            self.nodes.error(root.id, f"plan {local_name(root.id)} has no spaces")
+            self.nodes.add_error(root.id, f"plan {local_name(root.id)} has no spaces")
         if "" in self.drawn or not _name(root):
-            self.nodes.error(root.id, "the plan or a space has no name: its IRI ends with /")
+            self.nodes.add_error(root.id, "the plan or a space has no name: its IRI ends with /")
         if len(self.drawn) < sum(space is not None for space in spaces):
-            self.nodes.error(root.id, "two spaces have the same name")
+            self.nodes.add_error(root.id, "two spaces have the same name")
         self._refuse()
         features = self._features(root)
         openings = [
@@ -63,6 +67,7 @@ class _PlanReader:
             for node in self.nodes.of_type(FP[kind])
         ]
         self._refuse()
+        # Openings are found by their type, a plan need not list them: the list only gives an order.
         listed = {str(iri): k for k, iri in enumerate(root.refs(FP["openings"]))}
         known = [o for o in openings if o is not None]
         known.sort(key=lambda pair: listed.get(pair[0], len(listed)))
@@ -85,12 +90,12 @@ class _PlanReader:
             return plans[0]
         if plans:
             names = " and ".join(local_name(plan.id) for plan in plans)
-            self.nodes.error(plans[1].id, f"there are several floor plans: {names}")
+            self.nodes.add_error(plans[1].id, f"there are several floor plans: {names}")
         else:
             hint = "one node has the type FloorPlan and lists the spaces"
             where = Where(self.file or "<graph>")
-            self.nodes.findings.append(Diagnostic(where, "there is no floor plan in it", hint))
-        raise InputError(_errors(self.nodes))
+            self.nodes.diagnostics.append(Diagnostic(where, "there is no floor plan in it", hint))
+        raise InputError(self.nodes.errors)
 
     def _world(self, root: Node) -> str:
         """Return the world frame: declared the old way, or called so beside the plan."""
@@ -103,8 +108,8 @@ class _PlanReader:
         if world not in self.nodes.by_id:
             frames = [id for id in self.nodes.by_id if local_name(id).endswith("frame")]
             hint = did_you_mean(local_name(world), map(local_name, frames)) if frames else ""
-            self.nodes.error(root.id, f"there is no frame <{world}> to start from", hint)
-            raise InputError(_errors(self.nodes))
+            self.nodes.add_error(root.id, f"there is no frame <{world}> to start from", hint)
+            raise InputError(self.nodes.errors)
         self.names[world] = WORLD_FRAME
         return world
 
@@ -114,7 +119,7 @@ class _PlanReader:
         for id in owner.refs(predicate):
             node = self.nodes.by_id.get(id)
             if node is None or FP[kind] not in node.types:
-                self.nodes.error(
+                self.nodes.add_error(
                     id if node else owner.id,
                     f"{local_name(owner.id)} lists {local_name(id)}, which is no {kind}",
                     did_you_mean(local_name(id), _names_of(self.nodes, kind)),
@@ -129,21 +134,23 @@ class _PlanReader:
         points = shape.refs(POLY["points"]) if shape else []
         what = f"the {'body' if predicate == FP['3d-shape'] else 'shape'} of {local_name(node.id)}"
         if len(points) < 3:
-            self.nodes.error(node.id, f"{what} has no points", "list at least three of them")
+            self.nodes.add_error(node.id, f"{what} has no points", "list at least three of them")
             return None
         drawn = self.positions.outline(points)
         if drawn is None:
-            self.nodes.error(node.id, f"{what} is not drawn in one frame", "give every position")
+            self.nodes.add_error(
+                node.id, f"{what} is not drawn in one frame", "give every position"
+            )
             return None
         if max(abs(v) for point in drawn[1] for v in point) > _LARGEST:
-            self.nodes.error(node.id, f"{what} is larger than 1000 km")
+            self.nodes.add_error(node.id, f"{what} is larger than 1000 km")
             return None
         return drawn
 
     def _frame(self, node: Node, frame: str, name: str) -> PlacedFrame | None:
         placed = self.placed.get(frame)
         if placed is None:
-            self.nodes.error(
+            self.nodes.add_error(
                 node.id,
                 f"{local_name(node.id)} is not connected to the world: no chain of poses leads "
                 f"from {local_name(frame)} to {WORLD_FRAME}",
@@ -162,11 +169,11 @@ class _PlanReader:
         if drawn is None or placed is None or len(known) < len(bodies):
             return None
         if not known:
-            self.nodes.error(node.id, f"{local_name(node.id)} has no walls")
+            self.nodes.add_error(node.id, f"{local_name(node.id)} has no walls")
             return None
         ring: Ring = tuple((x, y) for x, y, _ in drawn[1])
         if not is_polygon(ring):
-            self.nodes.error(node.id, f"the shape of {local_name(node.id)} has no area")
+            self.nodes.add_error(node.id, f"the shape of {local_name(node.id)} has no area")
             return None
         space = self._made(node, name, placed, ring, known)
         for wall, made in zip(walls, space.walls, strict=True):
@@ -179,14 +186,16 @@ class _PlanReader:
         thickness = scaled(node, FP["thickness"], LENGTHS)
         height = scaled(node, FP["height"], LENGTHS)
         if thickness is None or height is None:
-            self.nodes.error(node.id, f"wall {local_name(node.id)} lacks thickness or height")
+            self.nodes.add_error(node.id, f"wall {local_name(node.id)} lacks thickness or height")
         if drawn is None or thickness is None or height is None:
             return None
         placed = self._frame(node, drawn[0], f"{space}-wall-{index}-frame")
         if placed is None:
             return None
         if len(drawn[1]) != 4:
-            self.nodes.error(node.id, f"the shape of wall {local_name(node.id)} has not 4 corners")
+            self.nodes.add_error(
+                node.id, f"the shape of wall {local_name(node.id)} has not 4 corners"
+            )
             return None
         local = tuple((x, y) for x, y, _ in drawn[1])
         footprint = placed.pose.apply_ring(local)
@@ -224,7 +233,7 @@ class _PlanReader:
             for node in self.nodes.of_type(FP[kind]):
                 if node.id not in found:
                     message = f"{kind.lower()} {local_name(node.id)} is in no space's features"
-                    self.nodes.warn(node.id, message, "it is taken as a feature of the plan")
+                    self.nodes.add_warning(node.id, message, "it is taken as a feature of the plan")
                     self._feature(node.id, root, "", found)
         order = {str(id): k for k, id in enumerate(root.refs(SCN["order"]))}
         ids = sorted(found, key=lambda id: order.get(id, len(order)))
@@ -246,17 +255,18 @@ class _PlanReader:
             )
         if node is None or kind is None:
             message = f"{local_name(owner.id)} lists {local_name(id)}, no column or divider"
-            self.nodes.error(owner.id, message)
+            self.nodes.add_error(owner.id, message)
             return
         height = scaled(node, FP["height"], LENGTHS)
         if height is None:
-            self.nodes.error(node.id, f"{kind} {local_name(id)} has no height")
+            self.nodes.add_error(node.id, f"{kind} {local_name(id)} has no height")
         drawn = self._outline(node, FP["shape"])
         if node.id in found:
             message = f'{kind} {local_name(id)} is listed by "{found[node.id].space}" and "{space}"'
-            self.nodes.error(node.id, message, "give each its own identifier: <space>-<name>")
+            self.nodes.add_error(node.id, message, "give each its own identifier: <space>-<name>")
             return
         local = local_name(id)
+        # Our writer had to rename it because another element has its name.
         if node.text(SCN["name"]) is not None:
             local = local.removeprefix(f"{kind}-")
         placed = self._frame(node, drawn[0], f"{kind}-{local}-frame") if drawn else None
@@ -278,8 +288,6 @@ class _PlanReader:
         )
 
     def _opening(self, node: Node) -> tuple[str, Opening] | None:
-        from grammars.floorplan import OpeningPrism, opening_at
-
         kind: Literal["entryway", "window"] = (
             "entryway" if FP["Entryway"] in node.types else "window"
         )
@@ -289,10 +297,10 @@ class _PlanReader:
             if wall is None:
                 message = f"{kind} {local_name(node.id)} voids {local_name(id)}, which is no wall"
                 hint = did_you_mean(local_name(id), map(local_name, self.walls))
-                self.nodes.error(node.id, message, hint)
+                self.nodes.add_error(node.id, message, hint)
         if not 1 <= len(voids) <= 2:
             message = f"{kind} {local_name(node.id)} voids {len(voids)} walls, one or two are cut"
-            self.nodes.error(node.id, message)
+            self.nodes.add_error(node.id, message)
             return None
         name = _name(node)
         placed = self._frame(node, near[0], f"{kind}-{name}-frame") if near else None
@@ -308,21 +316,13 @@ class _PlanReader:
         return node.id, opening_at(kind, name, walls, placed.pose, prism, where, placement)
 
     def _refuse(self) -> None:
-        errors = _errors(self.nodes)
-        if errors:
-            raise InputError(errors)
+        if self.nodes.errors:
+            raise InputError(self.nodes.errors)
 
     def _warnings(self, plan: FloorPlan) -> tuple[Diagnostic, ...]:
-        from grammars.floorplan import check_geometry
-        from grammars.text.source import DiagnosticCollector, SourceText
-
         findings = DiagnosticCollector(SourceText("", self.file))
         check_geometry(plan, (), findings)
-        return (*self.nodes.findings, *findings.warnings)
-
-
-def _errors(nodes: NodeGraph) -> tuple[Diagnostic, ...]:
-    return tuple(dict.fromkeys(d for d in nodes.findings if d.severity is Severity.ERROR))
+        return (*self.nodes.diagnostics, *findings.warnings)
 
 
 def _name(node: Node) -> str:

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass, field
-from typing import Any, Final, TypeAlias
+from typing import Any, Final
 
 from grammars.floorplan import (
     Feature,
@@ -23,8 +23,16 @@ from grammars.floorplan import (
     space_at,
     wall_frames,
 )
+from grammars.jsonld._geometry_nodes import (
+    POINT,
+    Json,
+    frame_nodes,
+    polyhedron_node,
+    pose_nodes,
+    position_nodes,
+)
 from grammars.jsonld.vocabulary import PLANS, SCN, rob2b, secoro
-from grammars.model.geometry import Pose2, Ring
+from grammars.model.geometry import Pose2, Ring, signed_area
 from grammars.text.diagnostics import Where
 
 _SAME: Final = 1e-9
@@ -46,8 +54,7 @@ def implied_space(space: Space, ring: Ring) -> Space | None:
 
 def is_polygon(ring: Ring) -> bool:
     """Return whether a ring has an area."""
-    pairs = zip(ring, ring[1:] + ring[:1], strict=True)
-    return abs(sum(p[0] * q[1] - q[0] * p[1] for p, q in pairs)) > _SAME
+    return abs(2 * signed_area(ring)) > _SAME
 
 
 def has_mitres(ring: Ring) -> bool:
@@ -76,8 +83,6 @@ def _close(a: Pose2, b: Pose2) -> bool:
     return math.dist((a.x, a.y), (b.x, b.y)) < _SAME and turn < _SAME
 
 
-Json: TypeAlias = dict[str, Any]
-
 WORLD: Final = "world"
 _QUDT: Final = rob2b("qudt.json").replace("https:", "http:")
 FILES: Final = {
@@ -93,9 +98,6 @@ FILES: Final = {
     "floorplan": [_QUDT, secoro("floorplan/floorplan.json")],
 }
 """The published files, in order, and the contexts each refers to."""
-_POINT: Final = ["3D", "Euclidean", "Point"]
-_POSE_COORDINATE: Final = ["PoseReference", "PoseCoordinate", "VectorXYZ", "EulerAngles"]
-_POSITION_COORDINATE: Final = ["PositionReference", "PositionCoordinate", "VectorXYZ"]
 
 
 @dataclass(slots=True)
@@ -141,6 +143,8 @@ class PlanWriter:
 
     def _name_everything(self) -> None:
         """Give every element an identifier of its own; spaces keep their names."""
+        # A room may be called like the plan or like a door of it; in a graph that would be one
+        # thing.
         taken = {f"{WORLD}-frame", WORLD}
         for space in self.plan.spaces:
             id = space.name if space.name not in taken else f"space-{space.name}"
@@ -163,6 +167,8 @@ class PlanWriter:
     def _space(self, space: Space) -> None:
         id = self.ids["space", space.name]
         placed = space.placement
+        # Plans that were read from JSON-LD may not say how a space was placed: then it is in the
+        # world.
         offset = placed.offset if placed else space.frame
         of = self.frame(placed.of) if placed else f"{id}-frame"
         ring = _flat(placed.outline) if placed else space.frame.inverse().apply_ring(space.outline)
@@ -207,63 +213,29 @@ class PlanWriter:
         )
         if element.solid:
             self._place(element.where, f"{element.id}-polyhedron")
-            self.files["polyhedron"].append(
-                {
-                    "@id": f"{element.id}-polyhedron",
-                    "@type": "Polyhedron",
-                    "points": points,
-                    "faces": [[points[k] for k in face] for face in prism_faces(count)],
-                }
-            )
-        for point, (x, y, z) in zip(points, element.corners, strict=True):
-            position = f"position-{point}-wrt-{frame}"
-            self._place(element.where, position, f"coord-{position}")
-            self.files["skeleton"].append({"@id": point, "@type": _POINT})
-            self.files["spatial_relations"].append(
-                {"@id": position, "@type": "Position", "of": point, "with-respect-to": origin}
-            )
-            self.files["coordinate"].append(
-                {
-                    "@id": f"coord-{position}",
-                    "@type": _POSITION_COORDINATE,
-                    "of-position": position,
-                    "as-seen-by": frame,
-                    "unit": "M",
-                    "x": x,
-                    "y": y,
-                    "z": z,
-                }
-            )
+            self.files["polyhedron"].append(polyhedron_node(f"{element.id}-polyhedron", points))
+        for point, at in zip(points, element.corners, strict=True):
+            self.files["skeleton"].append({"@id": point, "@type": POINT})
+            id = f"position-{point}-wrt-{frame}"
+            ids = (id, f"coord-{id}")
+            self._relate(element.where, position_nodes(ids, point, frame, origin, at))
 
     def _skeleton_frame(self, stem: str, where: Where | None) -> None:
         origin, frame = f"{stem}-origin", f"{stem}-frame"
         self._place(where, origin, frame)
-        self.files["skeleton"] += [
-            {"@id": origin, "@type": _POINT},
-            {"@id": frame, "@type": "Frame", "origin": origin},
-        ]
+        self.files["skeleton"] += frame_nodes(frame, origin)
 
     def _pose(self, of: str, wrt: str, pose: Pose2, z: float = 0.0, tilt: float = 0.0) -> None:
         id = f"pose-{of}-wrt-{wrt}"
         where = self.places.get(self.base + of)
-        self._place(where, id, f"coord-{id}")
-        self.files["spatial_relations"].append(
-            {"@id": id, "@type": "Pose", "of": of, "with-respect-to": wrt}
-        )
-        self.files["coordinate"].append(
-            {
-                "@id": f"coord-{id}",
-                "@type": _POSE_COORDINATE,
-                "of-pose": id,
-                "as-seen-by": wrt,
-                "unit": ["M", "RAD"],
-                "alpha": pose.yaw,
-                "beta": tilt,
-                "x": pose.x,
-                "y": pose.y,
-                "z": z,
-            }
-        )
+        self._relate(where, pose_nodes((id, f"coord-{id}"), of, wrt, pose, z, tilt))
+
+    def _relate(self, where: Where | None, nodes: list[Json]) -> None:
+        """Write a relation and its coordinates."""
+        relation, coordinates = nodes
+        self._place(where, relation["@id"], coordinates["@id"])
+        self.files["spatial_relations"].append(relation)
+        self.files["coordinate"].append(coordinates)
 
     def _structure(self) -> None:
         nodes, plan = self.files["floorplan"], self.plan
@@ -328,12 +300,6 @@ def plan_base(name: str) -> str:
     return f"{PLANS}{name}/"
 
 
-def prism_faces(count: int) -> list[list[int]]:
-    """Return the faces of a prism: near ring, far ring, then the sides, as corner indices."""
-    sides = [[k, (k + 1) % count, (k + 1) % count + count, k + count] for k in range(count)]
-    return [list(range(count)), list(range(count, 2 * count)), *sides]
-
-
 def plan_documents(plan: FloorPlan) -> dict[str, Json]:
     """Return the six published files of a plan by name (without ``.json``)."""
     writer = PlanWriter(plan)
@@ -363,6 +329,8 @@ def _walls(space: Space, ring: Ring) -> list[tuple[Pose2, Ring]]:
     the numbers are those of the outline itself: both faces exactly level, the inner one at y = 0,
     which consumers test with equality.
     """
+    # The published mesh generator thickens an opening by moving corners with y == 0 one way and all
+    # others the other way: a corner at 1e-17 would go with the others.
     if not has_implied_walls(space, ring):
         return [
             (
@@ -398,8 +366,6 @@ def _prism(ring: Ring, height: float) -> tuple[Point3, ...]:
 
 def _untilted(opening: Opening) -> tuple[Point3, ...]:
     """Return the near ring in the opening's own frame: neither lifted nor tilted."""
-    import math
-
     to_local = opening.frame.inverse()
     c, s = math.cos(opening.tilt), math.sin(opening.tilt)
     found = []

@@ -59,17 +59,19 @@ def check_pose_tree(nodes: NodeGraph, found: NodeGraph, *, partial: bool) -> Non
                 tree.setdefault(wrt, []).append(pose)
             else:
                 looping.append(pose)
+    # Frames that share an identifier make a loop for every pose of each.
     for pose in looping[:_MOST_LOOPS]:
         _report_loop(found, pose, tree, placing)
     roots, defined = _roots(nodes), frozenset(frames)
     anchors = {links.top(root) for root in roots}
+    # What leads to a frame of another file may be connected there.
     if partial:
         anchors |= {links.top(id) for id in links.known() if id not in defined}
     plans = nodes.of_type(FP["FloorPlan"])
     if plans and not any(_is_world(nodes, root) for root in roots):
         known = map(local_name, frames)
         message = "there is no frame world-frame to start from"
-        found.error(plans[0].id, message, did_you_mean("world-frame", known))
+        found.add_error(plans[0].id, message, did_you_mean("world-frame", known))
         return
     loose: dict[str, list[str]] = {}
     for frame in frames:
@@ -94,14 +96,14 @@ def _report_loop(
     for frame in often:
         if len(placing[frame]) == most:
             against = ", ".join(local_name(_ends(p)[1]) for p in placing[frame][:_FRAMES_SHOWN])
-            found.error(
+            found.add_error(
                 frame,
                 f"{local_name(frame)} is placed {most} times: with respect to {against}",
                 "do several things share this identifier? Give each its own: <space>-<name>",
             )
     if not often:
         message = f"pose {local_name(pose.id)} closes a loop of poses"
-        found.error(pose.id, message, "poses are a tree: one way from the world to every frame")
+        found.add_error(pose.id, message, "poses are a tree: one way from the world to every frame")
 
 
 def _path(tree: dict[str, list[Node]], start: str, end: str) -> list[Node]:
@@ -135,9 +137,9 @@ def _report_loose(nodes: NodeGraph, found: NodeGraph, group: list[str]) -> None:
         if frame in instances:
             name = local_name(instances[frame].id)
             message = f"instance {name} is not connected to the world"
-            found.error(instances[frame].id, message, hint)
+            found.add_error(instances[frame].id, message, hint)
             return
-    found.error(group[0], f"no chain of poses connects {names}{more} to the world", hint)
+    found.add_error(group[0], f"no chain of poses connects {names}{more} to the world", hint)
 
 
 def _roots(nodes: NodeGraph) -> list[str]:
@@ -227,12 +229,12 @@ _HINTS: Final = 20
 
 
 def refuse_broken(nodes: NodeGraph, *, partial: bool = False) -> None:
-    """Check ``nodes``; warnings are added to their findings, errors raise ``InputError``."""
+    """Check ``nodes``; warnings are added to their diagnostics, errors raise ``InputError``."""
     found = check_structure(nodes, partial=partial)
     errors = tuple(d for d in found if d.severity is Severity.ERROR)
     if errors:
         raise InputError(errors)
-    nodes.findings.extend(found)
+    nodes.diagnostics.extend(found)
 
 
 def check_structure(nodes: NodeGraph, *, partial: bool = False) -> tuple[Diagnostic, ...]:
@@ -247,7 +249,7 @@ def check_structure(nodes: NodeGraph, *, partial: bool = False) -> tuple[Diagnos
     check_pose_tree(nodes, found, partial=partial)
     _check_owners(nodes, found)
     check_joints(nodes, found)
-    return tuple(dict.fromkeys(found.findings))
+    return tuple(dict.fromkeys(found.diagnostics))
 
 
 def _check_identity(nodes: NodeGraph, found: NodeGraph) -> None:
@@ -257,7 +259,7 @@ def _check_identity(nodes: NodeGraph, found: NodeGraph) -> None:
         kinds = [_KIND_NAMES[kind] for kind in node.types if kind in _KIND_NAMES]
         if len(kinds) > 1:
             listed = " and a ".join(kinds)
-            found.error(
+            found.add_error(
                 node.id,
                 f'"{local_name(node.id)}" is a {listed}: two things have one identifier',
                 "rename one of them",
@@ -267,7 +269,7 @@ def _check_identity(nodes: NodeGraph, found: NodeGraph) -> None:
                 continue
             if predicate not in rules or not rules[predicate].several:
                 shown = ", ".join(_shown(v) for v in values[:_SHOWN])
-                found.error(
+                found.add_error(
                     node.id,
                     f'"{local_name(node.id)}" has {len(values)} values of '
                     f"{local_name(predicate)}: {shown}",
@@ -319,14 +321,14 @@ def _check_reference(
     if other is not None and other.types:
         kinds = ", ".join(map(local_name, other.types))
         wanted = " or ".join(dict.fromkeys(map(local_name, allowed)))
-        found.error(node.id, f"{words}, a {kinds}", f"expected a {wanted}")
+        found.add_error(node.id, f"{words}, a {kinds}", f"expected a {wanted}")
     elif not elsewhere(target):
         hint = ""
-        if len(found.findings) < _HINTS:
+        if len(found.diagnostics) < _HINTS:
             near = [n.id for kind in allowed for n in nodes.of_type(kind)]
             hint = did_you_mean(local_name(target), map(local_name, near))
         message = f"{words}, which does not exist"
-        note = found.warn if _reference_rules()[predicate].harmless else found.error
+        note = found.add_warning if _reference_rules()[predicate].harmless else found.add_error
         note(node.id, message, hint)
 
 
@@ -340,11 +342,11 @@ def _check_coordinates(nodes: NodeGraph, found: NodeGraph) -> None:
         for node in nodes.of_type(REL[kind]):
             have = by_relation.get(node.id, [])
             if not have:
-                found.error(node.id, f"{kind.lower()} {local_name(node.id)} has no coordinates")
+                found.add_error(node.id, f"{kind.lower()} {local_name(node.id)} has no coordinates")
             elif len(have) > 1:
                 names = ", ".join(local_name(n.id) for n in have[:_SHOWN])
                 message = f"{kind.lower()} {local_name(node.id)} has {len(have)} coordinates"
-                found.error(have[1].id, message, f"keep one of {names}")
+                found.add_error(have[1].id, message, f"keep one of {names}")
 
 
 def _check_owners(nodes: NodeGraph, found: NodeGraph) -> None:
@@ -357,7 +359,7 @@ def _check_owners(nodes: NodeGraph, found: NodeGraph) -> None:
                     owners.setdefault(target, []).append(local_name(owner.id))
         for target, names in owners.items():
             if len(names) > 1:
-                found.error(
+                found.add_error(
                     target,
                     f"{local_name(target)} belongs to {' and to '.join(names[:_SHOWN])}",
                     "give each its own identifier: <space>-<name>",

@@ -80,6 +80,7 @@ def sentence_fields() -> dict[str, tuple[type, ...]]:
 def value_to_jsonld(value: Any) -> Any:
     """Return a value of a scenery layer as JSON-LD; places in source texts are left out."""
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
+        # Class and field names are the words of the file: renaming one changes the format.
         node: dict[str, Any] = {"@type": f"scn:{type(value).__name__}"}
         for field in dataclasses.fields(value):
             content = getattr(value, field.name)
@@ -134,11 +135,14 @@ class SentenceReader:
             said = values.get(SCN[field.name.replace("_", "-")], [])
             if said:
                 content[field.name] = self._value(said[0], where, depth + 1)
+            # None is written by leaving the field out; pydantic says whether it may be None.
             elif field.default is dataclasses.MISSING:
                 optional.add(field.name)
                 content[field.name] = None
         try:
             value = _adapter(kind).validate_python(content)
+            # pydantic checks types; numbers and names are checked as the parser of the language
+            # does.
             _check_sense(value)
             return value
         except ValueError as error:

@@ -67,7 +67,7 @@ class ModelGraph(Graph):
     def __init__(self) -> None:
         super().__init__()
         self.places: dict[str, Where] = {}
-        self.findings: tuple[Diagnostic, ...] = ()
+        self.diagnostics: tuple[Diagnostic, ...] = ()
 
 
 def graph_of(nodes: NodeGraph) -> ModelGraph:
@@ -76,7 +76,7 @@ def graph_of(nodes: NodeGraph) -> ModelGraph:
     for prefix, namespace in PREFIXES.items():
         graph.bind(prefix, str(namespace))
     graph.places = dict(nodes.places)
-    graph.findings = tuple(nodes.findings)
+    graph.diagnostics = tuple(nodes.diagnostics)
     _GraphFiller(graph).fill(nodes)
     return graph
 
@@ -117,6 +117,7 @@ class _GraphFiller:
             return self._term(value)
         if isinstance(value, tuple):
             return self._list(value)
+        # 1, 1.0 and True are equal keys but different literals, and so are 0.0 and -0.0.
         key = (type(value), value if value != 0 else repr(value))
         literal = self._literals.get(key)
         if literal is None:
@@ -211,7 +212,7 @@ class _GraphReader:
         while cell != RDF.nil:
             parts = self._cells.get(cell, {})
             if cell in seen or len(parts) != 2 or depth > 8:
-                self._nodes.error(self.name(head), "a list of the graph is broken")
+                self._nodes.add_error(self.name(head), "a list of the graph is broken")
                 return None
             seen.add(cell)
             value = self.value(parts[str(RDF.first)], depth + 1)

@@ -1,4 +1,4 @@
-"""The published vocabulary: namespaces, the few words of our own, and the contexts that define terms.
+"""The published vocabulary: namespaces, a few words of our own, the contexts that define terms.
 
 Contexts are read without a network. Of JSON-LD 1.1 this is the part the published models use:
 prefixes, ``@base``, ``@vocab``, ``@id`` and ``@vocab`` coercion, ``@list`` and ``@set`` containers,
@@ -103,6 +103,7 @@ _KEYWORDS: Final = frozenset(
         *("propagate", "protected", "direction", "import", "prefix"),
     )
 )
+# Contexts of strangers may refer to each other in a circle.
 _MOST_CONTEXTS: Final = 64
 _SIMPLE: Final = re.compile(r"\w[\w-]*")
 
@@ -145,7 +146,7 @@ class JsonLdContext:
             if part is None:
                 active = JsonLdContext(self.base, "", {})
             elif isinstance(part, str):
-                active = active.extended(_published(part, notes), notes, depth + 1)
+                active = active.extended(context_for(part, notes), notes, depth + 1)
             elif isinstance(part, dict):
                 active = active._with(part)
             else:
@@ -158,6 +159,7 @@ class JsonLdContext:
         found = self._typed.get(key)
         if found is None:
             found = self
+            # In code-point order of the types, as JSON-LD 1.1 wants it: the last one wins.
             for name in sorted(set(key)):
                 term = self.terms.get(name)
                 if term is not None and term.scoped is not None:
@@ -267,7 +269,7 @@ def _text(value: Any, what: str) -> str:
     return value
 
 
-def _published(address: str, notes: set[str]) -> Any:
+def context_for(address: str, notes: set[str]) -> Any:
     """Return our context for a published address, whatever host and folder it had at the time."""
     path = address.partition("metamodels/")[2]
     drifted = (

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, TypeAlias
 
@@ -25,6 +26,12 @@ def __getattr__(name: str) -> object:
 
         return npt.NDArray[np.float64]
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
+
+def signed_area(ring: Sequence[Point2]) -> float:
+    """Return the area inside a ring [m²], negative when it runs clockwise (shoelace formula)."""
+    pairs = zip(ring, (*ring[1:], *ring[:1]), strict=True)
+    return sum(p[0] * q[1] - q[0] * p[1] for p, q in pairs) / 2
 
 
 def wrap_angle(angle: float) -> float:

@@ -1,8 +1,8 @@
 """Scenery language: objects with joints, where they stand in a floor plan, how they behave.
 
 A ``.scenery`` file is one layer. Layers refer to each other by name and are put together by
-:mod:`grammars.scenery.composition`; none is ever edited to add to another. Line breaks carry no meaning,
-comments start with ``//``, every quantity has a unit.
+:mod:`grammars.scenery.composition`; none is ever edited to add to another. Line breaks carry no
+meaning, comments start with ``//``, every quantity has a unit.
 
 Object models, in a frame of their own; positions are those of the joints at zero::
 
@@ -51,10 +51,11 @@ quantities. The last layer that speaks about a joint wins::
 The distance is taken from the ``hinge``, the ``foot`` of the object (the origin of its frame), the
 ``leaf`` or the ``doorway`` to the robot's base, or to ``the robot's footprint``. ``starting at
 closed`` says where such a joint is at first, if not where it goes from. Without ``by`` joints move
-as a servo with the defaults of :class:`grammars.model.behaviour.Servo`; without ``from``, the first draw
-comes after one period. The time between two changes may be drawn as well: ``uniform 10 s to
-40 s``, ``exponential with mean 20 s`` or ``normal with mean 20 s, deviation 5 s``.
-``front_door starts open`` and ``front_door is frozen`` in another layer change how it starts.
+as a servo with the defaults of :class:`grammars.model.behaviour.Servo`; without ``from``, the first
+draw comes after one period. The time between two changes may be drawn as well:
+``uniform 10 s to 40 s``, ``exponential with mean 20 s`` or ``normal with mean 20 s, deviation
+5 s``. ``front_door starts open`` and ``front_door is frozen`` in another layer change how it
+starts.
 
 Reactions happen once: when a leg of the mission begins (leg 1 leads to the first waypoint), when a
 waypoint is reached, when another object ``fires`` (its trigger or reaction goes off) or ``starts to

@@ -5,13 +5,11 @@ from __future__ import annotations
 import dataclasses
 import re
 from collections.abc import Mapping, Sequence
-from functools import partial
 from pathlib import Path as FilePath
-from typing import Any, Final, TypeAlias
+from typing import Final, TypeAlias
 
-from grammars.scenery._objects import read_instance, read_object
-from grammars.scenery._sentences import read_predicate
-from grammars.scenery._syntax import NodeReader, parse_tree
+from grammars.scenery._reader import NodeReader
+from grammars.scenery._syntax import parse_tree
 from grammars.scenery.model import (
     Group,
     Instance,
@@ -47,10 +45,10 @@ def parse_scenery(text: str, file: str) -> SceneryLayer:
     reader = NodeReader(source)
     tree = parse_tree(source)
     nodes = getattr(tree, "statements", ())  # an empty text gives no tree
-    values = reader.each(nodes, partial(_statement, reader))
+    values: list[_Statement] = reader.read_all(nodes, lambda node: node.read(reader))
     _check_names(reader, values)
-    if reader.findings:
-        raise InputError(sorted(reader.findings, key=lambda d: (d.where.line, d.where.column)))
+    if reader.diagnostics:
+        raise InputError(sorted(reader.diagnostics, key=lambda d: (d.where.line, d.where.column)))
     return SceneryLayer(
         name=FilePath(file).name.removesuffix(".scenery"),
         file=file,
@@ -61,22 +59,6 @@ def parse_scenery(text: str, file: str) -> SceneryLayer:
         settings=tuple(v for v in values if isinstance(v, Setting)),
         sentences=tuple(v for v in values if isinstance(v, Sentence)),
     )
-
-
-def _statement(reader: NodeReader, node: Any) -> _Statement:
-    match type(node).__name__:
-        case "ObjectModel":
-            return read_object(reader, node)
-        case "Group":
-            members = reader.subject(node.members)
-            return Group(str(node.name.text), members, reader.where(node))
-        case "Parameter":
-            return Parameter(str(node.name.text), reader.measure(node.value), reader.where(node))
-        case _:
-            subject = reader.subject(node.subject)
-            if type(node.predicate).__name__ == "IsA":
-                return read_instance(reader, subject, node.predicate)
-            return read_predicate(reader, subject, node.predicate)
 
 
 def _check_names(reader: NodeReader, values: Sequence[_Statement]) -> None:
@@ -104,6 +86,7 @@ def configure(
     parameters = {parameter.name: parameter for parameter in layer.parameters}
     findings: list[Diagnostic] = []
     for key, value in overrides.items():
+        # Campaigns are YAML, where names are written with dashes.
         name = str(key).replace("-", "_")
         try:
             if name in groups:

@@ -5,13 +5,13 @@ from __future__ import annotations
 import dataclasses
 import math
 from functools import partial
-from typing import Any, Final
+from typing import Any, Final, Literal
 
 from grammars.model.geometry import Point2, Pose2, Ring, turn
 from grammars.model.kinematics import WORLD
 from grammars.model.movers import PLANAR_JOINTS, with_planar_chain
 from grammars.model.scene import Joint, Link
-from grammars.scenery._syntax import NodeReader
+from grammars.scenery._reader import NodeReader, QuantityNode, WordNode
 from grammars.scenery.model import (
     At,
     FrameName,
@@ -25,6 +25,7 @@ from grammars.scenery.model import (
     require_dimension,
 )
 from grammars.text.diagnostics import InputError, Where, did_you_mean
+from grammars.text.source import SyntaxNode, TypedNode
 
 CIRCLE_CORNERS: Final = 32
 _AXES: Final = {"x": (1.0, 0.0), "y": (0.0, 1.0)}
@@ -32,24 +33,33 @@ _SMALLEST: Final = 1e-3
 _TOLERANCE: Final = 1e-9
 
 
-def read_object(reader: NodeReader, node: Any) -> ObjectModel:
-    """Return the object model of an ``object`` node; problems go to ``reader.findings``."""
-    parts: dict[str, list[Any]] = {"Link": [], "Joint": [], "State": []}
-    for part in node.parts:
-        parts[type(part).__name__.removeprefix("Fixed")].append(part)
-    name = str(node.name.text)
-    for kind, nodes in parts.items():
-        _unique(reader, kind.lower(), nodes)
-    links = reader.each(parts["Link"], partial(_link, reader))
-    known = {str(n.name.text) for n in parts["Link"]}
-    if not known:
-        reader.report(reader.where(node), f"object {name} has no link", "it needs a shape")
-    joints = reader.each(parts["Joint"], partial(_joint, reader, known))
-    _check_tree(reader, parts["Joint"])
-    written = {str(n.name.text) for n in parts["Joint"]}
-    states = reader.each(parts["State"], partial(_state, reader, joints, written))
-    model = ObjectModel(name, tuple(links), tuple(joints), tuple(states), reader.where(node))
-    return _mover(reader, model) if node.kind == "mover" and not reader.findings else model
+class ObjectNode(TypedNode):
+    """``object hinged_door`` or ``mover person`` with its links, joints and states."""
+
+    kind: Literal["object", "mover"]
+    name: WordNode
+    links: list[SyntaxNode]
+    joints: list[SyntaxNode]
+    states: list[SyntaxNode]
+
+    def read(self, reader: NodeReader) -> ObjectModel:
+        """Return the object model; problems go to the reader's diagnostics."""
+        _unique(reader, "link", self.links)
+        _unique(reader, "joint", self.joints)
+        _unique(reader, "state", self.states)
+        links = reader.read_all(self.links, partial(_link, reader))
+        known = {node.name.text for node in self.links}
+        if not known:
+            hint = "it needs a shape"
+            reader.report(reader.where(self), f"object {self.name.text} has no link", hint)
+        joints = reader.read_all(self.joints, partial(_joint, reader, known))
+        _check_tree(reader, self.joints)
+        written = {node.name.text for node in self.joints}
+        states = reader.read_all(self.states, partial(_state, reader, joints, written))
+        model = ObjectModel(
+            self.name.text, tuple(links), tuple(joints), tuple(states), reader.where(self)
+        )
+        return _mover(reader, model) if self.kind == "mover" and not reader.diagnostics else model
 
 
 def _mover(reader: NodeReader, model: ObjectModel) -> ObjectModel:
@@ -87,7 +97,7 @@ def _link(reader: NodeReader, node: Any) -> Link:
         raise InputError.at(where, "the link has no height", "write from the lower z up")
     if mass <= 0.0:
         raise InputError.at(reader.where(node.mass), "a mass is greater than 0 kg")
-    rings = tuple(_shape(reader, shape) for shape in node.shapes)
+    rings = tuple(shape.ring(reader) for shape in node.shapes)
     return Link(str(node.name.text), rings, mass, bottom, top)
 
 
@@ -97,29 +107,56 @@ def _point(reader: NodeReader, node: Any) -> Point2:
     return (reader.value(node.x, "length"), reader.value(node.y, "length"))
 
 
-def _positive(reader: NodeReader, node: Any) -> float:
+def _size(reader: NodeReader, node: Any) -> float:
     value = reader.value(node, "length")
     if value < _SMALLEST:
         raise InputError.at(reader.where(node), "a size is at least 1 mm")
     return value
 
 
-def _shape(reader: NodeReader, node: Any) -> Ring:
-    kind = type(node).__name__
-    if kind == "Polygon":
-        return _convex([_point(reader, p) for p in node.points], reader.where(node))
-    at = _point(reader, node.at)
-    if kind == "Circle":
-        radius = _positive(reader, node.radius)
+class BoxNode(TypedNode):
+    """``box 5 cm x 90 cm at (0 m, 48 cm) turned 30 deg``."""
+
+    width: QuantityNode
+    depth: QuantityNode
+    at: SyntaxNode | None
+    turned: QuantityNode | None
+
+    def ring(self, reader: NodeReader) -> Ring:
+        """Return the outline, counter-clockwise."""
+        x, y = _point(reader, self.at)
+        hx, hy = _size(reader, self.width) / 2, _size(reader, self.depth) / 2
+        corners = ((-hx, -hy), (hx, -hy), (hx, hy), (-hx, hy))
+        if self.turned is None:
+            # Not turned by 0: sums alone keep the digits that were written.
+            return tuple((x + dx, y + dy) for dx, dy in corners)
+        return Pose2(x, y, reader.value(self.turned, "angle")).apply_ring(corners)
+
+
+class DiscNode(TypedNode):
+    """``circle radius 3 cm``."""
+
+    radius: QuantityNode
+    at: SyntaxNode | None
+
+    def ring(self, reader: NodeReader) -> Ring:
+        """Return the outline, counter-clockwise from the x axis."""
+        x, y = _point(reader, self.at)
+        radius = _size(reader, self.radius)
         return tuple(
-            (at[0] + radius * math.cos(a), at[1] + radius * math.sin(a))
+            (x + radius * math.cos(a), y + radius * math.sin(a))
             for a in (math.tau * i / CIRCLE_CORNERS for i in range(CIRCLE_CORNERS))
         )
-    hx, hy = _positive(reader, node.width) / 2, _positive(reader, node.depth) / 2
-    corners = ((-hx, -hy), (hx, -hy), (hx, hy), (-hx, hy))
-    if node.turned is None:
-        return tuple((at[0] + x, at[1] + y) for x, y in corners)
-    return Pose2(at[0], at[1], reader.value(node.turned, "angle")).apply_ring(corners)
+
+
+class ConvexNode(TypedNode):
+    """``polygon (0 m, 0 m), (1 m, 0 m), (0 m, 1 m)``."""
+
+    points: list[SyntaxNode]
+
+    def ring(self, reader: NodeReader) -> Ring:
+        """Return the outline, counter-clockwise."""
+        return _convex([_point(reader, p) for p in self.points], reader.where(self))
 
 
 def _convex(points: list[Point2], where: Where) -> Ring:
@@ -137,6 +174,7 @@ def _convex(points: list[Point2], where: Where) -> Ring:
 
 def _turns_once(points: list[Point2]) -> bool:
     """A star polygon also turns one way only, but more than once around."""
+    # Headings, not areas: a pentagram has a positive area and turns left at every corner.
     headings = [
         math.atan2(b[1] - a[1], b[0] - a[0])
         for a, b in zip(points, [*points[1:], points[0]], strict=True)
@@ -147,7 +185,7 @@ def _turns_once(points: list[Point2]) -> bool:
 
 def _joint(reader: NodeReader, links: set[str], node: Any) -> Joint:
     _check_ends(reader, links, node)
-    return _fixed(node) if type(node).__name__ == "FixedJoint" else _movable(reader, node)
+    return _fixed(node) if node.kind == "fixed" else _movable(reader, node)
 
 
 def _fixed(node: Any) -> Joint:
@@ -278,29 +316,56 @@ _WORDS: Final = {
 }
 
 
-def read_instance(reader: NodeReader, subject: Subject, node: Any) -> Instance:
-    """Return the instance of a ``… is a …`` sentence."""
-    if subject.every or len(subject.names) != 1 or subject.exceptions or subject.names[0].joint:
-        hint = "door_1 is a hinged_door at …"
-        raise InputError.at(subject.where, "one object is placed at a time", hint)
-    options = reader.once(node.options)
-    starts = options.pop("StartsIn", None)
-    frozen = options.pop("FrozenOption", None) is not None
-    read = _at if type(node.place).__name__ == "At" else _in
-    return Instance(
-        subject.names[0].object,
-        reader.name(node.model),
-        read(reader, node.place, options),
-        None if starts is None else reader.amount(starts.position, "angle", "length"),
-        frozen,
-        subject.where,
-    )
+class IsANode(TypedNode):
+    """``door_1 is a hinged_door at hall.walls[1], x 1.2 m``."""
+
+    model: WordNode
+    place: AtNode | InNode
+    options: list[SyntaxNode]
+
+    def read(self, reader: NodeReader, subject: Subject) -> Instance:
+        """Return the instance."""
+        named = subject.names[0]
+        if subject.every or len(subject.names) != 1 or subject.exceptions or named.joint:
+            hint = "door_1 is a hinged_door at …"
+            raise InputError.at(subject.where, "one object is placed at a time", hint)
+        options = reader.options_by_rule(self.options)
+        starts = options.pop("StartsIn", None)
+        frozen = options.pop("FrozenOption", None) is not None
+        return Instance(
+            named.object,
+            reader.name(self.model),
+            self.place.read(reader, options),
+            None if starts is None else reader.amount(starts.position, "angle", "length"),
+            frozen,
+            subject.where,
+        )
 
 
-def _at(reader: NodeReader, node: Any, options: dict[str, Any]) -> At:
-    at = _offsets(reader, options)
-    _refuse(reader, options, "is for objects placed in an entryway", "write in <entryway>, …")
-    return At(reader.frame(node.frame), *at)
+class AtNode(TypedNode):
+    """``at hall.walls[1]``."""
+
+    frame: SyntaxNode
+
+    def read(self, reader: NodeReader, options: dict[str, Any]) -> At:
+        """Return the place; ``options`` are those of the instance."""
+        at = _offsets(reader, options)
+        _refuse(reader, options, "is for objects placed in an entryway", "write in <entryway>, …")
+        return At(reader.frame(self.frame), *at)
+
+
+class InNode(TypedNode):
+    """``in kitchen_doorway``, or in a space."""
+
+    entryway: WordNode
+
+    def read(self, reader: NodeReader, options: dict[str, Any]) -> At | In:
+        """Return the place; ``options`` are those of the instance."""
+        return _in(reader, reader.name(self.entryway), options)
+
+
+OBJECT_RULES: Final = (ObjectNode, BoxNode, DiscNode, ConvexNode, IsANode, AtNode, InNode)
+"""Classes of syntax nodes, named like their rules."""
 
 
 def _offsets(reader: NodeReader, options: dict[str, Any]) -> tuple[float, float, float]:
@@ -311,8 +376,9 @@ def _offsets(reader: NodeReader, options: dict[str, Any]) -> tuple[float, float,
     )
 
 
-def _in(reader: NodeReader, node: Any, options: dict[str, Any]) -> At | In:
-    entryway = reader.name(node.entryway)
+def _in(reader: NodeReader, entryway: Name, options: dict[str, Any]) -> At | In:
+    # x and y mean a place in a space: "in kitchen, x 1 m". Whether kitchen is a space only the
+    # floor plan knows, so this is checked when the layer meets it.
     offsets = [kind for kind in options if kind in ("XIs", "YIs")]
     if offsets and not {"Hinge", "Sliding", "Opening", "OnSide", "Recessed"} & set(options):
         at = _offsets(reader, options)

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import Any, Final, Literal, TypeAlias, get_args
 
-from grammars.scenery._syntax import NodeReader
+from grammars.scenery._objects import IsANode
+from grammars.scenery._reader import NodeReader, QuantityNode, WordNode
 from grammars.scenery.model import (
     Alternates,
     Amount,
@@ -13,11 +14,14 @@ from grammars.scenery.model import (
     FrameName,
     Freezes,
     Goes,
+    Group,
+    Instance,
     MotionAs,
     Moves,
     OnLeg,
     OnObject,
     OnWaypoint,
+    Parameter,
     Reacts,
     RoutePoint,
     Sentence,
@@ -30,62 +34,319 @@ from grammars.scenery.model import (
     Walks,
 )
 from grammars.text.diagnostics import InputError
+from grammars.text.source import SyntaxNode, TypedNode
+
+_SPEEDS = ("angular speed", "speed")
+_EFFORTS = ("torque", "force")
+_STIFFNESSES = ("torsional stiffness", "stiffness")
+_DAMPINGS = ("torsional damping", "damping")
+_POSITIONS = ("angle", "length")
 
 
-def read_event(reader: NodeReader, node: Any) -> EventPhrase:
-    """Return the event of a ``when`` (any but that the robot is near)."""
-    where = reader.where(node)
-    match type(node).__name__:
-        case "LegBegins":
-            if int(node.leg) < 1:
-                raise InputError.at(where, "legs are counted from 1", "when leg 1 begins")
-            return OnLeg(int(node.leg), where)
-        case "WaypointIsReached":
-            return OnWaypoint(str(node.waypoint).strip('"'), where)
-        case "ObjectActs":
-            return OnObject(reader.path(node.path), "fires" if node.fires else "moves", where)
-        case _:
+class IsFrozenNode(TypedNode):
+    """``store_door is frozen``."""
+
+    def read(self, reader: NodeReader, subject: Subject) -> Freezes:
+        """Return the setting."""
+        return Freezes(subject, subject.where)
+
+
+class StartsNode(TypedNode):
+    """``front_door starts open``."""
+
+    position: SyntaxNode
+
+    def read(self, reader: NodeReader, subject: Subject) -> Starts:
+        """Return the setting."""
+        return Starts(subject, reader.amount(self.position, *_POSITIONS), subject.where)
+
+
+class StaysNode(TypedNode):
+    """``front_door stays closed``."""
+
+    position: SyntaxNode
+
+    def read(self, reader: NodeReader, subject: Subject) -> Stays:
+        """Return the sentence."""
+        return Stays(subject, reader.amount(self.position, *_POSITIONS), subject.where)
+
+
+class MovesNode(TypedNode):
+    """``front_door moves to open at 5 s``."""
+
+    frames: list[SyntaxNode]
+    options: list[SyntaxNode]
+
+    def read(self, reader: NodeReader, subject: Subject) -> Moves:
+        """Return the sentence."""
+        options = reader.options_by_rule(self.options)
+        frames = tuple(
+            (reader.amount(f.position, *_POSITIONS), reader.amount(f.time, "time"))
+            for f in self.frames
+        )
+        return Moves(subject, frames, _motion(reader, options.get("By")), subject.where)
+
+
+class TogglesNode(TypedNode):
+    """``front_door toggles between closed and open every 30 s``, or ``after`` random waits."""
+
+    first: SyntaxNode
+    second: SyntaxNode
+    period: SyntaxNode
+    waiting: SyntaxNode | None
+    options: list[SyntaxNode]
+
+    def read(self, reader: NodeReader, subject: Subject) -> Toggles | Alternates:
+        """Return the sentence."""
+        options = reader.options_by_rule(self.options)
+        if self.waiting is not None:
+            return self._alternates(reader, subject, self.waiting, options)
+        late = options.get("Late")
+        return Toggles(
+            subject,
+            reader.amount(self.first, *_POSITIONS),
+            reader.amount(self.second, *_POSITIONS),
+            reader.amount(self.period, "time"),
+            _time(reader, options.get("From")),
+            _time(reader, options.get("Until")),
+            _probability(reader, options.get("Probability")),
+            _time(reader, late),
+            None if late is None else reader.optional(late.step, "time"),
+            _motion(reader, options.get("By")),
+            subject.where,
+        )
+
+    def _alternates(
+        self,
+        reader: NodeReader,
+        subject: Subject,
+        waiting: SyntaxNode,
+        options: dict[str, Any],
+    ) -> Alternates:
+        for option in (options[rule] for rule in ("Probability", "Late") if rule in options):
+            message = f'"{option.keyword}" is for changes every so often, not after waiting'
+            reader.report(reader.where(option), message, "leave it out, or write every 30 s")
+        return Alternates(
+            subject,
+            reader.amount(self.first, *_POSITIONS),
+            reader.amount(self.second, *_POSITIONS),
+            _waiting(reader, waiting),
+            _time(reader, options.get("From")),
+            _time(reader, options.get("Until")),
+            _motion(reader, options.get("By")),
+            subject.where,
+        )
+
+
+class GoesNode(TypedNode):
+    """``front_door goes from open to closed when …``: a trigger, or a reaction to an event."""
+
+    start: SyntaxNode
+    end: SyntaxNode
+    options: list[SyntaxNode]
+
+    def read(self, reader: NodeReader, subject: Subject) -> Goes | Reacts:
+        """Return the sentence."""
+        options = reader.options_by_rule(self.options)
+        if "When" not in options:
             raise InputError.at(
-                where,
-                "walks begin at a time or with an event, not with the robot's distance",
-                "from 5 s, when leg 2 begins, when waypoint … is reached, when … fires",
+                subject.where,
+                "when does it go?",
+                "add when the robot is within 1.3 m of its hinge; moves to … at … for given times",
             )
+        condition = options["When"].condition
+        if isinstance(condition, RobotIsNearNode):
+            return self._goes(reader, subject, condition, options)
+        return self._reacts(reader, subject, condition, options)
+
+    def _goes(
+        self,
+        reader: NodeReader,
+        subject: Subject,
+        near: RobotIsNearNode,
+        options: dict[str, Any],
+    ) -> Goes:
+        again, starting = options.get("Again"), options.get("Starting")
+        if "After" in options:
+            message = "only events are reacted to after some time, not the robot's distance"
+            raise InputError.at(reader.where(options["After"]), message, "leave it out")
+        return Goes(
+            subject,
+            reader.amount(self.start, *_POSITIONS),
+            reader.amount(self.end, *_POSITIONS),
+            reader.amount(near.distance, "length"),
+            near.point,
+            "footprint" if near.body else "base",
+            None if again is None else reader.amount(again.value, "length"),
+            None if starting is None else reader.amount(starting.value, *_POSITIONS),
+            _motion(reader, options.get("By")),
+            subject.where,
+        )
+
+    def _reacts(
+        self, reader: NodeReader, subject: Subject, event: _EventNode, options: dict[str, Any]
+    ) -> Reacts:
+        if "Again" in options:
+            where = reader.where(options["Again"])
+            raise InputError.at(where, "an event is reacted to once", "leave out again …")
+        if "Starting" in options:
+            where = reader.where(options["Starting"])
+            message = "only what waits for the robot to come near starts elsewhere"
+            raise InputError.at(where, message, "leave out starting at …")
+        return Reacts(
+            subject,
+            reader.amount(self.start, *_POSITIONS),
+            reader.amount(self.end, *_POSITIONS),
+            event.event(reader),
+            _time(reader, options.get("After")),
+            _motion(reader, options.get("By")),
+            subject.where,
+        )
 
 
-def read_waiting(reader: NodeReader, node: Any) -> Waiting:
+class WalksNode(TypedNode):
+    """``visitor walks along …``."""
+
+    points: list[SyntaxNode]
+    options: list[SyntaxNode]
+
+    def read(self, reader: NodeReader, subject: Subject) -> Walks:
+        """Return the sentence."""
+        options = reader.options_by_rule(self.options)
+        when, after = options.get("When"), options.get("After")
+        since = options.get("From") or after
+        if when is None and after is not None:
+            raise InputError.at(reader.where(after), "after what?", "add when …, or write from 5 s")
+        if when is not None and "From" in options:
+            raise InputError.at(
+                reader.where(options["From"]), "a walk begins at a time or with an event"
+            )
+        if "Yielding" in options and "NotYielding" in options:
+            raise InputError.at(subject.where, "it yields or it does not")
+        pausing = options.get("Pausing")
+        return Walks(
+            subject,
+            _route(reader, self.points),
+            _amount(reader, options.get("AtSpeed"), "speed"),
+            _amount(reader, options.get("Accelerating"), "acceleration"),
+            _manner(options.get("Manner")),
+            _amount(reader, pausing, "time"),
+            pausing is not None and bool(pausing.everywhere),
+            _amount(reader, since, "time"),
+            None if when is None else when.condition.event(reader),
+            _facing(reader, options.get("Facing")),
+            _amount(reader, options.get("Yielding"), "length"),
+            subject.where,
+        )
+
+
+PredicateNode: TypeAlias = (
+    IsFrozenNode | StartsNode | StaysNode | MovesNode | TogglesNode | GoesNode | WalksNode
+)
+
+
+class RobotIsNearNode(TypedNode):
+    """``when the robot is within 1.3 m of its hinge``: a distance, not an event."""
+
+    body: str
+    distance: SyntaxNode
+    point: Literal["hinge", "foot", "leaf", "doorway"]
+
+    def event(self, reader: NodeReader) -> EventPhrase:
+        """Refuse to be one."""
+        raise InputError.at(
+            reader.where(self),
+            "walks begin at a time or with an event, not with the robot's distance",
+            "from 5 s, when leg 2 begins, when waypoint … is reached, when … fires",
+        )
+
+
+class LegBeginsNode(TypedNode):
+    """``when leg 2 begins``."""
+
+    leg: int
+
+    def event(self, reader: NodeReader) -> OnLeg:
+        """Return the event."""
+        where = reader.where(self)
+        if self.leg < 1:
+            raise InputError.at(where, "legs are counted from 1", "when leg 1 begins")
+        return OnLeg(self.leg, where)
+
+
+class WaypointIsReachedNode(TypedNode):
+    """``when waypoint living-room is reached``."""
+
+    waypoint: str
+
+    def event(self, reader: NodeReader) -> OnWaypoint:
+        """Return the event."""
+        return OnWaypoint(self.waypoint.strip('"'), reader.where(self))
+
+
+class ObjectActsNode(TypedNode):
+    """``when front_door fires`` or ``starts to move``."""
+
+    path: SyntaxNode
+    fires: bool
+
+    def event(self, reader: NodeReader) -> OnObject:
+        """Return the event."""
+        act: Literal["fires", "moves"] = "fires" if self.fires else "moves"
+        return OnObject(reader.path(self.path), act, reader.where(self))
+
+
+_EventNode: TypeAlias = RobotIsNearNode | LegBeginsNode | WaypointIsReachedNode | ObjectActsNode
+
+
+class ObjectGroupNode(TypedNode):
+    """``group rooms: kitchen_door, store_door``."""
+
+    name: WordNode
+    members: SyntaxNode
+
+    def read(self, reader: NodeReader) -> Group:
+        """Return the group."""
+        members = reader.subject(self.members)
+        return Group(self.name.text, members, reader.where(self))
+
+
+class ParameterNode(TypedNode):
+    """``parameter near = 1.3 m``."""
+
+    name: WordNode
+    value: QuantityNode
+
+    def read(self, reader: NodeReader) -> Parameter:
+        """Return the parameter."""
+        return Parameter(self.name.text, reader.measure(self.value), reader.where(self))
+
+
+class SentenceNode(TypedNode):
+    """A subject and what is said about it."""
+
+    subject: SyntaxNode
+    predicate: PredicateNode | IsANode
+
+    def read(self, reader: NodeReader) -> Instance | Setting | Sentence:
+        """Return what the sentence says."""
+        return self.predicate.read(reader, reader.subject(self.subject))
+
+
+SENTENCE_RULES: Final = (
+    *get_args(PredicateNode),
+    *get_args(_EventNode),
+    ObjectGroupNode,
+    ParameterNode,
+    SentenceNode,
+)
+"""Classes of syntax nodes, named like their rules."""
+
+
+def _waiting(reader: NodeReader, node: Any) -> Waiting:
     """Return the distribution of ``after uniform 10 s to 40 s``."""
     second = None if node.kind == "exponential" else reader.amount(node.second, "time")
     return Waiting(node.kind, reader.amount(node.first, "time"), second)
-
-
-def read_walks(reader: NodeReader, subject: Subject, node: Any) -> Walks:
-    """Return the walk of ``visitor walks along …``."""
-    options = reader.once(node.options)
-    when, after = options.get("When"), options.get("After")
-    since = options.get("From") or after
-    if when is None and after is not None:
-        raise InputError.at(reader.where(after), "after what?", "add when …, or write from 5 s")
-    if when is not None and "From" in options:
-        raise InputError.at(
-            reader.where(options["From"]), "a walk begins at a time or with an event"
-        )
-    if "Yielding" in options and "NotYielding" in options:
-        raise InputError.at(subject.where, "it yields or it does not")
-    pausing = options.get("Pausing")
-    return Walks(
-        subject,
-        _route(reader, node.points),
-        _amount(reader, options.get("AtSpeed"), "speed"),
-        _amount(reader, options.get("Accelerating"), "acceleration"),
-        _manner(options.get("Manner")),
-        _amount(reader, pausing, "time"),
-        pausing is not None and bool(pausing.everywhere),
-        _amount(reader, since, "time"),
-        None if when is None else read_event(reader, when.condition),
-        _facing(reader, options.get("Facing")),
-        _amount(reader, options.get("Yielding"), "length"),
-        subject.where,
-    )
 
 
 def _route(reader: NodeReader, nodes: list[Any]) -> tuple[RoutePoint, ...]:
@@ -99,6 +360,7 @@ def _route(reader: NodeReader, nodes: list[Any]) -> tuple[RoutePoint, ...]:
         )
     following = FrameName("world", None, "", reader.where(nodes[-1]))
     points: list[RoutePoint] = []
+    # Backwards: "(0 m, 0 m), (1 m, 0 m) of hall" are two points of the hall.
     for node, frame in zip(reversed(nodes), reversed(frames), strict=True):
         following = frame or following
         x, y = reader.value(node.at.x, "length"), reader.value(node.at.y, "length")
@@ -120,81 +382,6 @@ def _facing(reader: NodeReader, option: Any) -> Any:
     return option.way or reader.amount(option.yaw, "angle")
 
 
-_SPEEDS = ("angular speed", "speed")
-_EFFORTS = ("torque", "force")
-_STIFFNESSES = ("torsional stiffness", "stiffness")
-_DAMPINGS = ("torsional damping", "damping")
-_POSITIONS = ("angle", "length")
-
-
-def read_predicate(reader: NodeReader, subject: Subject, node: Any) -> Setting | Sentence:
-    """Return what a sentence says about its subject (all but ``is a``)."""
-    match type(node).__name__:
-        case "IsFrozen":
-            return Freezes(subject, subject.where)
-        case "Starts":
-            return Starts(subject, reader.amount(node.position, *_POSITIONS), subject.where)
-        case "Stays":
-            return Stays(subject, reader.amount(node.position, *_POSITIONS), subject.where)
-        case "Moves":
-            return _moves(reader, subject, node)
-        case "Toggles":
-            return _toggles(reader, subject, node)
-        case "Walks":
-            return read_walks(reader, subject, node)
-        case _:
-            return _goes(reader, subject, node)
-
-
-def _moves(reader: NodeReader, subject: Subject, node: Any) -> Moves:
-    options = reader.once(node.options)
-    frames = tuple(
-        (reader.amount(f.position, *_POSITIONS), reader.amount(f.time, "time")) for f in node.frames
-    )
-    return Moves(subject, frames, _motion(reader, options.get("By")), subject.where)
-
-
-def _toggles(reader: NodeReader, subject: Subject, node: Any) -> Toggles | Alternates:
-    options = reader.once(node.options)
-    if node.waiting is not None:
-        return _alternates(reader, subject, node, options)
-    late = options.get("Late")
-    return Toggles(
-        subject,
-        reader.amount(node.first, *_POSITIONS),
-        reader.amount(node.second, *_POSITIONS),
-        reader.amount(node.period, "time"),
-        _time(reader, options.get("From")),
-        _time(reader, options.get("Until")),
-        _probability(reader, options.get("Probability")),
-        _time(reader, late),
-        None if late is None else reader.optional(late.step, "time"),
-        _motion(reader, options.get("By")),
-        subject.where,
-    )
-
-
-def _alternates(
-    reader: NodeReader, subject: Subject, node: Any, options: dict[str, Any]
-) -> Alternates:
-    for kind in ("Probability", "Late"):
-        if kind in options:
-            where = reader.where(options[kind])
-            hint = "leave it out, or write every 30 s"
-            word = options[kind].keyword
-            reader.report(where, f'"{word}" is for changes every so often, not after waiting', hint)
-    return Alternates(
-        subject,
-        reader.amount(node.first, *_POSITIONS),
-        reader.amount(node.second, *_POSITIONS),
-        read_waiting(reader, node.waiting),
-        _time(reader, options.get("From")),
-        _time(reader, options.get("Until")),
-        _motion(reader, options.get("By")),
-        subject.where,
-    )
-
-
 def _time(reader: NodeReader, option: Any) -> Any:
     return None if option is None else reader.amount(option.value, "time")
 
@@ -211,55 +398,6 @@ def _probability(reader: NodeReader, option: Any) -> float:
             reader.where(share), "a probability lies between 0 and 1 (0 % and 100 %)"
         )
     return value
-
-
-def _goes(reader: NodeReader, subject: Subject, node: Any) -> Goes | Reacts:
-    options = reader.once(node.options)
-    when = options.get("When")
-    if when is None:
-        raise InputError.at(
-            subject.where,
-            "when does it go?",
-            "add when the robot is within 1.3 m of its hinge; moves to … at … for given times",
-        )
-    again, after, near = options.get("Again"), options.get("After"), when.condition
-    starting = options.get("Starting")
-    if type(near).__name__ != "RobotIsNear":
-        return _reacts(reader, subject, node, options)
-    if after is not None:
-        message = "only events are reacted to after some time, not the robot's distance"
-        raise InputError.at(reader.where(after), message, "leave it out")
-    return Goes(
-        subject,
-        reader.amount(node.start, *_POSITIONS),
-        reader.amount(node.end, *_POSITIONS),
-        reader.amount(near.distance, "length"),
-        near.point,
-        "footprint" if near.body else "base",
-        None if again is None else reader.amount(again.value, "length"),
-        None if starting is None else reader.amount(starting.value, *_POSITIONS),
-        _motion(reader, options.get("By")),
-        subject.where,
-    )
-
-
-def _reacts(reader: NodeReader, subject: Subject, node: Any, options: dict[str, Any]) -> Reacts:
-    if "Again" in options:
-        where = reader.where(options["Again"])
-        raise InputError.at(where, "an event is reacted to once", "leave out again …")
-    if "Starting" in options:
-        where = reader.where(options["Starting"])
-        message = "only what waits for the robot to come near starts elsewhere"
-        raise InputError.at(where, message, "leave out starting at …")
-    return Reacts(
-        subject,
-        reader.amount(node.start, *_POSITIONS),
-        reader.amount(node.end, *_POSITIONS),
-        read_event(reader, options["When"].condition),
-        _time(reader, options.get("After")),
-        _motion(reader, options.get("By")),
-        subject.where,
-    )
 
 
 def _motion(reader: NodeReader, by: Any) -> MotionAs:

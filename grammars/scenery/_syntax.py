@@ -1,28 +1,20 @@
-"""The textX side of the scenery language: text to parse tree, syntax errors for people, and the
-reader of the nodes every part of the language has (names, quantities, frames, subjects).
-"""
+"""From the text of a layer to its syntax tree; units and syntax errors told to people."""
 
 from __future__ import annotations
 
 import difflib
 import re
-from collections.abc import Callable, Iterable, Sequence
-from functools import partial
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, Final, TypeVar
+from typing import Final
 
+from grammars.scenery._objects import OBJECT_RULES
+from grammars.scenery._reader import RULES
+from grammars.scenery._sentences import SENTENCE_RULES
 from grammars.scenery.model import (
     NUMBER,
     UNIT,
-    Amount,
-    FrameName,
-    Measure,
-    Name,
-    Subject,
-    parse_measure,
-    require_dimension,
 )
-from grammars.scenery.model import Path as Path_reader
 from grammars.text.diagnostics import Diagnostic, InputError, Where, did_you_mean
 from grammars.text.parsing import Language, SyntaxFault, listed
 from grammars.text.quantity import parse_quantity
@@ -75,6 +67,7 @@ _UNSAID: Final = frozenset(
 
 
 class _SceneryLanguage(Language):
+    classes = (*RULES, *OBJECT_RULES, *SENTENCE_RULES)
     words = _READABLE
     token = re.compile(r"\w+|\S")
 
@@ -143,6 +136,7 @@ def _unit_findings(source: SourceText) -> list[Diagnostic]:
     blanked = _blank(_UNITLESS, _blank(_COMMENT, source.text))
     findings: list[Diagnostic] = []
     for match in _NUMBER.finditer(blanked):
+        # The only number that needs no unit.
         if blanked[: match.start()].rstrip().endswith("probability"):
             continue
         where = source.where(match.start())
@@ -177,90 +171,3 @@ def _unit_hint(word: str) -> str:
     known = ("rad", "deg", "cm", "mm", "min", "kg", "m", "s", "N", "N m", "m/s", "rad/s")
     longer = next((unit for unit in known if len(unit) > 1 and word.startswith(unit)), None)
     return f'did you mean "{longer}"?' if longer else did_you_mean(word, known)
-
-
-T = TypeVar("T")
-
-
-class NodeReader:
-    """Turns parse tree nodes into values and collects what is wrong with them."""
-
-    def __init__(self, source: SourceText) -> None:
-        self._source = source
-        self.findings: list[Diagnostic] = []
-
-    def where(self, node: Any) -> Where:
-        """Return where ``node`` starts."""
-        return self._source.at(node)
-
-    def report(self, where: Where, message: str, hint: str = "") -> None:
-        """Note an error and go on."""
-        self.findings.append(Diagnostic(where, message, hint))
-
-    def attempt(self, read: Callable[[], T]) -> T | None:
-        """Return ``read()``, or ``None`` after noting the errors it raised."""
-        try:
-            return read()
-        except InputError as error:
-            self.findings.extend(error.diagnostics)
-            return None
-
-    def each(self, nodes: Iterable[Any], read: Callable[[Any], T]) -> list[T]:
-        """Return ``read(node)`` of all nodes that are in order; the others are noted."""
-        values = [self.attempt(partial(read, node)) for node in nodes]
-        return [value for value in values if value is not None]
-
-    def name(self, node: Any) -> Name:
-        """Read a word."""
-        return Name(str(node.text), self.where(node))
-
-    def measure(self, node: Any) -> Measure:
-        """Read a number with its unit."""
-        return parse_measure(f"{node.number} {node.unit}", self.where(node))
-
-    def value(self, node: Any, *dimensions: str, default: float = 0.0) -> float:
-        """Read a quantity of one of ``dimensions`` in SI units; ``default`` when it is absent."""
-        return default if node is None else require_dimension(self.measure(node), *dimensions)
-
-    def amount(self, node: Any, *dimensions: str) -> Amount:
-        """Read a quantity or a name; a quantity must have one of ``dimensions`` (if any)."""
-        if type(node).__name__ == "Word":
-            return self.name(node)
-        given = self.measure(node)
-        if dimensions:
-            require_dimension(given, *dimensions)
-        return given
-
-    def optional(self, node: Any, *dimensions: str) -> Amount | None:
-        """Read an amount that may be absent."""
-        return None if node is None else self.amount(node, *dimensions)
-
-    def path(self, node: Any) -> Path_reader:
-        """Read ``object`` or ``object.joint``."""
-        joint = node.joint.text if node.joint is not None else ""
-        return Path_reader(str(node.object.text), str(joint), self.where(node))
-
-    def frame(self, node: Any) -> FrameName:
-        """Read the name of a frame of the floor plan."""
-        wall = int(node.wall) if node.walls else None
-        part = str(node.part.text) if node.part is not None else ""
-        return FrameName(str(node.name.text), wall, part, self.where(node))
-
-    def subject(self, node: Any) -> Subject:
-        """Read whom a sentence is about."""
-        return Subject(
-            bool(node.every),
-            tuple(self.path(n) for n in node.names),
-            tuple(self.path(n) for n in node.exceptions),
-            self.where(node),
-        )
-
-    def once(self, options: Any) -> dict[str, Any]:
-        """Return options by class name; one that is written twice is an error."""
-        found: dict[str, Any] = {}
-        for option in options:
-            kind = type(option).__name__
-            if kind in found:
-                self.report(self.where(option), f'"{option.keyword}" is written twice')
-            found.setdefault(kind, option)
-        return found

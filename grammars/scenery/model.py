@@ -16,6 +16,7 @@ from grammars.text.diagnostics import InputError, Where, with_article
 from grammars.text.quantity import parse_quantity, unit_of
 
 NUMBER: Final = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
+# The unit pattern of scenery.tx has the same words: a grammar cannot refer to Python.
 _WORDS: Final = (
     "m cm mm km metre metres meter meters rad deg radian radians degree degrees "
     "s ms min h second seconds minute minutes hour hours kg g N kN newton Hz"

@@ -37,6 +37,8 @@ def draw_world(world: ArtefactWorld, run: RunOverlay | None = None) -> Drawing:
     figure.add("axes", axes)
     figure.add("walks", _scene.walks(behaviours, page))
     figure.add("doors", bodies)
+    # What a text may cover, and how much it costs, was found by looking at the demo and building C:
+    # bodies and the robot least, lines rather.
     labels.avoid(swings, 1.5)
     labels.avoid(bodies, 3.0)
     labels.avoid(axes, 1.0)
@@ -50,6 +52,8 @@ def draw_world(world: ArtefactWorld, run: RunOverlay | None = None) -> Drawing:
         labels.avoid(way, 0.8)
         labels.avoid([*machine, *stops], 4.0)
         on_top = [("robot", machine), ("waypoints", stops)]
+    # Names of doors are placed before those of spaces, which have far more spots to go to;
+    # waypoints and the robot are painted last, since a mission is what one looks for.
     names = _scene.object_names(scene, page, start, labels)
     if mission:
         on_top.append(("start", _mission.start_label(mission, world.robot, page, labels)))

@@ -113,6 +113,8 @@ class Labels:
         best, least = words, math.inf
         for rank, spot in enumerate(spots):
             tried = replace(words, at=spot)
+            # A little for every later spot: texts stay near what they name unless much is in the
+            # way.
             cost = 0.02 * rank + self._cost(extent(tried), tree)
             if cost < least:
                 best, least = tried, cost

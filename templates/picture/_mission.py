@@ -11,7 +11,7 @@ from grammars.model.geometry import Point2
 from grammars.model.mission import Mission
 from grammars.model.robot import Robot
 from templates.picture._drawing import LETTER, Disc, DrawingItem, Labels, Shape, TextLabel
-from templates.picture._page import FLOOR, FOOT, INK, MARGIN, ROBOT, ROUTE, Page
+from templates.picture._page import FLOOR, FOOT, ROBOT, ROUTE, Page, legend_row
 
 _RADIUS: Final = 10.0
 _NEAR: Final = 2.0 * _RADIUS
@@ -36,6 +36,7 @@ def waypoints(mission: Mission, page: Page) -> list[DrawingItem]:
     for number, waypoint in enumerate(mission.waypoints, start=1):
         at = page.point((waypoint.x, waypoint.y))
         for place, numbers in places:
+            # A pixel of the page.
             if math.dist(at, place) < 1.0:
                 numbers.append(number)
                 break
@@ -170,16 +171,14 @@ def run_lines(what: RunOverlay, page: Page) -> list[DrawingItem]:
 
 def run_key(what: RunOverlay, page: Page) -> list[DrawingItem]:
     """Return what the lines mean, in a row of its own at the foot of the page."""
-    y, x = page.height - FOOT / 2.0 + 22.0, MARGIN
-    items: list[DrawingItem] = []
-    for text, colour, shown in (
+    entries = (
         ("driven", DRIVEN, len(what.way) > 1),
         ("believed", BELIEVED, len(what.believed) > 1),
         ("inside the buffer", CLOSE, bool(what.close)),
         ("contact", TOUCHED, bool(what.contacts)),
-    ):
-        if shown:
-            items.append(Shape((((x, y), (x + 16.0, y)),), line=colour, width=4.0, open=True))
-            items.append(TextLabel((x + 23.0, y + 4.5), text, 12.5, INK, "start"))
-            x = round(x + 23.0 + 7.2 * len(text) + 22.0, 2)
-    return items
+    )
+    return legend_row(
+        [(text, colour) for text, colour, shown in entries if shown],
+        page.height - FOOT / 2.0 + 22.0,
+        lambda colour, x, y: Shape((((x, y), (x + 16.0, y)),), line=colour, width=4.0, open=True),
+    )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Final
 
@@ -74,6 +74,7 @@ def page_for(scene: Scene, start: Mapping[str, float], more: tuple[Point2, ...] 
     corners += more
     xs, ys = [c[0] for c in corners] or [0.0, 1.0], [c[1] for c in corners] or [0.0, 1.0]
     wide, high = max(max(xs) - min(xs), 1.0), max(max(ys) - min(ys), 1.0)
+    # A single room is not blown up to the size of a poster.
     scale = min(LONGEST / max(wide, high), _LARGEST_SCALE)
     width = max(wide * scale + 2 * MARGIN, _NARROWEST)
     left = (width - wide * scale) / 2.0
@@ -132,20 +133,28 @@ def axes(page: Page, start: Point2 | None) -> list[DrawingItem]:
 
 def legend(page: Page, *, doors: bool, low: bool, mission: bool) -> list[DrawingItem]:
     """Return what the colours mean, in one row at the foot of the page."""
-    y = page.height - FOOT / 2.0
-    x = MARGIN
-    items: list[DrawingItem] = []
     entries: list[tuple[str, str]] = [("wall", WALL)]
     entries += [("low or sill", LOW)] if low else []
     entries += [("door at the start", DOOR), ("where it can go", SWING)] if doors else []
     entries += [("waypoint", ROUTE), ("robot", ROBOT)] if mission else []
-    for text, colour in entries:
+
+    def sample(colour: str, x: float, y: float) -> DrawingItem:
         if colour == ROUTE:
-            items.append(Disc((x + 8.0, y), 8.0, colour))
-        else:
-            ring = ((x, y - 6.0), (x + 16.0, y - 6.0), (x + 16.0, y + 6.0), (x, y + 6.0))
-            faded = 0.45 if colour == SWING else 1.0
-            items.append(Shape((ring,), fill=colour, opacity=faded))
+            return Disc((x + 8.0, y), 8.0, colour)
+        ring = ((x, y - 6.0), (x + 16.0, y - 6.0), (x + 16.0, y + 6.0), (x, y + 6.0))
+        return Shape((ring,), fill=colour, opacity=0.45 if colour == SWING else 1.0)
+
+    return legend_row(entries, page.height - FOOT / 2.0, sample)
+
+
+def legend_row(
+    entries: Iterable[tuple[str, str]], y: float, sample: Callable[[str, float, float], DrawingItem]
+) -> list[DrawingItem]:
+    """Return texts and colours in a row at height ``y`` of the page, a sample before each text."""
+    x = MARGIN
+    items: list[DrawingItem] = []
+    for text, colour in entries:
+        items.append(sample(colour, x, y))
         items.append(TextLabel((x + 23.0, y + 4.5), text, 12.5, INK, "start"))
         x = round(x + 23.0 + 7.2 * len(text) + 22.0, 2)
     return items

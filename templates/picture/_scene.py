@@ -1,4 +1,4 @@
-"""The scene on the page: floors, walls as they are cut, doors and furniture and where they can go."""
+"""The scene on the page: floors, walls as they are cut, objects and where they can go."""
 
 from __future__ import annotations
 
@@ -75,6 +75,7 @@ def _name(region: Region, page: Page, labels: Labels) -> TextLabel | None:
     sides = [corners[1] - corners[0], corners[2] - corners[1]]
     long, short = sorted(sides, key=lambda side: -math.hypot(*side))
     length, breadth = math.hypot(*long), math.hypot(*short)
+    # Nearly square rooms keep their name level: it is easier to read.
     turn = math.atan2(long[1], long[0]) if length > 1.15 * breadth else 0.0
     turn = math.remainder(turn, math.pi)
     text = region.name.replace("_", " ")
@@ -97,6 +98,8 @@ def _name(region: Region, page: Page, labels: Labels) -> TextLabel | None:
 
 
 def _union(areas: list[Polygon]) -> Any:
+    # Snapped to a grid: pieces of walls that meet within rounding would show hairlines between
+    # them.
     return shapely.union_all(areas, grid_size=_GRID)
 
 
@@ -214,6 +217,7 @@ def _swing(
         ]
     corners = [corner for ring in link.polygons for corner in ring]
     tip = max(corners, key=lambda c: math.dist(c, joint.anchor))
+    # One turn shows it all.
     upper = min(joint.upper, joint.lower + math.tau)
     angles = [joint.lower + (upper - joint.lower) * i / _STEPS for i in range(_STEPS + 1)]
     arc = page.ring(tuple(at(angle, tip) for angle in angles))

@@ -8,7 +8,7 @@ from typing import Any, Final
 
 import jinja2
 
-from templates.naming import xml_text
+from templates.rendering import strict_environment
 
 OURS: Final = Path(__file__).parent
 
@@ -19,13 +19,6 @@ def render_report(filters: Mapping[str, Callable[..., Any]], **values: Any) -> s
     Only what is :class:`markupsafe.Markup` (figures drawn here) goes in as it is. Names missing in
     the template are errors; characters no document can hold are replaced.
     """
-    environment = jinja2.Environment(
-        loader=jinja2.FileSystemLoader(OURS),
-        undefined=jinja2.StrictUndefined,
-        autoescape=True,
-        finalize=lambda value: xml_text(value) if type(value) is str else value,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
+    environment = strict_environment(jinja2.FileSystemLoader(OURS), autoescape=True)
     environment.filters.update(filters)
     return environment.get_template("report.html.j2").render(values)

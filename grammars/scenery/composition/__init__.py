@@ -15,7 +15,7 @@ from grammars.scenery.composition._placement import (
     mirrored_links,
     place_instance,
 )
-from grammars.scenery.composition._rings import convex_rings, is_convex, signed_area
+from grammars.scenery.composition._rings import convex_rings, is_convex
 
 __all__ = [
     "Catalogue",
@@ -31,6 +31,5 @@ __all__ = [
     "mirrored_links",
     "place_instance",
     "resolve_behaviours",
-    "signed_area",
     "static_segments",
 ]

@@ -1,4 +1,4 @@
-"""What amounts mean: quantities, parameters, and ``closed`` or ``1.4 rad`` for joints in the scene."""
+"""What amounts mean: quantities, parameters, ``closed`` or ``1.4 rad`` for joints of the scene."""
 
 from __future__ import annotations
 
@@ -91,6 +91,7 @@ def joint_positions(
 def _single(
     body: SceneObject, model: ObjectModel, given: Measure, where: Where, joint: str
 ) -> dict[str, float]:
+    # Fixed joints and those a mover walks on are nobody's to say.
     own = own_joints(model.joints)
     if not joint and len(own) != 1:
         if not own:

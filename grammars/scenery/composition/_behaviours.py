@@ -75,11 +75,13 @@ def resolve_behaviours(
                 for behaviour in _behaviours(context, catalogue, bodies, sentence):
                     new = _AppliedSentence(number, sentence.where, behaviour)
                     overridden.extend(_replaced(said.get(behaviour.joint), new))
+                    # A walk moves all three joints of its mover: one place for all of them.
                     said.update(dict.fromkeys(_joints(behaviour), new))
             except InputError as error:
                 findings.extend(error.diagnostics)
     if findings:
         raise InputError(findings)
+    # In scene order: the order of layers and sentences must not show in the specification of a run.
     order = [joint for joint in scene.joint_names if joint in said]
     return ResolvedBehaviours(
         tuple(said[joint].behaviour for joint in order if said[joint].behaviour.joint == joint),
@@ -126,6 +128,6 @@ def _behaviours(
 ) -> list[Behaviour]:
     found: list[Behaviour] = []
     for target in catalogue.targets(context.layer, sentence.subject):
-        speaker = SentenceResolver(context, catalogue, bodies, target.object, target.joint)
-        found.extend(speaker.behaviours(sentence))
+        resolver = SentenceResolver(context, catalogue, bodies, target.object, target.joint)
+        found.extend(resolver.resolve(sentence))
     return found

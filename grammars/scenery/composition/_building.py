@@ -24,6 +24,7 @@ from grammars.model.geometry import Floats
 from grammars.model.scene import Scene, Solid
 from grammars.scenery.composition._rings import convex_rings, polygons_of, rounded
 
+# The published mesh generator thickens openings by 5 cm on both sides for the same reason.
 MARGIN: Final = 0.05
 """How far a cut goes beyond the faces of the walls [m], so that no skin is left standing."""
 _STEP: Final = 0.05
@@ -89,6 +90,7 @@ def _standing(height: float, cuts: tuple[_Cut, ...]) -> list[tuple[float, float]
     """Return the heights at which wall is left: below, between and above the cuts."""
     left: list[tuple[float, float]] = []
     floor = 0.0
+    # From the floor up; cuts may overlap, a window above a door for one.
     for cut in sorted(cuts, key=lambda c: (c.z_min, c.z_max)):
         if cut.z_min > floor:
             left.append((floor, min(cut.z_min, height)))
@@ -105,6 +107,7 @@ def _cuts(opening: Opening) -> list[_Cut]:
     if not outline.is_valid or outline.area <= 0.0:
         return []
     depth = _depth(opening)
+    # The usual door and window: one cut, no steps.
     if outline.equals_exact(outline.envelope.normalize(), 1e-9) or _is_upright(opening.near):
         x_min, z_min, x_max, z_max = outline.bounds
         return [_prism(opening, x_min, x_max, depth, z_min, z_max)]
@@ -154,6 +157,8 @@ def _prism(
     return _Cut(Polygon(ring), rounded(z_min), rounded(z_max))
 
 
+# _GRID < _STRAIGHT < _JOG: what snapping moved by a grid step must still count as straight, and
+# what is left of faces that nearly coincide must go before straight edges are joined.
 _GRID: Final = 1e-6
 """Snapping distance [m]: faces closer than this are one face."""
 _JOG: Final = 1e-4
@@ -194,6 +199,7 @@ def static_segments(
 
 def _rings(polygon: Any) -> list[Floats]:
     """Return the corners of the outer ring counter-clockwise and of the holes clockwise."""
+    # Outer rings counter-clockwise, holes clockwise: so the inside lies to the left of every edge.
     outer = _without_jogs(_turned(shapely.get_coordinates(polygon.exterior)[:-1], True))
     holes = [
         _without_jogs(_turned(shapely.get_coordinates(hole)[:-1], False))
@@ -225,6 +231,8 @@ def _owners(
     middles: Any = shapely.points((edges[:, 0:2] + edges[:, 2:4]) / 2)
     outlines = shapely.boundary(shapes)
     edge, shape = shapely.STRtree(outlines).query(middles, predicate="dwithin", distance=_STRAIGHT)
+    # Where outlines touch an edge belongs to the first solid of the scene, whatever the order in
+    # which the tree finds them.
     first = np.full(len(edges), len(shapes), np.int64)
     np.minimum.at(first, edge, shape)
     missing = np.flatnonzero(first == len(shapes))

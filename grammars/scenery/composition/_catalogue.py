@@ -48,7 +48,9 @@ class Catalogue:
 
         Raises :class:`InputError` for unknown names, with the closest known one.
         """
-        left_out = {t.object for path in subject.exceptions for t in self._either(layer, path, ())}
+        left_out = {
+            t.object for path in subject.exceptions for t in self._one_or_many(layer, path, ())
+        }
         return self._resolve(layer, subject, left_out, ())
 
     def _resolve(
@@ -108,7 +110,7 @@ class Catalogue:
         left_out = {
             t.object
             for exception in group.members.exceptions
-            for t in self._either(home, exception, (*trail, group.name))
+            for t in self._one_or_many(home, exception, (*trail, group.name))
         }
         members = self._resolve(home, group.members, left_out, (*trail, group.name))
         if not path.joint:
@@ -116,7 +118,7 @@ class Catalogue:
         self._check_joint(path, [t.object for t in members])
         return tuple(SubjectTarget(t.object, path.joint, t.where) for t in members)
 
-    def _either(
+    def _one_or_many(
         self, layer: SceneryLayer, path: Path, trail: tuple[str, ...]
     ) -> tuple[SubjectTarget, ...]:
         if path.object in self.instances:
@@ -124,6 +126,7 @@ class Catalogue:
         return self._many(layer, path, trail)
 
     def _groups(self, layer: SceneryLayer, name: str) -> list[tuple[SceneryLayer, Group]]:
+        # A group of the layer itself hides those of other layers.
         own = [(layer, g) for g in layer.groups if g.name == name]
         return own or [(other, g) for other in self._layers for g in other.groups if g.name == name]
 

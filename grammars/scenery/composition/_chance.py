@@ -52,15 +52,17 @@ class RandomWaits:
 
 
 def draw_waits(
-    pauses: RandomWaits, seed: np.random.SeedSequence, first: float, second: float
+    waits: RandomWaits, seed: np.random.SeedSequence, first: float, second: float
 ) -> tuple[KeyFrame, ...]:
     """Return key frames from ``first`` at 0 s on, changing after every waiting time."""
+    # One by one, as normal waits may be drawn again: nobody knows how many numbers it takes.
     generator = np.random.default_rng(seed)
     frames = [KeyFrame(0.0, first)]
-    time = pauses.since
+    time = waits.since
     while True:
-        time += max(SHORTEST, pauses.one(generator))
-        if time > pauses.until:
+        # A wait of less than a tick would put two key frames into one.
+        time += max(SHORTEST, waits.one(generator))
+        if time > waits.until:
             return tuple(frames)
         position = second if frames[-1].position == first else first
         frames.append(KeyFrame(rounded(time), position))
@@ -119,6 +121,7 @@ def draw_toggles(
 
 def child_seed(seed: np.random.SeedSequence, name: str) -> np.random.SeedSequence:
     """Return the child of ``seed`` for ``name``: a stable hash of it is the spawn key."""
+    # Not SeedSequence.spawn, which counts: a door more would shift the chance of all others.
     digest = hashlib.sha256(name.encode()).digest()
     words = tuple(int.from_bytes(digest[i : i + 4], "little") for i in range(0, 16, 4))
     return np.random.SeedSequence(seed.entropy, spawn_key=(*seed.spawn_key, *words))

@@ -1,6 +1,4 @@
-"""From a floor plan and scenery layers to one :class:`Scene`: objects placed, later layers' settings
-applied.
-"""
+"""From a floor plan and scenery layers to one :class:`Scene`: objects placed, settings applied."""
 
 from __future__ import annotations
 
@@ -73,6 +71,7 @@ def refuse_unapplied(scene: Scene, layers: Sequence[SceneryLayer], catalogue: Ca
         for i in catalogue.instances.values()
         if i.name not in bodies
     ]
+    # Settings are compared by what they change: one that says what is so already is no loss.
     if not findings:
         wanted = apply_settings(layers, catalogue, bodies)
         changed = {name for name, body in wanted.items() if body != bodies[name]}
@@ -117,6 +116,7 @@ def compile_scene(plan: FloorPlan, layers: Sequence[SceneryLayer] = ()) -> Scene
         doorways,
         solids_of(plan),
         tuple(placed.values()),
+        # Only routes of movers need them, and whatever is in a scene counts in its digest.
         _frames(plan) if any(is_mover(body.joints) for body in placed.values()) else (),
     )
 
@@ -149,6 +149,7 @@ def _object(
     if placed.mirrored:
         links = mirrored_links(links, placed.across)
         joints = mirrored_joints(joints, placed.across)
+    # The limits were mirrored with the joints; positions of states are as the model has them.
     signs = [-1.0 if placed.mirrored and j.kind == "revolute" else 1.0 for j in joints]
     closed = tuple(s * p + 0.0 for s, p in zip(signs, closed_positions(model), strict=True))
     body = SceneObject(
@@ -216,6 +217,7 @@ def _doorway_around(
         if link.name in moving
         for ring in link.polygons
     ]
+    # Closed, since a door that stands open lies in no doorway.
     best, name = _STANDS_IN * sum(leaf.area for leaf in leaves), ""
     for doorway in doorways if leaves else ():
         passage = Polygon(doorway.footprint)

@@ -39,6 +39,7 @@ def mirrored_joints(joints: tuple[Joint, ...], across: Point2) -> tuple[Joint, .
         else dataclasses.replace(
             joint,
             anchor=_reflect(joint.anchor, across),
+            # Adding 0.0 makes 0.0 of -0.0: equal doors have equal bytes.
             lower=-joint.upper + 0.0,
             upper=-joint.lower + 0.0,
             rest=-joint.rest + 0.0,
@@ -55,6 +56,7 @@ def _reflect(point: Point2, across: Point2) -> Point2:
 SLIDER_GAP: Final = 0.01
 """Between a sliding leaf and the face of the wall it hangs on [m]."""
 _FIT: Final = 1e-3
+# Steps off the faces of a wall to see whose floor is there [m]: past rounding, not past a room.
 _PROBE: Final = 0.15
 _AXES: Final[tuple[Point2, ...]] = ((1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0))
 
@@ -133,6 +135,8 @@ def _towards(plan: FloorPlan, opening: Opening, side: str | Name) -> str:
     }
     owners = {w.id: w.space for w in plan.walls}
     walls = [owners.get(w, "") for w in opening.walls]
+    # The walls an entryway lists say which spaces it joins. Looking at the floor on both sides is
+    # for plans in which only one wall was listed.
     by_wall = {walls[0]: "in"} | ({walls[1]: "out"} if len(walls) > 1 else {})
     found = by_wall.get(side.text) or next(
         (way for way, p in probes.items() if outlines[side.text].covers(p)), None
@@ -162,6 +166,7 @@ def _only_joint(instance: Instance, model: ObjectModel, how: In, kind: str) -> J
 
 def _opening_way(joint: Joint, closed: float) -> float:
     """Return the sign of the joint motion that opens: towards the farther limit."""
+    # A door of -5 to 110 degrees opens towards 110, whatever the sign its author preferred.
     return 1.0 if joint.upper - closed >= closed - joint.lower else -1.0
 
 
@@ -171,6 +176,7 @@ def _hinged(instance: Instance, model: ObjectModel, how: In, gap: _Gap) -> Objec
     turns = _opening_way(joint, _closed(model, joint))
     leaf = _corners(model, joint.child)
     along = _leaf_direction(leaf, joint.anchor)
+    # All links, not the leaf alone: a post or frame has to go through the hole as well.
     low, high = _extent([c for link in model.links for c in _corners(model, link.name)], along)
     if high - low > gap.width + _FIT:
         name, width = instance.name, high - low
@@ -179,6 +185,7 @@ def _hinged(instance: Instance, model: ObjectModel, how: In, gap: _Gap) -> Objec
         raise InputError.at(how.entryway.where, message, hint)
     wanted = 1.0 if gap.left else -1.0
     face = 1.0 if gap.outwards else -1.0
+    # A leaf that hangs on the wanted side but would open the wrong way is hung as its mirror image.
     mirrored = wanted * turns != face
     depth = _extent(leaf, (-along[1] * turns, along[0] * turns))[1] + how.recess
     pose = Pose2(
@@ -199,6 +206,7 @@ def _sliding(instance: Instance, model: ObjectModel, how: In, gap: _Gap) -> Obje
     everything = [turned.apply(c) for link in model.links for c in _corners(model, link.name)]
     low, high = _extent(leaf, (1.0, 0.0))
     near, far = _extent(everything, (0.0, 1.0))
+    # The nearest part of the object, a rail perhaps, keeps the gap to the wall.
     y = gap.opening.depth + SLIDER_GAP - near if gap.outwards else -SLIDER_GAP - far
     return ObjectPlacement(gap.opening.frame @ Pose2(gap.middle - (low + high) / 2, y, turned.yaw))
 
@@ -271,6 +279,7 @@ def frames_of(plan: FloorPlan) -> tuple[tuple[str, Pose2], ...]:
         frames.setdefault(opening.name, opening.frame)
     for feature in plan.features:
         frames[f"{feature.space}.{feature.name}" if feature.space else feature.name] = feature.frame
+        # Spaces before openings before features, as frame_named looks them up.
         frames.setdefault(feature.id, feature.frame)
         if sum(f.name == feature.name for f in plan.features) == 1:
             frames.setdefault(feature.name, feature.frame)

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from typing import Any, Final
 
 import shapely
 from shapely.geometry import Polygon
 from shapely.geometry.base import BaseGeometry
 
-from grammars.model.geometry import Point2, Pose2, Ring, turn
+from grammars.model.geometry import Point2, Pose2, Ring, signed_area, turn
 
+# Nanometres: far below anything built, far above the last digits in which versions of GEOS differ.
+# Digests of scenes are taken of these numbers and must be equal on every machine.
 DIGITS: Final = 9
 SLIVER: Final = 1e-9
 """Pieces with less area [m^2] are numerical dust."""
@@ -24,12 +26,12 @@ def rounded(value: float, digits: int = DIGITS) -> float:
 
 
 def rounded_point(point: Point2) -> Point2:
-    """Return ``point`` with settled coordinates."""
+    """Return ``point`` with rounded coordinates."""
     return (rounded(point[0]), rounded(point[1]))
 
 
 def rounded_pose(pose: Pose2) -> Pose2:
-    """Return ``pose`` with settled numbers (yaw to 1e-12 rad)."""
+    """Return ``pose`` with rounded numbers (yaw to 1e-12 rad)."""
     return Pose2(rounded(pose.x), rounded(pose.y), rounded(pose.yaw, 12))
 
 
@@ -43,15 +45,9 @@ def canonical_ring(points: Iterable[Point2]) -> Ring:
         corners.pop()
     if signed_area(corners) < 0.0:
         corners.reverse()
+    # Where a ring begins means nothing, but it shows in its bytes.
     start = corners.index(min(corners)) if corners else 0
     return tuple(corners[start:] + corners[:start])
-
-
-def signed_area(corners: Sequence[Point2]) -> float:
-    """Return the area of a ring [m^2], positive when counter-clockwise."""
-    following = [*corners[1:], *corners[:1]]
-    twice = sum(a[0] * b[1] - b[0] * a[1] for a, b in zip(corners, following, strict=True))
-    return float(twice) / 2
 
 
 def outline_of(polygon: Polygon) -> Ring:
@@ -97,6 +93,8 @@ def _convex_parts(polygon: Polygon) -> list[Ring]:
     triangles = shapely.constrained_delaunay_triangles(polygon)
     parts = sorted(outline_of(t) for t in polygons_of(triangles))
     merged = True
+    # The first pair that fits, and again from the start: slow for many parts, but the outcome
+    # depends on nothing but the sorted corners. Pieces of walls have few.
     while merged:
         merged = False
         for i, j in itertools.combinations(range(len(parts)), 2):
@@ -109,6 +107,8 @@ def _convex_parts(polygon: Polygon) -> list[Ring]:
 
 
 def _convex_union(a: Ring, b: Ring) -> Ring | None:
+    # Two rings that share no edge make no ring together. Their corners are rounded: equal ones are
+    # equal.
     if len(set(a) & set(b)) < 2:
         return None
     union = shapely.union(Polygon(a), Polygon(b))

@@ -1,10 +1,13 @@
-"""What one sentence means for one object: behaviours of its joints, the events they wait for, walks."""
+"""What a sentence means for one object: behaviours of its joints, what they wait for, walks."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from functools import partial
 from typing import Literal
+
+import numpy as np
 
 from grammars.model.behaviour import (
     Behaviour,
@@ -183,7 +186,7 @@ class SentenceResolver:
         self._model = catalogue.model_of(name)
         self._joint = joint
 
-    def behaviours(self, said: Sentence) -> list[Behaviour]:
+    def resolve(self, said: Sentence) -> list[Behaviour]:
         """Return one behaviour for each joint the sentence moves."""
         match said:
             case Stays():
@@ -210,6 +213,7 @@ class SentenceResolver:
         last = -1.0
         for position, time in said.frames:
             at = self._time(time)
+            # Key frames of one sentence are in order of time, so that it reads as it happens.
             if at <= last:
                 raise InputError.at(
                     time.where, f"{at:g} s is not after {last:g} s", "put them in order"
@@ -223,17 +227,36 @@ class SentenceResolver:
         ]
 
     def _toggles(self, said: Toggles) -> list[Behaviour]:
+        both = self._both(said)
+        chance, limit = self._toggling(said), self._context.limit
+        return self._drawn(
+            said, both, lambda seed, first, second: draw_toggles(chance, seed, limit, first, second)
+        )
+
+    def _alternates(self, said: Alternates) -> list[Behaviour]:
+        both = self._both(said)
+        return self._drawn(said, both, partial(draw_waits, self._waits(said)))
+
+    def _both(self, said: Toggles | Alternates) -> dict[str, tuple[float, float]]:
+        """Return the two positions of each joint."""
         first, second = self._positions(said.first), self._positions(said.second)
         self._same_joints(said, first, second)
-        chance = self._chance(said)
+        return {joint: (start, second[joint]) for joint, start in first.items()}
+
+    def _drawn(
+        self,
+        said: Toggles | Alternates,
+        both: Mapping[str, tuple[float, float]],
+        draw: Callable[[np.random.SeedSequence, float, float], tuple[KeyFrame, ...]],
+    ) -> list[Behaviour]:
+        """Return key frames drawn for each joint, of a seed that depends on its name alone."""
         found: list[Behaviour] = []
-        for joint, start in first.items():
-            seed = child_seed(self._context.seed, self._full(joint))
-            frames = draw_toggles(chance, seed, self._context.limit, start, second[joint])
+        for joint, (first, second) in both.items():
+            frames = draw(child_seed(self._context.seed, self._full(joint)), first, second)
             found.append(KeyFrames(self._full(joint), frames, self._motion(said.motion, joint)))
         return found
 
-    def _chance(self, said: Toggles) -> RandomToggles:
+    def _toggling(self, said: Toggles) -> RandomToggles:
         limit = self._context.limit
         period = self._time(said.every)
         if period <= 0.0:
@@ -288,18 +311,7 @@ class SentenceResolver:
             for joint in start
         ]
 
-    def _alternates(self, said: Alternates) -> list[Behaviour]:
-        first, second = self._positions(said.first), self._positions(said.second)
-        self._same_joints(said, first, second)
-        pauses = self._pauses(said)
-        found: list[Behaviour] = []
-        for joint, start in first.items():
-            seed = child_seed(self._context.seed, self._full(joint))
-            frames = draw_waits(pauses, seed, start, second[joint])
-            found.append(KeyFrames(self._full(joint), frames, self._motion(said.motion, joint)))
-        return found
-
-    def _pauses(self, said: Alternates) -> RandomWaits:
+    def _waits(self, said: Alternates) -> RandomWaits:
         limit, waiting = self._context.limit, said.waiting
         first = self._time(waiting.first)
         second = 0.0 if waiting.second is None else self._time(waiting.second)
@@ -307,17 +319,17 @@ class SentenceResolver:
             raise InputError.at(said.where, "the longest wait is less than the shortest")
         if (second if waiting.kind == "uniform" else first) <= 0.0:
             raise InputError.at(waiting.first.where, "it waits longer than 0 s")
-        pauses = RandomWaits(
+        waits = RandomWaits(
             waiting.kind,
             first,
             second,
             0.0 if said.since is None else self._time(said.since),
             min(limit, limit if said.until is None else self._time(said.until)),
         )
-        if pauses.count > MOST_DRAWS:
+        if waits.count > MOST_DRAWS:
             message = f"that makes more than {MOST_DRAWS} draws"
             raise InputError.at(waiting.first.where, message, "are the units right?")
-        return pauses
+        return waits
 
     def _reacts(self, said: Reacts) -> list[Behaviour]:
         start, end = self._positions(said.start), self._positions(said.end)
@@ -386,6 +398,7 @@ class SentenceResolver:
         if said.kind == "jump":
             return Jump()
         if said.kind == "servo":
+            # What is not said is what the motion itself has as default: one place for the numbers.
             plain = Servo()
             rate = value(said.rate, plain.rate, "angular speed" if turns else "speed")
             effort = value(said.effort, plain.effort, "torque" if turns else "force")

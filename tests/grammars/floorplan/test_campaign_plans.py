@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 import shapely
 
-from grammars.floorplan import FloorPlan, frame_of, load_floorplan
+from grammars.floorplan import FloorPlan, frames, load_floorplan
 from grammars.model.geometry import Point2, Pose2
 
 # Ortega et al. 2024: doors of the experiments as found in their worlds (x, y, yaw of the door in
@@ -106,7 +106,7 @@ def test_doors_of_the_experiments_stand_where_they_stood(
     building: FloorPlan, world: tuple[float, ...], local: tuple[str, float, float, int]
 ) -> None:
     wall, x, y, quarters = local
-    pose = frame_of(building, f"{wall}-frame") @ Pose2(x, y, quarters * math.pi / 2)
+    pose = frames(building)[f"{wall}-frame"] @ Pose2(x, y, quarters * math.pi / 2)
     assert (pose.x, pose.y, pose.yaw) == pytest.approx(world, abs=1e-6)
 
 
@@ -115,9 +115,7 @@ def test_doors_of_the_experiments_stand_in_their_doorways(
     building: FloorPlan, place: tuple[str, float], name: str
 ) -> None:
     (local,) = (local for _, local in DOORS if (local[0], local[1]) == place)
-    pose = frame_of(building, f"{local[0]}-frame") @ Pose2(
-        local[1], local[2], local[3] * math.pi / 2
-    )
+    pose = frames(building)[f"{local[0]}-frame"] @ Pose2(local[1], local[2], local[3] * math.pi / 2)
     leaf = shapely.Polygon(
         pose.apply_ring(((-0.025, 0.035), (-0.025, 0.965), (0.025, 0.965), (0.025, 0.035)))
     )

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from grammars.floorplan import FloorPlan, frame_of, frames, load_floorplan, parse_floorplan
+from grammars.floorplan import FloorPlan, frames, load_floorplan, parse_floorplan
 from grammars.model.geometry import Pose2
 from grammars.text.diagnostics import InputError
 
@@ -204,7 +204,7 @@ def test_equal_feature_names_in_two_spaces_get_scoped_ids() -> None:
     found = plan(column, room("wrt: cell of: this translation: x: 5 m", rest=column))
     assert [f.id for f in found.features] == ["cell-c", "room-c"]
     assert [f.name for f in found.features] == ["c", "c"]
-    assert frame_of(found, "column-room-c-frame") == Pose2(8.0, 1.0, 0.0)
+    assert frames(found)["column-room-c-frame"] == Pose2(8.0, 1.0, 0.0)
     assert sum("several spaces" in m for m in messages(found)) == 2
 
 
@@ -223,9 +223,9 @@ def test_every_element_publishes_its_frame() -> None:
         "window-w-frame",
         "entryway-e-frame",
     ]
-    assert frame_of(found, "cell-wall-1-frame") == found.walls[1].frame
+    assert frames(found)["cell-wall-1-frame"] == found.walls[1].frame
     with pytest.raises(KeyError):
-        frame_of(found, "cell-wall-4-frame")
+        frames(found)["cell-wall-4-frame"]
 
 
 def test_a_plan_is_loaded_from_its_file(tmp_path: Path) -> None:

@@ -14,12 +14,12 @@ from hypothesis import strategies as st
 from shapely.geometry import LineString, Polygon
 
 from grammars.floorplan import FloorPlan, Opening, load_floorplan, parse_floorplan
+from grammars.model.geometry import signed_area
 from grammars.model.scene import Scene
 from grammars.scenery.composition import (
     compile_scene,
     convex_rings,
     is_convex,
-    signed_area,
     static_segments,
 )
 from tests.grammars.plans import two_rooms
