@@ -146,7 +146,7 @@ class JsonLdContext:
             if part is None:
                 active = JsonLdContext(self.base, "", {})
             elif isinstance(part, str):
-                active = active.extended(_published(part, notes), notes, depth + 1)
+                active = active.extended(context_for(part, notes), notes, depth + 1)
             elif isinstance(part, dict):
                 active = active._with(part)
             else:
@@ -269,7 +269,7 @@ def _text(value: Any, what: str) -> str:
     return value
 
 
-def _published(address: str, notes: set[str]) -> Any:
+def context_for(address: str, notes: set[str]) -> Any:
     """Return our context for a published address, whatever host and folder it had at the time."""
     path = address.partition("metamodels/")[2]
     drifted = (

@@ -120,11 +120,8 @@ def check_behaviours(checked: CheckedScene, behaviours: Sequence[Behaviour]) -> 
     for behaviour in behaviours:
         if isinstance(behaviour, Walk):
             if not told.isdisjoint(behaviour.joints):
-                place, message = (
-                    checked.place(behaviour.joint),
-                    f"{behaviour.object} has two behaviours",
-                )
-                findings.append(Diagnostic(place, message, "one must go"))
+                message = f"{behaviour.object} has two behaviours"
+                findings.append(Diagnostic(checked.place(behaviour.joint), message, "one must go"))
             told.update(behaviour.joints)
             continue
         name = behaviour.joint

@@ -50,7 +50,7 @@ def main() -> None:
     plan, layers = load_floorplan(plan_file), [load_scenery(file) for file in files]
     graph = compose(plan, layers)
     document = plan_document(plan)
-    inlined = [contexts._published(c, set()) if isinstance(c, str) else c
+    inlined = [contexts.context_for(c, set()) if isinstance(c, str) else c
                for c in document["@context"]]  # fmt: skip
     text = json.dumps(document | {"@context": inlined})
     ours = _timed(lambda: graph_of(expand_text(text, "building_c.jsonld")))

@@ -25,7 +25,7 @@ def by_pyld(data: Any) -> Graph:
     """Expand with PyLD, our contexts in the place of the published ones (it takes ten at most)."""
     jsonld = pytest.importorskip("pyld").jsonld
     inlined = [
-        contexts._published(part, set()) if isinstance(part, str) else part
+        contexts.context_for(part, set()) if isinstance(part, str) else part
         for part in data["@context"]
     ]
     quads = jsonld.to_rdf(data | {"@context": inlined}, {"format": "application/n-quads"})

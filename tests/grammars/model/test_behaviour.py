@@ -21,9 +21,8 @@ from grammars.model.scene import Joint, Link, Scene, SceneObject
 
 RING = ((0.0, 0.0), (1.0, 0.0), (1.0, 0.1), (0.0, 0.1))
 LEAF = Joint("hinge", "revolute", "world", "leaf", (0.0, 0.0), (0.0, 0.0), 0.0, 2.0)
-DOOR = SceneObject(
-    "door", "door", Pose2(), (Link("leaf", (RING,), 5.0, 0.0, 2.0),), (LEAF,), (0.4,)
-)
+LINK = Link("leaf", (RING,), 5.0, 0.0, 2.0)
+DOOR = SceneObject("door", "door", Pose2(), (LINK,), (LEAF,), (0.4,))
 SCENE = Scene("house", (), (), (), (DOOR,))
 NAME = "door.hinge"
 
