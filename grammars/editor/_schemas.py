@@ -125,6 +125,7 @@ def editor_schema(model: type[Any], title: str) -> Schema:
     ``model`` is a pydantic model or pydantic dataclass; strings below its fields become
     descriptions. Definitions are called after their classes.
     """
+    # Names of definitions are those of classes: renaming a class ...Text changes published schemas.
     raw = TypeAdapter(model).json_schema(by_alias=True)
     classes = {found.__name__: found for found in _reachable(model, set())}
     definitions = raw.pop("$defs", {})

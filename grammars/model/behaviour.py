@@ -237,6 +237,7 @@ def start_positions(scene: Scene, behaviours: Iterable[Behaviour]) -> dict[str, 
 
     Movers stand where the scene has put them, whatever the route they are about to walk.
     """
+    # Key frames that all come later leave a joint where the scene has it.
     told = {b.joint: b.start_position for b in behaviours if not isinstance(b, Walk)}
     known = {name: position for name, position in told.items() if position is not None}
     return scene.initial_joints | known

@@ -16,10 +16,10 @@ from typing import Annotated, Any, Final, Literal
 
 from pydantic import ConfigDict, Field, model_validator
 
-from grammars.model.geometry import Point2, Pose2, Ring
+from grammars.model.geometry import Pose2, Ring, turn
 from grammars.model.mission import Mission, Waypoint
 from grammars.model.robot import Drive, Laser, OdometryNoise, Robot
-from grammars.text.diagnostics import Diagnostic, InputError
+from grammars.text.diagnostics import InputError
 from grammars.text.documents import (
     Acceleration,
     Angle,
@@ -334,17 +334,12 @@ def load_robot(path: str | Path) -> Robot:
 
 def _check_convex(ring: Ring, document: YamlDocument) -> Ring:
     """Return the ring counter-clockwise; the simulator and the oracles need it convex."""
-    turns = [_turn(ring[i - 2], ring[i - 1], ring[i]) for i in range(len(ring))]
+    # By signs and not by shapely's hull: repeated and collinear corners must be refused too.
+    turns = [turn(ring[i - 2], ring[i - 1], ring[i]) for i in range(len(ring))]
     if not (all(t > 0 for t in turns) or all(t < 0 for t in turns)):
-        raise InputError(
-            Diagnostic(
-                document.where(("footprint", "corners")),
-                "the footprint is not convex",
-                "list the corners in order around the robot, without dents or repeats",
-            )
+        raise InputError.at(
+            document.where(("footprint", "corners")),
+            "the footprint is not convex",
+            "list the corners in order around the robot, without dents or repeats",
         )
     return ring if turns[0] > 0 else tuple(reversed(ring))
-
-
-def _turn(a: Point2, b: Point2, c: Point2) -> float:
-    return (b[0] - a[0]) * (c[1] - b[1]) - (b[1] - a[1]) * (c[0] - b[0])

@@ -20,6 +20,7 @@ from grammars.model.kinematics import link_poses
 from grammars.model.movers import is_fixed
 from grammars.model.scene import Joint, Link, Scene, SceneObject
 
+# Between two placements of a leaf 1 m wide, 4 degrees apart, the arc bulges 0.6 mm over their hull.
 _TURN: Final = math.radians(4.0)
 _SLIDE: Final = 0.05
 TOUCHING_DEPTH: Final = 0.01
@@ -80,6 +81,7 @@ def swept_area(
         shapes.extend(
             shapely.convex_hull(shapely.union(a, b))
             for a, b in itertools.pairwise(placements)
+            # The hull of several polygons would fill what is free between them.
             if len(link.polygons) == 1
         )
     return shapely.union_all(shapes)
@@ -87,6 +89,7 @@ def swept_area(
 
 def _steps(joint: Joint, low: float, high: float) -> list[float]:
     step = _TURN if joint.kind == "revolute" else _SLIDE
+    # Joints without limits to speak of reach 10 km: they are swept coarsely.
     count = min(2 + int(abs(high - low) / step), 400)
     return [float(q) for q in np.linspace(low, high, count)]
 
@@ -129,6 +132,7 @@ class SolidIndex:
         """
         point = Point(x, y)
         best = (math.inf, "")
+        # Where there is a wall within 2 m, the rest of the building need not be measured.
         for radius in (2.0, 1e6):
             for index in self._tree.query(point.buffer(radius)).tolist():
                 if self.solids[index].z_min < z_max:
@@ -169,6 +173,8 @@ class FreeSpace:
             if link.z_min < height
         ]
         rooms = [valid_polygon(r.outline) for r in scene.regions]
+        # A little wider than they are: doorway and room share an edge only up to rounding, and a
+        # slit between them would part the floor.
         passages = [
             valid_polygon(d.footprint).buffer(0.02)
             for d in scene.doorways

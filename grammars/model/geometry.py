@@ -36,8 +36,15 @@ def signed_area(ring: Sequence[Point2]) -> float:
 
 def wrap_angle(angle: float) -> float:
     """Map an angle [rad] to the half-open interval (-pi, pi]."""
+    # remainder rounds once and is exact; the stacks repeat what robots compute, by modulo and to
+    # [-pi, pi): daemon.stacks.kernels.wrap_angle_modulo.
     wrapped = math.remainder(angle, math.tau)
     return math.pi if wrapped == -math.pi else wrapped
+
+
+def turn(a: Point2, b: Point2, c: Point2) -> float:
+    """Return whether the way a, b, c turns left (> 0) or right (< 0): a cross product [m^2]."""
+    return (b[0] - a[0]) * (c[1] - b[1]) - (b[1] - a[1]) * (c[0] - b[0])
 
 
 @dataclass(frozen=True, slots=True)

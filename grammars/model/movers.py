@@ -122,6 +122,7 @@ class Route:
             for i in range(1, len(lengths))
         ]
         if self.closed:
+            # The corner where a lap ends and the next begins, once for each of its halves.
             width = _corner_half_width(lengths[-1], lengths[0])
             corners = [(0.0, width, last), *corners, (self.length, width, last)]
         return corners
@@ -129,6 +130,7 @@ class Route:
     def _lap(self, way: float) -> tuple[int, float]:
         if not self.closed:
             return 0, min(max(way, 0.0), self.length)
+        # The quotient may round up to a lap that the way is still short of.
         lap = math.floor(way / self.length)
         return lap, max(0.0, way - lap * self.length)
 
@@ -154,6 +156,8 @@ class Route:
             return self._yaw
         lap, rest = self._lap(way)
         yaw = self._headings[self._leg(rest)] + lap * self._lap_turn
+        # A round begins in its first corner without having come through it, so at first only the
+        # second half of that corner would turn: it is skipped until the first lap is over.
         for at, width, turn in self._corners:
             if abs(rest - at) < width and (at > 0.0 or lap > 0):
                 before = yaw if rest < at else yaw - turn
@@ -196,6 +200,7 @@ class Profile:
         ``entry`` must allow to stop within ``length`` and not exceed ``speed``.
         """
         length = max(0.0, length)
+        # From entry up to v and down to rest takes (v^2 - entry^2) / 2a + v^2 / 2a: solved for v.
         top = math.sqrt(acceleration * length + entry * entry / 2.0)
         peak = max(entry, min(speed, top))
         ramps = (2.0 * peak * peak - entry * entry) / (2.0 * acceleration)
@@ -222,5 +227,6 @@ class Profile:
         risen = (self.entry + self.peak) / 2.0 * self.rise
         if time <= self.rise + self.cruise:
             return risen + self.peak * (time - self.rise), self.peak
+        # Counted back from the end, so that a walk stops where its route does, to the last bit.
         left = max(0.0, self.duration - time)
         return self.length - a * left * left / 2.0, a * left

@@ -45,7 +45,8 @@ _OPERATORS: Final = (
 )
 _MAX_LENGTH: Final = 1000
 _MAX_DEPTH: Final = 16
-"""Longer or deeper oracles are refused: nobody could read them, and parsing recurses."""
+"""Longer or deeper oracles are refused: nobody could read them, and the parser recurses through a
+dozen rules for every parenthesis."""
 _EXAMPLE: Final = "an oracle reads like: always(loc.error <= 0.35 m)"
 
 
@@ -84,6 +85,7 @@ _LANGUAGE: Final = _OracleLanguage(Path(__file__).with_name("oracle.tx"), autokw
 
 
 def _parse_tree(text: str, where: Where) -> Any:
+    # A misspelt operator would read as an oracle that plugs in, and be told as a missing plug-in.
     _refuse_unknown_operator(text, where)
     _refuse_oversized(text, where)
     return _LANGUAGE.parse(SourceText(text, where.file, within=where))
@@ -97,18 +99,18 @@ def _refuse_unknown_operator(text: str, where: Where) -> None:
     if word is None or word[1] not in known:
         given = f'"{word[1]}"' if word else "this"
         hint = did_you_mean(word[1], known) if word else _EXAMPLE
-        raise InputError(Diagnostic(where, f"{given} does not begin an oracle", hint))
+        raise InputError.at(where, f"{given} does not begin an oracle", hint)
 
 
 def _refuse_oversized(text: str, where: Where) -> None:
     if len(text) > _MAX_LENGTH:
-        raise InputError(Diagnostic(where, f"is longer than {_MAX_LENGTH} characters"))
+        raise InputError.at(where, f"is longer than {_MAX_LENGTH} characters")
     depth = 0
     for column, character in enumerate(text):
         depth += (character == "(") - (character == ")")
         if depth > _MAX_DEPTH:
             place = shift_place(where, text, column)
-            raise InputError(Diagnostic(place, f"nests parentheses deeper than {_MAX_DEPTH}"))
+            raise InputError.at(place, f"nests parentheses deeper than {_MAX_DEPTH}")
 
 
 class _OracleBuilder:
@@ -141,7 +143,7 @@ class _OracleBuilder:
             place = shift_place(self._where, self._text, part._tx_position)
             hint = "such as: never(contact) until within 60 s (mission.reached >= 1)"
             first = "eventually" if node.operator == "eventually" else f"{node.operator} within"
-            raise InputError(Diagnostic(place, f'"{first}" takes no "until"', hint))
+            raise InputError.at(place, f'"{first}" takes no "until"', hint)
         within = self.number(part.within) if part.within else None
         predicate, release = self.expression(node.predicate), self.expression(part.release)
         return Until(node.operator, predicate, release, within)
@@ -164,7 +166,7 @@ class _OracleBuilder:
         try:
             kind = dimension(quantity.dimension)
         except ValueError as error:
-            raise InputError(Diagnostic(place, str(error))) from error
+            raise InputError.at(place, str(error)) from error
         # 95 % is 0.9500000000000001 in binary; fifteen digits are what people write.
         return Number(float(f"{quantity.value:.15g}"), kind, node.text, column)
 
@@ -215,12 +217,10 @@ def load_oracles(path: str | Path) -> dict[str, Oracle]:
     """
     document = load_yaml(path)
     if not isinstance(document.data, dict) or not document.data:
-        raise InputError(
-            Diagnostic(
-                Where(document.file, 1),
-                "expected lines of name: oracle",
-                "such as: localised: always(loc.error <= 0.35 m)",
-            )
+        raise InputError.at(
+            Where(document.file, 1),
+            "expected lines of name: oracle",
+            "such as: localised: always(loc.error <= 0.35 m)",
         )
     oracles: dict[str, Oracle] = {}
     found: list[Diagnostic] = []
@@ -237,11 +237,11 @@ def load_oracles(path: str | Path) -> dict[str, Oracle]:
 def _read(document: YamlDocument, name: str, text: object) -> Oracle:
     key = document.where((name,))
     if not _NAME.fullmatch(name):
-        raise InputError(
-            Diagnostic(key, f'"{name}" cannot name an oracle', "use letters, digits, - _ and .")
+        raise InputError.at(
+            key, f'"{name}" cannot name an oracle', "use letters, digits, - _ and ."
         )
     if not isinstance(text, str):
-        raise InputError(Diagnostic(key, f'oracle "{name}" is not a line of text'))
+        raise InputError.at(key, f'oracle "{name}" is not a line of text')
     return parse_oracle(name, text, _value_place(document, key, text))
 
 

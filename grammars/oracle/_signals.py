@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Any, Final, TypeVar
 
 from grammars.oracle._model import dimension
 from grammars.text.plugins import load_plugin, plugin_names
@@ -69,6 +69,9 @@ class CustomOracle:
     judges_prefixes: bool = False
 
 
+_P = TypeVar("_P", CustomSignal, CustomOracle)
+
+
 def custom_signal_names() -> tuple[str, ...]:
     """Names of the signals that plug in, without loading any."""
     return plugin_names(SIGNAL_GROUP)
@@ -84,13 +87,7 @@ def custom_signal(name: str) -> CustomSignal | None:
 
     Raises ``ValueError`` when it cannot be loaded or is no :class:`CustomSignal` that can be used.
     """
-    loaded = load_plugin(SIGNAL_GROUP, name, "signal")
-    if loaded is None:
-        return None
-    if not isinstance(loaded, CustomSignal):
-        raise _wrong_type("signal", name, CustomSignal, loaded)
-    _check_declaration("signal", name, loaded.sample, loaded.unit, loaded.arguments)
-    return loaded
+    return _plugged(SIGNAL_GROUP, "signal", name, CustomSignal)
 
 
 def custom_oracle(name: str) -> CustomOracle | None:
@@ -98,18 +95,20 @@ def custom_oracle(name: str) -> CustomOracle | None:
 
     Raises ``ValueError`` when it cannot be loaded or is no :class:`CustomOracle` that can be used.
     """
-    loaded = load_plugin(ORACLE_GROUP, name, "oracle")
+    return _plugged(ORACLE_GROUP, "oracle", name, CustomOracle)
+
+
+def _plugged(group: str, kind: str, name: str, wanted: type[_P]) -> _P | None:
+    """Return a plug-in once it is seen to be one; raises ``ValueError``."""
+    loaded = load_plugin(group, name, kind)
     if loaded is None:
         return None
-    if not isinstance(loaded, CustomOracle):
-        raise _wrong_type("oracle", name, CustomOracle, loaded)
-    _check_declaration("oracle", name, loaded.judge, loaded.unit, loaded.arguments)
+    if not isinstance(loaded, wanted):
+        must = f"a grammars.oracle.{wanted.__name__}"
+        raise ValueError(f'the {kind} "{name}" must be {must}, not {type(loaded).__name__}')
+    function = loaded.sample if isinstance(loaded, CustomSignal) else loaded.judge
+    _check_declaration(kind, name, function, loaded.unit, loaded.arguments)
     return loaded
-
-
-def _wrong_type(kind: str, name: str, wanted: type, found: object) -> ValueError:
-    must = f"a grammars.oracle.{wanted.__name__}"
-    return ValueError(f'the {kind} "{name}" must be {must}, not {type(found).__name__}')
 
 
 def _check_declaration(
@@ -242,6 +241,7 @@ def signal_declaration(name: str) -> SignalDeclaration | None:
     Signals that ship here come first, then those that plug in, then those of objects. Raises
     ``ValueError`` when the name is that of a plug-in that cannot be used.
     """
+    # What ships here first: no plug-in changes the meaning of an oracle that is written already.
     declared = SIGNALS.get(name) or _custom_declaration(name)
     if declared is None and "." in name:
         return OBJECT_SIGNALS.get(name.rpartition(".")[2])

@@ -100,13 +100,11 @@ def margin_kind(predicate: Expression) -> Kind:
 
 def _check_judgement(oracle: Oracle) -> None:
     match oracle.judgement:
-        case Temporal(predicate=predicate, within=within):
-            _require_predicate(predicate)
-            if within is not None:
-                _require(within, TIME, '"within" takes a time')
-        case Until(predicate=predicate, release=release, within=within):
-            _require_predicate(predicate)
-            _require_predicate(release)
+        case Temporal() | Until() as judgement:
+            _require_predicate(judgement.predicate)
+            if isinstance(judgement, Until):
+                _require_predicate(judgement.release)
+            within = judgement.within
             if within is not None:
                 _require(within, TIME, '"within" takes a time')
         case Amount(operator=operator, predicate=predicate, limit=limit):
@@ -221,6 +219,7 @@ def _signal_hint(name: str) -> str:
     parts = name.split("-")
     if len(parts) > 1 and all(part in signal_names() for part in parts):
         return f"to subtract, put blanks around the sign: {' - '.join(parts)}"
+    # door-17.angel: the object may be there, which only a scene can tell, so its endings are known.
     owner, _, last = name.rpartition(".")
     known = set(signal_names())
     if owner and not any(known_name.startswith(f"{owner}.") for known_name in SIGNALS):
@@ -244,6 +243,7 @@ def _comparison(expression: Comparison) -> None:
     left, right = _quantity(expression.left), _quantity(expression.right)
     if left != right:
         raise _unlike(expression.right.column, left, right)
+    # Counts and numbers of legs are plain numbers; so are shares, of which nothing else is known.
     if expression.operator in ("==", "!=") and left != RATIO:
         raise _equality(expression.column)
 

@@ -92,6 +92,7 @@ def _check_route(
         elif not any(room.covers(Point(point)) for room in rooms):
             hint = "check its frame and the signs of x and y"
             findings.append(Diagnostic(place, f"{label} is outside of every room", hint))
+    # A way from a point that is wrong says nothing new.
     return findings or _check_way(checked, body, walk, place, (low, high))
 
 
@@ -139,6 +140,7 @@ def walked_area(walk: Walk, link: Link) -> BaseGeometry:
     """Return the floor that the body ``link`` covers on the route once."""
     route = Route(walk)
     count = max(2, int(route.length / _ROUTE_STEP) + 1)
+    # Between two placements the hull, as for leaves that sweep: nothing is missed on straight legs.
     ways = [route.length * i / (count - 1) for i in range(count)]
     placements = [
         shapely.union_all(
@@ -211,6 +213,7 @@ def _never_coming(
     movable = _movable(scene, behaviours)
     fires = {b.joint for b in behaviours if isinstance(b, Trigger)}
     waiting = [b for b in behaviours if isinstance(b, Reaction | Walk)]
+    # What comes may set off more: until nothing new comes.
     while True:
         coming = [b for b in waiting if _can_come(b.event, fires, movable)]
         waiting = [b for b in waiting if b not in coming]
@@ -258,6 +261,7 @@ def check_triggers(
     findings = []
     for trigger in triggers:
         measured = _measured_from(scene, trigger)
+        # Bounds in favour of the trigger: it is said to never fire only when that is certain.
         nearest = measured.distance(parts.parts[home_part]) - SNAP_DISTANCE
         if trigger.to == "footprint":
             nearest -= radius

@@ -69,6 +69,7 @@ def _no_way(
 ) -> Diagnostic:
     label, point, place = spot
     width = f"{robot.name} is {2 * radius:.2f} m wide"
+    # If not even a thread passes, the building is closed there; else something is too narrow.
     if not _connected(space.for_radius(_THIN), start[1], point):
         hint = "an entryway may be missing in the floor plan, or not list both of its walls"
         return Diagnostic(place, f"there is no way from the start to {label}", hint)
@@ -119,6 +120,7 @@ def _behind_doors(
     behind = [p for p in points if not _connected(parts, start[1], p[1])]
     if not behind:
         return []
+    # Each shut door is opened alone: one that lets the robot through is the one to name.
     without = {name: space.for_radius(radius, _leaves(shut, but=name)) for name in shut}
     findings = []
     for label, point, place in behind:

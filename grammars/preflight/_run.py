@@ -119,7 +119,9 @@ def check_behaviours(checked: CheckedScene, behaviours: Sequence[Behaviour]) -> 
     told: set[str] = set()
     for behaviour in behaviours:
         if isinstance(behaviour, Walk):
-            findings.extend(_walks_twice(behaviour, told, checked.place(behaviour.joint)))
+            if not told.isdisjoint(behaviour.joints):
+                message = f"{behaviour.object} has two behaviours"
+                findings.append(Diagnostic(checked.place(behaviour.joint), message, "one must go"))
             told.update(behaviour.joints)
             continue
         name = behaviour.joint
@@ -134,12 +136,6 @@ def check_behaviours(checked: CheckedScene, behaviours: Sequence[Behaviour]) -> 
         body, joint = joints[name]
         findings.extend(_one_behaviour(behaviour, body, joint, place))
     return findings
-
-
-def _walks_twice(walk: Walk, told: set[str], place: Where) -> list[Diagnostic]:
-    if told.isdisjoint(walk.joints):
-        return []
-    return [Diagnostic(place, f"{walk.object} has two behaviours", "one must go")]
 
 
 def _one_behaviour(
@@ -208,6 +204,8 @@ def _moving_doors(
 
 def _starting_in_range(body: SceneObject, used: Mapping[str, tuple[float, float]]) -> SceneObject:
     """Return ``body`` with told joints starting inside the range they are told to move in."""
+    # A joint is swept alone while the others stand at their start, and what a behaviour sets at
+    # time 0 is never where the scene has it.
     initial = tuple(
         min(max(q, used[j.name][0]), used[j.name][1]) if j.name in used else q
         for j, q in zip(body.joints, body.initial, strict=True)

@@ -91,6 +91,7 @@ def check_scene(
         if not body.frozen and not is_mover(body.joints)
         for link in moving_links(body)
     ]
+    # A leaf that starts in a wall sweeps through it as well: that is said once.
     loose = [sweep for sweep in sweeps if not stuck[sweep[0].name]]
     findings.extend(wall_hits(checked, loose, "somewhere in its range"))
     findings.extend(object_hits(checked, sweeps, "somewhere in its range"))
@@ -122,6 +123,7 @@ def _blocked_doorways(checked: CheckedScene) -> list[Diagnostic]:
     findings = []
     for doorway in checked.scene.doorways:
         passage = _passage(doorway)
+        # A centimetre inside: sill and lintel touch the passage and do not close it.
         hits = checked.obstacles.hit_by(passage, doorway.z_min + 0.01, doorway.z_max - 0.01)
         closing = [o for o, part in hits.items() if part.area > _BLOCKED * passage.area]
         if closing:
@@ -141,6 +143,7 @@ def _passage(doorway: Doorway) -> Polygon:
     local = doorway.frame.inverse().apply_ring(doorway.footprint)
     xs, ys = [p[0] for p in local], [p[1] for p in local]
     low, high = min(ys) - _THRESHOLD, max(ys) + _THRESHOLD
+    # The jambs touch the passage too.
     left, right = min(xs) + 0.01, max(xs) - 0.01
     corners = ((left, low), (right, low), (right, high), (left, high))
     return Polygon(doorway.frame.apply_ring(corners))
@@ -216,6 +219,7 @@ def object_hits(checked: CheckedScene, sweeps: Sweeps, when: str) -> list[Diagno
         for link in body.links
         if (id(body), link.name) not in seen
     )
+    # Each leaf meets few neighbours: by the tree not every pair is looked at.
     tree = shapely.STRtree([area for _, _, area in others])
     findings, reported = [], set[tuple[int, int]]()
     for body, link, area in sweeps:

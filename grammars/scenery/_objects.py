@@ -7,7 +7,7 @@ import math
 from functools import partial
 from typing import Any, Final, Literal
 
-from grammars.model.geometry import Point2, Pose2, Ring
+from grammars.model.geometry import Point2, Pose2, Ring, turn
 from grammars.model.kinematics import WORLD
 from grammars.model.movers import PLANAR_JOINTS, with_planar_chain
 from grammars.model.scene import Joint, Link
@@ -161,7 +161,7 @@ class ConvexNode(TypedNode):
 
 def _convex(points: list[Point2], where: Where) -> Ring:
     """Return the corners counter-clockwise; raises unless they are those of a convex polygon."""
-    turns = [_turn(points[i - 2], points[i - 1], points[i]) for i in range(len(points))]
+    turns = [turn(points[i - 2], points[i - 1], points[i]) for i in range(len(points))]
     one_way = all(t > _TOLERANCE for t in turns) or all(t < -_TOLERANCE for t in turns)
     if len(points) < 3 or not one_way or not _turns_once(points):
         raise InputError.at(
@@ -170,10 +170,6 @@ def _convex(points: list[Point2], where: Where) -> Ring:
             "list three or more corners in order; join several convex shapes with and",
         )
     return tuple(points) if turns[0] > 0.0 else tuple(reversed(points))
-
-
-def _turn(a: Point2, b: Point2, c: Point2) -> float:
-    return (b[0] - a[0]) * (c[1] - b[1]) - (b[1] - a[1]) * (c[0] - b[0])
 
 
 def _turns_once(points: list[Point2]) -> bool:

@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import functools
 import hashlib
-from collections.abc import Hashable
-from typing import Any, Final, Literal, TypeVar, cast
+from collections.abc import Callable
+from typing import Any, Final, Literal, TypeVar
 
 from pydantic import TypeAdapter
 from pydantic_core import SchemaValidator
@@ -19,14 +19,16 @@ T = TypeVar("T")
 _SCALARS: Final = frozenset({"bool", "int", "float", "str"})
 
 
-@functools.cache
-def _cached_adapter(kind: Hashable) -> TypeAdapter[Any]:
-    return TypeAdapter(cast(Any, kind))
+_adapter: Callable[[Any], TypeAdapter[Any]] = functools.cache(TypeAdapter)
 
 
-@functools.cache
-def _cached_reader(kind: Hashable, exactly: bool) -> SchemaValidator:
-    return SchemaValidator(_guarded(_cached_adapter(kind).core_schema, exactly))
+def _build_reader(kind: Any, exactly: bool) -> SchemaValidator:
+    # allow_inf_nan is a setting of one class: dataclasses inside of it, and unions of them, do not
+    # take it over. So the whole schema is walked, once.
+    return SchemaValidator(_guarded(_adapter(kind).core_schema, exactly))
+
+
+_reader: Callable[[Any, bool], SchemaValidator] = functools.cache(_build_reader)
 
 
 def _guarded(schema: Any, exactly: bool) -> Any:
@@ -44,10 +46,6 @@ def _guarded(schema: Any, exactly: bool) -> Any:
     if type(schema) in (list, tuple):
         return type(schema)(_guarded(part, exactly) for part in schema)
     return schema
-
-
-def _adapter(kind: Any) -> TypeAdapter[Any]:
-    return _cached_adapter(kind)
 
 
 def to_json(value: Any, kind: Any = None) -> bytes:
@@ -72,12 +70,15 @@ def from_json(kind: type[T], data: bytes | str, *, exactly: bool = False) -> T:
     Raises :class:`pydantic.ValidationError` (a ``ValueError``) when the text is not such a value.
     """
     extra: Literal["forbid"] | None = "forbid" if exactly else None
-    value: T = _cached_reader(cast(Hashable, kind), exactly).validate_json(data, extra=extra)
+    value: T = _reader(kind, exactly).validate_json(data, extra=extra)
     return value
 
 
 def from_plain(kind: type[T], data: Any) -> T:
-    """Build a value type from dicts, lists, strings and numbers; raises ``ValidationError``."""
+    """Build a value type from dicts, lists, strings and numbers; raises ``ValidationError``.
+
+    Unlike JSON these may hold numbers that are not finite.
+    """
     value: T = _adapter(kind).validate_python(data)
     return value
 
@@ -90,4 +91,4 @@ def digest(value: Any) -> str:
 def warm_up(*kinds: Any) -> None:
     """Build the validators of ``kinds`` now, for processes that fork before they use them."""
     for kind in kinds:
-        _cached_reader(kind, False)
+        _reader(kind, False)

@@ -34,7 +34,9 @@ M = TypeVar("M", bound="StrictModel")
 MAX_BYTES: Final = 8 * 1024 * 1024
 """A file written by a person is never larger than this; a larger one is refused."""
 _DEEPEST: Final = 50
+"""Levels of nesting: reading recurses, and nobody follows a file that deep."""
 _LARGEST: Final = 2**64
+"""Whole numbers from here on fit no 64 bits, neither in a ledger nor in what reads our JSON."""
 
 
 class StrictModel(BaseModel):
@@ -103,20 +105,17 @@ def read_text(path: str | Path) -> str:
     file = Path(path)
     try:
         if file.is_dir():
-            raise InputError(Diagnostic(Where(str(path)), "is a folder, expected a file"))
+            raise InputError.at(Where(str(path)), "is a folder, expected a file")
         if file.stat().st_size > MAX_BYTES:
-            raise InputError(Diagnostic(Where(str(path)), "is larger than 8 MiB"))
+            raise InputError.at(Where(str(path)), "is larger than 8 MiB")
+        # Editors on Windows begin a file with a byte order mark.
         return file.read_text(encoding="utf-8-sig")
     except FileNotFoundError as error:
-        raise InputError(Diagnostic(Where(str(path)), "no such file", _neighbours(file))) from error
+        raise InputError.at(Where(str(path)), "no such file", _neighbours(file)) from error
     except UnicodeDecodeError as error:
-        raise InputError(
-            Diagnostic(Where(str(path)), f"is not UTF-8 text (byte {error.start})")
-        ) from error
+        raise InputError.at(Where(str(path)), f"is not UTF-8 text (byte {error.start})") from error
     except OSError as error:
-        raise InputError(
-            Diagnostic(Where(str(path)), f"cannot be read: {error.strerror}")
-        ) from error
+        raise InputError.at(Where(str(path)), f"cannot be read: {error.strerror}") from error
 
 
 def _neighbours(file: Path) -> str:
@@ -141,6 +140,7 @@ def parse_yaml(text: str, file: str) -> YamlDocument:
     yaml = YAML(typ="rt")
     yaml.version = (1, 2)
     try:
+        # First, by its events alone: aliases of aliases grow without bound once the tree is built.
         _refuse_indirection(text, file)
         tree = yaml.load(text)
     except DuplicateKeyError as error:
@@ -149,10 +149,15 @@ def parse_yaml(text: str, file: str) -> YamlDocument:
         raise InputError(_marked(file, error, "")) from error
     except (YAMLError, ValueError, TypeError, RecursionError) as error:
         first_line = str(error).splitlines()[0] if str(error) else type(error).__name__
-        raise InputError(Diagnostic(Where(file), f"is not valid YAML: {first_line}")) from error
+        raise InputError.at(Where(file), f"is not valid YAML: {first_line}") from error
     places: dict[KeyPath, Where] = {(): Where(file, 1, 1)}
     data = _plain(tree, (), Where(file), places, text)
     return YamlDocument(file, data, places, text)
+
+
+def mark_place(file: str, mark: Any) -> Where:
+    """Return the place of one of ruamel's marks, which count from 0."""
+    return Where(file, mark.line + 1, mark.column + 1) if mark else Where(file)
 
 
 def _refuse_indirection(text: str, file: str) -> None:
@@ -164,23 +169,22 @@ def _refuse_indirection(text: str, file: str) -> None:
     for event in YAML(typ="safe", pure=True).parse(text):
         depth += isinstance(event, CollectionStartEvent)
         depth -= isinstance(event, CollectionEndEvent)
-        where = Where(file, event.start_mark.line + 1, event.start_mark.column + 1)
+        where = mark_place(file, event.start_mark)
         if isinstance(event, AliasEvent):
-            raise InputError(
-                Diagnostic(
-                    where,
-                    "YAML aliases (*name) are not used here",
-                    'write "like: <scenario>" to share what another scenario says',
-                )
+            raise InputError.at(
+                where,
+                "YAML aliases (*name) are not used here",
+                'write "like: <scenario>" to share what another scenario says',
             )
         if getattr(event, "value", None) == "<<" and getattr(event, "style", None) is None:
-            raise InputError(Diagnostic(where, "YAML merge keys (<<) are not used here"))
+            raise InputError.at(where, "YAML merge keys (<<) are not used here")
         if getattr(event, "tag", None) is not None:
-            raise InputError(Diagnostic(where, f"YAML tags ({event.tag}) are not used here"))
+            raise InputError.at(where, f"YAML tags ({event.tag}) are not used here")
         if depth > _DEEPEST:
-            raise InputError(Diagnostic(where, f"is nested deeper than {_DEEPEST} levels"))
+            raise InputError.at(where, f"is nested deeper than {_DEEPEST} levels")
 
 
+# ruamel.yaml tells its errors apart by nothing but their text.
 _YAML_REMEDIES: Final = (
     ("'\\t'", "indents with a tab", "indent with spaces"),
     ("found character", "", "put quotes around a value that starts with @ ` % & or *"),
@@ -196,8 +200,7 @@ _YAML_REMEDIES: Final = (
 
 
 def _marked(file: str, error: Any, message: str) -> Diagnostic:
-    mark = error.problem_mark or error.context_mark
-    where = Where(file, mark.line + 1, mark.column + 1) if mark else Where(file)
+    where = mark_place(file, error.problem_mark or error.context_mark)
     problem = str(error.problem or error.context or "is not valid YAML").splitlines()[0]
     for part, ours, hint in _YAML_REMEDIES:
         if part in problem and not message:
@@ -216,10 +219,8 @@ def _plain(node: Any, path: KeyPath, root: Where, places: dict[KeyPath, Where], 
             where = Where(file, line + 1, column + 1)
             if not isinstance(key, str):
                 written, kind = _source(text, where, _KEY) or str(key), _kind(key)
-                raise InputError(
-                    Diagnostic(
-                        where, f"key {written} is {kind}, not text", f'write it as "{written}"'
-                    )
+                raise InputError.at(
+                    where, f"key {written} is {kind}, not text", f'write it as "{written}"'
                 )
             child = (*path, str(key))
             places[child] = where
@@ -232,7 +233,7 @@ def _plain(node: Any, path: KeyPath, root: Where, places: dict[KeyPath, Where], 
         return [_plain(value, (*path, i), root, places, text) for i, value in enumerate(node)]
     value = _scalar(node)
     if isinstance(value, int) and abs(value) >= _LARGEST:
-        raise InputError(Diagnostic(places.get(path, root), "is a number too large to be meant"))
+        raise InputError.at(places.get(path, root), "is a number too large to be meant")
     return value
 
 
@@ -266,7 +267,7 @@ def read_model(document: YamlDocument, model: type[M]) -> M:
     """Check ``document`` against ``model``; raises :class:`InputError` with every finding."""
     if not isinstance(document.data, dict):
         keys = ", ".join(_names(model))
-        raise InputError(Diagnostic(Where(document.file), f"expected keys such as {keys}"))
+        raise InputError.at(Where(document.file), f"expected keys such as {keys}")
     try:
         return model.model_validate(document.data)
     except ValidationError as error:

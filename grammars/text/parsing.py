@@ -116,7 +116,7 @@ class Language:
                 tree = self._tree(text)
             except RecursionError as error:
                 hint = self.hint(SyntaxFault(text, len(text), "", "", ()))
-                raise InputError(Diagnostic(source.whole, "is nested too deeply", hint)) from error
+                raise InputError.at(source.whole, "is nested too deeply", hint) from error
             except TextXSyntaxError as error:
                 fault = self._fault(text, error)
                 errors.append(self.explain(source, fault))

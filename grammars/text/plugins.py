@@ -42,6 +42,7 @@ def load_plugin(group: str, name: str, what: str) -> object | None:
     try:
         loaded: object = entry.load()
     except (Exception, SystemExit) as error:
+        # Code of other people: at import it may do anything, leave the program included.
         problem = f'the {what} "{name}" ({plugin_origin(entry)}) cannot be loaded'
         raise ValueError(explain_plugin_error(problem, error, __file__)) from error
     return loaded

@@ -12,7 +12,7 @@ import re
 from dataclasses import dataclass
 from typing import Any, Final, Literal, TypeAlias
 
-from grammars.text.diagnostics import Diagnostic, InputError, Where, did_you_mean, with_article
+from grammars.text.diagnostics import InputError, Where, did_you_mean, with_article
 
 _SI_UNITS: Final = {
     "ratio": "1",
@@ -235,7 +235,7 @@ def parse_quantity(text: str, where: Where) -> Quantity:
     try:
         return read_quantity(text)
     except ValueError as error:
-        raise InputError(Diagnostic(where, str(error))) from error
+        raise InputError.at(where, str(error)) from error
 
 
 def unit_of(dimension: str) -> str:

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from grammars.text.diagnostics import Diagnostic, InputError, Severity, Where
-from grammars.text.documents import KeyPath, YamlDocument, read_text
+from grammars.text.documents import KeyPath, YamlDocument, mark_place, read_text
 
 _DEEPEST: Final = 20
 _MOST_VALUES: Final = 20_000
@@ -48,21 +48,20 @@ def parse_ros_yaml(text: str, file: str) -> tuple[YamlDocument, tuple[Diagnostic
     try:
         root = yaml.compose(text)
     except MarkedYAMLError as error:
-        mark = error.problem_mark or error.context_mark
-        where = Where(file, mark.line + 1, mark.column + 1) if mark else Where(file)
+        where = mark_place(file, error.problem_mark or error.context_mark)
         message = str(error.problem or error.context or "").splitlines()[0]
-        raise InputError(Diagnostic(where, f"is not valid YAML: {message}")) from error
+        raise InputError.at(where, f"is not valid YAML: {message}") from error
     except RecursionError as error:
-        raise InputError(Diagnostic(Where(file), "is nested too deeply")) from error
+        raise InputError.at(Where(file), "is nested too deeply") from error
     except (YAMLError, ValueError) as error:
         first = str(error).splitlines()[0] if str(error) else type(error).__name__
-        raise InputError(Diagnostic(Where(file), f"is not valid YAML: {first}")) from error
+        raise InputError.at(Where(file), f"is not valid YAML: {first}") from error
     reader = _RosYamlReader(file, yaml.constructor)
     if root is None or root.tag == _NULL:
         return YamlDocument(file, {}, {(): Where(file, 1, 1)}, text), ()
     data = reader.value(root, ())
     if not isinstance(data, dict):
-        raise InputError(Diagnostic(Where(file, 1, 1), "expected parameters, NAME: VALUE"))
+        raise InputError.at(Where(file, 1, 1), "expected parameters, NAME: VALUE")
     return YamlDocument(file, data, reader.places, text), tuple(reader.warnings)
 
 
@@ -81,12 +80,12 @@ class _RosYamlReader:
         where = self.place(node)
         self.count += 1
         if len(path) > _DEEPEST:
-            raise InputError(Diagnostic(where, f"is nested deeper than {_DEEPEST} levels"))
+            raise InputError.at(where, f"is nested deeper than {_DEEPEST} levels")
         if self.count > _MOST_VALUES:
-            raise InputError(Diagnostic(where, f"holds more than {_MOST_VALUES} values"))
+            raise InputError.at(where, f"holds more than {_MOST_VALUES} values")
         self.places[path] = where
         if node.id != "scalar" and node.tag not in _COLLECTIONS:
-            raise InputError(Diagnostic(where, f"tag {node.tag} is not read here"))
+            raise InputError.at(where, f"tag {node.tag} is not read here")
         if node.id == "mapping":
             return self.mapping(node, path)
         if node.id == "sequence":
@@ -100,7 +99,7 @@ class _RosYamlReader:
             name = str(key.value)
             if value.tag == _NULL:
                 message = f"{name}: has no value, which rosparam cannot load"
-                raise InputError(Diagnostic(self.place(key), message, _NO_VALUE))
+                raise InputError.at(self.place(key), message, _NO_VALUE)
             if name in result:
                 message = f"{name}: is written twice, ROS takes this one"
                 self.warn(key, message, f"the other one: line {self.places[(*path, name)].line}")
@@ -113,27 +112,29 @@ class _RosYamlReader:
         own, merged = [], []
         for key, value in node.value:
             if key.id != "scalar":
-                raise InputError(Diagnostic(self.place(key), "a name must be plain text"))
+                raise InputError.at(self.place(key), "a name must be plain text")
             if key.value != "<<":
                 own.append((key, value))
                 continue
             for part in value.value if value.id == "sequence" else (value,):
                 if part.id != "mapping":
-                    raise InputError(Diagnostic(self.place(part), "<< takes mappings only"))
+                    raise InputError.at(self.place(part), "<< takes mappings only")
                 merged += part.value
+        # What a mapping says itself wins over what << brings in, wherever the << stands.
         names = {key.value for key, _ in own}
         return [pair for pair in merged if pair[0].value not in names] + own
 
     def scalar(self, node: Any) -> Any:
         """Return a number, text or truth value as YAML 1.1 reads it."""
         if node.tag == _NULL:
-            raise InputError(Diagnostic(self.place(node), "is no value", _NO_VALUE))
+            raise InputError.at(self.place(node), "is no value", _NO_VALUE)
         if node.tag in _ANGLES:
             return self.angle(node, node.tag, node.value)
         if node.tag not in _PLAIN:
+            # A date stays the text it is: no parameter of a robot is one.
             if node.tag == _DATE:
                 return str(node.value)
-            raise InputError(Diagnostic(self.place(node), f"tag {node.tag} is not read here"))
+            raise InputError.at(self.place(node), f"tag {node.tag} is not read here")
         found = _ANGLE.match(node.value) if node.tag.endswith(":str") else None
         if found:
             return self.angle(node, {"deg": "!degrees", "rad": "!radians"}[found[1]], found[2])
@@ -143,14 +144,14 @@ class _RosYamlReader:
             return self.constructor.construct_object(node)
         except (ValueError, LookupError) as error:
             message = f'"{node.value}" is no {node.tag.rpartition(":")[2]}'
-            raise InputError(Diagnostic(self.place(node), message)) from error
+            raise InputError.at(self.place(node), message) from error
 
     def angle(self, node: Any, tag: str, text: str) -> float:
         """Return an angle in radians."""
         try:
             return _ANGLES[tag](float(text))
         except ValueError as error:
-            raise InputError(Diagnostic(self.place(node), f'"{text}" is no angle')) from error
+            raise InputError.at(self.place(node), f'"{text}" is no angle') from error
 
     def forget(self, path: KeyPath) -> None:
         """Drop the places of a value that another one replaces."""
@@ -159,7 +160,7 @@ class _RosYamlReader:
 
     def place(self, node: Any) -> Where:
         """Return where a node begins."""
-        return Where(self.file, node.start_mark.line + 1, node.start_mark.column + 1)
+        return mark_place(self.file, node.start_mark)
 
     def warn(self, node: Any, message: str, hint: str) -> None:
         """Note something that reads well and is probably a slip."""

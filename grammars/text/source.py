@@ -33,6 +33,7 @@ class SourceText:
         self.text = text
         self.file = file
         self._within = within
+        # textX counts lines by "\n" alone; str.splitlines would find more of them.
         self._starts = [0, *(match.end() for match in re.finditer("\n", text))]
 
     @property

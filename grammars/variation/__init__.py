@@ -29,7 +29,6 @@ Comments and layout of the plan survive in its variants: sampled numbers replace
 text, attributes that were not written are inserted.
 """
 
-from grammars.variation._designs import METHODS, Method
 from grammars.variation._distributions import Categorical, Normal, Range
 from grammars.variation._load import (
     Variant,
@@ -40,6 +39,7 @@ from grammars.variation._load import (
 )
 from grammars.variation._sample import floorplan_variants, sample, source_defects
 from grammars.variation._variants import VariantFile, write_variants
+from grammars.variation.designs import METHODS, Method
 
 __all__ = [
     "METHODS",

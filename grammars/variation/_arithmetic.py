@@ -35,7 +35,7 @@ from grammars.variation._nodes import (
     ReferenceNode,
     SumNode,
 )
-from grammars.variation._plan import PlanElement, PlanText, Slot
+from grammars.variation.plan_text import PlanElement, PlanText, Slot
 
 _OLD_SPELLINGS: Final = (
     ("location.transformation.", "location."),

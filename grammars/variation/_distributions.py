@@ -37,6 +37,8 @@ class Categorical:
 
     def draw(self, stream: np.random.RandomState) -> float:
         """Return the value drawn next from ``stream``."""
+        # The calls of the published tool: others take other numbers from the stream, and every
+        # later draw of the plan would differ from what it writes.
         if self.weights:
             return float(stream.choice(self.values, 1, p=self.weights)[0])
         return self.values[stream.randint(0, len(self.values))]
@@ -95,6 +97,7 @@ class Normal:
         """Return the value drawn next from ``stream``, rounded to 2 decimals when not cut off."""
         if self._is_cut:
             return self.at(float(stream.random_sample()))
+        # Two decimals, as the published tool: centimetres, or 0.01 of the unit of the angle.
         return round(float(stream.normal(self.mean, self.std)), 2)
 
     def at(self, quantile: float) -> float:
@@ -129,6 +132,7 @@ class Normal:
 
     def _quantile(self, quantile: float, lower: float, upper: float) -> float:
         share = lower + quantile * (upper - lower)
+        # The ends themselves are at infinity.
         inside = min(max(share, 1e-300), 1.0 - 2**-53)
         return NormalDist(self.mean, self.std).inv_cdf(inside)
 
@@ -238,6 +242,7 @@ class DistributionReader:
             return None
         if any(weight < 0.0 for weight in weights):
             return None
+        # 0.7, 0.2, 0.1 sum to 0.9999999999999999; numpy wants 1 up to its own tolerance.
         scaled = weights if sum(weights) == 1.0 else [weight / total for weight in weights]
         return Categorical(tuple(float(pair.value.number) for pair in node.pairs), tuple(scaled))
 

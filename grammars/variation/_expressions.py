@@ -9,12 +9,12 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Final, Literal, Protocol, TypeAlias
+from typing import Any, Final, Literal, Protocol, TypeAlias
 
 from grammars.floorplan import Feature, FloorPlan, Opening, Space
 from grammars.text.diagnostics import Where
 from grammars.text.quantity import ANGLE, DIMENSIONS, LENGTH, PLAN_UNITS, RATIO, Dimension
-from grammars.variation._plan import PlanElement, Slot
+from grammars.variation.plan_text import PlanElement, Slot
 
 AREA: Final = LENGTH * LENGTH
 UNITS: Final = {
@@ -167,65 +167,32 @@ def dimension_name(dimension: Dimension) -> str:
 
 Part: TypeAlias = Space | Feature | Opening
 Measurement: TypeAlias = tuple[Dimension, Callable[[FloorPlan], float]]
+_Measures: TypeAlias = Mapping[str, tuple[Dimension, Callable[[Any], float]]]
 
 
-def _area(part: Part) -> float:
+def _area(space: Space) -> float:
     import shapely
 
-    assert isinstance(part, Space)
-    return float(shapely.Polygon(part.outline).area)
+    return float(shapely.Polygon(space.outline).area)
 
 
-def _perimeter(part: Part) -> float:
-    assert isinstance(part, Space)
-    return sum(wall.length for wall in part.walls)
-
-
-def _thickness(part: Part) -> float:
-    assert isinstance(part, Space)
-    return part.walls[0].thickness
-
-
-def _height(part: Part) -> float:
-    match part:
-        case Space():
-            return part.walls[0].height
-        case Feature():
-            return part.height
-    return part.z_max - part.z_min
-
-
-def _width(part: Part) -> float:
-    assert isinstance(part, Opening)
-    return part.width
-
-
-def _depth(part: Part) -> float:
-    assert isinstance(part, Opening)
-    return part.depth
-
-
-def _sill(part: Part) -> float:
-    assert isinstance(part, Opening)
-    return part.z_min
-
-
-_OF_SPACES: Final = {
+# What is measured, by the word people write: its dimension and how to take it from the part.
+_OF_SPACES: Final[_Measures] = {
     "area": (AREA, _area),
-    "perimeter": (LENGTH, _perimeter),
-    "thickness": (LENGTH, _thickness),
-    "height": (LENGTH, _height),
+    "perimeter": (LENGTH, lambda space: sum(wall.length for wall in space.walls)),
+    "thickness": (LENGTH, lambda space: space.walls[0].thickness),
+    "height": (LENGTH, lambda space: space.walls[0].height),
 }
-_OF_OPENINGS: Final = {
-    "width": (LENGTH, _width),
-    "height": (LENGTH, _height),
-    "depth": (LENGTH, _depth),
-    "sill": (LENGTH, _sill),
+_OF_OPENINGS: Final[_Measures] = {
+    "width": (LENGTH, lambda opening: opening.width),
+    "height": (LENGTH, lambda opening: opening.z_max - opening.z_min),
+    "depth": (LENGTH, lambda opening: opening.depth),
+    "sill": (LENGTH, lambda opening: opening.z_min),
 }
-_OF_FEATURES: Final = {"height": (LENGTH, _height)}
+_OF_FEATURES: Final[_Measures] = {"height": (LENGTH, lambda feature: feature.height)}
 
 
-def measures_of(element: PlanElement) -> Mapping[str, tuple[Dimension, Callable[[Part], float]]]:
+def measures_of(element: PlanElement) -> _Measures:
     """Return what can be measured on an element, by the word people write."""
     if element.is_opening:
         return _OF_OPENINGS

@@ -30,8 +30,8 @@ from grammars.variation._nodes import (
     SumNode,
     ValueNode,
 )
-from grammars.variation._plan import PlanElement, PlanText, Slot
 from grammars.variation._syntax import parse
+from grammars.variation.plan_text import PlanElement, PlanText, Slot
 
 
 @dataclass(frozen=True, slots=True)
@@ -158,12 +158,12 @@ def read_text(path: Path, what: str) -> str:
         text = path.read_bytes().decode("utf-8-sig")
     except OSError as error:
         reason = error.strerror or str(error)
-        raise InputError(
-            Diagnostic(Where(str(path)), f"cannot read the {what}: {reason}")
-        ) from error
+        raise InputError.at(Where(str(path)), f"cannot read the {what}: {reason}") from error
     except ValueError as error:
         message = f"the {what} is not UTF-8 text"
-        raise InputError(Diagnostic(Where(str(path)), message, "save it as UTF-8")) from error
+        raise InputError.at(Where(str(path)), message, "save it as UTF-8") from error
+    # Line ends stay: a variant differs from its plan in nothing but what is varied. A lone \r ends
+    # no line for the parser, so these are made into ends it knows.
     lone = "\r" in text.replace("\r\n", "")
     return text.replace("\r\n", "\n").replace("\r", "\n") if lone else text
 
@@ -175,7 +175,7 @@ def _imported(
     imports = [node for node in statements if isinstance(node, ImportNode)]
     example = 'write first: import "plan.fpm"'
     if not imports:
-        raise InputError(Diagnostic(findings.source.where(0), "imports no plan", example))
+        raise InputError.at(findings.source.where(0), "imports no plan", example)
     if imports[0] is not statements[0]:
         findings.error(imports[0], "the import comes first", example)
     for node in imports[1:]:

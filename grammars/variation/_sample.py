@@ -12,7 +12,10 @@ import numpy as np
 
 from grammars.floorplan import FloorPlan
 from grammars.text.diagnostics import Diagnostic, InputError, Severity, Where
-from grammars.variation._designs import (
+from grammars.variation._load import Variant, Variation, load_variation
+from grammars.variation._soundness import defects
+from grammars.variation._variants import Rejections, VariantBuilder
+from grammars.variation.designs import (
     MAX_POINTS,
     METHODS,
     Method,
@@ -22,9 +25,6 @@ from grammars.variation._designs import (
     latin_hypercube,
     pairwise,
 )
-from grammars.variation._load import Variant, Variation, load_variation
-from grammars.variation._soundness import defects
-from grammars.variation._variants import Rejections, VariantBuilder
 
 LAST_SEED: Final = 2**32 - 1
 _MISSES_PER_TRY: Final = 20
@@ -109,6 +109,8 @@ def source_defects(variation: Variation, radius: float) -> tuple[Diagnostic, ...
 
 def _random_variant(trials: VariantBuilder, seed: int, tries: int) -> Variant:
     """Return the first variant of a seed's stream that nothing rejects."""
+    # Rejected draws go on in the stream of their seed: no variant depends on how many of the others
+    # were rejected, so any of them can be drawn alone.
     stream = np.random.RandomState(seed)
     rejected = Rejections()
     for attempt in range(1, tries + 1):
@@ -131,6 +133,7 @@ def _design_variants(
     seen = 0
     for k, point in enumerate(_points(trials, method, n, levels, tries, rejected)):
         seen = k + 1
+        # Rejected points keep their number: a requirement more leaves the others their names.
         variant = trials.variant(point, trials.seed + k, rejected)
         found.extend([] if variant is None else [variant])
         if wanted is not None and len(found) == wanted:
@@ -138,7 +141,7 @@ def _design_variants(
         if n is not None and len(found) > n:
             message = f"the {method} design has more than {n} variants"
             hint = "allow more, lower the levels, or take random, halton or lhs"
-            raise InputError(Diagnostic(where, message, hint))
+            raise InputError.at(where, message, hint)
     if not found or wanted is not None:
         short = f"{len(found)} of {seen} points fulfil" if seen else "no point fulfils"
         raise rejected.error(where, f"{method} design: {short} everything required")

@@ -80,6 +80,7 @@ def _overlaps(plan: FloorPlan) -> Iterator[tuple[str, Defect]]:
 
     outlines = [shapely.Polygon(space.outline) for space in plan.spaces]
     tree = shapely.STRtree(outlines)
+    # Neighbours share an edge and intersect too: only areas beyond the slack are defects.
     first, second = tree.query(outlines, predicate="intersects")
     for a, b in sorted(zip(first.tolist(), second.tolist(), strict=True)):
         if a < b:

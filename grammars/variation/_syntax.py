@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Final
 
-from grammars.text.diagnostics import Diagnostic, InputError, closest, did_you_mean
+from grammars.text.diagnostics import InputError, closest, did_you_mean
 from grammars.text.parsing import Language, SyntaxFault, without_comments
 from grammars.text.source import SourceText, SyntaxNode
 from grammars.variation._nodes import NODES
@@ -117,7 +117,7 @@ def parse(source: SourceText) -> SyntaxNode:
 def _refuse_oversized(source: SourceText) -> None:
     """Refuse what nobody could read: the parser recurses on parentheses."""
     if len(source.text) > _LARGEST:
-        raise InputError(Diagnostic(source.where(0), f"is longer than {_LARGEST} characters"))
+        raise InputError.at(source.where(0), f"is longer than {_LARGEST} characters")
     bare = without_comments(source.text)
     depth = 0
     for match in re.finditer(r"[()]|-(?=\s*-)", bare):
@@ -125,7 +125,7 @@ def _refuse_oversized(source: SourceText) -> None:
         if depth > _DEEPEST:
             place = source.where(match.start())
             message = f"parentheses are nested deeper than {_DEEPEST}"
-            raise InputError(Diagnostic(place, message, "name parts of it with let"))
+            raise InputError.at(place, message, "name parts of it with let")
     signs = re.search(rf"(?:-\s*){{{_DEEPEST},}}", bare)
     if signs:
-        raise InputError(Diagnostic(source.where(signs.start()), "too many signs in a row"))
+        raise InputError.at(source.where(signs.start()), "too many signs in a row")

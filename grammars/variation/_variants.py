@@ -13,15 +13,17 @@ from typing import Final, Literal
 from grammars.floorplan import FloorPlan, parse_floorplan
 from grammars.text.diagnostics import Diagnostic, InputError, Severity, Where
 from grammars.text.quantity import RATIO, Dimension
-from grammars.variation._designs import Method
 from grammars.variation._expressions import Expression, Requirement, evaluate
 from grammars.variation._load import Variant, VariantValue, Variation
-from grammars.variation._plan import TO_SI, Slot, SlotValue, inserted_lines, rewrite
 from grammars.variation._soundness import Defect, check_soundness, defects
+from grammars.variation.designs import Method
+from grammars.variation.plan_text import TO_SI, Slot, SlotValue, inserted_lines, rewrite
 
 _HEADER_LINES: Final = 2
+"""Lines above the text of the plan: where a variant comes from, and its seed."""
 _LISTED: Final = 12
 _DECIMALS: Final = 9
+"""Of numbers that were calculated: without the noise of 0.1 + 0.2."""
 _NUMBER: Final = re.compile(r"-?\d+(?:\.\d+)?(?:e[+-]?\d+)?")
 
 
@@ -35,6 +37,7 @@ class Rejections:
     def add(self, reasons: Iterable[Diagnostic]) -> None:
         """Count the reasons against one point."""
         for reason in reasons:
+            # Sizes and distances differ from draw to draw; the reason is the same.
             key = (reason.where, _NUMBER.sub("#", reason.message))
             self._counts[key] = self._counts.get(key, 0) + 1
             self._first.setdefault(key, reason)
@@ -75,6 +78,7 @@ class VariantBuilder:
     ) -> Variant | None:
         """Return the variant of one point, or ``None`` after noting what rejected it."""
         drawn = SampledPoint(self.variation, point)
+        # What is about draws alone is asked before anything is written and compiled.
         cheap = [r for r in self.variation.requirements if not r.needs_plan]
         failing = _failing(cheap, drawn)
         if failing:
@@ -212,7 +216,7 @@ def write_variants(
     except OSError as error:
         reason = error.strerror or str(error)
         place = Where(str(error.filename or directory))
-        raise InputError(Diagnostic(place, f"cannot be written: {reason}")) from error
+        raise InputError.at(place, f"cannot be written: {reason}") from error
 
 
 def _write(
@@ -226,7 +230,7 @@ def _write(
             return VariantFile(path, variant, "unchanged")
         if source is not None and path.samefile(source):
             message = "is the plan itself and is not overwritten"
-            raise InputError(Diagnostic(Where(str(path)), message, "take another folder or seed"))
+            raise InputError.at(Where(str(path)), message, "take another folder or seed")
         if not overwrite:
             return VariantFile(path, variant, "kept")
     # Written beside and renamed: nobody ever reads half a plan.

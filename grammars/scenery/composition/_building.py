@@ -19,6 +19,7 @@ from shapely.geometry.base import BaseGeometry
 
 from grammars.floorplan import FloorPlan, Opening, Point3, Wall
 from grammars.model.cross_section import is_cut
+from grammars.model.free_space import valid_polygon
 from grammars.model.geometry import Floats
 from grammars.model.scene import Scene, Solid
 from grammars.scenery.composition._rings import convex_rings, polygons_of, rounded
@@ -49,22 +50,17 @@ def solids_of(plan: FloorPlan) -> tuple[Solid, ...]:
     for feature in plan.features:
         solids.extend(
             Solid(feature.id, feature.kind, ring, 0.0, rounded(feature.height))
-            for ring in convex_rings(_valid(feature.footprint))
+            for ring in convex_rings(valid_polygon(feature.footprint))
             if feature.height > 0.0
         )
     return tuple(solids)
-
-
-def _valid(ring: tuple[tuple[float, float], ...]) -> BaseGeometry:
-    polygon = Polygon(ring)
-    return polygon if polygon.is_valid else polygon.buffer(0)
 
 
 def _wall_solids(wall: Wall, cuts: list[_Cut]) -> list[Solid]:
     height = rounded(wall.height)
     if height <= 0.0:
         return []
-    pieces: list[tuple[BaseGeometry, tuple[_Cut, ...]]] = [(_valid(wall.footprint), ())]
+    pieces: list[tuple[BaseGeometry, tuple[_Cut, ...]]] = [(valid_polygon(wall.footprint), ())]
     for cut in cuts:
         if cut.z_max <= 0.0 or cut.z_min >= height:
             continue

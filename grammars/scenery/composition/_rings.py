@@ -10,7 +10,7 @@ import shapely
 from shapely.geometry import Polygon
 from shapely.geometry.base import BaseGeometry
 
-from grammars.model.geometry import Point2, Pose2, Ring, signed_area
+from grammars.model.geometry import Point2, Pose2, Ring, signed_area, turn
 
 # Nanometres: far below anything built, far above the last digits in which versions of GEOS differ.
 # Digests of scenes are taken of these numbers and must be equal on every machine.
@@ -78,18 +78,14 @@ def without_flat_corners(ring: Ring) -> Ring:
     kept = [
         point
         for i, point in enumerate(ring)
-        if abs(_turn(ring[i - 1], point, ring[(i + 1) % len(ring)])) > _FLAT
+        if abs(turn(ring[i - 1], point, ring[(i + 1) % len(ring)])) > _FLAT
     ]
     return canonical_ring(kept) if len(kept) >= 3 else ring
 
 
 def is_convex(ring: Ring) -> bool:
     """Return whether a counter-clockwise ring has no dents (up to rounding)."""
-    return all(_turn(ring[i - 2], ring[i - 1], ring[i]) >= -_FLAT for i in range(len(ring)))
-
-
-def _turn(a: Point2, b: Point2, c: Point2) -> float:
-    return (b[0] - a[0]) * (c[1] - b[1]) - (b[1] - a[1]) * (c[0] - b[0])
+    return all(turn(ring[i - 2], ring[i - 1], ring[i]) >= -_FLAT for i in range(len(ring)))
 
 
 def _convex_parts(polygon: Polygon) -> list[Ring]:

@@ -5,7 +5,17 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from grammars.text.diagnostics import InputError, Where
-from grammars.text.quantity import parse_quantity, read_as, read_quantity, unit_of
+from grammars.text.quantity import (
+    DIMENSIONS,
+    LENGTH,
+    PLAN_UNITS,
+    SPEED,
+    TIME,
+    parse_quantity,
+    read_as,
+    read_quantity,
+    unit_of,
+)
 
 
 @pytest.mark.parametrize(
@@ -96,3 +106,17 @@ def test_si_values_read_back_as_written(value: float, unit: str) -> None:
 @pytest.mark.parametrize(("text", "value"), [("95 %", 0.95), ("7 cm", 0.07), ("3 mm", 0.003)])
 def test_decimal_units_read_as_the_number_one_would_write(text: str, value: float) -> None:
     assert read_quantity(text).value == value
+
+
+def test_dimensions_have_the_units_their_quantities_are_read_in() -> None:
+    for name, dimension in DIMENSIONS.items():
+        assert dimension.unit == unit_of(name)
+    assert (SPEED * TIME).unit == "m"
+    assert (LENGTH * LENGTH / TIME).unit == "m^2/s"
+    assert (TIME / LENGTH / SPEED).unit == "s^2/m^2"
+
+
+@pytest.mark.parametrize("unit", PLAN_UNITS)
+def test_units_of_plans_are_those_of_every_other_file(unit: str) -> None:
+    quantity = read_quantity(f"1 {unit}")
+    assert PLAN_UNITS[unit] == (quantity.value, quantity.dimension)

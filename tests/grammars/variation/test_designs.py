@@ -10,7 +10,7 @@ import pytest
 
 from grammars.text.diagnostics import InputError
 from grammars.variation import Normal, Range, Variation, sample
-from grammars.variation._designs import halton, latin_hypercube
+from grammars.variation.designs import halton, latin_hypercube
 from tests.grammars.variation.plans import numbers, vary
 
 FOUR = """

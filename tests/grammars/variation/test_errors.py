@@ -146,6 +146,8 @@ def test_a_variation_starts_with_an_import(tmp_path: Path) -> None:
     (tmp_path / "plan.fpm").write_text(HOUSE)
     with pytest.raises(InputError, match="1:1: imports no plan"):
         parse_variation("gap: uniform([1])", "test.variation", tmp_path)
+    with pytest.raises(InputError, match="1:1: imports no plan"):
+        parse_variation("// nothing yet\n", "test.variation", tmp_path)
     with pytest.raises(InputError, match="the import comes first"):
         parse_variation('gap: uniform([1]) import "plan.fpm"', "test.variation", tmp_path)
     with pytest.raises(InputError, match="a variation starts with the plan it varies"):

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from grammars.floorplan import parse_floorplan
 from grammars.variation import parse_variation, sample
-from grammars.variation._plan import TO_SI, PlanText, Slot, SlotValue, rewrite
+from grammars.variation.plan_text import TO_SI, PlanText, Slot, SlotValue, rewrite
 from tests.grammars.variation.plans import HOUSE, one, vary
 
 FLAT = Path(__file__).parents[3] / "campaigns" / "demo" / "flat.fpm"

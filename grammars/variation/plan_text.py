@@ -279,6 +279,7 @@ def rewrite(plan: PlanText, settings: Iterable[SlotValue], *, name: str = "") ->
 
     A later setting of the same slot wins.
     """
+    # By place and not by name: several spaces may share one default in the text.
     latest = {setting.slot.key: setting for setting in settings}
     replaced: list[tuple[Span, str]] = []
     for setting in latest.values():
@@ -324,6 +325,7 @@ def _replacements(setting: SlotValue) -> list[tuple[Span, str]]:
 
 
 def _text(setting: SlotValue) -> str:
+    # Shortest text that reads back as the same number; + 0.0 makes -0.0 plain.
     return repr(setting.number + 0.0)
 
 

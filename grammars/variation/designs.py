@@ -13,7 +13,7 @@ from typing import Any, Final, Literal, TypeAlias, get_args
 
 import numpy as np
 
-from grammars.text.diagnostics import Diagnostic, InputError, Where
+from grammars.text.diagnostics import InputError, Where
 from grammars.variation._distributions import Distribution
 
 Method: TypeAlias = Literal["random", "grid", "halton", "lhs", "pairwise"]
@@ -33,7 +33,7 @@ def grid(distributions: Sequence[Distribution], levels: int, where: Where) -> It
     size = math.prod(len(axis) for axis in axes)
     if size > MAX_POINTS:
         message = f"the full grid has {size:,} points, more than {MAX_POINTS:,}"
-        raise InputError(Diagnostic(where, message, "lower the levels, or take pairwise or lhs"))
+        raise InputError.at(where, message, "lower the levels, or take pairwise or lhs")
     return itertools.product(*axes)
 
 
@@ -75,12 +75,13 @@ def pairwise(
     pairs = sum(len(a) * len(b) for a, b in itertools.combinations(axes, 2))
     if pairs > MAX_POINTS:
         message = f"there are {pairs:,} pairs of values, more than {MAX_POINTS:,}"
-        raise InputError(Diagnostic(where, message, "lower the levels, or take lhs"))
+        raise InputError.at(where, message, "lower the levels, or take lhs")
     complete = len(axes)
 
     def kept(row: Sequence[float]) -> bool:
         return len(row) < complete or accepted(tuple(row))
 
+    # allpairspy asks for every beginning of a row: only complete ones can be judged.
     rows = _allpairs()(axes, filter_func=kept)
     return (tuple(row) for row in rows)
 
@@ -112,4 +113,4 @@ def _allpairs() -> Any:
 
 def _missing_package(package: str) -> InputError:
     hint = 'install it with: pip install "scenario-tui[sampling]"'
-    return InputError(Diagnostic(Where("scenario vary"), f"this design needs {package}", hint))
+    return InputError.at(Where("scenario vary"), f"this design needs {package}", hint)

@@ -1,0 +1,54 @@
+"""Where behaviours put joints at the start."""
+
+from __future__ import annotations
+
+import pytest
+
+from grammars.model.behaviour import (
+    Behaviour,
+    Hold,
+    Jump,
+    KeyFrame,
+    KeyFrames,
+    LegBegins,
+    Reaction,
+    Trigger,
+    Walk,
+    start_positions,
+)
+from grammars.model.geometry import Pose2
+from grammars.model.scene import Joint, Link, Scene, SceneObject
+
+RING = ((0.0, 0.0), (1.0, 0.0), (1.0, 0.1), (0.0, 0.1))
+LEAF = Joint("hinge", "revolute", "world", "leaf", (0.0, 0.0), (0.0, 0.0), 0.0, 2.0)
+LINK = Link("leaf", (RING,), 5.0, 0.0, 2.0)
+DOOR = SceneObject("door", "door", Pose2(), (LINK,), (LEAF,), (0.4,))
+SCENE = Scene("house", (), (), (), (DOOR,))
+NAME = "door.hinge"
+
+
+def frames(*pairs: tuple[float, float]) -> KeyFrames:
+    return KeyFrames(NAME, tuple(KeyFrame(time, position) for time, position in pairs), Jump())
+
+
+@pytest.mark.parametrize(
+    ("behaviour", "start", "positions"),
+    [
+        (Hold(NAME, 1.0), 1.0, (1.0,)),
+        (frames((0.0, 0.1), (0.0, 0.2), (3.0, 1.5)), 0.2, (0.1, 0.2, 1.5)),
+        (frames((2.0, 1.5)), 0.4, (1.5,)),
+        (Trigger(NAME, 0.3, 1.2, 2.0, Jump()), 0.3, (0.3, 1.2)),
+        (Trigger(NAME, 0.3, 1.2, 2.0, Jump(), begin=0.9), 0.9, (0.9, 0.3, 1.2)),
+        (Reaction(NAME, 0.6, 1.1, LegBegins(2), Jump()), 0.6, (0.6, 1.1)),
+    ],
+)
+def test_a_behaviour_says_where_its_joint_starts_and_is_sent(
+    behaviour: Hold | KeyFrames | Trigger | Reaction, start: float, positions: tuple[float, ...]
+) -> None:
+    assert start_positions(SCENE, [behaviour]) == {NAME: start}
+    assert behaviour.positions == positions
+
+
+@pytest.mark.parametrize("behaviours", [[], [Walk("someone", ((0.0, 0.0), (1.0, 0.0)), 1.0)]])
+def test_joints_without_a_behaviour_start_as_the_scene_says(behaviours: list[Behaviour]) -> None:
+    assert start_positions(SCENE, behaviours) == SCENE.initial_joints == {NAME: 0.4}
