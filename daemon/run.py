@@ -19,7 +19,7 @@ import numpy as np
 
 from daemon.judging import oracles
 from daemon.model.live_view import LiveView
-from daemon.model.spec import RunEnding, RunResult, RunSpec, Snapshot, Timing
+from daemon.model.spec import RunEnding, RunResult, RunSpec, Snapshot, Timing, package_versions
 from daemon.model.sut import (
     TICK_RATE,
     Briefing,
@@ -31,7 +31,6 @@ from daemon.model.sut import (
     Odometry,
     SystemUnderTest,
 )
-from daemon.model.versions import package_versions
 from daemon.simulator import World
 from daemon.simulator import warm_up as warm_up_simulator
 from daemon.stacks.registry import make_sut

@@ -21,9 +21,9 @@ from typing import Final, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from grammars.model.cross_section import placed_links
 from grammars.model.geometry import Floats, Ring
 from grammars.model.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
+from grammars.model.kinematics import placed_links
 from grammars.model.movers import is_mover
 from grammars.model.scene import Scene
 from grammars.text.diagnostics import did_you_mean
@@ -65,7 +65,7 @@ def occupancy_grid(
     shape = (int(last[1] - first[1]), int(last[0] - first[0]))
     origin = first * resolution
 
-    # Both ends count, unlike in pictures (grammars.model.cross_section): what only touches the
+    # Both ends count, unlike in pictures (grammars.model.kinematics): what only touches the
     # plane of the laser overlaps it, however little (rule 1).
     solid = [s.polygon for s in scene.solids if s.z_min <= laser_height <= s.z_max]
     if joints is not None:

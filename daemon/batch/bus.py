@@ -25,12 +25,7 @@ from daemon.batch.paths import (
     is_local,
     socket_path,
 )
-from daemon.batch.security import (
-    Credentials,
-    DaemonCredentials,
-    access_control,
-    denial_text,
-)
+from daemon.batch.security import Credentials, DaemonCredentials, access_control, denial_text
 from daemon.model.messages import ASK, LARGEST_SUBMISSION, ErrorReply
 from daemon.model.verbs import Verb
 from grammars.text import codec

@@ -14,13 +14,13 @@ import zenoh
 from daemon.batch import bus
 from daemon.batch.errors import Refused
 from daemon.batch.paths import is_encrypted
-from daemon.batch.security import Credentials, Role, find_credentials
+from daemon.batch.security import Credentials, find_credentials
 from daemon.batch.stores import FileUpload
 from daemon.model.attachments import attached_digests, user_files_folder
 from daemon.model.messages import EVENTS, LARGEST_CHUNK, LIVE, FileUploadChunk, UploadProgress
 from daemon.model.packed_submission import pack_submission
 from daemon.model.status import ChangeEvent, LiveSnapshot, Submission, SubmissionReceipt
-from daemon.model.verbs import KEEP, SUBMIT, DaemonClient, Verb
+from daemon.model.verbs import KEEP, SUBMIT, DaemonClient, Role, Verb
 from grammars.text import codec
 
 A = TypeVar("A")

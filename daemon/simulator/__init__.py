@@ -4,7 +4,7 @@ The first call in a process loads or compiles machine code (about a second); wor
 ``warm_up`` once before they fork.
 """
 
-from daemon.simulator._contacts import RobotContact, WorldEvent
+from daemon.simulator._building import RobotContact, WorldEvent
 from daemon.simulator._world import World, warm_up
 
 __all__ = [

@@ -1,21 +1,20 @@
-"""The building and its objects as the laser sees them, and the walls as obstacles.
-
-Walls are chains of line segments that know their neighbours, not the convex solids themselves:
-where two solids of one wall meet, a body sliding along would catch on the hidden end of the next.
-"""
+"""The building in the simulator: its walls, the segments a laser sees, and what touches what."""
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 import pymunk
 
+from daemon.model.sut import TICK_RATE
 from daemon.simulator._assembly import WORLD, BodyAssembly
-from daemon.simulator._physics import BUILDING_FILTER, FRICTION, ring_edges
+from daemon.simulator._mobile_base import MobileBase
+from daemon.simulator._physics import BUILDING_FILTER, FRICTION, ROBOT_COLLISION_TYPE, ring_edges
 from daemon.simulator._sensors import OwnerIds
 from grammars.model.geometry import Floats, Point2, Ring
 from grammars.model.scene import Scene, Solid
@@ -107,3 +106,150 @@ def _unique(neighbours: dict[Point2, Point2], corners: list[Point2]) -> dict[Poi
     """Leave out corners where more than one outline passes: there is no one neighbour."""
     counts = Counter(corners)
     return {corner: other for corner, other in neighbours.items() if counts[corner] == 1}
+
+
+_MERGE_TICKS = TICK_RATE // 10
+"""A touch that resumes within this many ticks is one touch, not two: a robot that scrapes along a
+wall may lose and find it every few ticks."""
+
+
+@dataclass(frozen=True, slots=True)
+class RobotContact:
+    """The robot touches something, or still does.
+
+    ``time`` is when this touch began, ``until`` the last instant of it seen so far [s]; a touch
+    that resumes within 0.1 s is the same touch. ``first`` is ``robot``, ``second`` the owner of
+    what it touches (a floor plan element, or ``<object>.<link>``). ``point`` (world), ``normal``
+    (unit, from first to second) and ``depth`` of penetration [m] belong to the deepest of the
+    instants looked at since the previous report: whenever a touch begins, and at the report.
+    """
+
+    time: float
+    first: str
+    second: str
+    point: Point2
+    normal: Point2
+    depth: float
+    until: float
+
+
+@dataclass(frozen=True, slots=True)
+class WorldEvent:
+    """Something a behaviour did at ``time`` [s]; ``source`` is the scene-wide joint name."""
+
+    time: float
+    source: str
+    text: str
+
+
+@dataclass(slots=True)
+class _OngoingContact:
+    """One owner being touched: by how many pairs of shapes now, and what is known of it."""
+
+    began: int
+    last: int
+    pairs: int = 0
+    reported: bool = False
+    depth: float = -1.0
+    point: Point2 = (0.0, 0.0)
+    normal: Point2 = (0.0, 0.0)
+
+
+class ContactLog:
+    """Collects touches of the robot per owner.
+
+    The physics calls it only when a touch begins or ends (a call back into Python costs 1 to 2 us,
+    in every step of a lasting touch); touches that last are looked at when they are reported.
+    ``tick`` is the tick being simulated and is kept up to date by the world.
+    """
+
+    def __init__(
+        self,
+        space: pymunk.Space,
+        base: MobileBase,
+        owners: Mapping[pymunk.Shape, str],
+    ) -> None:
+        self.tick = 0
+        self._base, self._body, self._robot = base, base.body, base.shape
+        self._owners = owners
+        self._touches: dict[str, _OngoingContact] = {}
+        self._finished: list[RobotContact] = []
+        space.on_collision(ROBOT_COLLISION_TYPE, None, begin=self._begin, separate=self._separate)
+
+    def _begin(self, arbiter: pymunk.Arbiter, space: pymunk.Space, data: Any) -> None:
+        # Inside the step of ``tick``, whose end is the next one.
+        owner, now = self._owner(arbiter), self.tick + 1
+        touch = self._touches.get(owner)
+        if touch is None or (touch.pairs == 0 and now - touch.last > _MERGE_TICKS):
+            if touch is not None and not touch.reported:
+                self._finished.append(_contact(owner, touch))
+            touch = self._touches[owner] = _OngoingContact(now, now)
+        touch.pairs += 1
+        self._base.touching += 1
+        touch.last = now
+        touch.reported = False
+        self._look(arbiter)
+
+    def _separate(self, arbiter: pymunk.Arbiter, space: pymunk.Space, data: Any) -> None:
+        touch = self._touches[self._owner(arbiter)]
+        # Several pairs of shapes may touch at once: the links of a door, two pieces of a wall.
+        touch.pairs -= 1
+        self._base.touching -= 1
+        if self.tick > touch.last:
+            touch.last = self.tick
+            touch.reported = False
+
+    def _owner(self, arbiter: pymunk.Arbiter) -> str:
+        first, second = arbiter.shapes
+        return self._owners[second if first is self._robot else first]
+
+    def _look(self, arbiter: pymunk.Arbiter) -> None:
+        """Note where the touch is now if it is deeper than what is known of it."""
+        first, second = arbiter.shapes
+        swapped = first is not self._robot
+        touch = self._touches[self._owners[first if swapped else second]]
+        contact = arbiter.contact_point_set
+        deepest = min(contact.points, key=lambda point: point.distance)
+        depth = max(0.0, -deepest.distance)
+        if depth <= touch.depth:
+            return
+        a, b, sign = deepest.point_a, deepest.point_b, -1.0 if swapped else 1.0
+        touch.depth = depth
+        touch.point = ((a.x + b.x) / 2.0, (a.y + b.y) / 2.0)
+        touch.normal = (sign * contact.normal.x, sign * contact.normal.y)
+
+    def take(self, tick: int) -> tuple[RobotContact, ...]:
+        """Return the touches since the last call, ordered by begin and owner.
+
+        ``tick`` is the number of ticks done.
+        """
+        if not self._touches:
+            return ()
+        # Lasting contacts may have been deeper since the last report; only this instant is looked
+        # at, because looking in every step would cost a call into Python each.
+        if any(touch.pairs for touch in self._touches.values()):
+            self._body.each_arbiter(self._look)
+        taken, self._finished = self._finished, []
+        for owner, touch in list(self._touches.items()):
+            if touch.pairs:
+                touch.last = tick
+            elif touch.reported:
+                # Over and told; forgotten only when it can no longer resume.
+                if tick - touch.last > _MERGE_TICKS:
+                    del self._touches[owner]
+                continue
+            taken.append(_contact(owner, touch))
+            touch.reported, touch.depth = True, -1.0
+        return tuple(sorted(taken, key=lambda contact: (contact.time, contact.second)))
+
+
+def _contact(owner: str, touch: _OngoingContact) -> RobotContact:
+    return RobotContact(
+        time=touch.began / TICK_RATE,
+        first="robot",
+        second=owner,
+        point=touch.point,
+        normal=touch.normal,
+        depth=max(0.0, touch.depth),
+        until=touch.last / TICK_RATE,
+    )

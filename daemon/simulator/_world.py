@@ -11,11 +11,15 @@ import numpy.typing as npt
 import pymunk
 
 from daemon.model.sut import TICK_RATE, Odometry
-from daemon.simulator._assembly import assemble
+from daemon.simulator._assembly import SLEEP_TIME, BodyStates, JointReader, assemble
 from daemon.simulator._behaviours import starting_positions
-from daemon.simulator._body_states import SLEEP_TIME, BodyStates, JointReader
-from daemon.simulator._building import build_walls, laser_segments
-from daemon.simulator._contacts import ContactLog, RobotContact, WorldEvent
+from daemon.simulator._building import (
+    ContactLog,
+    RobotContact,
+    WorldEvent,
+    build_walls,
+    laser_segments,
+)
 from daemon.simulator._joints import JointDrive
 from daemon.simulator._mobile_base import make_base
 from daemon.simulator._physics import DT

@@ -1,4 +1,4 @@
-"""Small kernels every stack uses, and the arrays kernels take."""
+"""Small kernels that several stacks use: angles, interpolation, the exact distance transform."""
 
 from __future__ import annotations
 
@@ -35,3 +35,68 @@ def interpolate_at(
     lower = (1.0 - a) * field[row, column] + a * field[row, column + 1]
     upper = (1.0 - a) * field[row + 1, column] + a * field[row + 1, column + 1]
     return float((1.0 - b) * lower + b * upper)
+
+
+FAR = 1.0e6
+"""Distance reported where there is no solid cell at all [cells]."""
+
+
+@kernel
+def _column_distances(solid: npt.NDArray[np.uint8]) -> Singles:
+    """Return the distance to the nearest solid cell of the same column [cells]."""
+    rows, columns = solid.shape
+    gap = np.empty((rows, columns), dtype=np.float32)
+    for c in range(columns):
+        gap[0, c] = 0.0 if solid[0, c] else FAR
+    for r in range(1, rows):
+        for c in range(columns):
+            gap[r, c] = 0.0 if solid[r, c] else min(gap[r - 1, c] + 1.0, FAR)
+    for r in range(rows - 2, -1, -1):
+        for c in range(columns):
+            gap[r, c] = min(gap[r, c], gap[r + 1, c] + 1.0)
+    return gap
+
+
+@kernel
+def distance_transform(solid: npt.NDArray[np.uint8]) -> Singles:
+    """Return the distance from each cell centre to the nearest solid cell centre [cells].
+
+    ``solid`` is (rows, columns), non-zero where solid; solid cells have distance 0 and all cells
+    ``FAR`` when nothing is solid. Each row takes the lower envelope of the parabolas that its
+    column distances span.
+    """
+    gap = _column_distances(solid)
+    rows, columns = solid.shape
+    result = np.empty((rows, columns), dtype=np.float32)
+    apex = np.empty(columns, dtype=np.int64)
+    begin = np.empty(columns + 1, dtype=np.float64)
+    for r in range(rows):
+        count = 0
+        for c in range(columns):
+            if gap[r, c] >= FAR:
+                continue
+            height = float(gap[r, c]) ** 2 + float(c) ** 2
+            start = -np.inf
+            # A parabola that the new one hides before its own part begins is not on the envelope.
+            while count > 0:
+                other = apex[count - 1]
+                other_height = float(gap[r, other]) ** 2 + float(other) ** 2
+                start = (height - other_height) / (2.0 * (c - other))
+                if start > begin[count - 1]:
+                    break
+                count -= 1
+                start = -np.inf
+            apex[count] = c
+            begin[count] = start
+            count += 1
+        if count == 0:
+            result[r, :] = FAR
+            continue
+        begin[count] = np.inf
+        k = 0
+        for c in range(columns):
+            while begin[k + 1] < c:
+                k += 1
+            across = float(c - apex[k])
+            result[r, c] = math.sqrt(float(gap[r, apex[k]]) ** 2 + across * across)
+    return result

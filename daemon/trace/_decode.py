@@ -10,7 +10,7 @@ from typing import Any, Final, TypeVar
 import numpy as np
 import numpy.typing as npt
 
-from daemon.trace import _mission, layouts
+from daemon.trace import layouts, messages
 from daemon.trace import messages as ros
 from daemon.trace._mcap_reader import DamagedTraceError
 from daemon.trace._model import (
@@ -107,7 +107,7 @@ def contacts(runs: Runs) -> tuple[ContactRecord, ...]:
 def progress(runs: Runs) -> tuple[ProgressRecord, ...]:
     """Decode ``/mission/status``."""
     found = []
-    for time, state in _rare(runs, "/mission/status", _mission.progress):
+    for time, state in _rare(runs, "/mission/status", messages.progress):
         found.append(ProgressRecord(time, state.current, state.reached, state.state))
     return tuple(found)
 

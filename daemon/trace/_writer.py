@@ -2,7 +2,7 @@
 
 What is judged and what is only looked at go into separate chunks of the same ten seconds, so
 that a judge never decompresses scans. What need not be written is left out where readers lose
-nothing: joint states that repeat (see :class:`~daemon.trace._signals.JointSamples`), clock ticks
+nothing: joint states that repeat (see :class:`~daemon.trace.JointSamples`), clock ticks
 and door frames beyond 10 Hz, local plans beyond 5 Hz, plans, particles and costmaps beyond 1 Hz
 (see :class:`~daemon.trace._views.ViewerMessages`), plans and progress that did not change.
 """
@@ -25,7 +25,7 @@ import zstandard
 
 from daemon.model.spec import RunSpec, TraceInfo
 from daemon.model.sut import Cloud, CostmapPicture, Estimate, Odometry, Progress
-from daemon.trace import _mission, _statics
+from daemon.trace import _statics, messages
 from daemon.trace import messages as ros
 from daemon.trace._mcap_writer import McapWriter, MessageRecords, SampleColumns
 from daemon.trace._signals import SignalBuffers
@@ -68,7 +68,7 @@ class TraceWriter:
     ) -> None:
         self._ids = {topic.name: number for number, topic in enumerate(ros.TOPICS, start=1)}
         self._signals = SignalBuffers(scene, spec.robot.laser, self._ids)
-        self._goals = _mission.goal_ids(spec.digest, spec.mission)
+        self._goals = messages.goal_ids(spec.digest, spec.mission)
         packed = _compress_scene(scene, spec.scene)
         self._spec, self._scene = spec, scene
         # Three seconds at 20 Hz: an estimate has the stamp of its scan, a few samples back.
@@ -175,12 +175,12 @@ class TraceWriter:
         now = self._at(time)
         if progress == self._progress_last:
             return
-        status = _mission.status(self._goals, progress)
-        self._signals.status.add(now, ros.serialize(status, _mission.STATUS))
+        status = messages.status(self._goals, progress)
+        self._signals.status.add(now, ros.serialize(status, messages.STATUS))
         waypoints = self._spec.mission.waypoints
         moved = progress.current != self._progress_last.current
         if moved and 0 <= progress.current < len(waypoints):
-            target = _mission.goal(waypoints[progress.current], now)
+            target = messages.goal(waypoints[progress.current], now)
             self._signals.goal.add(now, ros.serialize(target, ros.KINDS["/mission/goal"]))
         self._progress_last = progress
 

@@ -1,16 +1,20 @@
-"""The ROS 2 messages in a trace: topics, their types, their schemas, and how to build them.
+"""The ROS 2 messages in a trace: topics, types, schemas, how to build them, and the mission.
 
-Definitions come from rosbags' type store (ROS 2 Humble); ``gazebo_msgs/ContactsState``, which
-it lacks, is registered here with its public fields. rosbags is imported on first use, because
-it takes longer to load than reading a trace.
+Progress of a mission is ``action_msgs/GoalStatusArray``, written and read back here.
 """
 
 from __future__ import annotations
 
 import functools
 import math
+import uuid
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Any, Final, Literal
+
+import numpy as np
+
+from daemon.model.sut import Progress
+from grammars.model.mission import Mission, Waypoint
 
 CONTACTS: Final = "gazebo_msgs/msg/ContactsState"
 
@@ -180,4 +184,67 @@ def latched_qos() -> str:
         f"  deadline: {forever}\n  lifespan: {forever}\n"
         f"  liveliness: 1\n  liveliness_lease_duration: {forever}\n"
         "  avoid_ros_namespace_conventions: false\n"
+    )
+
+
+STATUS: Final = "action_msgs/msg/GoalStatusArray"
+# action_msgs/GoalStatus: STATUS_ACCEPTED, STATUS_EXECUTING, STATUS_SUCCEEDED, STATUS_ABORTED.
+_ACCEPTED, _EXECUTING, _SUCCEEDED, _ABORTED = 1, 2, 4, 6
+_STATES: Final[dict[int, Literal["active", "succeeded", "aborted"]]] = {
+    _EXECUTING: "active",
+    _SUCCEEDED: "succeeded",
+    _ABORTED: "aborted",
+}
+_CODES: Final = {state: code for code, state in _STATES.items()}
+
+
+def goal_ids(run: str, mission: Mission) -> tuple[Any, ...]:
+    """Return the UUID messages of all waypoints and of the mission, for the run's digest."""
+    names = [*(f"{i}/{w.id}" for i, w in enumerate(mission.waypoints)), "mission"]
+    found = (uuid.uuid5(uuid.NAMESPACE_URL, f"run:{run}/goal/{name}").bytes for name in names)
+    kind = "unique_identifier_msgs/msg/UUID"
+    return tuple(make(kind, uuid=np.frombuffer(raw, np.uint8)) for raw in found)
+
+
+def status(goals: tuple[Any, ...], progress: Progress) -> Any:
+    """Return the status of all goals."""
+    if progress.state not in _CODES:
+        raise ValueError(f"a mission is {', '.join(_CODES)}, not {progress.state!r}")
+    count = len(goals) - 1
+    reached = min(max(progress.reached, 0), count)
+    codes = [_SUCCEEDED] * reached + [_ACCEPTED] * (count - reached)
+    current = max(progress.current, reached)
+    if current < count and progress.state != "succeeded":
+        codes[current] = _CODES[progress.state]
+    codes.append(_CODES[progress.state])
+    return make(
+        STATUS,
+        status_list=[
+            make(
+                "action_msgs/msg/GoalStatus",
+                goal_info=make("action_msgs/msg/GoalInfo", goal_id=goal, stamp=time(0)),
+                status=code,
+            )
+            for goal, code in zip(goals, codes, strict=True)
+        ],
+    )
+
+
+def progress(message: Any) -> Progress:
+    """Return the progress a status message stands for; raises ``ValueError`` when none."""
+    codes = [int(goal.status) for goal in message.status_list]
+    if not codes or codes[-1] not in _STATES:
+        raise ValueError("a mission status without the mission's own goal")
+    waypoints = codes[:-1]
+    reached = waypoints.count(_SUCCEEDED)
+    here = [i for i, code in enumerate(waypoints) if code in (_EXECUTING, _ABORTED)]
+    return Progress(here[0] if here else reached, reached, _STATES[codes[-1]])
+
+
+def goal(waypoint: Waypoint, stamp: int) -> Any:
+    """Return the current waypoint as a ``geometry_msgs/PoseStamped``."""
+    return make(
+        "geometry_msgs/msg/PoseStamped",
+        header=header(time(stamp), "map"),
+        pose=pose(waypoint.x, waypoint.y, *yaw_quaternion(waypoint.yaw or 0.0)),
     )

@@ -7,9 +7,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
-from grammars.text.diagnostics import did_you_mean, with_article
+from grammars.text.diagnostics import (
+    DiagnosticCollector,
+    SourceText,
+    SyntaxNode,
+    did_you_mean,
+    with_article,
+)
 from grammars.text.quantity import PLAN_UNITS, PlanDimension
-from grammars.text.source import DiagnosticCollector, SourceText, SyntaxNode
 
 _LARGEST: Final = 1e6
 _UNIT_ADVICE: Final = {"length": "lengths are in metres: m", "angle": "angles are in deg or rad"}

@@ -33,8 +33,14 @@ from grammars.floorplan._spaces import (
 from grammars.floorplan._syntax import parse_syntax
 from grammars.floorplan.model import FloorPlan, Opening, Wall
 from grammars.model.geometry import signed_area
-from grammars.text.diagnostics import InputError, Where
-from grammars.text.source import DiagnosticCollector, SourceText, SyntaxNode, in_source_order
+from grammars.text.diagnostics import (
+    DiagnosticCollector,
+    InputError,
+    SourceText,
+    SyntaxNode,
+    Where,
+    in_source_order,
+)
 
 _TOUCHING: Final = 1e-3
 """How far walls may be apart and still touch, or openings stick out [m]."""

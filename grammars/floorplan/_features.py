@@ -11,8 +11,7 @@ from grammars.floorplan._shapes import floor_outline, wall_outline
 from grammars.floorplan._spaces import SpaceDraft, find_space, find_wall, frame_id
 from grammars.floorplan.model import Feature, Opening, Placement, Point3, Wall
 from grammars.model.geometry import Pose2, Ring
-from grammars.text.diagnostics import Where
-from grammars.text.source import SyntaxNode
+from grammars.text.diagnostics import SyntaxNode, Where
 
 
 @dataclass(frozen=True, slots=True)

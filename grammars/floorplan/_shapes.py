@@ -15,8 +15,7 @@ import numpy as np
 from grammars.floorplan._attributes import ElementReader
 from grammars.floorplan.model import Point3
 from grammars.model.geometry import Floats, Point2, Ring
-from grammars.text.diagnostics import with_article
-from grammars.text.source import SyntaxNode, TypedNode
+from grammars.text.diagnostics import SyntaxNode, TypedNode, with_article
 
 # As FloorPlan DSL v1 approximated circles: 40 corners, the first at (0, r), clockwise, so that
 # walls grow outwards. Every edge is a wall with a number; circles of objects have no such numbers

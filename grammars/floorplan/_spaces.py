@@ -12,8 +12,7 @@ from dataclasses import dataclass
 from grammars.floorplan._attributes import ElementReader, Location
 from grammars.floorplan.model import Placement, Space, Wall
 from grammars.model.geometry import Point2, Pose2, Ring
-from grammars.text.diagnostics import Where, did_you_mean
-from grammars.text.source import SyntaxNode
+from grammars.text.diagnostics import SyntaxNode, Where, did_you_mean
 
 IDENTITY = Pose2()
 

@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Final
 
 from grammars.floorplan._shapes import SHAPE_NODES
+from grammars.text.diagnostics import SourceText, SyntaxNode
 from grammars.text.parsing import Language, SyntaxFault, without_comments
-from grammars.text.source import SourceText, SyntaxNode
 
 _ELEMENT_START: Final = re.compile(
     r"\b(?:(?:Space|Column|Divider|Entryway|Window)\s*[^\d\W]\w*\s*:|var\s*[^\d\W]\w*\s*=|Defaults\s*:)"

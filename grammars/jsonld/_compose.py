@@ -11,8 +11,7 @@ from typing import TYPE_CHECKING
 
 from grammars.floorplan import FloorPlan
 from grammars.jsonld._expand import expand, expand_text
-from grammars.jsonld._layer_reader import read_layers
-from grammars.jsonld._layer_writer import LayerWriter
+from grammars.jsonld._layers import LayerWriter, read_layers
 from grammars.jsonld._legacy_terms import replace_legacy_terms
 from grammars.jsonld._nodes import NodeGraph, Ref
 from grammars.jsonld._plan_reader import read_plan

@@ -15,8 +15,7 @@ from typing import Any, Final
 
 from grammars.jsonld._nodes import Node, NodeGraph, Ref, Value
 from grammars.jsonld.vocabulary import XSD, ContextError, JsonLdContext, Term
-from grammars.text.diagnostics import Diagnostic, InputError, Severity, Where
-from grammars.text.source import SourceText
+from grammars.text.diagnostics import Diagnostic, InputError, Severity, SourceText, Where
 
 _ID: Final = re.compile(r'"(?:@id|id)"\s*:\s*"([^"\\]*)"')
 

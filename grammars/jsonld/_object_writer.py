@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Final
 
-from grammars.jsonld._geometry_nodes import (
+from grammars.jsonld._kinematics import (
     POINT,
     Json,
     frame_nodes,

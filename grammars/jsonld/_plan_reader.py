@@ -24,8 +24,14 @@ from grammars.jsonld._nodes import Node, NodeGraph, Ref
 from grammars.jsonld._plan_writer import implied_space, is_polygon
 from grammars.jsonld.vocabulary import FP, OBJ, POLY, SCN, local_name
 from grammars.model.geometry import Ring
-from grammars.text.diagnostics import Diagnostic, InputError, Where, did_you_mean
-from grammars.text.source import DiagnosticCollector, SourceText
+from grammars.text.diagnostics import (
+    Diagnostic,
+    DiagnosticCollector,
+    InputError,
+    SourceText,
+    Where,
+    did_you_mean,
+)
 
 _LARGEST: Final = 1e6
 

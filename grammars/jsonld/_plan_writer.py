@@ -23,7 +23,7 @@ from grammars.floorplan import (
     space_at,
     wall_frames,
 )
-from grammars.jsonld._geometry_nodes import (
+from grammars.jsonld._kinematics import (
     POINT,
     Json,
     frame_nodes,

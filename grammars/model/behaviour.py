@@ -1,16 +1,10 @@
-"""How joints of scenery objects behave during a run, and how movers walk.
-
-The three behaviours of the paper (section 3.3): hold a joint position, move at given times, move
-when the robot comes near. Beyond it: move when something happens, and walk a route. Each motion
-is declared instead of hidden in a simulator plugin: ``Jump`` sets the joint at once, ``Servo``
-drives it at a rate with bounded effort, ``Spring`` pulls it with a torsion (or linear) spring.
-Times are simulated seconds.
-"""
+"""How joints of scenery objects behave during a run, how movers walk, what the log says of it."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from enum import StrEnum
 from typing import Annotated, Literal, TypeAlias
 
 from pydantic import Field
@@ -241,3 +235,16 @@ def start_positions(scene: Scene, behaviours: Iterable[Behaviour]) -> dict[str, 
     told = {b.joint: b.start_position for b in behaviours if not isinstance(b, Walk)}
     known = {name: position for name, position in told.items() if position is not None}
     return scene.initial_joints | known
+
+
+class JointEvent(StrEnum):
+    """Why a joint began to move; each is how its line in the log begins."""
+
+    KEY_FRAME = "key frame "
+    TRIGGERED = "triggered "
+    REACTS = "reacts: "
+
+
+def joint_event(text: str) -> JointEvent | None:
+    """Return what a line of the log says of a joint, ``None`` when it is about something else."""
+    return next((event for event in JointEvent if text.startswith(event)), None)

@@ -1,15 +1,15 @@
-"""Forward kinematics of scene objects: where each link is for given joint positions."""
+"""Where the links of objects are for given joint positions, and what they cover at a height."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Container, Sequence
+from collections.abc import Callable, Container, Iterator, Mapping, Sequence
 from typing import Final, TypeAlias
 
 import numpy as np
 
-from grammars.model.geometry import Floats, Pose2
-from grammars.model.scene import Joint, SceneObject
+from grammars.model.geometry import Floats, Pose2, Ring
+from grammars.model.scene import Joint, Link, Scene, SceneObject, Solid
 
 WORLD: Final = "world"
 Trigonometry: TypeAlias = Callable[[Floats], tuple[Floats, Floats]]
@@ -140,3 +140,50 @@ def _unplaced_chain(
             break
         link = obj.joints[above[link]].parent
     return chain
+
+
+def is_cut(part: Solid | Link, z: float) -> bool:
+    """Return whether ``part`` crosses height ``z`` [m].
+
+    What ends there is not cut and what begins there is, so of two things that stand on each other
+    exactly one is.
+    """
+    return part.z_min <= z < part.z_max
+
+
+def solid_rings(scene: Scene, z: float) -> list[Ring]:
+    """Return the outlines of the walls, columns and dividers that cross height ``z`` [m]."""
+    return [solid.polygon for solid in scene.solids if is_cut(solid, z)]
+
+
+def placed_links(
+    thing: SceneObject, positions: Mapping[str, float] | None = None
+) -> Iterator[tuple[Link, tuple[Ring, ...]]]:
+    """Return every link of an object with its outlines in the world.
+
+    ``positions`` [rad or m] go by scene-wide joint name; joints it does not name, and all of them
+    without it, are where they start.
+    """
+    given = positions or {}
+    poses = link_poses(
+        thing,
+        [
+            given.get(f"{thing.name}.{joint.name}", initial)
+            for joint, initial in zip(thing.joints, thing.initial, strict=True)
+        ],
+    )
+    for link in thing.links:
+        yield link, tuple(poses[link.name].apply_ring(ring) for ring in link.polygons)
+
+
+def object_rings(
+    scene: Scene, z: float, positions: Mapping[str, float] | None = None
+) -> list[Ring]:
+    """Return the outlines of all links that cross height ``z`` [m]; see :func:`placed_links`."""
+    return [
+        ring
+        for thing in scene.objects
+        for link, rings in placed_links(thing, positions)
+        if is_cut(link, z)
+        for ring in rings
+    ]

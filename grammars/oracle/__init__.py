@@ -1,5 +1,14 @@
 """The oracle language: what must hold for a run, one line per oracle, with units."""
 
+from grammars.oracle._checks import (
+    JointReference,
+    check_references,
+    kind_of,
+    leg_number,
+    margin_kind,
+    object_signals,
+    obstacle_names,
+)
 from grammars.oracle._model import (
     Amount,
     Arithmetic,
@@ -23,13 +32,6 @@ from grammars.oracle._model import (
     signals_of,
 )
 from grammars.oracle._parse import load_oracles, parse_oracle
-from grammars.oracle._scope import (
-    JointReference,
-    check_references,
-    leg_number,
-    object_signals,
-    obstacle_names,
-)
 from grammars.oracle._signals import (
     OBJECT_SIGNALS,
     SIGNALS,
@@ -42,7 +44,6 @@ from grammars.oracle._signals import (
     custom_signal_names,
     signal_declaration,
 )
-from grammars.oracle._units import kind_of, margin_kind
 from grammars.text.quantity import Dimension
 
 __all__ = [

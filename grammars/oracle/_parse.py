@@ -9,6 +9,7 @@ import re
 from pathlib import Path
 from typing import Any, Final
 
+from grammars.oracle._checks import check_types
 from grammars.oracle._model import (
     Amount,
     Arithmetic,
@@ -32,12 +33,10 @@ from grammars.oracle._model import (
     shift_place,
 )
 from grammars.oracle._signals import custom_oracle_names
-from grammars.oracle._units import check_types
-from grammars.text.diagnostics import Diagnostic, InputError, Where, did_you_mean
+from grammars.text.diagnostics import Diagnostic, InputError, SourceText, Where, did_you_mean
 from grammars.text.documents import YamlDocument, load_yaml
 from grammars.text.parsing import Language, SyntaxFault
 from grammars.text.quantity import parse_quantity
-from grammars.text.source import SourceText
 
 _OPERATORS: Final = (
     *("always", "never", "eventually", "fraction", "time", "longest", "count"),

@@ -9,12 +9,7 @@ from typing import Final
 from shapely.geometry import Point, Polygon
 
 from grammars.model.behaviour import Behaviour, Hold, KeyFrames, Reaction, Trigger, Walk
-from grammars.model.free_space import (
-    inscribed_radius,
-    is_overlap,
-    moving_links,
-    swept_area,
-)
+from grammars.model.free_space import inscribed_radius, is_overlap, moving_links, swept_area
 from grammars.model.geometry import Point2
 from grammars.model.mission import Mission
 from grammars.model.movers import PLANAR_JOINTS, is_mover

@@ -23,9 +23,8 @@ from grammars.scenery.model import (
     parse_measure,
     require_dimension,
 )
-from grammars.text.diagnostics import Diagnostic, InputError, Where, did_you_mean
+from grammars.text.diagnostics import Diagnostic, InputError, SourceText, Where, did_you_mean
 from grammars.text.documents import read_text
-from grammars.text.source import SourceText
 
 _Statement: TypeAlias = ObjectModel | Instance | Group | Parameter | Setting | Sentence
 _OBJECT: Final = re.compile(r"([^\d\W]\w*)(?:\.([^\d\W]\w*))?")

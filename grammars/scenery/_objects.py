@@ -24,8 +24,7 @@ from grammars.scenery.model import (
     Towards,
     require_dimension,
 )
-from grammars.text.diagnostics import InputError, Where, did_you_mean
-from grammars.text.source import SyntaxNode, TypedNode
+from grammars.text.diagnostics import InputError, SyntaxNode, TypedNode, Where, did_you_mean
 
 CIRCLE_CORNERS: Final = 32
 _AXES: Final = {"x": (1.0, 0.0), "y": (0.0, 1.0)}

@@ -16,8 +16,7 @@ from grammars.scenery.model import (
     parse_measure,
     require_dimension,
 )
-from grammars.text.diagnostics import Diagnostic, InputError, Where
-from grammars.text.source import SourceText, TypedNode
+from grammars.text.diagnostics import Diagnostic, InputError, SourceText, TypedNode, Where
 
 T = TypeVar("T")
 

@@ -33,8 +33,7 @@ from grammars.scenery.model import (
     Waiting,
     Walks,
 )
-from grammars.text.diagnostics import InputError
-from grammars.text.source import SyntaxNode, TypedNode
+from grammars.text.diagnostics import InputError, SyntaxNode, TypedNode
 
 _SPEEDS = ("angular speed", "speed")
 _EFFORTS = ("torque", "force")

@@ -11,14 +11,17 @@ from typing import Final
 from grammars.scenery._objects import OBJECT_RULES
 from grammars.scenery._reader import RULES
 from grammars.scenery._sentences import SENTENCE_RULES
-from grammars.scenery.model import (
-    NUMBER,
-    UNIT,
+from grammars.scenery.model import NUMBER, UNIT
+from grammars.text.diagnostics import (
+    Diagnostic,
+    InputError,
+    SourceText,
+    SyntaxNode,
+    Where,
+    did_you_mean,
 )
-from grammars.text.diagnostics import Diagnostic, InputError, Where, did_you_mean
 from grammars.text.parsing import Language, SyntaxFault, listed
 from grammars.text.quantity import parse_quantity
-from grammars.text.source import SourceText, SyntaxNode
 
 _STARTERS: Final = (
     "object",

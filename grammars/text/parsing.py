@@ -14,8 +14,13 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any, ClassVar, Final
 
-from grammars.text.diagnostics import Diagnostic, InputError
-from grammars.text.source import SourceText, SyntaxNode, in_source_order
+from grammars.text.diagnostics import (
+    Diagnostic,
+    InputError,
+    SourceText,
+    SyntaxNode,
+    in_source_order,
+)
 
 _MOST_ERRORS: Final = 20
 _LONGEST: Final = 40

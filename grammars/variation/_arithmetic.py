@@ -10,9 +10,14 @@ from dataclasses import dataclass
 from typing import Final, TypeAlias
 
 from grammars.floorplan import PolygonNode
-from grammars.text.diagnostics import closest, did_you_mean, with_article
+from grammars.text.diagnostics import (
+    DiagnosticCollector,
+    SyntaxNode,
+    closest,
+    did_you_mean,
+    with_article,
+)
 from grammars.text.quantity import ANGLE, DIMENSIONS, LENGTH, RATIO, Dimension
-from grammars.text.source import DiagnosticCollector, SyntaxNode
 from grammars.variation._expressions import (
     UNITS,
     Constant,
@@ -26,7 +31,7 @@ from grammars.variation._expressions import (
     measurement,
     measures_of,
 )
-from grammars.variation._nodes import (
+from grammars.variation._syntax import (
     CallNode,
     FactorNode,
     GroupNode,

@@ -13,11 +13,10 @@ from dataclasses import dataclass
 from statistics import NormalDist
 from typing import TYPE_CHECKING, Final, TypeAlias
 
-from grammars.text.diagnostics import did_you_mean
+from grammars.text.diagnostics import DiagnosticCollector, SyntaxNode, did_you_mean
 from grammars.text.quantity import ANGLE, LENGTH
-from grammars.text.source import DiagnosticCollector, SyntaxNode
 from grammars.variation._expressions import UNITS
-from grammars.variation._nodes import DiscreteNode, DistributionNode, NormalNode, UniformNode
+from grammars.variation._syntax import DiscreteNode, DistributionNode, NormalNode, UniformNode
 
 if TYPE_CHECKING:
     import numpy as np

@@ -7,9 +7,17 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from grammars.floorplan import FloorPlan, parse_floorplan
-from grammars.text.diagnostics import Diagnostic, InputError, Where, did_you_mean, with_article
+from grammars.text.diagnostics import (
+    Diagnostic,
+    DiagnosticCollector,
+    InputError,
+    SourceText,
+    SyntaxNode,
+    Where,
+    did_you_mean,
+    with_article,
+)
 from grammars.text.quantity import ANGLE, DIMENSIONS, RATIO, Dimension
-from grammars.text.source import DiagnosticCollector, SourceText, SyntaxNode
 from grammars.variation._arithmetic import ExpressionReader, PlanResolver, joined_dimension
 from grammars.variation._distributions import Distribution, DistributionReader
 from grammars.variation._expressions import (
@@ -21,7 +29,7 @@ from grammars.variation._expressions import (
     dimension_name,
     parts,
 )
-from grammars.variation._nodes import (
+from grammars.variation._syntax import (
     BlockNode,
     ImportNode,
     LetNode,
@@ -29,8 +37,8 @@ from grammars.variation._nodes import (
     SingleNode,
     SumNode,
     ValueNode,
+    parse,
 )
-from grammars.variation._syntax import parse
 from grammars.variation.plan_text import PlanElement, PlanText, Slot
 
 

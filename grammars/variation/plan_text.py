@@ -11,9 +11,9 @@ from dataclasses import dataclass
 from typing import Final, TypeAlias
 
 from grammars.floorplan import CircleNode, RectangleNode, parse_syntax
+from grammars.text.diagnostics import SourceText, SyntaxNode
 from grammars.text.parsing import without_comments
 from grammars.text.quantity import PLAN_UNITS, PlanDimension
-from grammars.text.source import SourceText, SyntaxNode
 
 Span: TypeAlias = tuple[int, int]
 

@@ -28,7 +28,8 @@ if TYPE_CHECKING:
         VerdictChange,
     )
     from daemon.model.status import CampaignRow
-    from scenario_tui.client import ClientOpener, DaemonClient
+    from daemon.model.verbs import DaemonClient
+    from scenario_tui.client import ClientOpener
     from scenario_tui.text.results import CampaignResults
 
 LAST_GREEN: Final = "last-green"

@@ -118,8 +118,13 @@ def judge(
 
 
 def _print_rejudged(found: tuple[RejudgedTrace, ...]) -> None:
+    from scenario_tui.text.comparison_text import (
+        LISTED,
+        change_lines,
+        rejudge_summary,
+        rejudge_table,
+    )
     from scenario_tui.text.formatting import TERMINAL_STYLES
-    from scenario_tui.text.rejudge_text import LISTED, change_lines, rejudge_summary, rejudge_table
 
     console = stdout_console()
     judged = [one for one in found if not one.problem]

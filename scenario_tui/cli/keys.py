@@ -80,9 +80,10 @@ def issue(
     days: Days = 730,
 ) -> None:
     """Make one more key; a daemon admits it from its next start on."""
-    from daemon.batch.security import Role, keys_folder
+    from daemon.batch.security import keys_folder
     from daemon.batch.security.authority import issue_key as make
     from daemon.batch.security.authority import utc_now
+    from daemon.model.verbs import Role
 
     try:
         wanted = Role(role)

@@ -13,14 +13,7 @@ import typer
 
 from daemon.model.execution import DaskScheduler, RunLimits
 from scenario_tui.cli.exit_codes import ExitCode, wrong_usage
-from scenario_tui.cli.options import (
-    Connect,
-    Keys,
-    State,
-    check_endpoint,
-    read_duration,
-    read_size,
-)
+from scenario_tui.cli.options import Connect, Keys, State, check_endpoint, read_duration, read_size
 from scenario_tui.cli.output import plain_table, say, stdout_console
 
 PrintUnit: TypeAlias = Annotated[

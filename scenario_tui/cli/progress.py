@@ -17,8 +17,9 @@ from rich.text import Text
 
 from daemon.batch.errors import DaemonError, Refused, Unreachable
 from daemon.model.status import CampaignRow, LiveSnapshot, RunRow
+from daemon.model.verbs import DaemonClient
 from scenario_tui.cli.output import say, stderr_console
-from scenario_tui.client import ClientOpener, DaemonClient
+from scenario_tui.client import ClientOpener
 from scenario_tui.text.formatting import (
     GLYPHS,
     TERMINAL_STYLES,

@@ -13,12 +13,7 @@ from rich.text import Text
 
 from daemon.judging.assessment import CampaignDifference, JudgedCampaign
 from daemon.judging.statistics import at_least
-from daemon.model.assessments import (
-    Assessment,
-    AssessmentRules,
-    ComparisonVerdict,
-    RunRecord,
-)
+from daemon.model.assessments import Assessment, AssessmentRules, ComparisonVerdict, RunRecord
 from daemon.model.status import CampaignRow, RunRow
 from grammars.text import codec
 from grammars.text.diagnostics import Diagnostic, InputError, Where

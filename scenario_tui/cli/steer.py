@@ -13,7 +13,7 @@ from scenario_tui.cli.options import AsJson, CampaignName, Connect, State
 from scenario_tui.cli.output import Output, say
 
 if TYPE_CHECKING:
-    from scenario_tui.client import DaemonClient
+    from daemon.model.verbs import DaemonClient
 
 
 _RETRYABLE: Final = ("lost", "cancelled", "fail", "error", "inconclusive", "pass", "all")

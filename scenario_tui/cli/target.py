@@ -16,10 +16,11 @@ import typer
 
 from daemon.batch.errors import Refused, TraceUnavailable, Unreachable
 from daemon.model.status import CampaignRow, RunDetail
+from daemon.model.verbs import DaemonClient
 from grammars.text.diagnostics import Diagnostic, InputError, Where, did_you_mean
 from scenario_tui.cli.exit_codes import wrong_usage
 from scenario_tui.cli.output import say, stderr_console
-from scenario_tui.client import DaemonClient, all_runs
+from scenario_tui.client import all_runs
 
 if TYPE_CHECKING:
     from daemon.batch.paths import StatePaths

@@ -28,12 +28,8 @@ from scenario_tui.dashboard.signal_strips import (
 )
 from scenario_tui.dashboard.widgets.cell_view import segments
 from scenario_tui.dashboard.widgets.top_view import REPLAY_LEGEND, STYLES, View, draw_view
-from scenario_tui.text.formatting import (
-    DASHBOARD_STYLES,
-    QUIET,
-    pluralise,
-)
-from scenario_tui.text.verdict_text import verdict_lines
+from scenario_tui.text.formatting import DASHBOARD_STYLES, QUIET, pluralise
+from scenario_tui.text.run_text import verdict_lines
 
 DOOR_CLEARANCE: Final = "clearance(doors)"
 """Name of the signal that is the least clearance of any object that moves."""

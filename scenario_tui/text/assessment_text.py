@@ -34,7 +34,7 @@ from scenario_tui.text.formatting import (
     run_word,
 )
 from scenario_tui.text.results import CampaignResults, leading_oracle
-from scenario_tui.text.verdict_text import evidence_parts
+from scenario_tui.text.run_text import evidence_parts
 
 BOUNDS: Final = "mean difference [one-sided 95 % bounds] over n repeats"
 _LETTERS: Final = "abcdefghijklmnopqrstuvwxyz"

@@ -15,8 +15,9 @@ from daemon.model.assessments import (
     RunRecord,
 )
 from daemon.model.status import CampaignRow, RunRow
+from daemon.model.verbs import DaemonClient
 from daemon.model.verdicts import Outcome
-from scenario_tui.client import DaemonClient, all_runs
+from scenario_tui.client import all_runs
 from scenario_tui.text.formatting import GLYPHS, SEVERITY, run_word
 
 UNFINISHED: tuple[str, ...] = ("running", "queued", "lost", "cancelled")

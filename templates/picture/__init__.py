@@ -7,10 +7,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from templates.picture._compose import draw_world
+from templates.picture._compose import PNG_SCALE, draw_world, write_png
 from templates.picture._drawing import Drawing
 from templates.picture._mission import RunOverlay
-from templates.picture._png import PNG_SCALE, write_png
 from templates.world import ExportJob
 
 __all__ = ["PNG_SCALE", "Drawing", "RunOverlay", "draw_world", "write_picture", "write_png"]

@@ -7,8 +7,8 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Final
 
-from grammars.model.cross_section import placed_links
 from grammars.model.geometry import Point2, Ring
+from grammars.model.kinematics import placed_links
 from grammars.model.scene import Scene, Solid
 from templates.picture._drawing import Disc, Drawing, DrawingItem, Shape, TextLabel
 

@@ -10,9 +10,8 @@ import shapely
 from shapely.geometry import Point, Polygon
 
 from grammars.model.behaviour import Behaviour
-from grammars.model.cross_section import is_cut, placed_links, solid_rings
 from grammars.model.geometry import Point2
-from grammars.model.kinematics import link_poses
+from grammars.model.kinematics import is_cut, link_poses, placed_links, solid_rings
 from grammars.model.scene import Joint, Link, Region, Scene, SceneObject
 from templates.picture._drawing import LETTER, Disc, DrawingItem, Labels, Shape, TextLabel
 from templates.picture._page import (

@@ -6,6 +6,14 @@ for which it also tells doors, floor and margins. Who has read traces already su
 :func:`run_coverage` of each by :func:`sum_coverage`.
 """
 
+from daemon.analysis.coverage._building import (
+    covered_cells,
+    floor_area,
+    floor_grid,
+    paint_footprints,
+    paint_rays,
+    room_cells,
+)
 from daemon.analysis.coverage._coverage import (
     MAX_BINS,
     RunCoverage,
@@ -23,20 +31,7 @@ from daemon.analysis.coverage._features import (
     feature_leaves,
     pair_counts,
 )
-from daemon.analysis.coverage._floor import (
-    covered_cells,
-    floor_area,
-    floor_grid,
-    paint_footprints,
-    paint_rays,
-    room_cells,
-)
-from daemon.analysis.coverage._results import (
-    Coverage,
-    FeatureCount,
-    FloorArea,
-    RoomArea,
-)
+from daemon.analysis.coverage._results import Coverage, FeatureCount, FloorArea, RoomArea
 from daemon.analysis.coverage._rules import contains_point
 
 __all__ = [

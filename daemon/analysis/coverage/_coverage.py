@@ -13,7 +13,15 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Final
 
-from daemon.analysis.coverage._doors import DoorRun, door_counts, door_runs
+from daemon.analysis.coverage._building import (
+    CoveredCells,
+    DoorRun,
+    covered_cells,
+    door_counts,
+    door_runs,
+    floor_area,
+    floor_grid,
+)
 from daemon.analysis.coverage._features import (
     MODEL,
     RecognisedFeatures,
@@ -21,7 +29,6 @@ from daemon.analysis.coverage._features import (
     pair_counts,
     recognise_features,
 )
-from daemon.analysis.coverage._floor import CoveredCells, covered_cells, floor_area, floor_grid
 from daemon.analysis.coverage._results import (
     Coverage,
     DoorCount,

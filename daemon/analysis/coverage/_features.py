@@ -18,8 +18,7 @@ from typing import Final, Literal, TypeAlias
 from daemon.analysis.coverage import _rules as rules
 from daemon.analysis.coverage._results import FeatureCount, PairCount, Pairs
 from daemon.analysis.coverage._rules import RunFacts
-from daemon.model.joint_events import JointEvent
-from grammars.model.behaviour import Hold, KeyFrames, Reaction, Trigger, Walk
+from grammars.model.behaviour import Hold, JointEvent, KeyFrames, Reaction, Trigger, Walk
 from grammars.model.movers import is_mover
 
 FeatureRule: TypeAlias = Callable[[RunFacts], bool]

@@ -14,8 +14,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from daemon.model.joint_events import JointEvent, joint_event
-from grammars.model.behaviour import Behaviour, KeyFrames, Reaction, Walk
+from grammars.model.behaviour import Behaviour, JointEvent, KeyFrames, Reaction, Walk, joint_event
 from grammars.model.geometry import Point2, Ring
 from grammars.model.movers import is_mover, own_joints
 from grammars.model.robot import Robot

@@ -26,7 +26,7 @@ from daemon.analysis.report._svg import (
     title_axes,
 )
 from daemon.analysis.report._tracks import AFTER, BEFORE, RunTracks, TriggerEncounter
-from grammars.model.cross_section import object_rings, solid_rings
+from grammars.model.kinematics import object_rings, solid_rings
 from grammars.model.scene import Scene
 
 if TYPE_CHECKING:

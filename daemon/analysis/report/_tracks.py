@@ -15,11 +15,11 @@ import numpy.typing as npt
 
 from daemon.analysis.report._safety_buffer import SafetyBuffer, ThinnedSamples, points_inside
 from daemon.judging.oracles import SignalSampler
-from daemon.model.joint_events import JointEvent, joint_event
-from grammars.model.behaviour import Trigger
+from grammars.model.behaviour import JointEvent, Trigger, joint_event
 from grammars.model.geometry import Floats, Point2, Ring
 from grammars.model.scene import Joint, SceneObject
-from grammars.oracle import Dimension, Number, Signal, object_signals
+from grammars.oracle import Number, Signal, object_signals
+from grammars.text.quantity import Dimension
 
 if TYPE_CHECKING:
     from daemon.trace import Trace

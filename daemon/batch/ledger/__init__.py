@@ -11,8 +11,12 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Final
 
 if TYPE_CHECKING:
-    from daemon.batch.ledger._connection import SCHEMA_VERSION, connect
-    from daemon.batch.ledger._integrity import LedgerIntegrity, check_integrity
+    from daemon.batch.ledger._connection import (
+        SCHEMA_VERSION,
+        LedgerIntegrity,
+        check_integrity,
+        connect,
+    )
     from daemon.batch.ledger._reader import LedgerReader, count_states
     from daemon.batch.ledger._retention import (
         RetentionPolicy,
@@ -38,10 +42,10 @@ __all__ = [
 
 _MODULES: Final = {
     "SCHEMA_VERSION": "_connection",
-    "LedgerIntegrity": "_integrity",
+    "LedgerIntegrity": "_connection",
     "LedgerReader": "_reader",
     "LedgerWriter": "_writer",
-    "check_integrity": "_integrity",
+    "check_integrity": "_connection",
     "connect": "_connection",
     "count_states": "_reader",
 }

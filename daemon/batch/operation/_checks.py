@@ -19,8 +19,9 @@ from typing import Final
 from daemon.batch.errors import DaemonError, KeysUnusable
 from daemon.batch.ledger import SCHEMA_VERSION, LedgerIntegrity, LedgerReader, check_integrity
 from daemon.batch.paths import StatePaths
-from daemon.batch.security import IssuedKey, Role, find_credentials, is_authority, load_register
+from daemon.batch.security import IssuedKey, find_credentials, is_authority, load_register
 from daemon.model.ids import is_id
+from daemon.model.verbs import Role
 
 _EXPIRES_SOON: Final = 30 * 86_400.0
 _RENEWAL: Final = "`scenario keys issue {role} NAME` makes another, `scenario keys bundle` packs it"

@@ -1,9 +1,14 @@
 """The daemon itself: the ledger behind a Zenoh router, and a local worker."""
 
 from daemon.batch.server._admission import admit_submission
-from daemon.batch.server._runtime import DaemonClock, EventLog
+from daemon.batch.server._runtime import (
+    DaemonClock,
+    DaemonSettings,
+    EventLog,
+    exposure_warning,
+    prepare_endpoints,
+)
 from daemon.batch.server._serve import STOP_MARGIN, serve
-from daemon.batch.server._settings import DaemonSettings, exposure_warning, prepare_endpoints
 from daemon.batch.server._uploads import FileUploads, TraceUploads
 
 __all__ = [

@@ -9,11 +9,9 @@ from pathlib import Path
 from daemon.batch.errors import Refused
 from daemon.batch.ledger import LedgerReader, LedgerWriter, count_states
 from daemon.batch.paths import StatePaths
-from daemon.batch.server._admission import admit_submission
+from daemon.batch.server._admission import Quota, admit_submission
 from daemon.batch.server._dispatcher import VerbHandler
-from daemon.batch.server._quota import Quota
-from daemon.batch.server._runtime import DaemonClock, EventLog
-from daemon.batch.server._settings import DaemonSettings
+from daemon.batch.server._runtime import DaemonClock, DaemonSettings, EventLog
 from daemon.batch.server._uploads import FileUploads, TraceUploads
 from daemon.batch.server._workers import MOST_WORKERS, WorkerRegistry
 from daemon.batch.stores import Marker, encode_chunk, is_url, read_part
@@ -49,7 +47,7 @@ from daemon.model.packed_submission import (
     fingerprint,
     unpack_submission,
 )
-from daemon.model.spec import ENGINE_VERSION
+from daemon.model.spec import ENGINE_VERSION, install_hint, own_version, version_text
 from daemon.model.status import (
     CampaignRow,
     DaemonOverview,
@@ -61,7 +59,6 @@ from daemon.model.status import (
     WorkerRow,
 )
 from daemon.model.verbs import SUBMIT, VERBS
-from daemon.model.versions import install_hint, own_version, version_text
 from grammars.model.scene import Scene
 from grammars.text import codec
 

@@ -22,6 +22,7 @@ from daemon.batch import bus
 from daemon.batch.errors import AlreadyRunning, DaemonError
 from daemon.batch.ledger import LedgerReader, LedgerWriter
 from daemon.batch.paths import DaemonContact, StatePaths
+from daemon.batch.server._admission import Quota
 from daemon.batch.server._dispatcher import (
     LedgerJob,
     OverloadReply,
@@ -30,9 +31,13 @@ from daemon.batch.server._dispatcher import (
     WriterThread,
 )
 from daemon.batch.server._handlers import Handlers
-from daemon.batch.server._quota import Quota
-from daemon.batch.server._runtime import DaemonClock, EventLog
-from daemon.batch.server._settings import DaemonSettings, ListenSettings, prepare_endpoints
+from daemon.batch.server._runtime import (
+    DaemonClock,
+    DaemonSettings,
+    EventLog,
+    ListenSettings,
+    prepare_endpoints,
+)
 from daemon.batch.server._workers import LocalWorker, WorkerRegistry
 from daemon.batch.stores import check_store_url, write_marker
 from daemon.model.execution import DEFAULT_EXECUTOR, RunLimits, available_cores

@@ -1,40 +1,36 @@
 """Where traces lie and how they travel: stores by URL, verified parts, copies on this machine."""
 
-from daemon.batch.stores._locations import (
-    Marker,
-    check_store_url,
-    is_url,
-    read_marker,
-    trace_url,
-    write_marker,
-)
 from daemon.batch.stores._store import (
+    Marker,
     StoreUnusable,
+    check_store_url,
     get_from_store,
+    is_url,
     probe_store,
     put_in_store,
+    read_marker,
     remove_from_store,
-)
-from daemon.batch.stores._trace_copies import (
-    TraceReference,
-    TraceSource,
-    copy_trace,
-    local_copy,
-    trace_reference,
+    trace_url,
+    write_marker,
 )
 from daemon.batch.stores._transfer import (
     ByteProgress,
     FileUpload,
+    TraceReference,
+    TraceSource,
     accept_part,
     append_part,
+    copy_trace,
     decode_chunk,
     download,
     encode_chunk,
     file_sha256,
     file_size,
+    local_copy,
     make_folder,
     matches_digest,
     read_part,
+    trace_reference,
     trim_cache,
 )
 

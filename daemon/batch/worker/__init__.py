@@ -1,8 +1,7 @@
 """Workers: lease runs from a daemon and execute each in a process of its own."""
 
 from daemon.batch.worker._attempts import Attempt
-from daemon.batch.worker._connection import WorkerPaths, choose_paths
-from daemon.batch.worker._inputs import InputCache
+from daemon.batch.worker._connection import InputCache, WorkerPaths, choose_paths
 from daemon.batch.worker._uploader import ResultUploader
 from daemon.batch.worker._work import work
 

@@ -28,8 +28,7 @@ import zenoh
 from daemon.batch.errors import DaemonError, Refused, Unreachable
 from daemon.batch.run_process import WATCHED
 from daemon.batch.worker._attempts import Attempt, AttemptEnd, Backend, Execution, Spool
-from daemon.batch.worker._connection import DaemonConnection, WorkerPaths
-from daemon.batch.worker._inputs import InputCache
+from daemon.batch.worker._connection import DaemonConnection, InputCache, WorkerPaths
 from daemon.batch.worker._signals import WorkerSignals
 from daemon.batch.worker._uploader import ResultUploader
 from daemon.model.execution import RunLimits

@@ -11,7 +11,7 @@ from pathlib import Path
 from daemon.batch import bus
 from daemon.batch.errors import WorkerBroken
 from daemon.batch.paths import is_encrypted
-from daemon.batch.security import Role, find_credentials
+from daemon.batch.security import find_credentials
 from daemon.batch.worker._attempts import Backend, Spool
 from daemon.batch.worker._connection import DaemonConnection, choose_paths, describe_worker
 from daemon.batch.worker._forkserver import (
@@ -23,6 +23,7 @@ from daemon.batch.worker._loop import WorkerLoop
 from daemon.batch.worker._signals import WorkerSignals, exit_when_stdin_closes
 from daemon.model.execution import DEFAULT_EXECUTOR, DaskScheduler, RunLimits, available_cores
 from daemon.model.messages import ALIVE, WORK
+from daemon.model.verbs import Role
 
 
 def work(

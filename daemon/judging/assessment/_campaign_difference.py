@@ -19,12 +19,7 @@ from daemon.judging.assessment._cell_verdicts import (
     measured_value,
     trusted_verdicts,
 )
-from daemon.judging.statistics import (
-    MeanDifference,
-    cliffs_delta,
-    holm_adjusted,
-    mean_difference,
-)
+from daemon.judging.statistics import MeanDifference, cliffs_delta, holm_adjusted, mean_difference
 from daemon.model.assessments import Assessment, AssessmentRules, CellVerdict, RunRecord
 from daemon.model.verdicts import Outcome
 

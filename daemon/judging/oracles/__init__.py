@@ -10,12 +10,7 @@ from typing import TYPE_CHECKING, Final
 
 if TYPE_CHECKING:
     from daemon.judging.oracles._clearance import ObstaclePolygons
-    from daemon.judging.oracles._judge import (
-        judge,
-        overall_outcome,
-        trace_problems,
-        warm_up,
-    )
+    from daemon.judging.oracles._judge import judge, overall_outcome, trace_problems, warm_up
     from daemon.judging.oracles._oracle_timeline import OracleTimeline, oracle_timeline
     from daemon.judging.oracles._sampler import SignalSampler
 

@@ -7,8 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from daemon.stacks.distance_transform import distance_transform
-from daemon.stacks.kernels import Singles
+from daemon.stacks.kernels import Singles, distance_transform
 from grammars.model.grid import FREE, OCCUPIED, OccupancyGrid
 
 _BORDER = 2

@@ -18,9 +18,9 @@ from shapely.geometry import Polygon
 from shapely.geometry.base import BaseGeometry
 
 from grammars.floorplan import FloorPlan, Opening, Point3, Wall
-from grammars.model.cross_section import is_cut
 from grammars.model.free_space import valid_polygon
 from grammars.model.geometry import Floats
+from grammars.model.kinematics import is_cut
 from grammars.model.scene import Scene, Solid
 from grammars.scenery.composition._rings import convex_rings, polygons_of, rounded
 

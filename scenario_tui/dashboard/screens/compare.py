@@ -15,7 +15,6 @@ from textual.widgets import Footer, Static
 
 from daemon.batch.errors import DaemonError
 from grammars.text.diagnostics import InputError
-from scenario_tui.dashboard.local_traces import UnavailableTrace, local_trace
 from scenario_tui.dashboard.playback import Playback, open_playback
 from scenario_tui.dashboard.screens.playing import clock_line
 from scenario_tui.dashboard.screens.replay import StandaloneScreen
@@ -27,6 +26,7 @@ from scenario_tui.dashboard.signal_strips import (
     common_clock,
     shift_to_clock,
 )
+from scenario_tui.dashboard.state import UnavailableTrace, local_trace
 from scenario_tui.dashboard.widgets.timeline import TimelineView
 from scenario_tui.dashboard.widgets.top_view import REPLAY_LEGEND, TopView
 from scenario_tui.text.comparison_text import comparison_text

@@ -19,7 +19,7 @@ from textual.widgets import Static
 
 import scenario_tui
 from daemon.model.status import RunRow
-from scenario_tui.client import DaemonClient
+from daemon.model.verbs import DaemonClient
 from scenario_tui.text.formatting import QUIET, run_label
 
 if TYPE_CHECKING:

@@ -20,7 +20,7 @@ from scenario_tui.dashboard.signal_strips import FLASH, FailureMoment, ReplayTra
 from scenario_tui.dashboard.widgets.timeline import TimelineView
 from scenario_tui.dashboard.widgets.top_view import REPLAY_LEGEND, TopView
 from scenario_tui.terminal.limited_terminal import LimitedTerminalApp
-from scenario_tui.text.verdict_text import verdict_lines
+from scenario_tui.text.run_text import verdict_lines
 
 
 class StandaloneScreen(PlayingScreen):

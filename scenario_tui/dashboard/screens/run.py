@@ -17,13 +17,18 @@ from textual.widgets import OptionList, Static
 from daemon.model.spec import RunResult
 from daemon.model.status import CampaignRow, RunDetail, RunState
 from daemon.model.verdicts import Verdict
-from scenario_tui.dashboard.local_traces import TraceSummary, UnavailableTrace
 from scenario_tui.dashboard.screens.base import show_message_or
 from scenario_tui.dashboard.screens.playing import PlayingScreen, clock_line
 from scenario_tui.dashboard.screens.run_panel import RunMap, top_view_of, track_of
 from scenario_tui.dashboard.screens.steering import SteeringScreen
 from scenario_tui.dashboard.signal_strips import FLASH, FailureMoment, ReplayTransport
-from scenario_tui.dashboard.state import DashboardState, Query, Track
+from scenario_tui.dashboard.state import (
+    DashboardState,
+    Query,
+    TraceSummary,
+    Track,
+    UnavailableTrace,
+)
 from scenario_tui.dashboard.widgets.tables import VerdictList
 from scenario_tui.dashboard.widgets.timeline import LEGEND as SIGNS
 from scenario_tui.dashboard.widgets.timeline import TimelineView

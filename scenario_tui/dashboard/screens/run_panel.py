@@ -11,9 +11,8 @@ from textual.widgets import Static
 from daemon.model.live_view import from_centimetres
 from daemon.model.status import RunDetail, RunState
 from grammars.model.scene import Scene
-from scenario_tui.dashboard.local_traces import TraceSummary, UnavailableTrace
 from scenario_tui.dashboard.screens.base import show_message_or
-from scenario_tui.dashboard.state import DashboardState, Track
+from scenario_tui.dashboard.state import DashboardState, TraceSummary, Track, UnavailableTrace
 from scenario_tui.dashboard.widgets.top_view import LEGEND, TopView, View
 from scenario_tui.text.run_text import run_text
 

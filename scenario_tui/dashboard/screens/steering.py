@@ -11,6 +11,7 @@ from textual.binding import Binding, BindingType
 
 from daemon.model.messages import HIGHEST_PRIORITY
 from daemon.model.status import CampaignRow
+from daemon.model.verbs import DaemonClient
 from scenario_tui.campaign_actions import (
     CANCEL,
     KEYED,
@@ -20,7 +21,6 @@ from scenario_tui.campaign_actions import (
     RETRY,
     CampaignAction,
 )
-from scenario_tui.client import DaemonClient
 from scenario_tui.dashboard.screens.base import BaseScreen
 from scenario_tui.dashboard.screens.dialogs import Menu, MenuChoice, Prompt, Question
 from scenario_tui.dashboard.screens.trace_actions import judge_again, make_report

@@ -16,6 +16,7 @@ from textual.timer import Timer
 from textual.widgets import Input, OptionList, Static
 
 from daemon.model.status import Submission
+from daemon.model.verbs import DaemonClient
 from grammars.text.diagnostics import Severity
 from scenario_tui.campaign_files import (
     find_files,
@@ -24,8 +25,7 @@ from scenario_tui.campaign_files import (
     relative_name,
     typed_folder,
 )
-from scenario_tui.client import DaemonClient
-from scenario_tui.dashboard.check_queue import CheckQueue
+from scenario_tui.dashboard.background import CheckQueue
 from scenario_tui.dashboard.screens.base import BaseScreen, show_message_or
 from scenario_tui.dashboard.screens.dialogs import move_cursor, same_as
 from scenario_tui.dashboard.state import DashboardState

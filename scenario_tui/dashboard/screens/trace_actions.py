@@ -65,7 +65,7 @@ def _choose_oracles(
 
 
 def _tell_judged(dashboard: BaseDashboard, command: str, answer: CommandAnswer) -> None:
-    from scenario_tui.text.rejudge_text import parse_judge_answer, rejudge_report
+    from scenario_tui.text.comparison_text import parse_judge_answer, rejudge_report
 
     dashboard.push_screen(TextDialog(rejudge_report(parse_judge_answer(answer)), command))
 

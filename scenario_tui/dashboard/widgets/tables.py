@@ -14,7 +14,7 @@ from textual.widgets import DataTable, OptionList
 from textual.widgets.option_list import Option
 
 from daemon.model.verdicts import Verdict
-from scenario_tui.text.verdict_text import by_severity, verdict_text
+from scenario_tui.text.run_text import by_severity, verdict_text
 
 Row = tuple[str, tuple[Text, ...]]
 """The label or key of a row, and a cell for each column."""

@@ -10,8 +10,8 @@ from typing import ClassVar, Final
 import numpy as np
 from rich.style import Style
 
-from grammars.model.cross_section import object_rings, solid_rings
 from grammars.model.geometry import Floats, Point2, Pose2, Ring
+from grammars.model.kinematics import object_rings, solid_rings
 from grammars.model.mission import Mission
 from grammars.model.robot import Robot
 from grammars.model.scene import Scene

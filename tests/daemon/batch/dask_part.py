@@ -20,7 +20,7 @@ from distributed import Scheduler, Worker
 def disguise(kind: str) -> None:
     """Be an installation with another engine, or without this program."""
     if kind == "other":
-        versions: Any = import_module("daemon.model.versions")
+        versions: Any = import_module("daemon.model.spec")
         versions.ENGINE_VERSION = "0"
     elif kind == "lacking":
         sys.modules["daemon"] = None  # type: ignore[assignment]

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from daemon.batch.security import CLIENT_ROLES, Role
-from daemon.model.verbs import VERBS
+from daemon.batch.security import CLIENT_ROLES
+from daemon.model.verbs import VERBS, Role
 
 DOC = Path(__file__).parents[3] / "docs" / "security.md"
 

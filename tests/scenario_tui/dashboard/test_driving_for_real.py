@@ -17,7 +17,7 @@ from scenario_tui.dashboard.background import run_command
 from scenario_tui.dashboard.feed import Feed
 from scenario_tui.dashboard.screens.campaigns import CampaignsScreen
 from scenario_tui.dashboard.screens.submit import SubmitScreen
-from scenario_tui.text.rejudge_text import parse_judge_answer, rejudge_report
+from scenario_tui.text.comparison_text import parse_judge_answer, rejudge_report
 from tests.daemon.batch.harness import daemon_at
 from tests.daemon.batch.samples import make_submission
 from tests.scenario_tui.dashboard.driven import eventually

@@ -9,12 +9,7 @@ import numpy as np
 import pytest
 
 from daemon.trace import TraceError
-from scenario_tui.dashboard.playback import (
-    Playback,
-    open_playback,
-    render_frame,
-    timeline_bar,
-)
+from scenario_tui.dashboard.playback import Playback, open_playback, render_frame, timeline_bar
 from scenario_tui.dashboard.signal_strips import (
     SPEEDS,
     ReplayTransport,
@@ -22,7 +17,7 @@ from scenario_tui.dashboard.signal_strips import (
     previous_moment,
 )
 from scenario_tui.dashboard.widgets.top_view import draw_view
-from scenario_tui.text.verdict_text import verdict_lines
+from scenario_tui.text.run_text import verdict_lines
 from tests.scenario_tui.recorded import HIT, TURNED, record_run
 
 

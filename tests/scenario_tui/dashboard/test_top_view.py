@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from grammars.model.cross_section import object_rings
 from grammars.model.geometry import Pose2
+from grammars.model.kinematics import object_rings
 from scenario_tui.dashboard.state import Tracks
 from scenario_tui.dashboard.widgets.cell_view import Canvas
 from scenario_tui.dashboard.widgets.top_view import View, draw_view

@@ -16,7 +16,7 @@ from daemon.batch.errors import WorkerBroken
 from daemon.batch.worker.cluster import _remote
 from daemon.batch.worker.cluster._remote import JobReport, JobStatus
 from daemon.model.execution import DaskScheduler
-from daemon.model.versions import install_hint, own_version
+from daemon.model.spec import install_hint, own_version
 from grammars.text import codec
 
 _TIMEOUT: Final = 5.0

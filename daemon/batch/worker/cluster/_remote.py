@@ -32,8 +32,7 @@ from daemon.batch.worker._launcher import READY, LaunchReport, LaunchRequest
 from daemon.model.attachments import attached_digests
 from daemon.model.execution import RunLimits, python_command
 from daemon.model.messages import LARGEST_REQUEST, Lease
-from daemon.model.spec import RunSpec
-from daemon.model.versions import own_version
+from daemon.model.spec import RunSpec, own_version
 from grammars.text import codec
 from grammars.text.files import write_atomically
 

@@ -23,8 +23,7 @@ import numpy as np
 import numpy.typing as npt
 
 from daemon.model.kernels import kernel
-from daemon.stacks.distance_transform import distance_transform
-from daemon.stacks.kernels import Integers, Singles
+from daemon.stacks.kernels import Integers, Singles, distance_transform
 from daemon.stacks.ros1.amcl._parameters import AmclParameters
 from daemon.stacks.ros1.quirks import Quirks
 from grammars.model.geometry import Floats

@@ -15,7 +15,6 @@ from pydantic.dataclasses import dataclass
 
 from daemon.stacks.kernels import Singles
 from daemon.stacks.ros1.cost_grid import FREE_SPACE, CostGrid
-from daemon.stacks.ros1.navfn.cost_to_go import CostToGo
 from daemon.stacks.ros1.navfn.propagation import (
     BLOCKED,
     BUFFER,
@@ -29,6 +28,7 @@ from daemon.stacks.ros1.navfn.propagation import (
     translation_table,
 )
 from daemon.stacks.ros1.navfn.restricted import (
+    CostToGo,
     descent_reads_cut,
     history_reads_cut,
     propagate_towards,

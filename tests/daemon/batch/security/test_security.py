@@ -20,7 +20,6 @@ from daemon.batch.operation import FindingLevel, check_keys
 from daemon.batch.paths import StatePaths, find_endpoint, is_endpoint, is_local
 from daemon.batch.security import (
     CLIENT_ROLES,
-    Role,
     access_control,
     allowed_verbs,
     denial_text,
@@ -35,7 +34,7 @@ from daemon.model import verbs
 from daemon.model.messages import ALIVE, ASK, EVENTS, LIVE, WORK
 from daemon.model.spec import Snapshot
 from daemon.model.status import ChangeEvent, LiveSnapshot
-from daemon.model.verbs import VERBS
+from daemon.model.verbs import VERBS, Role
 from grammars.model.geometry import Pose2
 from grammars.model.robot import Drive
 from grammars.text import codec

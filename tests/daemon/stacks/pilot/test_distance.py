@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from daemon.stacks.distance_transform import FAR, distance_transform
+from daemon.stacks.kernels import FAR, distance_transform
 from daemon.stacks.pilot.map_field import map_field
 from grammars.model.grid import OCCUPIED, UNKNOWN, OccupancyGrid
 from tests.daemon.stacks.pilot.world import draw

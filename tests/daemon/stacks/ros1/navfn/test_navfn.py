@@ -9,7 +9,6 @@ from pydantic import ValidationError
 from daemon.stacks import warm_up
 from daemon.stacks.ros1.cost_grid import CostGrid
 from daemon.stacks.ros1.navfn import WITHOUT_EFFECT, Navfn, NavfnParameters
-from daemon.stacks.ros1.navfn.cost_to_go import relax_lowered_costs
 from daemon.stacks.ros1.navfn.propagation import (
     descend_gradient,
     interpolate_potential,
@@ -23,6 +22,7 @@ from daemon.stacks.ros1.navfn.restricted import (
     descent_reads_cut,
     history_reads_cut,
     propagate_towards,
+    relax_lowered_costs,
 )
 from daemon.stacks.ros1.quirks import FIXED, ORIGINAL
 from grammars.model.geometry import Floats, Pose2

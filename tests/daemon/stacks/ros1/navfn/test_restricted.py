@@ -9,14 +9,13 @@ from hypothesis import strategies as st
 
 from daemon.stacks.ros1.cost_grid import CostGrid
 from daemon.stacks.ros1.navfn import PotentialField
-from daemon.stacks.ros1.navfn.cost_to_go import CostToGo
 from daemon.stacks.ros1.navfn.propagation import (
     GAINS,
     UNREACHED,
     translate_costs,
     translation_table,
 )
-from daemon.stacks.ros1.navfn.restricted import history_reads_cut, propagate_towards
+from daemon.stacks.ros1.navfn.restricted import CostToGo, history_reads_cut, propagate_towards
 from tests.daemon.stacks.ros1.navfn.test_identity import disturb, random_cells
 
 COLUMNS = 10

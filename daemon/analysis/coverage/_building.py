@@ -1,4 +1,4 @@
-"""Floor of a building that runs covered: seen by the laser, driven on by the footprint."""
+"""What of the building was covered: doors that moved and were met, floor seen and driven on."""
 
 from __future__ import annotations
 
@@ -11,14 +11,89 @@ from typing import Final, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from daemon.analysis.coverage._results import FloorArea, RoomArea
+from daemon.analysis.coverage._results import DoorCount, FloorArea, RoomArea
+from daemon.analysis.coverage._rules import MOVED, RunFacts, articulated_objects
 from daemon.model.kernels import kernel
 from daemon.trace import MotionTrack, Trace
-from grammars.model.geometry import Floats, Pose2, Ring
+from grammars.model.behaviour import Hold, JointEvent, joint_event
+from grammars.model.geometry import Floats, Point2, Pose2, Ring
 from grammars.model.grid import FREE, OccupancyGrid
+from grammars.model.movers import own_joints
 from grammars.model.robot import Robot
-from grammars.model.scene import Region, Scene
+from grammars.model.scene import Region, Scene, SceneObject
 from templates.occupancy import occupancy_grid
+
+
+@dataclass(frozen=True, slots=True)
+class DoorRun:
+    """What happened to an object in one recorded run; ``nearest`` [m], infinite without poses."""
+
+    door: str
+    planned: bool
+    moved: bool
+    triggered: bool
+    nearest: float
+
+
+def door_runs(facts: RunFacts, trace: Trace) -> tuple[DoorRun, ...]:
+    """Return what a recorded run did to each articulated object of its scene."""
+    moving = {b.joint for b in facts.spec.behaviours if not isinstance(b, Hold)}
+    by_robot = (JointEvent.TRIGGERED, JointEvent.REACTS)
+    acted = {e.source for e in trace.events if joint_event(e.text) in by_robot}
+    found = []
+    for door in articulated_objects(trace.scene):
+        joints = {f"{door.name}.{joint.name}" for joint in own_joints(door.joints)}
+        found.append(
+            DoorRun(
+                door.name,
+                bool(joints & moving),
+                _has_moved(trace, joints),
+                bool(joints & acted),
+                _nearest_distance(trace, door),
+            )
+        )
+    return tuple(found)
+
+
+def _has_moved(trace: Trace, joints: set[str]) -> bool:
+    columns = [i for i, name in enumerate(trace.joints.names) if name in joints]
+    # From where it started, not from the last sample: a slow door moves little between two.
+    position = trace.joints.position[:, columns]
+    return bool(position.size and (np.abs(position - position[0]) > MOVED).any())
+
+
+def _nearest_distance(trace: Trace, door: SceneObject) -> float:
+    truth = trace.ground_truth
+    ways = [np.hypot(truth.x - x, truth.y - y) for x, y in meeting_points(door)]
+    return min((float(way.min()) for way in ways if len(way)), default=float("inf"))
+
+
+def meeting_points(door: SceneObject) -> tuple[Point2, ...]:
+    """Return where a door is met: at its hinges as placed, or at its origin if it has none."""
+    hinges = [j for j in own_joints(door.joints) if j.kind == "revolute"]
+    anchors = [door.pose.apply(joint.anchor) for joint in hinges]
+    return tuple(anchors) or ((door.pose.x, door.pose.y),)
+
+
+def door_counts(scene: str, runs: Sequence[tuple[DoorRun, ...]], near: float) -> list[DoorCount]:
+    """Sum up the doors of one scene over its recorded ``runs``; met is within ``near`` [m]."""
+    found = []
+    for one in zip(*runs, strict=True):
+        nearest = min(run.nearest for run in one)
+        found.append(
+            DoorCount(
+                scene=scene,
+                door=one[0].door,
+                runs=len(one),
+                planned=sum(run.planned for run in one),
+                moved=sum(run.moved for run in one),
+                triggered=sum(run.triggered for run in one),
+                met=sum(run.nearest <= near for run in one),
+                nearest=nearest if np.isfinite(nearest) else None,
+            )
+        )
+    return found
+
 
 _Cells: TypeAlias = npt.NDArray[np.bool_]
 _Ranges: TypeAlias = npt.NDArray[np.float32]
