@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import pytest
@@ -9,9 +10,20 @@ import pytest
 from tests.structure import Module, circles, class_homes, import_graph, read_modules
 
 
+ROOT = Path(__file__).parents[1]
+_FILES = re.compile(r"(?<![\w/.])(?:grammars|templates|daemon|scenario_tui|tests)/[\w./-]*\w")
+
+
 @pytest.fixture(scope="module")
 def modules() -> list[Module]:
-    return read_modules(Path(__file__).parents[1])
+    return read_modules(ROOT)
+
+
+@pytest.mark.parametrize("name", ["README.md", "CONTRIBUTING.md", "docs/how-it-works.md"])
+def test_files_that_guides_name_are_there(name: str) -> None:
+    named = _FILES.findall((ROOT / name).read_text("utf-8"))
+    assert len(named) > 3
+    assert [file for file in named if not (ROOT / file).exists()] == []
 
 
 def test_there_is_no_import_circle_of_any_kind(modules: list[Module]) -> None:
