@@ -147,7 +147,7 @@ KINDS: Final = {
             "prov",
             "where all of it comes from, W3C PROV",
             "scene",
-            "provenance:write_provenance",
+            "jsonld:write_provenance",
         ),
     )
 }

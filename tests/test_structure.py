@@ -9,7 +9,6 @@ import pytest
 
 from tests.structure import Module, circles, class_homes, import_graph, read_modules
 
-
 ROOT = Path(__file__).parents[1]
 _FILES = re.compile(r"(?<![\w/.])(?:grammars|templates|daemon|scenario_tui|tests)/[\w./-]*\w")
 

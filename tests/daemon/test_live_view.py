@@ -40,24 +40,24 @@ def test_returns_lie_where_the_laser_saw_something() -> None:
     view = LiveView(LASER)
     ranges = np.full(181, np.inf)
     ranges[90] = 2.0  # straight ahead
-    view.look(Pose2(1.0, 2.0, np.pi / 2), ranges)
-    seen = from_centimetres(view.added(BARE, None, None).returns)
+    view.add_scan(Pose2(1.0, 2.0, np.pi / 2), ranges)
+    seen = from_centimetres(view.extend(BARE, None, None).returns)
     assert seen == ((1.0, 4.5),)
 
 
 def test_everything_is_thinned_and_contacts_are_told_once() -> None:
     view = LiveView(LASER)
-    view.look(Pose2(), np.full(181, 3.0))
+    view.add_scan(Pose2(), np.full(181, 3.0))
     view.contacts.append((1.0, 2.0))
     plan = np.column_stack([np.linspace(0.0, 50.0, 5000), np.zeros(5000)])
     belief = Estimate(1.0, Pose2(), np.diag([0.04, 0.01, 0.1]))
-    picture = view.added(BARE, belief, plan)
+    picture = view.extend(BARE, belief, plan)
     assert len(picture.returns) <= 2 * MOST_RETURNS
     assert len(picture.plan) == 2 * MOST_PLAN_POINTS
     assert from_centimetres(picture.plan)[-1] == (50.0, 0.0)
     assert from_centimetres(picture.contacts) == ((1.0, 2.0),)
     assert picture.spread == (0.04, 0.0, 0.01)
-    assert view.added(BARE, belief, plan).contacts == ()
+    assert view.extend(BARE, belief, plan).contacts == ()
     assert len(codec.to_json(LiveSnapshot("r" * 60, picture))) < 4000
 
 

@@ -57,7 +57,7 @@ class Pretended:
 
 def pretend(monkeypatch: pytest.MonkeyPatch, rule: Rule) -> Pretended:
     pretended = Pretended(rule)
-    monkeypatch.setattr("daemon.analysis.blame.execute_candidates", pretended)
+    monkeypatch.setattr("daemon.analysis.blame._runner.execute_candidates", pretended)
     return pretended
 
 

@@ -258,7 +258,7 @@ def test_a_worker_that_cannot_execute_says_why_and_leaves(tmp_path: Path) -> Non
     with daemon_at(tmp_path / "state") as daemon:
         options = ("--connect", daemon.endpoint, "--slots", "1", "--executor")
         daemon.client().close()
-        worker = Part("worker", tmp_path / "w.log", *options, "tests.daemon:not_there.execute")
+        worker = Part("worker", tmp_path / "w.log", *options, "tests.daemon.not_there:execute")
         assert worker.wait() == 5
         assert "this worker cannot execute runs" in worker.output
         assert "ModuleNotFoundError: No module named 'tests.daemon.not_there'" in worker.output
@@ -300,7 +300,7 @@ def test_a_worker_is_one_family(daemon: DaemonPart, client: Client) -> None:
 
 
 def test_a_local_worker_that_cannot_execute_is_the_daemons_trouble(tmp_path: Path) -> None:
-    missing = "tests.daemon:not_there.execute"
+    missing = "tests.daemon.not_there:execute"
     with (
         daemon_at(tmp_path / "state", 1, executor=missing) as daemon,
         daemon.client() as client,

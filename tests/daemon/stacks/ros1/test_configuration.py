@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from copy import deepcopy
 from typing import Any
 
 import pytest
@@ -222,7 +223,7 @@ def test_whatever_is_written_is_read_or_refused_in_words(
         for name in path[:-1]:
             node = node.setdefault(name, {}) if isinstance(node, dict) else {}
         if isinstance(node, dict):
-            node[path[-1]] = value
+            node[path[-1]] = deepcopy(value)  # a later path may lead into it
     try:
         assert isinstance(read_ros(given_tree), RosParameters)
     except ParameterError as error:
