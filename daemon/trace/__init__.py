@@ -14,9 +14,8 @@ from daemon.trace._model import (
     TraceError,
 )
 from daemon.trace._reader import read_scene, read_spec, read_trace
-from daemon.trace._signals import JointSamples
+from daemon.trace._signals import JointSamples, decode_path, encode_path, encode_poses
 from daemon.trace._statics import MovingLinks
-from daemon.trace._views import decode_path, encode_path, encode_poses
 from daemon.trace._writer import PARTIAL, TraceWriter
 from daemon.trace.messages import TOPICS, warm_up
 

@@ -4,7 +4,7 @@ What is judged and what is only looked at go into separate chunks of the same te
 that a judge never decompresses scans. What need not be written is left out where readers lose
 nothing: joint states that repeat (see :class:`~daemon.trace.JointSamples`), clock ticks
 and door frames beyond 10 Hz, local plans beyond 5 Hz, plans, particles and costmaps beyond 1 Hz
-(see :class:`~daemon.trace._views.ViewerMessages`), plans and progress that did not change.
+(see :class:`~daemon.trace._signals.ViewerMessages`), plans and progress that did not change.
 """
 
 from __future__ import annotations

@@ -103,9 +103,9 @@ def main() -> None:
     steps = drive(World(scene, robot, start, (), np.random.SeedSequence(1)), robot)
     for _ in range(2):
         begin = time.process_time()
-        costmap = Costmap.global_(GLOBAL, GLOBAL.padded_footprint(), ORIGINAL, world_map)
+        costmap = Costmap(GLOBAL, GLOBAL.padded_footprint(), ORIGINAL, world_map)
         print(f"construction {(time.process_time() - begin) * 1e3:6.1f} ms")
-    local = Costmap.local(LOCAL, LOCAL.padded_footprint(), ORIGINAL)
+    local = Costmap(LOCAL, LOCAL.padded_footprint(), ORIGINAL)
     times: list[float] = []
     plain: list[float] = []
     locally: list[float] = []

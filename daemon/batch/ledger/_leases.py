@@ -9,8 +9,8 @@ from dataclasses import fields
 from typing import Final
 
 from daemon.batch.errors import Refused
-from daemon.batch.ledger._records import SpecReader
 from daemon.batch.ledger._results import (
+    SpecReader,
     check_result,
     queue_reserve,
     read_trace_location,

@@ -12,7 +12,7 @@ from typing import Any, Final
 
 from daemon.batch.errors import DaemonError, Refused
 from daemon.batch.ledger._connection import connect_reader
-from daemon.batch.ledger._records import (
+from daemon.batch.ledger._results import (
     SpecReader,
     find_trace,
     missing_trace_text,

@@ -1,6 +1,11 @@
 """From run records and what their campaign declares to cells, comparisons and surprises."""
 
-from daemon.judging.assessment._assess import assess, evidence_text, undecided_cells
+from daemon.judging.assessment._assess import (
+    assess,
+    evidence_text,
+    mission_completed,
+    undecided_cells,
+)
 from daemon.judging.assessment._campaign_difference import (
     CampaignDifference,
     JudgedCampaign,
@@ -14,7 +19,6 @@ from daemon.judging.assessment._cell_verdicts import (
     expectation_matches,
     measured_value,
 )
-from daemon.judging.assessment._comparisons import mission_completed
 
 __all__ = [
     "DURATION",

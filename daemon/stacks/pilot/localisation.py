@@ -103,6 +103,7 @@ def _normal_equations(
     any wall (doors, people) count nothing. ``mount`` is where the laser sits on the base. Returns
     the number of inliers and their weighted mean residual [m].
     """
+    # One loop over the rays; taken apart, each part would look the same cells up again.
     rows, columns = surface.shape
     c, s = math.cos(pose[2]), math.sin(pose[2])
     inliers = 0

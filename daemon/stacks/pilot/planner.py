@@ -103,6 +103,7 @@ def search_astar(
     costs its length times the mean cost factor of its two cells; a diagonal needs both cells
     beside it. Without a path the result is empty and the cost infinite.
     """
+    # One kernel: heap, costs and parents are flat arrays that every step of the search touches.
     rows, columns = clearance.shape
     goal = goal_row * columns + goal_column
     start = start_row * columns + start_column

@@ -128,6 +128,7 @@ def contradictions(parameters: DwaParameters) -> tuple[Contradiction, ...]:
 
 
 def _rules(p: DwaParameters) -> tuple[tuple[tuple[str, ...], bool, str], ...]:
+    # A table, one rule an entry.
     resting = p.min_vel_trans > 1e-4 and p.min_vel_theta > p.max_vel_theta
     # 1e-4 m/s is the slack of the original's test of samples (``generateTrajectory``), on both
     # sides of the first rule.

@@ -85,6 +85,7 @@ def footprint_cost(
     three corners are a circle whose centre must stay off inscribed cells. ``inside`` looks at
     the cells between the lines as well.
     """
+    # Outline and inside in one kernel, called for every pose of every trajectory that is scored.
     rows, columns = cells.shape
     centre = cell_of(pose[0], pose[1], frame, rows, columns)
     if centre < 0:

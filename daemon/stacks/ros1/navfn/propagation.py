@@ -97,6 +97,7 @@ def propagate_wave(
     cells were reached, the fill, which is the largest number of cells that ever waited in one
     buffer, and whether nothing was left to do.
     """
+    # Event for event the original's loop: its order is the result, so it stays in one piece.
     capacity = buffers.shape[1]
     potentials[start] = np.float32(0.0)
     reached[0] = start
@@ -246,6 +247,7 @@ def descend_gradient(
     ``path`` has shape (steps, 2), column and row of each point [cells], float32; no path is longer.
     ``cells`` (steps,) takes the cell each point was reckoned from.
     """
+    # Step for step the original's descent, with everything it remembers in registers.
     size = potentials.size
     n, dx, dy = goal, np.float32(0.0), np.float32(0.0)
     before, edge = -1, False
