@@ -10,8 +10,8 @@ from typing import Any, Final, TypeVar
 import numpy as np
 import numpy.typing as npt
 
+from daemon.model import ros_messages as ros
 from daemon.trace import layouts, messages
-from daemon.trace import messages as ros
 from daemon.trace._mcap_reader import DamagedTraceError
 from daemon.trace._model import (
     CommandTrack,
@@ -35,7 +35,7 @@ T = TypeVar("T")
 
 _RARE_LIMIT: Final = 1 << 20
 """Largest message [bytes] that is given to rosbags; ours cut texts at ten thousand characters."""
-_LEVELS: Final = {number: level for level, number in ros.LEVELS.items()}
+_LEVELS: Final = {number: level for level, number in messages.LEVELS.items()}
 _LOG_TIME: Final = struct.Struct("<Q")
 _LOG_TIME_AT: Final = 15
 """Offset in an MCAP message record, after opcode, length, channel and sequence."""
@@ -208,7 +208,7 @@ def _rare(runs: Runs, topic: str, read: Callable[[Any], T]) -> Iterator[tuple[fl
         for row in rows:
             data = row.tobytes()
             try:
-                content = read(ros.deserialize(data[HEADER.size :], ros.KINDS[topic]))
+                content = read(ros.deserialize(data[HEADER.size :], messages.KINDS[topic]))
             except Exception as error:
                 # Whatever: rosbags reads damaged bytes with struct, numpy and its own code.
                 raise DamagedTraceError(f"a damaged message on {topic}") from error

@@ -12,9 +12,9 @@ from typing import Any, Final
 import numpy as np
 import numpy.typing as npt
 
+from daemon.model import ros_messages as ros
 from daemon.model.sut import CostmapPicture
-from daemon.trace import _statics, layouts
-from daemon.trace import messages as ros
+from daemon.trace import _statics, layouts, messages
 from daemon.trace._mcap_writer import MessageBlock, MessageRecords, SampleColumns, encode_block
 from daemon.trace._statics import MovingLinks
 from daemon.trace.layouts import IntArray, stamps
@@ -122,7 +122,7 @@ class ViewerMessages:
         """Take a costmap; more than one a second is left out."""
         if self._take("costmap", now, _SECOND):
             grid = _statics.occupancy_grid(_published_costmap(picture), now, picture.frame)
-            self._costmap.add(now, ros.serialize(grid, ros.KINDS[COSTMAP]))
+            self._costmap.add(now, ros.serialize(grid, messages.KINDS[COSTMAP]))
 
     def _take(self, what: str, now: int, period: int) -> bool:
         due = now >= self._due[what]

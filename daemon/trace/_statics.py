@@ -15,7 +15,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from daemon.trace import messages as ros
+from daemon.model import ros_messages as ros
 from grammars.model.geometry import Floats, Point2, Pose2, Ring
 from grammars.model.grid import OccupancyGrid
 from grammars.model.kinematics import cos_sin, link_tracks

@@ -23,10 +23,10 @@ import numpy as np
 import numpy.typing as npt
 import zstandard
 
+from daemon.model import ros_messages as ros
 from daemon.model.spec import RunSpec, TraceInfo
 from daemon.model.sut import Cloud, CostmapPicture, Estimate, Odometry, Progress
 from daemon.trace import _statics, messages
-from daemon.trace import messages as ros
 from daemon.trace._mcap_writer import McapWriter, MessageRecords, SampleColumns
 from daemon.trace._signals import SignalBuffers
 from grammars.model.geometry import Floats, Point2, Pose2, Twist2
@@ -66,7 +66,7 @@ class TraceWriter:
     def __init__(
         self, path: Path, spec: RunSpec, scene: Scene, *, versions: Mapping[str, str] | None = None
     ) -> None:
-        self._ids = {topic.name: number for number, topic in enumerate(ros.TOPICS, start=1)}
+        self._ids = {topic.name: number for number, topic in enumerate(messages.TOPICS, start=1)}
         self._signals = SignalBuffers(scene, spec.robot.laser, self._ids)
         self._goals = messages.goal_ids(spec.digest, spec.mission)
         packed = _compress_scene(scene, spec.scene)
@@ -88,7 +88,7 @@ class TraceWriter:
     def static(self, grid: OccupancyGrid) -> None:
         """Write everything that holds for the whole run, at time 0."""
         latched = _latched_payloads(self._scene, self._spec.robot, self._spec.mission)
-        drawn = ros.serialize(_statics.occupancy_grid(grid), ros.KINDS["/map"])
+        drawn = ros.serialize(_statics.occupancy_grid(grid), messages.KINDS["/map"])
         blocks = []
         for topic, payload in (("/map", drawn), *latched):
             records = MessageRecords(self._ids[topic])
@@ -181,7 +181,7 @@ class TraceWriter:
         moved = progress.current != self._progress_last.current
         if moved and 0 <= progress.current < len(waypoints):
             target = messages.goal(waypoints[progress.current], now)
-            self._signals.goal.add(now, ros.serialize(target, ros.KINDS["/mission/goal"]))
+            self._signals.goal.add(now, ros.serialize(target, messages.KINDS["/mission/goal"]))
         self._progress_last = progress
 
     def contact(
@@ -197,16 +197,16 @@ class TraceWriter:
     def event(self, time: float, source: str, text: str, *, level: str = "info") -> None:
         """Record a sentence for the log; ``level`` is debug, info, warn, error or fatal."""
         now = self._at(time)
-        if level not in ros.LEVELS:
-            known = ", ".join(ros.LEVELS)
+        if level not in messages.LEVELS:
+            known = ", ".join(messages.LEVELS)
             raise ValueError(f"the level of an event is one of {known}, not {level!r}")
         message = ros.make(
             "rcl_interfaces/msg/Log",
-            stamp=ros.time(now), level=ros.LEVELS[level],
+            stamp=ros.time(now), level=messages.LEVELS[level],
             name=_utf8_text(source), msg=_utf8_text(text),
             file="", function="", line=0,
         )  # fmt: skip
-        self._signals.events.add(now, ros.serialize(message, ros.KINDS["/events"]))
+        self._signals.events.add(now, ros.serialize(message, messages.KINDS["/events"]))
         if self._signals.events.size > _EVENT_BYTES:
             self._flush()
 
@@ -301,8 +301,8 @@ def _write_preamble(
     container: McapWriter, spec: RunSpec, scene: bytes, versions: Mapping[str, str]
 ) -> None:
     """Declare the topics and write what identifies the run, ahead of everything recorded."""
-    for topic in ros.TOPICS:
-        qos = {"offered_qos_profiles": ros.latched_qos() if topic.latched else ""}
+    for topic in messages.TOPICS:
+        qos = {"offered_qos_profiles": messages.latched_qos() if topic.latched else ""}
         container.add_channel(topic.name, topic.kind, ros.schema(topic.kind), qos)
     container.add_attachment("spec.json", "application/json", codec.to_json(spec))
     container.add_attachment("scene.json.zst", "application/zstd", scene)
@@ -326,12 +326,12 @@ def _write_preamble(
 @functools.lru_cache(maxsize=4)
 def _latched_payloads(scene: Scene, robot: Robot, course: Mission) -> tuple[tuple[str, bytes], ...]:
     """Return the payloads of the latched topics but the map, the same for every repeat."""
-    messages = {
+    latched = {
         "/footprint": _statics.footprint(robot),
         "/tf_static": _statics.fixed_frames(robot, scene),
         "/scene": _statics.markers(scene, course),
     }
-    return tuple((topic, ros.serialize(m, ros.KINDS[topic])) for topic, m in messages.items())
+    return tuple((topic, ros.serialize(m, messages.KINDS[topic])) for topic, m in latched.items())
 
 
 def _compress_scene(scene: Scene, digest: str) -> bytes:

@@ -18,8 +18,8 @@ from typing import Any, Final
 import numpy as np
 import numpy.typing as npt
 
-from daemon.trace import messages as ros
-from daemon.trace.messages import make, serialize
+from daemon.model import ros_messages as ros
+from daemon.model.ros_messages import make, serialize
 from grammars.model.robot import Laser
 
 MESSAGE_OPCODE: Final = 0x05

@@ -22,10 +22,10 @@ import numpy as np
 from mcap.reader import make_reader
 from mcap.writer import Writer
 
+from daemon.model import ros_messages as ros
 from daemon.model.spec import RunSpec, TraceInfo
 from daemon.model.sut import Cloud, Estimate, Odometry, Progress
-from daemon.trace import TraceWriter, layouts, read_trace
-from daemon.trace import messages as ros
+from daemon.trace import TraceWriter, layouts, messages, read_trace
 from daemon.trace.layouts import HEADER, MessageLayout
 from grammars.model.geometry import Pose2, Twist2
 from grammars.model.grid import OccupancyGrid
@@ -111,18 +111,18 @@ def _rival(path: Path) -> None:
     """Write the messages of a trace again, with rosbags and mcap alone."""
     with path.open("rb") as stream:
         raw = [(c.topic, m.log_time, m.data) for _, c, m in make_reader(stream).iter_messages()]
-    objects = [(topic, at, ros.deserialize(data, ros.KINDS[topic])) for topic, at, data in raw]
+    objects = [(topic, at, ros.deserialize(data, messages.KINDS[topic])) for topic, at, data in raw]
 
     def write() -> int:
         out = io.BytesIO()
         writer = Writer(out)
         writer.start("ros2")
         ids = {}
-        for topic, kind in ros.KINDS.items():
+        for topic, kind in messages.KINDS.items():
             schema = writer.register_schema(kind, "ros2msg", ros.schema(kind).encode())
             ids[topic] = writer.register_channel(topic, "cdr", schema)
         for topic, at, message in objects:
-            data = ros.serialize(message, ros.KINDS[topic])
+            data = ros.serialize(message, messages.KINDS[topic])
             writer.add_message(ids[topic], at, data, at)
         writer.finish()
         return len(out.getvalue())
@@ -159,7 +159,7 @@ def _layout_cost(layout: MessageLayout, random: np.random.Generator) -> tuple[fl
     empty = np.zeros(count, layout.record)
     columns: dict[str, Any] = {n: random.random(empty[n].shape) for n in layout.names}
     rows = layout.encode(1, times, columns)
-    kind = ros.KINDS[layout.topic]
+    kind = messages.KINDS[layout.topic]
     message = ros.deserialize(rows[5].tobytes()[HEADER.size :], kind)
     fast = _cpu(lambda: layout.encode(1, times, columns)) / count * 1e6
     slow = _cpu(lambda: [ros.serialize(message, kind) for _ in range(count)]) / count * 1e6

@@ -8,8 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from daemon.trace import encode_path, layouts
-from daemon.trace import messages as ros
+from daemon.model import ros_messages as ros
+from daemon.trace import encode_path, layouts, messages
 from daemon.trace.layouts import HEADER, MessageLayout, stamps
 from tests.daemon.trace.recordings import ROBOT
 
@@ -46,7 +46,7 @@ def random_columns(layout: MessageLayout, count: int) -> dict[str, np.ndarray]:
 @pytest.mark.parametrize("name", LAYOUTS)
 def test_every_message_is_what_rosbags_serializes(name: str) -> None:
     layout = LAYOUTS[name]
-    kind = ros.KINDS[layout.topic]
+    kind = messages.KINDS[layout.topic]
     times = np.array([0, 50_000_000, 2_147_483_647_999_999_999], np.int64)
     rows = layout.encode(7, times, random_columns(layout, 3))
     for time, row in zip(times.tolist(), rows, strict=True):

@@ -19,9 +19,9 @@ from mcap_ros2.decoder import DecoderFactory
 from rosbags.highlevel import AnyReader
 from rosbags.interfaces import QosDurability
 
+from daemon.model import ros_messages as ros
 from daemon.model.sut import Cloud, CostmapPicture, Estimate, Odometry, Progress
 from daemon.trace import PARTIAL, TraceWriter, encode_poses, read_trace
-from daemon.trace import messages as ros
 from grammars.model.geometry import Pose2, Twist2
 from tests.daemon.trace.recordings import (
     GRID,

@@ -1,0 +1,116 @@
+"""ROS 2 messages: types, definitions, CDR, and how the common ones are built.
+
+Spoken by traces and by systems under test that talk to a ROS 2 stack.
+"""
+
+from __future__ import annotations
+
+import functools
+import math
+from typing import Any, Final
+
+CONTACTS: Final = "gazebo_msgs/msg/ContactsState"
+
+_GAZEBO_DEFINITIONS: Final = {
+    "gazebo_msgs/msg/ContactState": (
+        "string info\nstring collision1_name\nstring collision2_name\n"
+        "geometry_msgs/Wrench[] wrenches\ngeometry_msgs/Wrench total_wrench\n"
+        "geometry_msgs/Vector3[] contact_positions\ngeometry_msgs/Vector3[] contact_normals\n"
+        "float64[] depths\n"
+    ),
+    CONTACTS: "std_msgs/Header header\ngazebo_msgs/ContactState[] states\n",
+}
+
+
+# Not at import: rosbags takes about 40 ms to load.
+@functools.cache
+def typestore() -> Any:
+    """Return the type store: ROS 2 Humble's messages and Gazebo's contacts."""
+    from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+
+    store = get_typestore(Stores.ROS2_HUMBLE)
+    for name, text in _GAZEBO_DEFINITIONS.items():
+        store.register(get_types_from_msg(text, name))
+    return store
+
+
+def make(kind: str, **fields: Any) -> Any:
+    """Build a message of type ``kind`` (``nav_msgs/msg/Odometry``)."""
+    return typestore().types[kind](**fields)
+
+
+def serialize(message: Any, kind: str) -> bytes:
+    """Return the little-endian CDR of a message."""
+    return bytes(typestore().serialize_cdr(message, kind))
+
+
+def deserialize(data: bytes, kind: str) -> Any:
+    """Read a message from CDR; damaged bytes raise whatever rosbags raises."""
+    return typestore().deserialize_cdr(data, kind)
+
+
+@functools.cache
+def schema(kind: str) -> str:
+    """Return the complete ``ros2msg`` definition of a type, with all types it is made of."""
+    text: str = typestore().generate_msgdef(kind, ros_version=2)[0]
+    return text
+
+
+def time(nanoseconds: int) -> Any:
+    """Return a ``builtin_interfaces/Time``."""
+    seconds, rest = divmod(nanoseconds, 1_000_000_000)
+    return make("builtin_interfaces/msg/Time", sec=seconds, nanosec=rest)
+
+
+def header(stamp: Any, frame: str) -> Any:
+    """Return a ``std_msgs/Header``."""
+    return make("std_msgs/msg/Header", stamp=stamp, frame_id=frame)
+
+
+def point(x: float, y: float, z: float = 0.0) -> Any:
+    """Return a ``geometry_msgs/Point``."""
+    return make("geometry_msgs/msg/Point", x=x, y=y, z=z)
+
+
+def vector(x: float, y: float, z: float = 0.0) -> Any:
+    """Return a ``geometry_msgs/Vector3``."""
+    return make("geometry_msgs/msg/Vector3", x=x, y=y, z=z)
+
+
+def yaw_quaternion(yaw: float) -> tuple[float, float]:
+    """Return z and w of the quaternion of a yaw, nan when it is not finite."""
+    half = yaw * 0.5
+    try:
+        return math.sin(half), math.cos(half)
+    except ValueError:
+        return math.nan, math.nan
+
+
+def quaternion(z: float = 0.0, w: float = 1.0) -> Any:
+    """Return a ``geometry_msgs/Quaternion`` about the z axis."""
+    return make("geometry_msgs/msg/Quaternion", x=0.0, y=0.0, z=z, w=w)
+
+
+def pose(x: float, y: float, qz: float, qw: float, z: float = 0.0) -> Any:
+    """Return a ``geometry_msgs/Pose`` turned about the z axis."""
+    return make("geometry_msgs/msg/Pose", position=point(x, y, z), orientation=quaternion(qz, qw))
+
+
+def twist(vx: float, vy: float, wz: float) -> Any:
+    """Return a planar ``geometry_msgs/Twist``."""
+    return make("geometry_msgs/msg/Twist", linear=vector(vx, vy), angular=vector(0.0, 0.0, wz))
+
+
+def transform(stamp: Any, parent: str, child: str, *, x: float, y: float, z: float = 0.0,
+              qz: float = 0.0, qw: float = 1.0) -> Any:  # fmt: skip
+    """Return a ``geometry_msgs/TransformStamped`` turned about the z axis."""
+    return make(
+        "geometry_msgs/msg/TransformStamped",
+        header=header(stamp, parent),
+        child_frame_id=child,
+        transform=make(
+            "geometry_msgs/msg/Transform",
+            translation=vector(x, y, z),
+            rotation=quaternion(qz, qw),
+        ),
+    )
