@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final, Literal
@@ -26,9 +26,12 @@ from daemon.model.sut import (
     Cloud,
     Decision,
     Estimate,
+    ExternalSystem,
     LaserScan,
     Observation,
     Odometry,
+    SutEvent,
+    SutFailure,
     SystemUnderTest,
 )
 from daemon.simulator import World
@@ -48,6 +51,9 @@ timer is here as well because its ticks are among those at which the physics is 
 SNAPSHOT_RATE: Final = 1.0
 WATCHED_RATE: Final = 10.0
 """How often somebody who watches is asked whether a snapshot is wanted [Hz, simulated]."""
+
+_WAITING_LENGTH: Final = 120
+"""So much of what an external system waits for is told: snapshots go through a pipe, whole."""
 
 ProgressCallback = Callable[[Snapshot], None]
 Interest = Callable[[], Literal["nothing", "progress", "everything"]]
@@ -92,7 +98,12 @@ def execute(
     wall, cpu = time.perf_counter(), time.process_time()
     with TraceWriter(trace_path, spec, scene, versions=package_versions()) as trace:
         loop = _RunLoop(spec, scene, trace, on_progress, interest)
-        ended, note = loop.run()
+        try:
+            ended, note = loop.run()
+        finally:
+            outputs = loop.close()
+        for name, data in outputs.items():
+            trace.attach(name, data)
         info = trace.close(ended, note)
     # Judged is the file, not what is still in memory: the verdicts of a run are then the very
     # ones that anybody gets who judges its trace again, on another machine and years later.
@@ -149,6 +160,8 @@ class _RunLoop:
             joints=joints if spec.map.doors == "initial" else None,
         )
         self._sut = make_sut(spec.sut.kind, spec.sut.parameters)
+        self._external = self._sut if isinstance(self._sut, ExternalSystem) else None
+        self._waiting = ""
         self._odometry: list[Odometry] = []
         self._scans: list[LaserScan] = []
         self._decision: Decision | None = None
@@ -184,6 +197,7 @@ class _RunLoop:
                 # In one go to the next tick that anything is due at: Python is entered a few
                 # dozen times per simulated second and not a hundred times for each timer.
                 world.advance(min(self._next_due(), last) - world.tick)
+            self._finish_sut()
         except _SutError as error:
             trace.event(world.time, "sut", error.note, level="error")
             return "crashed", error.note
@@ -203,6 +217,32 @@ class _RunLoop:
             sut.start(briefing)
         except Exception as error:
             raise _SutError(error) from error
+
+    def _bring_up(self, first: Observation) -> None:
+        """Wait for an external system, and tell those who watch what it still lacks."""
+        if self._external is None:
+            return
+        try:
+            for waiting in self._external.bring_up(first):
+                self._waiting = waiting[:_WAITING_LENGTH]
+                self._publish_snapshot(first.time)
+        except Exception as error:
+            raise _SutError(error) from error
+        self._waiting = ""
+
+    def _finish_sut(self) -> None:
+        if self._external is not None:
+            try:
+                self._external.finish()
+            except Exception as error:
+                raise _SutError(error) from error
+
+    def close(self) -> Mapping[str, bytes]:
+        """End an external system; return what it printed, by name."""
+        if self._external is None:
+            return {}
+        self._external.close()
+        return self._external.outputs()
 
     def _next_due(self) -> int:
         return min(
@@ -273,6 +313,8 @@ class _RunLoop:
         observation = Observation(now, tuple(self._odometry), tuple(self._scans), truth)
         self._odometry.clear()
         self._scans.clear()
+        if self._decision is None:
+            self._bring_up(observation)
         try:
             decision = self._sut.update(observation)
             _check_decision(decision)
@@ -313,8 +355,11 @@ class _RunLoop:
             trace.progress(now, decision.progress)
         if decision.command is not None:
             trace.command(now, decision.command)
-        for text in decision.events:
-            trace.event(now, "sut", text)
+        if decision.latency is not None:
+            trace.latency(now, decision.latency)
+        for event in decision.events:
+            said = event if isinstance(event, SutEvent) else SutEvent(event)
+            trace.event(now, said.source, said.text, level=said.level)
 
     def _publish_snapshot(self, now: float) -> None:
         """Tell how far the run is, as detailed as is wanted."""
@@ -341,6 +386,7 @@ class _RunLoop:
             reached=decision.progress.reached if decision else 0,
             waypoints=len(self._spec.mission.waypoints),
             joints=tuple(self.world.joint_positions().tolist()),
+            waiting=self._waiting,
         )
 
 
@@ -373,4 +419,6 @@ class _SutError(Exception):
             f" ({Path(where.tb_frame.f_code.co_filename).name}:{where.tb_lineno})" if where else ""
         )
         self.note = f"the system under test crashed: {type(error).__name__}: {error}{place}"
+        if isinstance(error, SutFailure):
+            self.note = str(error)
         super().__init__(self.note)

@@ -10,10 +10,13 @@ from daemon.model.sut import (
     CostmapPicture,
     Decision,
     Estimate,
+    ExternalSystem,
     LaserScan,
     Observation,
     Odometry,
     Progress,
+    SutEvent,
+    SutFailure,
     SystemUnderTest,
 )
 from grammars.model.geometry import Pose2, Twist2
@@ -24,11 +27,14 @@ __all__ = [
     "CostmapPicture",
     "Decision",
     "Estimate",
+    "ExternalSystem",
     "LaserScan",
     "Observation",
     "Odometry",
     "Pose2",
     "Progress",
+    "SutEvent",
+    "SutFailure",
     "SystemUnderTest",
     "Twist2",
 ]

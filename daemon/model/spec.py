@@ -26,11 +26,20 @@ ENGINE_VERSION: Final = "2"
 
 @dataclass(frozen=True, slots=True)
 class SutReference:
-    """A configured system under test: its name in the campaign, its kind and its parameters."""
+    """A configured system under test: its name in the campaign, its kind and its parameters.
+
+    One that lives outside of the simulator says so by the parameter ``repeatable: false``: same
+    specification, same world and noise, but not the same answers.
+    """
 
     name: str
     kind: str
     parameters: dict[str, Any]
+
+    @property
+    def repeatable(self) -> bool:
+        """Whether a run of it leaves the same bytes whenever it is repeated."""
+        return self.parameters.get("repeatable") is not False
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,7 +105,8 @@ class Snapshot:
     order of :attr:`grammars.model.scene.Scene.joint_names`. The rest is there only while somebody
     watches: ``spread`` is xx, xy and yy of the estimate's covariance [m²]; laser ``returns``, the
     global ``plan`` and ``contacts`` since the snapshot before are points of the map frame, thinned
-    and rounded: x, y, x, y, ... [cm].
+    and rounded: x, y, x, y, ... [cm]. ``waiting`` says what an external system that is being
+    brought up still lacks, empty once the run goes on.
     """
 
     time: float
@@ -110,6 +120,7 @@ class Snapshot:
     returns: tuple[int, ...] = ()
     plan: tuple[int, ...] = ()
     contacts: tuple[int, ...] = ()
+    waiting: str = ""
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,8 +8,9 @@ navigation stack. Frames per REP 105: ``map``, ``odom``, ``base_link``.
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from typing import Final, Literal, Protocol
+from typing import Final, Literal, Protocol, runtime_checkable
 
 import numpy as np
 import numpy.typing as npt
@@ -120,12 +121,23 @@ class Progress:
     state: Literal["active", "succeeded", "aborted"]
 
 
+@dataclass(frozen=True, slots=True)
+class SutEvent:
+    """A sentence for the log of the run, said by a part of a system: a node, a launcher."""
+
+    text: str
+    level: Literal["debug", "info", "warn", "error", "fatal"] = "info"
+    source: str = "sut"
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Decision:
     """Answer to one observation; ``None`` fields mean "nothing new".
 
     ``command`` is a body-frame velocity. ``plan`` and ``local_plan`` have shape (n, 2) in the map
-    frame. ``events`` are short sentences for the log of the run.
+    frame. ``events`` are short sentences for the log of the run; a plain text is of level info.
+    ``latency`` is the wall time [s] that something outside of this process took to answer, where
+    an answer was due; it is recorded for runs that are not repeatable.
 
     For viewers alone, recorded at most once a second: ``particles`` (n, 3) of x, y, yaw in the
     map frame, already thinned to a hundred or so, at the time of ``cloud`` if there is one; and a
@@ -138,9 +150,18 @@ class Decision:
     cloud: Cloud | None = None
     plan: Floats | None = None
     local_plan: Floats | None = None
-    events: tuple[str, ...] = ()
+    events: tuple[str | SutEvent, ...] = ()
     particles: Floats | None = None
     costmap: CostmapPicture | None = None
+    latency: float | None = None
+
+
+class SutFailure(Exception):  # noqa: N818  (not an error of ours: how a run ended)
+    """The system under test cannot be tested any further: not the robot failed, the system did.
+
+    The message is the note of the run as it is, written for people; it may have several lines.
+    Any other exception ends a run as well, but is told as a crash with its place in the code.
+    """
 
 
 class SystemUnderTest(Protocol):
@@ -159,3 +180,28 @@ class SystemUnderTest(Protocol):
 
     def update(self, observation: Observation) -> Decision:
         """Take what is new and answer; called every ``period``."""
+
+
+@runtime_checkable
+class ExternalSystem(SystemUnderTest, Protocol):
+    """A system under test that lives outside of this process: it is started, and it has to end.
+
+    Order of calls: ``start``, ``bring_up`` once, ``update`` every period, ``finish`` when the
+    run ended without a failure, then always ``close`` and last ``outputs``.
+    """
+
+    def bring_up(self, first: Observation) -> Iterator[str]:
+        """Wait until it can be given its mission; simulated time stands still meanwhile.
+
+        ``first`` is the observation that the first ``update`` will get. Yields, several times a
+        second, what is being waited for; nothing is recorded of it. Raises :class:`SutFailure`.
+        """
+
+    def finish(self) -> None:
+        """Raise :class:`SutFailure` when what it did in this run must not be judged."""
+
+    def close(self) -> None:
+        """End everything that was started; called once, whatever happened before."""
+
+    def outputs(self) -> Mapping[str, bytes]:
+        """Return what it printed, by name (``stdout.txt``), bounded; kept beside the trace."""

@@ -5,6 +5,7 @@ from daemon.trace._model import (
     ContactRecord,
     EventRecord,
     JointTrack,
+    LatencyTrack,
     MotionTrack,
     PlanRecord,
     PoseTrack,
@@ -13,7 +14,7 @@ from daemon.trace._model import (
     Trace,
     TraceError,
 )
-from daemon.trace._reader import read_scene, read_spec, read_trace
+from daemon.trace._reader import read_outputs, read_scene, read_spec, read_trace
 from daemon.trace._signals import JointSamples, decode_path, encode_path, encode_poses
 from daemon.trace._statics import MovingLinks
 from daemon.trace._writer import PARTIAL, TraceWriter
@@ -27,6 +28,7 @@ __all__ = [
     "EventRecord",
     "JointSamples",
     "JointTrack",
+    "LatencyTrack",
     "MotionTrack",
     "MovingLinks",
     "PlanRecord",
@@ -39,6 +41,7 @@ __all__ = [
     "decode_path",
     "encode_path",
     "encode_poses",
+    "read_outputs",
     "read_scene",
     "read_spec",
     "read_trace",

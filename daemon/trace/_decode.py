@@ -18,6 +18,7 @@ from daemon.trace._model import (
     ContactRecord,
     EventRecord,
     JointTrack,
+    LatencyTrack,
     MotionTrack,
     PlanRecord,
     PoseTrack,
@@ -65,6 +66,12 @@ def poses(runs: Runs, topic: str) -> PoseTrack:
 def cloud_count(runs: Runs) -> npt.NDArray[np.int64]:
     """Decode ``/particle_cloud/count``."""
     return _fields(runs, layouts.count())["count"].astype(np.int64)
+
+
+def latency(runs: Runs) -> LatencyTrack:
+    """Decode ``/sut/latency``; only external systems have any."""
+    found = _fields(runs, layouts.latency())
+    return LatencyTrack(_seconds(found), found["seconds"])
 
 
 def joints(runs: Runs, names: tuple[str, ...]) -> JointTrack:

@@ -5,7 +5,7 @@ Times are simulated seconds (float64). Arrays of one track share their first dim
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
 
@@ -75,6 +75,14 @@ class JointTrack:
     time: Floats
     position: Floats
     velocity: Floats
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LatencyTrack:
+    """Wall time ``seconds`` (n,) that an external system took to answer, by simulated ``time``."""
+
+    time: Floats
+    seconds: Floats
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -161,3 +169,4 @@ class Trace:
     events: tuple[EventRecord, ...]
     scans: ScanTrack | None
     plans: tuple[PlanRecord, ...] = ()
+    latency: LatencyTrack = field(default_factory=lambda: LatencyTrack(np.empty(0), np.empty(0)))

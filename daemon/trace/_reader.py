@@ -15,7 +15,7 @@ from typing import Final
 import numpy as np
 
 from daemon.model.spec import RunSpec
-from daemon.trace import _decode
+from daemon.trace import _decode, messages
 from daemon.trace._mcap_reader import DamagedTraceError, McapContents, decompress, read_mcap
 from daemon.trace._model import JointTrack, MotionTrack, Trace, TraceError
 from grammars.model.geometry import Floats
@@ -32,6 +32,7 @@ _JUDGED: Final = frozenset(
     {
         "/ground_truth", "/odom", "/joint_states", "/cmd_vel", "/pose", "/contacts",
         "/particle_cloud/summary", "/particle_cloud/count", "/mission/status", "/events",
+        "/sut/latency",
     }
 )  # fmt: skip
 
@@ -61,6 +62,17 @@ def read_scene(path: Path) -> Scene:
     """Read only the scene inside of a trace; raises as :func:`read_trace` does."""
     recording = read_mcap(path, ())
     return _attached_scene(recording, _attached_spec(recording))
+
+
+def read_outputs(path: Path) -> dict[str, str]:
+    """Read what the system under test printed, by name; raises as :func:`read_trace` does."""
+    found = read_mcap(path, ()).attachments.items()
+    prefix = messages.OUTPUT_PREFIX
+    return {
+        name.removeprefix(prefix): data.decode("utf-8", "replace")
+        for name, data in found
+        if name.startswith(prefix)
+    }
 
 
 def _decoded(recording: McapContents, spec: RunSpec, scene: Scene, scans: bool) -> Trace:
@@ -94,6 +106,7 @@ def _decoded(recording: McapContents, spec: RunSpec, scene: Scene, scans: bool) 
         events=_decode.events(runs),
         scans=_decode.scans(runs, spec.robot.laser) if scans else None,
         plans=_decode.plans(runs),
+        latency=_decode.latency(runs),
     )
 
 

@@ -265,6 +265,7 @@ class SignalBuffers:
         self.estimate = SampleColumns(POSE + COVARIANCE)
         self.cloud = SampleColumns((*POSE, *COVARIANCE, "count"))
         self.correction = SampleColumns(POSE)
+        self.latency = SampleColumns(("seconds",))
         self.joints = JointSamples(len(scene.joint_names))
         self.scan_times: list[int] = []
         self.scan_ranges: list[bytes] = []
@@ -305,6 +306,7 @@ class SignalBuffers:
             ),
             encode_block(layouts.count(), ids["/particle_cloud/count"], *cloud),
             *contacts,
+            encode_block(layouts.latency(), ids["/sut/latency"], *self.latency.drain()),
             self.status.drain(),
             self.goal.drain(),
             self.events.drain(),

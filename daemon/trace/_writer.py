@@ -210,6 +210,14 @@ class TraceWriter:
         if self._signals.events.size > _EVENT_BYTES:
             self._flush()
 
+    def latency(self, time: float, seconds: float) -> None:
+        """Record how long an external system took to answer [s of wall clock]."""
+        self._signals.latency.add(self._at(time), (seconds,))
+
+    def attach(self, name: str, data: bytes) -> None:
+        """Put text that a system under test printed beside the messages."""
+        self._container.add_attachment(f"{messages.OUTPUT_PREFIX}{name}", "text/plain", data)
+
     def close(self, ended: str, note: str = "") -> TraceInfo:
         """Finish the file and give it its name; ``ended`` and ``note`` say why the run ended."""
         self._signals.joints.keep_last_repeat()
@@ -302,6 +310,8 @@ def _write_preamble(
 ) -> None:
     """Declare the topics and write what identifies the run, ahead of everything recorded."""
     for topic in messages.TOPICS:
+        if topic.external and spec.sut.repeatable:
+            continue
         qos = {"offered_qos_profiles": messages.latched_qos() if topic.latched else ""}
         container.add_channel(topic.name, topic.kind, ros.schema(topic.kind), qos)
     container.add_attachment("spec.json", "application/json", codec.to_json(spec))

@@ -311,6 +311,13 @@ def count() -> MessageLayout:
     )
 
 
+@functools.cache
+def latency() -> MessageLayout:
+    """``/sut/latency``: wall time that an external system took to answer [s]."""
+    kind = "std_msgs/msg/Float64"
+    return derive_layout("/sut/latency", kind, lambda m: ros.make(kind, data=m.f8("seconds")))
+
+
 @functools.lru_cache(maxsize=64)
 def joints(names: tuple[str, ...]) -> MessageLayout:
     """``/joint_states``: position (k,) and velocity (k,) of the named joints."""

@@ -21,11 +21,15 @@ LEVELS: Final = {"debug": 10, "info": 20, "warn": 30, "error": 40, "fatal": 50}
 
 @dataclass(frozen=True, slots=True)
 class Topic:
-    """A topic of a trace; ``latched`` ones are published once and kept (transient local)."""
+    """A topic of a trace; ``latched`` ones are published once and kept (transient local).
+
+    ``external`` ones are only in traces of systems that live outside of the simulator.
+    """
 
     name: str
     kind: str
     latched: bool = False
+    external: bool = False
 
 
 TOPICS: Final = (
@@ -51,8 +55,13 @@ TOPICS: Final = (
     Topic("/events", "rcl_interfaces/msg/Log"),
     Topic("/particlecloud", "geometry_msgs/msg/PoseArray"),
     Topic("/move_base/local_costmap/costmap", "nav_msgs/msg/OccupancyGrid"),
+    Topic("/sut/latency", "std_msgs/msg/Float64", external=True),
 )
-"""Every topic a trace can have; the position plus one is its channel id in the file."""
+"""Every topic a trace can have; the position plus one is its channel id in the file. External ones
+are last, so that what is declared in other traces does not depend on them."""
+
+OUTPUT_PREFIX: Final = "output/"
+"""Begins the names of attachments with what a system under test printed."""
 
 KINDS: Final = {topic.name: topic.kind for topic in TOPICS}
 
