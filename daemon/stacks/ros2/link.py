@@ -1,0 +1,206 @@
+"""The seam between lock step and a transport: what is asked of a stack and what it answers.
+
+A link makes publishers, subscriptions and action clients as a :class:`LinkSetup` says, and then
+only answers. Message contents are CDR, little-endian with its four bytes of encapsulation, made
+and read on this side; times are ROS time [ns] of the clock that the link publishes. Two transports
+fulfil it: the relay (:mod:`daemon.stacks.ros2.relay`) and ``rmw_zenoh``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any, Final, Literal, Protocol, TypeAlias
+
+Qos: TypeAlias = Literal["reliable", "best effort", "latched"]
+"""``latched`` is reliable and transient local, for topics that are published once."""
+
+COMMAND_KINDS: Final = ("geometry_msgs/msg/TwistStamped", "geometry_msgs/msg/Twist")
+ACTION_KINDS: Final = {
+    "navigate_to_pose": "nav2_msgs/action/NavigateToPose",
+    "navigate_through_poses": "nav2_msgs/action/NavigateThroughPoses",
+    "follow_waypoints": "nav2_msgs/action/FollowWaypoints",
+}
+
+
+class LinkLost(Exception):  # noqa: N818  (says what happened)
+    """The other side is gone or says what it must not; the message says which, for people."""
+
+
+@dataclass(frozen=True, slots=True)
+class TopicSetup:
+    """A topic that is published or subscribed: absolute name, type, quality of service, depth.
+
+    ``keep`` of a subscription: only the ``last`` message of a cycle is handed over, or ``all``.
+    """
+
+    name: str
+    kind: str
+    qos: Qos = "reliable"
+    depth: int = 10
+    keep: Literal["last", "all"] = "last"
+
+
+@dataclass(frozen=True, slots=True)
+class LinkSetup:
+    """Everything a link makes before the first cycle.
+
+    ``command`` is the topic the robot listens to: of which of the :data:`COMMAND_KINDS` it is,
+    the graph says. ``action`` is the absolute name of the action a mission is sent to,
+    ``action_kind`` one of the keys of :data:`ACTION_KINDS`. ``nodes`` are the absolute names of
+    the lifecycle nodes that must be active. Every link publishes ``/clock`` besides.
+    """
+
+    publish: tuple[TopicSetup, ...]
+    subscribe: tuple[TopicSetup, ...]
+    command: str
+    action: str
+    action_kind: str
+    nodes: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class StackIdentity:
+    """What a stack runs on: ``distribution`` (``jazzy``; empty when unknown) and ``rmw``."""
+
+    distribution: str
+    rmw: str
+    python: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Cycle:
+    """One step of the clock: messages to publish in this order, then the clock at ``time`` [ns].
+
+    ``until``: wait for a ``command`` that answers this cycle, or for nothing, the whole of
+    ``wait`` [s of wall clock]. A stamped command answers when its stamp is not before
+    ``time - tolerance``; one without a stamp when it came after the clock went out.
+    """
+
+    time: int
+    messages: tuple[tuple[str, bytes], ...] = ()
+    until: Literal["command", "nothing"] = "nothing"
+    wait: float = 0.0
+    tolerance: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class ReceivedMessage:
+    """A message of the stack: topic, type (a command's differs), CDR."""
+
+    topic: str
+    kind: str
+    data: bytes
+
+
+@dataclass(frozen=True, slots=True)
+class GoalUpdate:
+    """What became of a goal: ``goal`` is the number it was sent with.
+
+    ``state`` is ``unanswered`` when no answer came to the request within ten seconds of wall
+    clock, ``feedback`` for feedback (the latest of a cycle). ``error_code`` and ``error_text``
+    are those of the result where it has them; ``content`` holds fields of a result or feedback as
+    plain values: ``current_waypoint``, ``number_of_poses_remaining``, ``distance_remaining``,
+    ``number_of_recoveries``, ``missed_waypoints`` (indices).
+    """
+
+    goal: int
+    state: Literal[
+        "accepted", "rejected", "unanswered", "feedback", "succeeded", "canceled", "aborted"
+    ]
+    error_code: int = 0
+    error_text: str = ""
+    content: Mapping[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True)
+class CycleAnswer:
+    """What came since the cycle before, oldest first.
+
+    ``latency`` [s of wall clock] from the clock to the command that answered, ``None`` when none
+    did within ``wait``. ``commands`` counts all of this cycle; the last one is among the
+    ``messages``. ``heard``: anything at all came from the stack. ``server``: the action server is
+    in the graph (looked at now and then, so up to a second old).
+    """
+
+    latency: float | None
+    commands: int
+    heard: bool
+    server: bool
+    messages: tuple[ReceivedMessage, ...] = ()
+    goals: tuple[GoalUpdate, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Readiness:
+    """How far a stack has come up: ``nodes`` with their lifecycle state, empty while unknown.
+
+    ``command`` is the type of the publisher found on the command topic, empty without one.
+    ``listeners`` counts subscribers of each published topic.
+    """
+
+    nodes: Mapping[str, str]
+    server: bool
+    command: str
+    listeners: Mapping[str, int]
+
+
+@dataclass(frozen=True, slots=True)
+class Endpoint:
+    """A publisher or subscription in the graph."""
+
+    topic: str
+    kind: str
+    node: str
+    role: Literal["publisher", "subscription"]
+    reliable: bool
+    transient_local: bool
+    depth: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class Graph:
+    """What a link sees: endpoints (its own left out), nodes, and servers of services by name."""
+
+    endpoints: tuple[Endpoint, ...]
+    nodes: tuple[str, ...]
+    services: tuple[str, ...]
+
+
+class StackLink(Protocol):
+    """A connection to a stack; every method raises :class:`LinkLost`."""
+
+    @property
+    def identity(self) -> StackIdentity:
+        """What the stack runs on."""
+
+    def set_up(self, setup: LinkSetup) -> None:
+        """Make publishers, subscriptions and clients; once, before the first cycle."""
+
+    def cycle(self, cycle: Cycle) -> CycleAnswer:
+        """Publish, move the clock on, wait for the answer."""
+
+    def readiness(self) -> Readiness:
+        """Return how far the stack has come up; asks nodes in the background, never waits."""
+
+    def send_goal(self, goal: int, poses: tuple[tuple[float, float, float], ...], frame: str,
+                  time: int) -> None:  # fmt: skip
+        """Send a goal of one or more poses (x, y, yaw) stamped ``time`` [ns]; updates follow."""
+
+    def cancel_goals(self) -> None:
+        """Ask for every goal of this link to be cancelled; updates follow."""
+
+    def graph(self) -> Graph:
+        """Return everything in sight."""
+
+    def parameters(self, node: str, names: tuple[str, ...]) -> Mapping[str, Any]:
+        """Return values of parameters that are there; at most two seconds of wall clock."""
+
+    def request_state(self, node: str, transition: str) -> None:
+        """Ask a lifecycle node to ``configure``, ``activate``, ``deactivate`` or ``cleanup``.
+
+        Never waits, for the clock has to run meanwhile: :meth:`readiness` shows what became of it.
+        """
+
+    def close(self) -> None:
+        """Let go; never raises."""
