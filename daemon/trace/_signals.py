@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from daemon.model import ros_messages as ros
 from daemon.model.sut import CostmapPicture
-from daemon.trace import _statics, layouts, messages
+from daemon.trace import layouts, messages
 from daemon.trace._mcap_writer import MessageBlock, MessageRecords, SampleColumns, encode_block
 from daemon.trace._statics import MovingLinks
 from daemon.trace.layouts import IntArray, stamps
@@ -121,7 +121,7 @@ class ViewerMessages:
     def costmap(self, now: int, picture: CostmapPicture) -> None:
         """Take a costmap; more than one a second is left out."""
         if self._take("costmap", now, _SECOND):
-            grid = _statics.occupancy_grid(_published_costmap(picture), now, picture.frame)
+            grid = ros.occupancy_grid(_published_costmap(picture), now, picture.frame)
             self._costmap.add(now, ros.serialize(grid, messages.KINDS[COSTMAP]))
 
     def _take(self, what: str, now: int, period: int) -> bool:

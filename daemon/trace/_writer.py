@@ -88,7 +88,7 @@ class TraceWriter:
     def static(self, grid: OccupancyGrid) -> None:
         """Write everything that holds for the whole run, at time 0."""
         latched = _latched_payloads(self._scene, self._spec.robot, self._spec.mission)
-        drawn = ros.serialize(_statics.occupancy_grid(grid), messages.KINDS["/map"])
+        drawn = ros.serialize(ros.occupancy_grid(grid), messages.KINDS["/map"])
         blocks = []
         for topic, payload in (("/map", drawn), *latched):
             records = MessageRecords(self._ids[topic])
