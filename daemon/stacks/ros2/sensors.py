@@ -6,13 +6,13 @@ Times are ROS time [ns]. Sources: REP 103, 105 and 117; the message definitions 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
 
 from daemon.model import ros_messages as ros
 from daemon.model.sut import LaserScan, Odometry
+from daemon.stacks.ros2.settings import Frames
 from grammars.model.geometry import Pose2, Twist2
 from grammars.model.grid import OccupancyGrid
 from grammars.model.robot import Laser
@@ -29,17 +29,7 @@ _NO_COVARIANCE: Final = np.zeros(36)
 _START_VARIANCE: Final = {0: 0.25, 7: 0.25, 35: 0.06853891945200942}
 
 
-@dataclass(frozen=True, slots=True)
-class FrameNames:
-    """Names of the frames of REP 105, as the stack has them, and of the laser."""
-
-    map: str = "map"
-    odom: str = "odom"
-    base: str = "base_link"
-    laser: str = "laser"
-
-
-def odometry(sample: Odometry, time: int, frames: FrameNames) -> bytes:
+def odometry(sample: Odometry, time: int, frames: Frames) -> bytes:
     """Return a ``nav_msgs/Odometry`` of ``time`` [ns]; covariances are 0, "unknown"."""
     pose, twist = sample.pose, sample.twist
     message = ros.make(
@@ -58,17 +48,17 @@ def odometry(sample: Odometry, time: int, frames: FrameNames) -> bytes:
     return ros.serialize(message, ODOMETRY)
 
 
-def odometry_transform(sample: Odometry, time: int, frames: FrameNames) -> bytes:
+def odometry_transform(sample: Odometry, time: int, frames: Frames) -> bytes:
     """Return the transform odom -> base of ``time`` [ns]."""
     return _transforms(_transform(sample.pose, time, frames.odom, frames.base))
 
 
-def laser_transform(laser: Laser, time: int, frames: FrameNames) -> bytes:
+def laser_transform(laser: Laser, time: int, frames: Frames) -> bytes:
     """Return the fixed transform base -> laser."""
     return _transforms(_transform(laser.mount, time, frames.base, frames.laser, z=laser.z))
 
 
-def scan(sweep: LaserScan, laser: Laser, time: int, frames: FrameNames) -> bytes:
+def scan(sweep: LaserScan, laser: Laser, time: int, frames: Frames) -> bytes:
     """Return a ``sensor_msgs/LaserScan`` of ``time`` [ns], taken at one instant."""
     message = ros.make(
         SCAN,
@@ -86,12 +76,12 @@ def scan(sweep: LaserScan, laser: Laser, time: int, frames: FrameNames) -> bytes
     return ros.serialize(message, SCAN)
 
 
-def occupancy_grid(grid: OccupancyGrid, time: int, frames: FrameNames) -> bytes:
+def occupancy_grid(grid: OccupancyGrid, time: int, frames: Frames) -> bytes:
     """Return the map as a ``nav_msgs/OccupancyGrid`` of ``time`` [ns]."""
     return ros.serialize(ros.occupancy_grid(grid, time, frames.map), GRID)
 
 
-def initial_pose(pose: Pose2, time: int, frames: FrameNames) -> bytes:
+def initial_pose(pose: Pose2, time: int, frames: Frames) -> bytes:
     """Return where the robot stands, as a person would tell it in RViz, at ``time`` [ns]."""
     covariance = np.zeros(36)
     for index, variance in _START_VARIANCE.items():
