@@ -142,8 +142,10 @@ class Ros2Stack:
             mission.hear_log(line)
         for update in answer.goals:
             said += mission.take(update)
+        # A goal that ended in this cycle is owed no command any more.
         latency, events = lockstep.take(
-            HeardAnswer(answer.latency, behind, answer.commands, alive), active=active
+            HeardAnswer(answer.latency, behind, answer.commands, alive),
+            active=active and mission.active,
         )
         self._watch_server(answer, mission)
         return self._decide(heard, command, latency, [*said, *events])
