@@ -10,10 +10,12 @@ import hashlib
 import time as wall_clock
 from collections import deque
 from collections.abc import Generator, Iterator, Mapping
+from pathlib import Path
 from typing import Final
 
 from daemon.model.sut import Briefing, Observation, Odometry, SutEvent, SutFailure
 from daemon.stacks.ros2 import placeholders, relay_link, sensors, telemetry
+from daemon.stacks.ros2.isolation import DomainTaken
 from daemon.stacks.ros2.link import (
     Cycle,
     CycleAnswer,
@@ -150,21 +152,33 @@ class BringUp:
         """Start the stack, or find the one that was left, and wait for a link to it."""
         settings = self._settings
         yield "starting the stack"
+        values = self._values()
         process = StackProcess(
-            settings,
-            values=self._values(),
-            key=self._key(),
-            relay=relay_link.RELAY_FILE,
+            settings, values=values, key=self._key(), relay=relay_link.RELAY_FILE
         )
-        self._write_map(process)
+        # Where the map lies is known with the folder; the values are used when it is started.
+        values[placeholders.MAP] = str(self._write_map(process))
         link = relay_link.RelayLink.listen(process.socket, process.nonce)
         self.session = StackSession(settings, process, link)
-        process.start()
+        yield from self._start(process, began)
         while not link.accept(timeout=0.1):
             self._check_alive(process, began, "its relay has not come")
             yield f"waiting for the relay in the stack's ROS 2, {_seconds_since(began)}"
         link.set_up(self._setup())
         self._latched = False
+
+    def _start(self, process: StackProcess, began: float) -> Iterator[str]:
+        """Start the processes; a domain that is another run's at the moment is waited for."""
+        while True:
+            try:
+                process.start()
+            except DomainTaken as error:
+                if wall_clock.monotonic() - began > self._settings.start_up:
+                    raise
+                yield str(error)
+                wall_clock.sleep(_ASK_PERIOD)
+            else:
+                return
 
     def _reset_or_replace(self, began: float) -> Generator[str, None, bool]:
         """Reset the stack of the run before; where that fails, connect to another one."""
@@ -337,9 +351,10 @@ class BringUp:
         parts = (codec.to_json(self._settings), codec.to_json(briefing.robot), repr(place), drawn)
         return hashlib.sha256(repr(parts).encode()).hexdigest()
 
-    def _write_map(self, process: StackProcess) -> None:
+    def _write_map(self, process: StackProcess) -> Path:
         height = self._briefing.robot.laser.z
-        write_map(self._briefing.map, process.folder / "map", laser_height=height)
+        _, meta = write_map(self._briefing.map, process.folder / "map", laser_height=height)
+        return meta
 
     def _setup(self) -> LinkSetup:
         settings, topics = self._settings, self._settings.topics
