@@ -78,7 +78,7 @@ def check_parameters(kind: str, parameters: Mapping[str, Any]) -> ParameterFindi
 
         return read_ros(parameters).findings
     if kind == "ros2":
-        from daemon.stacks.ros2.settings import check_settings
+        from daemon.stacks.ros2.advice import check_settings
 
         return check_settings(parameters)
     make_sut(kind, parameters)

@@ -5,13 +5,13 @@ Measured with the eight lifecycle nodes of Nav2 (Jazzy) unless it says otherwise
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import Final
+from collections.abc import Iterator, Mapping
+from typing import Any, Final
 
 from daemon.model.attachments import FILES_PARAMETER
 from daemon.stacks.findings import ParameterFinding, ParameterFindings
 from daemon.stacks.ros2.placeholders import MAP, placeholders_in
-from daemon.stacks.ros2.settings import Ros2Settings, texts_with_placeholders
+from daemon.stacks.ros2.settings import Ros2Settings, read_settings, texts_with_placeholders
 from grammars.model.robot import Robot
 
 _SHORTEST_START: Final = 15.0
@@ -21,8 +21,12 @@ _LONGEST_PATIENCE: Final = 10.0
 _ROUNDING: Final = 1e-6
 
 
-def advise(settings: Ros2Settings) -> ParameterFindings:
-    """Return warnings about settings, and what of them has no effect."""
+def check_settings(parameters: Mapping[str, Any]) -> ParameterFindings:
+    """Return warnings about settings, and what of them has no effect; starts nothing.
+
+    Raises :class:`~daemon.stacks.findings.ParameterError` for settings that cannot be used.
+    """
+    settings = read_settings(parameters)
     return ParameterFindings(
         (*_about_waiting(settings), *_about_starting(settings)), tuple(_without_effect(settings))
     )

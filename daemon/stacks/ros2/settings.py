@@ -19,7 +19,6 @@ from daemon.model.attachments import FILES_PARAMETER
 from daemon.stacks.findings import (
     ParameterError,
     ParameterFinding,
-    ParameterFindings,
     ParameterLocation,
 )
 from daemon.stacks.ros2.keys import Distribution, Mission, Reliability, Ros2Keys
@@ -49,7 +48,7 @@ class Container:
 
 
 @dataclass(frozen=True, slots=True)
-class Topics:
+class TopicNames:
     """Names of topics; absolute in :class:`Ros2Settings`."""
 
     scan: str = "scan"
@@ -100,7 +99,7 @@ class Ros2Settings:
     python: str = "python3"
     files: Mapping[str, str] = dataclasses.field(default_factory=dict)
     namespace: str = ""
-    topics: Topics = Topics()
+    topics: TopicNames = TopicNames()
     qos: SensorQos = SensorQos()
     frames: Frames = Frames()
     map: Literal["file", "published"] = "file"
@@ -145,16 +144,6 @@ def read_settings(parameters: Mapping[str, Any]) -> Ros2Settings:
     if problems:
         raise ParameterError(problems)
     return settings
-
-
-def check_settings(parameters: Mapping[str, Any]) -> ParameterFindings:
-    """Return what there is to say about settings that can be used; starts nothing.
-
-    Raises :class:`~daemon.stacks.findings.ParameterError` for what cannot.
-    """
-    from daemon.stacks.ros2.advice import advise
-
-    return advise(read_settings(parameters))
 
 
 def placeholder_names(settings: Ros2Settings) -> tuple[str, ...]:
@@ -211,7 +200,7 @@ def _resolved(keys: Ros2Keys) -> Ros2Settings:
     environment = keys.environment
     variables = {} if environment is None else environment.__pydantic_extra__ or {}
     domain = None if environment is None else environment.domain
-    topics = Topics(**_set(keys.topics))
+    topics = TopicNames(**_set(keys.topics))
     action = keys.action or _ACTIONS[keys.mission or "waypoints"]
     container = None if keys.container is None else _set(keys.container)
     if container is not None:
@@ -229,7 +218,7 @@ def _resolved(keys: Ros2Keys) -> Ros2Settings:
         domain=None if domain == "own" else domain,
         environment={name: value for name, value in variables.items() if value is not None},
         files=dict(keys.files or {}),
-        topics=Topics(
+        topics=TopicNames(
             **{
                 field.name: absolute_name(namespace, getattr(topics, field.name))
                 for field in dataclasses.fields(topics)

@@ -14,7 +14,7 @@ import numpy as np
 from daemon.model.sut import Cloud, Estimate, Odometry, SutEvent
 from daemon.stacks.ros2 import sensors
 from daemon.stacks.ros2.link import ReceivedMessage
-from daemon.stacks.ros2.settings import Frames, Topics
+from daemon.stacks.ros2.settings import Frames, TopicNames
 from grammars.model.geometry import Floats, Pose2
 
 ROSOUT: Final = "/rosout"
@@ -72,7 +72,7 @@ class TransformTree:
 class Telemetry:
     """Reads what a stack says during one run."""
 
-    def __init__(self, topics: Topics, frames: Frames) -> None:
+    def __init__(self, topics: TopicNames, frames: Frames) -> None:
         self._topics, self._frames = topics, frames
         self._tree = TransformTree()
         self._covariance = np.zeros((3, 3))

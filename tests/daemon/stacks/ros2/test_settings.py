@@ -6,6 +6,7 @@ from typing import Any
 import pytest
 
 from daemon.stacks.findings import ParameterError
+from daemon.stacks.ros2.advice import check_settings
 from daemon.stacks.ros2.placeholders import (
     PlaceholderError,
     fill,
@@ -14,7 +15,6 @@ from daemon.stacks.ros2.placeholders import (
 )
 from daemon.stacks.ros2.settings import (
     Ros2Settings,
-    check_settings,
     fill_settings,
     placeholder_names,
     read_settings,
@@ -116,7 +116,7 @@ def test_values_come_with_units_and_in_words() -> None:
         ({"mission": "dock"}, "must be 'waypoints', 'follow' or 'through'"),
         ({"environment": {"ROS_DOMAIN_ID": 102}}, "must be own, or a whole number from 0 to 101"),
         ({"environment": {"ROS_DOMAIN_ID": True}}, "must be own, or a whole number"),
-        ({"environment": {"DEBUG": 1}}, 'environment/DEBUG: DEBUG: must be text; 1 is a number: wr'),
+        ({"environment": {"DEBUG": 1}}, 'environment/DEBUG: DEBUG: must be text; 1 is a number'),
         ({"environment": {"B C": "x"}}, "is not the name of an environment variable"),
         ({"environment": {"SCENARIO_SOCKET": "x"}}, "is set by the run itself"),
         ({"environment": {"setup": "ws/setup.bash"}}, "write it from the root"),
