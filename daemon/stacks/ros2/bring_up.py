@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Final
 
 from daemon.model.sut import Briefing, Observation, Odometry, SutEvent, SutFailure
-from daemon.stacks.ros2 import placeholders, relay_link, sensors, telemetry
+from daemon.stacks.ros2 import placeholders, sensors, telemetry
 from daemon.stacks.ros2.isolation import DomainTaken
 from daemon.stacks.ros2.link import (
     Cycle,
@@ -26,6 +26,7 @@ from daemon.stacks.ros2.link import (
     TopicSetup,
 )
 from daemon.stacks.ros2.process import StackProcess
+from daemon.stacks.ros2.relay_link import RelayLink
 from daemon.stacks.ros2.settings import Ros2Settings
 from daemon.stacks.ros2.telemetry import Telemetry
 from grammars.model.geometry import Pose2
@@ -48,6 +49,7 @@ _POSE_PATIENCE: Final = 5.0
 _FAR: Final = 0.5
 """A reset stack that believes to be farther from the start [m, rad] was not reset."""
 _CLOCK_FILE: Final = "clock"
+_RELAY: Final = Path(__file__).with_name("relay.py")
 _LAST_LINES: Final = 20
 _REMEMBERED: Final = 64
 """So many transforms of this side are known again when they come back on the same topic."""
@@ -153,12 +155,10 @@ class BringUp:
         settings = self._settings
         yield "starting the stack"
         values = self._values()
-        process = StackProcess(
-            settings, values=values, key=self._key(), relay=relay_link.RELAY_FILE
-        )
+        process = StackProcess(settings, values=values, key=self._key(), relay=_RELAY)
         # Where the map lies is known with the folder; the values are used when it is started.
         values[placeholders.MAP] = str(self._write_map(process))
-        link = relay_link.RelayLink.listen(process.socket, process.nonce)
+        link = RelayLink.listen(process.socket, process.nonce)
         self.session = StackSession(settings, process, link)
         yield from self._start(process, began)
         while not link.accept(timeout=0.1):
