@@ -241,6 +241,7 @@ class BringUp:
             self._check_alive(session.process, began, missing)
             yield f"{missing}, {_seconds_since(began)}"
         self._check_pose(session.telemetry.pose())
+        self._check_alone()
 
     def _missing(self, readiness: Readiness) -> str:
         """Return what a stack still lacks, empty when nothing."""
@@ -259,6 +260,23 @@ class BringUp:
         if not settings.ready and not readiness.listeners.get(settings.topics.scan, 0):
             return f"nobody listens to {settings.topics.scan}"
         return ""
+
+    def _check_alone(self) -> None:
+        """Raise :class:`SutFailure` when somebody else has a clock in this stack's domain.
+
+        Domains are exclusive among runs, but nobody keeps other programs out of them.
+        """
+        session = self.ready_session()
+        clocks = [
+            end.node
+            for end in session.link.graph().endpoints
+            if end.topic == "/clock" and end.role == "publisher"
+        ]
+        if clocks:
+            raise SutFailure(
+                f"{', '.join(clocks)} publishes /clock too, in ROS domain "
+                f"{session.process.domain}: another simulator, or a bag that is played"
+            )
 
     def _check_pose(self, pose: Pose2 | None) -> None:
         """Say when the stack does not know, or not rightly, where it was told to be."""

@@ -64,7 +64,6 @@ def test_a_stack_that_says_nothing_at_all_is_given_up_after_ten_seconds() -> Non
     steps.take(ANSWERED, active=True)
     with pytest.raises(SutFailure, match="said nothing for 10 s"):
         repeat(steps, NOTHING)
-    assert steps.late == 181
 
 
 def test_silence_before_the_first_command_counts_too() -> None:
@@ -75,17 +74,18 @@ def test_silence_before_the_first_command_counts_too() -> None:
 
 def test_too_large_a_share_of_late_cycles_ends_the_run_and_says_the_numbers() -> None:
     steps = lock_step()
-    with pytest.raises(SutFailure, match=r"could not keep up: 21 of 42 cycles \(50 %\)"):
+    with pytest.raises(SutFailure, match=r"could not keep up: 6 of 12 cycles \(50 %\)"):
         repeat(steps, ANSWERED, ONLY_FEEDBACK)
 
 
-def test_a_few_late_cycles_of_a_short_run_are_only_counted_at_its_end() -> None:
+def test_pauses_between_waypoints_do_not_make_a_short_run_an_error() -> None:
     steps = lock_step()
-    for _ in range(3):
+    for _ in range(5):
         steps.take(ANSWERED, active=True)
-        steps.take(ONLY_FEEDBACK, active=True)
-    with pytest.raises(SutFailure, match="3 of 6 cycles"):
-        steps.check_share()
+        for _ in range(100):
+            steps.take(ONLY_FEEDBACK, active=True)
+    assert (steps.late, steps.expected) == (5, 10)
+    steps.check_share()
 
 
 def test_a_steady_lag_of_stamps_is_taken_for_what_it_is() -> None:
