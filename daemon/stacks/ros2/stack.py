@@ -53,7 +53,7 @@ class Ros2Stack:
         self._briefing: Briefing | None = None
         self._zero = 0
         self._odometry: Odometry | None = None
-        self._server_seen = 0.0
+        self._server_missing: float | None = None
         self._said: list[SutEvent] = []
         self._sound = False
 
@@ -93,7 +93,6 @@ class Ros2Stack:
                 real_time=distribution in _WALL_CLOCK_CONTROLLERS,
             )
         )
-        self._server_seen = wall_clock.monotonic()
 
     def update(self, observation: Observation) -> Decision:
         """Do one cycle; raises :class:`SutFailure` when the stack cannot be tested any further."""
@@ -115,9 +114,6 @@ class Ros2Stack:
         lockstep: LockStep,
     ) -> Decision:
         time = self._zero + round(observation.time * _NANO)
-        ended = session.process.ended()
-        if ended:
-            raise SutFailure(ended)
         if observation.odometry:
             self._odometry = observation.odometry[-1]
             session.telemetry.move(self._odometry)
@@ -133,6 +129,10 @@ class Ros2Stack:
                 round(lockstep.tolerance * _NANO),
             )
         )
+        # After the wait, in which a crash shows: it says more than what is missing because of it.
+        ended = session.process.ended()
+        if ended:
+            raise SutFailure(ended)
         heard = session.telemetry.read(answer.messages, observation.time, self._odometry)
         command, behind = _newest_command(answer, self._settings.topics.command, time)
         alive = answer.commands > 0 or bool(answer.goals) or session.heard_foreign(answer)
@@ -183,10 +183,12 @@ class Ros2Stack:
             yield self._settings.topics.scan, sensors.scan(sweep, laser, stamp, frames)
 
     def _watch_server(self, answer: CycleAnswer, mission: GoalSequence) -> None:
-        now = wall_clock.monotonic()
         if answer.server or not mission.active:
-            self._server_seen = now
-        elif now - self._server_seen > _SERVER_GONE:
+            self._server_missing = None
+            return
+        now = wall_clock.monotonic()
+        self._server_missing = self._server_missing or now
+        if now - self._server_missing > _SERVER_GONE:
             raise SutFailure(f"the action server {self._settings.action} is gone")
 
     def finish(self) -> None:
