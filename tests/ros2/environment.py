@@ -60,7 +60,7 @@ _PACKAGE_XML = """<?xml version="1.0"?>
 """
 
 
-class EnvironmentNotMade(Exception):
+class EnvironmentBuildError(Exception):
     """The environment cannot be made here; the text says what is missing or what failed."""
 
 
@@ -88,10 +88,10 @@ def make_environment(distribution: str) -> Path:
     """Make the environment of a distribution, unless it is up to date; return its interpreter.
 
     Raises:
-        EnvironmentNotMade: unknown distribution, a tool of the system is missing, or a step failed.
+        EnvironmentBuildError: unknown distribution, a tool of the system is missing, or a step failed.
     """
     if distribution not in DISTRIBUTIONS:
-        raise EnvironmentNotMade(f"{distribution}: not one of {', '.join(DISTRIBUTIONS)}")
+        raise EnvironmentBuildError(f"{distribution}: not one of {', '.join(DISTRIBUTIONS)}")
     folder = environment_folder(distribution)
     folder.parent.mkdir(parents=True, exist_ok=True)
     with _alone(folder.with_name(folder.name + ".lock")):
@@ -139,7 +139,7 @@ def _require_tools() -> None:
     if not (Path(sysconfig.get_path("include")) / "Python.h").is_file():
         missing.append("python3-dev")
     if missing:
-        raise EnvironmentNotMade(
+        raise EnvironmentBuildError(
             "interface packages are compiled, and the system lacks "
             f"{', '.join(missing)}; on Debian: apt-get install {' '.join(missing)}"
         )
@@ -199,7 +199,7 @@ def _run(command: list[str | Path], environment: dict[str, str] | None = None) -
     )
     if done.returncode:
         last = "\n".join(done.stdout.splitlines()[-40:])
-        raise EnvironmentNotMade(f"{' '.join(map(str, command))} failed:\n{last}")
+        raise EnvironmentBuildError(f"{' '.join(map(str, command))} failed:\n{last}")
 
 
 @contextmanager
@@ -219,7 +219,7 @@ def main(arguments: list[str]) -> int:
         begin = time.monotonic()
         try:
             python = make_environment(distribution)
-        except EnvironmentNotMade as error:
+        except EnvironmentBuildError as error:
             print(f"{distribution}: {error}", file=sys.stderr)
             return 1
         spent = os.times()
