@@ -88,7 +88,7 @@ def make_environment(distribution: str) -> Path:
     """Make the environment of a distribution, unless it is up to date; return its interpreter.
 
     Raises:
-        EnvironmentBuildError: unknown distribution, a tool of the system is missing, or a step failed.
+        EnvironmentBuildError: unknown distribution, missing tool of the system, failed step.
     """
     if distribution not in DISTRIBUTIONS:
         raise EnvironmentBuildError(f"{distribution}: not one of {', '.join(DISTRIBUTIONS)}")
