@@ -44,7 +44,7 @@ takes from process to process."""
 
 _PATIENCE = 0.5
 """Wall time [s] that a tick waits for the data of its instant."""
-_POSITION_TOLERANCE = 0.15
+_POSITION_TOLERANCE = 0.12
 _YAW_TOLERANCE = 0.25
 _ACCELERATION = 1.0
 _LOOKAHEAD = 0.4
@@ -174,6 +174,7 @@ class ControllerServer(SensingNode):
         self._closest = 0
         self._speed = 0.0
         self._turn_rate = 0.0
+        self._there = False
         self._moved_at = 0
         self._outcome = ""
         self.cycles = 0
@@ -186,7 +187,7 @@ class ControllerServer(SensingNode):
     def _on_path(self, message: Path) -> None:
         self._path = [from_pose(each.pose) for each in message.poses]
         self._begin = self._moved_at = nanoseconds(message.header.stamp)
-        self._closest, self._outcome = 0, ""
+        self._closest, self._outcome, self._there = 0, "", False
         if not self._path and self._speed + abs(self._turn_rate) > 0:
             self._publish(self._last_clock, 0.0, 0.0)
 
@@ -229,6 +230,9 @@ class ControllerServer(SensingNode):
         goal = self._path[-1]
         rest = math.hypot(goal[0] - pose[0], goal[1] - pose[1])
         if rest < _POSITION_TOLERANCE and self._closest >= len(self._path) - 8:
+            # Kept while turning, as Nav2's stateful goal checker does: the turn may move the robot.
+            self._there = True
+        if self._there:
             off = wrap(goal[2] - pose[2])
             if abs(off) < _YAW_TOLERANCE:
                 self._outcome = "reached"
