@@ -29,6 +29,11 @@ class Series:
         if not self._values or stamp > self._values[-1][0]:
             self._values.append((stamp, value))
 
+    @property
+    def newest(self) -> int | None:
+        """The newest stamp."""
+        return self._values[-1][0] if self._values else None
+
     def at(self, time: int) -> tuple[int, Any] | None:
         """The newest with a stamp of at most `time`."""
         return next((entry for entry in reversed(self._values) if entry[0] <= time), None)
@@ -73,7 +78,12 @@ class Sensed:
     @property
     def connected(self) -> bool:
         """Whether there is a way of transforms from the map to the robot."""
-        return bool(self._odometry._values and self._corrections._values)
+        return None not in (self._odometry.newest, self._corrections.newest)
+
+    def reaches(self, time: int) -> bool:
+        """Whether the odometry goes up to `time`."""
+        newest = self._odometry.newest
+        return newest is not None and newest >= time
 
     def complete(self, time: int) -> bool:
         """Whether everything that a tick at `time` uses has come."""

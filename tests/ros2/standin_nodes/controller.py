@@ -7,19 +7,16 @@ import json
 import math
 import time
 from collections import deque
-from typing import Any
 
 from geometry_msgs.msg import PoseStamped, Twist, TwistStamped
 from nav2_msgs import msg as nav2_messages
 from nav_msgs.msg import OccupancyGrid, Odometry, Path
-from nav_msgs.srv import GetPlan
-from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.qos import QoSProfile, qos_profile_sensor_data
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import LaserScan
 from standin_nodes.buffer import Sensed
 from standin_nodes.grid import Planner, from_message
-from standin_nodes.lifecycle import LifecycleNode, Poll
+from standin_nodes.lifecycle import LifecycleNode
 from standin_nodes.localization import LATCHED, TF_QOS, TF_STATIC_TOPIC, TF_TOPIC
 from standin_nodes.options import Options
 from standin_nodes.poses import (
@@ -42,12 +39,20 @@ ALIGNMENT = 500_000_000
 """Goals begin and end at multiples of this [ns], so that runs do not depend on how long a message
 takes from process to process."""
 
+_STANDING = 500_000_000
+"""Time [ns] for which a robot is told to stand before it drives: who waits for nothing until the
+first command has heard it by then, so that the first one that moves is not applied late."""
+
 _PATIENCE = 0.5
 """Wall time [s] that a tick waits for the data of its instant."""
 _POSITION_TOLERANCE = 0.12
 _YAW_TOLERANCE = 0.25
+_HALF_WIDTH = 0.22
+_FRONT = 0.3
+"""Of what has to be free ahead of the robot's centre [m]."""
+_BEFORE_RECOVERY = 3_000_000_000
 _ACCELERATION = 1.0
-_LOOKAHEAD = 0.4
+_LOOKAHEAD = 0.3
 
 
 class SensingNode(LifecycleNode):
@@ -77,21 +82,21 @@ class SensingNode(LifecycleNode):
 
 
 class PlannerServer(SensingNode):
-    """Answers `planner_server/get_plan`: a path from where the robot was at the stamp asked for."""
+    """Answers a goal on `planner_server/goal` with a path on `planner_server/path`.
+
+    The path begins where the robot was at the stamp of the goal, and is empty if there is none.
+    """
 
     def __init__(self, options: Options) -> None:
         super().__init__("planner_server", options)
         self._planner: Planner | None = None
         self._first_clock: int | None = None
+        self._goal: PoseStamped | None = None
+        self._answers = self.create_publisher(Path, "planner_server/path", 10)
         self._paths = self.create_publisher(Path, "plan", 10)
         self.create_subscription(OccupancyGrid, "map", self._on_map, LATCHED)
         self.create_subscription(Clock, "/clock", self._on_clock, 10)
-        self.create_service(
-            GetPlan,
-            "planner_server/get_plan",
-            self._plan,
-            callback_group=ReentrantCallbackGroup(),
-        )
+        self.create_subscription(PoseStamped, "planner_server/goal", self._on_goal, 10)
 
     async def on_activate(self) -> bool:
         """Wait until the robot is on the map, as the global costmap of Nav2 does."""
@@ -113,36 +118,37 @@ class PlannerServer(SensingNode):
     def _on_clock(self, message: Clock) -> None:
         if self._first_clock is None:
             self._first_clock = nanoseconds(message.clock)
+        # What the stamp of the goal calls for comes before its clock, or soon after it.
+        if self._goal and nanoseconds(message.clock) > nanoseconds(self._goal.header.stamp):
+            self.on_sensed(patient=False)
 
-    async def _plan(self, request: Any, answer: Any) -> Any:
-        stamp = nanoseconds(request.start.header.stamp)
-        while self.now < stamp:
-            await Poll()
-        end = time.monotonic() + _PATIENCE
-        while not self.sensed.complete(stamp) and time.monotonic() < end:
-            await Poll()
+    def _on_goal(self, message: PoseStamped) -> None:
+        self._goal = message
+        self.on_sensed()
+
+    def on_sensed(self, *, patient: bool = True) -> None:
+        """Plan as soon as it is known where the robot is at the stamp of the goal."""
+        if self._goal is None or self._planner is None or not self.active:
+            return
+        goal, stamp = self._goal, nanoseconds(self._goal.header.stamp)
         start = self.sensed.pose(stamp)
-        if start is None or self._planner is None or not self.active:
-            return answer
-        goal = from_pose(request.goal.pose)
-        points = self._planner.plan(start, goal)
-        if points is None:
-            self.get_logger().warning(
-                f"Failed to create a plan to ({goal[0]:.2f}, {goal[1]:.2f}): no valid path found"
-            )
-            return answer
-        path = answer.plan
-        path.header.frame_id = self.options.global_frame
-        path.header.stamp = request.start.header.stamp
-        for i, (x, y) in enumerate(points):
+        if patient and not (self.sensed.complete(stamp) and self.sensed.reaches(stamp)):
+            return
+        self._goal = None
+        points = self._planner.plan(start, from_pose(goal.pose)) if start else None
+        path = Path(header=goal.header)
+        for i, (x, y) in enumerate(points or ()):
             after = points[min(i + 1, len(points) - 1)]
             last = i == len(points) - 1
-            yaw = goal[2] if last else math.atan2(after[1] - y, after[0] - x)
+            yaw = from_pose(goal.pose)[2] if last else math.atan2(after[1] - y, after[0] - x)
             pose = PoseStamped(header=path.header)
             fill_pose(pose.pose, (x, y, yaw))
             path.poses.append(pose)
-        self._paths.publish(path)
-        return answer
+        if points:
+            self._paths.publish(path)
+        else:
+            self.get_logger().warning("Failed to create a plan: no valid path found")
+        self._answers.publish(path)
 
 
 class ControllerServer(SensingNode):
@@ -175,7 +181,7 @@ class ControllerServer(SensingNode):
         self._speed = 0.0
         self._turn_rate = 0.0
         self._there = False
-        self._moved_at = 0
+        self._moved_at = self._free_at = 0
         self._outcome = ""
         self.cycles = 0
 
@@ -224,6 +230,9 @@ class ControllerServer(SensingNode):
 
     def _follow(self, now: int, pose: Pose) -> tuple[float, float]:
         """Velocities of a tick; sets the outcome when the path ends or nothing moves."""
+        if now < self._begin + _STANDING:
+            self._moved_at = self._free_at = now
+            return 0.0, 0.0
         if now - self._moved_at > self.options.blocked_for * 1e9:
             self._outcome = "blocked"
             return 0.0, 0.0
@@ -245,9 +254,15 @@ class ControllerServer(SensingNode):
         curvature = 2.0 * target[1] / max(0.01, target[0] ** 2 + target[1] ** 2)
         speed = self.options.speed * max(0.2, 1.0 - abs(bearing))
         speed = min(speed, 0.1 + 0.8 * rest)
-        half = self.options.radius - 0.05
-        room = self.sensed.room_ahead(now, half) - self.options.radius - 0.05
-        speed = max(0.0, min(speed, math.sqrt(2 * 0.5 * max(0.0, room))))
+        room = self.sensed.room_ahead(now, _HALF_WIDTH) - _FRONT
+        if room > 0.0:
+            self._free_at = now
+        elif now - self._free_at > _BEFORE_RECOVERY:
+            # Back up for a second, then try again, as Nav2's behaviours do.
+            if now - self._free_at > _BEFORE_RECOVERY + 1_000_000_000:
+                self._free_at = now
+            return -0.15, 0.0
+        speed = max(0.0, min(speed, math.sqrt(max(0.0, room))))
         return self._limited(now, speed, speed * curvature)
 
     def _target(self, pose: Pose) -> Pose:
@@ -265,7 +280,7 @@ class ControllerServer(SensingNode):
 
     def _limited(self, now: int, speed: float, turn_rate: float) -> tuple[float, float]:
         change = _ACCELERATION * self.options.period
-        speed = min(speed, self._speed + change)
+        speed = min(speed, max(0.0, self._speed) + change)
         limit = self.options.turn_rate
         turn_rate = max(-limit, min(limit, turn_rate))
         if speed > 0.01 or abs(turn_rate) > 0.05:

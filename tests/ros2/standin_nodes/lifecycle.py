@@ -44,7 +44,7 @@ class Poll:
 
     def __await__(self) -> Iterator[None]:
         """Give way once."""
-        time.sleep(0.003)
+        time.sleep(0.001)
         yield
 
 

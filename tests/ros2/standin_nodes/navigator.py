@@ -12,7 +12,6 @@ from geometry_msgs.msg import PoseStamped
 from nav2_msgs import msg as nav2_messages
 from nav2_msgs.action import FollowWaypoints, NavigateThroughPoses, NavigateToPose
 from nav_msgs.msg import Path
-from nav_msgs.srv import GetPlan
 from rclpy.action import ActionServer, CancelResponse, GoalResponse
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from standin_nodes.controller import ALIGNMENT
@@ -23,6 +22,8 @@ from std_msgs.msg import String
 
 _MARGIN = 200_000_000
 """A goal this close [ns] before a multiple of the alignment waits for the next one."""
+_PLANNING = 1_000_000_000
+"""Between planning and driving [ns]: enough for a plan to be made on a busy machine."""
 _NO_VALID_PATH = 208
 _FAILED_TO_MAKE_PROGRESS = 105
 _UNKNOWN = 9000
@@ -59,11 +60,13 @@ class Navigator(LifecycleNode):
 
     def __init__(self, options: Options) -> None:
         super().__init__("bt_navigator", options)
-        self._planner = self.create_client(GetPlan, "planner_server/get_plan")
+        self._goals = self.create_publisher(PoseStamped, "planner_server/goal", 10)
+        self.create_subscription(Path, "planner_server/path", self._on_plan, 10)
         self._paths = self.create_publisher(Path, "controller_server/path", 10)
         self.create_subscription(String, "controller_server/state", self._on_state, 100)
         self._goal: Any = None
         self._states: list[dict[str, Any]] = []
+        self._plans: dict[int, Path] = {}
         self._jobs: list[tuple[Any, Coroutine[Any, Any, tuple[Any, str]]]] = []
         self._cycles = 0
         actions = {
@@ -164,23 +167,20 @@ class Navigator(LifecycleNode):
         self.get_logger().info(
             f"Begin navigating to ({pose.pose.position.x:.2f}, {pose.pose.position.y:.2f})"
         )
-        request = GetPlan.Request(goal=pose)
-        fill_stamp(request.start.header.stamp, plan_at)
-        while not self._planner.service_is_ready():
+        request = PoseStamped(header=pose.header, pose=pose.pose)
+        fill_stamp(request.header.stamp, plan_at)
+        self._goals.publish(request)
+        while (path := self._plans.pop(plan_at, None)) is None:
             await self._news(leg)
-        answer = self._planner.call_async(request)
-        answer.add_done_callback(lambda _: self._step())
-        while not answer.done():
-            await self._news(leg)
-        path = answer.result().plan
         if not path.poses:
             raise GoalAbortedError(_NO_VALID_PATH, "no valid path found")
-        fill_stamp(path.header.stamp, plan_at + ALIGNMENT)
+        begin = plan_at + _PLANNING
+        fill_stamp(path.header.stamp, begin)
         self._paths.publish(path)
         while True:
             await self._news(leg)
             for state in self._states:
-                if state["of"] != plan_at + ALIGNMENT:
+                if state["of"] != begin:
                     continue
                 self._fail_at_cycle()
                 if state["state"] == "reached":
@@ -196,6 +196,10 @@ class Navigator(LifecycleNode):
             raise GoalCanceledError
         if self._goal is not leg.handle:
             raise GoalAbortedError(_UNKNOWN, "a newer goal has taken over")
+
+    def _on_plan(self, message: Path) -> None:
+        self._plans[nanoseconds(message.header.stamp)] = message
+        self._step()
 
     def _on_state(self, message: String) -> None:
         self._states.append(json.loads(message.data))

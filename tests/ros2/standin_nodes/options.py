@@ -51,7 +51,7 @@ class Options:
     turn_rate: float = 1.0
     radius: float = 0.3
     period: float = 0.05
-    blocked_for: float = 15.0
+    blocked_for: float = 30.0
     one_process: bool = False
     respawn: bool = False
     shutdown_on_exit: bool = False
