@@ -30,9 +30,9 @@ documentation, "The ROS_DOMAIN_ID"); 0 is everybody's who has chosen none."""
 _OURS: Final = ("PYTHONSAFEPATH", "PYTHONHOME", "__PYVENV_LAUNCHER__")
 _THREADS: Final = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
 _OWN_PREFIX: Final = "SCENARIO_"
-_LONGEST_SOCKET: Final = 100
+_LONGEST_SOCKET: Final = 103
 """Bytes of a socket's path: systems take 103 or 107."""
-_SPARE: Final = 48
+_SPARE: Final = 60
 """Bytes that come after the runtime folder in the path of a socket."""
 _LOCALHOST: Final = "ROS_LOCALHOST_ONLY"
 _RANGE: Final = "ROS_AUTOMATIC_DISCOVERY_RANGE"
