@@ -20,6 +20,7 @@ from pathlib import Path
 from typing import IO, Final
 
 from daemon.stacks.ros2.supervision.remains import end_container, end_marked
+from daemon.stacks.ros2.supervision.shared_memory import remove_shared_memory
 from grammars.text import codec
 from grammars.text.files import write_atomically
 
@@ -92,6 +93,8 @@ def end_stack(folder: Path) -> None:
     record = StackRecord.read(folder)
     if record is not None and record.engine:
         end_container(record.engine, record.name)
+    elif record is not None:
+        remove_shared_memory(record.domain)
     # What cannot be removed (files that a container left as root) hinders nobody.
     shutil.rmtree(folder, ignore_errors=True)
 

@@ -187,6 +187,7 @@ class StackProcess:
         return StackPlan(
             token=token,
             folder=str(folder),
+            domain=self.domain,
             setup=prepare,
             stack=stack,
             relay=relay_command,

@@ -23,14 +23,15 @@ class StackPlan:
 
     ``setup`` is a command that writes the environment of the stack to :data:`ENVIRONMENT`, or
     empty; ``stack`` and ``relay`` are commands, their programs looked for in that environment,
-    ``relay_variables`` for the relay alone. ``engine`` and ``name`` are those of a container.
-    ``owner`` is the process that a stack does not outlive when it is kept, or 0. ``grace`` [s] is
-    waited after each of SIGINT and SIGTERM, ``idle`` [s] for the next holder of a kept stack,
-    ``setup_limit`` [s] for the setup files.
+    ``relay_variables`` for the relay alone, ``domain`` the stack's. ``engine`` and ``name`` are
+    those of a container. ``owner`` is the process that a stack does not outlive when it is kept,
+    or 0. ``grace`` [s] is waited after each of SIGINT and SIGTERM, ``idle`` [s] for the next
+    holder of a kept stack, ``setup_limit`` [s] for the setup files.
     """
 
     token: str
     folder: str
+    domain: int
     setup: list[str]
     stack: list[str]
     relay: list[str]

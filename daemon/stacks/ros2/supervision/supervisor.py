@@ -24,7 +24,7 @@ import time
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 from .child import become_supervisor, prepare_child
 from .output_file import OutputFile
@@ -38,6 +38,7 @@ from .plan import (
     StackPlan,
 )
 from .remains import KILL_LIMIT, POLL, descendants, end_container, marked_processes, send_signal
+from .shared_memory import remove_shared_memory
 
 _MOST_READS: Final = 64
 """Reads of 64 KiB from somebody who does not stop printing, before something else is looked at."""
@@ -70,7 +71,7 @@ class Supervisor:
             self._listener = socket.socket(socket.AF_UNIX)
             self._listener.bind(str(self._folder / CONTROL_SOCKET))
             self._listener.listen()
-            self._watch(self._listener, self._welcome)
+            self._watch(self._listener.fileno(), self._welcome)
 
     def run(self) -> None:
         """Live as long as the stack may; nothing of it is left afterwards, the folder neither."""
@@ -143,7 +144,9 @@ class Supervisor:
         try:
             if code:
                 raise OSError(f"the setup files failed with {_in_words(code)}")
-            data = (self._folder / ENVIRONMENT).read_bytes()
+            file = self._folder / ENVIRONMENT
+            data = file.read_bytes()
+            file.unlink()  # people have secrets in variables
         except OSError as error:
             text = OutputFile.read(self._folder / STACK_OUTPUT).decode("utf-8", "replace")
             said = [line for line in text.splitlines() if line.startswith(ALARM)]
@@ -154,8 +157,8 @@ class Supervisor:
 
     # What happens
 
-    def _watch(self, source: Any, react: Callable[[], object]) -> None:
-        self._selector.register(source, selectors.EVENT_READ, react)
+    def _watch(self, descriptor: int, react: Callable[[], object]) -> None:
+        self._selector.register(descriptor, selectors.EVENT_READ, react)
 
     def _watch_process(self, process: int) -> int | None:
         """End with that process; returns the descriptor that says so."""
@@ -187,7 +190,7 @@ class Supervisor:
         for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT):
             signal.signal(number, self._told_to_end)
         signal.signal(signal.SIGCHLD, lambda *_: None)
-        self._watch(ours, lambda: self._drain_signals(ours))
+        self._watch(ours.fileno(), lambda: self._drain_signals(ours))
 
     def _told_to_end(self, *_: object) -> None:
         self._ending = True
@@ -199,7 +202,9 @@ class Supervisor:
     def _turn(self, seconds: float | None) -> None:
         """Wait for something to happen, at most so long, and react to it."""
         for key, _ in self._selector.select(seconds):
-            key.data()
+            # Unless what happened before it has made it void.
+            if self._selector.get_map().get(key.fd) is key:
+                key.data()
         self._reap()
 
     def _drain(self, source: int) -> bool:
@@ -291,13 +296,13 @@ class Supervisor:
 
     def _hold(self, wire: socket.socket) -> None:
         self._holder, self._received = wire, b""
-        self._watch(wire, self._hear_holder)
+        self._watch(wire.fileno(), self._hear_holder)
         # Two ways to learn that a holder is dead: its end may have been inherited by somebody.
         self._holder_process = self._watch_process(_peer(wire))
 
     def _hang_up(self) -> None:
         if self._holder is not None:
-            self._selector.unregister(self._holder)
+            self._selector.unregister(self._holder.fileno())
             self._holder.close()
             self._holder = None
         if self._holder_process is not None:
@@ -341,6 +346,8 @@ class Supervisor:
         if self._plan.engine:
             end_container(self._plan.engine, self._plan.name)
         self._wait_until(self._kill_what_is_left, KILL_LIMIT)
+        if not self._plan.engine:  # a container has a memory of its own
+            remove_shared_memory(self._plan.domain)
 
     def _kill_what_is_left(self) -> bool:
         send_signal(left := self._left(), signal.SIGKILL)
@@ -350,7 +357,11 @@ class Supervisor:
         deadline = time.monotonic() + seconds
         self._reap()
         while not condition() and time.monotonic() < deadline:
+            # Not a look at all processes for each line of who goes on printing.
+            next_look = time.monotonic() + POLL / 5
             self._turn(POLL)
+            while (rest := next_look - time.monotonic()) > 0:
+                self._turn(rest)
 
     def _left(self) -> set[int]:
         """Everything that belongs to the stack and lives."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import secrets
 import signal
 import socket
 import sys
@@ -208,6 +209,46 @@ def test_stacks_that_live_are_left_alone_by_the_next_one(start: StartStack) -> N
     assert first.folder.exists()
     assert second.ended() == third.ended() == ""
     assert marked(second.folder.name)
+
+
+# A participant of Fast DDS, as far as its files in shared memory are concerned.
+SHARED_MEMORY = """
+import fcntl, os, sys, time
+kept = []
+for number, name in enumerate((sys.argv[1], "port" + str(7400 + 250 * int(sys.argv[2]) + 11))):
+    for suffix in ("", "_el"):
+        file = open("/dev/shm/fastdds_" + name + suffix, "w")
+        os.utime(file.fileno(), (1, 1))
+    fcntl.flock(file, fcntl.LOCK_EX)
+    kept.append(file)
+print("sharing", flush=True)
+time.sleep(600)
+"""
+
+
+def test_shared_memory_of_killed_processes_is_freed_that_of_others_is_not(
+    start: StartStack, tmp_path: Path
+) -> None:
+    """Fast DDS frees its segments itself, but not those of processes that were killed."""
+    share = program(tmp_path, SHARED_MEMORY)
+    names = [secrets.token_hex(8), secrets.token_hex(8)]
+    killed, alive = (start(f"{share} {name} {{domain}}") for name in names)
+    for stack in (killed, alive):
+        printed(stack, "sharing")
+
+    def files(name: str, stack: StackProcess) -> list[str]:
+        memory = Path("/dev/shm")
+        port = f"fastdds_port{7400 + 250 * stack.domain + 11}"
+        return [p.name for n in (f"fastdds_{name}", port) for p in memory.glob(f"{n}*")]
+
+    for process in marked(killed.folder.name):
+        process.kill()
+    assert len(files(names[0], killed)) == 4
+    killed.release(keep=False)
+    assert files(names[0], killed) == []
+    assert len(files(names[1], alive)) == 4
+    alive.release(keep=False)
+    assert files(names[1], alive) == []
 
 
 # How it ends by itself
