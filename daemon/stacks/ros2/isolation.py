@@ -167,7 +167,9 @@ def environment_script(
     """
     lines = [_SOURCING] if setup else []
     for file in setup:
-        lines.append(f"scenario_setup={shlex.quote(file)}")
+        # Below the user's own home folder: that of the stack comes afterwards.
+        home, path = ('"$HOME"/', file[2:]) if file.startswith("~/") else ("", file)
+        lines.append(f"scenario_setup={home}{shlex.quote(path)}")
         lines.append(_SOURCE)
     if setup:
         # What a setup file switched on ends shells at the first command that fails.

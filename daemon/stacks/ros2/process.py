@@ -35,6 +35,7 @@ from daemon.stacks.ros2.folders import (
     recorded_stacks,
 )
 from daemon.stacks.ros2.isolation import (
+    DomainTaken,
     environment_script,
     isolating_variables,
     lock_domain,
@@ -123,7 +124,12 @@ class StackProcess:
         if self._wire is not None:
             return
         assert self._lock is not None
-        self.domain, self._domain_lock = lock_domain(self._settings.domain)
+        try:
+            self.domain, self._domain_lock = lock_domain(self._settings.domain)
+        except DomainTaken:
+            if not self._end_idle(self._settings.domain):
+                raise
+            self.domain, self._domain_lock = lock_domain(self._settings.domain)
         inherited = (self._lock.fileno(), self._domain_lock.fileno())
         try:
             plan = self._plan()
@@ -151,14 +157,10 @@ class StackProcess:
         relay = self._place_relay()
         relay_variables = {SOCKET_VARIABLE: str(self.socket), NONCE_VARIABLE: self.nonce}
         container = settings.container
-        # Setup files below the home folder are the user's, not those of the stack's own one.
-        setup = settings.setup
-        if container is None:
-            setup = tuple(str(Path(file).expanduser()) for file in setup)
         script = folder / "environment.sh"
         script.write_text(
             environment_script(
-                setup,
+                settings.setup,
                 settings.environment,
                 isolating_variables(folder, None if container else Path.home()),
                 {**self._extra, "ROS_DOMAIN_ID": str(self.domain), MARKER: token},
@@ -226,6 +228,16 @@ class StackProcess:
                 return True
         return False
 
+    def _end_idle(self, domain: int | None) -> bool:
+        """End a stack in this domain that is kept for a run that may never come."""
+        for folder, record in recorded_stacks(self.folder.parent):
+            wire = SupervisorWire.take_over(folder) if record.domain == domain else None
+            if wire is not None:
+                _ask_to_end(wire, self._grace)
+                wire.close(limit=ANSWER_LIMIT)
+                return True
+        return False
+
     # Watching
 
     def ended(self) -> str:
@@ -287,9 +299,7 @@ class StackProcess:
                 return
         gone = False
         if wire is not None:
-            limit = 2.0 * self._grace + KILL_LIMIT + _ENGINE_LIMIT + ANSWER_LIMIT
-            wire.tell("end")
-            gone = wire.wait_for("gone", limit=limit) is not None
+            gone = _ask_to_end(wire, self._grace)
         self._outputs = dict(self.outputs())
         if wire is not None:
             gone = wire.close(limit=ANSWER_LIMIT) and gone
@@ -302,6 +312,13 @@ class StackProcess:
         for lock in (self._lock, self._domain_lock):
             if lock is not None:
                 lock.close()
+
+
+def _ask_to_end(wire: SupervisorWire, grace: float) -> bool:
+    """Have a stack ended; returns whether its supervisor says that nothing of it is left."""
+    wire.tell("end")
+    limit = 2.0 * grace + KILL_LIMIT + _ENGINE_LIMIT + ANSWER_LIMIT
+    return wire.wait_for("gone", limit=limit) is not None
 
 
 def _owner() -> int:

@@ -127,6 +127,15 @@ def test_setup_files_are_sourced_in_order_and_what_is_set_wins(tmp_path: Path, s
     assert "scenario_setup" not in found
 
 
+def test_a_setup_file_may_lie_below_the_users_home(tmp_path: Path) -> None:
+    (tmp_path / "my ws").mkdir()
+    (tmp_path / "my ws" / "setup.bash").write_text("export FOUND=yes\n")
+    script = environment_script(("~/my ws/setup.bash",), {}, {"HOME": "/own"}, {})
+    assert {"FOUND": "yes", "HOME": "/own"}.items() <= environment(
+        script, HOME=str(tmp_path)
+    ).items()
+
+
 @pytest.mark.parametrize(
     ("content", "words"),
     [

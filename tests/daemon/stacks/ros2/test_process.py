@@ -528,6 +528,14 @@ def test_a_kept_stack_ends_when_nobody_wants_it(start: StartStack) -> None:
     nothing_left(stack)
 
 
+def test_a_kept_stack_makes_room_for_another_in_its_domain(start: StartStack) -> None:
+    kept = start(reuse=True)
+    kept.release(keep=True)
+    other = start(reuse=True, key="another", domain=kept.domain)
+    assert not other.reused
+    assert not kept.folder.exists()
+
+
 def test_a_kept_stack_that_crashes_is_gone(start: StartStack) -> None:
     stack = start("exec sleep 600", reuse=True)
     stack.release(keep=True)
