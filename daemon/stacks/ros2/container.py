@@ -1,7 +1,8 @@
 """Stacks in containers: the command of the engine, and the script that is run inside.
 
 Stack and relay are in one container, so that they need no network but their own. The stack's
-folder is mounted at the same path, and in it is the socket the relay connects to.
+folder is mounted at the same path, and in it is the socket the relay connects to. Tested with a
+script in the place of an engine that does what these options say; no engine was at hand.
 """
 
 from __future__ import annotations
@@ -50,9 +51,10 @@ def run_command(
     for file in files:
         words += ["--volume", f"{file}:{file}:ro"]
     words += ["--env", f"{MARKER}={token}"]
-    if container.engine == "docker" and os.getuid():
-        # Docker's root is the machine's: what it leaves in the folder only root could remove.
-        words += ["--user", f"{os.getuid()}:{os.getgid()}"]
+    # Whoever inside is the one who we are outside, or the folder is closed to the stack, or full
+    # of files that only root can remove: podman's root is its user, docker's is the machine's.
+    ours = container.engine == "docker" and os.getuid()
+    words += ["--user", f"{os.getuid()}:{os.getgid()}" if ours else "0:0"]
     words += [*container.options, container.image]
     # Setup files are written for bash; an image without ROS, a test's say, may have none.
     choose = 'if command -v bash >/dev/null; then exec bash "$0"; else exec sh "$0"; fi'
@@ -112,7 +114,8 @@ def container_script(
         "scenario_stack=$!",
         "scenario_tell() {",
         '    for scenario_job in "$scenario_stack" $scenario_relay; do',
-        '        kill "-$1" "-$scenario_job" 2>/dev/null',
+        # The second for a shell that has no job control without a terminal.
+        '        kill "-$1" "-$scenario_job" 2>/dev/null || kill "-$1" "$scenario_job" 2>/dev/null',
         "    done",
         "}",
         "trap 'scenario_tell INT' INT",

@@ -18,7 +18,7 @@ import sys
 import tempfile
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Final
+from typing import Final, TypeAlias
 
 from daemon.model.sut import SutFailure
 
@@ -36,6 +36,10 @@ _SPARE: Final = 60
 """Bytes that come after the runtime folder in the path of a socket."""
 _LOCALHOST: Final = "ROS_LOCALHOST_ONLY"
 _RANGE: Final = "ROS_AUTOMATIC_DISCOVERY_RANGE"
+
+
+DomainLock: TypeAlias = tuple[int, socket.socket]
+"""A ROS domain and what holds it: until the last process that has the socket closes it or dies."""
 
 
 class DomainTaken(SutFailure):
@@ -72,11 +76,10 @@ def private_folder(folder: Path) -> Path:
     return folder
 
 
-def lock_domain(wanted: int | None) -> tuple[int, socket.socket]:
-    """Return a ROS domain, ``wanted`` or one of :data:`OWN_DOMAINS`, and what holds it.
+def lock_domain(wanted: int | None) -> DomainLock:
+    """Lock a ROS domain: ``wanted``, or one of :data:`OWN_DOMAINS`.
 
-    It is held until the last process that has the socket closes it or dies. Raises
-    :class:`DomainTaken` when ``wanted`` is, ``SutFailure`` when all are.
+    Raises :class:`DomainTaken` when ``wanted`` is, ``SutFailure`` when all are.
     """
     # A name in the abstract namespace of Unix sockets, never listened to: all users of a machine
     # share these, they are as exclusive as a lock, gone with their holder, and leave no file that

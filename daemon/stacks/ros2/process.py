@@ -35,6 +35,7 @@ from daemon.stacks.ros2.folders import (
     recorded_stacks,
 )
 from daemon.stacks.ros2.isolation import (
+    DomainLock,
     DomainTaken,
     environment_script,
     isolating_variables,
@@ -58,6 +59,8 @@ NONCE_VARIABLE: Final = "SCENARIO_NONCE"
 """Where the relay connects, and what it shows there."""
 _GRACE: Final = 5.0
 _IDLE: Final = 60.0
+_ENGINE_FAILED: Final = 125
+"""Exit code of podman and docker when they failed themselves (podman-run(1))."""
 _ENGINE_LIMIT: Final = 40.0
 """Seconds that the engine of a container is given to end and to remove it."""
 # What terminals understand and a note does not: colours, other escapes, control characters.
@@ -125,13 +128,8 @@ class StackProcess:
             return
         assert self._lock is not None
         try:
-            self.domain, self._domain_lock = lock_domain(self._settings.domain)
-        except DomainTaken:
-            if not self._end_idle(self._settings.domain):
-                raise
-            self.domain, self._domain_lock = lock_domain(self._settings.domain)
-        inherited = (self._lock.fileno(), self._domain_lock.fileno())
-        try:
+            self.domain, self._domain_lock = self._lock_domain()
+            inherited = (self._lock.fileno(), self._domain_lock.fileno())
             plan = self._plan()
             self._wire = SupervisorWire.start(self.folder, without_ours(os.environ), inherited)
         except PlaceholderError as error:
@@ -228,6 +226,15 @@ class StackProcess:
                 return True
         return False
 
+    def _lock_domain(self) -> DomainLock:
+        wanted = self._settings.domain
+        try:
+            return lock_domain(wanted)
+        except DomainTaken:
+            if not self._end_idle(wanted):
+                raise
+            return lock_domain(wanted)
+
     def _end_idle(self, domain: int | None) -> bool:
         """End a stack in this domain that is kept for a run that may never come."""
         for folder, record in recorded_stacks(self.folder.parent):
@@ -247,6 +254,8 @@ class StackProcess:
         self._wire.listen()
         for event in self._wire.events:
             if event.get("ended") == "stack":
+                if event["code"] == _ENGINE_FAILED and self._settings.container is not None:
+                    return f"the container cannot be started{self._quote(STACK_OUTPUT)}"
                 return f"the launch command {_end_in_words(event['code'])}"
             if event.get("ended") == "relay":
                 return f"the relay {_end_in_words(event['code'])}{self._quote(RELAY_OUTPUT)}"

@@ -662,8 +662,10 @@ def test_stack_and_relay_live_in_one_container(
         f"--rm --init --name scenario-{token} --label scenario={token} --network none "
         f"--volume {stack.folder}:{stack.folder} "
     )
+    assert " --user 0:0 " in options
     assert f"--volume {params}:{params}:ro" in options
-    assert options.endswith(f"--env SCENARIO_STACK={token} --shm-size 512m")
+    assert f" --env SCENARIO_STACK={token} " in options
+    assert options.endswith(" --shm-size 512m")
     assert stack.ended() == ""
     stack.release(keep=False)
     assert b"bye" in stack.outputs()["stack.txt"]
@@ -698,6 +700,9 @@ def test_the_end_of_stack_and_relay_in_a_container_is_told(
     start: StartStack, tmp_path: Path, engine: Callable[[], list[list[str]]]
 ) -> None:
     container = Container("my/nav2:1.4")
+    stack = start("echo Error: no space left; exit 125", container=container)
+    eventually(stack.ended)
+    assert stack.ended() == 'the container cannot be started: "Error: no space left"'
     stack = start("exit 5", container=container)
     eventually(stack.ended)
     assert stack.ended() == "the launch command ended with exit code 5"
