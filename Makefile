@@ -25,7 +25,7 @@ test-ros2: $(VENV)/.installed-test ## make ROS 2 environments (about 50 s each),
 bench: $(VENV)/.installed-test    ## measure, side by side in one process
 	$(BIN)/python -m tests.benchmarks
 
-chaos: $(VENV)/.installed-test    ## kill, freeze, starve and cut off; about eight minutes
+chaos: $(VENV)/.installed-test    ## kill, freeze, starve and cut off; about nine minutes
 	$(BIN)/python -m tests.chaos
 
 format: $(VENV)/.installed-test   ## rewrite sources the way lint wants them
