@@ -221,12 +221,12 @@ def _interface(kind: str) -> Any:
     package, sort, name = match.groups()
     try:
         module = importlib.import_module(f"{package}.{sort}")
-    except ModuleNotFoundError:
-        raise RefusedRequest(
-            f"the stack's ROS 2 has no package {package}: install it, or name the setup file of"
-            f" the workspace that has it ({sys.executable} looked for {kind})"
-        ) from None
     except ImportError as error:
+        if isinstance(error, ModuleNotFoundError) and error.name == package:
+            raise RefusedRequest(
+                f"the stack's ROS 2 has no package {package}: install it, or name the setup file"
+                f" of the workspace that has it ({sys.executable} looked for {kind})"
+            ) from None
         raise RefusedRequest(
             f"the stack's package {package} cannot be imported by {sys.executable}: {error}"
         ) from None
@@ -1039,13 +1039,13 @@ class _Relay:
         if self._last_command is not None:
             messages.append(self._last_command)
         messages.sort(key=lambda message: message.received)
-        size = 0
-        for index in range(len(messages) - 1, -1, -1):
-            size += len(messages[index].data)
-            if size > MAX_BLOB:
-                size -= len(messages[index].data)
-                del messages[index]
         dropped = {ears.wanted.name: ears.dropped for ears in self._ears.values() if ears.dropped}
+        size = sum(len(one.data) for one in messages)
+        while size > MAX_BLOB:
+            largest = max(messages, key=lambda one: len(one.data))
+            messages.remove(largest)
+            size -= len(largest.data)
+            dropped[largest.topic] = dropped.get(largest.topic, 0) + 1
         answer = {
             "latency": latency,
             "commands": self._commands,
@@ -1256,6 +1256,22 @@ def _converse(conversation: _Conversation, relay: _Relay) -> None:
             conversation.send({"answer": answer}, data)
 
 
+def _enter_graph(hello: dict[str, Any]) -> _Relay:
+    """Join the graph and add to ``hello`` in what; raises RefusedRequest."""
+    ros = _ros()
+    try:
+        relay = _Relay(ros)
+    except (RefusedRequest, ProtocolError):
+        raise
+    except Exception as error:  # whatever rclpy and a middleware raise is said
+        traceback.print_exc()
+        raise RefusedRequest(f"the stack's ROS 2 cannot be used: {error}"[:2000]) from error
+    hello["distribution"] = _distribution()
+    hello["rmw"] = ros.rmw()
+    hello["python"] = sys.version.split()[0]
+    return relay
+
+
 def _serve(address: str, nonce: str, *, keep: bool) -> int:
     """Converse with one simulation, or with one after the other; returns the exit code."""
     guard = _ParentGuard()
@@ -1265,20 +1281,15 @@ def _serve(address: str, nonce: str, *, keep: bool) -> int:
         while True:
             conversation = _Conversation(_connect(address, guard, relay, keep=keep), guard)
             try:
-                if relay is None:
-                    ros = _ros()
-                    relay = _Relay(ros)
-                    hello["distribution"] = _distribution()
-                    hello["rmw"] = ros.rmw()
-                    hello["python"] = sys.version.split()[0]
+                relay = relay or _enter_graph(hello)
                 conversation.send(hello)
                 head, _blob = conversation.receive()
                 if head.get("version") != VERSION:
                     raise ProtocolError(f"version {head.get('version')!r:.20}, not {VERSION}")
                 _converse(conversation, relay)
             except RefusedRequest as refusal:
-                conversation.send(hello | {"problem": str(refusal)})
                 print(f"relay: {refusal}", file=sys.stderr)
+                conversation.send(hello | {"problem": str(refusal)})
                 return 1
             except Gone as gone:
                 if not keep:

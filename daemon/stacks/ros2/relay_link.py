@@ -9,7 +9,6 @@ from __future__ import annotations
 import contextlib
 import json
 import os
-import select
 import socket
 import time
 from collections.abc import Mapping
@@ -137,19 +136,21 @@ class RelayLink:
             LinkLost: nothing can listen there; the message says why.
         """
         address = str(path)
+        tcp = address.startswith("tcp://")
+        listener = socket.socket(socket.AF_INET if tcp else socket.AF_UNIX)
         try:
-            if address.startswith("tcp://"):
+            if tcp:
                 host, _, port = address.removeprefix("tcp://").rpartition(":")
-                listener = socket.create_server((host, int(port)))
+                listener.bind((host, int(port)))
                 address = f"tcp://{host}:{listener.getsockname()[1]}"
             else:
-                listener = socket.socket(socket.AF_UNIX)
                 with contextlib.suppress(FileNotFoundError):
                     Path(address).unlink()
                 listener.bind(address)
                 Path(address).chmod(0o600)
-                listener.listen(1)
-        except (OSError, ValueError) as error:
+            listener.listen(1)
+        except (OSError, ValueError, OverflowError) as error:
+            listener.close()
             raise LinkLost(f"the relay cannot be listened for at {address}: {error}") from None
         return cls(listener, address, nonce)
 
@@ -164,16 +165,15 @@ class RelayLink:
         end = time.monotonic() + timeout
         try:
             if self._peer is None:
-                if not select.select([self._listener], [], [], timeout)[0]:
-                    return False
+                self._listener.settimeout(max(timeout, 0.001))
                 self._peer = self._listener.accept()[0]
                 if self._peer.family == socket.AF_INET:
                     self._peer.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
             frame = self._receive(end)
         except TimeoutError:
             return False
-        except (OSError, ValueError) as error:
-            raise self._lost(f"the connection to the relay broke: {error}") from None
+        except OSError as error:
+            raise self._lost(f"the relay has ended before it said anything: {error}") from None
         except relay.ProtocolError as error:
             raise self._lost(f"something that is not the relay connected: {error}") from None
         self._welcome(self._check(_Hello, frame[0], "hello"))
