@@ -62,6 +62,7 @@ _INTERFACE = re.compile(r"([a-z][a-z0-9_]*)/(msg|srv|action)/([A-Z][A-Za-z0-9]*)
 _ABSOLUTE = re.compile(r"(/[A-Za-z0-9_]+)+")
 _TRANSITIONS = {"configure": 1, "cleanup": 2, "activate": 3, "deactivate": 4}
 _TERMINAL = {4: "succeeded", 5: "canceled", 6: "aborted"}
+_ENDED = (*_TERMINAL.values(), "rejected", "unanswered")
 _MISSED_STATES = ("SKIPPED", "FAILED")
 _CONTENT = (
     "current_waypoint",
@@ -642,8 +643,9 @@ class _Mission:
             self._executor.spin_once(timeout_sec=0.0)
         updates: list[dict[str, Any]] = []
         for goal in list(self._goals):
+            silent = goal.silent
             news = self._follow(goal)
-            if not goal.silent:
+            if not silent:
                 updates += news
         return updates
 
@@ -981,7 +983,9 @@ class _Relay:
         self._clock.publish(clock)
         sent = time.perf_counter()
         latency: float | None = None
-        while (left := sent + wait - time.perf_counter()) > 0.0:
+        # Once a goal has ended no command is owed any more.
+        ended = until == "command" and self._has_ended()
+        while not ended and (left := sent + wait - time.perf_counter()) > 0.0:
             if until == "command":
                 self._command.wait(min(left, _SLICE))
                 self._take_commands()
@@ -989,11 +993,16 @@ class _Relay:
                 time.sleep(min(left, _SLICE / 2.0))
             if time.perf_counter() - sent > _SLICE:
                 self._hear()
-            if until == "command" and (self._unstamped or self._newest_stamp >= stamp - tolerance):
-                latency = time.perf_counter() - sent
-                break
+            if until == "command":
+                if self._unstamped or self._newest_stamp >= stamp - tolerance:
+                    latency = time.perf_counter() - sent
+                    break
+                ended = self._has_ended()
         self._hear()
         return self._hand_over(latency)
+
+    def _has_ended(self) -> bool:
+        return any(update["state"] in _ENDED for update in self._goals)
 
     def _take_commands(self) -> None:
         assert self._command is not None
