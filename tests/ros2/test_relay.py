@@ -338,7 +338,7 @@ def test_goals_of_all_kinds_go_out_and_their_ends_come_back(bench: Bench, action
     link.set_up(setup(action=f"/{action}", action_kind=action))
     bench.stack("actions")
     bench.cycle_until(lambda answer: answer.server)
-    missed = [1, 3] if action == "follow_waypoints" else None
+    missed = [1, 3] if action == "follow_waypoints" else []
 
     def send(goal: int, x: float) -> None:
         poses = ((x, 1.0, 0.0), (x, 2.0, 0.5))[1 if action == "navigate_to_pose" else 0 :]
@@ -349,7 +349,8 @@ def test_goals_of_all_kinds_go_out_and_their_ends_come_back(bench: Bench, action
     accepted, succeeded = [one for one in updates if one.state != "feedback"]
     assert accepted == GoalUpdate(1, "accepted")
     assert (succeeded.error_code, succeeded.error_text) == (0, "")
-    assert succeeded.content.get("missed_waypoints") == missed
+    # Where a result lists the states of its poses, all of these were reached.
+    assert succeeded.content.get("missed_waypoints", []) == missed
     send(2, 60.0)
     aborted = bench.goal_updates(2, {"aborted"})[-1]
     assert (aborted.error_code, aborted.error_text) == (104, "beyond the map")

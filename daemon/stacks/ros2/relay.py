@@ -705,8 +705,7 @@ def _update(goal: _Goal, state: str, message: Any = None) -> dict[str, Any]:
         update["error_code"] = int(getattr(message, "error_code", 0))
         update["error_text"] = str(getattr(message, "error_msg", ""))[:1000]
     content = {name: getattr(message, name) for name in _CONTENT if hasattr(message, name)}
-    missed = _missed(message)
-    if missed is not None:
+    if state != "feedback" and (missed := _missed(message)) is not None:
         content["missed_waypoints"] = missed
     update["content"] = {
         name: value
@@ -983,21 +982,23 @@ class _Relay:
         self._clock.publish(clock)
         sent = time.perf_counter()
         latency: float | None = None
-        # Once a goal has ended no command is owed any more.
-        ended = until == "command" and self._has_ended()
-        while not ended and (left := sent + wait - time.perf_counter()) > 0.0:
+        while (left := sent + wait - time.perf_counter()) > 0.0:
             if until == "command":
                 self._command.wait(min(left, _SLICE))
                 self._take_commands()
             else:
                 time.sleep(min(left, _SLICE / 2.0))
-            if time.perf_counter() - sent > _SLICE:
+            in_time = time.perf_counter() - sent < _SLICE
+            if not in_time:
                 self._hear()
             if until == "command":
                 if self._unstamped or self._newest_stamp >= stamp - tolerance:
                     latency = time.perf_counter() - sent
                     break
-                ended = self._has_ended()
+                # Once a goal has ended no command is owed any more. One that comes all the same
+                # mostly comes at once: runs are more alike when it belongs to its own cycle.
+                if not in_time and self._has_ended():
+                    break
         self._hear()
         return self._hand_over(latency)
 
