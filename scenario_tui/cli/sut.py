@@ -52,7 +52,7 @@ class SutOutput(Output, schema="sut"):
             found.files,
             found.reference.parameters,
             {"/".join(path): str(s.where) for path, s in found.settings.items()},
-            {} if read is None else _defaults(found, read),
+            _all_defaults(found, read),
             None if read is None else dataclasses.asdict(read.topics),
             None if read is None else dataclasses.asdict(read.wiring),
             {"/".join(map(str, f.path)): f.message for f in unused},
@@ -74,7 +74,7 @@ def sut(
     """Show a system under test: its parameters and where each was written.
 
     For the ROS stack also the defaults that apply, what has no effect here, and who hears the
-    laser.
+    laser; for a ROS 2 stack the defaults that apply. Nothing is started.
     """
     from daemon.campaign import LayerLibrary
 
@@ -85,8 +85,8 @@ def sut(
         return
     _print_head(found)
     _print_given(found)
+    _print_defaults(_all_defaults(found, read))
     if read is not None:
-        _print_defaults(_defaults(found, read))
         _print_quirks(read)
         _print_wiring(read)
     report_diagnostics(w for w in found.warnings if w not in found.idle)
@@ -98,6 +98,15 @@ def _read_ros_parameters(found: LoadedSut) -> RosParameters | None:
     from daemon.stacks.ros1.configuration import read_ros
 
     return read_ros(found.reference.parameters)
+
+
+def _all_defaults(found: LoadedSut, read: RosParameters | None) -> dict[str, dict[str, Any]]:
+    """Return the values nobody wrote, by namespace or section, for kinds that tell them."""
+    if found.reference.kind == "ros2":
+        from daemon.stacks.ros2.defaults import settings_not_written
+
+        return settings_not_written(found.reference.parameters)
+    return {} if read is None else _defaults(found, read)
 
 
 def _defaults(found: LoadedSut, read: RosParameters) -> dict[str, dict[str, Any]]:
@@ -180,6 +189,8 @@ def _yaml_text(value: Any) -> str:
 
 
 def _print_defaults(defaults: dict[str, dict[str, Any]]) -> None:
+    if not any(defaults.values()):
+        return
     stdout_console().print("\nnot written anywhere", style="bold")
     for namespace, values in defaults.items():
         if values:
