@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import pytest
@@ -9,6 +10,8 @@ import pytest
 from daemon.campaign import LayerLibrary, LayerReference, check, examine, expand, load_campaign
 from daemon.model.attachments import attached_digests
 from daemon.model.spec import SutReference
+from daemon.stacks.ros2.defaults import settings_not_written
+from daemon.stacks.ros2.keys import ROS2_KEYS
 from daemon.stacks.ros2.settings import read_settings
 from grammars.text.diagnostics import InputError, Severity, Where
 
@@ -161,6 +164,17 @@ def test_sensors_that_do_not_fit_the_cycles_are_worth_a_warning(folder: Path) ->
     found = [d for d in check(load_campaign(path)) if "cycles of 0.07 s" in d.message]
     assert {d.severity for d in found} == {Severity.WARNING}
     assert any("the laser of robot" in d.message for d in found)
+
+
+def test_every_key_is_documented_with_its_default() -> None:
+    text = (Path(__file__).parents[3] / "docs" / "campaigns.md").read_text()
+    section = text.partition("`kind: ros2`")[2]
+    rows = dict(re.findall(r"^\| `([a-z-]+)` \| (.*?) \|", section, re.MULTILINE))
+    assert rows.keys() == {*ROS2_KEYS, "files"}
+    defaults = settings_not_written({"launch": "nav {map}", "repeatable": False})
+    for key, value in defaults["stack"].items():
+        if value != "none" and key != "action":
+            assert rows[key].strip("`") == value, key
 
 
 def test_checking_starts_nothing(folder: Path) -> None:
