@@ -85,6 +85,7 @@ def sut(
         return
     _print_head(found)
     _print_given(found)
+    _print_files(found)
     _print_defaults(_all_defaults(found, read))
     if read is not None:
         _print_quirks(read)
@@ -149,10 +150,13 @@ def _written_names(found: LoadedSut, namespace: str) -> set[str]:
 
 
 def _print_head(found: LoadedSut) -> None:
+    from scenario_tui.text.formatting import NOT_REPEATABLE
+
     reference = found.reference
     about = f": {found.about}" if found.about else ""
+    repeatable = "" if reference.repeatable else f", {NOT_REPEATABLE}"
     stdout_console().print(
-        f"{reference.name}, kind {reference.kind}{about}", markup=False, soft_wrap=True
+        f"{reference.name}, kind {reference.kind}{repeatable}{about}", markup=False, soft_wrap=True
     )
     stdout_console().print(" < ".join(found.files), markup=False, style="dim", soft_wrap=True)
 
@@ -175,6 +179,16 @@ def _print_given(found: LoadedSut) -> None:
         cells = (f"{indent}{path[-1]}", _yaml_text(setting.value), where, reasons.get(path, ""))
         table.add_row(*(Text(cell) for cell in cells))
     stdout_console().print(table)
+
+
+def _print_files(found: LoadedSut) -> None:
+    """Print the files that travel with every run, which are no parameters of the table."""
+    from daemon.model.attachments import attached_digests
+
+    digests = attached_digests(found.reference.parameters)
+    if digests:
+        listed = ", ".join(f"{name} (sha256 {digest[:12]})" for name, digest in digests.items())
+        stdout_console().print(f"\nfiles: {listed}", markup=False, soft_wrap=True)
 
 
 def _yaml_text(value: Any) -> str:
