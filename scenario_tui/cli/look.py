@@ -265,7 +265,7 @@ def _next_commands(detail: RunDetail) -> Iterable[tuple[str, str]]:
     yield f"scenario logs {row.id}", "what happened, in order"
     if not row.repeatable and row.trace:
         yield f"scenario verify {row.id}", "how far its outcomes spread"
-    elif row.outcome == "fail":
+    if row.outcome == "fail":
         yield f"scenario blame {row.id}", "what makes it fail"
 
 

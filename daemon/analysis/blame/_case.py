@@ -260,10 +260,6 @@ def load_case(path: Path, scenario: str, sut: str, repeat: int) -> RunCase:
     campaign = load_campaign(path)
     cell = _find_cell(campaign, scenario)
     name = _find_sut(campaign, cell, sut)
-    if not next(one for one in cell.suts if one.name == name).repeatable:
-        message = f"{name} is not repeatable: one execution does not show what a change did"
-        hint = "compare campaigns with and without it: scenario compare BEFORE AFTER"
-        raise InputError(Diagnostic(Where(campaign.file), message, hint))
     runs = expand(campaign).runs
     found = [r for r in runs if (r.scenario, r.sut.name, r.repeat) == (scenario, name, repeat)]
     if not found:

@@ -168,7 +168,7 @@ def test_sensors_that_do_not_fit_the_cycles_are_worth_a_warning(folder: Path) ->
 
 def test_every_key_is_documented_with_its_default() -> None:
     text = (Path(__file__).parents[3] / "docs" / "campaigns.md").read_text()
-    section = text.partition("`kind: ros2`")[2]
+    section = text.partition("## A ROS 2 stack")[2]
     rows = dict(re.findall(r"^\| `([a-z-]+)` \| (.*?) \|", section, re.MULTILINE))
     assert rows.keys() == {*ROS2_KEYS, "files"}
     defaults = settings_not_written({"launch": "nav {map}", "repeatable": False})

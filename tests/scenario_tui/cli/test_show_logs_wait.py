@@ -39,7 +39,6 @@ def test_a_run_of_what_is_not_repeatable_says_so(scenario, fake) -> None:
     said = scenario("show", f"{CAMPAIGN}.5").out
     assert "pilot (pilot, not repeatable)" in said
     assert f"scenario verify {CAMPAIGN}.5" in said
-    assert "scenario blame" not in said
 
 
 def test_a_run_is_named_by_campaign_and_number(scenario) -> None:

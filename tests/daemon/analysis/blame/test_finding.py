@@ -6,11 +6,10 @@ from pathlib import Path
 
 import pytest
 
-from daemon.analysis.blame import find_run, load_case
+from daemon.analysis.blame import find_run
 from daemon.batch.paths import StatePaths
 from daemon.campaign import expand, load_campaign
 from daemon.run import execute
-from grammars.text.diagnostics import InputError
 from tests.daemon.analysis.blame.cases import CAMPAIGN, write
 
 
@@ -64,10 +63,3 @@ def test_a_trace_is_of_the_campaign_file_that_specifies_it(
     file.unlink()
     with pytest.raises(ValueError, match="no campaign file tiny"):
         find_run(["demo/run.mcap"], places)
-
-
-def test_what_is_not_repeatable_is_not_blamed_by_single_runs(folder: Path) -> None:
-    (folder / "nav2.yaml").write_text("sut: nav2\nkind: ros2\nlaunch: nav {map}\n")
-    path = write(folder, CAMPAIGN.replace("[pilot]", "[nav2]"))
-    with pytest.raises(InputError, match="nav2 is not repeatable"):
-        load_case(path, "rude", "nav2", 1)
