@@ -18,7 +18,7 @@ from daemon.model.sut import SystemUnderTest
 from daemon.stacks.findings import ParameterFindings
 from daemon.stacks.pilot import make_idle, make_pilot
 from daemon.stacks.ros1 import make_ros
-from daemon.stacks.ros2 import make_ros2
+from daemon.stacks.ros2.factory import make_ros2
 from grammars.text.diagnostics import did_you_mean
 from grammars.text.plugins import explain_plugin_error, plugin_origin
 

@@ -29,6 +29,7 @@ from scenario_tui.cli import (
     steer,
     sut,
     vary,
+    verify,
 )
 from scenario_tui.cli.exit_codes import ExitCode
 from scenario_tui.cli.options import with_keys_option
@@ -76,6 +77,7 @@ _PANELS: Final[dict[str, tuple[Callable[..., None], ...]]] = {
     ),
     "Understand": (
         judge.judge,
+        verify.verify,
         compare.compare,
         report.report,
         coverage.coverage,

@@ -263,6 +263,8 @@ def _next_commands(detail: RunDetail) -> Iterable[tuple[str, str]]:
         begin = f" --from {row.oracle}" if row.outcome == "fail" else ""
         yield f"scenario replay {row.id}{begin}", "watch it"
     yield f"scenario logs {row.id}", "what happened, in order"
+    if not row.repeatable and row.trace:
+        yield f"scenario verify {row.id}", "how far its outcomes spread"
     if row.outcome == "fail":
         yield f"scenario blame {row.id}", "what makes it fail"
 

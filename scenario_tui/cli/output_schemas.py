@@ -30,6 +30,7 @@ from scenario_tui.cli import (
     steer,
     sut,
     vary,
+    verify,
 )
 from scenario_tui.cli.output import Output, OutputPart, schema_identifier
 
@@ -56,6 +57,7 @@ _OUTPUTS: Final[tuple[type[Output], ...]] = (
     steer.StopOutput,
     recorded_runs.FetchOutput,
     judge.JudgeOutput,
+    verify.VerifyOutput,
     compare.CompareOutput,
     report.ReportOutput,
     report.PictureOutput,

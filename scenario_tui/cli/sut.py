@@ -52,7 +52,7 @@ class SutOutput(Output, schema="sut"):
             found.files,
             found.reference.parameters,
             {"/".join(path): str(s.where) for path, s in found.settings.items()},
-            {} if read is None else _defaults(found, read),
+            _all_defaults(found, read),
             None if read is None else dataclasses.asdict(read.topics),
             None if read is None else dataclasses.asdict(read.wiring),
             {"/".join(map(str, f.path)): f.message for f in unused},
@@ -74,7 +74,7 @@ def sut(
     """Show a system under test: its parameters and where each was written.
 
     For the ROS stack also the defaults that apply, what has no effect here, and who hears the
-    laser.
+    laser; for a ROS 2 stack the defaults that apply. Nothing is started.
     """
     from daemon.campaign import LayerLibrary
 
@@ -85,8 +85,9 @@ def sut(
         return
     _print_head(found)
     _print_given(found)
+    _print_files(found)
+    _print_defaults(_all_defaults(found, read))
     if read is not None:
-        _print_defaults(_defaults(found, read))
         _print_quirks(read)
         _print_wiring(read)
     report_diagnostics(w for w in found.warnings if w not in found.idle)
@@ -98,6 +99,15 @@ def _read_ros_parameters(found: LoadedSut) -> RosParameters | None:
     from daemon.stacks.ros1.configuration import read_ros
 
     return read_ros(found.reference.parameters)
+
+
+def _all_defaults(found: LoadedSut, read: RosParameters | None) -> dict[str, dict[str, Any]]:
+    """Return the values nobody wrote, by namespace or section, for kinds that tell them."""
+    if found.reference.kind == "ros2":
+        from daemon.stacks.ros2.defaults import settings_not_written
+
+        return settings_not_written(found.reference.parameters)
+    return {} if read is None else _defaults(found, read)
 
 
 def _defaults(found: LoadedSut, read: RosParameters) -> dict[str, dict[str, Any]]:
@@ -140,10 +150,13 @@ def _written_names(found: LoadedSut, namespace: str) -> set[str]:
 
 
 def _print_head(found: LoadedSut) -> None:
+    from scenario_tui.text.formatting import NOT_REPEATABLE
+
     reference = found.reference
     about = f": {found.about}" if found.about else ""
+    repeatable = "" if reference.repeatable else f", {NOT_REPEATABLE}"
     stdout_console().print(
-        f"{reference.name}, kind {reference.kind}{about}", markup=False, soft_wrap=True
+        f"{reference.name}, kind {reference.kind}{repeatable}{about}", markup=False, soft_wrap=True
     )
     stdout_console().print(" < ".join(found.files), markup=False, style="dim", soft_wrap=True)
 
@@ -168,6 +181,16 @@ def _print_given(found: LoadedSut) -> None:
     stdout_console().print(table)
 
 
+def _print_files(found: LoadedSut) -> None:
+    """Print the files that travel with every run, which are no parameters of the table."""
+    from daemon.model.attachments import attached_digests
+
+    digests = attached_digests(found.reference.parameters)
+    if digests:
+        listed = ", ".join(f"{name} (sha256 {digest[:12]})" for name, digest in digests.items())
+        stdout_console().print(f"\nfiles: {listed}", markup=False, soft_wrap=True)
+
+
 def _yaml_text(value: Any) -> str:
     """Return a value as YAML would have it."""
     if isinstance(value, bool):
@@ -180,6 +203,8 @@ def _yaml_text(value: Any) -> str:
 
 
 def _print_defaults(defaults: dict[str, dict[str, Any]]) -> None:
+    if not any(defaults.values()):
+        return
     stdout_console().print("\nnot written anywhere", style="bold")
     for namespace, values in defaults.items():
         if values:

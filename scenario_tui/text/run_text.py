@@ -14,6 +14,7 @@ from daemon.model.verdicts import Outcome, Verdict
 from scenario_tui.text.formatting import (
     DASHBOARD_STYLES,
     GLYPHS,
+    NOT_REPEATABLE,
     QUIET,
     SEVERITY,
     Styles,
@@ -176,9 +177,10 @@ def _oracles(text: Text, detail: RunDetail, styles: Styles) -> None:
 def append_facts(text: Text, detail: RunDetail, styles: Styles = DASHBOARD_STYLES) -> None:
     """Add what the run was and what became of it."""
     row, spec, result = detail.row, detail.spec, detail.result
+    repeatable = "" if spec.sut.repeatable else f", {NOT_REPEATABLE}"
     found = [
         ("scenario", f"{spec.scenario}, repeat {spec.repeat}, seed {spec.seed}"),
-        ("SUT", f"{spec.sut.name} ({spec.sut.kind})"),
+        ("SUT", f"{spec.sut.name} ({spec.sut.kind}{repeatable})"),
         ("robot", f"{spec.robot.name}, {spec.robot.drive.kind}"),
         ("mission", f"{spec.mission.name}, {pluralise(len(spec.mission.waypoints), 'waypoint')}"),
         ("doors", f"{pluralise(len(spec.behaviours), 'behaviour')}, map shows {spec.map.doors}"),

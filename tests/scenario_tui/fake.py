@@ -100,7 +100,7 @@ def make_spec(row: RunRow, scene: str) -> RunSpec:
     return RunSpec(
         campaign="first",
         scenario=row.scenario,
-        sut=SutReference(row.sut, "pilot", {}),
+        sut=SutReference(row.sut, "pilot", {} if row.repeatable else {"repeatable": False}),
         repeat=row.repeat,
         scene=scene,
         robot=ROBOT,

@@ -1,7 +1,8 @@
-"""The keys that describe a ROS 2 stack, as people write them in a SUT file.
+"""The keys that describe a ROS 2 stack, as people write them at the top of a SUT file.
 
-Every key may be left out here, for a file that is ``like`` another says only what differs; what a
-stack needs as a whole is checked by :mod:`daemon.stacks.ros2.settings`.
+The key ``files``, which other kinds have too, is not among them. Every key may be left out, for a
+file that is ``like`` another says only what differs; what a stack needs as a whole is checked by
+:mod:`daemon.stacks.ros2.settings`.
 """
 
 from __future__ import annotations
@@ -27,7 +28,6 @@ _ROS_NAME: Final = re.compile(rf"/?{_TOKEN}(?:/{_TOKEN})*")
 _VARIABLE: Final = re.compile(_TOKEN)
 _FRAME: Final = re.compile(r"[^\s/][^\s]*")
 _NETWORK: Final = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.:,=/-]*")
-_FILE_NAME: Final = r"^[A-Za-z0-9][A-Za-z0-9_-]{0,59}$"
 _LONGEST_NAME: Final = 255
 
 
@@ -145,7 +145,7 @@ Mission: TypeAlias = Literal["waypoints", "follow", "through"]
 Distribution: TypeAlias = Literal["humble", "jazzy", "kilted", "lyrical"]
 
 
-class _ContainerText(StrictModel):
+class _Ros2ContainerText(StrictModel):
     """An image that the stack is started in."""
 
     image: Annotated[str, AfterValidator(_word)] | None = None
@@ -158,7 +158,7 @@ class _ContainerText(StrictModel):
     """More options for the command "run", one list item for each word."""
 
 
-class _EnvironmentText(StrictModel):
+class _Ros2EnvironmentText(StrictModel):
     """What the stack finds in its environment: files that are sourced, domain, variables."""
 
     model_config = ConfigDict(extra="allow")
@@ -172,7 +172,7 @@ class _EnvironmentText(StrictModel):
     """own (when left out): a domain for each run alone; or a number from 0 to 101."""
 
 
-class _TopicsText(StrictModel):
+class _Ros2TopicsText(StrictModel):
     """Topics under other names than the usual ones; without a slash they are in the namespace."""
 
     scan: _Name | None = None
@@ -199,14 +199,16 @@ class _TopicsText(StrictModel):
     """The stack's particles, recorded; particle_cloud when left out."""
 
 
-class _QosText(StrictModel):
+class _Ros2QosText(StrictModel):
     """How sensor data is published; "best effort" when left out, as sensors do."""
 
     scan: Reliability | None = None
+    """Of the laser scan."""
     odom: Reliability | None = None
+    """Of the wheel odometry."""
 
 
-class _FramesText(StrictModel):
+class _Ros2FramesText(StrictModel):
     """Names of the frames of REP 105."""
 
     map: _Frame | None = None
@@ -225,25 +227,22 @@ class Ros2Keys(StrictModel):
     launch: Annotated[str, AfterValidator(_shell_text)] | None = None
     """For "kind: ros2": the command that starts the stack, for a shell. {map}, {start.x} and names
     below "files" in braces are filled in, quoted; double braces {{ }} are plain ones."""
-    container: _ContainerText | None = None
+    container: _Ros2ContainerText | None = None
     """For "kind: ros2": start the stack in a container; without "launch" by the image's own
     command."""
-    environment: _EnvironmentText | None = None
+    environment: _Ros2EnvironmentText | None = None
     """For "kind: ros2": setup files, ROS_DOMAIN_ID, and variables; their values may contain
     placeholders."""
     python: Annotated[str, AfterValidator(_word)] | None = None
     """For "kind: ros2": the Python that has rclpy, found after the setup files; python3 when left
     out."""
-    files: dict[Annotated[str, Field(pattern=_FILE_NAME)], str] | None = None
-    """Files the stack needs, by a name of your choice; they travel with the run, and the name in
-    braces is the path."""
     namespace: Annotated[str, AfterValidator(_namespace)] | None = None
     """For "kind: ros2": comes before topics, actions and nodes that do not begin with a slash."""
-    topics: _TopicsText | None = None
+    topics: _Ros2TopicsText | None = None
     """For "kind: ros2": topics under other names than the usual ones."""
-    qos: _QosText | None = None
+    qos: _Ros2QosText | None = None
     """For "kind: ros2": reliability of the scan and the odometry."""
-    frames: _FramesText | None = None
+    frames: _Ros2FramesText | None = None
     """For "kind: ros2": names of frames."""
     map: Literal["file", "published"] | None = None
     """For "kind: ros2": file (when left out): {map} is the map.yaml written for the run;
@@ -284,3 +283,7 @@ class Ros2Keys(StrictModel):
     rmw_zenoh spoken directly (experimental)."""
     distribution: Distribution | None = None
     """For "kind: ros2" with "transport: zenoh": the stack's distribution."""
+
+
+ROS2_KEYS: Final = tuple(field.alias or name for name, field in Ros2Keys.model_fields.items())
+"""The keys as they are written."""

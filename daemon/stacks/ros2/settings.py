@@ -11,9 +11,9 @@ import dataclasses
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import Any, Final, Literal, TypeAlias
+from typing import Annotated, Any, Final, Literal, TypeAlias
 
-from pydantic import BaseModel, ValidationError
+from pydantic import BaseModel, Field, ValidationError
 
 from daemon.model.attachments import FILES_PARAMETER
 from daemon.stacks.findings import (
@@ -28,6 +28,7 @@ from grammars.text.documents import explain_finding
 REPEATABLE: Final = "repeatable"
 """The parameter that says of an external system that its runs differ; always false here."""
 ActionKind: TypeAlias = Literal["navigate_to_pose", "follow_waypoints", "navigate_through_poses"]
+_FILE_NAME: Final = r"^[A-Za-z0-9][A-Za-z0-9_-]{0,59}$"
 _ACTIONS: Final[Mapping[Mission, ActionKind]] = MappingProxyType(
     {
         "waypoints": "navigate_to_pose",
@@ -35,6 +36,12 @@ _ACTIONS: Final[Mapping[Mission, ActionKind]] = MappingProxyType(
         "through": "navigate_through_poses",
     }
 )
+
+
+class _Ros2Parameters(Ros2Keys):
+    """The tree of parameters: the keys, and the files that travel, by name."""
+
+    files: dict[Annotated[str, Field(pattern=_FILE_NAME)], str] | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -135,7 +142,7 @@ def read_settings(parameters: Mapping[str, Any]) -> Ros2Settings:
         message = "a stack outside of the simulation is never repeatable"
         problems.append(ParameterFinding((REPEATABLE,), message, "leave it out"))
     try:
-        keys = Ros2Keys.model_validate(given)
+        keys = _Ros2Parameters.model_validate(given)
     except ValidationError as error:
         raise ParameterError([*problems, *map(_in_words, error.errors())]) from error
     settings = _resolved(keys)
@@ -192,7 +199,7 @@ def absolute_name(namespace: str, name: str) -> str:
     return name if name.startswith("/") else f"{namespace}/{name}"
 
 
-def _resolved(keys: Ros2Keys) -> Ros2Settings:
+def _resolved(keys: _Ros2Parameters) -> Ros2Settings:
     """Return settings in which names are absolute and nothing is left out."""
     given = _set(keys, leave=["container", "environment", "files", "topics", "qos", "frames"])
     namespace = "/" + (keys.namespace or "").strip("/")
@@ -238,11 +245,11 @@ def _set(model: BaseModel | None, leave: list[str] | None = None) -> dict[str, A
 
 
 def _in_words(error: Any) -> ParameterFinding:
-    path, message, hint = explain_finding(Ros2Keys, error)
+    path, message, hint = explain_finding(_Ros2Parameters, error)
     return ParameterFinding(tuple(part for part in path if part != "[key]"), message, hint)
 
 
-def _start_problems(keys: Ros2Keys) -> Iterator[ParameterFinding]:
+def _start_problems(keys: _Ros2Parameters) -> Iterator[ParameterFinding]:
     """Yield what keeps the stack from being started at all."""
     if keys.launch is None and keys.container is None:
         message = 'key "launch" is missing: the command that starts the stack'

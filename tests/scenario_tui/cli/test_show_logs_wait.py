@@ -34,6 +34,13 @@ def test_a_run_is_shown_as_in_the_dashboard_with_what_to_type_next(scenario) -> 
     assert "blame" not in scenario("show", f"{CAMPAIGN}.0").out
 
 
+def test_a_run_of_what_is_not_repeatable_says_so(scenario, fake) -> None:
+    fake.rows = tuple(replace(row, repeatable=False) for row in fake.rows)
+    said = scenario("show", f"{CAMPAIGN}.5").out
+    assert "pilot (pilot, not repeatable)" in said
+    assert f"scenario verify {CAMPAIGN}.5" in said
+
+
 def test_a_run_is_named_by_campaign_and_number(scenario) -> None:
     body = json.loads(scenario("show", "first.6", "--json").out)
     assert body["run"]["row"]["id"] == f"{CAMPAIGN}.6"
