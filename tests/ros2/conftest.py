@@ -5,19 +5,15 @@ Without the environments (`make test-ros2` makes them) such tests are skipped an
 
 from __future__ import annotations
 
-import fcntl
 import os
-import tempfile
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
 
+from daemon.stacks.ros2.isolation import lock_domain
 from tests.ros2.environment import DISTRIBUTIONS, environment_python
-
-# Not those that people use, nor what a daemon gives to its slots; all fit every port range.
-_DOMAINS = range(60, 100)
 
 
 @dataclass(frozen=True)
@@ -65,18 +61,12 @@ def ros2_python(ros2_environment: Ros2Environment) -> Path:
 @pytest.fixture
 def ros2_variables(tmp_path: Path) -> Iterator[dict[str, str]]:
     """Environment of processes that hear each other and nobody else: a domain of their own."""
-    for domain in _DOMAINS:
-        lock = Path(tempfile.gettempdir()) / f"scenario-test-ros2-domain-{domain}"
-        with lock.open("w") as file:
-            try:
-                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            except BlockingIOError:
-                continue
-            yield {
-                "PATH": os.environ["PATH"],
-                "HOME": str(tmp_path),
-                "ROS_DOMAIN_ID": str(domain),
-                "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
-            }
-            return
-    pytest.fail("all ROS 2 domains of the tests are taken")
+    # As runs get theirs, which may go on beside this test.
+    domain, held = lock_domain(None)
+    with held:
+        yield {
+            "PATH": os.environ["PATH"],
+            "HOME": str(tmp_path),
+            "ROS_DOMAIN_ID": str(domain),
+            "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
+        }

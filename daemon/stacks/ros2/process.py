@@ -57,6 +57,8 @@ from daemon.stacks.ros2.supervision.remains import KILL_LIMIT, MARKER
 SOCKET_VARIABLE: Final = "SCENARIO_SOCKET"
 NONCE_VARIABLE: Final = "SCENARIO_NONCE"
 """Where the relay connects, and what it shows there."""
+KEEP_VARIABLE: Final = "SCENARIO_KEEP"
+"""Set to 1 the relay waits for the next run after one."""
 _GRACE: Final = 5.0
 _IDLE: Final = 60.0
 _ENGINE_FAILED: Final = 125
@@ -154,6 +156,8 @@ class StackProcess:
             raise SutFailure("there is no shell on this machine: neither bash nor sh")
         relay = self._place_relay()
         relay_variables = {SOCKET_VARIABLE: str(self.socket), NONCE_VARIABLE: self.nonce}
+        if self._owner:
+            relay_variables[KEEP_VARIABLE] = "1"
         container = settings.container
         script = folder / "environment.sh"
         script.write_text(
