@@ -136,8 +136,9 @@ def test_two_runs_give_the_same_commands(drive: Drive) -> None:
     # Goals are sent at multiples of 5 s; at which one depends on how long the bring-up took.
     begins = [run["commands"][0][0] for run in (first, second)]
     assert (begins[0] - begins[1]) % 5_000_000_000 == 0
+    # The result may overtake the last commands, which tell the robot to stand.
     commands = [
-        [(stamp - begin, *velocity) for stamp, *velocity in run["commands"]]
+        [(stamp - begin, *velocity) for stamp, *velocity in run["commands"] if any(velocity)]
         for run, begin in zip((first, second), begins, strict=True)
     ]
     assert commands[0] == commands[1]

@@ -83,6 +83,8 @@ class LifecycleNode(SimulatedNode):
     """Unconfigured, inactive, active; what a node does hangs on `active`."""
 
     def __init__(self, name: str, options: Options) -> None:
+        if options.has("fails-first", name) and count_start(options.count_file) <= options.starts:
+            options.end_process()
         super().__init__(name, options)
         self._state = State.PRIMARY_STATE_UNCONFIGURED
         self.create_service(GetState, f"{name}/get_state", self._get_state)
@@ -119,8 +121,8 @@ class LifecycleNode(SimulatedNode):
         _, target, doing = known
         self.get_logger().info(doing)
         name = self.get_name()
-        if target == State.PRIMARY_STATE_INACTIVE and doing == "Configuring":
-            self._fail_at_start(name)
+        if doing == "Configuring" and self.options.has("crash-at-start", name):
+            self.options.end_process()
         if doing == "Activating" and self.options.has("never-ready", name):
             self.get_logger().error("Activation is refused")
             return answer
@@ -133,13 +135,6 @@ class LifecycleNode(SimulatedNode):
         self._state = target
         answer.success = True
         return answer
-
-    def _fail_at_start(self, name: str) -> None:
-        options = self.options
-        if options.has("crash-at-start", name):
-            options.end_process()
-        if options.has("fails-first", name) and count_start(options.count_file) <= options.starts:
-            options.end_process()
 
 
 class LifecycleManager(SimulatedNode):

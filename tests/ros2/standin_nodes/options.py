@@ -19,7 +19,7 @@ FAULTS = {
     "hang": "controller: stops answering after `after` cycles, its process stays",
     "crash": "controller: ends with `exit_code`, or by `signal`, after `after` cycles",
     "crash-at-start": "`node` ends in the same ways while it is configured",
-    "fails-first": "`node` ends at its first `starts` starts, counted in `count_file`",
+    "fails-first": "the process of `node` ends at once, `starts` times, counted in `count_file`",
     "late": "controller: sleeps `seconds` of wall time in every `every`-th cycle",
     "wrong-frame": "amcl calls the map frame `world` in what it publishes to tf",
     "no-tf": "amcl never publishes a transform",
