@@ -22,8 +22,6 @@ from typing import Final, TypeAlias
 
 from daemon.model.sut import SutFailure
 
-MARKER: Final = "SCENARIO_STACK"
-"""Environment variable of everything that belongs to a stack; its value is the stack's token."""
 OWN_DOMAINS: Final = range(1, 102)
 """Domain ids handed out. Ports of higher ones lie in Linux' range of ephemeral ports (ROS 2
 documentation, "The ROS_DOMAIN_ID"); 0 is everybody's who has chosen none."""

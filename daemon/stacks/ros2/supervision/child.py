@@ -19,6 +19,9 @@ _LIBC: Final = ctypes.CDLL(None, use_errno=True)
 def become_supervisor() -> None:
     """Adopt what descendants leave behind, and undo what is for the process of a run alone."""
     reset_signals()
+    # To write to a holder that has died, or beyond a limit, is an error and not the end.
+    signal.signal(signal.SIGPIPE, signal.SIG_IGN)
+    signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
     # A run may have but so much address space; C++ and DDS reserve far more than they touch.
     _, most = resource.getrlimit(resource.RLIMIT_AS)
     resource.setrlimit(resource.RLIMIT_AS, (most, most))

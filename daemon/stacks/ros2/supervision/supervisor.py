@@ -37,7 +37,15 @@ from .plan import (
     STACK_OUTPUT,
     StackPlan,
 )
-from .remains import KILL_LIMIT, POLL, descendants, end_container, marked_processes, send_signal
+from .remains import (
+    KILL_LIMIT,
+    MARKER,
+    POLL,
+    descendants,
+    end_container,
+    marked_processes,
+    send_signal,
+)
 from .shared_memory import remove_shared_memory
 
 _MOST_READS: Final = 64
@@ -78,7 +86,9 @@ class Supervisor:
         try:
             if self._plan.setup:
                 self._setup_until = time.monotonic() + self._plan.setup_limit
-                self._start("setup", self._plan.setup, dict(os.environ), STACK_OUTPUT)
+                # What setup files start belongs to the stack as well.
+                environment = {**os.environ, MARKER: self._plan.token}
+                self._start("setup", self._plan.setup, environment, STACK_OUTPUT)
             else:
                 self._start_stack(dict(os.environ))
             while not self._ending:

@@ -18,6 +18,7 @@ import psutil
 import pytest
 
 from daemon.model.sut import SutFailure
+from daemon.stacks.ros2.control import SupervisorWire
 from daemon.stacks.ros2.isolation import DomainTaken, lock_domain
 from daemon.stacks.ros2.process import StackProcess
 from daemon.stacks.ros2.settings import Container, Ros2Settings
@@ -356,6 +357,18 @@ def test_a_placeholder_without_a_value_is_named(start: StartStack) -> None:
         start("echo {speed}")
 
 
+def test_what_a_setup_file_starts_belongs_to_the_stack(start: StartStack, tmp_path: Path) -> None:
+    setup = tmp_path / "setup.bash"
+    setup.write_text("setsid sleep 601.5 >/dev/null 2>&1 &\n")
+    stack = start(setup=(str(setup),))
+    eventually(lambda: sleepers("601.5"))
+    assert stack.ended() == ""
+    supervisor_of(stack.folder).kill()
+    stack.release(keep=False)
+    assert not sleepers("601.5")
+    nothing_left(stack)
+
+
 # What it finds
 
 
@@ -552,6 +565,22 @@ def test_a_kept_stack_dies_with_its_owner() -> None:
         process.send_signal(signal.SIGKILL)
         eventually(lambda: not folder.exists())
         assert marked(folder.name) == []
+
+
+def test_a_holder_that_dies_before_the_answer_costs_the_stack_not_its_supervisor(
+    start: StartStack,
+) -> None:
+    first = start(reuse=True)
+    first.release(keep=True)
+    wire = SupervisorWire.take_over(first.folder)
+    assert wire is not None
+    supervisor = psutil.Process(wire.supervisor)
+    supervisor.suspend()
+    wire.tell("keep")
+    wire.let_go()
+    supervisor.resume()
+    eventually(lambda: not first.folder.exists())
+    nothing_left(first)
 
 
 def test_the_owner_of_a_kept_stack_is_the_worker_not_the_runs_process() -> None:
