@@ -148,8 +148,11 @@ def _prepare_process(task: RunTask) -> None:
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))  # gigabytes for each crash of a stack
     if task.memory:
         # Of address space, the only memory that rlimits bound: numba and numpy reserve much more
-        # than they touch, so the default is generous.
-        resource.setrlimit(resource.RLIMIT_AS, (task.memory, task.memory))
+        # than they touch, so the default is generous. The soft limit alone: a ROS 2 stack that a
+        # run starts reserves more, and its supervisor lifts it for that.
+        _, most = resource.getrlimit(resource.RLIMIT_AS)
+        memory = task.memory if most == resource.RLIM_INFINITY else min(task.memory, most)
+        resource.setrlimit(resource.RLIMIT_AS, (memory, most))
     threading.Thread(target=_die_with_worker, daemon=True).start()
 
 
