@@ -23,6 +23,8 @@ _SILENCE: Final = 10.0
 _MOST_BEHIND: Final = 4
 """Commands may be stamped up to so many periods before the clock: a velocity smoother passes on the
 stamp of what it was given."""
+_STEADY: Final = 3
+"""So many waits in a row that ended with nothing but earlier commands show that it is a habit."""
 
 Pace = Literal["free", "locked", "quiet"]
 
@@ -67,6 +69,7 @@ class LockStep:
         self.expected = self.late = 0
         self._silent = 0.0
         self._guessed = False
+        self._lagging = 0
 
     def wait(self, *, active: bool) -> float:
         """Return how long the next cycle waits for a command [s]; ``active``: there is a goal."""
@@ -90,7 +93,12 @@ class LockStep:
             return self._answered(answer)
         if self.pace != "locked":
             self._listen(self.wait(active=True), answer.alive)
+            # Commands, but of earlier cycles: a stack that lags behind is waited for, or it would
+            # drive the robot by what it saw long ago and never catch up.
+            if answer.commands:
+                self.pace = "locked"
             return None, []
+        self._lagging = self._lagging + 1 if answer.commands else 0
         if self._adapts(answer):
             text = (
                 f"commands are stamped {answer.behind:.3f} s before the clock: taken as answers "
@@ -103,7 +111,8 @@ class LockStep:
         self._listen(self._settings.patience, answer.alive)
         self.check_share()
         text = f"no command within {self._settings.patience:g} s: the last one holds"
-        return None, [SutEvent(text, "warn")]
+        # Recorded as the whole patience: what judges latencies must not miss the worst ones.
+        return self._settings.patience, [SutEvent(text, "warn")]
 
     def check_share(self) -> None:
         """Raise :class:`SutFailure` when too large a share of the cycles was late."""
@@ -130,12 +139,14 @@ class LockStep:
             )
         self.pace = "locked"
         self.expected += 1
-        self._silent = 0.0
+        self._silent, self._lagging = 0.0, 0
         return answer.latency, said
 
     def _adapts(self, answer: HeardAnswer) -> bool:
-        """Take a steady lag of stamps for what it is, once."""
+        """Take a steady lag of stamps for what it is, no moment of a busy machine."""
         behind = answer.behind
+        if self._lagging < _STEADY:
+            return False
         most = _MOST_BEHIND * self._settings.period + 1e-9
         if behind is None or not self.tolerance < behind <= most:
             return False

@@ -49,7 +49,8 @@ def test_latency_is_told_for_answers_that_were_due_only() -> None:
 def test_a_missed_answer_is_late_once_while_the_stack_is_alive() -> None:
     steps = lock_step()
     steps.take(ANSWERED, active=True)
-    _, said = steps.take(ONLY_FEEDBACK, active=True)
+    latency, said = steps.take(ONLY_FEEDBACK, active=True)
+    assert latency == 1.0
     assert "no command within 1 s" in said[0].text
     assert steps.wait(active=True) == 0.05, "it goes on at the pace of real time"
     for _ in range(200):
@@ -90,12 +91,22 @@ def test_pauses_between_waypoints_do_not_make_a_short_run_an_error() -> None:
 
 def test_a_steady_lag_of_stamps_is_taken_for_what_it_is() -> None:
     steps = lock_step()
-    steps.take(ANSWERED, active=True)
     lagging = HeardAnswer(None, 0.05, 1, alive=True)
+    steps.take(lagging, active=True)
+    for _ in range(2):
+        assert steps.wait(active=True) == 1.0
+        assert "holds" in steps.take(lagging, active=True)[1][0].text
+        steps.take(lagging, active=True)
     _, said = steps.take(lagging, active=True)
     assert "0.050 s before the clock" in said[0].text
     assert steps.tolerance == 0.05
-    assert steps.late == 0
+    assert steps.wait(active=True) == 1.0
+
+
+def test_a_stack_that_lags_is_waited_for_before_its_first_answer_too() -> None:
+    steps = lock_step(real_time=True)
+    assert steps.wait(active=True) == 0.05
+    steps.take(HeardAnswer(None, 0.4, 1, alive=True), active=True)
     assert steps.wait(active=True) == 1.0
 
 
