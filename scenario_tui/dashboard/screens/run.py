@@ -38,9 +38,11 @@ from scenario_tui.text.formatting import (
     QUIET,
     UNSURE,
     glyph_word,
+    pluralise,
     run_label,
     run_word,
 )
+from scenario_tui.text.printed_output import last_lines, printed_lines
 from scenario_tui.text.run_text import append_facts, run_text
 
 if TYPE_CHECKING:
@@ -75,10 +77,22 @@ def log_text(detail: RunDetail | None, playback: Playback | None, limit: int = _
     for time, source, said in lines[:limit]:
         text.append(f"{time:8.2f} s  ", style=QUIET)
         text.append(f"{source:<10} ", style="bold")
-        text.append(f"{said}\n")
+        text.append("\n".join(printed_lines(said)) + "\n")
     if len(lines) > limit:
         text.append(f"and {len(lines) - limit} lines more\n", style=QUIET)
+    _append_outputs(text, playback)
     return text
+
+
+def _append_outputs(text: Text, playback: Playback) -> None:
+    """Add the last lines of what an external system under test printed."""
+    for name, printed in playback.outputs.items():
+        shown, hidden = last_lines(printed)
+        text.append(f"\n{name}\n", style="bold")
+        if hidden:
+            more = pluralise(hidden, "line")
+            text.append(f"{more} before these: scenario logs prints all\n", style=QUIET)
+        text.append("".join(f"{line}\n" for line in shown or ["(nothing)"]))
 
 
 def log_lines(playback: Playback) -> Iterator[Line]:

@@ -100,6 +100,20 @@ async def test_parts_follow_each_other_where_there_is_room_for_one(trace: Path) 
             assert words in shown(pilot)
 
 
+async def test_the_log_ends_with_what_an_external_system_printed(tmp_path: Path) -> None:
+    printed = b"".join(b"line %d\n" % i for i in range(60))
+    found = record_run(tmp_path / "run.mcap", outputs={"stack.txt": printed, "relay.txt": b""})
+    async with opened(Recorded(found), (200, 80)) as pilot:
+        await look_at(pilot)
+        told = str(pilot.app.screen.query_one("#log-text", Static).content)
+        assert "planner_server no path yet" in told
+        assert told.endswith(
+            "\nstack.txt\n20 lines before these: scenario logs prints all\n"
+            + "".join(f"line {i}\n" for i in range(20, 60))
+            + "\nrelay.txt\n(nothing)\n"
+        )
+
+
 async def test_wide_terminals_show_everything_at_once(trace: Path) -> None:
     async with opened(Recorded(trace), (200, 50)) as pilot:
         await look_at(pilot)
