@@ -239,7 +239,9 @@ class RunScreen(PlayingScreen, SteeringScreen):
         view, why = top_view_of(state, detail, track)
         why = self._damage or why
         above, signals = self.query_one(RunMap), self.query_one("#signals", TimelineView)
-        above.explain(why)
+        # Where the words are not beside the map, the first line has no room for all of it.
+        starting = track.snapshot.waiting if track and not self.has_class("-wide") else ""
+        above.explain(why or starting)
         waiting = "Signals are drawn when the run is over." if _unfinished(detail) else "Reading."
         show_message_or(self.query_one("#untold"), signals, why or waiting)
         self.query_one("#signs").display = False
@@ -256,9 +258,8 @@ class RunScreen(PlayingScreen, SteeringScreen):
             said.append(f"  {clock_line(self.transport)}  {reached}/{self._playback.waypoints} wp")
         elif track is not None:
             now = track.snapshot
-            said.append(
-                f"  {now.reached}/{now.waypoints} wp  {now.time:.0f} s of {now.limit:.0f} s"
-            )
+            far = f"{now.reached}/{now.waypoints} wp  {now.time:.0f} s of {now.limit:.0f} s"
+            said.append(f"  {now.waiting or far}")
         tabs = "" if self.has_class("-wide") else self.tabs()
         said.truncate(max(self.size.width - len(tabs) - 4, 0), overflow="ellipsis", pad=True)
         self.query_one("#now", Static).update(said.append(f"  {tabs}", style=QUIET))
