@@ -131,7 +131,7 @@ class _Checkup:
         meaning: dict[str, tuple[str, _Importance, str]] = {
             topics.scan: ("scan", "missing", "the stack is blind"),
             topics.tf: ("tf", "missing", "nobody knows where the robot is"),
-            topics.odom: ("odom", "note", "nobody needs speeds, or takes them from elsewhere"),
+            topics.odom: ("odom", "note", "speeds are not used, or come from elsewhere"),
             topics.tf_static: ("tf-static", "warning", "nobody knows where the laser is"),
             topics.map: ("map", "missing", "the stack has no map"),
             topics.initial_pose: (
