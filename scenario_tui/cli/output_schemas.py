@@ -30,6 +30,7 @@ from scenario_tui.cli import (
     run_campaigns,
     steer,
     sut,
+    sut_check,
     vary,
     verify,
 )
@@ -71,6 +72,7 @@ _OUTPUTS: Final[tuple[type[Output], ...]] = (
     operate.GcOutput,
     keys.KeysOutput,
     sut.SutOutput,
+    sut_check.InspectionOutput,
     vary.VaryOutput,
     export.ExportOutput,
 )
