@@ -79,6 +79,8 @@ class InspectionOutput(Output, schema="inspection"):
                 text.append(f"\n{'':{width + 4}}→ {line.hint}")
             console.print(text, soft_wrap=True)
         _, *last_lines = printed_lines(self.failure) or [""]
+        if last_lines:
+            console.print("\nthe stack's last lines", style="dim")
         for printed in last_lines:
             console.print(printed, markup=False, soft_wrap=True)
 

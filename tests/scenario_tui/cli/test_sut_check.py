@@ -47,7 +47,7 @@ def seen_by(*, active: bool = True) -> Inspection:
         Readiness({"/amcl": "active" if active else "inactive"}, True, twist, {}),
         {"/bt_navigator": {"default_server_timeout": 20}},
         seconds=12.3,
-        failure="" if active else "not ready within 60 s\n  its last \x1b[31mline",
+        failure="" if active else "not ready; its last lines:\n  its last \x1b[31mline",
     )
 
 
@@ -114,7 +114,7 @@ def test_what_is_missing_is_an_exit_code_and_the_last_lines_are_told(
     assert said.code == 1
     assert said.err.endswith("my-nav2: 2 missing, 1 warning\n")
     assert any(line.startswith("✗ /amcl ") for line in said.out.splitlines())
-    assert said.out.endswith("\n  its last line\n")
+    assert said.out.endswith("\n\nthe stack's last lines\n  its last line\n")
 
 
 def test_a_stack_that_cannot_be_started_says_why(

@@ -213,7 +213,7 @@ def test_nodes_that_are_not_active_or_not_there_are_told_apart() -> None:
         SOUND,
         readiness=replace(SOUND.readiness, nodes=states),
         graph=replace(SOUND.graph, nodes=(*SOUND.graph.nodes, "/rviz")),
-        failure="the stack was not ready within 60 s\n  last line",
+        failure="the stack was not ready within 60 s; the stack's last lines:\n  last line",
     )
     lines = {
         line.subject: line
