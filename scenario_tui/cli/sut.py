@@ -38,10 +38,8 @@ class _ShowsByDefault(PlainFlagsGroup):
 
     def shell_complete(self, ctx: Any, incomplete: str) -> list[Any]:
         """Offer commands, and the files that may stand in their place."""
-        from typer._click.shell_completion import CompletionItem
-
-        found = [CompletionItem(name, help=about) for name, about in sut_files(incomplete)]
-        return [*super().shell_complete(ctx, incomplete), *found]
+        (file,) = (one for one in self.commands["show"].params if one.name == "file")
+        return [*super().shell_complete(ctx, incomplete), *file.shell_complete(ctx, incomplete)]
 
 
 sut_app = typer.Typer(
