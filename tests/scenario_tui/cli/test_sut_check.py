@@ -206,7 +206,6 @@ def test_a_file_in_place_of_a_command_is_shown(scenario: Any, sut: Path) -> None
     assert scenario("sut", "none.yaml").code == 2
 
 
-@pytest.mark.skipif(not RELAY.is_file(), reason="the relay is not part of this tree yet")
 def test_the_relay_is_printed_as_it_is(scenario: Any) -> None:
     said = scenario("sut", "relay")
     assert (said.code, said.err) == (0, "")
