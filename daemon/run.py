@@ -224,7 +224,7 @@ class _RunLoop:
             return
         try:
             for waiting in self._external.bring_up(first):
-                self._waiting = waiting[:_WAITING_LENGTH]
+                self._waiting = _one_line(waiting)
                 self._publish_snapshot(first.time)
         except Exception as error:
             raise _SutError(error) from error
@@ -406,6 +406,12 @@ def _check_finite(what: str, pose: Pose2, covariance: Floats) -> None:
         raise ValueError(f"its {what} has values that are not finite")
 
 
+def _one_line(waiting: str) -> str:
+    """Return what is waited for as a line that any terminal and any JSON can hold."""
+    line = " ".join(waiting[: 2 * _WAITING_LENGTH].split())[:_WAITING_LENGTH]
+    return "".join(sign if sign.isprintable() else "?" for sign in line)
+
+
 class _SutError(Exception):
     """The system under test raised; ``note`` says what, for the result and the trace."""
 
@@ -421,4 +427,6 @@ class _SutError(Exception):
         self.note = f"the system under test crashed: {type(error).__name__}: {error}{place}"
         if isinstance(error, SutFailure):
             self.note = str(error)
+        # It may quote what a program printed, and that may be no text at all.
+        self.note = self.note.encode("utf-8", "backslashreplace").decode()
         super().__init__(self.note)

@@ -191,7 +191,11 @@ class SnapshotSender:
     def __call__(self, snapshot: Snapshot) -> None:
         """Send a snapshot, without what makes it too long for the pipe, or not at all."""
         bare = replace(snapshot, returns=(), plan=(), contacts=())
-        for picture in (snapshot, bare):
+        pictures = [snapshot, bare]
+        if snapshot.waiting:
+            # Before time begins every joint is as drawn: hundreds of them say nothing.
+            pictures.append(replace(bare, joints=()))
+        for picture in pictures:
             message = LIVE + codec.to_json(LiveSnapshot(self._run, picture))
             # A pipe that is ready takes PIPE_BUF bytes at once, so this never blocks the run; up
             # to 8 of them are the length that multiprocessing puts before a message.

@@ -21,6 +21,7 @@ from scenario_tui.cli import (
     export,
     judge,
     keys,
+    logs,
     look,
     operate,
     recorded_runs,
@@ -29,6 +30,7 @@ from scenario_tui.cli import (
     run_campaigns,
     steer,
     sut,
+    sut_check,
     vary,
     verify,
 )
@@ -46,7 +48,7 @@ _OUTPUTS: Final[tuple[type[Output], ...]] = (
     look.StatusOutput,
     results.ResultsOutput,
     look.RunOutput,
-    look.LogsOutput,
+    logs.LogsOutput,
     run_campaigns.SubmitOutput,
     run_campaigns.CheckOutput,
     steer.CancelOutput,
@@ -70,6 +72,7 @@ _OUTPUTS: Final[tuple[type[Output], ...]] = (
     operate.GcOutput,
     keys.KeysOutput,
     sut.SutOutput,
+    sut_check.InspectionOutput,
     vary.VaryOutput,
     export.ExportOutput,
 )

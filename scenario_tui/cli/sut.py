@@ -1,9 +1,10 @@
-"""The command that shows a system under test: every parameter, where it comes from, who hears."""
+"""Commands about a system under test: every parameter and where it comes from; its relay."""
 
 from __future__ import annotations
 
 import dataclasses
 import json
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final
 
@@ -11,8 +12,9 @@ import typer
 
 from scenario_tui.cli import completion
 from scenario_tui.cli.completion import sut_files
-from scenario_tui.cli.options import AsJson
+from scenario_tui.cli.options import AsJson, PlainFlagsCommand, PlainFlagsGroup
 from scenario_tui.cli.output import Output, plain_table, report_diagnostics, stdout_console
+from scenario_tui.cli.sut_check import check
 
 if TYPE_CHECKING:
     from daemon.campaign import LoadedSut
@@ -23,6 +25,31 @@ _NOT_ROS_PARAMETERS: Final = frozenset(
     {"sources", "obstacle_layer", "obstacle_layer_name", "inflation_layer", "recovery_behaviors"}
 )
 """Fields of the models that are no parameters, or say nothing when they are not given."""
+
+
+class _ShowsByDefault(PlainFlagsGroup):
+    """A group in which a file in place of a command is shown."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Take what is no command for arguments of ``show``."""
+        if args and args[0] not in (*self.commands, *self.get_help_option_names(ctx)):
+            args = ["show", *args]
+        return super().parse_args(ctx, args)
+
+    def shell_complete(self, ctx: Any, incomplete: str) -> list[Any]:
+        """Offer commands, and the files that may stand in their place."""
+        (file,) = (one for one in self.commands["show"].params if one.name == "file")
+        return [*super().shell_complete(ctx, incomplete), *file.shell_complete(ctx, incomplete)]
+
+
+sut_app = typer.Typer(
+    name="sut",
+    cls=_ShowsByDefault,
+    help="Show a system under test, or start an external one and see what it lacks.",
+    epilog="`scenario sut SUT.yaml` is `scenario sut show SUT.yaml`.",
+    no_args_is_help=True,
+    subcommand_metavar="SUT.yaml | COMMAND [ARGS]...",
+)
 
 
 class SutOutput(Output, schema="sut"):
@@ -60,7 +87,8 @@ class SutOutput(Output, schema="sut"):
         )
 
 
-def sut(
+@sut_app.command(cls=PlainFlagsCommand)
+def show(
     file: Annotated[
         Path,
         typer.Argument(
@@ -91,6 +119,21 @@ def sut(
         _print_quirks(read)
         _print_wiring(read)
     report_diagnostics(w for w in found.warnings if w not in found.idle)
+
+
+sut_app.command(cls=PlainFlagsCommand)(check)
+
+
+@sut_app.command(cls=PlainFlagsCommand)
+def relay() -> None:
+    """Print the relay that talks to a ROS 2 stack, one file of Python, for building images.
+
+    A run brings its own along; it must be inside of an image only where nothing can be mounted.
+    """
+    from importlib.resources import files
+
+    # As a file and not as a module: it is written for the Python of the stack.
+    sys.stdout.write(files("daemon.stacks.ros2").joinpath("relay.py").read_text("utf-8"))
 
 
 def _read_ros_parameters(found: LoadedSut) -> RosParameters | None:

@@ -154,6 +154,10 @@ def _running(text: Text, seen: Snapshot | None, styles: Styles) -> None:
     if seen is None:
         text.append("waiting for its first sign of life\n", style=quiet_style(styles))
         return
+    if seen.waiting:
+        text.append(f"{seen.waiting}\n", style=styles["running"])
+        text.append("simulated time begins when it is up\n", style=quiet_style(styles))
+        return
     text.append(f"reached {seen.reached} of {pluralise(seen.waypoints, 'waypoint')}, ")
     text.append(f"{seen.time:.0f} s of {seen.limit:.0f} s simulated\n")
 

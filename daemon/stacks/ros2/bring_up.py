@@ -14,16 +14,15 @@ from pathlib import Path
 from typing import Final
 
 from daemon.model.sut import Briefing, Observation, Odometry, SutEvent, SutFailure
-from daemon.stacks.ros2 import placeholders, sensors, telemetry
+from daemon.stacks.ros2 import placeholders, sensors
+from daemon.stacks.ros2.endpoints import link_setup
 from daemon.stacks.ros2.isolation import DomainTaken
 from daemon.stacks.ros2.link import (
     Cycle,
     CycleAnswer,
     LinkLost,
-    LinkSetup,
     Readiness,
     StackLink,
-    TopicSetup,
 )
 from daemon.stacks.ros2.process import StackProcess
 from daemon.stacks.ros2.relay_link import RelayLink
@@ -164,7 +163,7 @@ class BringUp:
         while not link.accept(timeout=0.1):
             self._check_alive(process, began, "its relay has not come")
             yield f"waiting for the relay in the stack's ROS 2, {_seconds_since(began)}"
-        link.set_up(self._setup())
+        link.set_up(link_setup(settings))
         self._latched = False
 
     def _start(self, process: StackProcess, began: float) -> Iterator[str]:
@@ -373,37 +372,6 @@ class BringUp:
         height = self._briefing.robot.laser.z
         _, meta = write_map(self._briefing.map, process.folder / "map", laser_height=height)
         return meta
-
-    def _setup(self) -> LinkSetup:
-        settings, topics = self._settings, self._settings.topics
-        publish = [
-            TopicSetup(topics.odom, sensors.ODOMETRY, settings.qos.odom, 5),
-            TopicSetup(topics.scan, sensors.SCAN, settings.qos.scan, 5),
-            TopicSetup(topics.initial_pose, sensors.INITIAL_POSE),
-        ]
-        if settings.transforms != "none":
-            publish.insert(0, TopicSetup(topics.tf, sensors.TRANSFORMS, depth=100))
-        if settings.transforms == "all":
-            publish.append(TopicSetup(topics.tf_static, sensors.TRANSFORMS, "latched", 1))
-        if settings.map == "published":
-            publish.append(TopicSetup(topics.map, sensors.GRID, "latched", 1))
-        subscribe = (
-            TopicSetup(topics.tf, sensors.TRANSFORMS, depth=100, keep="all"),
-            TopicSetup(topics.tf_static, sensors.TRANSFORMS, "latched", 100, keep="all"),
-            TopicSetup(topics.pose, telemetry.POSE),
-            TopicSetup(topics.particles, telemetry.PARTICLES, "best effort"),
-            TopicSetup(topics.plan, telemetry.PATH),
-            TopicSetup(topics.local_plan, telemetry.PATH),
-            TopicSetup(telemetry.ROSOUT, telemetry.LOG, depth=1000, keep="all"),
-        )
-        return LinkSetup(
-            tuple(publish),
-            subscribe,
-            topics.command,
-            settings.action,
-            settings.action_kind,
-            settings.ready,
-        )
 
 
 def _seconds_since(began: float) -> str:

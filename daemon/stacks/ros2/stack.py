@@ -26,6 +26,7 @@ from daemon.stacks.ros2.bring_up import BringUp, StackSession
 from daemon.stacks.ros2.link import Cycle, CycleAnswer, LinkLost
 from daemon.stacks.ros2.lockstep import HeardAnswer, LockStep, LockStepSettings
 from daemon.stacks.ros2.mission import GoalSequence
+from daemon.stacks.ros2.pace import WALL_CLOCK_CONTROLLERS
 from daemon.stacks.ros2.settings import Ros2Settings
 from daemon.stacks.ros2.telemetry import Heard
 from grammars.model.geometry import Twist2
@@ -34,9 +35,6 @@ _NANO: Final = 1_000_000_000
 _SERVER_GONE: Final = 3.0
 """The action server may be out of sight for so long [s of wall clock]: discovery forgets and finds
 again."""
-_WALL_CLOCK_CONTROLLERS: Final = frozenset({"humble", "iron", "jazzy", "kilted"})
-"""Distributions whose controller_server loops on ``rclcpp::WallRate``, whatever ``/clock`` does
-(controller_server.cpp); from Lyrical on it is the node's clock."""
 
 
 class Ros2Stack:
@@ -90,7 +88,7 @@ class Ros2Stack:
                 idle=settings.idle,
                 late=settings.late,
                 tolerance=settings.tolerance,
-                real_time=distribution in _WALL_CLOCK_CONTROLLERS,
+                real_time=distribution in WALL_CLOCK_CONTROLLERS,
             )
         )
 
