@@ -1,0 +1,259 @@
+"""One ROS 2 node without ROS: publishers, subscriptions and clients on a Zenoh session.
+
+What is heard is handed to functions that are called in threads of Zenoh's: they must be short.
+"""
+
+from __future__ import annotations
+
+import itertools
+import json
+import socket
+import time
+from collections.abc import Callable
+from typing import Any, Final
+
+import zenoh
+from zenoh import ext
+
+from daemon.stacks.ros2.link import LinkLost
+from daemon.stacks.ros2.zenoh_types import Interfaces
+from daemon.stacks.ros2.zenoh_wire import (
+    GRAPH,
+    QosProfile,
+    Role,
+    Token,
+    attachment,
+    gid,
+    read_token,
+    token_key,
+    topic_key,
+)
+
+_HEARTBEAT: Final = 0.5
+_ATTEMPTS: Final = 20
+_SERVICES: Final = QosProfile()
+
+
+def open_router() -> tuple[zenoh.Session, int]:
+    """Open a session that is the router of a stack, on loopback only; return it and its port.
+
+    Raises ``OSError`` when no port is to be had.
+    """
+    for _ in range(_ATTEMPTS):
+        with socket.create_server(("127.0.0.1", 0)) as free:
+            port: int = free.getsockname()[1]
+        try:
+            return open_session("router", listen=port), port
+        except zenoh.ZError:
+            # Somebody else was given the same port meanwhile.
+            continue
+    raise OSError("no port of 127.0.0.1 can be listened at")
+
+
+def open_session(mode: str, *, listen: int = 0, connect: int = 0) -> zenoh.Session:
+    """Open a session of ``mode`` router or peer on loopback; raises ``zenoh.ZError``."""
+    config = zenoh.Config()
+    settings: dict[str, Any] = {
+        "mode": mode,
+        "listen/endpoints": [f"tcp/127.0.0.1:{listen}"],
+        "connect/endpoints": [f"tcp/127.0.0.1:{connect}"] if connect else [],
+        "scouting/multicast/enabled": False,
+        "scouting/delay": 0,  # else opening a router waits half a second, deaf but connectable
+        # Only samples with a time are kept for those who come late.
+        "timestamping/enabled": True,
+        # It loses messages without a word on a busy machine, and segments of the killed stay.
+        "transport/shared_memory/enabled": False,
+    }
+    for key, value in settings.items():
+        config.insert_json5(key, json.dumps(value))
+    return zenoh.open(config)
+
+
+class Publisher:
+    """A publisher: every message waits for its place in the queue, none is dropped."""
+
+    def __init__(self, declared: Any, sender: bytes) -> None:
+        self._declared = declared
+        self._sender = sender
+        self._sequence = itertools.count(1)
+
+    def publish(self, data: bytes) -> None:
+        """Publish CDR; raises :class:`LinkLost` when the session is gone."""
+        words = attachment(next(self._sequence), time.time_ns(), self._sender)
+        try:
+            self._declared.put(data, attachment=words)
+        except zenoh.ZError as error:
+            raise LinkLost(f"Zenoh does not publish any more: {error}") from error
+
+    @property
+    def matched(self) -> bool:
+        """Whether what is published reaches somebody; always for latched topics, which wait."""
+        return bool(getattr(self._declared, "matching_status", True))
+
+
+class Client:
+    """A client of one service."""
+
+    def __init__(self, session: zenoh.Session, key: str, sender: bytes) -> None:
+        self._session = session
+        self._key = key
+        self._sender = sender
+        self._sequence = itertools.count(1)
+
+    def call(
+        self, request: bytes, timeout: float, answered: Callable[[bytes | None], object]
+    ) -> None:
+        """Ask; ``answered`` is called exactly once: with CDR, or ``None`` when there was none.
+
+        ``None`` comes at once while there is no server, else after ``timeout`` [s].
+        """
+        answers: list[bytes] = []
+
+        def take(reply: zenoh.Reply) -> None:
+            if reply.ok is not None:
+                answers.append(reply.ok.payload.to_bytes())
+
+        try:
+            self._session.get(
+                self._key,
+                zenoh.handlers.Callback(take, lambda: answered(answers[0] if answers else None)),
+                payload=request,
+                attachment=attachment(next(self._sequence), time.time_ns(), self._sender),
+                target=zenoh.QueryTarget.ALL_COMPLETE,
+                consolidation=zenoh.ConsolidationMode.NONE,
+                congestion_control=zenoh.CongestionControl.BLOCK,
+                express=True,
+                timeout=timeout,
+            )
+        except zenoh.ZError as error:
+            raise LinkLost(f"Zenoh does not ask any more: {error}") from error
+
+
+class Node:
+    """A node in the graph of ``domain``; ``name`` is absolute."""
+
+    def __init__(
+        self, session: zenoh.Session, domain: int, name: str, interfaces: Interfaces
+    ) -> None:
+        self.session = session
+        self.domain = domain
+        self.name = name
+        self.interfaces = interfaces
+        self.zid = str(session.zid())
+        self._ids = itertools.count(1)
+        # Undeclared when dropped: held as long as this node.
+        self._declared: list[Any] = []
+        self._stand(Token(domain, self.zid, 0, 0, "node", name))
+
+    def publisher(self, name: str, kind: str, qos: QosProfile) -> Publisher:
+        """Make a publisher; a transient local one keeps its last messages for who comes late."""
+        key = self.key(name, kind)
+        declared: zenoh.Publisher | ext.AdvancedPublisher
+        if qos.transient_local:
+            declared = ext.declare_advanced_publisher(
+                self.session,
+                key,
+                congestion_control=zenoh.CongestionControl.BLOCK,
+                express=True,
+                cache=ext.CacheConfig(max_samples=qos.depth),
+                publisher_detection=True,
+                sample_miss_detection=ext.MissDetectionConfig(
+                    heartbeat=None, sporadic_heartbeat=_HEARTBEAT
+                ),
+            )
+        else:
+            declared = self.session.declare_publisher(
+                key, congestion_control=zenoh.CongestionControl.BLOCK, express=True
+            )
+        self._declared.append(declared)
+        return Publisher(declared, gid(self.announce("publisher", name, kind, qos)))
+
+    def subscribe(
+        self,
+        name: str,
+        kind: str,
+        qos: QosProfile,
+        heard: Callable[[bytes], object],
+        *,
+        announced: bool = True,
+    ) -> None:
+        """Have ``heard`` called with the CDR of every message of others than this session.
+
+        Not ``announced``: not in the graph until :meth:`announce` is called.
+        """
+        key = self.key(name, kind)
+
+        def take(sample: zenoh.Sample) -> None:
+            heard(sample.payload.to_bytes())
+
+        declared: zenoh.Subscriber[None] | ext.AdvancedSubscriber[None]
+        if qos.transient_local:
+            history = ext.HistoryConfig(detect_late_publishers=True, max_samples=qos.depth)
+            declared = ext.declare_advanced_subscriber(
+                self.session,
+                key,
+                take,
+                allowed_origin=zenoh.Locality.REMOTE,
+                history=history,
+                recovery=ext.RecoveryConfig(periodic_queries=None, heartbeat=True),
+                subscriber_detection=True,
+            )
+        else:
+            declared = self.session.declare_subscriber(
+                key, take, allowed_origin=zenoh.Locality.REMOTE
+            )
+        self._declared.append(declared)
+        if announced:
+            self.announce("subscription", name, kind, qos)
+
+    def client(self, name: str, kind: str) -> Client:
+        """Make a client of a service."""
+        sender = gid(self.announce("client", name, kind, _SERVICES))
+        return Client(self.session, self.key(name, kind), sender)
+
+    def announce(self, role: Role, name: str, kind: str, qos: QosProfile) -> str:
+        """Put an endpoint into the graph and return the key of its token."""
+        return self._stand(
+            Token(
+                self.domain,
+                self.zid,
+                0,
+                next(self._ids),
+                role,
+                self.name,
+                name,
+                kind,
+                self.interfaces.hash(kind),
+                qos,
+            )
+        )
+
+    def watch(self, changed: Callable[[Token, bool], object]) -> None:
+        """Have ``changed`` called for every endpoint and node that comes (true) or goes.
+
+        Those of other domains too, its own left out.
+        """
+
+        def take(sample: zenoh.Sample) -> None:
+            token = read_token(str(sample.key_expr))
+            if token is not None and token.session != self.zid:
+                changed(token, sample.kind == zenoh.SampleKind.PUT)
+
+        self._declared.append(
+            self.session.liveliness().declare_subscriber(f"{GRAPH}/**", take, history=True)
+        )
+
+    def close(self) -> None:
+        """Leave the graph and end the session; more than once does no harm."""
+        self._declared.clear()
+        if not self.session.is_closed():
+            self.session.close()  # type: ignore[no-untyped-call]
+
+    def key(self, name: str, kind: str) -> str:
+        """Return the key of a topic or service of a loaded type."""
+        return topic_key(self.domain, name, kind, self.interfaces.hash(kind))
+
+    def _stand(self, token: Token) -> str:
+        key = token_key(token)
+        self._declared.append(self.session.liveliness().declare_token(key))
+        return key
