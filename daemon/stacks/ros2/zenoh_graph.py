@@ -102,7 +102,8 @@ class ZenohGraph:
         if token.hash == NO_HASH:
             known = ["humble"]
         if known and self._distribution not in known:
-            return f"It is that of {' and '.join(known)}: write distribution: {known[-1]}"
+            names = " or ".join(f"distribution: {name}" for name in known)
+            return f"It is that of {' and '.join(known)}: write {names}"
         return (
             "Name the distribution of the stack (distribution:), or a folder with its interface "
             "definitions (definitions:)"
@@ -110,4 +111,4 @@ class ZenohGraph:
 
 
 def _shown(type_hash: str) -> str:
-    return type_hash if len(type_hash) <= _HASH_SHOWN else f"{type_hash[:_HASH_SHOWN]}…"
+    return f"{type_hash[:_HASH_SHOWN]}…" if type_hash.startswith("RIHS01_") else type_hash

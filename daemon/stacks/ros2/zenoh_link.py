@@ -37,6 +37,9 @@ NODE: Final = "/scenario"
 CLOCK: Final = "/clock"
 CLOCK_KIND: Final = "rosgraph_msgs/msg/Clock"
 
+_PROBLEMS_TOLD: Final = 3
+"""A stack of another distribution differs in everything; three sentences say as much as thirty."""
+
 
 class ZenohLink:
     """A node ``/scenario`` in the graph of a stack under ``rmw_zenoh_cpp``; see ``StackLink``."""
@@ -164,11 +167,12 @@ class ZenohLink:
     def readiness(self) -> Readiness:
         """Return how far the stack has come up; asks nodes in the background, never waits."""
         setup, action = self._ready()
+        # A token in the graph does not prove that the way of the data is open: matched does.
+        matched = [topic.name for topic in setup.publish if self._publishers[topic.name].matched]
         with self._lock:
-            # A token in the graph does not prove that the way of the data is open: matched does.
             listeners = {
                 topic.name: len(self._graph.kinds("subscription", topic.name))
-                if self._publishers[topic.name].matched
+                if topic.name in matched
                 else 0
                 for topic in setup.publish
             }
@@ -221,7 +225,9 @@ class ZenohLink:
         self._check_open()
         problems = self.problems
         if problems:
-            raise LinkLost("\n".join(problems))
+            told = problems[:_PROBLEMS_TOLD]
+            more = len(problems) - len(told)
+            raise LinkLost("\n".join([*told, *([f"and {more} more of this kind"] if more else [])]))
         if self._setup is not None:
             self._announce_command(self._setup.command)
 

@@ -1,6 +1,7 @@
 """One ROS 2 node without ROS: publishers, subscriptions and clients on a Zenoh session.
 
-What is heard is handed to functions that are called in threads of Zenoh's: they must be short.
+What is heard is handed to functions that are called in the threads that receive, so that messages
+of different topics keep their order: they must be short and ask nothing of Zenoh.
 """
 
 from __future__ import annotations
@@ -116,7 +117,9 @@ class Client:
         try:
             self._session.get(
                 self._key,
-                zenoh.handlers.Callback(take, lambda: answered(answers[0] if answers else None)),
+                zenoh.handlers.Callback(
+                    take, lambda: answered(answers[0] if answers else None), indirect=False
+                ),
                 payload=request,
                 attachment=attachment(next(self._sequence), time.time_ns(), self._sender),
                 target=zenoh.QueryTarget.ALL_COMPLETE,
@@ -182,17 +185,16 @@ class Node:
         Not ``announced``: not in the graph until :meth:`announce` is called.
         """
         key = self.key(name, kind)
-
-        def take(sample: zenoh.Sample) -> None:
-            heard(sample.payload.to_bytes())
-
+        handler: zenoh.handlers.Callback[zenoh.Sample] = zenoh.handlers.Callback(
+            lambda sample: heard(sample.payload.to_bytes()), indirect=False
+        )
         declared: zenoh.Subscriber[None] | ext.AdvancedSubscriber[None]
         if qos.transient_local:
             history = ext.HistoryConfig(detect_late_publishers=True, max_samples=qos.depth)
             declared = ext.declare_advanced_subscriber(
                 self.session,
                 key,
-                take,
+                handler,
                 allowed_origin=zenoh.Locality.REMOTE,
                 history=history,
                 recovery=ext.RecoveryConfig(periodic_queries=None, heartbeat=True),
@@ -200,7 +202,7 @@ class Node:
             )
         else:
             declared = self.session.declare_subscriber(
-                key, take, allowed_origin=zenoh.Locality.REMOTE
+                key, handler, allowed_origin=zenoh.Locality.REMOTE
             )
         self._declared.append(declared)
         if announced:

@@ -1,7 +1,7 @@
 """A process that pretends to be a stack under rmw_zenoh_cpp: one node, made of the wire functions.
 
-It finds its router as a stack does, by ``ZENOH_CONFIG_OVERRIDE``, answers every clock with a command
-and ends when its standard input does.
+It finds its router as a stack does, by ``ZENOH_CONFIG_OVERRIDE``, answers every clock with a
+command and ends when its standard input does.
 """
 
 from __future__ import annotations
@@ -100,7 +100,9 @@ class PretendedStack:
         self.interfaces.load(kind)
         self.offer(f"{LIFECYCLE_NODE}/{service}", kind, answer)
 
-    def offer(self, name: str, kind: str, answer: Callable[[Any], Mapping[str, Any] | None]) -> None:
+    def offer(
+        self, name: str, kind: str, answer: Callable[[Any], Mapping[str, Any] | None]
+    ) -> None:
         key = self.node.key(name, kind)
 
         def take(query: zenoh.Query) -> None:
