@@ -9,7 +9,7 @@ from __future__ import annotations
 import os
 from collections import deque
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import partial
 from time import monotonic
 from typing import Any, Final, Literal
@@ -18,7 +18,7 @@ import numpy as np
 
 from daemon.model import ros_messages
 from daemon.stacks.ros2.link import ACTION_KINDS, GoalUpdate, LinkLost
-from daemon.stacks.ros2.zenoh_node import Node
+from daemon.stacks.ros2.zenoh_node import RosNode
 from daemon.stacks.ros2.zenoh_wire import QosProfile, Role
 
 CANCEL: Final = "action_msgs/srv/CancelGoal"
@@ -56,7 +56,6 @@ class _Goal:
     ask_again: float | None = None
     cancel: bool = False
     feedback: bytes | None = None
-    updates: list[GoalUpdate] = field(default_factory=list)
 
 
 class ActionClient:
@@ -68,7 +67,9 @@ class ActionClient:
     Raises :class:`~daemon.stacks.ros2.zenoh_types.InterfaceError` when definitions are missing.
     """
 
-    def __init__(self, node: Node, name: str, action: str, woken: Callable[[bool], object]) -> None:
+    def __init__(
+        self, node: RosNode, name: str, action: str, woken: Callable[[bool], object]
+    ) -> None:
         self._interfaces = node.interfaces
         self._kind = ACTION_KINDS[action]
         self._woken = woken
@@ -111,11 +112,12 @@ class ActionClient:
                 if goal.waits_for == "result":
                     self._ask_to_cancel(goal)
 
-    def attend(self) -> None:
-        """Work off what was heard and ask again where nobody answered.
+    def attend(self) -> bool:
+        """Work off what was heard and ask again where nobody answered; return whether a goal ended.
 
         Raises :class:`LinkLost` for an answer that is none.
         """
+        under_way = self._under_way()
         while self._heard:
             what, number, data = self._heard.popleft()
             if what == "feedback":
@@ -133,15 +135,17 @@ class ActionClient:
                 self._updates.append(GoalUpdate(goal.number, "unanswered"))
             elif now >= goal.ask_again:
                 self._ask(goal)
+        return self._under_way() < under_way
 
     def take(self) -> tuple[GoalUpdate, ...]:
         """Return what became of goals since the last time, oldest first."""
         for goal in self._goals.values():
-            if goal.feedback is not None:
-                self._updates.append(self._feedback_update(goal, goal.feedback))
-                goal.feedback = None
+            self._tell_feedback(goal)
         updates, self._updates = tuple(self._updates), []
         return updates
+
+    def _under_way(self) -> int:
+        return sum(goal.waits_for != "nothing" for goal in self._goals.values())
 
     def _targets(self, poses: tuple[tuple[float, float, float], ...], frame: str,
                  time: int) -> Mapping[str, Any]:  # fmt: skip
@@ -217,6 +221,7 @@ class ActionClient:
             goal.ask_again = monotonic() + _PAUSE
             return
         answer = self._read(data, "GetResult_Response")
+        self._tell_feedback(goal)
         goal.waits_for = "nothing"
         state, result = _STATES.get(answer.status), answer.result
         text = str(getattr(result, "error_msg", ""))
@@ -242,9 +247,12 @@ class ActionClient:
             if goal.identifier == identifier and goal.waits_for != "nothing":
                 goal.feedback = data
 
-    def _feedback_update(self, goal: _Goal, data: bytes) -> GoalUpdate:
-        message = self._read(data, "FeedbackMessage")
-        return GoalUpdate(goal.number, "feedback", content=_content(message.feedback))
+    def _tell_feedback(self, goal: _Goal) -> None:
+        if goal.feedback is not None:
+            message = self._read(goal.feedback, "FeedbackMessage")
+            goal.feedback = None
+            content = _content(message.feedback)
+            self._updates.append(GoalUpdate(goal.number, "feedback", content=content))
 
     def _read(self, data: bytes, part: str) -> Any:
         try:

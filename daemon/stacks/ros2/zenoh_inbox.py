@@ -73,8 +73,11 @@ class Inbox:
             self._oldest, self._sent, self._answer = oldest, perf_counter(), None
             return self._sent
 
-    def wait(self, seconds: float, *, for_command: bool, attend: Callable[[], object]) -> None:
-        """Wait that long since :meth:`expect`, or for the command; ``attend`` when woken."""
+    def wait(self, seconds: float, *, for_command: bool, attend: Callable[[], bool]) -> None:
+        """Wait that long since :meth:`expect`, or for the command; ``attend`` when woken.
+
+        Where that says that a goal has ended, no command is owed and waiting for one ends too.
+        """
         deadline = self._sent + seconds
         while True:
             with self._news:
@@ -86,8 +89,8 @@ class Inbox:
                     self._news.wait(left)
                 over = (for_command and self._answer is not None) or perf_counter() >= deadline
                 woken, self._woken = self._woken, False
-            if woken:
-                attend()
+            if woken and attend() and for_command:
+                return
             if over:
                 return
 

@@ -12,7 +12,7 @@ from typing import Any, Final
 import numpy as np
 
 from daemon.stacks.ros2.link import LinkLost
-from daemon.stacks.ros2.zenoh_node import Client, Node
+from daemon.stacks.ros2.zenoh_node import RosNode, ServiceClient
 
 GET_STATE: Final = "lifecycle_msgs/srv/GetState"
 CHANGE_STATE: Final = "lifecycle_msgs/srv/ChangeState"
@@ -47,14 +47,14 @@ class LifecycleClients:
 
     def __init__(
         self,
-        node: Node,
+        node: RosNode,
         want: Callable[[str, str], object],
         serves: Callable[[str, str], bool],
     ) -> None:
         self._node = node
         self._want = want
         self._serves = serves
-        self._clients: dict[tuple[str, str], Client] = {}
+        self._clients: dict[tuple[str, str], ServiceClient] = {}
         self._states: dict[str, str] = {}
         self._due: dict[str, float] = {}
         self._asked: set[str] = set()
@@ -75,11 +75,11 @@ class LifecycleClients:
             self._asked.discard(name)
             self._states[name] = "" if data is None else self._label(name, data)
         for name in nodes:
-            if name in self._asked or monotonic() < self._due.get(name, 0.0):
-                continue
             if not self._serves(f"{name}/get_state", GET_STATE):
                 # A node that went away is not what it was any more.
                 self._states[name] = ""
+                continue
+            if name in self._asked or monotonic() < self._due.get(name, 0.0):
                 continue
             client = self._client(name, "get_state", GET_STATE)
             self._asked.add(name)
@@ -120,7 +120,7 @@ class LifecycleClients:
         found = {name: self._value(node, heard.get(name)) for name in names}
         return {name: value for name, value in found.items() if value is not None}
 
-    def _client(self, node: str, service: str, kind: str) -> Client:
+    def _client(self, node: str, service: str, kind: str) -> ServiceClient:
         known = self._clients.get((node, service))
         if known is None:
             self._node.interfaces.load(kind)

@@ -8,9 +8,8 @@ distribution has to be named, or definitions given; what differs ends the run wi
 from __future__ import annotations
 
 import struct
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from functools import partial
-from pathlib import Path
 from threading import Lock
 from typing import Any, Final
 
@@ -29,8 +28,9 @@ from daemon.stacks.ros2.zenoh_action import ActionClient
 from daemon.stacks.ros2.zenoh_graph import ZenohGraph
 from daemon.stacks.ros2.zenoh_inbox import Inbox
 from daemon.stacks.ros2.zenoh_lifecycle import LifecycleClients
-from daemon.stacks.ros2.zenoh_node import Node, Publisher, open_router
-from daemon.stacks.ros2.zenoh_types import InterfaceError, Interfaces
+from daemon.stacks.ros2.zenoh_node import Publisher, RosNode
+from daemon.stacks.ros2.zenoh_router import ZenohRouter
+from daemon.stacks.ros2.zenoh_types import InterfaceError
 from daemon.stacks.ros2.zenoh_wire import QosProfile, Role, Token
 
 NODE: Final = "/scenario"
@@ -42,11 +42,14 @@ _PROBLEMS_TOLD: Final = 3
 
 
 class ZenohLink:
-    """A node ``/scenario`` in the graph of a stack under ``rmw_zenoh_cpp``; see ``StackLink``."""
+    """A node ``/scenario`` in the graph of a stack under ``rmw_zenoh_cpp``; see ``StackLink``.
 
-    def __init__(self, node: Node, port: int) -> None:
-        self._node = node
-        self._port = port
+    ``domain`` must be the stack's. The router is closed with the link.
+    """
+
+    def __init__(self, router: ZenohRouter, domain: int) -> None:
+        self.router = router
+        self._node = node = RosNode(router.session, domain, NODE, router.interfaces)
         self._setup: LinkSetup | None = None
         self._publishers: dict[str, Publisher] = {}
         self._action: ActionClient | None = None
@@ -62,39 +65,6 @@ class ZenohLink:
             node, partial(self._want, "server"), partial(self._stands, "server")
         )
         node.watch(self._take_token)
-
-    @classmethod
-    def open(
-        cls, *, distribution: str, domain: int = 0, definitions: Sequence[Path] = ()
-    ) -> ZenohLink:
-        """Listen on a free port of 127.0.0.1 as the router of a stack that is started next.
-
-        ``domain`` must be the stack's. ``definitions`` are folders whose interface definitions come
-        before those shipped for ``distribution``. Raises :class:`LinkLost`.
-        """
-        try:
-            interfaces = Interfaces(distribution, definitions)
-            session, port = open_router()
-        except (InterfaceError, OSError) as error:
-            raise LinkLost(str(error)) from error
-        return cls(Node(session, domain, NODE, interfaces), port)
-
-    @property
-    def environment(self) -> Mapping[str, str]:
-        """Environment variables with which a stack speaks ``rmw_zenoh`` and finds this link."""
-        here = f'connect/endpoints=["tcp/127.0.0.1:{self._port}"]'
-        return {
-            "RMW_IMPLEMENTATION": "rmw_zenoh_cpp",
-            "ROS_DOMAIN_ID": str(self._node.domain),
-            "ZENOH_CONFIG_OVERRIDE": f'{here};listen/endpoints=["tcp/127.0.0.1:0"]',
-            # Nodes wait for the router as long as it takes.
-            "ZENOH_ROUTER_CHECK_ATTEMPTS": "0",
-        }
-
-    @property
-    def port(self) -> int:
-        """The port of 127.0.0.1 this link listens at."""
-        return self._port
 
     @property
     def identity(self) -> StackIdentity:
@@ -214,6 +184,7 @@ class ZenohLink:
         """Let go; never raises."""
         self._closed = True
         self._node.close()
+        self.router.close()
 
     def _ready(self) -> tuple[LinkSetup, ActionClient]:
         self._check()
@@ -232,7 +203,7 @@ class ZenohLink:
             self._announce_command(self._setup.command)
 
     def _check_open(self) -> None:
-        if self._closed or self._node.session.is_closed():
+        if self._closed or self.router.session.is_closed():
             raise LinkLost("this link to the stack is closed")
 
     def _announce_command(self, topic: str) -> None:

@@ -7,8 +7,6 @@ of different topics keep their order: they must be short and ask nothing of Zeno
 from __future__ import annotations
 
 import itertools
-import json
-import socket
 import time
 from collections.abc import Callable
 from typing import Any, Final
@@ -31,43 +29,7 @@ from daemon.stacks.ros2.zenoh_wire import (
 )
 
 _HEARTBEAT: Final = 0.5
-_ATTEMPTS: Final = 20
 _SERVICES: Final = QosProfile()
-
-
-def open_router() -> tuple[zenoh.Session, int]:
-    """Open a session that is the router of a stack, on loopback only; return it and its port.
-
-    Raises ``OSError`` when no port is to be had.
-    """
-    for _ in range(_ATTEMPTS):
-        with socket.create_server(("127.0.0.1", 0)) as free:
-            port: int = free.getsockname()[1]
-        try:
-            return open_session("router", listen=port), port
-        except zenoh.ZError:
-            # Somebody else was given the same port meanwhile.
-            continue
-    raise OSError("no port of 127.0.0.1 can be listened at")
-
-
-def open_session(mode: str, *, listen: int = 0, connect: int = 0) -> zenoh.Session:
-    """Open a session of ``mode`` router or peer on loopback; raises ``zenoh.ZError``."""
-    config = zenoh.Config()
-    settings: dict[str, Any] = {
-        "mode": mode,
-        "listen/endpoints": [f"tcp/127.0.0.1:{listen}"],
-        "connect/endpoints": [f"tcp/127.0.0.1:{connect}"] if connect else [],
-        "scouting/multicast/enabled": False,
-        "scouting/delay": 0,  # else opening a router waits half a second, deaf but connectable
-        # Only samples with a time are kept for those who come late.
-        "timestamping/enabled": True,
-        # It loses messages without a word on a busy machine, and segments of the killed stay.
-        "transport/shared_memory/enabled": False,
-    }
-    for key, value in settings.items():
-        config.insert_json5(key, json.dumps(value))
-    return zenoh.open(config)
 
 
 class Publisher:
@@ -92,7 +54,7 @@ class Publisher:
         return bool(getattr(self._declared, "matching_status", True))
 
 
-class Client:
+class ServiceClient:
     """A client of one service."""
 
     def __init__(self, session: zenoh.Session, key: str, sender: bytes) -> None:
@@ -108,18 +70,23 @@ class Client:
 
         ``None`` comes at once while there is no server, else after ``timeout`` [s].
         """
-        answers: list[bytes] = []
+        heard = False
 
         def take(reply: zenoh.Reply) -> None:
-            if reply.ok is not None:
-                answers.append(reply.ok.payload.to_bytes())
+            nonlocal heard
+            # Not at the end of replies: a server may hold on to a request it has answered.
+            if reply.ok is not None and not heard:
+                heard = True
+                answered(reply.ok.payload.to_bytes())
+
+        def end() -> None:
+            if not heard:
+                answered(None)
 
         try:
             self._session.get(
                 self._key,
-                zenoh.handlers.Callback(
-                    take, lambda: answered(answers[0] if answers else None), indirect=False
-                ),
+                zenoh.handlers.Callback(take, end, indirect=False),
                 payload=request,
                 attachment=attachment(next(self._sequence), time.time_ns(), self._sender),
                 target=zenoh.QueryTarget.ALL_COMPLETE,
@@ -132,7 +99,7 @@ class Client:
             raise LinkLost(f"Zenoh does not ask any more: {error}") from error
 
 
-class Node:
+class RosNode:
     """A node in the graph of ``domain``; ``name`` is absolute."""
 
     def __init__(
@@ -208,10 +175,10 @@ class Node:
         if announced:
             self.announce("subscription", name, kind, qos)
 
-    def client(self, name: str, kind: str) -> Client:
+    def client(self, name: str, kind: str) -> ServiceClient:
         """Make a client of a service."""
         sender = gid(self.announce("client", name, kind, _SERVICES))
-        return Client(self.session, self.key(name, kind), sender)
+        return ServiceClient(self.session, self.key(name, kind), sender)
 
     def announce(self, role: Role, name: str, kind: str, qos: QosProfile) -> str:
         """Put an endpoint into the graph and return the key of its token."""
@@ -246,10 +213,8 @@ class Node:
         )
 
     def close(self) -> None:
-        """Leave the graph and end the session; more than once does no harm."""
+        """Leave the graph; what is heard by then may still be told."""
         self._declared.clear()
-        if not self.session.is_closed():
-            self.session.close()  # type: ignore[no-untyped-call]
 
     def key(self, name: str, kind: str) -> str:
         """Return the key of a topic or service of a loaded type."""

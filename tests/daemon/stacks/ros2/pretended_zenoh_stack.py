@@ -22,7 +22,7 @@ from typing import Any
 import numpy as np
 import zenoh
 
-from daemon.stacks.ros2.zenoh_node import Node
+from daemon.stacks.ros2.zenoh_node import RosNode
 from daemon.stacks.ros2.zenoh_types import Interfaces
 from daemon.stacks.ros2.zenoh_wire import QosProfile, attachment, read_attachment
 
@@ -69,7 +69,7 @@ class PretendedStack:
         self.interfaces = Interfaces(options.distribution)
         session = zenoh.open(config(environment["ZENOH_CONFIG_OVERRIDE"]))
         domain = int(environment["ROS_DOMAIN_ID"])
-        self.node = Node(session, domain, LIFECYCLE_NODE, self.interfaces)
+        self.node = RosNode(session, domain, LIFECYCLE_NODE, self.interfaces)
         self.lock = Lock()
         self.state = "unconfigured"
         self.maps = 0
@@ -267,7 +267,7 @@ def main() -> None:
     options = Options(**json.loads(sys.argv[1]))
     stack = PretendedStack(options, os.environ)
     sys.stdin.read()
-    stack.node.close()
+    stack.node.session.close()
 
 
 if __name__ == "__main__":
