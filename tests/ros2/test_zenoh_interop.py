@@ -104,7 +104,8 @@ def router() -> ZenohRouter:
 
 @pytest.fixture
 def link(router: ZenohRouter) -> Iterator[ZenohLink]:
-    made = ZenohLink(router, DOMAIN)
+    made = ZenohLink(router)
+    made.join(DOMAIN)
     try:
         yield made
     finally:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Mapping
+from dataclasses import dataclass
 from functools import partial
 from threading import Lock
 from typing import Any, Final
@@ -41,49 +42,62 @@ _PROBLEMS_TOLD: Final = 3
 """A stack of another distribution differs in everything; three sentences say as much as thirty."""
 
 
+@dataclass(frozen=True, eq=False)
+class _Membership:
+    """What a link has in a domain; ``graph`` is changed by a thread of Zenoh's, under a lock."""
+
+    node: RosNode
+    graph: ZenohGraph
+    lifecycle: LifecycleClients
+
+
 class ZenohLink:
     """A node ``/scenario`` in the graph of a stack under ``rmw_zenoh_cpp``; see ``StackLink``.
 
-    ``domain`` must be the stack's. The router is closed with the link.
+    The stack is started with the environment of ``router``; :meth:`join` comes when its domain is
+    known, before anything else. The router is closed with the link.
     """
 
-    def __init__(self, router: ZenohRouter, domain: int) -> None:
+    def __init__(self, router: ZenohRouter) -> None:
         self.router = router
-        self._node = node = RosNode(router.session, domain, NODE, router.interfaces)
+        self._membership: _Membership | None = None
         self._setup: LinkSetup | None = None
         self._publishers: dict[str, Publisher] = {}
         self._action: ActionClient | None = None
         self._command = ""
         self._closed = False
         self._inbox = Inbox()
-        # Changed by a thread of Zenoh's, under this lock.
         self._lock = Lock()
-        self._graph = ZenohGraph(node.domain, node.interfaces.distribution)
         self._changed = False
         self._problems: tuple[str, ...] = ()
-        self._lifecycle = LifecycleClients(
-            node, partial(self._want, "server"), partial(self._stands, "server")
-        )
+
+    def join(self, domain: int) -> None:
+        """Stand in the graph of ``domain``, which must be the stack's; once."""
+        node = RosNode(self.router.session, domain, NODE, self.router.interfaces)
+        graph = ZenohGraph(domain, self.router.interfaces.distribution)
+        want, stands = partial(self._want, "server"), partial(self._stands, "server")
+        self._membership = _Membership(node, graph, LifecycleClients(node, want, stands))
         node.watch(self._take_token)
 
     @property
     def identity(self) -> StackIdentity:
         """What the stack is taken to run on: it is not asked."""
-        return StackIdentity(self._node.interfaces.distribution, "rmw_zenoh_cpp")
+        return StackIdentity(self.router.interfaces.distribution, "rmw_zenoh_cpp")
 
     @property
     def problems(self) -> tuple[str, ...]:
         """Endpoints that should be talked to and cannot: sentences, raised by a cycle as well."""
+        graph = self._member().graph
         with self._lock:
             if self._changed:
                 self._changed = False
-                self._problems = self._graph.problems()
+                self._problems = graph.problems()
             return self._problems
 
     def set_up(self, setup: LinkSetup) -> None:
         """Make publishers, subscriptions and clients; once, before the first cycle."""
         self._check_open()
-        interfaces = self._node.interfaces
+        node, interfaces = self._member().node, self.router.interfaces
         try:
             # Subscriptions first: what hears must be there before something makes others speak.
             for kind in COMMAND_KINDS:
@@ -91,23 +105,21 @@ class ZenohLink:
                 self._want("publisher", setup.command, kind)
                 hear = partial(self._inbox.put_command, setup.command, kind)
                 # Not in the graph until it is known which of the two it is.
-                self._node.subscribe(setup.command, kind, QosProfile(), hear, announced=False)
+                node.subscribe(setup.command, kind, QosProfile(), hear, announced=False)
             for topic in setup.subscribe:
                 interfaces.load(topic.kind)
                 self._want("publisher", topic.name, topic.kind)
                 hear = partial(self._inbox.put, topic.name, topic.kind, topic.keep == "all")
-                self._node.subscribe(topic.name, topic.kind, _profile(topic), hear)
+                node.subscribe(topic.name, topic.kind, _profile(topic), hear)
             for topic in (*setup.publish, TopicSetup(CLOCK, CLOCK_KIND)):
                 interfaces.load(topic.kind)
                 self._want("subscription", topic.name, topic.kind)
-                publisher = self._node.publisher(topic.name, topic.kind, _profile(topic))
+                publisher = node.publisher(topic.name, topic.kind, _profile(topic))
                 self._publishers[topic.name] = publisher
-            self._action = ActionClient(
-                self._node, setup.action, setup.action_kind, self._inbox.wake
-            )
+            self._action = ActionClient(node, setup.action, setup.action_kind, self._inbox.wake)
             for role, name, kind in self._action.endpoints:
                 self._want(role, name, kind)
-            self._lifecycle.watch(setup.nodes)
+            self._member().lifecycle.watch(setup.nodes)
         except InterfaceError as error:
             raise LinkLost(str(error)) from error
         self._setup = setup
@@ -139,15 +151,16 @@ class ZenohLink:
         setup, action = self._ready()
         # A token in the graph does not prove that the way of the data is open: matched does.
         matched = [topic.name for topic in setup.publish if self._publishers[topic.name].matched]
+        member = self._member()
         with self._lock:
             listeners = {
-                topic.name: len(self._graph.kinds("subscription", topic.name))
+                topic.name: len(member.graph.kinds("subscription", topic.name))
                 if topic.name in matched
                 else 0
                 for topic in setup.publish
             }
         return Readiness(
-            nodes=self._lifecycle.states(setup.nodes),
+            nodes=member.lifecycle.states(setup.nodes),
             server=self._stands(*action.endpoints[0]),
             command=self._command,
             listeners=listeners,
@@ -167,23 +180,25 @@ class ZenohLink:
     def graph(self) -> Graph:
         """Return everything in sight; what is wrong with it stands in :attr:`problems`."""
         self._check_open()
+        graph = self._member().graph
         with self._lock:
-            return self._graph.graph()
+            return graph.graph()
 
     def parameters(self, node: str, names: tuple[str, ...]) -> Mapping[str, Any]:
         """Return values of parameters that are there; at most two seconds of wall clock."""
         self._check_open()
-        return self._lifecycle.parameters(node, names)
+        return self._member().lifecycle.parameters(node, names)
 
     def request_state(self, node: str, transition: str) -> None:
         """Ask a lifecycle node to ``configure``, ``activate``, ``deactivate`` or ``cleanup``."""
         self._check_open()
-        self._lifecycle.change(node, transition)
+        self._member().lifecycle.change(node, transition)
 
     def close(self) -> None:
         """Let go; never raises."""
         self._closed = True
-        self._node.close()
+        if self._membership is not None:
+            self._membership.node.close()
         self.router.close()
 
     def _ready(self) -> tuple[LinkSetup, ActionClient]:
@@ -191,6 +206,11 @@ class ZenohLink:
         if self._setup is None or self._action is None:
             raise LinkLost("this link was not set up yet")
         return self._setup, self._action
+
+    def _member(self) -> _Membership:
+        if self._membership is None:
+            raise LinkLost("this link is in no ROS domain yet")
+        return self._membership
 
     def _check(self) -> None:
         self._check_open()
@@ -207,24 +227,28 @@ class ZenohLink:
             raise LinkLost("this link to the stack is closed")
 
     def _announce_command(self, topic: str) -> None:
+        member = self._member()
         with self._lock:
-            kinds = self._graph.kinds("publisher", topic)
+            kinds = member.graph.kinds("publisher", topic)
         self._command, before = (kinds[0] if kinds else ""), self._command
         if self._command and not before:
-            self._node.announce("subscription", topic, self._command, QosProfile())
+            member.node.announce("subscription", topic, self._command, QosProfile())
 
     def _want(self, role: Role, name: str, kind: str) -> None:
+        graph = self._member().graph
         with self._lock:
-            self._graph.want(role, name, kind, self._node.interfaces.hash(kind))
+            graph.want(role, name, kind, self.router.interfaces.hash(kind))
             self._changed = True
 
     def _stands(self, role: Role, name: str, kind: str) -> bool:
+        graph = self._member().graph
         with self._lock:
-            return kind in self._graph.kinds(role, name)
+            return kind in graph.kinds(role, name)
 
     def _take_token(self, token: Token, here: bool) -> None:
+        graph = self._member().graph
         with self._lock:
-            self._graph.change(token, here)
+            graph.change(token, here)
             self._changed = True
 
 

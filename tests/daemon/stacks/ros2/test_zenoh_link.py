@@ -136,7 +136,8 @@ def linked(
     distribution: str = "jazzy", *, domain: int = 0, definitions: Sequence[Path] = (), port: int = 0
 ) -> Iterator[ZenohLink]:
     router = ZenohRouter.open(port, distribution=distribution, definitions=definitions)
-    link = ZenohLink(router, domain)
+    link = ZenohLink(router)
+    link.join(domain)
     try:
         yield link
     finally:
@@ -496,6 +497,15 @@ def test_a_closed_link_says_so(link: ZenohLink) -> None:
         link.cycle(Cycle(1))
     with pytest.raises(LinkLost, match="closed"):
         link.graph()
+
+
+def test_a_link_has_to_be_in_a_domain() -> None:
+    link = ZenohLink(ZenohRouter.open(distribution="jazzy"))
+    try:
+        with pytest.raises(LinkLost, match="no ROS domain"):
+            link.set_up(SETUP)
+    finally:
+        link.close()
 
 
 def test_a_link_has_to_be_set_up(link: ZenohLink) -> None:
