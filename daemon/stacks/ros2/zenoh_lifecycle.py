@@ -23,6 +23,7 @@ TRANSITIONS: Final = {"configure": 1, "cleanup": 2, "activate": 3, "deactivate":
 
 _PERIOD: Final = 0.5
 _PATIENCE: Final = 2.0
+_CHANGE_PATIENCE: Final = 60.0
 
 _PARAMETER_FIELDS: Final = {
     1: "bool_value",
@@ -59,6 +60,8 @@ class LifecycleClients:
         self._due: dict[str, float] = {}
         self._asked: set[str] = set()
         self._answers: deque[tuple[str, bytes | None]] = deque()
+        # Requests to change a state that nobody has taken yet, and until when they are made.
+        self._changes: dict[str, tuple[bytes, float]] = {}
 
     def watch(self, nodes: tuple[str, ...]) -> None:
         """Have the services in mind that tell the states of ``nodes`` (absolute names)."""
@@ -74,6 +77,12 @@ class LifecycleClients:
             name, data = self._answers.popleft()
             self._asked.discard(name)
             self._states[name] = "" if data is None else self._label(name, data)
+        for name, (request, end) in list(self._changes.items()):
+            if monotonic() > end:
+                del self._changes[name]
+            elif self._serves(f"{name}/change_state", CHANGE_STATE):
+                del self._changes[name]
+                self._ask_to_change(name, request, end)
         for name in nodes:
             if not self._serves(f"{name}/get_state", GET_STATE):
                 # A node that went away is not what it was any more.
@@ -89,15 +98,25 @@ class LifecycleClients:
         return {name: self._states.get(name, "") for name in nodes}
 
     def change(self, node: str, transition: str) -> None:
-        """Ask a node to take a transition; its state is asked for soon."""
-        client = self._client(node, "change_state", CHANGE_STATE)
+        """Ask a node to take a transition, again with :meth:`states` until it is there."""
         interfaces = self._node.interfaces
+        interfaces.load(CHANGE_STATE)
         wanted = interfaces.make(
             "lifecycle_msgs/msg/Transition", id=TRANSITIONS[transition], label=transition
         )
         request = interfaces.serialize(f"{CHANGE_STATE}_Request", transition=wanted)
+        self._ask_to_change(node, request, monotonic() + _CHANGE_PATIENCE)
+
+    def _ask_to_change(self, node: str, request: bytes, end: float) -> None:
+        def hear(data: bytes | None) -> None:
+            self._due.pop(node, None)
+            if data is None:
+                # No server: a stack of the run before takes a moment to find this router.
+                self._changes.setdefault(node, (request, end))
+
         # Configuring a costmap may take a while; what became of it says its state.
-        client.call(request, 60.0, lambda _: self._due.pop(node, None))
+        client = self._client(node, "change_state", CHANGE_STATE)
+        client.call(request, _CHANGE_PATIENCE, hear)
 
     def parameters(self, node: str, names: tuple[str, ...]) -> Mapping[str, Any]:
         """Return the values of those parameters that a node has; waits two seconds at most."""

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 import os
+import signal
 import struct
 import subprocess
 import sys
@@ -34,7 +35,8 @@ LIFECYCLE_NODE = "/bt_navigator"
 class Options:
     """What the stack is like; ``ticks`` of the clock pass from a goal to its result.
 
-    A goal beyond x = 100 m is rejected, one beyond 50 m aborted; the others succeed.
+    ``forever``: until a signal ends it. ``state``: of its lifecycle node at first. A goal beyond
+    x = 100 m is rejected, one beyond 50 m aborted; the others succeed.
     """
 
     distribution: str = "jazzy"
@@ -43,6 +45,8 @@ class Options:
     ticks: int = 5
     scan: str = "sensor_msgs/msg/LaserScan"
     answers: bool = True
+    forever: bool = False
+    state: str = "unconfigured"
 
 
 @contextmanager
@@ -71,7 +75,7 @@ class PretendedStack:
         domain = int(environment["ROS_DOMAIN_ID"])
         self.node = RosNode(session, domain, LIFECYCLE_NODE, self.interfaces)
         self.lock = Lock()
-        self.state = "unconfigured"
+        self.state = options.state
         self.maps = 0
         self.scans = 0
         self.goals: dict[bytes, dict[str, Any]] = {}
@@ -266,6 +270,8 @@ def config(override: str) -> zenoh.Config:
 def main() -> None:
     options = Options(**json.loads(sys.argv[1]))
     stack = PretendedStack(options, os.environ)
+    if options.forever:
+        signal.pause()
     sys.stdin.read()
     stack.node.session.close()
 

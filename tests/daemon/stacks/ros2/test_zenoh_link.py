@@ -434,6 +434,11 @@ def test_the_next_run_finds_the_stack_of_the_run_before(link: ZenohLink) -> None
         with linked(port=link.router.port) as after:
             after.set_up(SETUP)
             driver = Driver(after)
+            # Asked for at once, while it is still looking for its router.
+            after.request_state(LIFECYCLE_NODE, "deactivate")
+            states = after.readiness
+            driver.step_until(lambda: states().nodes[LIFECYCLE_NODE] == "inactive")
+            after.request_state(LIFECYCLE_NODE, "activate")
             driver.bring_up()
             for _ in range(20):
                 assert driver.step(wait=PATIENCE, command=True).latency is not None
