@@ -27,29 +27,49 @@ TAKE_OVER: Final = 1.0
 """After a command from outside a system under test has no say for so long [s, simulated]: a hand
 on the stick can hold it, and it goes on when the hand lets go."""
 
+_NOWHERE: Final = Progress(0, 0, "active")
+_SHOWN: Final = ("estimate", "cloud", "plan", "local_plan", "particles")
+_MOST_EVENTS: Final = 1000
+"""Events that wait while the world stands still; older ones are dropped."""
 
-class CommandBox:
-    """The latest velocity command from outside, and whose it was; for any thread."""
+
+class OutsideInput:
+    """The latest velocity command from outside and what a stack there says; for any thread."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
-        self._latest: tuple[Twist2, str] | None = None
+        self._command: tuple[Twist2, str] | None = None
+        self._report = Decision(None, _NOWHERE)
 
-    def put(self, twist: Twist2, source: str) -> None:
+    def command(self, twist: Twist2, source: str) -> None:
         """Leave a command in the body frame; raises ``ValueError`` for numbers that are none."""
         if not all(map(math.isfinite, (twist.vx, twist.vy, twist.wz))):
             raise ValueError(f"a velocity command must be finite, not {twist}")
         with self._lock:
-            self._latest = (twist, source)
+            self._command = (twist, source)
 
-    def take(self) -> tuple[Twist2, str] | None:
+    def take_command(self) -> tuple[Twist2, str] | None:
         """Return the command that nobody has taken yet: each is carried out once.
 
         So the timeout of the drive counts from the last command, as on the real base.
         """
         with self._lock:
-            latest, self._latest = self._latest, None
-        return latest
+            command, self._command = self._command, None
+        return command
+
+    def report(self, said: Decision) -> None:
+        """Leave plans, estimates and events of a stack; its command and progress do not count."""
+        with self._lock:
+            before = self._report
+            new = {name: getattr(said, name) for name in _SHOWN if getattr(said, name) is not None}
+            events = (*before.events, *said.events)[-_MOST_EVENTS:]
+            self._report = replace(before, events=events, **new)
+
+    def take_report(self) -> Decision:
+        """Return what was said since the last time."""
+        with self._lock:
+            said, self._report = self._report, Decision(None, _NOWHERE)
+        return said
 
 
 class RobotListener(Protocol):
@@ -70,18 +90,18 @@ class LiveDriver:
 
     def __init__(
         self,
-        commands: CommandBox,
+        outside: OutsideInput,
         inner: SystemUnderTest | None = None,
         listeners: Sequence[RobotListener] = (),
         commanded: Callable[[str], None] = lambda _: None,
     ) -> None:
-        self._commands, self._listeners, self._commanded = commands, listeners, commanded
+        self._outside, self._listeners, self._commanded = outside, listeners, commanded
         self._inner = inner
         self._every = round(inner.period * TICK_RATE) if inner else PERIOD
         self._ticks = math.gcd(PERIOD, self._every)
         self._due = 0
         self._held_until = -1.0
-        self._progress = Progress(0, 0, "active")
+        self._progress = _NOWHERE
         self._odometry: list[Odometry] = []
         self._scans: list[LaserScan] = []
 
@@ -115,7 +135,7 @@ class LiveDriver:
         """Tell the listeners, carry out the latest command; else do what the system inside says."""
         for listener in self._listeners:
             listener.observe(observation)
-        taken = self._commands.take()
+        taken = self._outside.take_command()
         decision = self._ask(observation)
         if not isinstance(decision, Decision):
             return decision  # whoever carries it out says what is wrong with it
@@ -132,7 +152,7 @@ class LiveDriver:
     def _ask(self, observation: Observation) -> Decision:
         """Ask the system inside when it is due and its mission is not over."""
         if self._inner is None or self._progress.state != "active":
-            return Decision(None, self._progress)
+            return replace(self._outside.take_report(), progress=self._progress)
         # Its period may be any number of ticks: what came in between is kept for it.
         self._odometry.extend(observation.odometry)
         self._scans.extend(observation.scans)

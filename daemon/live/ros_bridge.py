@@ -8,15 +8,18 @@ data, transforms and the map are as a robot publishes them; map -> odom is the s
 from __future__ import annotations
 
 import threading
+import time
 from collections import deque
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, replace
 from typing import Final, Protocol
 
 from daemon.live.simulation import LiveSimulation
-from daemon.model.sut import Briefing, Observation
-from daemon.stacks.ros2 import sensors
-from daemon.stacks.ros2.link import Cycle, LinkLost, LinkSetup, Qos, StackLink, TopicSetup
+from daemon.model.sut import Briefing, Decision, Observation, Odometry, Progress
+from daemon.stacks.ros2 import sensors, telemetry
+from daemon.stacks.ros2.link import Cycle, CycleAnswer, LinkLost, LinkSetup, StackLink, TopicSetup
+from daemon.stacks.ros2.settings import Ros2Settings, read_settings
+from daemon.stacks.ros2.telemetry import Telemetry
 
 SOURCE: Final = "ROS 2"
 """Whose commands these are."""
@@ -24,43 +27,45 @@ SOURCE: Final = "ROS 2"
 _SECOND: Final = 1_000_000_000
 _KEPT: Final = 250
 """Observations kept for a relay that is slow, five seconds of them; older ones are dropped."""
+_POSE_PERIOD: Final = 3.0
+"""Seconds of wall clock between two initial poses, until the stack knows where it is."""
 _LOOK: Final = 0.1
 """Seconds after which it looks whether it has to end."""
 _ENDING: Final = 2.0
 """How long the end of a conversation is waited for [s]; a relay that was stopped answers never."""
 
 
-@dataclass(frozen=True, slots=True)
-class StackTopics:
-    """Absolute names of topics, names of frames and what is published besides sensor data."""
+def usual_settings() -> Ros2Settings:
+    """Return the settings of a stack that has no SUT file: the names everybody uses."""
+    # The command that starts it is all that a SUT file must have, and here somebody types it.
+    return replace(read_settings({"launch": "by hand"}), map="published")
 
-    scan: str = "/scan"
-    odom: str = "/odom"
-    command: str = "/cmd_vel"
-    tf: str = "/tf"
-    tf_static: str = "/tf_static"
-    map: str = "/map"
-    frames: sensors.FrameNames = field(default_factory=sensors.FrameNames)
-    scan_qos: Qos = "best effort"
-    odom_qos: Qos = "best effort"
 
-    def setup(self) -> LinkSetup:
-        """Return what a link has to make."""
-        return LinkSetup(
-            publish=(
-                TopicSetup(self.tf, sensors.TRANSFORMS, depth=100),
-                TopicSetup(self.odom, sensors.ODOMETRY, self.odom_qos, 5),
-                TopicSetup(self.scan, sensors.SCAN, self.scan_qos, 5),
-                TopicSetup(self.tf_static, sensors.TRANSFORMS, "latched", 1),
-                TopicSetup(self.map, sensors.GRID, "latched", 1),
-            ),
-            subscribe=(),
-            command=self.command,
-            # No goal is ever sent, but a link has a client for one action.
-            action="/navigate_to_pose",
-            action_kind="navigate_to_pose",
-            nodes=(),
-        )
+def link_setup(settings: Ros2Settings) -> LinkSetup:
+    """Return what a link has to make; no goal is ever sent, but it has a client for an action."""
+    topics = settings.topics
+    publish = [
+        TopicSetup(topics.odom, sensors.ODOMETRY, settings.qos.odom, 5),
+        TopicSetup(topics.scan, sensors.SCAN, settings.qos.scan, 5),
+        TopicSetup(topics.initial_pose, sensors.INITIAL_POSE),
+    ]
+    if settings.transforms != "none":
+        publish.append(TopicSetup(topics.tf, sensors.TRANSFORMS, depth=100))
+    if settings.transforms == "all":
+        publish.append(TopicSetup(topics.tf_static, sensors.TRANSFORMS, "latched", 1))
+    if settings.map == "published":
+        publish.append(TopicSetup(topics.map, sensors.GRID, "latched", 1))
+    subscribe = (
+        TopicSetup(topics.tf, sensors.TRANSFORMS, depth=100, keep="all"),
+        TopicSetup(topics.tf_static, sensors.TRANSFORMS, "latched", 100, keep="all"),
+        TopicSetup(topics.pose, telemetry.POSE),
+        TopicSetup(topics.particles, telemetry.PARTICLES, "best effort"),
+        TopicSetup(topics.plan, telemetry.PATH),
+        TopicSetup(topics.local_plan, telemetry.PATH),
+    )
+    return LinkSetup(
+        tuple(publish), subscribe, topics.command, settings.action, settings.action_kind, ()
+    )
 
 
 class ListeningLink(StackLink, Protocol):
@@ -78,6 +83,11 @@ class _Moment:
     briefing: Briefing
     base: int
 
+    @property
+    def now(self) -> int:
+        """ROS time of the observation [ns]."""
+        return self.base + _nanoseconds(self.observation.time)
+
 
 class RosBridge:
     """Talks to one stack after the other until it is closed, in a thread of its own.
@@ -91,10 +101,12 @@ class RosBridge:
         self,
         simulation: LiveSimulation,
         listen: Callable[[], ListeningLink],
-        topics: StackTopics | None = None,
+        settings: Ros2Settings | None = None,
+        *,
+        clock: Callable[[], float] = time.monotonic,
     ) -> None:
-        self._simulation, self._listen = simulation, listen
-        self._topics = topics or StackTopics()
+        self._simulation, self._listen, self._clock = simulation, listen, clock
+        self._settings = settings or usual_settings()
         self._link = listen()
         self._moments: deque[_Moment] = deque(maxlen=_KEPT)
         self._new = threading.Event()
@@ -103,6 +115,7 @@ class RosBridge:
         self._base = self._latest = 0
         self.connected = False
         self.state = "waits for the relay"
+        self.failure: Exception | None = None
         self._thread = threading.Thread(target=self._run, name="ROS 2 bridge", daemon=True)
         simulation.add_listener(self)
         self._thread.start()
@@ -138,30 +151,31 @@ class RosBridge:
                     self._link = self._listen()
         except LinkLost as error:
             self.state = f"cannot be reached any more: {error}"
+        except Exception as error:
+            # A thread has nobody to raise to: whoever serves the world raises it at the end.
+            self.failure = error
+            self.state = f"has ended: {type(error).__name__}: {error}"
+        self.connected = False
 
     def _talk(self) -> None:
         """Publish what comes, hand commands over."""
         link = self._link
-        link.set_up(self._topics.setup())
+        link.set_up(link_setup(self._settings))
+        talk = _Conversation(self._settings)
         self._moments.clear()
         self.connected = True
         identity = link.identity
         self.state = " ".join(("connected", identity.distribution, identity.rmw)).rstrip()
-        told = False
         while not self._ending.is_set():
             moments = self._take()
             if not moments:
                 continue
-            last = moments[-1]
-            now = last.base + _nanoseconds(last.observation.time)
-            sent = [message for moment in moments for message in self._measured(moment)]
-            if not told:
-                sent = [*self._fixed(last.briefing, now), *sent]
-                told = True
-            answer = link.cycle(Cycle(now, tuple(sent)))
+            now = moments[-1].now
+            answer = link.cycle(Cycle(now, talk.messages(moments, self._clock())))
             for message in answer.messages:
-                if message.topic == self._topics.command:
+                if message.topic == self._settings.topics.command:
                     self._command(message.data, message.kind)
+            self._simulation.report(talk.read(answer, moments[-1]))
 
     def _take(self) -> list[_Moment]:
         """Return all that is new, at the latest after a moment without anything."""
@@ -173,25 +187,78 @@ class RosBridge:
         try:
             self._simulation.command(sensors.read_command(data, kind)[0], SOURCE)
         except ValueError as error:
-            self.state = f"connected; {self._topics.command}: {error}"
+            self.state = f"connected; {self._settings.topics.command}: {error}"
 
-    def _fixed(self, briefing: Briefing, now: int) -> Sequence[tuple[str, bytes]]:
-        frames = self._topics.frames
-        return (
-            (self._topics.tf_static, sensors.laser_transform(briefing.robot.laser, now, frames)),
-            (self._topics.map, sensors.occupancy_grid(briefing.map, now, frames)),
+
+class _Conversation:
+    """What one stack is told and says, from its first cycle to its last."""
+
+    def __init__(self, settings: Ros2Settings) -> None:
+        self._settings = settings
+        self._telemetry = Telemetry(settings.topics, settings.frames)
+        self._base = -1
+        self._pose_due = 0.0
+        self._odometry: Odometry | None = None
+
+    def messages(self, moments: Sequence[_Moment], wall: float) -> tuple[tuple[str, bytes], ...]:
+        """Return what is new, in the order a stack needs it in; ``wall`` is the clock [s]."""
+        last, found = moments[-1], []
+        if self._base < 0:
+            found += self._fixed(last)
+        if last.base != self._base:
+            # Another world: the robot is where it started, wherever the stack thought it was.
+            self._base, self._pose_due = last.base, wall
+            self._telemetry.forget()
+        for moment in moments:
+            found += self._measured(moment)
+        wanted = self._settings.initial_pose == "published" and self._telemetry.pose() is None
+        if wanted and wall >= self._pose_due:
+            self._pose_due = wall + _POSE_PERIOD
+            frames, start = self._settings.frames, last.briefing.start
+            pose = sensors.initial_pose(start, last.now, frames)
+            found.append((self._settings.topics.initial_pose, pose))
+        return tuple(found)
+
+    def read(self, answer: CycleAnswer, moment: _Moment) -> Decision:
+        """Return what the stack says about itself."""
+        nothing = Decision(None, Progress(0, 0, "active"))
+        if self._odometry is None:
+            return nothing
+        now = moment.observation.time
+        heard = self._telemetry.read(answer.messages, now, self._odometry)
+        return replace(
+            nothing,
+            estimate=heard.estimate,
+            cloud=heard.cloud,
+            particles=heard.particles,
+            plan=heard.plan,
+            local_plan=heard.local_plan,
+            events=tuple(heard.events),
         )
 
-    def _measured(self, moment: _Moment) -> Sequence[tuple[str, bytes]]:
-        """Return transforms, odometry and scans in the order a stack needs them in."""
-        topics, laser, found = self._topics, moment.briefing.robot.laser, []
+    def _fixed(self, moment: _Moment) -> list[tuple[str, bytes]]:
+        settings, briefing, now = self._settings, moment.briefing, moment.now
+        topics, frames, found = settings.topics, settings.frames, []
+        if settings.transforms == "all":
+            mounted = sensors.laser_transform(briefing.robot.laser, now, frames)
+            found.append((topics.tf_static, mounted))
+        if settings.map == "published":
+            found.append((topics.map, sensors.occupancy_grid(briefing.map, now, frames)))
+        return found
+
+    def _measured(self, moment: _Moment) -> list[tuple[str, bytes]]:
+        topics, frames, found = self._settings.topics, self._settings.frames, []
         for sample in moment.observation.odometry:
             at = moment.base + _nanoseconds(sample.time)
-            found.append((topics.tf, sensors.odometry_transform(sample, at, topics.frames)))
-            found.append((topics.odom, sensors.odometry(sample, at, topics.frames)))
+            if self._settings.transforms != "none":
+                found.append((topics.tf, sensors.odometry_transform(sample, at, frames)))
+            found.append((topics.odom, sensors.odometry(sample, at, frames)))
+            self._odometry = sample
+            self._telemetry.move(sample)
         for sweep in moment.observation.scans:
             at = moment.base + _nanoseconds(sweep.time)
-            found.append((topics.scan, sensors.scan(sweep, laser, at, topics.frames)))
+            laser = moment.briefing.robot.laser
+            found.append((topics.scan, sensors.scan(sweep, laser, at, frames)))
         return found
 
 

@@ -11,9 +11,9 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Final, Protocol
 
-from daemon.live.driver import CommandBox, LiveDriver, RobotListener
+from daemon.live.driver import LiveDriver, OutsideInput, RobotListener
 from daemon.model.spec import RunSpec, Snapshot
-from daemon.model.sut import TICK_RATE, SystemUnderTest
+from daemon.model.sut import TICK_RATE, Decision, SystemUnderTest
 from daemon.run import RunLoop, SceneMismatchError, SutError
 from daemon.trace import MessageStream
 from grammars.model.geometry import Twist2
@@ -100,7 +100,7 @@ class LiveSimulation:
         self.watched = False
         self._make_sut, self._clock = sut, clock
         self._asked: queue.SimpleQueue[Callable[[], None]] = queue.SimpleQueue()
-        self._commands = CommandBox()
+        self._outside = OutsideInput()
         self._outlets: list[MessageOutlet] = []
         self._listeners: list[RobotListener] = []
         self._speed, self._paused = check_speed(speed), False
@@ -124,7 +124,11 @@ class LiveSimulation:
 
         Raises ``ValueError`` for numbers that are not finite.
         """
-        self._commands.put(twist, source)
+        self._outside.command(twist, source)
+
+    def report(self, said: Decision) -> None:
+        """Show what a stack outside says: estimate, cloud, particles, plans and events of it."""
+        self._outside.report(said)
 
     def pause(self, paused: bool) -> None:
         """Stand still, or go on."""
@@ -166,7 +170,8 @@ class LiveSimulation:
             self._asked.get()()
         now = self._clock()
         if self._paused:
-            self._commands.take()  # what is commanded to a world that stands still is not meant
+            # What is commanded to a world that stands still is not meant for when it goes on.
+            self._outside.take_command()
         else:
             self._catch_up(now)
         self._tell(now)
@@ -179,11 +184,12 @@ class LiveSimulation:
                 outlet.begin()
         self._worlds += 1
         self._note = ""
-        self._commands.take()
+        self._outside.take_command()
+        self._outside.take_report()
         stream = MessageStream(self.spec, self.scene, self._send, self._wanted)
         inner = self._make_sut() if self._make_sut is not None else None
         self._stream = stream
-        self._driver = LiveDriver(self._commands, inner, tuple(self._listeners), self._commanded)
+        self._driver = LiveDriver(self._outside, inner, tuple(self._listeners), self._commanded)
         self._loop = loop = RunLoop(self.spec, self.scene, stream, sut=self._driver)
         try:
             loop.begin()

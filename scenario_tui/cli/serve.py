@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from daemon.model.spec import RunSpec
     from daemon.model.status import Submission
     from daemon.model.sut import SystemUnderTest
+    from daemon.stacks.ros2.settings import Ros2Settings
     from grammars.model.scene import Scene
 
 _LOOPBACK: Final = frozenset({"127.0.0.1", "localhost", "::1"})
@@ -43,7 +44,10 @@ def serve(
     sut: Annotated[
         str,
         typer.Option(
-            "--sut", metavar="NAME", help="A system under test that drives while nobody else does."
+            "--sut",
+            metavar="NAME",
+            help="A system under test that drives while nobody else does; with --ros2 one of "
+            "kind ros2, for its topics and frames.",
         ),
     ] = "",
     repeat: Annotated[
@@ -94,9 +98,14 @@ def serve(
     if socket and not ros2:
         raise typer.BadParameter("goes with --ros2", param_hint="--socket")
     spec, scene = _pick(campaign, scenario, sut, repeat)
+    if not spec.sut.repeatable and not ros2:
+        raise typer.BadParameter(
+            f"{sut} lives outside: start it by hand, and let it connect with --ros2",
+            param_hint="--sut",
+        )
     # Before the clock counts: a world that stutters at its start would say it cannot keep up.
     warm_up_simulator()
-    if sut:
+    if sut and spec.sut.repeatable:
         from daemon.stacks import warm_up as warm_up_stacks
 
         warm_up_stacks()
@@ -107,8 +116,10 @@ def serve(
                 _serve_headless(services, thread)
             else:
                 _serve_in_view(simulation, services, thread)
-        if thread.failure is not None:
-            raise thread.failure
+        bridge = services.bridge
+        for failure in (thread.failure, bridge.failure if bridge is not None else None):
+            if failure is not None:
+                raise failure
 
 
 @dataclass(frozen=True, slots=True)
@@ -159,11 +170,6 @@ def _pick(path: Path, scenario: str, sut: str, repeat: int) -> tuple[RunSpec, Sc
     report_diagnostics(warnings)
     runs = (*submission.runs, *submission.reserve)
     found = _matching(runs, scenario, sut, repeat)
-    if sut and not found.sut.repeatable:
-        raise typer.BadParameter(
-            f"{sut} lives outside: start it by hand, and let it connect with --ros2",
-            param_hint="--sut",
-        )
     if not sut:
         # Chance is the same for all systems of a scenario, so any of its runs is its world.
         found = replace(found, sut=SutReference(_NOBODY, "idle", {}))
@@ -203,7 +209,7 @@ def _maker(spec: RunSpec) -> Callable[[], SystemUnderTest] | None:
 
     from daemon.stacks.registry import make_sut
 
-    if spec.sut.name == _NOBODY:
+    if spec.sut.name == _NOBODY or not spec.sut.repeatable:
         return None
     return partial(make_sut, spec.sut.kind, spec.sut.parameters)
 
@@ -264,7 +270,9 @@ def _with_bridge(services: LiveServices, simulation: LiveSimulation, socket: str
         # Of a port that was free: the next stack finds it where the first one did.
         address = first[0].address
         bridge = RosBridge(
-            simulation, lambda: first.pop() if first else RelayLink.listen(address, nonce)
+            simulation,
+            lambda: first.pop() if first else RelayLink.listen(address, nonce),
+            _settings(simulation.spec),
         )
     except LinkLost as error:
         say(f"scenario: {error}")
@@ -272,6 +280,14 @@ def _with_bridge(services: LiveServices, simulation: LiveSimulation, socket: str
     script = shlex.quote(str(relay_path()))
     variables = f"SCENARIO_SOCKET={shlex.quote(address)} SCENARIO_NONCE={nonce}"
     return replace(services, bridge=bridge, to_type=f"{variables} python3 {script}")
+
+
+def _settings(spec: RunSpec) -> Ros2Settings:
+    """Return the names of the stack that was named, else the usual ones."""
+    from daemon.live.ros_bridge import usual_settings
+    from daemon.stacks.ros2.settings import read_settings
+
+    return read_settings(spec.sut.parameters) if spec.sut.kind == "ros2" else usual_settings()
 
 
 def _why_no_view() -> str:

@@ -155,7 +155,7 @@ def test_parameters_and_the_service_steer_the_world(
         # A new session: clients forget, time begins anew, what is latched comes again.
         client.until(lambda: client.of("serverInfo"))
         client.until(lambda: client.heard("/map"))
-        assert simulation.status.worlds == 2
+        client.until(lambda: simulation.status.worlds == 2)
 
 
 def test_a_port_that_is_taken_is_said(server: FoxgloveServer, simulation: LiveSimulation) -> None:

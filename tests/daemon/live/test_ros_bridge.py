@@ -7,10 +7,11 @@ import queue
 import threading
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 
-from daemon.live.ros_bridge import RosBridge, StackTopics
+from daemon.live.ros_bridge import RosBridge
 from daemon.live.simulation import LiveSimulation
 from daemon.model import ros_messages as ros
 from daemon.stacks.ros2.link import (
@@ -23,10 +24,26 @@ from daemon.stacks.ros2.link import (
     ReceivedMessage,
     StackIdentity,
 )
-from daemon.stacks.ros2.sensors import FrameNames
-from tests.daemon.live.worlds import DEADLINE, demo_spec, demo_submission
+from daemon.stacks.ros2.settings import Ros2Settings, read_settings
+from daemon.trace.messages import KINDS
+from tests.daemon.live.worlds import DEADLINE, Kept, demo_spec, demo_submission
 
 STAMPED = "geometry_msgs/msg/TwistStamped"
+
+
+def transform(parent: str, child: str, x: float) -> bytes:
+    kind = "tf2_msgs/msg/TFMessage"
+    found = ros.transform(ros.time(0), parent, child, x=x, y=0.0)
+    return ros.serialize(ros.make(kind, transforms=[found]), kind)
+
+
+def path(*points: tuple[float, float]) -> bytes:
+    kind, head = "nav_msgs/msg/Path", ros.header(ros.time(0), "map")
+    poses = [
+        ros.make("geometry_msgs/msg/PoseStamped", header=head, pose=ros.pose(x, y, 0.0, 1.0))
+        for x, y in points
+    ]
+    return ros.serialize(ros.make(kind, header=head, poses=poses), kind)
 
 
 class PretendedStack:
@@ -54,7 +71,12 @@ class PretendedStack:
         head = ros.header(ros.time(cycle.time), "base_link")
         message = ros.make(STAMPED, header=head, twist=ros.twist(0.0, 0.0, 0.4))
         data = self._command or ros.serialize(message, STAMPED)
-        return CycleAnswer(None, 1, True, False, (ReceivedMessage("/cmd_vel", STAMPED, data),))
+        said = (
+            ReceivedMessage("/cmd_vel", STAMPED, data),
+            ReceivedMessage("/tf", "tf2_msgs/msg/TFMessage", transform("map", "odom", 7.0)),
+            ReceivedMessage("/plan", "nav_msgs/msg/Path", path((1.0, 2.0), (3.0, 2.0))),
+        )
+        return CycleAnswer(None, 1, True, False, said)
 
     def readiness(self) -> Readiness:
         return Readiness({}, False, STAMPED, {})
@@ -83,13 +105,17 @@ class PretendedStack:
         return [self.cycles.get(timeout=DEADLINE) for _ in range(count)]
 
 
+def kept_plan(kept: Kept) -> list[Any]:
+    return list(ros.deserialize(kept.of("/plan")[-1][1], KINDS["/plan"]).poses)
+
+
 @pytest.fixture
 def simulation(campaigns: Path) -> LiveSimulation:
     return LiveSimulation(*demo_spec(demo_submission(campaigns)), speed=4.0)
 
 
 def bridged(
-    simulation: LiveSimulation, *stacks: PretendedStack, topics: StackTopics | None = None
+    simulation: LiveSimulation, *stacks: PretendedStack, settings: Ros2Settings | None = None
 ) -> Iterator[RosBridge]:
     waiting = iter(stacks)
 
@@ -99,22 +125,24 @@ def bridged(
         except StopIteration:
             raise LinkLost("nobody listens any more") from None
 
-    bridge = RosBridge(simulation, listen, topics)
+    bridge = RosBridge(simulation, listen, settings)
     try:
         with simulation.running():
             yield bridge
+        assert bridge.failure is None
     finally:
         bridge.close()
 
 
 def test_a_stack_hears_a_robot_and_moves_it(simulation: LiveSimulation) -> None:
-    stack = PretendedStack()
+    stack, kept = PretendedStack(), Kept()
+    simulation.add_outlet(kept)
     for bridge in bridged(simulation, stack):
         cycles = stack.heard(60)
         (setup,) = stack.setups
         published = {topic.name: topic for topic in setup.publish}
         assert published["/map"].qos == published["/tf_static"].qos == "latched"
-        assert setup.command == "/cmd_vel"
+        assert (setup.command, setup.nodes) == ("/cmd_vel", ())
         times = [cycle.time for cycle in cycles]
         assert times == sorted(set(times))
         assert times[0] >= 1_000_000_000
@@ -128,7 +156,9 @@ def test_a_stack_hears_a_robot_and_moves_it(simulation: LiveSimulation) -> None:
             stamped = message.transforms[0] if hasattr(message, "transforms") else message
             stamp = stamped.header.stamp
             assert stamp.sec * 1_000_000_000 + stamp.nanosec <= now
-        order = [topic for _, topic, _ in messages[2:] if topic in ("/tf", "/odom")]
+        poses = [now for now, topic, _ in messages if topic == "/initialpose"]
+        assert len(poses) == 1, "once, and again only when the stack does not know for seconds"
+        order = [topic for _, topic, _ in messages if topic in ("/tf", "/odom")]
         assert order == ["/tf", "/odom"] * (len(order) // 2)
         frames = {
             (t.header.frame_id, t.child_frame_id)
@@ -146,19 +176,31 @@ def test_a_stack_hears_a_robot_and_moves_it(simulation: LiveSimulation) -> None:
                     turned = abs(odometry.pose.pose.orientation.z)
         assert bridge.connected
         assert bridge.state == "connected jazzy rmw_fastrtps_cpp"
+        assert (1.0, 2.0) in [(p.pose.position.x, p.pose.position.y) for p in kept_plan(kept)]
+        estimate = ros.deserialize(kept.of("/pose")[-1][1], KINDS["/pose"])
+        assert estimate.pose.pose.position.x == pytest.approx(7.0, abs=0.5)
         assert simulation.status.driver == "ROS 2"
 
 
 def test_names_are_those_of_the_stack(simulation: LiveSimulation) -> None:
-    names = StackTopics(scan="/robot/scan", frames=FrameNames("world", "o", "base", "lidar"))
+    settings = read_settings(
+        {
+            "launch": "somebody's",
+            "namespace": "robot",
+            "frames": {"map": "world", "odom": "o", "base": "base", "laser": "lidar"},
+            "transforms": "odom",
+            "initial-pose": "none",
+        }
+    )
     stack = PretendedStack()
-    for _ in bridged(simulation, stack, topics=names):
+    for _ in bridged(simulation, stack, settings=settings):
         cycles = stack.heard(30)
         kinds = {topic.name: topic.kind for topic in stack.setups[0].publish}
         scans = [d for c in cycles for topic, d in c.messages if topic == "/robot/scan"]
         assert ros.deserialize(scans[0], kinds["/robot/scan"]).header.frame_id == "lidar"
-        grid = dict(cycles[0].messages)["/map"]
-        assert ros.deserialize(grid, kinds["/map"]).header.frame_id == "world"
+        # Its map comes from a file, it knows where its laser is, and it finds itself.
+        assert {"/map", "/tf_static", "/initialpose"}.isdisjoint(dict(cycles[0].messages))
+        assert "/map" not in kinds
 
 
 def test_ros_time_goes_on_when_the_world_begins_anew(simulation: LiveSimulation) -> None:
