@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
+from socket import gethostname
 from typing import TYPE_CHECKING, Annotated, Final
 
 import typer
@@ -158,6 +159,8 @@ class LiveServices:
     def _url(self) -> str:
         assert self.foxglove is not None
         host = self.foxglove.host
+        if host in ("0.0.0.0", "::"):
+            host = gethostname()
         return f"ws://{f'[{host}]' if ':' in host else host}:{self.foxglove.port}"
 
 
@@ -249,8 +252,8 @@ def _with_foxglove(
         return replace(services, without=_NO_SDK)
     if host not in _LOOPBACK:
         say(
-            f"warning: whoever reaches {host}:{port} can watch and drive: the protocol asks for "
-            "no password. Safer: ssh -L 8765:127.0.0.1:8765 to this machine"
+            f"warning: whoever reaches this machine at {host} can watch and drive: the protocol "
+            "knows no passwords. Safer: leave --host out, and ssh -L 8765:127.0.0.1:8765 to it"
         )
     try:
         return replace(services, foxglove=FoxgloveServer(simulation, host=host, port=port))
