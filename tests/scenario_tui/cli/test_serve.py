@@ -7,6 +7,7 @@ import os
 import re
 import signal
 import socket
+import stat
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -74,6 +75,22 @@ def test_without_a_terminal_it_serves_until_it_is_told_to_end(
         _, rest = process.communicate(timeout=DEADLINE)
         assert process.returncode == ExitCode.EXPECTED
         assert "the world has ended" in rest
+
+
+def test_a_stack_is_told_what_to_type(file: str) -> None:
+    pytest.importorskip("daemon.stacks.ros2.relay_link")
+    with served(file, "--ros2", "--no-foxglove") as process:
+        said = said_until(process, "Ctrl-C")
+        line = re.search(r"^SCENARIO_SOCKET=(\S+) SCENARIO_NONCE=\w+ python3 (\S+)$", said, re.M)
+        assert line is not None
+        address, relay = Path(line[1]), Path(line[2])
+        assert relay.is_file()
+        assert stat.S_IMODE(address.stat().st_mode) == 0o600
+        assert stat.S_IMODE(address.parent.stat().st_mode) == 0o700
+        process.terminate()
+        process.communicate(timeout=DEADLINE)
+        assert process.returncode == ExitCode.EXPECTED
+        assert not address.parent.exists()
 
 
 def test_what_is_wrong_usage(scenario: Any, file: str) -> None:
