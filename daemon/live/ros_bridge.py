@@ -161,7 +161,7 @@ class RosBridge:
         """Publish what comes, hand commands over."""
         link = self._link
         link.set_up(link_setup(self._settings))
-        talk = _Conversation(self._settings)
+        talk = _TopicExchange(self._settings)
         self._moments.clear()
         self.connected = True
         identity = link.identity
@@ -190,7 +190,7 @@ class RosBridge:
             self.state = f"connected; {self._settings.topics.command}: {error}"
 
 
-class _Conversation:
+class _TopicExchange:
     """What one stack is told and says, from its first cycle to its last."""
 
     def __init__(self, settings: Ros2Settings) -> None:
