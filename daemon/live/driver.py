@@ -79,7 +79,7 @@ class RobotListener(Protocol):
         """A world begins, at time 0."""
 
     def observe(self, observation: Observation) -> None:
-        """What is new, every :data:`PERIOD` ticks or more often."""
+        """What is new, and where the robot is, every :data:`PERIOD` ticks or more often."""
 
 
 class LiveDriver:
@@ -112,7 +112,11 @@ class LiveDriver:
 
     @property
     def needs_ground_truth(self) -> bool:
-        """Whether the system inside does."""
+        """Whether the system inside does, or anybody listens who may look at the truth."""
+        return bool(self._listeners) or self._inner_needs_truth
+
+    @property
+    def _inner_needs_truth(self) -> bool:
         return self._inner is not None and self._inner.needs_ground_truth
 
     @property
@@ -160,7 +164,12 @@ class LiveDriver:
         if tick < self._due:
             return Decision(None, self._progress)
         self._due = tick + self._every
-        new = replace(observation, odometry=tuple(self._odometry), scans=tuple(self._scans))
+        new = Observation(
+            observation.time,
+            tuple(self._odometry),
+            tuple(self._scans),
+            observation.ground_truth if self._inner_needs_truth else None,
+        )
         self._odometry.clear()
         self._scans.clear()
         decision = self._inner.update(new)

@@ -206,7 +206,7 @@ class _TopicExchange:
         if self._base < 0:
             found += self._fixed(last)
         if last.base != self._base:
-            # Another world: the robot is where it started, wherever the stack thought it was.
+            # Another world: the robot is where it started, whatever the stack believes.
             self._base, self._pose_due = last.base, wall
             self._telemetry.forget()
         for moment in moments:
@@ -214,9 +214,10 @@ class _TopicExchange:
         wanted = self._settings.initial_pose == "published" and self._telemetry.pose() is None
         if wanted and wall >= self._pose_due:
             self._pose_due = wall + _POSE_PERIOD
-            frames, start = self._settings.frames, last.briefing.start
-            pose = sensors.initial_pose(start, last.now, frames)
-            found.append((self._settings.topics.initial_pose, pose))
+            # Where it stands by now, as a person who looks at it would say.
+            pose = last.observation.ground_truth or last.briefing.start
+            data = sensors.initial_pose(pose, last.now, self._settings.frames)
+            found.append((self._settings.topics.initial_pose, data))
         return tuple(found)
 
     def read(self, answer: CycleAnswer, moment: _Moment) -> Decision:

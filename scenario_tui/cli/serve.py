@@ -2,14 +2,10 @@
 
 from __future__ import annotations
 
-import secrets
-import shlex
-import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
-from socket import gethostname
 from typing import TYPE_CHECKING, Annotated, Final
 
 import typer
@@ -29,6 +25,8 @@ if TYPE_CHECKING:
     from grammars.model.scene import Scene
 
 _LOOPBACK: Final = frozenset({"127.0.0.1", "localhost", "::1"})
+_LOOK: Final = 0.5
+"""Seconds between two looks at whether there is anything to tell."""
 _NOBODY: Final = "nobody"
 """What stands for a system under test where none drives."""
 _NO_SDK: Final = (
@@ -114,7 +112,7 @@ def serve(
     with _served(simulation, foxglove, host, port, socket if ros2 else None) as services:
         with simulation.running() as thread:
             if headless or _why_no_view():
-                _serve_headless(services, thread)
+                _serve_headless(simulation, services, thread)
             else:
                 _serve_in_view(simulation, services, thread)
         bridge = services.bridge
@@ -160,6 +158,8 @@ class LiveServices:
         assert self.foxglove is not None
         host = self.foxglove.host
         if host in ("0.0.0.0", "::"):
+            from socket import gethostname
+
             host = gethostname()
         return f"ws://{f'[{host}]' if ':' in host else host}:{self.foxglove.port}"
 
@@ -230,6 +230,8 @@ def _served(
             stack.callback(services.foxglove.close)
         if socket is not None:
             if not socket:
+                import tempfile
+
                 folder = stack.enter_context(tempfile.TemporaryDirectory(prefix="scenario-"))
                 socket = f"{folder}/relay"
             services = _with_bridge(services, simulation, socket)
@@ -263,6 +265,9 @@ def _with_foxglove(
 
 
 def _with_bridge(services: LiveServices, simulation: LiveSimulation, socket: str) -> LiveServices:
+    import secrets
+    import shlex
+
     from daemon.live.ros_bridge import RosBridge
     from daemon.stacks.ros2.link import LinkLost
     from daemon.stacks.ros2.relay_link import RelayLink, relay_path
@@ -305,8 +310,8 @@ def _why_no_view() -> str:
     return why_undrawable()
 
 
-def _serve_headless(services: LiveServices, thread: LiveThread) -> None:
-    """Say where it is served, and wait for the end."""
+def _serve_headless(simulation: LiveSimulation, services: LiveServices, thread: LiveThread) -> None:
+    """Say where it is served, then what changes, until the end."""
     import signal
 
     # Told to end or interrupted: both are the way this ends, and nothing is lost.
@@ -315,11 +320,27 @@ def _serve_headless(services: LiveServices, thread: LiveThread) -> None:
         for line in services.where():
             say(line)
         say("Ctrl-C ends it")
-        thread.join()
+        told: tuple[str, ...] = ()
+        while thread.is_alive():
+            thread.join(_LOOK)
+            news = _news(simulation, services)
+            for line in news:
+                if line not in told:
+                    say(line)
+            told = news
     except KeyboardInterrupt:
         say("\nthe world has ended")
     finally:
         signal.signal(signal.SIGTERM, before)
+
+
+def _news(simulation: LiveSimulation, services: LiveServices) -> tuple[str, ...]:
+    """Return what is to be told when it was not so before."""
+    status = simulation.status
+    found = [f"cannot keep up with {status.speed:g}x"] if status.late else []
+    if services.bridge is not None:
+        found.append(f"ROS 2 {services.bridge.state}")
+    return (*found, *([status.note] if status.note else ()))
 
 
 def _serve_in_view(simulation: LiveSimulation, services: LiveServices, thread: LiveThread) -> None:

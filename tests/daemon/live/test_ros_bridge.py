@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import math
 import queue
 import threading
 from collections.abc import Iterator
@@ -12,7 +13,7 @@ from typing import Any
 import pytest
 
 from daemon.live.ros_bridge import RosBridge
-from daemon.live.simulation import LiveSimulation
+from daemon.live.simulation import LiveSimulation, LiveStatus
 from daemon.model import ros_messages as ros
 from daemon.stacks.ros2.link import (
     Cycle,
@@ -26,6 +27,7 @@ from daemon.stacks.ros2.link import (
 )
 from daemon.stacks.ros2.settings import Ros2Settings, read_settings
 from daemon.trace.messages import KINDS
+from grammars.model.geometry import Twist2
 from tests.daemon.live.worlds import DEADLINE, Kept, demo_spec, demo_submission
 
 STAMPED = "geometry_msgs/msg/TwistStamped"
@@ -230,6 +232,30 @@ def test_commands_that_are_none_are_told(simulation: LiveSimulation) -> None:
     for bridge in bridged(simulation, stack):
         stack.heard(3)
         assert "/cmd_vel: a damaged" in bridge.state
+
+
+def test_a_stack_that_comes_late_is_told_where_the_robot_is(simulation: LiveSimulation) -> None:
+    moved = threading.Event()
+    start = simulation.spec.mission.start
+
+    class Driving(Kept):
+        def status(self, status: LiveStatus) -> None:
+            simulation.command(Twist2(0.5, 0.0, 0.0), "a test")
+            seen = simulation.view
+            if seen is not None and math.hypot(seen.pose.x - start.x, seen.pose.y - start.y) > 0.5:
+                moved.set()
+
+    class Late(PretendedStack):
+        def accept(self, timeout: float = 0.1) -> bool:
+            return moved.wait(timeout)
+
+    simulation.watched = True
+    simulation.add_outlet(Driving())
+    stack = Late()
+    for _ in bridged(simulation, stack):
+        told = dict(stack.heard(1)[0].messages)["/initialpose"]
+        at = ros.deserialize(told, "geometry_msgs/msg/PoseWithCovarianceStamped").pose.pose.position
+        assert math.hypot(at.x - start.x, at.y - start.y) > 0.4
 
 
 def test_that_nobody_can_listen_is_said_at_once(simulation: LiveSimulation) -> None:
