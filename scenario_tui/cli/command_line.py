@@ -26,6 +26,7 @@ from scenario_tui.cli import (
     recorded_runs,
     report,
     run_campaigns,
+    serve,
     steer,
     sut,
     vary,
@@ -42,6 +43,7 @@ _PANELS: Final[dict[str, tuple[Callable[..., None], ...]]] = {
         run_campaigns.run,
         run_campaigns.submit,
         run_campaigns.wait,
+        serve.serve,
     ),
     "Look": (
         machines.tui,
