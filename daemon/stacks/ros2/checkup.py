@@ -15,8 +15,8 @@ from daemon.stacks.ros2.inspection import CheckLine, Inspection
 from daemon.stacks.ros2.link import (
     ACTION_KINDS,
     COMMAND_KINDS,
-    Endpoint,
     Graph,
+    GraphEndpoint,
     LinkSetup,
     Qos,
     TopicSetup,
@@ -179,7 +179,7 @@ class _Checkup:
                     "stop it, or give this one another name below topics",
                 )
 
-    def _deafness(self, topic: TopicSetup, ear: Endpoint) -> str:
+    def _deafness(self, topic: TopicSetup, ear: GraphEndpoint) -> str:
         """Say what keeps a subscription from hearing a topic, empty when nothing does."""
         if ear.kind != topic.kind:
             return f"it expects {ear.kind}"
@@ -268,7 +268,7 @@ class _Checkup:
         where = [f"topics: {{{published.key}: {topic}}}" for topic in sorted(known)]
         return f"write {' or '.join(where)}" if where else ""
 
-    def _ends(self, topic: str, role: str) -> list[Endpoint]:
+    def _ends(self, topic: str, role: str) -> list[GraphEndpoint]:
         return [e for e in self._graph.endpoints if e.topic == topic and e.role == role]
 
     def _with_ending(self, ending: str) -> Iterator[str]:
@@ -285,7 +285,7 @@ class _Checkup:
         )  # fmt: skip
 
 
-def _less_than_wanted(offered: Qos, ear: Endpoint) -> str:
+def _less_than_wanted(offered: Qos, ear: GraphEndpoint) -> str:
     if ear.reliable and offered == "best effort":
         return "it wants a reliable publisher"
     if ear.transient_local and offered != "latched":
@@ -293,7 +293,7 @@ def _less_than_wanted(offered: Qos, ear: Endpoint) -> str:
     return ""
 
 
-def _remedy(published: _Published, ear: Endpoint, lenient: bool) -> str:
+def _remedy(published: _Published, ear: GraphEndpoint, lenient: bool) -> str:
     """Say what makes a subscription hear a topic."""
     if ear.kind != published.topic.kind:
         return f"give it another topic below topics: {{{published.key}: ...}}"
@@ -319,7 +319,7 @@ def _meant(name: str, known: Iterable[str], before: str = "") -> str:
     return f"there are {', '.join(there)}" if there else "none of the kind is there at all"
 
 
-def _names(ends: Sequence[Endpoint]) -> str:
+def _names(ends: Sequence[GraphEndpoint]) -> str:
     names = list(dict.fromkeys(end.node for end in ends))
     more = f" and {len(names) - _SHOWN_NAMES} more" if len(names) > _SHOWN_NAMES else ""
     return f"{', '.join(names[:_SHOWN_NAMES])}{more}"

@@ -147,7 +147,7 @@ class Readiness:
 
 
 @dataclass(frozen=True, slots=True)
-class Endpoint:
+class GraphEndpoint:
     """A publisher or subscription in the graph."""
 
     topic: str
@@ -163,7 +163,7 @@ class Endpoint:
 class Graph:
     """What a link sees: endpoints (its own left out), nodes, and servers of services by name."""
 
-    endpoints: tuple[Endpoint, ...]
+    endpoints: tuple[GraphEndpoint, ...]
     nodes: tuple[str, ...]
     services: tuple[str, ...]
 

@@ -25,9 +25,9 @@ from daemon.stacks.ros2.link import (
     COMMAND_KINDS,
     Cycle,
     CycleAnswer,
-    Endpoint,
     GoalUpdate,
     Graph,
+    GraphEndpoint,
     LinkLost,
     LinkSetup,
     Readiness,
@@ -247,7 +247,7 @@ class RelayLink:
         head, blob = self._ask({"do": "graph"}, b"", _SILENCE)
         reply: _GraphReply = self._check(_GraphReply, head, "graph", blob)
         endpoints = [
-            Endpoint(topic, kind, node, role, reliable, transient_local, depth)
+            GraphEndpoint(topic, kind, node, role, reliable, transient_local, depth)
             for topic, kind, role, node, reliable, transient_local, depth in reply.endpoints
         ]
         return Graph(tuple(endpoints), tuple(reply.nodes), tuple(reply.services))

@@ -14,7 +14,7 @@ from daemon.model.sut import Briefing, Observation, SutFailure
 from daemon.stacks import ros2
 from daemon.stacks.ros2 import inspection
 from daemon.stacks.ros2.inspection import Inspection
-from daemon.stacks.ros2.link import Endpoint, Graph, Readiness, StackIdentity
+from daemon.stacks.ros2.link import Graph, GraphEndpoint, Readiness, StackIdentity
 from daemon.stacks.ros2.settings import Ros2Settings
 from grammars.model.geometry import Pose2
 from tests.scenario_tui.cli.outputs import declared
@@ -38,9 +38,11 @@ def seen_by(*, active: bool = True) -> Inspection:
         "/tf_static": "tf2_msgs/msg/TFMessage",
         "/initialpose": "geometry_msgs/msg/PoseWithCovarianceStamped",
     }
-    ears = [Endpoint(t, kind, "/amcl", "subscription", False, False) for t, kind in heard.items()]
+    ears = [
+        GraphEndpoint(t, kind, "/amcl", "subscription", False, False) for t, kind in heard.items()
+    ]
     twist = "geometry_msgs/msg/TwistStamped"
-    ears.append(Endpoint("/cmd_vel", twist, "/controller_server", "publisher", True, False))
+    ears.append(GraphEndpoint("/cmd_vel", twist, "/controller_server", "publisher", True, False))
     return Inspection(
         StackIdentity("jazzy", "rmw_fastrtps_cpp"),
         Graph(tuple(ears), ("/amcl",), ("/amcl/get_state",)),

@@ -10,7 +10,7 @@ import pytest
 
 from daemon.stacks.ros2.checkup import examine
 from daemon.stacks.ros2.inspection import CheckLine, Inspection
-from daemon.stacks.ros2.link import Endpoint, Graph, Readiness, StackIdentity
+from daemon.stacks.ros2.link import Graph, GraphEndpoint, Readiness, StackIdentity
 from daemon.stacks.ros2.settings import Ros2Settings, read_settings
 
 SCAN, ODOMETRY = "sensor_msgs/msg/LaserScan", "nav_msgs/msg/Odometry"
@@ -27,13 +27,13 @@ def settings(**keys: Any) -> Ros2Settings:
     return read_settings({**given, **keys, "repeatable": False})
 
 
-def ear(topic: str, kind: str, node: str, **qos: bool) -> Endpoint:
+def ear(topic: str, kind: str, node: str, **qos: bool) -> GraphEndpoint:
     flags = {"reliable": False, "transient_local": False, **qos}
-    return Endpoint(topic, kind, node, "subscription", **flags)
+    return GraphEndpoint(topic, kind, node, "subscription", **flags)
 
 
-def mouth(topic: str, kind: str, node: str) -> Endpoint:
-    return Endpoint(topic, kind, node, "publisher", reliable=True, transient_local=False)
+def mouth(topic: str, kind: str, node: str) -> GraphEndpoint:
+    return GraphEndpoint(topic, kind, node, "publisher", reliable=True, transient_local=False)
 
 
 ENDPOINTS = (
@@ -72,7 +72,7 @@ def without(*topics: str) -> Inspection:
     return replace(SOUND, graph=replace(SOUND.graph, endpoints=kept))
 
 
-def besides(*more: Endpoint, seen: Inspection = SOUND) -> Inspection:
+def besides(*more: GraphEndpoint, seen: Inspection = SOUND) -> Inspection:
     return replace(seen, graph=replace(seen.graph, endpoints=(*seen.graph.endpoints, *more)))
 
 

@@ -21,8 +21,8 @@ from hypothesis import strategies as st
 from daemon.stacks.ros2 import relay
 from daemon.stacks.ros2.link import (
     Cycle,
-    Endpoint,
     GoalUpdate,
+    GraphEndpoint,
     LinkLost,
     LinkSetup,
     ReceivedMessage,
@@ -362,7 +362,9 @@ def test_readiness_and_graph_are_read(connect: Connect) -> None:
     assert link.readiness().nodes == {"/amcl": "active"}
     seen = link.graph()
     assert seen.endpoints == (
-        Endpoint("/scan", "sensor_msgs/msg/LaserScan", "/amcl", "subscription", False, False, 5),
+        GraphEndpoint(
+            "/scan", "sensor_msgs/msg/LaserScan", "/amcl", "subscription", False, False, 5
+        ),
     )
     assert link.parameters("/amcl", ("max", "names")) == {"max": 0.5, "names": ["a"]}
     link.request_state("/amcl", "activate")
