@@ -154,17 +154,45 @@ class BringUp:
         settings = self._settings
         yield "starting the stack"
         values = self._values()
-        process = StackProcess(settings, values=values, key=self._key(), relay=_RELAY)
+        if settings.transport == "zenoh":
+            yield from self._connect_by_zenoh(values, began)
+        else:
+            yield from self._connect_by_relay(values, began)
+        self.ready_session().link.set_up(link_setup(settings))
+        self._latched = False
+
+    def _connect_by_relay(self, values: dict[str, str], began: float) -> Iterator[str]:
+        process = StackProcess(self._settings, values=values, key=self._key(), relay=_RELAY)
         # Where the map lies is known with the folder; the values are used when it is started.
         values[placeholders.MAP] = str(self._write_map(process))
         link = RelayLink.listen(process.socket, process.nonce)
-        self.session = StackSession(settings, process, link)
+        self.session = StackSession(self._settings, process, link)
         yield from self._start(process, began)
         while not link.accept(timeout=0.1):
             self._check_alive(process, began, "its relay has not come")
             yield f"waiting for the relay in the stack's ROS 2, {_seconds_since(began)}"
-        link.set_up(link_setup(settings))
-        self._latched = False
+
+    def _connect_by_zenoh(self, values: dict[str, str], began: float) -> Iterator[str]:
+        # Nobody who uses the relay pays for the types of this one.
+        from daemon.stacks.ros2.zenoh_link import ZenohLink
+        from daemon.stacks.ros2.zenoh_router import ZenohRouter
+
+        settings = self._settings
+        definitions = tuple(Path(folder).expanduser() for folder in settings.definitions)
+        try:
+            router = ZenohRouter.open(
+                distribution=settings.distribution or "", definitions=definitions
+            )
+        except LinkLost as error:
+            raise SutFailure(str(error)) from error
+        link = ZenohLink(router)
+        process = StackProcess(
+            settings, values=values, key=self._key(), relay=None, extra=router.environment
+        )
+        values[placeholders.MAP] = str(self._write_map(process))
+        self.session = StackSession(settings, process, link)
+        yield from self._start(process, began)
+        link.join(process.domain)
 
     def _start(self, process: StackProcess, began: float) -> Iterator[str]:
         """Start the processes; a domain that is another run's at the moment is waited for."""

@@ -283,6 +283,9 @@ class Ros2Keys(StrictModel):
     rmw_zenoh spoken directly (experimental)."""
     distribution: Distribution | None = None
     """For "kind: ros2" with "transport: zenoh": the stack's distribution."""
+    definitions: _Setups | None = None
+    """For "kind: ros2" with "transport: zenoh": folders on the worker's machine with definitions of
+    interfaces (a workspace's share), used before those that are shipped."""
 
 
 ROS2_KEYS: Final = tuple(field.alias or name for name, field in Ros2Keys.model_fields.items())

@@ -124,6 +124,7 @@ class Ros2Settings:
     reuse: bool = False
     transport: Literal["relay", "zenoh"] = "relay"
     distribution: Distribution | None = None
+    definitions: tuple[str, ...] = ()
 
     @property
     def action_kind(self) -> ActionKind:
@@ -201,7 +202,9 @@ def absolute_name(namespace: str, name: str) -> str:
 
 def _resolved(keys: _Ros2Parameters) -> Ros2Settings:
     """Return settings in which names are absolute and nothing is left out."""
-    given = _set(keys, leave=["container", "environment", "files", "topics", "qos", "frames"])
+    given = _set(
+        keys, leave=["container", "definitions", "environment", "files", "frames", "qos", "topics"]
+    )
     namespace = "/" + (keys.namespace or "").strip("/")
     namespace = "" if namespace == "/" else namespace
     environment = keys.environment
@@ -222,6 +225,7 @@ def _resolved(keys: _Ros2Parameters) -> Ros2Settings:
         },
         container=None if container is None else Container(**container),
         setup=tuple(environment.setup or ()) if environment is not None else (),
+        definitions=tuple(keys.definitions or ()),
         domain=None if domain == "own" else domain,
         environment={name: value for name, value in variables.items() if value is not None},
         files=dict(keys.files or {}),
@@ -279,3 +283,9 @@ def _transport_problems(settings: Ros2Settings) -> Iterator[ParameterFinding]:
         message = 'key "distribution" is missing: types differ between distributions'
         hint = "write humble, jazzy, kilted or lyrical, the stack's own"
         yield ParameterFinding(("distribution",), message, hint)
+    if settings.transport == "zenoh" and settings.reuse:
+        message = "reuse: a stack that speaks rmw_zenoh ends with its router, the run"
+        yield ParameterFinding(("reuse",), message, "leave it out, or use the relay")
+    if settings.definitions and settings.transport != "zenoh":
+        message = "definitions: the relay uses those of the stack's own ROS"
+        yield ParameterFinding(("definitions",), message, "leave it out")
