@@ -55,6 +55,29 @@ def forget_safe_path() -> None:
         del os.environ[_SAFE_PATH_VARIABLE]
 
 
+_COMMANDS_VARIABLE: Final = "SCENARIO_COMMANDS"
+_REFUSED: Final = "refused"
+
+
+def decide_on_commands(wanted: bool | None, *, elsewhere: bool) -> None:
+    """Decide for this process and its children whether runs may start commands of SUT files.
+
+    ``None``: they may, unless runs come from ``elsewhere``, from people who have a key but perhaps
+    no account here.
+    """
+    if wanted or (wanted is None and not elsewhere):
+        # What a daemon has decided holds for its own workers, who know it as somebody local.
+        if wanted:
+            os.environ.pop(_COMMANDS_VARIABLE, None)
+        return
+    os.environ[_COMMANDS_VARIABLE] = _REFUSED
+
+
+def commands_allowed() -> bool:
+    """Whether runs in this process may start commands that stand in SUT files."""
+    return os.environ.get(_COMMANDS_VARIABLE) != _REFUSED
+
+
 def available_cores() -> int:
     """Number of cores this process may use: the default number of slots."""
     if hasattr(os, "sched_getaffinity"):

@@ -11,11 +11,19 @@ from typing import Annotated, Final, TypeAlias
 
 import typer
 
-from daemon.model.execution import DaskScheduler, RunLimits
+from daemon.model.execution import DaskScheduler, RunLimits, decide_on_commands
 from scenario_tui.cli.exit_codes import ExitCode, wrong_usage
 from scenario_tui.cli.options import Connect, Keys, State, check_endpoint, read_duration, read_size
 from scenario_tui.cli.output import plain_table, say, stdout_console
 
+Commands: TypeAlias = Annotated[
+    bool | None,
+    typer.Option(
+        "--commands/--no-commands",
+        help="Whether runs may start commands that stand in SUT files (kind ros2). Default: yes, "
+        "unless runs come from other machines.",
+    ),
+]
 PrintUnit: TypeAlias = Annotated[
     bool, typer.Option("--print-unit", help="Write a systemd user unit for this and leave.")
 ]
@@ -78,6 +86,7 @@ def daemon(
             "finished campaigns go. Default: no limit.",
         ),
     ] = "",
+    commands: Commands = None,
     print_unit: PrintUnit = False,
 ) -> None:  # fmt: skip
     """Run the daemon in the foreground.
@@ -93,13 +102,14 @@ def daemon(
 
         unit = daemon_unit(
             scenario_executable(), paths.state, listen, slots,
-            keys=keys, insecure=insecure, traces=traces, quota=quota,
+            keys=keys, insecure=insecure, traces=traces, quota=quota, commands=commands,
         )  # fmt: skip
         typer.echo(unit, nl=False)
         return
     # A warning only: refusing is the server's, which knows the keys it found.
     if words := exposure_warning(listen):
         say(words)
+    decide_on_commands(commands, elsewhere=bool(listen))
     where = f" at {listen}" if listen else ""
     say(f"starting a daemon{where}, state in {paths.state}, Ctrl-C to leave")
     settings = DaemonSettings(store=traces, quota=read_size(quota) if quota else 0)
@@ -281,6 +291,7 @@ def worker(
             "this worker. Default: the daemon's, then your user state folder.",
         ),
     ] = None,
+    commands: Commands = None,
     print_unit: PrintUnit = False,
 ) -> None:  # fmt: skip
     """Run a worker in the foreground.
@@ -296,7 +307,7 @@ def worker(
     )
     cluster = _cluster(backend, scheduler, tls_ca, tls_cert, tls_key)
     if print_unit:
-        _print_unit(connect, state, slots, limits, cluster)
+        _print_unit(connect, state, slots, limits, cluster, commands)
         return
     from daemon.batch.paths import endpoint_text, find_endpoint
     from daemon.batch.worker import work
@@ -311,6 +322,7 @@ def worker(
         limits=limits,
         scheduler=cluster,
         nice=nice or 0,
+        commands=commands,
     )
 
 
@@ -338,6 +350,7 @@ def _print_unit(
     slots: int | None,
     limits: RunLimits,
     cluster: DaskScheduler | None,
+    commands: bool | None,
 ) -> None:
     """A unit has no variables of this shell: what they say is written into it."""
     from daemon.batch.operation import worker_unit
@@ -349,6 +362,7 @@ def _print_unit(
     names_state = state or os.environ.get("SCENARIO_STATE") or not named
     folder = StatePaths.find(state).state if names_state else None
     options = [*_limit_options(limits), *_cluster_options(cluster), *_key_options()]
+    options += [] if commands is None else ["--commands" if commands else "--no-commands"]
     unit = worker_unit(scenario_executable(), named, folder, slots, limits=limits, options=options)
     typer.echo(unit, nl=False)
 

@@ -149,6 +149,8 @@ def undecided_text(oracle: CellVerdict, styles: Styles) -> Text:
     """Return what could not be decided and why."""
     worst = oracle.worst.verdict if oracle.worst else None
     note = worst.evidence.note if worst and worst.outcome is not Outcome.PASS else ""
+    # The first line says what happened; the stack's last lines below it are shown with the run.
+    note = note.partition("\n")[0]
     said = f"{oracle.sut} {oracle.scenario} {oracle.oracle}"
     return _attention_line(str(oracle.verdict), said, [oracle.statement, note], styles)
 

@@ -83,7 +83,7 @@ def _evidence_lines(verdict: Verdict) -> list[str]:
     if seen.value is not None and seen.limit is not None:
         value, limit = quantity(seen.value, verdict.unit), quantity(seen.limit, verdict.unit)
         amounts = f"{value}, limit {limit}"
-    lines = (where, [amounts, seen.note])
+    lines = (where, [amounts, _first_line(seen.note)])
     return [", ".join(filter(None, line)) for line in lines if any(line)]
 
 
@@ -91,7 +91,16 @@ def evidence_parts(verdict: Verdict) -> list[str]:
     """Return margin, moment, object and note of a verdict, as far as there are any."""
     seen = verdict.evidence
     amount = "" if verdict.margin is None else margin(verdict.margin, verdict.unit)
-    return [part for part in (amount, moment_text(seen.time), seen.object, seen.note) if part]
+    return [
+        part
+        for part in (amount, moment_text(seen.time), seen.object, _first_line(seen.note))
+        if part
+    ]
+
+
+def _first_line(note: str) -> str:
+    # Below it a stack's last lines may stand, which are shown once, with the run.
+    return note.partition("\n")[0]
 
 
 def verdict_lines(

@@ -49,6 +49,7 @@ def daemon_unit(
     insecure: bool = False,
     traces: str = "",
     quota: str = "",
+    commands: bool | None = None,
 ) -> str:
     """Return the unit of a daemon; ``command`` is the ``scenario`` executable, absolute.
 
@@ -60,6 +61,7 @@ def daemon_unit(
     words += ["--insecure"] if insecure else []
     words += ["--traces", traces] if traces else []
     words += ["--quota", quota] if quota else []
+    words += [] if commands is None else ["--commands" if commands else "--no-commands"]
     return _UNIT.format(
         about="scenario: queue and results of simulated runs",
         command=_command(words, slots),

@@ -21,7 +21,13 @@ from daemon.batch.worker._forkserver import (
 )
 from daemon.batch.worker._loop import WorkerLoop
 from daemon.batch.worker._signals import WorkerSignals, exit_when_stdin_closes
-from daemon.model.execution import DEFAULT_EXECUTOR, DaskScheduler, RunLimits, available_cores
+from daemon.model.execution import (
+    DEFAULT_EXECUTOR,
+    DaskScheduler,
+    RunLimits,
+    available_cores,
+    decide_on_commands,
+)
 from daemon.model.messages import ALIVE, WORK
 from daemon.model.verbs import Role
 
@@ -38,6 +44,7 @@ def work(
     tether: bool = False,
     scheduler: DaskScheduler | None = None,
     nice: int = 0,
+    commands: bool | None = None,
 ) -> None:
     """Execute runs of the daemon at ``connect`` until told to leave.
 
@@ -48,7 +55,9 @@ def work(
     ``executor`` (``module:function``) executes runs and is never taken from the network. With
     ``parent`` the worker finishes and leaves when that process is not its parent any more; with
     ``tether`` it dies when its standard input closes. With ``nice`` the session it leads steps
-    back behind others, not only each run behind the worker. To be called from the main thread.
+    back behind others, not only each run behind the worker. ``commands``: whether runs may start
+    commands that stand in SUT files; ``None``: only those of a daemon on this machine. To be called
+    from the main thread.
 
     SIGTERM or SIGINT: finish what runs, then leave. A second one, or SIGQUIT: give it back.
 
@@ -60,6 +69,8 @@ def work(
         exit_when_stdin_closes()
     if nice:
         lower_session_priority(nice)
+    # Before anything is forked that inherits it.
+    decide_on_commands(commands, elsewhere=is_encrypted(connect))
     me = describe_worker()
     with ExitStack() as stack:
         signals = WorkerSignals(parent=parent)

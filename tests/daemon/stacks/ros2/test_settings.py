@@ -5,7 +5,10 @@ from typing import Any
 
 import pytest
 
+from daemon.model.attachments import SutMissing
+from daemon.model.execution import decide_on_commands
 from daemon.stacks.findings import ParameterError
+from daemon.stacks.registry import make_sut
 from daemon.stacks.ros2.advice import check_settings
 from daemon.stacks.ros2.placeholders import (
     PlaceholderError,
@@ -225,3 +228,19 @@ def test_defaults_of_the_class_are_those_of_a_file() -> None:
         topics=read_settings({"launch": "x"}).topics,
         action="/navigate_to_pose",
     )
+
+
+def test_commands_from_elsewhere_are_refused_unless_the_worker_takes_them(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setenv("SCENARIO_COMMANDS", "")
+    parameters = {"launch": "true", "repeatable": False}
+    decide_on_commands(None, elsewhere=True)
+    with pytest.raises(SutMissing, match="--commands"):
+        make_sut("ros2", parameters)
+    # What the daemon decided holds for its own workers, to whom it is local.
+    decide_on_commands(None, elsewhere=False)
+    with pytest.raises(SutMissing):
+        make_sut("ros2", parameters)
+    decide_on_commands(True, elsewhere=True)
+    assert make_sut("ros2", parameters).period == 0.05
