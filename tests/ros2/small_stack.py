@@ -70,7 +70,8 @@ class Talker(Node):
         super().__init__("talker")
         latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
         self._words = self.create_publisher(String, "/words", latched)
-        self._transforms = self.create_publisher(TFMessage, "/tf", 100)
+        best_effort = QoSProfile(depth=100, reliability=ReliabilityPolicy.BEST_EFFORT)
+        self._transforms = self.create_publisher(TFMessage, "/tf", best_effort)
         self.create_subscription(TFMessage, "/tf_static", self._hear_static, latched)
         self.create_subscription(String, "/flood", self._flood, 10)
 
