@@ -118,6 +118,10 @@ def _standstill(trace: Trace) -> list[str]:
     truth, waypoints = trace.ground_truth, trace.spec.mission.waypoints
     if not trace.complete or not len(truth.time):
         return []
+    # A stack of its user's that gives up before it sets off, for want of a way, has said so: that
+    # is a failure of the robot, not a recording that means nothing.
+    if not trace.spec.sut.repeatable and trace.progress and trace.progress[-1].state == "aborted":
+        return []
     x, y = truth.x - truth.x[0], truth.y - truth.y[0]
     turned = float(np.ptp(np.unwrap(truth.yaw)))
     farthest = max((np.hypot(w.x - truth.x[0], w.y - truth.y[0]) for w in waypoints), default=0.0)

@@ -25,7 +25,7 @@ from daemon.stacks.ros2.link import (
     StackLink,
 )
 from daemon.stacks.ros2.process import StackProcess
-from daemon.stacks.ros2.relay_link import RelayLink
+from daemon.stacks.ros2.relay_link import RelayLink, relay_path
 from daemon.stacks.ros2.settings import Ros2Settings
 from daemon.stacks.ros2.telemetry import Telemetry
 from grammars.model.geometry import Pose2
@@ -48,7 +48,6 @@ _POSE_PATIENCE: Final = 5.0
 _FAR: Final = 0.5
 """A reset stack that believes to be farther from the start [m, rad] was not reset."""
 _CLOCK_FILE: Final = "clock"
-_RELAY: Final = Path(__file__).with_name("relay.py")
 _LAST_LINES: Final = 20
 _REMEMBERED: Final = 64
 """So many transforms of this side are known again when they come back on the same topic."""
@@ -162,7 +161,7 @@ class BringUp:
         self._latched = False
 
     def _connect_by_relay(self, values: dict[str, str], began: float) -> Iterator[str]:
-        process = StackProcess(self._settings, values=values, key=self._key(), relay=_RELAY)
+        process = StackProcess(self._settings, values=values, key=self._key(), relay=relay_path())
         # Where the map lies is known with the folder; the values are used when it is started.
         values[placeholders.MAP] = str(self._write_map(process))
         link = RelayLink.listen(process.socket, process.nonce)
