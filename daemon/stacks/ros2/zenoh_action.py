@@ -47,7 +47,7 @@ _What = Literal["goal", "result", "feedback", "cancel"]
 
 
 @dataclass
-class _Goal:
+class _SentGoal:
     number: int
     identifier: bytes
     request: bytes
@@ -89,18 +89,18 @@ class ActionClient:
             ("publisher", f"{name}/_action/feedback", f"{self._kind}_FeedbackMessage"),
         )
         self._heard: deque[tuple[_What, int, bytes | None]] = deque()
-        self._goals: dict[int, _Goal] = {}
+        self._goals: dict[int, _SentGoal] = {}
         self._updates: list[GoalUpdate] = []
 
     def send(self, number: int, poses: tuple[tuple[float, float, float], ...], frame: str,
              time: int) -> None:  # fmt: skip
         """Send a goal; asked again until there is a server, at most for :data:`ANSWER_TIME`."""
         identifier = os.urandom(16)
-        goal = self._interfaces.make(f"{self._kind}_Goal", **self._targets(poses, frame, time))
+        goal = self._interfaces.make(f"{self._kind}_SentGoal", **self._targets(poses, frame, time))
         request = self._interfaces.serialize(
             f"{self._kind}_SendGoal_Request", goal_id=self._identified(identifier), goal=goal
         )
-        one = _Goal(number, identifier, request, monotonic() + ANSWER_TIME)
+        one = _SentGoal(number, identifier, request, monotonic() + ANSWER_TIME)
         self._goals[number] = one
         self._ask(one)
 
@@ -151,7 +151,7 @@ class ActionClient:
                  time: int) -> Mapping[str, Any]:  # fmt: skip
         stamped = [self._pose(pose, frame, time) for pose in poses]
         # Goals of Kilted on are a message with a list; of others they are the list.
-        nested = self._interfaces.field_types(f"{self._kind}_Goal").get("poses", "")
+        nested = self._interfaces.field_types(f"{self._kind}_SentGoal").get("poses", "")
         many: Any = stamped
         if nested.endswith("/Goals"):
             header = self._header(frame, time)
@@ -177,7 +177,7 @@ class ActionClient:
             "unique_identifier_msgs/msg/UUID", uuid=np.frombuffer(identifier, np.uint8)
         )
 
-    def _ask(self, goal: _Goal) -> None:
+    def _ask(self, goal: _SentGoal) -> None:
         goal.ask_again = None
         if goal.waits_for == "goal":
             timeout = max(goal.deadline - monotonic(), _PAUSE)
@@ -188,7 +188,7 @@ class ActionClient:
             )
             self._result.call(request, _RESULT_TIME, partial(self._hear, "result", goal.number))
 
-    def _ask_to_cancel(self, goal: _Goal) -> None:
+    def _ask_to_cancel(self, goal: _SentGoal) -> None:
         info = self._interfaces.make(
             "action_msgs/msg/GoalInfo", goal_id=self._identified(goal.identifier)
         )
@@ -199,7 +199,7 @@ class ActionClient:
         self._heard.append((what, number, data))
         self._woken(data is not None)
 
-    def _take_answer(self, goal: _Goal, data: bytes | None) -> None:
+    def _take_answer(self, goal: _SentGoal, data: bytes | None) -> None:
         if goal.waits_for != "goal":
             return
         if data is None:
@@ -214,7 +214,7 @@ class ActionClient:
             if goal.cancel:
                 self._ask_to_cancel(goal)
 
-    def _take_result(self, goal: _Goal, data: bytes | None) -> None:
+    def _take_result(self, goal: _SentGoal, data: bytes | None) -> None:
         if goal.waits_for != "result":
             return
         if data is None:
@@ -247,7 +247,7 @@ class ActionClient:
             if goal.identifier == identifier and goal.waits_for != "nothing":
                 goal.feedback = data
 
-    def _tell_feedback(self, goal: _Goal) -> None:
+    def _tell_feedback(self, goal: _SentGoal) -> None:
         if goal.feedback is not None:
             message = self._read(goal.feedback, "FeedbackMessage")
             goal.feedback = None
