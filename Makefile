@@ -6,7 +6,7 @@ INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check --co
 # Machine code is made once here (about ten seconds), not in the first campaign.
 WARM := $(BIN)/python -c 'from daemon.run import warm_up; warm_up()'
 
-.PHONY: demo test bench chaos lint format lock clean
+.PHONY: demo test test-ros2 bench chaos lint format lock clean
 
 demo: $(VENV)/.installed          ## run the main job: a campaign with moving doors, judged
 	@$(BIN)/scenario demo
@@ -18,10 +18,14 @@ test: $(VENV)/.installed-test     ## lint, types, import contracts and every tes
 	$(BIN)/lint-imports --no-cache
 	$(BIN)/pytest --numprocesses logical --maxprocesses 4 --dist loadfile
 
+test-ros2: $(VENV)/.installed-test ## make ROS 2 environments (about 50 s each), test against them
+	$(BIN)/python -m tests.ros2.environment jazzy kilted
+	$(BIN)/pytest tests/ros2 --numprocesses logical --maxprocesses 4 --dist loadfile
+
 bench: $(VENV)/.installed-test    ## measure, side by side in one process
 	$(BIN)/python -m tests.benchmarks
 
-chaos: $(VENV)/.installed-test    ## kill, freeze, starve and cut off; about eight minutes
+chaos: $(VENV)/.installed-test    ## kill, freeze, starve and cut off; about nine minutes
 	$(BIN)/python -m tests.chaos
 
 format: $(VENV)/.installed-test   ## rewrite sources the way lint wants them

@@ -2,7 +2,7 @@
 
 Every run, wherever it happens, is :func:`execute`. Simulated time advances in ticks of 10 ms; what
 happens inside one tick has a fixed order: physics, ground truth and joints, odometry, scan, the
-system under test, its command. Why in this order: see ``_RunLoop._tick``. Nothing here looks at a
+system under test, its command. Why in this order: see ``RunLoop._tick``. Nothing here looks at a
 clock except to report what a run cost.
 """
 
@@ -37,7 +37,7 @@ from daemon.model.sut import (
 from daemon.simulator import World
 from daemon.simulator import warm_up as warm_up_simulator
 from daemon.stacks.registry import make_sut
-from daemon.trace import TraceWriter, read_trace
+from daemon.trace import Recorder, TraceWriter, read_trace
 from grammars.model.geometry import Floats, Pose2
 from grammars.model.scene import Scene
 from grammars.text.codec import warm_up as warm_up_codec
@@ -97,7 +97,7 @@ def execute(
         raise SceneMismatchError(f"scene {scene.digest[:12]} given, {spec.scene[:12]} specified")
     wall, cpu = time.perf_counter(), time.process_time()
     with TraceWriter(trace_path, spec, scene, versions=package_versions()) as trace:
-        loop = _RunLoop(spec, scene, trace, on_progress, interest)
+        loop = RunLoop(spec, scene, trace, on_progress, interest)
         try:
             ended, note = loop.run()
         finally:
@@ -134,16 +134,21 @@ class _PeriodicTimer:
         return True
 
 
-class _RunLoop:
-    """One run while it lasts: the world, the system under test and what is recorded."""
+class RunLoop:
+    """One run while it lasts: the world, the system under test and what is recorded.
+
+    Whoever does not want it run to its end in one go calls :meth:`begin` and :meth:`advance`.
+    ``sut`` takes the place of the specified system under test.
+    """
 
     def __init__(
         self,
         spec: RunSpec,
         scene: Scene,
-        trace: TraceWriter,
-        on_progress: ProgressCallback | None,
-        interest: Interest | None,
+        trace: Recorder,
+        on_progress: ProgressCallback | None = None,
+        interest: Interest | None = None,
+        sut: SystemUnderTest | None = None,
     ) -> None:
         # Two branches of one seed: what a system under test draws never changes doors or noise,
         # so that different systems are compared under the same chance.
@@ -159,7 +164,7 @@ class _RunLoop:
             laser_height=spec.robot.laser.z,
             joints=joints if spec.map.doors == "initial" else None,
         )
-        self._sut = make_sut(spec.sut.kind, spec.sut.parameters)
+        self._sut = sut or make_sut(spec.sut.kind, spec.sut.parameters)
         self._external = self._sut if isinstance(self._sut, ExternalSystem) else None
         self._waiting = ""
         self._odometry: list[Odometry] = []
@@ -184,21 +189,11 @@ class _RunLoop:
     def run(self) -> tuple[RunEnding, str]:
         """Step until the mission is over, the limit is reached or the system crashes."""
         trace, world = self._trace, self.world
-        trace.static(self._grid)
-        last = round(self._spec.limit * TICK_RATE)
         try:
-            self._start_sut(self._sut)
-            while True:
-                # The instant 0 is recorded and answered before anything moves, and the instant of
-                # the limit still is: the last answer may be the one that ends the mission.
-                finished = self._tick()
-                if finished or world.tick >= last:
-                    break
-                # In one go to the next tick that anything is due at: Python is entered a few
-                # dozen times per simulated second and not a hundred times for each timer.
-                world.advance(min(self._next_due(), last) - world.tick)
+            self.begin()
+            finished = self.advance(round(self._spec.limit * TICK_RATE))
             self._finish_sut()
-        except _SutError as error:
+        except SutError as error:
             trace.event(world.time, "sut", error.note, level="error")
             return "crashed", error.note
         finally:
@@ -208,6 +203,28 @@ class _RunLoop:
                 self._record_state()
         return ("finished", "") if finished else ("limit", "simulated time is up")
 
+    def begin(self) -> None:
+        """Record what holds for the whole run, start the system under test."""
+        self._trace.static(self._grid)
+        self._start_sut(self._sut)
+
+    def advance(self, last: int) -> bool:
+        """Step until tick ``last`` or the end of the mission; return whether that is over.
+
+        Stepping to a tick in several calls is stepping there in one: what is due at a tick is
+        done once. Raises :class:`SutError`.
+        """
+        world = self.world
+        while True:
+            # The instant 0 is recorded and answered before anything moves, and the instant of
+            # the limit still is: the last answer may be the one that ends the mission.
+            finished = self._tick()
+            if finished or world.tick >= last:
+                return finished
+            # In one go to the next tick that anything is due at: Python is entered a few
+            # dozen times per simulated second and not a hundred times for each timer.
+            world.advance(min(self.next_due(), last) - world.tick)
+
     def _start_sut(self, sut: SystemUnderTest) -> None:
         spec = self._spec
         briefing = Briefing(
@@ -216,7 +233,7 @@ class _RunLoop:
         try:
             sut.start(briefing)
         except Exception as error:
-            raise _SutError(error) from error
+            raise SutError(error) from error
 
     def _bring_up(self, first: Observation) -> None:
         """Wait for an external system, and tell those who watch what it still lacks."""
@@ -224,10 +241,10 @@ class _RunLoop:
             return
         try:
             for waiting in self._external.bring_up(first):
-                self._waiting = waiting[:_WAITING_LENGTH]
+                self._waiting = _one_line(waiting)
                 self._publish_snapshot(first.time)
         except Exception as error:
-            raise _SutError(error) from error
+            raise SutError(error) from error
         self._waiting = ""
 
     def _finish_sut(self) -> None:
@@ -235,7 +252,7 @@ class _RunLoop:
             try:
                 self._external.finish()
             except Exception as error:
-                raise _SutError(error) from error
+                raise SutError(error) from error
 
     def close(self) -> Mapping[str, bytes]:
         """End an external system; return what it printed, by name."""
@@ -244,7 +261,8 @@ class _RunLoop:
         self._external.close()
         return self._external.outputs()
 
-    def _next_due(self) -> int:
+    def next_due(self) -> int:
+        """Return the next tick at which anything is to be done."""
         return min(
             self._state.due,
             self._clock.due,
@@ -319,7 +337,7 @@ class _RunLoop:
             decision = self._sut.update(observation)
             _check_decision(decision)
         except Exception as error:
-            raise _SutError(error) from error
+            raise SutError(error) from error
         try:
             # Recorded before it is carried out: what the trace refuses (a plan of another shape)
             # must not have moved the robot.
@@ -329,7 +347,7 @@ class _RunLoop:
             if decision.command is not None:
                 self.world.command(decision.command)
         except ValueError as error:
-            raise _SutError(error) from error
+            raise SutError(error) from error
         self._decision = decision
         return decision.progress.state != "active"
 
@@ -366,15 +384,19 @@ class _RunLoop:
         wanted = "progress" if self._interest is None else self._interest()
         if wanted == "nothing" or self._on_progress is None:
             return
-        snapshot = self._take_snapshot(now)
         if wanted == "everything":
-            if self._live_view is None:
-                self._live_view = LiveView(self._spec.robot.laser)
-            snapshot = self._live_view.extend(snapshot, self._cloud or self._estimate, self._plan)
+            self._on_progress(self.snapshot(now))
         else:
             # Nobody looks any more: scans and contacts need not be kept for them.
             self._live_view = None
-        self._on_progress(snapshot)
+            self._on_progress(self._take_snapshot(now))
+
+    def snapshot(self, now: float) -> Snapshot:
+        """Return everything there is to see; scans are kept from the first time on."""
+        if self._live_view is None:
+            self._live_view = LiveView(self._spec.robot.laser)
+        belief = self._cloud or self._estimate
+        return self._live_view.extend(self._take_snapshot(now), belief, self._plan)
 
     def _take_snapshot(self, now: float) -> Snapshot:
         decision = self._decision
@@ -406,7 +428,13 @@ def _check_finite(what: str, pose: Pose2, covariance: Floats) -> None:
         raise ValueError(f"its {what} has values that are not finite")
 
 
-class _SutError(Exception):
+def _one_line(waiting: str) -> str:
+    """Return what is waited for as a line that any terminal and any JSON can hold."""
+    line = " ".join(waiting[: 2 * _WAITING_LENGTH].split())[:_WAITING_LENGTH]
+    return "".join(sign if sign.isprintable() else "?" for sign in line)
+
+
+class SutError(Exception):
     """The system under test raised; ``note`` says what, for the result and the trace."""
 
     def __init__(self, error: Exception) -> None:
@@ -421,4 +449,6 @@ class _SutError(Exception):
         self.note = f"the system under test crashed: {type(error).__name__}: {error}{place}"
         if isinstance(error, SutFailure):
             self.note = str(error)
+        # It may quote what a program printed, and that may be no text at all.
+        self.note = self.note.encode("utf-8", "backslashreplace").decode()
         super().__init__(self.note)

@@ -114,7 +114,7 @@ def _campaign(path: Path) -> tuple[str, tuple[Diagnostic, ...]]:
     cells, policy = sum(len(cell.suts) for cell in campaign.cells), campaign.declared.policy
     more = f", up to {cells * policy.at_most:,}" if policy.until_decided else ""
     scenarios = pluralise(len(campaign.cells), "scenario")
-    return f"{scenarios}, {pluralise(cells * policy.n, 'run')}{more}", found
+    return f"{scenarios}, {pluralise(campaign.runs, 'run')}{more}", found
 
 
 _BY_ENDING: Final[dict[str, Checker]] = {

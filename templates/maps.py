@@ -13,8 +13,9 @@ from typing import Any
 from grammars.floorplan import FloorPlan
 from grammars.model.behaviour import start_positions
 from grammars.model.geometry import Ring, signed_area
+from grammars.model.grid import write_map
 from templates.naming import file_name
-from templates.occupancy import occupancy_grid, write_map
+from templates.occupancy import occupancy_grid
 from templates.world import ExportJob
 
 

@@ -1,4 +1,4 @@
-"""The map of a scene at the height of the laser, and its files for ``map_server`` and nav2.
+"""The map of a scene at the height of the laser.
 
 Rule for a cell, in this order:
 
@@ -12,10 +12,8 @@ Rule for a cell, in this order:
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Iterable, Mapping
-from pathlib import Path
 from typing import Final, TypeAlias
 
 import numpy as np
@@ -79,34 +77,6 @@ def occupancy_grid(
     to_cells = [(np.array(ring) - origin) / resolution for ring in solid]
     cells[_painted(map(_cells_overlapped, to_cells), shape)] = OCCUPIED
     return OccupancyGrid(resolution, float(origin[0]), float(origin[1]), cells)
-
-
-def write_map(grid: OccupancyGrid, stem: Path, *, laser_height: float) -> tuple[Path, Path]:
-    """Write ``<stem>.pgm`` and ``<stem>.yaml`` for ROS ``map_server`` and nav2; return both paths.
-
-    Free is 254, occupied 0 and unknown 205, which the thresholds written (0.65 and 0.196) read
-    back as such. ``laser_height`` [m] is noted in the files.
-    """
-    image, meta = (stem.with_name(stem.name + suffix) for suffix in (".pgm", ".yaml"))
-    # As map_saver of ROS writes them: 205 is an occupancy of 50 / 255, just above free_thresh.
-    grey = np.full_like(grid.cells, 205, dtype=np.uint8)
-    grey[grid.cells == FREE] = 254
-    grey[grid.cells == OCCUPIED] = 0
-    note = f"laser at {laser_height:g} m, {grid.resolution:g} m per cell"
-    header = f"P5\n# {note}\n{len(grey[0])} {len(grey)}\n255\n".encode()
-    image.write_bytes(header + np.flipud(grey).tobytes())
-    meta.write_text(
-        f"# {note}\n"
-        f"image: {json.dumps(image.name)}\n"
-        "mode: trinary\n"
-        f"resolution: {grid.resolution!r}\n"
-        f"origin: [{grid.x!r}, {grid.y!r}, 0.0]\n"
-        "negate: 0\n"
-        "occupied_thresh: 0.65\n"
-        "free_thresh: 0.196\n",
-        encoding="utf-8",
-    )
-    return image, meta
 
 
 def _object_polygons(scene: Scene, height: float, joints: Mapping[str, float]) -> list[Ring]:

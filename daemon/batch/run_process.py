@@ -148,8 +148,11 @@ def _prepare_process(task: RunTask) -> None:
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))  # gigabytes for each crash of a stack
     if task.memory:
         # Of address space, the only memory that rlimits bound: numba and numpy reserve much more
-        # than they touch, so the default is generous.
-        resource.setrlimit(resource.RLIMIT_AS, (task.memory, task.memory))
+        # than they touch, so the default is generous. The soft limit alone: a ROS 2 stack that a
+        # run starts reserves more, and its supervisor lifts it for that.
+        _, most = resource.getrlimit(resource.RLIMIT_AS)
+        memory = task.memory if most == resource.RLIM_INFINITY else min(task.memory, most)
+        resource.setrlimit(resource.RLIMIT_AS, (memory, most))
     threading.Thread(target=_die_with_worker, daemon=True).start()
 
 
@@ -188,7 +191,11 @@ class SnapshotSender:
     def __call__(self, snapshot: Snapshot) -> None:
         """Send a snapshot, without what makes it too long for the pipe, or not at all."""
         bare = replace(snapshot, returns=(), plan=(), contacts=())
-        for picture in (snapshot, bare):
+        pictures = [snapshot, bare]
+        if snapshot.waiting:
+            # Before time begins every joint is as drawn: hundreds of them say nothing.
+            pictures.append(replace(bare, joints=()))
+        for picture in pictures:
             message = LIVE + codec.to_json(LiveSnapshot(self._run, picture))
             # A pipe that is ready takes PIPE_BUF bytes at once, so this never blocks the run; up
             # to 8 of them are the length that multiprocessing puts before a message.

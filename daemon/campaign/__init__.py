@@ -28,13 +28,14 @@ from daemon.campaign._parameters import (
     merge_parameters,
     parameter_tree,
 )
-from daemon.campaign._sut_files import LoadedSut, SutFile, load_sut
+from daemon.campaign._sut_files import ROS2, LoadedSut, SutFile, load_sut
 
 __all__ = [
     "FLOORPLAN",
     "MISSION",
     "ORACLES",
     "ROBOT",
+    "ROS2",
     "SCENERY",
     "SUT",
     "VARIATION",

@@ -7,15 +7,22 @@ test: the doors and the sensor noise are paired across cells, so cells can be co
 from __future__ import annotations
 
 import secrets
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
+from itertools import compress
 from pathlib import Path
 from typing import Any, TypeVar
 
 import numpy as np
 
 from daemon.campaign._declarations import DeclarationScope, LegTimings, read_declarations
+from daemon.campaign._external import (
+    announce_repeats,
+    check_sensors,
+    default_repeats,
+    says_repeats,
+)
 from daemon.campaign._file import (
     CampaignFile,
     LayerReference,
@@ -74,17 +81,30 @@ class CampaignCell:
 
 @dataclass(frozen=True, slots=True)
 class Campaign:
-    """A loaded campaign: ``cells`` in file order, ``warnings`` about its layers."""
+    """A loaded campaign: ``cells`` in file order, ``warnings`` about its layers.
+
+    ``repeats`` is ``None`` where the file does not say how often cells are run: once, and more
+    often with systems that are not repeatable.
+    """
 
     name: str
     about: str
     source: str
     file: str
     seed: int
-    repeats: int
+    repeats: int | None
     declared: AssessmentRules
     cells: tuple[CampaignCell, ...]
     warnings: tuple[Diagnostic, ...]
+
+    def repeats_with(self, sut: SutReference) -> int:
+        """Return how many runs every scenario has with a system before anything is decided."""
+        return default_repeats([sut]) if self.repeats is None else self.repeats
+
+    @property
+    def runs(self) -> int:
+        """How many runs there are before anything is decided."""
+        return sum(self.repeats_with(sut) for cell in self.cells for sut in cell.suts)
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,6 +123,7 @@ class _LoadedWorld:
 class _CampaignLoader:
     """A campaign while it is loaded; one bad layer does not hide what is wrong with another."""
 
+    document: YamlDocument
     text: CampaignFile
     library: LayerLibrary
     findings: list[Diagnostic] = field(default_factory=list)
@@ -149,13 +170,15 @@ def check(campaign: Campaign) -> tuple[Diagnostic, ...]:
 
 
 def _check(
-    worlds: Iterable[_LoadedWorld | CampaignCell], cells: Iterable[CampaignCell]
+    worlds: Iterable[_LoadedWorld | CampaignCell], cells: Sequence[CampaignCell]
 ) -> list[Diagnostic]:
     found: list[Diagnostic] = []
     # Scenarios that differ in behaviours or mission only share a scene: it is checked once.
     for world in {id(world.scene): world for world in worlds}.values():
         found.extend(check_composition(world.plan, world.layers))
         found.extend(check_scene(world.scene, places=world.places))
+    pairs = ((sut, cell.robot, cell.scenario.where) for cell in cells for sut in cell.suts)
+    found.extend(check_sensors(pairs))
     for cell in cells:
         for behaviours in dict.fromkeys(cell.behaviours):
             found.extend(
@@ -174,7 +197,7 @@ def _check(
 def _load_all(path: str | Path) -> tuple[Campaign, _CampaignLoader]:
     document = load_yaml(path)
     text, scenarios = read_campaign(document)
-    loader = _CampaignLoader(text, LayerLibrary(Path(path).parent))
+    loader = _CampaignLoader(document, text, LayerLibrary(Path(path).parent))
     pool = loader.collect_errors(lambda: loader.library.oracles(_oracle_layers(text, document)))
     declared = AssessmentRules(repeat_policy(text.repeats))
     if pool is not None:
@@ -190,10 +213,13 @@ def _load_all(path: str | Path) -> tuple[Campaign, _CampaignLoader]:
         source=document.text,
         file=str(path),
         seed=text.seed,
-        repeats=declared.policy.n,
+        repeats=declared.policy.n if says_repeats(document) else None,
         declared=declared,
         cells=tuple(loader.cells),
-        warnings=tuple(dict.fromkeys(loader.library.warnings)),
+        warnings=(
+            *dict.fromkeys(loader.library.warnings),
+            *announce_repeats((sut for cell in loader.cells for sut in cell.suts), document),
+        ),
     )
     return campaign, loader
 
@@ -220,7 +246,8 @@ def _load_cells(
     oracles = (*picked, *timed.measures())
     if loaded is not None:
         loader.findings += timed.problems(loaded[0])
-    for world in _load_worlds(scenario, robot, loader):
+    known = tuple(sut for sut in suts if sut is not None)
+    for world in _load_worlds(scenario, robot, known, loader):
         if robot is None or loaded is None:
             continue
         mission, document = loaded
@@ -236,7 +263,7 @@ def _load_cells(
                 mission_where=document.where(),
                 places=dict(world.places) | _waypoint_places(mission, document),
                 robot=robot,
-                suts=tuple(sut for sut in suts if sut is not None),
+                suts=known,
                 oracles=oracles,
                 behaviours=tuple(r.behaviours for r in world.resolved),
                 map=scenario.map,
@@ -246,7 +273,10 @@ def _load_cells(
 
 
 def _load_worlds(
-    scenario: ResolvedScenario, robot: Robot | None, loader: _CampaignLoader
+    scenario: ResolvedScenario,
+    robot: Robot | None,
+    suts: tuple[SutReference, ...],
+    loader: _CampaignLoader,
 ) -> list[_LoadedWorld]:
     """Return the worlds of a scenario; empty when a layer of it cannot be used."""
     attempt, library = loader.collect_errors, loader.library
@@ -256,13 +286,16 @@ def _load_worlds(
     sound = tuple(layer for layer in layers if layer is not None)
     if plans is None or len(sound) < len(layers):
         return []
+    repeats = repeat_policy(loader.text.repeats).at_most
+    if not says_repeats(loader.document):
+        repeats = default_repeats(suts)
     # One variant that cannot be composed does not hide what is wrong with the next.
     worlds = []
     for name, plan in plans:
         scene = attempt(partial(_scene, scenario, plan, sound, loader))
         if scene is None:
             continue
-        resolved = attempt(partial(_resolve_all, scenario, loader.text, sound, scene))
+        resolved = attempt(partial(_resolve_all, scenario, loader.text.seed, repeats, sound, scene))
         if resolved is None:
             continue
         library.warnings.extend(resolved[0].overridden)
@@ -330,15 +363,18 @@ def _pick_oracles(scenario: ResolvedScenario, pool: dict[str, Oracle]) -> tuple[
 
 
 def _resolve_all(
-    scenario: ResolvedScenario, text: CampaignFile, layers: tuple[SceneryLayer, ...], scene: Scene
+    scenario: ResolvedScenario,
+    seed: int,
+    repeats: int,
+    layers: tuple[SceneryLayer, ...],
+    scene: Scene,
 ) -> tuple[ResolvedBehaviours, ...]:
     """Return the concrete behaviours of every repeat, drawn anew or once for all."""
-    repeats = repeat_policy(text.repeats).at_most
     draws = repeats if scenario.chance == "per repeat" else 1
     # The paper keeps the random doors of its scenario S2 the same in all five repeats, which is
     # ``chance: per campaign``; sensor noise differs in each repeat either way.
     resolved = tuple(
-        resolve_behaviours(scene, layers, seed=repeat_seed(text.seed, draw), limit=scenario.limit)
+        resolve_behaviours(scene, layers, seed=repeat_seed(seed, draw), limit=scenario.limit)
         for draw in range(draws)
     )
     return resolved if draws == repeats else resolved * repeats
@@ -361,16 +397,17 @@ def expand(campaign: Campaign, *, fresh: bool = False) -> Submission:
     Repeats beyond those every cell gets are in reserve, for cells that are not decided by then.
     """
     specs = tuple(_specs(campaign))
+    now = [spec.repeat < campaign.repeats_with(spec.sut) for spec in specs]
     scenes = {cell.scene.digest: cell.scene for cell in campaign.cells}
     submission = Submission(
         campaign="",
         name=campaign.name,
         about=campaign.about,
         source=campaign.source,
-        runs=tuple(spec for spec in specs if spec.repeat < campaign.repeats),
+        runs=tuple(compress(specs, now)),
         scenes=tuple(scenes.values()),
         declared=campaign.declared,
-        reserve=tuple(spec for spec in specs if spec.repeat >= campaign.repeats),
+        reserve=tuple(spec for spec, soon in zip(specs, now, strict=True) if not soon),
         fresh=fresh,
     )
     # By content, so that a client that got no answer may submit once more.
@@ -383,7 +420,10 @@ def _specs(campaign: Campaign) -> Iterator[RunSpec]:
         digest = cell.scene.digest
         oracles = tuple(OracleText(o.name, o.text) for o in cell.oracles)
         for sut in cell.suts:
-            for repeat, behaviours in enumerate(cell.behaviours):
+            behaviours_of = cell.behaviours
+            if campaign.repeats is None:
+                behaviours_of = behaviours_of[: campaign.repeats_with(sut)]
+            for repeat, behaviours in enumerate(behaviours_of):
                 seed = repeat_seed(campaign.seed, repeat).generate_state(1, np.uint64)
                 yield RunSpec(
                     campaign=campaign.name,

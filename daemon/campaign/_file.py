@@ -247,7 +247,7 @@ class CampaignFile(StrictModel):
     """The only source of chance: the same seed gives the same runs, byte for byte."""
     repeats: RepeatsText = ONCE
     """Runs of every scenario, a number or {n: 5, pass: rate >= 80 %}; the same repeat sees the
-    same noise in each of them."""
+    same noise in each of them. When left out 1, and 5 with a system that is not repeatable."""
     limit: Duration = Field(gt=0, le=86_400)
     """Simulated time a run may take."""
     robot: str | None = None

@@ -1,7 +1,8 @@
 """Files that describe systems under test: layers on each other and on ROS parameter files.
 
 What a file says holds over what its ROS files say, and both over the system it is ``like``. The
-outcome is one tree of parameters; every complaint about it stands where the value was written.
+outcome is one tree of parameters; every complaint about it stands where the value was written. For
+a ROS 2 stack the tree are its keys at the top of the file, as they were written.
 """
 
 from __future__ import annotations
@@ -28,10 +29,13 @@ from daemon.model.attachments import FILES_PARAMETER, attach_files
 from daemon.model.spec import SutReference
 from daemon.stacks.findings import ParameterError, ParameterFinding, ParameterFindings
 from daemon.stacks.registry import check_parameters, is_built_in
+from daemon.stacks.ros2.keys import ROS2_KEYS, Ros2Keys
+from daemon.stacks.ros2.settings import REPEATABLE
 from grammars.text.diagnostics import Diagnostic, InputError, Severity, Where
-from grammars.text.documents import StrictModel, YamlDocument, load_yaml, read_model
+from grammars.text.documents import YamlDocument, load_yaml, read_model
 
 ROS: Final = "ros"
+ROS2: Final = "ros2"
 _MOST_NAMED: Final = 6
 """So many parameters without effect are named in a warning."""
 _Files: TypeAlias = Annotated[
@@ -45,7 +49,7 @@ FindSutFile: TypeAlias = Callable[[Path, LayerReference], Path]
 """Finds the SUT file a reference in a file of a folder names; raises :class:`InputError`."""
 
 
-class SutFile(StrictModel):
+class SutFile(Ros2Keys):
     """The keys of a file that describes a system under test."""
 
     sut: str = Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]{0,59}$")
@@ -61,11 +65,11 @@ class SutFile(StrictModel):
     costmap_common_params.yaml, move_base_params.yaml ...), loaded as usual launch files do."""
     files: dict[str, _Files] = Field(default_factory=dict)
     """ROS parameter files by the namespace they are loaded into, such as move_base/global_costmap;
-    costmap_common is loaded into both costmaps. For a kind plugged in: files it needs, one each by
-    a name of your choice; they travel to the workers."""
+    costmap_common is loaded into both costmaps. For "kind: ros2" and a kind plugged in: files it
+    needs, one each by a name of your choice; they travel to the workers."""
     parameters: dict[str, Any] = Field(default_factory=dict)
     """What differs from the files, from the system this one is like, from the defaults of the
-    kind. null takes an inherited value away."""
+    kind. null takes an inherited value away. Not for "kind: ros2", which has keys of its own."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,6 +112,8 @@ def load_sut(path: Path, find: FindSutFile) -> LoadedSut:
     tree = parameter_tree(settings)
     if layer.attached:
         tree = {**tree, FILES_PARAMETER: _attach(layer, document)}
+    if layer.kind == ROS2:
+        tree[REPEATABLE] = False
     try:
         findings = check_parameters(layer.kind, tree)
     except ValueError as error:
@@ -135,9 +141,10 @@ def _load(
     if text.ros and kind != ROS:
         message = f"ros: only kind {ROS} reads ROS parameter files, this is {kind}"
         raise InputError(Diagnostic(document.where(("ros",)), message))
-    if text.files and is_built_in(kind) and kind != ROS:
+    if text.files and is_built_in(kind) and kind not in (ROS, ROS2):
         message = f"files: {kind} needs none"
         raise InputError(Diagnostic(document.where(("files",)), message))
+    _refuse_keys_of_others(document, kind)
     if text.ros:
         where = document.where(("ros",))
         found = load_package_folder(path.parent / text.ros, where, warnings, whole=base is None)
@@ -149,13 +156,13 @@ def _load(
         )
     else:
         attached = attached | _attached(path, document, text)
-    settings = merge_parameters(settings, _written(document, text))
+    settings = merge_parameters(settings, _written(document, text, kind))
     files = (str(path), *(() if base is None else base.files))
     return _SutLayer(text, kind, settings, files, tuple(warnings), attached)
 
 
 def _attached(path: Path, document: YamlDocument, text: SutFile) -> dict[str, Path]:
-    """Return the files that travel with a kind plugged in, by name."""
+    """Return the files that travel, by name."""
     found: dict[str, Path] = {}
     for name, places in _named_files(path, document, text).items():
         if len(places) != 1 or not places[0][0].is_file():
@@ -217,7 +224,22 @@ def _named_files(
     }
 
 
-def _written(document: YamlDocument, text: SutFile) -> ParameterValues:
+def _refuse_keys_of_others(document: YamlDocument, kind: str) -> None:
+    """Refuse keys at the top of a file that mean nothing for its kind."""
+    wrong: tuple[str, ...] = ROS2_KEYS
+    message, hint = f"only kind {ROS2} has this key, this is {kind}", ""
+    if kind == ROS2:
+        wrong = ("parameters",)
+        message, hint = f"kind {ROS2} has none", "write its keys at the top: launch, topics …"
+    keys = [key for key in wrong if key in document.data]
+    if keys:
+        raise InputError(Diagnostic(document.where((k,)), f"{k}: {message}", hint) for k in keys)
+
+
+def _written(document: YamlDocument, text: SutFile, kind: str) -> ParameterValues:
+    if kind == ROS2:
+        keys = {key: document.data[key] for key in ROS2_KEYS if key in document.data}
+        return flatten_parameters(keys, document.where)
     return flatten_parameters(text.parameters, lambda p: document.where(("parameters", *p)))
 
 
@@ -272,8 +294,14 @@ def _placed(
     settings: ParameterValues,
     severity: Severity = Severity.ERROR,
 ) -> Diagnostic:
-    where = parameter_place(settings, finding.path) or document.where(("sut",))
+    where = parameter_place(settings, finding.path) or _place_of_key(finding, document)
     return Diagnostic(where, _named(finding), finding.hint, severity)
+
+
+def _place_of_key(finding: ParameterFinding, document: YamlDocument) -> Where:
+    """Return where a key stands that is no parameter, such as a file's name."""
+    found = finding.path and finding.path[0] in document.data
+    return document.where(finding.path if found else ("sut",))
 
 
 def _named(finding: ParameterFinding) -> str:

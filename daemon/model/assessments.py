@@ -111,7 +111,8 @@ class RunRecord:
     ``state`` is a word of :class:`daemon.model.status.RunState`; ``ended`` one of
     :class:`daemon.model.spec.RunResult`, empty without a result. ``trace`` is the path of the trace
     on the machine that keeps it. ``seed`` tells whether runs of two campaigns can be paired.
-    ``cached`` is the earlier run this result was taken from.
+    ``cached`` is the earlier run this result was taken from. Of a system under test that is not
+    ``repeatable`` the same run gives something else each time.
     """
 
     id: str
@@ -128,6 +129,7 @@ class RunRecord:
     state: str = "done"
     seed: int = 0
     cached: str = ""
+    repeatable: bool = True
 
     def verdict(self, oracle: str) -> Verdict | None:
         """Return the verdict of an oracle, ``None`` when it did not judge this run."""

@@ -224,7 +224,8 @@ class LedgerAnswer(StrEnum):
     """What the ledger made of a completion, a release or a renewal.
 
     ``recorded``: this is the result. ``known``: the same result was there. ``differs``: another
-    result was there, a nondeterminism alarm. ``dropped``: the run is cancelled. ``stale``: the
+    result was there, a nondeterminism alarm. ``redundant``: another result was there of a system
+    that is not repeatable, and one is enough. ``dropped``: the run is cancelled. ``stale``: the
     lease is not the sender's any more. ``missing``: nothing was recorded, since the trace is not
     there: bring it again. ``done``: as asked.
     """
@@ -232,6 +233,7 @@ class LedgerAnswer(StrEnum):
     RECORDED = "recorded"
     KNOWN = "known"
     DIFFERS = "differs"
+    REDUNDANT = "redundant"
     DROPPED = "dropped"
     STALE = "stale"
     MISSING = "missing"

@@ -9,6 +9,10 @@ import functools
 import math
 from typing import Any, Final
 
+import numpy as np
+
+from grammars.model.grid import OccupancyGrid
+
 CONTACTS: Final = "gazebo_msgs/msg/ContactsState"
 
 _GAZEBO_DEFINITIONS: Final = {
@@ -113,4 +117,22 @@ def transform(stamp: Any, parent: str, child: str, *, x: float, y: float, z: flo
             translation=vector(x, y, z),
             rotation=quaternion(qz, qw),
         ),
+    )
+
+
+def occupancy_grid(grid: OccupancyGrid, now: int = 0, frame: str = "map") -> Any:
+    """Return a ``nav_msgs/OccupancyGrid`` at ``now`` [ns]: rows from the lowest y, as the grid."""
+    rows, columns = grid.cells.shape
+    return make(
+        "nav_msgs/msg/OccupancyGrid",
+        header=header(time(now), frame),
+        info=make(
+            "nav_msgs/msg/MapMetaData",
+            map_load_time=time(now),
+            resolution=grid.resolution,
+            width=columns,
+            height=rows,
+            origin=pose(grid.x, grid.y, 0.0, 1.0),
+        ),
+        data=np.ascontiguousarray(grid.cells, np.int8).ravel(),
     )

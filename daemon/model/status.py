@@ -110,7 +110,8 @@ class RunRow:
     ``oracle`` and ``margin`` name the oracle that decides the outcome (the first failing one,
     else the one with the smallest margin) and its margin in ``unit``. ``trace`` is the path of
     the trace on the machine that keeps it, empty while there is none. ``cached`` is the earlier
-    run whose result this is, empty when it was executed itself.
+    run whose result this is, empty when it was executed itself. Of a system that is not
+    ``repeatable`` the same run gives something else each time.
     """
 
     id: str
@@ -132,6 +133,7 @@ class RunRow:
     trace: str
     reason: str = ""
     cached: str = ""
+    repeatable: bool = True
 
     @property
     def nondeterministic(self) -> bool:

@@ -18,6 +18,7 @@ from daemon.model.sut import SystemUnderTest
 from daemon.stacks.findings import ParameterFindings
 from daemon.stacks.pilot import make_idle, make_pilot
 from daemon.stacks.ros1 import make_ros
+from daemon.stacks.ros2.factory import make_ros2
 from grammars.text.diagnostics import did_you_mean
 from grammars.text.plugins import explain_plugin_error, plugin_origin
 
@@ -30,6 +31,7 @@ _BUILT_IN: Final[dict[str, Factory]] = {
     "idle": make_idle,
     "pilot": make_pilot,
     "ros": make_ros,
+    "ros2": make_ros2,
 }
 
 
@@ -67,7 +69,7 @@ def check_parameters(kind: str, parameters: Mapping[str, Any]) -> ParameterFindi
     """Return what a kind has to say about parameters it takes.
 
     Raises ``ValueError`` for what it does not take; its subclass
-    :class:`daemon.stacks.ros1.parameters.ParameterError`, which plug-ins may raise as well,
+    :class:`daemon.stacks.findings.ParameterError`, which plug-ins may raise as well,
     says where in the tree each problem stands.
     """
     if kind == "ros":
@@ -75,6 +77,10 @@ def check_parameters(kind: str, parameters: Mapping[str, Any]) -> ParameterFindi
         from daemon.stacks.ros1.configuration import read_ros
 
         return read_ros(parameters).findings
+    if kind == "ros2":
+        from daemon.stacks.ros2.advice import check_settings
+
+        return check_settings(parameters)
     make_sut(kind, parameters)
     return ParameterFindings()
 

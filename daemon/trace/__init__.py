@@ -17,6 +17,7 @@ from daemon.trace._model import (
 from daemon.trace._reader import read_outputs, read_scene, read_spec, read_trace
 from daemon.trace._signals import JointSamples, decode_path, encode_path, encode_poses
 from daemon.trace._statics import MovingLinks
+from daemon.trace._stream import MessageStream, Recorder
 from daemon.trace._writer import PARTIAL, TraceWriter
 from daemon.trace.messages import TOPICS, warm_up
 
@@ -29,11 +30,13 @@ __all__ = [
     "JointSamples",
     "JointTrack",
     "LatencyTrack",
+    "MessageStream",
     "MotionTrack",
     "MovingLinks",
     "PlanRecord",
     "PoseTrack",
     "ProgressRecord",
+    "Recorder",
     "ScanTrack",
     "Trace",
     "TraceError",

@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from daemon.model import ros_messages as ros
 from daemon.model.sut import CostmapPicture
-from daemon.trace import _statics, layouts, messages
+from daemon.trace import layouts, messages
 from daemon.trace._mcap_writer import MessageBlock, MessageRecords, SampleColumns, encode_block
 from daemon.trace._statics import MovingLinks
 from daemon.trace.layouts import IntArray, stamps
@@ -95,7 +95,7 @@ class ViewerMessages:
         Of plans that change more than once a second the latest is kept until it is time. Raises
         ``ValueError`` for another shape.
         """
-        thin = _thin_plan(points)
+        thin = thin_plan(points)
         raw = thin.tobytes()
         if raw == self._last:
             return
@@ -121,7 +121,7 @@ class ViewerMessages:
     def costmap(self, now: int, picture: CostmapPicture) -> None:
         """Take a costmap; more than one a second is left out."""
         if self._take("costmap", now, _SECOND):
-            grid = _statics.occupancy_grid(_published_costmap(picture), now, picture.frame)
+            grid = ros.occupancy_grid(published_costmap(picture), now, picture.frame)
             self._costmap.add(now, ros.serialize(grid, messages.KINDS[COSTMAP]))
 
     def _take(self, what: str, now: int, period: int) -> bool:
@@ -136,7 +136,7 @@ class ViewerMessages:
         return [records.drain() for records in kept]
 
 
-def _thin_plan(points: Floats) -> Floats:
+def thin_plan(points: Floats) -> Floats:
     """Round a plan and leave points out evenly, but never the last one."""
     if points.ndim != 2 or points.shape[1] != 2:
         raise ValueError(f"a plan must have shape (n, 2), not {points.shape}")
@@ -166,7 +166,7 @@ def encode_poses(now: int, poses: Floats) -> bytes:
     return _pack_head(now, len(poses)) + padding + _round_coordinates(rows).tobytes()
 
 
-def _published_costmap(picture: CostmapPicture) -> OccupancyGrid:
+def published_costmap(picture: CostmapPicture) -> OccupancyGrid:
     """Return a costmap as costmap_2d publishes it: 0 free, 1 to 98, 99 inscribed, 100 lethal, -1.
 
     Source: the cost translation table of ``costmap_2d::Costmap2DPublisher``.

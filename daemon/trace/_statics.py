@@ -17,7 +17,6 @@ import numpy as np
 
 from daemon.model import ros_messages as ros
 from grammars.model.geometry import Floats, Point2, Pose2, Ring
-from grammars.model.grid import OccupancyGrid
 from grammars.model.kinematics import cos_sin, link_tracks
 from grammars.model.mission import Mission
 from grammars.model.robot import Robot
@@ -84,24 +83,6 @@ def _moving(item: SceneObject) -> list[str]:
     """Return the links of ``item`` that have a joint, in the order of its links."""
     children = {joint.child for joint in item.joints}
     return [link.name for link in item.links if link.name in children]
-
-
-def occupancy_grid(grid: OccupancyGrid, now: int = 0, frame: str = "map") -> Any:
-    """``/map`` or another grid at ``now`` [ns]: rows from the lowest y, as in the grid."""
-    rows, columns = grid.cells.shape
-    return ros.make(
-        "nav_msgs/msg/OccupancyGrid",
-        header=ros.header(ros.time(now), frame),
-        info=ros.make(
-            "nav_msgs/msg/MapMetaData",
-            map_load_time=ros.time(now),
-            resolution=grid.resolution,
-            width=columns,
-            height=rows,
-            origin=ros.pose(grid.x, grid.y, 0.0, 1.0),
-        ),
-        data=np.ascontiguousarray(grid.cells, np.int8).ravel(),
-    )
 
 
 def footprint(robot: Robot) -> Any:

@@ -11,9 +11,7 @@ from __future__ import annotations
 
 import functools
 import hashlib
-import math
 import os
-from collections import deque
 from collections.abc import Mapping
 from pathlib import Path
 from types import TracebackType
@@ -27,6 +25,7 @@ from daemon.model import ros_messages as ros
 from daemon.model.spec import RunSpec, TraceInfo
 from daemon.model.sut import Cloud, CostmapPicture, Estimate, Odometry, Progress
 from daemon.trace import _statics, messages
+from daemon.trace._frames import Correction, MapCorrection
 from daemon.trace._mcap_writer import McapWriter, MessageRecords, SampleColumns
 from daemon.trace._signals import SignalBuffers
 from grammars.model.geometry import Floats, Point2, Pose2, Twist2
@@ -71,9 +70,7 @@ class TraceWriter:
         self._goals = messages.goal_ids(spec.digest, spec.mission)
         packed = _compress_scene(scene, spec.scene)
         self._spec, self._scene = spec, scene
-        # Three seconds at 20 Hz: an estimate has the stamp of its scan, a few samples back.
-        self._odometers: deque[Odometry] = deque(maxlen=64)
-        self._localised = False
+        self._frames = MapCorrection(spec.mission.start)
         self._progress_last = Progress(-1, -1, "active")
         self._clock_due = 0
         self._due = _CHUNK
@@ -87,8 +84,8 @@ class TraceWriter:
 
     def static(self, grid: OccupancyGrid) -> None:
         """Write everything that holds for the whole run, at time 0."""
-        latched = _latched_payloads(self._scene, self._spec.robot, self._spec.mission)
-        drawn = ros.serialize(_statics.occupancy_grid(grid), messages.KINDS["/map"])
+        latched = latched_payloads(self._scene, self._spec.robot, self._spec.mission)
+        drawn = ros.serialize(ros.occupancy_grid(grid), messages.KINDS["/map"])
         blocks = []
         for topic, payload in (("/map", drawn), *latched):
             records = MessageRecords(self._ids[topic])
@@ -124,9 +121,7 @@ class TraceWriter:
         pose, twist = sample.pose, sample.twist
         qz, qw = ros.yaw_quaternion(pose.yaw)
         self._signals.odometry.add(now, (pose.x, pose.y, qz, qw, twist.vx, twist.vy, twist.wz))
-        self._odometers.append(sample)
-        if not self._localised:
-            self._correct(now, self._spec.mission.start, pose)
+        self._correct(now, self._frames.odometry(sample))
 
     def ground_truth(self, time: float, pose: Pose2, twist: Twist2) -> None:
         """Record the true pose in map and the true body twist."""
@@ -145,13 +140,13 @@ class TraceWriter:
     def estimate(self, estimate: Estimate) -> None:
         """Record a pose estimate, and map -> odom as it follows from odometry at that time."""
         now = self._at(estimate.time)
-        self._signals.estimate.add(now, _estimate_columns(estimate.pose, estimate.covariance))
-        self._correct(now, estimate.pose, self._odometer_at(estimate.time))
+        self._signals.estimate.add(now, estimate_columns(estimate.pose, estimate.covariance))
+        self._correct(now, self._frames.estimate(estimate))
 
     def cloud(self, cloud: Cloud) -> None:
         """Record the summary of a particle cloud and the number of particles."""
         now = self._at(cloud.time)
-        belief = _estimate_columns(cloud.mean, cloud.covariance)
+        belief = estimate_columns(cloud.mean, cloud.covariance)
         self._signals.cloud.add(now, (*belief, float(cloud.count)))
 
     def plan(self, time: float, points: Floats) -> None:
@@ -197,16 +192,7 @@ class TraceWriter:
     def event(self, time: float, source: str, text: str, *, level: str = "info") -> None:
         """Record a sentence for the log; ``level`` is debug, info, warn, error or fatal."""
         now = self._at(time)
-        if level not in messages.LEVELS:
-            known = ", ".join(messages.LEVELS)
-            raise ValueError(f"the level of an event is one of {known}, not {level!r}")
-        message = ros.make(
-            "rcl_interfaces/msg/Log",
-            stamp=ros.time(now), level=messages.LEVELS[level],
-            name=_utf8_text(source), msg=_utf8_text(text),
-            file="", function="", line=0,
-        )  # fmt: skip
-        self._signals.events.add(now, ros.serialize(message, messages.KINDS["/events"]))
+        self._signals.events.add(now, log_payload(now, source, text, level))
         if self._signals.events.size > _EVENT_BYTES:
             self._flush()
 
@@ -227,10 +213,10 @@ class TraceWriter:
         container.add_metadata(
             "outcome",
             {
-                "ended": _utf8_text(ended),
+                "ended": utf8_text(ended),
                 "complete": "true",
                 "valid_until": repr(container.last / _SECOND),
-                "note": _utf8_text(note),
+                "note": utf8_text(note),
             },
         )
         container.finish()
@@ -275,28 +261,9 @@ class TraceWriter:
             self._due = (now // _CHUNK + 1) * _CHUNK
         return now
 
-    def _odometer_at(self, time: float) -> Pose2:
-        """Return base_link in odom, carried on by its twist since the last sample."""
-        for sample in reversed(self._odometers):
-            if sample.time <= time:
-                since, twist = time - sample.time, sample.twist
-                way = Pose2(since * twist.vx, since * twist.vy, since * twist.wz)
-                return sample.pose @ way if since > 0.0 else sample.pose
-        return Pose2()
-
-    def _correct(self, now: int, pose: Pose2, odometry: Pose2) -> None:
-        """Record map -> odom such that ``odometry`` (base in odom) lies at ``pose`` in map.
-
-        A pose that is not a number has no frame; viewers keep the one before.
-        """
-        turn = pose.yaw - odometry.yaw
-        if math.isfinite(turn):
-            qz, qw = ros.yaw_quaternion(math.remainder(turn, math.tau))
-            c, s = qw * qw - qz * qz, 2.0 * qz * qw
-            x = pose.x - c * odometry.x + s * odometry.y
-            y = pose.y - s * odometry.x - c * odometry.y
-            self._signals.correction.add(now, (x, y, qz, qw))
-        self._localised = True
+    def _correct(self, now: int, correction: Correction | None) -> None:
+        if correction is not None:
+            self._signals.correction.add(now, correction)
 
     def _flush(self) -> None:
         judged, watched = self._signals.drain()
@@ -334,7 +301,7 @@ def _write_preamble(
 
 
 @functools.lru_cache(maxsize=4)
-def _latched_payloads(scene: Scene, robot: Robot, course: Mission) -> tuple[tuple[str, bytes], ...]:
+def latched_payloads(scene: Scene, robot: Robot, course: Mission) -> tuple[tuple[str, bytes], ...]:
     """Return the payloads of the latched topics but the map, the same for every repeat."""
     latched = {
         "/footprint": _statics.footprint(robot),
@@ -359,13 +326,28 @@ def _compressed(data: bytes) -> bytes:
     return zstandard.ZstdCompressor(level=9).compress(data)
 
 
-def _estimate_columns(pose: Pose2, covariance: Floats) -> tuple[float, ...]:
+def log_payload(now: int, source: str, text: str, level: str) -> bytes:
+    """Return a sentence for the log at ``now`` [ns]; raises ``ValueError`` for another level."""
+    if level not in messages.LEVELS:
+        known = ", ".join(messages.LEVELS)
+        raise ValueError(f"the level of an event is one of {known}, not {level!r}")
+    message = ros.make(
+        "rcl_interfaces/msg/Log",
+        stamp=ros.time(now), level=messages.LEVELS[level],
+        name=utf8_text(source), msg=utf8_text(text),
+        file="", function="", line=0,
+    )  # fmt: skip
+    return ros.serialize(message, messages.KINDS["/events"])
+
+
+def estimate_columns(pose: Pose2, covariance: Floats) -> tuple[float, ...]:
+    """Return pose and covariance (3, 3) as an estimate's layout names them, in its order."""
     if covariance.shape != (3, 3):
         raise ValueError(f"a covariance must have shape (3, 3), not {covariance.shape}")
     return (pose.x, pose.y, *ros.yaw_quaternion(pose.yaw), *covariance.ravel().tolist())
 
 
-def _utf8_text(text: str) -> str:
+def utf8_text(text: str) -> str:
     """Return text that UTF-8 can hold (what a crashed program says may not be), not endless."""
     if len(text) > _TEXT_LIMIT:
         text = text[: _TEXT_LIMIT - 1] + "…"

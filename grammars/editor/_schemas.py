@@ -177,10 +177,13 @@ def _with_descriptions(raw: Schema, owner: type[Any]) -> Schema:
 
 
 def _field_docs(owner: type[Any]) -> dict[str, str]:
-    """Return the strings written below the fields of a class."""
+    """Return the strings written below the fields of a class and those it inherits."""
+    docs: dict[str, str] = {}
+    for base in owner.__bases__:
+        if base is not BaseModel and issubclass(base, BaseModel):
+            docs |= _field_docs(base)
     (body,) = ast.parse(textwrap.dedent(inspect.getsource(owner))).body
     assert isinstance(body, ast.ClassDef)
-    docs: dict[str, str] = {}
     for field, below in zip(body.body, body.body[1:], strict=False):
         if (
             isinstance(field, ast.AnnAssign)

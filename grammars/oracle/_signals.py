@@ -217,6 +217,11 @@ _DECLARATIONS: Final = (
     SignalDeclaration("mission.leg.elapsed", TIME, "time since that waypoint was first approached"),
     SignalDeclaration("mission.reached", RATIO, "waypoints done, as the system under test reports"),
     SignalDeclaration("mission.distance", LENGTH, "true distance to the waypoint being approached"),
+    SignalDeclaration(
+        "latency",
+        TIME,
+        "wall time an external system took to answer, the longest since the previous sample",
+    ),
 )
 
 SIGNALS: Final = {kind.name: kind for kind in _DECLARATIONS}

@@ -277,24 +277,35 @@ def read_model(document: YamlDocument, model: type[M]) -> M:
 
 
 def _explain(document: YamlDocument, model: type[BaseModel], finding: Any) -> Diagnostic:
-    path = tuple(finding["loc"])
+    path, message, hint = explain_finding(model, finding)
     where = document.where(path)
+    if finding["type"] == "string_type" and hint:
+        # 3.10 has become 3.1 and yes may be true elsewhere: show what was written.
+        given = finding["input"]
+        written = _source(document.text, where, _VALUE) or str(given)
+        hint = _text_hint(written, given)
+    return Diagnostic(where, message, hint)
+
+
+def explain_finding(model: type[BaseModel], finding: Any) -> tuple[KeyPath, str, str]:
+    """Return the place, the message and the hint of one of pydantic's errors about ``model``."""
+    path = tuple(finding["loc"])
     kind = finding["type"]
     if kind == "extra_forbidden":
         known = _names(_model_at(model, path[:-1]))
-        return Diagnostic(where, f'unknown key "{path[-1]}"', did_you_mean(str(path[-1]), known))
+        return path, f'unknown key "{path[-1]}"', did_you_mean(str(path[-1]), known)
     if kind == "missing":
-        return Diagnostic(document.where(path[:-1]), f'key "{path[-1]}" is missing')
+        return path[:-1], f'key "{path[-1]}" is missing', ""
     given = finding.get("input")
-    if kind == "string_type" and isinstance(given, bool | int | float):
-        # 3.10 has become 3.1 and yes may be true elsewhere: show what was written.
-        written = _source(document.text, where, _VALUE) or str(given)
-        hint = f'{written} is {_kind(given)}: write it as "{written}"'
-    else:
-        hint = ""
+    textless = kind == "string_type" and isinstance(given, bool | int | float)
+    hint = _text_hint(str(given), given) if textless else ""
     words = [str(part) for part in path if isinstance(part, str) and part != "[key]"]
     message = _plain_message(finding)
-    return Diagnostic(where, f"{words[-1]}: {message}" if words else message, hint)
+    return path, f"{words[-1]}: {message}" if words else message, hint
+
+
+def _text_hint(written: str, given: Any) -> str:
+    return f'{written} is {_kind(given)}: write it as "{written}"'
 
 
 _PLAIN_MESSAGES: Final = {

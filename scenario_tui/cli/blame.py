@@ -87,6 +87,9 @@ def blame(
     case = load_case(meant.campaign, meant.scenario, meant.sut, meant.repeat)
     if meant.note:
         say(f"{case.spec.label}: {meant.note}")
+    if not case.spec.sut.repeatable:
+        # Each candidate is run once: what passes by luck would be called the reason.
+        say(f"{case.spec.sut.name} is not repeatable: a reason found here may be chance, verify it")
     try:
         # Saving is inside: whether the first repeat fails as well may be one more run.
         with _run_counter() as watch:

@@ -9,7 +9,6 @@ from collections.abc import Callable, Sequence
 from typing import Annotated, Any, Final
 
 import typer
-from typer.core import TyperCommand, TyperGroup, TyperOption
 
 from grammars.text.diagnostics import InputError
 from scenario_tui.cli import (
@@ -20,62 +19,45 @@ from scenario_tui.cli import (
     export,
     judge,
     keys,
+    logs,
     look,
     machines,
     operate,
     recorded_runs,
     report,
     run_campaigns,
+    serve,
     steer,
     sut,
     vary,
+    verify,
 )
 from scenario_tui.cli.exit_codes import ExitCode
-from scenario_tui.cli.options import with_keys_option
+from scenario_tui.cli.options import PlainFlagsCommand, PlainFlagsGroup, with_keys_option
 from scenario_tui.cli.output import report_diagnostics, say, settle_streams
-
-
-class _PlainFlags:
-    """Shows flags without the ``<bool>`` that typer puts behind them."""
-
-    def get_params(self, ctx: Any) -> list[Any]:
-        """Return the parameters as help shows them."""
-        parameters: list[Any] = super().get_params(ctx)  # type: ignore[misc]
-        for one in parameters:
-            if isinstance(one, TyperOption) and one.is_flag and one.metavar is None:
-                one.metavar = ""
-        return parameters
-
-
-class PlainFlagsCommand(_PlainFlags, TyperCommand):
-    """A command whose flags are shown without ``<bool>``."""
-
-
-class PlainFlagsGroup(_PlainFlags, TyperGroup):
-    """A group of commands whose flags are shown without ``<bool>``."""
-
 
 _PANELS: Final[dict[str, tuple[Callable[..., None], ...]]] = {
     "Run campaigns": (
         run_campaigns.demo,
         run_campaigns.check,
-        sut.sut,
         run_campaigns.run,
         run_campaigns.submit,
         run_campaigns.wait,
+        serve.serve,
     ),
     "Look": (
         machines.tui,
         look.status,
         look.results,
         look.show,
-        look.logs,
+        logs.logs,
         recorded_runs.fetch,
         recorded_runs.replay,
         recorded_runs.plot,
     ),
     "Understand": (
         judge.judge,
+        verify.verify,
         compare.compare,
         report.report,
         coverage.coverage,
@@ -109,6 +91,7 @@ app = typer.Typer(
 for _panel, _commands in _PANELS.items():
     for _command in _commands:
         app.command(rich_help_panel=_panel, cls=PlainFlagsCommand)(with_keys_option(_command))
+app.add_typer(sut.sut_app, rich_help_panel="Run campaigns")
 app.add_typer(keys.keys_app, rich_help_panel="Machines")
 
 

@@ -67,6 +67,7 @@ def sut_schema(title: str) -> Schema:
     """Check the parameters of the kinds that ship; those that plug in check their own."""
     from daemon.campaign import SutFile
     from daemon.stacks import PilotParameters
+    from daemon.stacks.ros2.keys import ROS2_KEYS
     from grammars.editor import editor_schema
 
     schema = editor_schema(SutFile, title)
@@ -74,7 +75,7 @@ def sut_schema(title: str) -> Schema:
     definitions["pilot"] = editor_schema(PilotParameters, "Parameters of the pilot")
     del definitions["pilot"]["$schema"]
     takes = {name: {"$ref": f"#/$defs/{name}"} for name in ("pilot", "ros")}
-    kinds = takes | {"idle": {"maxProperties": 0}}
+    kinds = takes | {name: {"maxProperties": 0} for name in ("idle", "ros2")}
     schema["properties"]["kind"]["examples"] = list(kinds)
     schema["properties"]["like"]["examples"] = ["pilot"]
     schema["anyOf"] = [{"required": ["kind"]}, {"required": ["like"]}]
@@ -92,7 +93,21 @@ def sut_schema(title: str) -> Schema:
             "then": {"properties": {"parameters": {"anyOf": list(takes.values())}}},
         }
     )
-    schema["$defs"] = dict(sorted(definitions.items()))
+    schema["$defs"] = dict(sorted((schema["$defs"] | definitions).items()))
+    # Every file has the others; editors offer keys in this order.
+    keys: Schema = {k: v for k, v in schema["properties"].items() if k not in ROS2_KEYS}
+    ros2 = {key: _nullable(schema["properties"][key]) for key in ROS2_KEYS}
+    for name in [name for name in schema["$defs"] if name.startswith("ros2")]:
+        section = schema["$defs"][name]["properties"]
+        section |= {key: _nullable(body) for key, body in section.items()}
+    schema["properties"] = keys | ros2
+    nothing: Schema = {"not": {}, "errorMessage": "only kind ros2 has this key"}
+    schema["allOf"].append(
+        {
+            "if": {"properties": {"kind": {"not": {"const": "ros2"}}}, "required": ["kind"]},
+            "then": {"properties": dict.fromkeys(ros2, nothing)},
+        }
+    )
     return schema
 
 
@@ -160,9 +175,13 @@ def _nullable(body: Schema) -> Schema:
     """Let ``null`` take an inherited value away."""
     if "anyOf" in body:
         return body | {"anyOf": [*body["anyOf"], {"type": "null"}]}
+    if "$ref" in body:
+        rest = {key: value for key, value in body.items() if key != "$ref"}
+        return rest | {"anyOf": [{"$ref": body["$ref"]}, {"type": "null"}]}
     changed = dict(body)
-    if isinstance(body.get("type"), str):
-        changed["type"] = [body["type"], "null"]
+    if "type" in body:
+        kinds = body["type"] if isinstance(body["type"], list) else [body["type"]]
+        changed["type"] = [*kinds, "null"]
     # A constant of one value or null is a choice of two.
     if "const" in body:
         changed["enum"] = [changed.pop("const")]

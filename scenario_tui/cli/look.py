@@ -1,16 +1,15 @@
-"""Commands that look at what there is: status, results, show, logs."""
+"""Commands that look at what there is: status, results, show."""
 
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final, TypeAlias
 
 import typer
 
 from scenario_tui.cli import completion
 from scenario_tui.cli.compare import Baseline, WorseBy
-from scenario_tui.cli.options import AsJson, Connect, RunOrTrace, State
+from scenario_tui.cli.options import AsJson, Connect, State
 from scenario_tui.cli.output import Output, plain_table, stdout_console, wrap_parts
 
 if TYPE_CHECKING:
@@ -18,9 +17,7 @@ if TYPE_CHECKING:
 
     from rich.table import Table
 
-    from daemon.analysis.run_history import RunLogLine, RunStep
     from daemon.model.status import CampaignRow, DaemonOverview, RunDetail, RunRow, WorkerRow
-    from scenario_tui.cli.target import DaemonTarget
 
 
 _MAX_CAMPAIGNS: Final = 15
@@ -263,97 +260,7 @@ def _next_commands(detail: RunDetail) -> Iterable[tuple[str, str]]:
         begin = f" --from {row.oracle}" if row.outcome == "fail" else ""
         yield f"scenario replay {row.id}{begin}", "watch it"
     yield f"scenario logs {row.id}", "what happened, in order"
+    if not row.repeatable and row.trace:
+        yield f"scenario verify {row.id}", "how far its outcomes spread"
     if row.outcome == "fail":
         yield f"scenario blame {row.id}", "what makes it fail"
-
-
-class LogsOutput(Output, schema="logs"):
-    """What happened in a run: the ``steps`` of its attempts, their ``output``, what it recorded.
-
-    Of a trace alone only the last is known.
-    """
-
-    run: str
-    attempts: int
-    reason: str
-    steps: tuple[RunStep, ...]
-    output: tuple[str, ...]
-    recorded: tuple[RunLogLine, ...]
-
-    def print(self) -> None:
-        """Print it in the order it happened."""
-        if self.run:
-            self._print_steps()
-            # The reason is the note of an attempt, as long as that attempt is remembered.
-            known = any(step.note.strip() == self.reason.strip() for step in self.steps)
-            for text in filter(None, (*self.output, "" if known else self.reason)):
-                stdout_console().print(f"\n{text.strip()}", markup=False, soft_wrap=True)
-        if self.recorded or not self.run:
-            self._print_recorded()
-
-    def _print_steps(self) -> None:
-        from datetime import datetime
-
-        from scenario_tui.text.formatting import pluralise
-
-        console = stdout_console()
-        for step in self.steps:
-            when = datetime.fromtimestamp(step.at).astimezone().strftime("%Y-%m-%d %H:%M:%S")
-            note = f"  {step.note.strip()}" if step.note else ""
-            console.print(f"{when}  {step.state}{note}", markup=False, soft_wrap=True)
-        if not self.steps:
-            attempts = pluralise(self.attempts, "attempt")
-            console.print(f"{attempts}; when is not remembered any more")
-
-    def _print_recorded(self) -> None:
-        from rich.text import Text
-
-        from scenario_tui.text.formatting import time_text
-
-        console = stdout_console()
-        console.print("\nin simulated time", style="dim")
-        styles = {"warn": "yellow", "error": "bold red", "fatal": "bold red"}
-        width = max(len(line.source) for line in self.recorded)
-        for line in self.recorded:
-            text = Text(f"{time_text(line.time):>10}  {line.source:<{width}}  ")
-            console.print(text.append(line.text, style=styles.get(line.level, "")), soft_wrap=True)
-
-
-def logs(
-    run: RunOrTrace,
-    connect: Connect = "",
-    state: State = None,
-    as_json: AsJson = False,
-) -> None:
-    """Tell what happened in a run: its attempts, its mission, contacts, what the SUT said.
-
-    Read from the state directory of this machine; no daemon is needed unless one is named.
-    """
-    from daemon.analysis.run_history import read_run_log
-    from scenario_tui.cli.target import DaemonTarget
-
-    if run.endswith(".mcap"):
-        found = LogsOutput("", 0, "", (), (), read_run_log(Path(run)))
-    else:
-        found = _collect_logs(run, DaemonTarget(connect, state))
-    found.show(as_json)
-
-
-def _collect_logs(run: str, target: DaemonTarget) -> LogsOutput:
-    """Return what a run left; a daemon elsewhere does not tell of attempts."""
-    from daemon.analysis.report import open_ledger
-    from daemon.analysis.run_history import read_outputs, read_run_log, read_steps
-    from scenario_tui.cli.target import find_run, one_trace
-
-    steps: tuple[RunStep, ...] = ()
-    output: tuple[str, ...] = ()
-    # Attempts and what they print are files of the state directory: no verb of the bus has them.
-    if target.named:
-        with target.open() as daemon:
-            row = find_run(daemon, run).row
-    else:
-        with open_ledger(target.paths) as ledger:
-            row = find_run(ledger, run).row
-        steps, output = read_steps(target.paths, row.id), read_outputs(target.paths, row.id)
-    recorded = read_run_log(one_trace(row.id, target, "RUN")) if row.trace else ()
-    return LogsOutput(row.id, row.attempt, row.reason, steps, output, recorded)

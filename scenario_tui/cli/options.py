@@ -1,4 +1,4 @@
-"""Options several commands share, and the amounts people type in them: ages, times, sizes."""
+"""Options several commands share, the amounts people type in them, and how help shows flags."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Annotated, Any, TypeAlias, TypeVar
 
 import typer
+from typer.core import TyperCommand, TyperGroup, TyperOption
 
 from daemon.batch.amounts import parse_size, parse_time
 from scenario_tui.cli import completion
@@ -117,6 +118,26 @@ RunOrTrace: TypeAlias = Annotated[
         autocompletion=completion.runs_or_traces,
     ),
 ]
+
+
+class _PlainFlags:
+    """Shows flags without the ``<bool>`` that typer puts behind them."""
+
+    def get_params(self, ctx: Any) -> list[Any]:
+        """Return the parameters as help shows them."""
+        parameters: list[Any] = super().get_params(ctx)  # type: ignore[misc]
+        for one in parameters:
+            if isinstance(one, TyperOption) and one.is_flag and one.metavar is None:
+                one.metavar = ""
+        return parameters
+
+
+class PlainFlagsCommand(_PlainFlags, TyperCommand):
+    """A command whose flags are shown without ``<bool>``."""
+
+
+class PlainFlagsGroup(_PlainFlags, TyperGroup):
+    """A group of commands whose flags are shown without ``<bool>``."""
 
 
 def with_keys_option(command: Callable[..., None]) -> Callable[..., None]:

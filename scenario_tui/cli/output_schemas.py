@@ -21,6 +21,7 @@ from scenario_tui.cli import (
     export,
     judge,
     keys,
+    logs,
     look,
     operate,
     recorded_runs,
@@ -29,7 +30,9 @@ from scenario_tui.cli import (
     run_campaigns,
     steer,
     sut,
+    sut_check,
     vary,
+    verify,
 )
 from scenario_tui.cli.output import Output, OutputPart, schema_identifier
 
@@ -45,7 +48,7 @@ _OUTPUTS: Final[tuple[type[Output], ...]] = (
     look.StatusOutput,
     results.ResultsOutput,
     look.RunOutput,
-    look.LogsOutput,
+    logs.LogsOutput,
     run_campaigns.SubmitOutput,
     run_campaigns.CheckOutput,
     steer.CancelOutput,
@@ -56,6 +59,7 @@ _OUTPUTS: Final[tuple[type[Output], ...]] = (
     steer.StopOutput,
     recorded_runs.FetchOutput,
     judge.JudgeOutput,
+    verify.VerifyOutput,
     compare.CompareOutput,
     report.ReportOutput,
     report.PictureOutput,
@@ -68,6 +72,7 @@ _OUTPUTS: Final[tuple[type[Output], ...]] = (
     operate.GcOutput,
     keys.KeysOutput,
     sut.SutOutput,
+    sut_check.InspectionOutput,
     vary.VaryOutput,
     export.ExportOutput,
 )

@@ -133,7 +133,10 @@ def _run_line(row: RunRow, live: LiveSnapshot | None) -> Text:
     text = Text.assemble(
         (f"  {glyph_word('running')}  ", TERMINAL_STYLES["running"]), run_label(row)
     )
-    if live is not None:
+    if live is not None and live.snapshot.waiting:
+        text.append(f"  {live.snapshot.waiting}", style="dim")
+        text.no_wrap, text.overflow = True, "ellipsis"
+    elif live is not None:
         seen = live.snapshot
         text.append(f"  waypoint {min(seen.reached + 1, seen.waypoints)} of {seen.waypoints}")
         text.append(f"  {seen.time:.0f} s simulated, limit {seen.limit:.0f} s", style="dim")

@@ -25,8 +25,10 @@ from scenario_tui.text.assessment_text import (
     attention_lists,
     comparison_cell_text,
     matrix_rows,
+    repeatability_text,
 )
 from scenario_tui.text.formatting import (
+    NOT_REPEATABLE,
     NOTHING,
     TERMINAL_STYLES,
     fine_duration,
@@ -80,7 +82,8 @@ def read_results(path: Path) -> JudgedCampaign:
 def matrix_table(results: CampaignResults, notes: Footnotes) -> Table:
     """Return one row for each scenario and one column for each system under test."""
     suts, rows = matrix_rows(results, notes, TERMINAL_STYLES)
-    table = plain_table("scenario", *suts)
+    marked = (f"{s} ({NOT_REPEATABLE})" if s in results.not_repeatable else s for s in suts)
+    table = plain_table("scenario", *marked)
     for scenario, cells in rows:
         table.add_row(scenario, *cells)
     return table
@@ -115,6 +118,8 @@ def print_summary(results: CampaignResults, *, took: float | None = None) -> Non
         console.print(BOUNDS, style="dim", markup=False)
     for line in notes.lines():
         console.print(line)
+    if said := repeatability_text(results):
+        console.print(said, style="dim", markup=False, soft_wrap=True)
     console.print()
     for title, lines in attention_lists(results, TERMINAL_STYLES):
         _print_list(console, title, lines)
@@ -154,7 +159,10 @@ def _conclusion_line(results: CampaignResults) -> str:
     }.get(ExitCode(code), "not everything is decided")
     # n passes of n are no pass rate of 100 %: what they show at least is the lower bound of Clopper
     # and Pearson.
-    n = results.declared.policy.n
+    # More than the policy says where no system of the campaign is repeatable and nobody said how
+    # often it is run.
+    cells = results.assessment.cells
+    n = max(results.declared.policy.n, min((len(cell.runs) for cell in cells), default=0))
     if code == ExitCode.EXPECTED and results.declared.policy.rule == "all":
         said += f"; {n} of {n} shows a pass rate of at least {100 * at_least(n, n):.1f} %"
     return said

@@ -1,9 +1,10 @@
-"""The command that shows a system under test: every parameter, where it comes from, who hears."""
+"""Commands about a system under test: every parameter and where it comes from; its relay."""
 
 from __future__ import annotations
 
 import dataclasses
 import json
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final
 
@@ -11,8 +12,9 @@ import typer
 
 from scenario_tui.cli import completion
 from scenario_tui.cli.completion import sut_files
-from scenario_tui.cli.options import AsJson
+from scenario_tui.cli.options import AsJson, PlainFlagsCommand, PlainFlagsGroup
 from scenario_tui.cli.output import Output, plain_table, report_diagnostics, stdout_console
+from scenario_tui.cli.sut_check import check
 
 if TYPE_CHECKING:
     from daemon.campaign import LoadedSut
@@ -23,6 +25,31 @@ _NOT_ROS_PARAMETERS: Final = frozenset(
     {"sources", "obstacle_layer", "obstacle_layer_name", "inflation_layer", "recovery_behaviors"}
 )
 """Fields of the models that are no parameters, or say nothing when they are not given."""
+
+
+class _ShowsByDefault(PlainFlagsGroup):
+    """A group in which a file in place of a command is shown."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Take what is no command for arguments of ``show``."""
+        if args and args[0] not in (*self.commands, *self.get_help_option_names(ctx)):
+            args = ["show", *args]
+        return super().parse_args(ctx, args)
+
+    def shell_complete(self, ctx: Any, incomplete: str) -> list[Any]:
+        """Offer commands, and the files that may stand in their place."""
+        (file,) = (one for one in self.commands["show"].params if one.name == "file")
+        return [*super().shell_complete(ctx, incomplete), *file.shell_complete(ctx, incomplete)]
+
+
+sut_app = typer.Typer(
+    name="sut",
+    cls=_ShowsByDefault,
+    help="Show a system under test, or start an external one and see what it lacks.",
+    epilog="`scenario sut SUT.yaml` is `scenario sut show SUT.yaml`.",
+    no_args_is_help=True,
+    subcommand_metavar="SUT.yaml | COMMAND [ARGS]...",
+)
 
 
 class SutOutput(Output, schema="sut"):
@@ -52,7 +79,7 @@ class SutOutput(Output, schema="sut"):
             found.files,
             found.reference.parameters,
             {"/".join(path): str(s.where) for path, s in found.settings.items()},
-            {} if read is None else _defaults(found, read),
+            _all_defaults(found, read),
             None if read is None else dataclasses.asdict(read.topics),
             None if read is None else dataclasses.asdict(read.wiring),
             {"/".join(map(str, f.path)): f.message for f in unused},
@@ -60,7 +87,8 @@ class SutOutput(Output, schema="sut"):
         )
 
 
-def sut(
+@sut_app.command(cls=PlainFlagsCommand)
+def show(
     file: Annotated[
         Path,
         typer.Argument(
@@ -74,7 +102,7 @@ def sut(
     """Show a system under test: its parameters and where each was written.
 
     For the ROS stack also the defaults that apply, what has no effect here, and who hears the
-    laser.
+    laser; for a ROS 2 stack the defaults that apply. Nothing is started.
     """
     from daemon.campaign import LayerLibrary
 
@@ -85,11 +113,27 @@ def sut(
         return
     _print_head(found)
     _print_given(found)
+    _print_files(found)
+    _print_defaults(_all_defaults(found, read))
     if read is not None:
-        _print_defaults(_defaults(found, read))
         _print_quirks(read)
         _print_wiring(read)
     report_diagnostics(w for w in found.warnings if w not in found.idle)
+
+
+sut_app.command(cls=PlainFlagsCommand)(check)
+
+
+@sut_app.command(cls=PlainFlagsCommand)
+def relay() -> None:
+    """Print the relay that talks to a ROS 2 stack, one file of Python, for building images.
+
+    A run brings its own along; it must be inside of an image only where nothing can be mounted.
+    """
+    from importlib.resources import files
+
+    # As a file and not as a module: it is written for the Python of the stack.
+    sys.stdout.write(files("daemon.stacks.ros2").joinpath("relay.py").read_text("utf-8"))
 
 
 def _read_ros_parameters(found: LoadedSut) -> RosParameters | None:
@@ -98,6 +142,15 @@ def _read_ros_parameters(found: LoadedSut) -> RosParameters | None:
     from daemon.stacks.ros1.configuration import read_ros
 
     return read_ros(found.reference.parameters)
+
+
+def _all_defaults(found: LoadedSut, read: RosParameters | None) -> dict[str, dict[str, Any]]:
+    """Return the values nobody wrote, by namespace or section, for kinds that tell them."""
+    if found.reference.kind == "ros2":
+        from daemon.stacks.ros2.defaults import settings_not_written
+
+        return settings_not_written(found.reference.parameters)
+    return {} if read is None else _defaults(found, read)
 
 
 def _defaults(found: LoadedSut, read: RosParameters) -> dict[str, dict[str, Any]]:
@@ -140,10 +193,13 @@ def _written_names(found: LoadedSut, namespace: str) -> set[str]:
 
 
 def _print_head(found: LoadedSut) -> None:
+    from scenario_tui.text.formatting import NOT_REPEATABLE
+
     reference = found.reference
     about = f": {found.about}" if found.about else ""
+    repeatable = "" if reference.repeatable else f", {NOT_REPEATABLE}"
     stdout_console().print(
-        f"{reference.name}, kind {reference.kind}{about}", markup=False, soft_wrap=True
+        f"{reference.name}, kind {reference.kind}{repeatable}{about}", markup=False, soft_wrap=True
     )
     stdout_console().print(" < ".join(found.files), markup=False, style="dim", soft_wrap=True)
 
@@ -168,6 +224,16 @@ def _print_given(found: LoadedSut) -> None:
     stdout_console().print(table)
 
 
+def _print_files(found: LoadedSut) -> None:
+    """Print the files that travel with every run, which are no parameters of the table."""
+    from daemon.model.attachments import attached_digests
+
+    digests = attached_digests(found.reference.parameters)
+    if digests:
+        listed = ", ".join(f"{name} (sha256 {digest[:12]})" for name, digest in digests.items())
+        stdout_console().print(f"\nfiles: {listed}", markup=False, soft_wrap=True)
+
+
 def _yaml_text(value: Any) -> str:
     """Return a value as YAML would have it."""
     if isinstance(value, bool):
@@ -180,6 +246,8 @@ def _yaml_text(value: Any) -> str:
 
 
 def _print_defaults(defaults: dict[str, dict[str, Any]]) -> None:
+    if not any(defaults.values()):
+        return
     stdout_console().print("\nnot written anywhere", style="bold")
     for namespace, values in defaults.items():
         if values:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
 from typing import Final
@@ -14,7 +14,7 @@ from rich.text import Text
 
 from daemon.judging.oracles import OracleTimeline, SignalSampler, oracle_timeline, trace_problems
 from daemon.model.verdicts import Outcome, Verdict
-from daemon.trace import JointTrack, Trace, TraceError, read_trace
+from daemon.trace import JointTrack, Trace, TraceError, read_outputs, read_trace
 from grammars.model.geometry import Floats, Point2, Pose2
 from grammars.oracle import Signal, kind_of, render
 from grammars.text.diagnostics import did_you_mean
@@ -129,15 +129,25 @@ def _reached(trace: Trace) -> tuple[float, ...]:
 
 
 class Playback:
-    """A trace made ready for looking at any of its moments; ``verdicts`` are those shown."""
+    """A trace made ready for looking at any of its moments; ``verdicts`` are those shown.
 
-    def __init__(self, trace: Trace, verdicts: Sequence[Verdict], label: str = "") -> None:
+    ``outputs`` is what an external system under test printed, by name.
+    """
+
+    def __init__(
+        self,
+        trace: Trace,
+        verdicts: Sequence[Verdict],
+        label: str = "",
+        outputs: Mapping[str, str] | None = None,
+    ) -> None:
         way = trace.ground_truth
         if not len(way.time):
             hint = "run it again to get a recording"
             raise TraceError(trace.path, "says nothing of where the robot was", hint)
         self.trace = trace
         self.verdicts = tuple(verdicts)
+        self.outputs = dict(outputs or {})
         spec = trace.spec
         self.label = label or f"{spec.scenario}/{spec.sut.name}/{spec.repeat}"
         self.start, self.end = float(way.time[0]), float(way.time[-1])
@@ -298,7 +308,7 @@ def open_playback(path: Path, verdicts: Sequence[Verdict] | None = None) -> Play
     trace = read_trace(path, scans=True, plans=True)
     if verdicts is None:
         verdicts = judge(trace, trace.spec.oracles)
-    return Playback(trace, verdicts)
+    return Playback(trace, verdicts, outputs=read_outputs(path))
 
 
 def headline(playback: Playback, time: float) -> str:

@@ -22,6 +22,7 @@ from daemon.model.verdicts import Outcome
 from scenario_tui.text.formatting import (
     DASHBOARD_STYLES,
     GLYPHS,
+    NOT_REPEATABLE,
     NOTHING,
     QUIET,
     SEVERITY,
@@ -152,6 +153,14 @@ def undecided_text(oracle: CellVerdict, styles: Styles) -> Text:
     return _attention_line(str(oracle.verdict), said, [oracle.statement, note], styles)
 
 
+def repeatability_text(results: CampaignResults) -> str:
+    """Return which systems are not repeatable and what that means, empty when all are."""
+    names = ", ".join(results.not_repeatable)
+    if not names:
+        return ""
+    return f"{names}: {NOT_REPEATABLE}, equal runs may differ and no result is used again"
+
+
 def attention_lists(results: CampaignResults, styles: Styles) -> list[tuple[str, list[Text]]]:
     """Return what is to be looked at, as titles with lines; empty lists are left out."""
     groups = (
@@ -242,6 +251,8 @@ def campaign_notes(results: CampaignResults, notes: Footnotes) -> Text:
         text.append(f"\n    is to be {cell.text}\n", style=QUIET)
     if results.assessment.comparisons:
         text.append(f"{BOUNDS}\n", style=QUIET)
+    if said := repeatability_text(results):
+        text.append(f"\n{said}\n", style=QUIET)
     if known := notes.lines():
         text.append("\n").append_text(Text("\n").join(known)).append("\n")
     text.append(f"\nscenario results {results.row.id}\n", style=QUIET)

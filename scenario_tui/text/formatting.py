@@ -47,6 +47,8 @@ Styles = Mapping[str, str]
 """A style for each word: one of the two above."""
 
 NOTHING: Final = "–"
+NOT_REPEATABLE: Final = "not repeatable"
+"""Of a system under test outside of the simulator: the same run gives something else each time."""
 
 
 def quiet_style(styles: Styles) -> str:

@@ -65,6 +65,11 @@ class CampaignResults:
         """The word of each run."""
         return tuple(run_word(row) for row in self.rows)
 
+    @property
+    def not_repeatable(self) -> tuple[str, ...]:
+        """Systems under test of which the same run gives something else each time."""
+        return tuple(dict.fromkeys(row.sut for row in self.rows if not row.repeatable))
+
     def records_of(self, cell: CellAssessment) -> tuple[RunRecord, ...]:
         """Return the runs of a cell."""
         return tuple(self._by_id[run] for run in cell.runs)

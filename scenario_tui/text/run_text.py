@@ -14,6 +14,7 @@ from daemon.model.verdicts import Outcome, Verdict
 from scenario_tui.text.formatting import (
     DASHBOARD_STYLES,
     GLYPHS,
+    NOT_REPEATABLE,
     QUIET,
     SEVERITY,
     Styles,
@@ -153,6 +154,10 @@ def _running(text: Text, seen: Snapshot | None, styles: Styles) -> None:
     if seen is None:
         text.append("waiting for its first sign of life\n", style=quiet_style(styles))
         return
+    if seen.waiting:
+        text.append(f"{seen.waiting}\n", style=styles["running"])
+        text.append("simulated time begins when it is up\n", style=quiet_style(styles))
+        return
     text.append(f"reached {seen.reached} of {pluralise(seen.waypoints, 'waypoint')}, ")
     text.append(f"{seen.time:.0f} s of {seen.limit:.0f} s simulated\n")
 
@@ -176,9 +181,10 @@ def _oracles(text: Text, detail: RunDetail, styles: Styles) -> None:
 def append_facts(text: Text, detail: RunDetail, styles: Styles = DASHBOARD_STYLES) -> None:
     """Add what the run was and what became of it."""
     row, spec, result = detail.row, detail.spec, detail.result
+    repeatable = "" if spec.sut.repeatable else f", {NOT_REPEATABLE}"
     found = [
         ("scenario", f"{spec.scenario}, repeat {spec.repeat}, seed {spec.seed}"),
-        ("SUT", f"{spec.sut.name} ({spec.sut.kind})"),
+        ("SUT", f"{spec.sut.name} ({spec.sut.kind}{repeatable})"),
         ("robot", f"{spec.robot.name}, {spec.robot.drive.kind}"),
         ("mission", f"{spec.mission.name}, {pluralise(len(spec.mission.waypoints), 'waypoint')}"),
         ("doors", f"{pluralise(len(spec.behaviours), 'behaviour')}, map shows {spec.map.doors}"),

@@ -18,6 +18,7 @@ from tests.chaos.cluster import cluster
 from tests.chaos.cut import cut_off
 from tests.chaos.disk import full_disk
 from tests.chaos.report import Report
+from tests.chaos.stacks import stacks
 from tests.chaos.torn import torn
 from tests.chaos.violence import violence
 
@@ -29,6 +30,7 @@ def _scenarios(runs: int, seed: int) -> dict[str, Callable[[Path], Report]]:
         "torn": lambda folder: torn(folder, seed=seed),
         "clock": lambda folder: clock(folder, seed=seed),
         "cut": cut_off,
+        "stacks": lambda folder: stacks(folder, seed=seed),
         "cluster": lambda folder: cluster(folder, seed=seed),
     }
 

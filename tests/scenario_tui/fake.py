@@ -54,6 +54,7 @@ from grammars.model.scene import Doorway, Joint, Link, Region, Scene, SceneObjec
 
 NOW = 1_800_000_000.0
 CAMPAIGN = "first-ab12cd34"
+WAITING = "starting my-nav2: 3 of 8 nodes active, waiting for planner_server"
 OLD = "nightly-00ff00ff"
 
 
@@ -100,7 +101,7 @@ def make_spec(row: RunRow, scene: str) -> RunSpec:
     return RunSpec(
         campaign="first",
         scenario=row.scenario,
-        sut=SutReference(row.sut, "pilot", {}),
+        sut=SutReference(row.sut, "pilot", {} if row.repeatable else {"repeatable": False}),
         repeat=row.repeat,
         scene=scene,
         robot=ROBOT,
@@ -191,9 +192,12 @@ def make_record(row: RunRow) -> RunRecord:
     return replace(found, verdicts=result.verdicts, ended=result.ended, timing=result.timing)
 
 
-def make_live(index: int = 7, time: float = 60.0) -> LiveSnapshot:
+def make_live(index: int = 7, time: float = 60.0, waiting: str = "") -> LiveSnapshot:
+    """A run on its way; at its start, with what it is ``waiting`` for, if there is anything."""
     pose = Pose2(1.0 + time / 20.0, 2.0, 0.1)
     snapshot = Snapshot(time, 1200.0, pose, Pose2(pose.x + 0.1, 2.1, 0.1), 1, 3, (-0.9,))
+    if waiting:
+        snapshot = Snapshot(0.0, 1200.0, Pose2(1.0, 2.0), None, 0, 3, (0.0,), waiting=waiting)
     return LiveSnapshot(f"{CAMPAIGN}.{index}", snapshot)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 
@@ -28,10 +29,13 @@ def make_run(index: int = 5) -> RunSpec:
     return replace(make_spec(make_row(index), WORLD.digest), oracles=ORACLES, limit=20.0)
 
 
-def record_run(path: Path, *, index: int = 5, speed: float = 0.5) -> Path:
+def record_run(
+    path: Path, *, index: int = 5, speed: float = 0.5, outputs: Mapping[str, bytes] | None = None
+) -> Path:
     """Drive from (1, 2) to (6, 2) in 10 s while the door turns; everything at 20 Hz.
 
-    At another ``speed`` [m/s] it does not come as far.
+    At another ``speed`` [m/s] it does not come as far. With ``outputs`` it was an external system
+    that printed them, whose planner said something.
     """
     path.parent.mkdir(parents=True, exist_ok=True)
     with TraceWriter(path, make_run(index), WORLD) as trace:
@@ -53,5 +57,9 @@ def record_run(path: Path, *, index: int = 5, speed: float = 0.5) -> Path:
             if step in (0, 120):
                 done = int(step == 120)
                 trace.progress(now, Progress(done, done, "active"))
+        if outputs:
+            trace.event(4.0, "planner_server", "no \x1b[31mpath\x1b[0m yet", level="warn")
+        for name, data in (outputs or {}).items():
+            trace.attach(name, data)
         trace.close("finished", "")
     return path

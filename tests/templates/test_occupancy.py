@@ -14,9 +14,9 @@ from PIL import Image
 from ruamel.yaml import YAML
 
 from grammars.model.geometry import Point2, Pose2, Ring
-from grammars.model.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
+from grammars.model.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid, write_map
 from grammars.model.scene import Doorway, Joint, Link, Region, Scene, SceneObject, Solid
-from templates.occupancy import occupancy_grid, write_map
+from templates.occupancy import occupancy_grid
 
 HERE = Pose2()
 COORDINATES = st.floats(-3.0, 3.0).map(lambda v: round(v, 3))

@@ -25,13 +25,16 @@ from daemon.analysis.blame._search import BlameResult
 from daemon.campaign import (
     FLOORPLAN,
     ROBOT,
+    ROS2,
     expand,
     find_layer,
     load_campaign,
     parameter_tree,
     repeat_seed,
 )
-from daemon.model.spec import RunSpec
+from daemon.model.attachments import FILES_PARAMETER, attached_digests, resolve_paths
+from daemon.model.spec import RunSpec, SutReference
+from daemon.stacks.ros2.keys import ROS2_KEYS
 from grammars.jsonld import plan_document, scenery_document
 from grammars.scenery import load_scenery
 from grammars.scenery.composition import compile_scene
@@ -54,6 +57,12 @@ class _Folder:
         target.parent.mkdir(parents=True, exist_ok=True)
         target.write_text(text, encoding="utf-8")
         return name
+
+    def copy(self, name: str, source: Path) -> None:
+        """Copy a file as it is."""
+        target = self.path / name
+        target.parent.mkdir(parents=True, exist_ok=True)
+        target.write_bytes(source.read_bytes())
 
 
 def save_campaign(case: RunCase, found: BlameResult, path: Path, runner: CandidateRunner) -> Path:
@@ -170,6 +179,8 @@ def _sut(case: RunCase, found: BlameResult, folder: _Folder) -> str:
     """Write the system under test, as differences from the one it is like where it has any."""
     sut, settings = found.smallest.spec.sut, case.settings
     file = f"suts/{sut.name}.yaml"
+    if sut.kind == ROS2:
+        return folder.write(file, _yaml(_ros2_stack(sut, folder)))
     changes = parameter_tree(settings.kept(found.left))
     if not settings.like or not changes:
         whole = {"sut": sut.name, "kind": sut.kind, "parameters": sut.parameters}
@@ -179,6 +190,18 @@ def _sut(case: RunCase, found: BlameResult, folder: _Folder) -> str:
     base = {"sut": like, "kind": sut.kind, "parameters": parameter_tree(settings.base)}
     folder.write(f"suts/{like}.yaml", _yaml(base))
     return folder.write(file, _yaml({"sut": sut.name, "like": like, "parameters": changes}))
+
+
+def _ros2_stack(sut: SutReference, folder: _Folder) -> dict[str, Any]:
+    """Return the keys of a ROS 2 stack's file; the files it needs are copied beside it."""
+    keys = {name: sut.parameters[name] for name in ROS2_KEYS if name in sut.parameters}
+    paths = {}
+    if attached_digests(sut.parameters):
+        for name, path in resolve_paths(sut.parameters)[FILES_PARAMETER].items():
+            paths[name] = f"files/{name}"
+            folder.copy(f"suts/{paths[name]}", Path(path))
+    files = {FILES_PARAMETER: paths} if paths else {}
+    return {"sut": sut.name, "kind": sut.kind, **keys, **files}
 
 
 def _name(case: RunCase) -> str:

@@ -155,6 +155,7 @@ def folder_input(folder: Path) -> ReportInput:
                 outcome=None,
                 trace=str(trace),
                 seed=spec.seed,
+                repeatable=spec.sut.repeatable,
             )
         )
     if not records:

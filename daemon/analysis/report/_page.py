@@ -107,6 +107,7 @@ def write_page(
         facts=_facts(data, scenarios, suts),
         scenarios=scenarios,
         suts=suts,
+        not_repeatable=_not_repeatable(data),
         cells={(cell.scenario, cell.sut): cell for cell in assessment.cells},
         surprised={(s.scenario, s.sut) for s in assessment.surprises},
         findings=_findings(data, commands, figures),
@@ -171,12 +172,20 @@ def _facts(
     for record in records:
         counts[str(record.outcome or "without a result")] += 1
     verdicts = ", ".join(f"{count} {word}" for word, count in counts.items() if count)
+    external = _not_repeatable(data)
+    marked = (("not repeatable", ", ".join(external)),) if external else ()
     return (
         ("runs", f"{len(records)}: {verdicts}"),
         ("cells", f"{count_noun(len(scenarios), 'scenario')} × {count_noun(len(suts), 'SUT')}"),
+        *marked,
         ("simulated", duration_text(simulated)),
         ("from", data.input.id or data.input.where),
     )
+
+
+def _not_repeatable(data: ReportData) -> tuple[str, ...]:
+    """Return the systems of which the same run gives something else each time."""
+    return tuple(dict.fromkeys(r.record.sut for r in data.runs if not r.record.repeatable))
 
 
 def _findings(

@@ -220,7 +220,7 @@ class LeaseUpdates(RunUpdates):
         if before is not None and advance(before, event, attempts=self._attempts).record:
             store_result(self._db, completion, digest, now)
         change = self._apply(completion.run, event, now, before)
-        if change.record:
+        if change.record and change.run.repeatable:
             self._check_determinism(completion, digest, campaign, now)
         if change.answer is LedgerAnswer.DIFFERS:
             reason = change.run.reason

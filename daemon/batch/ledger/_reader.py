@@ -53,7 +53,7 @@ _SORTABLE: Final = {
 _ROW: Final = (
     'id, campaign, position AS "index", scenario, sut, repeat, state, attempt, worker, outcome,'
     ' oracle, margin, unit, simulated, time_limit AS "limit", wall, reason, cached, trace_name,'
-    " trace_at"
+    " trace_at, repeatable"
 )
 _TEXT: Final = (
     "scenario || '/' || sut || '/' || repeat || ' ' || oracle || ' ' || reason || ' ' || id"
@@ -283,6 +283,7 @@ class LedgerReader:
             "state": RunState(values["state"]),
             "outcome": outcome,
             "trace": trace,
+            "repeatable": bool(values["repeatable"]),
             "reason": "; ".join(reason for reason in (values["reason"], gone) if reason),
         }
         return RunRow(**values)

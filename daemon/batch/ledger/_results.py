@@ -29,7 +29,7 @@ _NAME: Final = 32
 
 _COLUMNS: Final = (
     "run.id, scenario, sut, repeat, run.digest, state, reason, seed, cached, trace_name,"
-    " trace_at, body"
+    " trace_at, repeatable, body"
 )
 
 
@@ -145,7 +145,8 @@ def read_records(
 def _run_record(
     db: sqlite3.Connection, row: tuple[Any, ...], paths: StatePaths | None
 ) -> RunRecord:
-    run, scenario, sut, repeat, digest, state, reason, seed, cached, trace, url, body = row
+    *known, trace, url, repeatable, body = row
+    run, scenario, sut, repeat, digest, state, reason, seed, cached = known
     result = None if body is None else codec.from_json(RunResult, body)
     path, gone = "", ""
     if result and paths:
@@ -167,20 +168,22 @@ def _run_record(
         state=state,
         seed=int(seed),  # text in the table: 64 bits without a sign do not fit SQLite's integers
         cached=cached,
+        repeatable=bool(repeatable),
     )
 
 
 _INSERT_RUN: Final = (
     "INSERT INTO run (id, campaign, position, scenario, sut, repeat, time_limit, digest,"
-    " trace_name, seed, kind) VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)"
+    " trace_name, seed, kind, repeatable) VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)"
 )
+# Only of systems that repeat themselves: a result of another one is one of many it might give.
 # Of several results the latest one. The old run must be at rest: while it is executed again, its
 # result may yet turn out to be in doubt.
 _FIND_RESULTS: Final = (
     "SELECT new.id, max(old.serial) FROM run AS new JOIN run AS old"
     " ON old.digest = new.digest AND old.result <> ''"
     " WHERE new.campaign = ? AND new.state = 'queued' AND new.result = ''"
-    " AND old.state = 'done' AND old.outcome <> 'error' GROUP BY new.id"
+    " AND new.repeatable AND old.state = 'done' AND old.outcome <> 'error' GROUP BY new.id"
 )
 # A result that was itself used again leads to the run that was executed, so that its trace is found
 # in one step.
@@ -261,6 +264,16 @@ def store_result(db: sqlite3.Connection, completion: Completion, digest: str, no
     )
 
 
+def remove_result(db: sqlite3.Connection, run: str) -> None:
+    """Forget what a run gave, for a new execution whose result takes its place."""
+    db.execute("DELETE FROM result WHERE run = ?", (run,))
+    db.execute(
+        "UPDATE run SET result = '', outcome = '', oracle = '', margin = NULL, unit = '',"
+        " simulated = 0, wall = 0, finished_at = NULL, trace_at = '' WHERE id = ?",
+        (run,),
+    )
+
+
 def deciding_verdict(result: RunResult) -> Verdict | None:
     """The verdict a list shows: the first failing one, else the one with the smallest margin."""
     judged = [v for v in result.verdicts if v.outcome is not Outcome.MEASURE]
@@ -296,7 +309,7 @@ def _run_row(campaign: str, position: int, run: RunSpec, digest: str) -> tuple[o
     trace = trace_name(campaign, run.scenario, sut, run.repeat)
     name = f"{campaign}.{position}"
     known = (name, campaign, position, run.scenario, sut, run.repeat, run.limit, digest)
-    return (*known, trace, str(run.seed), run.sut.kind)
+    return (*known, trace, str(run.seed), run.sut.kind, run.sut.repeatable)
 
 
 def store_reserve(db: sqlite3.Connection, campaign: str, reserve: Iterable[RunSpec]) -> None:
@@ -315,7 +328,8 @@ def store_reserve(db: sqlite3.Connection, campaign: str, reserve: Iterable[RunSp
 def reuse_results(db: sqlite3.Connection, campaign: str) -> int:
     """Give queued runs of a campaign the results their specifications have; returns how many.
 
-    Does nothing for a campaign that was submitted to run everything anew.
+    Does nothing for a campaign that was submitted to run everything anew, nor for runs of systems
+    that are not repeatable.
     """
     fresh = db.execute("SELECT fresh FROM campaign WHERE id = ?", (campaign,)).fetchone()[0]
     found = [] if fresh else db.execute(_FIND_RESULTS, (campaign,)).fetchall()

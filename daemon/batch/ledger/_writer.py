@@ -11,7 +11,12 @@ from typing import TypeVar
 from daemon.batch.errors import Refused, Unavailable
 from daemon.batch.ledger._connection import connect
 from daemon.batch.ledger._leases import LeaseUpdates
-from daemon.batch.ledger._results import insert_runs, reuse_results, store_reserve
+from daemon.batch.ledger._results import (
+    insert_runs,
+    remove_result,
+    reuse_results,
+    store_reserve,
+)
 from daemon.batch.ledger.transitions import Cancelled, Retried
 from daemon.model.messages import RetryRequest
 from daemon.model.packed_submission import Fingerprint, fingerprint
@@ -158,17 +163,22 @@ class LedgerWriter(LeaseUpdates):
         self.record_event(now, "campaign", campaign, campaign, "prioritised", str(priority))
 
     def retry(self, request: RetryRequest, now: float) -> int:
-        """Queue runs again by state (lost, cancelled), by outcome, or ``all`` that rest."""
+        """Queue runs again by state (lost, cancelled), by outcome, or ``all`` that rest.
+
+        The result of a run that is not repeatable is forgotten: the next one takes its place.
+        """
         self._require_campaign(request.campaign)
         words = _retry_words(request.only)
         rows = self._db.execute(
-            "SELECT id, state, outcome FROM run WHERE campaign = ?"
+            "SELECT id, state, outcome, repeatable FROM run WHERE campaign = ?"
             " AND state IN ('done', 'lost', 'cancelled') ORDER BY serial",
             (request.campaign,),
         ).fetchall()
-        chosen = [run for run, state, outcome in rows if {state, outcome} & words or "all" in words]
-        for run in chosen:
+        chosen = [row for row in rows if {row[1], row[2]} & words or "all" in words]
+        for run, _, _, repeatable in chosen:
             self._apply(run, Retried(), now, quiet=True)
+            if not repeatable:
+                remove_result(self._db, run)
         if chosen:
             self._db.execute(
                 "UPDATE campaign SET finished_at = NULL WHERE id = ?", (request.campaign,)

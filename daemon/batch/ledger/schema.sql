@@ -58,6 +58,7 @@ CREATE TABLE run (
     granted     INTEGER NOT NULL DEFAULT 0,  -- token of its latest lease, also when that is over
     trace_at    TEXT NOT NULL DEFAULT '',    -- URL of its trace, empty for the state directory
     kind        TEXT NOT NULL DEFAULT '',    -- of its system under test
+    repeatable  INTEGER NOT NULL DEFAULT 1,  -- 0: its system answers otherwise each time
     UNIQUE (campaign, position),
     UNIQUE (trace_name)
 ) STRICT;

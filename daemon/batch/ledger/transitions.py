@@ -6,7 +6,8 @@
     queued, running ──cancel──▶ cancelled          lost, cancelled, done ──retry──▶ queued
 
 Execution is at least once, the result is exactly one: the first one wins, also a late one from
-a lease that expired. Runs are deterministic, so a second result that differs raises an alarm.
+a lease that expired. Runs are deterministic, so a second result that differs raises an alarm; for
+systems under test that are not repeatable it is as good as the first one, and not needed.
 """
 
 from __future__ import annotations
@@ -23,7 +24,8 @@ class ExecutionState:
     """What the ledger knows about a run's execution.
 
     ``attempt`` counts leases, ``strikes`` those that ended badly. ``result`` is the digest of
-    the recorded result, empty while there is none.
+    the recorded result, empty while there is none. ``repeatable`` never changes: whether the same
+    run gives the same result again.
     """
 
     state: RunState = RunState.QUEUED
@@ -34,6 +36,7 @@ class ExecutionState:
     lease_until: float = 0.0
     result: str = ""
     reason: str = ""
+    repeatable: bool = True
 
 
 @dataclass(frozen=True, slots=True)
@@ -118,9 +121,10 @@ def advance(run: ExecutionState, event: RunEvent, *, attempts: int) -> RunTransi
         case Retried():
             if run.state in (RunState.QUEUED, RunState.RUNNING):
                 return RunTransition(run, LedgerAnswer.STALE)
-            return RunTransition(
-                replace(_at_rest(run, RunState.QUEUED, ""), strikes=0), LedgerAnswer.DONE
-            )
+            # What comes is another result, not the same again: it takes the place of the first.
+            result = run.result if run.repeatable else ""
+            queued = replace(_at_rest(run, RunState.QUEUED, ""), strikes=0, result=result)
+            return RunTransition(queued, LedgerAnswer.DONE)
 
 
 def _holds(run: ExecutionState, token: int) -> bool:
@@ -154,6 +158,8 @@ def _complete(run: ExecutionState, token: int, digest: str) -> RunTransition:
         return RunTransition(done, LedgerAnswer.RECORDED, record=True)
     if run.result == digest:
         return RunTransition(_settled(run, token, run.reason), LedgerAnswer.KNOWN)
+    if not run.repeatable:
+        return RunTransition(_settled(run, token, run.reason), LedgerAnswer.REDUNDANT)
     told = f"another attempt gave {digest[:12]}, recorded is {run.result[:12]}"
     reason = f"{NONDETERMINISTIC}: {told}"
     return RunTransition(_settled(run, token, reason), LedgerAnswer.DIFFERS)

@@ -169,7 +169,7 @@ class ResultUploader:
         if answer is LedgerAnswer.RECORDED and not placed:
             # The trace there is of an attempt whose result did not count: the ledger says so.
             placement.replace()
-        elif answer is LedgerAnswer.DROPPED:
+        elif answer in (LedgerAnswer.DROPPED, LedgerAnswer.REDUNDANT):
             placement.withdraw()
 
     def _by_store(self, attempt: Attempt, result: RunResult) -> bool:
@@ -189,7 +189,7 @@ class ResultUploader:
         del self._putting[lease.token]
         self.moved += result.trace.size
         self._tell(attempt, result, putting.begun, "kept in the store")
-        if answer in (LedgerAnswer.DROPPED, LedgerAnswer.DIFFERS):
+        if answer in (LedgerAnswer.DROPPED, LedgerAnswer.DIFFERS, LedgerAnswer.REDUNDANT):
             with suppress(stores.StoreUnusable):  # it harms nobody there: nothing refers to it
                 stores.remove_from_store(url)
         return True

@@ -31,7 +31,7 @@ _TRUTH = {
 }
 _COMMAND = {"command.forward": "vx", "command.sideways": "vy", "command.angular": "wz"}
 _ESTIMATE = {"estimate.x": "x", "estimate.y": "y", "estimate.yaw": "yaw"}
-RECORDED_SIGNALS = frozenset({*_TRUTH, *_COMMAND, *_ESTIMATE, "estimate.particles"})
+RECORDED_SIGNALS = frozenset({*_TRUTH, *_COMMAND, *_ESTIMATE, "estimate.particles", "latency"})
 """Names of the signals that :func:`recorded_signal` knows."""
 
 
@@ -104,10 +104,25 @@ def hold_last(stamps: Floats, values: Floats, time: Floats) -> Floats:
     return np.where(index < 0, np.nan, values[np.maximum(index, 0)])
 
 
+def hold_longest(stamps: Floats, values: Floats, time: Floats) -> Floats:
+    """Sample ``values`` (m,) taken at ``stamps`` (m,): the largest since the sample before.
+
+    Held where there is none; NaN before the first. Other than with :func:`hold_last` nothing that
+    was recorded between two samples is passed over.
+    """
+    index = np.searchsorted(time, stamps - _ROUNDING)
+    inside = index < len(time)
+    largest = np.full(len(time), np.nan)
+    np.fmax.at(largest, index[inside], values[inside])
+    known = ~np.isnan(largest)
+    return hold_last(time[known], largest[known], time)
+
+
 def recorded_signal(trace: Trace, name: str, time: Floats) -> Floats:
     """Return a recorded signal at ``time`` (n,), the first samples of the ground truth.
 
-    Commands and estimates are held until the next one; NaN before the first.
+    Commands and estimates are held until the next one; NaN before the first. So is the latency of
+    an external system, but of those between two samples the longest counts: each is judged.
     """
     if name in _TRUTH:
         channel: Floats = getattr(trace.ground_truth, _TRUTH[name])[: len(time)]
@@ -116,6 +131,8 @@ def recorded_signal(trace: Trace, name: str, time: Floats) -> Floats:
         return hold_last(trace.command.time, getattr(trace.command, _COMMAND[name]), time)
     if name in _ESTIMATE:
         return hold_last(trace.estimate.time, getattr(trace.estimate, _ESTIMATE[name]), time)
+    if name == "latency":
+        return hold_longest(trace.latency.time, trace.latency.seconds, time)
     return hold_last(trace.cloud.time, trace.cloud_count.astype(np.float64), time)
 
 

@@ -73,7 +73,8 @@ class Cycle:
     """One step of the clock: messages to publish in this order, then the clock at ``time`` [ns].
 
     ``until``: wait for a ``command`` that answers this cycle, or for nothing, the whole of
-    ``wait`` [s of wall clock]. A stamped command answers when its stamp is not before
+    ``wait`` [s of wall clock]. The wait for a command also ends when a goal does: nothing is
+    owed then. A stamped command answers when its stamp is not before
     ``time - tolerance``; one without a stamp when it came after the clock went out.
     """
 
@@ -146,7 +147,7 @@ class Readiness:
 
 
 @dataclass(frozen=True, slots=True)
-class Endpoint:
+class GraphEndpoint:
     """A publisher or subscription in the graph."""
 
     topic: str
@@ -162,7 +163,7 @@ class Endpoint:
 class Graph:
     """What a link sees: endpoints (its own left out), nodes, and servers of services by name."""
 
-    endpoints: tuple[Endpoint, ...]
+    endpoints: tuple[GraphEndpoint, ...]
     nodes: tuple[str, ...]
     services: tuple[str, ...]
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import Final
 
-from daemon.stacks.ros2.link import Endpoint, Graph
+from daemon.stacks.ros2.link import Graph, GraphEndpoint
 from daemon.stacks.ros2.zenoh_types import NO_HASH, distributions_with
 from daemon.stacks.ros2.zenoh_wire import Role, Token
 
@@ -52,7 +52,7 @@ class ZenohGraph:
         """Return everything in sight."""
         tokens = self._here()
         endpoints = tuple(
-            Endpoint(
+            GraphEndpoint(
                 token.name,
                 token.kind,
                 token.node,

@@ -38,9 +38,11 @@ from scenario_tui.text.formatting import (
     QUIET,
     UNSURE,
     glyph_word,
+    pluralise,
     run_label,
     run_word,
 )
+from scenario_tui.text.printed_output import last_lines, printed_lines
 from scenario_tui.text.run_text import append_facts, run_text
 
 if TYPE_CHECKING:
@@ -75,10 +77,22 @@ def log_text(detail: RunDetail | None, playback: Playback | None, limit: int = _
     for time, source, said in lines[:limit]:
         text.append(f"{time:8.2f} s  ", style=QUIET)
         text.append(f"{source:<10} ", style="bold")
-        text.append(f"{said}\n")
+        text.append("\n".join(printed_lines(said)) + "\n")
     if len(lines) > limit:
         text.append(f"and {len(lines) - limit} lines more\n", style=QUIET)
+    _append_outputs(text, playback)
     return text
+
+
+def _append_outputs(text: Text, playback: Playback) -> None:
+    """Add the last lines of what an external system under test printed."""
+    for name, printed in playback.outputs.items():
+        shown, hidden = last_lines(printed)
+        text.append(f"\n{name}\n", style="bold")
+        if hidden:
+            more = pluralise(hidden, "line")
+            text.append(f"{more} before these: scenario logs prints all\n", style=QUIET)
+        text.append("".join(f"{line}\n" for line in shown or ["(nothing)"]))
 
 
 def log_lines(playback: Playback) -> Iterator[Line]:
@@ -225,7 +239,9 @@ class RunScreen(PlayingScreen, SteeringScreen):
         view, why = top_view_of(state, detail, track)
         why = self._damage or why
         above, signals = self.query_one(RunMap), self.query_one("#signals", TimelineView)
-        above.explain(why)
+        # Where the words are not beside the map, the first line has no room for all of it.
+        starting = track.snapshot.waiting if track and not self.has_class("-wide") else ""
+        above.explain(why or starting)
         waiting = "Signals are drawn when the run is over." if _unfinished(detail) else "Reading."
         show_message_or(self.query_one("#untold"), signals, why or waiting)
         self.query_one("#signs").display = False
@@ -242,9 +258,8 @@ class RunScreen(PlayingScreen, SteeringScreen):
             said.append(f"  {clock_line(self.transport)}  {reached}/{self._playback.waypoints} wp")
         elif track is not None:
             now = track.snapshot
-            said.append(
-                f"  {now.reached}/{now.waypoints} wp  {now.time:.0f} s of {now.limit:.0f} s"
-            )
+            far = f"{now.reached}/{now.waypoints} wp  {now.time:.0f} s of {now.limit:.0f} s"
+            said.append(f"  {now.waiting or far}")
         tabs = "" if self.has_class("-wide") else self.tabs()
         said.truncate(max(self.size.width - len(tabs) - 4, 0), overflow="ellipsis", pad=True)
         self.query_one("#now", Static).update(said.append(f"  {tabs}", style=QUIET))

@@ -9,6 +9,7 @@ from textual.containers import Vertical, VerticalScroll
 from textual.widgets import Static
 
 from daemon.model.live_view import from_centimetres
+from daemon.model.spec import RunSpec
 from daemon.model.status import RunDetail, RunState
 from grammars.model.scene import Scene
 from scenario_tui.dashboard.screens.base import show_message_or
@@ -92,22 +93,7 @@ def _view(
     resting = tuple(scene.initial_joints.values())
     spec = detail.spec
     if track is not None:
-        seen = track.snapshot
-        return View(
-            scene,
-            spec.robot,
-            spec.mission,
-            # The scene may be of another attempt than what was heard, if only for a moment.
-            seen.joints if len(seen.joints) == len(resting) else resting,
-            seen.pose,
-            seen.estimate,
-            seen.reached,
-            tuple(track.trail),
-            from_centimetres(seen.returns),
-            from_centimetres(seen.plan),
-            tuple(track.flashes),
-            seen.spread,
-        )
+        return tracked_view(scene, spec, track)
     if recording is not None:
         return View(
             scene,
@@ -119,3 +105,23 @@ def _view(
             trail=recording.trail,
         )
     return View(scene, spec.robot, spec.mission, resting)
+
+
+def tracked_view(scene: Scene, spec: RunSpec, track: Track) -> View:
+    """Return the top view of what goes on at this moment."""
+    seen, resting = track.snapshot, tuple(scene.initial_joints.values())
+    return View(
+        scene,
+        spec.robot,
+        spec.mission,
+        # The scene may be of another attempt than what was heard, if only for a moment.
+        seen.joints if len(seen.joints) == len(resting) else resting,
+        seen.pose,
+        seen.estimate,
+        seen.reached,
+        tuple(track.trail),
+        from_centimetres(seen.returns),
+        from_centimetres(seen.plan),
+        tuple(track.flashes),
+        seen.spread,
+    )

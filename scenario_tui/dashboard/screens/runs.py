@@ -279,7 +279,8 @@ def run_cells(row: RunRow, track: Track | None) -> Row:
 def progress(row: RunRow, track: Track | None) -> str:
     """Return how far a run is, or how long it took, in simulated time."""
     if row.state is RunState.RUNNING:
-        if track is None:
+        # What is waited for has no room here; the run itself, beside or below, says it.
+        if track is None or track.snapshot.waiting:
             return "starting"
         seen = track.snapshot
         return f"{seen.reached}/{seen.waypoints} wp {seen.time:.0f} s"

@@ -12,6 +12,7 @@ from tests.chaos.clock import clock
 from tests.chaos.cut import cut_off
 from tests.chaos.disk import full_disk, may_mount
 from tests.chaos.report import Report
+from tests.chaos.stacks import stacks
 from tests.chaos.torn import torn
 from tests.daemon.batch.samples import make_submission
 
@@ -37,6 +38,10 @@ def test_runs_wait_while_the_disk_is_full(tmp_path: Path) -> None:
 
 def test_a_worker_cut_off_for_longer_than_its_lease_delivers_once(tmp_path: Path) -> None:
     held(cut_off(tmp_path, seconds=1.5, lease=1.0, work=1.0, isolated=False))
+
+
+def test_of_stacks_nothing_is_left_whoever_is_killed(tmp_path: Path) -> None:
+    held(stacks(tmp_path, runs=5, every=0.3))
 
 
 class Hand:

@@ -240,3 +240,44 @@ def _patterns(node: Any) -> Iterator[str]:
 def test_expressions_keep_to_what_javascript_understands(kind: FileKind) -> None:
     for pattern in _patterns(validator(kind.value).schema):
         assert not re.search(r"\(\?[^:=!]|[*+?}]\+|\\[^\w.+*^$?()\[\]{}|/\\]", pattern), pattern
+
+
+ROS2_STACK = """\
+sut: nav2
+kind: ros2
+launch: ros2 launch my_robot nav.launch.py map:={map}
+environment: {setup: /opt/ros/jazzy/setup.bash, ROS_DOMAIN_ID: 7, RMW_IMPLEMENTATION: rmw_x}
+container: {image: my/nav2, options: [--gpus, all]}
+files: {params: nav.yaml}
+topics: {scan: front/scan, odom: null}
+ready: amcl
+late: 5 %
+start-up: 1 min
+reuse: yes
+frames: null
+"""
+
+
+@pytest.mark.parametrize(
+    ("written", "instead", "where"),
+    [
+        ("", "", []),
+        ("kind: ros2\n", "like: other\n", []),
+        ("late: 5 %", "late: null", []),
+        ("start-up: 1 min", "start-up: 60", ["$['start-up']"]),
+        ("scan: front/scan", "scann: x", ["$.topics"]),
+        ("reuse: yes", "reuse: maybe", ["$.reuse"]),
+        ("ROS_DOMAIN_ID: 7", "ROS_DOMAIN_ID: 102", ["$.environment"]),
+        ("ready: amcl", "mission: dock", ["$.mission"]),
+    ],
+)
+def test_keys_of_a_ros2_stack(written: str, instead: str, where: list[str]) -> None:
+    assert written in ROS2_STACK
+    assert problems("sut", ROS2_STACK.replace(written, instead)) == where
+
+
+def test_other_kinds_have_no_keys_of_a_ros2_stack() -> None:
+    assert problems("sut", "sut: a\nkind: pilot\nlaunch: x\n") == ["$.launch"]
+    assert problems("sut", "sut: a\nkind: ros2\nlaunch: x\nparameters: {a: 1}\n") == [
+        "$.parameters"
+    ]

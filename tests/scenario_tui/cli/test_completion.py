@@ -120,6 +120,15 @@ def test_files_that_fit(tab: Tab, tmp_path: Path) -> None:
     assert tab("scenario judge o") == ["old-1", "old-1.2", "old-1.0", "old-1.1"]
 
 
+def test_a_system_is_offered_beside_the_commands_about_one(tab: Tab, tmp_path: Path) -> None:
+    (tmp_path / "mine.yaml").write_text("sut: mine\nkind: pilot\n")
+    (tmp_path / "other.yaml").write_text("robot: other\n")
+    assert tab("scenario sut ") == ["show", "check", "relay", "mine.yaml"]
+    assert tab("scenario sut m") == ["mine.yaml"]
+    assert tab("scenario sut check ") == ["mine.yaml"]
+    assert "--json" in tab("scenario sut mine.yaml --")
+
+
 def test_scenarios_and_suts_of_a_campaign_file(tab: Tab, tmp_path: Path) -> None:
     (tmp_path / "c.yaml").write_text(
         "campaign: c\nmatrix: {sut: [a, b]}\n"

@@ -103,6 +103,25 @@ def test_systems_under_test_stand_side_by_side(scenario, fake) -> None:
     assert "delay(S2 vs S1) <= 15 s" in late
 
 
+def test_what_is_not_repeatable_is_marked_where_it_is_named(scenario, fake) -> None:
+    fake.rows = tuple(
+        make_row(i + j, sut=sut, repeat=i, repeatable=sut == "pilot")
+        for j, sut in ((0, "pilot"), (2, "nav2"))
+        for i in range(2)
+    )
+    said = scenario("results").out
+    head = next(line for line in said.splitlines() if line.startswith("scenario"))
+    assert head.split("  ")[-1].strip() == "nav2 (not repeatable)"
+    assert "pilot (not" not in said
+    assert "nav2: not repeatable, equal runs may differ and no result is used again" in said
+    assert [row["repeatable"] for row in json.loads(scenario("results", "--json").out)["runs"]] == [
+        True,
+        True,
+        False,
+        False,
+    ]
+
+
 def test_results_default_to_the_newest_campaign(scenario, fake) -> None:
     scenario("results")
     assert ("runs", CAMPAIGN, "", "", "", "index", False, 0, 500, "", "") in fake.calls

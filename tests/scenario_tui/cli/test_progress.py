@@ -12,7 +12,7 @@ from daemon.model.status import RunState
 from daemon.model.verdicts import Outcome
 from scenario_tui.cli import progress
 from scenario_tui.cli.progress import CampaignProgress, progress_lines, watch
-from tests.scenario_tui.fake import CAMPAIGN, FakeDaemon, make_live, make_row
+from tests.scenario_tui.fake import CAMPAIGN, WAITING, FakeDaemon, make_live, make_row
 
 
 @pytest.fixture(autouse=True)
@@ -96,6 +96,22 @@ def test_progress_shows_counts_pace_and_what_runs(fake, width) -> None:
     assert ("12.5 runs/min" in campaign) == (width > 100)
     assert "1 min 35 s left" in campaign
     assert "S2/pilot/2  waypoint 2 of 3  61 s simulated" in run
+
+
+@pytest.mark.parametrize("width", [60, 140])
+def test_a_system_that_is_being_started_says_what_it_waits_for(fake, width) -> None:
+    live = make_live(7, waiting=WAITING)
+    sight = CampaignProgress(
+        fake.campaigns()[0], (make_row(7, state=RunState.RUNNING),), {live.run: live}
+    )
+    console = Console(width=width)
+    with console.capture() as capture:
+        console.print(progress_lines(sight, width))
+    _, run = capture.get().splitlines()
+    assert len(run) <= width
+    assert "S2/pilot/2  starting my-nav2: 3 of" in run
+    assert ("planner_server" in run) == (width > 100)
+    assert "simulated" not in run
 
 
 def test_a_daemon_that_cannot_run_anything_says_why_and_when_it_is_over(

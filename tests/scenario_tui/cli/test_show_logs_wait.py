@@ -34,6 +34,13 @@ def test_a_run_is_shown_as_in_the_dashboard_with_what_to_type_next(scenario) -> 
     assert "blame" not in scenario("show", f"{CAMPAIGN}.0").out
 
 
+def test_a_run_of_what_is_not_repeatable_says_so(scenario, fake) -> None:
+    fake.rows = tuple(replace(row, repeatable=False) for row in fake.rows)
+    said = scenario("show", f"{CAMPAIGN}.5").out
+    assert "pilot (pilot, not repeatable)" in said
+    assert f"scenario verify {CAMPAIGN}.5" in said
+
+
 def test_a_run_is_named_by_campaign_and_number(scenario) -> None:
     body = json.loads(scenario("show", "first.6", "--json").out)
     assert body["run"]["row"]["id"] == f"{CAMPAIGN}.6"
@@ -106,6 +113,53 @@ def test_logs_tell_what_a_trace_recorded(scenario, tmp_path: Path) -> None:
     ]
     body = json.loads(scenario("logs", str(trace), "--json").out)
     assert [said["level"] for said in body["recorded"]] == ["info", "warn", "info"]
+
+
+STACK = b"\x1b[0m[INFO] [launch]: started\r\n" + b"".join(b"line %d\n" % i for i in range(60))
+RELAY = b"10 %\r50 %\rup\x07 \xff\n"
+
+
+@pytest.fixture
+def external(tmp_path: Path) -> str:
+    """A trace of an external system that printed 61 lines, and one."""
+    printed = {"stack.txt": STACK, "relay.txt": RELAY}
+    return str(record_run(tmp_path / "run.mcap", outputs=printed))
+
+
+def test_logs_end_with_the_last_lines_of_what_a_stack_printed(scenario, external: str) -> None:
+    lines = scenario("logs", external).out.splitlines()
+    assert any(line.endswith("planner_server  no path yet") for line in lines)
+    begin = lines.index("stack.txt")
+    assert lines[begin + 1] == (
+        f"(21 lines before these: scenario logs {external} --output stack.txt)"
+    )
+    assert lines[begin + 2 : begin + 42] == [f"line {i}" for i in range(20, 60)]
+    # A bell and a byte that is no UTF-8 are to be seen and not to be heard.
+    assert lines[lines.index("relay.txt") + 1 :] == ["up\ufffd \ufffd"]
+
+
+def test_logs_print_all_of_an_output_when_it_is_asked_for(scenario, external: str) -> None:
+    whole = ["[INFO] [launch]: started", *(f"line {i}" for i in range(60))]
+    assert scenario("logs", external, "--output", "stack.txt").out.splitlines() == whole
+    lines = scenario("logs", external, "--all").out.splitlines()
+    begin = lines.index("stack.txt")
+    assert lines[begin + 1 : begin + 62] == whole
+    body = json.loads(scenario("logs", external, "--json").out)
+    assert body["printed"]["stack.txt"] == STACK.decode()
+    assert body["printed"]["relay.txt"].startswith("10 %\r50 %")
+
+
+def test_an_output_that_a_run_has_not_is_answered_with_those_it_has(
+    scenario, external: str, tmp_path: Path
+) -> None:
+    said = scenario("logs", external, "--output", "stak.txt")
+    assert said.code == 2
+    assert 'did you mean "stack.txt"?' in " ".join(said.err.split())
+    silent = str(record_run(tmp_path / "silent.mcap"))
+    said = scenario("logs", silent, "--output", "stack.txt")
+    assert said.code == 2
+    assert "printed nothing" in said.err
+    assert json.loads(scenario("logs", silent, "--json").out)["printed"] == {}
 
 
 def test_logs_need_a_state_directory_or_a_trace(scenario, tmp_path: Path) -> None:

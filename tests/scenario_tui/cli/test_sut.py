@@ -48,6 +48,34 @@ def test_other_kinds_show_what_was_written(
     assert "max_speed" in text
 
 
+def test_a_ros2_stack_is_shown_with_what_applies_and_is_not_started(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "p.yaml").write_text("a: 1\n")
+    base = tmp_path / "nav2.yaml"
+    mark = tmp_path / "started"
+    base.write_text(
+        f"sut: nav2\nkind: ros2\nlaunch: touch {mark} {{map}} {{params}}\n"
+        "files: {params: p.yaml}\nstart-up: 2 min\ntopics: {scan: front}\n"
+    )
+    path = tmp_path / "mine.yaml"
+    path.write_text("sut: mine\nlike: nav2\npatience: 2 s\nready: [amcl]\n")
+    text = shown(capsys, str(path))
+    assert "mine, kind ros2, not repeatable" in text
+    rows = {line.split()[0]: line.split()[1:] for line in text.splitlines() if line.strip()}
+    assert rows["patience"] == ["2", "s", "mine.yaml:3"]
+    assert rows["start-up"] == ["2", "min", "nav2.yaml:5"]
+    assert "files: params (sha256 " in text
+    left_out = text.partition("not written anywhere")[2]
+    assert "late 5 %" in left_out
+    assert "patience" not in left_out
+    assert "command /cmd_vel" in left_out
+    body = declared(shown(capsys, "--json", str(path)))
+    assert body["defaults"]["stack"]["period"] == "0.05 s"
+    assert "scan" not in body["defaults"]["topics"]
+    assert not mark.exists()
+
+
 def test_quirks_that_are_off_are_named(
     tmp_path: Path, campaigns: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -17,7 +17,7 @@ from scenario_tui.dashboard.screens.run import RunScreen
 from scenario_tui.dashboard.state import Tracks
 from scenario_tui.dashboard.widgets.top_view import TopView
 from tests.scenario_tui.dashboard.inline import make_dashboard, press, screen_text, settle
-from tests.scenario_tui.fake import CAMPAIGN, FakeDaemon, make_live
+from tests.scenario_tui.fake import CAMPAIGN, WAITING, FakeDaemon, make_live
 from tests.scenario_tui.recorded import HIT, TURNED, record_run
 
 RUN = f"{CAMPAIGN}.5"
@@ -98,6 +98,20 @@ async def test_parts_follow_each_other_where_there_is_room_for_one(trace: Path) 
         for words in ("seed 2024", "contact", "robot touches door-1/leaf", "✗ no-contact decided",
                       "door-1.hinge opens"):  # fmt: skip
             assert words in shown(pilot)
+
+
+async def test_the_log_ends_with_what_an_external_system_printed(tmp_path: Path) -> None:
+    printed = b"".join(b"line %d\n" % i for i in range(60))
+    found = record_run(tmp_path / "run.mcap", outputs={"stack.txt": printed, "relay.txt": b""})
+    async with opened(Recorded(found), (200, 80)) as pilot:
+        await look_at(pilot)
+        told = str(pilot.app.screen.query_one("#log-text", Static).content)
+        assert "planner_server no path yet" in told
+        assert told.endswith(
+            "\nstack.txt\n20 lines before these: scenario logs prints all\n"
+            + "".join(f"line {i}\n" for i in range(20, 60))
+            + "\nrelay.txt\n(nothing)\n"
+        )
 
 
 async def test_wide_terminals_show_everything_at_once(trace: Path) -> None:
@@ -232,6 +246,40 @@ async def test_a_run_is_watched_while_it_is_shown_and_runs(fake: FakeDaemon) -> 
         assert view.plan[-1] == (8.0, 1.0)
         await press(pilot, "escape")
         assert fake.watchers == {}
+
+
+@pytest.mark.parametrize("size", [(80, 24), (120, 40)])
+async def test_a_run_whose_system_is_being_started_says_what_it_waits_for(
+    fake: FakeDaemon, size: tuple[int, int]
+) -> None:
+    async with opened(fake, size) as pilot:
+        await look_at(pilot, f"{CAMPAIGN}.7")
+        fake.live = (make_live(7, waiting=WAITING), make_live(7, waiting=WAITING))
+        await settle(pilot)
+        told = " ".join(shown(pilot).split())
+        assert "3 of 8 nodes active, waiting for planner_server" in told
+        assert "0 s of 1200 s" not in shown(pilot)
+        # Simulated time stands still until it is up; then the run goes on from where it stood.
+        fake.live = (make_live(7, 0.0), make_live(7, 2.0))
+        await settle(pilot)
+        assert "my-nav2" not in shown(pilot)
+        assert "1/3 wp  2 s of 1200 s" in shown(pilot)
+
+
+async def test_the_table_of_runs_tells_a_start_from_a_run_that_drives(fake: FakeDaemon) -> None:
+    async with opened(fake, (140, 30)) as pilot:
+        await pilot.pause(0)
+        pilot.app.open_runs(CAMPAIGN)
+        fake.live = (make_live(7, waiting=WAITING),)
+        await settle(pilot)
+        await press(pilot, *["j"] * 7)
+        row = next(line for line in screen_text(pilot) if line.startswith(" S2/pilot/2"))
+        assert row.partition("│")[0].split()[-1] == "starting"
+        told = " ".join(shown(pilot).split())
+        assert "simulated time begins when it is up" in told
+        fake.live = (make_live(7, 1.0),)
+        await settle(pilot)
+        assert "1/3 wp 1 s" in shown(pilot)
 
 
 def test_contacts_flash_for_a_while() -> None:

@@ -7,7 +7,7 @@ import pytest
 from tests.scenario_tui.dashboard.inline import make_dashboard, press, settle
 from tests.scenario_tui.dashboard.judged_campaign import judged_campaign
 from tests.scenario_tui.dashboard.test_states import STATES
-from tests.scenario_tui.fake import FakeDaemon, make_live
+from tests.scenario_tui.fake import WAITING, FakeDaemon, make_live
 
 NARROW, WIDE = (80, 24), (120, 40)
 SCREENS = {
@@ -28,6 +28,22 @@ def test_screen(snap_compare, screen: str, size: tuple[int, int]) -> None:
     async def before(pilot) -> None:
         await settle(pilot)
         await press(pilot, *SCREENS[screen])
+
+    assert snap_compare(make_dashboard(fake), terminal_size=size, run_before=before)
+
+
+@pytest.mark.parametrize(
+    ("screen", "size"),
+    [("running-run", NARROW), ("running-run", WIDE), ("runs", WIDE)],
+    ids=["running-run-80x24", "running-run-120x40", "runs-120x40"],
+)
+def test_a_system_that_is_being_started(snap_compare, screen: str, size: tuple[int, int]) -> None:
+    fake = FakeDaemon(live=(make_live(7, waiting=WAITING),))
+    keys = SCREENS[screen] if screen != "runs" else ("enter", *["j"] * 7)
+
+    async def before(pilot) -> None:
+        await settle(pilot)
+        await press(pilot, *keys)
 
     assert snap_compare(make_dashboard(fake), terminal_size=size, run_before=before)
 

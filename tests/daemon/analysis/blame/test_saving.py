@@ -211,3 +211,22 @@ def test_files_that_would_specify_another_run_are_refused(
     changed = replace(found, smallest=Candidate(other, found.smallest.scene))
     with pytest.raises(ValueError, match="its limit differs"):
         save_campaign(case, changed, folder / "saved", runner)
+
+
+def test_a_ros2_stack_is_saved_as_it_is_started_with_its_files(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (folder / "params.yaml").write_text("amcl: {}\n")
+    (folder / "base.yaml").write_text(
+        "sut: base\nkind: ros2\nlaunch: nav {map} {params}\nfiles: {params: params.yaml}\n"
+        "environment: {setup: /a.bash}\nready: amcl\nlate: 10 %\nreuse: yes\n"
+    )
+    (folder / "nav2.yaml").write_text("sut: nav2\nlike: base\nstart-up: 2 min\n")
+    pretend(monkeypatch, failing_if(lambda spec: bool(spec.behaviours)))
+    case = load_case(write(folder, CAMPAIGN.replace("[pilot]", "[nav2]")), "rude", "nav2", 0)
+    assert case.settings.elements == ()
+    runner = CandidateRunner(200)
+    file = save_campaign(case, explain_failure(case, runner), folder / "saved", runner)
+    (run,) = expand(load_campaign(file)).runs
+    assert run.sut == case.spec.sut
+    assert (folder / "saved" / "suts" / "files" / "params").read_text() == "amcl: {}\n"

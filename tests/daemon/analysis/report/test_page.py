@@ -54,6 +54,18 @@ def section(tree: Element, name: str) -> Element:
     return found
 
 
+def test_systems_that_are_not_repeatable_are_marked(data: ReportData, page: str) -> None:
+    assert "not repeatable" not in page.casefold()
+    external = tuple(
+        replace(run, record=replace(run.record, repeatable=run.record.sut != SUTS[0]))
+        for run in data.runs
+    )
+    marked = write_page(replace(data, runs=external), (), processes=1)
+    assert f"<dt>not repeatable</dt><dd>{SUTS[0]}</dd>" in marked
+    assert f'<th scope="col">{SUTS[0]} (not repeatable)</th>' in marked
+    assert marked.count("(not repeatable)") == 1
+
+
 def test_the_head_answers_in_one_line(tree: Element) -> None:
     (line,) = [e for e in elements(tree, "p") if e.get("class") == "answer"]
     assert words(line) == "No. 1 of 14 verdicts is not as expected."

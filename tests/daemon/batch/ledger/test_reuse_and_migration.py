@@ -23,7 +23,13 @@ from daemon.model.assessments import (
     RunRecord,
     ScenarioComparison,
 )
-from daemon.model.messages import Completion, RecordQuery, RetryRequest, RunQuery
+from daemon.model.messages import (
+    Completion,
+    LedgerAnswer,
+    RecordQuery,
+    RetryRequest,
+    RunQuery,
+)
 from daemon.model.spec import RunResult, RunSpec
 from daemon.model.status import CampaignRow, RunRow, RunState, Submission
 from daemon.model.verdicts import Outcome
@@ -253,7 +259,7 @@ def test_records_say_what_rows_do_not(ledger: Ledger) -> None:
     assert (waiting.outcome, waiting.state, waiting.trace) == (None, "queued", None)
 
 
-@pytest.mark.parametrize("version", [1, 2, 3, 4])
+@pytest.mark.parametrize("version", [1, 2, 3, 4, 5])
 def test_a_ledger_of_an_earlier_version_is_brought_up_to_date(tmp_path: Path, version: int) -> None:
     path = tmp_path / "ledger.db"
     more = (", declared", ", x''") if version > 1 else ("", "")
@@ -287,6 +293,83 @@ def test_a_ledger_of_an_earlier_version_is_brought_up_to_date(tmp_path: Path, ve
     assert [row.id for row in reader.records(RecordQuery("old"))] == ["old.0"]
     upgraded.close()
     made.close()
+
+
+def external(spec: RunSpec) -> RunSpec:
+    """The same run with a system that is not repeatable."""
+    return replace(spec, sut=replace(spec.sut, parameters={"repeatable": False}))
+
+
+def differing(spec: RunSpec) -> RunResult:
+    """A result that no other execution gave."""
+    differing.calls += 1  # type: ignore[attr-defined]
+    return make_result(spec, margin=0.001 * differing.calls)  # type: ignore[attr-defined]
+
+
+differing.calls = 0  # type: ignore[attr-defined]
+
+
+def test_results_of_what_is_not_repeatable_are_never_used_again(ledger: Ledger) -> None:
+    runs = [external(specs(1)[0]), specs(2)[1]]
+    ledger.submit("first", *runs)
+    ledger.work()
+    ledger.submit("second", *runs)
+    assert ledger.row("second").cached == 1
+    assert [(row.cached, row.repeatable) for row in ledger.rows("second")] == [
+        ("", False),
+        ("first.1", True),
+    ]
+    assert [record.repeatable for record in ledger.records("second")] == [False, True]
+    assert ledger.work() == 1
+
+
+def test_repeats_in_reserve_of_what_is_not_repeatable_are_executed_too(ledger: Ledger) -> None:
+    runs = tuple(external(spec) for spec in specs(16))
+    for name in ("first", "second"):
+        ledger.submit(name, *runs[:2], declared=PATIENT, reserve=runs[2:])
+        assert ledger.work() == 8
+    assert ledger.row("second").cached == 0
+
+
+def test_what_is_not_repeatable_may_come_out_differently_without_an_alarm(ledger: Ledger) -> None:
+    run = external(specs(1)[0])
+    for name in ("first", "second"):
+        ledger.submit(name, run)
+        ledger.work(differing)
+    first, second = ledger.rows("first")[0], ledger.rows("second")[0]
+    assert first.margin != second.margin
+    assert [first.nondeterministic, second.nondeterministic] == [False, False]
+    assert [event for event in ledger.book.events if event.kind == "alarm"] == []
+
+
+def test_of_two_executions_of_one_run_the_first_stays(ledger: Ledger) -> None:
+    ledger.submit("first", external(specs(1)[0]))
+    (slow,) = ledger.book.lease("slow", 1, NOW)
+    ledger.book.expire_leases(NOW + 3600.0)
+    (fast,) = ledger.book.lease("fast", 1, NOW)
+    answers = [
+        ledger.book.complete(
+            Completion("w", grant.run, grant.attempt, grant.token, differing(grant.spec)), NOW
+        )
+        for grant in (fast, slow)
+    ]
+    assert answers == [LedgerAnswer.RECORDED, LedgerAnswer.REDUNDANT]
+    (row,) = ledger.rows("first")
+    assert (row.state, row.nondeterministic) == (RunState.DONE, False)
+    assert [event for event in ledger.book.events if event.kind == "alarm"] == []
+
+
+def test_executed_again_on_request_it_has_the_new_result(ledger: Ledger) -> None:
+    ledger.submit("first", external(specs(1)[0]), specs(2)[1])
+    ledger.work(lambda spec: make_result(spec, outcome=Outcome.ERROR))
+    assert ledger.book.retry(RetryRequest("first", ("error",)), NOW) == 2
+    waiting = ledger.rows("first")[0]
+    assert (waiting.state, waiting.outcome, waiting.trace) == (RunState.QUEUED, None, "")
+    ledger.work()
+    external_run, other = ledger.rows("first")
+    assert (external_run.outcome, external_run.nondeterministic) == (Outcome.PASS, False)
+    assert (other.outcome, other.nondeterministic) == (Outcome.ERROR, True)
+    assert ledger.row("first").passed == 1
 
 
 def test_repeats_in_reserve_are_held_to_the_same_rules(tmp_path: Path) -> None:

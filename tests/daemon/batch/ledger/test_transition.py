@@ -69,6 +69,19 @@ def test_another_result_is_an_alarm_and_changes_nothing_but_the_reason() -> None
     assert replace(change.run, reason="") == done
 
 
+def test_another_result_of_what_is_not_repeatable_is_not_needed() -> None:
+    done = after(replace(RUNNING, repeatable=False), Completed(7, "aa"))
+    change = advance(done, Completed(9, "bb"), attempts=3)
+    assert (change.answer, change.record, change.run) == (LedgerAnswer.REDUNDANT, False, done)
+
+
+def test_retried_what_is_not_repeatable_gets_a_new_result() -> None:
+    done = after(replace(RUNNING, repeatable=False), Completed(7, "aa"))
+    retried = after(done, Retried())
+    assert (retried.state, retried.result) == (RunState.QUEUED, "")
+    assert after(after(RUNNING, Completed(7, "aa")), Retried()).result == "aa"
+
+
 def test_a_late_result_is_taken_from_a_lease_that_lapsed() -> None:
     again = after(RUNNING, Released(7, "lapsed", blame=True), Leased("v", 8, 60.0))
     change = advance(again, Completed(7, "aa"), attempts=3)

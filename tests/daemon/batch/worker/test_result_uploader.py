@@ -176,7 +176,12 @@ def test_a_slow_link_leaves_time_for_everything_else(
 
 
 @pytest.mark.parametrize(
-    ("answer", "stays"), [(LedgerAnswer.RECORDED, True), (LedgerAnswer.DIFFERS, False)]
+    ("answer", "stays"),
+    [
+        (LedgerAnswer.RECORDED, True),
+        (LedgerAnswer.DIFFERS, False),
+        (LedgerAnswer.REDUNDANT, False),
+    ],
 )
 def test_a_store_gets_it_directly(
     uploader: ResultUploader, daemon: Daemon, attempt: Attempt, answer: LedgerAnswer, stays: bool

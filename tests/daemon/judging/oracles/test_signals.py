@@ -8,9 +8,18 @@ import numpy as np
 import pytest
 
 from daemon.judging.oracles import SignalSampler
-from daemon.trace import CommandTrack, ContactRecord, ProgressRecord, Trace
+from daemon.model.verdicts import Outcome
+from daemon.trace import CommandTrack, ContactRecord, LatencyTrack, ProgressRecord, Trace
 from grammars.oracle import SIGNALS, Signal, object_signals, obstacle_names
-from tests.daemon.judging.oracles.traces import CORRIDOR, along, make_trace, times, track, verdict
+from tests.daemon.judging.oracles.traces import (
+    CORRIDOR,
+    along,
+    cut,
+    make_trace,
+    times,
+    track,
+    verdict,
+)
 
 
 def value(trace: Trace, text: str) -> float:
@@ -35,6 +44,7 @@ def full() -> Trace:
         contacts=touches,
         progress=(ProgressRecord(0.0, 0, 0, "active"),),
         command=CommandTrack(time[10:12], np.array([0.4, 0.6]), np.zeros(2), np.array([0.1, -0.2])),
+        latency=LatencyTrack(time[20:], np.full(len(time) - 20, 0.012)),
     )
 
 
@@ -99,3 +109,50 @@ def test_driving_backwards_has_a_sign() -> None:
     back = replace(trace, ground_truth=replace(trace.ground_truth, vx=-trace.ground_truth.vx))
     assert value(back, "min(speed.forward)") == -0.5
     assert value(back, "min(speed)") == 0.5
+
+
+def answered(time: list[float], seconds: list[float]) -> Trace:
+    """A run of ten seconds whose system under test answered at these times."""
+    track = LatencyTrack(np.array(time), np.array(seconds))
+    return make_trace(along(times(10.0)), latency=track)
+
+
+def test_every_answer_of_an_external_system_is_judged_between_two_samples_too() -> None:
+    # A period of 10 ms: five answers to every sample of the true pose, the slow one amid them.
+    time = np.arange(1000) / 100
+    seconds = np.full(1000, 0.010)
+    seconds[512] = 0.150
+    found = verdict(answered(time.tolist(), seconds.tolist()), "always(latency <= 100 ms)")
+    assert found.outcome is Outcome.FAIL
+    assert found.margin == pytest.approx(-0.050)
+    assert found.unit == "s"
+    # Like a contact it belongs to the first sample that is not before it.
+    assert found.evidence.time == pytest.approx(5.15)
+    seconds[512] = 0.100
+    found = verdict(answered(time.tolist(), seconds.tolist()), "always(latency <= 100 ms)")
+    assert found.outcome is Outcome.PASS
+
+
+def test_a_latency_lasts_until_the_next_answer_and_is_unknown_before_the_first() -> None:
+    trace = answered([2.0, 2.2, 4.0], [0.030, 0.120, 0.010])
+    values = SignalSampler(trace).sample(Signal("latency")).values
+    at = dict(zip((round(t, 2) for t in times(10.0).tolist()), values.tolist(), strict=True))
+    assert np.isnan(at[1.95])
+    assert (at[2.0], at[2.15], at[2.2], at[3.95]) == (0.030, 0.030, 0.120, 0.120)
+    assert (at[4.0], at[10.0]) == (0.010, 0.010)
+    assert value(trace, "time(latency > 100 ms)") == pytest.approx(1.8)
+    assert value(trace, "longest(latency > 100 ms)") == pytest.approx(1.8)
+    note = verdict(trace, "max(latency) <= 1 s").evidence.note
+    assert "known from 2.00 s on" in note
+
+
+def test_the_latency_of_a_system_that_lives_inside_is_not_known() -> None:
+    found = verdict(make_trace(along(times(10.0))), "always(latency <= 100 ms)")
+    assert found.outcome is Outcome.INCONCLUSIVE
+    assert "not recorded" in found.evidence.note
+
+
+def test_a_late_answer_stays_a_failure_however_a_run_goes_on() -> None:
+    trace = answered([1.0, 2.0, 9.0], [0.030, 0.120, 0.300])
+    assert verdict(cut(trace, 5.0), "always(latency <= 100 ms)").outcome is Outcome.FAIL
+    assert verdict(cut(trace, 1.5), "always(latency <= 100 ms)").outcome is Outcome.INCONCLUSIVE

@@ -165,7 +165,7 @@ def cut(trace: Trace, at: float) -> Trace:
     """
     if not trace.complete and trace.valid_until <= at:
         return trace
-    tracks = ("ground_truth", "odometry", "command", "estimate", "joints", "scans")
+    tracks = ("ground_truth", "odometry", "command", "estimate", "joints", "scans", "latency")
     changes: dict[str, Any] = {name: _cut_track(getattr(trace, name), at) for name in tracks}
     for name in ("contacts", "progress", "events"):
         records = getattr(trace, name)

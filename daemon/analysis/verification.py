@@ -1,0 +1,236 @@
+"""Running a recorded specification again: the same bytes, or how far the outcomes spread.
+
+A trace holds its specification and its scene, so nothing else is needed. Systems under test that
+live in the simulation leave the same bytes; of those outside only the spread can be told.
+"""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import signal
+import sys
+import tempfile
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+
+from daemon.batch.paths import StatePaths
+from daemon.batch.stores import file_sha256
+from daemon.judging import oracles
+from daemon.model.attachments import FILES_VARIABLE, attached_digests, user_files_folder
+from daemon.model.execution import RunLimits
+from daemon.model.spec import ENGINE_VERSION, RunResult, RunSpec, package_versions
+from daemon.model.verdicts import Outcome, Verdict
+from daemon.run import execute, warm_up
+from daemon.trace import Trace, TraceError, read_trace
+from grammars.text import codec
+from grammars.text.files import write_atomically
+
+_NICENESS: Final = 10
+DURATION: Final = "duration"
+PATH: Final = "path driven"
+
+
+@dataclass(frozen=True, slots=True)
+class ExecutedRun:
+    """What one execution left: outcome, SHA-256 of its trace, and what was measured.
+
+    ``values`` are by name: the simulated duration [s], the true path [m], the margin of each oracle
+    and the value of each measure, in the units of :attr:`Verification.units`. ``problem`` says why
+    there is nothing else.
+    """
+
+    outcome: Outcome = Outcome.ERROR
+    ended: str = ""
+    note: str = ""
+    sha256: str = ""
+    values: Mapping[str, float] = field(default_factory=dict)
+    problem: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Spread:
+    """The least and the most of a value over ``count`` executions, in ``unit``."""
+
+    name: str
+    unit: str
+    least: float
+    most: float
+    count: int
+
+
+@dataclass(frozen=True, slots=True)
+class Verification:
+    """A recorded run and executions of its specification.
+
+    ``versions`` are of packages that differ from those of the recording: (then, now) by name.
+    """
+
+    trace: str
+    run: str
+    sut: str
+    digest: str
+    repeatable: bool
+    recorded: ExecutedRun
+    executions: tuple[ExecutedRun, ...]
+    units: Mapping[str, str]
+    versions: Mapping[str, tuple[str, str]]
+
+    @property
+    def all_executed(self) -> bool:
+        """Whether every execution left a trace."""
+        return not any(execution.problem for execution in self.executions)
+
+    @property
+    def same_bytes(self) -> int:
+        """How many executions left the bytes of the recording."""
+        return sum(execution.sha256 == self.recorded.sha256 for execution in self.executions)
+
+    @property
+    def outcomes(self) -> dict[str, int]:
+        """How often each outcome came out, the recording included."""
+        counts = Counter(str(one.outcome) for one in self._traces)
+        return {word: counts[word] for word in Outcome if counts[word]}
+
+    @property
+    def spreads(self) -> tuple[Spread, ...]:
+        """How far each value spreads, the recording included."""
+        found = []
+        for name, unit in self.units.items():
+            values = [one.values[name] for one in self._traces if name in one.values]
+            if values:
+                found.append(Spread(name, unit, min(values), max(values), len(values)))
+        return tuple(found)
+
+    @property
+    def _traces(self) -> tuple[ExecutedRun, ...]:
+        return tuple(one for one in (self.recorded, *self.executions) if not one.problem)
+
+
+def verify(
+    path: Path,
+    repeats: int,
+    *,
+    places: StatePaths,
+    execute_run: Callable[..., RunResult] = execute,
+    watch: Callable[[Iterator[ExecutedRun], int], Sequence[ExecutedRun]] | None = None,
+) -> Verification:
+    """Execute the specification in the trace at ``path`` again, ``repeats`` times one by one.
+
+    Each in a process of its own. ``watch`` gets the executions as they come and returns them all.
+    Files of a system under test are those of this user, else of the state directory ``places``.
+    Raises :class:`~daemon.trace.TraceError` for a trace that cannot be read or was made by another
+    engine.
+    """
+    trace = read_trace(path)
+    spec = trace.spec
+    if spec.engine != ENGINE_VERSION:
+        message = f"is of engine {spec.engine}, this is engine {ENGINE_VERSION}"
+        hint = "install the version that recorded it, or run its campaign again"
+        raise TraceError(path, message, hint)
+    oracles.warm_up()
+    recorded, units = _measure(trace)
+    warm_up()
+    found = _executions(trace, repeats, _files_folder(spec, places), execute_run)
+    executions = tuple(found) if watch is None else tuple(watch(found, repeats))
+    now = package_versions()
+    return Verification(
+        trace=str(path),
+        run=spec.label,
+        sut=spec.sut.name,
+        digest=spec.digest,
+        repeatable=spec.sut.repeatable,
+        recorded=recorded,
+        executions=executions,
+        units=units,
+        versions={
+            name: (then, now[name])
+            for name, then in trace.versions.items()
+            if now.get(name, then) != then
+        },
+    )
+
+
+def _measure(trace: Trace) -> tuple[ExecutedRun, dict[str, str]]:
+    """Return what a trace says, and the units of its values."""
+    verdicts = oracles.judge(trace, trace.spec.oracles)
+    values = {DURATION: trace.valid_until, PATH: _path_length(trace)}
+    units = {DURATION: "s", PATH: "m"}
+    for verdict in verdicts:
+        units[verdict.oracle] = verdict.unit
+        value = _value(verdict)
+        if value is not None:
+            values[verdict.oracle] = value
+    outcome = oracles.overall_outcome(trace, verdicts)
+    sha256 = file_sha256(trace.path)
+    return ExecutedRun(outcome, trace.ended or "", trace.note, sha256, values), units
+
+
+def _value(verdict: Verdict) -> float | None:
+    measure = verdict.outcome is Outcome.MEASURE
+    value = verdict.evidence.value if measure else verdict.margin
+    return value if value is not None and np.isfinite(value) else None
+
+
+def _path_length(trace: Trace) -> float:
+    x, y = trace.ground_truth.x, trace.ground_truth.y
+    return float(np.hypot(np.diff(x), np.diff(y)).sum())
+
+
+def _files_folder(spec: RunSpec, places: StatePaths) -> Path | None:
+    """Return where the files of the system under test are when this user has not got them."""
+    digests = attached_digests(spec.sut.parameters).values()
+    if all((user_files_folder() / digest).is_file() for digest in digests):
+        return None
+    return places.files if all((places.files / digest).is_file() for digest in digests) else None
+
+
+def _executions(
+    trace: Trace, repeats: int, files: Path | None, execute_run: Callable[..., RunResult]
+) -> Iterator[ExecutedRun]:
+    context = multiprocessing.get_context("fork")
+    seconds = RunLimits().wall_of(trace.spec.limit)
+    for _ in range(repeats):
+        with tempfile.TemporaryDirectory(prefix="scenario-verify-") as name:
+            folder = Path(name)
+            process = context.Process(
+                target=_execute, args=(trace, folder, files, execute_run), daemon=True
+            )
+            process.start()
+            try:
+                process.join(seconds)
+            finally:
+                if process.is_alive():
+                    process.kill()
+                process.join()
+            yield _read_execution(folder)
+
+
+def _execute(
+    trace: Trace, folder: Path, files: Path | None, execute_run: Callable[..., RunResult]
+) -> None:
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent tells when to end
+    os.setpriority(os.PRIO_PROCESS, 0, max(_NICENESS, os.getpriority(os.PRIO_PROCESS, 0)))
+    sys.stdout = sys.stderr = open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115, PTH123
+    if files is not None:
+        os.environ[FILES_VARIABLE] = str(files)
+    try:
+        execute_run(trace.spec, trace.scene, trace_path=folder / "trace.mcap")
+    except Exception as error:
+        problem = ExecutedRun(problem=f"{type(error).__name__}: {error}")
+        write_atomically(folder / "execution.json", codec.to_json(problem))
+        return
+    execution, _ = _measure(read_trace(folder / "trace.mcap"))
+    write_atomically(folder / "execution.json", codec.to_json(execution))
+
+
+def _read_execution(folder: Path) -> ExecutedRun:
+    file = folder / "execution.json"
+    if not file.is_file():
+        return ExecutedRun(problem="its process died, or took longer than a run may")
+    return codec.from_json(ExecutedRun, file.read_bytes())

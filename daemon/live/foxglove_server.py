@@ -1,0 +1,300 @@
+"""A live world for Foxglove: its WebSocket server, with the topics a trace has.
+
+Spoken by the official SDK (subprotocol ``foxglove.sdk.v1``), the extra ``foxglove``. Clients hear
+all topics, latched ones also when they come late; they may publish velocity commands, and pause,
+speed up or reset the world by the parameters ``paused`` and ``speed`` and the service
+``/reset_world``.
+"""
+
+from __future__ import annotations
+
+import json
+import logging
+import threading
+from collections import defaultdict
+from typing import Any, Final
+
+import foxglove
+from foxglove import Channel, Context, MessageSchema, Parameter, Schema, Service, ServiceSchema
+from foxglove.websocket import (
+    Capability,
+    ChannelView,
+    Client,
+    ClientChannel,
+    ServerListener,
+    StatusLevel,
+    WebSocketServer,
+)
+
+from daemon.live.simulation import LiveSimulation, LiveStatus
+from daemon.model import ros_messages as ros
+from daemon.stacks.ros2.link import COMMAND_KINDS
+from daemon.stacks.ros2.sensors import read_command
+from daemon.trace import TOPICS
+from grammars.model.geometry import Twist2
+
+PORT: Final = 8765
+"""Where Foxglove looks when nobody says otherwise."""
+LOOPBACK: Final = "127.0.0.1"
+COMMAND_TOPIC: Final = "/cmd_vel"
+SOURCE: Final = "Foxglove"
+"""Whose commands these are."""
+
+_ENCODINGS: Final = ("json", "cdr")
+"""How clients may write: json first, since that needs no definition of the type at their end."""
+_TIME_STEP: Final = 20_000_000
+"""The time of the world is told this often at most [ns, simulated]."""
+_BACKLOG: Final = 256
+"""Messages kept for a client that reads too slowly; older ones are dropped, nobody waits."""
+
+
+class OutletError(Exception):
+    """Nobody can be served there; the message says why, for people."""
+
+
+def read_twist(data: bytes, encoding: str, kind: str) -> Twist2:
+    """Read a velocity command: a Twist or a TwistStamped, as CDR or JSON.
+
+    Raises ``ValueError`` for anything else.
+    """
+    if encoding == "cdr":
+        return read_command(data, kind)[0]
+    try:
+        found = json.loads(data)
+    except ValueError as error:
+        raise ValueError(f"no JSON: {error}") from error
+    if isinstance(found, dict) and isinstance(found.get("twist"), dict):
+        found = found["twist"]
+    return Twist2(
+        _number(found, "linear", "x"), _number(found, "linear", "y"), _number(found, "angular", "z")
+    )
+
+
+def _number(found: Any, vector: str, axis: str) -> float:
+    part = found.get(vector) if isinstance(found, dict) else None
+    value = part.get(axis, 0.0) if isinstance(part, dict) else None
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise ValueError(f"a velocity command has no {vector}.{axis}")
+    return float(value)
+
+
+class FoxgloveServer:
+    """Serves a simulation until it is closed; an outlet of its messages.
+
+    Raises :class:`OutletError` when ``host`` and ``port`` (0: any) cannot be listened at.
+    """
+
+    def __init__(
+        self, simulation: LiveSimulation, *, host: str = LOOPBACK, port: int = PORT
+    ) -> None:
+        # The SDK logs about clients; a terminal in which a world is shown is no place for it.
+        logging.getLogger("foxglove").addHandler(logging.NullHandler())
+        self._simulation = simulation
+        self._told = simulation.status
+        self._time_due = 0
+        # Held here: channels do not keep their context, and without it nobody finds them.
+        self._context = Context()
+        self._channels = {
+            topic.name: Channel(
+                topic.name,
+                message_encoding="cdr",
+                schema=Schema(
+                    name=topic.kind, encoding="ros2msg", data=ros.schema(topic.kind).encode()
+                ),
+                context=self._context,
+            )
+            for topic in TOPICS
+            if not topic.external
+        }
+        latched = {topic.name for topic in TOPICS if topic.latched}
+        self._listener = _ClientListener(simulation, self._channels, latched)
+        try:
+            self._server: WebSocketServer = foxglove.start_server(
+                name=f"scenario {simulation.spec.label}",
+                host=host,
+                port=port,
+                context=self._context,
+                server_listener=self._listener,
+                capabilities=[
+                    Capability.ClientPublish,
+                    Capability.Time,
+                    Capability.Parameters,
+                    Capability.Services,
+                ],
+                supported_encodings=list(_ENCODINGS),
+                services=[_reset_service(simulation)],
+                message_backlog_size=_BACKLOG,
+            )
+        except RuntimeError as error:
+            raise OutletError(f"Foxglove cannot be served at {host}:{port}: {error}") from error
+        self._listener.server = self._server
+        self.host, self.port = host, self._server.port
+        simulation.add_outlet(self)
+
+    @property
+    def clients(self) -> int:
+        """How many clients listen to something."""
+        return self._listener.clients
+
+    def send(self, topic: str, now: int, payload: bytes) -> None:
+        """Send a message of ``now`` [ns] to who subscribed; latched ones are kept."""
+        channel = self._channels.get(topic)
+        if channel is not None:
+            self._listener.keep(topic, payload)
+            channel.log(payload, log_time=now)
+
+    def wanted(self, topic: str) -> bool:
+        """Whether anybody subscribed to a topic."""
+        channel = self._channels.get(topic)
+        return channel is not None and channel.has_sinks()
+
+    def begin(self) -> None:
+        """Have clients forget what they know: time jumps back."""
+        self._time_due = 0
+        self._server.clear_session()
+
+    def status(self, status: LiveStatus) -> None:
+        """Tell the time, and parameters that have changed."""
+        now = self._listener.now = int(status.time * 1e9 + 0.5)
+        if now >= self._time_due:
+            self._time_due = now + _TIME_STEP
+            self._server.broadcast_time(now)
+        if (status.speed, status.paused) != (self._told.speed, self._told.paused):
+            self._told = status
+            self._server.publish_parameter_values(_parameters(status))
+
+    def close(self) -> None:
+        """Stop serving."""
+        self._server.stop()
+
+
+class _ClientListener(ServerListener):
+    """What clients ask for and say; called by threads of the SDK, never by the simulation's."""
+
+    def __init__(
+        self, simulation: LiveSimulation, channels: dict[str, Channel], latched: set[str]
+    ) -> None:
+        self._simulation, self._channels, self._latched = simulation, channels, latched
+        self._lock = threading.Lock()
+        self._kept: dict[str, bytes] = {}
+        self._subscribed: defaultdict[int, set[int]] = defaultdict(set)
+        self._commanding: dict[tuple[int, int], ClientChannel] = {}
+        self.server: WebSocketServer | None = None
+        self.now = 0
+
+    @property
+    def clients(self) -> int:
+        with self._lock:
+            return sum(bool(channels) for channels in self._subscribed.values())
+
+    def keep(self, topic: str, payload: bytes) -> None:
+        """Keep a latched message for those who come late."""
+        if topic in self._latched:
+            with self._lock:
+                self._kept[topic] = payload
+
+    def on_subscribe(self, client: Client, channel: ChannelView) -> None:
+        """Give a client what was latched before it came."""
+        with self._lock:
+            self._subscribed[client.id].add(channel.id)
+            kept = self._kept.get(channel.topic)
+        if kept is not None:
+            # To all who subscribed: the SDK does not say which sink a client is, and the same
+            # message once more changes nothing.
+            self._channels[channel.topic].log(kept, log_time=self.now)
+
+    def on_unsubscribe(self, client: Client, channel: ChannelView) -> None:
+        """Note that a client does not listen any more, or is gone."""
+        with self._lock:
+            self._subscribed[client.id].discard(channel.id)
+
+    def on_client_advertise(self, client: Client, channel: ClientChannel) -> None:
+        """Note what a client is going to publish; of all there is only commands are taken."""
+        kind = ros_kind(channel.schema_name)
+        if channel.topic != COMMAND_TOPIC:
+            # A pose estimate or a goal is for a navigation stack, and none listens here.
+            self._complain(channel.topic, f"{channel.topic} is ignored: only {COMMAND_TOPIC} is")
+        elif kind not in COMMAND_KINDS or channel.encoding not in _ENCODINGS:
+            wanted = " or ".join(COMMAND_KINDS)
+            said = f"{channel.schema_name} as {channel.encoding}"
+            self._complain(channel.topic, f"{channel.topic} must be {wanted}, not {said}")
+        else:
+            self._commanding[client.id, channel.id] = channel
+
+    def on_client_unadvertise(self, client: Client, client_channel_id: int) -> None:
+        """Forget a channel of a client."""
+        self._commanding.pop((client.id, client_channel_id), None)
+
+    def on_message_data(self, client: Client, client_channel_id: int, data: bytes) -> None:
+        """Carry out a command."""
+        channel = self._commanding.get((client.id, client_channel_id))
+        if channel is None:
+            return
+        try:
+            twist = read_twist(data, channel.encoding, ros_kind(channel.schema_name))
+            self._simulation.command(twist, SOURCE)
+        except ValueError as error:
+            self._complain(channel.topic, f"{channel.topic}: {error}")
+
+    def on_get_parameters(
+        self, client: Client, param_names: list[str], request_id: str | None = None
+    ) -> list[Parameter]:
+        """Return ``speed`` and ``paused``."""
+        known = _parameters(self._simulation.status)
+        return [one for one in known if not param_names or one.name in param_names]
+
+    def on_set_parameters(
+        self, client: Client, parameters: list[Parameter], request_id: str | None = None
+    ) -> list[Parameter]:
+        """Change ``speed`` or ``paused``; return what they are then."""
+        known = {one.name: one for one in _parameters(self._simulation.status)}
+        for one in parameters:
+            value = one.get_value()
+            try:
+                if one.name == "paused" and isinstance(value, bool):
+                    self._simulation.pause(value)
+                elif one.name == "speed" and type(value) in (int, float):
+                    self._simulation.set_speed(float(value))  # type: ignore[arg-type]
+                else:
+                    raise ValueError("the parameters are paused (a boolean) and speed (a number)")
+                known[one.name] = one
+            except ValueError as error:
+                self._complain(one.name, f"parameter {one.name}: {error}")
+        return [known[one.name] for one in parameters if one.name in known]
+
+    def _complain(self, subject: str, message: str) -> None:
+        """Show a message in the clients, in place of the one before about the same."""
+        if self.server is not None:
+            self.server.publish_status(message, StatusLevel.Warning, f"scenario {subject}")
+
+
+def ros_kind(name: str) -> str:
+    """Return a type name with its ``msg``: clients say ``geometry_msgs/Twist`` as well."""
+    package, _, rest = name.partition("/")
+    return name if rest.startswith("msg/") else f"{package}/msg/{rest}"
+
+
+def _parameters(status: LiveStatus) -> list[Parameter]:
+    return [Parameter("paused", value=status.paused), Parameter("speed", value=status.speed)]
+
+
+def _reset_service(simulation: LiveSimulation) -> Service:
+    """Return ``/reset_world``, of the name that Gazebo has for it."""
+
+    def reset(_: object) -> bytes:
+        simulation.reset()
+        return b"{}"
+
+    nothing = {"type": "object", "properties": {}}
+
+    def schema(name: str) -> MessageSchema:
+        data = json.dumps(nothing).encode()
+        return MessageSchema(
+            encoding="json", schema=Schema(name=name, encoding="jsonschema", data=data)
+        )
+
+    kind = "std_srvs/srv/Empty"
+    described = ServiceSchema(
+        kind, request=schema(f"{kind}_Request"), response=schema(f"{kind}_Response")
+    )
+    return Service("/reset_world", schema=described, handler=reset)

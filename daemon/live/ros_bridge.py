@@ -1,0 +1,267 @@
+"""A live world for a ROS 2 stack that somebody starts by hand: topics out, commands in.
+
+Over a :class:`~daemon.stacks.ros2.link.StackLink`, as in a run, but nothing is waited for: the
+world goes on by its own clock, and what the stack commands is carried out when it comes. Sensor
+data, transforms and the map are as a robot publishes them; map -> odom is the stack's to say.
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections import deque
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Final, Protocol
+
+from daemon.live.simulation import LiveSimulation
+from daemon.model.sut import Briefing, Decision, Observation, Odometry, Progress
+from daemon.stacks.ros2 import sensors, telemetry
+from daemon.stacks.ros2.link import Cycle, CycleAnswer, LinkLost, LinkSetup, StackLink, TopicSetup
+from daemon.stacks.ros2.settings import Ros2Settings, read_settings
+from daemon.stacks.ros2.telemetry import Telemetry
+
+SOURCE: Final = "ROS 2"
+"""Whose commands these are."""
+
+_SECOND: Final = 1_000_000_000
+_KEPT: Final = 250
+"""Observations kept for a relay that is slow, five seconds of them; older ones are dropped."""
+_POSE_PERIOD: Final = 3.0
+"""Seconds of wall clock between two initial poses, until the stack knows where it is."""
+_LOOK: Final = 0.1
+"""Seconds after which it looks whether it has to end."""
+_ENDING: Final = 2.0
+"""How long the end of a conversation is waited for [s]; a relay that was stopped answers never."""
+
+
+def usual_settings() -> Ros2Settings:
+    """Return the settings of a stack that has no SUT file: the names everybody uses."""
+    # The command that starts it is all that a SUT file must have, and here somebody types it.
+    return replace(read_settings({"launch": "by hand"}), map="published")
+
+
+def link_setup(settings: Ros2Settings) -> LinkSetup:
+    """Return what a link has to make; no goal is ever sent, but it has a client for an action."""
+    topics = settings.topics
+    publish = [
+        TopicSetup(topics.odom, sensors.ODOMETRY, settings.qos.odom, 5),
+        TopicSetup(topics.scan, sensors.SCAN, settings.qos.scan, 5),
+        TopicSetup(topics.initial_pose, sensors.INITIAL_POSE),
+    ]
+    if settings.transforms != "none":
+        publish.append(TopicSetup(topics.tf, sensors.TRANSFORMS, depth=100))
+    if settings.transforms == "all":
+        publish.append(TopicSetup(topics.tf_static, sensors.TRANSFORMS, "latched", 1))
+    if settings.map == "published":
+        publish.append(TopicSetup(topics.map, sensors.GRID, "latched", 1))
+    subscribe = (
+        TopicSetup(topics.tf, sensors.TRANSFORMS, depth=100, keep="all"),
+        TopicSetup(topics.tf_static, sensors.TRANSFORMS, "latched", 100, keep="all"),
+        TopicSetup(topics.pose, telemetry.POSE),
+        TopicSetup(topics.particles, telemetry.PARTICLES, "best effort"),
+        TopicSetup(topics.plan, telemetry.PATH),
+        TopicSetup(topics.local_plan, telemetry.PATH),
+    )
+    return LinkSetup(
+        tuple(publish), subscribe, topics.command, settings.action, settings.action_kind, ()
+    )
+
+
+class ListeningLink(StackLink, Protocol):
+    """A link that a stack connects to when it likes."""
+
+    def accept(self, timeout: float = 0.1) -> bool:
+        """Wait ``timeout`` [s] of wall clock; return whether the stack is there."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Moment:
+    """What was observed, of which world, and ROS time at the begin of that world [ns]."""
+
+    observation: Observation
+    briefing: Briefing
+    base: int
+
+    @property
+    def now(self) -> int:
+        """ROS time of the observation [ns]."""
+        return self.base + _nanoseconds(self.observation.time)
+
+
+class RosBridge:
+    """Talks to one stack after the other until it is closed, in a thread of its own.
+
+    ``listen`` makes a link that can be connected to; a stack that went may come again. Raises
+    what it raises, :class:`~daemon.stacks.ros2.link.LinkLost`, when that is not possible at all.
+    ROS time begins at 1 s and never goes back: where the world begins anew, it goes on.
+    """
+
+    def __init__(
+        self,
+        simulation: LiveSimulation,
+        listen: Callable[[], ListeningLink],
+        settings: Ros2Settings | None = None,
+        *,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self._simulation, self._listen, self._clock = simulation, listen, clock
+        self._settings = settings or usual_settings()
+        self._link = listen()
+        self._moments: deque[_Moment] = deque(maxlen=_KEPT)
+        self._new = threading.Event()
+        self._ending = threading.Event()
+        self._briefing: Briefing | None = None
+        self._base = self._latest = 0
+        self.connected = False
+        self.state = "waits for the relay"
+        self.failure: Exception | None = None
+        self._thread = threading.Thread(target=self._run, name="ROS 2 bridge", daemon=True)
+        simulation.add_listener(self)
+        self._thread.start()
+
+    def begin(self, briefing: Briefing) -> None:
+        """Go on after the world before: tf2 and costmaps forget everything when time jumps back."""
+        self._briefing = briefing
+        self._base = self._latest = self._latest + _SECOND
+
+    def observe(self, observation: Observation) -> None:
+        """Keep what is new for the thread that talks."""
+        self._latest = self._base + _nanoseconds(observation.time)
+        if self.connected and self._briefing is not None:
+            self._moments.append(_Moment(observation, self._briefing, self._base))
+            self._new.set()
+
+    def close(self) -> None:
+        """End the conversation."""
+        self._ending.set()
+        self._thread.join(_ENDING)
+        self._link.close()
+
+    def _run(self) -> None:
+        try:
+            while not self._ending.is_set():
+                try:
+                    if self._link.accept(_LOOK):
+                        self._talk()
+                except LinkLost as error:
+                    self.state = f"waits for the relay again: {error}"
+                    self.connected = False
+                    self._link.close()
+                    self._link = self._listen()
+        except LinkLost as error:
+            self.state = f"cannot be reached any more: {error}"
+        except Exception as error:
+            # A thread has nobody to raise to: whoever serves the world raises it at the end.
+            self.failure = error
+            self.state = f"has ended: {type(error).__name__}: {error}"
+        self.connected = False
+
+    def _talk(self) -> None:
+        """Publish what comes, hand commands over."""
+        link = self._link
+        link.set_up(link_setup(self._settings))
+        talk = _TopicExchange(self._settings)
+        self._moments.clear()
+        self.connected = True
+        identity = link.identity
+        self.state = " ".join(("connected", identity.distribution, identity.rmw)).rstrip()
+        while not self._ending.is_set():
+            moments = self._take()
+            if not moments:
+                continue
+            now = moments[-1].now
+            answer = link.cycle(Cycle(now, talk.messages(moments, self._clock())))
+            for message in answer.messages:
+                if message.topic == self._settings.topics.command:
+                    self._command(message.data, message.kind)
+            self._simulation.report(talk.read(answer, moments[-1]))
+
+    def _take(self) -> list[_Moment]:
+        """Return all that is new, at the latest after a moment without anything."""
+        self._new.wait(_LOOK)
+        self._new.clear()
+        return [self._moments.popleft() for _ in range(len(self._moments))]
+
+    def _command(self, data: bytes, kind: str) -> None:
+        try:
+            self._simulation.command(sensors.read_command(data, kind)[0], SOURCE)
+        except ValueError as error:
+            self.state = f"connected; {self._settings.topics.command}: {error}"
+
+
+class _TopicExchange:
+    """What one stack is told and says, from its first cycle to its last."""
+
+    def __init__(self, settings: Ros2Settings) -> None:
+        self._settings = settings
+        self._telemetry = Telemetry(settings.topics, settings.frames)
+        self._base = -1
+        self._pose_due = 0.0
+        self._odometry: Odometry | None = None
+
+    def messages(self, moments: Sequence[_Moment], wall: float) -> tuple[tuple[str, bytes], ...]:
+        """Return what is new, in the order a stack needs it in; ``wall`` is the clock [s]."""
+        last, found = moments[-1], []
+        if self._base < 0:
+            found += self._fixed(last)
+        if last.base != self._base:
+            # Another world: the robot is where it started, whatever the stack believes.
+            self._base, self._pose_due = last.base, wall
+            self._telemetry.forget()
+        for moment in moments:
+            found += self._measured(moment)
+        wanted = self._settings.initial_pose == "published" and self._telemetry.pose() is None
+        if wanted and wall >= self._pose_due:
+            self._pose_due = wall + _POSE_PERIOD
+            # Where it stands by now, as a person who looks at it would say.
+            pose = last.observation.ground_truth or last.briefing.start
+            data = sensors.initial_pose(pose, last.now, self._settings.frames)
+            found.append((self._settings.topics.initial_pose, data))
+        return tuple(found)
+
+    def read(self, answer: CycleAnswer, moment: _Moment) -> Decision:
+        """Return what the stack says about itself."""
+        nothing = Decision(None, Progress(0, 0, "active"))
+        if self._odometry is None:
+            return nothing
+        now = moment.observation.time
+        heard = self._telemetry.read(answer.messages, now, self._odometry)
+        return replace(
+            nothing,
+            estimate=heard.estimate,
+            cloud=heard.cloud,
+            particles=heard.particles,
+            plan=heard.plan,
+            local_plan=heard.local_plan,
+            events=tuple(heard.events),
+        )
+
+    def _fixed(self, moment: _Moment) -> list[tuple[str, bytes]]:
+        settings, briefing, now = self._settings, moment.briefing, moment.now
+        topics, frames, found = settings.topics, settings.frames, []
+        if settings.transforms == "all":
+            mounted = sensors.laser_transform(briefing.robot.laser, now, frames)
+            found.append((topics.tf_static, mounted))
+        if settings.map == "published":
+            found.append((topics.map, sensors.occupancy_grid(briefing.map, now, frames)))
+        return found
+
+    def _measured(self, moment: _Moment) -> list[tuple[str, bytes]]:
+        topics, frames, found = self._settings.topics, self._settings.frames, []
+        for sample in moment.observation.odometry:
+            at = moment.base + _nanoseconds(sample.time)
+            if self._settings.transforms != "none":
+                found.append((topics.tf, sensors.odometry_transform(sample, at, frames)))
+            found.append((topics.odom, sensors.odometry(sample, at, frames)))
+            self._odometry = sample
+            self._telemetry.move(sample)
+        for sweep in moment.observation.scans:
+            at = moment.base + _nanoseconds(sweep.time)
+            laser = moment.briefing.robot.laser
+            found.append((topics.scan, sensors.scan(sweep, laser, at, frames)))
+        return found
+
+
+def _nanoseconds(time: float) -> int:
+    return int(time * 1e9 + 0.5)

@@ -1,0 +1,325 @@
+"""What a stack has and lacks for a run: what was seen of it against what is needed, with remedies.
+
+Nothing here talks to anybody. Quality of service is matched as DDS does: a publisher that offers
+less than a subscription asks for is not heard by it, and neither of them says so.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import Final, Literal, TypeAlias
+
+from daemon.stacks.ros2.endpoints import link_setup
+from daemon.stacks.ros2.inspection import CheckLine, Inspection
+from daemon.stacks.ros2.link import (
+    ACTION_KINDS,
+    COMMAND_KINDS,
+    Graph,
+    GraphEndpoint,
+    LinkSetup,
+    Qos,
+    TopicSetup,
+)
+from daemon.stacks.ros2.pace import about_parameters, about_speed
+from daemon.stacks.ros2.settings import Ros2Settings
+from grammars.text.diagnostics import closest
+
+CLOCK: Final = TopicSetup("/clock", "rosgraph_msgs/msg/Clock")
+
+_ZENOH: Final = "rmw_zenoh_cpp"
+"""Zenoh has no incompatible quality of service: everything matches."""
+_GET_STATE: Final = "/get_state"
+_SEND_GOAL: Final = "/_action/send_goal"
+_SHOWN_NAMES: Final = 4
+
+
+def examine(settings: Ros2Settings, inspection: Inspection) -> tuple[CheckLine, ...]:
+    """Return a line for everything a run needs of a stack and for what is in its way."""
+    return tuple(_Checkup(settings, inspection).lines())
+
+
+_Importance: TypeAlias = Literal["missing", "warning", "note"]
+
+
+@dataclass(frozen=True, slots=True)
+class _Published:
+    """A topic that is published from here: how bad it is when nobody listens, and what then."""
+
+    topic: TopicSetup
+    key: str
+    unheard: _Importance
+    consequence: str
+
+
+class _Checkup:
+    """One stack while it is looked at."""
+
+    def __init__(self, settings: Ros2Settings, inspection: Inspection) -> None:
+        self._settings, self._inspection = settings, inspection
+        self._graph: Graph = inspection.graph
+        self._setup: LinkSetup = link_setup(settings)
+        self._lenient = inspection.identity.rmw == _ZENOH
+
+    def lines(self) -> Iterator[CheckLine]:
+        """Yield everything there is to say, what comes first in a run first."""
+        yield self._stack()
+        yield from self._nodes()
+        yield from self._clock()
+        for published in self._published():
+            yield from self._heard(published)
+        yield from self._command()
+        yield self._action()
+        yield from self._transforms()
+        yield from about_parameters(self._settings, self._inspection, self._concerned())
+        yield about_speed(self._inspection)
+
+    def _stack(self) -> CheckLine:
+        identity, took = self._inspection.identity, self._inspection.seconds
+        name = f"ROS 2 {identity.distribution.title() or 'of unknown distribution'}"
+        what = f"{name}, {identity.rmw}"
+        if self._inspection.failure:
+            why, *last_lines = self._inspection.failure.splitlines()
+            if last_lines:
+                # Of "it did not; the stack's last lines:", which follow the first.
+                why = why.rpartition("; ")[0] or why
+            return CheckLine("start-up", "missing", f"{what}: {why}", "see the lines below")
+        return CheckLine("start-up", "ok", f"{what}, ready after {took:.1f} s of wall clock")
+
+    def _nodes(self) -> Iterator[CheckLine]:
+        """Yield the state of every lifecycle node that must be active."""
+        known = {name.removesuffix(_GET_STATE) for name in self._with_ending(_GET_STATE)}
+        states = self._inspection.readiness.nodes
+        for node in self._settings.ready:
+            state = states.get(node, "")
+            if state == "active":
+                yield CheckLine(node, "ok", "active")
+            elif node in known or state:
+                yield CheckLine(
+                    node,
+                    "missing",
+                    f"{state or 'its state is not known'}: it must be active",
+                    "see what it logs; a lifecycle manager with autostart: true activates nodes",
+                )
+            else:
+                yield CheckLine(node, "missing", _absence(node, self._graph), _meant(node, known))
+        if not self._settings.ready and known:
+            above = f"{self._settings.namespace}/"
+            listed = ", ".join(name.removeprefix(above) for name in sorted(known))
+            text = "no nodes are waited for, and there are lifecycle nodes"
+            yield CheckLine("ready", "note", text, f"write ready: [{listed}]")
+
+    def _clock(self) -> Iterator[CheckLine]:
+        """Yield who hears the clock; there must be no other."""
+        others = self._ends(CLOCK.name, "publisher")
+        heard = self._ends(CLOCK.name, "subscription")
+        if others:
+            yield self._line(
+                CLOCK,
+                "missing",
+                f"published by {_names(others)} too: time jumps back and forth",
+                "stop it: another simulator, or a bag that is played with its clock",
+            )
+        elif not heard:
+            yield self._line(
+                CLOCK, "missing", "nobody listens: the stack runs on the wall clock",
+                "start its nodes with use_sim_time: true",
+            )  # fmt: skip
+        else:
+            yield self._line(CLOCK, "ok", f"heard by {_names(heard)}")
+
+    def _published(self) -> Iterator[_Published]:
+        """Yield what is published from here, most important first."""
+        topics = self._settings.topics
+        meaning: dict[str, tuple[str, _Importance, str]] = {
+            topics.scan: ("scan", "missing", "the stack is blind"),
+            topics.tf: ("tf", "missing", "nobody knows where the robot is"),
+            topics.odom: ("odom", "note", "speeds are not used, or come from elsewhere"),
+            topics.tf_static: ("tf-static", "warning", "nobody knows where the laser is"),
+            topics.map: ("map", "missing", "the stack has no map"),
+            topics.initial_pose: (
+                "initial-pose",
+                "warning",
+                "the stack is not told where it starts, so it must know",
+            ),
+        }
+        published = {topic.name: topic for topic in self._setup.publish}
+        if self._settings.initial_pose == "none":
+            published.pop(topics.initial_pose, None)
+        for name, (key, unheard, consequence) in meaning.items():
+            if name in published:
+                yield _Published(published[name], key, unheard, consequence)
+
+    def _heard(self, published: _Published) -> Iterator[CheckLine]:
+        """Yield whether a topic is heard by anybody, and what keeps listeners from hearing it."""
+        topic = published.topic
+        ears = self._ends(topic.name, "subscription")
+        hearing = [ear for ear in ears if not self._deafness(topic, ear)]
+        if hearing:
+            yield self._line(topic, "ok", f"heard by {_names(hearing)}")
+        elif not ears:
+            text = f"nobody listens: {published.consequence}"
+            hint = self._elsewhere(published) if published.unheard != "note" else ""
+            yield self._line(topic, published.unheard, text, hint)
+        for ear in ears:
+            why = self._deafness(topic, ear)
+            if why:
+                # Somebody who listens wants it; where others hear it, runs may still work.
+                lost = published.unheard == "missing" and not hearing
+                state: _Importance = "missing" if lost else "warning"
+                hint = _remedy(published, ear, self._lenient)
+                yield self._line(topic, state, f"{ear.node} does not hear it: {why}", hint)
+        if published.key in ("scan", "odom"):
+            others = self._ends(topic.name, "publisher")
+            if others:
+                yield self._line(
+                    topic,
+                    "warning",
+                    f"published by {_names(others)} too: listeners get both in turns",
+                    "stop it, or give this one another name below topics",
+                )
+
+    def _deafness(self, topic: TopicSetup, ear: GraphEndpoint) -> str:
+        """Say what keeps a subscription from hearing a topic, empty when nothing does."""
+        if ear.kind != topic.kind:
+            return f"it expects {ear.kind}"
+        if self._lenient:
+            return ""
+        return _less_than_wanted(topic.qos, ear)
+
+    def _command(self) -> Iterator[CheckLine]:
+        """Yield who drives the robot, and by which type."""
+        name = self._settings.topics.command
+        speaking = self._ends(name, "publisher")
+        usable = [end for end in speaking if end.kind in COMMAND_KINDS]
+        kinds = sorted({end.kind for end in usable})
+        either = " or ".join(kind.rpartition("/")[2] for kind in COMMAND_KINDS)
+        seen = TopicSetup(name, kinds[0] if kinds else either)
+        for end in speaking:
+            if end.kind not in COMMAND_KINDS:
+                text = f"{end.node} publishes {end.kind}: it is not listened to"
+                yield self._line(TopicSetup(name, end.kind), "warning", text, f"use {either}")
+        if not usable:
+            found = {e.topic for e in self._graph.endpoints
+                     if e.role == "publisher" and e.kind in COMMAND_KINDS}  # fmt: skip
+            where = [f"write topics: {{command: {topic}}}" for topic in sorted(found)]
+            hint = " or ".join(where) or "see why the controller is not there"
+            yield self._line(seen, "missing", "nobody publishes it: the robot never moves", hint)
+        elif len(kinds) > 1:
+            text = f"published as {' and '.join(kinds)}: only one of them is listened to"
+            yield self._line(seen, "missing", text, "set enable_stamped_cmd_vel alike everywhere")
+        else:
+            stamped = kinds[0] == COMMAND_KINDS[0]
+            how = "answers are known by their stamps" if stamped else (
+                "it has no stamp, so whatever comes after the clock counts as the answer"
+            )  # fmt: skip
+            yield self._line(seen, "ok", f"published by {_names(usable)}; {how}")
+
+    def _action(self) -> CheckLine:
+        """Say whether the mission can be sent."""
+        action, kind = self._settings.action, ACTION_KINDS[self._settings.action_kind]
+        if self._inspection.readiness.server:
+            return CheckLine(action, "ok", "the action server is there", kind=kind)
+        known = {name.removesuffix(_SEND_GOAL) for name in self._with_ending(_SEND_GOAL)}
+        text = "no action server: there is nobody to send the mission to"
+        return CheckLine(action, "missing", text, _meant(action, known, "action: "), kind)
+
+    def _transforms(self) -> Iterator[CheckLine]:
+        """Yield whether the stack says where the robot is, and whether somebody else does."""
+        frames, here = self._settings.frames, self._settings.transforms != "none"
+        if self._inspection.located:
+            yield CheckLine(f"{frames.map} -> {frames.base}", "ok", "the transform is known")
+        else:
+            yield CheckLine(
+                f"{frames.map} -> {frames.base}",
+                "warning",
+                "no such transform: no estimate is recorded, and most planners need it",
+                "look at localisation, and at the names below frames",
+            )
+        elsewhere = (frames.odom, frames.base) in self._inspection.transforms
+        subject = f"{frames.odom} -> {frames.base}"
+        if elsewhere and here:
+            yield CheckLine(
+                subject,
+                "warning",
+                "the stack publishes it too: the robot jumps between two odometries",
+                "write transforms: none, or end what publishes it (robot_localization, a driver)",
+            )
+        elif not elsewhere and not here:
+            text = "nobody publishes it, and transforms: none keeps it from being published here"
+            yield CheckLine(subject, "missing", text, "write transforms: odom")
+
+    def _concerned(self) -> frozenset[str]:
+        """Return the nodes that a run has to do with."""
+        topics = {CLOCK.name, self._setup.command, *(topic.name for topic in self._setup.publish)}
+        talking = {end.node for end in self._graph.endpoints if end.topic in topics}
+        return frozenset({*talking, *self._settings.ready})
+
+    def _elsewhere(self, published: _Published) -> str:
+        """Say which topics of the type are listened to and published by nobody."""
+        ends = self._graph.endpoints
+        spoken = {end.topic for end in ends if end.role == "publisher"}
+        awaited = {
+            end.topic
+            for end in ends
+            if end.role == "subscription" and end.kind == published.topic.kind
+        } - spoken
+        known = awaited - {topic.name for topic in self._setup.publish}
+        where = [f"topics: {{{published.key}: {topic}}}" for topic in sorted(known)]
+        return f"write {' or '.join(where)}" if where else ""
+
+    def _ends(self, topic: str, role: str) -> list[GraphEndpoint]:
+        return [e for e in self._graph.endpoints if e.topic == topic and e.role == role]
+
+    def _with_ending(self, ending: str) -> Iterator[str]:
+        return (name for name in self._graph.services if name.endswith(ending))
+
+    def _line(
+        self, topic: TopicSetup, state: Literal["ok", "note", "warning", "missing"], text: str,
+        hint: str = "",
+    ) -> CheckLine:  # fmt: skip
+        own = topic.name != self._setup.command
+        return CheckLine(
+            topic.name, state, text, hint, topic.kind, topic.qos if own else "",
+            len(self._ends(topic.name, "publisher")), len(self._ends(topic.name, "subscription")),
+        )  # fmt: skip
+
+
+def _less_than_wanted(offered: Qos, ear: GraphEndpoint) -> str:
+    if ear.reliable and offered == "best effort":
+        return "it wants a reliable publisher"
+    if ear.transient_local and offered != "latched":
+        return "it wants a publisher that keeps the last message (transient local)"
+    return ""
+
+
+def _remedy(published: _Published, ear: GraphEndpoint, lenient: bool) -> str:
+    """Say what makes a subscription hear a topic."""
+    if ear.kind != published.topic.kind:
+        return f"give it another topic below topics: {{{published.key}: ...}}"
+    if not lenient and ear.reliable and published.topic.qos == "best effort":
+        return f"write qos: {{{published.key}: reliable}}"
+    return "make its subscription volatile: what is new comes all the time"
+
+
+def _absence(node: str, graph: Graph) -> str:
+    if node in graph.nodes:
+        return "it is no lifecycle node: whether it is active cannot be known"
+    return "there is no such node"
+
+
+def _meant(name: str, known: Iterable[str], before: str = "") -> str:
+    """Say which of the names that are there was meant, or which there are."""
+    there = sorted(known)
+    close = closest(name, there) or next(
+        (one for one in there if one.rpartition("/")[2] == name.rpartition("/")[2]), ""
+    )
+    if close:
+        return f'did you mean "{before}{close}"?'
+    return f"there are {', '.join(there)}" if there else "none of the kind is there at all"
+
+
+def _names(ends: Sequence[GraphEndpoint]) -> str:
+    names = list(dict.fromkeys(end.node for end in ends))
+    more = f" and {len(names) - _SHOWN_NAMES} more" if len(names) > _SHOWN_NAMES else ""
+    return f"{', '.join(names[:_SHOWN_NAMES])}{more}"

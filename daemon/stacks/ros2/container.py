@@ -1,0 +1,131 @@
+"""Stacks in containers: the command of the engine, and the script that is run inside.
+
+Stack and relay are in one container, so that they need no network but their own. The stack's
+folder is mounted at the same path, and in it is the socket the relay connects to. Tested with a
+script in the place of an engine that does what these options say; no engine was at hand.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import shlex
+import shutil
+import subprocess
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Final
+
+from daemon.model.sut import SutFailure
+from daemon.stacks.ros2.settings import Container
+from daemon.stacks.ros2.supervision.plan import ALARM, RELAY_EXIT
+from daemon.stacks.ros2.supervision.remains import MARKER
+
+_ENGINE_LIMIT: Final = 30.0
+"""Seconds within which an engine says what it knows of an image."""
+
+
+def container_name(token: str) -> str:
+    """Return the name of the container of a stack."""
+    return f"scenario-{token}"
+
+
+def find_engine(container: Container) -> str:
+    """Return the path of the engine; raises ``SutFailure`` when it is not installed."""
+    engine = shutil.which(container.engine)
+    if engine is None:
+        raise SutFailure(
+            f"there is no {container.engine} on this machine to start {container.image} with"
+        )
+    return engine
+
+
+def run_command(
+    engine: str, container: Container, *, folder: Path, files: Iterable[Path], script: Path
+) -> list[str]:
+    """Return the words that run ``script`` in a container that has the stack's folder."""
+    token = folder.name
+    words = [engine, "run", "--rm", "--init", "--name", container_name(token)]
+    words += ["--label", f"scenario={token}", "--network", container.network]
+    words += ["--volume", f"{folder}:{folder}", "--workdir", str(folder)]
+    for file in files:
+        words += ["--volume", f"{file}:{file}:ro"]
+    words += ["--env", f"{MARKER}={token}"]
+    # Whoever inside is the one who we are outside, or the folder is closed to the stack, or full
+    # of files that only root can remove: podman's root is its user, docker's is the machine's.
+    ours = container.engine == "docker" and os.getuid()
+    words += ["--user", f"{os.getuid()}:{os.getgid()}" if ours else "0:0"]
+    words += [*container.options, container.image]
+    # Setup files are written for bash; an image without ROS, a test's say, may have none.
+    choose = 'if command -v bash >/dev/null; then exec bash "$0"; else exec sh "$0"; fi'
+    return [*words, "sh", "-c", choose, str(script)]
+
+
+def image_command(engine: str, container: Container) -> str:
+    """Return the image's own command, for a shell; raises ``SutFailure`` when there is none."""
+    words = [engine, "image", "inspect", "--format", "{{json .Config.Cmd}}", container.image]
+    try:
+        asked = subprocess.run(
+            words,
+            stdin=subprocess.DEVNULL,
+            capture_output=True,
+            timeout=_ENGINE_LIMIT,
+            check=False,
+        )
+    except (OSError, subprocess.TimeoutExpired) as error:
+        raise SutFailure(f"{container.engine} does not answer: {error}") from error
+    if asked.returncode:
+        said = asked.stderr.decode("utf-8", "replace").strip().rpartition("\n")[2]
+        raise SutFailure(
+            f"{container.engine} knows no image {container.image} ({said}): fetch it with "
+            f'"{container.engine} pull", or write "launch"'
+        )
+    try:
+        command = json.loads(asked.stdout)
+    except ValueError:
+        command = None
+    if not isinstance(command, list) or not command:
+        raise SutFailure(f'the image {container.image} has no command of its own: write "launch"')
+    return shlex.join(map(str, command))
+
+
+def container_script(
+    environment: Path, launch: str, python: str, relay: Path | None, variables: dict[str, str]
+) -> str:
+    """Return the script that starts stack and relay; it ends with the stack, and with its code.
+
+    ``environment`` is sourced first; ``variables`` are for the relay alone.
+    """
+    # Job control, for the two get groups of their own and SIGINT is not ignored in them, as it is
+    # in what a shell without it puts into the background.
+    lines = [f". {shlex.quote(str(environment))}", "set -m"]
+    if relay is not None:
+        own = shlex.join([f"{name}={value}" for name, value in variables.items()])
+        words = shlex.join([python, str(relay)])
+        code = shlex.quote(str(environment.with_name(RELAY_EXIT)))
+        missing = shlex.quote(f"{ALARM}there is no {python} in the container for the relay")
+        lines += [
+            f"command -v {shlex.quote(python)} >/dev/null || {{ echo {missing} >&2; exit 127; }}",
+            f"( trap : INT TERM; env {own} {words}; echo $? > {code}.new; mv {code}.new {code} ) &",
+            "scenario_relay=$!",
+        ]
+    lines += [
+        f'"${{BASH:-sh}}" -c {shlex.quote(launch)} &',
+        "scenario_stack=$!",
+        "scenario_tell() {",
+        '    for scenario_job in "$scenario_stack" $scenario_relay; do',
+        # The second for a shell that has no job control without a terminal.
+        '        kill "-$1" "-$scenario_job" 2>/dev/null || kill "-$1" "$scenario_job" 2>/dev/null',
+        "    done",
+        "}",
+        "trap 'scenario_tell INT' INT",
+        "trap 'scenario_tell TERM' TERM",
+        # A signal ends the wait, not the job.
+        'wait "$scenario_stack"; scenario_code=$?',
+        'while kill -0 "$scenario_stack" 2>/dev/null; do',
+        '    wait "$scenario_stack"; scenario_code=$?',
+        "done",
+        "scenario_tell TERM",
+        'exit "$scenario_code"',
+    ]
+    return "\n".join(lines) + "\n"

@@ -1,0 +1,120 @@
+"""Folders of running stacks: who has one, what is kept for the next run, what was left behind.
+
+    scenario-<uid>/stacks/lock              held for the moment in which folders come and are found
+    scenario-<uid>/stacks/<token>/lock      held as long as the stack's supervisor or holder lives
+    scenario-<uid>/stacks/<token>/stack.json
+
+A folder whose lock nobody holds is that of a supervisor that was killed: what it has started is
+ended by whoever starts the next stack on this machine.
+"""
+
+from __future__ import annotations
+
+import fcntl
+import secrets
+import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import IO, Final
+
+from daemon.stacks.ros2.supervision.remains import end_container, end_marked
+from daemon.stacks.ros2.supervision.shared_memory import remove_shared_memory
+from grammars.text import codec
+from grammars.text.files import write_atomically
+
+_LOCK: Final = "lock"
+_RECORD: Final = "stack.json"
+
+
+@dataclass(frozen=True, slots=True)
+class StackRecord:
+    """What others need to know of a running stack.
+
+    ``owner`` is the process it may be kept for, 0 when it is not to be kept; ``engine`` and
+    ``name`` are those of its container, or empty.
+    """
+
+    key: str
+    owner: int
+    nonce: str
+    domain: int
+    engine: str = ""
+    name: str = ""
+
+    def write(self, folder: Path) -> None:
+        """Leave it in the stack's folder; raises ``OSError``."""
+        write_atomically(folder / _RECORD, codec.to_json(self), durable=False)
+
+    @classmethod
+    def read(cls, folder: Path) -> StackRecord | None:
+        """Return what stands in a folder, ``None`` while the stack has not been started."""
+        try:
+            return codec.from_json(cls, (folder / _RECORD).read_bytes())
+        except (OSError, ValueError):
+            return None
+
+
+def make_folder(root: Path) -> tuple[Path, IO[str]]:
+    """Make the folder of a new stack; its name is the token, the file its lock, held.
+
+    Raises ``OSError``.
+    """
+    with _alone(root):
+        folder = root / secrets.token_hex(8)
+        folder.mkdir(mode=0o700)
+        lock = (folder / _LOCK).open("w")
+        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        return folder, lock
+
+
+def recorded_stacks(root: Path) -> Iterator[tuple[Path, StackRecord]]:
+    """Yield folders and records of the stacks of this user."""
+    for folder in sorted(root.iterdir()):
+        record = StackRecord.read(folder)
+        if record is not None:
+            yield folder, record
+
+
+def end_remains(root: Path) -> None:
+    """End what supervisors that were killed have left on this machine; raises ``OSError``."""
+    with _alone(root):
+        left = [(folder, _try_lock(folder)) for folder in root.iterdir() if folder.is_dir()]
+    for folder, lock in left:
+        if lock is not None:
+            with lock:
+                end_stack(folder)
+
+
+def end_stack(folder: Path) -> None:
+    """End a stack that has no supervisor any more, and remove its folder."""
+    end_marked(folder.name)
+    record = StackRecord.read(folder)
+    if record is not None and record.engine:
+        end_container(record.engine, record.name)
+    elif record is not None:
+        remove_shared_memory(record.domain)
+    # What cannot be removed (files that a container left as root) hinders nobody.
+    shutil.rmtree(folder, ignore_errors=True)
+
+
+@contextmanager
+def _alone(root: Path) -> Iterator[None]:
+    with (root / _LOCK).open("a") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        yield
+
+
+def _try_lock(folder: Path) -> IO[str] | None:
+    try:
+        # Made where there is none: a supervisor may have been killed while it removed its folder.
+        lock = (folder / _LOCK).open("a")
+    except FileNotFoundError:
+        return None  # the folder is gone by now
+    try:
+        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        lock.close()
+        return None
+    return lock

@@ -1,0 +1,151 @@
+"""A mission as goals of Nav2's actions, and what the results say about its progress.
+
+Progress comes from results and feedback alone, never from where the robot really is. Sources:
+nav2_msgs of Humble to Lyrical (NavigateToPose, NavigateThroughPoses, FollowWaypoints).
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Final, Literal
+
+from daemon.model.sut import Progress, SutEvent, SutFailure
+from daemon.stacks.ros2.link import GoalUpdate, StackLink
+from grammars.model.mission import Mission, Waypoint
+
+_ACKNOWLEDGEMENT: Final = "Timed out while waiting for action server to acknowledge goal request"
+"""What bt_navigator logs when a server did not acknowledge within ``default_server_timeout``. That
+is a time of the wall clock, so a loaded machine aborts missions that the robot was fine with."""
+
+MissionMode = Literal["waypoints", "follow", "through"]
+
+
+class GoalSequence:
+    """Sends the waypoints of a mission and keeps its progress.
+
+    ``waypoints``: one goal after the other; ``follow`` and ``through``: all of them in one goal.
+    """
+
+    def __init__(self, mission: Mission, mode: MissionMode, link: StackLink, frame: str) -> None:
+        self._poses = tuple(_goal_poses(mission))
+        self._names = tuple(waypoint.id for waypoint in mission.waypoints)
+        self._mode: MissionMode = mode
+        self._link, self._frame = link, frame
+        self._goal = -1
+        self._accepted = False
+        self._recoveries = 0
+        self._acknowledgement_lost = False
+        self.progress = Progress(0, 0, "active" if self._poses else "succeeded")
+
+    @property
+    def active(self) -> bool:
+        """Whether a goal has been accepted and has no result yet."""
+        return self._accepted
+
+    def send_next(self, time: int) -> None:
+        """Send the goal that is due, stamped with ROS ``time`` [ns], unless one is under way."""
+        due = self.progress.reached if self._mode == "waypoints" else 0
+        if self.progress.state != "active" or self._goal >= due:
+            return
+        self._goal = due
+        self._recoveries = 0
+        self._acknowledgement_lost = False
+        poses = self._poses[due : due + 1] if self._mode == "waypoints" else self._poses
+        self._link.send_goal(due, poses, self._frame, time)
+
+    def hear_log(self, text: str) -> None:
+        """Take a line of the stack's log: some aborts are only explained there."""
+        if _ACKNOWLEDGEMENT in text:
+            self._acknowledgement_lost = True
+
+    def take(self, update: GoalUpdate) -> tuple[SutEvent, ...]:
+        """Take what became of a goal; return what there is to say about it.
+
+        Raises :class:`SutFailure` for what is not the robot's doing: a goal that is refused or
+        not answered, an abort because the machine was too slow for the stack.
+        """
+        # What still comes of a goal that is over, or of one of the run before.
+        if update.goal != self._goal:
+            return ()
+        if update.state == "feedback":
+            return self._take_feedback(update)
+        name = self._goal_name()
+        if update.state == "accepted":
+            self._accepted = True
+            return (SutEvent(f"goal {name} accepted"),)
+        self._accepted = False
+        if update.state == "rejected":
+            raise SutFailure(
+                f"the stack rejected the goal {name} (frame {self._frame}): it must be ready, and "
+                "the goal in a frame it knows; its log says why"
+            )
+        if update.state == "unanswered":
+            raise SutFailure(
+                f"the stack did not answer the request for the goal {name} within ten seconds"
+            )
+        if update.state == "succeeded":
+            return self._take_success(update, name)
+        return self._take_end(update, name)
+
+    def _take_feedback(self, update: GoalUpdate) -> tuple[SutEvent, ...]:
+        content = update.content
+        total = len(self._poses)
+        # Never backwards, and never to the end: only the result says that a mission is over.
+        if self._mode == "follow" and "current_waypoint" in content:
+            self._advance(min(int(content["current_waypoint"]), total - 1))
+        elif self._mode == "through" and content.get("number_of_poses_remaining"):
+            left = int(content["number_of_poses_remaining"])
+            self._advance(min(total - left, total - 1))
+        recoveries = int(content.get("number_of_recoveries", 0))
+        if recoveries > self._recoveries:
+            self._recoveries = recoveries
+            return (SutEvent(f"recovery {recoveries} of goal {self._goal_name()}", "warn"),)
+        return ()
+
+    def _advance(self, reached: int) -> None:
+        if reached > self.progress.reached:
+            self.progress = Progress(reached, reached, "active")
+
+    def _take_success(self, update: GoalUpdate, name: str) -> tuple[SutEvent, ...]:
+        missed = tuple(int(i) for i in update.content.get("missed_waypoints", ()))
+        if missed:
+            first = max(0, min(*missed, len(self._names) - 1))
+            self.progress = Progress(first, first, "aborted")
+            names = ", ".join(self._names[i] for i in missed if 0 <= i < len(self._names))
+            return (SutEvent(f"goal {name} ended with missed waypoints: {names}", "error"),)
+        total = len(self._poses)
+        reached = self.progress.reached + 1 if self._mode == "waypoints" else total
+        self.progress = Progress(reached, reached, "succeeded" if reached == total else "active")
+        return (SutEvent(f"goal {name} succeeded"),)
+
+    def _take_end(self, update: GoalUpdate, name: str) -> tuple[SutEvent, ...]:
+        code = f", error code {update.error_code}" if update.error_code else ""
+        text = f": {update.error_text}" if update.error_text else ""
+        said = f"goal {name} {update.state}{code}{text}"
+        if self._acknowledgement_lost or _ACKNOWLEDGEMENT in update.error_text:
+            raise SutFailure(
+                f"{said}, after a server of the stack had not acknowledged a request in time: that "
+                "time is on the wall clock, so the machine was too slow, not the robot; set "
+                "default_server_timeout of bt_navigator to 1000 ms or more"
+            )
+        self.progress = Progress(self.progress.current, self.progress.reached, "aborted")
+        return (SutEvent(said, "error"),)
+
+    def _goal_name(self) -> str:
+        if self._mode == "waypoints":
+            return self._names[self._goal]
+        return f"of {len(self._names)} waypoints"
+
+
+def _goal_poses(mission: Mission) -> list[tuple[float, float, float]]:
+    """Return (x, y, yaw) of each waypoint; where any heading will do, that of the way there."""
+    before: Waypoint | None = None
+    found = []
+    for waypoint in mission.waypoints:
+        x, y = (before.x, before.y) if before else (mission.start.x, mission.start.y)
+        yaw = waypoint.yaw
+        if yaw is None:
+            yaw = math.atan2(waypoint.y - y, waypoint.x - x)
+        found.append((waypoint.x, waypoint.y, yaw))
+        before = waypoint
+    return found

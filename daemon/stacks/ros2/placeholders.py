@@ -1,0 +1,110 @@
+"""Placeholders in what starts a stack: ``{map}``, ``{start.x}``, the names of files.
+
+A value is one word to the shell, whatever it contains; braces that are meant as they are, those
+of the shell among them, are doubled.
+"""
+
+from __future__ import annotations
+
+import re
+import shlex
+from collections.abc import Iterable, Iterator, Mapping
+from typing import Final
+
+from grammars.model.geometry import Pose2
+from grammars.text.diagnostics import did_you_mean
+
+MAP: Final = "map"
+STANDARD: Final = (
+    MAP,
+    "start.x",
+    "start.y",
+    "start.yaw",
+    "domain",
+    "namespace",
+    "robot.name",
+    "seed",
+)
+"""Placeholders that every run has; ``map`` only where it is written to a file."""
+DOUBLED: Final = "write {{ and }} for braces that are meant as they are"
+_PART: Final = re.compile(
+    r"\{\{|\}\}|\{(?P<name>[A-Za-z0-9][A-Za-z0-9_.-]*)\}|[{}]|[^{}]+", re.DOTALL
+)
+
+
+class PlaceholderError(ValueError):
+    """A text cannot be filled: ``message`` says why, ``hint`` what to write."""
+
+    def __init__(self, message: str, hint: str) -> None:
+        self.message, self.hint = message, hint
+        super().__init__(f"{message}: {hint}")
+
+
+def fill(text: str, values: Mapping[str, str], *, quoted: bool = True) -> str:
+    """Return ``text`` with placeholders replaced, each value as one word of a shell.
+
+    Without ``quoted`` as it is, for what no shell reads. Raises :class:`PlaceholderError`.
+    """
+    parts = []
+    for plain, name in _parts(text):
+        if not name:
+            parts.append(plain)
+        elif name not in values:
+            raise _unknown(name, values)
+        else:
+            parts.append(shlex.quote(values[name]) if quoted else values[name])
+    return "".join(parts)
+
+
+def placeholders_in(text: str) -> tuple[str, ...]:
+    """Return the placeholders of a text, each once; raises :class:`PlaceholderError`."""
+    return tuple(dict.fromkeys(name for _, name in _parts(text) if name))
+
+
+def check_placeholders(text: str, known: Iterable[str]) -> Iterator[PlaceholderError]:
+    """Yield what keeps a text from being filled with values of the names in ``known``."""
+    names = frozenset(known)
+    try:
+        written = placeholders_in(text)
+    except PlaceholderError as error:
+        yield error
+        return
+    yield from (_unknown(name, names) for name in written if name not in names)
+
+
+def run_values(
+    *, start: Pose2, robot: str, namespace: str, seed: int, files: Mapping[str, str]
+) -> dict[str, str]:
+    """Return what is known of a run before its stack gets a folder and a domain.
+
+    ``map`` (a path) and ``domain`` come with those. The ``namespace`` has no slash before it, as
+    launch files want it.
+    """
+    x, y, yaw = (repr(float(value)) for value in (start.x, start.y, start.yaw))
+    return {
+        **files,
+        "start.x": x,
+        "start.y": y,
+        "start.yaw": yaw,
+        "namespace": namespace.strip("/"),
+        "robot.name": robot,
+        "seed": str(seed),
+    }
+
+
+def _parts(text: str) -> Iterator[tuple[str, str]]:
+    """Yield plain text and names of placeholders, one of them empty."""
+    for part in _PART.finditer(text):
+        written = part[0]
+        if part["name"]:
+            yield "", part["name"]
+        elif written in ("{{", "}}"):
+            yield written[0], ""
+        elif written in ("{", "}"):
+            raise PlaceholderError(f'"{written}" begins or ends no placeholder', DOUBLED)
+        else:
+            yield written, ""
+
+
+def _unknown(name: str, known: Iterable[str]) -> PlaceholderError:
+    return PlaceholderError(f'no placeholder "{name}"', f"{did_you_mean(name, known)}; {DOUBLED}")

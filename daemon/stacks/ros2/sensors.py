@@ -1,0 +1,151 @@
+"""What a robot publishes, as a ROS 2 stack hears it: odometry, scans, transforms, map, as CDR.
+
+Times are ROS time [ns]. Sources: REP 103, 105 and 117; the message definitions of
+``common_interfaces`` and ``geometry2``.
+"""
+
+from __future__ import annotations
+
+from typing import Any, Final
+
+import numpy as np
+
+from daemon.model import ros_messages as ros
+from daemon.model.sut import LaserScan, Odometry
+from daemon.stacks.ros2.settings import Frames
+from grammars.model.geometry import Pose2, Twist2
+from grammars.model.grid import OccupancyGrid
+from grammars.model.robot import Laser
+
+ODOMETRY: Final = "nav_msgs/msg/Odometry"
+SCAN: Final = "sensor_msgs/msg/LaserScan"
+TRANSFORMS: Final = "tf2_msgs/msg/TFMessage"
+GRID: Final = "nav_msgs/msg/OccupancyGrid"
+INITIAL_POSE: Final = "geometry_msgs/msg/PoseWithCovarianceStamped"
+
+_NO_COVARIANCE: Final = np.zeros(36)
+# What RViz sends with its "2D Pose Estimate": 0.5 m, 0.5 m and 15 degrees. AMCL spreads its
+# particles by it, so nobody gets a better start than a person would give.
+_START_VARIANCE: Final = {0: 0.25, 7: 0.25, 35: 0.06853891945200942}
+
+
+def odometry(sample: Odometry, time: int, frames: Frames) -> bytes:
+    """Return a ``nav_msgs/Odometry`` of ``time`` [ns]; covariances are 0, "unknown"."""
+    pose, twist = sample.pose, sample.twist
+    message = ros.make(
+        ODOMETRY,
+        header=ros.header(ros.time(time), frames.odom),
+        child_frame_id=frames.base,
+        pose=ros.make(
+            "geometry_msgs/msg/PoseWithCovariance", pose=_pose(pose), covariance=_NO_COVARIANCE
+        ),
+        twist=ros.make(
+            "geometry_msgs/msg/TwistWithCovariance",
+            twist=ros.twist(twist.vx, twist.vy, twist.wz),
+            covariance=_NO_COVARIANCE,
+        ),
+    )
+    return ros.serialize(message, ODOMETRY)
+
+
+def odometry_transform(sample: Odometry, time: int, frames: Frames) -> bytes:
+    """Return the transform odom -> base of ``time`` [ns]."""
+    return _transforms(_transform(sample.pose, time, frames.odom, frames.base))
+
+
+def laser_transform(laser: Laser, time: int, frames: Frames) -> bytes:
+    """Return the fixed transform base -> laser."""
+    return _transforms(_transform(laser.mount, time, frames.base, frames.laser, z=laser.z))
+
+
+def scan(sweep: LaserScan, laser: Laser, time: int, frames: Frames) -> bytes:
+    """Return a ``sensor_msgs/LaserScan`` of ``time`` [ns], taken at one instant."""
+    message = ros.make(
+        SCAN,
+        header=ros.header(ros.time(time), frames.laser),
+        angle_min=laser.angle_min,
+        angle_max=laser.angle_max,
+        angle_increment=laser.angle_increment,
+        time_increment=0.0,
+        scan_time=1.0 / laser.rate,
+        range_min=laser.range_min,
+        range_max=laser.range_max,
+        ranges=sweep.ranges,
+        intensities=np.zeros(0, np.float32),
+    )
+    return ros.serialize(message, SCAN)
+
+
+def occupancy_grid(grid: OccupancyGrid, time: int, frames: Frames) -> bytes:
+    """Return the map as a ``nav_msgs/OccupancyGrid`` of ``time`` [ns]."""
+    return ros.serialize(ros.occupancy_grid(grid, time, frames.map), GRID)
+
+
+def initial_pose(pose: Pose2, time: int, frames: Frames) -> bytes:
+    """Return where the robot stands, as a person would tell it in RViz, at ``time`` [ns]."""
+    covariance = np.zeros(36)
+    for index, variance in _START_VARIANCE.items():
+        covariance[index] = variance
+    message = ros.make(
+        INITIAL_POSE,
+        header=ros.header(ros.time(time), frames.map),
+        pose=ros.make(
+            "geometry_msgs/msg/PoseWithCovariance", pose=_pose(pose), covariance=covariance
+        ),
+    )
+    return ros.serialize(message, INITIAL_POSE)
+
+
+def read_command(data: bytes, kind: str) -> tuple[Twist2, int | None]:
+    """Read a velocity command and its stamp [ns], ``None`` for the kind without one.
+
+    Raises ``ValueError`` for damaged bytes and numbers that are not finite.
+    """
+    message = _read(data, kind)
+    stamped = hasattr(message, "header")
+    twist = message.twist if stamped else message
+    found = Twist2(float(twist.linear.x), float(twist.linear.y), float(twist.angular.z))
+    if not np.isfinite((found.vx, found.vy, found.wz)).all():
+        raise ValueError(f"the stack commanded {found}, which is no velocity")
+    return found, stamp(message) if stamped else None
+
+
+def read_message(data: bytes, kind: str) -> Any:
+    """Read any other message of the stack; raises ``ValueError`` for damaged bytes."""
+    return _read(data, kind)
+
+
+def stamp(message: Any) -> int:
+    """Return the stamp in a header [ns]."""
+    time = message.header.stamp
+    return int(time.sec) * 1_000_000_000 + int(time.nanosec)
+
+
+def plane_pose(position: Any, orientation: Any) -> Pose2:
+    """Return a pose or transform seen from above; roll and pitch are left out."""
+    x, y, z, w = orientation.x, orientation.y, orientation.z, orientation.w
+    yaw = float(np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z)))
+    return Pose2(float(position.x), float(position.y), yaw)
+
+
+def _read(data: bytes, kind: str) -> Any:
+    try:
+        return ros.deserialize(data, kind)
+    except Exception as error:
+        # rosbags reads with struct, numpy and code it generates: whatever those raise.
+        raise ValueError(f"a damaged {kind}: {error}") from error
+
+
+def _pose(pose: Pose2) -> Any:
+    return ros.pose(pose.x, pose.y, *ros.yaw_quaternion(pose.yaw))
+
+
+def _transform(pose: Pose2, time: int, parent: str, child: str, z: float = 0.0) -> Any:
+    qz, qw = ros.yaw_quaternion(pose.yaw)
+    return ros.transform(
+        ros.time(time), parent, child, x=pose.x, y=pose.y, z=z, qz=qz, qw=qw
+    )  # fmt: skip
+
+
+def _transforms(*transforms: Any) -> bytes:
+    return ros.serialize(ros.make(TRANSFORMS, transforms=list(transforms)), TRANSFORMS)

@@ -1,0 +1,56 @@
+"""What a process is given before it becomes a stack's, and what the supervisor gives itself."""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import resource
+import signal
+from contextlib import suppress
+from pathlib import Path
+from typing import Final
+
+# prctl.h of Linux
+_PR_SET_PDEATHSIG: Final = 1
+_PR_SET_CHILD_SUBREAPER: Final = 36
+_LIBC: Final = ctypes.CDLL(None, use_errno=True)
+
+
+def become_supervisor() -> None:
+    """Adopt what descendants leave behind, and undo what is for the process of a run alone."""
+    reset_signals()
+    # To write to a holder that has died, or beyond a limit, is an error and not the end.
+    signal.signal(signal.SIGPIPE, signal.SIG_IGN)
+    signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+    # A run may have but so much address space; C++ and DDS reserve far more than they touch.
+    _, most = resource.getrlimit(resource.RLIMIT_AS)
+    resource.setrlimit(resource.RLIMIT_AS, (most, most))
+    _prctl(_PR_SET_CHILD_SUBREAPER, 1)
+
+
+def prepare_child(supervisor: int) -> None:
+    """Give a new process what one has that is started in a terminal; between fork and exec."""
+    # Nobody kills a supervisor, except people and the kernel short of memory.
+    _prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
+    if os.getppid() != supervisor:
+        os._exit(1)  # killed in between
+    # A session has an autogroup of its own (sched(7)), which does not inherit how far a run steps
+    # back behind other processes.
+    with suppress(OSError):
+        Path("/proc/self/autogroup").write_text(str(os.getpriority(os.PRIO_PROCESS, 0)))
+    reset_signals()
+
+
+def reset_signals() -> None:
+    """Let every signal do what it does by default, and block none."""
+    # The process of a run ignores SIGINT, and what is ignored stays so across fork and exec.
+    for number in signal.valid_signals() - {signal.SIGKILL, signal.SIGSTOP}:
+        with suppress(OSError, ValueError):  # reserved by the C library
+            signal.signal(number, signal.SIG_DFL)
+    signal.pthread_sigmask(signal.SIG_SETMASK, ())
+
+
+def _prctl(option: int, value: int) -> None:
+    if _LIBC.prctl(option, value, 0, 0, 0):
+        code = ctypes.get_errno()
+        raise OSError(code, os.strerror(code))

@@ -1,0 +1,44 @@
+"""What a supervisor is told to start, and the names of what lies in a stack's folder."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+STACK_OUTPUT: Final = "stack.output"
+RELAY_OUTPUT: Final = "relay.output"
+CONTROL_SOCKET: Final = "supervisor.sock"
+"""Where a kept stack is taken over."""
+ENVIRONMENT: Final = "environment"
+"""What the setup command leaves: the environment of the stack, entries ended by a NUL."""
+RELAY_EXIT: Final = "relay.exit"
+"""Written by the script in a container: the exit code of the relay there."""
+ALARM: Final = "scenario: "
+"""What our own shell scripts say on standard error begins with it."""
+
+
+@dataclass(frozen=True)
+class StackPlan:
+    """What to start, and when to end it.
+
+    ``setup`` is a command that writes the environment of the stack to :data:`ENVIRONMENT`, or
+    empty; ``stack`` and ``relay`` are commands, their programs looked for in that environment,
+    ``relay_variables`` for the relay alone, ``domain`` the stack's. ``engine`` and ``name`` are
+    those of a container. ``owner`` is the process that a stack does not outlive when it is kept,
+    or 0. ``grace`` [s] is waited after each of SIGINT and SIGTERM, ``idle`` [s] for the next
+    holder of a kept stack, ``setup_limit`` [s] for the setup files.
+    """
+
+    token: str
+    folder: str
+    domain: int
+    setup: list[str]
+    stack: list[str]
+    relay: list[str]
+    relay_variables: dict[str, str]
+    engine: str
+    name: str
+    owner: int
+    grace: float
+    idle: float
+    setup_limit: float

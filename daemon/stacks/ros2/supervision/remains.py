@@ -1,0 +1,88 @@
+"""What is left of a stack: its processes, by descent or by a variable in their environment."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import time
+from collections.abc import Iterable
+from contextlib import suppress
+from pathlib import Path
+from typing import Final
+
+MARKER: Final = "SCENARIO_STACK"
+"""Environment variable of everything that belongs to a stack; its value is the stack's token."""
+KILL_LIMIT: Final = 10.0
+"""Seconds until what survives SIGKILL (in an uninterruptible wait) is left alone."""
+POLL: Final = 0.05
+"""Seconds between looks for what is left: the end of a grandchild tells nobody."""
+_ENGINE_LIMIT: Final = 20.0
+
+
+def marked_processes(token: str) -> set[int]:
+    """Return the processes of a stack by the variable in their environment, zombies left out."""
+    # A process of another user cannot be looked into, nor could it be ended.
+    mark = f"{MARKER}={token}".encode()
+    found = set()
+    for process in Path("/proc").iterdir():
+        if process.name.isdecimal():
+            with suppress(OSError):
+                if mark in (process / "environ").read_bytes().split(b"\0"):
+                    found.add(int(process.name))
+    return found
+
+
+def send_signal(processes: Iterable[int], number: int) -> None:
+    """Send a signal to each process that is still there and ours."""
+    for process in processes:
+        with suppress(ProcessLookupError, PermissionError):
+            os.kill(process, number)
+
+
+def end_marked(token: str, limit: float = KILL_LIMIT) -> set[int]:
+    """Kill a stack whose supervisor is gone; returns what could not be killed."""
+    deadline = time.monotonic() + limit
+    while (left := marked_processes(token)) and time.monotonic() < deadline:
+        send_signal(left, signal.SIGKILL)
+        time.sleep(POLL)
+    return left
+
+
+def end_container(engine: str, name: str) -> None:
+    """End a container by its name, and remove it; nothing happens where there is none."""
+    for words in (["kill", name], ["rm", "-f", name]):
+        # Its exit code says whether there was one, which nobody has to know.
+        with suppress(OSError, subprocess.TimeoutExpired):
+            subprocess.run(
+                [engine, *words],
+                stdin=subprocess.DEVNULL,
+                stdout=subprocess.DEVNULL,
+                stderr=subprocess.DEVNULL,
+                timeout=_ENGINE_LIMIT,
+                check=False,
+            )
+
+
+def _processes() -> dict[int, tuple[int, int]]:
+    """Return parent and process group of every process that is not a zombie."""
+    found = {}
+    for process in Path("/proc").iterdir():
+        if process.name.isdecimal():
+            with suppress(OSError):
+                # The name of the program comes second, in brackets, and may contain anything.
+                state, parent, group = (process / "stat").read_text().rpartition(")")[2].split()[:3]
+                if state not in ("Z", "X"):
+                    found[int(process.name)] = int(parent), int(group)
+    return found
+
+
+def descendants(ancestor: int) -> dict[int, int]:
+    """Return the process group of every descendant that is not a zombie, by process."""
+    processes = _processes()
+    found: dict[int, int] = {}
+    newest = {ancestor}
+    while newest:
+        newest = {p for p, (parent, _) in processes.items() if parent in newest} - found.keys()
+        found |= {process: processes[process][1] for process in newest}
+    return found

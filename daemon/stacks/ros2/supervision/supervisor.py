@@ -1,0 +1,410 @@
+"""Starts a stack and its relay, watches them, and sees to it that nothing of them is left.
+
+A process of its own. It has one end of a socket pair whose other end the process of the run, its
+holder, has. A first line of JSON is the :class:`StackPlan`; then lines go both ways,
+``{"end": true}`` and ``{"keep": true}`` to the supervisor, what has happened back. It ends the
+stack when it is told to, when its holder is gone, however that died, or when the owner is, the
+worker.
+
+What it has started are its descendants, those whose parents have died too, since it is their
+subreaper (prctl(2)); beyond that they are known by a variable in their environment.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import selectors
+import shutil
+import signal
+import socket
+import struct
+import subprocess
+import time
+from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
+from typing import Final
+
+from .child import become_supervisor, prepare_child
+from .output_file import OutputFile
+from .plan import (
+    ALARM,
+    CONTROL_SOCKET,
+    ENVIRONMENT,
+    RELAY_EXIT,
+    RELAY_OUTPUT,
+    STACK_OUTPUT,
+    StackPlan,
+)
+from .remains import (
+    KILL_LIMIT,
+    MARKER,
+    POLL,
+    descendants,
+    end_container,
+    marked_processes,
+    send_signal,
+)
+from .shared_memory import remove_shared_memory
+
+_MOST_READS: Final = 64
+"""Reads of 64 KiB from somebody who does not stop printing, before something else is looked at."""
+_CONTAINER_POLL: Final = 0.5
+
+
+class Supervisor:
+    """One stack while it lives."""
+
+    def __init__(self, wire: socket.socket, plan: StackPlan) -> None:
+        self._plan = plan
+        self._folder = Path(plan.folder)
+        self._holder: socket.socket | None = None
+        self._received = b""
+        self._selector = selectors.DefaultSelector()
+        self._outputs = {
+            name: OutputFile(self._folder / name) for name in (STACK_OUTPUT, RELAY_OUTPUT)
+        }
+        self._pipes: dict[int, OutputFile] = {}
+        self._children: dict[int, str] = {}
+        self._groups: list[int] = []
+        self._ending = False
+        self._idle_until: float | None = None
+        self._setup_until: float | None = None
+        self._listen_for_signals()
+        self._holder_process: int | None = None
+        self._hold(wire)
+        if plan.owner:
+            self._watch_process(plan.owner)
+            self._listener = socket.socket(socket.AF_UNIX)
+            self._listener.bind(str(self._folder / CONTROL_SOCKET))
+            self._listener.listen()
+            self._watch(self._listener.fileno(), self._welcome)
+
+    def run(self) -> None:
+        """Live as long as the stack may; nothing of it is left afterwards, the folder neither."""
+        try:
+            if self._plan.setup:
+                self._setup_until = time.monotonic() + self._plan.setup_limit
+                # What setup files start belongs to the stack as well.
+                environment = {**os.environ, MARKER: self._plan.token}
+                self._start("setup", self._plan.setup, environment, STACK_OUTPUT)
+            else:
+                self._start_stack(dict(os.environ))
+            while not self._ending:
+                self._turn(self._next_deadline())
+                self._look_at_deadlines()
+        finally:
+            self._end_everything()
+            self._say({"gone": True})
+            # The outputs are read before the folder goes: its holder hangs up when it has them.
+            while self._holder is not None:
+                self._turn(1.0)
+            shutil.rmtree(self._folder, ignore_errors=True)
+
+    # Starting
+
+    def _start_stack(self, environment: dict[str, str]) -> None:
+        plan = self._plan
+        if self._start("stack", plan.stack, environment, STACK_OUTPUT) and (
+            not plan.relay
+            or self._start("relay", plan.relay, environment | plan.relay_variables, RELAY_OUTPUT)
+        ):
+            self._say({"started": True})
+
+    def _start(self, role: str, words: list[str], environment: dict[str, str], output: str) -> bool:
+        program = shutil.which(words[0], path=environment.get("PATH", os.defpath))
+        if program is None:
+            self._refuse(f"there is no program {words[0]} where the {role} is to be started")
+            return False
+        supervisor = os.getpid()
+        reading, writing = os.pipe()
+        try:
+            # Not closed by a context manager: it is waited for by _reap, as orphans are.
+            child = subprocess.Popen(
+                [program, *words[1:]],
+                env=environment,
+                cwd=self._folder,
+                stdin=subprocess.DEVNULL,
+                stdout=writing,
+                stderr=writing,
+                start_new_session=True,
+                preexec_fn=lambda: prepare_child(supervisor),  # this process has one thread
+            )
+        except (OSError, subprocess.SubprocessError) as error:
+            os.close(reading)
+            self._refuse(f"the {role} cannot be started: {error}")
+            return False
+        finally:
+            os.close(writing)
+        self._children[child.pid] = role
+        self._groups.append(child.pid)
+        child.returncode = 0  # else its end of life warns that nobody waited
+        os.set_blocking(reading, False)
+        self._pipes[reading] = self._outputs[output]
+        self._watch(reading, lambda: self._drain(reading))
+        return True
+
+    def _refuse(self, why: str) -> None:
+        self._say({"failed": why})
+        self._ending = True
+
+    def _setup_ended(self, code: int) -> None:
+        self._setup_until = None
+        try:
+            if code:
+                raise OSError(f"the setup files failed with {_in_words(code)}")
+            file = self._folder / ENVIRONMENT
+            data = file.read_bytes()
+            file.unlink()  # people have secrets in variables
+        except OSError as error:
+            text = OutputFile.read(self._folder / STACK_OUTPUT).decode("utf-8", "replace")
+            said = [line for line in text.splitlines() if line.startswith(ALARM)]
+            self._refuse(said[-1].removeprefix(ALARM) if said else str(error))
+            return
+        entries = (os.fsdecode(entry).partition("=") for entry in data.split(b"\0") if entry)
+        self._start_stack({name: value for name, _, value in entries if name})
+
+    # What happens
+
+    def _watch(self, descriptor: int, react: Callable[[], object]) -> None:
+        self._selector.register(descriptor, selectors.EVENT_READ, react)
+
+    def _watch_process(self, process: int) -> int | None:
+        """End with that process; returns the descriptor that says so."""
+        try:
+            descriptor = os.pidfd_open(process)
+        except ProcessLookupError:
+            self._ending = True
+        except OSError:
+            pass  # a kernel before 5.3: there the sockets alone say it
+        else:
+            self._watch(descriptor, lambda: self._process_ended(descriptor))
+            return descriptor
+        return None
+
+    def _process_ended(self, descriptor: int) -> None:
+        self._ending = True
+        if descriptor == self._holder_process:
+            self._hang_up()
+        else:
+            self._selector.unregister(descriptor)
+            os.close(descriptor)
+
+    def _listen_for_signals(self) -> None:
+        ours, theirs = socket.socketpair()
+        for end in (ours, theirs):
+            end.setblocking(False)
+        signal.set_wakeup_fd(theirs.fileno(), warn_on_full_buffer=False)
+        self._signals = (ours, theirs)
+        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT):
+            signal.signal(number, self._told_to_end)
+        signal.signal(signal.SIGCHLD, lambda *_: None)
+        self._watch(ours.fileno(), lambda: self._drain_signals(ours))
+
+    def _told_to_end(self, *_: object) -> None:
+        self._ending = True
+
+    def _drain_signals(self, source: socket.socket) -> None:
+        with suppress(BlockingIOError):
+            source.recv(4096)
+
+    def _turn(self, seconds: float | None) -> None:
+        """Wait for something to happen, at most so long, and react to it."""
+        for key, _ in self._selector.select(seconds):
+            # Unless what happened before it has made it void.
+            if self._selector.get_map().get(key.fd) is key:
+                key.data()
+        self._reap()
+
+    def _drain(self, source: int) -> bool:
+        """Take in some of what was printed; returns whether there may be more."""
+        try:
+            data = os.read(source, 1 << 16)
+        except BlockingIOError:
+            return False
+        if data:
+            self._pipes[source].write(data)
+        else:
+            self._selector.unregister(source)
+            os.close(source)
+            del self._pipes[source]
+        return bool(data)
+
+    def _drain_all(self) -> None:
+        """Take in what was printed before the end of who printed it is told."""
+        for source in tuple(self._pipes):
+            for _ in range(_MOST_READS):  # somebody who is left may never stop printing
+                if not self._drain(source):
+                    break
+
+    def _reap(self) -> None:
+        while True:
+            try:
+                process, status = os.waitpid(-1, os.WNOHANG)
+            except ChildProcessError:
+                return
+            if not process:
+                return
+            role = self._children.pop(process, "")
+            code = os.waitstatus_to_exitcode(status)
+            if role == "setup" and not self._ending:
+                self._drain_all()
+                self._setup_ended(code)
+            elif role:
+                self._report_end(role, code)
+
+    def _report_end(self, role: str, code: int) -> None:
+        self._drain_all()
+        self._say({"ended": role, "code": code})
+        if self._idle_until is not None:
+            self._ending = True  # nobody would want it again
+
+    def _next_deadline(self) -> float | None:
+        ends = [end for end in (self._idle_until, self._setup_until) if end is not None]
+        wait = max(0.0, min(ends) - time.monotonic()) if ends else None
+        if self._plan.engine:
+            # What happens in a container tells nobody here.
+            wait = min(_CONTAINER_POLL, wait) if wait is not None else _CONTAINER_POLL
+        return wait
+
+    def _look_at_deadlines(self) -> None:
+        now = time.monotonic()
+        if self._setup_until is not None and now > self._setup_until:
+            self._refuse(f"the setup files did not end within {self._plan.setup_limit:g} s")
+        if self._idle_until is not None and now > self._idle_until:
+            self._ending = True
+        exit_code = self._folder / RELAY_EXIT
+        if self._plan.engine and not self._ending and exit_code.exists():
+            text = exit_code.read_text().strip()
+            exit_code.unlink()
+            self._report_end("relay", int(text) if text.isdecimal() else 1)
+
+    # Holders
+
+    def _hear_holder(self) -> None:
+        holder = self._holder
+        if holder is None:
+            return
+        try:
+            data = holder.recv(4096)
+        except OSError:
+            data = b""
+        if not data:
+            self._hang_up()
+            self._ending = True
+            return
+        *lines, self._received = (self._received + data).split(b"\n")
+        for line in lines:
+            request = json.loads(line)
+            if "end" in request:
+                self._ending = True
+            elif "keep" in request:
+                self._say({"kept": True})
+                self._hang_up()
+                self._idle_until = time.monotonic() + self._plan.idle
+
+    def _hold(self, wire: socket.socket) -> None:
+        self._holder, self._received = wire, b""
+        self._watch(wire.fileno(), self._hear_holder)
+        # Two ways to learn that a holder is dead: its end may have been inherited by somebody.
+        self._holder_process = self._watch_process(_peer(wire))
+
+    def _hang_up(self) -> None:
+        if self._holder is not None:
+            self._selector.unregister(self._holder.fileno())
+            self._holder.close()
+            self._holder = None
+        if self._holder_process is not None:
+            self._selector.unregister(self._holder_process)
+            os.close(self._holder_process)
+            self._holder_process = None
+
+    def _welcome(self) -> None:
+        """Somebody asks for a kept stack: one gets it, and only while nobody else has it."""
+        peer, _ = self._listener.accept()
+        if self._idle_until is None or self._ending:
+            peer.close()
+            return
+        self._idle_until = None
+        for output in self._outputs.values():
+            output.clear()
+        self._hold(peer)
+        self._say({"taken": True})
+
+    def _say(self, event: dict[str, object]) -> None:
+        if self._holder is not None:
+            try:
+                self._holder.sendall(json.dumps(event).encode() + b"\n")
+            except OSError:
+                self._hang_up()  # it is gone, which is what it will be told to end for
+                self._ending = True
+
+    # Ending
+
+    def _end_everything(self) -> None:
+        """SIGINT, SIGTERM, SIGKILL, each only if the one before was not enough."""
+        self._ending = True
+        for group in set(self._group_members().values()):
+            with suppress(ProcessLookupError, PermissionError):
+                os.killpg(group, signal.SIGINT)
+        # As from a terminal, where whatever has left the group is not asked either.
+        self._wait_until(lambda: not self._group_members(), self._plan.grace)
+        if left := self._left():
+            send_signal(left, signal.SIGTERM)
+            self._wait_until(lambda: not self._left(), self._plan.grace)
+        if self._plan.engine:
+            end_container(self._plan.engine, self._plan.name)
+        self._wait_until(self._kill_what_is_left, KILL_LIMIT)
+        if not self._plan.engine:  # a container has a memory of its own
+            remove_shared_memory(self._plan.domain)
+
+    def _kill_what_is_left(self) -> bool:
+        send_signal(left := self._left(), signal.SIGKILL)
+        return not left
+
+    def _wait_until(self, condition: Callable[[], bool], seconds: float) -> None:
+        deadline = time.monotonic() + seconds
+        self._reap()
+        while not condition() and time.monotonic() < deadline:
+            # Not a look at all processes for each line of who goes on printing.
+            next_look = time.monotonic() + POLL / 5
+            self._turn(POLL)
+            while (rest := next_look - time.monotonic()) > 0:
+                self._turn(rest)
+
+    def _left(self) -> set[int]:
+        """Everything that belongs to the stack and lives."""
+        # An engine has processes of its own, which outlast a container and are not ours to end.
+        ours = self._group_members() if self._plan.engine else descendants(os.getpid())
+        return {*ours, *marked_processes(self._plan.token)} - {os.getpid()}
+
+    def _group_members(self) -> dict[int, int]:
+        """Return members of the groups that were started, by process; of nobody else's groups
+        that have got the same number since.
+        """
+        return {p: group for p, group in descendants(os.getpid()).items() if group in self._groups}
+
+
+def _in_words(code: int) -> str:
+    return f"exit code {code}" if code >= 0 else f"signal {-code}"
+
+
+def _peer(wire: socket.socket) -> int:
+    """Return the process at the other end of a Unix socket (unix(7))."""
+    data = wire.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, struct.calcsize("3i"))
+    return int(struct.unpack("3i", data)[0])
+
+
+def main(descriptor: int) -> None:
+    """Supervise a stack until it is gone."""
+    become_supervisor()
+    wire = socket.socket(fileno=descriptor)
+    wire.set_inheritable(False)
+    received = b""
+    while not received.endswith(b"\n"):
+        data = wire.recv(1 << 16)
+        if not data:
+            return  # its holder died at once
+        received += data
+    Supervisor(wire, StackPlan(**json.loads(received))).run()

@@ -1,0 +1,210 @@
+"""What a stack says besides commands, for the trace: pose, plan, particles, its log.
+
+Everything here is looked at or recorded; a message that cannot be read is told once and left out.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import Any, Final
+
+import numpy as np
+
+from daemon.model.sut import Cloud, Estimate, Odometry, SutEvent
+from daemon.stacks.ros2 import sensors
+from daemon.stacks.ros2.link import ReceivedMessage
+from daemon.stacks.ros2.settings import Frames, TopicNames
+from grammars.model.geometry import Floats, Pose2
+
+ROSOUT: Final = "/rosout"
+LOG: Final = "rcl_interfaces/msg/Log"
+PATH: Final = "nav_msgs/msg/Path"
+POSE: Final = "geometry_msgs/msg/PoseWithCovarianceStamped"
+PARTICLES: Final = "nav2_msgs/msg/ParticleCloud"
+
+_LOG_LEVELS: Final = {10: "debug", 20: "info", 30: "warn", 40: "error", 50: "fatal"}
+_MOST_LOG_LINES: Final = 5000
+"""Lines of the stack's log that a trace takes: everything it prints is kept beside it anyway."""
+_PLANE: Final = (0, 1, 5)
+"""Rows of x, y and yaw in a (6, 6) covariance."""
+_PARTICLE: Final = np.dtype([("position", "<f8", 3), ("orientation", "<f8", 4), ("weight", "<f8")])
+_SHOWN_PARTICLES: Final = 100
+
+
+@dataclass(slots=True)
+class Heard:
+    """What the messages of one cycle come to; ``None`` where nothing new came."""
+
+    estimate: Estimate | None = None
+    cloud: Cloud | None = None
+    particles: Floats | None = None
+    plan: Floats | None = None
+    local_plan: Floats | None = None
+    events: list[SutEvent] = field(default_factory=list)
+    log: list[str] = field(default_factory=list)
+
+
+class TransformTree:
+    """The newest transforms between frames, seen from above."""
+
+    def __init__(self) -> None:
+        self._parents: dict[str, tuple[str, Pose2]] = {}
+
+    def add(self, parent: str, child: str, pose: Pose2) -> None:
+        """Take a transform child -> parent."""
+        self._parents[child.lstrip("/")] = (parent.lstrip("/"), pose)
+
+    def find(self, child: str, parent: str) -> Pose2 | None:
+        """Return the pose of ``child`` in ``parent``, a frame above it, ``None`` if unknown."""
+        frame, pose = child, Pose2()
+        # As many steps as there are frames: somebody else's transforms may go round in circles.
+        for _ in range(len(self._parents) + 1):
+            if frame == parent:
+                return pose
+            if frame not in self._parents:
+                return None
+            frame, above = self._parents[frame]
+            pose = above @ pose
+        return None
+
+
+class Telemetry:
+    """Reads what a stack says during one run."""
+
+    def __init__(self, topics: TopicNames, frames: Frames) -> None:
+        self._topics, self._frames = topics, frames
+        self._tree = TransformTree()
+        self._covariance = np.zeros((3, 3))
+        self._told: set[str] = set()
+        self._log_lines = 0
+
+    def pose(self) -> Pose2 | None:
+        """Return where the stack believes the base is in the map, ``None`` while unknown."""
+        return self._tree.find(self._frames.base, self._frames.map)
+
+    def forget(self) -> None:
+        """Forget every transform: the stack has been reset."""
+        self._tree = TransformTree()
+
+    def move(self, sample: Odometry) -> None:
+        """Take the robot's own odometry: odom -> base is published on this side."""
+        self._tree.add(self._frames.odom, self._frames.base, sample.pose)
+
+    def read(self, messages: tuple[ReceivedMessage, ...], now: float, odometry: Odometry) -> Heard:
+        """Read the messages of one cycle at the simulated time ``now`` [s].
+
+        ``odometry`` is the newest sample: an estimate is map -> odom with it.
+        """
+        heard = Heard()
+        localised = False
+        for message in messages:
+            try:
+                localised |= self._read_one(message, heard, now)
+            except (ValueError, AttributeError, TypeError) as error:
+                self._tell(f"{message.topic} cannot be read: {error}", heard)
+        if localised:
+            self._tree.add(self._frames.odom, self._frames.base, odometry.pose)
+            pose = self.pose()
+            if pose is not None and math.isfinite(pose.x + pose.y + pose.yaw):
+                heard.estimate = Estimate(odometry.time, pose, self._covariance)
+        return heard
+
+    def _read_one(self, message: ReceivedMessage, heard: Heard, now: float) -> bool:
+        """Read a message; return whether it says where the robot is."""
+        topics = self._topics
+        if message.topic in (topics.tf, topics.tf_static):
+            return self._read_transforms(sensors.read_message(message.data, sensors.TRANSFORMS))
+        if message.topic == ROSOUT:
+            self._read_log(sensors.read_message(message.data, LOG), heard)
+        elif message.topic == topics.pose:
+            self._read_pose(sensors.read_message(message.data, POSE), heard, now)
+        elif message.topic == topics.plan:
+            heard.plan = self._read_path(message, heard)
+        elif message.topic == topics.local_plan:
+            heard.local_plan = self._read_path(message, heard)
+        elif message.topic == topics.particles:
+            self._read_particles(message.data, heard, now)
+        return False
+
+    def _read_transforms(self, message: Any) -> bool:
+        localises = False
+        for transform in message.transforms:
+            parent = transform.header.frame_id.lstrip("/")
+            child = transform.child_frame_id.lstrip("/")
+            moved = transform.transform
+            # What this side publishes comes back on the same topic.
+            if child == self._frames.base and parent == self._frames.odom:
+                continue
+            self._tree.add(parent, child, sensors.plane_pose(moved.translation, moved.rotation))
+            localises |= parent == self._frames.map
+        return localises
+
+    def _read_log(self, message: Any, heard: Heard) -> None:
+        text = str(message.msg)
+        heard.log.append(text)
+        level = _LOG_LEVELS.get(int(message.level), "info")
+        if level == "debug":
+            return
+        self._log_lines += 1
+        if self._log_lines > _MOST_LOG_LINES:
+            self._tell("the rest of the stack's log is left out here", heard)
+            return
+        heard.events.append(SutEvent(text, level, str(message.name)))  # type: ignore[arg-type]
+
+    def _read_pose(self, message: Any, heard: Heard, now: float) -> None:
+        full = np.asarray(message.pose.covariance, np.float64).reshape(6, 6)
+        covariance = full[np.ix_(_PLANE, _PLANE)]
+        if np.isfinite(covariance).all():
+            self._covariance = covariance
+        # A stack that sends no transforms still says where it is.
+        if self.pose() is None and message.header.frame_id.lstrip("/") == self._frames.map:
+            pose = sensors.plane_pose(message.pose.pose.position, message.pose.pose.orientation)
+            if math.isfinite(pose.x + pose.y + pose.yaw):
+                heard.estimate = Estimate(now, pose, self._covariance)
+
+    def _read_path(self, message: ReceivedMessage, heard: Heard) -> Floats | None:
+        path = sensors.read_message(message.data, PATH)
+        frame = path.header.frame_id.lstrip("/")
+        to_map = self._tree.find(frame, self._frames.map)
+        if to_map is None:
+            self._tell(f"{message.topic} is in frame {frame!r}, which is not known here", heard)
+            return None
+        points = [to_map.apply((pose.pose.position.x, pose.pose.position.y)) for pose in path.poses]
+        found = np.array(points, np.float64).reshape(-1, 2)
+        return found if np.isfinite(found).all() else None
+
+    def _read_particles(self, data: bytes, heard: Heard, now: float) -> None:
+        """Read a ``nav2_msgs/ParticleCloud``, which rosbags does not know: header, then a table."""
+        frame_length = int.from_bytes(data[12:16], "little")
+        # After the encapsulation: stamp (8), frame, number of rows (4), all aligned to 4, then rows
+        # of doubles aligned to 8; alignment counts from behind the encapsulation.
+        at = 12 + frame_length
+        at += -at % 4
+        count = int.from_bytes(data[4 + at : 8 + at], "little")
+        start = 4 + at + 4 + (-(at + 4) % 8)
+        rows = data[start : start + count * _PARTICLE.itemsize]
+        if len(rows) != count * _PARTICLE.itemsize or not count:
+            raise ValueError("a particle cloud of another size")
+        table = np.frombuffer(rows, _PARTICLE)
+        z, w = table["orientation"][:, 2], table["orientation"][:, 3]
+        poses = np.column_stack((table["position"][:, :2], 2.0 * np.arctan2(z, w)))
+        if not np.isfinite(poses).all():
+            raise ValueError("particles that are not finite")
+        heard.particles = poses[:: max(1, count // _SHOWN_PARTICLES)]
+        heard.cloud = _summary(poses, now)
+
+    def _tell(self, text: str, heard: Heard) -> None:
+        """Say something once in a run."""
+        if text not in self._told:
+            self._told.add(text)
+            heard.events.append(SutEvent(text, "warn"))
+
+
+def _summary(poses: Floats, now: float) -> Cloud:
+    """Return mean and covariance of particles (n, 3); headings by their mean direction."""
+    yaw = math.atan2(float(np.sin(poses[:, 2]).mean()), float(np.cos(poses[:, 2]).mean()))
+    mean = Pose2(float(poses[:, 0].mean()), float(poses[:, 1].mean()), yaw)
+    off = poses - (mean.x, mean.y, mean.yaw)
+    off[:, 2] = np.remainder(off[:, 2] + math.pi, math.tau) - math.pi
+    return Cloud(now, len(poses), mean, off.T @ off / len(poses))

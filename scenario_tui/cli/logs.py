@@ -1,0 +1,179 @@
+"""The command that tells what happened in a run, and shows what its system under test printed."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from scenario_tui.cli.options import AsJson, Connect, RunOrTrace, State
+from scenario_tui.cli.output import Output, stdout_console
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from daemon.analysis.run_history import RunLogLine, RunStep
+    from scenario_tui.cli.target import DaemonTarget
+
+
+class LogsOutput(Output, schema="logs"):
+    """What happened in a run: the ``steps`` of its attempts, their ``output``, what it recorded.
+
+    ``printed`` is what an external system under test wrote while it ran, by name. Of a trace
+    alone only what it recorded and printed is known.
+    """
+
+    run: str
+    attempts: int
+    reason: str
+    steps: tuple[RunStep, ...]
+    output: tuple[str, ...]
+    recorded: tuple[RunLogLine, ...]
+    printed: dict[str, str]
+
+    def print(self) -> None:
+        """Print it in the order it happened, of what was printed the last lines."""
+        self.print_for(self.run, everything=False)
+
+    def print_for(self, typed: str, *, everything: bool) -> None:
+        """Print it to somebody who ``typed`` that name, with ``everything`` that was printed."""
+        if self.run:
+            self._print_steps()
+            # The reason is the note of an attempt, as long as that attempt is remembered.
+            known = any(step.note.strip() == self.reason.strip() for step in self.steps)
+            for text in filter(None, (*self.output, "" if known else self.reason)):
+                stdout_console().print(f"\n{text.strip()}", markup=False, soft_wrap=True)
+        if self.recorded or not self.run:
+            self._print_recorded()
+        self._print_printed(typed, everything=everything)
+
+    def _print_steps(self) -> None:
+        from datetime import datetime
+
+        from scenario_tui.text.formatting import pluralise
+
+        console = stdout_console()
+        for step in self.steps:
+            when = datetime.fromtimestamp(step.at).astimezone().strftime("%Y-%m-%d %H:%M:%S")
+            note = f"  {step.note.strip()}" if step.note else ""
+            console.print(f"{when}  {step.state}{note}", markup=False, soft_wrap=True)
+        if not self.steps:
+            attempts = pluralise(self.attempts, "attempt")
+            console.print(f"{attempts}; when is not remembered any more")
+
+    def _print_recorded(self) -> None:
+        from rich.text import Text
+
+        from scenario_tui.text.formatting import time_text
+        from scenario_tui.text.printed_output import printed_lines
+
+        console = stdout_console()
+        console.print("\nin simulated time", style="dim")
+        styles = {"warn": "yellow", "error": "bold red", "fatal": "bold red"}
+        width = max(len(line.source) for line in self.recorded)
+        for line in self.recorded:
+            text = Text(f"{time_text(line.time):>10}  {line.source:<{width}}  ")
+            # What nodes log is anybody's text, as what they print is.
+            said = "\n".join(printed_lines(line.text))
+            console.print(text.append(said, style=styles.get(line.level, "")), soft_wrap=True)
+
+    def _print_printed(self, typed: str, *, everything: bool) -> None:
+        from shlex import quote
+
+        from scenario_tui.text.formatting import pluralise
+        from scenario_tui.text.printed_output import SHOWN_LINES, last_lines
+
+        console = stdout_console()
+        for name, text in self.printed.items():
+            lines, hidden = last_lines(text, None if everything else SHOWN_LINES)
+            console.print(f"\n{name}", markup=False, style="dim", soft_wrap=True)
+            if hidden:
+                more = f"{pluralise(hidden, 'line')} before these"
+                how = f"scenario logs {quote(typed)} --output {quote(name)}"
+                console.print(f"({more}: {how})", markup=False, style="dim", soft_wrap=True)
+            for line in lines or ["(nothing)"]:
+                console.print(line, markup=False, soft_wrap=True)
+
+
+def logs(
+    run: RunOrTrace,
+    output: Annotated[
+        str,
+        typer.Option(
+            "--output", "-o", metavar="NAME",
+            help="Print only what the system under test wrote to this output, stack.txt say, and "
+            "all of it.",
+        ),
+    ] = "",
+    everything: Annotated[
+        bool, typer.Option("--all", help="Print all lines of all outputs, not the last ones.")
+    ] = False,
+    connect: Connect = "",
+    state: State = None,
+    as_json: AsJson = False,
+) -> None:  # fmt: skip
+    """Tell what happened in a run: its attempts, its mission, contacts, what the SUT said.
+
+    Of what an external system printed the last lines of each output. Read from the state directory
+    of this machine; no daemon is needed unless one is named.
+    """
+    from scenario_tui.cli.target import DaemonTarget
+
+    if run.endswith(".mcap"):
+        found = LogsOutput("", 0, "", (), (), *_recorded(Path(run)))
+    else:
+        found = _collect_logs(run, DaemonTarget(connect, state))
+    if output:
+        _check_output(found.printed, output)
+    if as_json:
+        found.emit()
+    elif output:
+        _print_output(found.printed[output])
+    else:
+        found.print_for(run, everything=everything)
+
+
+def _check_output(printed: Mapping[str, str], wanted: str) -> None:
+    """Raise wrong usage for an output that the run has not."""
+    from grammars.text.diagnostics import did_you_mean
+
+    if wanted in printed:
+        return
+    hint = did_you_mean(wanted, printed) if printed else "its system under test printed nothing"
+    raise typer.BadParameter(f'no output "{wanted}" in this run: {hint}', param_hint="--output")
+
+
+def _print_output(text: str) -> None:
+    from scenario_tui.text.printed_output import printed_lines
+
+    for line in printed_lines(text):
+        stdout_console().print(line, markup=False, soft_wrap=True)
+
+
+def _recorded(trace: Path) -> tuple[tuple[RunLogLine, ...], dict[str, str]]:
+    """Return what a trace recorded in words, and what it keeps that was printed."""
+    from daemon.analysis.run_history import read_run_log
+    from daemon.trace import read_outputs
+
+    return read_run_log(trace), read_outputs(trace)
+
+
+def _collect_logs(run: str, target: DaemonTarget) -> LogsOutput:
+    """Return what a run left; a daemon elsewhere does not tell of attempts."""
+    from daemon.analysis.report import open_ledger
+    from daemon.analysis.run_history import read_outputs, read_steps
+    from scenario_tui.cli.target import find_run, one_trace
+
+    steps: tuple[RunStep, ...] = ()
+    output: tuple[str, ...] = ()
+    # Attempts and what they print are files of the state directory: no verb of the bus has them.
+    if target.named:
+        with target.open() as daemon:
+            row = find_run(daemon, run).row
+    else:
+        with open_ledger(target.paths) as ledger:
+            row = find_run(ledger, run).row
+        steps, output = read_steps(target.paths, row.id), read_outputs(target.paths, row.id)
+    recorded, printed = _recorded(one_trace(row.id, target, "RUN")) if row.trace else ((), {})
+    return LogsOutput(row.id, row.attempt, row.reason, steps, output, recorded, printed)

@@ -1,0 +1,264 @@
+"""The command that starts an external system under test and prints what it has and lacks."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Final
+
+import typer
+
+from scenario_tui.cli import completion
+from scenario_tui.cli.completion import campaign_files, sut_files
+from scenario_tui.cli.exit_codes import ExitCode
+from scenario_tui.cli.options import AsJson
+from scenario_tui.cli.output import (
+    Output,
+    report_diagnostics,
+    say,
+    stderr_console,
+    stdout_console,
+)
+
+if TYPE_CHECKING:
+    from daemon.campaign import LoadedSut
+    from daemon.model.sut import Briefing, Observation
+    from daemon.stacks.ros2.inspection import CheckLine, Inspection
+    from daemon.stacks.ros2.settings import Ros2Settings
+    from grammars.model.behaviour import Behaviour
+    from grammars.model.mission import Mission
+    from grammars.model.robot import Robot
+    from grammars.model.scene import Scene
+
+_KIND: Final = "ros2"
+_SIGNS: Final = {
+    "ok": ("pass", ""),
+    "note": ("measure", ""),
+    "warning": ("lost", "yellow"),
+    "missing": ("fail", "bold red"),
+}
+"""The word whose glyph a line has, and the style of what it says."""
+_ROOM: Final = 10.0
+"""Width and depth of the room a stack is started in without a campaign [m]."""
+_WALL: Final = 0.2
+
+
+class InspectionOutput(Output, schema="inspection"):
+    """What was seen of an external system that was started, against what a run needs.
+
+    ``failure`` says why it could not be started at all, or did not get ready; ``lines`` are empty
+    when there was nothing to look at. It took ``seconds`` of wall clock.
+    """
+
+    sut: str
+    failure: str
+    distribution: str
+    rmw: str
+    seconds: float
+    lines: tuple[CheckLine, ...]
+
+    def print(self) -> None:
+        """Print a line for each thing, and what to do where something is wrong."""
+        from rich.text import Text
+
+        from scenario_tui.text.formatting import GLYPHS, TERMINAL_STYLES
+        from scenario_tui.text.printed_output import printed_lines
+
+        console = stdout_console()
+        width = max((len(line.subject) for line in self.lines), default=0)
+        for line in self.lines:
+            word, style = _SIGNS[line.state]
+            text = Text.assemble(
+                (GLYPHS[word], TERMINAL_STYLES[word]), f" {line.subject:<{width}}  "
+            )
+            facts = _facts(line)
+            text.append(f"{facts}: " if facts else "", style="dim").append(line.text, style=style)
+            if line.hint:
+                text.append(f"\n{'':{width + 4}}→ {line.hint}")
+            console.print(text, soft_wrap=True)
+        _, *last_lines = printed_lines(self.failure) or [""]
+        if last_lines:
+            console.print("\nthe stack's last lines", style="dim")
+        for printed in last_lines:
+            console.print(printed, markup=False, soft_wrap=True)
+
+
+def check(
+    sut: Annotated[
+        str,
+        typer.Argument(
+            metavar="SUT",
+            help="A system under test that lives outside: its file, or its name as campaigns say.",
+            autocompletion=completion.files(sut_files),
+        ),
+    ],
+    campaign: Annotated[
+        Path | None,
+        typer.Option(
+            "--campaign",
+            metavar="FILE",
+            help="Take robot, map and start of its first run. Default: an empty room.",
+            autocompletion=completion.files(campaign_files),
+        ),
+    ] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Start a ROS 2 stack, hold what is seen of it against what a run needs, and end it.
+
+    No mission is sent. Leaves with 1 when something is missing, with 3 when it cannot be started.
+    """
+    from daemon.model.attachments import resolve_paths
+    from daemon.model.sut import SutFailure
+    from daemon.stacks.ros2 import inspection
+    from daemon.stacks.ros2.checkup import examine
+    from daemon.stacks.ros2.settings import read_settings
+
+    found = _load(sut, Path() if campaign is None else campaign.parent)
+    settings = read_settings(resolve_paths(found.reference.parameters))
+    name = found.reference.name
+    briefing, first = _first_moment(campaign, settings)
+    say(f"starting {name}, which may take {settings.start_up:g} s")
+    try:
+        with _progress() as on_progress:
+            seen = inspection.inspect_stack(settings, briefing, first, on_progress)
+    except SutFailure as error:
+        failure = str(error)
+        if as_json:
+            InspectionOutput(name, failure, "", "", 0.0, ()).emit()
+        say(f"{name} cannot be started: {failure}")
+        raise typer.Exit(ExitCode.INFRASTRUCTURE) from None
+    lines = examine(settings, seen)
+    _output(name, seen, lines).show(as_json)
+    say(f"{name}: {_summary(lines)}")
+    if any(line.state == "missing" for line in lines):
+        raise typer.Exit(ExitCode.UNEXPECTED)
+
+
+def _output(name: str, seen: Inspection, lines: tuple[CheckLine, ...]) -> InspectionOutput:
+    identity = seen.identity
+    return InspectionOutput(
+        name, seen.failure, identity.distribution, identity.rmw, seen.seconds, lines
+    )
+
+
+def _load(typed: str, folder: Path) -> LoadedSut:
+    """Load a SUT file, or one that is found by its name as in a campaign of ``folder``.
+
+    Raises :class:`InputError` for a bad file, and wrong usage for a system that is not outside.
+    """
+    from daemon.campaign import SUT, LayerLibrary, LayerReference, find_layer
+    from grammars.text.diagnostics import Where
+
+    path = Path(typed)
+    if not path.is_file():
+        path = find_layer(folder, LayerReference(typed, {}, Where(typed)), SUT)
+    found = LayerLibrary(path.parent).sut_file(path)
+    report_diagnostics(found.warnings)
+    if found.reference.kind != _KIND:
+        raise typer.BadParameter(
+            f"{found.reference.name} is of kind {found.reference.kind}: only systems of kind "
+            f"{_KIND} can be started to be looked at",
+            param_hint="SUT",
+        )
+    return found
+
+
+def _first_moment(campaign: Path | None, settings: Ros2Settings) -> tuple[Briefing, Observation]:
+    """Return what a stack is told of the run, and what its robot measures first."""
+    import numpy as np
+
+    from daemon.model.sut import Briefing, LaserScan, Observation
+    from daemon.simulator import World
+    from templates.occupancy import occupancy_grid
+
+    if campaign is None:
+        scene, robot, mission = _empty_room()
+        behaviours: tuple[Behaviour, ...] = ()
+        resolution, drawn = 0.05, False
+    else:
+        from scenario_tui.submission import prepare_submission
+
+        submission, warnings = prepare_submission(campaign)
+        report_diagnostics(warnings)
+        spec = submission.runs[0]
+        scene = next(one for one in submission.scenes if one.digest == spec.scene)
+        robot, mission, behaviours = spec.robot, spec.mission, spec.behaviours
+        resolution, drawn = spec.map.resolution, spec.map.doors == "initial"
+    seed = np.random.SeedSequence(0)
+    waypoints = tuple(waypoint.id for waypoint in mission.waypoints)
+    world = World(scene, robot, mission.start, behaviours, seed, waypoints)
+    joints = dict(zip(world.joint_names, world.joint_positions().tolist(), strict=True))
+    grid = occupancy_grid(
+        scene,
+        resolution=resolution,
+        laser_height=robot.laser.z,
+        joints=joints if drawn else None,
+    )
+    briefing = Briefing(robot, grid, mission, mission.start, seed)
+    scan = LaserScan(0.0, world.scan())
+    return briefing, Observation(0.0, (world.odometry(0.0),), (scan,))
+
+
+def _empty_room() -> tuple[Scene, Robot, Mission]:
+    """Return a room without anything in it, the demo's robot, and a mission to stay there."""
+    from importlib.resources import as_file, files
+
+    from grammars.model.files import load_robot
+    from grammars.model.geometry import Pose2
+    from grammars.model.mission import Mission, Waypoint
+    from grammars.model.scene import Region, Scene, Solid
+
+    half, outer = _ROOM / 2.0, _ROOM / 2.0 + _WALL
+    sides = (
+        (-outer, half, outer, outer),
+        (-outer, -outer, outer, -half),
+        (-outer, -half, -half, half),
+        (half, -half, outer, half),
+    )
+    walls = [
+        Solid(f"room-wall-{number}", "wall", _box(*corners), 0.0, 2.5)
+        for number, corners in enumerate(sides, start=1)
+    ]
+    region = Region("room", _box(-half, -half, half, half))
+    scene = Scene("room", (region,), (), tuple(walls), ())
+    with as_file(files("campaigns")) as folder:
+        robot = load_robot(folder / "robots" / "courier.yaml")
+    return scene, robot, Mission("check", Pose2(), (Waypoint("here", 0.0, 0.0),))
+
+
+def _box(x0: float, y0: float, x1: float, y1: float) -> tuple[tuple[float, float], ...]:
+    return ((x0, y0), (x1, y0), (x1, y1), (x0, y1))
+
+
+@contextmanager
+def _progress() -> Iterator[Callable[[str], None]]:
+    """Show what is waited for where somebody looks at it."""
+    console = stderr_console()
+    if not console.is_terminal:
+        yield lambda _: None
+        return
+    from rich.text import Text
+
+    with console.status("") as line:
+        yield lambda waiting: line.update(Text(waiting))
+
+
+def _facts(line: CheckLine) -> str:
+    """Return type, quality of service and counts of a topic or an action."""
+    from scenario_tui.text.formatting import pluralise
+
+    facts = [line.kind, line.qos]
+    if line.publishers is not None and line.listeners is not None:
+        facts += [pluralise(line.publishers, "publisher"), pluralise(line.listeners, "listener")]
+    return ", ".join(filter(None, facts))
+
+
+def _summary(lines: tuple[CheckLine, ...]) -> str:
+    from scenario_tui.text.formatting import pluralise
+
+    count = Counter(line.state for line in lines)
+    missing = f"{count['missing']} missing" if count["missing"] else "nothing is missing"
+    warnings = f", {pluralise(count['warning'], 'warning')}" if count["warning"] else ""
+    return f"{missing}{warnings}"

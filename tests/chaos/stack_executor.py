@@ -1,0 +1,63 @@
+"""A run that starts a stack and a relay of its own, and does nothing with them for a while.
+
+The stack is a program that listens, ignores SIGINT now and then, and leaves a part of itself in
+another session. Same specification, same bytes, whatever becomes of the stack.
+"""
+
+from __future__ import annotations
+
+import socket
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+from daemon.model.spec import RunResult, RunSpec, Snapshot
+from daemon.model.sut import SutFailure
+from daemon.stacks.ros2.process import StackProcess
+from daemon.stacks.ros2.settings import Ros2Settings
+from grammars.model.scene import Scene
+from tests.chaos import executor
+
+PROGRAMS = Path(__file__).parent / "programs"
+GRACE = 0.5
+IDLE = 3.0
+
+
+def execute(
+    spec: RunSpec,
+    scene: Scene,
+    *,
+    trace_path: Path,
+    on_progress: Callable[[Snapshot], None] | None = None,
+    interest: Callable[[], str] | None = None,
+) -> RunResult:
+    reuse = bool(spec.sut.parameters.get("reuse"))
+    settings = Ros2Settings(
+        launch=f"{sys.executable} {PROGRAMS / 'stack.py'} {spec.seed}",
+        python=sys.executable,
+        reuse=reuse,
+    )
+    stack = StackProcess(
+        settings,
+        values={},
+        key="same",
+        relay=PROGRAMS / "relay.py",
+        grace=GRACE,
+        idle=IDLE,
+    )
+    try:
+        with socket.socket(socket.AF_UNIX) as listener:
+            listener.bind(str(stack.socket))
+            listener.listen()
+            stack.start()
+            end = time.monotonic() + spec.sut.parameters["sleep"]
+            while time.monotonic() < end and not stack.ended():
+                time.sleep(0.02)
+        alive = not stack.ended()
+    except SutFailure:
+        alive = False  # its supervisor was killed before it had started anything
+    finally:
+        stack.release(keep=reuse)
+    trace_path.with_name("alive").write_text(str(alive))
+    return executor.execute(spec, scene, trace_path=trace_path)

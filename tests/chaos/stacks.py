@@ -1,0 +1,179 @@
+"""Workers, processes of runs, their stacks, relays and supervisors are killed at random."""
+
+from __future__ import annotations
+
+import os
+import random
+import tempfile
+import time
+from collections import Counter
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager, suppress
+from pathlib import Path
+
+import psutil
+
+from daemon.model.spec import RunSpec
+from daemon.stacks.ros2.process import StackProcess
+from daemon.stacks.ros2.settings import Ros2Settings
+from tests.chaos.report import Report
+from tests.chaos.verify import verify
+from tests.daemon.batch.harness import DaemonPart, Part, daemon_at, finished, worker_for
+from tests.daemon.batch.samples import make_spec, submission_of
+
+EXECUTOR = "tests.chaos.stack_executor:execute"
+MARKER = "SCENARIO_STACK"
+TARGETS = {"worker": 1, "process of a run": 3, "stack": 3, "relay": 3, "supervisor": 2}
+
+
+@contextmanager
+def folder_of_stacks() -> Iterator[Path]:
+    """Temporary files of everything that is started meanwhile, so that others' stay out of it."""
+    kept, chosen = os.environ.get("TMPDIR"), tempfile.tempdir
+    with tempfile.TemporaryDirectory(dir="/tmp") as folder:
+        os.environ["TMPDIR"] = tempfile.tempdir = folder
+        try:
+            yield Path(folder)
+        finally:
+            tempfile.tempdir = chosen
+            os.environ.pop("TMPDIR")
+            if kept is not None:
+                os.environ["TMPDIR"] = kept
+
+
+class Stacks:
+    """What runs in a folder of stacks, and what was done to it."""
+
+    def __init__(self, folder: Path, workers: list[Part], rng: random.Random) -> None:
+        self.done: Counter[str] = Counter()
+        self._folder, self._workers, self._rng = folder, workers, rng
+        self._started: Counter[str] = Counter()
+
+    def strike(self) -> None:
+        """Kill something, with SIGKILL."""
+        target = self._rng.choices(list(TARGETS), list(TARGETS.values()))[0]
+        if target == "worker":
+            worker = self._rng.choice(self._workers)
+            worker.kill()
+            worker.restart()
+            self.done["worker killed"] += 1
+            return
+        found = sorted(self._find(target), key=lambda process: process.pid)
+        if found:
+            with suppress(psutil.NoSuchProcess):
+                self._rng.choice(found).kill()
+                self.done[f"{target} killed"] += 1
+
+    def revive(self) -> None:
+        """Start workers again that have given up."""
+        for worker in self._workers:
+            if worker.process.poll() is not None:
+                worker.restart()
+
+    def _find(self, target: str) -> Iterator[psutil.Process]:
+        for process in psutil.process_iter():
+            with suppress(psutil.Error):
+                words = " ".join(process.cmdline())
+                if "supervision.supervisor" in words and self._is_ours(process):
+                    parent = process.parent()
+                    if target == "supervisor":
+                        yield process
+                    elif target == "process of a run" and parent is not None and parent.pid != 1:
+                        yield parent
+                elif self._belongs_to_a_stack(process):
+                    role = "relay" if "/relay.py" in words else "stack"
+                    if target == role:
+                        yield process
+
+    def _belongs_to_a_stack(self, process: psutil.Process) -> bool:
+        return MARKER in process.environ() and self._is_ours(process)
+
+    def _is_ours(self, process: psutil.Process) -> bool:
+        return bool(process.environ().get("TMPDIR") == str(self._folder))
+
+    def left(self) -> list[str]:
+        """What runs or listens, or lies in the folder."""
+        found = []
+        for process in psutil.process_iter():
+            with suppress(psutil.Error):
+                words = " ".join(process.cmdline())
+                supervises = "supervision.supervisor" in words and self._is_ours(process)
+                if supervises or self._belongs_to_a_stack(process):
+                    found.append(f"process {process.pid}: {words[:120]}")
+        sockets = Path("/proc/net/unix").read_text().splitlines()
+        found += [f"socket {line.split()[-1]}" for line in sockets if str(self._folder) in line]
+        found += [f"folder {path}" for path in self._folder.glob("scenario-*/stacks/*/")]
+        return found
+
+
+def stacks(
+    folder: Path,
+    *,
+    runs: int = 50,
+    seed: int = 1,
+    every: float = 0.5,
+    limit: float = 240.0,
+    executor: str = EXECUTOR,
+) -> Report:
+    """Strike every ``every`` seconds until nothing is under way; then look for what is left."""
+    report = Report("stacks: workers, runs, stacks, relays and supervisors killed")
+    rng = random.Random(seed)
+    specs = [
+        make_spec(i, sleep=round(rng.uniform(0.2, 1.5), 3), reuse=rng.random() < 0.5)
+        for i in range(runs)
+    ]
+    with folder_of_stacks() as place:
+        with batch(folder, place, rng, executor) as (daemon, scene):
+            _strike(report, daemon, scene, specs, every, limit)
+        for what, count in sorted(scene.done.items()):
+            report.fact(what, count)
+        report.fact("runs", runs)
+        # What a killed supervisor of a killed run has left, the next stack of this machine ends;
+        # what was kept for a worker went with it, or nobody wanted it.
+        StackProcess(Ros2Settings(launch="true"), values={}, key="", relay=None).release(keep=False)
+        deadline = time.monotonic() + 30.0
+        while scene.left() and time.monotonic() < deadline:
+            time.sleep(0.1)
+        left = scene.left()
+        report.expect(not left, f"{len(left)} things are left: {left[:4]}")
+        verify(report, folder / "state", runs)
+    return report
+
+
+@contextmanager
+def batch(
+    folder: Path, place: Path, rng: random.Random, executor: str
+) -> Iterator[tuple[DaemonPart, Stacks]]:
+    """A daemon and two workers with two slots each, whose stacks lie in ``place``."""
+    with ExitStack() as parts:
+        daemon = parts.enter_context(
+            daemon_at(folder / "state", 0, lease=3.0, grace=0.5, attempts=200)
+        )
+        options = [("--state", str(folder / f"worker-{i}")) for i in range(2)]
+        workers = [
+            parts.enter_context(worker_for(daemon, 2, *words, executor=executor))
+            for words in options
+        ]
+        yield daemon, Stacks(place, workers, rng)
+
+
+def _strike(
+    report: Report,
+    daemon: DaemonPart,
+    scene: Stacks,
+    specs: list[RunSpec],
+    every: float,
+    limit: float,
+) -> None:
+    with daemon.client() as client:
+        client.submit(submission_of("chaos", *specs))
+        deadline = time.monotonic() + limit
+        while not finished(client, len(specs)) and time.monotonic() < deadline:
+            time.sleep(every)
+            scene.strike()
+            scene.revive()
+        report.expect(finished(client, len(specs)), "runs were still under way at the limit")
+    # The harness kills what is below its parts: kept stacks shall have ended by themselves.
+    patience = time.monotonic() + 30.0
+    while any("process" in what for what in scene.left()) and time.monotonic() < patience:
+        time.sleep(0.1)

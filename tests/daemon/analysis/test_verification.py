@@ -1,0 +1,123 @@
+"""Specifications in traces executed again: the same bytes, or how far the outcomes spread."""
+
+from __future__ import annotations
+
+import random
+from dataclasses import replace
+from importlib.metadata import EntryPoint
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from daemon.analysis.verification import DURATION, PATH, verify
+from daemon.batch.paths import StatePaths
+from daemon.model.spec import OracleText, RunSpec, SutReference
+from daemon.model.sut import Decision, Progress
+from daemon.run import execute
+from daemon.stacks import registry
+from daemon.trace import TraceError
+from grammars.model.geometry import Twist2
+from tests.daemon.analysis.old_runs import WORLD, spec
+
+MEASURE = OracleText("far", "final(path.length)")
+EXTERNAL = SutReference("theirs", "erratic", {"repeatable": False})
+
+
+class Erratic:
+    """Drives on at a speed it draws, as something does that nobody here controls."""
+
+    period = 0.1
+    needs_ground_truth = False
+
+    def __init__(self, parameters: Any) -> None:
+        self._speed = random.uniform(0.1, 0.5)
+
+    def start(self, briefing: Any) -> None:
+        self._end = random.uniform(0.4, 1.2)
+
+    def update(self, observation: Any) -> Decision:
+        state = "aborted" if observation.time > self._end else "active"
+        return Decision(Twist2(self._speed, 0.0, 0.0), Progress(0, 0, state))
+
+
+@pytest.fixture
+def erratic(monkeypatch: pytest.MonkeyPatch) -> None:
+    def entry_points(**wanted: Any) -> list[EntryPoint]:
+        entry = EntryPoint("erratic", f"{__name__}:Erratic", registry.ENTRY_POINT_GROUP)
+        return [entry] if entry.matches(**wanted) else []
+
+    monkeypatch.setattr(registry, "entry_points", entry_points)
+
+
+def recorded(folder: Path, **changes: object) -> tuple[Path, RunSpec]:
+    run = replace(spec(limit=1.0), **changes)  # type: ignore[arg-type]
+    run = replace(run, oracles=(*run.oracles, MEASURE))
+    path = folder / "run.mcap"
+    execute(run, WORLD, trace_path=path)
+    return path, run
+
+
+def idle() -> SutReference:
+    return SutReference("idle", "idle", {})
+
+
+def test_a_system_in_the_simulation_leaves_the_same_bytes(tmp_path: Path) -> None:
+    path, run = recorded(tmp_path, sut=idle())
+    found = verify(path, 2, places=StatePaths(tmp_path))
+    assert (found.repeatable, found.same_bytes, found.all_executed) == (True, 2, True)
+    assert (found.run, found.digest, dict(found.versions)) == (run.label, run.digest, {})
+    assert {one.sha256 for one in found.executions} == {found.recorded.sha256}
+    assert sum(found.outcomes.values()) == 3
+    assert all(spread.least == spread.most for spread in found.spreads)
+
+
+def test_a_recording_that_somebody_changed_is_told(tmp_path: Path) -> None:
+    path, _ = recorded(tmp_path, sut=idle())
+    with path.open("r+b") as file:
+        # The library field of the MCAP header, of the same length.
+        data = file.read()
+        at = data.index(b"scenario")
+        file.seek(at)
+        file.write(b"Scenario")
+    found = verify(path, 1, places=StatePaths(tmp_path))
+    assert (found.same_bytes, found.all_executed) == (0, True)
+
+
+def test_of_what_is_outside_the_spread_is_told(tmp_path: Path, erratic: None) -> None:
+    path, _ = recorded(tmp_path, sut=EXTERNAL)
+    found = verify(path, 3, places=StatePaths(tmp_path))
+    assert (found.repeatable, found.all_executed, found.sut) == (False, True, "theirs")
+    spreads = {spread.name: spread for spread in found.spreads}
+    assert {DURATION, PATH, "slow", "far"} <= set(spreads)
+    for name in (DURATION, PATH, "far"):
+        assert spreads[name].count == 4
+        assert spreads[name].least <= found.recorded.values[name] <= spreads[name].most
+    assert spreads[PATH].least < spreads[PATH].most
+    assert (spreads[PATH].unit, spreads["slow"].unit) == ("m", "m/s")
+
+
+def test_what_cannot_be_executed_says_why(tmp_path: Path, erratic: None) -> None:
+    path, _ = recorded(tmp_path, sut=EXTERNAL)
+
+    def gone(*_: Any, **__: Any) -> Any:
+        raise ValueError("the stack is not installed here")
+
+    found = verify(path, 1, places=StatePaths(tmp_path), execute_run=gone)
+    assert not found.all_executed
+    assert found.executions[0].problem == "ValueError: the stack is not installed here"
+    assert sum(found.outcomes.values()) == 1
+
+
+def test_a_process_that_dies_is_no_execution(tmp_path: Path) -> None:
+    import os
+
+    path, _ = recorded(tmp_path, sut=idle())
+    found = verify(path, 1, places=StatePaths(tmp_path), execute_run=lambda *_, **__: os._exit(3))
+    assert "its process died" in found.executions[0].problem
+
+
+def test_a_trace_of_another_engine_is_refused(tmp_path: Path) -> None:
+    path, _ = recorded(tmp_path, sut=idle(), engine="1")
+    with pytest.raises(TraceError, match="is of engine 1, this is engine"):
+        verify(path, 1, places=StatePaths(tmp_path))

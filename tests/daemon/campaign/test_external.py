@@ -1,0 +1,184 @@
+"""Systems under test outside of the simulator: their files, and how often they are run."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+
+from daemon.campaign import LayerLibrary, LayerReference, check, examine, expand, load_campaign
+from daemon.model.attachments import attached_digests
+from daemon.model.spec import SutReference
+from daemon.stacks.ros2.defaults import settings_not_written
+from daemon.stacks.ros2.keys import ROS2_KEYS
+from daemon.stacks.ros2.settings import read_settings
+from grammars.text.diagnostics import InputError, Severity, Where
+
+BASE = """\
+sut: nav2
+kind: ros2
+launch: nav map:={map} params:={params}
+files: {params: nav2_params.yaml}
+environment: {setup: [/a.bash, /b.bash], RMW_IMPLEMENTATION: rmw_x, DEBUG: "1"}
+ready: [amcl, controller_server]
+start-up: 2 min
+late: 10 %
+reuse: yes
+"""
+CAMPAIGN = """\
+campaign: flat
+seed: 7
+limit: 30 s
+{repeats}robot: courier
+matrix: {{sut: [pilot, nav2]}}
+oracles: navigation
+scenarios:
+  A: {{floorplan: flat, mission: courier, oracles: [reached]}}
+"""
+
+
+@pytest.fixture
+def folder(tmp_path: Path, campaigns: Path) -> Path:
+    (tmp_path / "nav2_params.yaml").write_text("amcl: {ros__parameters: {max_beams: 60}}\n")
+    (tmp_path / "nav2.yaml").write_text(BASE)
+    demo = campaigns / "demo"
+    for path in demo.iterdir():
+        if path.suffix in (".fpm", ".yaml") and path.name != "campaign.yaml":
+            (tmp_path / path.name).write_text(path.read_text())
+    (tmp_path / "courier.yaml").write_text((campaigns / "robots" / "courier.yaml").read_text())
+    return tmp_path
+
+
+def load(folder: Path, name: str = "nav2") -> tuple[SutReference, list[str]]:
+    library = LayerLibrary(folder)
+    sut = library.sut(LayerReference(name, {}, Where("campaign.yaml", 1, 1)))
+    return sut, [str(w).replace(f"{folder}/", "") for w in library.warnings]
+
+
+def errors(folder: Path, text: str) -> list[str]:
+    (folder / "mine.yaml").write_text(f"sut: mine\n{text}")
+    with pytest.raises(InputError) as caught:
+        load(folder, "mine")
+    return [str(d).replace(f"{folder}/", "") for d in caught.value.diagnostics]
+
+
+def test_the_specification_holds_the_keys_as_they_are_written(folder: Path) -> None:
+    sut, warnings = load(folder)
+    assert (sut.kind, sut.repeatable, warnings) == ("ros2", False, [])
+    assert sut.parameters["start-up"] == "2 min"
+    assert sut.parameters["repeatable"] is False
+    assert attached_digests(sut.parameters).keys() == {"params"}
+    settings = read_settings(sut.parameters)
+    assert (settings.start_up, settings.late, settings.reuse) == (120.0, 0.1, True)
+
+
+def test_a_stack_like_another_is_the_same_except_for_what_it_says(folder: Path) -> None:
+    (folder / "nav2_other.yaml").write_text("a: 1\n")
+    (folder / "other.yaml").write_text(
+        "sut: other\nlike: nav2\nlate: null\nready: [amcl]\n"
+        "environment: {setup: /c.bash, DEBUG: null, MORE: x}\nfiles: {params: nav2_other.yaml}\n"
+    )
+    base, other = load(folder)[0], load(folder, "other")[0]
+    assert "late" not in other.parameters
+    assert other.parameters["ready"] == ["amcl"]
+    assert other.parameters["environment"] == {
+        "setup": "/c.bash",
+        "RMW_IMPLEMENTATION": "rmw_x",
+        "MORE": "x",
+    }
+    assert other.parameters["launch"] == base.parameters["launch"]
+    assert attached_digests(other.parameters) != attached_digests(base.parameters)
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("kind: ros2\n", 'mine.yaml:1:1: key "launch" is missing'),
+        ("like: nav2\nlate: 5\n", "mine.yaml:3:1: late: must be less than or equal to 1"),
+        ("like: nav2\nstart-up: 60\n", "mine.yaml:3:1: start-up: 60 has no unit"),
+        ("like: nav2\nlunch: x\n", 'mine.yaml:3:1: unknown key "lunch"'),
+        ("like: nav2\ntopics:\n  scan: front\n  odm: x\n", 'mine.yaml:5:3: unknown key "odm"'),
+        ("like: nav2\nlaunch: nav {mpa}\n", 'mine.yaml:3:1: launch: no placeholder "mpa"'),
+        ("like: nav2\nfiles: {more: no.yaml}\n", "mine.yaml:3:9: more: no file no.yaml"),
+        ("like: nav2\nfiles: {more: [a, b]}\n", "mine.yaml:3:9: more: is one file, not several"),
+        ("like: nav2\nfiles: {map: nav2.yaml}\n", 'mine.yaml:3:9: map: every run has a'),
+        ("like: nav2\nparameters: {a: 1}\n", "mine.yaml:3:1: parameters: kind ros2 has none"),
+        ("like: nav2\nqos: null\n", "mine.yaml:3:1: qos: null takes an inherited value away"),
+        ("kind: pilot\nlaunch: x\nready: [a]\n", "mine.yaml:3:1: launch: only kind ros2 has this"),
+        ("kind: ros2\nlaunch: x\nros: folder\n", "mine.yaml:4:1: ros: only kind ros reads ROS"),
+        ("kind: ros2\ncontainer: {engine: podman}\n", 'mine.yaml:3:13: key "image" is missing'),
+    ],
+)  # fmt: skip
+def test_what_is_wrong_is_said_where_it_stands(folder: Path, text: str, expected: str) -> None:
+    assert any(expected in error for error in errors(folder, text)), errors(folder, text)
+
+
+def test_what_is_inherited_is_complained_about_where_it_was_written(folder: Path) -> None:
+    (folder / "nav2.yaml").write_text(BASE.replace("{params}", "{parms}"))
+    found = errors(folder, "like: nav2\nlate: 1 %\n")
+    assert found[0].startswith('nav2.yaml:3:1: launch: no placeholder "parms"')
+
+
+def test_warnings_stand_at_their_values(folder: Path) -> None:
+    (folder / "nav2.yaml").write_text(BASE.replace("start-up: 2 min", "start-up: 3 s"))
+    assert load(folder)[1][0].startswith("nav2.yaml:7:1: warning: start-up: 3 s: Nav2 needs")
+
+
+def write_campaign(folder: Path, repeats: str = "") -> Path:
+    path = folder / "campaign.yaml"
+    path.write_text(CAMPAIGN.format(repeats=repeats))
+    return path
+
+
+def repeats_by_sut(path: Path) -> dict[str, list[int]]:
+    found: dict[str, list[int]] = {}
+    for run in expand(load_campaign(path)).runs:
+        found.setdefault(run.sut.name, []).append(run.repeat)
+    return found
+
+
+def test_what_is_not_repeatable_is_run_more_often_unless_told_otherwise(folder: Path) -> None:
+    silent = write_campaign(folder)
+    assert repeats_by_sut(silent) == {"pilot": [0], "nav2": [0, 1, 2, 3, 4]}
+    told = [d.message for d in check(load_campaign(silent)) if d.severity is Severity.WARNING]
+    assert any("nav2: not repeatable, so every scenario is run 5 times" in text for text in told)
+    assert examine(silent)[0].runs == 6
+    spoken = write_campaign(folder, "repeats: 2\n")
+    assert repeats_by_sut(spoken) == {"pilot": [0, 1], "nav2": [0, 1]}
+    assert not any("not repeatable" in d.message for d in check(load_campaign(spoken)))
+
+
+def test_repeats_draw_from_the_same_seeds_however_many_there_are(folder: Path) -> None:
+    by_default = expand(load_campaign(write_campaign(folder))).runs
+    spoken = expand(load_campaign(write_campaign(folder, "repeats: 5\n"))).runs
+    assert {run.digest for run in by_default} < {run.digest for run in spoken}
+    pairs = {(run.repeat, run.seed) for run in by_default}
+    assert len(pairs) == 5
+
+
+def test_sensors_that_do_not_fit_the_cycles_are_worth_a_warning(folder: Path) -> None:
+    path = write_campaign(folder, "repeats: 1\n")
+    assert not any("cycles of" in d.message for d in check(load_campaign(path)))
+    (folder / "nav2.yaml").write_text(BASE + "period: 0.07 s\n")
+    found = [d for d in check(load_campaign(path)) if "cycles of 0.07 s" in d.message]
+    assert {d.severity for d in found} == {Severity.WARNING}
+    assert any("the laser of robot" in d.message for d in found)
+
+
+def test_every_key_is_documented_with_its_default() -> None:
+    text = (Path(__file__).parents[3] / "docs" / "campaigns.md").read_text()
+    section = text.partition("## A ROS 2 stack")[2]
+    rows = dict(re.findall(r"^\| `([a-z-]+)` \| (.*?) \|", section, re.MULTILINE))
+    assert rows.keys() == {*ROS2_KEYS, "files"}
+    defaults = settings_not_written({"launch": "nav {map}", "repeatable": False})
+    for key, value in defaults["stack"].items():
+        if value != "none" and key != "action":
+            assert rows[key].strip("`") == value, key
+
+
+def test_checking_starts_nothing(folder: Path) -> None:
+    mark = folder / "started"
+    (folder / "nav2.yaml").write_text(f"sut: nav2\nkind: ros2\nlaunch: touch {mark}\n")
+    expand(load_campaign(write_campaign(folder)))
+    assert not mark.exists()

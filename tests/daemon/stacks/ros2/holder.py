@@ -1,0 +1,125 @@
+"""Holds a stack in a process of its own, as that of a run does, so that it can be killed.
+
+``python -m tests.daemon.stacks.ros2.holder '{"launch": ...}'``: prints a line of JSON once the
+stack has been started, then does what lines of standard input say: ``keep``, ``end``.
+"""
+
+from __future__ import annotations
+
+import json
+import multiprocessing
+import os
+import resource
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from multiprocessing.connection import Connection
+from pathlib import Path
+from typing import Any
+
+import psutil
+
+from daemon.stacks.ros2.process import StackProcess
+from daemon.stacks.ros2.settings import Ros2Settings
+
+PATIENCE = 60.0
+
+
+def eventually(condition: Callable[[], object], seconds: float = PATIENCE) -> None:
+    deadline = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < deadline, "waited in vain"
+        time.sleep(0.02)
+
+
+def marked(token: str) -> list[psutil.Process]:
+    """Everything that runs and has the marker of a stack in its environment."""
+    found = []
+    for process in psutil.process_iter():
+        try:
+            if process.environ().get("SCENARIO_STACK") == token:
+                found.append(process)
+        except psutil.Error:
+            continue
+    return found
+
+
+def supervisor_of(folder: Path) -> psutil.Process:
+    """The supervisor whose stack lives in a folder: the parent of the stack's shell."""
+    for process in psutil.process_iter():
+        try:
+            if process.cwd() == str(folder) and "supervision.supervisor" in process.cmdline()[4]:
+                return process
+        except (psutil.Error, IndexError):
+            continue
+    raise AssertionError("there is no supervisor")
+
+
+@contextmanager
+def holder(**what: Any) -> Iterator[tuple[subprocess.Popen[str], dict[str, Any]]]:
+    """A process that holds a stack, and what it has told of it."""
+    words = [sys.executable, "-m", "tests.daemon.stacks.ros2.holder", json.dumps(what)]
+    with subprocess.Popen(
+        words, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, start_new_session=True
+    ) as process:
+        try:
+            assert process.stdout is not None
+            yield process, json.loads(process.stdout.readline())
+        finally:
+            process.kill()
+
+
+def hold_once(what: dict[str, Any], wire: Connection) -> None:
+    """What the process of a run does with a stack that is kept for its worker's next run."""
+    stack = StackProcess(Ros2Settings(**what), values={}, key="key", relay=None)
+    stack.start()
+    stack.release(keep=True)
+    wire.send((stack.reused, str(stack.folder)))
+
+
+def hold_in_runs(what: dict[str, Any], count: int) -> None:
+    """As a worker does it, for which the processes of runs are forked by a server."""
+    context = multiprocessing.get_context("forkserver")
+    told = []
+    for _ in range(count):
+        ours, theirs = context.Pipe(duplex=False)
+        process = context.Process(target=hold_once, args=(what, theirs))
+        process.start()
+        theirs.close()
+        told.append(ours.recv())
+        process.join()
+    print(json.dumps({"stacks": told}), flush=True)
+    sys.stdin.read()
+
+
+def hold(what: dict[str, Any]) -> None:
+    if runs := what.pop("worker", 0):
+        hold_in_runs(what, runs)
+        return
+    if what.pop("as_run", False):
+        # As daemon.batch.run_process does it to the process of a run.
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
+        signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGUSR1])
+        _, most = resource.getrlimit(resource.RLIMIT_AS)
+        resource.setrlimit(resource.RLIMIT_AS, (4 * 2**30, most))
+        os.environ |= {"PYTHONSAFEPATH": "1", "SCENARIO_STATE": "/nowhere"}
+    keep, relay = what.pop("keep", False), what.pop("relay", None)
+    stack = StackProcess(
+        Ros2Settings(**what), values={}, key="key", relay=None if relay is None else Path(relay)
+    )
+    stack.start()
+    told = {"folder": str(stack.folder), "reused": stack.reused, "domain": stack.domain}
+    print(json.dumps(told), flush=True)
+    if keep:
+        stack.release(keep=True)
+    for line in sys.stdin:
+        if line.strip() == "end":
+            stack.release(keep=False)
+            print(json.dumps([data.decode() for data in stack.outputs().values()]), flush=True)
+
+
+if __name__ == "__main__":
+    hold(json.loads(sys.argv[1]))

@@ -1,0 +1,227 @@
+"""What keeps stacks apart: domains, environments, folders; with real shells and processes."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from daemon.model.sut import SutFailure
+from daemon.stacks.ros2.isolation import (
+    OWN_DOMAINS,
+    DomainTaken,
+    environment_script,
+    isolating_variables,
+    lock_domain,
+    private_folder,
+    runtime_folder,
+    without_ours,
+)
+
+
+def sourced(script: str, shell: str = "bash", **environ: str) -> subprocess.CompletedProcess[str]:
+    words = [shell, "-c", f"{script}\ncommand env -0"]
+    path = {"PATH": os.environ["PATH"]}
+    return subprocess.run(words, env=path | environ, capture_output=True, text=True, check=False)
+
+
+def environment(script: str, shell: str = "bash", **environ: str) -> dict[str, str]:
+    done = sourced(script, shell, **environ)
+    assert done.returncode == 0, done.stderr
+    entries = (entry.partition("=") for entry in done.stdout.split("\0") if entry)
+    return {name: value for name, _, value in entries}
+
+
+def test_two_runs_never_get_the_same_domain_and_it_is_free_afterwards() -> None:
+    held = [lock_domain(None) for _ in range(20)]
+    try:
+        domains = {domain for domain, _ in held}
+        assert len(domains) == 20
+        assert domains <= set(OWN_DOMAINS)
+        taken = held[0][0]
+        with pytest.raises(DomainTaken, match=f"ROS_DOMAIN_ID {taken} is in use by another run"):
+            lock_domain(taken)
+    finally:
+        for _, holder in held:
+            holder.close()
+    domain, holder = lock_domain(taken)
+    holder.close()
+    assert domain == taken
+
+
+def test_a_domain_is_held_by_who_has_inherited_it_and_free_with_its_death() -> None:
+    domain, holder = lock_domain(None)
+    with subprocess.Popen(
+        [sys.executable, "-c", "input()"], stdin=subprocess.PIPE, pass_fds=(holder.fileno(),)
+    ) as other:
+        holder.close()
+        with pytest.raises(DomainTaken):
+            lock_domain(domain)
+        other.kill()
+        other.wait()
+        lock_domain(domain)[1].close()
+
+
+def test_what_is_ours_alone_is_taken_out_of_the_environment(tmp_path: Path) -> None:
+    ours = tmp_path / "ours"
+    (ours / "bin").mkdir(parents=True)
+    (tmp_path / "link").symlink_to(ours)
+    found = without_ours(
+        {
+            "PATH": f"{ours}/bin:/usr/local/bin:{tmp_path}/link/bin:/usr/bin",
+            "VIRTUAL_ENV": str(ours),
+            "VIRTUAL_ENV_PROMPT": "ours",
+            "PYTHONSAFEPATH": "1",
+            "PYTHONHOME": "/nowhere",
+            "PYTHONPATH": "/opt/ros/jazzy/lib/python3.12/site-packages",
+            "SCENARIO_STATE": "/somewhere",
+            "SCENARIO_NONCE": "x",
+            "OMP_NUM_THREADS": "1",
+            "MKL_NUM_THREADS": "6",
+            "ROS_DISTRO": "jazzy",
+        },
+        prefix=str(ours),
+        base_prefix="/usr",
+    )
+    assert found == {
+        "PATH": "/usr/local/bin:/usr/bin",
+        "PYTHONPATH": "/opt/ros/jazzy/lib/python3.12/site-packages",
+        "MKL_NUM_THREADS": "6",
+        "ROS_DISTRO": "jazzy",
+    }
+
+
+def test_another_virtual_environment_and_its_programs_stay() -> None:
+    environ = {"PATH": "/theirs/bin:/usr/bin", "VIRTUAL_ENV": "/theirs"}
+    assert without_ours(environ, prefix="/ours", base_prefix="/usr") == environ
+    assert without_ours(environ, prefix="/theirs", base_prefix="/theirs") == environ
+
+
+@pytest.mark.parametrize("shell", ["bash", "sh"])
+def test_setup_files_are_sourced_in_order_and_what_is_set_wins(tmp_path: Path, shell: str) -> None:
+    first, second = tmp_path / "first of two.sh", tmp_path / "second.sh"
+    first.write_text("export ORDER=1 ONLY=first HOME=/wrong ROS_DOMAIN_ID=7; set -e\n")
+    second.write_text("export ORDER=${ORDER}2 RMW=theirs SCENARIO_STACK=theirs\n")
+    script = environment_script(
+        (str(first), str(second)),
+        {"RMW": 'it\'s "$HOME"\n`id`', "ROS_LOG_DIR": "/chosen"},
+        {"HOME": "/own", "ROS_LOG_DIR": "/own/log"},
+        {"ROS_DOMAIN_ID": "42", "SCENARIO_STACK": "token"},
+    )
+    found = environment(f"{script}\nfalse", shell)  # set -e of a setup file is over
+    expected = {
+        "ORDER": "12",
+        "ONLY": "first",
+        "HOME": "/own",
+        "RMW": 'it\'s "$HOME"\n`id`',
+        "ROS_LOG_DIR": "/chosen",
+        "ROS_DOMAIN_ID": "42",
+        "SCENARIO_STACK": "token",
+    }
+    assert expected.items() <= found.items()
+    assert "scenario_setup" not in found
+
+
+def test_a_setup_file_may_lie_below_the_users_home(tmp_path: Path) -> None:
+    (tmp_path / "my ws").mkdir()
+    (tmp_path / "my ws" / "setup.bash").write_text("export FOUND=yes\n")
+    script = environment_script(("~/my ws/setup.bash",), {}, {"HOME": "/own"}, {})
+    assert {"FOUND": "yes", "HOME": "/own"}.items() <= environment(
+        script, HOME=str(tmp_path)
+    ).items()
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        (None, "there is no setup file {file}"),
+        ("export A=1\nfalse\n", "the setup file {file} failed: its last command ended with code 1"),
+        ("exit 3\n", "the setup file {file} ended its shell, exit code 3"),
+        ("set -e\nls /there/is/no/such/thing\n", "the setup file {file} ended its shell, exit "),
+    ],
+)
+def test_a_setup_file_that_fails_is_named(tmp_path: Path, content: str | None, words: str) -> None:
+    file = tmp_path / "setup.bash"
+    if content is not None:
+        file.write_text(content)
+    done = sourced(environment_script((str(file),), {}, {}, {}))
+    assert done.returncode == 1
+    assert done.stderr.splitlines()[-1].startswith(f"scenario: {words.format(file=file)}")
+
+
+@pytest.mark.parametrize(
+    ("distribution", "said", "unsaid"),
+    [
+        ("humble", "ROS_LOCALHOST_ONLY=1", "ROS_AUTOMATIC_DISCOVERY_RANGE"),
+        ("jazzy", "ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST", "ROS_LOCALHOST_ONLY"),
+        ("", "ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST", "ROS_LOCALHOST_ONLY"),
+    ],
+)
+def test_discovery_stays_on_the_machine(
+    tmp_path: Path, distribution: str, said: str, unsaid: str
+) -> None:
+    """In the words of the distribution, which is known once setup files have been sourced."""
+    setup = tmp_path / "setup.sh"
+    setup.write_text(f"export ROS_DISTRO={distribution}\n" if distribution else "true\n")
+    script = environment_script((str(setup),), {}, {}, {})
+    inherited = {"ROS_LOCALHOST_ONLY": "0", "ROS_AUTOMATIC_DISCOVERY_RANGE": "SUBNET"}
+    found = environment(script, **inherited)
+    name, _, value = said.partition("=")
+    assert found[name] == value
+    assert unsaid not in found
+
+
+def test_a_range_of_discovery_in_the_sut_file_stays() -> None:
+    script = environment_script((), {"ROS_AUTOMATIC_DISCOVERY_RANGE": "SUBNET"}, {}, {})
+    found = environment(script, ROS_LOCALHOST_ONLY="1")
+    assert found["ROS_AUTOMATIC_DISCOVERY_RANGE"] == "SUBNET"
+    assert "ROS_LOCALHOST_ONLY" not in found
+
+
+def test_packages_of_the_users_home_stay_in_sight(tmp_path: Path) -> None:
+    folder, home = tmp_path / "stack", tmp_path / "home"
+    folder.mkdir()
+    (home / ".local").mkdir(parents=True)
+    found = isolating_variables(folder, home)
+    assert found["PYTHONUSERBASE"] == str(home / ".local")
+    for name in ("HOME", "ROS_HOME", "ROS_LOG_DIR"):
+        assert Path(found[name]).parent == folder
+        assert Path(found[name]).is_dir()
+
+
+@pytest.fixture
+def temporary(monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+    """A folder of temporary files with a short path, as usual; pytest's are long."""
+    with tempfile.TemporaryDirectory(dir="/tmp") as folder:
+        monkeypatch.setattr("tempfile.tempdir", folder)
+        yield Path(folder)
+
+
+def test_the_runtime_folder_is_private(temporary: Path) -> None:
+    found = runtime_folder()
+    assert found.is_relative_to(temporary)
+    assert found.stat().st_mode & 0o777 == 0o700
+    found.chmod(0o755)
+    assert runtime_folder().stat().st_mode & 0o777 == 0o700
+
+
+def test_paths_of_sockets_are_short_enough(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    long = tmp_path / ("x" * 90)
+    long.mkdir()
+    monkeypatch.setattr("tempfile.tempdir", str(long))
+    assert len(os.fsencode(runtime_folder())) < 60
+
+
+def test_a_folder_that_is_a_link_is_refused(temporary: Path) -> None:
+    (temporary / "target").mkdir()
+    (temporary / "link").symlink_to(temporary / "target")
+    with pytest.raises(PermissionError, match="belongs to somebody else"):
+        private_folder(temporary / "link")
+    (temporary / f"scenario-{os.getuid()}").symlink_to(temporary / "target")
+    with pytest.raises(SutFailure, match="TMPDIR"):
+        runtime_folder()

@@ -1,0 +1,227 @@
+from __future__ import annotations
+
+import shlex
+from typing import Any
+
+import pytest
+
+from daemon.stacks.findings import ParameterError
+from daemon.stacks.ros2.advice import check_settings
+from daemon.stacks.ros2.placeholders import (
+    PlaceholderError,
+    fill,
+    placeholders_in,
+    run_values,
+)
+from daemon.stacks.ros2.settings import (
+    Ros2Settings,
+    fill_settings,
+    placeholder_names,
+    read_settings,
+)
+from grammars.model.geometry import Pose2
+
+LAUNCH = "ros2 launch my_robot nav.launch.py map:={map} params_file:={params}"
+STACK: dict[str, Any] = {
+    "launch": LAUNCH,
+    "files": {"params": "nav2.yaml"},
+    "ready": ["amcl", "bt_navigator"],
+    "repeatable": False,
+}
+
+
+def problems(**changed: Any) -> list[str]:
+    with pytest.raises(ParameterError) as caught:
+        read_settings(STACK | changed)
+    return [str(problem) for problem in caught.value.problems]
+
+
+def warnings(**changed: Any) -> list[str]:
+    return [str(problem) for problem in check_settings(STACK | changed).problems]
+
+
+def test_what_is_left_out_is_as_documented() -> None:
+    found = read_settings(STACK)
+    assert (found.topics.scan, found.topics.tf_static) == ("/scan", "/tf_static")
+    assert (found.action, found.action_kind) == ("/navigate_to_pose", "navigate_to_pose")
+    assert (found.start_up, found.patience, found.late) == (60.0, 1.0, 0.05)
+    assert (found.tolerance, found.idle, found.period) == (0.0, 0.02, 0.05)
+    assert (found.domain, found.reuse, found.transport) == (None, False, "relay")
+    assert found.ready == ("/amcl", "/bt_navigator")
+    assert warnings() == []
+
+
+def test_names_are_resolved_in_the_namespace() -> None:
+    found = read_settings(
+        STACK
+        | {
+            "namespace": "robot1",
+            "topics": {"scan": "/front/scan", "initial-pose": "pose_guess"},
+            "mission": "follow",
+            "ready": ["amcl", "/map_server"],
+        }
+    )
+    assert found.namespace == "/robot1"
+    assert (found.topics.scan, found.topics.odom) == ("/front/scan", "/robot1/odom")
+    assert found.topics.initial_pose == "/robot1/pose_guess"
+    assert found.topics.tf == "/tf"
+    assert (found.action, found.action_kind) == ("/robot1/follow_waypoints", "follow_waypoints")
+    assert found.ready == ("/robot1/amcl", "/map_server")
+
+
+def test_values_come_with_units_and_in_words() -> None:
+    found = read_settings(
+        STACK
+        | {
+            "start-up": "2 min",
+            "patience": "500 ms",
+            "late": "1 %",
+            "reuse": "yes",
+            "environment": {
+                "setup": ["/opt/ros/jazzy/setup.bash", "~/ws/install/setup.bash"],
+                "ROS_DOMAIN_ID": 7,
+                "RMW_IMPLEMENTATION": "rmw_fastrtps_cpp",
+            },
+            "qos": {"scan": "reliable"},
+            "container": {"image": "my/nav2:1.4", "options": ["--gpus", "all"]},
+        }
+    )
+    assert (found.start_up, found.patience, found.late, found.reuse) == (120.0, 0.5, 0.01, True)
+    assert found.setup == ("/opt/ros/jazzy/setup.bash", "~/ws/install/setup.bash")
+    assert (found.domain, dict(found.environment)) == (
+        7,
+        {"RMW_IMPLEMENTATION": "rmw_fastrtps_cpp"},
+    )
+    assert (found.qos.scan, found.qos.odom) == ("reliable", "best effort")
+    assert found.container is not None
+    assert (found.container.engine, found.container.network) == ("podman", "none")
+    assert found.container.options == ("--gpus", "all")
+
+
+@pytest.mark.parametrize(
+    ("changed", "complaint"),
+    [
+        ({"launch": None}, 'launch: key "launch" is missing: the command that starts the stack'),
+        ({"launch": "  "}, "launch: launch: is empty"),
+        ({"container": {"engine": "docker"}}, 'container/image: key "image" is missing'),
+        ({"start-up": 60}, "start-up: start-up: 60 has no unit, expected a time"),
+        ({"late": "5 s"}, '"5 s" is in s, expected a ratio'),
+        ({"period": "0.033 s"}, "0.033 s is not a multiple of 0.01 s"),
+        ({"reuse": "maybe"}, "reuse: must be yes or no"),
+        ({"lunch": "x"}, 'unknown key "lunch"; did you mean "launch"?'),
+        ({"topics": {"scann": "x"}}, 'topics/scann: unknown key "scann"; did you mean "scan"?'),
+        ({"topics": {"scan": "my scan"}}, "is not a ROS name"),
+        ({"frames": {"base": "/base"}}, "is not a frame of tf2"),
+        ({"ready": "a-b"}, "ready[0]"),
+        ({"mission": "dock"}, "must be 'waypoints', 'follow' or 'through'"),
+        ({"environment": {"ROS_DOMAIN_ID": 102}}, "must be own, or a whole number from 0 to 101"),
+        ({"environment": {"ROS_DOMAIN_ID": True}}, "must be own, or a whole number"),
+        ({"environment": {"DEBUG": 1}}, 'environment/DEBUG: DEBUG: must be text; 1 is a number'),
+        ({"environment": {"B C": "x"}}, "is not the name of an environment variable"),
+        ({"environment": {"SCENARIO_SOCKET": "x"}}, "is set by the run itself"),
+        ({"environment": {"setup": "ws/setup.bash"}}, "write it from the root"),
+        ({"files": {"map": "m.yaml"}}, 'every run has a placeholder "map"'),
+        ({"launch": "nav {mapp}"}, 'launch: no placeholder "mapp"; did you mean "map"?'),
+        ({"launch": "nav ${HOME}"}, "write {{ and }} for braces that are meant as they are"),
+        ({"launch": "awk '{print $1}'"}, "begins or ends no placeholder"),
+        ({"environment": {"A": "{x}"}}, 'environment/A: no placeholder "x"'),
+        ({"map": "published"}, "the map is published, not written"),
+        ({"transport": "zenoh"}, 'distribution: key "distribution" is missing'),
+        ({"repeatable": True}, "a stack outside of the simulation is never repeatable"),
+    ],
+)  # fmt: skip
+def test_every_problem_is_at_its_place(changed: dict[str, Any], complaint: str) -> None:
+    assert any(complaint in problem for problem in problems(**changed))
+
+
+def test_all_problems_are_told_at_once() -> None:
+    assert len(problems(late="5 s", reuse="maybe", mission="dock")) == 3
+
+
+def test_an_image_needs_no_command() -> None:
+    found = read_settings({"container": {"image": "my/nav2"}, "files": {}})
+    assert found.launch == ""
+
+
+@pytest.mark.parametrize(
+    ("changed", "warning"),
+    [
+        ({"ready": []}, "ready names no nodes"),
+        ({"start-up": "5 s"}, "Nav2 needs 12 s"),
+        ({"patience": "50 ms"}, "is not more than a cycle"),
+        ({"patience": "60 s"}, "costs 60 s of wall time in each cycle"),
+        ({"tolerance": "0.05 s"}, "takes the command of the cycle before"),
+        ({"idle": "2 s"}, "is more than patience"),
+        ({"late": 1}, "no run is ever an error"),
+        ({"launch": "nav {params}"}, "nothing here says {map}"),
+        ({"launch": "nav {map}"}, "files/params: nothing here says {params}"),
+        ({"environment": {"ROS_DOMAIN_ID": 7}}, "share this domain"),
+        (
+            {"transport": "zenoh", "distribution": "jazzy", "container": {"image": "x"}},
+            "reaches its router by TCP",
+        ),
+    ],
+)
+def test_what_probably_does_not_work_is_said(changed: dict[str, Any], warning: str) -> None:
+    assert any(warning in found for found in warnings(**changed))
+
+
+def test_what_a_transport_never_reads_is_without_effect() -> None:
+    found = check_settings(STACK | {"distribution": "jazzy"}).without_effect
+    assert [finding.path for finding in found] == [("distribution",)]
+
+
+def test_values_are_one_word_to_the_shell() -> None:
+    awkward = "a b'; rm -rf $HOME #"
+    filled = fill("run {params} {{x}} ${{HOME}}", {"params": awkward})
+    assert filled == f"run {shlex.quote(awkward)} {{x}} ${{HOME}}"
+    assert shlex.split("run " + fill("{params}", {"params": awkward})) == ["run", awkward]
+    assert fill("{params}", {"params": awkward}, quoted=False) == awkward
+    assert shlex.split(fill("a:={namespace} b", {"namespace": ""})) == ["a:=", "b"]
+
+
+@pytest.mark.parametrize("text", ["{", "}", "{}", "{ map }", "{{map}", "{map}}"])
+def test_lone_braces_are_refused(text: str) -> None:
+    with pytest.raises(PlaceholderError, match="begins or ends no placeholder"):
+        fill(text, {"map": "m"})
+
+
+def test_a_run_has_every_placeholder_that_is_offered() -> None:
+    settings = read_settings(STACK | {"namespace": "/robot1"})
+    values = run_values(
+        start=Pose2(1.0, -0.25, 1e-17),
+        robot="robile",
+        namespace=settings.namespace,
+        seed=7,
+        files=settings.files,
+    )
+    # These two come with the folder and the domain of a process.
+    assert {*values, "map", "domain"} == set(placeholder_names(settings))
+    assert (values["start.y"], values["namespace"]) == ("-0.25", "robot1")
+    assert placeholders_in(LAUNCH) == ("map", "params")
+
+
+def test_only_the_command_is_quoted() -> None:
+    settings = read_settings(
+        STACK
+        | {
+            "environment": {"PARAMS": "{params}"},
+            "container": {"image": "nav2:{robot.name}", "options": ["-v", "{params}:/p"]},
+        }
+    )
+    values = {"params": "a b", "map": "/m", "robot.name": "r"}
+    filled = fill_settings(settings, values)
+    assert filled.launch.endswith("map:=/m params_file:='a b'")
+    assert filled.environment == {"PARAMS": "a b"}
+    assert filled.container is not None
+    assert filled.container.image == "nav2:r"
+    assert filled.container.options == ("-v", "a b:/p")
+
+
+def test_defaults_of_the_class_are_those_of_a_file() -> None:
+    # Other parts make settings without a file.
+    assert read_settings({"launch": "x"}) == Ros2Settings(
+        launch="x",
+        topics=read_settings({"launch": "x"}).topics,
+        action="/navigate_to_pose",
+    )

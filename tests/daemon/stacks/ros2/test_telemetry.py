@@ -1,0 +1,179 @@
+"""What a stack says becomes estimate, plan, particles and lines of the log."""
+
+from __future__ import annotations
+
+import math
+import struct
+from typing import Any
+
+import numpy as np
+import pytest
+
+from daemon.model import ros_messages as ros
+from daemon.model.sut import Odometry
+from daemon.stacks.ros2 import sensors
+from daemon.stacks.ros2.link import ReceivedMessage
+from daemon.stacks.ros2.settings import Frames, read_settings
+from daemon.stacks.ros2.telemetry import LOG, PARTICLES, PATH, POSE, ROSOUT, Telemetry
+from grammars.model.geometry import Pose2, Twist2
+
+TOPICS = read_settings({"launch": "true"}).topics
+ODOMETRY = Odometry(1.0, Pose2(1.0, 0.0, 0.0), Twist2())
+
+
+def telemetry() -> Telemetry:
+    return Telemetry(TOPICS, Frames())
+
+
+def transform(parent: str, child: str, x: float, y: float, yaw: float) -> ReceivedMessage:
+    qz, qw = ros.yaw_quaternion(yaw)
+    message = ros.make(
+        sensors.TRANSFORMS,
+        transforms=[ros.transform(ros.time(0), parent, child, x=x, y=y, qz=qz, qw=qw)],
+    )
+    data = ros.serialize(message, sensors.TRANSFORMS)
+    return ReceivedMessage(TOPICS.tf, sensors.TRANSFORMS, data)
+
+
+def message(topic: str, kind: str, **fields: Any) -> ReceivedMessage:
+    return ReceivedMessage(topic, kind, ros.serialize(ros.make(kind, **fields), kind))
+
+
+def path(frame: str) -> ReceivedMessage:
+    header = ros.header(ros.time(0), frame)
+    poses = [
+        ros.make("geometry_msgs/msg/PoseStamped", header=header, pose=ros.pose(x, 1.0, 0.0, 1.0))
+        for x in (0.0, 1.0)
+    ]
+    return message(TOPICS.plan, PATH, header=header, poses=poses)
+
+
+def test_the_estimate_is_the_stacks_correction_with_the_newest_odometry() -> None:
+    heard = telemetry().read((transform("map", "odom", 2.0, 3.0, math.pi / 2),), 1.0, ODOMETRY)
+    assert heard.estimate is not None
+    pose = heard.estimate.pose
+    assert (heard.estimate.time, pose.x, pose.y) == pytest.approx((1.0, 2.0, 4.0))
+
+
+def test_this_sides_own_transforms_are_no_estimate() -> None:
+    ours = transform("odom", "base_link", 9.0, 9.0, 0.0)
+    assert telemetry().read((ours,), 1.0, ODOMETRY).estimate is None
+
+
+def test_another_frame_than_the_map_is_no_estimate() -> None:
+    reader = telemetry()
+    assert reader.read((transform("world", "odom", 0, 0, 0),), 1.0, ODOMETRY).estimate is None
+    assert reader.pose() is None
+
+
+def test_transforms_that_go_round_in_circles_end() -> None:
+    reader = telemetry()
+    circle = (transform("b", "base_link", 0, 0, 0), transform("base_link", "b", 0, 0, 0))
+    assert reader.read(circle, 1.0, ODOMETRY).estimate is None
+
+
+def test_the_covariance_of_an_estimate_is_that_of_the_pose_topic() -> None:
+    full = np.zeros((6, 6))
+    full[0, 0], full[1, 1], full[5, 5], full[0, 5] = 1.0, 2.0, 3.0, 0.5
+    pose = message(
+        TOPICS.pose,
+        POSE,
+        header=ros.header(ros.time(0), "map"),
+        pose=ros.make(
+            "geometry_msgs/msg/PoseWithCovariance",
+            pose=ros.pose(1.0, 2.0, 0.0, 1.0),
+            covariance=full.ravel(),
+        ),
+    )
+    reader = telemetry()
+    alone = reader.read((pose,), 4.0, ODOMETRY).estimate
+    assert alone is not None, "a stack without transforms says where it is like this"
+    assert (alone.time, alone.pose.x) == (4.0, 1.0)
+    both = reader.read((transform("map", "odom", 0, 0, 0), pose), 5.0, ODOMETRY).estimate
+    assert both is not None
+    assert both.covariance.tolist() == [[1.0, 0.0, 0.5], [0.0, 2.0, 0.0], [0.0, 0.0, 3.0]]
+
+
+def test_a_plan_in_another_frame_is_brought_into_the_map() -> None:
+    reader = telemetry()
+    moved = (transform("map", "odom", 10.0, 0.0, 0.0), path("odom"))
+    plan = reader.read(moved, 1.0, ODOMETRY).plan
+    assert plan is not None
+    assert plan.tolist() == [[10.0, 1.0], [11.0, 1.0]]
+
+
+def test_a_plan_in_an_unknown_frame_is_told_once() -> None:
+    reader = telemetry()
+    first = reader.read((path("mars"),), 1.0, ODOMETRY)
+    assert first.plan is None
+    assert "'mars'" in first.events[0].text
+    assert reader.read((path("mars"),), 2.0, ODOMETRY).events == []
+
+
+def log(level: int, text: str) -> ReceivedMessage:
+    return message(
+        ROSOUT, LOG, stamp=ros.time(0), level=level, name="amcl", msg=text, file="", function="",
+        line=0,
+    )  # fmt: skip
+
+
+def test_the_log_has_its_level_and_its_node_and_debug_is_left_out() -> None:
+    heard = telemetry().read((log(30, "no laser"), log(10, "tick")), 1.0, ODOMETRY)
+    assert [(e.text, e.level, e.source) for e in heard.events] == [("no laser", "warn", "amcl")]
+    assert heard.log == ["no laser", "tick"]
+
+
+def test_a_stack_that_logs_without_end_is_cut_and_says_so() -> None:
+    reader = telemetry()
+    many = (log(20, "x"),) * 1000
+    lines = [event for _ in range(7) for event in reader.read(many, 1.0, ODOMETRY).events]
+    assert len(lines) == 5001
+    assert "left out" in lines[-1].text
+
+
+def particles(frame: str, count: int) -> bytes:
+    name = frame.encode() + b"\0"
+    body = struct.pack("<iII", 1, 2, len(name)) + name
+    body += bytes(-len(body) % 4) + struct.pack("<I", count)
+    body += bytes(-len(body) % 8)
+    for index in range(count):
+        body += struct.pack("<8d", index, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.1)
+    return b"\0\1\0\0" + body
+
+
+@pytest.mark.parametrize("frame", ["map", "m", "robot/map"])
+def test_particles_are_summed_up_and_thinned(frame: str) -> None:
+    data = ReceivedMessage(TOPICS.particles, PARTICLES, particles(frame, 500))
+    heard = telemetry().read((data,), 1.0, ODOMETRY)
+    assert heard.cloud is not None
+    assert heard.particles is not None
+    assert (heard.cloud.count, heard.cloud.mean.x, heard.cloud.mean.y) == (500, 249.5, 1.0)
+    assert heard.particles.shape == (100, 3)
+
+
+def test_damaged_messages_are_told_and_end_nothing() -> None:
+    damaged = (
+        ReceivedMessage(TOPICS.particles, PARTICLES, particles("map", 5)[:-8]),
+        ReceivedMessage(TOPICS.tf, sensors.TRANSFORMS, b"\0\1\0\0\xff"),
+        ReceivedMessage(TOPICS.plan, PATH, b""),
+    )
+    heard = telemetry().read(damaged, 1.0, ODOMETRY)
+    assert len(heard.events) == 3
+    assert all("cannot be read" in event.text for event in heard.events)
+
+
+def test_commands_are_read_with_their_stamp_if_they_have_one() -> None:
+    twist = ros.twist(0.5, 0.0, -0.2)
+    stamped = ros.make(
+        "geometry_msgs/msg/TwistStamped", header=ros.header(ros.time(7), "base_link"), twist=twist
+    )
+    kind = "geometry_msgs/msg/TwistStamped"
+    assert sensors.read_command(ros.serialize(stamped, kind), kind) == (Twist2(0.5, 0, -0.2), 7)
+    kind = "geometry_msgs/msg/Twist"
+    assert sensors.read_command(ros.serialize(twist, kind), kind) == (Twist2(0.5, 0, -0.2), None)
+
+
+def test_a_command_that_is_no_velocity_is_refused() -> None:
+    kind = "geometry_msgs/msg/Twist"
+    with pytest.raises(ValueError, match="no velocity"):
+        sensors.read_command(ros.serialize(ros.twist(math.nan, 0.0, 0.0), kind), kind)

@@ -1,0 +1,100 @@
+"""What is told of an external system while it is brought up, and of how it failed."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from daemon.campaign import expand, load_campaign
+from daemon.model.spec import RunResult, RunSpec, Snapshot, SutReference
+from daemon.model.sut import Briefing, Decision, Observation, Progress, SutFailure
+from daemon.model.verdicts import Outcome
+from daemon.run import execute
+from daemon.stacks import registry
+from daemon.trace import read_outputs, read_trace
+from grammars.model.scene import Scene
+from grammars.text import codec
+
+
+class Outside:
+    """An external system that waits for what a test says, and answers in a constant time."""
+
+    period = 0.1
+    needs_ground_truth = False
+
+    def __init__(self, waiting: tuple[str, ...], failure: str = "") -> None:
+        self._waiting, self._failure = waiting, failure
+
+    def start(self, briefing: Briefing) -> None:
+        """Nothing to prepare."""
+
+    def bring_up(self, first: Observation) -> Iterator[str]:
+        yield from self._waiting
+        if self._failure:
+            raise SutFailure(self._failure)
+
+    def update(self, observation: Observation) -> Decision:
+        return Decision(None, Progress(0, 0, "active"), latency=0.012)
+
+    def finish(self) -> None:
+        """Fine."""
+
+    def close(self) -> None:
+        """Nothing to end."""
+
+    def outputs(self) -> Mapping[str, bytes]:
+        return {"stack.txt": b"up\xff\n"}
+
+
+@pytest.fixture(scope="module")
+def demo(campaigns: Path) -> tuple[RunSpec, Scene]:
+    campaign = expand(load_campaign(campaigns / "demo" / "campaign.yaml"))
+    outside = SutReference("outside", "outside", {"repeatable": False})
+    spec = replace(campaign.runs[0], sut=outside, limit=1.0)
+    return spec, next(s for s in campaign.scenes if s.digest == spec.scene)
+
+
+def executed(
+    demo: tuple[RunSpec, Scene], system: Outside, path: Path, monkeypatch: pytest.MonkeyPatch
+) -> tuple[RunResult, list[Snapshot]]:
+    monkeypatch.setitem(registry._BUILT_IN, "outside", lambda _: system)
+    seen: list[Snapshot] = []
+    return execute(*demo, trace_path=path, on_progress=seen.append), seen
+
+
+def test_what_is_waited_for_is_one_line_that_can_be_sent(
+    demo: tuple[RunSpec, Scene], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    said = (
+        "starting my-nav2:\n 3 of 8 nodes active",
+        # What a program printed may be no text: bytes that are no UTF-8, sequences for terminals.
+        "waiting for \udcff\x1b[31mplanner",
+        "x" * 100_000,
+    )
+    result, seen = executed(demo, Outside(said), tmp_path / "run.mcap", monkeypatch)
+    assert result.ended == "limit"
+    waited = [one for one in seen if one.waiting]
+    assert [one.waiting for one in waited] == [
+        "starting my-nav2: 3 of 8 nodes active",
+        "waiting for ??[31mplanner",
+        "x" * 120,
+    ]
+    assert {one.time for one in waited} == {0.0}
+    assert [one.waiting for one in seen[3:]] == [""] * (len(seen) - 3)
+    for one in seen:
+        codec.to_json(one)
+    assert read_trace(tmp_path / "run.mcap").latency.seconds.tolist() == [0.012] * 11
+    assert read_outputs(tmp_path / "run.mcap") == {"stack.txt": "up\N{REPLACEMENT CHARACTER}\n"}
+
+
+def test_last_lines_that_are_no_text_still_make_a_result(
+    demo: tuple[RunSpec, Scene], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    system = Outside(("starting",), "it ended with exit code 3\n  Segmentation \udcfffault")
+    result, _ = executed(demo, system, tmp_path / "run.mcap", monkeypatch)
+    assert (result.ended, result.outcome) == ("crashed", Outcome.ERROR)
+    assert result.note == "it ended with exit code 3\n  Segmentation \\udcfffault"
+    assert codec.from_json(RunResult, codec.to_json(result)).note == result.note

@@ -1,0 +1,554 @@
+"""The relay in a genuine ROS 2: lock step, goals, lifecycle, graph, and how it ends."""
+
+from __future__ import annotations
+
+import os
+import signal
+import socket
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from daemon.model import ros_messages
+from daemon.stacks.ros2 import relay
+from daemon.stacks.ros2.link import (
+    COMMAND_KINDS,
+    Cycle,
+    CycleAnswer,
+    GoalUpdate,
+    LinkLost,
+    LinkSetup,
+    TopicSetup,
+)
+from daemon.stacks.ros2.relay_link import RelayLink, relay_path
+
+environment = pytest.importorskip("tests.ros2.environment")
+
+STACK = Path(__file__).with_name("small_stack.py")
+PERIOD = 50_000_000
+DEADLINE = 60.0
+STAMPED, UNSTAMPED = COMMAND_KINDS
+FLOOD = TopicSetup("/flood", "std_msgs/msg/String")
+STATIC = TopicSetup("/tf_static", "tf2_msgs/msg/TFMessage", "latched", 1)
+TRANSFORMS = TopicSetup("/tf", "tf2_msgs/msg/TFMessage", "reliable", 100)
+SCAN = TopicSetup("/scan", "sensor_msgs/msg/LaserScan", "best effort", 5)
+HEARD = (
+    TopicSetup("/tf", "tf2_msgs/msg/TFMessage", "reliable", 100, "all"),
+    TopicSetup("/rosout", "rcl_interfaces/msg/Log", "reliable", 1000, "all"),
+    TopicSetup("/words", "std_msgs/msg/String", "latched", 1),
+)
+
+
+def string(text: str) -> bytes:
+    """Return a std_msgs/String."""
+    return ros_messages.serialize(
+        ros_messages.make("std_msgs/msg/String", data=text), "std_msgs/msg/String"
+    )
+
+
+def transforms(child: str, time: int) -> bytes:
+    """Return a tf2_msgs/TFMessage with one transform from odom."""
+    one = ros_messages.transform(ros_messages.time(time), "odom", child, x=time / 1e9, y=0.0)
+    message = ros_messages.make("tf2_msgs/msg/TFMessage", transforms=[one])
+    return ros_messages.serialize(message, "tf2_msgs/msg/TFMessage")
+
+
+def scan(time: int) -> bytes:
+    """Return a sensor_msgs/LaserScan of 400 rays."""
+    message = ros_messages.make(
+        "sensor_msgs/msg/LaserScan",
+        header=ros_messages.header(ros_messages.time(time), "laser"),
+        angle_min=-2.0,
+        angle_max=2.0,
+        angle_increment=0.01,
+        time_increment=0.0,
+        scan_time=0.05,
+        range_min=0.1,
+        range_max=10.0,
+        ranges=np.full(400, 2.0, np.float32),
+        intensities=np.zeros(0, np.float32),
+    )
+    return ros_messages.serialize(message, "sensor_msgs/msg/LaserScan")
+
+
+class Bench:
+    """A domain of its own, a relay in it, and as many small stacks as a test wants."""
+
+    def __init__(self, python: Path, folder: Path, domain: int) -> None:
+        self.python = python
+        self.now = 1_000_000_000
+        self.children: list[subprocess.Popen[bytes]] = []
+        self._folder = folder
+        self._link = RelayLink.listen(folder / "socket", "nonce")
+        self.environment = {
+            name: value
+            for name, value in os.environ.items()
+            if name not in ("_ROS_WHEELS_BOOTSTRAP_COMPLETE", "LD_LIBRARY_PATH", "ROS_DISTRO")
+        } | {
+            "ROS_DOMAIN_ID": str(domain),
+            "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
+            "ROS_LOG_DIR": str(folder),
+            "SCENARIO_SOCKET": str(folder / "socket"),
+            "SCENARIO_NONCE": "nonce",
+        }
+
+    def start(self, program: Path, *words: str, **variables: str) -> subprocess.Popen[bytes]:
+        """Start a program of the ROS 2 that the bench is of."""
+        with (self._folder / f"{program.stem}-{len(self.children)}.txt").open("wb") as log:
+            child = subprocess.Popen(
+                [self.python, program, *words],
+                env=self.environment | variables,
+                stdin=subprocess.PIPE,
+                stdout=log,
+                stderr=subprocess.STDOUT,
+            )
+        self.children.append(child)
+        return child
+
+    def stack(self, *words: str) -> subprocess.Popen[bytes]:
+        return self.start(STACK, *words)
+
+    def connect(self, **variables: str) -> RelayLink:
+        """Start a relay; return the link to it."""
+        self.start(relay_path(), **variables)
+        return self.accept()
+
+    def accept(self) -> RelayLink:
+        """Return the link as soon as a relay has come."""
+        assert self._link.accept(DEADLINE), self.logs()
+        return self._link
+
+    def again(self) -> RelayLink:
+        """Let go and wait for the relay to come back."""
+        self.listen()
+        return self.accept()
+
+    def listen(self) -> None:
+        """Let go and listen anew."""
+        self._link.close()
+        self._link = RelayLink.listen(self._folder / "socket", "nonce")
+
+    def cycle(self, until: Any = "nothing", wait: float = 0.02, **more: Any) -> CycleAnswer:
+        answer = self._link.cycle(Cycle(self.now, until=until, wait=wait, **more))
+        self.now += PERIOD
+        return answer
+
+    def cycle_until(self, found: Callable[[CycleAnswer], Any], **more: Any) -> Any:
+        """Let the clock run until something is found in an answer; return what."""
+        end = time.monotonic() + DEADLINE
+        while time.monotonic() < end:
+            if result := found(self.cycle(**more)):
+                return result
+        raise AssertionError(self.logs())
+
+    def goal_updates(self, goal: int, last: set[str]) -> list[GoalUpdate]:
+        """Let the clock run until a goal has come to one of these ends; return its updates."""
+        updates: list[GoalUpdate] = []
+
+        def follow(answer: CycleAnswer) -> bool:
+            updates.extend(one for one in answer.goals if one.goal == goal)
+            return bool(updates) and updates[-1].state in last
+
+        self.cycle_until(follow)
+        return updates
+
+    def logs(self) -> str:
+        return "\n".join(
+            f"{file.name}:\n{file.read_text('utf-8', 'replace')[-3000:]}"
+            for file in sorted(self._folder.glob("*.txt"))
+        )
+
+    def close(self) -> None:
+        self._link.close()
+        for child in self.children:
+            child.kill()
+            child.communicate()
+
+
+@pytest.fixture(params=["jazzy", "kilted"])
+def python(request: pytest.FixtureRequest) -> Path:
+    found = environment.environment_python(request.param)
+    if found is None:
+        pytest.skip(f"no ROS 2 {request.param}: python -m tests.ros2.environment {request.param}")
+    assert isinstance(found, Path)
+    return found
+
+
+@contextmanager
+def own_domain() -> Iterator[int]:
+    """A domain that nobody else on this machine uses as long as the test runs."""
+    for number in range(10, 100):
+        with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as holder:
+            try:
+                holder.bind(f"\0scenario-ros-domain-{number}")
+            except OSError:
+                continue
+            yield number
+            return
+    raise RuntimeError("all ROS domains of this machine are in use")
+
+
+@contextmanager
+def make_bench(python: Path) -> Iterator[Bench]:
+    # A socket's path is short: pytest's own folders may be too long.
+    with tempfile.TemporaryDirectory(prefix="relay-") as folder, own_domain() as domain:
+        made = Bench(python, Path(folder), domain)
+        try:
+            yield made
+        finally:
+            made.close()
+
+
+@pytest.fixture
+def bench(python: Path) -> Iterator[Bench]:
+    with make_bench(python) as made:
+        yield made
+
+
+@pytest.fixture
+def other_bench(python: Path) -> Iterator[Bench]:
+    with make_bench(python) as made:
+        yield made
+
+
+def setup(**changes: Any) -> LinkSetup:
+    wanted: Mapping[str, Any] = {
+        "publish": (SCAN, TRANSFORMS),
+        "subscribe": (),
+        "command": "/cmd_vel",
+        "action": "/navigate_to_pose",
+        "action_kind": "navigate_to_pose",
+        "nodes": (),
+    }
+    return LinkSetup(**{**wanted, **changes})
+
+
+def drive(bench: Bench, kind: str, cycles: int) -> list[bytes]:
+    """Run a stack in lock step with sensor data; return its commands, one for each cycle."""
+    link = bench.connect()
+    link.set_up(setup())
+    bench.stack("stamped" if kind == STAMPED else "unstamped")
+    bench.cycle_until(lambda answer: answer.commands)
+    assert link.readiness().command == kind
+    bench.cycle(wait=0.2)
+    bench.now = 100 * 1_000_000_000
+    commands: list[bytes] = []
+    for _ in range(cycles):
+        messages = (("/tf", transforms("base", bench.now)), ("/scan", scan(bench.now)))
+        answer = bench.cycle("command", DEADLINE, messages=messages)
+        assert answer.latency is not None
+        assert answer.heard
+        assert [message.kind for message in answer.messages] == [kind]
+        commands.append(answer.messages[0].data)
+    return commands
+
+
+@pytest.mark.parametrize("kind", COMMAND_KINDS)
+def test_each_of_1200_cycles_is_answered_and_again_with_the_same_bytes(
+    bench: Bench, other_bench: Bench, kind: str
+) -> None:
+    commands = drive(bench, kind, 1200)
+    assert len(set(commands)) == 1200
+    if kind == STAMPED:
+        stamps = [relay.read_stamp(data) for data in commands]
+        assert stamps == [100_000_000_000 + index * PERIOD for index in range(1200)]
+    assert drive(other_bench, kind, 300) == commands[:300]
+
+
+def test_an_answer_to_an_earlier_cycle_is_none_to_this_one(bench: Bench) -> None:
+    link = bench.connect()
+    link.set_up(setup())
+    bench.stack("stamped", "stale")
+    bench.cycle_until(lambda answer: answer.commands)
+    bench.cycle(wait=1.0)
+    bench.now = 100 * 1_000_000_000
+    for index in range(1, 21):
+        time = bench.now
+        answer = bench.cycle("command", 0.5 if index % 5 == 0 else DEADLINE)
+        if index % 5 == 0:
+            # Held back by the stack until the next clock.
+            assert (answer.latency, answer.commands, answer.heard) == (None, 0, False)
+            continue
+        assert answer.latency is not None
+        assert answer.commands >= (2 if index % 5 == 1 and index > 1 else 1)
+        assert relay.read_stamp(answer.messages[-1].data) == time
+    # With that much tolerance the command that was held back is an answer.
+    for _ in range(4):
+        bench.cycle("command", DEADLINE)
+    bench.cycle("command", 0.5)
+    time = bench.now
+    answer = bench.cycle("command", DEADLINE, tolerance=PERIOD)
+    assert answer.latency is not None
+    assert relay.read_stamp(answer.messages[-1].data) == time - PERIOD
+
+
+def test_both_kinds_of_command_are_heard_whenever_they_come(bench: Bench) -> None:
+    link = bench.connect()
+    link.set_up(setup())
+    assert link.readiness().command == ""
+    first = bench.stack("unstamped", "best-effort")
+    bench.cycle_until(lambda answer: answer.commands)
+    assert link.readiness().command == UNSTAMPED
+    bench.stack("stamped")
+    bench.cycle_until(lambda answer: [one for one in answer.messages if one.kind == STAMPED])
+    assert link.readiness().command == STAMPED
+    first.kill()
+    for _ in range(3):
+        bench.cycle_until(
+            lambda answer: [one for one in answer.messages if one.kind == STAMPED],
+            until="command",
+            wait=DEADLINE,
+        )
+
+
+def test_a_reliable_publisher_may_be_joined_by_one_that_is_not(bench: Bench) -> None:
+    link = bench.connect()
+    link.set_up(setup())
+    first = bench.stack("unstamped")
+    bench.cycle_until(lambda answer: answer.commands)
+    second = bench.stack("unstamped", "best-effort")
+    bench.cycle_until(lambda answer: answer.commands > 1)
+    first.kill()
+    bench.cycle_until(lambda answer: answer.commands == 1)
+    second.kill()
+
+
+GOALS: dict[str, dict[str, Any]] = {
+    "navigate_to_pose": {"distance_remaining": 2.0, "number_of_recoveries": 3},
+    "navigate_through_poses": {
+        "distance_remaining": 2.0,
+        "number_of_recoveries": 3,
+        "number_of_poses_remaining": 2,
+    },
+    "follow_waypoints": {"current_waypoint": 1},
+}
+
+
+@pytest.mark.parametrize("action", GOALS)
+def test_goals_of_all_kinds_go_out_and_their_ends_come_back(bench: Bench, action: str) -> None:
+    link = bench.connect()
+    link.set_up(setup(action=f"/{action}", action_kind=action))
+    bench.stack("actions")
+    bench.cycle_until(lambda answer: answer.server)
+    missed = [1, 3] if action == "follow_waypoints" else []
+
+    def send(goal: int, x: float) -> None:
+        poses = ((x, 1.0, 0.0), (x, 2.0, 0.5))[1 if action == "navigate_to_pose" else 0 :]
+        link.send_goal(goal, poses, "map", 3_500_000_000)
+
+    send(1, 1.0)
+    updates = bench.goal_updates(1, {"succeeded"})
+    accepted, succeeded = [one for one in updates if one.state != "feedback"]
+    assert accepted == GoalUpdate(1, "accepted")
+    assert (succeeded.error_code, succeeded.error_text) == (0, "")
+    # Where a result lists the states of its poses, all of these were reached.
+    assert succeeded.content.get("missed_waypoints", []) == missed
+    send(2, 60.0)
+    aborted = bench.goal_updates(2, {"aborted"})[-1]
+    assert (aborted.error_code, aborted.error_text) == (104, "beyond the map")
+    send(3, 200.0)
+    assert bench.goal_updates(3, {"rejected"}) == [GoalUpdate(3, "rejected")]
+    send(4, -1.0)
+    accepted, feedback = bench.goal_updates(4, {"feedback"})
+    assert accepted == GoalUpdate(4, "accepted")
+    assert feedback == GoalUpdate(4, "feedback", content=GOALS[action])
+    link.cancel_goals()
+    # Nothing is owed any more when a goal ends: the wait does, long before its time.
+    answer = bench.cycle("command", 250.0)
+    assert [one.state for one in answer.goals] == ["canceled"]
+    assert answer.latency is None
+
+
+def test_a_goal_that_nobody_answers_is_said_to_be_unanswered(bench: Bench) -> None:
+    link = bench.connect()
+    link.set_up(setup())
+    stack = bench.stack("actions")
+    bench.cycle_until(lambda answer: answer.server)
+    stack.send_signal(signal.SIGSTOP)
+    link.send_goal(1, ((-1.0, 0.0, 0.0),), "map", 0)
+    assert bench.goal_updates(1, {"unanswered"}) == [GoalUpdate(1, "unanswered")]
+    stack.send_signal(signal.SIGCONT)
+    # That it is accepted after all is not told any more.
+    link.send_goal(2, ((-1.0, 0.0, 0.0),), "map", 0)
+    assert bench.goal_updates(2, {"feedback"})[0].state == "accepted"
+    link.cancel_goals()
+    answer = bench.cycle("command", 250.0)
+    assert [(one.goal, one.state) for one in answer.goals] == [(2, "canceled")]
+
+
+def test_lifecycle_parameters_and_graph(bench: Bench) -> None:
+    link = bench.connect()
+    subscribe = (*HEARD, TopicSetup("/scan", "sensor_msgs/msg/LaserScan"))
+    link.set_up(setup(subscribe=subscribe, nodes=("/navigator", "/nobody")))
+    ready = link.readiness()
+    assert ready.nodes == {"/navigator": "", "/nobody": ""}
+    assert not ready.server
+    assert ready.listeners == {"/scan": 0, "/tf": 0}
+    graph = link.graph()
+    assert (graph.endpoints, graph.nodes, graph.services) == ((), (), ())
+
+    link.request_state("/navigator", "configure")
+    bench.stack("actions", "words", "stamped")
+    bench.cycle_until(lambda _: link.readiness().nodes["/navigator"] == "inactive")
+    link.request_state("/navigator", "activate")
+    bench.cycle_until(lambda _: link.readiness().nodes["/navigator"] == "active")
+    bench.cycle_until(lambda _: link.readiness().server)
+    assert link.readiness().nodes["/nobody"] == ""
+
+    assert link.parameters("/navigator", ("max_speed", "plugins", "stateful", "none")) == {
+        "max_speed": 0.5,
+        "plugins": ["a", "b"],
+        "stateful": True,
+    }
+    assert link.parameters("/nobody", ("max_speed",)) == {}
+
+    bench.cycle_until(lambda _: link.readiness().command)
+    graph = link.graph()
+    assert graph.nodes == ("/controller_stamped", "/navigator", "/talker")
+    assert "/navigator/get_state" in graph.services
+    assert "/nobody/get_state" not in graph.services
+    by_topic = {(one.topic, one.role): one for one in graph.endpoints}
+    command = by_topic["/cmd_vel", "publisher"]
+    assert (command.kind, command.node) == (STAMPED, "/controller_stamped")
+    assert (command.reliable, command.transient_local) == (True, False)
+    assert by_topic["/words", "publisher"].transient_local
+    assert ("/scan", "publisher") not in by_topic
+    assert {one.node for one in graph.endpoints} == set(graph.nodes)
+
+
+def test_latched_topics_reach_late_listeners_and_floods_are_bounded(bench: Bench) -> None:
+    link = bench.connect()
+    link.set_up(setup(publish=(STATIC, TRANSFORMS, FLOOD), subscribe=HEARD))
+    bench.cycle(messages=(("/tf_static", transforms("laser", 0)),))
+    bench.stack("words")
+    answers: list[CycleAnswer] = []
+
+    def word(answer: CycleAnswer) -> str:
+        answers.append(answer)
+        said = [one for one in answer.messages if one.topic == "/words"]
+        return ros_messages.deserialize(said[-1].data, said[-1].kind).data if said else ""
+
+    assert bench.cycle_until(word) == "laser"
+    bench.cycle_until(lambda _: link.readiness().listeners["/flood"])
+    answers.clear()
+    messages = (("/tf", transforms("base", bench.now)), ("/flood", string("line")))
+    if word(bench.cycle(wait=1.0, messages=messages)) != "done":
+        assert bench.cycle_until(word, wait=1.0) == "done"
+    bench.cycle_until(lambda answer: not answer.heard and word(answer) == "", wait=0.5)
+    lines = [sum(one.topic == "/rosout" for one in answer.messages) for answer in answers]
+    assert 0 < max(lines) <= 200
+    assert sum(lines) + link.dropped.get("/rosout", 0) <= 500
+    # What the relay itself publishes on a topic that it listens to does not come back.
+    assert [one.topic for answer in answers for one in answer.messages].count("/tf") == 1
+
+
+@pytest.mark.parametrize(
+    ("change", "text"),
+    [
+        ({"publish": (TopicSetup("/a", "nonsense_msgs/msg/Text"),)},
+         "has no package nonsense_msgs: install it, or name the setup file"),
+        ({"publish": (TopicSetup("/a", "std_msgs/msg/Nonsense"),)},
+         "package std_msgs has no msg Nonsense"),
+        ({"publish": (TopicSetup("/a b", "std_msgs/msg/String"),)}, "gone"),
+    ],
+)  # fmt: skip
+def test_what_cannot_be_made_is_said_in_a_sentence(
+    bench: Bench, change: dict[str, Any], text: str
+) -> None:
+    link = bench.connect()
+    with pytest.raises(LinkLost, match=text):
+        link.set_up(setup(**change))
+
+
+def test_a_relay_that_is_killed_is_noticed_at_once(bench: Bench) -> None:
+    link = bench.connect()
+    link.set_up(setup())
+    bench.children[0].kill()
+    with pytest.raises(LinkLost, match="gone"):
+        bench.cycle("command", 250.0)
+
+
+def test_a_relay_ends_with_the_connection_and_with_its_starter(bench: Bench) -> None:
+    bench.connect().close()
+    assert bench.children[0].wait(DEADLINE) == 0
+    bench.listen()
+    link = bench.connect(SCENARIO_KEEP="1")
+    link.set_up(setup())
+    stdin = bench.children[1].stdin
+    assert stdin is not None
+    stdin.close()
+    assert bench.children[1].wait(DEADLINE) == 0
+
+
+def test_a_relay_whose_parent_is_killed_ends(bench: Bench) -> None:
+    """Also where its stdin says nothing."""
+    program = (
+        "import subprocess\n"
+        f"child = subprocess.Popen([{str(bench.python)!r}, {str(relay_path())!r}],"
+        " stdin=subprocess.DEVNULL)\n"
+        "child.wait()\n"
+    )
+    with subprocess.Popen([sys.executable, "-c", program], env=bench.environment) as parent:
+        bench.accept().set_up(setup())
+        parent.kill()
+        with pytest.raises(LinkLost, match="gone"):
+            bench.cycle_until(lambda _: None)
+
+
+def test_a_relay_that_is_kept_serves_the_next_run(bench: Bench) -> None:
+    link = bench.connect(SCENARIO_KEEP="1")
+    link.set_up(setup(subscribe=HEARD))
+    bench.stack("stamped", "actions")
+    bench.cycle_until(lambda answer: answer.server and answer.commands)
+    link.send_goal(1, ((-1.0, 0.0, 0.0),), "map", 0)
+    bench.goal_updates(1, {"feedback"})
+
+    bench.now = 100 * 1_000_000_000
+    link = bench.again()
+    link.set_up(setup())
+    bench.cycle_until(lambda answer: answer.commands)
+    for _ in range(3):
+        time = bench.now
+        answer = bench.cycle("command", DEADLINE)
+        assert answer.latency is not None
+        assert relay.read_stamp(answer.messages[-1].data) == time
+    # Nothing is told of the former goal, which has the same number.
+    link.send_goal(1, ((1.0, 0.0, 0.0),), "map", 0)
+    states = [one.state for one in bench.goal_updates(1, {"succeeded", "canceled"})]
+    assert [state for state in states if state != "feedback"] == ["accepted", "succeeded"]
+    link = bench.again()
+    link.set_up(setup(action="/follow_waypoints", action_kind="follow_waypoints"))
+    bench.cycle_until(lambda answer: answer.server)
+    # Cancelled, so nothing pursues it any more.
+    assert "canceled -1" in bench.logs()
+
+
+def test_garbage_from_our_side_ends_the_relay(bench: Bench) -> None:
+    link = bench.connect(SCENARIO_KEEP="1")
+    link.set_up(setup())
+    with pytest.raises(LinkLost, match="gone"):
+        bench.cycle("nonsense")
+    assert bench.children[0].wait(DEADLINE) == 3
+    assert "waits 0.02 s for 'nonsense'" in bench.logs()
+
+
+def test_the_executor_of_rclpy_does_it_as_well(bench: Bench) -> None:
+    link = bench.connect(SCENARIO_RELAY_EXECUTOR="1")
+    link.set_up(setup(subscribe=HEARD))
+    bench.stack("stamped", "actions")
+    bench.cycle_until(lambda answer: answer.server and answer.commands)
+    bench.cycle(wait=0.2)
+    for _ in range(50):
+        time = bench.now
+        answer = bench.cycle("command", DEADLINE)
+        assert answer.latency is not None
+        assert relay.read_stamp(answer.messages[-1].data) == time
+    assert "through the executor" in bench.logs()

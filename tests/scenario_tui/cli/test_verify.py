@@ -1,0 +1,77 @@
+"""``scenario verify``: what people and scripts are told about executions of a recorded run."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from daemon.stacks import registry
+from scenario_tui.cli import invoke
+from tests.daemon.analysis.test_verification import EXTERNAL, erratic, idle, recorded
+from tests.scenario_tui.cli.outputs import declared
+
+__all__ = ["erratic"]
+
+
+@pytest.fixture(autouse=True)
+def state(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("SCENARIO_STATE", str(tmp_path / "state"))
+
+
+def test_the_same_bytes_are_what_is_expected(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path, run = recorded(tmp_path, sut=idle())
+    assert invoke(["verify", str(path), "--repeats", "2"]) == 0
+    assert capsys.readouterr().out == f"{run.label}: 2 of 2 executions left the same bytes\n"
+
+
+def test_other_bytes_are_a_finding(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path, run = recorded(tmp_path, sut=idle())
+    data = path.read_bytes()
+    path.write_bytes(data.replace(b"scenario", b"Scenario", 1))
+    assert invoke(["verify", str(path)]) == 1
+    out = capsys.readouterr().out
+    assert f"{run.label}: not the same bytes, 0 of 1 executions left them" in out
+    assert "path driven" in out
+
+
+def test_the_spread_of_an_external_system_is_told(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], erratic: None
+) -> None:
+    path, run = recorded(tmp_path, sut=EXTERNAL)
+    assert invoke(["verify", str(path), "-n", "2"]) == 0
+    out = capsys.readouterr().out
+    assert f"{run.label}: theirs is not repeatable; 2 more executions" in out
+    assert "with the recorded one: " in out
+    assert {"duration", "path driven", "far"} <= {line.split("  ")[0] for line in out.splitlines()}
+
+
+def test_scripts_get_everything(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], erratic: None
+) -> None:
+    path, _ = recorded(tmp_path, sut=EXTERNAL)
+    assert invoke(["verify", str(path), "--json"]) == 0
+    body = declared(capsys.readouterr().out)
+    assert body["schema"] == "scenario/verify/1"
+    assert (body["repeatable"], len(body["executions"])) == (False, 5)
+    assert sum(body["outcomes"].values()) == 6
+
+
+def test_a_system_that_is_not_here_is_infrastructure(
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    erratic: None,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    path, _ = recorded(tmp_path, sut=EXTERNAL)
+    monkeypatch.setattr(registry, "entry_points", lambda **_: [])
+    assert invoke(["verify", str(path), "-n", "1"]) == 3
+    assert 'execution 1: SutMissing: no system under test of kind "erratic"' in (
+        capsys.readouterr().out
+    )
+
+
+def test_a_trace_that_is_not_there_is_wrong_usage(tmp_path: Path) -> None:
+    assert invoke(["verify", str(tmp_path / "none.mcap")]) == 2
