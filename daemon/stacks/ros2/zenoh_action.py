@@ -96,7 +96,7 @@ class ActionClient:
              time: int) -> None:  # fmt: skip
         """Send a goal; asked again until there is a server, at most for :data:`ANSWER_TIME`."""
         identifier = os.urandom(16)
-        goal = self._interfaces.make(f"{self._kind}_SentGoal", **self._targets(poses, frame, time))
+        goal = self._interfaces.make(f"{self._kind}_Goal", **self._targets(poses, frame, time))
         request = self._interfaces.serialize(
             f"{self._kind}_SendGoal_Request", goal_id=self._identified(identifier), goal=goal
         )
@@ -151,7 +151,7 @@ class ActionClient:
                  time: int) -> Mapping[str, Any]:  # fmt: skip
         stamped = [self._pose(pose, frame, time) for pose in poses]
         # Goals of Kilted on are a message with a list; of others they are the list.
-        nested = self._interfaces.field_types(f"{self._kind}_SentGoal").get("poses", "")
+        nested = self._interfaces.field_types(f"{self._kind}_Goal").get("poses", "")
         many: Any = stamped
         if nested.endswith("/Goals"):
             header = self._header(frame, time)
