@@ -20,6 +20,7 @@ test: $(VENV)/.installed-test     ## lint, types, import contracts and every tes
 
 test-ros2: $(VENV)/.installed-test ## make ROS 2 environments (about 50 s each), test against them
 	$(BIN)/python -m tests.ros2.environment jazzy kilted
+	$(BIN)/python -m tests.ros2.zenoh_environment
 	$(BIN)/pytest tests/ros2 --numprocesses logical --maxprocesses 4 --dist loadfile
 
 bench: $(VENV)/.installed-test    ## measure, side by side in one process
