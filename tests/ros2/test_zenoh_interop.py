@@ -20,10 +20,10 @@ from typing import Any
 import pytest
 
 from daemon.stacks.ros2.link import Cycle, CycleAnswer, GoalUpdate, LinkSetup, TopicSetup
-from daemon.stacks.ros2.zenoh_link import ZenohLink
-from daemon.stacks.ros2.zenoh_router import ZenohRouter
-from daemon.stacks.ros2.zenoh_types import Interfaces
-from daemon.stacks.ros2.zenoh_wire import gid, read_token, token_key, topic_key
+from daemon.stacks.ros2.rmw_zenoh.interfaces import Interfaces
+from daemon.stacks.ros2.rmw_zenoh.link import ZenohLink
+from daemon.stacks.ros2.rmw_zenoh.router import ZenohRouter
+from daemon.stacks.ros2.rmw_zenoh.wire import gid, read_token, token_key, topic_key
 from tests.daemon.stacks.ros2.test_zenoh_link import SCAN, map_message
 from tests.daemon.stacks.ros2.test_zenoh_types import ROSIDL, TO_POSE, WHOLE
 

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from daemon.stacks.ros2.zenoh_types import InterfaceError, Interfaces
+from daemon.stacks.ros2.rmw_zenoh.interfaces import InterfaceError, Interfaces
 from tests.daemon.stacks.ros2.test_zenoh_types import THROUGH, TO_POSE, WAYPOINTS
 
 environment = pytest.importorskip("tests.ros2.environment")

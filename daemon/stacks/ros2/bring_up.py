@@ -173,8 +173,8 @@ class BringUp:
 
     def _connect_by_zenoh(self, values: dict[str, str], began: float) -> Iterator[str]:
         # Nobody who uses the relay pays for the types of this one.
-        from daemon.stacks.ros2.zenoh_link import ZenohLink
-        from daemon.stacks.ros2.zenoh_router import ZenohRouter
+        from daemon.stacks.ros2.rmw_zenoh.link import ZenohLink
+        from daemon.stacks.ros2.rmw_zenoh.router import ZenohRouter
 
         settings = self._settings
         definitions = tuple(Path(folder).expanduser() for folder in settings.definitions)
@@ -185,9 +185,13 @@ class BringUp:
         except LinkLost as error:
             raise SutFailure(str(error)) from error
         link = ZenohLink(router)
-        process = StackProcess(
-            settings, values=values, key=self._key(), relay=None, extra=router.environment
-        )
+        try:
+            process = StackProcess(
+                settings, values=values, key=self._key(), relay=None, extra=router.environment
+            )
+        except SutFailure:
+            router.close()
+            raise
         values[placeholders.MAP] = str(self._write_map(process))
         self.session = StackSession(settings, process, link)
         yield from self._start(process, began)

@@ -23,9 +23,9 @@ from typing import Any
 import numpy as np
 import zenoh
 
-from daemon.stacks.ros2.zenoh_node import RosNode
-from daemon.stacks.ros2.zenoh_types import Interfaces
-from daemon.stacks.ros2.zenoh_wire import QosProfile, attachment, read_attachment
+from daemon.stacks.ros2.rmw_zenoh.interfaces import Interfaces
+from daemon.stacks.ros2.rmw_zenoh.node import RosNode
+from daemon.stacks.ros2.rmw_zenoh.wire import QosProfile, attachment, read_attachment
 
 ACTION = "/navigate_to_pose"
 LIFECYCLE_NODE = "/bt_navigator"

@@ -7,7 +7,7 @@ from threading import Thread
 
 import pytest
 
-from daemon.stacks.ros2.zenoh_inbox import Inbox
+from daemon.stacks.ros2.rmw_zenoh.inbox import Inbox
 
 STAMPED, PLAIN = "geometry_msgs/msg/TwistStamped", "geometry_msgs/msg/Twist"
 SECOND = 1_000_000_000

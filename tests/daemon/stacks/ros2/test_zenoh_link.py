@@ -13,7 +13,6 @@ import numpy as np
 import pytest
 
 from daemon.model import ros_messages
-from daemon.stacks.ros2 import zenoh_action
 from daemon.stacks.ros2.link import (
     ACTION_KINDS,
     Cycle,
@@ -25,8 +24,9 @@ from daemon.stacks.ros2.link import (
     StackLink,
     TopicSetup,
 )
-from daemon.stacks.ros2.zenoh_link import ZenohLink
-from daemon.stacks.ros2.zenoh_router import ZenohRouter
+from daemon.stacks.ros2.rmw_zenoh import action as zenoh_action
+from daemon.stacks.ros2.rmw_zenoh.link import ZenohLink
+from daemon.stacks.ros2.rmw_zenoh.router import ZenohRouter
 
 from .pretended_zenoh_stack import ACTION, LIFECYCLE_NODE, Options, running
 from .test_zenoh_types import ROSIDL

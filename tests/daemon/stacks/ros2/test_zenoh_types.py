@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from daemon.model import ros_messages
-from daemon.stacks.ros2.zenoh_types import (
+from daemon.stacks.ros2.rmw_zenoh.interfaces import (
     NO_HASH,
     InterfaceError,
     Interfaces,

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from daemon.stacks.ros2.zenoh_wire import (
+from daemon.stacks.ros2.rmw_zenoh.wire import (
     QosProfile,
     Token,
     attachment,

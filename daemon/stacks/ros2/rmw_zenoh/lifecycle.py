@@ -12,7 +12,7 @@ from typing import Any, Final
 import numpy as np
 
 from daemon.stacks.ros2.link import LinkLost
-from daemon.stacks.ros2.zenoh_node import RosNode, ServiceClient
+from daemon.stacks.ros2.rmw_zenoh.node import RosNode, ServiceClient
 
 GET_STATE: Final = "lifecycle_msgs/srv/GetState"
 CHANGE_STATE: Final = "lifecycle_msgs/srv/ChangeState"

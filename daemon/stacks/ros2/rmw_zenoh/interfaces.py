@@ -16,7 +16,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from daemon.stacks.ros2.zenoh_definitions import DISTRIBUTIONS, SHIPPED
+from daemon.stacks.ros2.rmw_zenoh.definitions import DISTRIBUTIONS, SHIPPED
 
 NO_HASH: Final = "TypeHashNotSupported"
 """What stands in place of a hash in Humble, which has none."""

@@ -25,14 +25,14 @@ from daemon.stacks.ros2.link import (
     StackIdentity,
     TopicSetup,
 )
-from daemon.stacks.ros2.zenoh_action import ActionClient
-from daemon.stacks.ros2.zenoh_graph import ZenohGraph
-from daemon.stacks.ros2.zenoh_inbox import Inbox
-from daemon.stacks.ros2.zenoh_lifecycle import LifecycleClients
-from daemon.stacks.ros2.zenoh_node import Publisher, RosNode
-from daemon.stacks.ros2.zenoh_router import ZenohRouter
-from daemon.stacks.ros2.zenoh_types import InterfaceError
-from daemon.stacks.ros2.zenoh_wire import QosProfile, Role, Token
+from daemon.stacks.ros2.rmw_zenoh.action import ActionClient
+from daemon.stacks.ros2.rmw_zenoh.graph import ZenohGraph
+from daemon.stacks.ros2.rmw_zenoh.inbox import Inbox
+from daemon.stacks.ros2.rmw_zenoh.interfaces import InterfaceError
+from daemon.stacks.ros2.rmw_zenoh.lifecycle import LifecycleClients
+from daemon.stacks.ros2.rmw_zenoh.node import Publisher, RosNode
+from daemon.stacks.ros2.rmw_zenoh.router import ZenohRouter
+from daemon.stacks.ros2.rmw_zenoh.wire import QosProfile, Role, Token
 
 NODE: Final = "/scenario"
 CLOCK: Final = "/clock"

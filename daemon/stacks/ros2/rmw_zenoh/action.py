@@ -18,8 +18,8 @@ import numpy as np
 
 from daemon.model import ros_messages
 from daemon.stacks.ros2.link import ACTION_KINDS, GoalUpdate, LinkLost
-from daemon.stacks.ros2.zenoh_node import RosNode
-from daemon.stacks.ros2.zenoh_wire import QosProfile, Role
+from daemon.stacks.ros2.rmw_zenoh.node import RosNode
+from daemon.stacks.ros2.rmw_zenoh.wire import QosProfile, Role
 
 CANCEL: Final = "action_msgs/srv/CancelGoal"
 
@@ -64,7 +64,8 @@ class ActionClient:
     ``woken`` is called when there is news, with whether it came from the stack. ``endpoints`` are
     those it talks to (role, name, type), first the one that says that there is a server.
 
-    Raises :class:`~daemon.stacks.ros2.zenoh_types.InterfaceError` when definitions are missing.
+    Raises :class:`~daemon.stacks.ros2.rmw_zenoh.interfaces.InterfaceError` when definitions are
+    missing.
     """
 
     def __init__(

@@ -15,8 +15,8 @@ import zenoh
 from zenoh import ext
 
 from daemon.stacks.ros2.link import LinkLost
-from daemon.stacks.ros2.zenoh_types import Interfaces
-from daemon.stacks.ros2.zenoh_wire import (
+from daemon.stacks.ros2.rmw_zenoh.interfaces import Interfaces
+from daemon.stacks.ros2.rmw_zenoh.wire import (
     GRAPH,
     QosProfile,
     Role,

@@ -9,8 +9,8 @@ from __future__ import annotations
 from typing import Final
 
 from daemon.stacks.ros2.link import Graph, GraphEndpoint
-from daemon.stacks.ros2.zenoh_types import NO_HASH, distributions_with
-from daemon.stacks.ros2.zenoh_wire import Role, Token
+from daemon.stacks.ros2.rmw_zenoh.interfaces import NO_HASH, distributions_with
+from daemon.stacks.ros2.rmw_zenoh.wire import Role, Token
 
 _HASH_SHOWN: Final = len("RIHS01_") + 12
 

@@ -11,7 +11,7 @@ from typing import Any, Final
 import zenoh
 
 from daemon.stacks.ros2.link import LinkLost
-from daemon.stacks.ros2.zenoh_types import InterfaceError, Interfaces
+from daemon.stacks.ros2.rmw_zenoh.interfaces import InterfaceError, Interfaces
 
 _ATTEMPTS: Final = 20
 
