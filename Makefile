@@ -6,7 +6,7 @@ INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check --co
 # Machine code is made once here (about ten seconds), not in the first campaign.
 WARM := $(BIN)/python -c 'from daemon.run import warm_up; warm_up()'
 
-.PHONY: demo test test-ros2 bench chaos lint format lock clean
+.PHONY: demo test test-ros2 test-ros2-short bench chaos lint format lock clean
 
 demo: $(VENV)/.installed          ## run the main job: a campaign with moving doors, judged
 	@$(BIN)/scenario demo
@@ -22,6 +22,10 @@ test-ros2: $(VENV)/.installed-test ## make ROS 2 environments (about 50 s each),
 	$(BIN)/python -m tests.ros2.environment jazzy kilted
 	$(BIN)/python -m tests.ros2.zenoh_environment
 	$(BIN)/pytest tests/ros2 --numprocesses logical --maxprocesses 4 --dist loadfile
+
+test-ros2-short: $(VENV)/.installed-test ## the most important of these, with one distribution
+	$(BIN)/python -m tests.ros2.environment kilted
+	$(BIN)/pytest tests/ros2 -m short -k kilted --numprocesses logical --maxprocesses 4
 
 bench: $(VENV)/.installed-test    ## measure, side by side in one process
 	$(BIN)/python -m tests.benchmarks

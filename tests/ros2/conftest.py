@@ -33,6 +33,7 @@ def pytest_configure(config: pytest.Config) -> None:
     config.addinivalue_line(
         "markers", "one_distribution: one ROS 2 is enough, what is tested does not differ"
     )
+    config.addinivalue_line("markers", "short: part of make test-ros2-short")
 
 
 def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:

@@ -251,6 +251,7 @@ def drive(bench: Bench, kind: str, cycles: int) -> list[bytes]:
     return commands
 
 
+@pytest.mark.short
 @pytest.mark.parametrize("kind", COMMAND_KINDS)
 def test_each_of_1200_cycles_is_answered_and_again_with_the_same_bytes(
     bench: Bench, other_bench: Bench, kind: str

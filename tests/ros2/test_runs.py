@@ -101,6 +101,7 @@ def specified(
     )
 
 
+@pytest.mark.short
 def test_a_stack_drives_the_robot_and_the_trace_tells_everything(drive: Drive) -> None:
     run = drive(waypoints=ROUND, limit=60.0)
     assert run.result.ended == "finished", run.result.note
@@ -127,6 +128,7 @@ def test_all_waypoints_may_be_one_goal(drive: Drive, mission: str) -> None:
     assert run.said.count("accepted") == 1
 
 
+@pytest.mark.short
 @pytest.mark.one_distribution
 def test_the_same_run_gets_the_same_commands(drive: Drive) -> None:
     runs = [drive(name=str(i)) for i in range(2)]
@@ -153,7 +155,8 @@ def test_what_is_not_the_robots_doing_is_an_error_with_the_stacks_words(
     drive: Drive, options: str, words: str
 ) -> None:
     waits = "not ready" in words or "nodes active" in words
-    run = drive(options, **({"start_up": "12 s"} if waits else {}))
+    # What crashes shows when the wait for its command is over.
+    run = drive(options, **({"start_up": "12 s"} if waits else {"patience": "2 s"}))
     assert run.result.ended == "crashed"
     assert run.result.outcome == "error"
     assert words in run.result.note
@@ -161,6 +164,7 @@ def test_what_is_not_the_robots_doing_is_an_error_with_the_stacks_words(
     assert run.output
 
 
+@pytest.mark.short
 @pytest.mark.one_distribution
 def test_an_abort_is_a_failure_of_the_robot(drive: Drive) -> None:
     run = drive("fault:=goal-aborted after:=5 error_code:=105 error_msg:=stuck")
@@ -187,11 +191,12 @@ def test_a_stack_that_cannot_keep_up_is_an_error(drive: Drive) -> None:
 
 @pytest.mark.one_distribution
 def test_an_action_server_that_vanishes_is_an_error(drive: Drive) -> None:
-    run = drive("fault:=no-server after:=10", limit=60.0)
+    run = drive("fault:=no-server after:=10", limit=60.0, patience="2 s")
     assert run.result.outcome == "error"
     assert "is gone" in run.result.note
 
 
+@pytest.mark.short
 @pytest.mark.one_distribution
 def test_two_runs_at_once_do_not_hear_each_other(drive: Drive) -> None:
     alone = drive(name="alone")
@@ -205,6 +210,7 @@ def test_two_runs_at_once_do_not_hear_each_other(drive: Drive) -> None:
         assert run.said.count("Begin navigating") == 1
 
 
+@pytest.mark.short
 @pytest.mark.one_distribution
 def test_a_stack_may_serve_several_runs_when_its_reset_is_seen_to_work(drive: Drive) -> None:
     first = drive(name="first", reuse="yes")
@@ -214,6 +220,7 @@ def test_a_stack_may_serve_several_runs_when_its_reset_is_seen_to_work(drive: Dr
     assert first.trace.command.vx.tobytes() == second.trace.command.vx.tobytes()
 
 
+@pytest.mark.short
 def test_nothing_is_left_running(drive: Drive) -> None:
     mark = uuid.uuid4().hex
     run = drive(f"error_msg:={mark}")
