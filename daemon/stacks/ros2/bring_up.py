@@ -119,6 +119,7 @@ class BringUp:
         self._settings, self._briefing = settings, briefing
         self._first = first
         self._latched = False
+        self._began = 0.0
         self.session: StackSession | None = None
         self.events: list[SutEvent] = []
 
@@ -126,11 +127,9 @@ class BringUp:
         """Yield what is being waited for; raises :class:`SutFailure` when it does not come up."""
         began = wall_clock.monotonic()
         try:
-            yield from self._connect(began)
-            while self.ready_session().process.reused:
-                if (yield from self._reset_or_replace(began)):
-                    break
-            yield from self._wait_until_ready(began)
+            yield from self._connect()
+            while not (yield from self._come_up()):
+                yield from self._connect()
             self._align()
         except LinkLost as error:
             raise SutFailure(self.ready_session().explain(str(error))) from error
@@ -148,30 +147,31 @@ class BringUp:
         assert self.session is not None
         return self.session
 
-    def _connect(self, began: float) -> Iterator[str]:
+    def _connect(self) -> Iterator[str]:
         """Start the stack, or find the one that was left, and wait for a link to it."""
         settings = self._settings
+        self._began = wall_clock.monotonic()
         yield "starting the stack"
         values = self._values()
         if settings.transport == "zenoh":
-            yield from self._connect_by_zenoh(values, began)
+            yield from self._connect_by_zenoh(values)
         else:
-            yield from self._connect_by_relay(values, began)
+            yield from self._connect_by_relay(values)
         self.ready_session().link.set_up(link_setup(settings))
         self._latched = False
 
-    def _connect_by_relay(self, values: dict[str, str], began: float) -> Iterator[str]:
+    def _connect_by_relay(self, values: dict[str, str]) -> Iterator[str]:
         process = StackProcess(self._settings, values=values, key=self._key(), relay=relay_path())
         # Where the map lies is known with the folder; the values are used when it is started.
         values[placeholders.MAP] = str(self._write_map(process))
         link = RelayLink.listen(process.socket, process.nonce)
         self.session = StackSession(self._settings, process, link)
-        yield from self._start(process, began)
+        yield from self._start(process)
         while not link.accept(timeout=0.1):
-            self._check_alive(process, began, "its relay has not come")
-            yield f"waiting for the relay in the stack's ROS 2, {_seconds_since(began)}"
+            self._check_alive(process, "its relay has not come")
+            yield f"waiting for the relay in the stack's ROS 2, {self._waited()}"
 
-    def _connect_by_zenoh(self, values: dict[str, str], began: float) -> Iterator[str]:
+    def _connect_by_zenoh(self, values: dict[str, str]) -> Iterator[str]:
         # Nobody who uses the relay pays for the types of this one.
         from daemon.stacks.ros2.rmw_zenoh.link import ZenohLink
         from daemon.stacks.ros2.rmw_zenoh.router import ZenohRouter
@@ -194,36 +194,46 @@ class BringUp:
             raise
         values[placeholders.MAP] = str(self._write_map(process))
         self.session = StackSession(settings, process, link)
-        yield from self._start(process, began)
+        yield from self._start(process)
         link.join(process.domain)
 
-    def _start(self, process: StackProcess, began: float) -> Iterator[str]:
+    def _start(self, process: StackProcess) -> Iterator[str]:
         """Start the processes; a domain that is another run's at the moment is waited for."""
         while True:
             try:
                 process.start()
             except DomainTaken as error:
-                if wall_clock.monotonic() - began > self._settings.start_up:
+                if wall_clock.monotonic() - self._began > self._settings.start_up:
                     raise
                 yield str(error)
                 wall_clock.sleep(_ASK_PERIOD)
             else:
                 return
 
-    def _reset_or_replace(self, began: float) -> Generator[str, None, bool]:
-        """Reset the stack of the run before; where that fails, connect to another one."""
+    def _come_up(self) -> Generator[str, None, bool]:
+        """Wait until the stack is ready; return whether it is, or another one has to be started.
+
+        Only a stack of the run before may be given up like this: when its reset does not come out
+        as it should, which is seen by its nodes and by where it believes to be.
+        """
         session = self.ready_session()
+        if not session.process.reused:
+            yield from self._wait_until_ready()
+            return True
         try:
-            yield from self._reset(began)
-        except (SutFailure, LinkLost) as error:
+            yield from self._reset()
+            yield from self._wait_until_ready()
+            off = self._off_the_start(session.telemetry.pose())
+            if off:
+                raise SutFailure(off)
+        except (SutFailure, LinkLost, OSError, ValueError) as error:
             first = str(error).splitlines()[0]
             self.events.append(SutEvent(f"the stack could not be used again: {first}", "warn"))
             session.close(keep=False)
-            yield from self._connect(began)
             return False
         return True
 
-    def _reset(self, began: float) -> Iterator[str]:
+    def _reset(self) -> Iterator[str]:
         """Take every lifecycle node down and up again, in order, and forget where it was."""
         session = self.ready_session()
         clock = (session.process.folder / _CLOCK_FILE).read_text(encoding="ascii")
@@ -232,19 +242,19 @@ class BringUp:
         for steps, order in ((_RESET_STEPS, nodes[::-1]), (_START_STEPS, nodes)):
             for transition, state in steps:
                 for node in order:
-                    yield from self._change_state(node, transition, state, began)
+                    yield from self._change_state(node, transition, state)
         session.telemetry.forget()
         self.events.append(SutEvent("the stack of the run before was reset and is used again"))
 
-    def _change_state(self, node: str, transition: str, state: str, began: float) -> Iterator[str]:
+    def _change_state(self, node: str, transition: str, state: str) -> Iterator[str]:
         session = self.ready_session()
         session.link.request_state(node, transition)
         while session.link.readiness().nodes.get(node) != state:
             self._tick(wait=self._settings.period)
-            self._check_alive(session.process, began, f"{node} does not {transition}")
+            self._check_alive(session.process, f"{node} does not {transition}")
             yield f"resetting the stack: {transition} {node}"
 
-    def _wait_until_ready(self, began: float) -> Iterator[str]:
+    def _wait_until_ready(self) -> Iterator[str]:
         session, settings = self.ready_session(), self._settings
         ask = tell = 0.0
         complete_since: float | None = None
@@ -268,8 +278,8 @@ class BringUp:
                 missing = f"no transform {settings.frames.map} -> {settings.frames.base} yet"
             else:
                 complete_since = None
-            self._check_alive(session.process, began, missing)
-            yield f"{missing}, {_seconds_since(began)}"
+            self._check_alive(session.process, missing)
+            yield f"{missing}, {self._waited()}"
         self._check_pose(session.telemetry.pose())
         self._check_alone()
 
@@ -311,17 +321,20 @@ class BringUp:
     def _check_pose(self, pose: Pose2 | None) -> None:
         """Say when the stack does not know, or not rightly, where it was told to be."""
         frames = self._settings.frames
+        text = self._off_the_start(pose)
         if pose is None:
             text = f"no transform {frames.map} -> {frames.base} was seen: no estimate is recorded"
+        if text:
             self.events.append(SutEvent(text, "warn"))
-            return
+
+    def _off_the_start(self, pose: Pose2 | None) -> str:
+        """Return how far off the start the stack believes to be, empty when it is not."""
+        if pose is None or self._settings.initial_pose != "published":
+            return ""
         off = self._briefing.start.inverse() @ pose
-        if (
-            self._settings.initial_pose == "published"
-            and max(abs(off.x), abs(off.y), abs(off.yaw)) > _FAR
-        ):
-            text = f"the stack believes to be {off.x:.2f} m, {off.y:.2f} m off the start"
-            self.events.append(SutEvent(text, "warn"))
+        if max(abs(off.x), abs(off.y), abs(off.yaw)) <= _FAR:
+            return ""
+        return f"the stack believes to be {off.x:.2f} m, {off.y:.2f} m off the start"
 
     def _tick(self, *, wait: float) -> None:
         """Let the clock go on by a period, with the first measurements as if they were of now."""
@@ -365,17 +378,20 @@ class BringUp:
         message = sensors.initial_pose(self._briefing.start, session.time, self._settings.frames)
         session.cycle(Cycle(session.time + 1, ((self._settings.topics.initial_pose, message),)))
 
-    def _check_alive(self, process: StackProcess, began: float, missing: str) -> None:
+    def _check_alive(self, process: StackProcess, missing: str) -> None:
         ended = process.ended()
         if ended:
             raise SutFailure(self._with_last_lines(f"the stack did not come up: {ended}"))
-        if wall_clock.monotonic() - began > self._settings.start_up:
+        if wall_clock.monotonic() - self._began > self._settings.start_up:
             raise SutFailure(
                 self._with_last_lines(
                     f"the stack was not ready within {self._settings.start_up:g} s of wall clock "
                     f"(start-up): {missing}"
                 )
             )
+
+    def _waited(self) -> str:
+        return f"{wall_clock.monotonic() - self._began:.0f} s"
 
     def _with_last_lines(self, sentence: str) -> str:
         return self.ready_session().with_last_lines(sentence)
@@ -403,7 +419,3 @@ class BringUp:
         height = self._briefing.robot.laser.z
         _, meta = write_map(self._briefing.map, process.folder / "map", laser_height=height)
         return meta
-
-
-def _seconds_since(began: float) -> str:
-    return f"{wall_clock.monotonic() - began:.0f} s"

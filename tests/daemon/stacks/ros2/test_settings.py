@@ -117,6 +117,7 @@ def test_values_come_with_units_and_in_words() -> None:
         ({"frames": {"base": "/base"}}, "is not a frame of tf2"),
         ({"ready": "a-b"}, "ready[0]"),
         ({"mission": "dock"}, "must be 'waypoints', 'follow' or 'through'"),
+        ({"reuse": "yes", "ready": None}, "nothing to reset the stack by"),
         ({"environment": {"ROS_DOMAIN_ID": 102}}, "must be own, or a whole number from 0 to 101"),
         ({"environment": {"ROS_DOMAIN_ID": True}}, "must be own, or a whole number"),
         ({"environment": {"DEBUG": 1}}, 'environment/DEBUG: DEBUG: must be text; 1 is a number'),

@@ -1,0 +1,235 @@
+"""From the command to a stack that is ready: its clock, its pose, stacks that are used again."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from daemon.campaign import expand, load_campaign
+from daemon.model import ros_messages as ros
+from daemon.model.sut import Briefing, LaserScan, Observation, Odometry, SutFailure
+from daemon.stacks.ros2 import bring_up, sensors
+from daemon.stacks.ros2.bring_up import BringUp
+from daemon.stacks.ros2.link import (
+    Cycle,
+    CycleAnswer,
+    Graph,
+    GraphEndpoint,
+    Readiness,
+    ReceivedMessage,
+)
+from daemon.stacks.ros2.settings import read_settings
+from grammars.model.geometry import Pose2, Twist2
+from grammars.model.grid import OccupancyGrid
+from tests.daemon.stacks.ros2.pretended_link import PretendedLink
+
+NODES = ("/amcl", "/bt_navigator")
+SECOND = 1_000_000_000
+START = Pose2()
+
+
+class Stack(PretendedLink):
+    """A stack as its link shows it: ready at once, unless told otherwise.
+
+    ``believes``: where it says to be once it was told its pose; ``obeys``: whether its nodes change
+    their state when asked.
+    """
+
+    def __init__(self, believes: Pose2 | None = START, *, obeys: bool = True) -> None:
+        super().__init__()
+        self.states = dict.fromkeys(NODES, "active")
+        self.believes, self.obeys = believes, obeys
+        self.told: list[bytes] = []
+        self.asked: list[tuple[str, str]] = []
+        self.endpoints: tuple[GraphEndpoint, ...] = ()
+        self.closed = False
+
+    def accept(self, timeout: float = 0.1) -> bool:
+        return True
+
+    def cycle(self, cycle: Cycle) -> CycleAnswer:
+        super().cycle(cycle)
+        self.told += [data for topic, data in cycle.messages if topic == "/initialpose"]
+        if not self.told or self.believes is None:
+            return self.answer
+        pose = self.believes
+        qz, qw = ros.yaw_quaternion(pose.yaw)
+        correction = ros.transform(ros.time(0), "map", "odom", x=pose.x, y=pose.y, qz=qz, qw=qw)
+        message = ros.make(sensors.TRANSFORMS, transforms=[correction])
+        data = ros.serialize(message, sensors.TRANSFORMS)
+        heard = (ReceivedMessage("/tf", sensors.TRANSFORMS, data),)
+        return CycleAnswer(None, 0, heard=True, server=True, messages=heard)
+
+    def readiness(self) -> Readiness:
+        return Readiness(dict(self.states), True, "", {"/initialpose": 1, "/scan": 1})
+
+    def graph(self) -> Graph:
+        return Graph(self.endpoints, (), ())
+
+    def request_state(self, node: str, transition: str) -> None:
+        self.asked.append((node, transition))
+        after = {"configure": "inactive", "deactivate": "inactive", "activate": "active"}
+        if self.obeys:
+            self.states[node] = after.get(transition, "unconfigured")
+
+    def close(self) -> None:
+        self.closed = True
+
+
+class Process:
+    """The processes of a stack, of which nothing runs."""
+
+    def __init__(self, folder: Path, *, reused: bool) -> None:
+        self.folder, self.reused = folder, reused
+        self.socket, self.nonce, self.domain = folder / "socket", "", 7
+        self.kept: bool | None = None
+
+    def start(self) -> None:
+        assert (self.folder / "map.yaml").exists()
+
+    def ended(self) -> str:
+        return ""
+
+    def last_lines(self, count: int = 20) -> tuple[str, ...]:
+        return ("a line",)
+
+    def outputs(self) -> Mapping[str, bytes]:
+        return {}
+
+    def release(self, *, keep: bool) -> None:
+        self.kept = keep
+
+
+class Machine:
+    """What is found, or started, when a run asks for its stack: one after the other."""
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+        self.stacks: list[tuple[Stack, Process]] = []
+        self._next = 0
+
+    def will_have(self, stack: Stack, *, reused: bool = False) -> tuple[Stack, Process]:
+        place = self._folder / str(len(self.stacks))
+        place.mkdir()
+        (place / "clock").write_text(str(77 * SECOND))
+        self.stacks.append((stack, Process(place, reused=reused)))
+        return self.stacks[-1]
+
+    def process(self, *_: Any, **__: Any) -> Process:
+        return self.stacks[self._next][1]
+
+    def listen(self, *_: Any) -> Stack:
+        self._next += 1
+        return self.stacks[self._next - 1][0]
+
+
+@pytest.fixture
+def machine(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Machine:
+    machine = Machine(tmp_path)
+    monkeypatch.setattr(bring_up, "StackProcess", machine.process)
+    monkeypatch.setattr(bring_up.RelayLink, "listen", machine.listen)
+    return machine
+
+
+@pytest.fixture
+def briefing(campaigns: Path) -> Briefing:
+    spec = expand(load_campaign(campaigns / "demo" / "campaign.yaml")).runs[0]
+    grid = OccupancyGrid(0.05, 0.0, 0.0, np.zeros((4, 4), np.int8))
+    seed = np.random.SeedSequence(1)
+    return Briefing(spec.robot, grid, spec.mission, spec.mission.start, seed)
+
+
+def coming_up(briefing: Briefing, **keys: Any) -> tuple[BringUp, Iterator[str]]:
+    settings = read_settings(
+        {"launch": "true", "ready": [n.strip("/") for n in NODES], "start-up": "60 s", **keys}
+    )
+    scan = LaserScan(0.0, np.ones(briefing.robot.laser.rays, np.float32))
+    first = Observation(0.0, (Odometry(0.0, Pose2(), Twist2()),), (scan,))
+    attempt = BringUp(settings, briefing, first)
+    return attempt, attempt.run()
+
+
+def test_the_clock_begins_at_a_second_never_goes_back_and_the_run_at_a_round_time(
+    machine: Machine, briefing: Briefing
+) -> None:
+    stack, _ = machine.will_have(Stack())
+    attempt, waiting = coming_up(briefing)
+    assert list(waiting)
+    times = [cycle.time for cycle in stack.cycles]
+    assert times[0] == SECOND
+    assert times == sorted(set(times))
+    zero = attempt.ready_session().zero
+    assert zero == 5 * SECOND
+    assert times[-1] < zero
+    # What is published once comes with the first clock, measurements with every one.
+    topics = [topic for topic, _ in stack.cycles[0].messages]
+    assert topics == ["/tf_static", "/tf", "/odom", "/scan"]
+    assert "ready after" in attempt.events[-1].text
+
+
+def test_the_start_is_told_to_who_listens(machine: Machine, briefing: Briefing) -> None:
+    stack, _ = machine.will_have(Stack())
+    list(coming_up(briefing)[1])
+    assert len(stack.told) == 1
+    told = sensors.read_message(stack.told[0], sensors.INITIAL_POSE)
+    assert (told.pose.pose.position.x, told.header.frame_id) == (briefing.start.x, "map")
+
+
+def test_a_stack_that_does_not_come_up_says_what_it_lacks(
+    machine: Machine, briefing: Briefing
+) -> None:
+    stack, _ = machine.will_have(Stack())
+    stack.states["/amcl"] = "inactive"
+    _, waiting = coming_up(briefing, **{"start-up": "0.2 s"})
+    with pytest.raises(SutFailure, match=r"within 0.2 s .*1 of 2 nodes active, amcl is inactive"):
+        list(waiting)
+
+
+def test_a_second_clock_in_the_domain_is_refused(machine: Machine, briefing: Briefing) -> None:
+    stack, _ = machine.will_have(Stack())
+    stack.endpoints = (
+        GraphEndpoint("/clock", "rosgraph_msgs/msg/Clock", "/bag", "publisher", True, False),
+    )
+    with pytest.raises(SutFailure, match="/bag publishes /clock too, in ROS domain 7"):
+        list(coming_up(briefing)[1])
+
+
+def test_a_stack_of_the_run_before_is_reset_in_order_and_its_clock_goes_on(
+    machine: Machine, briefing: Briefing
+) -> None:
+    stack, _ = machine.will_have(Stack(), reused=True)
+    attempt, waiting = coming_up(briefing, reuse="yes")
+    list(waiting)
+    first, last = NODES
+    assert stack.asked == [
+        *((node, "deactivate") for node in (last, first)),
+        *((node, "cleanup") for node in (last, first)),
+        *((node, "configure") for node in (first, last)),
+        *((node, "activate") for node in (first, last)),
+    ]
+    assert stack.cycles[0].time > 77 * SECOND
+    assert any("used again" in event.text for event in attempt.events)
+
+
+@pytest.mark.parametrize(
+    ("stack", "why"),
+    [
+        (Stack(obeys=False), "does not deactivate"),
+        (Stack(Pose2(3.0, 0.0, 0.0)), "3.00 m"),
+    ],
+)
+def test_a_reset_that_does_not_come_out_right_is_followed_by_a_stack_of_its_own(
+    machine: Machine, briefing: Briefing, stack: Stack, why: str
+) -> None:
+    _, before = machine.will_have(stack, reused=True)
+    fresh, _ = machine.will_have(Stack())
+    attempt, waiting = coming_up(briefing, reuse="yes", **{"start-up": "2 s"})
+    list(waiting)
+    assert before.kept is False
+    assert stack.closed
+    assert attempt.ready_session().link is fresh
+    assert any("could not be used again" in e.text and why in e.text for e in attempt.events)
