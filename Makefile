@@ -25,7 +25,7 @@ test-ros2: $(VENV)/.installed-test ## make ROS 2 environments (about 50 s each),
 
 test-ros2-short: $(VENV)/.installed-test ## the most important of these, with one distribution
 	$(BIN)/python -m tests.ros2.environment kilted
-	$(BIN)/pytest tests/ros2 -m short -k kilted --numprocesses logical --maxprocesses 4
+	$(BIN)/pytest tests/ros2 -m short -k "kilted or zenoh" --numprocesses logical --maxprocesses 4
 
 bench: $(VENV)/.installed-test    ## measure, side by side in one process
 	$(BIN)/python -m tests.benchmarks

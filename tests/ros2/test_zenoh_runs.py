@@ -17,11 +17,10 @@ from daemon.model.status import Submission
 from daemon.run import execute
 from daemon.trace import read_trace
 from grammars.model.mission import Mission, Waypoint
+from tests.daemon.stacks.ros2 import pretended_zenoh_stack
+from tests.daemon.stacks.ros2.pretended_zenoh_stack import Options
 
-from . import pretended_zenoh_stack
-from .pretended_zenoh_stack import Options
-
-ROOT = Path(__file__).parents[4]
+ROOT = Path(__file__).parents[2]
 
 
 @pytest.fixture(scope="module")
@@ -53,6 +52,7 @@ def specified(demo: Submission, options: Options, **parameters: object) -> RunSp
     )
 
 
+@pytest.mark.short
 def test_a_run_without_a_relay(demo: Submission, tmp_path: Path) -> None:
     path = tmp_path / "run.mcap"
     spec = specified(demo, Options(ticks=40))
