@@ -27,9 +27,8 @@ from daemon.stacks.ros2.link import (
 from daemon.stacks.ros2.rmw_zenoh import action as zenoh_action
 from daemon.stacks.ros2.rmw_zenoh.link import ZenohLink
 from daemon.stacks.ros2.rmw_zenoh.router import ZenohRouter
-
-from .pretended_zenoh_stack import ACTION, LIFECYCLE_NODE, Options, running
-from .test_zenoh_types import ROSIDL
+from tests.daemon.stacks.ros2.pretended_zenoh_stack import ACTION, LIFECYCLE_NODE, Options, running
+from tests.daemon.stacks.ros2.test_zenoh_types import ROSIDL
 
 PERIOD = 50_000_000
 PATIENCE = 60.0
@@ -183,6 +182,7 @@ def test_a_stack_comes_up_and_is_seen(link: ZenohLink) -> None:
         assert link.problems == ()
 
 
+@pytest.mark.short
 def test_every_cycle_is_answered_with_its_stamp(link: ZenohLink) -> None:
     link.set_up(SETUP)
     with running(environment(link)):
@@ -260,11 +260,12 @@ ACTIONS = [
 ]
 
 
-@pytest.mark.parametrize(("distribution", "action"), ACTIONS)
-def test_goals_of_every_distribution(distribution: str, action: str) -> None:
-    with linked(distribution, domain=3) as link:
+@pytest.mark.short
+@pytest.mark.parametrize(("spoken", "action"), ACTIONS)
+def test_goals_of_every_distribution(spoken: str, action: str) -> None:
+    with linked(spoken, domain=3) as link:
         link.set_up(replace(SETUP, action_kind=action))
-        options = Options(distribution=distribution, action=ACTION_KINDS[action])
+        options = Options(distribution=spoken, action=ACTION_KINDS[action])
         with running(environment(link, 3), options):
             driver = Driver(link)
             driver.bring_up()
@@ -286,7 +287,7 @@ def test_goals_of_every_distribution(distribution: str, action: str) -> None:
             link.send_goal(8, ((60.0, 0.0, 0.0),), "map", driver.time)
             driver.step_until(lambda: len(driver.states()) == 2)
             assert driver.states() == ["accepted", "aborted"]
-            if distribution != "humble":
+            if spoken != "humble":
                 assert driver.goals[-1].error_code == 9001
                 assert driver.goals[-1].error_text == "no way"
             driver.goals.clear()
@@ -449,6 +450,7 @@ def test_a_port_that_is_taken_is_said(link: ZenohLink) -> None:
         ZenohRouter.open(link.router.port, distribution="jazzy")
 
 
+@pytest.mark.short
 def test_two_runs_do_not_hear_each_other(link: ZenohLink) -> None:
     with linked() as other:
         assert other.router.port != link.router.port
