@@ -24,8 +24,8 @@ from daemon.stacks.ros2.rmw_zenoh.interfaces import Interfaces
 from daemon.stacks.ros2.rmw_zenoh.link import ZenohLink
 from daemon.stacks.ros2.rmw_zenoh.router import ZenohRouter
 from daemon.stacks.ros2.rmw_zenoh.wire import gid, read_token, token_key, topic_key
-from tests.daemon.stacks.ros2.test_zenoh_link import SCAN, map_message
 from tests.daemon.stacks.ros2.test_zenoh_types import ROSIDL, TO_POSE, WHOLE
+from tests.ros2.test_zenoh_link import SCAN, map_message
 
 from .zenoh_environment import environment_python
 
