@@ -118,7 +118,7 @@ class Ros2Stack:
         assert self._odometry is not None  # the robot's first sample is of time 0
         mission.send_next(time)
         active = mission.active
-        answer = session.link.cycle(
+        answer = session.cycle(
             Cycle(
                 time,
                 tuple(self._outgoing(observation, session)),

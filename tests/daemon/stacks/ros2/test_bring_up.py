@@ -23,6 +23,7 @@ from daemon.stacks.ros2.link import (
     ReceivedMessage,
 )
 from daemon.stacks.ros2.settings import read_settings
+from daemon.stacks.ros2.stack import Ros2Stack
 from grammars.model.geometry import Pose2, Twist2
 from grammars.model.grid import OccupancyGrid
 from tests.daemon.stacks.ros2.pretended_link import PretendedLink
@@ -30,6 +31,11 @@ from tests.daemon.stacks.ros2.pretended_link import PretendedLink
 NODES = ("/amcl", "/bt_navigator")
 SECOND = 1_000_000_000
 START = Pose2()
+SETTINGS: dict[str, Any] = {
+    "launch": "true",
+    "ready": [node.strip("/") for node in NODES],
+    "start-up": "60 s",
+}
 
 
 class Stack(PretendedLink):
@@ -144,13 +150,13 @@ def briefing(campaigns: Path) -> Briefing:
 
 
 def coming_up(briefing: Briefing, **keys: Any) -> tuple[BringUp, Iterator[str]]:
-    settings = read_settings(
-        {"launch": "true", "ready": [n.strip("/") for n in NODES], "start-up": "60 s", **keys}
-    )
-    scan = LaserScan(0.0, np.ones(briefing.robot.laser.rays, np.float32))
-    first = Observation(0.0, (Odometry(0.0, Pose2(), Twist2()),), (scan,))
-    attempt = BringUp(settings, briefing, first)
+    attempt = BringUp(read_settings(SETTINGS | keys), briefing, first_of(briefing))
     return attempt, attempt.run()
+
+
+def first_of(briefing: Briefing) -> Observation:
+    scan = LaserScan(0.0, np.ones(briefing.robot.laser.rays, np.float32))
+    return Observation(0.0, (Odometry(0.0, Pose2(), Twist2()),), (scan,))
 
 
 def test_the_clock_begins_at_a_second_never_goes_back_and_the_run_at_a_round_time(
@@ -233,3 +239,18 @@ def test_a_reset_that_does_not_come_out_right_is_followed_by_a_stack_of_its_own(
     assert stack.closed
     assert attempt.ready_session().link is fresh
     assert any("could not be used again" in e.text and why in e.text for e in attempt.events)
+
+
+def test_the_clock_of_the_next_run_begins_where_that_of_this_one_ended(
+    machine: Machine, briefing: Briefing
+) -> None:
+    _, process = machine.will_have(Stack())
+    stack = Ros2Stack(read_settings(SETTINGS | {"reuse": "yes"}))
+    stack.start(briefing)
+    list(stack.bring_up(first_of(briefing)))
+    for time in (0.0, 0.05, 0.1):
+        stack.update(Observation(time, (Odometry(time, Pose2(), Twist2()),), ()))
+    stack.finish()
+    stack.close()
+    assert process.kept is True
+    assert int((process.folder / "clock").read_text()) == 5 * SECOND + SECOND // 10
