@@ -10,14 +10,15 @@ from __future__ import annotations
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Final, Protocol
 
 from daemon.live.simulation import LiveSimulation
 from daemon.model.sut import Briefing, Decision, Observation, Odometry, Progress
 from daemon.stacks.ros2 import sensors, telemetry
-from daemon.stacks.ros2.link import Cycle, CycleAnswer, LinkLost, LinkSetup, StackLink, TopicSetup
+from daemon.stacks.ros2.endpoints import fixed_messages, link_setup, measured_messages
+from daemon.stacks.ros2.link import Cycle, CycleAnswer, LinkLost, LinkSetup, StackLink
 from daemon.stacks.ros2.settings import Ros2Settings, read_settings
 from daemon.stacks.ros2.telemetry import Telemetry
 
@@ -41,31 +42,12 @@ def usual_settings() -> Ros2Settings:
     return replace(read_settings({"launch": "by hand"}), map="published")
 
 
-def link_setup(settings: Ros2Settings) -> LinkSetup:
+def _bridge_setup(settings: Ros2Settings) -> LinkSetup:
     """Return what a link has to make; no goal is ever sent, but it has a client for an action."""
-    topics = settings.topics
-    publish = [
-        TopicSetup(topics.odom, sensors.ODOMETRY, settings.qos.odom, 5),
-        TopicSetup(topics.scan, sensors.SCAN, settings.qos.scan, 5),
-        TopicSetup(topics.initial_pose, sensors.INITIAL_POSE),
-    ]
-    if settings.transforms != "none":
-        publish.append(TopicSetup(topics.tf, sensors.TRANSFORMS, depth=100))
-    if settings.transforms == "all":
-        publish.append(TopicSetup(topics.tf_static, sensors.TRANSFORMS, "latched", 1))
-    if settings.map == "published":
-        publish.append(TopicSetup(topics.map, sensors.GRID, "latched", 1))
-    subscribe = (
-        TopicSetup(topics.tf, sensors.TRANSFORMS, depth=100, keep="all"),
-        TopicSetup(topics.tf_static, sensors.TRANSFORMS, "latched", 100, keep="all"),
-        TopicSetup(topics.pose, telemetry.POSE),
-        TopicSetup(topics.particles, telemetry.PARTICLES, "best effort"),
-        TopicSetup(topics.plan, telemetry.PATH),
-        TopicSetup(topics.local_plan, telemetry.PATH),
-    )
-    return LinkSetup(
-        tuple(publish), subscribe, topics.command, settings.action, settings.action_kind, ()
-    )
+    whole = link_setup(settings)
+    # Who starts a stack by hand reads its log where it is printed, and waits for its nodes.
+    heard = tuple(topic for topic in whole.subscribe if topic.name != telemetry.ROSOUT)
+    return replace(whole, subscribe=heard, nodes=())
 
 
 class ListeningLink(StackLink, Protocol):
@@ -160,7 +142,7 @@ class RosBridge:
     def _talk(self) -> None:
         """Publish what comes, hand commands over."""
         link = self._link
-        link.set_up(link_setup(self._settings))
+        link.set_up(_bridge_setup(self._settings))
         talk = _TopicExchange(self._settings)
         self._moments.clear()
         self.connected = True
@@ -202,9 +184,10 @@ class _TopicExchange:
 
     def messages(self, moments: Sequence[_Moment], wall: float) -> tuple[tuple[str, bytes], ...]:
         """Return what is new, in the order a stack needs it in; ``wall`` is the clock [s]."""
-        last, found = moments[-1], []
+        last = moments[-1]
+        found: list[tuple[str, bytes]] = []
         if self._base < 0:
-            found += self._fixed(last)
+            found += fixed_messages(self._settings, last.briefing, last.now)
         if last.base != self._base:
             # Another world: the robot is where it started, whatever the stack believes.
             self._base, self._pose_due = last.base, wall
@@ -222,45 +205,25 @@ class _TopicExchange:
 
     def read(self, answer: CycleAnswer, moment: _Moment) -> Decision:
         """Return what the stack says about itself."""
-        nothing = Decision(None, Progress(0, 0, "active"))
+        active = Progress(0, 0, "active")
         if self._odometry is None:
-            return nothing
+            return Decision(None, active)
         now = moment.observation.time
         heard = self._telemetry.read(answer.messages, now, self._odometry)
-        return replace(
-            nothing,
-            estimate=heard.estimate,
-            cloud=heard.cloud,
-            particles=heard.particles,
-            plan=heard.plan,
-            local_plan=heard.local_plan,
-            events=tuple(heard.events),
-        )
+        return heard.decision(active, events=heard.events)
 
-    def _fixed(self, moment: _Moment) -> list[tuple[str, bytes]]:
-        settings, briefing, now = self._settings, moment.briefing, moment.now
-        topics, frames, found = settings.topics, settings.frames, []
-        if settings.transforms == "all":
-            mounted = sensors.laser_transform(briefing.robot.laser, now, frames)
-            found.append((topics.tf_static, mounted))
-        if settings.map == "published":
-            found.append((topics.map, sensors.occupancy_grid(briefing.map, now, frames)))
-        return found
-
-    def _measured(self, moment: _Moment) -> list[tuple[str, bytes]]:
-        topics, frames, found = self._settings.topics, self._settings.frames, []
-        for sample in moment.observation.odometry:
-            at = moment.base + _nanoseconds(sample.time)
-            if self._settings.transforms != "none":
-                found.append((topics.tf, sensors.odometry_transform(sample, at, frames)))
-            found.append((topics.odom, sensors.odometry(sample, at, frames)))
+    def _measured(self, moment: _Moment) -> Iterator[tuple[str, bytes]]:
+        observation, laser = moment.observation, moment.briefing.robot.laser
+        for sample in observation.odometry:
             self._odometry = sample
             self._telemetry.move(sample)
-        for sweep in moment.observation.scans:
-            at = moment.base + _nanoseconds(sweep.time)
-            laser = moment.briefing.robot.laser
-            found.append((topics.scan, sensors.scan(sweep, laser, at, frames)))
-        return found
+        return measured_messages(
+            self._settings,
+            laser,
+            observation.odometry,
+            observation.scans,
+            lambda time: moment.base + _nanoseconds(time),
+        )
 
 
 def _nanoseconds(time: float) -> int:

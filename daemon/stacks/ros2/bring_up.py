@@ -8,14 +8,13 @@ from __future__ import annotations
 
 import hashlib
 import time as wall_clock
-from collections import deque
 from collections.abc import Generator, Iterator, Mapping
 from pathlib import Path
 from typing import Final
 
-from daemon.model.sut import Briefing, Observation, Odometry, SutEvent, SutFailure
+from daemon.model.sut import Briefing, Observation, SutEvent, SutFailure
 from daemon.stacks.ros2 import placeholders, sensors
-from daemon.stacks.ros2.endpoints import link_setup
+from daemon.stacks.ros2.endpoints import fixed_messages, link_setup, measured_messages
 from daemon.stacks.ros2.isolation import DomainTaken
 from daemon.stacks.ros2.link import (
     Cycle,
@@ -49,8 +48,6 @@ _FAR: Final = 0.5
 """A reset stack that believes to be farther from the start [m, rad] was not reset."""
 _CLOCK_FILE: Final = "clock"
 _LAST_LINES: Final = 20
-_REMEMBERED: Final = 64
-"""So many transforms of this side are known again when they come back on the same topic."""
 _RESET_STEPS: Final = (("deactivate", "inactive"), ("cleanup", "unconfigured"))
 _START_STEPS: Final = (("configure", "inactive"), ("activate", "active"))
 
@@ -62,25 +59,11 @@ class StackSession:
         self.settings, self.process, self.link = settings, process, link
         self.telemetry = Telemetry(settings.topics, settings.frames)
         self.zero = self.time = 0
-        self._own: deque[bytes] = deque(maxlen=_REMEMBERED)
 
     def cycle(self, cycle: Cycle) -> CycleAnswer:
         """Do one cycle; the clock never goes back."""
         self.time = cycle.time
         return self.link.cycle(cycle)
-
-    def odometry_messages(self, sample: Odometry, stamp: int) -> Iterator[tuple[str, bytes]]:
-        """Yield transform and odometry of one sample, stamped [ns]."""
-        frames, topics = self.settings.frames, self.settings.topics
-        if self.settings.transforms != "none":
-            transform = sensors.odometry_transform(sample, stamp, frames)
-            self._own.append(transform)
-            yield topics.tf, transform
-        yield topics.odom, sensors.odometry(sample, stamp, frames)
-
-    def heard_foreign(self, answer: CycleAnswer) -> bool:
-        """Whether an answer has anything the stack said, and not only this side's own echo."""
-        return any(message.data not in self._own for message in answer.messages)
 
     def explain(self, lost: str) -> str:
         """Return why the link was lost: that a process ended says more than that it is silent."""
@@ -341,29 +324,18 @@ class BringUp:
         session = self.ready_session()
         period = round(self._settings.period * _NANO)
         now = session.time + period if session.time else _FIRST_CLOCK
-        messages = [] if self._latched else self._latched_messages(now)
+        settings, first = self._settings, self._first
+        messages = [] if self._latched else list(fixed_messages(settings, self._briefing, now))
         self._latched = True
-        for sample in self._first.odometry[-1:]:
+        for sample in first.odometry[-1:]:
             session.telemetry.move(sample)
-            messages += session.odometry_messages(sample, now)
-        laser, frames = self._briefing.robot.laser, self._settings.frames
-        for sweep in self._first.scans[-1:]:
-            messages.append((self._settings.topics.scan, sensors.scan(sweep, laser, now, frames)))
+        laser = self._briefing.robot.laser
+        messages += measured_messages(
+            settings, laser, first.odometry[-1:], first.scans[-1:], lambda _: now
+        )
         answer = session.cycle(Cycle(now, tuple(messages), "nothing", wait))
         heard = session.telemetry.read(answer.messages, 0.0, self._first.odometry[-1])
         self.events += heard.events
-
-    def _latched_messages(self, now: int) -> list[tuple[str, bytes]]:
-        """Return what is published once: the laser's place, and the map if it is a topic."""
-        settings, briefing = self._settings, self._briefing
-        found = []
-        if settings.transforms == "all":
-            message = sensors.laser_transform(briefing.robot.laser, now, settings.frames)
-            found.append((settings.topics.tf_static, message))
-        if settings.map == "published":
-            message = sensors.occupancy_grid(briefing.map, now, settings.frames)
-            found.append((settings.topics.map, message))
-        return found
 
     def _align(self) -> None:
         """Let the clock go on to a round number, quickly."""

@@ -1,10 +1,17 @@
-"""Which topics, actions and nodes of a stack a run has to do with, by its settings."""
+"""Which topics, actions and nodes of a stack a run has to do with, and what goes out on them.
+
+By the settings of the stack; the same for a run and for a world that goes on by the clock.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator, Sequence
+
+from daemon.model.sut import Briefing, LaserScan, Odometry
 from daemon.stacks.ros2 import sensors, telemetry
 from daemon.stacks.ros2.link import LinkSetup, TopicSetup
 from daemon.stacks.ros2.settings import Ros2Settings
+from grammars.model.robot import Laser
 
 
 def link_setup(settings: Ros2Settings) -> LinkSetup:
@@ -38,3 +45,38 @@ def link_setup(settings: Ros2Settings) -> LinkSetup:
         settings.action_kind,
         settings.ready,
     )
+
+
+def fixed_messages(
+    settings: Ros2Settings, briefing: Briefing, time: int
+) -> Iterator[tuple[str, bytes]]:
+    """Yield topic and CDR of what is published once, at ROS ``time`` [ns].
+
+    The laser's place on the robot, and the map if it is a topic.
+    """
+    if settings.transforms == "all":
+        mounted = sensors.laser_transform(briefing.robot.laser, time, settings.frames)
+        yield settings.topics.tf_static, mounted
+    if settings.map == "published":
+        yield settings.topics.map, sensors.occupancy_grid(briefing.map, time, settings.frames)
+
+
+def measured_messages(
+    settings: Ros2Settings,
+    laser: Laser,
+    odometry: Sequence[Odometry],
+    scans: Sequence[LaserScan],
+    stamp: Callable[[float], int],
+) -> Iterator[tuple[str, bytes]]:
+    """Yield topic and CDR of measurements: for each sample its transform first, scans last.
+
+    ``stamp`` makes ROS time [ns] of simulated time [s].
+    """
+    topics, frames = settings.topics, settings.frames
+    for sample in odometry:
+        time = stamp(sample.time)
+        if settings.transforms != "none":
+            yield topics.tf, sensors.odometry_transform(sample, time, frames)
+        yield topics.odom, sensors.odometry(sample, time, frames)
+    for sweep in scans:
+        yield topics.scan, sensors.scan(sweep, laser, stamp(sweep.time), frames)

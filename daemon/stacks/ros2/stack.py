@@ -23,12 +23,12 @@ from daemon.model.sut import (
 )
 from daemon.stacks.ros2 import sensors
 from daemon.stacks.ros2.bring_up import BringUp, StackSession
+from daemon.stacks.ros2.endpoints import measured_messages
 from daemon.stacks.ros2.link import Cycle, CycleAnswer, LinkLost
 from daemon.stacks.ros2.lockstep import HeardAnswer, LockStep, LockStepSettings
 from daemon.stacks.ros2.mission import GoalSequence
 from daemon.stacks.ros2.pace import WALL_CLOCK_CONTROLLERS
 from daemon.stacks.ros2.settings import Ros2Settings
-from daemon.stacks.ros2.telemetry import Heard
 from grammars.model.geometry import Twist2
 
 _NANO: Final = 1_000_000_000
@@ -121,7 +121,7 @@ class Ros2Stack:
         answer = session.cycle(
             Cycle(
                 time,
-                tuple(self._outgoing(observation, session)),
+                tuple(self._outgoing(observation)),
                 "command",
                 lockstep.wait(active=active),
                 round(lockstep.tolerance * _NANO),
@@ -133,7 +133,6 @@ class Ros2Stack:
             raise SutFailure(ended)
         heard = session.telemetry.read(answer.messages, observation.time, self._odometry)
         command, behind = _newest_command(answer, self._settings.topics.command, time)
-        alive = answer.commands > 0 or bool(answer.goals) or session.heard_foreign(answer)
         said = self._said + heard.events
         self._said = []
         for line in heard.log:
@@ -142,43 +141,22 @@ class Ros2Stack:
             said += mission.take(update)
         # A goal that ended in this cycle is owed no command any more.
         latency, events = lockstep.take(
-            HeardAnswer(answer.latency, behind, answer.commands, alive),
+            HeardAnswer(answer.latency, behind, answer.commands, answer.heard),
             active=active and mission.active,
         )
         self._watch_server(answer, mission)
-        return self._decide(heard, command, latency, [*said, *events])
+        return heard.decision(mission.progress, command, latency=latency, events=[*said, *events])
 
-    def _decide(
-        self,
-        heard: Heard,
-        command: Twist2 | None,
-        latency: float | None,
-        events: list[SutEvent],
-    ) -> Decision:
-        assert self._mission is not None
-        return Decision(
-            command=command,
-            progress=self._mission.progress,
-            estimate=heard.estimate,
-            cloud=heard.cloud,
-            plan=heard.plan,
-            local_plan=heard.local_plan,
-            events=tuple(events),
-            particles=heard.particles,
-            latency=latency,
-        )
-
-    def _outgoing(
-        self, observation: Observation, session: StackSession
-    ) -> Iterator[tuple[str, bytes]]:
+    def _outgoing(self, observation: Observation) -> Iterator[tuple[str, bytes]]:
         """Yield what is new: transforms, odometry, scans, each with its own stamp."""
         assert self._briefing is not None
-        for sample in observation.odometry:
-            yield from session.odometry_messages(sample, self._zero + round(sample.time * _NANO))
-        laser, frames = self._briefing.robot.laser, self._settings.frames
-        for sweep in observation.scans:
-            stamp = self._zero + round(sweep.time * _NANO)
-            yield self._settings.topics.scan, sensors.scan(sweep, laser, stamp, frames)
+        return measured_messages(
+            self._settings,
+            self._briefing.robot.laser,
+            observation.odometry,
+            observation.scans,
+            lambda time: self._zero + round(time * _NANO),
+        )
 
     def _watch_server(self, answer: CycleAnswer, mission: GoalSequence) -> None:
         if answer.server or not mission.active:

@@ -6,16 +6,17 @@ Everything here is looked at or recorded; a message that cannot be read is told 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any, Final
 
 import numpy as np
 
-from daemon.model.sut import Cloud, Estimate, Odometry, SutEvent
+from daemon.model.sut import Cloud, Decision, Estimate, Odometry, Progress, SutEvent
 from daemon.stacks.ros2 import sensors
 from daemon.stacks.ros2.link import ReceivedMessage
 from daemon.stacks.ros2.settings import Frames, TopicNames
-from grammars.model.geometry import Floats, Pose2
+from grammars.model.geometry import Floats, Pose2, Twist2
 
 ROSOUT: Final = "/rosout"
 LOG: Final = "rcl_interfaces/msg/Log"
@@ -43,6 +44,27 @@ class Heard:
     local_plan: Floats | None = None
     events: list[SutEvent] = field(default_factory=list)
     log: list[str] = field(default_factory=list)
+
+    def decision(
+        self,
+        progress: Progress,
+        command: Twist2 | None = None,
+        *,
+        latency: float | None = None,
+        events: Sequence[SutEvent],
+    ) -> Decision:
+        """Return it as the answer of a system under test."""
+        return Decision(
+            command=command,
+            progress=progress,
+            estimate=self.estimate,
+            cloud=self.cloud,
+            plan=self.plan,
+            local_plan=self.local_plan,
+            events=tuple(events),
+            particles=self.particles,
+            latency=latency,
+        )
 
 
 class TransformTree:
