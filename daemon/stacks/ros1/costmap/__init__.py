@@ -1,13 +1,21 @@
-"""costmap_2d of ROS Noetic: a static, an obstacle and an inflation layer in one master grid."""
+"""costmap_2d of ROS Noetic: layers of the map, of what lasers see and of inflation in one grid."""
 
 from daemon.stacks.ros1.costmap._costmap import Costmap, warm_up
 from daemon.stacks.ros1.costmap._footprint import footprint_of_radius, padded_footprint, radii
-from daemon.stacks.ros1.costmap._obstacle_layer import SensedScan
+from daemon.stacks.ros1.costmap._layers import (
+    InflationLayer,
+    Layer,
+    LayeredCostmap,
+    ObservationSource,
+    ObstacleLayer,
+    StaticLayer,
+    VoxelColumn,
+)
+from daemon.stacks.ros1.costmap._observations import SensedScan, hears_height
 from daemon.stacks.ros1.costmap._parameters import (
     SOURCE_WITHOUT_EFFECT,
     WITHOUT_EFFECT,
     CostmapParameters,
-    ObservationSource,
     read_costmap,
 )
 
@@ -16,9 +24,16 @@ __all__ = [
     "WITHOUT_EFFECT",
     "Costmap",
     "CostmapParameters",
+    "InflationLayer",
+    "Layer",
+    "LayeredCostmap",
     "ObservationSource",
+    "ObstacleLayer",
     "SensedScan",
+    "StaticLayer",
+    "VoxelColumn",
     "footprint_of_radius",
+    "hears_height",
     "padded_footprint",
     "radii",
     "read_costmap",
