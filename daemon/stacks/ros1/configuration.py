@@ -7,9 +7,9 @@ and three sections that are not ROS's: ``dispatcher``, ``topics`` and ``quirks``
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, fields, replace
-from typing import Any, Final
+from typing import Any, Final, Literal
 
 from daemon.stacks.findings import (
     FindingCollector,
@@ -19,7 +19,14 @@ from daemon.stacks.findings import (
 )
 from daemon.stacks.ros1 import amcl, navfn
 from daemon.stacks.ros1.amcl import AmclParameters
-from daemon.stacks.ros1.costmap import CostmapParameters, ObservationSource, read_costmap
+from daemon.stacks.ros1.costmap import (
+    CostmapContext,
+    LayeredCostmap,
+    Namespace,
+    ObservationSource,
+    ObstacleLayer,
+    read_costmap,
+)
 from daemon.stacks.ros1.dwa import WITHOUT_EFFECT as DWA_WITHOUT_EFFECT
 from daemon.stacks.ros1.dwa import DwaParameters, contradictions
 from daemon.stacks.ros1.move_base import (
@@ -41,13 +48,16 @@ from daemon.stacks.ros1.topics import (
     TopicParameters,
     Topics,
     Wiring,
-    resolve_name,
     resolve_topics,
 )
 from grammars.text.diagnostics import did_you_mean
 
 _SECTIONS: Final = ("amcl", "move_base", "dispatcher", "topics", "quirks")
 _COSTMAPS: Final = ("global_costmap", "local_costmap")
+_FRAMES: Final[tuple[tuple[str, Literal["map", "odom"]], ...]] = (
+    ("global_frame_id", "map"),
+    ("odom_frame_id", "odom"),
+)
 _PLANNERS: Final = ("NavfnROS", "DWAPlannerROS", "TrajectoryPlannerROS")
 _OTHER_PLANNER: Final = "DWA drives; of this namespace only rotate_recovery reads its limits"
 _ONLY_LOCAL_SHOWN: Final = "only the local costmap is shown"
@@ -59,16 +69,16 @@ class RosParameters:
     """A checked configuration.
 
     ``dwa`` has the controller frequency it inherits from move_base where it has none of its own;
-    the costmaps have only those sources that hear the scan (``topics`` and ``wiring`` say who
-    listens where); ``resets`` holds the parameters of each reset recovery by its name;
+    ``topics`` says who listens where, ``wiring`` who hears the laser of a robot that has one;
+    ``resets`` holds the parameters of each reset recovery by its name;
     ``rotate_recovery`` has the limits of ``TrajectoryPlannerROS``, or those of DWA when
     :attr:`Quirks.rotate_reads_other_namespace` is off.
     """
 
     amcl: AmclParameters
     move_base: MoveBaseParameters
-    global_costmap: CostmapParameters
-    local_costmap: CostmapParameters
+    global_costmap: LayeredCostmap
+    local_costmap: LayeredCostmap
     navfn: NavfnParameters
     dwa: DwaParameters
     rotate_recovery: RotateRecoveryParameters
@@ -93,16 +103,16 @@ def read_ros(parameters: Mapping[str, Any]) -> RosParameters:
     move_base = _read_move_base(tree)
     dwa = _read_dwa(tree, move_base)
     given = read_section(TopicParameters, tree.at("topics"), ("topics",), report, strict=True)
-    costmaps = {name: _read_costmap(tree, name) for name in _COSTMAPS}
-    topics, costmaps = _connect_topics(given, costmaps, report)
+    localisation = read_section(
+        AmclParameters,
+        tree.at("amcl"),
+        ("amcl",),
+        report,
+        without_effect=amcl.WITHOUT_EFFECT,
+    )
+    costmaps, topics = _read_costmaps(tree, given)
     return RosParameters(
-        amcl=read_section(
-            AmclParameters,
-            tree.at("amcl"),
-            ("amcl",),
-            report,
-            without_effect=amcl.WITHOUT_EFFECT,
-        ),
+        amcl=localisation,
         move_base=move_base,
         global_costmap=costmaps["global_costmap"],
         local_costmap=costmaps["local_costmap"],
@@ -196,70 +206,100 @@ def _read_dwa(tree: _Tree, move_base: MoveBaseParameters) -> DwaParameters:
     return dwa
 
 
-def _read_costmap(tree: _Tree, name: str) -> CostmapParameters:
-    """Return one costmap: the global one lies in map, the local one in odom."""
-    path = ("move_base", name)
-    given = tree.at(*path)
-    costmap = read_costmap(given, path, tree.report)
-    if name == "global_costmap" and "publish_frequency" in given:
-        tree.report.without_effect.append(
-            ParameterFinding((*path, "publish_frequency"), _ONLY_LOCAL_SHOWN)
-        )
-    frame = {"global_costmap": "map", "local_costmap": "odom"}[name]
-    if "global_frame" not in given:
-        if frame != costmap.global_frame and given:
-            message = f"global_frame is not given: ROS would take map, here it is {frame}"
-            tree.report.problems.append(
-                ParameterFinding(path, message, f"write global_frame: {frame}")
-            )
-    elif costmap.global_frame.strip("/") != frame:
-        message = f"must be {frame}, the only frame this costmap can have here"
-        tree.report.fatal.append(ParameterFinding((*path, "global_frame"), message))
-    return replace(costmap, global_frame=frame)
-
-
-def _connect_topics(
-    given: TopicParameters, costmaps: dict[str, CostmapParameters], report: FindingCollector
-) -> tuple[Topics, dict[str, CostmapParameters]]:
-    """Return who listens where, and the costmaps with only the sources that hear the scan."""
-    lasers = {name: _lasers(costmap) for name, costmap in costmaps.items()}
-    topics = resolve_topics(
-        given, *([source.topic for source in lasers[name]] for name in _COSTMAPS)
-    )
+def _read_costmaps(tree: _Tree, given: TopicParameters) -> tuple[dict[str, LayeredCostmap], Topics]:
+    """Return both costmaps, and who listens where."""
+    topics = resolve_topics(given, (), ())
     if not topics.heard(ONE_LASER).amcl and not topics.by_laser:
         message = f"amcl listens to {topics.amcl}, the scan comes on {topics.published}"
         hint = "amcl never corrects odometry: set topics/amcl or topics/remap"
-        report.problems.append(ParameterFinding(("topics",), message, hint))
-    connected = {}
+        tree.report.problems.append(ParameterFinding(("topics",), message, hint))
+    context = CostmapContext(
+        above=Namespace.of(tree.at("move_base"), ("move_base",)),
+        frames=_frames(tree.at("amcl")),
+        resolve=lambda name: given.resolve("move_base", name),
+        maps=given.resolved_maps(),
+        may_carry_scan=topics.may_carry_scan,
+    )
+    costmaps = {name: _read_costmap(tree, name, context) for name in _COSTMAPS}
+    wide, near = (
+        tuple(dict.fromkeys(source.topic for source in _sources(costmaps[name])))
+        for name in _COSTMAPS
+    )
+    topics = replace(topics, global_costmap=wide, local_costmap=near)
     for name, costmap in costmaps.items():
-        heard = tuple(
-            source
-            for source in lasers[name]
-            if resolve_name(source.topic, "/move_base", given.remap) == topics.published
+        tree.report.problems += _deaf_sources(name, costmap, topics, tree.at("move_base", name))
+    return costmaps, topics
+
+
+def _frames(amcl_parameters: Mapping[str, Any]) -> dict[str, Literal["map", "odom"]]:
+    """Return which of the two frames has which name, as amcl broadcasts them."""
+    names: dict[str, Literal["map", "odom"]] = {}
+    for parameter, frame in _FRAMES:
+        given = amcl_parameters.get(parameter, frame)
+        names[(given if isinstance(given, str) else frame).strip("/")] = frame
+    return names
+
+
+def _read_costmap(tree: _Tree, name: str, context: CostmapContext) -> LayeredCostmap:
+    path = ("move_base", name)
+    given = tree.at(*path)
+    wide = name == "global_costmap"
+    # MoveBase::executeCycle asks the controller's costmap alone whether it is current.
+    costmap = read_costmap(given, path, tree.report, replace(context, stops_robot=not wide))
+    if wide and "publish_frequency" in given:
+        tree.report.without_effect.append(
+            ParameterFinding((*path, "publish_frequency"), _ONLY_LOCAL_SHOWN)
         )
-        connected[name] = replace(costmap, sources=heard)
-        if not heard:
-            report.problems.append(
-                _no_scan_finding(name, costmap, getattr(topics, name), topics.published)
-            )
-    return topics, connected
+    if not wide and given and "global_frame" not in given:
+        message = "global_frame is not given: ROS takes map, a local costmap usually has odom"
+        hint = "write global_frame: odom, or map if that is meant"
+        tree.report.problems.append(ParameterFinding(path, message, hint))
+    return costmap
 
 
-def _lasers(costmap: CostmapParameters) -> tuple[ObservationSource, ...]:
-    return tuple(s for s in costmap.sources if s.data_type == "LaserScan")
+def _sources(costmap: LayeredCostmap) -> tuple[ObservationSource, ...]:
+    return tuple(
+        source
+        for layer in costmap.layers
+        if isinstance(layer, ObstacleLayer)
+        for source in layer.sources
+    )
 
 
-def _no_scan_finding(
-    name: str, costmap: CostmapParameters, listens: tuple[str, ...], published: str
-) -> ParameterFinding:
+def _deaf_sources(
+    name: str, costmap: LayeredCostmap, topics: Topics, given: Mapping[str, Any]
+) -> Iterator[ParameterFinding]:
+    """Yield what is to be said of sources on topics where no laser can be."""
     title = name.replace("_", " ")
+    sources = _sources(costmap)
+    deaf = [source for source in sources if not topics.may_carry_scan(source.topic)]
     hint = f"the {title} shows no obstacle that the map does not show"
-    if not listens:
-        path: ParameterLocation = ("move_base", name, "observation_sources")
-        return ParameterFinding(path, f"the {title} has no source of type LaserScan", hint)
-    path = ("move_base", name, _lasers(costmap)[0].name, "topic")
-    message = f"the {title} listens to {', '.join(listens)}, the scan comes on {published}"
-    return ParameterFinding(path, message, hint)
+    comes = topics.published
+    if topics.by_laser:
+        comes = ", ".join(topic for each in topics.by_laser.values() for topic in each)
+    if not sources:
+        message = f"the {title} has no source of type LaserScan"
+        yield ParameterFinding(("move_base", name, "observation_sources"), message, hint)
+    elif len(deaf) == len(sources):
+        listens = ", ".join(dict.fromkeys(source.topic for source in deaf))
+        message = f"the {title} listens to {listens}, the scan comes on {comes}"
+        yield ParameterFinding(_place(name, costmap, deaf[0], given), message, hint)
+    else:
+        for source in deaf:
+            message = f'the source "{source.name}" of the {title} listens to {source.topic}'
+            hint = f"no laser is there: lasers come on {comes}"
+            yield ParameterFinding(_place(name, costmap, source, given), message, hint)
+
+
+def _place(
+    name: str, costmap: LayeredCostmap, source: ObservationSource, given: Mapping[str, Any]
+) -> ParameterLocation:
+    """Return where the topic of a source stands: below its layer, or flat in the costmap's."""
+    layers = (each for each in costmap.layers if isinstance(each, ObstacleLayer))
+    layer = next(each.name for each in layers if source in each.sources)
+    own = given.get(layer)
+    inside = isinstance(own, Mapping) and source.name in own
+    return ("move_base", name, *((layer,) if inside else ()), source.name, "topic")
 
 
 def _resets(move_base: MoveBaseParameters) -> tuple[str, ...]:

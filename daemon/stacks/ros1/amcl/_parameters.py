@@ -9,7 +9,7 @@ from typing import Annotated, Final, Literal, Self, TypeAlias
 from pydantic import ConfigDict, Field, model_validator
 from pydantic.dataclasses import dataclass
 
-from daemon.stacks.ros1.parameters import NotNegative, Positive
+from daemon.stacks.ros1.parameters import NotNegative, Positive, at_odds
 
 _Share: TypeAlias = Annotated[float, Field(ge=0.0, le=1.0, allow_inf_nan=False)]
 _Particles: TypeAlias = Annotated[int, Field(ge=1, le=100_000)]
@@ -100,9 +100,10 @@ class AmclParameters:
     @model_validator(mode="after")
     def _check_particles(self) -> Self:
         if self.min_particles > self.max_particles:
-            raise ValueError(
+            raise at_odds(
+                ("min_particles", "max_particles"),
                 f"min_particles ({self.min_particles}) is more than max_particles "
-                f"({self.max_particles}): raise max_particles or lower min_particles"
+                f"({self.max_particles}): raise max_particles or lower min_particles",
             )
         return self
 

@@ -2,22 +2,31 @@
 
 from daemon.stacks.ros1.costmap._costmap import Costmap, warm_up
 from daemon.stacks.ros1.costmap._footprint import footprint_of_radius, padded_footprint, radii
-from daemon.stacks.ros1.costmap._obstacle_layer import SensedScan
-from daemon.stacks.ros1.costmap._parameters import (
-    SOURCE_WITHOUT_EFFECT,
-    WITHOUT_EFFECT,
-    CostmapParameters,
+from daemon.stacks.ros1.costmap._layers import (
+    InflationLayer,
+    Layer,
+    LayeredCostmap,
     ObservationSource,
-    read_costmap,
+    ObstacleLayer,
+    StaticLayer,
+    VoxelColumn,
 )
+from daemon.stacks.ros1.costmap._namespaces import Namespace
+from daemon.stacks.ros1.costmap._obstacle_layer import SensedScan
+from daemon.stacks.ros1.costmap._reading import CostmapContext, read_costmap
 
 __all__ = [
-    "SOURCE_WITHOUT_EFFECT",
-    "WITHOUT_EFFECT",
     "Costmap",
-    "CostmapParameters",
+    "CostmapContext",
+    "InflationLayer",
+    "Layer",
+    "LayeredCostmap",
+    "Namespace",
     "ObservationSource",
+    "ObstacleLayer",
     "SensedScan",
+    "StaticLayer",
+    "VoxelColumn",
     "footprint_of_radius",
     "padded_footprint",
     "radii",

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 from daemon.stacks.findings import ParameterError
 from daemon.stacks.ros1.configuration import RosParameters, read_ros
+from daemon.stacks.ros1.costmap import InflationLayer, ObstacleLayer
 from daemon.stacks.ros1.quirks import FIXED, ORIGINAL
 from daemon.stacks.ros1.topics import ONE_LASER, Wiring
 
@@ -58,7 +59,10 @@ def test_what_is_not_given_has_the_defaults_of_ros() -> None:
     assert (read.amcl.odom_alpha1, read.amcl.odom_alpha2) == (0.1, 0.2)
     assert (read.amcl.min_particles, read.amcl.max_particles) == (100, 5000)
     assert (read.dwa.max_vel_trans, read.dwa.sim_time) == (0.55, 1.7)
-    assert (read.local_costmap.inflation_radius, read.local_costmap.obstacle_range) == (0.55, 2.5)
+    obstacles, inflation = read.local_costmap.layers
+    assert isinstance(obstacles, ObstacleLayer)
+    assert isinstance(inflation, InflationLayer)
+    assert (inflation.inflation_radius, obstacles.sources[0].obstacle_range) == (0.55, 2.5)
     assert read.navfn.default_tolerance == 0.0
     assert read.rotate_recovery.max_vel_theta == 1.0
     assert set(read.resets) == {"conservative_reset", "aggressive_reset"}
@@ -92,9 +96,16 @@ def test_dwa_inherits_the_controller_frequency_of_move_base(
             "move_base/local_costmap/inflation_radius: must be greater than or equal to 0",
         ),
         ({"amcl": {"odom_model_type": "tracked"}}, "amcl/odom_model_type: must be 'diff', 'omni'"),
-        ({"amcl": {"min_particles": 9000}}, "amcl: min_particles (9000) is more than"),
+        (
+            {"amcl": {"min_particles": 9000}},
+            "amcl/min_particles: min_particles (9000) is more than",
+        ),
         ({"move_base": {"base_local_planner": "teb/Teb"}}, "must be 'dwa_local_planner"),
-        ({"local_costmap": costmap(global_frame="map")}, "global_frame: must be odom"),
+        (
+            {"local_costmap": costmap(global_frame="odom_combined")},
+            "the frame \"odom_combined\" is neither amcl's global_frame_id (map) nor amcl's "
+            "odom_frame_id (odom)",
+        ),
         ({"topics": {"scann": "/scan"}}, 'topics/scann: nothing reads a parameter "scann"'),
         ({"topics": {"scan": "a scan"}}, "topics/scan: must be a name such as /scan"),
         ({"topics": {"remap": {"/a": "b c"}}}, "topics/remap//a: must be a name such as /scan"),
@@ -126,7 +137,10 @@ def test_all_errors_are_reported_together() -> None:
         ),
         ({"move_base": {"DWAPlanerROS": {}}}, 'did you mean "DWAPlannerROS"?'),
         ({"amlc": {}}, 'did you mean "amcl"?'),
-        ({"topics": {"amcl": "/other"}}, "amcl listens to /other, the scan comes on /scan"),
+        (
+            {"topics": {"amcl": "/other", "scan": "/scan"}},
+            "amcl listens to /other, the scan comes on /scan",
+        ),
         ({"topics": {"scan": "/x"}}, "the local costmap listens to /scan, the scan comes on /x"),
         (
             {"local_costmap": {"global_frame": "odom"}},
@@ -147,13 +161,21 @@ def test_names_without_effect_are_listed_with_the_reason() -> None:
     assert "never reads it" in found["stop_time_buffer"]
 
 
-def test_a_costmap_keeps_only_the_sources_that_hear_the_scan() -> None:
+def test_of_several_sources_the_one_that_hears_nothing_is_named() -> None:
     two = costmap(global_frame="odom", observation_sources="scan rear", rear=LASER | {"topic": "r"})
     read = read_ros(tree(local_costmap=two))
-    assert [source.name for source in read.local_costmap.sources] == ["scan"]
+    (layer, _) = read.local_costmap.layers
+    assert isinstance(layer, ObstacleLayer)
+    assert [(source.name, source.topic) for source in layer.sources] == [
+        ("scan", "/scan"),
+        ("rear", "/r"),
+    ]
     assert read.topics.local_costmap == ("/scan", "/r")
+    assert problems(read) == [
+        'move_base/local_costmap/rear/topic: the source "rear" of the local costmap listens to /r; '
+        "no laser is there: lasers come on /scan"
+    ]
     deaf = read_ros(tree(topics={"scan": "/front", "amcl": "/front"}))
-    assert deaf.local_costmap.sources == ()
     assert deaf.wiring == Wiring(amcl=ONE_LASER, global_costmap=(), local_costmap=())
 
 
