@@ -24,7 +24,7 @@ from daemon.stacks.ros1.costmap._namespaces import (
     PlannedLayer,
     plan_layers,
 )
-from daemon.stacks.ros1.costmap._observation import (
+from daemon.stacks.ros1.costmap._obstacle_reading import (
     FETCH,
     Hearing,
     looks_like_source,
