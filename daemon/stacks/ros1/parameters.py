@@ -10,6 +10,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
 from functools import cache
 from typing import Annotated, Any, Final, TypeAlias, TypeVar
 
@@ -26,6 +27,26 @@ M = TypeVar("M")
 ALTERNATIVE: Final = "(either)"
 """How tags of alternatives begin (:class:`pydantic.Tag`); they are no part of a value's place."""
 _AT_ODDS: Final = "at_odds"
+
+
+@dataclass(frozen=True, slots=True)
+class ParameterTree:
+    """The tree of parameters that is read; a namespace that is not there is empty."""
+
+    data: Mapping[str, Any]
+    report: FindingCollector
+
+    def at(self, *path: str) -> Mapping[str, Any]:
+        """Return a namespace; that it is no namespace is reported."""
+        node: Mapping[str, Any] = self.data
+        for depth, name in enumerate(path):
+            below = node.get(name, {})
+            if not isinstance(below, Mapping):
+                place = path[: depth + 1]
+                self.report.fatal.append(ParameterFinding(place, "must be names with values"))
+                return {}
+            node = below
+        return node
 
 
 def read_section(
@@ -60,7 +81,7 @@ def read_section(
         if name in adapters:
             _take(name, adapters[name], value, place, values, report)
         elif name in old:
-            report.problems.append(_renamed_name(place, name, old[name], given))
+            _say_renamed(place, name, old[name], given, idle, report)
         elif name not in elsewhere and name not in idle:
             where = report.fatal if strict else report.problems
             where.append(_unknown_name(place, value, (*adapters, *idle), elsewhere))
@@ -94,13 +115,23 @@ def _at_odds(
     return ParameterFinding(place, issue["ctx"]["text"])
 
 
-def _renamed_name(
-    place: ParameterLocation, name: str, new: str, given: Mapping[str, Any]
-) -> ParameterFinding:
-    if new in given:
-        return ParameterFinding(place, f"ROS Noetic reads {new} instead, which is there as well")
-    message = f"ROS Noetic calls it {new} and ignores {name}: {new} has its default"
-    return ParameterFinding(place, message, f"write {new}")
+def _say_renamed(
+    place: ParameterLocation,
+    name: str,
+    new: str,
+    given: Mapping[str, Any],
+    idle: Mapping[str, str],
+    report: FindingCollector,
+) -> None:
+    """Say what ROS Noetic calls a name that it ignores."""
+    message = f"ROS Noetic calls it {new} and ignores {name}"
+    if new in idle:
+        report.without_effect.append(ParameterFinding(place, f"{message}; {idle[new]}"))
+    elif new in given:
+        report.without_effect.append(ParameterFinding(place, f"{message}; {new} is there as well"))
+    else:
+        finding = ParameterFinding(place, f"{message}: {new} has its default", f"write {new}")
+        report.problems.append(finding)
 
 
 def _unknown_name(

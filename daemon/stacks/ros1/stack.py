@@ -175,9 +175,9 @@ class Navigation:
         p = self._parameters
         wide, near = p.global_costmap, p.local_costmap
         footprint = near.padded_footprint()
-        self._navfn = Navfn(p.navfn, p.quirks)
+        self._navfn = Navfn(p.global_planner, p.quirks)
         dwa = Dwa(
-            p.dwa, p.quirks, footprint, 1.0 / p.move_base.controller_frequency,
+            p.local_planner, p.quirks, footprint, 1.0 / p.move_base.controller_frequency,
             latch_goal=p.move_base.latch_xy_goal_tolerance,
         )  # fmt: skip
         self._controller = _DwaController(dwa, self._transforms, self._local.grid)

@@ -6,7 +6,9 @@ and takes the one whose trajectory costs least, by distances on the local costma
 
 from daemon.stacks.ros1.dwa._dwa import Dwa, DwaAnswer, Oscillation, warm_up
 from daemon.stacks.ros1.dwa._parameters import (
+    RENAMED,
     WITHOUT_EFFECT,
+    Contradiction,
     DwaParameters,
     DwaSettings,
     contradictions,
@@ -16,7 +18,9 @@ from daemon.stacks.ros1.dwa._parameters import (
 from daemon.stacks.ros1.dwa.footprint import footprint_cost
 
 __all__ = [
+    "RENAMED",
     "WITHOUT_EFFECT",
+    "Contradiction",
     "Dwa",
     "DwaAnswer",
     "DwaParameters",

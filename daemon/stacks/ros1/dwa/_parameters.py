@@ -115,6 +115,20 @@ WITHOUT_EFFECT: Final[Mapping[str, str]] = {
 """Names that change nothing here, with the reason."""
 
 
+RENAMED: Final[Mapping[str, str]] = {
+    "max_trans_vel": "max_vel_trans",
+    "min_trans_vel": "min_vel_trans",
+    "max_rot_vel": "max_vel_theta",
+    "min_rot_vel": "min_vel_theta",
+    "acc_limit_trans": "acc_lim_trans",
+    "rot_stopped_vel": "theta_stopped_vel",
+    "acc_lim_th": "acc_lim_theta",
+    "vtheta_samples": "vth_samples",
+}
+"""Names that older releases read, with those of Noetic, which warns of the first six
+(``DWAPlannerROS::initialize``)."""
+
+
 class Contradiction(NamedTuple):
     """Parameters that keep the robot from moving as asked: their ``names``, and why in words."""
 

@@ -58,12 +58,12 @@ def test_what_is_not_given_has_the_defaults_of_ros() -> None:
     read = read_ros(tree(amcl={"odom_alpha1": 0.1}))
     assert (read.amcl.odom_alpha1, read.amcl.odom_alpha2) == (0.1, 0.2)
     assert (read.amcl.min_particles, read.amcl.max_particles) == (100, 5000)
-    assert (read.dwa.max_vel_trans, read.dwa.sim_time) == (0.55, 1.7)
+    assert (read.local_planner.max_vel_trans, read.local_planner.sim_time) == (0.55, 1.7)
     obstacles, inflation = read.local_costmap.layers
     assert isinstance(obstacles, ObstacleLayer)
     assert isinstance(inflation, InflationLayer)
     assert (inflation.inflation_radius, obstacles.sources[0].obstacle_range) == (0.55, 2.5)
-    assert read.navfn.default_tolerance == 0.0
+    assert read.global_planner.default_tolerance == 0.0
     assert read.rotate_recovery.max_vel_theta == 1.0
     assert set(read.resets) == {"conservative_reset", "aggressive_reset"}
 
@@ -77,7 +77,7 @@ def test_dwa_inherits_the_controller_frequency_of_move_base(
     move_base: dict[str, Any], dwa: dict[str, Any], frequency: float
 ) -> None:
     read = read_ros(tree(move_base=move_base, DWAPlannerROS=dwa))
-    assert read.dwa.controller_frequency == frequency
+    assert read.local_planner.controller_frequency == frequency
 
 
 @pytest.mark.parametrize(
@@ -100,7 +100,23 @@ def test_dwa_inherits_the_controller_frequency_of_move_base(
             {"amcl": {"min_particles": 9000}},
             "amcl/min_particles: min_particles (9000) is more than",
         ),
-        ({"move_base": {"base_local_planner": "teb/Teb"}}, "must be 'dwa_local_planner"),
+        (
+            {"move_base": {"base_local_planner": "teb_local_planner/TebLocalPlannerROS"}},
+            "move_base/base_local_planner: the local planner teb_local_planner/TebLocalPlannerROS "
+            "is not built in",
+        ),
+        (
+            {"move_base": {"base_global_planner": "SBPLLatticePlanner"}},
+            "the global planner SBPLLatticePlanner is not built in",
+        ),
+        (
+            {"move_base": {"base_local_planner": "DWAPlannerROS"}},
+            "a name is taken to the letter; write dwa_local_planner/DWAPlannerROS",
+        ),
+        (
+            {"move_base": {"base_local_planner": "dwa_local_planner/DWAPlannerROS "}},
+            "a name is taken to the letter; write dwa_local_planner/DWAPlannerROS",
+        ),
         (
             {"local_costmap": costmap(global_frame="odom_combined")},
             "the frame \"odom_combined\" is neither amcl's global_frame_id (map) nor amcl's "
@@ -130,7 +146,7 @@ def test_all_errors_are_reported_together() -> None:
     ("sections", "expected"),
     [
         ({"amcl": {"odom_alpa1": 0.1}}, 'amcl/odom_alpa1: nothing reads a parameter "odom_alpa1"'),
-        ({"DWAPlannerROS": {"max_trans_vel": 0.1}}, 'did you mean "max_vel_trans"?'),
+        ({"DWAPlannerROS": {"max_trans_vel": 0.1}}, "calls it max_vel_trans and ignores max_trans"),
         (
             {"move_base": {"TebLocalPlannerROS": {}}},
             'nothing reads a namespace "TebLocalPlannerROS"',
