@@ -4,7 +4,8 @@ Samples velocities the robot can reach within one control period, follows each f
 and takes the one whose trajectory costs least, by distances on the local costmap.
 """
 
-from daemon.stacks.ros1.dwa._dwa import Dwa, DwaAnswer, Oscillation, warm_up
+from daemon.stacks.ros1.base_local_planner import footprint_cost
+from daemon.stacks.ros1.dwa._dwa import Dwa, Oscillation, warm_up
 from daemon.stacks.ros1.dwa._parameters import (
     RENAMED,
     WITHOUT_EFFECT,
@@ -15,14 +16,12 @@ from daemon.stacks.ros1.dwa._parameters import (
     longest_trajectory,
     settings_of,
 )
-from daemon.stacks.ros1.dwa.footprint import footprint_cost
 
 __all__ = [
     "RENAMED",
     "WITHOUT_EFFECT",
     "Contradiction",
     "Dwa",
-    "DwaAnswer",
     "DwaParameters",
     "DwaSettings",
     "Oscillation",

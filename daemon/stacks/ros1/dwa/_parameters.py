@@ -13,6 +13,7 @@ import numpy as np
 from pydantic import ConfigDict, Field
 from pydantic.dataclasses import dataclass
 
+from daemon.stacks.ros1.base_local_planner import sim_period
 from daemon.stacks.ros1.parameters import Finite, NotNegative, Positive
 from daemon.stacks.ros1.quirks import Quirks
 
@@ -260,7 +261,7 @@ def settings_of(
         acc_x=float(np.float32(p.acc_lim_x)),
         acc_y=float(np.float32(p.acc_lim_y)),
         acc_theta=float(np.float32(p.acc_lim_theta)),
-        period=sim_period(p, period_default),
+        period=sim_period(p.controller_frequency, period_default),
         sim_time=float(p.sim_time),
         granularity=float(p.sim_granularity),
         angular_granularity=float(p.angular_sim_granularity),
@@ -279,14 +280,6 @@ def settings_of(
         strafe_leaks=quirks.strafe_leaks,
         perimeter_only=quirks.perimeter_only,
     )
-
-
-def sim_period(parameters: DwaParameters, default: float) -> float:
-    """Return the period [s] of the dynamic window; 0.05 when the frequency makes no sense."""
-    frequency = parameters.controller_frequency
-    if frequency is None:
-        return float(default)
-    return 1.0 / frequency if frequency > 0.0 else 0.05
 
 
 def longest_trajectory(settings: DwaSettings, vx: float, vy: float, wz: float) -> int:
