@@ -31,7 +31,7 @@ class Outcome:
 
 def scenario(*arguments: str, cwd: Path) -> subprocess.CompletedProcess[str]:
     """Run the command line of this environment."""
-    command = [sys.executable, "-m", "scenario_tui", *arguments]
+    command = [str(Path(sys.executable).with_name("scenario")), *arguments]
     environment = {**os.environ, "COLUMNS": "400", "NO_COLOR": "1"}
     return subprocess.run(
         command, cwd=cwd, capture_output=True, text=True, check=False, env=environment
