@@ -14,6 +14,7 @@ from grammars.roslaunch._model import (
     NodeType,
 )
 from grammars.roslaunch._names import resolve_for_node
+from grammars.roslaunch._search import launch_files_starting
 
 __all__ = [
     "Launch",
@@ -22,6 +23,7 @@ __all__ = [
     "LaunchRemap",
     "LaunchSettings",
     "NodeType",
+    "launch_files_starting",
     "load_launch",
     "resolve_for_node",
 ]

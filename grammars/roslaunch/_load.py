@@ -7,7 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
-from grammars.roslaunch._messages import needed
+from grammars.roslaunch._messages import needed, said_once
 from grammars.roslaunch._model import Launch, LaunchNode, LaunchSettings, NodeType
 from grammars.roslaunch._names import split_name
 from grammars.roslaunch._nodes import StartedNode
@@ -56,7 +56,7 @@ def load_launch(
             warnings += _warnings_of(started, reader)
         nodes.append(_with_parameters(started, server))
     if problems:
-        raise InputError(dict.fromkeys(problems))
+        raise InputError(said_once(problems))
     return Launch(
         nodes=tuple(nodes),
         parameters=dict(server.values),
@@ -78,14 +78,17 @@ def _unsuitable(path: Path, where: Where) -> list[Diagnostic]:
 
 def _unknown_args(settings: LaunchSettings, declared: dict[str, bool]) -> list[Diagnostic]:
     """Refuse args that no launch file has; roslaunch would say nothing."""
+    known = [name for name, open_ in declared.items() if open_]
     return [
         Diagnostic(
             settings.where(("args", name)),
-            f"no launch file named here has an arg {name}",
-            did_you_mean(name, (known for known, open_ in declared.items() if open_)),
+            f"arg {name} has a fixed value in the launch file"
+            if name in declared
+            else f"no launch file named here has an arg {name}",
+            did_you_mean(name, known),
         )
         for name in settings.args
-        if name not in declared
+        if not declared.get(name)
     ]
 
 

@@ -5,10 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
+from typing import Final
 
 from grammars.roslaunch._names import to_bool
 from grammars.roslaunch._substitution import Substituted
 from grammars.text.diagnostics import Diagnostic, InputError, Where
+
+_NEEDS: Final = ", which is needed for "
 
 
 def needed(
@@ -18,11 +21,19 @@ def needed(
     return [
         replace(
             one,
-            message=f"{one.message}, and {by} needs it ({Path(where.file).name}:{where.line})",
+            message=f"{one.message}{_NEEDS}{by} ({Path(where.file).name}:{where.line})",
             hint="; ".join(filter(None, (one.hint, hint))),
         )
         for one in missing
     ]
+
+
+def said_once(problems: Iterable[Diagnostic]) -> list[Diagnostic]:
+    """Return problems without those that say of one place that somebody else needs it too."""
+    found: dict[tuple[Where, str], Diagnostic] = {}
+    for problem in problems:
+        found.setdefault((problem.where, problem.message.partition(_NEEDS)[0]), problem)
+    return list(found.values())
 
 
 def truth(found: Substituted, name: str, where: Where) -> bool:

@@ -76,15 +76,12 @@ class Packages:
         for match in _FIND.finditer(text):
             if match[1] not in self._folders:
                 message = f"package {match[1]} is not given"
-                raise PackageError(Diagnostic(where, message, self._remedy(match[1])))
+                hint = f'name the folder of {match[1]}, or one above it, under "packages"'
+                raise PackageError(Diagnostic(where, message, hint))
         found = _FIND.match(text)
         if found is not None:
             return _shortened(self._folders[found[1]] / text[found.end() :].lstrip("/"))
         return beside / text
-
-    def _remedy(self, name: str) -> str:
-        hint = f'name the folder of {name}, or one above it, under "packages"'
-        return f"{hint}; {did_you_mean(name, self._folders)}" if self._folders else hint
 
 
 class PackageError(InputError):

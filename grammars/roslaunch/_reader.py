@@ -73,12 +73,13 @@ class LaunchReader:
         """Read the launch file that is started; its parameters are in ``upload`` afterwards."""
         self.upload = ParameterUpload()
         args = {name: Substituted(text) for name, text in self.settings.args.items()}
-        scope = Scope(path, args=args)
+        scope = Scope(path, args=args, outermost=True)
         try:
             self._children(self._root(path), scope, 0)
         except InputError as error:
             self.errors += error.diagnostics
-        self.declared |= scope.declared
+        for name, open_ in scope.declared.items():
+            self.declared[name] = open_ or self.declared.get(name, False)
 
     def _root(self, path: Path) -> XmlElement:
         """Return the root of a launch file, which is read once."""
@@ -191,6 +192,8 @@ class LaunchReader:
         if value is not None and default is not None:
             message = f"arg {name} has a value and a default"
             raise InputError.at(element.where, message, "write one of them")
+        if default is not None and default.missing and target.outermost:
+            default = replace(default, missing=_or_give_arg(default.missing, name))
         target.declare(name, value, default, element.where)
 
     def _param(self, element: XmlElement, scope: Scope, *, private: bool = False) -> None:
@@ -230,7 +233,7 @@ class LaunchReader:
             self._leave_out(file.text, error.diagnostics[0])
             return
         if file.missing:
-            raise InputError(needed(file.missing, "an include", where))
+            raise InputError(needed(file.missing, "this include", where))
         if not path.is_file():
             message = f"no file {path} to include"
             raise InputError.at(where, message, remedies(path, files_near(path)))
@@ -249,7 +252,7 @@ class LaunchReader:
             if name not in passed.args:
                 raise InputError.at(element.where, f"arg {name} is passed without a value")
         inner.file, inner.args, inner.declared = path, passed.args, {}
-        inner.overriding = everything
+        inner.overriding, inner.outermost = everything, False
         self._children(self._root(path), inner, depth + 1)
         if not everything:
             self._refuse_unused(element, passed.declared, inner, path)
@@ -267,7 +270,8 @@ class LaunchReader:
 
     def _leave_out(self, file: str, reason: Diagnostic) -> None:
         self.left_out.append(file)
-        self._warn(reason.where, f"{reason.message}: {file} is left out", reason.hint)
+        hint = f'{reason.hint}, or the file under "skip" if nothing of it matters'
+        self._warn(reason.where, f"{reason.message}: {file} is left out", hint)
 
     def _is_skipped(self, file: str) -> bool:
         endings = [ending for ending in self.settings.skip if file.endswith(ending)]
@@ -365,8 +369,15 @@ class LaunchReader:
         if file.missing:
             ending = file.text.rpartition("/")[2]
             hint = f'or, if the node starts without the file, write "{ending}" under "skip"'
+            hint = "" if "$(" in ending else hint
             raise InputError(needed(file.missing, file.text, where, hint))
         path = follow_links(self.packages.path(file.text, scope.file.parent, where), self.warnings)
         if not path.is_file():
             raise InputError.at(where, f"no file {path}", remedies(path, files_near(path)))
         return path
+
+
+def _or_give_arg(missing: tuple[Diagnostic, ...], name: str) -> tuple[Diagnostic, ...]:
+    return tuple(
+        replace(one, hint=f'{one.hint}; or give the arg {name} under "args"') for one in missing
+    )

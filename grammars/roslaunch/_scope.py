@@ -24,9 +24,10 @@ class WrittenRemap:
 class Scope:
     """A launch file, an include or a group while it is read; what is inside gets a copy.
 
-    ``declared`` are the args this file has named, ``overriding`` is set where all args of the
-    outer file were passed on: values of the file then replace them. ``missing`` is what the
-    namespace lacks.
+    ``declared`` are the args this file has named, true for those that can be passed.
+    ``overriding`` is set where all args of the outer file were passed on: values of the file then
+    replace them. ``outermost`` is set in a file that is started, whose args are given by people.
+    ``missing`` is what the namespace lacks.
     """
 
     file: Path
@@ -34,6 +35,7 @@ class Scope:
     args: dict[str, Substituted] = field(default_factory=dict)
     declared: dict[str, bool] = field(default_factory=dict)
     overriding: bool = False
+    outermost: bool = False
     remaps: dict[str, WrittenRemap] = field(default_factory=dict)
     private: dict[str, LaunchParameter] = field(default_factory=dict)
     missing: tuple[Diagnostic, ...] = ()
@@ -46,6 +48,7 @@ class Scope:
             namespace=join_names(self.namespace, name) if name else self.namespace,
             args=dict(self.args),
             declared=dict(self.declared),
+            outermost=self.outermost,
             remaps=dict(self.remaps),
             private=dict(self.private),
             missing=(*self.missing, *missing),
@@ -60,7 +63,9 @@ class Scope:
         """
         if name in self.declared and not self.overriding:
             raise InputError.at(where, f"arg {name} is declared twice", "take one of them out")
-        if value is not None and name in self.args and not self.overriding:
+        # People name args once for all files they start, of which another one may have it open.
+        free = self.overriding or self.outermost
+        if value is not None and name in self.args and not free:
             message = f"arg {name} has a fixed value here, and another one was passed"
             raise InputError.at(where, message, "write default in place of value, or pass none")
         self.declared[name] = value is None
