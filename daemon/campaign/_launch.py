@@ -17,6 +17,7 @@ from daemon.campaign._ros_sources import LaunchPlan
 from grammars.roslaunch import (
     Launch,
     LaunchNode,
+    LaunchParameter,
     NodeType,
     launch_files_starting,
     load_launch,
@@ -66,10 +67,7 @@ def load_launched(plan: LaunchPlan, folder: Path, warnings: list[Diagnostic]) ->
 
 
 def _section(section: str, node: LaunchNode) -> ParameterValues:
-    settings = {
-        (section, *name): ParameterValue(found.value, found.where, found.missing)
-        for name, found in node.parameters.items()
-    }
+    settings = {(section, *name): _value(parameter) for name, parameter in node.parameters.items()}
     above = ("topics", "nodes", section)
     settings[(*above, "name")] = ParameterValue(node.name, node.where)
     for source, remap in node.remaps.items():
@@ -85,10 +83,12 @@ def _found_upwards(launch: Launch, move_base: LaunchNode) -> ParameterValues:
         for name in _SEARCHED_UPWARDS:
             parameter = launch.parameters.get((*spaces[:depth], name))
             if parameter is not None:
-                found["move_base", name] = ParameterValue(
-                    parameter.value, parameter.where, parameter.missing
-                )
+                found["move_base", name] = _value(parameter)
     return found
+
+
+def _value(parameter: LaunchParameter) -> ParameterValue:
+    return ParameterValue(parameter.value, parameter.where, parameter.missing, parameter.inside)
 
 
 def _choose_move_base(plan: LaunchPlan, launch: Launch, folder: Path) -> LaunchNode:

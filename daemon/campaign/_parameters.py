@@ -6,10 +6,11 @@ A later layer changes what it names and leaves the rest; ``null`` takes an inher
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, TypeAlias
 
 from grammars.text.diagnostics import Diagnostic, InputError, Where
+from grammars.text.documents import KeyPath, paths_inside
 
 ParameterPath: TypeAlias = tuple[str, ...]
 
@@ -18,19 +19,21 @@ ParameterPath: TypeAlias = tuple[str, ...]
 class ParameterValue:
     """A value and where it stands; lists are one value, mappings are not values but paths.
 
-    ``missing`` says what keeps it from being the value meant, if anything does.
+    ``missing`` says what keeps it from being the value meant, if anything does; ``inside`` holds
+    the places of what is in a list, by the way to it.
     """
 
     value: Any
     where: Where
     missing: tuple[Diagnostic, ...] = ()
+    inside: Mapping[KeyPath, Where] = field(default_factory=dict)
 
 
 ParameterValues: TypeAlias = dict[ParameterPath, ParameterValue]
 
 
 def flatten_parameters(
-    tree: Mapping[str, Any], where: Callable[[ParameterPath], Where], *, namespaces: bool = False
+    tree: Mapping[str, Any], where: Callable[[KeyPath], Where], *, namespaces: bool = False
 ) -> ParameterValues:
     """Return the settings of nested mappings; ``where`` places the value at a path of ``tree``.
 
@@ -39,7 +42,8 @@ def flatten_parameters(
     found: ParameterValues = {}
     for written, value in _leaves(tree, ()):
         path = tuple(p for name in written for p in name.split("/") if p) if namespaces else written
-        _put(found, path, ParameterValue(value, where(written)))
+        inside = {below: where((*written, *below)) for below in paths_inside(value)}
+        _put(found, path, ParameterValue(value, where(written), inside=inside))
     return found
 
 
@@ -107,12 +111,21 @@ def parameter_tree(settings: ParameterValues) -> dict[str, Any]:
 
 def parameter_place(settings: ParameterValues, path: tuple[str | int, ...]) -> Where | None:
     """Return where the value at ``path`` stands, or else the nearest value above or below it."""
-    names = tuple(part for part in path if isinstance(part, str))
+    first_index = next((i for i, part in enumerate(path) if isinstance(part, int)), len(path))
+    names = tuple(part for part in path[:first_index] if isinstance(part, str))
     for length in range(len(names), 0, -1):
         prefix = names[:length]
         if prefix in settings:
-            return settings[prefix].where
+            return _nearest(settings[prefix], path[length:])
         inside = [s.where for p, s in settings.items() if p[:length] == prefix]
         if inside:
             return inside[0]
     return None
+
+
+def _nearest(setting: ParameterValue, below: KeyPath) -> Where:
+    """Return the place of what is at ``below`` in a list, or of the nearest thing around it."""
+    for length in range(len(below), 0, -1):
+        if below[:length] in setting.inside:
+            return setting.inside[below[:length]]
+    return setting.where

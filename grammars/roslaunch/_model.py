@@ -9,6 +9,7 @@ from typing import Any, TypeAlias
 
 from grammars.roslaunch._names import ParameterName
 from grammars.text.diagnostics import Diagnostic, Where
+from grammars.text.documents import KeyPath
 
 SettingPlace: TypeAlias = Callable[[tuple[str | int, ...]], Where]
 NodeType: TypeAlias = tuple[str, str]
@@ -33,11 +34,15 @@ class LaunchSettings:
 
 @dataclass(frozen=True, slots=True)
 class LaunchParameter:
-    """A value with its place; ``missing`` says what keeps it from being the value meant."""
+    """A value with its place; ``missing`` says what keeps it from being the value meant.
+
+    ``inside`` holds the places of what is in a list, by the way to it.
+    """
 
     value: Any
     where: Where
     missing: tuple[Diagnostic, ...] = ()
+    inside: Mapping[KeyPath, Where] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)

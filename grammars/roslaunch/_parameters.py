@@ -14,7 +14,7 @@ from typing import Any
 from grammars.roslaunch._model import LaunchParameter
 from grammars.roslaunch._names import ParameterName, split_name
 from grammars.text.diagnostics import Diagnostic
-from grammars.text.documents import KeyPath, YamlDocument
+from grammars.text.documents import KeyPath, YamlDocument, paths_inside
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,7 +65,8 @@ class ParameterUpload:
             for part in map(str, path):
                 name = split_name(part) if part.startswith("/") else (*name, *split_name(part))
             unfilled = missing if missing and "$(" in str(value) else ()
-            self.set(name, LaunchParameter(value, document.where(path), unfilled))
+            inside = {below: document.where((*path, *below)) for below in paths_inside(value)}
+            self.set(name, LaunchParameter(value, document.where(path), unfilled, inside))
 
 
 def _leaves(data: Any, above: KeyPath) -> Iterable[tuple[KeyPath, Any]]:

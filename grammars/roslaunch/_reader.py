@@ -351,7 +351,10 @@ class LaunchReader:
         def locate(line: int, column: int) -> Where:
             if file is not None:
                 return Where(name, line, column)
-            begin = lines[min(line, len(lines)) - 1] if lines else element.where
+            if line > len(lines):  # The end of the text, where a line begins that has nothing.
+                last = lines[-1] if lines else element.where
+                return Where(name, last.line + line - len(lines), column)
+            begin = lines[line - 1]
             return Where(name, begin.line, begin.column + column - 1)
 
         missing: tuple[Diagnostic, ...] = ()
