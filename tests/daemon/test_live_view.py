@@ -37,7 +37,7 @@ def test_points_keep_to_the_centimetre() -> None:
 
 
 def test_returns_lie_where_the_laser_saw_something() -> None:
-    view = LiveView(LASER)
+    view = LiveView((LASER,))
     ranges = np.full(181, np.inf)
     ranges[90] = 2.0  # straight ahead
     view.add_scan(Pose2(1.0, 2.0, np.pi / 2), ranges)
@@ -46,7 +46,7 @@ def test_returns_lie_where_the_laser_saw_something() -> None:
 
 
 def test_everything_is_thinned_and_contacts_are_told_once() -> None:
-    view = LiveView(LASER)
+    view = LiveView((LASER,))
     view.add_scan(Pose2(), np.full(181, 3.0))
     view.contacts.append((1.0, 2.0))
     plan = np.column_stack([np.linspace(0.0, 50.0, 5000), np.zeros(5000)])

@@ -149,7 +149,7 @@ class Navigation:
             delayed=quirks.delayed_map_to_odom,
         )
         self._amcl = Amcl(
-            parameters.amcl, quirks, briefing.map, robot.laser, briefing.start, briefing.seed
+            parameters.amcl, quirks, briefing.map, robot.lasers, briefing.start, briefing.seed
         )
         self._pose = briefing.start
         """What AMCL has published last."""
@@ -228,7 +228,7 @@ class Navigation:
             if not self._parameters.wiring.amcl:
                 continue
             odom = self._transforms.base_at(scan.time)
-            published = self._amcl.scan(scan.time, scan.ranges, odom)
+            published = self._amcl.scan(scan.time, scan.ranges, odom, scan.laser)
             if published is not None:
                 found, self._pose = published, published.pose
             # Nothing is broadcast before the first publication, afterwards at every scan.

@@ -6,7 +6,7 @@ import dataclasses
 from collections.abc import Mapping
 from typing import Any, Final
 
-from daemon.stacks.ros2.settings import Ros2Settings, read_settings
+from daemon.stacks.ros2.settings import Ros2Settings, absolute_name, read_settings
 
 _SECONDS: Final = ("start_up", "patience", "tolerance", "idle", "period")
 _PLAIN: Final = (
@@ -30,6 +30,12 @@ def settings_not_written(parameters: Mapping[str, Any]) -> dict[str, dict[str, A
     are absolute. Raises :class:`~daemon.stacks.findings.ParameterError`.
     """
     settings = read_settings(parameters)
+    usual = absolute_name(settings.namespace, "scan")
+    by_laser: dict[str, dict[str, Any]] = {
+        "topics": {"scan": f"{usual}, or {usual}_NAME of several lasers", "scans": None},
+        "frames": {"laser": "laser, or laser_NAME of several", "lasers": None},
+        "qos": {},
+    }
     sections = {
         "stack": (parameters, _at_the_top(settings)),
         "environment": (
@@ -37,7 +43,10 @@ def settings_not_written(parameters: Mapping[str, Any]) -> dict[str, dict[str, A
             {"ROS_DOMAIN_ID": "own" if settings.domain is None else settings.domain},
         ),
         **{
-            name: (parameters.get(name), dataclasses.asdict(getattr(settings, name)))
+            name: (
+                parameters.get(name),
+                dataclasses.asdict(getattr(settings, name)) | by_laser[name],
+            )
             for name in _SECTIONS
         },
     }
@@ -61,4 +70,8 @@ def _left_out(given: Mapping[str, Any], values: Mapping[str, Any]) -> dict[str, 
     # The only key that is written with underscores.
     if "ROS_DOMAIN_ID" in values:
         spelled = dict(values)
-    return {name: value for name, value in spelled.items() if given.get(name) is None}
+    return {
+        name: value
+        for name, value in spelled.items()
+        if given.get(name) is None and value is not None
+    }

@@ -330,7 +330,7 @@ def test_a_killed_writer_leaves_a_readable_partial_file(tmp_path: Path) -> None:
     assert not trace.complete
     assert trace.valid_until == pytest.approx(19.95)
     assert trace.scans is not None
-    assert trace.scans.time[-1] == pytest.approx(19.9)
+    assert trace.scans[0].time[-1] == pytest.approx(19.9)
 
 
 def test_a_new_writer_replaces_what_a_dead_one_left(tmp_path: Path) -> None:
