@@ -28,7 +28,7 @@ MOST_CONTACTS: Final = 8
 
 @dataclass(slots=True)
 class LiveView:
-    """What was seen last: a scan of each laser, from where; and contacts since the last snapshot."""
+    """What was seen last: scans, from where; and the contacts since the snapshot before."""
 
     lasers: Sequence[Laser]
     scans: dict[str, tuple[Pose2, npt.NDArray[np.floating]]] = field(default_factory=dict)

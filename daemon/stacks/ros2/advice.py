@@ -61,10 +61,6 @@ def _about_lasers(settings: Ros2Settings, robot: Robot) -> Iterator[ParameterFin
             if name not in names:
                 message = f'robot {robot.name} has no laser "{name}": it {has}'
                 yield ParameterFinding((*path, name), message, did_you_mean(name, names))
-    if settings.frames.laser and len(names) > 1:
-        message = f"one frame for all lasers: robot {robot.name} {has}, each at a place of its own"
-        hint = f"name one for each, {{{', '.join(f'{name}: ...' for name in names)}}}"
-        yield ParameterFinding(("frames", "laser"), message, hint)
 
 
 def _is_whole(ratio: float) -> bool:

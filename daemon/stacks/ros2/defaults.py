@@ -6,7 +6,7 @@ import dataclasses
 from collections.abc import Mapping
 from typing import Any, Final
 
-from daemon.stacks.ros2.settings import Ros2Settings, absolute_name, read_settings
+from daemon.stacks.ros2.settings import Ros2Settings, read_settings
 
 _SECONDS: Final = ("start_up", "patience", "tolerance", "idle", "period")
 _PLAIN: Final = (
@@ -30,31 +30,25 @@ def settings_not_written(parameters: Mapping[str, Any]) -> dict[str, dict[str, A
     are absolute. Raises :class:`~daemon.stacks.findings.ParameterError`.
     """
     settings = read_settings(parameters)
-    usual = absolute_name(settings.namespace, "scan")
-    by_laser: dict[str, dict[str, Any]] = {
-        "topics": {"scan": f"{usual}, or {usual}_NAME of several lasers", "scans": None},
-        "frames": {"laser": "laser, or laser_NAME of several", "lasers": None},
-        "qos": {},
-    }
     sections = {
         "stack": (parameters, _at_the_top(settings)),
         "environment": (
             parameters.get("environment"),
             {"ROS_DOMAIN_ID": "own" if settings.domain is None else settings.domain},
         ),
-        **{
-            name: (
-                parameters.get(name),
-                dataclasses.asdict(getattr(settings, name)) | by_laser[name],
-            )
-            for name in _SECTIONS
-        },
+        **{name: (parameters.get(name), _names(getattr(settings, name))) for name in _SECTIONS},
     }
     if settings.container is not None:
         engine, network = settings.container.engine, settings.container.network
         written = parameters.get("container")
         sections["container"] = (written, {"engine": engine, "network": network})
     return {name: _left_out(given or {}, values) for name, (given, values) in sections.items()}
+
+
+def _names(section: Any) -> dict[str, Any]:
+    """Return the names in a section; those by laser are written or not there."""
+    values = dataclasses.asdict(section)
+    return {name: value for name, value in values.items() if isinstance(value, str)}
 
 
 def _at_the_top(settings: Ros2Settings) -> dict[str, Any]:
@@ -70,8 +64,4 @@ def _left_out(given: Mapping[str, Any], values: Mapping[str, Any]) -> dict[str, 
     # The only key that is written with underscores.
     if "ROS_DOMAIN_ID" in values:
         spelled = dict(values)
-    return {
-        name: value
-        for name, value in spelled.items()
-        if given.get(name) is None and value is not None
-    }
+    return {name: value for name, value in spelled.items() if given.get(name) is None}

@@ -178,8 +178,8 @@ class _Ros2TopicsText(StrictModel):
     """Topics under other names than the usual ones; without a slash they are in the namespace."""
 
     scan: _Name | dict[_LaserName, _Name] | None = None
-    """The laser scan is published here; scan when left out. Of a robot with several lasers: all of
-    them here, or a topic for each by its name, {front: scan_front}; scan_NAME when left out."""
+    """The laser scan is published here; scan when left out. A laser with a name is published with
+    _NAME behind it, scan_front, or where it is said by its name: {front: front/scan}."""
     odom: _Name | None = None
     """The wheel odometry is published here; odom when left out."""
     command: _Name | None = None
@@ -221,8 +221,8 @@ class _Ros2FramesText(StrictModel):
     base: _Frame | None = None
     """base_link when left out; also the frame of odometry twists."""
     laser: _Frame | dict[_LaserName, _Frame] | None = None
-    """laser when left out; the frame of scans. Of a robot with several lasers a frame for each by
-    its name, {front: front_laser_link}; laser_NAME when left out."""
+    """laser when left out; the frame of scans. That of a laser with a name has _NAME behind it,
+    laser_front, or is said by its name: {front: front_laser_link}."""
 
 
 class Ros2Keys(StrictModel):

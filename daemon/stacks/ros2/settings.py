@@ -59,11 +59,11 @@ class Container:
 class TopicNames:
     """Names of topics; absolute in :class:`Ros2Settings`.
 
-    ``scan`` is empty where each laser has the usual topic of its own; ``scans`` are topics by the
-    names of lasers, which count first.
+    ``scan`` is that of a robot's only laser, and with ``_NAME`` behind it of one of several;
+    ``scans`` are topics by the names of lasers, which count first.
     """
 
-    scan: str = ""
+    scan: str = "scan"
     scans: Mapping[str, str] = dataclasses.field(default_factory=dict)
     odom: str = "odom"
     command: str = "cmd_vel"
@@ -89,19 +89,19 @@ class SensorQos:
 class Frames:
     """Names of frames, as tf2 has them.
 
-    ``laser`` is empty where each laser has the usual frame of its own; ``lasers`` are frames by
-    the names of lasers, which count first.
+    ``laser`` is that of a robot's only laser, and with ``_NAME`` behind it of one of several;
+    ``lasers`` are frames by the names of lasers, which count first.
     """
 
     map: str = "map"
     odom: str = "odom"
     base: str = "base_link"
-    laser: str = ""
+    laser: str = "laser"
     lasers: Mapping[str, str] = dataclasses.field(default_factory=dict)
 
     def of_laser(self, laser: Laser) -> str:
         """Return the frame of a laser."""
-        return self.lasers.get(laser.name) or self.laser or laser.frame
+        return self.lasers.get(laser.name) or _of_several(self.laser, laser)
 
 
 @dataclass(frozen=True, slots=True)
@@ -143,9 +143,7 @@ class Ros2Settings:
 
     def scan_topic(self, laser: Laser) -> str:
         """Return where the scans of a laser are published."""
-        topics = self.topics
-        written = topics.scans.get(laser.name) or topics.scan
-        return written or absolute_name(self.namespace, laser.topic)
+        return self.topics.scans.get(laser.name) or _of_several(self.topics.scan, laser)
 
     @property
     def action_kind(self) -> ActionKind:
@@ -262,16 +260,22 @@ def _resolved(keys: _Ros2Parameters) -> Ros2Settings:
 
 
 def _absolute_names(namespace: str, names: str | Mapping[str, str]) -> Any:
-    """Return a name, or each of names by laser, absolute; what is left out stays so."""
+    """Return a name, or each of names by laser, absolute."""
     if isinstance(names, str):
-        return absolute_name(namespace, names) if names else ""
+        return absolute_name(namespace, names)
     return {laser: absolute_name(namespace, name) for laser, name in names.items()}
 
 
 def _by_laser(given: dict[str, Any], one: str, several: str) -> dict[str, Any]:
     """Return ``given`` with names by laser, which share a key with a single name, apart."""
     names = given.get(one)
-    return given if not isinstance(names, dict) else {**given, one: "", several: names}
+    if not isinstance(names, dict):
+        return given
+    return {name: value for name, value in given.items() if name != one} | {several: names}
+
+
+def _of_several(name: str, laser: Laser) -> str:
+    return f"{name}_{laser.name}" if laser.name else name
 
 
 def _set(model: BaseModel | None, leave: list[str] | None = None) -> dict[str, Any]:
