@@ -83,3 +83,18 @@ def test_who_watches_changes_nothing(tmp_path: Path, interest: str) -> None:
     assert (tmp_path / "watched.mcap").read_bytes() == (tmp_path / "alone.mcap").read_bytes()
     assert len(seen) == (0 if interest == "nothing" else 31)
     assert any(s.returns and s.spread and s.plan for s in seen) == (interest == "everything")
+
+
+def test_returns_of_all_lasers_share_what_a_snapshot_takes() -> None:
+    front, rear = (
+        replace(LASER, name="front"),
+        replace(LASER, name="rear", mount=Pose2(0, 0, np.pi)),
+    )
+    view = LiveView((front, rear))
+    view.add_scan(Pose2(), np.full(181, 3.0), "front")
+    assert 0 < len(view.extend(BARE, None, None).returns) <= MOST_RETURNS
+    view.add_scan(Pose2(), np.full(181, 2.0), "rear")
+    seen = from_centimetres(view.extend(BARE, None, None).returns)
+    assert len(seen) <= MOST_RETURNS
+    assert min(x for x, _ in seen) == -2.0
+    assert max(x for x, _ in seen) == 3.5
