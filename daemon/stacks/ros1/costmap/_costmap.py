@@ -266,7 +266,7 @@ class Costmap:
         sources, ranges, now = _NO_SOURCES, _NO_RANGES, self._now
         now[0], now[1], now[2] = base.x, base.y, base.yaw
         if scan is not None and self._sources:
-            sources, ranges, laser = self._table_for(scan.height), scan.ranges, scan.laser
+            sources, ranges, laser = self._table_for(scan.height), scan.ranges, scan.pose
             now[3], now[4], now[5] = laser.x, laser.y, laser.yaw
             now[6], now[7] = scan.range_min, scan.range_max
             if scan.angles is not self._angles:

@@ -24,17 +24,22 @@ from grammars.model.geometry import Floats, Pose2
 class SensedScan:
     """A scan as a costmap sees it.
 
-    ``laser`` is the laser's pose in the costmap's global frame at the stamp of the scan,
-    ``ranges`` (rays,) and ``angles`` (rays,) [m, rad] count from its x axis. Rays outside
-    [``range_min``, ``range_max``), infinite or nan, tell nothing. ``height`` is the laser's [m].
+    ``pose`` is the laser's in the costmap's global frame at the stamp of the scan, ``ranges``
+    (rays,) and ``angles`` (rays,) [m, rad] count from its x axis. Rays outside [``range_min``,
+    ``range_max``), infinite or nan, tell nothing. ``height`` is the laser's [m], ``laser`` its
+    name, which a robot's only one may not have. ``time`` is the stamp [s]; ``received`` is when
+    the scan reached the costmap [s], not given: at its stamp.
     """
 
-    laser: Pose2
+    pose: Pose2
     ranges: Singles
     angles: Floats
     range_min: float
     range_max: float
     height: float = 0.0
+    laser: str = ""
+    time: float = 0.0
+    received: float | None = None
 
 
 Cells: TypeAlias = npt.NDArray[np.uint8]

@@ -128,12 +128,12 @@ class PlainCostmap:
         good = (scan.ranges >= nearest) & (scan.ranges < farthest)
         r, a = scan.ranges[good].astype(float), scan.angles[good]
         x, y = (r * np.cos(a)).astype(np.float32), (r * np.sin(a)).astype(np.float32)
-        c, s = math.cos(scan.laser.yaw), math.sin(scan.laser.yaw)
-        points = np.column_stack((scan.laser.x + c * x - s * y, scan.laser.y + s * x + c * y))
+        c, s = math.cos(scan.pose.yaw), math.sin(scan.pose.yaw)
+        points = np.column_stack((scan.pose.x + c * x - s * y, scan.pose.y + s * x + c * y))
         return points.astype(np.float32).astype(float)
 
     def clear(self, scan: SensedScan, reach: float) -> None:
-        ox, oy = scan.laser.x, scan.laser.y
+        ox, oy = scan.pose.x, scan.pose.y
         start = self.cell(ox, oy)
         if start is None:
             return
@@ -161,7 +161,7 @@ class PlainCostmap:
     def mark(self, scan: SensedScan, reach: float) -> None:
         for x, y in self.points(scan).tolist():
             found = self.cell(x, y)
-            if math.hypot(x - scan.laser.x, y - scan.laser.y) < reach and found is not None:
+            if math.hypot(x - scan.pose.x, y - scan.pose.y) < reach and found is not None:
                 self.layer[found[1], found[0]] = LETHAL
                 self.touch(x, y)
 

@@ -241,7 +241,7 @@ def test_a_cleared_square_out_of_sight_stays_clear() -> None:
 def test_a_working_reset_forgets_obstacles_far_from_the_robot() -> None:
     costmap = build()
     for away in (0.5, 2.5):
-        costmap.update(FAR_AWAY, replace(looking(away), laser=Pose2(1.025, 0.525 + away / 3)))
+        costmap.update(FAR_AWAY, replace(looking(away), pose=Pose2(1.025, 0.525 + away / 3)))
     assert (costmap.grid.cells == 254).sum() == 2
     costmap.clear_obstacles_outside(Pose2(1.0, 1.0), 3.0)
     costmap.update(FAR_AWAY, None)
