@@ -100,7 +100,7 @@ def read_ros(parameters: Mapping[str, Any]) -> RosParameters:
     )
     say_unread(tree, (move_base.base_global_planner, move_base.base_local_planner))
     given = read_section(TopicParameters, tree.at("topics"), ("topics",), report, strict=True)
-    costmaps, topics = read_costmaps(tree, given)
+    costmaps, topics = read_costmaps(tree, given, localisation)
     return RosParameters(
         amcl=localisation,
         move_base=move_base,

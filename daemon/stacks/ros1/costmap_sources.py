@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
-from typing import Any, Final, Literal
+from typing import Any, Final
 
 from daemon.stacks.findings import ParameterFinding, ParameterLocation
+from daemon.stacks.ros1.amcl import AmclParameters
 from daemon.stacks.ros1.costmap import (
     CostmapContext,
     LayeredCostmap,
@@ -19,15 +20,11 @@ from daemon.stacks.ros1.parameters import ParameterTree
 from daemon.stacks.ros1.topics import ONE_LASER, TopicParameters, Topics, resolve_topics
 
 COSTMAPS: Final = ("global_costmap", "local_costmap")
-_FRAMES: Final[tuple[tuple[str, Literal["map", "odom"]], ...]] = (
-    ("global_frame_id", "map"),
-    ("odom_frame_id", "odom"),
-)
 _ONLY_LOCAL_SHOWN: Final = "only the local costmap is shown"
 
 
 def read_costmaps(
-    tree: ParameterTree, given: TopicParameters
+    tree: ParameterTree, given: TopicParameters, localisation: AmclParameters
 ) -> tuple[dict[str, LayeredCostmap], Topics]:
     """Return both costmaps, and who listens where."""
     topics = resolve_topics(given, (), ())
@@ -37,7 +34,10 @@ def read_costmaps(
         tree.report.problems.append(ParameterFinding(("topics",), message, hint))
     context = CostmapContext(
         above=Namespace.of(tree.at("move_base"), ("move_base",)),
-        frames=_frames(tree.at("amcl")),
+        frames={
+            localisation.global_frame_id.strip("/"): "map",
+            localisation.odom_frame_id.strip("/"): "odom",
+        },
         resolve=lambda name: given.resolve("move_base", name),
         maps=given.resolved_maps(),
         may_carry_scan=topics.may_carry_scan,
@@ -51,15 +51,6 @@ def read_costmaps(
     for name, costmap in costmaps.items():
         tree.report.problems += _deaf_sources(name, costmap, topics, tree.at("move_base", name))
     return costmaps, topics
-
-
-def _frames(amcl_parameters: Mapping[str, Any]) -> dict[str, Literal["map", "odom"]]:
-    """Return which of the two frames has which name, as amcl broadcasts them."""
-    names: dict[str, Literal["map", "odom"]] = {}
-    for parameter, frame in _FRAMES:
-        given = amcl_parameters.get(parameter, frame)
-        names[(given if isinstance(given, str) else frame).strip("/")] = frame
-    return names
 
 
 def _read_costmap(tree: ParameterTree, name: str, context: CostmapContext) -> LayeredCostmap:

@@ -141,6 +141,8 @@ def _unknown_name(
     name = str(place[-1])
     if isinstance(value, Mapping):
         hint = did_you_mean(name, namespaces)
+        # A list of what else there is would say nothing of a namespace that belongs to others.
+        hint = hint if hint.startswith("did") else ""
         return ParameterFinding(place, f'nothing reads a namespace "{name}"', hint)
     return ParameterFinding(place, f'nothing reads a parameter "{name}"', did_you_mean(name, names))
 

@@ -47,6 +47,7 @@ from daemon.stacks.ros1.amcl import Amcl, AmclParameters, AmclPose
 from daemon.stacks.ros1.configuration import RosParameters
 from daemon.stacks.ros1.cost_grid import CostGrid
 from daemon.stacks.ros1.costmap import Costmap, SensedScan
+from daemon.stacks.ros1.costmap_sources import laser_sources
 from daemon.stacks.ros1.dwa import Dwa
 from daemon.stacks.ros1.move_base import (
     ClearTarget,
@@ -275,7 +276,7 @@ class Navigation:
 def _longest_kept(parameters: RosParameters) -> float:
     """Return how long any source of either costmap wants scans to count [s]."""
     costmaps = (parameters.global_costmap, parameters.local_costmap)
-    sources = [source for costmap in costmaps for source in costmap.sources]
+    sources = [source for costmap in costmaps for source in laser_sources(costmap)]
     return max((source.observation_persistence for source in sources), default=0.0)
 
 

@@ -96,6 +96,10 @@ class AmclParameters:
     """[m^2/rad^2] Variance of translation per squared rotation."""
     odom_alpha5: NotNegative = 0.2
     """Variance of strafing per squared translation (omni only)."""
+    global_frame_id: str = "map"
+    """What costmaps call the frame of the map."""
+    odom_frame_id: str = "odom"
+    """What costmaps call the frame of odometry."""
 
     @model_validator(mode="after")
     def _check_particles(self) -> Self:
@@ -108,7 +112,7 @@ class AmclParameters:
         return self
 
 
-_FRAME = "frames here are called map, odom and base_link"
+_FRAME = "there is one robot, with one base frame"
 _START = "the start pose of the mission is the initial pose, as the launch files pass it on"
 _RVIZ = "nothing is drawn while running: look at the trace"
 _RECONFIGURE = "parameters hold for the whole run"
@@ -116,8 +120,6 @@ _ONE_MAP = "there is one map, known from the start"
 
 WITHOUT_EFFECT: Final[Mapping[str, str]] = {
     "base_frame_id": _FRAME,
-    "odom_frame_id": _FRAME,
-    "global_frame_id": _FRAME,
     "initial_pose_x": _START,
     "initial_pose_y": _START,
     "initial_pose_a": _START,

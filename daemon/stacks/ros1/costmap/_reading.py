@@ -182,8 +182,9 @@ def _say_out_of_reach(
         for one in planned
         if one.type in _SECTIONS and name in {f.name for f in fields(_SECTIONS[one.type])}
     ]
-    if not readers:
-        reason = "no layer of this costmap reads it"
+    own_values = all(name in one.namespace.entries for one in planned if one.name in readers)
+    if not readers or own_values:
+        reason = "the layers have their own" if readers else "no layer of this costmap reads it"
         report.without_effect.append(ParameterFinding(written.place, reason))
         return
     message = f"does not reach the layer {readers[0]}: costmap_2d does not look for it here"
