@@ -43,15 +43,15 @@ class _Planner(Generic[P]):
     renamed: Mapping[str, str] = field(default_factory=dict)
     contradictions: Callable[[P], tuple[Contradiction, ...]] = _nothing
     """Limits no robot can drive with: errors."""
-    not_as_written: Callable[[P], tuple[Contradiction, ...]] = _nothing
-    """What the planner takes differently from how it is written: warnings."""
+    remarks: Callable[[P], tuple[Contradiction, ...]] = _nothing
+    """What will probably not do what its user wants: warnings."""
 
 
 GLOBAL: Final[Mapping[str, _Planner[Any]]] = {
     NAVFN: _Planner(NavfnParameters, navfn.WITHOUT_EFFECT),
 }
 LOCAL: Final[Mapping[str, _Planner[Any]]] = {
-    DWA: _Planner(DwaParameters, dwa.WITHOUT_EFFECT, dwa.RENAMED, dwa.contradictions),
+    DWA: _Planner(DwaParameters, dwa.WITHOUT_EFFECT, dwa.RENAMED, dwa.contradictions, dwa.remarks),
 }
 
 
@@ -70,7 +70,7 @@ def read_global_planner(tree: ParameterTree, chosen: str) -> GlobalPlannerChoice
     """Return the parameters of the global planner called ``chosen``; others are refused."""
     place = ("move_base", "base_global_planner")
     name = _known(chosen, GLOBAL, place, "global", tree.report) or NAVFN
-    read: GlobalPlannerChoice = _read(tree, name, GLOBAL[name])
+    read: GlobalPlannerChoice = _read(tree, name, GLOBAL[name], {})
     return read
 
 
@@ -85,9 +85,8 @@ def read_local_planner(
     name = _known(chosen, LOCAL, place, "local", tree.report)
     if name is None:
         return DwaParameters()
-    read: LocalPlannerChoice = _read(tree, name, LOCAL[name])
-    if read.controller_frequency is None:
-        return replace(read, controller_frequency=controller_frequency)
+    inherited = {"controller_frequency": controller_frequency}
+    read: LocalPlannerChoice = _read(tree, name, LOCAL[name], inherited)
     return read
 
 
@@ -116,7 +115,8 @@ def _listed(names: Iterable[str]) -> str:
     return f"{', '.join(listed)} {'is' if len(listed) == 1 else 'are'}"
 
 
-def _read(tree: ParameterTree, name: str, planner: _Planner[P]) -> P:
+def _read(tree: ParameterTree, name: str, planner: _Planner[P], inherited: Mapping[str, Any]) -> P:
+    """Read a planner's section; what it ``inherited`` counts where it says ``None``."""
     path = ("move_base", namespace_of(name))
     given = tree.at(*path)
     before = len(tree.report.fatal)
@@ -128,9 +128,13 @@ def _read(tree: ParameterTree, name: str, planner: _Planner[P]) -> P:
         without_effect=planner.without_effect,
         renamed=planner.renamed,
     )
+    missing = {n: value for n, value in inherited.items() if getattr(read, n) is None}
+    whole: Any = read
+    read = replace(whole, **missing)
     if len(tree.report.fatal) == before:
         tree.report.fatal += _findings(planner.contradictions(read), path, given)
-        tree.report.problems += _findings(planner.not_as_written(read), path, given)
+    if len(tree.report.fatal) == before:
+        tree.report.problems += _findings(planner.remarks(read), path, given)
     return read
 
 

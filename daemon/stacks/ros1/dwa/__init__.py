@@ -14,6 +14,7 @@ from daemon.stacks.ros1.dwa._parameters import (
     DwaSettings,
     contradictions,
     longest_trajectory,
+    remarks,
     settings_of,
 )
 
@@ -28,6 +29,7 @@ __all__ = [
     "contradictions",
     "footprint_cost",
     "longest_trajectory",
+    "remarks",
     "settings_of",
     "warm_up",
 ]

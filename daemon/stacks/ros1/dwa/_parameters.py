@@ -206,6 +206,31 @@ def _rules(p: DwaParameters) -> tuple[tuple[tuple[str, ...], bool, str], ...]:
     )
 
 
+def remarks(parameters: DwaParameters) -> tuple[Contradiction, ...]:
+    """Return what will probably not do what its user wants: a robot that can never start.
+
+    A standing robot is sampled up to what it reaches within a control period (``sim_time``
+    without ``use_dwa``), and samples slower than both minimum speeds are illegal.
+    """
+    p = parameters
+    frequency = p.controller_frequency or 0.0
+    reach = (1.0 / frequency if frequency > 0.0 else 0.05) if p.use_dwa else p.sim_time
+    # The ends of the window of a standing robot, as ``SimpleTrajectoryGenerator::initialise``.
+    ahead = max(abs(max(p.min_vel_x, -p.acc_lim_x * reach)), min(p.max_vel_x, p.acc_lim_x * reach))
+    aside = max(abs(max(p.min_vel_y, -p.acc_lim_y * reach)), min(p.max_vel_y, p.acc_lim_y * reach))
+    turning = min(p.max_vel_theta, p.acc_lim_theta * reach)
+    fastest = math.hypot(ahead, aside)
+    if fastest + 1e-4 >= p.min_vel_trans or turning + 1e-4 >= p.min_vel_theta:
+        return ()
+    text = (
+        f"a standing robot never starts: within {reach:g} s it reaches {fastest:g} m/s and  {turning:g} rad/s (acc_lim_x {p.acc_lim_x:g}, acc_lim_theta "
+        f"{p.acc_lim_theta:g}), below both min_vel_trans {p.min_vel_trans:g} and min_vel_theta "
+        f"{p.min_vel_theta:g}"
+    )
+    names = ("acc_lim_x", "min_vel_trans", "acc_lim_theta", "min_vel_theta", "controller_frequency")
+    return (Contradiction(names, text),)
+
+
 class DwaSettings(NamedTuple):
     """Limits in SI units, weights and switches; the types are the same for every configuration."""
 
