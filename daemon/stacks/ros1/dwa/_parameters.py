@@ -13,7 +13,7 @@ import numpy as np
 from pydantic import ConfigDict, Field
 from pydantic.dataclasses import dataclass
 
-from daemon.stacks.ros1.base_local_planner import sim_period
+from daemon.stacks.ros1.base_local_planner import Contradiction, sim_period
 from daemon.stacks.ros1.parameters import Finite, NotNegative, Positive
 from daemon.stacks.ros1.quirks import Quirks
 
@@ -114,13 +114,6 @@ WITHOUT_EFFECT: Final[Mapping[str, str]] = {
     "stop_time_buffer": "dwa_local_planner stores it and never reads it",
 }
 """Names that change nothing here, with the reason."""
-
-
-class Contradiction(NamedTuple):
-    """Parameters that keep the robot from moving as asked: their ``names``, and why in words."""
-
-    names: tuple[str, ...]
-    text: str
 
 
 def contradictions(parameters: DwaParameters) -> tuple[Contradiction, ...]:
