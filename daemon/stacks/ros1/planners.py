@@ -12,16 +12,20 @@ from dataclasses import dataclass, field, replace
 from typing import Any, Final, Generic, TypeAlias, TypeVar
 
 from daemon.stacks.findings import FindingCollector, ParameterFinding, ParameterLocation
-from daemon.stacks.ros1 import dwa, navfn
-from daemon.stacks.ros1.dwa import Contradiction, DwaParameters
+from daemon.stacks.ros1 import dwa, global_planner, navfn, trajectory_planner
+from daemon.stacks.ros1.base_local_planner import Contradiction
+from daemon.stacks.ros1.dwa import DwaParameters
+from daemon.stacks.ros1.global_planner import GlobalPlannerParameters
 from daemon.stacks.ros1.navfn import NavfnParameters
 from daemon.stacks.ros1.parameters import ParameterTree, read_section
+from daemon.stacks.ros1.trajectory_planner import TrajectoryPlannerParameters
 
-GlobalPlannerChoice: TypeAlias = NavfnParameters
-LocalPlannerChoice: TypeAlias = DwaParameters
+GlobalPlannerChoice: TypeAlias = NavfnParameters | GlobalPlannerParameters
+LocalPlannerChoice: TypeAlias = DwaParameters | TrajectoryPlannerParameters
 P = TypeVar("P")
 
 NAVFN: Final = "navfn/NavfnROS"
+GLOBAL_PLANNER: Final = "global_planner/GlobalPlanner"
 DWA: Final = "dwa_local_planner/DWAPlannerROS"
 TRAJECTORY: Final = "base_local_planner/TrajectoryPlannerROS"
 _ELSEWHERE: Final = (
@@ -49,9 +53,18 @@ class _Planner(Generic[P]):
 
 GLOBAL: Final[Mapping[str, _Planner[Any]]] = {
     NAVFN: _Planner(NavfnParameters, navfn.WITHOUT_EFFECT),
+    GLOBAL_PLANNER: _Planner(GlobalPlannerParameters, global_planner.WITHOUT_EFFECT),
 }
 LOCAL: Final[Mapping[str, _Planner[Any]]] = {
-    DWA: _Planner(DwaParameters, dwa.WITHOUT_EFFECT, dwa.RENAMED, dwa.contradictions, dwa.remarks),
+    DWA: _Planner(
+        DwaParameters, dwa.WITHOUT_EFFECT, dwa.RENAMED, dwa.contradictions, dwa.remarks
+    ),
+    TRAJECTORY: _Planner(
+        TrajectoryPlannerParameters,
+        trajectory_planner.WITHOUT_EFFECT,
+        contradictions=trajectory_planner.contradictions,
+        remarks=trajectory_planner.not_as_written,
+    ),
 }
 
 
@@ -60,10 +73,8 @@ def namespace_of(planner: str) -> str:
     return re.split(r"[/:]", planner)[-1]
 
 
-NAMESPACES: Final = frozenset(
-    {*(namespace_of(name) for name in (*GLOBAL, *LOCAL)), "GlobalPlanner", "TrajectoryPlannerROS"}
-)
-"""The namespaces of planners that ship with move_base."""
+NAMESPACES: Final = frozenset(namespace_of(name) for name in (*GLOBAL, *LOCAL))
+"""The namespaces of the planners that are built in."""
 
 
 def read_global_planner(tree: ParameterTree, chosen: str) -> GlobalPlannerChoice:

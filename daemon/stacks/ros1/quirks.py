@@ -67,7 +67,11 @@ class Quirks:
     """The obstacle critic looks at the outline of the footprint, not at its inside."""
     rotation_raised_to_minimum: bool = True
     """Turning at the goal, the speed is raised to ``min_vel_theta`` again after it was limited so
-    that the robot could stop (base_local_planner ``LatchedStopRotateController``)."""
+    that the robot could stop (base_local_planner ``LatchedStopRotateController``); so does
+    TrajectoryPlannerROS, to the slowest turn on the spot."""
+    goal_turn_has_own_limit: bool = True
+    """At the goal TrajectoryPlannerROS turns as fast as ``max_rotational_vel``, 1 rad/s where it is
+    not written, whatever ``max_vel_theta`` and ``min_vel_theta`` say (``rotateToGoal``)."""
     resets_clear_nothing: bool = True
     """The reset recoveries look for a layer ``obstacles``, which pre-Hydro parameters call
     ``obstacle_layer``: they clear nothing (ros-planning/navigation #641, #656, #1005)."""

@@ -6,6 +6,7 @@ The plan near the robot, distances from it on the local costmap, and what a foot
 from daemon.stacks.ros1.base_local_planner.controller import (
     NO_POINTS,
     NO_VELOCITY,
+    Contradiction,
     ControllerAnswer,
     FollowedPlan,
     sim_period,
@@ -15,6 +16,7 @@ from daemon.stacks.ros1.base_local_planner.footprint import footprint_cost
 __all__ = [
     "NO_POINTS",
     "NO_VELOCITY",
+    "Contradiction",
     "ControllerAnswer",
     "FollowedPlan",
     "footprint_cost",

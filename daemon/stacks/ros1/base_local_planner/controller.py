@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 
@@ -31,6 +31,13 @@ class ControllerAnswer:
 
 
 NO_VELOCITY: Final = ControllerAnswer(False, Twist2(), NO_POINTS)
+
+
+class Contradiction(NamedTuple):
+    """Parameters that do not mean what they seem to: their ``names``, and why in words."""
+
+    names: tuple[str, ...]
+    text: str
 
 
 def sim_period(frequency: float | None, default: float) -> float:

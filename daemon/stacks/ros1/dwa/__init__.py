@@ -9,7 +9,6 @@ from daemon.stacks.ros1.dwa._dwa import Dwa, Oscillation, warm_up
 from daemon.stacks.ros1.dwa._parameters import (
     RENAMED,
     WITHOUT_EFFECT,
-    Contradiction,
     DwaParameters,
     DwaSettings,
     contradictions,
@@ -21,7 +20,6 @@ from daemon.stacks.ros1.dwa._parameters import (
 __all__ = [
     "RENAMED",
     "WITHOUT_EFFECT",
-    "Contradiction",
     "Dwa",
     "DwaParameters",
     "DwaSettings",

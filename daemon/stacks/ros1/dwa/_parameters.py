@@ -13,7 +13,7 @@ import numpy as np
 from pydantic import ConfigDict, Field
 from pydantic.dataclasses import dataclass
 
-from daemon.stacks.ros1.base_local_planner import sim_period
+from daemon.stacks.ros1.base_local_planner import Contradiction, sim_period
 from daemon.stacks.ros1.parameters import Finite, NotNegative, Positive
 from daemon.stacks.ros1.quirks import Quirks
 
@@ -130,13 +130,6 @@ RENAMED: Final[Mapping[str, str]] = {
 (``DWAPlannerROS::initialize``)."""
 
 
-class Contradiction(NamedTuple):
-    """Parameters that keep the robot from moving as asked: their ``names``, and why in words."""
-
-    names: tuple[str, ...]
-    text: str
-
-
 def contradictions(parameters: DwaParameters) -> tuple[Contradiction, ...]:
     """Return what in ``parameters`` keeps the robot from moving as asked."""
     return tuple(Contradiction(names, text) for names, wrong, text in _rules(parameters) if wrong)
@@ -213,8 +206,7 @@ def remarks(parameters: DwaParameters) -> tuple[Contradiction, ...]:
     without ``use_dwa``), and samples slower than both minimum speeds are illegal.
     """
     p = parameters
-    frequency = p.controller_frequency or 0.0
-    reach = (1.0 / frequency if frequency > 0.0 else 0.05) if p.use_dwa else p.sim_time
+    reach = sim_period(p.controller_frequency, 0.05) if p.use_dwa else p.sim_time
     # The ends of the window of a standing robot, as ``SimpleTrajectoryGenerator::initialise``.
     ahead = max(abs(max(p.min_vel_x, -p.acc_lim_x * reach)), min(p.max_vel_x, p.acc_lim_x * reach))
     aside = max(abs(max(p.min_vel_y, -p.acc_lim_y * reach)), min(p.max_vel_y, p.acc_lim_y * reach))
@@ -223,9 +215,9 @@ def remarks(parameters: DwaParameters) -> tuple[Contradiction, ...]:
     if fastest + 1e-4 >= p.min_vel_trans or turning + 1e-4 >= p.min_vel_theta:
         return ()
     text = (
-        f"a standing robot never starts: within {reach:g} s it reaches {fastest:g} m/s and  {turning:g} rad/s (acc_lim_x {p.acc_lim_x:g}, acc_lim_theta "
-        f"{p.acc_lim_theta:g}), below both min_vel_trans {p.min_vel_trans:g} and min_vel_theta "
-        f"{p.min_vel_theta:g}"
+        f"a standing robot never starts: within {reach:g} s it reaches {fastest:g} m/s and "
+        f"{turning:g} rad/s (acc_lim_x {p.acc_lim_x:g}, acc_lim_theta {p.acc_lim_theta:g}), below "
+        f"both min_vel_trans {p.min_vel_trans:g} and min_vel_theta {p.min_vel_theta:g}"
     )
     names = ("acc_lim_x", "min_vel_trans", "acc_lim_theta", "min_vel_theta", "controller_frequency")
     return (Contradiction(names, text),)
