@@ -91,7 +91,10 @@ def _deaf_sources(
     comes = topics.published
     if topics.by_laser:
         comes = ", ".join(topic for each in topics.by_laser.values() for topic in each)
-    if not sources:
+    if not any(isinstance(layer, ObstacleLayer) for layer in costmap.layers):
+        message = f"the {title} has no obstacle layer"
+        yield ParameterFinding(("move_base", name, "plugins"), message, hint)
+    elif not sources:
         message = f"the {title} has no source of type LaserScan"
         yield ParameterFinding(("move_base", name, "observation_sources"), message, hint)
     elif len(deaf) == len(sources):

@@ -42,7 +42,15 @@ from typing import Final
 import numpy as np
 
 from daemon.model.sut import Briefing, Cloud, Decision, Estimate, LaserScan, Observation
-from daemon.stacks.ros1 import amcl, costmap, dwa, move_base, navfn
+from daemon.stacks.ros1 import (
+    amcl,
+    costmap,
+    dwa,
+    global_planner,
+    move_base,
+    navfn,
+    trajectory_planner,
+)
 from daemon.stacks.ros1.amcl import Amcl, AmclParameters, AmclPose
 from daemon.stacks.ros1.configuration import RosParameters
 from daemon.stacks.ros1.cost_grid import CostGrid
@@ -60,7 +68,7 @@ from daemon.stacks.ros1.move_base import (
     WaypointDispatcher,
     make_recoveries,
 )
-from daemon.stacks.ros1.navfn import Navfn
+from daemon.stacks.ros1.planners import make_global_planner, make_local_planner
 from daemon.stacks.ros1.scan_buffer import ScanBuffer
 from daemon.stacks.ros1.telemetry import (
     CostmapRecorder,
@@ -69,13 +77,16 @@ from daemon.stacks.ros1.telemetry import (
     PlanRecorder,
 )
 from daemon.stacks.ros1.timers import TIME_TOLERANCE, UpdateTimer
+from daemon.stacks.ros1.trajectory_planner import TrajectoryPlanner
 from grammars.model.geometry import Floats, Pose2, Twist2
 
 
 class _DwaController:
-    """DWA with what it needs to know at hand; keeps the trajectory it chose last."""
+    """The controller with what it needs to know at hand; keeps the trajectory it chose last."""
 
-    def __init__(self, dwa: Dwa, transforms: TransformBuffer, local: CostGrid) -> None:
+    def __init__(
+        self, dwa: Dwa | TrajectoryPlanner, transforms: TransformBuffer, local: CostGrid
+    ) -> None:
         self._dwa, self._transforms, self._local = dwa, transforms, local
         self.trajectory: Floats | None = None
 
@@ -136,8 +147,8 @@ class Navigation:
         p = self._parameters
         wide, near = p.global_costmap, p.local_costmap
         footprint = near.padded_footprint()
-        self._navfn = Navfn(p.global_planner, p.quirks)
-        dwa = Dwa(
+        self._navfn = make_global_planner(p.global_planner, p.quirks)
+        dwa = make_local_planner(
             p.local_planner, p.quirks, footprint, 1.0 / p.move_base.controller_frequency,
             latch_goal=p.move_base.latch_xy_goal_tolerance,
         )  # fmt: skip
@@ -351,7 +362,8 @@ def common_step(*frequencies: float) -> float:
 
 def warm_up() -> None:
     """Warm up every component, and what is recorded of them."""
-    for component in (amcl, costmap, navfn, dwa, move_base):
+    controllers = (dwa, trajectory_planner)
+    for component in (amcl, costmap, navfn, global_planner, *controllers, move_base):
         component.warm_up()
     log = PlanRecorder()
     log.take(0.0, np.zeros((2, 3)))
