@@ -1,9 +1,9 @@
 """The one road of a run: specification and scene in, trace and verdicts out.
 
 Every run, wherever it happens, is :func:`execute`. Simulated time advances in ticks of 10 ms; what
-happens inside one tick has a fixed order: physics, ground truth and joints, odometry, scan, the
-system under test, its command. Why in this order: see ``RunLoop._tick``. Nothing here looks at a
-clock except to report what a run cost.
+happens inside one tick has a fixed order: physics, ground truth and joints, odometry, scans (laser
+by laser as the robot has them), the system under test, its command. Why in this order: see
+``RunLoop._tick``. Nothing here looks at a clock except to report what a run cost.
 """
 
 from __future__ import annotations
@@ -180,7 +180,9 @@ class RunLoop:
         self._odom = _PeriodicTimer(
             1.0 / self._period if self._period else spec.robot.odometry.rate
         )
-        self._scan = _PeriodicTimer(spec.robot.laser.rate)
+        self._scan_timers = tuple(
+            (laser.name, _PeriodicTimer(laser.rate)) for laser in spec.robot.lasers
+        )
         self._update = _PeriodicTimer(1.0 / self._sut.period)
         self._interest = interest
         self._snapshot = _PeriodicTimer(SNAPSHOT_RATE if interest is None else WATCHED_RATE)
@@ -267,8 +269,8 @@ class RunLoop:
             self._state.due,
             self._clock.due,
             self._odom.due,
-            self._scan.due,
             self._update.due,
+            *(timer.due for _, timer in self._scan_timers),
         )
 
     def _tick(self) -> bool:
@@ -285,7 +287,7 @@ class RunLoop:
             trace.clock(now)
         if self._state.fires(tick):
             self._record_state()
-        # Odometry before the scan, both before the update: the system under test can place a scan
+        # Odometry before the scans, both before the update: the system under test can place a scan
         # by the odometry of the same stamp, and what it sees is of now, not of a tick ago.
         if self._odom.fires(tick):
             # A period need not be a multiple of a tick: the sample then lies within the last one.
@@ -293,12 +295,13 @@ class RunLoop:
             sample = world.odometry(at)
             trace.odometry(sample)
             self._odometry.append(sample)
-        if self._scan.fires(tick):
-            ranges = world.scan()
-            trace.scan(now, ranges)
-            self._scans.append(LaserScan(now, ranges))
-            if self._live_view is not None:
-                self._live_view.add_scan(world.pose(), ranges)
+        for laser, timer in self._scan_timers:
+            if timer.fires(tick):
+                ranges = world.scan(laser)
+                trace.scan(now, ranges, laser)
+                self._scans.append(LaserScan(now, ranges, laser))
+                if self._live_view is not None:
+                    self._live_view.add_scan(world.pose(), ranges, laser)
         # Last, when everything of this instant has been measured: its command moves the robot from
         # the next step on, never in the one that led here.
         finished = self._update.fires(tick) and self._update_sut(now)
@@ -394,7 +397,7 @@ class RunLoop:
     def snapshot(self, now: float) -> Snapshot:
         """Return everything there is to see; scans are kept from the first time on."""
         if self._live_view is None:
-            self._live_view = LiveView(self._spec.robot.laser)
+            self._live_view = LiveView(self._spec.robot.lasers)
         belief = self._cloud or self._estimate
         return self._live_view.extend(self._take_snapshot(now), belief, self._plan)
 

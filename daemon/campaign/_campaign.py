@@ -19,7 +19,6 @@ import numpy as np
 from daemon.campaign._declarations import DeclarationScope, LegTimings, read_declarations
 from daemon.campaign._external import (
     announce_repeats,
-    check_sensors,
     default_repeats,
     says_repeats,
 )
@@ -31,6 +30,7 @@ from daemon.campaign._file import (
     repeat_policy,
 )
 from daemon.campaign._layers import LayerLibrary
+from daemon.campaign._sensors import check_sensors
 from daemon.model.assessments import AssessmentRules
 from daemon.model.packed_submission import fingerprint
 from daemon.model.spec import MapSettings, OracleText, RunSpec, SutReference

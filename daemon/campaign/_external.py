@@ -1,4 +1,4 @@
-"""Systems under test outside of the simulation: how often they are run, what does not suit them.
+"""Systems under test outside of the simulation: how often they are run.
 
 Same specification, same world and noise, but not the same answers: one run of such a system shows
 less than one of a system that repeats itself.
@@ -6,14 +6,11 @@ less than one of a system that repeats itself.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from typing import Final
 
 from daemon.model.spec import SutReference
-from daemon.stacks.ros2.advice import advise_for_robot
-from daemon.stacks.ros2.settings import read_settings
-from grammars.model.robot import Robot
-from grammars.text.diagnostics import Diagnostic, Severity, Where
+from grammars.text.diagnostics import Diagnostic, Severity
 from grammars.text.documents import YamlDocument
 
 EXTERNAL_REPEATS: Final = 5
@@ -45,18 +42,3 @@ def announce_repeats(
     where = document.where(("matrix", "sut"))
     hint = f'write "repeats: {EXTERNAL_REPEATS}" for all systems, or another number'
     return (Diagnostic(where, message, hint, Severity.WARNING),)
-
-
-def check_sensors(pairs: Iterable[tuple[SutReference, Robot, Where]]) -> Iterator[Diagnostic]:
-    """Yield sensors of robots whose samples do not fit the cycles of a ROS 2 stack.
-
-    ``pairs`` of a system and a robot come with the place of the scenario they meet in; what is
-    said of a pair is said once.
-    """
-    once: dict[tuple[str, str], tuple[SutReference, Robot, Where]] = {}
-    for sut, robot, where in pairs:
-        if sut.kind == "ros2":
-            once.setdefault((sut.name, robot.name), (sut, robot, where))
-    for sut, robot, where in once.values():
-        for found in advise_for_robot(read_settings(sut.parameters), robot):
-            yield Diagnostic(where, f"{sut.name}: {found.message}", found.hint, Severity.WARNING)

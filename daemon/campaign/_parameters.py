@@ -1,36 +1,39 @@
 """Parameters in layers, every value by its path with the place it was written at.
 
 A later layer changes what it names and leaves the rest; ``null`` takes an inherited value away.
-The parameter files of a robot's navigation package are loaded as its launch files load them.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass
-from pathlib import Path
-from typing import Any, Final, TypeAlias
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import Any, TypeAlias
 
-from grammars.text.diagnostics import Diagnostic, InputError, Severity, Where, did_you_mean
-from grammars.text.documents import YamlDocument
-from grammars.text.ros_yaml import load_ros_yaml
+from grammars.text.diagnostics import Diagnostic, InputError, Where
+from grammars.text.documents import KeyPath, paths_inside
 
 ParameterPath: TypeAlias = tuple[str, ...]
 
 
 @dataclass(frozen=True, slots=True)
 class ParameterValue:
-    """A value and where it stands; lists are one value, mappings are not values but paths."""
+    """A value and where it stands; lists are one value, mappings are not values but paths.
+
+    ``missing`` says what keeps it from being the value meant, if anything does; ``inside`` holds
+    the places of what is in a list, by the way to it.
+    """
 
     value: Any
     where: Where
+    missing: tuple[Diagnostic, ...] = ()
+    inside: Mapping[KeyPath, Where] = field(default_factory=dict)
 
 
 ParameterValues: TypeAlias = dict[ParameterPath, ParameterValue]
 
 
 def flatten_parameters(
-    tree: Mapping[str, Any], where: Callable[[ParameterPath], Where], *, namespaces: bool = False
+    tree: Mapping[str, Any], where: Callable[[KeyPath], Where], *, namespaces: bool = False
 ) -> ParameterValues:
     """Return the settings of nested mappings; ``where`` places the value at a path of ``tree``.
 
@@ -39,7 +42,8 @@ def flatten_parameters(
     found: ParameterValues = {}
     for written, value in _leaves(tree, ()):
         path = tuple(p for name in written for p in name.split("/") if p) if namespaces else written
-        _put(found, path, ParameterValue(value, where(written)))
+        inside = {below: where((*written, *below)) for below in paths_inside(value)}
+        _put(found, path, ParameterValue(value, where(written), inside=inside))
     return found
 
 
@@ -107,174 +111,21 @@ def parameter_tree(settings: ParameterValues) -> dict[str, Any]:
 
 def parameter_place(settings: ParameterValues, path: tuple[str | int, ...]) -> Where | None:
     """Return where the value at ``path`` stands, or else the nearest value above or below it."""
-    names = tuple(part for part in path if isinstance(part, str))
+    first_index = next((i for i, part in enumerate(path) if isinstance(part, int)), len(path))
+    names = tuple(part for part in path[:first_index] if isinstance(part, str))
     for length in range(len(names), 0, -1):
         prefix = names[:length]
         if prefix in settings:
-            return settings[prefix].where
+            return _nearest(settings[prefix], path[length:])
         inside = [s.where for p, s in settings.items() if p[:length] == prefix]
         if inside:
             return inside[0]
     return None
 
 
-COMMON: Final = "costmap_common"
-"""What launch files load into both costmaps, before what each has of its own."""
-COSTMAPS: Final = (("move_base", "global_costmap"), ("move_base", "local_costmap"))
-
-
-@dataclass(frozen=True, slots=True)
-class _PackageFile:
-    """A file of a navigation package: how it may be called, the namespace it is loaded into.
-
-    Files about one ``section`` often leave its name out; they are then loaded into the section.
-    """
-
-    names: tuple[str, ...]
-    namespace: str
-    section: str = ""
-    usual: bool = True
-
-
-_PACKAGE_FILES: Final = (
-    _PackageFile(("amcl.yaml", "amcl_params.yaml"), "amcl"),
-    _PackageFile(("costmap_common_params.yaml", "common_costmap_params.yaml"), COMMON),
-    _PackageFile(
-        ("costmap_global_params.yaml", "global_costmap_params.yaml"), "move_base", "global_costmap"
-    ),
-    _PackageFile(
-        ("costmap_local_params.yaml", "local_costmap_params.yaml"), "move_base", "local_costmap"
-    ),
-    _PackageFile(("move_base_params.yaml", "move_base.yaml"), "move_base"),
-    _PackageFile(
-        ("navfn_global_planner_params.yaml", "navfn_params.yaml"), "move_base", "NavfnROS", False
-    ),
-    _PackageFile(
-        ("dwa_local_planner_params.yaml", "dwa_params.yaml"), "move_base", "DWAPlannerROS"
-    ),
-)
-"""In the order in which a usual launch file loads them: a later file wins."""
-
-
-def load_package_folder(
-    folder: Path, where: Where, warnings: list[Diagnostic], *, whole: bool
-) -> ParameterValues:
-    """Return the settings of the well-known files in ``folder``.
-
-    ``where`` is the place that names the folder; with ``whole`` a usual file that is not there is
-    worth a warning. Raises :class:`InputError` with everything wrong in the files.
-    """
-    if not folder.is_dir():
-        raise InputError(Diagnostic(where, f"no folder {folder}", _folders_near(folder)))
-    # Of two names for the same file the usual one wins: it is the last in reversed order.
-    present = {path.name for path in folder.iterdir() if path.is_file()}
-    named = {kind: name for kind in _PACKAGE_FILES for name in kind.names[::-1] if name in present}
-    if not named:
-        expected = ", ".join(kind.names[0] for kind in _PACKAGE_FILES)
-        raise InputError(
-            Diagnostic(where, f"{folder} has no parameter files", f"looked for {expected}")
-        )
-    settings: ParameterValues = {}
-    problems: list[Diagnostic] = []
-    for kind in (kind for kind in _PACKAGE_FILES if kind in named):
-        try:
-            settings = merge_parameters(settings, _load(folder / named[kind], kind, warnings))
-        except InputError as error:
-            problems += error.diagnostics
-    if problems:
-        raise InputError(problems)
-    warnings += _unread_files(folder, present - set(named.values()), where)
-    if whole:
-        warnings += _missing_files(folder, named, where)
-    return settings
-
-
-def _load(path: Path, kind: _PackageFile, warnings: list[Diagnostic]) -> ParameterValues:
-    document, found = load_ros_yaml(path)
-    warnings += found
-    namespace = kind.namespace
-    if kind.section and not any(_first_name(name) == kind.section for name in document.data):
-        namespace = f"{namespace}/{kind.section}"
-    return _document_parameters(document, namespace)
-
-
-def _unread_files(folder: Path, names: Iterable[str], where: Where) -> list[Diagnostic]:
-    spare = sorted(name for name in names if name.endswith((".yaml", ".yml")))
-    if not spare:
-        return []
-    message = f"not read in {folder}: {', '.join(spare)}"
-    hint = 'name them under "files" with their namespace if the stack reads them'
-    return [Diagnostic(where, message, hint, Severity.WARNING)]
-
-
-def _missing_files(folder: Path, found: Iterable[_PackageFile], where: Where) -> list[Diagnostic]:
-    lacking = [kind.names for kind in _PACKAGE_FILES if kind.usual and kind not in found]
-    return [
-        Diagnostic(
-            where, f"no {' or '.join(names)} in {folder}: ROS defaults apply", "", Severity.WARNING
-        )
-        for names in lacking
-    ]
-
-
-def load_parameter_files(
-    files: Mapping[str, Iterable[tuple[Path, Where]]], warnings: list[Diagnostic]
-) -> ParameterValues:
-    """Return the settings of files by the namespace they are loaded into, in the order written.
-
-    Each file comes with the place that names it. Raises :class:`InputError` with everything wrong.
-    """
-    settings: ParameterValues = {}
-    problems: list[Diagnostic] = []
-    for namespace, paths in files.items():
-        for path, where in paths:
-            if not path.is_file():
-                problems.append(Diagnostic(where, f"no file {path}", _files_near(path)))
-                continue
-            try:
-                document, found = load_ros_yaml(path)
-                settings = merge_parameters(settings, _document_parameters(document, namespace))
-            except InputError as error:
-                problems += error.diagnostics
-                continue
-            warnings += found
-    if problems:
-        raise InputError(problems)
-    return settings
-
-
-def _document_parameters(document: YamlDocument, namespace: str) -> ParameterValues:
-    """Return the values of a file; names that begin with a slash leave the namespace."""
-    leaving = {name: value for name, value in document.data.items() if name.startswith("/")}
-    own = {name: value for name, value in document.data.items() if name not in leaving}
-    base = tuple(part for part in namespace.split("/") if part)
-    inside = flatten_parameters(own, document.where, namespaces=True)
-    return merge_parameters(
-        under_namespace(inside, base), flatten_parameters(leaving, document.where, namespaces=True)
-    )
-
-
-def apply_common_costmap(settings: ParameterValues) -> ParameterValues:
-    """Load what the costmaps have in common into each, below what each has of its own."""
-    common = {path[1:]: s for path, s in settings.items() if path[0] == COMMON and len(path) > 1}
-    own = {path: s for path, s in settings.items() if path[0] != COMMON}
-    spread: ParameterValues = {}
-    for costmap in COSTMAPS:
-        spread |= under_namespace(common, costmap)
-    return merge_parameters(spread, own)
-
-
-def _first_name(name: str) -> str:
-    return next((part for part in name.split("/") if part), "")
-
-
-def _files_near(path: Path) -> str:
-    if not path.parent.is_dir():
-        return f"there is no folder {path.parent}"
-    return did_you_mean(path.name, (p.name for p in path.parent.iterdir() if p.is_file()))
-
-
-def _folders_near(folder: Path) -> str:
-    if not folder.parent.is_dir():
-        return f"there is no folder {folder.parent}"
-    return did_you_mean(folder.name, (p.name for p in folder.parent.iterdir() if p.is_dir()))
+def _nearest(setting: ParameterValue, below: KeyPath) -> Where:
+    """Return the place of what is at ``below`` in a list, or of the nearest thing around it."""
+    for length in range(len(below), 0, -1):
+        if below[:length] in setting.inside:
+            return setting.inside[below[:length]]
+    return setting.where

@@ -8,22 +8,35 @@ a ROS 2 stack the tree are its keys at the top of the file, as they were written
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Annotated, Any, Final, TypeAlias
 
 from pydantic import BeforeValidator, Field
 
 from daemon.campaign._file import LayerReference
-from daemon.campaign._parameters import (
-    ParameterValues,
+from daemon.campaign._foreign_files import refuse_unread
+from daemon.campaign._launch import load_launched
+from daemon.campaign._parameter_files import (
     apply_common_costmap,
-    flatten_parameters,
     load_package_folder,
     load_parameter_files,
+)
+from daemon.campaign._parameters import (
+    ParameterValues,
+    flatten_parameters,
     merge_parameters,
     parameter_place,
     parameter_tree,
+)
+from daemon.campaign._ros_sources import (
+    LaunchChange,
+    RosSource,
+    as_ros_source,
+    check_source,
+    is_change,
+    plan_launch,
+    refuse_lone_changes,
 )
 from daemon.model.attachments import FILES_PARAMETER, attach_files
 from daemon.model.spec import SutReference
@@ -60,9 +73,12 @@ class SutFile(Ros2Keys):
     """Another system under test: this one is the same except for what is written here."""
     kind: str | None = None
     """What is run: a kind that ships here, or one plugged in as "scenario.suts"."""
-    ros: str | None = Field(default=None, min_length=1)
-    """A folder with the parameter files of a robot's navigation package (amcl.yaml,
-    costmap_common_params.yaml, move_base_params.yaml ...), loaded as usual launch files do."""
+    ros: Annotated[
+        RosSource | None,
+        BeforeValidator(as_ros_source, json_schema_input_type=str | RosSource | None),
+    ] = None
+    """The configuration of a robot as it is: its launch files, or a folder with the parameter
+    files of its navigation package."""
     files: dict[str, _Files] = Field(default_factory=dict)
     """ROS parameter files by the namespace they are loaded into, such as move_base/global_costmap;
     costmap_common is loaded into both costmaps. For "kind: ros2" and a kind plugged in: files it
@@ -99,6 +115,8 @@ class _SutLayer:
     files: tuple[str, ...]
     warnings: tuple[Diagnostic, ...]
     attached: dict[str, Path] = field(default_factory=dict)
+    parameter_files: tuple[str, ...] = ()
+    """ROS parameter files that people named, or that were found in a folder they named."""
 
 
 def load_sut(path: Path, find: FindSutFile) -> LoadedSut:
@@ -109,6 +127,7 @@ def load_sut(path: Path, find: FindSutFile) -> LoadedSut:
     document = load_yaml(path)
     layer = _load(path, document, find, ())
     settings = apply_common_costmap(layer.settings) if layer.kind == ROS else layer.settings
+    _refuse_missing(settings)
     tree = parameter_tree(settings)
     if layer.attached:
         tree = {**tree, FILES_PARAMETER: _attach(layer, document)}
@@ -118,6 +137,7 @@ def load_sut(path: Path, find: FindSutFile) -> LoadedSut:
         findings = check_parameters(layer.kind, tree)
     except ValueError as error:
         raise InputError(_diagnostics(error, document, settings)) from error
+    refuse_unread(settings, findings, layer.parameter_files)
     idle = _idle_warning(findings, document, settings)
     return LoadedSut(
         reference=SutReference(layer.text.sut, layer.kind, tree),
@@ -130,35 +150,71 @@ def load_sut(path: Path, find: FindSutFile) -> LoadedSut:
     )
 
 
+def _refuse_missing(settings: ParameterValues) -> None:
+    """Refuse values that launch files could not fill in and nobody wrote anew."""
+    missing = [
+        replace(lack, message=f"{lack.message}, which {'/'.join(path)} needs")
+        for path, setting in settings.items()
+        for lack in setting.missing
+    ]
+    if missing:
+        raise InputError(missing)
+
+
 def _load(
-    path: Path, document: YamlDocument, find: FindSutFile, above: tuple[Path, ...]
+    path: Path,
+    document: YamlDocument,
+    find: FindSutFile,
+    above: tuple[Path, ...],
+    changes: tuple[LaunchChange, ...] = (),
 ) -> _SutLayer:
+    """Return a file with all below it; ``changes`` to its launch files come from above it."""
     text = read_model(document, SutFile)
-    base = _base(path, document, text, find, above)
+    if text.ros is not None:
+        own = LaunchChange(text.ros, document, path.parent)
+        check_source(text.ros, own.where)
+        if is_change(text.ros):
+            changes = (own, *changes)
+    below = changes if text.ros is None or is_change(text.ros) else ()
+    base = _base(path, document, text, find, above, below)
     kind = _kind(document, text, base)
     settings: ParameterValues = {} if base is None else base.settings
     warnings = [] if base is None else list(base.warnings)
-    if text.ros and kind != ROS:
+    loaded = {} if base is None else dict.fromkeys(base.parameter_files)
+    if text.ros is not None and kind != ROS:
         message = f"ros: only kind {ROS} reads ROS parameter files, this is {kind}"
         raise InputError(Diagnostic(document.where(("ros",)), message))
     if text.files and is_built_in(kind) and kind not in (ROS, ROS2):
         message = f"files: {kind} needs none"
         raise InputError(Diagnostic(document.where(("files",)), message))
     _refuse_keys_of_others(document, kind)
-    if text.ros:
-        where = document.where(("ros",))
-        found = load_package_folder(path.parent / text.ros, where, warnings, whole=base is None)
+    if text.ros is None or is_change(text.ros):
+        if base is None:
+            refuse_lone_changes(changes)
+    elif text.ros.launch:
+        plan = plan_launch(LaunchChange(text.ros, document, path.parent), changes)
+        settings = merge_parameters(settings, load_launched(plan, path.parent, warnings))
+    elif text.ros.folder:
+        refuse_lone_changes(changes)
+        where = document.where(("ros", "folder"))
+        folder = path.parent / text.ros.folder
+        found = load_package_folder(folder, where, warnings, whole=base is None)
         settings = merge_parameters(settings, found)
+        loaded |= _files_of(found)
     attached = {} if base is None else base.attached
     if kind == ROS:
-        settings = merge_parameters(
-            settings, load_parameter_files(_named_files(path, document, text), warnings)
-        )
+        found = load_parameter_files(_named_files(path, document, text), warnings)
+        settings = merge_parameters(settings, found)
+        loaded |= _files_of(found)
     else:
         attached = attached | _attached(path, document, text)
     settings = merge_parameters(settings, _written(document, text, kind))
     files = (str(path), *(() if base is None else base.files))
-    return _SutLayer(text, kind, settings, files, tuple(warnings), attached)
+    return _SutLayer(text, kind, settings, files, tuple(warnings), attached, tuple(loaded))
+
+
+def _files_of(settings: ParameterValues) -> dict[str, None]:
+    return dict.fromkeys(setting.where.file for setting in settings.values())
 
 
 def _attached(path: Path, document: YamlDocument, text: SutFile) -> dict[str, Path]:
@@ -186,7 +242,12 @@ def _attach(layer: _SutLayer, document: YamlDocument) -> dict[str, str]:
 
 
 def _base(
-    path: Path, document: YamlDocument, text: SutFile, find: FindSutFile, above: tuple[Path, ...]
+    path: Path,
+    document: YamlDocument,
+    text: SutFile,
+    find: FindSutFile,
+    above: tuple[Path, ...],
+    changes: tuple[LaunchChange, ...],
 ) -> _SutLayer | None:
     """Return the layer this one is ``like``."""
     if text.like is None:
@@ -197,7 +258,7 @@ def _base(
     if other.resolve() in chain:
         circle = " -> ".join(p.stem for p in (*chain[chain.index(other.resolve()) :], other))
         raise InputError(Diagnostic(where, f"like: goes round in a circle, {circle}"))
-    return _load(other, load_yaml(other), find, chain)
+    return _load(other, load_yaml(other), find, chain, changes)
 
 
 def _kind(document: YamlDocument, text: SutFile, base: _SutLayer | None) -> str:

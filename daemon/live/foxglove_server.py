@@ -30,7 +30,7 @@ from daemon.live.simulation import LiveSimulation, LiveStatus
 from daemon.model import ros_messages as ros
 from daemon.stacks.ros2.link import COMMAND_KINDS
 from daemon.stacks.ros2.sensors import read_command
-from daemon.trace import TOPICS
+from daemon.trace import topics_of
 from grammars.model.geometry import Twist2
 
 PORT: Final = 8765
@@ -94,6 +94,7 @@ class FoxgloveServer:
         self._time_due = 0
         # Held here: channels do not keep their context, and without it nobody finds them.
         self._context = Context()
+        topics = topics_of(simulation.spec.robot)
         self._channels = {
             topic.name: Channel(
                 topic.name,
@@ -103,10 +104,10 @@ class FoxgloveServer:
                 ),
                 context=self._context,
             )
-            for topic in TOPICS
+            for topic in topics
             if not topic.external
         }
-        latched = {topic.name for topic in TOPICS if topic.latched}
+        latched = {topic.name for topic in topics if topic.latched}
         self._listener = _ClientListener(simulation, self._channels, latched)
         try:
             self._server: WebSocketServer = foxglove.start_server(

@@ -21,6 +21,7 @@ from daemon.stacks.ros2.endpoints import fixed_messages, link_setup, measured_me
 from daemon.stacks.ros2.link import Cycle, CycleAnswer, LinkLost, LinkSetup, StackLink
 from daemon.stacks.ros2.settings import Ros2Settings, read_settings
 from daemon.stacks.ros2.telemetry import Telemetry
+from grammars.model.robot import Laser
 
 SOURCE: Final = "ROS 2"
 """Whose commands these are."""
@@ -42,9 +43,9 @@ def usual_settings() -> Ros2Settings:
     return replace(read_settings({"launch": "by hand"}), map="published")
 
 
-def _bridge_setup(settings: Ros2Settings) -> LinkSetup:
+def _bridge_setup(settings: Ros2Settings, lasers: Sequence[Laser]) -> LinkSetup:
     """Return what a link has to make; no goal is ever sent, but it has a client for an action."""
-    whole = link_setup(settings)
+    whole = link_setup(settings, lasers)
     # Who starts a stack by hand reads its log where it is printed, and waits for its nodes.
     heard = tuple(topic for topic in whole.subscribe if topic.name != telemetry.ROSOUT)
     return replace(whole, subscribe=heard, nodes=())
@@ -142,7 +143,7 @@ class RosBridge:
     def _talk(self) -> None:
         """Publish what comes, hand commands over."""
         link = self._link
-        link.set_up(_bridge_setup(self._settings))
+        link.set_up(_bridge_setup(self._settings, self._simulation.spec.robot.lasers))
         talk = _TopicExchange(self._settings)
         self._moments.clear()
         self.connected = True
@@ -213,13 +214,13 @@ class _TopicExchange:
         return heard.decision(active, events=heard.events)
 
     def _measured(self, moment: _Moment) -> Iterator[tuple[str, bytes]]:
-        observation, laser = moment.observation, moment.briefing.robot.laser
+        observation = moment.observation
         for sample in observation.odometry:
             self._odometry = sample
             self._telemetry.move(sample)
         return measured_messages(
             self._settings,
-            laser,
+            moment.briefing.robot.lasers,
             observation.odometry,
             observation.scans,
             lambda time: moment.base + _nanoseconds(time),

@@ -28,16 +28,15 @@ MOST_CONTACTS: Final = 8
 
 @dataclass(slots=True)
 class LiveView:
-    """What was seen last: the scan, from where; and the contacts since the snapshot before."""
+    """What was seen last: scans, from where; and the contacts since the snapshot before."""
 
-    laser: Laser
-    laser_pose: Pose2 | None = None
-    ranges: npt.NDArray[np.floating] | None = None
+    lasers: Sequence[Laser]
+    scans: dict[str, tuple[Pose2, npt.NDArray[np.floating]]] = field(default_factory=dict)
     contacts: list[Point2] = field(default_factory=list)
 
-    def add_scan(self, pose: Pose2, ranges: npt.NDArray[np.floating]) -> None:
-        """Take in a scan made at ``pose``: ``ranges`` (rays,) [m]."""
-        self.laser_pose, self.ranges = pose @ self.laser.mount, ranges
+    def add_scan(self, pose: Pose2, ranges: npt.NDArray[np.floating], laser: str = "") -> None:
+        """Take in a scan that ``laser`` made at ``pose`` of the base: ``ranges`` (rays,) [m]."""
+        self.scans[laser] = pose, ranges
 
     def extend(
         self, snapshot: Snapshot, belief: Cloud | Estimate | None, plan: Floats | None
@@ -53,19 +52,26 @@ class LiveView:
         )
 
     def _returns(self) -> Floats:
-        if self.laser_pose is None or self.ranges is None:
-            return np.empty((0, 2))
-        laser, step = self.laser, max(1, -(-self.laser.rays // MOST_RETURNS))
-        ranges = np.asarray(self.ranges[::step], dtype=np.float64)
-        seen = np.isfinite(ranges) & (ranges > 0.0)
-        angles = np.linspace(laser.angle_min, laser.angle_max, laser.rays)[::step][seen]
-        bearing, ranges = self.laser_pose.yaw + angles, ranges[seen]
-        return np.column_stack(
-            [
-                self.laser_pose.x + ranges * np.cos(bearing),
-                self.laser_pose.y + ranges * np.sin(bearing),
-            ]
-        )
+        most = MOST_RETURNS // len(self.lasers)
+        found = [
+            scan_returns(laser, *self.scans[laser.name], most)
+            for laser in self.lasers
+            if laser.name in self.scans
+        ]
+        return np.concatenate([np.empty((0, 2)), *found])
+
+
+def scan_returns(laser: Laser, base: Pose2, ranges: npt.NDArray[np.floating], most: int) -> Floats:
+    """Return where a laser saw something (n, 2): of evenly thinned ``ranges``, at most ``most``.
+
+    ``base`` is the pose of the robot at the scan; the points are in its frame.
+    """
+    eye, step = base @ laser.mount, max(1, -(-laser.rays // most))
+    thinned = np.asarray(ranges[::step], dtype=np.float64)
+    seen = np.isfinite(thinned) & (thinned > 0.0)
+    bearing = eye.yaw + np.linspace(laser.angle_min, laser.angle_max, laser.rays)[::step][seen]
+    reach = thinned[seen]
+    return np.column_stack([eye.x + reach * np.cos(bearing), eye.y + reach * np.sin(bearing)])
 
 
 def _covariance_xy(belief: Cloud | Estimate | None) -> tuple[float, float, float] | None:

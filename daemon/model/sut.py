@@ -53,16 +53,20 @@ class Odometry:
 class LaserScan:
     """One sweep, taken at one instant: ``ranges`` [m] of shape (rays,), float32.
 
-    ``inf`` means no return within range, ``nan`` a lost ray (REP 117).
+    ``inf`` means no return within range, ``nan`` a lost ray (REP 117). ``laser`` is the name of the
+    laser, empty for the only one of a robot whose laser has none.
     """
 
     time: float
     ranges: npt.NDArray[np.float32]
+    laser: str = ""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Observation:
     """Everything new since the previous update, oldest first; ``time`` is now [s].
+
+    Scans of one instant are in the order of the robot's lasers.
 
     ``ground_truth`` is only given to systems that ask for it (``needs_ground_truth``).
     """

@@ -1,4 +1,4 @@
-"""The building in the simulator: its walls, the segments a laser sees, and what touches what."""
+"""The building in the simulator: its walls, the segments lasers see, and what touches what."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from daemon.model.sut import TICK_RATE
 from daemon.simulator._assembly import WORLD, BodyAssembly
 from daemon.simulator._mobile_base import MobileBase
 from daemon.simulator._physics import BUILDING_FILTER, FRICTION, ROBOT_COLLISION_TYPE, ring_edges
-from daemon.simulator._sensors import OwnerIds
+from daemon.simulator._sensors import LaserPlane, OwnerIds
 from grammars.model.geometry import Floats, Point2, Ring
 from grammars.model.scene import Scene, Solid
 from grammars.scenery.composition import static_segments
@@ -23,16 +23,11 @@ from grammars.scenery.composition import static_segments
 Edge = tuple[float, float, float, float]
 
 
-def laser_segments(
-    scene: Scene, assembly: BodyAssembly, z: float
-) -> tuple[tuple[Floats, OwnerIds], tuple[Floats, OwnerIds, OwnerIds], tuple[str, ...]]:
-    """Return what a laser at height ``z`` can hit.
-
-    Static segments (n, 4) in the world with their owner indices; moving segments (m, 4) in the
-    frame of their body with owner indices and body slots; owner names.
-    """
-    walls, wall_owner, wall_names = wall_outline(scene.solids, z)
-    names = {name: number for number, name in enumerate(wall_names)}
+def cut_at(scene: Scene, assembly: BodyAssembly, z: float, names: dict[str, int]) -> LaserPlane:
+    """Return what a laser at height ``z`` can hit; new owners are added to ``names``."""
+    walls, wall_number, wall_names = wall_outline(scene.solids, z)
+    known = [names.setdefault(name, len(names)) for name in wall_names]
+    wall_owner = _ids(known)[wall_number] if known else wall_number
     static: list[Edge] = []
     static_owner: list[int] = []
     moving: list[Edge] = []
@@ -51,8 +46,13 @@ def laser_segments(
             moving += edges
             moving_owner += owners
             slots += [placement.slot] * len(edges)
-    still = np.vstack([walls, _rows(static)]), np.concatenate([wall_owner, _ids(static_owner)])
-    return still, (_rows(moving), _ids(moving_owner), _ids(slots)), tuple(names)
+    return LaserPlane(
+        np.vstack([walls, _rows(static)]),
+        np.concatenate([wall_owner, _ids(static_owner)]),
+        _rows(moving),
+        _ids(moving_owner),
+        _ids(slots),
+    )
 
 
 @lru_cache(maxsize=8)

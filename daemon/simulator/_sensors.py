@@ -1,4 +1,4 @@
-"""The robot's sensors: a laser scanner, exact but for its noise, and wheel odometry.
+"""The robot's sensors: laser scanners, exact but for their noise, and wheel odometry.
 
 The laser is an angular z-buffer over line segments. All rays leave one point at even angles, so a
 segment only touches the rays between the directions of its two ends, and along it 1/range is
@@ -13,6 +13,7 @@ Odometry is the true motion with errors that grow with the way travelled.
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
@@ -26,6 +27,21 @@ OwnerIds = npt.NDArray[np.int32]
 
 _TOLERANCE = 1e-9
 """Widening of a segment's interval of rays [rad], so that no ray slips through a corner."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LaserPlane:
+    """What lasers at one height can hit, cut there once for all of them.
+
+    ``static`` segments (n, 4) in the world; ``moving`` ones (m, 4) in the frame of the body in row
+    ``moving_slot`` of the table of bodies, sorted by it. Owners are indices of names.
+    """
+
+    static: Floats
+    static_owner: OwnerIds
+    moving: Floats
+    moving_owner: OwnerIds
+    moving_slot: OwnerIds
 
 
 @kernel
@@ -204,19 +220,16 @@ class LaserScanner:
     def __init__(
         self,
         laser: Laser,
-        static: tuple[Floats, OwnerIds],
-        moving: tuple[Floats, OwnerIds, OwnerIds],
+        plane: LaserPlane,
         noise: np.random.Generator,
         dropout: np.random.Generator,
     ) -> None:
-        self._laser = laser
+        self._laser, self._plane = laser, plane
         step = (laser.angle_max - laser.angle_min) / max(1, laser.rays - 1) or 1.0
         angles = laser.angle_min + np.arange(laser.rays) * step
         self._density = 1.0 / step
         self._mount = (laser.mount.x, laser.mount.y, laser.mount.yaw)
         self._cosines, self._sines = np.cos(angles), np.sin(angles)
-        self._static, self._static_owner = static
-        self._moving, self._moving_owner, self._moving_slot = moving
         self._inverse = np.empty(laser.rays)
         self._hits = np.empty(laser.rays, dtype=np.int32)
         self._blind = laser.range_min if laser.too_near == "infinite" else 0.0
@@ -225,11 +238,11 @@ class LaserScanner:
         self._chance = np.empty(laser.rays if laser.dropout > 0.0 else 0)
 
     def _cast(self, base: Pose2, bodies: Floats) -> None:
-        laser = self._laser
+        laser, plane = self._laser, self._plane
         cast_rays(
             (base.x, base.y, base.yaw), self._mount,
-            self._static, self._static_owner,
-            self._moving, self._moving_owner, self._moving_slot, bodies,
+            plane.static, plane.static_owner,
+            plane.moving, plane.moving_owner, plane.moving_slot, bodies,
             laser.angle_min, self._density, laser.range_max,
             self._cosines, self._sines, self._inverse, self._hits,
         )  # fmt: skip

@@ -18,13 +18,13 @@ from daemon.simulator._building import (
     RobotContact,
     WorldEvent,
     build_walls,
-    laser_segments,
+    cut_at,
 )
 from daemon.simulator._joints import JointDrive
 from daemon.simulator._mobile_base import make_base
 from daemon.simulator._physics import DT
 from daemon.simulator._scheduler import BehaviourScheduler
-from daemon.simulator._sensors import LaserScanner, OdometrySensor
+from daemon.simulator._sensors import LaserPlane, LaserScanner, OdometrySensor
 from grammars.model.behaviour import Behaviour, Servo, Trigger, Walk
 from grammars.model.geometry import Floats, Pose2, Ring, Twist2
 from grammars.model.robot import Drive, Laser, OdometryNoise, Robot
@@ -82,14 +82,26 @@ class World:
         self._joints = JointReader(
             self.joint_names, assembly.motions + assembly.walks, assembly.held, assembly.bodies
         )
-        static, moving, self.owners = laser_segments(scene, assembly, robot.laser.z)
-        # A stream each, by name: one sensor more, or noise switched off, leaves the others alone.
-        noise, dropout = _stream(seed, "laser noise"), _stream(seed, "laser dropout")
-        self._laser = LaserScanner(robot.laser, static, moving, noise, dropout)
+        self._set_up_lasers(scene, robot, seed)
         self._odometry = OdometrySensor(robot.odometry, start, _stream(seed, "odometry"))
         self._state_tick, self._state = -1, (start, Twist2())
         self._between_ticks = robot.odometry.period > 0.0
         self._before = (start.x, start.y, start.yaw)
+
+    def _set_up_lasers(self, scene: Scene, robot: Robot, seed: np.random.SeedSequence) -> None:
+        names: dict[str, int] = {}
+        planes: dict[float, LaserPlane] = {}
+        self._lasers: dict[str, LaserScanner] = {}
+        for laser in robot.lasers:
+            # Lasers at one height see the same segments: those are cut once and kept once.
+            if laser.z not in planes:
+                planes[laser.z] = cut_at(scene, self._assembly, laser.z, names)
+            # A stream each, by name: one sensor more, or noise switched off, leaves the others
+            # alone.
+            noise, dropout = (_stream(seed, f"{laser.label} {of}") for of in ("noise", "dropout"))
+            self._lasers[laser.name] = LaserScanner(laser, planes[laser.z], noise, dropout)
+        self._first_laser = robot.laser.name
+        self.owners = tuple(names)
 
     @property
     def time(self) -> float:
@@ -152,16 +164,22 @@ class World:
         """Return the joint velocities [rad/s or m/s], shape (joints,)."""
         return self._joints.at(self.tick, self._bodies.at(self.tick))[1].copy()
 
-    def scan(self) -> npt.NDArray[np.float32]:
-        """Take one laser sweep, shape (rays,) in metres; nan, inf and -inf as in REP 117."""
-        return self._laser.scan(self.pose(), self._bodies.at(self.tick))
+    def scan(self, laser: str | None = None) -> npt.NDArray[np.float32]:
+        """Take one laser sweep, shape (rays,) in metres; nan, inf and -inf as in REP 117.
 
-    def true_ranges(self) -> tuple[Floats, npt.NDArray[np.int32]]:
+        ``laser`` is its name; the first laser when left out. Raises ``KeyError`` for another one.
+        """
+        return self._scanner(laser).scan(self.pose(), self._bodies.at(self.tick))
+
+    def true_ranges(self, laser: str | None = None) -> tuple[Floats, npt.NDArray[np.int32]]:
         """Return exact ranges [m] and, for each ray, the index in ``owners`` of what it hits.
 
         Rays that hit nothing within range_max give inf and -1. Draws no random numbers.
         """
-        return self._laser.true_ranges(self.pose(), self._bodies.at(self.tick))
+        return self._scanner(laser).true_ranges(self.pose(), self._bodies.at(self.tick))
+
+    def _scanner(self, laser: str | None) -> LaserScanner:
+        return self._lasers[self._first_laser if laser is None else laser]
 
     def odometry(self, at: float | None = None) -> Odometry:
         """Take one odometry sample; its noise is for the way since the previous sample.

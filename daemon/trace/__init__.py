@@ -19,7 +19,7 @@ from daemon.trace._signals import JointSamples, decode_path, encode_path, encode
 from daemon.trace._statics import MovingLinks
 from daemon.trace._stream import MessageStream, Recorder
 from daemon.trace._writer import PARTIAL, TraceWriter
-from daemon.trace.messages import TOPICS, warm_up
+from daemon.trace.messages import TOPICS, topics_of, warm_up
 
 __all__ = [
     "PARTIAL",
@@ -48,5 +48,6 @@ __all__ = [
     "read_scene",
     "read_spec",
     "read_trace",
+    "topics_of",
     "warm_up",
 ]

@@ -84,14 +84,15 @@ def joints(runs: Runs, names: tuple[str, ...]) -> JointTrack:
 
 
 def scans(runs: Runs, laser: Laser) -> ScanTrack:
-    """Decode ``/scan``."""
-    rows = runs.get("/scan", [])
+    """Decode the scans of a laser."""
+    rows = runs.get(messages.scan_topic(laser), [])
     if not rows:
-        return ScanTrack(np.empty(0), np.empty((0, max(laser.rays, 0)), np.float32))
+        nothing = np.empty((0, max(laser.rays, 0)), np.float32)
+        return ScanTrack(np.empty(0), nothing, laser.name)
     if not 0 < 4 * laser.rays < rows[0].shape[1] or not laser.rate > 0:
         raise DamagedTraceError("scans of another size than the robot's laser makes")
     found = _fields(runs, layouts.scan(laser))
-    return ScanTrack(_seconds(found), found["ranges"])
+    return ScanTrack(_seconds(found), found["ranges"], laser.name)
 
 
 def contacts(runs: Runs) -> tuple[ContactRecord, ...]:

@@ -24,7 +24,7 @@ from mcap.opcode import Opcode
 from daemon.trace._mcap_writer import MAGIC
 from daemon.trace._model import TraceError
 from daemon.trace.layouts import HEADER, ByteArray
-from daemon.trace.messages import KINDS
+from daemon.trace.messages import KINDS, is_scan
 
 FILE_LIMIT: Final = 1 << 30
 CHUNK_LIMIT: Final = 1 << 28
@@ -61,8 +61,10 @@ class McapContents:
     cut: str = ""
 
 
-def read_mcap(path: Path, topics: Collection[str]) -> McapContents:
+def read_mcap(path: Path, topics: Collection[str], *, scans: bool = False) -> McapContents:
     """Read the messages on ``topics`` and everything that is not a message.
+
+    With ``scans`` also those of all lasers, whose names are only known afterwards.
 
     Raises :class:`TraceError` when the file cannot be opened or is no MCAP file.
     """
@@ -78,7 +80,7 @@ def read_mcap(path: Path, topics: Collection[str]) -> McapContents:
             "is empty" if not data else "is not an MCAP file",
             "traces are the .mcap files a run leaves; run it again to get one",
         )
-    walk = _McapWalk(McapContents(path), data, topics)
+    walk = _McapWalk(McapContents(path), data, topics, scans)
     try:
         walk.run()
     except DamagedTraceError as error:
@@ -89,11 +91,13 @@ def read_mcap(path: Path, topics: Collection[str]) -> McapContents:
 class _McapWalk:
     """One pass over the records of a file."""
 
-    def __init__(self, recording: McapContents, data: bytes, topics: Collection[str]) -> None:
+    def __init__(
+        self, recording: McapContents, data: bytes, topics: Collection[str], scans: bool
+    ) -> None:
         self.recording = recording
         self.at = len(MAGIC)
         self._data = data
-        self._topics = topics
+        self._topics, self._scans = topics, scans
         self._channels: dict[int, str] = {}
         self._schemas: dict[int, str] = {}
         self._total = 0
@@ -187,10 +191,13 @@ class _McapWalk:
                 raise DamagedTraceError("a damaged message index")
             (channel,) = _CHANNEL.unpack_from(self._data, content.start)
             topic = self._channels.get(channel)
-            if topic is None or topic in self._topics:
+            if topic is None or self._collected(topic):
                 return True
             indexed = True
             at = content.stop
+
+    def _collected(self, topic: str) -> bool:
+        return topic in self._topics or (self._scans and is_scan(topic))
 
     def _decompressed(self, content: slice) -> bytes:
         raw = self._data[content]
@@ -230,7 +237,7 @@ class _McapWalk:
         if data.startswith(head, end):
             count = _run_length(data, at, size, head)
             end = at + count * size
-        if topic in self._topics:
+        if self._collected(topic):
             self._runs += 1
             if self._runs > RUN_LIMIT:
                 raise TraceError(self.recording.path, "holds too many scattered messages")

@@ -87,10 +87,14 @@ class LatencyTrack:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ScanTrack:
-    """Laser scans: ``ranges`` (n, rays) float32; ``inf`` no return, ``nan`` lost (REP 117)."""
+    """Scans of one laser: ``ranges`` (n, rays) float32; ``inf`` no return, ``nan`` lost (REP 117).
+
+    ``laser`` is its name, empty for one without.
+    """
 
     time: Floats
     ranges: npt.NDArray[np.float32]
+    laser: str = ""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -145,7 +149,8 @@ class Trace:
 
     ``ended`` is ``None`` and ``complete`` false for a trace that was cut (its writer died);
     everything up to ``valid_until`` [s] can still be judged. ``problems`` says what makes the
-    recording itself doubtful: a judge must not trust a trace that has any.
+    recording itself doubtful: a judge must not trust a trace that has any. ``scans`` are those of
+    every laser in the order of the robot's, ``None`` unless they were asked for.
     """
 
     path: Path
@@ -167,6 +172,6 @@ class Trace:
     contacts: tuple[ContactRecord, ...]
     progress: tuple[ProgressRecord, ...]
     events: tuple[EventRecord, ...]
-    scans: ScanTrack | None
+    scans: tuple[ScanTrack, ...] | None
     plans: tuple[PlanRecord, ...] = ()
     latency: LatencyTrack = field(default_factory=lambda: LatencyTrack(np.empty(0), np.empty(0)))

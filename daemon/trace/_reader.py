@@ -17,7 +17,7 @@ import numpy as np
 from daemon.model.spec import RunSpec
 from daemon.trace import _decode, messages
 from daemon.trace._mcap_reader import DamagedTraceError, McapContents, decompress, read_mcap
-from daemon.trace._model import JointTrack, MotionTrack, Trace, TraceError
+from daemon.trace._model import JointTrack, MotionTrack, ScanTrack, Trace, TraceError
 from grammars.model.geometry import Floats
 from grammars.model.scene import Scene
 from grammars.text import codec
@@ -38,13 +38,12 @@ _JUDGED: Final = frozenset(
 
 
 def read_trace(path: Path, *, scans: bool = False, plans: bool = False) -> Trace:
-    """Read a trace, with its laser scans when ``scans`` is set and its plans with ``plans``.
+    """Read a trace, with the scans of all lasers when ``scans`` is set, its plans with ``plans``.
 
     Raises :class:`TraceError` when the file cannot be opened, is not a trace written by
     :class:`TraceWriter`, or is damaged before anything of it can be used.
     """
-    more = {topic for topic, wanted in (("/scan", scans), ("/plan", plans)) if wanted}
-    recording = read_mcap(path, _JUDGED | more)
+    recording = read_mcap(path, _JUDGED | {"/plan"} if plans else _JUDGED, scans=scans)
     spec = _attached_spec(recording)
     scene = _attached_scene(recording, spec)
     try:
@@ -104,10 +103,14 @@ def _decoded(recording: McapContents, spec: RunSpec, scene: Scene, scans: bool) 
         contacts=_decode.contacts(runs),
         progress=_decode.progress(runs),
         events=_decode.events(runs),
-        scans=_decode.scans(runs, spec.robot.laser) if scans else None,
+        scans=_scans(runs, spec) if scans else None,
         plans=_decode.plans(runs),
         latency=_decode.latency(runs),
     )
+
+
+def _scans(runs: _decode.Runs, spec: RunSpec) -> tuple[ScanTrack, ...]:
+    return tuple(_decode.scans(runs, laser) for laser in spec.robot.lasers)
 
 
 def _attached_spec(recording: McapContents) -> RunSpec:

@@ -6,7 +6,7 @@ Signals are judged; plans, particles and costmaps are shown only and thinned as 
 from __future__ import annotations
 
 import struct
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
 import numpy as np
@@ -245,6 +245,33 @@ class JointSamples:
         return times, states.reshape(len(times), self._width)
 
 
+class _ScanBuffer:
+    """Collects the scans of one laser."""
+
+    __slots__ = ("_laser", "_ranges", "_times")
+
+    def __init__(self, laser: Laser) -> None:
+        self._laser = laser
+        self._times: list[int] = []
+        self._ranges: list[bytes] = []
+
+    def add(self, time: int, ranges: npt.NDArray[np.float32]) -> None:
+        """Take a scan; raises ``ValueError`` for other than float32 of shape (rays,)."""
+        if ranges.shape != (self._laser.rays,) or ranges.dtype != np.float32:
+            raise ValueError(f"ranges must be float32 of shape ({self._laser.rays},)")
+        self._times.append(time)
+        self._ranges.append(ranges.tobytes())
+
+    def drain(self, ids: Mapping[str, int]) -> MessageBlock:
+        """Return what was collected and start anew."""
+        times = np.array(self._times, np.int64)
+        ranges = np.frombuffer(b"".join(self._ranges), np.float32)
+        self._times, self._ranges = [], []
+        columns = {"ranges": ranges.reshape(len(times), self._laser.rays)}
+        channel = ids[messages.scan_topic(self._laser)]
+        return encode_block(layouts.scan(self._laser), channel, times, columns)
+
+
 class SignalBuffers:
     """The collected samples of every topic; ``ids`` are the channel ids of the topics.
 
@@ -252,9 +279,9 @@ class SignalBuffers:
     see :mod:`daemon.trace.layouts`.
     """
 
-    def __init__(self, scene: Scene, laser: Laser, ids: Mapping[str, int]) -> None:
+    def __init__(self, scene: Scene, lasers: Sequence[Laser], ids: Mapping[str, int]) -> None:
         self._ids = ids
-        self._laser = laser
+        self.scans = {laser.name: _ScanBuffer(laser) for laser in lasers}
         self._joint_names = scene.joint_names
         self.moving = MovingLinks.of(scene)
         self._door_due = 0
@@ -267,8 +294,6 @@ class SignalBuffers:
         self.correction = SampleColumns(POSE)
         self.latency = SampleColumns(("seconds",))
         self.joints = JointSamples(len(scene.joint_names))
-        self.scan_times: list[int] = []
-        self.scan_ranges: list[bytes] = []
         self.contacts: dict[tuple[str, str], SampleColumns] = {}
         self.events = MessageRecords(ids["/events"])
         self.status = MessageRecords(ids["/mission/status"])
@@ -325,7 +350,7 @@ class SignalBuffers:
             encode_block(to_odom, tf, *_as_first_transform(*self.correction.drain())),
             encode_block(to_base, tf, *_as_first_transform(*odometry)),
             *self._door_blocks(*joints),
-            self._scan_block(),
+            *(scans.drain(ids) for scans in self.scans.values()),
             *self.views.drain(),
         ]
 
@@ -352,14 +377,6 @@ class SignalBuffers:
         }
         layout = layouts.transforms(tuple(("map", name) for name in names))
         return [encode_block(layout, self._ids["/tf"], times[rows], columns)]
-
-    def _scan_block(self) -> MessageBlock:
-        times = np.array(self.scan_times, np.int64)
-        ranges = np.frombuffer(b"".join(self.scan_ranges), np.float32)
-        self.scan_times.clear()
-        self.scan_ranges.clear()
-        columns = {"ranges": ranges.reshape(len(times), self._laser.rays)}
-        return encode_block(layouts.scan(self._laser), self._ids["/scan"], times, columns)
 
 
 def _as_first_transform(

@@ -96,9 +96,11 @@ def footprint(robot: Robot) -> Any:
 
 
 def fixed_frames(robot: Robot, scene: Scene) -> Any:
-    """``/tf_static``: base_link -> laser, and map -> every link that never moves."""
-    mount = robot.laser.mount
-    frames = [_transform("base_link", "laser", mount.x, mount.y, mount.yaw, robot.laser.z)]
+    """``/tf_static``: base_link -> every laser, and map -> every link that never moves."""
+    frames = []
+    for laser in robot.lasers:
+        mount = laser.mount
+        frames.append(_transform("base_link", laser.frame, mount.x, mount.y, mount.yaw, laser.z))
     moving = frozenset(MovingLinks.of(scene).names)
     for item in scene.objects:
         held = {name: (p.x, p.y, p.yaw) for name, p in _held(item)} if item.frozen else {}

@@ -43,7 +43,7 @@ class Recorder(Protocol):
 
     def static(self, grid: OccupancyGrid) -> None: ...
     def clock(self, time: float) -> None: ...
-    def scan(self, time: float, ranges: npt.NDArray[np.float32]) -> None: ...
+    def scan(self, time: float, ranges: npt.NDArray[np.float32], laser: str = "") -> None: ...
     def odometry(self, sample: Odometry) -> None: ...
     def ground_truth(self, time: float, pose: Pose2, twist: Twist2) -> None: ...
     def joints(self, time: float, positions: Floats, velocities: Floats) -> None: ...
@@ -77,6 +77,7 @@ class MessageStream:
     ) -> None:
         self._spec, self._scene = spec, scene
         self._send, self._wanted = send, wanted
+        self._lasers = {laser.name: laser for laser in spec.robot.lasers}
         self._goals = messages.goal_ids(spec.digest, spec.mission)
         self._moving = MovingLinks.of(scene)
         self._frames = MapCorrection(spec.mission.start)
@@ -95,10 +96,10 @@ class MessageStream:
         """Hand over the simulated time."""
         self._sample("/clock", time, layouts.clock(), (), ())
 
-    def scan(self, time: float, ranges: npt.NDArray[np.float32]) -> None:
-        """Hand over a laser scan; ``ranges`` (rays,) float32."""
-        layout = layouts.scan(self._spec.robot.laser)
-        self._sample("/scan", time, layout, ("ranges",), (ranges,))
+    def scan(self, time: float, ranges: npt.NDArray[np.float32], laser: str = "") -> None:
+        """Hand over a scan of the laser of that name; ``ranges`` (rays,) float32."""
+        layout = layouts.scan(self._lasers[laser])
+        self._sample(layout.topic, time, layout, ("ranges",), (ranges,))
 
     def odometry(self, sample: Odometry) -> None:
         """Hand over an odometry sample, odom -> base_link and, the first time, map -> odom."""

@@ -65,8 +65,9 @@ class TraceWriter:
     def __init__(
         self, path: Path, spec: RunSpec, scene: Scene, *, versions: Mapping[str, str] | None = None
     ) -> None:
-        self._ids = {topic.name: number for number, topic in enumerate(messages.TOPICS, start=1)}
-        self._signals = SignalBuffers(scene, spec.robot.laser, self._ids)
+        topics = messages.topics_of(spec.robot)
+        self._ids = {topic.name: number for number, topic in enumerate(topics, start=1)}
+        self._signals = SignalBuffers(scene, spec.robot.lasers, self._ids)
         self._goals = messages.goal_ids(spec.digest, spec.mission)
         packed = _compress_scene(scene, spec.scene)
         self._spec, self._scene = spec, scene
@@ -103,13 +104,12 @@ class TraceWriter:
             # A plan that waits for its second to be over has nothing else to wake it.
             self._signals.views.flush(now)
 
-    def scan(self, time: float, ranges: npt.NDArray[np.float32]) -> None:
-        """Record a laser scan; ``ranges`` (rays,) float32."""
+    def scan(self, time: float, ranges: npt.NDArray[np.float32], laser: str = "") -> None:
+        """Record a scan of the laser of that name; ``ranges`` (rays,) float32."""
         now = self._at(time)
-        if ranges.shape != (self._spec.robot.laser.rays,) or ranges.dtype != np.float32:
-            raise ValueError(f"ranges must be float32 of shape ({self._spec.robot.laser.rays},)")
-        self._signals.scan_times.append(now)
-        self._signals.scan_ranges.append(ranges.tobytes())
+        if laser not in self._signals.scans:
+            raise ValueError(f"{self._spec.robot.name} has no laser {laser!r}")
+        self._signals.scans[laser].add(now, ranges)
 
     def odometry(self, sample: Odometry) -> None:
         """Record an odometry sample, and odom -> base_link.
@@ -276,7 +276,7 @@ def _write_preamble(
     container: McapWriter, spec: RunSpec, scene: bytes, versions: Mapping[str, str]
 ) -> None:
     """Declare the topics and write what identifies the run, ahead of everything recorded."""
-    for topic in messages.TOPICS:
+    for topic in messages.topics_of(spec.robot):
         if topic.external and spec.sut.repeatable:
             continue
         qos = {"offered_qos_profiles": messages.latched_qos() if topic.latched else ""}

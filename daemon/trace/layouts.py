@@ -243,14 +243,14 @@ def transforms(frames: tuple[tuple[str, str], ...]) -> MessageLayout:
 
 @functools.lru_cache(maxsize=16)
 def scan(laser: Laser) -> MessageLayout:
-    """``/scan``: ranges (rays,) float32."""
+    """``/scan``, or ``/scan_NAME``: ranges (rays,) float32."""
     kind = "sensor_msgs/msg/LaserScan"
     steps = max(laser.rays - 1, 1)
 
     def build(mark: FieldMarker) -> Any:
         return ros.make(
             kind,
-            header=ros.header(mark.stamp(), "laser"),
+            header=ros.header(mark.stamp(), laser.frame),
             angle_min=laser.angle_min,
             angle_max=laser.angle_max,
             angle_increment=(laser.angle_max - laser.angle_min) / steps,
@@ -262,7 +262,7 @@ def scan(laser: Laser) -> MessageLayout:
             intensities=np.zeros(0, np.float32),
         )
 
-    return derive_layout("/scan", kind, build)
+    return derive_layout(f"/{laser.topic}", kind, build)
 
 
 @functools.cache

@@ -14,6 +14,7 @@ import numpy as np
 from daemon.model import ros_messages as ros
 from daemon.model.sut import Progress
 from grammars.model.mission import Mission, Waypoint
+from grammars.model.robot import Laser, Robot
 
 LEVELS: Final = {"debug": 10, "info": 20, "warn": 30, "error": 40, "fatal": 50}
 """Levels of ``rcl_interfaces/msg/Log``."""
@@ -57,8 +58,37 @@ TOPICS: Final = (
     Topic("/move_base/local_costmap/costmap", "nav_msgs/msg/OccupancyGrid"),
     Topic("/sut/latency", "std_msgs/msg/Float64", external=True),
 )
-"""Every topic a trace can have; the position plus one is its channel id in the file. External ones
-are last, so that what is declared in other traces does not depend on them."""
+"""Every topic a trace can have if the robot's only laser has no name, see :func:`topics_of`; the
+position plus one is its channel id in the file. External ones are last, so that what is declared in
+other traces does not depend on them."""
+
+SCAN: Final = "/scan"
+
+
+def scan_topic(laser: Laser) -> str:
+    """Return the topic of a laser's scans: ``/scan``, or ``/scan_NAME`` for one with a name."""
+    return f"/{laser.topic}"
+
+
+def is_scan(topic: str) -> bool:
+    """Whether a topic may hold the scans of a laser."""
+    return topic == SCAN or topic.startswith(f"{SCAN}_")
+
+
+def topics_of(robot: Robot) -> tuple[Topic, ...]:
+    """Return every topic the trace of a robot can have, a scan for each of its lasers.
+
+    The position plus one is the channel id in its file; see :data:`TOPICS`, which they are for a
+    robot whose only laser has no name.
+    """
+    found: list[Topic] = []
+    for topic in TOPICS:
+        if topic.name == SCAN:
+            found += (Topic(scan_topic(laser), topic.kind) for laser in robot.lasers)
+        else:
+            found.append(topic)
+    return tuple(found)
+
 
 OUTPUT_PREFIX: Final = "output/"
 """Begins the names of attachments with what a system under test printed."""

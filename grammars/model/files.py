@@ -11,6 +11,7 @@ spared the models that check YAML.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any, Final, Literal
 
@@ -18,7 +19,14 @@ from pydantic import ConfigDict, Field, model_validator
 
 from grammars.model.geometry import Pose2, Ring, turn
 from grammars.model.mission import Mission, Waypoint
-from grammars.model.robot import Drive, Laser, OdometryNoise, Robot
+from grammars.model.robot import (
+    LASER_NAME,
+    LONGEST_LASER_NAME,
+    Drive,
+    Laser,
+    OdometryNoise,
+    Robot,
+)
 from grammars.text.diagnostics import InputError
 from grammars.text.documents import (
     Acceleration,
@@ -112,12 +120,20 @@ def load_mission(path: str | Path) -> tuple[Mission, YamlDocument]:
     return Mission(name, start, waypoints), document
 
 
+_ROUND: Final = 32
+"""Corners of a round robot: the polygon lies within 0.5 % of the radius of the circle."""
+
+
 class FootprintText(StrictModel):
-    """The robot from above, in base_link: a centred box, or a convex outline by its corners."""
+    """The robot from above, in base_link: a centred box, a circle, or a convex outline."""
 
     model_config = ConfigDict(
         json_schema_extra={
-            "oneOf": [{"required": ["length", "width"]}, {"required": ["corners"]}],
+            "oneOf": [
+                {"required": ["length", "width"]},
+                {"required": ["radius"]},
+                {"required": ["corners"]},
+            ],
         }
     )
 
@@ -125,14 +141,17 @@ class FootprintText(StrictModel):
     """Along x, the way the robot looks."""
     width: Length | None = None
     """Along y."""
+    radius: Length | None = Field(default=None, gt=0)
+    """Of a round robot; simulated as a regular polygon of 32 corners on the circle."""
     corners: list[tuple[Length, Length]] | None = Field(default=None, min_length=3, max_length=64)
     """The corners in order around the robot, each as [x, y]; the outline must be convex."""
 
     @model_validator(mode="after")
     def _either(self) -> FootprintText:
         box = self.length is not None and self.width is not None
-        if box == (self.corners is not None):
-            raise ValueError('give "length" and "width", or "corners"')
+        half_a_box = box != (self.length is not None or self.width is not None)
+        if half_a_box or box + (self.radius is not None) + (self.corners is not None) != 1:
+            raise ValueError('give "length" and "width", or "radius", or "corners"')
         if box and min(self.length or 0.0, self.width or 0.0) <= 0.0:
             raise ValueError("length and width must be greater than 0 m")
         return self
@@ -141,6 +160,9 @@ class FootprintText(StrictModel):
         """Return the outline as written."""
         if self.corners is not None:
             return tuple(self.corners)
+        if self.radius is not None:
+            angles = [math.tau * k / _ROUND for k in range(_ROUND)]
+            return tuple((self.radius * math.cos(a), self.radius * math.sin(a)) for a in angles)
         hx, hy = (self.length or 0.0) / 2, (self.width or 0.0) / 2
         return ((hx, hy), (-hx, hy), (-hx, -hy), (hx, -hy))
 
@@ -254,6 +276,18 @@ class LaserText(StrictModel):
             raise ValueError("range_max must be above range_min")
         return self
 
+    def laser(self) -> Laser:
+        """Return the laser."""
+        mount = Pose2(self.mount.x, self.mount.y, self.mount.yaw)
+        return Laser(mount=mount, **self.model_dump(exclude={"mount"}))
+
+
+class NamedLaserText(LaserText):
+    """One of several planar laser scanners."""
+
+    name: str = Field(pattern=LASER_NAME, max_length=LONGEST_LASER_NAME)
+    """What it is called: its scans come on /scan_NAME, in the frame laser_NAME."""
+
 
 _NoisePerRootLength = Annotated[float, QuantityField("noise per root length")]
 _NoisePerRootAngle = Annotated[float, QuantityField("noise per root angle")]
@@ -298,8 +332,15 @@ class OdometryText(StrictModel):
         return OdometryNoise(rate=rate, period=period, **written)
 
 
+_MOST_LASERS: Final = 16
+
+
 class RobotText(StrictModel):
     """The keys of a robot file; every measure has a unit."""
+
+    model_config = ConfigDict(
+        json_schema_extra={"oneOf": [{"required": ["laser"]}, {"required": ["lasers"]}]}
+    )
 
     robot: str = Field(pattern=_ID_PATTERN, max_length=60)
     """Name of the robot."""
@@ -310,8 +351,17 @@ class RobotText(StrictModel):
     """The robot touches only what is lower than this."""
     mass: Mass = Field(gt=0)
     drive: DriveText
-    laser: LaserText
+    laser: LaserText | None = None
+    """The only laser."""
+    lasers: list[NamedLaserText] | None = Field(default=None, min_length=1, max_length=_MOST_LASERS)
+    """Instead of "laser": several, by name. Maps are drawn at the height of the first."""
     odometry: OdometryText
+
+    @model_validator(mode="after")
+    def _seeing(self) -> RobotText:
+        if (self.laser is None) == (self.lasers is None):
+            raise ValueError('give "laser" or, for several, "lasers"')
+        return self
 
 
 def load_robot(path: str | Path) -> Robot:
@@ -319,17 +369,30 @@ def load_robot(path: str | Path) -> Robot:
     document = load_yaml(path)
     text = read_model(document, RobotText)
     ring = _check_convex(text.footprint.ring(), document)
-    laser = text.laser
-    mount = Pose2(laser.mount.x, laser.mount.y, laser.mount.yaw)
+    _check_names(text.lasers or (), document)
+    written = [text.laser] if text.laser is not None else text.lasers or []
+    first, *others = (laser.laser() for laser in written)
     return Robot(
         name=text.robot,
         footprint=ring,
         height=text.height,
         mass=text.mass,
         drive=text.drive.drive(),
-        laser=Laser(mount=mount, **laser.model_dump(exclude={"mount"})),
+        laser=first,
         odometry=text.odometry.odometry(),
+        other_lasers=tuple(others),
     )
+
+
+def _check_names(lasers: Sequence[NamedLaserText], document: YamlDocument) -> None:
+    """Raise for a name that an earlier laser has."""
+    for index, laser in enumerate(lasers):
+        if laser.name in [earlier.name for earlier in lasers[:index]]:
+            raise InputError.at(
+                document.where(("lasers", index, "name")),
+                f'there is a laser "{laser.name}" already',
+                "give each laser a name of its own",
+            )
 
 
 def _check_convex(ring: Ring, document: YamlDocument) -> Ring:

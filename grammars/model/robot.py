@@ -1,13 +1,20 @@
-"""Robot descriptions: footprint, drive, laser and odometry, as written in ``robots/*.yaml``."""
+"""Robot descriptions: footprint, drive, lasers and odometry, as written in ``robots/*.yaml``."""
 
 from __future__ import annotations
 
+import operator
+import re
+from collections import Counter
 from dataclasses import dataclass
-from typing import ClassVar, Literal
+from typing import Annotated, ClassVar, Final, Literal
 
-from pydantic import ConfigDict
+from pydantic import ConfigDict, Field
 
 from grammars.model.geometry import Pose2, Ring
+
+LASER_NAME: Final = r"^[a-z][a-z0-9_]*$"
+"""What a laser may be called: its name becomes part of those of topics and frames."""
+LONGEST_LASER_NAME: Final = 40
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,6 +59,9 @@ class Laser:
     metres with Gaussian noise ``noise`` [m]; a ray is lost with probability ``dropout``.
     ``too_near`` says what a return nearer than ``range_min`` reads: ``infinite`` is -inf as in
     REP 117, ``clamped`` is ``range_min`` (after the noise), as in Gazebo.
+
+    ``name`` tells the lasers of a robot apart; the only laser of a robot need not have one.
+    Raises ``ValueError`` for a name that is none, see :data:`LASER_NAME`.
     """
 
     mount: Pose2
@@ -65,6 +75,28 @@ class Laser:
     noise: float
     dropout: float
     too_near: Literal["infinite", "clamped"] = "infinite"
+    # Not written where it is empty: what was specified before lasers had names stays the same.
+    name: Annotated[str, Field(exclude_if=operator.not_)] = ""
+
+    def __post_init__(self) -> None:
+        fits = re.match(LASER_NAME, self.name) and len(self.name) <= LONGEST_LASER_NAME
+        if self.name and (not fits or "\n" in self.name):
+            raise ValueError(f"{self.name!r} is no name of a laser: write a-z, 0-9 and _")
+
+    @property
+    def topic(self) -> str:
+        """The usual name of the topic of its scans, relative: ``scan``, ``scan_front``."""
+        return f"scan_{self.name}" if self.name else "scan"
+
+    @property
+    def frame(self) -> str:
+        """The usual name of its frame: ``laser``, ``laser_front``."""
+        return f"laser_{self.name}" if self.name else "laser"
+
+    @property
+    def label(self) -> str:
+        """What it is called in a sentence: ``laser``, ``laser front``."""
+        return f"laser {self.name}" if self.name else "laser"
 
     @property
     def angle_increment(self) -> float:
@@ -99,7 +131,11 @@ class OdometryNoise:
 
 @dataclass(frozen=True, slots=True)
 class Robot:
-    """A mobile base seen from above; ``footprint`` is a convex ring in the base frame."""
+    """A mobile base seen from above; ``footprint`` is a convex ring in the base frame.
+
+    ``laser`` is the first of its ``lasers``: maps are drawn at its height. Raises ``ValueError``
+    when several lasers are not told apart by their names.
+    """
 
     name: str
     footprint: Ring
@@ -108,3 +144,15 @@ class Robot:
     drive: Drive
     laser: Laser
     odometry: OdometryNoise
+    other_lasers: Annotated[tuple[Laser, ...], Field(exclude_if=operator.not_)] = ()
+
+    def __post_init__(self) -> None:
+        if self.other_lasers:
+            twice = [name for name, n in Counter(x.name for x in self.lasers).items() if n > 1]
+            if twice or not all(laser.name for laser in self.lasers):
+                raise ValueError("each of several lasers needs a name of its own")
+
+    @property
+    def lasers(self) -> tuple[Laser, ...]:
+        """All lasers, in the order in which they are written and take their scans."""
+        return (self.laser, *self.other_lasers)

@@ -10,7 +10,7 @@ from __future__ import annotations
 import re
 import types
 import typing
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Final, TypeAlias, TypeVar
@@ -98,6 +98,15 @@ class YamlDocument:
             if place is not None:
                 return place
         return Where(self.file)
+
+
+def paths_inside(value: Any) -> Iterator[KeyPath]:
+    """Yield the ways to everything inside of a list, a mapping, and what is in them."""
+    pairs = enumerate(value) if isinstance(value, list) else ()
+    for key, below in value.items() if isinstance(value, Mapping) else pairs:
+        yield (key,)
+        for path in paths_inside(below):
+            yield (key, *path)
 
 
 def read_text(path: str | Path) -> str:

@@ -10,9 +10,10 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, TypeAlias
 
 from grammars.text.diagnostics import Diagnostic, InputError, Severity, Where
 from grammars.text.documents import KeyPath, YamlDocument, mark_place, read_text
@@ -30,6 +31,10 @@ _ANGLES: Final = {"!degrees": math.radians, "!radians": float}
 _ANGLE: Final = re.compile(r"^(deg|rad)\(\s*([-+]?[0-9.]+(?:[eE][-+]?\d+)?)\s*\)$")
 
 
+Locate: TypeAlias = Callable[[int, int], Where]
+"""Where in a file a line and column (from 1) of a text stands that is a part of it."""
+
+
 def load_ros_yaml(path: str | Path) -> tuple[YamlDocument, tuple[Diagnostic, ...]]:
     """Read a ROS parameter file; the second value holds warnings.
 
@@ -38,30 +43,44 @@ def load_ros_yaml(path: str | Path) -> tuple[YamlDocument, tuple[Diagnostic, ...
     return parse_ros_yaml(read_text(path), str(path))
 
 
-def parse_ros_yaml(text: str, file: str) -> tuple[YamlDocument, tuple[Diagnostic, ...]]:
-    """Parse the text of a ROS parameter file; ``file`` is the name used in messages."""
+def parse_ros_yaml(
+    text: str, file: str, *, locate: Locate | None = None, any_value: bool = False
+) -> tuple[YamlDocument, tuple[Diagnostic, ...]]:
+    """Parse the text of a ROS parameter file; ``file`` is the name used in messages.
+
+    ``locate`` places a text that is a part of its file. With ``any_value`` the text may be a
+    list or a single value as well, otherwise it is a mapping.
+    """
     from ruamel.yaml import YAML
     from ruamel.yaml.error import MarkedYAMLError, YAMLError
 
+    def place(mark: Any) -> Where:
+        return (
+            mark_place(file, mark)
+            if locate is None or not mark
+            else locate(mark.line + 1, mark.column + 1)
+        )
+
     yaml = YAML(typ="safe", pure=True)
     yaml.version = (1, 1)
+    begin = Where(file, 1, 1) if locate is None else locate(1, 1)
     try:
         root = yaml.compose(text)
     except MarkedYAMLError as error:
-        where = mark_place(file, error.problem_mark or error.context_mark)
+        where = place(error.problem_mark or error.context_mark)
         message = str(error.problem or error.context or "").splitlines()[0]
         raise InputError.at(where, f"is not valid YAML: {message}") from error
     except RecursionError as error:
-        raise InputError.at(Where(file), "is nested too deeply") from error
+        raise InputError.at(begin, "is nested too deeply") from error
     except (YAMLError, ValueError) as error:
         first = str(error).splitlines()[0] if str(error) else type(error).__name__
-        raise InputError.at(Where(file), f"is not valid YAML: {first}") from error
-    reader = _RosYamlReader(file, yaml.constructor)
+        raise InputError.at(begin, f"is not valid YAML: {first}") from error
+    reader = _RosYamlReader(place, yaml.constructor)
     if root is None or root.tag == _NULL:
-        return YamlDocument(file, {}, {(): Where(file, 1, 1)}, text), ()
+        return YamlDocument(file, {}, {(): begin}, text), ()
     data = reader.value(root, ())
-    if not isinstance(data, dict):
-        raise InputError.at(Where(file, 1, 1), "expected parameters, NAME: VALUE")
+    if not isinstance(data, dict) and not any_value:
+        raise InputError.at(begin, "expected parameters, NAME: VALUE")
     return YamlDocument(file, data, reader.places, text), tuple(reader.warnings)
 
 
@@ -69,7 +88,7 @@ def parse_ros_yaml(text: str, file: str) -> tuple[YamlDocument, tuple[Diagnostic
 class _RosYamlReader:
     """Turns YAML nodes into plain data."""
 
-    file: str
+    locate: Callable[[Any], Where]
     constructor: Any
     places: dict[KeyPath, Where] = field(default_factory=dict)
     warnings: list[Diagnostic] = field(default_factory=list)
@@ -160,7 +179,7 @@ class _RosYamlReader:
 
     def place(self, node: Any) -> Where:
         """Return where a node begins."""
-        return mark_place(self.file, node.start_mark)
+        return self.locate(node.start_mark)
 
     def warn(self, node: Any, message: str, hint: str) -> None:
         """Note something that reads well and is probably a slip."""

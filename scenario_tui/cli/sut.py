@@ -168,8 +168,8 @@ def _defaults(found: LoadedSut, read: RosParameters) -> dict[str, dict[str, Any]
         "move_base": read.move_base,
         "move_base/global_costmap": read.global_costmap,
         "move_base/local_costmap": read.local_costmap,
-        "move_base/NavfnROS": read.navfn,
-        "move_base/DWAPlannerROS": read.dwa,
+        "move_base/NavfnROS": read.global_planner,
+        "move_base/DWAPlannerROS": read.local_planner,
         "move_base/rotate_recovery": read.rotate_recovery,
         "dispatcher": read.dispatcher,
     }

@@ -129,7 +129,7 @@ def check(
             InspectionOutput(name, failure, "", "", 0.0, ()).emit()
         say(f"{name} cannot be started: {failure}")
         raise typer.Exit(ExitCode.INFRASTRUCTURE) from None
-    lines = examine(settings, seen)
+    lines = examine(settings, seen, briefing.robot.lasers)
     _output(name, seen, lines).show(as_json)
     say(f"{name}: {_summary(lines)}")
     if any(line.state == "missing" for line in lines):
@@ -197,8 +197,8 @@ def _first_moment(campaign: Path | None, settings: Ros2Settings) -> tuple[Briefi
         joints=joints if drawn else None,
     )
     briefing = Briefing(robot, grid, mission, mission.start, seed)
-    scan = LaserScan(0.0, world.scan())
-    return briefing, Observation(0.0, (world.odometry(0.0),), (scan,))
+    scans = tuple(LaserScan(0.0, world.scan(laser.name), laser.name) for laser in robot.lasers)
+    return briefing, Observation(0.0, (world.odometry(0.0),), scans)
 
 
 def _empty_room() -> tuple[Scene, Robot, Mission]:

@@ -13,6 +13,7 @@ from rich.style import Style
 from rich.text import Text
 
 from daemon.judging.oracles import OracleTimeline, SignalSampler, oracle_timeline, trace_problems
+from daemon.model.live_view import scan_returns
 from daemon.model.verdicts import Outcome, Verdict
 from daemon.trace import JointTrack, Trace, TraceError, read_outputs, read_trace
 from grammars.model.geometry import Floats, Point2, Pose2
@@ -265,21 +266,17 @@ class Playback:
         return tuple(zip(way.x[self._kept].tolist(), way.y[self._kept].tolist(), strict=True))
 
     def _returns(self, time: float) -> tuple[Point2, ...]:
-        """Return where the laser saw something, from where the robot was at that scan."""
-        scans = self.trace.scans
-        index = _last(scans.time, time) if scans is not None else -1
-        if scans is None or index < 0:
-            return ()
-        laser = self.trace.spec.robot.laser
-        step = max(1, -(-laser.rays // RAYS))
-        ranges = scans.ranges[index, ::step].astype(np.float64)
-        angles = np.linspace(laser.angle_min, laser.angle_max, laser.rays)[::step]
-        seen = np.isfinite(ranges) & (ranges > 0.0)
-        # From where it was then, not now: a scan is older than the pose by up to its period.
-        eye = self.pose(float(scans.time[index])) @ laser.mount
-        x = eye.x + ranges[seen] * np.cos(eye.yaw + angles[seen])
-        y = eye.y + ranges[seen] * np.sin(eye.yaw + angles[seen])
-        return tuple(zip(x.tolist(), y.tolist(), strict=True))
+        """Return where each laser saw something, from where the robot was at that scan."""
+        found: list[Point2] = []
+        for laser, scans in zip(self.trace.spec.robot.lasers, self.trace.scans or (), strict=False):
+            index = _last(scans.time, time)
+            if index < 0:
+                continue
+            # From where it was then, not now: a scan is older than the pose by up to its period.
+            base = self.pose(float(scans.time[index]))
+            x, y = scan_returns(laser, base, scans.ranges[index], RAYS).T.tolist()
+            found += zip(x, y, strict=True)
+        return tuple(found)
 
     def _plan(self, time: float) -> tuple[Point2, ...]:
         plans = self.trace.plans

@@ -68,7 +68,7 @@ def main() -> None:
     scans = [see(grid, pose) for pose in poses]
 
     def build() -> Amcl:
-        return Amcl(PUBLISHED, ORIGINAL, grid, LASER, poses[0], np.random.SeedSequence(1))
+        return Amcl(PUBLISHED, ORIGINAL, grid, (LASER,), poses[0], np.random.SeedSequence(1))
 
     first, again = _timed(build), _timed(build)
     amcl = build()

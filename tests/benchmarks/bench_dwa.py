@@ -15,10 +15,10 @@ from collections.abc import Callable
 import numpy as np
 
 from daemon.stacks import warm_up
+from daemon.stacks.ros1.base_local_planner.map_grid import passable_cells
 from daemon.stacks.ros1.cost_grid import CostGrid
 from daemon.stacks.ros1.dwa import Dwa, DwaParameters, longest_trajectory
 from daemon.stacks.ros1.dwa.cycle import allocate_buffers, allocate_scoring_grid, choose_trajectory
-from daemon.stacks.ros1.dwa.map_grid import passable_cells
 from daemon.stacks.ros1.quirks import ORIGINAL
 from grammars.model.geometry import Floats, Pose2, Twist2
 from tests.daemon.stacks.ros1.dwa.helpers import A2S, LARGE, OMNI, SMALL, Problem, settings, singles

@@ -66,13 +66,13 @@ def main() -> None:
     offsets = np.linspace(laser.angle_min, laser.angle_max, laser.rays)
 
     def exact(pose: Pose2) -> Floats:
-        return world._laser.true_ranges(pose, bodies)[0]
+        return world._scanner(None).true_ranges(pose, bodies)[0]
 
     def kernel(pose: Pose2) -> None:
-        world._laser._cast(pose, bodies)
+        world._scanner(None)._cast(pose, bodies)
 
     def scan(pose: Pose2) -> None:
-        world._laser.scan(pose, bodies)
+        world._scanner(None).scan(pose, bodies)
 
     def query(pose: Pose2) -> Floats:
         sensor = pose @ laser.mount

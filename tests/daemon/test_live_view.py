@@ -37,7 +37,7 @@ def test_points_keep_to_the_centimetre() -> None:
 
 
 def test_returns_lie_where_the_laser_saw_something() -> None:
-    view = LiveView(LASER)
+    view = LiveView((LASER,))
     ranges = np.full(181, np.inf)
     ranges[90] = 2.0  # straight ahead
     view.add_scan(Pose2(1.0, 2.0, np.pi / 2), ranges)
@@ -46,7 +46,7 @@ def test_returns_lie_where_the_laser_saw_something() -> None:
 
 
 def test_everything_is_thinned_and_contacts_are_told_once() -> None:
-    view = LiveView(LASER)
+    view = LiveView((LASER,))
     view.add_scan(Pose2(), np.full(181, 3.0))
     view.contacts.append((1.0, 2.0))
     plan = np.column_stack([np.linspace(0.0, 50.0, 5000), np.zeros(5000)])
@@ -83,3 +83,18 @@ def test_who_watches_changes_nothing(tmp_path: Path, interest: str) -> None:
     assert (tmp_path / "watched.mcap").read_bytes() == (tmp_path / "alone.mcap").read_bytes()
     assert len(seen) == (0 if interest == "nothing" else 31)
     assert any(s.returns and s.spread and s.plan for s in seen) == (interest == "everything")
+
+
+def test_returns_of_all_lasers_share_what_a_snapshot_takes() -> None:
+    front, rear = (
+        replace(LASER, name="front"),
+        replace(LASER, name="rear", mount=Pose2(0, 0, np.pi)),
+    )
+    view = LiveView((front, rear))
+    view.add_scan(Pose2(), np.full(181, 3.0), "front")
+    assert 0 < len(view.extend(BARE, None, None).returns) <= MOST_RETURNS
+    view.add_scan(Pose2(), np.full(181, 2.0), "rear")
+    seen = from_centimetres(view.extend(BARE, None, None).returns)
+    assert len(seen) <= MOST_RETURNS
+    assert min(x for x, _ in seen) == -2.0
+    assert max(x for x, _ in seen) == 3.5

@@ -129,17 +129,19 @@ def covered_cells(grid: OccupancyGrid, trace: Trace) -> CoveredCells:
 
 def _seen_cells(grid: OccupancyGrid, trace: Trace) -> _Cells:
     cells: _Cells = np.zeros(grid.cells.shape, np.bool_)
-    if trace.scans is None or not len(trace.scans.time) or not len(trace.ground_truth.time):
+    if trace.scans is None or not len(trace.ground_truth.time):
         return cells
-    laser = trace.spec.robot.laser
-    # By the true pose: what was seen, not what the robot believed to see.
-    taken = _first_samples(trace.scans.time, SCAN_PERIOD)
-    poses = _mounted_poses(poses_at(trace.ground_truth, trace.scans.time[taken]), laser.mount)
-    ranges = np.ascontiguousarray(trace.scans.ranges[taken])
-    paint_rays(
-        cells, grid.x, grid.y, grid.resolution, poses, ranges,
-        laser.angle_min, laser.angle_increment, laser.range_max,
-    )  # fmt: skip
+    for laser, scans in zip(trace.spec.robot.lasers, trace.scans, strict=True):
+        if not len(scans.time):
+            continue
+        # By the true pose: what was seen, not what the robot believed to see.
+        taken = _first_samples(scans.time, SCAN_PERIOD)
+        poses = _mounted_poses(poses_at(trace.ground_truth, scans.time[taken]), laser.mount)
+        paint_rays(
+            cells, grid.x, grid.y, grid.resolution, poses,
+            np.ascontiguousarray(scans.ranges[taken]),
+            laser.angle_min, laser.angle_increment, laser.range_max,
+        )  # fmt: skip
     return cells
 
 

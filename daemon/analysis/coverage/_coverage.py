@@ -215,7 +215,8 @@ def _sum_scenes(
     """Sum up doors and floor, scene by scene."""
     groups: dict[tuple[str, float], list[RunCoverage]] = {}
     for run in runs:
-        # At another height the laser meets other walls and windows: another floor to be seen.
+        # At another height the first laser, at which the map is drawn, meets other walls and
+        # windows: another floor to be seen.
         groups.setdefault(run.world, []).append(run)
     doors: list[DoorCount] = []
     floor: list[FloorArea] = []

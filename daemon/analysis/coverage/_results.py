@@ -89,7 +89,7 @@ class RoomArea:
 
 @dataclass(frozen=True, slots=True)
 class FloorArea:
-    """Free floor of a scene, seen by the laser and driven on by the footprint, in any run [m^2]."""
+    """Free floor of a scene, seen by lasers and driven on by the footprint, in any run [m^2]."""
 
     scene: str
     resolution: float

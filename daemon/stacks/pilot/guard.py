@@ -189,7 +189,7 @@ _LONGEST = 3.0
 class Surroundings:
     """What is around the base: ``points[:count]`` (n, 2) in its frame, ``known`` ones are walls.
 
-    The first ``seen`` are returns of the latest scan, the others are remembered.
+    The first ``seen`` are returns of the latest scan of each laser, the others are remembered.
     """
 
     points: Floats

@@ -10,6 +10,8 @@ its information matrix, which makes the solution the update of an iterated Kalma
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -292,6 +294,21 @@ _LEAST_NOISE = 0.002
 """Noise of a displacement beyond what the odometry's description says [m or rad per sqrt]."""
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class _LaserView:
+    """Where a laser sits on the base (x, y, yaw), and the error a return of it counts with [m]."""
+
+    mount: Floats
+    sigma: float
+
+    @classmethod
+    def of(cls, laser: Laser, parameters: PilotParameters) -> _LaserView:
+        """Return the view of a laser, as it is mounted."""
+        mount = np.array([laser.mount.x, laser.mount.y, laser.mount.yaw])
+        spread = laser.noise**2 + parameters.range_sigma**2
+        return cls(mount, math.sqrt(max(spread, 1e-6) * parameters.independent_rays))
+
+
 class Localiser:
     """An iterated extended Kalman filter over x, y, yaw in the map frame.
 
@@ -307,20 +324,18 @@ class Localiser:
     def __init__(
         self,
         field: MapField,
-        laser: Laser,
+        lasers: Sequence[Laser],
         noise: OdometryNoise,
         start: Pose2,
         parameters: PilotParameters,
     ) -> None:
         self._field, self._noise = field, noise
-        self._mount = np.array([laser.mount.x, laser.mount.y, laser.mount.yaw])
+        self._views = {laser.name: _LaserView.of(laser, parameters) for laser in lasers}
         self._mean = np.array([start.x, start.y, start.yaw])
         position, heading = parameters.start_sigma**2, parameters.start_yaw_sigma**2
         self._covariance = np.diag([position, position, heading])
         bias, turned = parameters.map_sigma**2, parameters.map_yaw_sigma**2
         self._bias = np.diag([bias, bias, turned])
-        spread = laser.noise**2 + parameters.range_sigma**2
-        self._sigma = math.sqrt(max(spread, 1e-6) * parameters.independent_rays)
         # Where walls paint every cell they touch, this is the mean depth behind the edge.
         self._inset = 0.5 * field.resolution
         self._last: Odometry | None = None
@@ -356,15 +371,18 @@ class Localiser:
             step = Pose2(twist.vx * gap, twist.vy * gap, twist.wz * gap)
         self._move_to(last.pose @ step)
 
-    def correct(self, points: Floats, count: int) -> int:
-        """Match returns ``points[:count]`` (base frame) to the map; return how many fit."""
-        field, covariance = self._field, self._covariance
+    def correct(self, points: Floats, count: int, laser: str = "") -> int:
+        """Match returns ``points[:count]`` (base frame) to the map; return how many fit.
+
+        ``laser`` is the name of the one that saw them.
+        """
+        field, covariance, view = self._field, self._covariance, self._views[laser]
         unsure = math.sqrt(covariance[0, 0] + covariance[1, 1])
         unsure += _LEVER * math.sqrt(covariance[2, 2])
         inliers, residual = match_scan(
-            field.surface, field.x, field.y, field.resolution, points, count, self._mount,
+            field.surface, field.x, field.y, field.resolution, points, count, view.mount,
             self._mean, covariance, self._inset, min(_WIDE, _NARROW + unsure), _NARROW,
-            self._sigma, _ITERATIONS, _LEAST_INLIERS,
+            view.sigma, _ITERATIONS, _LEAST_INLIERS,
         )  # fmt: skip
         if inliers >= _LEAST_INLIERS:
             learned = self._inset - _LEARNING * residual

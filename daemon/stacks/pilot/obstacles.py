@@ -228,25 +228,24 @@ def select_map_returns(
 class ObstacleLayer:
     """Cells of the map that scans found occupied although the map says free."""
 
-    def __init__(
-        self, field: MapField, laser: Laser, *, explained: float, reach: float, memory: int
-    ) -> None:
-        self._field, self._laser = field, laser
+    def __init__(self, field: MapField, *, explained: float, reach: float, memory: int) -> None:
+        """``memory`` counts scans, of whatever laser."""
+        self._field = field
         self._explained, self._reach, self._memory = explained, reach, memory
-        self._step = laser.angle_increment
         self._stamps = np.zeros(field.clearance.size, dtype=np.int32)
         self.cells = np.zeros(1024, dtype=np.int32)
         self.count = 0
         self._now = 0
         self._pose, self._sensor = np.zeros(3), np.zeros(3)
 
-    def update(self, ranges: Singles, points: Floats, known: np.ndarray, count: int,
+    def update(self, laser: Laser, ranges: Singles, points: Floats, known: np.ndarray, count: int,
                base: Pose2) -> None:  # fmt: skip
-        """Take one scan seen from ``base``: clear what it looks through, mark what it hits.
+        """Take one scan of ``laser`` seen from ``base``: clear what it looks through, mark what it
+        hits.
 
         ``points[:count]`` are its returns in the base frame; ``known`` (rays,) uint8 is filled.
         """
-        field, laser = self._field, self._laser
+        field = self._field
         self._now += 1
         if self.cells.size < self.count + count:
             self.cells = np.concatenate((self.cells, np.zeros_like(self.cells)))
@@ -256,8 +255,8 @@ class ObstacleLayer:
         columns = field.clearance.shape[1]
         self.count = clear_cells(
             self.cells, self.count, self._stamps, self._now - self._memory, columns,
-            field.x, field.y, field.resolution, self._sensor, laser.angle_min, self._step,
-            ranges, laser.range_max, 2.0 * field.resolution,
+            field.x, field.y, field.resolution, self._sensor, laser.angle_min,
+            laser.angle_increment, ranges, laser.range_max, 2.0 * field.resolution,
         )  # fmt: skip
         self.count = mark_cells(
             points, known, count, self._pose, field.surface, field.x, field.y, field.resolution,

@@ -1,8 +1,8 @@
 """The whole configuration of the ROS stack, from the tree of parameters people have.
 
 The tree holds what a parameter server holds, by namespace (``amcl``, ``move_base`` with
-``global_costmap``, ``local_costmap``, ``DWAPlannerROS``, ``NavfnROS`` and the recoveries in it),
-and three sections that are not ROS's: ``dispatcher``, ``topics`` and ``quirks``.
+``global_costmap``, ``local_costmap``, the planners and the recoveries in it), and three sections
+that are not ROS's: ``dispatcher``, ``topics`` and ``quirks``.
 """
 
 from __future__ import annotations
@@ -11,17 +11,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
 from typing import Any, Final
 
-from daemon.stacks.findings import (
-    FindingCollector,
-    ParameterFinding,
-    ParameterFindings,
-    ParameterLocation,
-)
-from daemon.stacks.ros1 import amcl, navfn
+from daemon.stacks.findings import FindingCollector, ParameterFinding, ParameterFindings
+from daemon.stacks.ros1 import amcl
 from daemon.stacks.ros1.amcl import AmclParameters
-from daemon.stacks.ros1.costmap import CostmapParameters, ObservationSource, read_costmap
-from daemon.stacks.ros1.dwa import WITHOUT_EFFECT as DWA_WITHOUT_EFFECT
-from daemon.stacks.ros1.dwa import DwaParameters, contradictions
+from daemon.stacks.ros1.costmap import LayeredCostmap
+from daemon.stacks.ros1.costmap_sources import COSTMAPS, read_costmaps
+from daemon.stacks.ros1.dwa import DwaParameters
 from daemon.stacks.ros1.move_base import (
     CLEAR,
     CLEAR_COSTMAP_WITHOUT_EFFECT,
@@ -33,24 +28,25 @@ from daemon.stacks.ros1.move_base import (
     MoveBaseParameters,
     RotateRecoveryParameters,
 )
-from daemon.stacks.ros1.navfn import NavfnParameters
-from daemon.stacks.ros1.parameters import read_section
-from daemon.stacks.ros1.quirks import Quirks, read_quirks
-from daemon.stacks.ros1.topics import (
-    ONE_LASER,
-    TopicParameters,
-    Topics,
-    Wiring,
-    resolve_name,
-    resolve_topics,
+from daemon.stacks.ros1.parameters import ParameterTree, read_section
+from daemon.stacks.ros1.planners import (
+    DWA,
+    NAMESPACES,
+    TRAJECTORY,
+    GlobalPlannerChoice,
+    LocalPlannerChoice,
+    namespace_of,
+    read_global_planner,
+    read_local_planner,
+    say_unread,
 )
+from daemon.stacks.ros1.quirks import Quirks, read_quirks
+from daemon.stacks.ros1.topics import ONE_LASER, TopicParameters, Topics, Wiring
 from grammars.text.diagnostics import did_you_mean
 
 _SECTIONS: Final = ("amcl", "move_base", "dispatcher", "topics", "quirks")
-_COSTMAPS: Final = ("global_costmap", "local_costmap")
-_PLANNERS: Final = ("NavfnROS", "DWAPlannerROS", "TrajectoryPlannerROS")
-_OTHER_PLANNER: Final = "DWA drives; of this namespace only rotate_recovery reads its limits"
-_ONLY_LOCAL_SHOWN: Final = "only the local costmap is shown"
+_BODY: Final = ("footprint", "robot_radius", "obstacle_range", "raytrace_range")
+"""What costmaps find in the namespace of move_base when theirs has none."""
 _ROTATION_OWN: Final = frozenset({"sim_granularity", "frequency"})
 
 
@@ -58,19 +54,19 @@ _ROTATION_OWN: Final = frozenset({"sim_granularity", "frequency"})
 class RosParameters:
     """A checked configuration.
 
-    ``dwa`` has the controller frequency it inherits from move_base where it has none of its own;
-    the costmaps have only those sources that hear the scan (``topics`` and ``wiring`` say who
-    listens where); ``resets`` holds the parameters of each reset recovery by its name;
-    ``rotate_recovery`` has the limits of ``TrajectoryPlannerROS``, or those of DWA when
+    ``local_planner`` has the controller frequency it inherits from move_base where it has none of
+    its own; ``topics`` says who listens where, ``wiring`` who hears the laser of a robot that has
+    one; ``resets`` holds the parameters of each reset recovery by its name; ``rotate_recovery``
+    has the limits of ``TrajectoryPlannerROS``, or those of DWA when
     :attr:`Quirks.rotate_reads_other_namespace` is off.
     """
 
     amcl: AmclParameters
     move_base: MoveBaseParameters
-    global_costmap: CostmapParameters
-    local_costmap: CostmapParameters
-    navfn: NavfnParameters
-    dwa: DwaParameters
+    global_costmap: LayeredCostmap
+    local_costmap: LayeredCostmap
+    global_planner: GlobalPlannerChoice
+    local_planner: LocalPlannerChoice
     rotate_recovery: RotateRecoveryParameters
     resets: Mapping[str, ClearCostmapParameters]
     dispatcher: DispatcherParameters
@@ -88,33 +84,31 @@ def read_ros(parameters: Mapping[str, Any]) -> RosParameters:
     """
     report = FindingCollector()
     _refuse_unknown_sections(parameters, report)
-    tree = _Tree(parameters, report)
+    tree = ParameterTree(parameters, report)
     quirks = read_quirks(parameters.get("quirks", "original"), ("quirks",), report)
+    localisation = read_section(
+        AmclParameters,
+        tree.at("amcl"),
+        ("amcl",),
+        report,
+        without_effect=amcl.WITHOUT_EFFECT,
+    )
     move_base = _read_move_base(tree)
-    dwa = _read_dwa(tree, move_base)
+    global_planner = read_global_planner(tree, move_base.base_global_planner)
+    local_planner = read_local_planner(
+        tree, move_base.base_local_planner, move_base.controller_frequency
+    )
+    say_unread(tree, (move_base.base_global_planner, move_base.base_local_planner))
     given = read_section(TopicParameters, tree.at("topics"), ("topics",), report, strict=True)
-    costmaps = {name: _read_costmap(tree, name) for name in _COSTMAPS}
-    topics, costmaps = _connect_topics(given, costmaps, report)
+    costmaps, topics = read_costmaps(tree, given, localisation)
     return RosParameters(
-        amcl=read_section(
-            AmclParameters,
-            tree.at("amcl"),
-            ("amcl",),
-            report,
-            without_effect=amcl.WITHOUT_EFFECT,
-        ),
+        amcl=localisation,
         move_base=move_base,
         global_costmap=costmaps["global_costmap"],
         local_costmap=costmaps["local_costmap"],
-        navfn=read_section(
-            NavfnParameters,
-            tree.at("move_base", "NavfnROS"),
-            ("move_base", "NavfnROS"),
-            report,
-            without_effect=navfn.WITHOUT_EFFECT,
-        ),
-        dwa=dwa,
-        rotate_recovery=_read_rotation(tree, move_base, dwa, quirks),
+        global_planner=global_planner,
+        local_planner=local_planner,
+        rotate_recovery=_read_rotation(tree, move_base, local_planner, quirks),
         resets={name: _read_reset(tree, name) for name in _resets(move_base)},
         dispatcher=read_section(
             DispatcherParameters, tree.at("dispatcher"), ("dispatcher",), report, strict=True
@@ -126,26 +120,6 @@ def read_ros(parameters: Mapping[str, Any]) -> RosParameters:
     )
 
 
-@dataclass(frozen=True, slots=True)
-class _Tree:
-    """The given tree; a namespace that is not there is empty."""
-
-    data: Mapping[str, Any]
-    report: FindingCollector
-
-    def at(self, *path: str) -> Mapping[str, Any]:
-        """Return a namespace; that it is no namespace is reported."""
-        node: Mapping[str, Any] = self.data
-        for depth, name in enumerate(path):
-            below = node.get(name, {})
-            if not isinstance(below, Mapping):
-                place = path[: depth + 1]
-                self.report.fatal.append(ParameterFinding(place, "must be names with values"))
-                return {}
-            node = below
-        return node
-
-
 def _refuse_unknown_sections(parameters: Mapping[str, Any], report: FindingCollector) -> None:
     for name in parameters:
         if name not in _SECTIONS:
@@ -155,111 +129,33 @@ def _refuse_unknown_sections(parameters: Mapping[str, Any], report: FindingColle
             )
 
 
-def _read_move_base(tree: _Tree) -> MoveBaseParameters:
+def _read_move_base(tree: ParameterTree) -> MoveBaseParameters:
     given = tree.at("move_base")
     names = [name for entry in _listed(given) if (name := entry.get("name"))]
     recoveries = {"rotate_recovery", "conservative_reset", "aggressive_reset", *map(str, names)}
-    if given and "base_local_planner" not in given:
-        message = (
-            "base_local_planner is not given: ROS would take TrajectoryPlannerROS, here is DWA"
-        )
-        hint = "write base_local_planner: dwa_local_planner/DWAPlannerROS"
-        tree.report.problems.append(ParameterFinding(("move_base",), message, hint))
+    if "DWAPlannerROS" in given and "base_local_planner" not in given:
+        message = f"base_local_planner is not given: ROS takes {TRAJECTORY}, and nobody reads this"
+        hint = f"write base_local_planner: {DWA}"
+        place = ("move_base", "DWAPlannerROS")
+        tree.report.problems.append(ParameterFinding(place, message, hint))
+    if "footprint_padding" in given:
+        message = "costmap_2d looks for it in the namespaces of the costmaps only"
+        hint = "write it under global_costmap and local_costmap"
+        place = ("move_base", "footprint_padding")
+        tree.report.problems.append(ParameterFinding(place, message, hint))
     return read_section(
         MoveBaseParameters,
         given,
         ("move_base",),
         tree.report,
         without_effect=MOVE_BASE_WITHOUT_EFFECT,
-        elsewhere=frozenset({*_COSTMAPS, *_PLANNERS, *recoveries}),
+        elsewhere=frozenset({*COSTMAPS, *NAMESPACES, *recoveries, *_BODY, "footprint_padding"}),
     )
 
 
 def _listed(given: Mapping[str, Any]) -> list[Mapping[str, Any]]:
     listed = given.get("recovery_behaviors")
     return [e for e in listed if isinstance(e, Mapping)] if isinstance(listed, list) else []
-
-
-def _read_dwa(tree: _Tree, move_base: MoveBaseParameters) -> DwaParameters:
-    """Return the parameters of DWA; limits no robot can drive with are fatal."""
-    path = ("move_base", "DWAPlannerROS")
-    given = tree.at(*path)
-    before = len(tree.report.fatal)
-    dwa = read_section(DwaParameters, given, path, tree.report, without_effect=DWA_WITHOUT_EFFECT)
-    if len(tree.report.fatal) == before:
-        for found in contradictions(dwa):
-            # At the first of its parameters that somebody wrote; the others have their defaults.
-            written = [name for name in found.names if name in given][:1]
-            tree.report.fatal.append(ParameterFinding((*path, *written), found.text))
-    if dwa.controller_frequency is None:
-        return replace(dwa, controller_frequency=move_base.controller_frequency)
-    return dwa
-
-
-def _read_costmap(tree: _Tree, name: str) -> CostmapParameters:
-    """Return one costmap: the global one lies in map, the local one in odom."""
-    path = ("move_base", name)
-    given = tree.at(*path)
-    costmap = read_costmap(given, path, tree.report)
-    if name == "global_costmap" and "publish_frequency" in given:
-        tree.report.without_effect.append(
-            ParameterFinding((*path, "publish_frequency"), _ONLY_LOCAL_SHOWN)
-        )
-    frame = {"global_costmap": "map", "local_costmap": "odom"}[name]
-    if "global_frame" not in given:
-        if frame != costmap.global_frame and given:
-            message = f"global_frame is not given: ROS would take map, here it is {frame}"
-            tree.report.problems.append(
-                ParameterFinding(path, message, f"write global_frame: {frame}")
-            )
-    elif costmap.global_frame.strip("/") != frame:
-        message = f"must be {frame}, the only frame this costmap can have here"
-        tree.report.fatal.append(ParameterFinding((*path, "global_frame"), message))
-    return replace(costmap, global_frame=frame)
-
-
-def _connect_topics(
-    given: TopicParameters, costmaps: dict[str, CostmapParameters], report: FindingCollector
-) -> tuple[Topics, dict[str, CostmapParameters]]:
-    """Return who listens where, and the costmaps with only the sources that hear the scan."""
-    lasers = {name: _lasers(costmap) for name, costmap in costmaps.items()}
-    topics = resolve_topics(
-        given, *([source.topic for source in lasers[name]] for name in _COSTMAPS)
-    )
-    if not topics.heard(ONE_LASER).amcl and not topics.by_laser:
-        message = f"amcl listens to {topics.amcl}, the scan comes on {topics.published}"
-        hint = "amcl never corrects odometry: set topics/amcl or topics/remap"
-        report.problems.append(ParameterFinding(("topics",), message, hint))
-    connected = {}
-    for name, costmap in costmaps.items():
-        heard = tuple(
-            source
-            for source in lasers[name]
-            if resolve_name(source.topic, "/move_base", given.remap) == topics.published
-        )
-        connected[name] = replace(costmap, sources=heard)
-        if not heard:
-            report.problems.append(
-                _no_scan_finding(name, costmap, getattr(topics, name), topics.published)
-            )
-    return topics, connected
-
-
-def _lasers(costmap: CostmapParameters) -> tuple[ObservationSource, ...]:
-    return tuple(s for s in costmap.sources if s.data_type == "LaserScan")
-
-
-def _no_scan_finding(
-    name: str, costmap: CostmapParameters, listens: tuple[str, ...], published: str
-) -> ParameterFinding:
-    title = name.replace("_", " ")
-    hint = f"the {title} shows no obstacle that the map does not show"
-    if not listens:
-        path: ParameterLocation = ("move_base", name, "observation_sources")
-        return ParameterFinding(path, f"the {title} has no source of type LaserScan", hint)
-    path = ("move_base", name, _lasers(costmap)[0].name, "topic")
-    message = f"the {title} listens to {', '.join(listens)}, the scan comes on {published}"
-    return ParameterFinding(path, message, hint)
 
 
 def _resets(move_base: MoveBaseParameters) -> tuple[str, ...]:
@@ -269,7 +165,7 @@ def _resets(move_base: MoveBaseParameters) -> tuple[str, ...]:
     return tuple(b.name for b in move_base.recovery_behaviors if b.type == CLEAR)
 
 
-def _read_reset(tree: _Tree, name: str) -> ClearCostmapParameters:
+def _read_reset(tree: ParameterTree, name: str) -> ClearCostmapParameters:
     return read_section(
         ClearCostmapParameters,
         tree.at("move_base", name),
@@ -280,39 +176,63 @@ def _read_reset(tree: _Tree, name: str) -> ClearCostmapParameters:
 
 
 def _read_rotation(
-    tree: _Tree, move_base: MoveBaseParameters, dwa: DwaParameters, quirks: Quirks
+    tree: ParameterTree,
+    move_base: MoveBaseParameters,
+    planner: LocalPlannerChoice,
+    quirks: Quirks,
 ) -> RotateRecoveryParameters:
     """Return the turn on the spot: its own namespace and the limits of another one."""
     turns = [b.name for b in move_base.recovery_behaviors or () if b.type == ROTATE]
     name = turns[0] if turns else "rotate_recovery"
     own = _read_part(tree, ("move_base", name), _ROTATION_OWN)
-    if not quirks.rotate_reads_other_namespace:
+    if isinstance(planner, DwaParameters) and not quirks.rotate_reads_other_namespace:
         return replace(
             own,
-            acc_lim_theta=dwa.acc_lim_theta or own.acc_lim_theta,
-            max_vel_theta=dwa.max_vel_theta or own.max_vel_theta,
-            min_in_place_vel_theta=dwa.min_vel_theta,
-            yaw_goal_tolerance=dwa.yaw_goal_tolerance or own.yaw_goal_tolerance,
+            acc_lim_theta=planner.acc_lim_theta or own.acc_lim_theta,
+            max_vel_theta=planner.max_vel_theta or own.max_vel_theta,
+            min_in_place_vel_theta=planner.min_vel_theta,
+            yaw_goal_tolerance=planner.yaw_goal_tolerance or own.yaw_goal_tolerance,
         )
     limits = frozenset(f.name for f in fields(RotateRecoveryParameters)) - _ROTATION_OWN
-    other = _read_part(tree, ("move_base", "TrajectoryPlannerROS"), limits)
+    path = ("move_base", "TrajectoryPlannerROS")
+    unread = None
+    if namespace_of(move_base.base_local_planner) != path[-1]:
+        unread = f"{move_base.base_local_planner} drives; rotate_recovery reads only the limits"
+    other = _read_part(tree, path, limits, unread=unread, shared=unread is None)
     return replace(other, sim_granularity=own.sim_granularity, frequency=own.frequency)
 
 
 def _read_part(
-    tree: _Tree, path: tuple[str, str], names: frozenset[str]
+    tree: ParameterTree,
+    path: tuple[str, str],
+    names: frozenset[str],
+    *,
+    unread: str | None = None,
+    shared: bool = False,
 ) -> RotateRecoveryParameters:
-    """Read those parameters of the recovery that stand in one namespace."""
+    """Read those parameters of the recovery that stand in one namespace.
+
+    Of other names there it is said that they are unknown, or ``unread`` with that reason; nothing
+    when the namespace is ``shared`` with somebody who says it.
+    """
     given = tree.at(*path)
-    renamed = {OTHER_NAMES.get(name, name): value for name, value in given.items()}
-    mine = {name: value for name, value in renamed.items() if name in names}
+    # Of two names of a limit the newer one counts (nav_core ``loadParameterWithDeprecation``).
+    mine = {OTHER_NAMES[name]: name for name in given if name in OTHER_NAMES}
+    mine |= {name: name for name in given if name in names}
+    mine = {name: written for name, written in mine.items() if name in names}
     for name in given:
-        if OTHER_NAMES.get(name, name) in names:
+        if shared or name in mine.values():
             continue
-        if path[-1] in _PLANNERS:
-            tree.report.without_effect.append(ParameterFinding((*path, name), _OTHER_PLANNER))
-        else:
+        if unread is not None:
+            tree.report.without_effect.append(ParameterFinding((*path, name), unread))
+        elif OTHER_NAMES.get(name) not in names:
             hint = did_you_mean(name, names)
             message = f'nothing reads a parameter "{name}"'
             tree.report.problems.append(ParameterFinding((*path, name), message, hint))
-    return read_section(RotateRecoveryParameters, mine, path, tree.report)
+    return read_section(
+        RotateRecoveryParameters,
+        {name: given[written] for name, written in mine.items()},
+        path,
+        tree.report,
+        places={name: (*path, written) for name, written in mine.items()},
+    )

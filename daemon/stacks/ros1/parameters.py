@@ -10,10 +10,12 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
 from functools import cache
-from typing import Annotated, Any, TypeAlias, TypeVar
+from typing import Annotated, Any, Final, TypeAlias, TypeVar
 
 from pydantic import Field, TypeAdapter, ValidationError
+from pydantic_core import PydanticCustomError
 
 from daemon.stacks.findings import FindingCollector, ParameterFinding, ParameterLocation
 from grammars.text.diagnostics import did_you_mean
@@ -22,6 +24,29 @@ Finite: TypeAlias = Annotated[float, Field(allow_inf_nan=False)]
 Positive: TypeAlias = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
 NotNegative: TypeAlias = Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
 M = TypeVar("M")
+ALTERNATIVE: Final = "(either)"
+"""How tags of alternatives begin (:class:`pydantic.Tag`); they are no part of a value's place."""
+_AT_ODDS: Final = "at_odds"
+
+
+@dataclass(frozen=True, slots=True)
+class ParameterTree:
+    """The tree of parameters that is read; a namespace that is not there is empty."""
+
+    data: Mapping[str, Any]
+    report: FindingCollector
+
+    def at(self, *path: str) -> Mapping[str, Any]:
+        """Return a namespace; that it is no namespace is reported."""
+        node: Mapping[str, Any] = self.data
+        for depth, name in enumerate(path):
+            below = node.get(name, {})
+            if not isinstance(below, Mapping):
+                place = path[: depth + 1]
+                self.report.fatal.append(ParameterFinding(place, "must be names with values"))
+                return {}
+            node = below
+        return node
 
 
 def read_section(
@@ -32,32 +57,81 @@ def read_section(
     *,
     without_effect: Mapping[str, str] | None = None,
     elsewhere: frozenset[str] = frozenset(),
+    renamed: Mapping[str, str] | None = None,
+    places: Mapping[str, ParameterLocation] | None = None,
     strict: bool = False,
 ) -> M:
     """Return ``model`` (a pydantic dataclass with ROS names) with the values ``given`` at ``path``.
 
     ``without_effect`` holds names that change nothing here, with the reason; names in
-    ``elsewhere`` are read by somebody else. ``strict`` makes unknown names fatal, for sections
-    that no ROS node reads. What is wrong goes to ``report``; the model then has defaults there.
+    ``elsewhere`` are read by somebody else; ``renamed`` are names the original once read, with
+    those it reads now. ``places`` says where values stand that are not at ``path``. ``strict``
+    makes unknown names fatal, for sections that no ROS node reads. What is wrong goes to
+    ``report``; the model then has defaults there, which are not held against the other values.
     """
     kind: Any = model
     adapters = _adapters(kind)
-    idle = without_effect or {}
+    idle, old, moved = without_effect or {}, renamed or {}, places or {}
     values: dict[str, Any] = {}
+    errors = len(report.fatal)
     for name, value in given.items():
-        place = (*path, name)
+        place = moved.get(name, (*path, name))
         if name in idle:
             report.without_effect.append(ParameterFinding(place, idle[name]))
         if name in adapters:
-            _take(adapters[name], value, place, values, report)
+            _take(name, adapters[name], value, place, values, report)
+        elif name in old:
+            _say_renamed(place, name, old[name], given, idle, report)
         elif name not in elsewhere and name not in idle:
             where = report.fatal if strict else report.problems
             where.append(_unknown_name(place, value, (*adapters, *idle), elsewhere))
     try:
         return model(**values)
     except ValidationError as error:
-        report.fatal += [_finding(issue, path) for issue in error.errors()]
+        # What is at odds with a default in the place of a bad value is nobody's fault.
+        if len(report.fatal) == errors:
+            report.fatal += [_at_odds(issue, path, values, moved) for issue in error.errors()]
     return model()
+
+
+def at_odds(names: Iterable[str], text: str) -> PydanticCustomError:
+    """Return the error of a model whose fields ``names`` contradict each other, as in ``text``."""
+    # Braces would be taken for placeholders.
+    context = {"names": tuple(names), "text": text}
+    return PydanticCustomError(_AT_ODDS, "{text}", context)
+
+
+def _at_odds(
+    issue: Any,
+    path: ParameterLocation,
+    values: Mapping[str, Any],
+    places: Mapping[str, ParameterLocation],
+) -> ParameterFinding:
+    """Return the finding at the first of the parameters at odds that somebody wrote."""
+    if issue["type"] != _AT_ODDS:
+        return _finding(issue, path)
+    written = [name for name in issue["ctx"]["names"] if name in values]
+    place = places.get(written[0], (*path, written[0])) if written else path
+    return ParameterFinding(place, issue["ctx"]["text"])
+
+
+def _say_renamed(
+    place: ParameterLocation,
+    name: str,
+    new: str,
+    given: Mapping[str, Any],
+    idle: Mapping[str, str],
+    report: FindingCollector,
+) -> None:
+    """Say what ROS Noetic calls a name that it ignores."""
+    message = f"ROS Noetic calls it {new} and ignores {name}"
+    if new in idle:
+        report.without_effect.append(ParameterFinding(place, f"{message}; {idle[new]}"))
+    elif new in given:
+        report.without_effect.append(ParameterFinding(place, f"{message}; {new} is there as well"))
+    else:
+        finding = ParameterFinding(place, f"{message}: {new} has its default", f"write {new}")
+        report.problems.append(finding)
 
 
 def _unknown_name(
@@ -67,6 +141,8 @@ def _unknown_name(
     name = str(place[-1])
     if isinstance(value, Mapping):
         hint = did_you_mean(name, namespaces)
+        # A list of what else there is would say nothing of a namespace that belongs to others.
+        hint = hint if hint.startswith("did") else ""
         return ParameterFinding(place, f'nothing reads a namespace "{name}"', hint)
     return ParameterFinding(place, f'nothing reads a parameter "{name}"', did_you_mean(name, names))
 
@@ -86,6 +162,7 @@ def _constrained(annotation: Any, constraints: list[Any]) -> Any:
 
 
 def _take(
+    name: str,
     adapter: TypeAdapter[Any],
     value: Any,
     place: ParameterLocation,
@@ -97,9 +174,7 @@ def _take(
         report.fatal.append(ParameterFinding(place, f"must be a finite number (given: {value})"))
         return
     try:
-        values[str(place[-1])] = adapter.validate_json(
-            json.dumps(_integral_as_int(value)), strict=True
-        )
+        values[name] = adapter.validate_json(json.dumps(_integral_as_int(value)), strict=True)
     except ValidationError as error:
         report.fatal += [_finding(issue, place) for issue in error.errors()]
     except TypeError:
@@ -122,12 +197,14 @@ _MESSAGES = {
     "list_type": "must be a list",
     "dict_type": "must be names with values",
     "dataclass_type": "must be names with values",
+    "unexpected_keyword_argument": "nothing reads this",
 }
 _MESSAGES_BY_NAME = {("too_short", "footprint"): "a polygon needs at least three points"}
 
 
 def _finding(issue: Any, path: ParameterLocation) -> ParameterFinding:
-    place = (*path, *(part for part in issue["loc"] if part != "[key]"))
+    parts = (part for part in issue["loc"] if part != "[key]")
+    place = (*path, *(part for part in parts if not str(part).startswith(ALTERNATIVE)))
     known = _MESSAGES.get(issue["type"]) or _MESSAGES_BY_NAME.get((issue["type"], str(place[-1])))
     message = known or _reword(issue)
     given = issue["input"]
@@ -141,6 +218,8 @@ def _reword(issue: Any) -> str:
     if issue["type"] in ("too_short", "too_long"):
         bound = issue["ctx"]["min_length" if issue["type"] == "too_short" else "max_length"]
         return f"must have {bound} or {'more' if issue['type'] == 'too_short' else 'fewer'}"
+    if issue["type"] == _AT_ODDS:
+        return str(issue["ctx"]["text"])
     message: str = issue["msg"].removeprefix("Value error, ")
     return message.replace("Input should be", "must be", 1)
 

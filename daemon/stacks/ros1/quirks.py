@@ -37,9 +37,24 @@ class Quirks:
     """The rolling window moves by whole cells truncated toward zero, so it lags by up to one cell
     either way (costmap_2d ``updateOrigin``)."""
     planner_frees_start_cell: bool = True
-    """navfn sets the cost under the robot to free in the costmap itself, for good."""
+    """navfn and GlobalPlanner set the cost under the robot to free in the costmap itself, for
+    good."""
     navfn_corner_coordinates: bool = True
     """Path points stand at cell corners, half a cell low in x and y (navfn ``mapToWorld``)."""
+    global_planner_costs_wrap: bool = True
+    """A* and the cells around the goal take costmap value plus ``neutral_cost`` as one byte: from
+    256 on it starts at 0 again, so the cells next to walls are the cheapest (GlobalPlanner)."""
+    global_planner_misses_start: bool = True
+    """A path traced back has to come within half a cell of the robot's exact position, or into
+    the cell that this is cut off to. A*, and Dijkstra with ``use_grid_path``, may lead to a cell
+    beside it: then there is no plan, for most positions inside a cell (GlobalPlanner, "Failed to
+    get a plan from potential when a legal potential was found")."""
+    global_planner_repeats_goal: bool = True
+    """With ``old_navfn_behavior`` the goal stands twice at the end of the plan (GlobalPlanner)."""
+    orientation_blend_overshoots: bool = True
+    """With ``orientation_mode`` 3 the turn towards the goal's yaw is counted from the start of
+    the plan instead of the last straight: it goes too far, and the robot stops with another yaw
+    than asked for (GlobalPlanner ``OrientationFilter::interpolate``)."""
     dispatcher_clears_square: bool = True
     """Every make_plan request of the dispatcher clears a square of twice ``clearing_radius``
     around the robot in both costmaps (move_base ``planService``)."""
@@ -52,7 +67,11 @@ class Quirks:
     """The obstacle critic looks at the outline of the footprint, not at its inside."""
     rotation_raised_to_minimum: bool = True
     """Turning at the goal, the speed is raised to ``min_vel_theta`` again after it was limited so
-    that the robot could stop (base_local_planner ``LatchedStopRotateController``)."""
+    that the robot could stop (base_local_planner ``LatchedStopRotateController``); so does
+    TrajectoryPlannerROS, to the slowest turn on the spot."""
+    goal_turn_has_own_limit: bool = True
+    """At the goal TrajectoryPlannerROS turns as fast as ``max_rotational_vel``, 1 rad/s where it is
+    not written, whatever ``max_vel_theta`` and ``min_vel_theta`` say (``rotateToGoal``)."""
     resets_clear_nothing: bool = True
     """The reset recoveries look for a layer ``obstacles``, which pre-Hydro parameters call
     ``obstacle_layer``: they clear nothing (ros-planning/navigation #641, #656, #1005)."""

@@ -6,9 +6,11 @@ time stands still while anybody works, and everything due at an instant happens 
 1. **Odometry** enters the transform buffer.
 2. **Scans** whose odometry is known go to AMCL, which broadcasts its correction (with a stamp
    ``transform_tolerance`` ahead). A scan waits for the first odometry sample that is not older, at
-   51 ms an instant or two, as in the message filter of the original.
-3. **Observation buffers**: the costmaps' latest scan becomes one whose transforms are known up to
-   50 ms beyond its stamp, a tolerance of costmap_2d, so it is one or two instants older still.
+   51 ms an instant or two, as in the message filter of the original. Of several lasers those of
+   one instant come in the order of the robot's.
+3. **Observation buffers**: a laser's latest scan for the costmaps becomes one whose transforms are
+   known up to 50 ms beyond its stamp, a tolerance of costmap_2d, so it is one or two instants older
+   still.
 4. **Global costmap**, 5. **local costmap**: one update cycle each when due, first at time 0.
 6. **Planner thread** when due or woken.
 7. **Control loop** or the recovery that blocks it.
@@ -34,16 +36,26 @@ from __future__ import annotations
 
 import math
 from collections import deque
+from collections.abc import Collection, Sequence
 from typing import Final
 
 import numpy as np
 
 from daemon.model.sut import Briefing, Cloud, Decision, Estimate, LaserScan, Observation
-from daemon.stacks.ros1 import amcl, costmap, dwa, move_base, navfn
+from daemon.stacks.ros1 import (
+    amcl,
+    costmap,
+    dwa,
+    global_planner,
+    move_base,
+    navfn,
+    trajectory_planner,
+)
 from daemon.stacks.ros1.amcl import Amcl, AmclParameters, AmclPose
 from daemon.stacks.ros1.configuration import RosParameters
 from daemon.stacks.ros1.cost_grid import CostGrid
 from daemon.stacks.ros1.costmap import Costmap, SensedScan
+from daemon.stacks.ros1.costmap_sources import laser_sources
 from daemon.stacks.ros1.dwa import Dwa
 from daemon.stacks.ros1.move_base import (
     ClearTarget,
@@ -56,7 +68,8 @@ from daemon.stacks.ros1.move_base import (
     WaypointDispatcher,
     make_recoveries,
 )
-from daemon.stacks.ros1.navfn import Navfn
+from daemon.stacks.ros1.planners import make_global_planner, make_local_planner
+from daemon.stacks.ros1.scan_buffer import ScanBuffer
 from daemon.stacks.ros1.telemetry import (
     CostmapRecorder,
     EstimateRecorder,
@@ -64,58 +77,16 @@ from daemon.stacks.ros1.telemetry import (
     PlanRecorder,
 )
 from daemon.stacks.ros1.timers import TIME_TOLERANCE, UpdateTimer
+from daemon.stacks.ros1.trajectory_planner import TrajectoryPlanner
 from grammars.model.geometry import Floats, Pose2, Twist2
-from grammars.model.robot import Laser
-
-_SCAN_TOLERANCE: Final = 0.05
-"""Costmaps take a scan only when transforms reach this far beyond its stamp [s]
-(costmap_2d ``ObstacleLayer``: the tolerance of its message filter)."""
-
-
-class ScanBuffer:
-    """The scans the costmaps have got: the latest one, seen from either frame."""
-
-    def __init__(self, laser: Laser, transforms: TransformBuffer) -> None:
-        steps = np.arange(laser.rays, dtype=np.float64)
-        self._angles: Floats = laser.angle_min + steps * laser.angle_increment
-        self._laser, self._transforms = laser, transforms
-        self._waiting: deque[LaserScan] = deque(maxlen=50)
-        self._latest: LaserScan | None = None
-
-    def queue(self, scan: LaserScan) -> None:
-        """Queue a scan until the transforms at its stamp are known."""
-        self._waiting.append(scan)
-
-    def release_known(self) -> None:
-        """Let the costmaps have the scans whose transforms are known by now."""
-        known = self._transforms.time - _SCAN_TOLERANCE + TIME_TOLERANCE
-        while self._waiting and self._waiting[0].time <= known:
-            self._latest = self._waiting.popleft()
-
-    def in_odom(self) -> SensedScan | None:
-        """Return the latest scan from where the laser was in odom."""
-        scan = self._latest
-        return None if scan is None else self._sensed(scan, Pose2())
-
-    def in_map(self) -> SensedScan | None:
-        """Return the latest scan from where the laser was in map, by the delayed correction."""
-        scan = self._latest
-        if scan is None:
-            return None
-        return self._sensed(scan, self._transforms.correction_at(scan.time))
-
-    def _sensed(self, scan: LaserScan, frame: Pose2) -> SensedScan:
-        laser = self._laser
-        pose = frame @ self._transforms.base_at(scan.time) @ laser.mount
-        return SensedScan(
-            pose, scan.ranges, self._angles, laser.range_min, laser.range_max, laser.z
-        )
 
 
 class _DwaController:
-    """DWA with what it needs to know at hand; keeps the trajectory it chose last."""
+    """The controller with what it needs to know at hand; keeps the trajectory it chose last."""
 
-    def __init__(self, dwa: Dwa, transforms: TransformBuffer, local: CostGrid) -> None:
+    def __init__(
+        self, dwa: Dwa | TrajectoryPlanner, transforms: TransformBuffer, local: CostGrid
+    ) -> None:
         self._dwa, self._transforms, self._local = dwa, transforms, local
         self.trajectory: Floats | None = None
 
@@ -149,13 +120,14 @@ class Navigation:
             delayed=quirks.delayed_map_to_odom,
         )
         self._amcl = Amcl(
-            parameters.amcl, quirks, briefing.map, robot.laser, briefing.start, briefing.seed
+            parameters.amcl, quirks, briefing.map, robot.lasers, briefing.start, briefing.seed
         )
         self._pose = briefing.start
         """What AMCL has published last."""
         self._broadcasts = False
-        self._unprocessed_scans: deque[LaserScan] = deque(maxlen=100)
-        self._scans = ScanBuffer(robot.laser, self._transforms)
+        self._wiring = parameters.topics.heard([laser.name for laser in robot.lasers])
+        self._unprocessed_scans: deque[LaserScan] = deque(maxlen=100 * len(robot.lasers))
+        self._scans = ScanBuffer(robot.lasers, self._transforms, keep=_longest_kept(parameters))
         self._set_up_costmaps(briefing)
         self._set_up_move_base(briefing)
         self._plans, self._local_plans = PlanRecorder(), LocalPlanRecorder()
@@ -175,9 +147,9 @@ class Navigation:
         p = self._parameters
         wide, near = p.global_costmap, p.local_costmap
         footprint = near.padded_footprint()
-        self._navfn = Navfn(p.navfn, p.quirks)
-        dwa = Dwa(
-            p.dwa, p.quirks, footprint, 1.0 / p.move_base.controller_frequency,
+        self._navfn = make_global_planner(p.global_planner, p.quirks)
+        dwa = make_local_planner(
+            p.local_planner, p.quirks, footprint, 1.0 / p.move_base.controller_frequency,
             latch_goal=p.move_base.latch_xy_goal_tolerance,
         )  # fmt: skip
         self._controller = _DwaController(dwa, self._transforms, self._local.grid)
@@ -210,7 +182,7 @@ class Navigation:
         if self._transforms.time < 0.0:
             return Decision(None, self._dispatcher.progress)
         found = self._localise()  # 2
-        self._scans.release_known()  # 3
+        self._scans.release_known(now)  # 3
         self._update_costmaps(now)  # 4 and 5
         self._planner.step(now)  # 6
         # A trajectory is shown at the instant it was chosen, not again at those between.
@@ -225,10 +197,10 @@ class Navigation:
         known = self._transforms.time + TIME_TOLERANCE
         while self._unprocessed_scans and self._unprocessed_scans[0].time <= known:
             scan = self._unprocessed_scans.popleft()
-            if not self._parameters.wiring.amcl:
+            if scan.laser not in self._wiring.amcl:
                 continue
             odom = self._transforms.base_at(scan.time)
-            published = self._amcl.scan(scan.time, scan.ranges, odom)
+            published = self._amcl.scan(scan.time, scan.ranges, odom, scan.laser)
             if published is not None:
                 found, self._pose = published, published.pose
             # Nothing is broadcast before the first publication, afterwards at every scan.
@@ -238,12 +210,12 @@ class Navigation:
         return found
 
     def _update_costmaps(self, now: float) -> None:
-        wiring, transforms = self._parameters.wiring, self._transforms
+        wiring, transforms = self._wiring, self._transforms
         if self._global_timer.due(now):
-            scan = self._scans.in_map() if wiring.global_costmap else None
+            scan = _newest_heard(self._scans.in_map(), wiring.global_costmap)
             self._global.update(transforms.base_in_map(), scan)
         if self._local_timer.due(now):
-            scan = self._scans.in_odom() if wiring.local_costmap else None
+            scan = _newest_heard(self._scans.in_odom(), wiring.local_costmap)
             self._local.update(transforms.odom_to_base, scan)
 
     def _plan(self, goal: Pose2) -> Floats | None:
@@ -310,6 +282,17 @@ class Navigation:
             particles=particles,
             costmap=self._costmaps.take(now, self._local.grid),
         )
+
+
+def _longest_kept(parameters: RosParameters) -> float:
+    """Return how long any source of either costmap wants scans to count [s]."""
+    costmaps = (parameters.global_costmap, parameters.local_costmap)
+    sources = [source for costmap in costmaps for source in laser_sources(costmap)]
+    return max((source.observation_persistence for source in sources), default=0.0)
+
+
+def _newest_heard(scans: Sequence[SensedScan], heard: Collection[str]) -> SensedScan | None:
+    return next((scan for scan in reversed(scans) if scan.laser in heard), None)
 
 
 def _start_covariance(parameters: AmclParameters) -> Floats:
@@ -379,7 +362,8 @@ def common_step(*frequencies: float) -> float:
 
 def warm_up() -> None:
     """Warm up every component, and what is recorded of them."""
-    for component in (amcl, costmap, navfn, dwa, move_base):
+    controllers = (dwa, trajectory_planner)
+    for component in (amcl, costmap, navfn, global_planner, *controllers, move_base):
         component.warm_up()
     log = PlanRecorder()
     log.take(0.0, np.zeros((2, 3)))

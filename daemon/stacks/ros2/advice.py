@@ -13,6 +13,7 @@ from daemon.stacks.findings import ParameterFinding, ParameterFindings
 from daemon.stacks.ros2.placeholders import MAP, placeholders_in
 from daemon.stacks.ros2.settings import Ros2Settings, read_settings, texts_with_placeholders
 from grammars.model.robot import Robot
+from grammars.text.diagnostics import did_you_mean
 
 _SHORTEST_START: Final = 15.0
 """[s] They were active 12.3 s after "ros2 launch" on an idle machine."""
@@ -33,9 +34,10 @@ def check_settings(parameters: Mapping[str, Any]) -> ParameterFindings:
 
 
 def advise_for_robot(settings: Ros2Settings, robot: Robot) -> Iterator[ParameterFinding]:
-    """Yield sensors whose samples do not fit the cycles of the stack."""
-    sensors = {"laser": robot.laser.rate, "odometry": robot.odometry.rate}
-    for name, rate in sensors.items():
+    """Yield what does not fit the robot: lasers it has not, samples that fit no cycles."""
+    yield from _about_lasers(settings, robot)
+    sensors = {laser.label: laser.rate for laser in robot.lasers}
+    for name, rate in (sensors | {"odometry": robot.odometry.rate}).items():
         if rate <= 0.0:
             continue
         cycles = 1.0 / (rate * settings.period)
@@ -46,6 +48,19 @@ def advise_for_robot(settings: Ros2Settings, robot: Robot) -> Iterator[Parameter
             )
             hint = "set period to that of the stack's controller, or another rate of the robot"
             yield ParameterFinding(("period",), message, hint)
+
+
+def _about_lasers(settings: Ros2Settings, robot: Robot) -> Iterator[ParameterFinding]:
+    names = [laser.name for laser in robot.lasers]
+    has = f"has lasers {', '.join(names)}" if names[0] else "has one laser, which has no name"
+    for path, given in (
+        (("topics", "scan"), settings.topics.scans),
+        (("frames", "laser"), settings.frames.lasers),
+    ):
+        for name in given:
+            if name not in names:
+                message = f'robot {robot.name} has no laser "{name}": it {has}'
+                yield ParameterFinding((*path, name), message, did_you_mean(name, names))
 
 
 def _is_whole(ratio: float) -> bool:

@@ -14,7 +14,7 @@ from typing import Final
 
 from daemon.model.sut import Briefing, Observation, SutEvent, SutFailure
 from daemon.stacks.ros2 import placeholders, sensors
-from daemon.stacks.ros2.endpoints import fixed_messages, link_setup, measured_messages
+from daemon.stacks.ros2.endpoints import fixed_messages, link_setup, measured_messages, scan_topics
 from daemon.stacks.ros2.isolation import DomainTaken
 from daemon.stacks.ros2.link import (
     Cycle,
@@ -140,7 +140,7 @@ class BringUp:
             yield from self._connect_by_zenoh(values)
         else:
             yield from self._connect_by_relay(values)
-        self.ready_session().link.set_up(link_setup(settings))
+        self.ready_session().link.set_up(link_setup(settings, self._briefing.robot.lasers))
         self._latched = False
 
     def _connect_by_relay(self, values: dict[str, str]) -> Iterator[str]:
@@ -280,8 +280,9 @@ class BringUp:
             )
         if not readiness.server:
             return f"no action server {settings.action}"
-        if not settings.ready and not readiness.listeners.get(settings.topics.scan, 0):
-            return f"nobody listens to {settings.topics.scan}"
+        scans = scan_topics(settings, self._briefing.robot.lasers)
+        if not settings.ready and not any(readiness.listeners.get(name, 0) for name in scans):
+            return f"nobody listens to {' or '.join(scans)}"
         return ""
 
     def _check_alone(self) -> None:
@@ -329,9 +330,13 @@ class BringUp:
         self._latched = True
         for sample in first.odometry[-1:]:
             session.telemetry.move(sample)
-        laser = self._briefing.robot.laser
+        latest = {scan.laser: scan for scan in first.scans}
         messages += measured_messages(
-            settings, laser, first.odometry[-1:], first.scans[-1:], lambda _: now
+            settings,
+            self._briefing.robot.lasers,
+            first.odometry[-1:],
+            tuple(latest.values()),
+            lambda _: now,
         )
         answer = session.cycle(Cycle(now, tuple(messages), "nothing", wait))
         heard = session.telemetry.read(answer.messages, 0.0, self._first.odometry[-1])

@@ -10,7 +10,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Final, Literal, TypeAlias
 
-from daemon.stacks.ros2.endpoints import link_setup
+from daemon.stacks.ros2.endpoints import link_setup, scan_topics
 from daemon.stacks.ros2.inspection import CheckLine, Inspection
 from daemon.stacks.ros2.link import (
     ACTION_KINDS,
@@ -23,6 +23,7 @@ from daemon.stacks.ros2.link import (
 )
 from daemon.stacks.ros2.pace import about_parameters, about_speed
 from daemon.stacks.ros2.settings import Ros2Settings
+from grammars.model.robot import Laser
 from grammars.text.diagnostics import closest
 
 CLOCK: Final = TopicSetup("/clock", "rosgraph_msgs/msg/Clock")
@@ -34,9 +35,14 @@ _SEND_GOAL: Final = "/_action/send_goal"
 _SHOWN_NAMES: Final = 4
 
 
-def examine(settings: Ros2Settings, inspection: Inspection) -> tuple[CheckLine, ...]:
-    """Return a line for everything a run needs of a stack and for what is in its way."""
-    return tuple(_Checkup(settings, inspection).lines())
+def examine(
+    settings: Ros2Settings, inspection: Inspection, lasers: Sequence[Laser]
+) -> tuple[CheckLine, ...]:
+    """Return a line for everything a run needs of a stack and for what is in its way.
+
+    ``lasers`` are those of the robot it was looked at with.
+    """
+    return tuple(_Checkup(settings, inspection, lasers).lines())
 
 
 _Importance: TypeAlias = Literal["missing", "warning", "note"]
@@ -55,10 +61,13 @@ class _Published:
 class _Checkup:
     """One stack while it is looked at."""
 
-    def __init__(self, settings: Ros2Settings, inspection: Inspection) -> None:
+    def __init__(
+        self, settings: Ros2Settings, inspection: Inspection, lasers: Sequence[Laser]
+    ) -> None:
         self._settings, self._inspection = settings, inspection
         self._graph: Graph = inspection.graph
-        self._setup: LinkSetup = link_setup(settings)
+        self._setup: LinkSetup = link_setup(settings, lasers)
+        self._lasers, self._scans = lasers, scan_topics(settings, lasers)
         self._lenient = inspection.identity.rmw == _ZENOH
 
     def lines(self) -> Iterator[CheckLine]:
@@ -131,11 +140,16 @@ class _Checkup:
     def _published(self) -> Iterator[_Published]:
         """Yield what is published from here, most important first."""
         topics = self._settings.topics
+        # Of several lasers a stack may leave one unused; that it hears none of them is a defect.
+        heard = [name for name in self._scans if self._ends(name, "subscription")]
+        scan: tuple[str, _Importance, str] = ("scan", "missing", "the stack is blind")
+        if heard and len(self._scans) > 1:
+            scan = ("scan", "warning", "the stack does not see what this laser sees")
         meaning: dict[str, tuple[str, _Importance, str]] = {
-            topics.scan: ("scan", "missing", "the stack is blind"),
+            **dict.fromkeys(self._scans, scan),
             topics.tf: ("tf", "missing", "nobody knows where the robot is"),
             topics.odom: ("odom", "note", "speeds are not used, or come from elsewhere"),
-            topics.tf_static: ("tf-static", "warning", "nobody knows where the laser is"),
+            topics.tf_static: ("tf-static", "warning", "nobody knows where lasers are"),
             topics.map: ("map", "missing", "the stack has no map"),
             topics.initial_pose: (
                 "initial-pose",
@@ -265,8 +279,15 @@ class _Checkup:
             if end.role == "subscription" and end.kind == published.topic.kind
         } - spoken
         known = awaited - {topic.name for topic in self._setup.publish}
-        where = [f"topics: {{{published.key}: {topic}}}" for topic in sorted(known)]
+        where = [f"topics: {{{self._key(published, topic)}}}" for topic in sorted(known)]
         return f"write {' or '.join(where)}" if where else ""
+
+    def _key(self, published: _Published, topic: str) -> str:
+        """Return how another topic for what is published is written below ``topics``."""
+        if published.key == "scan" and len(self._lasers) > 1:
+            here = (x for x in self._lasers if self._settings.scan_topic(x) == published.topic.name)
+            return f"scan: {{{', '.join(f'{laser.name}: {topic}' for laser in here)}}}"
+        return f"{published.key}: {topic}"
 
     def _ends(self, topic: str, role: str) -> list[GraphEndpoint]:
         return [e for e in self._graph.endpoints if e.topic == topic and e.role == role]

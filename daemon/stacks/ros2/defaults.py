@@ -36,16 +36,19 @@ def settings_not_written(parameters: Mapping[str, Any]) -> dict[str, dict[str, A
             parameters.get("environment"),
             {"ROS_DOMAIN_ID": "own" if settings.domain is None else settings.domain},
         ),
-        **{
-            name: (parameters.get(name), dataclasses.asdict(getattr(settings, name)))
-            for name in _SECTIONS
-        },
+        **{name: (parameters.get(name), _names(getattr(settings, name))) for name in _SECTIONS},
     }
     if settings.container is not None:
         engine, network = settings.container.engine, settings.container.network
         written = parameters.get("container")
         sections["container"] = (written, {"engine": engine, "network": network})
     return {name: _left_out(given or {}, values) for name, (given, values) in sections.items()}
+
+
+def _names(section: Any) -> dict[str, Any]:
+    """Return the names in a section; those by laser are written or not there."""
+    values = dataclasses.asdict(section)
+    return {name: value for name, value in values.items() if isinstance(value, str)}
 
 
 def _at_the_top(settings: Ros2Settings) -> dict[str, Any]:

@@ -14,12 +14,15 @@ from daemon.stacks.ros2.settings import Ros2Settings
 from grammars.model.robot import Laser
 
 
-def link_setup(settings: Ros2Settings) -> LinkSetup:
-    """Return everything a link makes for a stack with these settings."""
+def link_setup(settings: Ros2Settings, lasers: Sequence[Laser]) -> LinkSetup:
+    """Return everything a link makes for a stack with these settings and a robot's ``lasers``."""
     topics = settings.topics
     publish = [
         TopicSetup(topics.odom, sensors.ODOMETRY, settings.qos.odom, 5),
-        TopicSetup(topics.scan, sensors.SCAN, settings.qos.scan, 5),
+        *(
+            TopicSetup(name, sensors.SCAN, settings.qos.scan, 5)
+            for name in scan_topics(settings, lasers)
+        ),
         TopicSetup(topics.initial_pose, sensors.INITIAL_POSE),
     ]
     if settings.transforms != "none":
@@ -47,15 +50,20 @@ def link_setup(settings: Ros2Settings) -> LinkSetup:
     )
 
 
+def scan_topics(settings: Ros2Settings, lasers: Sequence[Laser]) -> tuple[str, ...]:
+    """Return the topics of scans; several lasers may share one."""
+    return tuple(dict.fromkeys(settings.scan_topic(laser) for laser in lasers))
+
+
 def fixed_messages(
     settings: Ros2Settings, briefing: Briefing, time: int
 ) -> Iterator[tuple[str, bytes]]:
     """Yield topic and CDR of what is published once, at ROS ``time`` [ns].
 
-    The laser's place on the robot, and the map if it is a topic.
+    The places of the lasers on the robot, and the map if it is a topic.
     """
     if settings.transforms == "all":
-        mounted = sensors.laser_transform(briefing.robot.laser, time, settings.frames)
+        mounted = sensors.laser_transforms(briefing.robot.lasers, time, settings.frames)
         yield settings.topics.tf_static, mounted
     if settings.map == "published":
         yield settings.topics.map, sensors.occupancy_grid(briefing.map, time, settings.frames)
@@ -63,7 +71,7 @@ def fixed_messages(
 
 def measured_messages(
     settings: Ros2Settings,
-    laser: Laser,
+    lasers: Sequence[Laser],
     odometry: Sequence[Odometry],
     scans: Sequence[LaserScan],
     stamp: Callable[[float], int],
@@ -78,5 +86,7 @@ def measured_messages(
         if settings.transforms != "none":
             yield topics.tf, sensors.odometry_transform(sample, time, frames)
         yield topics.odom, sensors.odometry(sample, time, frames)
+    named = {laser.name: laser for laser in lasers}
     for sweep in scans:
-        yield topics.scan, sensors.scan(sweep, laser, stamp(sweep.time), frames)
+        laser = named[sweep.laser]
+        yield settings.scan_topic(laser), sensors.scan(sweep, laser, stamp(sweep.time), frames)

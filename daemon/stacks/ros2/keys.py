@@ -13,6 +13,7 @@ from typing import Annotated, Any, Final, Literal, TypeAlias
 
 from pydantic import AfterValidator, BeforeValidator, ConfigDict, Field
 
+from grammars.model.robot import LASER_NAME
 from grammars.text.documents import Duration, Ratio, StrictModel
 
 HIGHEST_DOMAIN: Final = 101
@@ -123,6 +124,7 @@ def _as_list(value: Any) -> Any:
 _Name: TypeAlias = Annotated[str, AfterValidator(_ros_name)]
 _Variable: TypeAlias = Annotated[str, AfterValidator(_variable)]
 _Frame: TypeAlias = Annotated[str, AfterValidator(_frame)]
+_LaserName: TypeAlias = Annotated[str, Field(pattern=LASER_NAME)]
 _Names: TypeAlias = Annotated[
     list[_Name], BeforeValidator(_as_list, json_schema_input_type=str | list[str])
 ]
@@ -175,8 +177,9 @@ class _Ros2EnvironmentText(StrictModel):
 class _Ros2TopicsText(StrictModel):
     """Topics under other names than the usual ones; without a slash they are in the namespace."""
 
-    scan: _Name | None = None
-    """The laser scan is published here; scan when left out."""
+    scan: _Name | dict[_LaserName, _Name] | None = None
+    """The laser scan is published here; scan when left out. A laser with a name is published with
+    _NAME behind it, scan_front, or where it is said by its name: {front: front/scan}."""
     odom: _Name | None = None
     """The wheel odometry is published here; odom when left out."""
     command: _Name | None = None
@@ -203,7 +206,7 @@ class _Ros2QosText(StrictModel):
     """How sensor data is published; "best effort" when left out, as sensors do."""
 
     scan: Reliability | None = None
-    """Of the laser scan."""
+    """Of the laser scans."""
     odom: Reliability | None = None
     """Of the wheel odometry."""
 
@@ -217,8 +220,9 @@ class _Ros2FramesText(StrictModel):
     """odom when left out."""
     base: _Frame | None = None
     """base_link when left out; also the frame of odometry twists."""
-    laser: _Frame | None = None
-    """laser when left out; the frame of scans."""
+    laser: _Frame | dict[_LaserName, _Frame] | None = None
+    """laser when left out; the frame of scans. That of a laser with a name has _NAME behind it,
+    laser_front, or is said by its name: {front: front_laser_link}."""
 
 
 class Ros2Keys(StrictModel):

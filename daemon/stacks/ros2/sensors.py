@@ -6,6 +6,7 @@ Times are ROS time [ns]. Sources: REP 103, 105 and 117; the message definitions 
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import Any, Final
 
 import numpy as np
@@ -53,16 +54,21 @@ def odometry_transform(sample: Odometry, time: int, frames: Frames) -> bytes:
     return _transforms(_transform(sample.pose, time, frames.odom, frames.base))
 
 
-def laser_transform(laser: Laser, time: int, frames: Frames) -> bytes:
-    """Return the fixed transform base -> laser."""
-    return _transforms(_transform(laser.mount, time, frames.base, frames.laser, z=laser.z))
+def laser_transforms(lasers: Iterable[Laser], time: int, frames: Frames) -> bytes:
+    """Return the fixed transforms base -> laser."""
+    return _transforms(
+        *(
+            _transform(laser.mount, time, frames.base, frames.of_laser(laser), z=laser.z)
+            for laser in lasers
+        )
+    )
 
 
 def scan(sweep: LaserScan, laser: Laser, time: int, frames: Frames) -> bytes:
     """Return a ``sensor_msgs/LaserScan`` of ``time`` [ns], taken at one instant."""
     message = ros.make(
         SCAN,
-        header=ros.header(ros.time(time), frames.laser),
+        header=ros.header(ros.time(time), frames.of_laser(laser)),
         angle_min=laser.angle_min,
         angle_max=laser.angle_max,
         angle_increment=laser.angle_increment,

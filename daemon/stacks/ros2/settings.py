@@ -23,6 +23,7 @@ from daemon.stacks.findings import (
 )
 from daemon.stacks.ros2.keys import Distribution, Mission, Reliability, Ros2Keys
 from daemon.stacks.ros2.placeholders import MAP, STANDARD, check_placeholders, fill
+from grammars.model.robot import Laser
 from grammars.text.documents import explain_finding
 
 REPEATABLE: Final = "repeatable"
@@ -56,9 +57,14 @@ class Container:
 
 @dataclass(frozen=True, slots=True)
 class TopicNames:
-    """Names of topics; absolute in :class:`Ros2Settings`."""
+    """Names of topics; absolute in :class:`Ros2Settings`.
+
+    ``scan`` is that of a robot's only laser, and with ``_NAME`` behind it of one of several;
+    ``scans`` are topics by the names of lasers, which count first.
+    """
 
     scan: str = "scan"
+    scans: Mapping[str, str] = dataclasses.field(default_factory=dict)
     odom: str = "odom"
     command: str = "cmd_vel"
     tf: str = "/tf"
@@ -81,12 +87,21 @@ class SensorQos:
 
 @dataclass(frozen=True, slots=True)
 class Frames:
-    """Names of frames, as tf2 has them."""
+    """Names of frames, as tf2 has them.
+
+    ``laser`` is that of a robot's only laser, and with ``_NAME`` behind it of one of several;
+    ``lasers`` are frames by the names of lasers, which count first.
+    """
 
     map: str = "map"
     odom: str = "odom"
     base: str = "base_link"
     laser: str = "laser"
+    lasers: Mapping[str, str] = dataclasses.field(default_factory=dict)
+
+    def of_laser(self, laser: Laser) -> str:
+        """Return the frame of a laser."""
+        return self.lasers.get(laser.name) or _of_several(self.laser, laser)
 
 
 @dataclass(frozen=True, slots=True)
@@ -125,6 +140,10 @@ class Ros2Settings:
     transport: Literal["relay", "zenoh"] = "relay"
     distribution: Distribution | None = None
     definitions: tuple[str, ...] = ()
+
+    def scan_topic(self, laser: Laser) -> str:
+        """Return where the scans of a laser are published."""
+        return self.topics.scans.get(laser.name) or _of_several(self.topics.scan, laser)
 
     @property
     def action_kind(self) -> ActionKind:
@@ -210,7 +229,7 @@ def _resolved(keys: _Ros2Parameters) -> Ros2Settings:
     environment = keys.environment
     variables = {} if environment is None else environment.__pydantic_extra__ or {}
     domain = None if environment is None else environment.domain
-    topics = TopicNames(**_set(keys.topics))
+    topics = TopicNames(**_by_laser(_set(keys.topics), "scan", "scans"))
     action = keys.action or _ACTIONS[keys.mission or "waypoints"]
     container = None if keys.container is None else _set(keys.container)
     if container is not None:
@@ -231,13 +250,32 @@ def _resolved(keys: _Ros2Parameters) -> Ros2Settings:
         files=dict(keys.files or {}),
         topics=TopicNames(
             **{
-                field.name: absolute_name(namespace, getattr(topics, field.name))
+                field.name: _absolute_names(namespace, getattr(topics, field.name))
                 for field in dataclasses.fields(topics)
             }
         ),
         qos=SensorQos(**_set(keys.qos)),
-        frames=Frames(**_set(keys.frames)),
+        frames=Frames(**_by_laser(_set(keys.frames), "laser", "lasers")),
     )
+
+
+def _absolute_names(namespace: str, names: str | Mapping[str, str]) -> Any:
+    """Return a name, or each of names by laser, absolute."""
+    if isinstance(names, str):
+        return absolute_name(namespace, names)
+    return {laser: absolute_name(namespace, name) for laser, name in names.items()}
+
+
+def _by_laser(given: dict[str, Any], one: str, several: str) -> dict[str, Any]:
+    """Return ``given`` with names by laser, which share a key with a single name, apart."""
+    names = given.get(one)
+    if not isinstance(names, dict):
+        return given
+    return {name: value for name, value in given.items() if name != one} | {several: names}
+
+
+def _of_several(name: str, laser: Laser) -> str:
+    return f"{name}_{laser.name}" if laser.name else name
 
 
 def _set(model: BaseModel | None, leave: list[str] | None = None) -> dict[str, Any]:

@@ -152,7 +152,7 @@ class Ros2Stack:
         assert self._briefing is not None
         return measured_messages(
             self._settings,
-            self._briefing.robot.laser,
+            self._briefing.robot.lasers,
             observation.odometry,
             observation.scans,
             lambda time: self._zero + round(time * _NANO),

@@ -20,6 +20,7 @@ from daemon.campaign import (
 )
 from daemon.model.spec import SutReference
 from daemon.stacks.ros1.configuration import read_ros
+from daemon.stacks.ros1.costmap import InflationLayer
 from daemon.stacks.ros1.topics import ONE_LASER, Wiring
 from grammars.text import codec
 from grammars.text.diagnostics import InputError, Severity, Where
@@ -303,8 +304,10 @@ def test_files_with_plugins_one_section_each_and_no_section_names_are_understood
     assert [w for w in warnings if "without effect here: local_costmap/static" not in w] == []
     read = read_ros(sut.parameters)
     assert read.wiring == Wiring(amcl=ONE_LASER, global_costmap=ONE_LASER, local_costmap=ONE_LASER)
-    assert (read.global_costmap.static_map, read.local_costmap.static_map) == (True, False)
-    assert read.local_costmap.inflation_radius == 1.0
+    names = [layer.name for layer in read.global_costmap.layers]
+    assert names == ["static", "laser_layer", "inflation"]
+    assert [layer.name for layer in read.local_costmap.layers] == ["laser_layer", "inflation"]
+    assert read.local_costmap.layers[1] == InflationLayer("inflation", inflation_radius=1.0)
 
 
 def test_the_three_mistakes_of_the_paper_are_three_lines(campaigns: Path) -> None:

@@ -15,10 +15,10 @@ from grammars.model.robot import Laser
 
 def world_segments(world: World) -> Floats:
     """All laser segments in the world frame, shape (n, 4), moving ones at their present place."""
-    scanner, table = world._laser, world._bodies.at(world.tick)
-    rows = [tuple(row) for row in scanner._static.tolist()]
+    plane, table = world._scanner(None)._plane, world._bodies.at(world.tick)
+    rows = [tuple(row) for row in plane.static.tolist()]
     for (x1, y1, x2, y2), slot in zip(
-        scanner._moving.tolist(), scanner._moving_slot.tolist(), strict=True
+        plane.moving.tolist(), plane.moving_slot.tolist(), strict=True
     ):
         frame = Pose2(*table[slot, :3].tolist())
         rows.append((*frame.apply((x1, y1)), *frame.apply((x2, y2))))

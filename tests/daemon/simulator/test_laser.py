@@ -223,3 +223,53 @@ def test_a_return_that_is_too_near_is_minus_infinite_or_clamped() -> None:
             robot=replace(ROBOT, laser=replace(laser, too_near=too_near)),
         )
         assert simulated.scan()[30] == np.float32(expected)
+
+
+FRONT = replace(LASER, name="front", noise=0.02, dropout=0.05)
+REAR = replace(
+    LASER, name="rear", mount=Pose2(-0.3, 0.1, math.pi), rays=33, range_max=6.0, noise=0.01
+)
+
+
+def with_lasers(*lasers: Laser, start: Pose2 = Pose2()) -> World:  # noqa: B008
+    robot = replace(ROBOT, laser=lasers[0], other_lasers=lasers[1:])
+    return world(*ROOM, robot=robot, start=start)
+
+
+def test_each_laser_sees_from_where_it_is_mounted() -> None:
+    start = Pose2(0.4, -0.3, 0.8)
+    both = with_lasers(FRONT, REAR, start=start)
+    for laser in (FRONT, REAR):
+        alone = room(replace(laser, name=""), start=start)
+        ranges, hits = both.true_ranges(laser.name)
+        expected, owners = alone.true_ranges()
+        np.testing.assert_array_equal(ranges, expected)
+        assert [both.owners[k] for k in hits] == [alone.owners[k] for k in owners]
+    np.testing.assert_array_equal(both.true_ranges()[0], both.true_ranges("front")[0])
+
+
+def test_another_laser_leaves_the_noise_of_the_first_alone() -> None:
+    alone, both = with_lasers(FRONT), with_lasers(FRONT, REAR)
+    turned = with_lasers(REAR, FRONT)
+    for _ in range(3):
+        rear = both.scan("rear")
+        scan = alone.scan("front")
+        np.testing.assert_array_equal(scan, both.scan("front"))
+        np.testing.assert_array_equal(scan, turned.scan("front"))
+        np.testing.assert_array_equal(rear, turned.scan("rear"))
+    with pytest.raises(KeyError):
+        both.scan("left")
+
+
+def test_lasers_at_other_heights_meet_other_things() -> None:
+    low, high = replace(LASER, name="low", z=0.2), replace(LASER, name="high", z=1.2)
+    simulated = world(
+        wall("step", 2.0, -9.0, 2.2, 9.0, z=0.5), wall("end", 4.0, -9.0, 4.2, 9.0),
+        robot=replace(ROBOT, laser=low, other_lasers=(high,)),
+    )  # fmt: skip
+    seen = {}
+    for name in ("low", "high"):
+        ranges, hits = simulated.true_ranges(name)
+        seen[name] = ranges[30], simulated.owners[hits[30]]
+    assert seen["low"] == (pytest.approx(1.7), "step")
+    assert seen["high"] == (pytest.approx(3.7), "end")

@@ -9,6 +9,7 @@ import signal
 import subprocess
 import sys
 from collections import Counter
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -26,6 +27,7 @@ from grammars.model.geometry import Pose2, Twist2
 from tests.daemon.trace.recordings import (
     GRID,
     MISSION,
+    ROBOT,
     joints_at,
     odometry_at,
     particles_at,
@@ -330,7 +332,7 @@ def test_a_killed_writer_leaves_a_readable_partial_file(tmp_path: Path) -> None:
     assert not trace.complete
     assert trace.valid_until == pytest.approx(19.95)
     assert trace.scans is not None
-    assert trace.scans.time[-1] == pytest.approx(19.9)
+    assert trace.scans[0].time[-1] == pytest.approx(19.9)
 
 
 def test_a_new_writer_replaces_what_a_dead_one_left(tmp_path: Path) -> None:
@@ -406,3 +408,54 @@ def test_a_world_without_objects_can_be_recorded(tmp_path: Path) -> None:
     assert trace_read.problems == ()
     assert trace_read.joints.names == ()
     assert len(decoded(tmp_path / "run.mcap")) == 16
+
+
+FRONT = replace(ROBOT.laser, name="front")
+REAR = replace(ROBOT.laser, name="rear", mount=Pose2(-0.2, 0.1, math.pi), z=0.4, rays=31)
+TWO_LASERS = replace(ROBOT, laser=FRONT, other_lasers=(REAR,))
+
+
+def record_two_lasers(path: Path) -> None:
+    world = scene()
+    with TraceWriter(path, specification(world, robot=TWO_LASERS), world) as trace:
+        trace.static(GRID)
+        for step in range(30):
+            now = step / 10
+            trace.ground_truth(now, pose_at(now), twist_at(now))
+            trace.scan(now, ranges_at(now), "front")
+            if step % 2 == 0:
+                trace.scan(now, np.full(31, 1.0 + now, np.float32), "rear")
+        with pytest.raises(ValueError, match="box has no laser 'left'"):
+            trace.scan(3.0, np.ones(31, np.float32), "left")
+        with pytest.raises(ValueError, match=r"float32 of shape \(31,\)"):
+            trace.scan(3.0, ranges_at(3.0), "rear")
+        trace.close("finished", "")
+
+
+def test_each_laser_has_a_topic_and_a_frame(tmp_path: Path) -> None:
+    path = tmp_path / "run.mcap"
+    record_two_lasers(path)
+    messages = decoded(path)
+    topics = Counter(topic for topic, _, _ in messages if topic.startswith("/scan"))
+    assert topics == {"/scan_front": 30, "/scan_rear": 15}
+    assert {scan.header.frame_id for scan in on(path, "/scan_rear")} == {"laser_rear"}
+    assert {len(scan.ranges) for scan in on(path, "/scan_rear")} == {31}
+    (fixed,) = on(path, "/tf_static")
+    frames = {t.child_frame_id: t for t in fixed.transforms if t.header.frame_id == "base_link"}
+    assert list(frames) == ["laser_front", "laser_rear"]
+    where = frames["laser_rear"].transform
+    assert (where.translation.x, where.translation.y, where.translation.z) == (-0.2, 0.1, 0.4)
+    assert yaw(where.rotation) == pytest.approx(math.pi)
+
+
+def test_scans_of_each_laser_come_back(tmp_path: Path) -> None:
+    path = tmp_path / "run.mcap"
+    record_two_lasers(path)
+    trace = read_trace(path, scans=True)
+    assert trace.scans is not None
+    front, rear = trace.scans
+    assert (front.laser, rear.laser) == ("front", "rear")
+    np.testing.assert_array_equal(front.time, np.arange(30) / 10)
+    np.testing.assert_array_equal(front.ranges, [ranges_at(t) for t in front.time])
+    np.testing.assert_array_equal(rear.ranges[:, 0], (1.0 + rear.time).astype(np.float32))
+    assert read_trace(path).scans is None

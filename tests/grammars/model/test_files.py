@@ -22,6 +22,15 @@ odometry: {rate: 20 Hz}
 """
 
 
+TWO_LASERS = ROBOT.replace(
+    "laser: {mount",
+    """lasers:
+  - {name: rear, mount: {x: -0.2 m, yaw: 180 deg}, z: 0.3 m, angle_min: -45 deg, angle_max: 45 deg,
+     rays: 91, range_min: 5 cm, range_max: 6 m, rate: 15 Hz}
+  - {name: front, mount""",
+)
+
+
 def write(folder: Path, text: str) -> Path:
     path = folder / "file.yaml"
     path.write_text(text)
@@ -34,6 +43,14 @@ def test_a_robot_file_is_read_into_si_units(tmp_path: Path) -> None:
     assert robot.footprint[0] == pytest.approx((0.3, 0.2))
     assert robot.laser.angle_max == pytest.approx(math.pi / 2)
     assert robot.drive.timeout == 0.0
+
+
+def test_a_round_robot_is_a_polygon_on_its_circle(tmp_path: Path) -> None:
+    text = ROBOT.replace("length: 0.6 m, width: 0.4 m", "radius: 0.3 m")
+    ring = load_robot(write(tmp_path, text)).footprint
+    assert ring[0] == (0.3, 0.0)
+    assert all(math.isclose(math.hypot(x, y), 0.3) for x, y in ring)
+    assert len(set(ring)) == 32
 
 
 def test_footprint_corners_come_out_counter_clockwise(tmp_path: Path) -> None:
@@ -50,7 +67,8 @@ def test_footprint_corners_come_out_counter_clockwise(tmp_path: Path) -> None:
         ("rays: 181", "rays: 1", "rays: must be greater than or equal to 2"),
         ("kind: differential", "kind: tracked", "'omnidirectional' or 'differential'"),
         ("max_vx: 1 m/s", "max_vx: 1 m", "max_vx: .* expected a speed"),
-        ("width: 0.4 m", "", "length.*width.*corners"),
+        ("width: 0.4 m", "", "length.*width.*radius.*corners"),
+        ("width: 0.4 m", "radius: 0.3 m", "length.*width.*radius.*corners"),
         ("angle_max: 90 deg", "angle_max: -91 deg", "angle_max must be above"),
         ("range_max: 10 m", "range_max: 1 cm", "range_max must be above"),
         ("robot: box", "robot: ../box", "robot: must be letters"),
@@ -61,11 +79,71 @@ def test_footprint_corners_come_out_counter_clockwise(tmp_path: Path) -> None:
         ("rate: 20 Hz", "rate: 20 Hz, period: 51 ms", 'give "rate" or "period"'),
         ("{rate: 20 Hz}", "{}", 'give "rate" or "period"'),
         ("rate: 20 Hz", "period: 51", "period: 51 has no unit"),
+        ("laser: {mount", "laser: {name: front, mount", 'unknown key "laser.name"|name'),
+        ("odometry:", "lasers: []\nodometry:", "lasers"),
     ],
 )
 def test_a_wrong_robot_value_is_refused(tmp_path: Path, old: str, new: str, message: str) -> None:
     with pytest.raises(InputError, match=message):
         load_robot(write(tmp_path, ROBOT.replace(old, new)))
+
+
+def test_several_lasers_are_told_apart_by_their_names(tmp_path: Path) -> None:
+    robot = load_robot(write(tmp_path, TWO_LASERS))
+    assert [laser.name for laser in robot.lasers] == ["rear", "front"]
+    assert robot.laser is robot.lasers[0]
+    rear, front = robot.lasers
+    assert (rear.rays, front.rays, rear.rate) == (91, 181, 15.0)
+    assert rear.mount.yaw == pytest.approx(math.pi)
+    assert (front.topic, front.frame, front.label) == ("scan_front", "laser_front", "laser front")
+    assert codec.from_json(Robot, codec.to_json(robot), exactly=True) == robot
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("name: front", "name: rear", r"file\.yaml:10:6: there is a laser \"rear\" already"),
+        ("name: front", "name: Front", "name: "),
+        ("name: front, ", "", "name"),
+        ("robot: box", "robot: box\nlaser: {mount: {x: 0 m}}", "laser"),
+    ],
+)
+def test_lasers_without_a_name_of_their_own_are_refused(
+    tmp_path: Path, old: str, new: str, message: str
+) -> None:
+    with pytest.raises(InputError, match=message):
+        load_robot(write(tmp_path, TWO_LASERS.replace(old, new)))
+
+
+def test_a_robot_without_a_laser_is_refused(tmp_path: Path) -> None:
+    text = ROBOT[: ROBOT.index("laser:")] + ROBOT[ROBOT.index("odometry:") :]
+    with pytest.raises(InputError, match='give "laser" or, for several, "lasers"'):
+        load_robot(write(tmp_path, text))
+
+
+def test_a_robot_with_one_laser_is_written_as_before_lasers_had_names(tmp_path: Path) -> None:
+    robot = load_robot(write(tmp_path, ROBOT))
+    assert (robot.laser.topic, robot.laser.frame) == ("scan", "laser")
+    plain = codec.to_plain(robot)
+    assert "other_lasers" not in plain
+    assert "name" not in plain["laser"]
+    assert codec.from_plain(Robot, plain) == robot
+
+
+@pytest.mark.parametrize("names", [("front", "front"), ("", "rear"), ("front", "")])
+def test_a_robot_from_outside_has_lasers_with_names(tmp_path: Path, names: tuple[str, str]) -> None:
+    plain = codec.to_plain(load_robot(write(tmp_path, TWO_LASERS)))
+    plain["laser"]["name"], plain["other_lasers"][0]["name"] = names
+    with pytest.raises(ValueError, match="each of several lasers needs a name of its own"):
+        codec.from_plain(Robot, plain)
+
+
+@pytest.mark.parametrize("name", ["a b", "Front", "../x", "a" * 41, "front\n", "0"])
+def test_a_name_that_no_topic_can_have_is_refused(tmp_path: Path, name: str) -> None:
+    plain = codec.to_plain(load_robot(write(tmp_path, TWO_LASERS)))
+    plain["laser"]["name"] = name
+    with pytest.raises(ValueError, match="no name of a laser"):
+        codec.from_plain(Robot, plain)
 
 
 def test_a_dented_footprint_is_refused(tmp_path: Path) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -37,6 +38,10 @@ class Amcl:
     """Adaptive Monte Carlo localisation as the ROS package ``amcl`` of Noetic does it.
 
     ``start`` is the initial pose. The same ``seed`` gives the same particles to the last bit.
+
+    Each of several ``lasers`` has a sensor model of its own, as each frame of scans has in the
+    original, and weighs the particles once for each time the robot has moved far enough: with its
+    next scan, for which they are moved on by whatever way came since the scan before.
     """
 
     def __init__(
@@ -44,12 +49,17 @@ class Amcl:
         parameters: AmclParameters,
         quirks: Quirks,
         grid: OccupancyGrid,
-        laser: Laser,
+        lasers: Sequence[Laser],
         start: Pose2,
         seed: np.random.SeedSequence,
     ) -> None:
-        self._parameters, self._rays = parameters, laser.rays
-        self._sensor = LaserModel(parameters, quirks, grid, laser)
+        self._parameters = parameters
+        self._rays = {laser.name: laser.rays for laser in lasers}
+        self._sensors = {
+            laser.name: LaserModel(parameters, quirks, grid, laser) for laser in lasers
+        }
+        # The first scan of each laser counts without any motion (``lasers_update_``).
+        self._due = dict.fromkeys(self._sensors, True)
         random = np.random.Generator(np.random.PCG64(seed))
         self._filter = ParticleFilter(parameters, quirks, grid, start, random)
         self._odom: Pose2 | None = None
@@ -75,26 +85,31 @@ class Amcl:
         """Their weights, shape (n,); a view that the next scan changes."""
         return self._filter.weights
 
-    def scan(self, time: float, ranges: Singles, odom: Pose2) -> AmclPose | None:
-        """Take a scan taken at ``odom``, the pose of base_link in odom at its stamp.
+    def scan(self, time: float, ranges: Singles, odom: Pose2, laser: str = "") -> AmclPose | None:
+        """Take a scan of ``laser`` taken at ``odom``, the pose of base_link in odom at its stamp.
 
         Returns what is published: at the first scan the start distribution, later only when
         the particles are resampled. Raises ``ValueError`` when ``ranges`` has not as many rays
         as the laser.
         """
-        if ranges.shape != (self._rays,):
+        rays = self._rays[laser]
+        if ranges.shape != (rays,):
             raise ValueError(
-                f"the scan at {time} s has shape {ranges.shape}: the laser has {self._rays} rays"
+                f"the scan at {time} s has shape {ranges.shape}: the laser has {rays} rays"
             )
         first = self._odom is None
         if self._odom is not None:
-            if not self._has_moved(self._odom, odom):
+            # Motion is seen with the scan of any laser, and then due for all of them.
+            if self._has_moved(self._odom, odom):
+                self._due = dict.fromkeys(self._due, True)
+            if not self._due[laser]:
                 return None
             self._filter.move(motion_between(self._odom, odom))
         # Weighed where they have been moved to, drawn anew every resample_interval updates only:
         # in between nothing is published (``laserReceived``).
         self._odom = odom
-        self._filter.weigh(self._sensor, ranges)
+        self._due[laser] = False
+        self._filter.weigh(self._sensors[laser], ranges)
         self._updates += 1
         resampled = self._updates % self._parameters.resample_interval == 0
         if resampled:
@@ -128,6 +143,6 @@ def warm_up() -> None:
     omni = replace(few, odom_model_type="omni-corrected")
     for parameters in (few, omni, replace(few, laser_model_type="beam")):
         seed = np.random.SeedSequence(0)
-        amcl = Amcl(parameters, ORIGINAL, grid, laser, Pose2(1.0, 1.0), seed)
+        amcl = Amcl(parameters, ORIGINAL, grid, (laser,), Pose2(1.0, 1.0), seed)
         for k, r in enumerate((0.8, math.inf)):
             amcl.scan(0.1 * k, np.full(7, r, dtype=np.float32), Pose2(0.3 * k))

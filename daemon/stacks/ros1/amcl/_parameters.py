@@ -9,7 +9,7 @@ from typing import Annotated, Final, Literal, Self, TypeAlias
 from pydantic import ConfigDict, Field, model_validator
 from pydantic.dataclasses import dataclass
 
-from daemon.stacks.ros1.parameters import NotNegative, Positive
+from daemon.stacks.ros1.parameters import NotNegative, Positive, at_odds
 
 _Share: TypeAlias = Annotated[float, Field(ge=0.0, le=1.0, allow_inf_nan=False)]
 _Particles: TypeAlias = Annotated[int, Field(ge=1, le=100_000)]
@@ -96,18 +96,23 @@ class AmclParameters:
     """[m^2/rad^2] Variance of translation per squared rotation."""
     odom_alpha5: NotNegative = 0.2
     """Variance of strafing per squared translation (omni only)."""
+    global_frame_id: str = "map"
+    """What costmaps call the frame of the map."""
+    odom_frame_id: str = "odom"
+    """What costmaps call the frame of odometry."""
 
     @model_validator(mode="after")
     def _check_particles(self) -> Self:
         if self.min_particles > self.max_particles:
-            raise ValueError(
+            raise at_odds(
+                ("min_particles", "max_particles"),
                 f"min_particles ({self.min_particles}) is more than max_particles "
-                f"({self.max_particles}): raise max_particles or lower min_particles"
+                f"({self.max_particles}): raise max_particles or lower min_particles",
             )
         return self
 
 
-_FRAME = "frames here are called map, odom and base_link"
+_FRAME = "there is one robot, with one base frame"
 _START = "the start pose of the mission is the initial pose, as the launch files pass it on"
 _RVIZ = "nothing is drawn while running: look at the trace"
 _RECONFIGURE = "parameters hold for the whole run"
@@ -115,8 +120,6 @@ _ONE_MAP = "there is one map, known from the start"
 
 WITHOUT_EFFECT: Final[Mapping[str, str]] = {
     "base_frame_id": _FRAME,
-    "odom_frame_id": _FRAME,
-    "global_frame_id": _FRAME,
     "initial_pose_x": _START,
     "initial_pose_y": _START,
     "initial_pose_a": _START,

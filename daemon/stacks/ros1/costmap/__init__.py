@@ -11,22 +11,17 @@ from daemon.stacks.ros1.costmap._layers import (
     StaticLayer,
     VoxelColumn,
 )
+from daemon.stacks.ros1.costmap._namespaces import Namespace
 from daemon.stacks.ros1.costmap._observations import SensedScan, hears_height
-from daemon.stacks.ros1.costmap._parameters import (
-    SOURCE_WITHOUT_EFFECT,
-    WITHOUT_EFFECT,
-    CostmapParameters,
-    read_costmap,
-)
+from daemon.stacks.ros1.costmap._reading import CostmapContext, read_costmap
 
 __all__ = [
-    "SOURCE_WITHOUT_EFFECT",
-    "WITHOUT_EFFECT",
     "Costmap",
-    "CostmapParameters",
+    "CostmapContext",
     "InflationLayer",
     "Layer",
     "LayeredCostmap",
+    "Namespace",
     "ObservationSource",
     "ObstacleLayer",
     "SensedScan",

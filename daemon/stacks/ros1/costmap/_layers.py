@@ -39,6 +39,9 @@ class ObservationSource:
     """Rays without return clear, as if they ended just before the greatest range."""
     observation_persistence: float = 0.0
     """[s] Scans count for so long; 0: only the latest."""
+    expected_update_rate: float = 0.0
+    """[s] Without a scan for so long the robot would have to stand; 0: never. Nothing here does
+    that: who checks a configuration says so."""
 
 
 @dataclass(frozen=True, slots=True)

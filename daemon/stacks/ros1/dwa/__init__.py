@@ -4,27 +4,30 @@ Samples velocities the robot can reach within one control period, follows each f
 and takes the one whose trajectory costs least, by distances on the local costmap.
 """
 
-from daemon.stacks.ros1.dwa._dwa import Dwa, DwaAnswer, Oscillation, warm_up
+from daemon.stacks.ros1.base_local_planner import footprint_cost
+from daemon.stacks.ros1.dwa._dwa import Dwa, Oscillation, warm_up
 from daemon.stacks.ros1.dwa._parameters import (
+    RENAMED,
     WITHOUT_EFFECT,
     DwaParameters,
     DwaSettings,
     contradictions,
     longest_trajectory,
+    remarks,
     settings_of,
 )
-from daemon.stacks.ros1.dwa.footprint import footprint_cost
 
 __all__ = [
+    "RENAMED",
     "WITHOUT_EFFECT",
     "Dwa",
-    "DwaAnswer",
     "DwaParameters",
     "DwaSettings",
     "Oscillation",
     "contradictions",
     "footprint_cost",
     "longest_trajectory",
+    "remarks",
     "settings_of",
     "warm_up",
 ]

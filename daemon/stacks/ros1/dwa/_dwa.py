@@ -8,19 +8,24 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Final
 
 import numpy as np
 
 from daemon.stacks.kernels import Integers
+from daemon.stacks.ros1.base_local_planner import (
+    NO_POINTS,
+    NO_VELOCITY,
+    ControllerAnswer,
+    FollowedPlan,
+    sim_period,
+)
+from daemon.stacks.ros1.base_local_planner.map_grid import passable_cells
 from daemon.stacks.ros1.cost_grid import CostGrid
 from daemon.stacks.ros1.dwa._parameters import (
     DwaParameters,
     DwaSettings,
     longest_trajectory,
     settings_of,
-    sim_period,
 )
 from daemon.stacks.ros1.dwa._scoring import ScoringGrid
 from daemon.stacks.ros1.dwa.cycle import (
@@ -31,7 +36,6 @@ from daemon.stacks.ros1.dwa.cycle import (
     choose_trajectory,
     sample_cost,
 )
-from daemon.stacks.ros1.dwa.map_grid import passable_cells, transform_plan_window
 from daemon.stacks.ros1.quirks import ORIGINAL, Quirks
 from grammars.model.geometry import Floats, Pose2, Twist2, wrap_angle
 
@@ -160,27 +164,6 @@ class StopRotate:
         return math.copysign(min(p.max_vel_theta, speed), error)
 
 
-NO_POINTS: Final[Floats] = np.empty((0, 2))
-_PRUNED_BEYOND: Final = 1.0
-"""[m] What ``prune_plan`` forgets lies further away than this."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class DwaAnswer:
-    """What one control cycle found.
-
-    ``twist`` is zero unless ``ok``. ``local_plan`` has shape (points, 2): x, y in odom of the
-    trajectory it belongs to, without points when the robot stops or turns at the goal.
-    """
-
-    ok: bool
-    twist: Twist2
-    local_plan: Floats
-
-
-NO_VELOCITY: Final = DwaAnswer(False, Twist2(), NO_POINTS)
-
-
 class Dwa:
     """dwa_local_planner ``DWAPlannerROS`` of ROS Noetic.
 
@@ -207,13 +190,11 @@ class Dwa:
         )
         self._stop_rotate = StopRotate(
             parameters,
-            sim_period(parameters, control_period_default),
+            sim_period(parameters.controller_frequency, control_period_default),
             latch=latch_goal,
             raise_to_minimum=quirks.rotation_raised_to_minimum,
         )
-        self._plan: Floats = np.empty((0, 3))
-        self._start = 0
-        self._window: Floats = np.empty((0, 2))
+        self._plan = FollowedPlan()
         self._front_end = np.zeros(2)
         self._state = np.zeros(6)
         self._settings: DwaSettings | None = None
@@ -225,44 +206,38 @@ class Dwa:
 
     def set_plan(self, plan: Floats) -> None:
         """Follow ``plan``, shape (poses, 3): x, y, yaw in the map frame, the goal last."""
-        self._plan = np.ascontiguousarray(plan, dtype=np.float64)
-        self._start = 0
-        if self._window.shape[0] < plan.shape[0]:
-            self._window = np.empty((plan.shape[0], 2))
+        self._plan.take(plan)
         self._stop_rotate.reset_latch()
         if self._quirks.plans_reset_oscillation:
             self._oscillation.reset()
 
     def goal_reached(self, pose: Pose2, twist: Twist2, map_to_odom: Pose2) -> bool:
         """Whether the robot stands at the end of the plan; ``pose`` is in odom."""
-        if self._start >= len(self._plan):
+        if self._plan.is_over:
             return False
-        return self._stop_rotate.goal_reached(pose, twist, self._goal(map_to_odom.inverse()))
+        return self._stop_rotate.goal_reached(pose, twist, self._plan.goal(map_to_odom.inverse()))
 
-    def command(self, pose: Pose2, twist: Twist2, map_to_odom: Pose2, local: CostGrid) -> DwaAnswer:
+    def command(
+        self, pose: Pose2, twist: Twist2, map_to_odom: Pose2, local: CostGrid
+    ) -> ControllerAnswer:
         """Return the next velocity; ``pose`` and ``local`` are in odom.
 
         ``map_to_odom`` is the pose of odom in the map. Not ok without a plan near the robot, or
         when every velocity is illegal (``DWAPlannerROS::computeVelocityCommands``).
         """
         settings = self._prepare(local)
-        odom_to_map = map_to_odom.inverse()
-        window = self._near(pose, map_to_odom, odom_to_map, local)
+        window = self._plan.window(pose, map_to_odom, local, prune=self._p.prune_plan)
         if len(window) == 0:
             return NO_VELOCITY
         # The original keeps velocities in poses, whose "yaw" comes back normalised.
         twist = Twist2(twist.vx, twist.vy, wrap_angle(twist.wz))
         self._take_state(pose, twist, settings, local)
         self._aim(window, settings)
-        goal = self._goal(odom_to_map)
+        goal = self._plan.goal(map_to_odom.inverse())
         if self._stop_rotate.position_reached(pose, goal):
             turn = self._stop_rotate.command(pose, twist, goal, self._is_legal)
-            return NO_VELOCITY if turn is None else DwaAnswer(True, turn, NO_POINTS)
+            return NO_VELOCITY if turn is None else ControllerAnswer(True, turn, NO_POINTS)
         return self._sample(window, pose, settings)
-
-    def _goal(self, odom_to_map: Pose2) -> Pose2:
-        x, y, yaw = self._plan[-1].tolist()
-        return odom_to_map @ Pose2(x, y, yaw)
 
     def _prepare(self, local: CostGrid) -> DwaSettings:
         """Make room for the costmap when it has another shape, and note what is passable."""
@@ -283,25 +258,6 @@ class Dwa:
         frame = self._field.frame
         frame[0], frame[1], frame[2] = local.x, local.y, local.resolution
         return settings
-
-    def _near(self, pose: Pose2, map_to_odom: Pose2, odom_to_map: Pose2, local: CostGrid) -> Floats:
-        if self._start >= len(self._plan):
-            return NO_POINTS
-        o, here = odom_to_map, map_to_odom.apply((pose.x, pose.y))
-        transform = np.array((o.x, o.y, math.cos(o.yaw), math.sin(o.yaw)))
-        reach = max(local.cells.shape) * local.resolution / 2.0
-        robot = np.array(here)
-        n = transform_plan_window(self._plan, self._start, transform, robot, reach, self._window)
-        window = self._window[:n]
-        return self._pruned(window, pose) if self._p.prune_plan else window
-
-    def _pruned(self, window: Floats, pose: Pose2) -> Floats:
-        """Forget as many poses of the plan as the window has before it comes near the robot."""
-        square = (window[:, 0] - pose.x) ** 2 + (window[:, 1] - pose.y) ** 2
-        kept = np.flatnonzero(square < _PRUNED_BEYOND**2)
-        gone = int(kept[0]) if kept.size else len(window)
-        self._start += gone
-        return window[gone:]
 
     def _take_state(
         self, pose: Pose2, twist: Twist2, settings: DwaSettings, local: CostGrid
@@ -325,7 +281,7 @@ class Dwa:
         far = square > forward * forward * self._p.cheat_factor
         self._aligned = far and settings.path_scale != 0.0
 
-    def _sample(self, window: Floats, pose: Pose2, settings: DwaSettings) -> DwaAnswer:
+    def _sample(self, window: Floats, pose: Pose2, settings: DwaSettings) -> ControllerAnswer:
         field, room = self._field, self._room
         n = choose_trajectory(
             self._state, window, len(window), self._front_end, self._aligned, settings, field, room
@@ -337,7 +293,7 @@ class Dwa:
         twist = Twist2(vx, vy, wrap_angle(wz))
         here = Pose2(*self._state[:3].tolist())
         self._oscillation.chosen(here, Twist2(vx, vy, wz), self._p.min_vel_trans)
-        return DwaAnswer(True, twist, room.points[:n, :2].copy())
+        return ControllerAnswer(True, twist, room.points[:n, :2].copy())
 
     def _is_legal(self, twist: Twist2) -> bool:
         """Whether a trajectory is legal now, by the distances of the last sampling cycle."""

@@ -13,6 +13,7 @@ import numpy as np
 from pydantic import ConfigDict, Field
 from pydantic.dataclasses import dataclass
 
+from daemon.stacks.ros1.base_local_planner import Contradiction, sim_period
 from daemon.stacks.ros1.parameters import Finite, NotNegative, Positive
 from daemon.stacks.ros1.quirks import Quirks
 
@@ -115,11 +116,18 @@ WITHOUT_EFFECT: Final[Mapping[str, str]] = {
 """Names that change nothing here, with the reason."""
 
 
-class Contradiction(NamedTuple):
-    """Parameters that keep the robot from moving as asked: their ``names``, and why in words."""
-
-    names: tuple[str, ...]
-    text: str
+RENAMED: Final[Mapping[str, str]] = {
+    "max_trans_vel": "max_vel_trans",
+    "min_trans_vel": "min_vel_trans",
+    "max_rot_vel": "max_vel_theta",
+    "min_rot_vel": "min_vel_theta",
+    "acc_limit_trans": "acc_lim_trans",
+    "rot_stopped_vel": "theta_stopped_vel",
+    "acc_lim_th": "acc_lim_theta",
+    "vtheta_samples": "vth_samples",
+}
+"""Names that older releases read, with those of Noetic, which warns of the first six
+(``DWAPlannerROS::initialize``)."""
 
 
 def contradictions(parameters: DwaParameters) -> tuple[Contradiction, ...]:
@@ -191,6 +199,30 @@ def _rules(p: DwaParameters) -> tuple[tuple[tuple[str, ...], bool, str], ...]:
     )
 
 
+def remarks(parameters: DwaParameters) -> tuple[Contradiction, ...]:
+    """Return what will probably not do what its user wants: a robot that can never start.
+
+    A standing robot is sampled up to what it reaches within a control period (``sim_time``
+    without ``use_dwa``), and samples slower than both minimum speeds are illegal.
+    """
+    p = parameters
+    reach = sim_period(p.controller_frequency, 0.05) if p.use_dwa else p.sim_time
+    # The ends of the window of a standing robot, as ``SimpleTrajectoryGenerator::initialise``.
+    ahead = max(abs(max(p.min_vel_x, -p.acc_lim_x * reach)), min(p.max_vel_x, p.acc_lim_x * reach))
+    aside = max(abs(max(p.min_vel_y, -p.acc_lim_y * reach)), min(p.max_vel_y, p.acc_lim_y * reach))
+    turning = min(p.max_vel_theta, p.acc_lim_theta * reach)
+    fastest = math.hypot(ahead, aside)
+    if fastest + 1e-4 >= p.min_vel_trans or turning + 1e-4 >= p.min_vel_theta:
+        return ()
+    text = (
+        f"a standing robot never starts: within {reach:g} s it reaches {fastest:g} m/s and "
+        f"{turning:g} rad/s (acc_lim_x {p.acc_lim_x:g}, acc_lim_theta {p.acc_lim_theta:g}), below "
+        f"both min_vel_trans {p.min_vel_trans:g} and min_vel_theta {p.min_vel_theta:g}"
+    )
+    names = ("acc_lim_x", "min_vel_trans", "acc_lim_theta", "min_vel_theta", "controller_frequency")
+    return (Contradiction(names, text),)
+
+
 class DwaSettings(NamedTuple):
     """Limits in SI units, weights and switches; the types are the same for every configuration."""
 
@@ -246,7 +278,7 @@ def settings_of(
         acc_x=float(np.float32(p.acc_lim_x)),
         acc_y=float(np.float32(p.acc_lim_y)),
         acc_theta=float(np.float32(p.acc_lim_theta)),
-        period=sim_period(p, period_default),
+        period=sim_period(p.controller_frequency, period_default),
         sim_time=float(p.sim_time),
         granularity=float(p.sim_granularity),
         angular_granularity=float(p.angular_sim_granularity),
@@ -265,14 +297,6 @@ def settings_of(
         strafe_leaks=quirks.strafe_leaks,
         perimeter_only=quirks.perimeter_only,
     )
-
-
-def sim_period(parameters: DwaParameters, default: float) -> float:
-    """Return the period [s] of the dynamic window; 0.05 when the frequency makes no sense."""
-    frequency = parameters.controller_frequency
-    if frequency is None:
-        return float(default)
-    return 1.0 / frequency if frequency > 0.0 else 0.05
 
 
 def longest_trajectory(settings: DwaSettings, vx: float, vy: float, wz: float) -> int:

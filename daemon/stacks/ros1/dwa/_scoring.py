@@ -6,10 +6,17 @@ from typing import NamedTuple
 
 from daemon.model.kernels import kernel
 from daemon.stacks.kernels import Integers
+from daemon.stacks.ros1.base_local_planner.footprint import footprint_cost
+from daemon.stacks.ros1.base_local_planner.map_grid import (
+    DIGITS,
+    Bits,
+    Cells,
+    cell_of,
+    distance_at,
+    is_fit,
+)
 from daemon.stacks.ros1.dwa._parameters import DwaSettings
-from daemon.stacks.ros1.dwa.footprint import footprint_cost, footprint_scale
-from daemon.stacks.ros1.dwa.map_grid import DIGITS, Bits, Cells, cell_of, distance_at, is_fit
-from daemon.stacks.ros1.dwa.samples import translation_speed
+from daemon.stacks.ros1.dwa.samples import footprint_scale, translation_speed
 from grammars.model.geometry import Floats
 
 

@@ -15,11 +15,16 @@ import numpy as np
 
 from daemon.model.kernels import kernel
 from daemon.stacks.kernels import Integers
+from daemon.stacks.ros1.base_local_planner.footprint import footprint_cost
+from daemon.stacks.ros1.base_local_planner.map_grid import cell_of, distance_at
 from daemon.stacks.ros1.dwa._parameters import DwaSettings
 from daemon.stacks.ros1.dwa._scoring import ScoringGrid, oscillates, score_trajectory, total_cost
-from daemon.stacks.ros1.dwa.footprint import footprint_cost, footprint_scale
-from daemon.stacks.ros1.dwa.map_grid import cell_of, distance_at
-from daemon.stacks.ros1.dwa.samples import count_points, simulate_trajectory, translation_speed
+from daemon.stacks.ros1.dwa.samples import (
+    count_points,
+    footprint_scale,
+    simulate_trajectory,
+    translation_speed,
+)
 from grammars.model.geometry import Floats
 
 

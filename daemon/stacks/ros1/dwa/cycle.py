@@ -13,11 +13,7 @@ import numpy as np
 
 from daemon.model.kernels import kernel
 from daemon.stacks.kernels import Integers
-from daemon.stacks.ros1.cost_grid import CostGrid
-from daemon.stacks.ros1.dwa._parameters import DwaSettings
-from daemon.stacks.ros1.dwa._scoring import ScoringGrid, score_trajectory, set_critic_weights
-from daemon.stacks.ros1.dwa._search import bound_costs, find_best_sample
-from daemon.stacks.ros1.dwa.map_grid import (
+from daemon.stacks.ros1.base_local_planner.map_grid import (
     Bits,
     compute_distances,
     empty_set,
@@ -25,8 +21,13 @@ from daemon.stacks.ros1.dwa.map_grid import (
     passable_cells,
     unrestricted_distances,
     write_box,
+    write_reach,
     write_single_cell,
 )
+from daemon.stacks.ros1.cost_grid import CostGrid
+from daemon.stacks.ros1.dwa._parameters import DwaSettings
+from daemon.stacks.ros1.dwa._scoring import ScoringGrid, score_trajectory, set_critic_weights
+from daemon.stacks.ros1.dwa._search import bound_costs, find_best_sample
 from daemon.stacks.ros1.dwa.samples import dynamic_window, sample_axis, simulate_trajectory
 from grammars.model.geometry import Floats
 
@@ -34,11 +35,12 @@ from grammars.model.geometry import Floats
 class SearchBuffers(NamedTuple):
     """Room to work in, allocated once: every cycle overwrites it.
 
-    ``seeds``, ``passable``, ``wanted`` and ``fronts`` are sets of cells as :mod:`._distances` has
-    them; ``speeds`` (3, 2) the dynamic window; ``samples`` (3, most), ``counts`` (3,), ``weights``
-    (6,), ``pairs`` (most, 4), ``ends`` (all samples, 2), ``known`` (3, cells), ``digits`` (3,),
-    ``lower`` (all samples), ``arcs`` and ``points`` (longest trajectory, 5), ``moving`` (3,) and
-    ``answer`` (5,) as :mod:`._search` has them.
+    ``seeds``, ``passable``, ``wanted`` and ``fronts`` are sets of cells as in
+    :mod:`daemon.stacks.ros1.base_local_planner.map_grid`; ``speeds`` (3, 2) the dynamic window;
+    ``samples`` (3, most), ``counts`` (3,), ``weights`` (6,), ``pairs`` (most, 4), ``ends`` (all
+    samples, 2), ``known`` (3, cells), ``digits`` (3,), ``lower`` (all samples), ``arcs`` and
+    ``points`` (longest trajectory, 5), ``moving`` (3,) and ``answer`` (5,) as :mod:`._search` has
+    them.
     """
 
     seeds: Bits
@@ -77,18 +79,6 @@ def _reach(state: Floats, r: SearchBuffers, s: DwaSettings) -> float:
 
 
 @kernel
-def _cells_within_reach(state: Floats, reach: float, f: ScoringGrid, out: Bits) -> None:
-    """Write the set of cells within ``reach`` [m] of the robot to ``out``, and a few more."""
-    rows, columns = f.cells.shape
-    # Two more: the robot is somewhere in its cell, and an end may be rounded into the next one.
-    cells = int(min(reach / f.frame[2], float(rows + columns))) + 2
-    column = math.floor((state[0] - f.frame[0]) / f.frame[2])
-    row = math.floor((state[1] - f.frame[1]) / f.frame[2])
-    low, high = max(column - cells, 0), min(column + cells + 1, columns)
-    write_box(low, high, max(row - cells, 0), min(row + cells + 1, rows), out)
-
-
-@kernel
 def fill_distances(
     plan: Floats,
     n: int,
@@ -108,18 +98,18 @@ def fill_distances(
     columns = f.cells.shape[1]
     last = mark_plan_cells(plan, n, plan[n - 1], f.cells, f.frame, r.seeds)
     if s.path_scale != 0.0:
-        _cells_within_reach(state, nose, f, r.wanted)
+        write_reach(state[0], state[1], nose, f.frame, f.cells.shape, r.wanted)
         r.digits[0] = compute_distances(r.seeds, r.passable, r.wanted, f.path, r.fronts)
     if s.goal_scale == 0.0:
         return
     if last >= 0:
         write_single_cell(last // columns, last % columns, r.seeds)
-    _cells_within_reach(state, near, f, r.wanted)
+    write_reach(state[0], state[1], near, f.frame, f.cells.shape, r.wanted)
     r.digits[1] = compute_distances(r.seeds, r.passable, r.wanted, f.goal, r.fronts)
     last = mark_plan_cells(plan, n, front_end, f.cells, f.frame, r.seeds)
     if last >= 0:
         write_single_cell(last // columns, last % columns, r.seeds)
-    _cells_within_reach(state, nose, f, r.wanted)
+    write_reach(state[0], state[1], nose, f.frame, f.cells.shape, r.wanted)
     r.digits[2] = compute_distances(r.seeds, r.passable, r.wanted, f.front, r.fronts)
 
 

@@ -75,6 +75,17 @@ def translation_speed(vx: float, vy: float) -> float:
 
 
 @kernel
+def footprint_scale(speed: float, s: DwaSettings) -> float:
+    """Return the factor by which speed enlarges the footprint (``getScalingFactor``)."""
+    if speed <= s.scaling_speed or s.max_scaling == 0.0:
+        return 1.0
+    beyond = s.max_trans - s.scaling_speed
+    if beyond == 0.0:
+        return math.inf
+    return s.max_scaling * (speed - s.scaling_speed) / beyond + 1.0
+
+
+@kernel
 def count_points(speed: float, wz: float, s: DwaSettings) -> int:
     """Return the number of points of a sample's trajectory; 0 when the sample is illegal.
 

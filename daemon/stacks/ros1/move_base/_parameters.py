@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Annotated, Final, Literal, TypeAlias
 
-from pydantic import ConfigDict, Field
+from pydantic import AfterValidator, ConfigDict, Field
 from pydantic.dataclasses import dataclass
 
 from daemon.stacks.ros1.parameters import NotNegative, Positive
@@ -21,26 +21,34 @@ ROTATE: Final = "rotate_recovery/RotateRecovery"
 _CONFIG: Final = ConfigDict(extra="forbid")
 
 
+def _known_recovery(plugin: str) -> str:
+    """Return ``plugin`` when it is built in; raises ``ValueError`` otherwise."""
+    if plugin not in (CLEAR, ROTATE):
+        raise ValueError(
+            f"this recovery is not built in, {CLEAR} and {ROTATE} are: take it out of the list"
+        )
+    return plugin
+
+
 @dataclass(frozen=True, slots=True, config=_CONFIG)
 class RecoveryBehavior:
     """One entry of ``recovery_behaviors``: what is run, under which name its parameters are."""
 
     name: Annotated[str, Field(min_length=1, max_length=100)]
     """Also the namespace of its parameters."""
-    type: Literal["clear_costmap_recovery/ClearCostmapRecovery", "rotate_recovery/RotateRecovery"]
-    """What it does."""
+    type: Annotated[str, AfterValidator(_known_recovery)]
+    """What it does: ``clear_costmap_recovery/ClearCostmapRecovery`` or
+    ``rotate_recovery/RotateRecovery``."""
 
 
 @dataclass(frozen=True, slots=True, config=_CONFIG)
 class MoveBaseParameters:
     """Namespace ``move_base``."""
 
-    base_global_planner: Literal["navfn/NavfnROS"] = "navfn/NavfnROS"
-    """The global planner; navfn is the one there is."""
-    base_local_planner: Literal["dwa_local_planner/DWAPlannerROS"] = (
-        "dwa_local_planner/DWAPlannerROS"
-    )
-    """The local planner; DWA is the one there is (ROS itself would take TrajectoryPlannerROS)."""
+    base_global_planner: str = "navfn/NavfnROS"
+    """The global planner, as pluginlib knows it."""
+    base_local_planner: str = "base_local_planner/TrajectoryPlannerROS"
+    """The local planner, as pluginlib knows it."""
     controller_frequency: _Rate = 20.0
     """[Hz] How often the control loop runs."""
     planner_frequency: Annotated[float, Field(ge=0.0, le=100.0, allow_inf_nan=False)] = 0.0
@@ -94,8 +102,8 @@ class ClearCostmapParameters:
     """[m] Side of the square around the robot that is kept."""
     layer_names: tuple[str, ...] = ("obstacles",)
     """Layers to clear. Costmaps without ``plugins`` call theirs ``obstacle_layer``."""
-    invert_area_to_clear: Literal[False] = False
-    """Clearing inside the square instead of outside is not supported."""
+    invert_area_to_clear: bool = False
+    """Clear inside of the square instead of outside."""
     affected_maps: Literal["both", "local", "global"] = "both"
     """Which costmaps are cleared."""
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -23,7 +24,7 @@ from daemon.trace import TraceWriter, read_trace
 from grammars.model.geometry import Pose2, Twist2
 from grammars.model.grid import OccupancyGrid
 from grammars.model.scene import Region, Scene, Solid
-from tests.daemon.trace.recordings import RAYS, specification
+from tests.daemon.trace.recordings import RAYS, ROBOT, specification
 
 RING = np.array([(0.3, 0.2), (-0.3, 0.2), (-0.3, -0.2), (0.35, -0.2)])
 POSE = st.tuples(st.floats(-1.0, 4.0), st.floats(-1.0, 4.0), st.floats(-math.pi, math.pi))
@@ -141,3 +142,23 @@ def test_a_trace_without_scans_has_seen_nothing(driven: Path) -> None:
     assert area.seen == 0.0
     assert area.driven > 0.0
     assert area.runs == 2
+
+
+def test_what_any_laser_saw_was_seen(tmp_path: Path) -> None:
+    laser = replace(ROBOT.laser, mount=Pose2(), angle_min=0.0, angle_max=1.5)
+    rear = replace(laser, name="rear", mount=Pose2(0.0, 0.0, math.pi))
+    both = replace(ROBOT, laser=replace(laser, name="front"), other_lasers=(rear,))
+    areas = []
+    for robot in (replace(ROBOT, laser=laser), both):
+        world = hall()
+        path = tmp_path / "run.mcap"
+        with TraceWriter(path, specification(world, robot=robot), world) as trace:
+            trace.static(OccupancyGrid(0.5, 0.0, 0.0, np.zeros((4, 20), np.int8)))
+            trace.ground_truth(0.0, Pose2(2.0, 2.0), Twist2())
+            for one in robot.lasers:
+                trace.scan(0.0, np.full(RAYS, 1.5, np.float32), one.name)
+            trace.close("finished", "")
+        read = read_trace(path, scans=True)
+        grid = floor_grid(read.scene, laser.z)
+        areas.append(floor_area(read.scene, grid, [covered_cells(grid, read)]).seen)
+    assert areas[1] == pytest.approx(2.0 * areas[0], rel=0.1)

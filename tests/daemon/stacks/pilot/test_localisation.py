@@ -30,7 +30,7 @@ def returns(walls: list[Box], pose: Pose2, seed: int) -> np.ndarray:
 def a_localiser(start: Pose2, walls: list[Box], **parameters: float) -> Localiser:
     field = map_field(draw(walls, SIZE))
     settings = PilotParameters(**parameters)  # type: ignore[arg-type]
-    return Localiser(field, ROBOT.laser, OdometryNoise(20.0, 0.0, 0.0, 0.0), start, settings)
+    return Localiser(field, (ROBOT.laser,), OdometryNoise(20.0, 0.0, 0.0, 0.0), start, settings)
 
 
 def error(localiser: Localiser, truth: Pose2) -> tuple[float, float]:
@@ -98,7 +98,7 @@ def test_uncertainty_grows_with_the_way_and_shrinks_with_a_scan() -> None:
     field = map_field(draw(ONE_DOORWAY, SIZE))
     noise = OdometryNoise(20.0, 0.05, 0.05, 0.05)
     truth = Pose2(2.0, 2.4, 0.0)
-    localiser = Localiser(field, ROBOT.laser, noise, truth, PilotParameters())
+    localiser = Localiser(field, (ROBOT.laser,), noise, truth, PilotParameters())
     localiser.move(Odometry(0.0, Pose2(), Twist2()))
     before = localiser.estimate(0.0).covariance
     localiser.move(Odometry(1.0, Pose2(0.5), Twist2()))

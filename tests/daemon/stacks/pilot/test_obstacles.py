@@ -20,7 +20,7 @@ class Watcher:
 
     def __init__(self, memory: int = 100) -> None:
         field = map_field(draw(ONE_DOORWAY, SIZE))
-        self.layer = ObstacleLayer(field, LASER, explained=0.15, reach=4.0, memory=memory)
+        self.layer = ObstacleLayer(field, explained=0.15, reach=4.0, memory=memory)
         self.known = np.zeros(LASER.rays, dtype=np.uint8)
 
     def look(self, *extra: Box, at: Pose2 = HERE) -> int:
@@ -34,7 +34,7 @@ class Watcher:
         )
         buffer = np.zeros((LASER.rays, 2))
         buffer[: len(points)] = points
-        self.layer.update(ranges.astype(np.float32), buffer, self.known, len(points), at)
+        self.layer.update(LASER, ranges.astype(np.float32), buffer, self.known, len(points), at)
         return self.layer.count
 
 

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 from daemon.stacks.findings import ParameterError
 from daemon.stacks.ros1.configuration import RosParameters, read_ros
+from daemon.stacks.ros1.costmap import InflationLayer, ObstacleLayer
 from daemon.stacks.ros1.quirks import FIXED, ORIGINAL
 from daemon.stacks.ros1.topics import ONE_LASER, Wiring
 
@@ -57,9 +58,12 @@ def test_what_is_not_given_has_the_defaults_of_ros() -> None:
     read = read_ros(tree(amcl={"odom_alpha1": 0.1}))
     assert (read.amcl.odom_alpha1, read.amcl.odom_alpha2) == (0.1, 0.2)
     assert (read.amcl.min_particles, read.amcl.max_particles) == (100, 5000)
-    assert (read.dwa.max_vel_trans, read.dwa.sim_time) == (0.55, 1.7)
-    assert (read.local_costmap.inflation_radius, read.local_costmap.obstacle_range) == (0.55, 2.5)
-    assert read.navfn.default_tolerance == 0.0
+    assert (read.local_planner.max_vel_trans, read.local_planner.sim_time) == (0.55, 1.7)
+    obstacles, inflation = read.local_costmap.layers
+    assert isinstance(obstacles, ObstacleLayer)
+    assert isinstance(inflation, InflationLayer)
+    assert (inflation.inflation_radius, obstacles.sources[0].obstacle_range) == (0.55, 2.5)
+    assert read.global_planner.default_tolerance == 0.0
     assert read.rotate_recovery.max_vel_theta == 1.0
     assert set(read.resets) == {"conservative_reset", "aggressive_reset"}
 
@@ -73,7 +77,7 @@ def test_dwa_inherits_the_controller_frequency_of_move_base(
     move_base: dict[str, Any], dwa: dict[str, Any], frequency: float
 ) -> None:
     read = read_ros(tree(move_base=move_base, DWAPlannerROS=dwa))
-    assert read.dwa.controller_frequency == frequency
+    assert read.local_planner.controller_frequency == frequency
 
 
 @pytest.mark.parametrize(
@@ -92,9 +96,32 @@ def test_dwa_inherits_the_controller_frequency_of_move_base(
             "move_base/local_costmap/inflation_radius: must be greater than or equal to 0",
         ),
         ({"amcl": {"odom_model_type": "tracked"}}, "amcl/odom_model_type: must be 'diff', 'omni'"),
-        ({"amcl": {"min_particles": 9000}}, "amcl: min_particles (9000) is more than"),
-        ({"move_base": {"base_local_planner": "teb/Teb"}}, "must be 'dwa_local_planner"),
-        ({"local_costmap": costmap(global_frame="map")}, "global_frame: must be odom"),
+        (
+            {"amcl": {"min_particles": 9000}},
+            "amcl/min_particles: min_particles (9000) is more than",
+        ),
+        (
+            {"move_base": {"base_local_planner": "teb_local_planner/TebLocalPlannerROS"}},
+            "move_base/base_local_planner: the local planner teb_local_planner/TebLocalPlannerROS "
+            "is not built in",
+        ),
+        (
+            {"move_base": {"base_global_planner": "SBPLLatticePlanner"}},
+            "the global planner SBPLLatticePlanner is not built in",
+        ),
+        (
+            {"move_base": {"base_local_planner": "DWAPlannerROS"}},
+            "a name is taken to the letter; write dwa_local_planner/DWAPlannerROS",
+        ),
+        (
+            {"move_base": {"base_local_planner": "dwa_local_planner/DWAPlannerROS "}},
+            "a name is taken to the letter; write dwa_local_planner/DWAPlannerROS",
+        ),
+        (
+            {"local_costmap": costmap(global_frame="odom_combined")},
+            "the frame \"odom_combined\" is neither amcl's global_frame_id (map) nor amcl's "
+            "odom_frame_id (odom)",
+        ),
         ({"topics": {"scann": "/scan"}}, 'topics/scann: nothing reads a parameter "scann"'),
         ({"topics": {"scan": "a scan"}}, "topics/scan: must be a name such as /scan"),
         ({"topics": {"remap": {"/a": "b c"}}}, "topics/remap//a: must be a name such as /scan"),
@@ -119,14 +146,17 @@ def test_all_errors_are_reported_together() -> None:
     ("sections", "expected"),
     [
         ({"amcl": {"odom_alpa1": 0.1}}, 'amcl/odom_alpa1: nothing reads a parameter "odom_alpa1"'),
-        ({"DWAPlannerROS": {"max_trans_vel": 0.1}}, 'did you mean "max_vel_trans"?'),
+        ({"DWAPlannerROS": {"max_trans_vel": 0.1}}, "calls it max_vel_trans and ignores max_trans"),
         (
             {"move_base": {"TebLocalPlannerROS": {}}},
             'nothing reads a namespace "TebLocalPlannerROS"',
         ),
         ({"move_base": {"DWAPlanerROS": {}}}, 'did you mean "DWAPlannerROS"?'),
         ({"amlc": {}}, 'did you mean "amcl"?'),
-        ({"topics": {"amcl": "/other"}}, "amcl listens to /other, the scan comes on /scan"),
+        (
+            {"topics": {"amcl": "/other", "scan": "/scan"}},
+            "amcl listens to /other, the scan comes on /scan",
+        ),
         ({"topics": {"scan": "/x"}}, "the local costmap listens to /scan, the scan comes on /x"),
         (
             {"local_costmap": {"global_frame": "odom"}},
@@ -147,13 +177,21 @@ def test_names_without_effect_are_listed_with_the_reason() -> None:
     assert "never reads it" in found["stop_time_buffer"]
 
 
-def test_a_costmap_keeps_only_the_sources_that_hear_the_scan() -> None:
+def test_of_several_sources_the_one_that_hears_nothing_is_named() -> None:
     two = costmap(global_frame="odom", observation_sources="scan rear", rear=LASER | {"topic": "r"})
     read = read_ros(tree(local_costmap=two))
-    assert [source.name for source in read.local_costmap.sources] == ["scan"]
+    (layer, _) = read.local_costmap.layers
+    assert isinstance(layer, ObstacleLayer)
+    assert [(source.name, source.topic) for source in layer.sources] == [
+        ("scan", "/scan"),
+        ("rear", "/r"),
+    ]
     assert read.topics.local_costmap == ("/scan", "/r")
+    assert problems(read) == [
+        'move_base/local_costmap/rear/topic: the source "rear" of the local costmap listens to /r; '
+        "no laser is there: lasers come on /scan"
+    ]
     deaf = read_ros(tree(topics={"scan": "/front", "amcl": "/front"}))
-    assert deaf.local_costmap.sources == ()
     assert deaf.wiring == Wiring(amcl=ONE_LASER, global_costmap=(), local_costmap=())
 
 

@@ -91,7 +91,7 @@ def test_blind_costmaps_drive_into_a_door_that_the_map_does_not_show(tmp_path: P
 
 
 def test_without_scans_amcl_believes_odometry(tmp_path: Path) -> None:
-    deaf = configured(topics={"amcl": "/nowhere"})
+    deaf = configured(topics={"scan": "/scan", "amcl": "/nowhere"})
     result, trace = run(tmp_path, room(), (Waypoint("there", 2.0, 2.0, 0.0),), deaf)
     assert result.outcome is Outcome.PASS
     assert len(trace.cloud.time) == 0

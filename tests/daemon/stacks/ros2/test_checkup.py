@@ -12,11 +12,14 @@ from daemon.stacks.ros2.checkup import examine
 from daemon.stacks.ros2.inspection import CheckLine, Inspection
 from daemon.stacks.ros2.link import Graph, GraphEndpoint, Readiness, StackIdentity
 from daemon.stacks.ros2.settings import Ros2Settings, read_settings
+from grammars.model.geometry import Pose2
+from grammars.model.robot import Laser
 
 SCAN, ODOMETRY = "sensor_msgs/msg/LaserScan", "nav_msgs/msg/Odometry"
 TRANSFORMS = "tf2_msgs/msg/TFMessage"
 STAMPED, PLAIN = "geometry_msgs/msg/TwistStamped", "geometry_msgs/msg/Twist"
 POSE = "geometry_msgs/msg/PoseWithCovarianceStamped"
+LASERS = (Laser(Pose2(), 0.3, -1.0, 1.0, 3, 0.05, 5.0, 10.0, 0.01, 0.0),)
 READY = ("/amcl", "/controller_server", "/bt_navigator")
 
 
@@ -77,7 +80,9 @@ def besides(*more: GraphEndpoint, seen: Inspection = SOUND) -> Inspection:
 
 
 def wrong(seen: Inspection, **keys: Any) -> list[CheckLine]:
-    return [line for line in examine(settings(**keys), seen) if line.state not in ("ok", "note")]
+    return [
+        line for line in examine(settings(**keys), seen, LASERS) if line.state not in ("ok", "note")
+    ]
 
 
 def only(seen: Inspection, **keys: Any) -> CheckLine:
@@ -86,12 +91,12 @@ def only(seen: Inspection, **keys: Any) -> CheckLine:
 
 
 def line_of(subject: str, seen: Inspection, **keys: Any) -> CheckLine:
-    (line,) = (line for line in examine(settings(**keys), seen) if line.subject == subject)
+    (line,) = (line for line in examine(settings(**keys), seen, LASERS) if line.subject == subject)
     return line
 
 
 def test_a_sound_stack_has_a_line_for_everything_and_nothing_against_it() -> None:
-    lines = examine(settings(), SOUND)
+    lines = examine(settings(), SOUND, LASERS)
     assert {line.state for line in lines} == {"ok"}
     assert [line.subject for line in lines] == [
         "start-up", *READY, "/clock", "/scan", "/tf", "/odom", "/tf_static", "/initialpose",
@@ -270,7 +275,7 @@ def test_a_server_time_out_of_bringup_is_warned_of() -> None:
     note = line_of("/lifecycle_manager bond_timeout", replace(SOUND, parameters=bond))
     assert (note.state, note.hint) == ("note", "set it to 0.0 where a cycle may take long")
     none = {**PARAMETERS, "/lifecycle_manager": {"bond_timeout": 0.0}}
-    lines = examine(settings(), replace(SOUND, parameters=none))
+    lines = examine(settings(), replace(SOUND, parameters=none), LASERS)
     assert all("bond" not in one.subject for one in lines)
 
 

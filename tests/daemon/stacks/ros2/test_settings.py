@@ -23,7 +23,9 @@ from daemon.stacks.ros2.settings import (
     read_settings,
 )
 from grammars.model.geometry import Pose2
+from grammars.model.robot import Laser
 
+LASER = Laser(Pose2(), 0.3, -1.0, 1.0, 3, 0.05, 5.0, 10.0, 0.01, 0.0)
 LAUNCH = "ros2 launch my_robot nav.launch.py map:={map} params_file:={params}"
 STACK: dict[str, Any] = {
     "launch": LAUNCH,
@@ -45,7 +47,7 @@ def warnings(**changed: Any) -> list[str]:
 
 def test_what_is_left_out_is_as_documented() -> None:
     found = read_settings(STACK)
-    assert (found.topics.scan, found.topics.tf_static) == ("/scan", "/tf_static")
+    assert (found.scan_topic(LASER), found.topics.tf_static) == ("/scan", "/tf_static")
     assert (found.action, found.action_kind) == ("/navigate_to_pose", "navigate_to_pose")
     assert (found.start_up, found.patience, found.late) == (60.0, 1.0, 0.05)
     assert (found.tolerance, found.idle, found.period) == (0.0, 0.02, 0.05)
@@ -65,7 +67,7 @@ def test_names_are_resolved_in_the_namespace() -> None:
         }
     )
     assert found.namespace == "/robot1"
-    assert (found.topics.scan, found.topics.odom) == ("/front/scan", "/robot1/odom")
+    assert (found.scan_topic(LASER), found.topics.odom) == ("/front/scan", "/robot1/odom")
     assert found.topics.initial_pose == "/robot1/pose_guess"
     assert found.topics.tf == "/tf"
     assert (found.action, found.action_kind) == ("/robot1/follow_waypoints", "follow_waypoints")

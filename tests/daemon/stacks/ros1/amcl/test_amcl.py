@@ -24,7 +24,7 @@ NOTHING = np.full(LASER.rays, np.inf, dtype=np.float32)
 def an_amcl(
     p: AmclParameters = PUBLISHED, walls: list[Box] = WALLS, start: Pose2 = START, seed: int = 0
 ) -> Amcl:
-    return Amcl(p, ORIGINAL, map_of(walls), LASER, start, np.random.SeedSequence(seed))
+    return Amcl(p, ORIGINAL, map_of(walls), (LASER,), start, np.random.SeedSequence(seed))
 
 
 def drive(

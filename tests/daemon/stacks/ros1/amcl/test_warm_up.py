@@ -36,7 +36,7 @@ def test_after_warming_up_no_run_compiles_anything() -> None:
                 laser_model_type=sensor, do_beamskip=True, selective_resampling=True,
             )  # fmt: skip
             seed = np.random.SeedSequence(0)
-            amcl = Amcl(p, ORIGINAL, map_of(walls), LASER, Pose2(1.0, 1.0), seed)
+            amcl = Amcl(p, ORIGINAL, map_of(walls), (LASER,), Pose2(1.0, 1.0), seed)
             for k in range(4):
                 pose = Pose2(1.0 + 0.3 * k, 1.0)
                 amcl.scan(0.1 * k, see(walls, pose), pose)

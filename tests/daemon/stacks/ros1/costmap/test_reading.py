@@ -1,42 +1,71 @@
-"""Files of people, flat and layered."""
+"""Files of people, with and without ``plugins``: the layers move_base would make of them."""
 
 from __future__ import annotations
 
 from typing import Any
 
 import pytest
-from pydantic import ValidationError
 
 from daemon.stacks.findings import FindingCollector, ParameterError
-from daemon.stacks.ros1.costmap import CostmapParameters, ObservationSource, read_costmap
+from daemon.stacks.ros1.costmap import (
+    CostmapContext,
+    InflationLayer,
+    LayeredCostmap,
+    Namespace,
+    ObservationSource,
+    ObstacleLayer,
+    StaticLayer,
+    VoxelColumn,
+    read_costmap,
+)
 
 PLACE = ("move_base", "global_costmap")
-SCAN = {
-    "sensor_frame": "base_laser", "data_type": "LaserScan", "topic": "front", "marking": True,
-    "clearing": True,
-}  # fmt: skip
+SCAN = {"data_type": "LaserScan", "topic": "front", "marking": True, "clearing": True}
+HEARD = ObservationSource("scan", "/front", clearing=True)
 LAYERS = [
     {"name": "walls", "type": "costmap_2d::StaticLayer"},
     {"name": "obstacles", "type": "costmap_2d::ObstacleLayer"},
     {"name": "around", "type": "costmap_2d::InflationLayer"},
 ]
+OBSTACLES = {"observation_sources": "scan", "scan": SCAN}
 
 
-def read(given: dict[str, Any]) -> tuple[CostmapParameters, list[str]]:
+def context(**options: Any) -> CostmapContext:
+    above = Namespace.of(options.pop("above", {}), ("move_base",))
+    return CostmapContext(above=above, **options)
+
+
+def collect(given: dict[str, Any], **options: Any) -> tuple[LayeredCostmap, FindingCollector]:
     report = FindingCollector()
-    parameters = read_costmap(given, PLACE, report)
-    findings = report.findings()
-    return parameters, [str(problem) for problem in findings.problems]
+    return read_costmap(given, PLACE, report, context(**options)), report
 
 
-def refusal(given: dict[str, Any]) -> str:
+def read(given: dict[str, Any], **options: Any) -> tuple[LayeredCostmap, list[str]]:
+    costmap, report = collect(given, **options)
+    return costmap, [str(problem) for problem in report.findings().problems]
+
+
+def idle(given: dict[str, Any], **options: Any) -> dict[str, str]:
+    _, report = collect(given, **options)
+    return {
+        "/".join(map(str, finding.path[2:])): finding.message
+        for finding in report.findings().without_effect
+    }
+
+
+def refusals(given: dict[str, Any], **options: Any) -> list[str]:
     with pytest.raises(ParameterError) as error:
-        read(given)
-    return str(error.value)
+        read(given, **options)
+    return [str(problem) for problem in error.value.problems]
+
+
+def obstacle_layer(costmap: LayeredCostmap) -> ObstacleLayer:
+    (layer,) = (layer for layer in costmap.layers if isinstance(layer, ObstacleLayer))
+    return layer
 
 
 def test_a_flat_file_is_read() -> None:
-    parameters, problems = read(
+    costmap, problems = read(
         {
             "global_frame": "map", "robot_base_frame": "base_link", "update_frequency": 10,
             "static_map": True, "obstacle_range": 3.0, "inflation_radius": 0.5,
@@ -45,24 +74,33 @@ def test_a_flat_file_is_read() -> None:
         }
     )  # fmt: skip
     assert not problems
-    assert parameters == CostmapParameters(
-        update_frequency=10.0, static_map=True, obstacle_range=3.0, inflation_radius=0.5,
+    source = ObservationSource("scan", "/front", clearing=True, obstacle_range=3.0)
+    assert costmap == LayeredCostmap(
+        layers=(
+            StaticLayer(),
+            ObstacleLayer(sources=(source,)),
+            InflationLayer(inflation_radius=0.5),
+        ),
+        update_frequency=10.0,
         footprint=((-0.1, -0.1), (0.1, 0.0), (-0.1, 0.1)),
-        sources=(ObservationSource("scan", "front", "LaserScan", clearing=True),),
-    )  # fmt: skip
+    )
 
 
 def test_defaults_are_those_of_noetic() -> None:
-    parameters, _ = read({})
-    assert parameters.inflation_radius == 0.55
-    assert parameters.cost_scaling_factor == 10.0
-    assert (parameters.obstacle_range, parameters.raytrace_range) == (2.5, 3.0)
-    assert (parameters.width, parameters.resolution, parameters.update_frequency) == (10, 0.05, 5)
-    assert not parameters.static_map
+    costmap, problems = read({})
+    assert not problems
+    assert costmap == LayeredCostmap(layers=(ObstacleLayer(), InflationLayer()))
+    assert costmap.layers[1] == InflationLayer(
+        inflation_radius=0.55, cost_scaling_factor=10.0, inflate_unknown=False
+    )
+    assert (costmap.width, costmap.resolution, costmap.update_frequency) == (10, 0.05, 5)
+    flat, _ = read(OBSTACLES)
+    (source,) = obstacle_layer(flat).sources
+    assert (source.obstacle_range, source.raytrace_range) == (2.5, 3.0)
 
 
-def test_a_layered_file_is_read() -> None:
-    parameters, problems = read(
+def test_a_layered_file_is_read_in_its_order() -> None:
+    costmap, problems = read(
         {
             "plugins": LAYERS,
             "obstacles": {
@@ -73,75 +111,263 @@ def test_a_layered_file_is_read() -> None:
         }
     )  # fmt: skip
     assert not problems
-    assert parameters.static_map
-    assert parameters.obstacle_layer_name == "obstacles"
-    assert (parameters.inflation_radius, parameters.cost_scaling_factor) == (0.3, 2.0)
-    assert parameters.raytrace_range == 4.0
-    assert parameters.sources[0].obstacle_range == 1.5
-
-
-def test_layers_that_are_not_listed_are_not_there() -> None:
-    parameters, _ = read({"plugins": LAYERS[:1], "rolling_window": False})
-    assert not parameters.obstacle_layer
-    assert not parameters.inflation_layer
-
-
-def test_flat_parameters_do_not_reach_layers() -> None:
-    parameters, problems = read({"plugins": LAYERS, "inflation_radius": 0.3})
-    assert parameters.inflation_radius == 0.55
-    assert "write it under around" in problems[0]
-
-
-def test_a_flat_source_does_not_reach_a_layer() -> None:
-    parameters, problems = read(
-        {"plugins": LAYERS, "obstacles": {"observation_sources": "scan"}, "scan": SCAN}
+    source = ObservationSource(
+        "scan", "/front", clearing=True, obstacle_range=1.5, raytrace_range=4.0
     )
-    assert parameters.sources == (ObservationSource("scan", "scan"),)
-    assert "does not reach the layer obstacles" in problems[0]
+    assert costmap.layers == (
+        StaticLayer("walls"),
+        ObstacleLayer("obstacles", sources=(source,)),
+        InflationLayer("around", inflation_radius=0.3, cost_scaling_factor=2.0),
+    )
+
+
+def test_several_obstacle_layers_are_all_kept_and_those_that_are_off_are_not() -> None:
+    # As TIAGo has it: the laser in one layer, three other sensors in three more.
+    kinds = dict.fromkeys(("laser", "sonar", "rgbd"), "costmap_2d::ObstacleLayer")
+    sonar = {"data_type": "PointCloud2", "expected_update_rate": 1.0}
+    given = {
+        "plugins": [{"name": name, "type": kind} for name, kind in kinds.items()],
+        "laser": OBSTACLES | {"combination_method": 0, "enabled": True},
+        "sonar": {"enabled": False, "observation_sources": "cloud", "cloud": sonar},
+        "rgbd": {"observation_sources": "rgbd", "rgbd": SCAN | {"topic": "rgbd_scan"}},
+    }
+    costmap, problems = read(given)
+    assert not problems
+    rgbd = ObservationSource("rgbd", "/rgbd_scan", clearing=True)
+    assert costmap.layers == (
+        ObstacleLayer("laser", sources=(HEARD,), combination_method=0),
+        ObstacleLayer("rgbd", sources=(rgbd,)),
+    )
+    assert idle(given) == {
+        "sonar/observation_sources": "the layer sonar is off",
+        "sonar/cloud": "the layer sonar is off",
+    }
+
+
+def test_a_static_layer_that_is_off_takes_the_map_out_of_a_rolling_window_only() -> None:
+    given = {"plugins": LAYERS, "walls": {"enabled": False}}
+    costmap, _ = read(given | {"rolling_window": True})
+    assert [layer.name for layer in costmap.layers] == ["obstacles", "around"]
+    (said,) = refusals(given)
+    assert "walls/enabled: a static layer that is off still gives the costmap the size" in said
+
+
+def test_a_layer_may_be_called_like_a_parameter() -> None:
+    # fetch_navigation calls its static layer static_map, and sets static_map besides.
+    plugins = [{"name": "static_map", "type": "costmap_2d::StaticLayer"}]
+    costmap, problems = read({"plugins": plugins, "static_map": True})
+    assert (costmap.layers, problems) == ((StaticLayer("static_map"),), [])
+    space = {"plugins": plugins, "static_map": {"use_maximum": True}}
+    costmap, problems = read(space)
+    assert (costmap.layers, problems) == ((StaticLayer("static_map", use_maximum=True),), [])
+
+
+def test_footprint_and_radius_are_found_upwards() -> None:
+    # As MiR and PR2 write them, in the namespace of move_base.
+    box = [[0.5, -0.3], [0.5, 0.3], [-0.4, 0.3], [-0.4, -0.3]]
+    costmap, _ = read({}, above={"footprint": box})
+    assert costmap.footprint == ((0.5, -0.3), (0.5, 0.3), (-0.4, 0.3), (-0.4, -0.3))
+    nearest, _ = read({"footprint": "[[0.1, -.1], [0.1, 1.], [-1, 0]]"}, above={"footprint": box})
+    assert nearest.footprint == ((0.1, -0.1), (0.1, 1.0), (-1.0, 0.0))
+    # A footprint anywhere comes before a radius, however near that is.
+    radius, _ = read({"robot_radius": 0.2}, above={"footprint": box})
+    assert radius.footprint is not None
+    for none in ("[]", "", []):
+        empty, _ = read({"footprint": none, "robot_radius": 0.2}, above={"footprint": box})
+        assert (empty.footprint, empty.robot_radius) == (None, 0.2)
+    above, _ = read({}, above={"robot_radius": 0.3})
+    assert above.robot_radius == 0.3
+
+
+def test_ranges_are_found_upwards_from_the_source() -> None:
+    ranges = {"obstacle_range": 4.0}
+    voxel = [{"name": "v", "type": "costmap_2d::VoxelLayer"}]
+    for given, above, expected in (
+        ({"v": OBSTACLES | {"scan": SCAN | ranges, "obstacle_range": 5.0}}, {}, 4.0),
+        ({"v": OBSTACLES | ranges, "obstacle_range": 5.0}, {}, 4.0),
+        ({"v": OBSTACLES} | ranges, {"obstacle_range": 5.0}, 4.0),
+        ({"v": OBSTACLES}, ranges, 4.0),
+        ({"v": OBSTACLES}, {}, 2.5),
+    ):
+        costmap, problems = read({"plugins": voxel, **given}, above=above)
+        assert problems == []
+        assert obstacle_layer(costmap).sources[0].obstacle_range == expected
+
+
+def test_the_costmaps_own_parameters_are_copied_into_layers() -> None:
+    # costmap_2d_ros.cpp copyParentParameters, since Melodic.
+    given = {
+        "plugins": LAYERS, "inflation_radius": 0.3, "track_unknown_space": False,
+        "obstacle_range": 4.0, "obstacles": OBSTACLES, "around": {"inflation_radius": 1.0},
+    }  # fmt: skip
+    costmap, problems = read(given)
+    static, obstacles, inflation = costmap.layers
+    assert static == StaticLayer("walls", track_unknown_space=False)
+    assert isinstance(obstacles, ObstacleLayer)
+    assert obstacles.sources[0].obstacle_range == 4.0
+    assert inflation == InflationLayer("around", inflation_radius=0.3)
+    assert problems == [
+        "move_base/global_costmap/around/inflation_radius: costmap_2d writes the costmap's own "
+        "inflation_radius over it, which is 0.3; write it in one of the two places"
+    ]
+
+
+def test_unknown_space_is_tracked_by_the_costmap_and_by_each_layer() -> None:
+    given = {"plugins": LAYERS, "obstacles": {"track_unknown_space": True}}
+    costmap, _ = read(given)
+    assert not costmap.track_unknown_space
+    assert obstacle_layer(costmap).track_unknown_space
+    whole, _ = read({"plugins": LAYERS, "track_unknown_space": True})
+    assert whole.track_unknown_space
+    assert obstacle_layer(whole).track_unknown_space
+    # A voxel layer is not given it, and takes that of the costmap for its default.
+    voxels = [{"name": "v", "type": "costmap_2d::VoxelLayer"}]
+    tracked, _ = read({"plugins": voxels, "track_unknown_space": True})
+    assert obstacle_layer(tracked).track_unknown_space
+    free, _ = read(
+        {"plugins": voxels, "track_unknown_space": True, "v": {"track_unknown_space": False}}
+    )
+    assert not obstacle_layer(free).track_unknown_space
+
+
+def test_a_voxel_layer_is_read_with_or_without_plugins() -> None:
+    # turtlebot_navigation keeps its parameters below obstacle_layer, as map_type has it.
+    own = OBSTACLES | {"z_voxels": 2, "z_resolution": 0.2, "mark_threshold": 0, "origin_z": 0.0}
+    costmap, problems = read({"map_type": "voxel", "obstacle_layer": own})
+    assert problems == []
+    assert obstacle_layer(costmap).voxels == VoxelColumn(z_voxels=2)
+    flat, problems = read({"map_type": "voxel", "z_voxels": 16, **OBSTACLES})
+    assert problems == []
+    assert obstacle_layer(flat).voxels == VoxelColumn(z_voxels=16)
+    assert "must be less than or equal to 16" in refusals({"map_type": "voxel", "z_voxels": 17})[0]
+
+
+def test_the_depth_layer_of_fetch_is_a_voxel_layer_without_its_camera() -> None:
+    plugins = [{"name": "obstacles", "type": "costmap_2d::FetchDepthLayer"}]
+    own = OBSTACLES | {"publish_observations": False, "z_voxels": 16}
+    costmap, problems = read({"plugins": plugins, "obstacles": own})
+    assert obstacle_layer(costmap).voxels == VoxelColumn(z_voxels=16)
+    assert len(problems) == 1
+    assert "there is no depth camera" in problems[0]
+
+
+def test_a_static_layer_may_lie_in_a_rolling_window_and_in_odom() -> None:
+    given = {"rolling_window": True, "static_map": True, "global_frame": "/odom_comb"}
+    costmap, problems = read(given, frames={"world": "map", "odom_comb": "odom"})
+    assert problems == []
+    assert costmap.frame == "odom"
+    assert costmap.layers[0] == StaticLayer()
+    (said,) = refusals(given)
+    assert "amcl's global_frame_id (map) nor amcl's odom_frame_id (odom)" in said
+
+
+def test_a_static_layer_on_another_map_is_refused_with_what_to_do() -> None:
+    walls = [{"name": "virtual_walls", "type": "costmap_2d::StaticLayer"}]
+    given = {"plugins": walls, "virtual_walls": {"map_topic": "/virtual_walls/map"}}
+    (said,) = refusals(given)
+    assert "virtual_walls/map_topic: the static layer listens to /virtual_walls/map" in said
+    assert "enabled: false under virtual_walls" in said
+    costmap, _ = read(given, maps=("/map", "/virtual_walls/map"))
+    assert costmap.layers == (StaticLayer("virtual_walls"),)
 
 
 @pytest.mark.parametrize(
-    "plugin", ["costmap_2d::VoxelLayer", "range_sensor_layer::RangeSensorLayer"]
+    ("kind", "said"),
+    [
+        ("range_sensor_layer::RangeSensorLayer", "there are no range sensors here"),
+        ("pal::SomeLayer", 'no layer of type "pal::SomeLayer" is supported; switch it off'),
+        ("ObstacleLayer", "write costmap_2d::ObstacleLayer"),
+    ],
 )
-def test_other_layers_are_refused_by_name(plugin: str) -> None:
-    said = refusal({"plugins": [*LAYERS, {"name": "more", "type": plugin}]})
-    assert plugin in said
-    assert "supported: costmap_2d::StaticLayer" in said
+def test_other_layers_are_refused_by_name_at_their_line(kind: str, said: str) -> None:
+    given = {"plugins": [*LAYERS, {"name": "more", "type": kind}]}
+    (found,) = refusals(given)
+    assert "plugins[3]" in found
+    assert said in found
+    costmap, _ = read(given | {"more": {"enabled": False, "whatever": 1}})
+    assert len(costmap.layers) == 3
+
+
+def test_sensors_nobody_has_are_named_and_left_out() -> None:
+    bump = {"data_type": "PointCloud2", "topic": "bumper"}
+    given = {"observation_sources": "scan bump unwritten", "scan": SCAN, "bump": bump}
+    costmap, problems = read(given, stops_robot=True)
+    assert obstacle_layer(costmap).sources == (HEARD,)
+    assert problems == [
+        'move_base/global_costmap/bump/data_type: the source "bump" waits for a PointCloud2 on '
+        "/bumper; nobody publishes one here, there are only lasers: nothing comes from it",
+        'move_base/global_costmap/obstacle_layer/unwritten: the source "unwritten" waits for a '
+        "PointCloud on /unwritten (its data_type when none is written); nobody publishes one here, "
+        "there are only lasers: nothing comes from it",
+    ]
+
+
+def test_a_silent_sensor_that_stops_move_base_is_an_error_in_the_local_costmap() -> None:
+    # tiago_2dnav waits for virtual obstacles twelve seconds, then stands still.
+    given = {
+        "observation_sources": "vo_cloud",
+        "vo_cloud": {"data_type": "PointCloud", "expected_update_rate": 12.0},
+    }
+    (said,) = refusals(given, stops_robot=True)
+    assert "vo_cloud/expected_update_rate: nothing is published on /vo_cloud here" in said
+    assert "after 12 s" in said
+    read(given)
+    assert "only if it is one of the local costmap" in idle(given)["vo_cloud/expected_update_rate"]
+    heard = OBSTACLES | {"scan": SCAN | {"expected_update_rate": 0.3}}
+    costmap, _ = read(heard, stops_robot=True)
+    assert obstacle_layer(costmap).sources[0].expected_update_rate == 0.3
+    (said,) = refusals(heard, stops_robot=True, may_carry_scan=lambda topic: topic == "/rear")
+    assert "nothing is published on /front" in said
 
 
 @pytest.mark.parametrize(
     ("given", "said"),
     [
-        ({"map_type": "voxel"}, "map_type"),
-        ({"static_map": True, "rolling_window": True}, "exclude each other"),
-        ({"footprint": [[0.1, 0.0], [-0.1, 0.0]]}, "global_costmap/footprint"),
-        ({"inflation_radius": -0.5}, "inflation_radius"),
+        ({"footprint": [[0.1, 0.0], [-0.1, 0.0]]}, "global_costmap/footprint: a polygon needs"),
+        ({"inflation_radius": -0.5}, "global_costmap/inflation_radius: must be"),
         ({"plugins": ["static_layer"]}, "plugins[0]: must be a layer"),
-        ({"observation_sources": "scan", "scan": {"observation_persistence": 1.0}}, "latest scan"),
+        ({"plugins": "static_layer"}, "plugins: must be a list of layers"),
         ({"obstacle_layer": {"obstacle_range": "far"}}, "obstacle_layer/obstacle_range"),
+        ({"static_map": 1}, "static_map: must be true or false"),
+        ({"observation_sources": "s", "s": {"data_type": "Range"}}, "s/data_type: must be LaserS"),
+        ({"observation_sources": "s", "s": 3}, "global_costmap/s: must be names with values"),
+        ({"static_map": True, "unknown_cost_value": 0}, "would make the unknown cells of the map"),
+        ({"static_map": True, "lethal_cost_threshold": 0}, "makes every known cell of the map"),
+        ({"width": 0.3, "rolling_window": True}, "0.3 is none at all; write 1 or more"),
     ],
 )
-def test_what_cannot_be_is_refused(given: dict[str, Any], said: str) -> None:
-    assert said in refusal(given)
+def test_what_cannot_be_is_refused_at_its_line(given: dict[str, Any], said: str) -> None:
+    (found,) = refusals(given)
+    assert said in found
 
 
-def test_unknown_names_are_named_with_their_place() -> None:
-    _, problems = read({"inflation_layer": {"inflation_radios": 0.3}})
-    assert "move_base/global_costmap/inflation_layer/inflation_radios" in problems[0]
-    assert "inflation_radius" in problems[0]
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ({"inflation_layer": {"inflation_radios": 0.3}}, "inflation_layer/inflation_radios"),
+        ({"width": 2.5}, "global_costmap/width: costmap_2d takes whole metres: 2.5 is 3 to it"),
+        ({"map_type": "grid"}, "takes everything but voxel for costmap"),
+        ({"combination_method": 0}, "does not reach the layer obstacle_layer"),
+        ({"plugins": LAYERS, "scan": SCAN, "obstacles": {"observation_sources": "scan"}},
+         'does not reach the layer obstacles, whose source "scan" then has defaults'),
+        ({"plugins": LAYERS[1:], "static_map": True}, "none of them is a static layer"),
+        ({"obstacle_layer": {"combination_method": 99}}, "what the layer sees never reaches"),
+        ({"robot_base_frame": "/base", **OBSTACLES, "scan": SCAN | {"sensor_frame": "base"}},
+         "scan/sensor_frame: rays would begin at the middle of the robot"),
+    ],
+)  # fmt: skip
+def test_what_is_probably_a_slip_is_said(given: dict[str, Any], said: str) -> None:
+    _, problems = read(given)
+    assert any(said in problem for problem in problems), problems
 
 
 def test_what_has_no_effect_is_told() -> None:
-    report = FindingCollector()
-    read_costmap(
-        {"transform_tolerance": 2.0, "observation_sources": "scan", "scan": SCAN}, (), report
-    )
-    assert [finding.path[-1] for finding in report.without_effect] == [
-        "sensor_frame",
-        "transform_tolerance",
-    ]
-
-
-def test_models_check_themselves() -> None:
-    with pytest.raises(ValidationError, match="combination_method"):
-        CostmapParameters(combination_method=0)
+    found = idle({"transform_tolerance": 2.0, **OBSTACLES, "scan": SCAN | {"sensor_frame": "laser"},
+                  "z_voxels": 3, "other": SCAN, "static_map": True, "resolution": 0.1,
+                  "unknown_cost_value": 255, "publish_voxel_map": True})  # fmt: skip
+    assert set(found) == {
+        "transform_tolerance", "scan/sensor_frame", "z_voxels", "other", "resolution",
+        "unknown_cost_value", "publish_voxel_map",
+    }  # fmt: skip
+    assert found["other"] == "observation_sources does not name it"
+    assert found["resolution"].startswith("the map gives the grid its size")

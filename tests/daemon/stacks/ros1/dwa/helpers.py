@@ -8,10 +8,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from daemon.stacks.kernels import Integers
+from daemon.stacks.ros1.base_local_planner.map_grid import Cells, passable_cells
 from daemon.stacks.ros1.cost_grid import CostGrid
 from daemon.stacks.ros1.dwa import DwaParameters, DwaSettings, longest_trajectory, settings_of
 from daemon.stacks.ros1.dwa.cycle import allocate_buffers, allocate_scoring_grid, choose_trajectory
-from daemon.stacks.ros1.dwa.map_grid import Cells, passable_cells
 from daemon.stacks.ros1.quirks import ORIGINAL, Quirks
 from grammars.model.geometry import Floats
 from tests.daemon.stacks.ros1.dwa import plain

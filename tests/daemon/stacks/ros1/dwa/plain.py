@@ -11,8 +11,8 @@ import numpy as np
 
 from daemon.model.kernels import kernel
 from daemon.stacks.kernels import Integers
+from daemon.stacks.ros1.base_local_planner.map_grid import Cells
 from daemon.stacks.ros1.dwa import DwaSettings
-from daemon.stacks.ros1.dwa.map_grid import Cells
 from grammars.model.geometry import Floats
 
 

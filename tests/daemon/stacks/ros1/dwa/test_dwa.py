@@ -173,7 +173,7 @@ def test_pruning_forgets_the_plan_behind_the_robot() -> None:
         dwa = controller(replace(A2S, prune_plan=prune))
         dwa.set_plan(plan)
         dwa.command(Pose2(1.2, 0.0, 0.0), Twist2(), Pose2(), empty(1.2))
-        assert dwa._start == (9 if prune else 0)
+        assert dwa._plan.forgotten == (9 if prune else 0)
 
 
 @pytest.mark.parametrize("parameters", [A2S, OMNI])

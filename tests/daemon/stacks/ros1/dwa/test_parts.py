@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
+from daemon.stacks.ros1.base_local_planner.controller import transform_plan_window
 from daemon.stacks.ros1.dwa import (
     WITHOUT_EFFECT,
     DwaParameters,
@@ -16,11 +17,10 @@ from daemon.stacks.ros1.dwa import (
     contradictions,
     footprint_cost,
 )
-from daemon.stacks.ros1.dwa.footprint import footprint_scale
-from daemon.stacks.ros1.dwa.map_grid import transform_plan_window
 from daemon.stacks.ros1.dwa.samples import (
     count_points,
     dynamic_window,
+    footprint_scale,
     sample_axis,
     simulate_trajectory,
 )
@@ -142,7 +142,8 @@ def test_the_footprint_grows_beyond_the_scaling_speed() -> None:
 def test_the_window_of_a_plan_ends_behind_the_first_pose_too_far_away() -> None:
     plan = np.column_stack([np.arange(-4.0, 4.01, 0.5), np.zeros(17), np.zeros(17)])
     out, turned = np.zeros((17, 2)), np.array((1.0, 0.0, 0.0, 1.0))
-    n = transform_plan_window(plan, 0, turned, np.zeros(2), 1.2, out)
+    first, n = transform_plan_window(plan, 0, turned, np.zeros(2), 1.2, out)
+    assert first == 6
     np.testing.assert_allclose(out[:n, 1], [-1.0, -0.5, 0.0, 0.5, 1.0, 1.5], atol=1e-12)
     np.testing.assert_allclose(out[:n, 0], 1.0, atol=1e-12)
 

@@ -10,8 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from daemon.stacks.kernels import Integers
-from daemon.stacks.ros1.dwa import DwaParameters
-from daemon.stacks.ros1.dwa.map_grid import (
+from daemon.stacks.ros1.base_local_planner.map_grid import (
     DIGITS,
     Bits,
     add_cell,
@@ -22,6 +21,7 @@ from daemon.stacks.ros1.dwa.map_grid import (
     unrestricted_distances,
     write_box,
 )
+from daemon.stacks.ros1.dwa import DwaParameters
 from daemon.stacks.ros1.quirks import FIXED, ORIGINAL
 from tests.daemon.stacks.ros1.dwa import plain
 from tests.daemon.stacks.ros1.dwa.helpers import A2S, OMNI, Problem, random_problem

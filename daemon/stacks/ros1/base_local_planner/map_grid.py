@@ -1,4 +1,4 @@
-"""The plan near the robot, and distances from it on the grid (base_local_planner ``MapGrid``).
+"""Distances from the plan on the grid (base_local_planner ``MapGrid``).
 
 Distances are breadth first, all cells of a row at once. Every step costs the same, so the
 original's queue finds a cell in the round that is its distance. Here a round is a few operations
@@ -83,6 +83,19 @@ def write_box(low: int, high: int, first: int, end: int, out: Bits) -> None:
 
 
 @kernel
+def write_reach(
+    x: float, y: float, reach: float, frame: Floats, shape: tuple[int, int], out: Bits
+) -> None:
+    """Write the set of cells within ``reach`` [m] of a point to ``out``, and a few more."""
+    rows, columns = shape
+    # Two more: the point is somewhere in its cell, and an end may be rounded into the next one.
+    cells = int(min(reach / frame[2], float(rows + columns))) + 2
+    column, row = math.floor((x - frame[0]) / frame[2]), math.floor((y - frame[1]) / frame[2])
+    low, high = max(column - cells, 0), min(column + cells + 1, columns)
+    write_box(low, high, max(row - cells, 0), min(row + cells + 1, rows), out)
+
+
+@kernel
 def write_single_cell(row: int, column: int, out: Bits) -> None:
     """Write the set of a single cell to ``out``."""
     out[:] = _NONE
@@ -155,36 +168,6 @@ def distance_at(distances: Bits, row: int, column: int, size: int, digits: int) 
 def is_fit(distances: Bits, row: int, column: int) -> bool:
     """Whether a cell is reached and fit to stand in."""
     return contains_cell(distances[FIT], row, column)
-
-
-@kernel
-def transform_plan_window(
-    plan: Floats, start: int, transform: Floats, pose: Floats, reach: float, out: Floats
-) -> int:
-    """Write the poses of ``plan`` near the robot to ``out`` and return how many.
-
-    Leaves out the poses before the first one within ``reach`` [m] and stops behind the first one
-    beyond it (base_local_planner ``transformGlobalPlan``). ``plan`` has rows x, y, yaw in the map
-    frame, ``transform`` (x, y, cos, sin) is the map in odom, ``pose`` (x, y) the robot in the map;
-    ``out`` gets x, y in odom.
-    """
-    limit = reach * reach
-    first = start
-    while first < plan.shape[0]:
-        dx, dy = pose[0] - plan[first, 0], pose[1] - plan[first, 1]
-        if dx * dx + dy * dy <= limit:
-            break
-        first += 1
-    n = 0
-    square = 0.0
-    while first + n < plan.shape[0] and square <= limit:
-        x, y = plan[first + n, 0], plan[first + n, 1]
-        out[n, 0] = transform[0] + transform[2] * x - transform[3] * y
-        out[n, 1] = transform[1] + transform[3] * x + transform[2] * y
-        dx, dy = pose[0] - x, pose[1] - y
-        square = dx * dx + dy * dy
-        n += 1
-    return n
 
 
 @kernel

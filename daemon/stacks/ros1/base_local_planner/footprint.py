@@ -1,4 +1,4 @@
-"""The footprint cost of DWA: what a footprint lies on, and how speed enlarges it."""
+"""The footprint cost: what a footprint lies on (base_local_planner ``CostmapModel``)."""
 
 from __future__ import annotations
 
@@ -6,25 +6,13 @@ import math
 
 from daemon.model.kernels import kernel
 from daemon.stacks.kernels import Integers
+from daemon.stacks.ros1.base_local_planner.map_grid import Cells, cell_of
 from daemon.stacks.ros1.cost_grid import INSCRIBED, LETHAL
-from daemon.stacks.ros1.dwa._parameters import DwaSettings
-from daemon.stacks.ros1.dwa.map_grid import Cells, cell_of
 from grammars.model.geometry import Floats
 
 
 @kernel
-def footprint_scale(speed: float, s: DwaSettings) -> float:
-    """Return the factor by which speed enlarges the footprint (``getScalingFactor``)."""
-    if speed <= s.scaling_speed or s.max_scaling == 0.0:
-        return 1.0
-    beyond = s.max_trans - s.scaling_speed
-    if beyond == 0.0:
-        return math.inf
-    return s.max_scaling * (speed - s.scaling_speed) / beyond + 1.0
-
-
-@kernel
-def _line_cost(cells: Cells, start: int, end: int, spans: Integers, inside: bool) -> int:
+def line_cost(cells: Cells, start: int, end: int, spans: Integers, inside: bool) -> int:
     """Return the highest cost on the line between two cells, -1 on lethal or unknown ones.
 
     Bresenham as in base_local_planner ``LineIterator``. ``spans`` collects the first and last
@@ -125,12 +113,12 @@ def footprint_cost(
         if k == 0:
             first = at
         else:
-            cost = _line_cost(cells, before, at, spans, inside)
+            cost = line_cost(cells, before, at, spans, inside)
             if cost < 0:
                 return -1
             worst = max(worst, cost)
         before = at
-    cost = _line_cost(cells, last, first, spans, inside)
+    cost = line_cost(cells, last, first, spans, inside)
     if cost < 0:
         return -1
     worst = max(worst, cost)

@@ -1,0 +1,194 @@
+"""From launch files to the sections that the reference stack reads.
+
+Of what a launch file starts, move_base and amcl are done here. Their private parameters become the
+sections ``move_base`` and ``amcl``; names, remaps and the topic of the map become ``topics/nodes``
+and ``topics/maps``. Everything keeps the place it was written at.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Final
+
+from daemon.campaign._parameters import ParameterValue, ParameterValues
+from daemon.campaign._ros_sources import LaunchPlan
+from grammars.roslaunch import (
+    Launch,
+    LaunchNode,
+    LaunchParameter,
+    NodeType,
+    launch_files_starting,
+    load_launch,
+    resolve_for_node,
+)
+from grammars.text.diagnostics import Diagnostic, InputError, Severity, did_you_mean
+
+_MOVE_BASE: Final[NodeType] = ("move_base", "move_base")
+_AMCL: Final[NodeType] = ("amcl", "amcl")
+_MAP_SERVER: Final[NodeType] = ("map_server", "map_server")
+_SEARCHED_UPWARDS: Final = ("footprint", "robot_radius", "footprint_padding")
+"""What costmaps look for in every namespace above theirs (costmap_2d, footprint.cpp)."""
+_LOCALISERS: Final = {
+    "cartographer_ros": "maps while it drives",
+    "fake_localization": "is told where the robot is",
+    "gmapping": "maps while it drives",
+    "hector_mapping": "maps while it drives",
+    "mcl_3dl": "localises in 3D",
+    "mrpt_localization": "is another particle filter",
+    "rtabmap_ros": "maps while it drives",
+    "slam_karto": "maps while it drives",
+    "slam_toolbox": "maps while it drives",
+}
+_DRIVERS: Final = {
+    "mbf_costmap_nav": "Move Base Flex",
+    "mbf_simple_nav": "Move Base Flex",
+    "move_base_flex": "Move Base Flex",
+}
+_EXTERNAL: Final = "a stack of your own is tested from outside, see docs/ros2.md and the README"
+_MOST_NAMED: Final = 8
+
+
+def load_launched(plan: LaunchPlan, folder: Path, warnings: list[Diagnostic]) -> ParameterValues:
+    """Return the parameters of the nodes that launch files start, by section.
+
+    ``folder`` is that of the SUT file. Raises :class:`InputError` with everything wrong.
+    """
+    launch = load_launch(plan.files, plan.settings, {_MOVE_BASE, _AMCL})
+    warnings += launch.warnings
+    move_base = _choose_move_base(plan, launch, folder)
+    amcl = _choose_amcl(plan, launch, folder, move_base, warnings)
+    settings = _found_upwards(launch, move_base)
+    for section, node in (("move_base", move_base), ("amcl", amcl)):
+        if node is not None:
+            settings |= _section(section, node)
+    return settings | _maps(launch, amcl or move_base)
+
+
+def _section(section: str, node: LaunchNode) -> ParameterValues:
+    settings = {(section, *name): _value(parameter) for name, parameter in node.parameters.items()}
+    above = ("topics", "nodes", section)
+    settings[(*above, "name")] = ParameterValue(node.name, node.where)
+    for source, remap in node.remaps.items():
+        settings[(*above, "remap", source)] = ParameterValue(remap.to, remap.where)
+    return settings
+
+
+def _found_upwards(launch: Launch, move_base: LaunchNode) -> ParameterValues:
+    """Return what the costmaps find above move_base: the nearest namespace that has it."""
+    spaces = tuple(part for part in move_base.name.split("/") if part)
+    found: ParameterValues = {}
+    for depth in range(len(spaces)):
+        for name in _SEARCHED_UPWARDS:
+            parameter = launch.parameters.get((*spaces[:depth], name))
+            if parameter is not None:
+                found["move_base", name] = _value(parameter)
+    return found
+
+
+def _value(parameter: LaunchParameter) -> ParameterValue:
+    return ParameterValue(parameter.value, parameter.where, parameter.missing, parameter.inside)
+
+
+def _choose_move_base(plan: LaunchPlan, launch: Launch, folder: Path) -> LaunchNode:
+    there = [node for node in launch.nodes if node.kind == _MOVE_BASE]
+    if plan.node is not None:
+        for node in there:
+            if node.name == plan.node:
+                return node
+        hint = did_you_mean(plan.node, (node.name for node in there))
+        raise InputError.at(plan.node_where, f"node: no move_base is called {plan.node}", hint)
+    if not there:
+        others = [node for node in launch.nodes if node.package in _DRIVERS]
+        message = f"starts no move_base; it starts {_listed(launch.nodes)}"
+        hints = [
+            *(f"{node.name} is {_DRIVERS[node.package]}: {_EXTERNAL}" for node in others),
+            *_elsewhere("move_base", plan, launch, folder),
+        ]
+        raise InputError.at(plan.where, message, "; ".join(hints))
+    if len(there) > 1:
+        names = ", ".join(f"{node.name} ({_place(node)})" for node in there)
+        message = f"starts {len(there)} move_base nodes: {names}"
+        raise InputError.at(plan.where, message, f'write "node: {there[0].name}" for that one')
+    return there[0]
+
+
+def _choose_amcl(
+    plan: LaunchPlan,
+    launch: Launch,
+    folder: Path,
+    move_base: LaunchNode,
+    warnings: list[Diagnostic],
+) -> LaunchNode | None:
+    """Return the amcl of a robot: the only one, or the one beside its move_base."""
+    there = [node for node in launch.nodes if node.kind == _AMCL]
+    space = move_base.name.rpartition("/")[0]
+    beside = [node for node in there if node.name.rpartition("/")[0] == space]
+    if len(there) == 1 or len(beside) == 1:
+        return (beside if len(beside) == 1 else there)[0]
+    if there:
+        names = ", ".join(f"{node.name} ({_place(node)})" for node in there)
+        message = f"starts {len(there)} amcl nodes: {names}"
+        hint = f"one of them must be in the namespace of {move_base.name}"
+        raise InputError.at(plan.where, message, hint)
+    message = "starts no amcl: it localises with amcl's defaults here"
+    others = [
+        f"{node.name} ({node.package}) {_LOCALISERS[node.package]}, which is not done here"
+        for node in launch.nodes
+        if node.package in _LOCALISERS
+    ]
+    hint = "; ".join([*others, *_elsewhere("amcl", plan, launch, folder)])
+    warnings.append(Diagnostic(plan.where, message, hint, Severity.WARNING))
+    return None
+
+
+def _elsewhere(package: str, plan: LaunchPlan, launch: Launch, folder: Path) -> list[str]:
+    """Return hints on launch files that may start a node which is not started."""
+    known = {Path(file).absolute().resolve() for file in launch.files}
+    found = dict.fromkeys(
+        os.path.relpath(path, folder.absolute())
+        for file, _ in plan.files
+        for path in launch_files_starting(package, file)
+        if path.resolve() not in known
+    )
+    hints = []
+    if found:
+        names = list(found)[:_MOST_NAMED]
+        hints.append(f"{package} is started by {', '.join(names)}: add it to launch")
+    if launch.left_out:
+        hints.append(f"it may be started by what is left out: {', '.join(launch.left_out)}")
+    return hints
+
+
+def _maps(launch: Launch, listener: LaunchNode) -> ParameterValues:
+    """Return the topics of the map that ``listener`` hears, which is the map of a run.
+
+    A server of another map, such as one of places to keep out of, is left out: no run has it.
+    """
+    servers = {
+        resolve_topic(node, "map"): node for node in launch.nodes if node.kind == _MAP_SERVER
+    }
+    heard = resolve_topic(listener, "map")
+    the = servers.get(heard) or (next(iter(servers.values())) if len(servers) == 1 else None)
+    if the is None:
+        return {}
+    same = [topic for topic, node in servers.items() if node.arguments == the.arguments]
+    return {("topics", "maps"): ParameterValue(same, the.where)}
+
+
+def resolve_topic(node: LaunchNode, name: str) -> str:
+    """Return the topic that ``node`` means by ``name``."""
+    full = resolve_for_node(name, node.name)
+    remap = node.remaps.get(full)
+    return full if remap is None else remap.to
+
+
+def _listed(nodes: Iterable[LaunchNode]) -> str:
+    names = [f"{node.name} ({node.package}/{node.type})" for node in nodes]
+    more = f" and {len(names) - _MOST_NAMED} more" if len(names) > _MOST_NAMED else ""
+    return ", ".join(names[:_MOST_NAMED]) + more if names else "no node at all"
+
+
+def _place(node: LaunchNode) -> str:
+    return f"{Path(node.where.file).name}:{node.where.line}"

@@ -1,0 +1,143 @@
+"""What the controllers share: the plan they follow, the period they look ahead, their answer."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from daemon.model.kernels import kernel
+from daemon.stacks.ros1.cost_grid import CostGrid
+from grammars.model.geometry import Floats, Pose2, Twist2
+
+NO_POINTS: Final[Floats] = np.empty((0, 2))
+_PRUNED_BEYOND: Final = 1.0
+"""[m] What ``prunePlan`` forgets lies further away than this."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ControllerAnswer:
+    """What one control cycle found.
+
+    ``twist`` is zero unless ``ok``. ``local_plan`` has shape (points, 2): x, y in odom of the
+    trajectory it belongs to, without points when the robot stops or turns at the goal.
+    """
+
+    ok: bool
+    twist: Twist2
+    local_plan: Floats
+
+
+NO_VELOCITY: Final = ControllerAnswer(False, Twist2(), NO_POINTS)
+
+
+class Contradiction(NamedTuple):
+    """Parameters that do not mean what they seem to: their ``names``, and why in words."""
+
+    names: tuple[str, ...]
+    text: str
+
+
+def sim_period(frequency: float | None, default: float) -> float:
+    """Return the period [s] of the dynamic window; 0.05 when the ``frequency`` makes no sense."""
+    if frequency is None:
+        return float(default)
+    return 1.0 / frequency if frequency > 0.0 else 0.05
+
+
+@kernel
+def transform_plan_window(
+    plan: Floats, start: int, transform: Floats, pose: Floats, reach: float, out: Floats
+) -> tuple[int, int]:
+    """Write the poses of ``plan`` near the robot to ``out``; return which is first, how many.
+
+    Leaves out the poses before the first one within ``reach`` [m] and stops behind the first one
+    beyond it (base_local_planner ``transformGlobalPlan``). ``plan`` has rows x, y, yaw in the map
+    frame, ``transform`` (x, y, cos, sin) is the map in odom, ``pose`` (x, y) the robot in the map;
+    ``out`` gets x, y in odom.
+    """
+    limit = reach * reach
+    first = start
+    while first < plan.shape[0]:
+        dx, dy = pose[0] - plan[first, 0], pose[1] - plan[first, 1]
+        if dx * dx + dy * dy <= limit:
+            break
+        first += 1
+    n = 0
+    square = 0.0
+    while first + n < plan.shape[0] and square <= limit:
+        x, y = plan[first + n, 0], plan[first + n, 1]
+        out[n, 0] = transform[0] + transform[2] * x - transform[3] * y
+        out[n, 1] = transform[1] + transform[3] * x + transform[2] * y
+        dx, dy = pose[0] - x, pose[1] - y
+        square = dx * dx + dy * dy
+        n += 1
+    return first, n
+
+
+class FollowedPlan:
+    """The global plan a controller follows, and the part of it near the robot."""
+
+    def __init__(self) -> None:
+        self._poses: Floats = np.empty((0, 3))
+        self._room: Floats = np.empty((0, 2))
+        self._start = 0
+        self._end = 0
+
+    def take(self, plan: Floats) -> None:
+        """Follow ``plan``, shape (poses, 3): x, y, yaw in the map frame, the goal last."""
+        self._poses = np.ascontiguousarray(plan, dtype=np.float64)
+        self._start = 0
+        if self._room.shape[0] < plan.shape[0]:
+            self._room = np.empty((plan.shape[0], 2))
+
+    @property
+    def forgotten(self) -> int:
+        """How many poses pruning has taken off the beginning of the plan."""
+        return self._start
+
+    @property
+    def is_over(self) -> bool:
+        """Whether nothing is left to follow."""
+        return self._start >= len(self._poses)
+
+    def goal(self, odom_to_map: Pose2) -> Pose2:
+        """Return the last pose of the plan in odom; ``odom_to_map`` is the map in odom."""
+        return self._in_odom(len(self._poses), odom_to_map)
+
+    def window_end(self, odom_to_map: Pose2) -> Pose2:
+        """Return the last pose of the latest window in odom."""
+        return self._in_odom(self._end, odom_to_map)
+
+    def _in_odom(self, end: int, odom_to_map: Pose2) -> Pose2:
+        x, y, yaw = self._poses[end - 1].tolist()
+        return odom_to_map @ Pose2(x, y, yaw)
+
+    def window(self, pose: Pose2, map_to_odom: Pose2, local: CostGrid, *, prune: bool) -> Floats:
+        """Return the poses of the plan near ``pose``, shape (poses, 2): x, y in odom.
+
+        Near is within half the longer side of ``local``; the next call overwrites them. With
+        ``prune`` what lies behind is forgotten for good.
+        """
+        if self.is_over:
+            return NO_POINTS
+        o, here = map_to_odom.inverse(), map_to_odom.apply((pose.x, pose.y))
+        transform = np.array((o.x, o.y, math.cos(o.yaw), math.sin(o.yaw)))
+        reach = max(local.cells.shape) * local.resolution / 2.0
+        robot = np.array(here)
+        first, n = transform_plan_window(
+            self._poses, self._start, transform, robot, reach, self._room
+        )
+        self._end = first + n
+        window = self._room[:n]
+        return self._pruned(window, pose) if prune else window
+
+    def _pruned(self, window: Floats, pose: Pose2) -> Floats:
+        """Forget as many poses of the plan as the window has before it comes near the robot."""
+        square = (window[:, 0] - pose.x) ** 2 + (window[:, 1] - pose.y) ** 2
+        kept = np.flatnonzero(square < _PRUNED_BEYOND**2)
+        gone = int(kept[0]) if kept.size else len(window)
+        self._start += gone
+        return window[gone:]

@@ -1,0 +1,22 @@
+"""TrajectoryPlannerROS of base_local_planner of ROS Noetic, the default local planner of move_base.
+
+Tries arcs the robot can reach, then turns on the spot, then strafing, and backs up when nothing
+is legal; the cheapest wins, by distances on the local costmap.
+"""
+
+from daemon.stacks.ros1.trajectory_planner._parameters import (
+    WITHOUT_EFFECT,
+    TrajectoryPlannerParameters,
+    contradictions,
+    not_as_written,
+)
+from daemon.stacks.ros1.trajectory_planner._trajectory_planner import TrajectoryPlanner, warm_up
+
+__all__ = [
+    "WITHOUT_EFFECT",
+    "TrajectoryPlanner",
+    "TrajectoryPlannerParameters",
+    "contradictions",
+    "not_as_written",
+    "warm_up",
+]

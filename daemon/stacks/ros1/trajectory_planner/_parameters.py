@@ -1,0 +1,286 @@
+"""The parameters of TrajectoryPlannerROS as ROS names them, with the defaults of Noetic.
+
+Noetic reads most of them twice: ``TrajectoryPlannerROS`` when it is set up, and dynamic
+reconfigure right after, whose defaults and ranges then count for all that chooses trajectories.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping
+from typing import Annotated, Final, TypeAlias
+
+from pydantic import ConfigDict, Field
+from pydantic.dataclasses import dataclass
+
+from daemon.stacks.ros1.base_local_planner import Contradiction
+from daemon.stacks.ros1.parameters import Finite, NotNegative, Positive
+
+_Optional: TypeAlias = Annotated[float | None, Field(allow_inf_nan=False)]
+
+_STRAFE_SPEEDS: Final = "-0.3,-0.1,0.1,-0.3"
+_NUMBER: Final = re.compile(r"\s*[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
+
+
+@dataclass(frozen=True, slots=True, config=ConfigDict(extra="forbid"))
+class TrajectoryPlannerParameters:
+    """What can be set on the controller (section ``TrajectoryPlannerROS``).
+
+    Source: base_local_planner of Noetic, ``TrajectoryPlannerROS::initialize`` and its dynamic
+    reconfigure description, whose defaults differ from those in the wiki.
+    """
+
+    acc_lim_x: NotNegative = 2.5
+    """[m/s^2] Forward."""
+    acc_lim_y: NotNegative = 2.5
+    """[m/s^2] Sideways."""
+    acc_lim_theta: NotNegative = 3.2
+    """[rad/s^2] Turning."""
+    max_vel_x: Finite = 0.55
+    """[m/s] Largest speed forward; less is tried when the end of the local plan is nearer than
+    ``sim_time`` would lead."""
+    min_vel_x: Finite = 0.0
+    """[m/s] Smallest speed forward. Below 0 counts as 0: only ``escape_vel`` leads backwards."""
+    max_vel_theta: Finite = 1.0
+    """[rad/s] Fastest turn to the left while driving and on the spot."""
+    min_vel_theta: Finite = -1.0
+    """[rad/s] Fastest turn to the right, below 0."""
+    min_in_place_vel_theta: Annotated[float | None, Field(ge=0.0, allow_inf_nan=False)] = None
+    """[rad/s] Slowest turn on the spot; not written: 0.4."""
+    max_rotational_vel: NotNegative = 1.0
+    """[rad/s] Fastest turn at the goal, whatever ``max_vel_theta`` says."""
+    min_in_place_rotational_vel: Annotated[float | None, Field(ge=0.0, allow_inf_nan=False)] = None
+    """[rad/s] Older name of ``min_in_place_vel_theta``: heard only if that is not written, and
+    only by the turn at the goal."""
+    holonomic_robot: bool = True
+    """Try to strafe: a little while driving, and along ``y_vels`` when nothing else is legal."""
+    y_vels: str | tuple[Finite, ...] = _STRAFE_SPEEDS
+    """[m/s] Speeds to the left, as text with commas (the default is the original's); a list is
+    not heard."""
+    escape_vel: Finite = -0.1
+    """[m/s] Speed ahead when no trajectory is legal; negative: backwards."""
+    yaw_goal_tolerance: NotNegative = 0.05
+    """[rad] Turned far enough."""
+    xy_goal_tolerance: NotNegative = 0.10
+    """[m] This near to the end of the local plan the robot stops and turns."""
+    latch_xy_goal_tolerance: bool = False
+    """Once that near, only turn until the next plan, even if the robot drifts off again."""
+    prune_plan: bool = True
+    """Forget the plan behind the robot for good, up to the first pose within 1 m of it."""
+    sim_time: Finite = 1.7
+    """[s] How far ahead trajectories look."""
+    sim_granularity: Positive = 0.025
+    """[m] Largest distance between points of a trajectory, about; with ``heading_scoring`` the
+    time between them [s]."""
+    angular_sim_granularity: Positive = 0.025
+    """The turning speed [rad/s] of a trajectory over this is the least number of its points."""
+    vx_samples: int = 20
+    """Samples of the forward speed."""
+    vtheta_samples: int = 20
+    """Samples of the turning speed, and as many turns on the spot."""
+    path_distance_bias: _Optional = None
+    """Weight of the distance from the path; not written: ``pdist_scale``."""
+    pdist_scale: _Optional = None
+    """Older name of ``path_distance_bias``; not written either: 0.6."""
+    goal_distance_bias: _Optional = None
+    """Weight of the distance from the local goal; not written: ``gdist_scale``."""
+    gdist_scale: _Optional = None
+    """Older name of ``goal_distance_bias``; not written either: 0.8."""
+    meter_scoring: bool = False
+    """Both weights are per metre, not per cell. Noetic chooses between them by memory that it
+    never writes (``TrajectoryPlanner::meter_scoring_``); here what is written counts."""
+    occdist_scale: Finite = 0.01
+    """Weight of the highest cost under the footprint."""
+    heading_lookahead: Finite = 0.325
+    """[m] How far ahead of the robot a turn on the spot looks for the nearest way to the goal."""
+    heading_scoring: bool = False
+    """Score a trajectory at one instant only, its heading as well."""
+    heading_scoring_timestep: Finite = 0.1
+    """[s] Which instant."""
+    dwa: bool = False
+    """Sample what is reachable in one control period; otherwise in ``sim_time``."""
+    simple_attractor: bool = False
+    """Instead of distances on the grid, take the square of that from the end of the local plan."""
+    oscillation_reset_dist: Finite = 0.05
+    """[m] Moved this far, the robot may turn or strafe the other way again."""
+    escape_reset_dist: Finite = 0.10
+    """[m] Moved this far, a robot that backed up may drive ahead again."""
+    escape_reset_theta: Finite = math.pi / 2.0
+    """[rad] The same, turned this far."""
+    controller_frequency: _Optional = None
+    """[Hz] Of the dynamic window only; without it that of move_base counts."""
+
+
+_RENAMED: Final = "TrajectoryPlannerROS reads {}, and only rotate_recovery this name"
+_MISSPELT: Final = "TrajectoryPlannerROS reads {}, and warns of this name"
+_NO_STRAFE_LIMITS: Final = "TrajectoryPlannerROS knows no limits of strafing, only y_vels"
+_DEBUG: Final = "it only publishes a debug point cloud"
+
+WITHOUT_EFFECT: Final[Mapping[str, str]] = {
+    "acc_lim_th": _RENAMED.format("acc_lim_theta"),
+    "acc_limit_th": _MISSPELT.format("acc_lim_theta"),
+    "acc_limit_x": _MISSPELT.format("acc_lim_x"),
+    "acc_limit_y": _MISSPELT.format("acc_lim_y"),
+    "backup_vel": "TrajectoryPlannerROS reads it and puts escape_vel in its place at once",
+    "global_frame_id": "it only names the frame of a debug point cloud",
+    "max_vel_y": _NO_STRAFE_LIMITS,
+    "min_vel_y": _NO_STRAFE_LIMITS,
+    "point_grid": "it belongs to another world model than the costmap",
+    "publish_cost_grid": _DEBUG,
+    "publish_cost_grid_pc": _DEBUG,
+    "restore_defaults": "it is a button of rqt_reconfigure",
+    "stop_time_buffer": "TrajectoryPlannerROS stores it and never reads it",
+    "vy_samples": _NO_STRAFE_LIMITS,
+    "world_model": "the costmap is the only world model there is",
+}
+"""Names that change nothing here, with the reason."""
+
+_RANGES: Final[Mapping[str, tuple[float, float]]] = {
+    "acc_lim_x": (0.0, 20.0),
+    "acc_lim_y": (0.0, 20.0),
+    "acc_lim_theta": (0.0, 20.0),
+    "max_vel_x": (0.0, 20.0),
+    "min_vel_x": (0.0, 20.0),
+    "max_vel_theta": (0.0, 20.0),
+    "min_vel_theta": (-20.0, 0.0),
+    "min_in_place_vel_theta": (0.0, 20.0),
+    "sim_time": (0.0, 10.0),
+    "sim_granularity": (0.0, 5.0),
+    "angular_sim_granularity": (0.0, math.pi / 2.0),
+    "path_distance_bias": (0.0, 5.0),
+    "pdist_scale": (0.0, 5.0),
+    "goal_distance_bias": (0.0, 5.0),
+    "gdist_scale": (0.0, 5.0),
+    "occdist_scale": (0.0, 5.0),
+    "oscillation_reset_dist": (0.0, 5.0),
+    "escape_reset_dist": (0.0, 5.0),
+    "escape_reset_theta": (0.0, 5.0),
+    "vx_samples": (1, 300),
+    "vtheta_samples": (1, 300),
+    "heading_lookahead": (0.0, 5.0),
+    "escape_vel": (-2.0, 2.0),
+    "heading_scoring_timestep": (0.0, 1.0),
+}
+"""What dynamic reconfigure puts values back into, without a word."""
+
+
+def in_range(parameters: TrajectoryPlannerParameters, name: str) -> float:
+    """Return a parameter as dynamic reconfigure hands it on; 0 when it is not written."""
+    value: float = getattr(parameters, name) or 0.0
+    low, high = _RANGES[name]
+    return min(max(value, low), high)
+
+
+def path_bias(parameters: TrajectoryPlannerParameters) -> float:
+    """Return the weight of the distance from the path as it is meant."""
+    name = "pdist_scale" if parameters.path_distance_bias is None else "path_distance_bias"
+    return 0.6 if getattr(parameters, name) is None else in_range(parameters, name)
+
+
+def goal_bias(parameters: TrajectoryPlannerParameters) -> float:
+    """Return the weight of the distance from the goal as it is meant."""
+    name = "gdist_scale" if parameters.goal_distance_bias is None else "goal_distance_bias"
+    return 0.8 if getattr(parameters, name) is None else in_range(parameters, name)
+
+
+def slowest_turn(parameters: TrajectoryPlannerParameters) -> float:
+    """Return the slowest turn on the spot [rad/s] that is sampled."""
+    written = parameters.min_in_place_vel_theta is not None
+    return in_range(parameters, "min_in_place_vel_theta") if written else 0.4
+
+
+def slowest_turn_at_goal(parameters: TrajectoryPlannerParameters) -> float:
+    """Return the slowest turn at the goal [rad/s]: by either name, within no range."""
+    for written in (parameters.min_in_place_vel_theta, parameters.min_in_place_rotational_vel):
+        if written is not None:
+            return float(written)
+    return 0.4
+
+
+def strafe_speeds(parameters: TrajectoryPlannerParameters) -> tuple[float, ...]:
+    """Return the speeds [m/s] in ``y_vels``.
+
+    A part that begins with no number is 0, which is never taken, as in the original; so is an
+    empty part, for which the original takes whatever is in memory.
+    """
+    text = parameters.y_vels
+    if not isinstance(text, str):
+        text = _STRAFE_SPEEDS
+    found = (_NUMBER.match(part) for part in re.split("[, ]+", text))
+    return tuple(float(number.group()) if number else 0.0 for number in found)
+
+
+def not_as_written(parameters: TrajectoryPlannerParameters) -> tuple[Contradiction, ...]:
+    """Return what the controller takes differently from how it is written: worth a warning."""
+    found = []
+    for name, (low, high) in _RANGES.items():
+        value = getattr(parameters, name)
+        if value is not None and not low <= value <= high:
+            used = in_range(parameters, name)
+            text = f"{name} {value} is beyond what the controller takes: {used:g} counts"
+            found.append(Contradiction((name,), text))
+    if not isinstance(parameters.y_vels, str):
+        text = 'y_vels is a list, which is not heard: write text, such as "-0.3, -0.1, 0.1, 0.3"'
+        found.append(Contradiction(("y_vels",), text))
+    elif any(speed == 0.0 for speed in strafe_speeds(parameters)):
+        text = f'y_vels "{parameters.y_vels}" is not all numbers: the rest is never tried'
+        found.append(Contradiction(("y_vels",), text))
+    return tuple(found)
+
+
+def contradictions(parameters: TrajectoryPlannerParameters) -> tuple[Contradiction, ...]:
+    """Return what in ``parameters`` keeps the robot from moving as asked."""
+    return tuple(Contradiction(names, text) for names, wrong, text in _rules(parameters) if wrong)
+
+
+def _rules(p: TrajectoryPlannerParameters) -> tuple[tuple[tuple[str, ...], bool, str], ...]:
+    # A table, one rule an entry.
+    slowest = in_range(p, "min_vel_x")
+    sim_time, instant = in_range(p, "sim_time"), in_range(p, "heading_scoring_timestep")
+    steps = max(1, int(sim_time / p.sim_granularity + 0.5))
+    return (
+        (
+            ("max_vel_x",),
+            in_range(p, "max_vel_x") == 0.0,
+            "max_vel_x is 0: the robot can never drive",
+        ),
+        (
+            ("min_vel_x", "max_vel_x"),
+            slowest > p.max_vel_x,
+            f"min_vel_x {p.min_vel_x} is above max_vel_x {p.max_vel_x}: there is no speed between",
+        ),
+        (
+            ("sim_time",),
+            sim_time == 0.0,
+            "sim_time is 0: trajectories lead nowhere, so all are the same",
+        ),
+        (
+            ("vx_samples", "min_vel_x"),
+            p.vx_samples <= 1 and slowest == 0.0,
+            f"vx_samples is {p.vx_samples}: only min_vel_x is tried, which is 0",
+        ),
+        (
+            ("vtheta_samples",),
+            p.vtheta_samples <= 1,
+            f"vtheta_samples is {p.vtheta_samples}: only straight on is tried, the robot cannot "
+            "turn",
+        ),
+        (
+            ("acc_lim_x",),
+            p.acc_lim_x == 0.0 and slowest == 0.0,
+            "acc_lim_x is 0: no other speed than the present one can be reached",
+        ),
+        (
+            ("acc_lim_theta",),
+            p.acc_lim_theta == 0.0,
+            "acc_lim_theta is 0: no other turning speed than the present one can be reached",
+        ),
+        (
+            ("heading_scoring_timestep", "sim_time"),
+            # A hair to spare, as the controller sums the time up step by step.
+            p.heading_scoring and instant > sim_time * (1.0 - 1.0 / steps) + 1e-9,
+            f"heading_scoring_timestep {instant:g} is beyond the last point of a trajectory of "
+            f"{sim_time:g} s: neither path nor goal would count",
+        ),
+    )

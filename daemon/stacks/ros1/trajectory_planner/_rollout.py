@@ -1,0 +1,227 @@
+"""Where a velocity takes the robot, and what that costs (``generateTrajectory``)."""
+
+from __future__ import annotations
+
+import math
+import sys
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from daemon.model.kernels import kernel
+from daemon.stacks.kernels import Integers
+from daemon.stacks.ros1.base_local_planner.footprint import footprint_cost, line_cost
+from daemon.stacks.ros1.base_local_planner.map_grid import (
+    Bits,
+    Cells,
+    cell_of,
+    distance_at,
+    is_fit,
+)
+from daemon.stacks.ros1.cost_grid import INSCRIBED
+from daemon.stacks.ros1.trajectory_planner._settings import RolloutSettings
+from grammars.model.geometry import Floats
+
+COLLIDES: Final = -1.0
+"""The cost of a trajectory whose footprint leaves the grid or lies on an obstacle."""
+LEADS_NOWHERE: Final = -2.0
+"""The cost of a trajectory to cells from which the grid knows no way to path or goal."""
+_NO_HEADING: Final = sys.float_info.max
+_HEADING_WEIGHT: Final = 0.3
+TERMS: Final = 6
+PATH, GOAL, HEADING, CENTRE, FAILURE, LEGAL = range(TERMS)
+"""Places in the terms of a cost: distances, heading error, highest cost the centre meets, why the
+trajectory ends early, and after how many points."""
+
+
+class RolloutGrid(NamedTuple):
+    """What trajectories are scored on.
+
+    ``frame`` is x, y and resolution of the ``cells``; ``outline`` the footprint, (corners, 2) in
+    metres; ``path`` and ``goal`` are grid distances, of which ``digits`` (2,) digits are used;
+    ``spans`` is room for a rasterised footprint.
+    """
+
+    cells: Cells
+    frame: Floats
+    outline: Floats
+    path: Bits
+    goal: Bits
+    digits: Integers
+    spans: Integers
+
+
+@kernel
+def normalize_angle(angle: float) -> float:
+    """Map an angle [rad] to (-pi, pi], rounded as the ROS package angles does."""
+    rest = float(np.fmod(angle + math.pi, 2.0 * math.pi))
+    return rest + math.pi if rest <= 0.0 else rest - math.pi
+
+
+@kernel
+def count_points(vx: float, vy: float, wz: float, s: RolloutSettings) -> int:
+    """Return the number of points of a sample's trajectory, at least one."""
+    if s.heading_scoring:
+        return max(1, int(s.sim_time / s.granularity + 0.5))
+    # The turning speed is not taken times the duration: so it is in the original.
+    straight = math.hypot(vx, vy) * s.sim_time / s.granularity
+    return max(1, int(max(straight, abs(wz) / s.angular_granularity) + 0.5))
+
+
+@kernel
+def _accelerate(target: float, speed: float, change: float) -> float:
+    if target - speed >= 0.0:
+        return min(target, speed + change)
+    return max(target, speed - change)
+
+
+@kernel
+def simulate_trajectory(
+    state: Floats, vx: float, vy: float, wz: float, s: RolloutSettings, points: Floats
+) -> int:
+    """Write the trajectory of a sample to ``points`` and return the number of points.
+
+    ``state`` is x, y, yaw, vx, vy, wz. A row of ``points`` is x, y, yaw and the cosine and sine of
+    yaw; the first one is the pose in ``state``, the end pose is left out. Speeds change within the
+    limits of acceleration; poses are integrated after Euler.
+    """
+    n = count_points(vx, vy, wz, s)
+    dt = s.sim_time / n
+    x, y, yaw = state[0], state[1], state[2]
+    ux, uy, uw = state[3], state[4], state[5]
+    for i in range(n):
+        c, d = math.cos(yaw), math.sin(yaw)
+        points[i, 0], points[i, 1], points[i, 2] = x, y, yaw
+        points[i, 3], points[i, 4] = c, d
+        ux = _accelerate(vx, ux, s.acc_x * dt)
+        uy = _accelerate(vy, uy, s.acc_y * dt)
+        uw = _accelerate(wz, uw, s.acc_theta * dt)
+        along_x, along_y = ux * c, ux * d
+        if uy != 0.0:
+            # Not -sin and cos: the original adds a quarter turn, which rounds differently.
+            along_x += uy * math.cos(math.pi / 2.0 + yaw)
+            along_y += uy * math.sin(math.pi / 2.0 + yaw)
+        x, y, yaw = x + along_x * dt, y + along_y * dt, yaw + uw * dt
+    return n
+
+
+@kernel
+def heading_error(at: int, pose: Floats, plan: Floats, m: int, f: RolloutGrid) -> float:
+    """Return how far [rad] a pose looks past the last point of the plan in sight of its cell.
+
+    In sight is what no inscribed, lethal or unknown cell lies before (``headingDiff``). The
+    largest number there is when no point is.
+    """
+    rows, columns = f.cells.shape
+    for i in range(m - 1, -1, -1):
+        to = cell_of(plan[i, 0], plan[i, 1], f.frame, rows, columns)
+        if to < 0:
+            continue
+        worst = line_cost(f.cells, at, to, f.spans, False)
+        if 0 <= worst < INSCRIBED:
+            x = f.frame[0] + (to % columns + 0.5) * f.frame[2]
+            y = f.frame[1] + (to // columns + 0.5) * f.frame[2]
+            return abs(normalize_angle(math.atan2(y - pose[1], x - pose[0]) - pose[2]))
+    return _NO_HEADING
+
+
+@kernel
+def follow_cells(
+    points: Floats,
+    n: int,
+    plan: Floats,
+    m: int,
+    s: RolloutSettings,
+    f: RolloutGrid,
+    terms: Floats,
+) -> int:
+    """Write the ``terms`` of a trajectory but that of the footprint.
+
+    Returns the number of points before the first one off the grid or without a way to path and
+    goal, ``n`` when there is none.
+    """
+    rows, columns = f.cells.shape
+    size = f.cells.size
+    flat = f.cells.reshape(-1)
+    terms[:] = 0.0
+    dt, time = s.sim_time / n, 0.0
+    for i in range(n):
+        at = cell_of(points[i, 0], points[i, 1], f.frame, rows, columns)
+        if at < 0:
+            terms[FAILURE] = COLLIDES
+            return i
+        terms[CENTRE] = max(terms[CENTRE], float(flat[at]))
+        if s.simple_attractor:
+            dx, dy = points[i, 0] - plan[m - 1, 0], points[i, 1] - plan[m - 1, 1]
+            terms[GOAL] = dx * dx + dy * dy
+            continue
+        scored = i == n - 1
+        if s.heading_scoring:
+            scored = s.instant <= time < s.instant + dt
+            time += dt
+            if scored:
+                terms[HEADING] = heading_error(at, points[i], plan, m, f)
+        row, column = at // columns, at % columns
+        if scored:
+            terms[PATH] = distance_at(f.path, row, column, size, f.digits[0])
+            terms[GOAL] = distance_at(f.goal, row, column, size, f.digits[1])
+            fit = terms[PATH] < size and terms[GOAL] < size
+        else:
+            # With headings only the one instant is looked at.
+            fit = s.heading_scoring or (is_fit(f.path, row, column) and is_fit(f.goal, row, column))
+        if not fit:
+            terms[FAILURE] = LEADS_NOWHERE
+            return i
+    return n
+
+
+@kernel
+def total_cost(obstacle: float, terms: Floats, s: RolloutSettings) -> float:
+    """Sum the terms in the original's order."""
+    if s.heading_scoring:
+        cost = s.obstacle_scale * obstacle + s.path_scale * terms[PATH]
+        return float(cost + _HEADING_WEIGHT * terms[HEADING] + terms[GOAL] * s.goal_scale)
+    cost = s.path_scale * terms[PATH] + terms[GOAL] * s.goal_scale
+    return float(cost + s.obstacle_scale * obstacle)
+
+
+@kernel
+def score_trajectory(
+    points: Floats,
+    n: int,
+    plan: Floats,
+    m: int,
+    limit: float,
+    s: RolloutSettings,
+    f: RolloutGrid,
+    terms: Floats,
+) -> float:
+    """Return the cost of a trajectory, ``COLLIDES`` or ``LEADS_NOWHERE`` when it is illegal.
+
+    ``plan`` has the ``m`` poses near the robot. Gives up with ``COLLIDES`` as soon as the cost is
+    above ``limit``.
+    """
+    stop = follow_cells(points, n, plan, m, s, f, terms)
+    # The original looks at the footprint of a point first, then at its way to path and goal.
+    laid = stop + 1 if terms[FAILURE] == LEADS_NOWHERE else stop
+    terms[LEGAL] = stop
+    obstacle = 0.0
+    if stop == n:
+        obstacle = terms[CENTRE]
+        if total_cost(obstacle, terms, s) > limit:
+            return COLLIDES
+    for i in range(laid):
+        cost = footprint_cost(
+            f.cells, f.frame, f.outline, 1.0, points[i], f.spans, not s.perimeter_only
+        )
+        if cost < 0:
+            terms[FAILURE], terms[LEGAL] = COLLIDES, i
+            return COLLIDES
+        if cost > obstacle:
+            obstacle = float(cost)
+            # Weights are not negative, so no term still to come makes it less.
+            if stop == n and total_cost(obstacle, terms, s) > limit:
+                return COLLIDES
+    if stop < n:
+        return float(terms[FAILURE])
+    return total_cost(obstacle, terms, s)

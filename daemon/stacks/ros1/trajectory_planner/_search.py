@@ -1,0 +1,259 @@
+"""Which trajectory wins (``createTrajectories``).
+
+The original follows and scores arcs in turn and keeps the first of the cheapest; then turns on
+the spot, each preferred to what was found before if it costs no more and looks nearer to the
+goal; then, if nothing is legal, strafing, and at last backing up. Here arcs get a lower bound of
+their cost first, without footprints, and are scored in the order of their bounds until no bound
+can win. Bounds sum the same terms in the same order as the cost, that of the footprint replaced
+by a smaller one, so that rounding keeps them below the cost; ties go to the arc the original
+meets first.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from daemon.model.kernels import kernel
+from daemon.stacks.kernels import Integers
+from daemon.stacks.ros1.base_local_planner.footprint import footprint_cost
+from daemon.stacks.ros1.base_local_planner.map_grid import Bits, cell_of, distance_at
+from daemon.stacks.ros1.trajectory_planner._rollout import (
+    CENTRE,
+    COLLIDES,
+    RolloutGrid,
+    follow_cells,
+    score_trajectory,
+    simulate_trajectory,
+    total_cost,
+)
+from daemon.stacks.ros1.trajectory_planner._settings import RolloutSettings
+from grammars.model.geometry import Floats
+
+NUDGE: Final = 0.1
+"""[m/s] Speed ahead and sideways of the two arcs that strafe a little."""
+STUCK_LEFT, STUCK_RIGHT, STUCK_LEFT_STRAFE, STUCK_RIGHT_STRAFE = range(4)
+"""Places of what oscillation forbids: turns to the right and to the left, then strafing to the
+left and to the right (the original's names, whose sides differ for turns)."""
+VX, VY, WZ, COST, AHEAD = range(5)
+"""Places in what is known of the best trajectory; the last is the distance to the goal from where
+it looks."""
+
+
+class RolloutBuffers(NamedTuple):
+    """Room to work in, allocated once: every cycle overwrites it.
+
+    ``seeds``, ``passable``, ``standing``, ``wanted`` and ``fronts`` are sets of cells as in
+    :mod:`daemon.stacks.ros1.base_local_planner.map_grid`: ``passable`` for everybody,
+    ``standing`` with those under the robot as well; ``columns`` (columns, 2) the first and last row
+    under it; ``window`` (2, 2) the dynamic window; ``arcs`` (most, 3) the velocities of arcs and
+    ``lower`` (most,) bounds of their costs; ``points`` (longest trajectory, 5), ``terms`` and
+    ``best`` as above.
+    """
+
+    seeds: Bits
+    passable: Bits
+    standing: Bits
+    wanted: Bits
+    fronts: Bits
+    columns: Integers
+    window: Floats
+    arcs: Floats
+    lower: Floats
+    points: Floats
+    terms: Floats
+    best: Floats
+
+
+@kernel
+def velocity_window(state: Floats, distance: float, s: RolloutSettings, out: Floats) -> None:
+    """Write the lowest and highest speeds ahead and of turning to ``out``, shape (2, 2).
+
+    ``distance`` [m] is that to the end of the local plan. The turning speeds may be upside down
+    when the robot is faster than its limits.
+    """
+    reach = s.period if s.dwa else s.sim_time
+    most = min(s.max_x, distance / s.sim_time)
+    out[0, 0] = max(s.min_x, state[3] - s.acc_x * reach)
+    out[0, 1] = max(min(most, state[3] + s.acc_x * reach), s.min_x)
+    out[1, 0] = max(s.right, state[5] - s.acc_theta * reach)
+    out[1, 1] = min(s.left, state[5] + s.acc_theta * reach)
+
+
+@kernel
+def _turn_step(window: Floats, s: RolloutSettings) -> float:
+    """Return the step between turning speeds; without bound for a single sample, as in C++."""
+    width = window[1, 1] - window[1, 0]
+    if s.theta_samples > 1:
+        return float(width / (s.theta_samples - 1))
+    return math.inf if width >= 0.0 else -math.inf
+
+
+@kernel
+def list_arcs(window: Floats, s: RolloutSettings, out: Floats) -> int:
+    """Write the velocities of all arcs to ``out``, shape (most, 3), and return how many.
+
+    For every speed ahead: straight on, then all turning speeds but the highest. Speeds are summed
+    up step by step, as the original does, with its rounding.
+    """
+    step = 0.0
+    if s.x_samples > 1:
+        step = (window[0, 1] - window[0, 0]) / (s.x_samples - 1)
+    turn = _turn_step(window, s)
+    n = 0
+    vx = window[0, 0]
+    for _ in range(s.x_samples):
+        out[n, 0], out[n, 1], out[n, 2] = vx, 0.0, 0.0
+        n += 1
+        wz = window[1, 0]
+        for _ in range(s.theta_samples - 1):
+            out[n, 0], out[n, 1], out[n, 2] = vx, 0.0, wz
+            n += 1
+            wz += turn
+        vx += step
+    if s.holonomic:
+        for side in (NUDGE, -NUDGE):
+            out[n, 0], out[n, 1], out[n, 2] = NUDGE, side, 0.0
+            n += 1
+    return n
+
+
+@kernel
+def _bound_arcs(
+    state: Floats,
+    plan: Floats,
+    m: int,
+    count: int,
+    s: RolloutSettings,
+    f: RolloutGrid,
+    r: RolloutBuffers,
+) -> None:
+    """Write a lower bound of the cost of every arc to ``r.lower``, infinite when it is illegal."""
+    points, terms = r.points, r.terms
+    points[0, 0], points[0, 1], points[0, 2] = state[0], state[1], state[2]
+    points[0, 3], points[0, 4] = math.cos(state[2]), math.sin(state[2])
+    # Where the robot is every arc begins.
+    here = footprint_cost(
+        f.cells, f.frame, f.outline, 1.0, points[0], f.spans, not s.perimeter_only
+    )
+    r.lower[:count] = math.inf
+    if here < 0:
+        return
+    for k in range(count):
+        n = simulate_trajectory(state, r.arcs[k, 0], r.arcs[k, 1], r.arcs[k, 2], s, points)
+        if follow_cells(points, n, plan, m, s, f, terms) == n:
+            r.lower[k] = total_cost(max(terms[CENTRE], float(here)), terms, s)
+
+
+@kernel
+def _find_best_arc(
+    state: Floats,
+    plan: Floats,
+    m: int,
+    count: int,
+    s: RolloutSettings,
+    f: RolloutGrid,
+    r: RolloutBuffers,
+) -> None:
+    """Write the best arc to ``r.best``, with a negative cost when none is legal."""
+    _bound_arcs(state, plan, m, count, s, f, r)
+    cheapest, winner = math.inf, -1
+    for _ in range(count):
+        k = int(np.argmin(r.lower[:count]))
+        low = r.lower[k]
+        # Equal bounds must still be scored: an earlier arc wins a tie.
+        if low == math.inf or low > cheapest:
+            break
+        r.lower[k] = math.inf
+        if low == cheapest and k > winner:
+            continue
+        n = simulate_trajectory(state, r.arcs[k, 0], r.arcs[k, 1], r.arcs[k, 2], s, r.points)
+        cost = score_trajectory(r.points, n, plan, m, cheapest, s, f, r.terms)
+        if cost >= 0.0 and (cost < cheapest or k < winner):
+            cheapest, winner = cost, k
+    if winner >= 0:
+        r.best[VX], r.best[VY], r.best[WZ] = r.arcs[winner, 0], r.arcs[winner, 1], r.arcs[winner, 2]
+        r.best[COST] = cheapest
+
+
+@kernel
+def _try_on_the_spot(
+    state: Floats,
+    vy: float,
+    wz: float,
+    plan: Floats,
+    m: int,
+    s: RolloutSettings,
+    f: RolloutGrid,
+    r: RolloutBuffers,
+) -> None:
+    """Take a turn on the spot or a strafe as the best if it looks nearer to the goal.
+
+    It must not cost more than the best before, unless that strafes or none is legal.
+    """
+    n = simulate_trajectory(state, 0.0, vy, wz, s, r.points)
+    rows, columns = f.cells.shape
+    end = r.points[n - 1]
+    ahead = cell_of(
+        end[0] + s.lookahead * end[3], end[1] + s.lookahead * end[4], f.frame, rows, columns
+    )
+    if ahead < 0:
+        return
+    distance = distance_at(f.goal, ahead // columns, ahead % columns, f.cells.size, f.digits[1])
+    if distance >= r.best[AHEAD]:
+        return
+    limit = math.inf if r.best[COST] < 0.0 else r.best[COST]
+    if vy == 0.0 and r.best[VY] != 0.0:
+        limit = math.inf
+    cost = score_trajectory(r.points, n, plan, m, limit, s, f, r.terms)
+    if cost >= 0.0:
+        r.best[VX], r.best[VY], r.best[WZ] = 0.0, vy, wz
+        r.best[COST], r.best[AHEAD] = cost, distance
+
+
+@kernel
+def find_best(
+    state: Floats,
+    plan: Floats,
+    m: int,
+    escaping: bool,
+    stuck: Integers,
+    strafes: Floats,
+    s: RolloutSettings,
+    f: RolloutGrid,
+    r: RolloutBuffers,
+) -> int:
+    """Write the best trajectory to ``r.best`` and ``r.points``; return its number of points.
+
+    0 when none is legal. ``r.window`` is the dynamic window, ``plan`` (m, 2) the plan near the
+    robot, ``stuck`` (4,) what oscillation forbids, ``strafes`` the speeds to strafe with; a robot
+    that is ``escaping`` drives no arcs.
+    """
+    best, window = r.best, r.window
+    best[:] = 0.0
+    best[COST], best[AHEAD] = COLLIDES, math.inf
+    if not escaping:
+        count = list_arcs(window, s, r.arcs)
+        _find_best_arc(state, plan, m, count, s, f, r)
+    turn = _turn_step(window, s)
+    wz = window[1, 0]
+    for _ in range(s.theta_samples):
+        # Slow turns are left out before they are raised to the slowest possible one.
+        if wz > turn or wz < -turn:
+            if wz < 0.0 and not stuck[STUCK_LEFT]:
+                _try_on_the_spot(state, 0.0, min(wz, -s.slowest_turn), plan, m, s, f, r)
+            elif wz > 0.0 and not stuck[STUCK_RIGHT]:
+                _try_on_the_spot(state, 0.0, max(wz, s.slowest_turn), plan, m, s, f, r)
+        wz += turn
+    if best[COST] < 0.0 and s.holonomic:
+        for vy in strafes:
+            if (vy > 0.0 and not stuck[STUCK_LEFT_STRAFE]) or (
+                vy < 0.0 and not stuck[STUCK_RIGHT_STRAFE]
+            ):
+                _try_on_the_spot(state, vy, 0.0, plan, m, s, f, r)
+    if best[COST] < 0.0:
+        return 0
+    # Followed once more: its points were overwritten by those scored after it.
+    return simulate_trajectory(state, best[VX], best[VY], best[WZ], s, r.points)

@@ -1,0 +1,345 @@
+"""The controller: follows a global plan by trying arcs, turns on the spot and ways out.
+
+Three memories beside the search: which turns and strafes oscillation forbids, whether the robot
+is backing out of where nothing was legal, and what it does within tolerance of the goal.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from daemon.stacks.kernels import Integers
+from daemon.stacks.ros1.base_local_planner import (
+    NO_POINTS,
+    NO_VELOCITY,
+    ControllerAnswer,
+    FollowedPlan,
+    sim_period,
+)
+from daemon.stacks.ros1.base_local_planner.map_grid import passable_cells
+from daemon.stacks.ros1.cost_grid import CostGrid
+from daemon.stacks.ros1.quirks import ORIGINAL, Quirks
+from daemon.stacks.ros1.trajectory_planner._cycle import (
+    allocate_buffers,
+    allocate_grid,
+    fill_distances,
+)
+from daemon.stacks.ros1.trajectory_planner._parameters import (
+    TrajectoryPlannerParameters,
+    in_range,
+    slowest_turn_at_goal,
+    strafe_speeds,
+)
+from daemon.stacks.ros1.trajectory_planner._rollout import (
+    COLLIDES,
+    LEADS_NOWHERE,
+    LEGAL,
+    RolloutGrid,
+    normalize_angle,
+    score_trajectory,
+    simulate_trajectory,
+)
+from daemon.stacks.ros1.trajectory_planner._search import (
+    STUCK_LEFT,
+    STUCK_LEFT_STRAFE,
+    STUCK_RIGHT,
+    STUCK_RIGHT_STRAFE,
+    RolloutBuffers,
+    find_best,
+    velocity_window,
+)
+from daemon.stacks.ros1.trajectory_planner._settings import (
+    RolloutSettings,
+    longest_trajectory,
+    settings_of,
+)
+from grammars.model.geometry import Floats, Pose2, Twist2, wrap_angle
+
+_STOPPED = 1e-2
+"""[m/s] and [rad/s] The robot stands below this (``rot_stopped_velocity_``)."""
+
+
+def _length(x: float, y: float) -> float:
+    """Return the length of a vector, rounded as in C: Python's own hypot rounds differently."""
+    return float(np.hypot(x, y))
+
+
+class OscillationFlags:
+    """Turns and strafes that are forbidden until the robot has moved ``distance`` [m].
+
+    ``stuck`` (4,) are flags as in :mod:`._search`. The second turn in a row to the same side
+    forbids the other side; a strafe forbids the other side when the robot comes back to its own.
+    """
+
+    def __init__(self, distance: float) -> None:
+        self.stuck: Integers = np.zeros(4, dtype=np.int32)
+        self._rotating_left = self._rotating_right = False
+        self._strafe_left = self._strafe_right = False
+        self._distance = distance
+        self._at = (0.0, 0.0)
+
+    def chosen(self, at: tuple[float, float], vx: float, vy: float, wz: float) -> None:
+        """Take in the velocity that was chosen at ``at``; driving ahead is no oscillation."""
+        if not vx > 0.0:
+            if wz != 0.0:
+                self._turned(wz)
+            elif vy != 0.0:
+                self._strafed(vy)
+            self._at = at
+        self.release(at)
+
+    def release(self, at: tuple[float, float]) -> None:
+        """Forget everything when the robot has moved far enough."""
+        if _length(at[0] - self._at[0], at[1] - self._at[1]) <= self._distance:
+            return
+        self.stuck[:] = 0
+        self._rotating_left = self._rotating_right = False
+        self._strafe_left = self._strafe_right = False
+
+    # Left and right are not the original's sides but its names of the flags.
+
+    def _turned(self, wz: float) -> None:
+        if wz < 0.0:
+            if self._rotating_right:
+                self.stuck[STUCK_RIGHT] = 1
+            self._rotating_right = True
+        else:
+            if self._rotating_left:
+                self.stuck[STUCK_LEFT] = 1
+            self._rotating_left = True
+
+    def _strafed(self, vy: float) -> None:
+        if vy > 0.0:
+            if self._strafe_right:
+                self.stuck[STUCK_RIGHT_STRAFE] = 1
+            self._strafe_left = True
+        else:
+            if self._strafe_left:
+                self.stuck[STUCK_LEFT_STRAFE] = 1
+            self._strafe_right = True
+
+
+class Escape:
+    """Whether the robot backs out of where nothing was legal.
+
+    It does until it is ``distance`` [m] or ``angle`` [rad] from where it began.
+    """
+
+    def __init__(self, distance: float, angle: float) -> None:
+        self.active = False
+        self._distance, self._angle = distance, angle
+        self._x = self._y = self._yaw = 0.0
+
+    def begin(self, state: Floats) -> None:
+        """Begin at the pose in ``state``, unless the robot is at it already."""
+        if not self.active:
+            self._x, self._y, self._yaw = state[:3].tolist()
+            self.active = True
+
+    def release(self, state: Floats) -> None:
+        """End when the robot is far enough from where it began."""
+        x, y, yaw = state[:3].tolist()
+        turned = abs(normalize_angle(yaw - self._yaw))
+        if _length(x - self._x, y - self._y) > self._distance or turned > self._angle:
+            self.active = False
+
+
+class TrajectoryPlanner:
+    """base_local_planner ``TrajectoryPlannerROS`` of ROS Noetic.
+
+    ``footprint`` is the padded outline, shape (corners, 2) [m]; ``control_period_default`` [s]
+    that of move_base, for a configuration without ``controller_frequency`` of its own.
+    ``latch_goal`` is ``latch_xy_goal_tolerance`` of move_base, which this controller does not
+    read: it has a parameter of that name itself.
+    """
+
+    def __init__(
+        self,
+        parameters: TrajectoryPlannerParameters,
+        quirks: Quirks,
+        footprint: Floats,
+        control_period_default: float,
+        *,
+        latch_goal: bool = False,
+    ) -> None:
+        del latch_goal
+        self._p, self._quirks = parameters, quirks
+        self._outline = np.ascontiguousarray(footprint, dtype=np.float64)
+        self._period_default = control_period_default
+        self._strafes: Floats = np.array(strafe_speeds(parameters))
+        self._flags = OscillationFlags(in_range(parameters, "oscillation_reset_dist"))
+        self._escape = Escape(
+            in_range(parameters, "escape_reset_dist"), in_range(parameters, "escape_reset_theta")
+        )
+        self._plan = FollowedPlan()
+        self._latched = False
+        self._rotating = False
+        self._reached = False
+        self._state = np.zeros(6)
+        self._settings: RolloutSettings | None = None
+        self._seen: int | None = None
+        self._grid: RolloutGrid
+        self._room: RolloutBuffers
+
+    def set_plan(self, plan: Floats) -> None:
+        """Follow ``plan``, shape (poses, 3): x, y, yaw in the map frame, the goal last."""
+        self._plan.take(plan)
+        self._latched = False
+        self._reached = False
+
+    def goal_reached(self, pose: Pose2, twist: Twist2, map_to_odom: Pose2) -> bool:
+        """Whether the latest command was to stand at the goal (``isGoalReached``).
+
+        Nothing else is looked at: neither where the robot is nor whether it stands.
+        """
+        del pose, twist, map_to_odom
+        return self._reached
+
+    def command(
+        self, pose: Pose2, twist: Twist2, map_to_odom: Pose2, local: CostGrid
+    ) -> ControllerAnswer:
+        """Return the next velocity; ``pose`` and ``local`` are in odom.
+
+        ``map_to_odom`` is the pose of odom in the map. Not ok without a plan near the robot, or
+        when nothing is legal and backing up leads nowhere
+        (``TrajectoryPlannerROS::computeVelocityCommands``).
+        """
+        window = self._plan.window(pose, map_to_odom, local, prune=self._p.prune_plan)
+        if len(window) == 0:
+            return NO_VELOCITY
+        # The original keeps velocities in poses, whose "yaw" comes back normalised.
+        moving = Twist2(twist.vx, twist.vy, wrap_angle(twist.wz))
+        x, y = window[-1].tolist()
+        near = _length(x - pose.x, y - pose.y) <= self._p.xy_goal_tolerance
+        if not (self._latched or near):
+            return self._search(window, pose, moving, local)
+        self._latched = self._latched or self._p.latch_xy_goal_tolerance
+        # Of the window, not of the plan: its end is the goal of this controller.
+        error = normalize_angle(self._plan.window_end(map_to_odom.inverse()).yaw - pose.yaw)
+        if abs(error) <= self._p.yaw_goal_tolerance:
+            self._rotating = self._latched = False
+            self._reached = True
+            return ControllerAnswer(True, Twist2(), NO_POINTS)
+        # What it finds is not driven, but its distances count and its memories remember it.
+        self._search(window, pose, moving, local)
+        fastest = max(abs(twist.vx), abs(twist.vy), abs(twist.wz))
+        self._rotating = self._rotating or fastest <= _STOPPED
+        sample = self._turn(error, moving.wz) if self._rotating else self._slow_down(moving)
+        if not self._is_legal(pose, moving, sample, window):
+            return NO_VELOCITY
+        return ControllerAnswer(True, sample, NO_POINTS)
+
+    def _search(
+        self, window: Floats, pose: Pose2, twist: Twist2, local: CostGrid
+    ) -> ControllerAnswer:
+        """Choose a trajectory (``TrajectoryPlanner::findBestPath``)."""
+        s = self._prepare(local, twist)
+        row = (pose.x, pose.y, pose.yaw, twist.vx, twist.vy, twist.wz)
+        state, grid, room, m = self._state, self._grid, self._room, len(window)
+        state[:] = np.array(row, dtype=np.float32)
+        x, y, _, _, _, _ = state.tolist()
+        at = (x, y)
+        end_x, end_y = window[-1].tolist()
+        velocity_window(state, _length(end_x - x, end_y - y), s, room.window)
+        fill_distances(state, window, m, self._strafes, s, grid, room)
+        n = find_best(
+            state, window, m, self._escape.active, self._flags.stuck, self._strafes, s, grid, room
+        )
+        if n == 0:
+            return self._back_up(window, s)
+        vx, vy, wz = room.best[:3].tolist()
+        self._flags.chosen(at, vx, vy, wz)
+        self._escape.release(state)
+        return ControllerAnswer(True, Twist2(vx, vy, wrap_angle(wz)), room.points[:n, :2].copy())
+
+    def _back_up(self, window: Floats, s: RolloutSettings) -> ControllerAnswer:
+        """Back up although nothing is legal, unless the plan leads nowhere."""
+        state, grid, room = self._state, self._grid, self._room
+        n = simulate_trajectory(state, s.escape, 0.0, 0.0, s, room.points)
+        cost = score_trajectory(room.points, n, window, len(window), math.inf, s, grid, room.terms)
+        x, y = state[:2].tolist()
+        self._flags.release((x, y))
+        if cost > LEADS_NOWHERE:
+            self._escape.begin(state)
+        self._escape.release(state)
+        if cost < COLLIDES:
+            return NO_VELOCITY
+        drawn = room.points[: int(room.terms[LEGAL]), :2].copy()
+        return ControllerAnswer(True, Twist2(s.escape, 0.0, 0.0), drawn)
+
+    def _prepare(self, local: CostGrid, twist: Twist2) -> RolloutSettings:
+        """Make room for the costmap when it has another shape, and note what is passable."""
+        settings = self._settings
+        if settings is None or self._grid.cells.shape != local.cells.shape:
+            settings = settings_of(self._p, self._quirks, local.resolution, self._period_default)
+            self._settings = settings
+            self._grid = allocate_grid(local, self._outline)
+            self._room = allocate_buffers(local.cells.shape, settings, 0)
+            self._seen = None
+        elif self._grid.cells is not local.cells:
+            self._grid, self._seen = self._grid._replace(cells=local.cells), None
+        if local.version != self._seen:
+            passable_cells(local.cells, self._room.passable)
+            self._seen = local.version
+        longest = longest_trajectory(self._p, settings, (twist.vx, twist.vy, twist.wz))
+        if longest > len(self._room.points):
+            self._room = self._room._replace(points=np.zeros((longest, 5)))
+        frame = self._grid.frame
+        frame[0], frame[1], frame[2] = local.x, local.y, local.resolution
+        return settings
+
+    def _slow_down(self, twist: Twist2) -> Twist2:
+        """Stop within the limits of acceleration (``stopWithAccLimits``)."""
+        period = sim_period(self._p.controller_frequency, self._period_default)
+
+        def slower(speed: float, limit: float) -> float:
+            return math.copysign(max(0.0, abs(speed) - limit * period), speed)
+
+        p = self._p
+        return Twist2(
+            slower(twist.vx, p.acc_lim_x),
+            slower(twist.vy, p.acc_lim_y),
+            slower(twist.wz, p.acc_lim_theta),
+        )
+
+    def _turn(self, error: float, wz: float) -> Twist2:
+        """Turn to the goal's heading on the spot (``rotateToGoal``)."""
+        p = self._p
+        slowest, fastest = slowest_turn_at_goal(p), float(p.max_rotational_vel)
+        if not self._quirks.goal_turn_has_own_limit:
+            fastest = in_range(p, "max_vel_theta" if error > 0.0 else "min_vel_theta")
+            fastest = abs(fastest)
+        change = p.acc_lim_theta * sim_period(p.controller_frequency, self._period_default)
+        speed = min(fastest, max(slowest, abs(error)))
+        speed = min(max(speed, abs(wz) - change), abs(wz) + change)
+        speed = min(math.sqrt(2.0 * p.acc_lim_theta * abs(error)), speed)
+        if self._quirks.rotation_raised_to_minimum:
+            speed = max(slowest, speed)
+        return Twist2(0.0, 0.0, math.copysign(min(fastest, speed), error))
+
+    def _is_legal(self, pose: Pose2, twist: Twist2, sample: Twist2, window: Floats) -> bool:
+        """Whether a trajectory is legal by the distances of this cycle (``checkTrajectory``)."""
+        s, room = self._settings, self._room
+        assert s is not None
+        # Not in single precision, unlike the search.
+        state = np.array((pose.x, pose.y, pose.yaw, twist.vx, twist.vy, twist.wz))
+        n = simulate_trajectory(state, sample.vx, sample.vy, sample.wz, s, room.points)
+        cost = score_trajectory(
+            room.points, n, window, len(window), math.inf, s, self._grid, room.terms
+        )
+        return bool(cost >= 0.0)
+
+
+def warm_up() -> None:
+    """Take a step along a short plan, one out of a blocked place, and turn at the end."""
+    outline = np.array([[0.2, 0.2], [-0.2, 0.2], [-0.2, -0.2], [0.2, -0.2]])
+    planner = TrajectoryPlanner(TrajectoryPlannerParameters(), ORIGINAL, outline, 0.1)
+    local = CostGrid(0.05, -1.5, -1.5, np.zeros((60, 60), dtype=np.uint8))
+    planner.set_plan(np.array([[0.0, 0.0, 0.0], [0.5, 0.0, 0.0], [1.0, 0.0, 1.5]]))
+    planner.command(Pose2(), Twist2(), Pose2(), local)
+    planner.command(Pose2(1.0, 0.0, 0.0), Twist2(), Pose2(), local)
+    local.cells[:] = 254
+    local.touch((0, 0, 60, 60))
+    planner.command(Pose2(), Twist2(), Pose2(), local)

@@ -1,0 +1,169 @@
+"""Packages by name, and the files that launch files name.
+
+A folder is a package when it holds a ``package.xml``; its name is the one written there. Nothing
+of the machine is asked: no ROS_PACKAGE_PATH, no installed ROS.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+from typing import Final
+
+from grammars.roslaunch._xml import parse_xml
+from grammars.text.diagnostics import Diagnostic, InputError, Severity, Where, did_you_mean
+from grammars.text.documents import read_text
+
+_FIND: Final = re.compile(r"\$\(\s*find\s+([^\s()$]+)\s*\)[/\\]?")
+_MANIFESTS: Final = ("package.xml", "manifest.xml")
+_IGNORED: Final = ("CATKIN_IGNORE", "COLCON_IGNORE")
+_DEEPEST: Final = 8
+_MOST_FOLDERS: Final = 20_000
+_MOST_LINKS: Final = 8
+
+
+class Packages:
+    """The packages that are known, each with its folder; of two with one name the first counts."""
+
+    def __init__(self) -> None:
+        self._folders: dict[str, Path] = {}
+
+    def add(self, folder: Path, where: Where) -> None:
+        """Add the package in ``folder``, or all packages below it.
+
+        ``where`` names the folder. Raises :class:`InputError` if there is none.
+        """
+        if not folder.is_dir():
+            raise InputError.at(where, f"packages: no folder {folder}", _folders_near(folder))
+        found = list(_packages_below(folder))
+        if not found:
+            message = f"packages: no package in {folder} or below it (looked for package.xml)"
+            raise InputError.at(where, message)
+        for package in found:
+            self._folders.setdefault(_package_name(package), package)
+
+    def add_around(self, file: Path) -> None:
+        """Add the package that ``file`` is part of, if it is part of one."""
+        for folder in file.absolute().parents:
+            if _is_package(folder):
+                # Relative as the file is, so that messages name files as people wrote them.
+                way = os.path.relpath(folder, file.parent.absolute())
+                self._folders.setdefault(_package_name(folder), _shortened(file.parent / way))
+                return
+
+    def symbolic(self, folder: Path) -> str:
+        """Return a folder as ``$(find PACKAGE)/…`` if it is part of a package, else its path.
+
+        What stands in parameters then is the same on every machine.
+        """
+        absolute = folder.absolute()
+        for name, package in self._folders.items():
+            top = package.absolute()
+            if absolute == top:
+                return f"$(find {name})"
+            if top in absolute.parents:
+                return f"$(find {name})/{absolute.relative_to(top).as_posix()}"
+        return str(absolute)
+
+    def path(self, text: str, beside: Path, where: Where) -> Path:
+        """Return the path that ``text`` means in a file of the folder ``beside``.
+
+        ``where`` is the place of the text. Raises :class:`PackageError` for a package that is not
+        known.
+        """
+        for match in _FIND.finditer(text):
+            if match[1] not in self._folders:
+                message = f"package {match[1]} is not given"
+                hint = f'name the folder of {match[1]}, or one above it, under "packages"'
+                raise PackageError(Diagnostic(where, message, hint))
+        found = _FIND.match(text)
+        if found is not None:
+            return _shortened(self._folders[found[1]] / text[found.end() :].lstrip("/"))
+        return beside / text
+
+
+class PackageError(InputError):
+    """A package is needed that is not known."""
+
+
+def _shortened(path: Path) -> Path:
+    return Path(os.path.normpath(path))
+
+
+def _is_package(folder: Path) -> bool:
+    return any((folder / name).is_file() for name in _MANIFESTS)
+
+
+def _packages_below(top: Path) -> Iterator[Path]:
+    """Yield packages in alphabetical order; what lies in a package is not looked through."""
+    waiting = [(top, 0)]
+    seen = 0
+    while waiting:
+        folder, depth = waiting.pop()
+        seen += 1
+        if _is_package(folder):
+            yield folder
+        elif depth < _DEEPEST and seen < _MOST_FOLDERS:
+            below = sorted(_folders_in(folder), reverse=True)
+            waiting += [(one, depth + 1) for one in below]
+
+
+def _folders_in(folder: Path) -> Iterable[Path]:
+    try:
+        return [
+            one
+            for one in folder.iterdir()
+            if one.is_dir()
+            and not one.is_symlink()
+            and not one.name.startswith(".")
+            and not any((one / name).exists() for name in _IGNORED)
+        ]
+    except PermissionError:
+        # A folder that this user may not look into holds no package of theirs.
+        return []
+
+
+def _package_name(folder: Path) -> str:
+    """Return the name in the manifest; older ones (manifest.xml) are named like their folder."""
+    manifest = folder / _MANIFESTS[0]
+    if not manifest.is_file():
+        return folder.absolute().name
+    root = parse_xml(read_text(manifest), str(manifest))
+    names = [child.text.strip() for child in root.children if child.tag == "name"]
+    return names[0] if names else folder.absolute().name
+
+
+def _folders_near(folder: Path) -> str:
+    if not folder.parent.is_dir():
+        return f"there is no folder {folder.parent}"
+    return did_you_mean(folder.name, (p.name for p in folder.parent.iterdir() if p.is_dir()))
+
+
+def follow_links(path: Path, warnings: list[Diagnostic]) -> Path:
+    """Return the file that holds what ``path`` stands for.
+
+    A symbolic link that was checked out as text (git without support for links, an archive) is a
+    file with nothing but the name of another file in it.
+    """
+    for _ in range(_MOST_LINKS):
+        if not path.is_file() or path.stat().st_size > 300:
+            return path
+        name = path.read_bytes().decode(errors="replace").strip()
+        target = path.parent / name
+        if not re.fullmatch(r"[\w./-]+", name) or name == path.name or not target.is_file():
+            return path
+        message = f"is a symbolic link that became text: {target.name} is read in its place"
+        note = Diagnostic(Where(str(path), 1, 1), message, "", Severity.WARNING)
+        if note not in warnings:
+            warnings.append(note)
+        path = _shortened(target)
+    raise InputError.at(Where(str(path)), "is one link too many in a row")
+
+
+def files_near(path: Path) -> str:
+    """Return a hint on what the name of a file that is not there was meant to be."""
+    if not path.parent.is_dir():
+        return f"there is no folder {path.parent}"
+    return did_you_mean(path.name, (p.name for p in path.parent.iterdir() if p.is_file()))

@@ -1,0 +1,108 @@
+"""What launch files put on the parameter server, and what could not be read of it.
+
+roslaunch gathers the parameters of one launch, of a name the last, and sends them all at once;
+what ``clear_params`` and ``rosparam delete`` take away is what was there before: from launch
+files that were started earlier. Source: roslaunch.launch, roslaunch.config (ROS Noetic).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from grammars.roslaunch._model import LaunchParameter
+from grammars.roslaunch._names import ParameterName, split_name
+from grammars.text.diagnostics import Diagnostic
+from grammars.text.documents import KeyPath, YamlDocument, paths_inside
+
+
+@dataclass(frozen=True, slots=True)
+class UnreadParameters:
+    """Parameters that could not be read, why, and whom that concerns.
+
+    They belong below ``namespace``; ``owner`` is the node in which they are loaded, if any.
+    """
+
+    namespace: ParameterName
+    owner: ParameterName | None
+    reasons: tuple[Diagnostic, ...]
+
+    def inside(self, node: ParameterName) -> bool:
+        """Say whether they are meant for ``node``."""
+        return self.owner == node or self.namespace[: len(node)] == node
+
+    def around(self, node: ParameterName) -> bool:
+        """Say whether there may be some among them for ``node``."""
+        return node[: len(self.namespace)] == self.namespace
+
+
+@dataclass(slots=True)
+class ParameterUpload:
+    """The parameters of one launch, as roslaunch gathers them."""
+
+    values: dict[ParameterName, LaunchParameter] = field(default_factory=dict)
+    taken_away: list[ParameterName] = field(default_factory=list)
+
+    def set(self, name: ParameterName, parameter: LaunchParameter) -> None:
+        """Set one parameter, or each of a mapping."""
+        if isinstance(parameter.value, Mapping):
+            for key, value in parameter.value.items():
+                below = LaunchParameter(value, parameter.where, parameter.missing)
+                self.set((*name, *split_name(str(key))), below)
+            return
+        self.values[name] = parameter
+
+    def load(
+        self, namespace: ParameterName, document: YamlDocument, missing: tuple[Diagnostic, ...]
+    ) -> None:
+        """Set what a YAML document holds; names that begin with a slash leave the namespace.
+
+        ``missing`` concerns the values in which a substitution still stands.
+        """
+        for path, value in _leaves(document.data, ()):
+            name = namespace
+            for part in map(str, path):
+                name = split_name(part) if part.startswith("/") else (*name, *split_name(part))
+            unfilled = missing if missing and "$(" in str(value) else ()
+            inside = {below: document.where((*path, *below)) for below in paths_inside(value)}
+            self.set(name, LaunchParameter(value, document.where(path), unfilled, inside))
+
+
+def _leaves(data: Any, above: KeyPath) -> Iterable[tuple[KeyPath, Any]]:
+    """Return the values of nested mappings; an empty mapping sets nothing."""
+    if not isinstance(data, Mapping):
+        return [(above, data)]
+    return [leaf for name, value in data.items() for leaf in _leaves(value, (*above, name))]
+
+
+@dataclass(slots=True)
+class ParameterServer:
+    """What is on the server after each launch."""
+
+    values: dict[ParameterName, LaunchParameter] = field(default_factory=dict)
+
+    def take(self, upload: ParameterUpload) -> None:
+        """Take away what a launch clears, then set what it has."""
+        for namespace in upload.taken_away:
+            for name in [n for n in self.values if n[: len(namespace)] == namespace]:
+                del self.values[name]
+        for name, parameter in upload.values.items():
+            self._set(name, parameter)
+
+    def _set(self, name: ParameterName, parameter: LaunchParameter) -> None:
+        """Set a parameter in place of what stands at its name, above it or below it."""
+        for length in range(1, len(name)):
+            self.values.pop(name[:length], None)
+        for old in [n for n in self.values if n[: len(name)] == name]:
+            del self.values[old]
+        self.values[name] = parameter
+
+    def below(self, namespace: ParameterName) -> dict[ParameterName, LaunchParameter]:
+        """Return the parameters below a namespace by the rest of their names."""
+        count = len(namespace)
+        return {
+            name[count:]: parameter
+            for name, parameter in self.values.items()
+            if len(name) > count and name[:count] == namespace
+        }

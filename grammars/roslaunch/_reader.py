@@ -1,0 +1,386 @@
+"""Reading launch files tag by tag, in the order of the document, as roslaunch does.
+
+Nothing is run and nothing is evaluated by the interpreter; files are opened only where a launch
+file that is included, or parameters that are loaded, are in them.
+Source: roslaunch.xmlloader, roslaunch.loader (ROS Noetic).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Final
+
+from grammars.roslaunch._conversion import SOURCES, read_param
+from grammars.roslaunch._messages import line_and_column, needed, remedies, truth
+from grammars.roslaunch._model import LaunchNode, LaunchSettings
+from grammars.roslaunch._names import ParameterName, absolute_name, join_names, split_name
+from grammars.roslaunch._nodes import StartedNode, start_node
+from grammars.roslaunch._packages import PackageError, Packages, files_near, follow_links
+from grammars.roslaunch._parameters import ParameterUpload, UnreadParameters
+from grammars.roslaunch._scope import Scope, WrittenRemap
+from grammars.roslaunch._substitution import Substituted, Substitution
+from grammars.roslaunch._xml import XmlElement, parse_xml
+from grammars.text.diagnostics import Diagnostic, InputError, Severity, Where, did_you_mean
+from grammars.text.documents import read_text
+from grammars.text.ros_yaml import parse_ros_yaml
+
+_DEEPEST: Final = 30
+_MOST_INCLUDES: Final = 1_000
+"""More than any robot has; files that include each other twice each end here."""
+_IGNORED: Final = frozenset({"env", "machine", "master", "test"})
+"""Where and how processes are run: nothing of it reaches parameters or names."""
+_NODE_ATTRIBUTES: Final = (
+    "pkg", "type", "name", "ns", "args", "clear_params", "machine", "output", "respawn",
+    "respawn_delay", "cwd", "launch-prefix", "required",
+)  # fmt: skip
+_ATTRIBUTES: Final = {
+    "arg": ("name", "value", "default", "doc"),
+    "group": ("ns", "clear_params"),
+    "include": ("file", "ns", "clear_params", "pass_all_args"),
+    "node": _NODE_ATTRIBUTES,
+    "param": ("name", "type", *SOURCES),
+    "remap": ("from", "to"),
+    "rosparam": ("command", "ns", "file", "param", "subst_value"),
+}
+_CONDITIONS: Final = ("if", "unless")
+
+
+@dataclass(slots=True)
+class LaunchReader:
+    """Reads launch files; what it finds is in its fields.
+
+    ``notes`` are warnings about parameters, which are worth saying of nodes of interest only;
+    ``declared`` are the args of the files that are started, true for those that can be given.
+    """
+
+    settings: LaunchSettings
+    packages: Packages
+    upload: ParameterUpload = field(default_factory=ParameterUpload)
+    unread: list[UnreadParameters] = field(default_factory=list)
+    notes: list[UnreadParameters] = field(default_factory=list)
+    nodes: dict[str, StartedNode] = field(default_factory=dict)
+    declared: dict[str, bool] = field(default_factory=dict)
+    files: dict[str, XmlElement] = field(default_factory=dict)
+    left_out: list[str] = field(default_factory=list)
+    skipped: set[str] = field(default_factory=set)
+    errors: list[Diagnostic] = field(default_factory=list)
+    warnings: list[Diagnostic] = field(default_factory=list)
+    _includes: int = 0
+
+    def start(self, path: Path) -> None:
+        """Read the launch file that is started; its parameters are in ``upload`` afterwards."""
+        self.upload = ParameterUpload()
+        args = {name: Substituted(text) for name, text in self.settings.args.items()}
+        scope = Scope(path, args=args, outermost=True)
+        try:
+            self._children(self._root(path), scope, 0)
+        except InputError as error:
+            self.errors += error.diagnostics
+        for name, open_ in scope.declared.items():
+            self.declared[name] = open_ or self.declared.get(name, False)
+
+    def _root(self, path: Path) -> XmlElement:
+        """Return the root of a launch file, which is read once."""
+        path = follow_links(path, self.warnings)
+        if str(path) not in self.files:
+            root = parse_xml(read_text(path), str(path))
+            if root.tag != "launch":
+                raise InputError.at(
+                    root.where, f"<{root.tag}> is no launch file, expected <launch>"
+                )
+            self.files[str(path)] = root
+        return self.files[str(path)]
+
+    def _children(self, element: XmlElement, scope: Scope, depth: int) -> None:
+        """Read what is inside of an element; an error in one tag does not hide another."""
+        for child in element.children:
+            try:
+                self._child(child, scope, depth)
+            except InputError as error:
+                self.errors += error.diagnostics
+
+    def _child(self, element: XmlElement, scope: Scope, depth: int) -> None:
+        if element.tag in _IGNORED or not self._known(element) or not self._applies(element, scope):
+            return
+        match element.tag:
+            case "arg":
+                self._arg(element, scope, scope)
+            case "group":
+                self._children(element, self._inner(element, scope), depth)
+            case "include":
+                self._include(element, scope, depth)
+            case "node":
+                self._node(element, scope)
+            case "param":
+                self._param(element, scope)
+            case "remap":
+                self._remap(element, scope, scope)
+            case "rosparam":
+                self._rosparam(element, scope, scope.namespace, None)
+
+    def _known(self, element: XmlElement) -> bool:
+        """Warn of tags and attributes that mean nothing, as roslaunch does."""
+        if element.tag not in _ATTRIBUTES:
+            hint = did_you_mean(element.tag, _ATTRIBUTES)
+            self._warn(element.where, f"<{element.tag}> means nothing to roslaunch", hint)
+            return False
+        allowed = (*_ATTRIBUTES[element.tag], *_CONDITIONS)
+        for name in element.attributes:
+            if name not in allowed and not (element.tag == "node" and name == "exec"):
+                message = f"<{element.tag}> has no attribute {name} for roslaunch"
+                self._warn(element.place(name), message, did_you_mean(name, allowed))
+        return True
+
+    def _warn(self, where: Where, message: str, hint: str = "") -> None:
+        warning = Diagnostic(where, message, hint, Severity.WARNING)
+        if warning not in self.warnings:
+            self.warnings.append(warning)
+
+    def _substitution(self, scope: Scope) -> Substitution:
+        """Return what commands stand for at a place."""
+        folder = self.packages.symbolic(scope.file.parent)
+        return Substitution(scope.args, self.settings.env, folder)
+
+    def _attribute(self, element: XmlElement, name: str, scope: Scope) -> Substituted | None:
+        """Return the value of an attribute with its commands filled in, None without it."""
+        text = element.attributes.get(name)
+        if text is None:
+            return None
+        place = element.place(name)
+        return self._substitution(scope).fill_in(
+            text, lambda offset: replace(place, column=place.column + offset)
+        )
+
+    def _required(self, element: XmlElement, name: str, scope: Scope) -> Substituted:
+        """Return the value of an attribute that must be there; raises :class:`InputError`."""
+        found = self._attribute(element, name, scope)
+        if found is None:
+            raise InputError.at(element.where, f"<{element.tag}> needs the attribute {name}")
+        return found
+
+    def _switch(self, element: XmlElement, name: str, scope: Scope) -> bool:
+        """Return whether an attribute says true."""
+        found = self._attribute(element, name, scope)
+        return found is not None and truth(found, name, element.place(name))
+
+    def _applies(self, element: XmlElement, scope: Scope) -> bool:
+        """Say whether an element is read, by its ``if`` or ``unless``."""
+        written = [name for name in _CONDITIONS if name in element.attributes]
+        if len(written) > 1:
+            raise InputError.at(element.where, "has both if and unless", "write one of them")
+        return all(self._switch(element, name, scope) is (name == "if") for name in written)
+
+    def _inner(self, element: XmlElement, scope: Scope) -> Scope:
+        """Return the scope inside of a group, include or node; clears what it is to clear."""
+        namespace = self._attribute(element, "ns", scope)
+        if namespace is not None and not namespace.text:
+            raise InputError.at(element.place("ns"), "ns is empty", "leave it out, or write a name")
+        inner = scope.child(namespace)
+        if element.tag != "node" and self._switch(element, "clear_params", scope):
+            if namespace is None:
+                raise InputError.at(element.place("clear_params"), "clear_params needs ns")
+            self.upload.taken_away.append(split_name(inner.namespace))
+        return inner
+
+    def _arg(self, element: XmlElement, scope: Scope, target: Scope) -> None:
+        """Declare an arg in ``target`` with a value worked out in ``scope``."""
+        name = self._required(element, "name", scope).text
+        value = self._attribute(element, "value", scope)
+        default = self._attribute(element, "default", scope)
+        if value is not None and default is not None:
+            message = f"arg {name} has a value and a default"
+            raise InputError.at(element.where, message, "write one of them")
+        if default is not None and default.missing and target.outermost:
+            default = replace(default, missing=_or_give_arg(default.missing, name))
+        target.declare(name, value, default, element.where)
+
+    def _param(self, element: XmlElement, scope: Scope, *, private: bool = False) -> None:
+        """Set a parameter; a private one is kept for the nodes that follow in the scope."""
+        given = [name for name in SOURCES if name in element.attributes]
+        if len(given) != 1:
+            message = f"<param> has {' and '.join(given) or 'no value'}"
+            raise InputError.at(element.where, message, f"write one of {', '.join(SOURCES)}")
+        name = self._required(element, "name", scope)
+        text = self._required(element, given[0], scope)
+        kind = (element.attributes.get("type") or "auto").strip().lower()
+        parameter = read_param(element, given[0], text, kind)
+        parameter = replace(parameter, missing=(*parameter.missing, *name.missing))
+        written = name.text.strip()
+        if private or written.startswith("~"):
+            scope.private[written.removeprefix("~")] = parameter
+        else:
+            self.upload.set(split_name(join_names(scope.namespace, written)), parameter)
+
+    def _remap(self, element: XmlElement, scope: Scope, target: Scope) -> None:
+        source = self._required(element, "from", scope)
+        to = self._required(element, "to", scope)
+        if not source.text or not to.text:
+            raise InputError.at(element.where, "<remap> from and to must not be empty")
+        # Where a name was remapped further out, this one takes its place.
+        target.remaps.pop(source.text, None)
+        target.remaps[source.text] = WrittenRemap(source, to, element.where)
+
+    def _include(self, element: XmlElement, scope: Scope, depth: int) -> None:
+        file = self._required(element, "file", scope)
+        if self._is_skipped(file.text):
+            return
+        where = element.place("file")
+        try:
+            path = self.packages.path(file.text, scope.file.parent, where)
+        except PackageError as error:
+            self._leave_out(file.text, error.diagnostics[0])
+            return
+        if file.missing:
+            raise InputError(needed(file.missing, "this include", where))
+        if not path.is_file():
+            message = f"no file {path} to include"
+            raise InputError.at(where, message, remedies(path, files_near(path)))
+        self._includes += 1
+        if depth >= _DEEPEST or self._includes > _MOST_INCLUDES:
+            raise InputError.at(where, f"include of {path.name} within include goes on without end")
+        inner = self._inner(element, scope)
+        everything = self._switch(element, "pass_all_args", scope)
+        passed = Scope(
+            inner.file, args=dict(scope.args) if everything else {}, overriding=everything
+        )
+        for child in element.children:
+            if child.tag == "arg" and self._applies(child, scope):
+                self._arg(child, scope, passed)
+        for name in passed.declared:
+            if name not in passed.args:
+                raise InputError.at(element.where, f"arg {name} is passed without a value")
+        inner.file, inner.args, inner.declared = path, passed.args, {}
+        inner.overriding, inner.outermost = everything, False
+        self._children(self._root(path), inner, depth + 1)
+        if not everything:
+            self._refuse_unused(element, passed.declared, inner, path)
+
+    def _refuse_unused(
+        self, element: XmlElement, passed: Iterable[str], inner: Scope, path: Path
+    ) -> None:
+        """Refuse args that the included file does not declare, as roslaunch does."""
+        places = {c.attributes.get("name"): c.place("name") for c in element.children}
+        for name in passed:
+            if name not in inner.declared:
+                message = f"{path.name} has no arg {name}, roslaunch refuses to start this"
+                hint = did_you_mean(name, inner.declared)
+                self.errors.append(Diagnostic(places.get(name, element.where), message, hint))
+
+    def _leave_out(self, file: str, reason: Diagnostic) -> None:
+        self.left_out.append(file)
+        hint = f'{reason.hint}, or the file under "skip" if nothing of it matters'
+        self._warn(reason.where, f"{reason.message}: {file} is left out", hint)
+
+    def _is_skipped(self, file: str) -> bool:
+        endings = [ending for ending in self.settings.skip if file.endswith(ending)]
+        self.skipped.update(endings)
+        return bool(endings)
+
+    def _node(self, element: XmlElement, scope: Scope) -> None:
+        if "exec" in element.attributes and "type" not in element.attributes:
+            message = "<node exec=…> is for ROS 2; this reads launch files of ROS 1"
+            raise InputError.at(element.where, message, 'test a ROS 2 stack by "kind: ros2"')
+        name = self._required(element, "name", scope)
+        inner = self._inner(element, scope)
+        full = split_name(join_names(inner.namespace, name.text))
+        if "/" in name.text:
+            message = f'name "{name.text}" of a node cannot hold a namespace'
+            raise InputError.at(element.place("name"), message, "write the namespace as ns")
+        if self._switch(element, "clear_params", scope):
+            self.upload.taken_away.append(full)
+        own = replace(inner, private={}, remaps=dict(scope.remaps))
+        for child in element.children:
+            if child.tag in _IGNORED or not self._known(child) or not self._applies(child, own):
+                continue
+            if child.tag == "remap":
+                self._remap(child, scope, own)
+            elif child.tag == "param":
+                self._param(child, own, private=True)
+            elif child.tag == "rosparam":
+                self._rosparam(child, own, absolute_name(full), full)
+        # roslaunch sets a node's <param>s last, wherever they stand among its <rosparam>s.
+        for key, parameter in (*scope.private.items(), *own.private.items()):
+            self.upload.set((*full, *split_name(key)), parameter)
+        package, kind = (self._required(element, key, scope) for key in ("pkg", "type"))
+        arguments = self._attribute(element, "args", scope) or Substituted("")
+        node = LaunchNode(absolute_name(full), package.text, kind.text, (), element.where)
+        missing = (*inner.missing, *name.missing, *package.missing, *kind.missing)
+        started = start_node(node, arguments, element.place("args"), own.remaps.values(), missing)
+        self.nodes[started.node.name] = started
+
+    def _rosparam(
+        self, element: XmlElement, scope: Scope, namespace: str, owner: ParameterName | None
+    ) -> None:
+        """Load parameters into ``namespace``; ``owner`` is the node this stands in."""
+        command = self._attribute(element, "command", scope) or Substituted("load")
+        ns, param = (self._attribute(element, key, scope) for key in ("ns", "param"))
+        below = join_names(ns.text if ns else "", param.text if param else "")
+        target = split_name(join_names(namespace, below))
+        if command.text == "delete":
+            self.upload.taken_away.append(target)
+        elif command.text == "load":
+            try:
+                self._load(element, scope, target, owner, any_value=bool(below))
+            except InputError as error:
+                self.unread.append(UnreadParameters(target, owner, error.diagnostics))
+        elif command.text != "dump":
+            message = f'command "{command.text}" is none of load, delete, dump'
+            raise InputError.at(element.place("command"), message)
+
+    def _load(
+        self,
+        element: XmlElement,
+        scope: Scope,
+        target: ParameterName,
+        owner: ParameterName | None,
+        *,
+        any_value: bool,
+    ) -> None:
+        """Load what a file or the element itself holds; raises :class:`InputError`."""
+        lines = element.lines
+        source, name = element.text, element.where.file
+        file = self._attribute(element, "file", scope)
+        if file is not None:
+            if self._is_skipped(file.text):
+                return
+            path = self._parameter_file(file, scope, element.place("file"))
+            source, name, lines = read_text(path), str(path), ()
+
+        def locate(line: int, column: int) -> Where:
+            if file is not None:
+                return Where(name, line, column)
+            if line > len(lines):  # The end of the text, where a line begins that has nothing.
+                last = lines[-1] if lines else element.where
+                return Where(name, last.line + line - len(lines), column)
+            begin = lines[line - 1]
+            return Where(name, begin.line, begin.column + column - 1)
+
+        missing: tuple[Diagnostic, ...] = ()
+        if self._switch(element, "subst_value", scope):
+            text = source
+            filled = self._substitution(scope).fill_in(
+                text, lambda offset: locate(*line_and_column(text, offset))
+            )
+            source, missing = filled.text, filled.missing
+        document, notes = parse_ros_yaml(source, name, locate=locate, any_value=any_value)
+        self.notes.append(UnreadParameters(target, owner, notes))
+        self.upload.load(target, document, missing)
+
+    def _parameter_file(self, file: Substituted, scope: Scope, where: Where) -> Path:
+        if file.missing:
+            ending = file.text.rpartition("/")[2]
+            hint = f'or, if the node starts without the file, write "{ending}" under "skip"'
+            hint = "" if "$(" in ending else hint
+            raise InputError(needed(file.missing, file.text, where, hint))
+        path = follow_links(self.packages.path(file.text, scope.file.parent, where), self.warnings)
+        if not path.is_file():
+            raise InputError.at(where, f"no file {path}", remedies(path, files_near(path)))
+        return path
+
+
+def _or_give_arg(missing: tuple[Diagnostic, ...], name: str) -> tuple[Diagnostic, ...]:
+    return tuple(
+        replace(one, hint=f'{one.hint}; or give the arg {name} under "args"') for one in missing
+    )

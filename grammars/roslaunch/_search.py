@@ -1,0 +1,50 @@
+"""Launch files near another one that start a node of some package."""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Final
+
+_ENDINGS: Final = (".launch", ".launch.xml", ".xml")
+_MOST_FILES: Final = 500
+_LARGEST: Final = 2**20
+
+
+def launch_files_starting(package: str, around: Path) -> list[Path]:
+    """Return the launch files beside ``around``, in its package, that start a node of ``package``.
+
+    Their paths are absolute.
+
+    They are only searched for the name, not read: what they need to be read is not known.
+    """
+    top = next(
+        (one for one in around.absolute().parents if (one / "package.xml").is_file()),
+        around.absolute().parent,
+    )
+    wanted = re.compile(rf"<node\b[^>]*\bpkg\s*=\s*[\"']{re.escape(package)}[\"']")
+    return sorted(path for path in _launch_files(top) if wanted.search(_text(path)))
+
+
+def _launch_files(top: Path) -> Iterator[Path]:
+    count = 0
+    for folder, below, names in os.walk(top):
+        below[:] = sorted(name for name in below if not name.startswith("."))
+        for name in names:
+            if name.endswith(_ENDINGS) and name != "package.xml":
+                count += 1
+                if count > _MOST_FILES:
+                    return
+                yield Path(folder) / name
+
+
+def _text(path: Path) -> str:
+    """Return the text of a file without comments; empty if it is none of people's."""
+    try:
+        if not path.is_file() or path.stat().st_size > _LARGEST:
+            return ""
+        return re.sub(r"<!--.*?-->", "", path.read_text("utf-8", errors="replace"), flags=re.DOTALL)
+    except OSError:
+        return ""

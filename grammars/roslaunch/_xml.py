@@ -1,0 +1,138 @@
+"""XML as launch files have it: elements, attributes and text with their places, and nothing else.
+
+A document type, and with it every entity of one's own, is refused: launch files come from
+elsewhere, and nothing in them may make a reader open a file or grow without end.
+"""
+
+from __future__ import annotations
+
+import re
+from bisect import bisect_right
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any, Final
+from xml.parsers import expat
+
+from grammars.text.diagnostics import InputError, Where
+
+_DEEPEST: Final = 50
+_ATTRIBUTE: Final = re.compile(rb"\s+([^\s=<>/\"']+)\s*=\s*(\"[^\"]*\"|'[^']*')")
+
+
+@dataclass(frozen=True, slots=True)
+class XmlElement:
+    """An element; ``text`` is its own text without that of its children and of comments.
+
+    ``places`` holds where the value of each attribute begins, ``lines`` where each line of the
+    text begins.
+    """
+
+    tag: str
+    where: Where
+    attributes: Mapping[str, str] = field(default_factory=dict)
+    places: Mapping[str, Where] = field(default_factory=dict)
+    children: tuple[XmlElement, ...] = ()
+    text: str = ""
+    lines: tuple[Where, ...] = ()
+
+    def place(self, attribute: str) -> Where:
+        """Return where the value of an attribute begins, or the element if it has none."""
+        return self.places.get(attribute, self.where)
+
+
+def parse_xml(text: str, file: str) -> XmlElement:
+    """Return the root of a document; ``file`` is its name in messages.
+
+    Raises :class:`InputError` for what is no XML, for document types and for endless nesting.
+    """
+    builder = _Builder(file, text.encode())
+    # Expat reads the text as UTF-8, whatever the declaration at its top says.
+    parser = expat.ParserCreate()
+    parser.StartElementHandler = builder.start
+    parser.EndElementHandler = builder.end
+    parser.CharacterDataHandler = builder.characters
+    parser.StartDoctypeDeclHandler = builder.refuse_document_type
+    parser.ordered_attributes = True
+    builder.parser = parser
+    try:
+        parser.Parse(text, True)
+    except expat.ExpatError as error:
+        where = Where(file, error.lineno, error.offset + 1)
+        reason = expat.ErrorString(error.code)
+        raise InputError.at(where, f"is not valid XML: {reason}") from error
+    return builder.root()
+
+
+@dataclass(slots=True)
+class _Open:
+    """An element whose end has not been reached."""
+
+    tag: str
+    where: Where
+    attributes: dict[str, str]
+    places: dict[str, Where]
+    children: list[XmlElement] = field(default_factory=list)
+    text: list[str] = field(default_factory=list)
+    lines: list[Where] = field(default_factory=list)
+
+
+class _Builder:
+    """Puts elements together while expat reads."""
+
+    def __init__(self, file: str, data: bytes) -> None:
+        self.file = file
+        self.data = data
+        self.parser: Any = None
+        self._starts = [0, *(m.end() for m in re.finditer(b"\n", data))]
+        self._open: list[_Open] = [_Open("", Where(file), {}, {})]
+
+    def root(self) -> XmlElement:
+        """Return the outermost element."""
+        return self._open[0].children[0]
+
+    def start(self, tag: str, attributes: list[str]) -> None:
+        """Begin an element; ``attributes`` are names and values in turn."""
+        where = self._here()
+        if len(self._open) > _DEEPEST:
+            raise InputError.at(where, f"is nested deeper than {_DEEPEST} levels")
+        values = dict(zip(attributes[::2], attributes[1::2], strict=True))
+        self._open.append(_Open(tag, where, values, self._attribute_places(tag)))
+
+    def end(self, _: str) -> None:
+        """End the innermost element."""
+        done = self._open.pop()
+        self._open[-1].children.append(
+            XmlElement(
+                done.tag, done.where, done.attributes, done.places,
+                tuple(done.children), "".join(done.text), tuple(done.lines),
+            )
+        )  # fmt: skip
+
+    def characters(self, data: str) -> None:
+        """Add text; expat hands it over in pieces, none longer than a line."""
+        element = self._open[-1]
+        if not element.text or element.text[-1].endswith("\n"):
+            element.lines.append(self._here())
+        element.text.append(data)
+
+    def refuse_document_type(self, *_: object) -> None:
+        """Refuse a document type."""
+        message = "has a document type (DOCTYPE), which launch files have no use for"
+        raise InputError.at(self._here(), message, "take it out")
+
+    def _here(self) -> Where:
+        return Where(self.file, self.parser.CurrentLineNumber, self.parser.CurrentColumnNumber + 1)
+
+    def _attribute_places(self, tag: str) -> dict[str, Where]:
+        """Return where each attribute of the element that begins here has its value."""
+        position = self.parser.CurrentByteIndex + 1 + len(tag.encode())
+        found = {}
+        while match := _ATTRIBUTE.match(self.data, position):
+            position = match.end()
+            found[match[1].decode()] = self._at(match.start(2) + 1)
+        return found
+
+    def _at(self, offset: int) -> Where:
+        line = bisect_right(self._starts, offset)
+        begin = self._starts[line - 1]
+        return Where(self.file, line, len(self.data[begin:offset].decode(errors="replace")) + 1)

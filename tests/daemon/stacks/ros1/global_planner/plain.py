@@ -1,0 +1,340 @@
+"""GlobalPlanner written down plainly: the yardstick of the compiled version, for small grids."""
+
+from __future__ import annotations
+
+import heapq
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+import numpy.typing as npt
+
+from daemon.stacks.ros1.cost_grid import CostGrid
+from daemon.stacks.ros1.global_planner import GlobalPlannerParameters
+from daemon.stacks.ros1.quirks import Quirks
+from grammars.model.geometry import Floats, Pose2
+
+F = np.float32
+HIGH = F(1e10)
+Singles = npt.NDArray[np.float32]
+Point = tuple[float, float]
+BUFFER = 10_000
+
+
+class Map:
+    """Costs and potentials, with nothing off the map and the next row beside a row's end."""
+
+    def __init__(self, cells: npt.NDArray[np.uint8], parameters: GlobalPlannerParameters) -> None:
+        self.columns: int = cells.shape[1]
+        seen = cells.copy()
+        if parameters.outline_map:
+            seen[0], seen[-1], seen[:, 0], seen[:, -1] = (254,) * 4
+        self.cells: list[int] = seen.ravel().tolist()
+        self.size = len(self.cells)
+        self.found: dict[int, F] = {}
+        self.parameters = parameters
+
+    def index(self, point: Point) -> int:
+        return int(point[0]) + int(point[1]) * self.columns
+
+    def potential(self, n: int) -> F:
+        return self.found.get(n, HIGH)
+
+    def set(self, n: int, value: float) -> None:
+        if 0 <= n < self.size:
+            self.found[n] = F(value)
+
+    def cost(self, n: int) -> F:
+        """The cost of a cell to Dijkstra; ``lethal_cost`` where it is blocked."""
+        p = self.parameters
+        if not 0 <= n < self.size:
+            return F(p.lethal_cost)
+        value = self.cells[n]
+        if value < p.lethal_cost - 1 or (p.allow_unknown and value == 255):
+            cost = F(F(F(value) * F(p.cost_factor)) + F(p.neutral_cost))
+            return cost if cost < p.lethal_cost else F(p.lethal_cost - 1)
+        return F(p.lethal_cost)
+
+    def byte(self, n: int, *, wrap: bool) -> int:
+        cost = self.cells[n] + self.parameters.neutral_cost
+        return cost % 256 if wrap else min(cost, 255)
+
+    def updated(self, n: int, cost: int, before: F | None = None) -> F:
+        """The potential that its neighbours, or the one ``before``, give a cell."""
+        left, right = self.potential(n - 1), self.potential(n + 1)
+        up, down = self.potential(n - self.columns), self.potential(n + self.columns)
+        across, along, hf = min(left, right), min(up, down), F(cost)
+        if not self.parameters.use_quadratic:
+            return F((min(across, along) if before is None else before) + hf)
+        low, difference = min(across, along), abs(F(across - along))
+        if difference >= hf:
+            return F(low + hf)
+        q = float(F(difference / hf))
+        return F(low + F(hf * F(-0.2301 * q * q + 0.5307 * q + 0.7040)))
+
+
+def dijkstra(area: Map, start: Point, goal: Point, buffer: int = BUFFER) -> bool:
+    """Blocks of rising priority, until the goal has a potential."""
+    p, columns = area.parameters, area.columns
+    k = area.index(start)
+    pending: set[int] = set()
+
+    def push(queue: list[int], n: int) -> None:
+        if n not in pending and area.cost(n) < p.lethal_cost and len(queue) < buffer:
+            queue.append(n)
+            pending.add(n)
+
+    now: list[int] = []
+    if p.old_navfn_behavior:
+        area.set(k, 0.0)
+        around = [1, -1, -columns, columns]
+    else:
+        u, v = (float(F(math.floor(F((c - int(c)) * 100 + 0.5))) / F(100)) for c in start)
+        area.set(k, 2 * p.neutral_cost * u * v)
+        area.set(k + 1, 2 * p.neutral_cost * (1 - u) * v)
+        area.set(k + columns, 2 * p.neutral_cost * u * (1 - v))
+        area.set(k + columns + 1, 2 * p.neutral_cost * (1 - u) * (1 - v))
+        around = [2, -1, columns - 1, columns + 2, -columns, 1 - columns]
+        around += [2 * columns, 2 * columns + 1]
+    for step in around:
+        push(now, k + step)
+    threshold, end = F(p.lethal_cost), area.index(goal)
+    later: list[int] = []
+    over: list[int] = []
+    for _ in range(2 * area.size):
+        if not now:
+            return False
+        pending -= set(now)
+        for n in now:
+            value = area.updated(n, int(area.cost(n)))
+            if value >= area.potential(n):
+                continue
+            area.set(n, float(value))
+            for m in (n - 1, n + 1, n - columns, n + columns):
+                if area.potential(m) > F(value + F(0.707106781 * float(area.cost(m)))):
+                    push(later if value < threshold else over, m)
+        now, later = later, []
+        if not now:
+            threshold = F(threshold + 100)
+            now, over = over, []
+        if area.potential(end) < HIGH:
+            return True
+    return False
+
+
+@dataclass(order=True)
+class Candidate:
+    total: F
+    cell: int = field(compare=False)
+
+
+def astar(area: Map, start: Point, goal: Point, *, wrap: bool) -> bool:
+    """Each cell once; heapq breaks ties as libstdc++ does."""
+    p, columns = area.parameters, area.columns
+    end = area.index(goal)
+    area.set(area.index(start), 0.0)
+    waiting = [Candidate(F(0), area.index(start))]
+    while waiting:
+        n = heapq.heappop(waiting).cell
+        if n == end:
+            return True
+        for m in (n + 1, n - 1, n + columns, n - columns):
+            if not 0 <= m < area.size or m in area.found:
+                continue
+            blocked = area.cells[m] >= p.lethal_cost
+            if blocked and not (p.allow_unknown and area.cells[m] == 255):
+                continue
+            area.set(m, float(area.updated(m, area.byte(m, wrap=wrap), area.potential(n))))
+            away = abs(end % columns - m % columns) + abs(end // columns - m // columns)
+            total = F(area.potential(m) + F(F(away) * F(p.neutral_cost)))
+            heapq.heappush(waiting, Candidate(total, m))
+    return False
+
+
+def fill_around(area: Map, cell: tuple[int, int], *, wrap: bool) -> None:
+    for i in range(-2, 3):
+        for j in range(-2, 3):
+            n = area.index(cell) + i + j * area.columns
+            if 0 <= n < area.size and n not in area.found:
+                value = area.updated(n, area.byte(n, wrap=wrap))
+                if value < HIGH:
+                    area.set(n, float(value))
+
+
+def slope(area: Map, n: int) -> tuple[F, F]:
+    if n < area.columns or n > area.size - area.columns:
+        return F(0), F(0)
+
+    def along(step: int) -> F:
+        total, here = F(0), area.potential(n)
+        if area.potential(n - step) < HIGH:
+            total = F(total + F(area.potential(n - step) - here))
+        if area.potential(n + step) < HIGH:
+            total = F(total + F(here - area.potential(n + step)))
+        return total
+
+    dx, dy = along(1), along(area.columns)
+    norm = F(math.sqrt(float(dx) ** 2 + float(dy) ** 2))
+    if norm == 0:
+        return F(0), F(0)
+    return F(F(1 / norm) * dx), F(F(1 / norm) * dy)
+
+
+def blend(a: F, b: F, share: F) -> F:
+    return F((1.0 - float(share)) * float(a) + float(F(share * b)))
+
+
+def within(distance: float, point: tuple[F, F], start: Point) -> bool:
+    return all(abs(float(a) - b) < distance for a, b in zip(point, start, strict=True))
+
+
+def along_gradient(area: Map, start: Point, goal: Point, *, lenient: bool) -> list[tuple[F, F]]:
+    columns, n = area.columns, area.index(goal)
+    dx, dy = (F(c - int(c)) for c in goal)
+    points: list[tuple[F, F]] = []
+    for _ in range(4 * area.size):
+        x, y = F(F(n % columns) + dx), F(F(n // columns) + dy)
+        if within(1.0 if lenient else 0.5, (x, y), start):
+            return [*points, (F(start[0]), F(start[1]))]
+        if n < columns or n > area.size - columns:
+            return []
+        points.append((x, y))
+        around = [n + r * columns + c for r in (-1, 0, 1) for c in (-1, 0, 1)]
+        if any(area.potential(m) >= HIGH for m in around) or (
+            len(points) > 2 and points[-1] == points[-3]
+        ):
+            best, value = n, int(area.potential(n))
+            for m in around:
+                if m != n and area.potential(m) < value:
+                    best, value = m, int(area.potential(m))
+            n, dx, dy = best, F(0), F(0)
+            continue
+        corners = [slope(area, m) for m in (n, n + 1, n + columns, n + columns + 1)]
+        gx, gy = (
+            blend(
+                blend(corners[0][k], corners[1][k], dx),
+                blend(corners[2][k], corners[3][k], dx),
+                dy,
+            )
+            for k in (0, 1)
+        )
+        if gx == 0 and gy == 0:
+            return []
+        scale = F(F(0.5) / F(math.sqrt(float(gx) ** 2 + float(gy) ** 2)))
+        dx, dy = F(dx + F(gx * scale)), F(dy + F(gy * scale))
+        n += int(dx > 1) - int(dx < -1) + columns * (int(dy > 1) - int(dy < -1))
+        dx, dy = (F(d - 1) if d > 1 else F(d + 1) if d < -1 else d for d in (dx, dy))
+    return []
+
+
+def along_cells(area: Map, start: Point, goal: Point, *, lenient: bool) -> list[tuple[F, F]]:
+    x, y = F(goal[0]), F(goal[1])
+    points = [(x, y)]
+    while int(x) + int(y) * area.columns != area.index(start):
+        if lenient and within(1.0, (x, y), start):
+            break
+        lowest, best = HIGH, (0, 0)
+        for i in (-1, 0, 1):
+            for j in (-1, 0, 1):
+                u, v = int(F(x + F(i))), int(F(y + F(j)))
+                value = area.potential(u + v * area.columns)
+                if (i, j) != (0, 0) and value < lowest:
+                    lowest, best = value, (u, v)
+        if best == (0, 0) or len(points) > 4 * area.size + 1:
+            return []
+        x, y = F(best[0]), F(best[1])
+        points.append((x, y))
+    return points
+
+
+def wrapped(angle: float) -> float:
+    rest = math.fmod(angle + math.pi, 2 * math.pi)
+    return rest + math.pi if rest <= 0 else rest - math.pi
+
+
+def read_back(yaw: float) -> float:
+    z, w = math.sin(yaw / 2), math.cos(yaw / 2)
+    return math.atan2(2 * (w * z), w * w - z * z)
+
+
+def oriented(
+    points: list[tuple[float, float]], start: float, end: float, mode: int, window: int,
+    *, overshoot: bool,
+) -> list[float]:  # fmt: skip
+    """Yaws of the points, the last of which is the goal."""
+    last = len(points) - 1
+    if mode == 0:
+        return [0.0] * last + [end]
+    yaws = []
+    for i in range(last):
+        (x0, y0), (x1, y1) = points[max(0, i - window)], points[min(last, i + window)]
+        yaw = read_back(math.atan2(y1 - y0, x1 - x0))
+        turn = {4: math.pi, 5: -math.pi / 2, 6: math.pi / 2}.get(mode)
+        yaws.append(yaw if turn is None else read_back(wrapped(yaw + turn)))
+    yaws.append(end)
+    if mode not in (2, 3):
+        return yaws
+    first = 0
+    if mode == 3:
+        first = max(0, last - 2)
+        straight = yaws[first]
+        while first > 0 and abs(wrapped(straight - yaws[first - 1])) <= 0.35:
+            first -= 1
+    yaws[0] = read_back(start)
+    begin = yaws[first]
+    step = wrapped(read_back(end) - begin) / (last - first)
+    base = 0 if overshoot else first
+    for i in range(first, last + 1):
+        yaws[i] = read_back(begin + step * (i - base))
+    return yaws
+
+
+def plan(
+    grid: CostGrid, start: Pose2, goal: Pose2, parameters: GlobalPlannerParameters, quirks: Quirks
+) -> Floats | None:
+    """The plan of GlobalPlanner; the grid is not touched."""
+    here, there = grid.cell(start.x, start.y), grid.cell(goal.x, goal.y)
+    if here is None or there is None:
+        return None
+    cells = grid.cells.copy()
+    cells[here[1], here[0]] = 0
+    area, old = Map(cells, parameters), parameters.old_navfn_behavior
+    wrap = quirks.global_planner_costs_wrap
+    begin, end = (
+        (float(cell[0]), float(cell[1]))
+        if old
+        else ((pose.x - grid.x) / grid.resolution - 0.5, (pose.y - grid.y) / grid.resolution - 0.5)
+        for cell, pose in ((here, start), (there, goal))
+    )
+    with np.errstate(over="ignore"):
+        if parameters.use_dijkstra:
+            found = dijkstra(area, begin, end)
+        else:
+            found = astar(area, begin, end, wrap=wrap)
+        if not found:
+            return None
+        if not old:
+            fill_around(area, there, wrap=wrap)
+        trace = along_cells if parameters.use_grid_path else along_gradient
+        may_miss = not old and (parameters.use_grid_path or not parameters.use_dijkstra)
+        lenient = may_miss and not quirks.global_planner_misses_start
+        path = trace(area, begin, end, lenient=lenient)
+    if not path:
+        return None
+    shift = 0.0 if old else 0.5
+    points = [
+        (
+            (float(x) + shift) * grid.resolution + grid.x,
+            (float(y) + shift) * grid.resolution + grid.y,
+        )
+        for x, y in path[::-1]
+    ]
+    ends = 2 if old and quirks.global_planner_repeats_goal else 1
+    points += [(goal.x, goal.y)] * ends
+    yaws = oriented(
+        points, start.yaw, goal.yaw, parameters.orientation_mode,
+        parameters.orientation_window_size, overshoot=quirks.orientation_blend_overshoots,
+    )  # fmt: skip
+    if ends == 2 and parameters.orientation_mode == 0:
+        yaws[-2] = goal.yaw
+    return np.column_stack((np.array(points), yaws))

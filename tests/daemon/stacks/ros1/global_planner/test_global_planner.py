@@ -1,0 +1,331 @@
+"""Plans of GlobalPlanner: costs, modes, coordinates, failures, oddities and what is kept."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from pydantic import ValidationError
+
+from daemon.stacks.ros1.cost_grid import CostGrid
+from daemon.stacks.ros1.global_planner import (
+    WITHOUT_EFFECT,
+    GlobalPlanner,
+    GlobalPlannerParameters,
+    warm_up,
+)
+from daemon.stacks.ros1.global_planner.astar import search_astar
+from daemon.stacks.ros1.global_planner.descent import descend_cells, descend_gradient
+from daemon.stacks.ros1.global_planner.expansion import (
+    copy_window,
+    cost_tables,
+    fill_around_goal,
+    propagate_wave,
+    reset_potentials,
+    seed_wave,
+)
+from daemon.stacks.ros1.global_planner.orientation import orient
+from daemon.stacks.ros1.quirks import FIXED, ORIGINAL
+from grammars.model.geometry import Floats, Pose2
+
+
+def a_grid(rows: int = 20, columns: int = 40, x: float = 0.0, y: float = 0.0) -> CostGrid:
+    return CostGrid(0.05, x, y, np.zeros((rows, columns), dtype=np.uint8))
+
+
+def centre(grid: CostGrid, column: int, row: int, yaw: float = 0.0) -> Pose2:
+    r = grid.resolution
+    return Pose2(grid.x + (column + 0.5) * r, grid.y + (row + 0.5) * r, yaw)
+
+
+def plan(grid: CostGrid, start: Pose2, goal: Pose2, **given: Any) -> Floats | None:
+    return GlobalPlanner(GlobalPlannerParameters(**given), ORIGINAL).plan(grid, start, goal)
+
+
+def length_of(poses: Floats) -> float:
+    return float(np.hypot(*np.diff(poses[:, :2], axis=0).T).sum())
+
+
+def test_costs_are_scaled_and_what_is_nearly_lethal_is_blocked() -> None:
+    costs, gains = cost_tables(253, 50, 3.0, allow_unknown=True)
+    assert costs[[0, 1, 60, 67, 68, 251]].tolist() == [50, 53, 230, 251, 252, 252]
+    assert costs[255] == 252
+    assert np.isinf(gains[[252, 253, 254, 256 + 10]]).all()
+    assert gains[0] == pytest.approx(0.707106781 * 50)
+    _, gains = cost_tables(253, 50, 3.0, allow_unknown=False)
+    assert np.isinf(gains[255])
+
+
+def test_costs_are_whole_numbers_and_gains_exact() -> None:
+    costs, gains = cost_tables(253, 66, 0.55, allow_unknown=True)
+    assert costs[1] == 66
+    assert gains[1] == pytest.approx(0.707106781 * 66.55, rel=1e-6)
+
+
+@pytest.mark.parametrize("quadratic", [True, False])
+@pytest.mark.parametrize("dijkstra", [True, False])
+@pytest.mark.parametrize("grid_path", [True, False])
+@pytest.mark.parametrize("old", [True, False])
+def test_every_mode_leads_straight_along_a_free_row(
+    quadratic: bool, dijkstra: bool, grid_path: bool, old: bool
+) -> None:
+    grid = a_grid(x=-1.0, y=2.0)
+    # Half a centimetre beyond the centre: before it, A* and paths from cell to cell miss the start.
+    start, goal = Pose2(-0.72, 2.53, 0.3), Pose2(0.53, 2.53, 1.5)
+    found = plan(
+        grid, start, goal, use_quadratic=quadratic, use_dijkstra=dijkstra,
+        use_grid_path=grid_path, old_navfn_behavior=old,
+    )  # fmt: skip
+    assert found is not None
+    at_start = (-0.75, 2.5) if old else (-0.725, 2.525) if grid_path else (start.x, start.y)
+    assert found[0, :2].tolist() == pytest.approx(at_start)
+    assert found[-1].tolist() == [goal.x, goal.y, goal.yaw]
+    assert length_of(found) == pytest.approx(1.25, abs=0.06)
+    assert np.abs(found[:, 1] - start.y).max() <= 0.03 + 1e-6
+
+
+@pytest.mark.parametrize(
+    "given_parameters",
+    [{"use_dijkstra": False}, {"use_grid_path": True}],
+    ids=["A* along the gradient", "Dijkstra from cell to cell"],
+)
+def test_whether_the_start_is_met_depends_on_where_in_its_cell_the_robot_is(
+    given_parameters: dict[str, Any],
+) -> None:
+    grid = a_grid()
+    goal, missed = Pose2(1.53, 0.53), 0
+    for x in np.arange(0.25, 0.3, 0.005).tolist():
+        for y in np.arange(0.5, 0.55, 0.005).tolist():
+            parameters = GlobalPlannerParameters(**given_parameters)
+            start = Pose2(x + 0.001, y + 0.001)
+            found = GlobalPlanner(parameters, ORIGINAL).plan(grid, start, goal)
+            missed += found is None
+            assert GlobalPlanner(parameters, FIXED).plan(grid, start, goal) is not None
+    assert missed > 0
+
+
+def test_a_plan_starts_where_the_robot_is_inside_its_cell() -> None:
+    grid = a_grid()
+    start, goal = Pose2(0.263, 0.517), Pose2(1.511, 0.486, 1.0)
+    found = plan(grid, start, goal)
+    assert found is not None
+    assert found[0, :2].tolist() == pytest.approx([start.x, start.y], abs=1e-6)
+    assert found[-2, :2].tolist() == pytest.approx([goal.x, goal.y], abs=1e-6)
+    steps = np.hypot(*np.diff(found[1:-1, :2], axis=0).T)
+    assert steps == pytest.approx(0.025, abs=1e-5)
+
+
+def test_dijkstra_and_a_star_agree_on_the_cost_where_the_way_is_one_cell_wide() -> None:
+    grid = a_grid()
+    grid.cells[:] = 254
+    grid.cells[10, 3:31] = grid.cells[10:18, 30] = 0
+    found = [
+        plan(
+            grid, centre(grid, 5, 10), centre(grid, 30, 16), use_dijkstra=dijkstra,
+            use_quadratic=False, use_grid_path=True, old_navfn_behavior=True,
+        )
+        for dijkstra in (True, False)
+    ]  # fmt: skip
+    assert found[0] is not None
+    assert found[1] is not None
+    assert np.array_equal(found[0], found[1])
+
+
+def test_dijkstra_avoids_costs_that_a_star_takes_for_cheap() -> None:
+    grid = a_grid()
+    grid.cells[9:12, 8:28] = 230
+    start, goal = centre(grid, 5, 10), centre(grid, 30, 10)
+    around = plan(grid, start, goal)
+    assert around is not None
+    assert np.abs(around[:, 1] - start.y).max() > 0.1
+    parameters = GlobalPlannerParameters(use_dijkstra=False, use_quadratic=False)
+    through = GlobalPlanner(parameters, ORIGINAL).plan(grid, start, goal)
+    assert through is not None
+    assert np.abs(through[:, 1] - start.y).max() < 0.05
+    sane = GlobalPlanner(parameters, FIXED).plan(grid, start, goal)
+    assert sane is not None
+    assert np.abs(sane[:, 1] - start.y).max() > 0.05
+
+
+def test_the_start_cell_is_freed_in_the_costmap_for_good() -> None:
+    grid = a_grid()
+    grid.cells[10, 5] = 254
+    start, goal = centre(grid, 5, 10), centre(grid, 30, 10)
+    assert GlobalPlanner(GlobalPlannerParameters(), FIXED).plan(grid, start, goal) is not None
+    assert grid.cells[10, 5] == 254
+    version = grid.version
+    assert plan(grid, start, goal) is not None
+    assert grid.cells[10, 5] == 0
+    assert grid.version == version + 1
+
+
+def test_without_the_quirk_only_the_cell_of_the_robot_is_free_and_only_for_the_planner() -> None:
+    grid = a_grid()
+    grid.cells[:, 20] = 254
+    planner = GlobalPlanner(GlobalPlannerParameters(use_dijkstra=False), FIXED)
+    goal = centre(grid, 30, 10)
+    assert planner.plan(grid, centre(grid, 20, 10), goal) is not None
+    assert planner.plan(grid, centre(grid, 5, 10), goal) is None
+    assert (grid.cells[:, 20] == 254).all()
+
+
+def test_no_plan_to_what_cannot_be_reached() -> None:
+    grid = a_grid()
+    start, goal = centre(grid, 5, 10), centre(grid, 30, 10)
+    assert plan(grid, start, centre(grid, 45, 10)) is None
+    assert plan(grid, centre(grid, -1, 10), goal) is None
+    assert plan(grid, start, centre(grid, 39, 10)) is None
+    grid.cells[:, 20] = 254
+    for dijkstra in (True, False):
+        assert plan(grid, start, goal, use_dijkstra=dijkstra) is None
+
+
+@pytest.mark.parametrize("dijkstra", [True, False])
+def test_a_blocked_goal_has_no_plan_whatever_the_tolerance(dijkstra: bool) -> None:
+    grid = a_grid()
+    grid.cells[9:12, 29:32] = 254
+    start, goal = centre(grid, 5, 10), centre(grid, 30, 10)
+    assert plan(grid, start, goal, use_dijkstra=dijkstra, default_tolerance=0.5) is None
+
+
+def test_a_robot_with_all_cells_around_it_blocked_is_boxed_in() -> None:
+    grid = a_grid()
+    grid.cells[7:14, 2:9] = 254
+    assert plan(grid, centre(grid, 5, 10), centre(grid, 30, 10)) is None
+
+
+def test_unknown_cells_are_dear_or_blocked() -> None:
+    grid = a_grid()
+    grid.cells[:, 20] = 255
+    start, goal = centre(grid, 5, 10), centre(grid, 30, 10)
+    for dijkstra in (True, False):
+        assert plan(grid, start, goal, use_dijkstra=dijkstra) is not None
+        assert plan(grid, start, goal, use_dijkstra=dijkstra, allow_unknown=False) is None
+
+
+def test_the_lethal_cost_decides_what_is_blocked() -> None:
+    grid = a_grid()
+    grid.cells[:, 20] = 120
+    start, goal = centre(grid, 5, 10), centre(grid, 30, 10)
+    assert plan(grid, start, goal) is not None
+    assert plan(grid, start, goal, lethal_cost=121) is None
+    assert plan(grid, start, goal, lethal_cost=122) is not None
+    assert plan(grid, start, goal, lethal_cost=121, use_dijkstra=False) is not None
+    assert plan(grid, start, goal, lethal_cost=120, use_dijkstra=False) is None
+
+
+def test_the_outline_closes_the_border_for_this_planner_only() -> None:
+    grid = a_grid()
+    grid.cells[:-1, 20] = 254
+    start, goal = centre(grid, 5, 10), centre(grid, 30, 10)
+    assert plan(grid, start, goal) is None
+    assert not grid.cells[-1].any()
+    assert plan(grid, start, goal, outline_map=False) is not None
+
+
+def test_the_neutral_cost_weighs_length_against_costs() -> None:
+    grid = a_grid(40, 40)
+    grid.cells[5:35, 19:22] = 40
+    start, goal = centre(grid, 5, 20), centre(grid, 35, 20)
+    near = plan(grid, start, goal, neutral_cost=200, cost_factor=0.5)
+    far = plan(grid, start, goal, neutral_cost=1, cost_factor=5.0)
+    assert near is not None
+    assert far is not None
+    assert length_of(near) < 1.6 < length_of(far)
+
+
+def test_as_navfn_the_goal_stands_twice_at_the_end() -> None:
+    grid = a_grid()
+    start, goal = centre(grid, 5, 10), centre(grid, 30, 10, 1.0)
+    parameters = GlobalPlannerParameters(old_navfn_behavior=True)
+    twice = GlobalPlanner(parameters, ORIGINAL).plan(grid, start, goal)
+    once = GlobalPlanner(parameters, FIXED).plan(grid, start, goal)
+    assert twice is not None
+    assert once is not None
+    assert twice[-2, :2].tolist() == [goal.x, goal.y]
+    assert len(once) == len(twice) - 1
+    assert np.array_equal(once[-1], twice[-1])
+
+
+def test_near_the_border_of_a_map_without_outline_nothing_lies_beyond() -> None:
+    grid = a_grid(6, 8)
+    for dijkstra in (True, False):
+        for grid_path in (True, False):
+            for column, row in ((0, 0), (7, 0), (0, 5), (7, 5), (3, 5), (3, 0)):
+                for start, goal in (((3, 3), (column, row)), ((column, row), (3, 3))):
+                    found = plan(
+                        grid, centre(grid, *start), centre(grid, *goal), outline_map=False,
+                        use_dijkstra=dijkstra, use_grid_path=grid_path,
+                    )  # fmt: skip
+                    assert found is None or np.isfinite(found).all()
+
+
+def test_what_did_not_change_is_not_planned_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    from daemon.stacks.ros1.global_planner import _planner
+
+    calls = []
+
+    def counted(*arguments: Any) -> Any:
+        calls.append(arguments)
+        return propagate_wave(*arguments)
+
+    monkeypatch.setattr(_planner, "propagate_wave", counted)
+    grid = a_grid()
+    planner = GlobalPlanner(GlobalPlannerParameters(), ORIGINAL)
+    start, goal = centre(grid, 5, 10), centre(grid, 30, 10)
+    first, second = planner.plan(grid, start, goal), planner.plan(grid, start, goal)
+    assert first is not None
+    assert second is not None
+    assert first is not second
+    assert np.array_equal(first, second)
+    assert len(calls) == 1
+    grid.touch((0, 0, 40, 20))
+    planner.plan(grid, start, goal)
+    assert len(calls) == 1
+    grid.cells[5, 5] = 30
+    grid.touch((5, 5, 6, 6))
+    planner.plan(grid, start, goal)
+    assert len(calls) == 2
+    planner.plan(grid, Pose2(start.x + 0.001, start.y), goal)
+    assert len(calls) == 3
+
+
+def test_a_long_history_of_plans_leaves_no_trace_in_the_next_one() -> None:
+    random = np.random.default_rng(4)
+    grid = a_grid(50, 60)
+    grid.cells[:] = random.choice([0, 0, 0, 40, 120, 254], size=grid.cells.shape)
+    old = GlobalPlanner(GlobalPlannerParameters(), FIXED)
+    for _ in range(30):
+        x, y = random.random((2, 2)) * [[3.0], [2.5]]
+        trip = Pose2(float(x[0]), float(y[0])), Pose2(float(x[1]), float(y[1]))
+        found = old.plan(grid, *trip)
+        fresh = GlobalPlanner(GlobalPlannerParameters(), FIXED).plan(grid, *trip)
+        assert (found is None) == (fresh is None)
+        assert found is None or fresh is None or np.array_equal(found, fresh)
+
+
+def test_parameters_are_those_of_noetic_and_checked() -> None:
+    defaults = GlobalPlannerParameters()
+    assert (defaults.lethal_cost, defaults.neutral_cost, defaults.cost_factor) == (253, 50, 3.0)
+    assert (defaults.orientation_mode, defaults.orientation_window_size) == (1, 1)
+    assert "default_tolerance" in WITHOUT_EFFECT
+    for wrong in ({"lethal_cost": 256}, {"neutral_cost": 0}, {"cost_factor": 6.0}):
+        with pytest.raises(ValidationError):
+            GlobalPlannerParameters(**wrong)
+    with pytest.raises(ValidationError):
+        GlobalPlannerParameters(orientation_mode=7)
+
+
+def test_everything_is_compiled_by_the_warm_up_and_only_once() -> None:
+    warm_up()
+    kernels: tuple[Any, ...] = (
+        copy_window, seed_wave, propagate_wave, fill_around_goal, reset_potentials, search_astar,
+        descend_gradient, descend_cells, orient,
+    )  # fmt: skip
+    grid = a_grid()
+    start, goal = centre(grid, 5, 10), centre(grid, 30, 10)
+    for dijkstra in (True, False):
+        for grid_path in (True, False):
+            plan(grid, start, goal, use_dijkstra=dijkstra, use_grid_path=grid_path)
+    assert [len(kernel.signatures) for kernel in kernels] == [1] * len(kernels)

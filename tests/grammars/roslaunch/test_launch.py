@@ -1,0 +1,396 @@
+"""Launch files mean what they mean to roslaunch: parameters, namespaces, remaps, args, includes."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tests.grammars.roslaunch.launched import (
+    AMCL,
+    MOVE_BASE,
+    errors,
+    launch,
+    node,
+    package,
+    parameters,
+    remaps,
+    started,
+    warnings,
+    write,
+)
+
+
+@pytest.mark.parametrize(
+    ("written", "value"),
+    [
+        ('value="3"', 3),
+        ('value="3.0"', 3.0),
+        ('value="1e3"', "1e3"),
+        ('value=" TRUE "', True),
+        ('value="1" type="double"', 1.0),
+        ('value="3" type="str"', "3"),
+        ('value="1" type="bool"', True),
+        ('value="False" type="Bool"', False),
+        ('value="[1, {a: 2}]" type="yaml"', [1, {"a": 2}]),
+        ('value="&lt;a b=&quot;c&quot;&gt;"', '<a b="c">'),
+        ('value=""', ""),
+    ],
+)
+def test_a_param_has_the_type_that_roslaunch_gives_it(
+    tmp_path: Path, written: str, value: Any
+) -> None:
+    found = parameters(started(tmp_path, AMCL.format(f'<param name="x" {written}/>')), "/amcl")
+    assert found == {"x": value}
+    assert type(found["x"]) is type(value)
+
+
+def test_rosparam_loads_a_file_or_its_own_text_and_merges_mappings(tmp_path: Path) -> None:
+    (tmp_path / "a.yaml").write_text(
+        "scan: {topic: scan, marking: true}\nyaw: !degrees 90\nflip: deg(180)\n"
+        "/amcl/outside: 1\nDWAPlannerROS/sim_time: 2.0\n"
+    )
+    body = MOVE_BASE.format(
+        '<rosparam file="$(dirname)/a.yaml" command="load"/>'
+        "<rosparam>\n  scan:\n    topic: front  # the other one\n    clearing: yes\n</rosparam>"
+        '<rosparam ns="global_costmap" param="plugins">[{name: static, type: S}]</rosparam>'
+    )
+    loaded = started(tmp_path, body)
+    assert parameters(loaded, "/move_base") == {
+        "scan/topic": "front", "scan/marking": True, "scan/clearing": True,
+        "yaw": pytest.approx(math.pi / 2), "flip": pytest.approx(math.pi),
+        "DWAPlannerROS/sim_time": 2.0,
+        "global_costmap/plugins": [{"name": "static", "type": "S"}],
+    }  # fmt: skip
+    assert loaded.parameters["amcl", "outside"].value == 1
+
+
+def test_every_value_has_the_place_it_was_written_at(tmp_path: Path) -> None:
+    (tmp_path / "a.yaml").write_text("b:\n  c: 1\n")
+    body = MOVE_BASE.format(
+        '\n<rosparam file="$(dirname)/a.yaml"/>\n<param name="d"\n   value="2"/>\n'
+        "<rosparam>\n  e:\n  <!-- two\n lines -->\n   - f: 3\n</rosparam>"
+    )
+    found = node(started(tmp_path, body), "/move_base").parameters
+    places = {"/".join(path): str(p.where) for path, p in found.items()}
+    file = tmp_path / "a.launch"
+    assert places == {
+        "b/c": f"{tmp_path / 'a.yaml'}:2:6",
+        "d": f"{file}:5:11",
+        "e": f"{file}:10:4",
+    }
+    assert str(found["e",].inside[(0, "f")]) == f"{file}:10:9"
+
+
+def test_of_a_name_the_later_value_holds_but_params_of_a_node_come_last(tmp_path: Path) -> None:
+    body = (
+        '<param name="move_base/a" value="1"/>'
+        + MOVE_BASE.format('<param name="b" value="1"/><rosparam>{b: 2, a: 2}</rosparam>')
+        + '<rosparam ns="move_base">a: 3</rosparam>'
+    )
+    assert parameters(started(tmp_path, body), "/move_base") == {"a": 3, "b": 1}
+
+
+def test_clear_params_and_delete_take_away_what_an_earlier_launch_set(tmp_path: Path) -> None:
+    one = write(tmp_path, "one.launch", AMCL.format("<rosparam>{a: 1, b: 1}</rosparam>"))
+    clear = '<node pkg="amcl" type="amcl" name="amcl" clear_params="true">{}</node>'
+    two = write(tmp_path, "two.launch", clear.format("<rosparam>b: 2</rosparam>"))
+    gone = write(tmp_path, "gone.launch", AMCL.format('<rosparam command="delete" param="a"/>'))
+    assert parameters(launch(one, two), "/amcl") == {"b": 2}
+    assert parameters(launch(two, one), "/amcl") == {"a": 1, "b": 1}
+    assert parameters(launch(one, gone), "/amcl") == {"b": 1}
+
+
+def test_a_private_param_of_a_group_is_for_the_nodes_that_follow_in_it(tmp_path: Path) -> None:
+    second = AMCL.replace('name="amcl"', 'name="other"')
+    inside = f'<param name="~x" value="1"/>{AMCL.format("")}'
+    loaded = started(tmp_path, f"<group>{inside}</group>{second.format('')}")
+    assert parameters(loaded, "/amcl") == {"x": 1}
+    assert parameters(loaded, "/other") == {}
+
+
+def test_names_follow_groups_includes_and_absolute_namespaces(tmp_path: Path) -> None:
+    write(tmp_path, "b.launch", AMCL.format('<param name="x" value="1"/>'))
+    include = '<include file="$(dirname)/b.launch" ns="loc"/>'
+    absolute = '<node pkg="amcl" type="amcl" name="top" ns="/"/>'
+    loaded = started(tmp_path, f'<group ns="robot1">{include}{absolute}</group>')
+    assert [one.name for one in loaded.nodes] == ["/robot1/loc/amcl", "/top"]
+    assert parameters(loaded, "/robot1/loc/amcl") == {"x": 1}
+
+
+def test_remaps_hold_for_what_follows_in_their_scope_and_inner_ones_win(tmp_path: Path) -> None:
+    before = AMCL.replace('name="amcl"', 'name="before"').format("")
+    group = (
+        '<group ns="r"><remap from="scan" to="front"/>'
+        + AMCL.format('<remap from="map" to="/map"/>')
+        + AMCL.replace('name="amcl"', 'name="inner"').format('<remap from="scan" to="~rear"/>')
+        + "</group>"
+    )
+    loaded = started(tmp_path, before + '<remap from="scan" to="/far"/>' + group + AMCL.format(""))
+    assert remaps(loaded, "/before") == {}
+    assert remaps(loaded, "/r/amcl") == {"/r/scan": "/r/front", "/r/map": "/map"}
+    assert remaps(loaded, "/r/inner") == {"/r/scan": "/r/inner/rear"}
+    assert remaps(loaded, "/amcl") == {"/scan": "/far"}
+
+
+def test_arguments_of_a_node_remap_names_and_set_private_parameters(tmp_path: Path) -> None:
+    arguments = 'args="scan:=base_scan _laser_max_range:=12.0 _tf:=true __log:=/x map.yaml"'
+    body = f'<node pkg="amcl" type="amcl" name="amcl" {arguments}/>'
+    loaded = started(tmp_path, body)
+    assert remaps(loaded, "/amcl") == {"/scan": "/base_scan"}
+    assert parameters(loaded, "/amcl") == {"laser_max_range": 12.0, "tf": True}
+
+
+def test_args_are_passed_as_roslaunch_passes_them(tmp_path: Path) -> None:
+    write(
+        tmp_path,
+        "b.launch",
+        '<arg name="a" default="1"/><arg name="b"/><arg name="c" default="$(arg a)$(arg b)"/>'
+        + AMCL.format('<param name="x" value="$(arg c)" type="str"/>'),
+    )
+    include = '<include file="$(dirname)/b.launch">{}</include>'
+    passed = include.format('<arg name="b" value="$(arg top)"/>')
+    loaded = started(tmp_path, f'<arg name="top" default="2"/>{passed}')
+    assert parameters(loaded, "/amcl") == {"x": "12"}
+    loaded = started(tmp_path, f'<arg name="top" default="2"/>{passed}', args={"top": "7"})
+    assert parameters(loaded, "/amcl") == {"x": "17"}
+    everything = '<include file="$(dirname)/b.launch" pass_all_args="true"/>'
+    loaded = started(tmp_path, f'<arg name="b" value="4"/><arg name="a" value="3"/>{everything}')
+    assert parameters(loaded, "/amcl") == {"x": "34"}
+
+
+def test_if_and_unless_choose_among_tags_of_every_kind(tmp_path: Path) -> None:
+    body = (
+        '<arg name="a" value="x" if="$(arg on)"/><arg name="a" value="y" unless="$(arg on)"/>'
+        "<group if=\"$(eval a == 'y')\">"
+        + AMCL.format('<param name="p" value="$(arg a)" if="1"/><param name="q" value="1" if="0"/>')
+        + "</group>"
+    )
+    switch = '<arg name="on" default="false"/>'
+    assert parameters(started(tmp_path, switch + body), "/amcl") == {"p": "y"}
+    assert started(tmp_path, switch + body, args={"on": "true"}).nodes == ()
+
+
+def test_packages_are_found_by_the_name_they_give_themselves(tmp_path: Path) -> None:
+    nav = package(tmp_path / "ws" / "src" / "nav_folder", "my_nav")
+    (nav / "a.yaml").write_text("x: 1\n")
+    load = '<rosparam file="$(find my_nav)/a.yaml"/>'
+    loaded = started(tmp_path, AMCL.format(load), packages=(tmp_path / "ws",))
+    assert parameters(loaded, "/amcl") == {"x": 1}
+    own = write(nav, "launch/b.launch", AMCL.format(load))
+    assert parameters(launch(own), "/amcl") == {"x": 1}
+
+
+def test_a_path_in_a_parameter_does_not_depend_on_where_packages_are(tmp_path: Path) -> None:
+    nav = package(tmp_path / "nav", "my_nav")
+    value = '<param name="x" value="$(find my_nav)/a"/><param name="y" value="$(dirname)/b"/>'
+    file = write(nav, "launch/b.launch", AMCL.format(value))
+    expected = {"x": "$(find my_nav)/a", "y": "$(find my_nav)/launch/b"}
+    assert parameters(launch(file), "/amcl") == expected
+
+
+def test_subst_value_fills_in_the_file(tmp_path: Path) -> None:
+    (tmp_path / "a.yaml").write_text("frame: $(arg prefix)odom\nother: $(env ROBOT)\n")
+    body = '<arg name="prefix" default="r1/"/>' + AMCL.format(
+        '<rosparam file="$(dirname)/a.yaml" subst_value="true"/>'
+    )
+    found = node(started(tmp_path, body), "/amcl").parameters
+    assert found["frame",].value == "r1/odom"
+    (missing,) = found["other",].missing
+    assert str(missing.where) == f"{tmp_path / 'a.yaml'}:2:8"
+    assert parameters(started(tmp_path, body, env={"ROBOT": "x"}), "/amcl")["other"] == "x"
+    unfilled = started(tmp_path, body.replace('subst_value="true"', ""))
+    assert parameters(unfilled, "/amcl")["frame"] == "$(arg prefix)odom"
+
+
+def test_what_is_not_known_is_no_error_for_nodes_nobody_asks_about(tmp_path: Path) -> None:
+    body = (
+        '<arg name="bag" default="$(env BAG)"/>'
+        '<node pkg="rosbag" type="play" name="play" args="$(arg bag)">'
+        '<rosparam file="$(find elsewhere)/a.yaml"/><param name="c" command="rm -rf /"/>'
+        '<rosparam file="nowhere.yaml"/><rosparam>[</rosparam></node>'
+        '<node pkg="rviz" type="rviz" name="$(anon rviz)"/>'
+    )
+    loaded = started(tmp_path, body)
+    assert [one.name for one in loaded.nodes] == ["/play", "/rviz_anonymous"]
+    assert loaded.warnings == ()
+
+
+def test_commands_and_files_of_params_are_not_read(tmp_path: Path) -> None:
+    (tmp_path / "secret").write_text("x")
+    mark = tmp_path / "mark"
+    body = AMCL.format(
+        f'<param name="a" command="touch {mark}"/><param name="b" textfile="$(dirname)/secret"/>'
+    )
+    found = node(started(tmp_path, body), "/amcl").parameters
+    assert not mark.exists()
+    assert [p.missing[0].message for p in found.values()] == [
+        "a: is what a command prints, and commands of launch files are never run, not read here",
+        "b: is the text of a file, not read here",
+    ]
+
+
+@pytest.mark.parametrize(
+    ("body", "expected"),
+    [
+        (AMCL.format('<rosparam file="$(env HOME)/pose.yaml"/>'),
+         'a.launch:2:58: environment variable HOME is not given, which is needed for '
+         '$(env HOME)/pose.yaml (a.launch:2)'),
+        (AMCL.format('<rosparam file="$(find robot)/pose.yaml"/>'),
+         'package robot is not given\n    name the folder of robot, or one above it'),
+        (AMCL.format('<rosparam file="$(dirname)/b.launch"/>'),
+         'no file b.launch\n    did you mean "a.launch"?; if it is not needed, write "b.launch"'),
+        (AMCL.format("<rosparam>\n  a: 1\n  b: [\n</rosparam>"), "a.launch:5:1: is not valid YAML"),
+        (AMCL.format("<rosparam>[1]</rosparam>"), "expected parameters, NAME: VALUE"),
+        (AMCL.format('<remap from="$(env A)" to="b"/>'), "A is not given, which is needed for /a"),
+        ('<group ns="$(env A)">' + AMCL.format("") + "</group>", "environment variable A is not"),
+        ('<group if="$(env A)"/>', "environment variable A is not given, which is needed for if"),
+        ('<group if="maybe"/>', 'if: "maybe" is neither true nor false'),
+        ('<group if="1" unless="1"/>', "has both if and unless"),
+        ('<arg name="a"/><group ns="$(arg a)"/>', "a.launch:2:27: arg a has no value here"),
+        ('<arg name="a" value="1" default="1"/>', "arg a has a value and a default"),
+        ('<arg name="a" value="1"/><arg name="a" value="1"/>', "arg a is declared twice"),
+        ('<include file="$(dirname)/b.launch"/>', "no file b.launch to include"),
+        ('<include file="$(dirname)/a.launch"/>', "goes on without end"),
+        ('<include file="$(env A).launch"/>', "needed for this include (a.launch:2)"),
+        ('<param name="a"/>', "<param> has no value"),
+        ('<param name="a" value="x" type="int"/>', 'a.launch:2:24: a: "x" is not a whole number'),
+        ('<param name="a" value="x" type="list"/>', 'there is no type "list"'),
+        ('<param value="x"/>', "<param> needs the attribute name"),
+        ('<param name="a" value="$(eval 1 + )"/>', "is no expression"),
+        ('<param name="a" value="$(finde x)"/>', 'there is no command "finde"'),
+        ('<param name="a" value="a$(eval 1)"/>', "$(eval …) must be the whole of its text"),
+        ('<param name="a" value="$(arg $(arg b))"/>', "nothing can stand inside"),
+        ('<remap from="a" to="b c"/>' + AMCL.format(""), '"b c" is no name that ROS has'),
+        ('<node pkg="amcl" type="amcl" name="r/amcl"/>', "cannot hold a namespace"),
+        ('<node pkg="amcl" exec="amcl" name="amcl"/>', "is for ROS 2"),
+        ('<rosparam command="lod" file="x"/>', 'command "lod" is none of load, delete, dump'),
+        ("<group>", "is not valid XML: mismatched tag"),
+    ],
+)  # fmt: skip
+def test_what_is_wrong_is_said_where_it_stands(tmp_path: Path, body: str, expected: str) -> None:
+    found = errors(tmp_path, body)
+    assert any(expected in message for message in found), found
+
+
+def test_every_mistake_is_reported_at_once_and_each_only_once(tmp_path: Path) -> None:
+    load = '<rosparam file="$(env A)/a.yaml"/>'
+    body = f'<arg name="a" default="1" value="2"/>{AMCL.format(load)}\n<param name="b"/>'
+    assert len(errors(tmp_path, body)) == 3
+    name = '<arg name="a" default="$(env A)"/>'
+    twice = '<rosparam file="$(arg a)/a.yaml"/><rosparam file="$(arg a)/b.yaml"/>'
+    (message,) = errors(tmp_path, name + AMCL.format(twice))
+    assert 'or give the arg a under "args"' in message
+
+
+def test_args_that_an_included_file_does_not_have_are_refused_as_roslaunch_does(
+    tmp_path: Path,
+) -> None:
+    write(tmp_path, "b.launch", '<arg name="scan_topic" default="scan"/>')
+    include = '<include file="$(dirname)/b.launch"><arg name="scan_topics" value="x"/></include>'
+    (message,) = errors(tmp_path, include)
+    assert message.startswith("a.launch:2:48: b.launch has no arg scan_topics")
+    assert 'did you mean "scan_topic"?' in message
+
+
+@pytest.mark.parametrize(
+    ("body", "expected"),
+    [
+        ('<arg name="model" default="a"/>', 'has an arg modell\n    did you mean "model"?'),
+        ('<arg name="modell" value="a"/>', "arg modell has a fixed value in the launch file"),
+    ],
+)
+def test_args_that_no_launch_file_takes_are_refused(
+    tmp_path: Path, body: str, expected: str
+) -> None:
+    (message,) = errors(tmp_path, body, args={"modell": "b"})
+    assert message.startswith("sut.yaml:2:1: ")
+    assert expected in message
+
+
+def test_an_arg_may_be_for_one_of_several_files(tmp_path: Path) -> None:
+    one = write(tmp_path, "one.launch", '<arg name="a" value="fixed"/>' + AMCL.format(""))
+    value = '<param name="x" value="$(arg a)"/>'
+    two = write(tmp_path, "two.launch", f'<arg name="a" default="1"/>{MOVE_BASE.format(value)}')
+    assert parameters(launch(one, two, args={"a": "7"}), "/move_base") == {"x": 7}
+
+
+def test_an_include_of_a_package_that_is_not_given_is_left_out_with_a_warning(
+    tmp_path: Path,
+) -> None:
+    include = '<include file="$(find camera)/launch/3d.launch"/>'
+    loaded = started(tmp_path, include + AMCL.format(""))
+    (warning,) = warnings(loaded, tmp_path)
+    assert warning.startswith("a.launch:2:16: warning: package camera is not given")
+    assert 'under "packages"' in warning
+    assert loaded.left_out == ("$(find camera)/launch/3d.launch",)
+    assert warnings(started(tmp_path, include, skip=("3d.launch",)), tmp_path) == []
+
+
+def test_files_are_skipped_by_the_end_of_what_is_written(tmp_path: Path) -> None:
+    body = AMCL.format('<rosparam file="$(env HOME)/.pal/pose.yaml"/>')
+    assert parameters(started(tmp_path, body, skip=(".pal/pose.yaml",)), "/amcl") == {}
+    loaded = started(tmp_path, AMCL.format(""), skip=("pose.yaml",))
+    (warning,) = warnings(loaded, tmp_path)
+    assert "no file that is loaded or included ends with" in warning
+
+
+def test_the_shell_is_not_asked_but_what_it_has_is_said(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("MY_ROBOT", "burger")
+    body = AMCL.format(
+        '<rosparam file="$(env MY_ROBOT)"/><param name="a" value="$(optenv MY_ROBOT no one)"/>'
+    )
+    (message,) = errors(tmp_path, body)
+    assert "in this shell it is MY_ROBOT: burger" in message
+    optional = AMCL.format('<param name="a" value="$(optenv MY_ROBOT no one)"/>')
+    assert parameters(started(tmp_path, optional), "/amcl") == {"a": "no one"}
+    assert parameters(started(tmp_path, optional, env={"MY_ROBOT": "x"}), "/amcl") == {"a": "x"}
+
+
+def test_a_symbolic_link_that_became_text_is_followed(tmp_path: Path) -> None:
+    write(tmp_path, "real.launch", AMCL.format('<rosparam file="$(dirname)/link.yaml"/>'))
+    (tmp_path / "link.launch").write_text("real.launch\n")
+    (tmp_path / "real.yaml").write_text("a: 1\n")
+    (tmp_path / "link.yaml").write_text("./real.yaml")
+    loaded = started(tmp_path, '<include file="$(dirname)/link.launch"/>')
+    assert parameters(loaded, "/amcl") == {"a": 1}
+    assert ["real" in one for one in warnings(loaded, tmp_path)] == [True, True]
+    (tmp_path / "one.yaml").write_text("two.yaml")
+    (tmp_path / "two.yaml").write_text("one.yaml")
+    (message,) = errors(tmp_path, AMCL.format('<rosparam file="$(dirname)/one.yaml"/>'))
+    assert "one link too many" in message
+
+
+def test_what_means_nothing_to_roslaunch_is_a_warning(tmp_path: Path) -> None:
+    body = '<nod/><group name="x"/>' + AMCL.format("") + '<env name="A" value="$(env NOT)"/>'
+    first, second = warnings(started(tmp_path, body), tmp_path)
+    assert '<nod> means nothing to roslaunch\n    did you mean "node"?' in first
+    assert "a.launch:2:20: warning: <group> has no attribute name" in second
+
+
+def test_what_may_hold_parameters_of_a_node_and_cannot_be_read_is_a_warning(
+    tmp_path: Path,
+) -> None:
+    body = '<rosparam file="$(find robot)/all.yaml"/>' + AMCL.format("")
+    (warning,) = warnings(started(tmp_path, body), tmp_path)
+    assert "warning: package robot is not given" in warning
+
+
+def test_launch_files_that_include_each_other_again_and_again_end(tmp_path: Path) -> None:
+    for index in range(20):
+        include = f'<include file="$(dirname)/{index + 1}.launch"/>' * 2
+        write(tmp_path, f"{index}.launch", include)
+    write(tmp_path, "20.launch", "")
+    found = errors(tmp_path, '<include file="$(dirname)/0.launch"/>')
+    assert "goes on without end" in found[0]
+
+
+@pytest.mark.parametrize(("name", "text"), [("a.launch.py", ""), ("a.yaml", "x: 1")])
+def test_launch_files_of_ros_2_are_named_as_such(tmp_path: Path, name: str, text: str) -> None:
+    (tmp_path / name).write_text(text)
+    with pytest.raises(Exception, match='one of ROS 2 is started by "kind: ros2"'):
+        launch(tmp_path / name)
