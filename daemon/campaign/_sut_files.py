@@ -136,6 +136,9 @@ def load_sut(path: Path, find: FindSutFile) -> LoadedSut:
     try:
         findings = check_parameters(layer.kind, tree)
     except ValueError as error:
+        if isinstance(error, ParameterError):
+            # Of a file that nobody reads the defaults come, which need not be wrong with it.
+            refuse_unread(settings, error.findings, layer.parameter_files)
         raise InputError(_diagnostics(error, document, settings)) from error
     refuse_unread(settings, findings, layer.parameter_files)
     idle = _idle_warning(findings, document, settings)

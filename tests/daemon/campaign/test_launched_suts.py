@@ -279,7 +279,7 @@ def test_parameter_files_of_nav2_are_refused_with_what_can_be_done(
     said = "ros: params" if key == "ros" else f"files: {{{name}: params/amcl.yaml}}"
     write(folder, "robot", f"kind: ros\n{said}\n")
     (message,) = messages(folder, "robot")
-    assert message.startswith("params/amcl.yaml:2:3: is a parameter file of ROS 2")
+    assert message.startswith("params/amcl.yaml:3:5: is a parameter file of ROS 2")
     nothing = "nothing here corresponds to bt_navigator"
     for part in ("kind: ros2", "odom_alpha1 for alpha1", "move_base/local_costmap", nothing):
         assert part in message
