@@ -156,7 +156,7 @@ def load_sut(path: Path, find: FindSutFile) -> LoadedSut:
 def _refuse_missing(settings: ParameterValues) -> None:
     """Refuse values that launch files could not fill in and nobody wrote anew."""
     missing = [
-        replace(lack, message=f"{lack.message}, which {'/'.join(path)} needs")
+        replace(lack, message=f"{lack.message}; {'/'.join(path)} has no value without it")
         for path, setting in settings.items()
         for lack in setting.missing
     ]

@@ -103,7 +103,7 @@ def test_launch_files_become_sections_with_names_and_places(folder: Path) -> Non
         for path, one in found.settings.items()
     }
     assert places["move_base/global_costmap/scan/topic"] == "nav/config/burger.yaml:3:37"
-    assert places["move_base/global_costmap/static_map"] == "nav/launch/move_base.launch:9:53"
+    assert places["move_base/global_costmap/static_map"] == "nav/launch/move_base.launch:9:55"
     assert places["amcl/odom_alpha1"] == "nav/launch/amcl.launch:4:39"
     assert places["topics/nodes/amcl/remap//scan"] == "nav/launch/amcl.launch:5:5"
 
@@ -111,7 +111,7 @@ def test_launch_files_become_sections_with_names_and_places(folder: Path) -> Non
 def test_a_complaint_stands_in_the_launch_file(folder: Path) -> None:
     write(folder, "robot", SUT + "  args: {model: burger, speed: 0.05}\n")
     (message,) = messages(folder, "robot")
-    assert message.startswith("nav/launch/move_base.launch:13:53: ")
+    assert message.startswith("nav/launch/move_base.launch:13:54: ")
     assert "min_vel_trans 0.1 is above max_vel_trans 0.05" in message
 
 
@@ -155,8 +155,8 @@ def test_what_launch_files_cannot_fill_in_is_an_error_until_somebody_writes_it(
     path.write_text(AMCL.replace('value="0.1"', 'command="rosparam get /x"'))
     write(folder, "robot", SUT + "  args: {model: burger}\n")
     (message,) = messages(folder, "robot")
-    assert message.startswith("nav/launch/amcl.launch:4:41: odom_alpha1: is what a command prints")
-    assert "which amcl/odom_alpha1 needs" in message
+    assert message.startswith("nav/launch/amcl.launch:4:40: odom_alpha1: is what a command prints")
+    assert "amcl/odom_alpha1 has no value without it" in message
     write(folder, "mine", "like: robot\nparameters: {amcl: {odom_alpha1: 0.3}}\n")
     assert tree(folder, "mine")["amcl"] == {"odom_alpha1": 0.3}
 
@@ -238,7 +238,7 @@ def test_of_several_robots_one_is_chosen_by_the_name_of_its_move_base(folder: Pa
     parameters = tree(folder, "second")
     assert parameters["move_base"]["DWAPlannerROS"]["max_vel_trans"] == 0.4
     assert parameters["topics"]["nodes"]["amcl"]["name"] == "/r4/amcl"
-    assert parameters["topics"]["maps"] == ["/r4/map"]
+    assert parameters["topics"]["maps"] == ["/r3/map", "/r4/map"]
 
 
 def test_only_servers_of_the_map_that_amcl_hears_have_the_map_of_a_run(folder: Path) -> None:

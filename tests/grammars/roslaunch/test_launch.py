@@ -227,8 +227,8 @@ def test_commands_and_files_of_params_are_not_read(tmp_path: Path) -> None:
     found = node(started(tmp_path, body), "/amcl").parameters
     assert not mark.exists()
     assert [p.missing[0].message for p in found.values()] == [
-        "a: is what a command prints, and commands of launch files are never run, not read here",
-        "b: is the text of a file, not read here",
+        "a: is what a command prints, and commands of launch files are never run",
+        "b: is the text of a file, which is not read",
     ]
 
 
