@@ -105,6 +105,14 @@ class LoadedSut:
     idle: tuple[Diagnostic, ...] = ()
 
 
+class RefusedSutError(InputError):
+    """A system under test that cannot run; ``settings`` are the values it would have."""
+
+    def __init__(self, diagnostics: list[Diagnostic], settings: ParameterValues) -> None:
+        super().__init__(diagnostics)
+        self.settings = settings
+
+
 @dataclass(frozen=True, slots=True)
 class _SutLayer:
     """A file with everything below it."""
@@ -139,7 +147,7 @@ def load_sut(path: Path, find: FindSutFile) -> LoadedSut:
         if isinstance(error, ParameterError):
             # Of a file that nobody reads the defaults come, which need not be wrong with it.
             refuse_unread(settings, error.findings, layer.parameter_files)
-        raise InputError(_diagnostics(error, document, settings)) from error
+        raise RefusedSutError(_diagnostics(error, document, settings), settings) from error
     refuse_unread(settings, findings, layer.parameter_files)
     idle = _idle_warning(findings, document, settings)
     return LoadedSut(

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from daemon.campaign import LayerLibrary, LayerReference, LoadedSut
+from daemon.campaign import LayerLibrary, LayerReference, LoadedSut, RefusedSutError
 from grammars.text.diagnostics import InputError, Severity, Where
 
 MOVE_BASE = """\
@@ -104,7 +105,7 @@ def test_launch_files_become_sections_with_names_and_places(folder: Path) -> Non
     }
     assert places["move_base/global_costmap/scan/topic"] == "nav/config/burger.yaml:3:37"
     assert places["move_base/global_costmap/static_map"] == "nav/launch/move_base.launch:9:55"
-    assert places["amcl/odom_alpha1"] == "nav/launch/amcl.launch:4:39"
+    assert places["amcl/odom_alpha1"] == "nav/launch/amcl.launch:4:38"
     assert places["topics/nodes/amcl/remap//scan"] == "nav/launch/amcl.launch:5:5"
 
 
@@ -311,3 +312,21 @@ def test_files_of_which_nobody_reads_anything_are_refused(
     write(folder, "robot", f"kind: ros\nfiles: {{{namespace}: dump.yaml}}\n")
     (message,) = messages(folder, "robot")
     assert expected in message
+
+
+def test_the_guide_names_every_key() -> None:
+    text = (Path(__file__).parents[3] / "docs" / "campaigns.md").read_text()
+    section = text.partition("## A ROS 1 configuration")[2].partition("\n## ")[0]
+    schema = json.loads(
+        (Path(__file__).parents[3] / "grammars/editor/schemas/sut.schema.json").read_text()
+    )
+    keys = schema["$defs"]["rossource"]["properties"]
+    assert [key for key in keys if f"\n| `{key}` |" not in section] == []
+
+
+def test_what_a_refused_configuration_would_be_is_known(folder: Path) -> None:
+    write(folder, "robot", SUT + "  args: {model: burger, speed: 0.05}\n")
+    with pytest.raises(RefusedSutError) as caught:
+        load(folder, "robot")
+    setting = caught.value.settings["move_base", "DWAPlannerROS", "max_vel_trans"]
+    assert setting.value == 0.05
