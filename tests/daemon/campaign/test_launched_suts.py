@@ -9,6 +9,7 @@ from typing import Any
 import pytest
 
 from daemon.campaign import LayerLibrary, LayerReference, LoadedSut, RefusedSutError
+from grammars.text import codec
 from grammars.text.diagnostics import InputError, Severity, Where
 
 MOVE_BASE = """\
@@ -330,3 +331,18 @@ def test_what_a_refused_configuration_would_be_is_known(folder: Path) -> None:
         load(folder, "robot")
     setting = caught.value.settings["move_base", "DWAPlannerROS", "max_vel_trans"]
     assert setting.value == 0.05
+
+
+def test_the_same_launch_files_elsewhere_are_the_same_system(folder: Path) -> None:
+    path = folder / "nav" / "launch" / "move_base.launch"
+    here = '<param name="map" value="$(dirname)/a.yaml"/><param name="b" value="$(find nav)/b"/>'
+    path.write_text(MOVE_BASE.replace("<remap", f"{here}<remap"))
+    write(folder, "robot", SUT + "  args: {model: burger}\n")
+    before = load(folder, "robot").reference
+    moved = folder / "somewhere" / "else"
+    moved.mkdir(parents=True)
+    for name in ("nav", "robot.yaml"):
+        (folder / name).rename(moved / name)
+    after = load(moved, "robot").reference
+    assert codec.digest(after) == codec.digest(before)
+    assert after.parameters["move_base"]["map"] == "$(find nav)/launch/a.yaml"
