@@ -28,7 +28,7 @@ from daemon.campaign._parameters import (
     merge_parameters,
     parameter_tree,
 )
-from daemon.campaign._sut_files import ROS2, LoadedSut, SutFile, load_sut
+from daemon.campaign._sut_files import ROS2, LoadedSut, RefusedSutError, SutFile, load_sut
 
 __all__ = [
     "FLOORPLAN",
@@ -47,6 +47,7 @@ __all__ = [
     "LoadedSut",
     "ParameterValue",
     "ParameterValues",
+    "RefusedSutError",
     "SutFile",
     "check",
     "examine",

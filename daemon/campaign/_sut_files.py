@@ -105,6 +105,14 @@ class LoadedSut:
     idle: tuple[Diagnostic, ...] = ()
 
 
+class RefusedSutError(InputError):
+    """A system under test that cannot run; ``settings`` are the values it would have."""
+
+    def __init__(self, diagnostics: list[Diagnostic], settings: ParameterValues) -> None:
+        super().__init__(diagnostics)
+        self.settings = settings
+
+
 @dataclass(frozen=True, slots=True)
 class _SutLayer:
     """A file with everything below it."""
@@ -136,7 +144,10 @@ def load_sut(path: Path, find: FindSutFile) -> LoadedSut:
     try:
         findings = check_parameters(layer.kind, tree)
     except ValueError as error:
-        raise InputError(_diagnostics(error, document, settings)) from error
+        if isinstance(error, ParameterError):
+            # Of a file that nobody reads the defaults come, which need not be wrong with it.
+            refuse_unread(settings, error.findings, layer.parameter_files)
+        raise RefusedSutError(_diagnostics(error, document, settings), settings) from error
     refuse_unread(settings, findings, layer.parameter_files)
     idle = _idle_warning(findings, document, settings)
     return LoadedSut(
@@ -153,7 +164,7 @@ def load_sut(path: Path, find: FindSutFile) -> LoadedSut:
 def _refuse_missing(settings: ParameterValues) -> None:
     """Refuse values that launch files could not fill in and nobody wrote anew."""
     missing = [
-        replace(lack, message=f"{lack.message}, which {'/'.join(path)} needs")
+        replace(lack, message=f"{lack.message}; {'/'.join(path)} has no value without it")
         for path, setting in settings.items()
         for lack in setting.missing
     ]

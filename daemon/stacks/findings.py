@@ -35,10 +35,16 @@ class ParameterFindings:
 
 
 class ParameterError(ValueError):
-    """Parameters no robot could be driven with: ``problems`` holds everything wrong."""
+    """Parameters no robot could be driven with: ``problems`` holds everything wrong.
 
-    def __init__(self, problems: Iterable[ParameterFinding]) -> None:
+    ``findings`` is what a run could live with beside it.
+    """
+
+    def __init__(
+        self, problems: Iterable[ParameterFinding], findings: ParameterFindings | None = None
+    ) -> None:
         self.problems = tuple(dict.fromkeys(problems))
+        self.findings = findings or ParameterFindings()
         super().__init__("; ".join(str(problem) for problem in self.problems))
 
 
@@ -52,11 +58,12 @@ class FindingCollector:
 
     def findings(self) -> ParameterFindings:
         """Return what was found; raises :class:`ParameterError` for what is fatal."""
-        if self.fatal:
-            raise ParameterError(self.fatal)
-        return ParameterFindings(
+        findings = ParameterFindings(
             tuple(dict.fromkeys(self.problems)), tuple(dict.fromkeys(self.without_effect))
         )
+        if self.fatal:
+            raise ParameterError(self.fatal, findings)
+        return findings
 
 
 def format_path(path: ParameterLocation) -> str:

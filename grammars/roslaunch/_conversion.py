@@ -15,8 +15,8 @@ from grammars.text.ros_yaml import parse_ros_yaml
 SOURCES: Final = ("value", "textfile", "binfile", "command")
 """The attributes of a ``<param>`` of which one gives its value."""
 _NOT_READ: Final = {
-    "textfile": "is the text of a file",
-    "binfile": "is the content of a file",
+    "textfile": "is the text of a file, which is not read",
+    "binfile": "is the content of a file, which is not read",
     "command": "is what a command prints, and commands of launch files are never run",
 }
 
@@ -28,7 +28,7 @@ def read_param(element: XmlElement, source: str, text: Substituted, kind: str) -
     """
     where = element.place(source)
     if source != "value":
-        message = f"{element.attributes.get('name', '')}: {_NOT_READ[source]}, not read here"
+        message = f"{element.attributes.get('name', '')}: {_NOT_READ[source]}"
         hint = 'write the value under "parameters" if the node needs it'
         return LaunchParameter(text.text, where, (Diagnostic(where, message, hint),))
     written = text.text.strip()

@@ -11,7 +11,7 @@ from grammars.roslaunch._messages import needed, said_once
 from grammars.roslaunch._model import Launch, LaunchNode, LaunchSettings, NodeType
 from grammars.roslaunch._names import split_name
 from grammars.roslaunch._nodes import StartedNode
-from grammars.roslaunch._packages import Packages, files_near
+from grammars.roslaunch._packages import Packages, files_near, is_file
 from grammars.roslaunch._parameters import ParameterServer
 from grammars.roslaunch._reader import LaunchReader
 from grammars.text.diagnostics import Diagnostic, InputError, Severity, Where, did_you_mean
@@ -68,7 +68,7 @@ def load_launch(
 
 def _unsuitable(path: Path, where: Where) -> list[Diagnostic]:
     """Say what keeps a file from being a launch file of ROS 1."""
-    if not path.is_file():
+    if not is_file(path, where):
         return [Diagnostic(where, f"no file {path}", files_near(path))]
     if path.suffix in _NOT_XML:
         message = f"{path.name} is no launch file of ROS 1, which are XML"

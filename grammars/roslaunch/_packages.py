@@ -12,7 +12,6 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Final
 
-from grammars.roslaunch._xml import parse_xml
 from grammars.text.diagnostics import Diagnostic, InputError, Severity, Where, did_you_mean
 from grammars.text.documents import read_text
 
@@ -29,6 +28,7 @@ class Packages:
 
     def __init__(self) -> None:
         self._folders: dict[str, Path] = {}
+        self._symbols: dict[Path, str] = {}
 
     def add(self, folder: Path, where: Where) -> None:
         """Add the package in ``folder``, or all packages below it.
@@ -41,11 +41,13 @@ class Packages:
         if not found:
             message = f"packages: no package in {folder} or below it (looked for package.xml)"
             raise InputError.at(where, message)
+        self._symbols.clear()
         for package in found:
             self._folders.setdefault(_package_name(package), package)
 
     def add_around(self, file: Path) -> None:
         """Add the package that ``file`` is part of, if it is part of one."""
+        self._symbols.clear()
         for folder in file.absolute().parents:
             if _is_package(folder):
                 # Relative as the file is, so that messages name files as people wrote them.
@@ -58,6 +60,11 @@ class Packages:
 
         What stands in parameters then is the same on every machine.
         """
+        if folder not in self._symbols:
+            self._symbols[folder] = self._symbolic(folder)
+        return self._symbols[folder]
+
+    def _symbolic(self, folder: Path) -> str:
         absolute = folder.absolute()
         for name, package in self._folders.items():
             top = package.absolute()
@@ -130,9 +137,10 @@ def _package_name(folder: Path) -> str:
     manifest = folder / _MANIFESTS[0]
     if not manifest.is_file():
         return folder.absolute().name
-    root = parse_xml(read_text(manifest), str(manifest))
-    names = [child.text.strip() for child in root.children if child.tag == "name"]
-    return names[0] if names else folder.absolute().name
+    # Only searched: what else is in the manifests of a workspace is nobody's business here.
+    text = re.sub(r"<!--.*?-->", "", read_text(manifest), flags=re.DOTALL)
+    found = re.search(r"<name>\s*([^<\s]+)\s*</name>", text)
+    return found[1] if found else folder.absolute().name
 
 
 def _folders_near(folder: Path) -> str:
@@ -152,7 +160,7 @@ def follow_links(path: Path, warnings: list[Diagnostic]) -> Path:
             return path
         name = path.read_bytes().decode(errors="replace").strip()
         target = path.parent / name
-        if not re.fullmatch(r"[\w./-]+", name) or name == path.name or not target.is_file():
+        if not re.fullmatch(r"[\w./-]{1,200}", name) or name == path.name or not target.is_file():
             return path
         message = f"is a symbolic link that became text: {target.name} is read in its place"
         note = Diagnostic(Where(str(path), 1, 1), message, "", Severity.WARNING)
@@ -160,6 +168,18 @@ def follow_links(path: Path, warnings: list[Diagnostic]) -> Path:
             warnings.append(note)
         path = _shortened(target)
     raise InputError.at(Where(str(path)), "is one link too many in a row")
+
+
+def is_file(path: Path, where: Where) -> bool:
+    """Say whether there is a file; ``where`` names it.
+
+    Raises :class:`InputError` when that cannot be told, for a name no file can have or a folder
+    that may not be looked into.
+    """
+    try:
+        return path.is_file()
+    except OSError as error:
+        raise InputError.at(where, f"{str(path)[:200]}: {error.strerror}") from error
 
 
 def files_near(path: Path) -> str:

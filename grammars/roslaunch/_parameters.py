@@ -81,6 +81,8 @@ class ParameterServer:
     """What is on the server after each launch."""
 
     values: dict[ParameterName, LaunchParameter] = field(default_factory=dict)
+    _namespaces: set[ParameterName] = field(default_factory=set)
+    """Every namespace that something was ever set in: where to look for what is below a name."""
 
     def take(self, upload: ParameterUpload) -> None:
         """Take away what a launch clears, then set what it has."""
@@ -94,8 +96,10 @@ class ParameterServer:
         """Set a parameter in place of what stands at its name, above it or below it."""
         for length in range(1, len(name)):
             self.values.pop(name[:length], None)
-        for old in [n for n in self.values if n[: len(name)] == name]:
-            del self.values[old]
+            self._namespaces.add(name[:length])
+        if name in self._namespaces:
+            for old in [n for n in self.values if n[: len(name)] == name]:
+                del self.values[old]
         self.values[name] = parameter
 
     def below(self, namespace: ParameterName) -> dict[ParameterName, LaunchParameter]:

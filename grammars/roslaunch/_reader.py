@@ -17,7 +17,7 @@ from grammars.roslaunch._messages import line_and_column, needed, remedies, trut
 from grammars.roslaunch._model import LaunchNode, LaunchSettings
 from grammars.roslaunch._names import ParameterName, absolute_name, join_names, split_name
 from grammars.roslaunch._nodes import StartedNode, start_node
-from grammars.roslaunch._packages import PackageError, Packages, files_near, follow_links
+from grammars.roslaunch._packages import PackageError, Packages, files_near, follow_links, is_file
 from grammars.roslaunch._parameters import ParameterUpload, UnreadParameters
 from grammars.roslaunch._scope import Scope, WrittenRemap
 from grammars.roslaunch._substitution import Substituted, Substitution
@@ -68,10 +68,12 @@ class LaunchReader:
     errors: list[Diagnostic] = field(default_factory=list)
     warnings: list[Diagnostic] = field(default_factory=list)
     _includes: int = 0
+    _started: set[str] = field(default_factory=set)
 
     def start(self, path: Path) -> None:
         """Read the launch file that is started; its parameters are in ``upload`` afterwards."""
         self.upload = ParameterUpload()
+        self._started = set()
         args = {name: Substituted(text) for name, text in self.settings.args.items()}
         scope = Scope(path, args=args, outermost=True)
         try:
@@ -234,7 +236,7 @@ class LaunchReader:
             return
         if file.missing:
             raise InputError(needed(file.missing, "this include", where))
-        if not path.is_file():
+        if not is_file(path, where):
             message = f"no file {path} to include"
             raise InputError.at(where, message, remedies(path, files_near(path)))
         self._includes += 1
@@ -308,7 +310,11 @@ class LaunchReader:
         node = LaunchNode(absolute_name(full), package.text, kind.text, (), element.where)
         missing = (*inner.missing, *name.missing, *package.missing, *kind.missing)
         started = start_node(node, arguments, element.place("args"), own.remaps.values(), missing)
-        self.nodes[started.node.name] = started
+        if node.name in self._started:
+            message = f"a second node is called {node.name}, roslaunch refuses to start this"
+            raise InputError.at(element.where, message, "give one of them another name or ns")
+        self._started.add(node.name)
+        self.nodes[node.name] = started
 
     def _rosparam(
         self, element: XmlElement, scope: Scope, namespace: str, owner: ParameterName | None
@@ -374,10 +380,10 @@ class LaunchReader:
             hint = f'or, if the node starts without the file, write "{ending}" under "skip"'
             hint = "" if "$(" in ending else hint
             raise InputError(needed(file.missing, file.text, where, hint))
-        path = follow_links(self.packages.path(file.text, scope.file.parent, where), self.warnings)
-        if not path.is_file():
+        path = self.packages.path(file.text, scope.file.parent, where)
+        if not is_file(path, where):
             raise InputError.at(where, f"no file {path}", remedies(path, files_near(path)))
-        return path
+        return follow_links(path, self.warnings)
 
 
 def _or_give_arg(missing: tuple[Diagnostic, ...], name: str) -> tuple[Diagnostic, ...]:

@@ -2,13 +2,15 @@
 
 Robots' files are YAML 1.1 and hold what a strict reader refuses: a key twice in one mapping (ROS
 takes the last one), ``yes`` for true, anchors, angles in degrees. All of it is read here the way
-ROS reads it; what is probably a slip is a warning. Nothing is evaluated, and a file is bounded in
+ROS reads it; what is probably a slip is a warning. Nothing is run, and a file is bounded in
 size, depth and number of values. Source: rosparam (ROS Noetic), YAML 1.1.
 """
 
 from __future__ import annotations
 
+import ast
 import math
+import operator
 import re
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -27,8 +29,15 @@ _NULL: Final = "tag:yaml.org,2002:null"
 _NO_VALUE: Final = "write a value or leave it out"
 _DATE: Final = "tag:yaml.org,2002:timestamp"
 _FLOAT: Final = "tag:yaml.org,2002:float"
-_ANGLES: Final = {"!degrees": math.radians, "!radians": float}
-_ANGLE: Final = re.compile(r"^(deg|rad)\(\s*([-+]?[0-9.]+(?:[eE][-+]?\d+)?)\s*\)$")
+_ANGLE: Final = re.compile(r"^(deg|rad)\(([^)]*)\)$")
+_LONGEST_ANGLE: Final = 100
+_ANGLE_TAGS: Final = {"!degrees": "deg", "!radians": "rad"}
+_ARITHMETIC: Final[dict[type[ast.operator], Callable[[float, float], float]]] = {
+    ast.Add: operator.add,
+    ast.Sub: operator.sub,
+    ast.Mult: operator.mul,
+    ast.Div: operator.truediv,
+}
 
 
 Locate: TypeAlias = Callable[[int, int], Where]
@@ -147,8 +156,10 @@ class _RosYamlReader:
         """Return a number, text or truth value as YAML 1.1 reads it."""
         if node.tag == _NULL:
             raise InputError.at(self.place(node), "is no value", _NO_VALUE)
-        if node.tag in _ANGLES:
-            return self.angle(node, node.tag, node.value)
+        if node.tag in _ANGLE_TAGS:
+            written = _ANGLE.match(node.value.strip())
+            text = node.value if written is None else written[2]
+            return self.angle(node, _ANGLE_TAGS[node.tag], text)
         if node.tag not in _PLAIN:
             # A date stays the text it is: no parameter of a robot is one.
             if node.tag == _DATE:
@@ -156,7 +167,7 @@ class _RosYamlReader:
             raise InputError.at(self.place(node), f"tag {node.tag} is not read here")
         found = _ANGLE.match(node.value) if node.tag.endswith(":str") else None
         if found:
-            return self.angle(node, {"deg": "!degrees", "rad": "!radians"}[found[1]], found[2])
+            return self.angle(node, found[1], found[2])
         if node.tag == _FLOAT and re.fullmatch(r"[-+]?\d+[eE][-+]?\d+", node.value):
             return str(node.value)  # PyYAML, which rosparam uses, takes 1e-3 for text.
         try:
@@ -165,11 +176,11 @@ class _RosYamlReader:
             message = f'"{node.value}" is no {node.tag.rpartition(":")[2]}'
             raise InputError.at(self.place(node), message) from error
 
-    def angle(self, node: Any, tag: str, text: str) -> float:
-        """Return an angle in radians."""
+    def angle(self, node: Any, unit: str, text: str) -> float:
+        """Return an angle in radians; one in radians may be worked out of pi, as in rad(pi/2)."""
         try:
-            return _ANGLES[tag](float(text))
-        except ValueError as error:
+            return math.radians(float(text)) if unit == "deg" else _work_out(text)
+        except (ValueError, ArithmeticError) as error:
             raise InputError.at(self.place(node), f'"{text}" is no angle') from error
 
     def forget(self, path: KeyPath) -> None:
@@ -184,3 +195,28 @@ class _RosYamlReader:
     def warn(self, node: Any, message: str, hint: str) -> None:
         """Note something that reads well and is probably a slip."""
         self.warnings.append(Diagnostic(self.place(node), message, hint, Severity.WARNING))
+
+
+def _work_out(text: str) -> float:
+    """Return the value of numbers and pi with + - * /; raises ``ValueError``."""
+    if len(text) > _LONGEST_ANGLE:
+        raise ValueError("too long to be an angle")
+    try:
+        return _value_of(ast.parse(text.strip(), mode="eval").body)
+    except SyntaxError as error:
+        raise ValueError("no arithmetic") from error
+
+
+def _value_of(node: ast.AST) -> float:
+    match node:
+        case ast.Constant(int() | float() as value):
+            return float(value)
+        case ast.Name("pi"):
+            return math.pi
+        case ast.UnaryOp(ast.USub(), operand):
+            return -_value_of(operand)
+        case ast.UnaryOp(ast.UAdd(), operand):
+            return _value_of(operand)
+        case ast.BinOp(left, sign, right) if type(sign) in _ARITHMETIC:
+            return _ARITHMETIC[type(sign)](_value_of(left), _value_of(right))
+    raise ValueError("no arithmetic")

@@ -17,7 +17,10 @@ from scenario_tui.cli.output import Output, plain_table, report_diagnostics, std
 from scenario_tui.cli.sut_check import check
 
 if TYPE_CHECKING:
-    from daemon.campaign import LoadedSut
+    from collections.abc import Iterable
+
+    from daemon.campaign import LoadedSut, ParameterValues
+    from daemon.stacks.findings import ParameterFinding
     from daemon.stacks.ros1.configuration import RosParameters
     from grammars.text.diagnostics import Diagnostic
 
@@ -110,15 +113,20 @@ def show(
     For the ROS stack also the defaults that apply, what has no effect here, and who hears the
     laser; for a ROS 2 stack the defaults that apply. Nothing is started.
     """
-    from daemon.campaign import LayerLibrary
+    from daemon.campaign import LayerLibrary, RefusedSutError
 
-    found = LayerLibrary(file.parent).sut_file(file)
+    try:
+        found = LayerLibrary(file.parent).sut_file(file)
+    except RefusedSutError as refused:
+        if not as_json:
+            _print_given(refused.settings, ())
+        raise
     read = _read_ros_parameters(found)
     if as_json:
         SutOutput.of(found, read).emit()
         return
     _print_head(found)
-    _print_given(found)
+    _print_given(found.settings, found.findings.without_effect)
     _print_files(found)
     _print_defaults(_all_defaults(found, read))
     if read is not None:
@@ -210,15 +218,16 @@ def _print_head(found: LoadedSut) -> None:
     stdout_console().print(" < ".join(found.files), markup=False, style="dim", soft_wrap=True)
 
 
-def _print_given(found: LoadedSut) -> None:
+def _print_given(settings: ParameterValues, idle: Iterable[ParameterFinding]) -> None:
+    """Print values with their places; ``idle`` are those without effect, with the reason."""
     from rich.text import Text
 
-    if not found.settings:
+    if not settings:
         return
-    reasons = {f.path: f.message for f in found.findings.without_effect}
+    reasons = {f.path: f.message for f in idle}
     table = plain_table("parameter", "value", "written in", "without effect here")
     above = ""
-    for path, setting in sorted(found.settings.items(), key=lambda item: (item[0][:-1], item[0])):
+    for path, setting in sorted(settings.items(), key=lambda item: (item[0][:-1], item[0])):
         namespace = "/".join(path[:-1])
         if namespace != above:
             table.add_row(Text(namespace, style="bold"))

@@ -7,7 +7,11 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from hypothesis import given
+from hypothesis import settings as hypothesis_settings
+from hypothesis import strategies as st
 
+from grammars.text.diagnostics import InputError
 from tests.grammars.roslaunch.launched import (
     AMCL,
     MOVE_BASE,
@@ -227,8 +231,8 @@ def test_commands_and_files_of_params_are_not_read(tmp_path: Path) -> None:
     found = node(started(tmp_path, body), "/amcl").parameters
     assert not mark.exists()
     assert [p.missing[0].message for p in found.values()] == [
-        "a: is what a command prints, and commands of launch files are never run, not read here",
-        "b: is the text of a file, not read here",
+        "a: is what a command prints, and commands of launch files are never run",
+        "b: is the text of a file, which is not read",
     ]
 
 
@@ -266,6 +270,7 @@ def test_commands_and_files_of_params_are_not_read(tmp_path: Path) -> None:
         ('<remap from="a" to="b c"/>' + AMCL.format(""), '"b c" is no name that ROS has'),
         ('<node pkg="amcl" type="amcl" name="r/amcl"/>', "cannot hold a namespace"),
         ('<node pkg="amcl" exec="amcl" name="amcl"/>', "is for ROS 2"),
+        (AMCL.format("") * 2, "a second node is called /amcl"),
         ('<rosparam command="lod" file="x"/>', 'command "lod" is none of load, delete, dump'),
         ("<group>", "is not valid XML: mismatched tag"),
     ],
@@ -394,3 +399,47 @@ def test_launch_files_of_ros_2_are_named_as_such(tmp_path: Path, name: str, text
     (tmp_path / name).write_text(text)
     with pytest.raises(Exception, match='one of ROS 2 is started by "kind: ros2"'):
         launch(tmp_path / name)
+
+
+def test_names_no_file_can_have_are_said_where_they_stand(tmp_path: Path) -> None:
+    (message,) = errors(tmp_path, AMCL.format(f'<rosparam file="{"a" * 5000}"/>'))
+    assert message.startswith("a.launch:2:58: ")
+    assert "too long" in message
+
+
+_words = st.sampled_from(
+    ["", "a", "/", "~x", "1", "true", "load", "delete", "$(arg a)", "$(env A)", "$(find p)/a",
+     "$(dirname)/any.launch", "$(eval a + 1)", "$(anon a)", "$(", "amcl", "yaml", "[1, {b: ]"]
+)  # fmt: skip
+_attributes = st.dictionaries(
+    st.sampled_from(
+        ["name", "value", "default", "file", "ns", "param", "if", "unless", "from", "to", "pkg",
+         "type", "args", "command", "clear_params", "pass_all_args", "subst_value"]
+    ),
+    _words,
+    max_size=6,
+)  # fmt: skip
+_elements = st.recursive(
+    st.builds("{}".format, _words),
+    lambda inner: st.builds(
+        lambda tag, attributes, below: f"<{tag} {attributes}>{''.join(below)}</{tag}>",
+        st.sampled_from(["arg", "group", "include", "node", "param", "remap", "rosparam"]),
+        _attributes.map(lambda found: " ".join(f'{k}="{v}"' for k, v in found.items())),
+        st.lists(inner, max_size=4),
+    ),
+    max_leaves=12,
+)
+
+
+@given(body=st.lists(_elements, max_size=4).map("".join))
+@hypothesis_settings(max_examples=200, deadline=None)
+def test_any_launch_file_is_read_or_refused(
+    body: str, tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    folder = tmp_path_factory.getbasetemp()
+    try:
+        loaded = launch(write(folder, "any.launch", f'<arg name="a" default="b"/>{body}'))
+    except InputError as error:
+        assert all(one.where.line for one in error.diagnostics)
+        return
+    assert all(p.where.line for one in loaded.nodes for p in one.parameters.values())

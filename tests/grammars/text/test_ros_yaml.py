@@ -39,6 +39,16 @@ def test_angles_may_be_written_in_degrees() -> None:
     assert data == pytest.approx({"a": math.pi / 2, "b": math.pi, "c": 1.5, "d": 1.0})
 
 
+def test_angles_in_radians_may_be_worked_out_of_pi() -> None:
+    data = read("a: rad(pi/2)\nb: !radians -2*pi\nc: !radians rad(1 + 2)\nd: !degrees deg(90)\n")
+    assert data == pytest.approx({"a": math.pi / 2, "b": -2 * math.pi, "c": 3.0, "d": math.pi / 2})
+
+
+@pytest.mark.parametrize("text", ["rad(tau)", "rad(1/0)", "rad(pi**9)", "rad()", "deg(pi)"])
+def test_what_is_no_angle_is_said_so(text: str) -> None:
+    assert "is no angle" in problem(f"a: {text}\n")
+
+
 def test_anchors_and_merges_are_followed() -> None:
     text = "a: &x {b: 1, c: 2}\nd:\n  <<: *x\n  c: 3\ne: *x\n"
     assert read(text) == {"a": {"b": 1, "c": 2}, "d": {"b": 1, "c": 3}, "e": {"b": 1, "c": 2}}

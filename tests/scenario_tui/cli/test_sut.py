@@ -97,3 +97,15 @@ def test_bad_ros_files_are_reported_with_all_their_problems(
         assert "amcl.yaml:1:14: error: odom_alpha1: must be greater than or equal to 0" in told
         assert "amcl.yaml:2:10: error: kld_err: must be a number (given: 'small')" in told
         assert "2 errors" in told
+
+
+def test_what_a_refused_configuration_would_be_is_shown_before_what_is_wrong(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "slow.yaml"
+    path.write_text("sut: slow\nkind: pilot\nparameters: {max_speed: fast, patience: 3.0}\n")
+    assert command_line.invoke(["sut", str(path)]) == 2
+    printed = capsys.readouterr()
+    row = next(line for line in printed.out.splitlines() if "patience" in line)
+    assert row.split() == ["patience", "3", "slow.yaml:3"]
+    assert "max_speed" in printed.err

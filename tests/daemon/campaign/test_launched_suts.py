@@ -1,0 +1,348 @@
+"""Systems under test from launch files: sections, layers, choices, and files of others."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from daemon.campaign import LayerLibrary, LayerReference, LoadedSut, RefusedSutError
+from grammars.text import codec
+from grammars.text.diagnostics import InputError, Severity, Where
+
+MOVE_BASE = """\
+<launch>
+  <arg name="speed" default="0.5"/>
+  <arg name="model" default="$(env MODEL)"/>
+  <node pkg="move_base" type="move_base" name="move_base_node">
+    <param name="base_local_planner" value="dwa_local_planner/DWAPlannerROS"/>
+    <rosparam file="$(find nav)/config/$(arg model).yaml" ns="global_costmap"/>
+    <rosparam file="$(find nav)/config/$(arg model).yaml" ns="local_costmap"/>
+    <rosparam>
+      global_costmap: {global_frame: map, static_map: true}
+      local_costmap: {global_frame: odom, rolling_window: true}
+    </rosparam>
+    <param name="DWAPlannerROS/max_vel_trans" value="$(arg speed)"/>
+    <param name="DWAPlannerROS/min_vel_trans" value="0.1"/>
+    <remap from="scan" to="front/scan"/>
+  </node>
+</launch>
+"""
+AMCL = """\
+<launch>
+  <node pkg="map_server" type="map_server" name="map_server" args="a.yaml"/>
+  <node pkg="amcl" type="amcl" name="amcl">
+    <param name="odom_alpha1" value="0.1"/>
+    <remap from="scan" to="front/scan"/>
+  </node>
+</launch>
+"""
+COMMON = """\
+footprint: [[0.3, 0.2], [0.3, -0.2], [-0.3, -0.2], [-0.3, 0.2]]
+observation_sources: scan
+scan: {data_type: LaserScan, topic: scan, marking: true, clearing: true}
+"""
+SUT = "kind: ros\nros:\n  launch: [nav/launch/move_base.launch, nav/launch/amcl.launch]\n"
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    for name, text in {
+        "package.xml": "<package><name>nav</name></package>",
+        "launch/move_base.launch": MOVE_BASE,
+        "launch/amcl.launch": AMCL,
+        "config/burger.yaml": COMMON,
+        "config/waffle.yaml": COMMON.replace("0.3", "0.4"),
+    }.items():
+        path = tmp_path / "nav" / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(text)
+    return tmp_path
+
+
+def write(folder: Path, name: str, text: str) -> None:
+    (folder / f"{name}.yaml").write_text(f"sut: {name}\n{text}")
+
+
+def load(folder: Path, name: str) -> LoadedSut:
+    library = LayerLibrary(folder)
+    library.sut(LayerReference(name, {}, Where("campaign.yaml", 1, 1)))
+    return library.sut_file(folder / f"{name}.yaml")
+
+
+def tree(folder: Path, name: str) -> dict[str, Any]:
+    return load(folder, name).reference.parameters
+
+
+def messages(folder: Path, name: str) -> list[str]:
+    """Return the errors of a file, or its warnings if it has none."""
+    try:
+        found = load(folder, name).warnings
+        assert all(one.severity is Severity.WARNING for one in found)
+    except InputError as error:
+        found = error.diagnostics
+    return [str(one).replace(f"{folder}/", "") for one in found]
+
+
+def test_launch_files_become_sections_with_names_and_places(folder: Path) -> None:
+    write(folder, "robot", SUT + "  env: {MODEL: burger}\n")
+    found = load(folder, "robot")
+    parameters = found.reference.parameters
+    assert parameters["amcl"] == {"odom_alpha1": 0.1}
+    assert parameters["move_base"]["DWAPlannerROS"] == {"max_vel_trans": 0.5, "min_vel_trans": 0.1}
+    assert parameters["move_base"]["local_costmap"]["scan"]["topic"] == "scan"
+    assert parameters["topics"] == {
+        "maps": ["/map"],
+        "nodes": {
+            "amcl": {"name": "/amcl", "remap": {"/scan": "/front/scan"}},
+            "move_base": {"name": "/move_base_node", "remap": {"/scan": "/front/scan"}},
+        },
+    }
+    places = {
+        "/".join(path): str(one.where).replace(f"{folder}/", "")
+        for path, one in found.settings.items()
+    }
+    assert places["move_base/global_costmap/scan/topic"] == "nav/config/burger.yaml:3:37"
+    assert places["move_base/global_costmap/static_map"] == "nav/launch/move_base.launch:9:55"
+    assert places["amcl/odom_alpha1"] == "nav/launch/amcl.launch:4:38"
+    assert places["topics/nodes/amcl/remap//scan"] == "nav/launch/amcl.launch:5:5"
+
+
+def test_a_complaint_stands_in_the_launch_file(folder: Path) -> None:
+    write(folder, "robot", SUT + "  args: {model: burger, speed: 0.05}\n")
+    (message,) = messages(folder, "robot")
+    assert message.startswith("nav/launch/move_base.launch:13:54: ")
+    assert "min_vel_trans 0.1 is above max_vel_trans 0.05" in message
+
+
+def test_files_and_parameters_go_on_top(folder: Path) -> None:
+    (folder / "mine.yaml.txt").write_text("odom_alpha1: 0.7\nodom_alpha2: 0.7\n")
+    text = (
+        "  args: {model: burger}\nfiles: {amcl: mine.yaml.txt}\n"
+        "parameters: {amcl: {odom_alpha2: 0.9}, costmap_common: {inflation_radius: 0.7}}\n"
+    )
+    write(folder, "robot", SUT + text)
+    parameters = tree(folder, "robot")
+    assert parameters["amcl"] == {"odom_alpha1": 0.7, "odom_alpha2": 0.9}
+    assert parameters["move_base"]["local_costmap"]["inflation_radius"] == 0.7
+
+
+def test_a_system_like_another_reads_its_launch_files_with_other_args(folder: Path) -> None:
+    write(
+        folder,
+        "robot",
+        SUT + "  args: {model: burger, speed: 0.4}\nparameters: {amcl: {kld_err: 0.01}}\n",
+    )
+    write(folder, "big", "like: robot\nros: {args: {model: waffle}}\n")
+    write(folder, "fast", "like: big\nros: {args: {speed: 0.9}}\n")
+    write(folder, "none", "like: fast\nparameters: {amcl: {odom_alpha1: null}}\n")
+    parameters = tree(folder, "fast")
+    assert parameters["move_base"]["local_costmap"]["footprint"][0] == [0.4, 0.2]
+    assert parameters["move_base"]["DWAPlannerROS"]["max_vel_trans"] == 0.9
+    assert parameters["amcl"] == {"odom_alpha1": 0.1, "kld_err": 0.01}
+    assert tree(folder, "big")["move_base"]["DWAPlannerROS"]["max_vel_trans"] == 0.4
+    assert tree(folder, "none")["amcl"] == {"kld_err": 0.01}
+    write(folder, "wrong", "like: big\nros: {args: {sped: 0.9}}\n")
+    (message,) = messages(folder, "wrong")
+    assert message.startswith("wrong.yaml:3:14: no launch file named here has an arg sped")
+    assert 'did you mean "speed"?' in message
+
+
+def test_what_launch_files_cannot_fill_in_is_an_error_until_somebody_writes_it(
+    folder: Path,
+) -> None:
+    path = folder / "nav" / "launch" / "amcl.launch"
+    path.write_text(AMCL.replace('value="0.1"', 'command="rosparam get /x"'))
+    write(folder, "robot", SUT + "  args: {model: burger}\n")
+    (message,) = messages(folder, "robot")
+    assert message.startswith("nav/launch/amcl.launch:4:40: odom_alpha1: is what a command prints")
+    assert "amcl/odom_alpha1 has no value without it" in message
+    write(folder, "mine", "like: robot\nparameters: {amcl: {odom_alpha1: 0.3}}\n")
+    assert tree(folder, "mine")["amcl"] == {"odom_alpha1": 0.3}
+
+
+def test_what_is_not_given_is_asked_for_by_the_keys_of_the_file(folder: Path) -> None:
+    write(folder, "robot", SUT)
+    (message,) = messages(folder, "robot")
+    assert message.startswith("nav/launch/move_base.launch:3:30: environment variable MODEL is not")
+    assert 'write it under "env", such as MODEL: VALUE; or give the arg model under "args"' in (
+        message
+    )
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("kind: ros\nros: {}\n", "robot.yaml:3:1: ros: names neither a folder nor launch files"),
+        ("kind: ros\nros: {args: {a: 1}}\n", "robot.yaml:3:1: ros: there are no launch files to"),
+        ("kind: ros\nros: {folder: nav, launch: x}\n", "launch: a folder is read without launch"),
+        ("kind: ros\nros: {lanch: x}\n", 'unknown key "lanch"\n    did you mean "launch"?'),
+        ("kind: ros\nros: {launch: nav/launch/movebase.launch}\n", 'mean "move_base.launch"?'),
+        ("kind: ros\nros: {launch: x.launch.py}\n", "no file x.launch.py"),
+        (SUT + "  packages: [nowhere]\n", "robot.yaml:5:14: packages: no folder nowhere"),
+        (SUT + "  packages: nav/config\n", "packages: no package in nav/config or below it"),
+        (SUT + "  args: {model: [1]}\n", "robot.yaml:5:10: model: must be text"),
+        (SUT + "  args: {model: burger}\n  node: other\n", "node: no move_base is called /other"),
+        ("kind: pilot\nros: {launch: x}\n", "only kind ros reads ROS parameter files"),
+        ("kind: ros\nros: nav\n",
+         "nav has no parameter files\n    it has launch files (launch/amcl.launch, launch/move_b"),
+    ],
+)  # fmt: skip
+def test_what_is_wrong_is_said_where_it_stands(folder: Path, text: str, expected: str) -> None:
+    write(folder, "robot", text)
+    found = messages(folder, "robot")
+    assert any(expected in message for message in found), found
+
+
+def test_launch_files_without_move_base_tell_what_they_start(folder: Path) -> None:
+    flex = '<node pkg="mbf_costmap_nav" type="mbf_costmap_nav" name="mbf"/></launch>'
+    (folder / "nav" / "launch" / "flex.launch").write_text(f"<launch>{flex}")
+    names = "nav/launch/amcl.launch, nav/launch/flex.launch"
+    write(folder, "robot", f"kind: ros\nros: {{launch: [{names}]}}\n")
+    (message,) = messages(folder, "robot")
+    assert message.startswith("robot.yaml:3:7: starts no move_base; it starts /map_server")
+    assert "/mbf is Move Base Flex" in message
+    assert "move_base is started by nav/launch/move_base.launch: add it to launch" in message
+
+
+def test_without_amcl_its_defaults_hold_and_where_it_may_be_is_said(folder: Path) -> None:
+    gmapping = '<node pkg="gmapping" type="slam_gmapping" name="slam"/></launch>'
+    path = folder / "nav" / "launch" / "move_base.launch"
+    path.write_text(MOVE_BASE.replace("</launch>", gmapping))
+    write(
+        folder,
+        "robot",
+        "kind: ros\nros:\n  launch: nav/launch/move_base.launch\n  args: {model: burger}\n",
+    )
+    (message,) = (one for one in messages(folder, "robot") if "starts no amcl" in one)
+    assert message.startswith("robot.yaml:4:3: warning: starts no amcl: it localises with amcl's")
+    assert "/slam (gmapping) maps while it drives" in message
+    assert "amcl is started by nav/launch/amcl.launch: add it to launch" in message
+    assert "amcl" not in tree(folder, "robot")
+
+
+def test_of_several_robots_one_is_chosen_by_the_name_of_its_move_base(folder: Path) -> None:
+    groups = "".join(
+        f'<group ns="r{i}"><include file="$(find nav)/launch/move_base.launch">'
+        f'<arg name="model" value="burger"/><arg name="speed" value="0.{i}"/></include>'
+        '<include file="$(find nav)/launch/amcl.launch"/></group>'
+        for i in (3, 4)
+    )
+    (folder / "nav" / "launch" / "two.launch").write_text(f"<launch>{groups}</launch>")
+    text = "kind: ros\nros:\n  launch: nav/launch/two.launch\n"
+    write(folder, "robot", text)
+    (message,) = messages(folder, "robot")
+    assert "starts 2 move_base nodes: /r3/move_base_node (move_base.launch:4), /r4/" in message
+    assert 'write "node: /r3/move_base_node" for that one' in message
+    write(folder, "second", f"{text}  node: r4/move_base_node\n")
+    parameters = tree(folder, "second")
+    assert parameters["move_base"]["DWAPlannerROS"]["max_vel_trans"] == 0.4
+    assert parameters["topics"]["nodes"]["amcl"]["name"] == "/r4/amcl"
+    assert parameters["topics"]["maps"] == ["/r3/map", "/r4/map"]
+
+
+def test_only_servers_of_the_map_that_amcl_hears_have_the_map_of_a_run(folder: Path) -> None:
+    servers = "".join(
+        f'<node pkg="map_server" type="map_server" name="s{i}" args="{file}">'
+        f'<remap from="map" to="{topic}"/></node>'
+        for i, (file, topic) in enumerate([("keep_out.yaml", "walls"), ("a.yaml", "again")])
+    )
+    path = folder / "nav" / "launch" / "amcl.launch"
+    path.write_text(AMCL.replace("</launch>", f"{servers}</launch>"))
+    write(folder, "robot", SUT + "  args: {model: burger}\n")
+    assert tree(folder, "robot")["topics"]["maps"] == ["/map", "/again"]
+
+
+def test_footprints_are_found_in_the_namespaces_above_move_base(folder: Path) -> None:
+    (folder / "nav" / "config" / "burger.yaml").write_text(
+        "\n".join(COMMON.splitlines()[1:]) + "\n"
+    )
+    above = '<rosparam param="/footprint">[[1, 1], [1, -1], [-1, -1], [-1, 1]]</rosparam></launch>'
+    path = folder / "nav" / "launch" / "move_base.launch"
+    path.write_text(MOVE_BASE.replace("</launch>", above))
+    write(folder, "robot", SUT + "  args: {model: burger}\n")
+    assert tree(folder, "robot")["move_base"]["footprint"][0] == [1, 1]
+
+
+@pytest.mark.parametrize(
+    ("key", "name"), [("files", "amcl"), ("files", "params"), ("files", "/"), ("ros", "")]
+)
+def test_parameter_files_of_nav2_are_refused_with_what_can_be_done(
+    folder: Path, key: str, name: str
+) -> None:
+    (folder / "params").mkdir()
+    (folder / "params" / "amcl.yaml").write_text(
+        "amcl:\n  ros__parameters:\n    alpha1: 0.2\n"
+        "bt_navigator:\n  ros__parameters: {a: 1}\n"
+        "local_costmap:\n  local_costmap:\n    ros__parameters: {a: 1}\n"
+    )
+    said = "ros: params" if key == "ros" else f"files: {{{name}: params/amcl.yaml}}"
+    write(folder, "robot", f"kind: ros\n{said}\n")
+    (message,) = messages(folder, "robot")
+    assert message.startswith("params/amcl.yaml:3:5: is a parameter file of ROS 2")
+    nothing = "nothing here corresponds to bt_navigator"
+    for part in ("kind: ros2", "odom_alpha1 for alpha1", "move_base/local_costmap", nothing):
+        assert part in message
+
+
+def test_a_folder_of_nav2_is_recognised(folder: Path) -> None:
+    (folder / "params").mkdir()
+    (folder / "params" / "nav2.yaml").write_text("amcl:\n  ros__parameters:\n    alpha1: 0.2\n")
+    write(folder, "robot", "kind: ros\nros: params\n")
+    (message,) = messages(folder, "robot")
+    assert 'nav2.yaml is for ROS 2: test Nav2 by "kind: ros2"' in message
+
+
+@pytest.mark.parametrize(
+    ("namespace", "text", "expected"),
+    [
+        ("/", "robot1:\n  move_base:\n    controller_frequency: 10.0\n",
+         "dump.yaml:3:27: nobody reads anything in this file: robot1/move_base/controller_frequ"),
+        ("/", "robot1:\n  move_base:\n    controller_frequency: 10.0\n",
+         "move_base/controller_frequency is meant: take robot1 away"),
+        ("amcl", "amcl:\n  odom_alpha1: 0.1\n", "amcl/odom_alpha1 is meant: take amcl away"),
+        ("amcl", "sim_time: 1.0\nvx_samples: 3\n", "load it into the namespace of the node that"),
+    ],
+)  # fmt: skip
+def test_files_of_which_nobody_reads_anything_are_refused(
+    folder: Path, namespace: str, text: str, expected: str
+) -> None:
+    (folder / "dump.yaml").write_text(text)
+    write(folder, "robot", f"kind: ros\nfiles: {{{namespace}: dump.yaml}}\n")
+    (message,) = messages(folder, "robot")
+    assert expected in message
+
+
+def test_the_guide_names_every_key() -> None:
+    text = (Path(__file__).parents[3] / "docs" / "campaigns.md").read_text()
+    section = text.partition("## A ROS 1 configuration")[2].partition("\n## ")[0]
+    schema = json.loads(
+        (Path(__file__).parents[3] / "grammars/editor/schemas/sut.schema.json").read_text()
+    )
+    keys = schema["$defs"]["rossource"]["properties"]
+    assert [key for key in keys if f"\n| `{key}` |" not in section] == []
+
+
+def test_what_a_refused_configuration_would_be_is_known(folder: Path) -> None:
+    write(folder, "robot", SUT + "  args: {model: burger, speed: 0.05}\n")
+    with pytest.raises(RefusedSutError) as caught:
+        load(folder, "robot")
+    setting = caught.value.settings["move_base", "DWAPlannerROS", "max_vel_trans"]
+    assert setting.value == 0.05
+
+
+def test_the_same_launch_files_elsewhere_are_the_same_system(folder: Path) -> None:
+    path = folder / "nav" / "launch" / "move_base.launch"
+    here = '<param name="map" value="$(dirname)/a.yaml"/><param name="b" value="$(find nav)/b"/>'
+    path.write_text(MOVE_BASE.replace("<remap", f"{here}<remap"))
+    write(folder, "robot", SUT + "  args: {model: burger}\n")
+    before = load(folder, "robot").reference
+    moved = folder / "somewhere" / "else"
+    moved.mkdir(parents=True)
+    for name in ("nav", "robot.yaml"):
+        (folder / name).rename(moved / name)
+    after = load(moved, "robot").reference
+    assert codec.digest(after) == codec.digest(before)
+    assert after.parameters["move_base"]["map"] == "$(find nav)/launch/a.yaml"
