@@ -125,7 +125,7 @@ parameters:
     scan: {topic: scan, marking: true}
   move_base:
     base_local_planner: base_local_planner/TrajectoryPlannerROS
-    footprint: [[0.3, 0.2], [-0.3, 0.2], [0, -0.2]]
+    robot_radius: 0.3
     DWAPlannerROS: {sim_time: 2, controller_frequency: null}
     TrajectoryPlannerROS: {holonomic_robot: false}
     GlobalPlanner: {use_dijkstra: false}
