@@ -18,8 +18,17 @@ from daemon.campaign import expand, load_campaign
 from daemon.simulator import World
 from daemon.stacks import warm_up
 from daemon.stacks.ros1.cost_grid import CostGrid
-from daemon.stacks.ros1.costmap import Costmap, CostmapParameters, ObservationSource, SensedScan
-from daemon.stacks.ros1.costmap.master_grid import update_whole_window
+from daemon.stacks.ros1.costmap import (
+    Costmap,
+    InflationLayer,
+    LayeredCostmap,
+    ObservationSource,
+    ObstacleLayer,
+    SensedScan,
+    StaticLayer,
+    VoxelColumn,
+)
+from daemon.stacks.ros1.costmap.master_grid import inflate_window, merge_window
 from daemon.stacks.ros1.quirks import ORIGINAL
 from grammars.model.geometry import Pose2
 from grammars.model.grid import OccupancyGrid
@@ -30,15 +39,17 @@ from templates.occupancy import occupancy_grid
 CAMPAIGNS = Path(__file__).parents[2] / "campaigns"
 BEGIN, END, SPEED = (-12.86, 12.46), (20.76, 60.46), 0.22
 FOOTPRINT = ((-0.08, -0.075), (-0.08, 0.075), (0.105, 0.075), (0.105, -0.075))
-LASER = ObservationSource(data_type="LaserScan", clearing=True)
-GLOBAL = CostmapParameters(
-    static_map=True, footprint=FOOTPRINT, sources=(LASER,), inflation_radius=0.5,
-    cost_scaling_factor=3.0, obstacle_range=3.0, raytrace_range=3.5,
+LASER = ObservationSource("scan", "/scan", clearing=True, obstacle_range=3.0, raytrace_range=3.5)
+SEEN = ObstacleLayer(sources=(LASER,))
+INFLATION = InflationLayer(inflation_radius=0.5, cost_scaling_factor=3.0)
+GLOBAL = LayeredCostmap((StaticLayer(), SEEN, INFLATION), footprint=FOOTPRINT)
+LOCAL = LayeredCostmap(
+    (SEEN, replace(INFLATION, inflation_radius=0.55, cost_scaling_factor=5.0)), "odom",
+    footprint=FOOTPRINT, rolling_window=True, width=3.0, height=3.0,
 )  # fmt: skip
-LOCAL = replace(
-    GLOBAL, static_map=False, rolling_window=True, global_frame="odom", width=3.0, height=3.0,
-    inflation_radius=0.55, cost_scaling_factor=5.0,
-)  # fmt: skip
+BOTH = replace(SEEN, sources=(LASER, replace(LASER, topic="/rear")))
+VOXELS = replace(SEEN, voxels=VoxelColumn())
+TOPICS = {"/scan": ("",), "/rear": ("rear",)}
 
 
 def drive(world: World, robot: Robot) -> list[tuple[Pose2, SensedScan, SensedScan]]:
@@ -78,12 +89,10 @@ def load() -> tuple[Scene, Robot, OccupancyGrid]:
 def over_again(costmap: Costmap) -> tuple[float, bool]:
     """Return the seconds the plain cycle takes in the last bounds, and whether it ends the same."""
     copy, table = costmap._master.copy(), costmap._table
-    changed = costmap._changed.copy()
+    changed, shape, rows = costmap._changed.copy(), costmap._work.shape, costmap._rows
     begin = time.process_time()
-    update_whole_window(
-        copy, costmap._static, costmap._layer, costmap._shape, costmap._window, table.costs,
-        table.widths, table.least, changed,
-    )  # fmt: skip
+    merge_window(copy, rows, costmap._methods, 0, len(rows), 0, True, shape[1], costmap._window)
+    inflate_window(copy, shape, costmap._window, table.costs, table.widths, table.least, changed)
     taken = time.process_time() - begin
     return taken, bool(np.array_equal(copy, costmap._master))
 
@@ -93,6 +102,32 @@ def report(name: str, grid: CostGrid, times: list[float], plain: list[float]) ->
     mean, worst = np.mean(times) * 1e6, np.percentile(times, 99) * 1e6
     beside = f", plain {np.mean(plain) * 1e6:8.1f} us" if plain else ""
     print(f"{name} {columns} x {rows}: {mean:7.1f} us mean, {worst:7.1f} us 99 %{beside}")
+
+
+def compare_layers(steps: list[tuple[Pose2, SensedScan, SensedScan]], world: OccupancyGrid) -> None:
+    """Print what two lasers and a voxel layer cost beside one laser and an obstacle layer."""
+    kinds = {"one laser": SEEN, "two lasers": BOTH, "voxel layer": VOXELS}
+    for name, parameters in (("global", GLOBAL), ("local ", LOCAL)):
+        costmaps, times = {}, dict.fromkeys(kinds, 0.0)
+        for kind, seen in kinds.items():
+            layers = tuple(seen if layer is SEEN else layer for layer in parameters.layers)
+            own = replace(parameters, layers=layers)
+            costmaps[kind] = Costmap(
+                own, own.padded_footprint(), ORIGINAL, world, TOPICS.__getitem__
+            )
+        # Side by side: each step by each of them, so that all see the same machine.
+        for base, *seen_from in steps[::10]:
+            scan = seen_from[0] if parameters is GLOBAL else seen_from[1]
+            # The second laser sees the same from the other end of the robot.
+            rear = replace(scan, pose=scan.pose @ Pose2(-0.2, 0.0, math.pi), laser="rear")
+            for kind, costmap in costmaps.items():
+                scans = (scan, rear) if kind == "two lasers" else (scan,)
+                begin = time.process_time()
+                costmap.update(base, scans)
+                times[kind] += time.process_time() - begin
+        ratios = {kind: taken / times["one laser"] for kind, taken in times.items()}
+        beside = ", ".join(f"{kind} {ratio:.2f}" for kind, ratio in ratios.items())
+        print(f"{name} beside one laser: {beside}")
 
 
 def main() -> None:
@@ -113,7 +148,7 @@ def main() -> None:
     for k, (base, scan, exact) in enumerate(steps):
         costmap.grid.take_changed()
         begin = time.process_time()
-        costmap.update(base, scan)
+        costmap.update(base, (scan,))
         times.append(time.process_time() - begin)
         x0, y0, x1, y1 = costmap.grid.take_changed()
         changed += (x1 - x0) * (y1 - y0)
@@ -123,10 +158,11 @@ def main() -> None:
             differ += not same
         if k % 10 == 0:
             begin = time.process_time()
-            local.update(base, exact)
+            local.update(base, (exact,))
             locally.append(time.process_time() - begin)
     report("global", costmap.grid, times[2:], plain)
     report("local ", local.grid, locally, [])
+    compare_layers(steps, world_map)
     print(f"cells in touched windows {changed / len(steps):.0f} per update; {differ} plain differ")
 
 

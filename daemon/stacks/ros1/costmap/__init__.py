@@ -1,4 +1,4 @@
-"""costmap_2d of ROS Noetic: a static, an obstacle and an inflation layer in one master grid."""
+"""costmap_2d of ROS Noetic: layers of the map, of what lasers see and of inflation in one grid."""
 
 from daemon.stacks.ros1.costmap._costmap import Costmap, warm_up
 from daemon.stacks.ros1.costmap._footprint import footprint_of_radius, padded_footprint, radii
@@ -12,7 +12,7 @@ from daemon.stacks.ros1.costmap._layers import (
     VoxelColumn,
 )
 from daemon.stacks.ros1.costmap._namespaces import Namespace
-from daemon.stacks.ros1.costmap._obstacle_layer import SensedScan
+from daemon.stacks.ros1.costmap._observations import SensedScan, hears_height
 from daemon.stacks.ros1.costmap._reading import CostmapContext, read_costmap
 from daemon.stacks.ros1.costmap._sections import WRITTEN_SECTIONS
 
@@ -30,6 +30,7 @@ __all__ = [
     "StaticLayer",
     "VoxelColumn",
     "footprint_of_radius",
+    "hears_height",
     "padded_footprint",
     "radii",
     "read_costmap",

@@ -1,31 +1,54 @@
-"""One costmap: the layers, the master grid and the update cycle of costmap_2d (Noetic)."""
+"""One costmap: its layers, the master grid and the update cycle of costmap_2d (Noetic)."""
 
 from __future__ import annotations
 
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-import numpy.typing as npt
 
 from daemon.stacks.ros1.cost_grid import EMPTY_WINDOW, FREE_SPACE, NO_INFORMATION, CostGrid
 from daemon.stacks.ros1.costmap._footprint import radii
-from daemon.stacks.ros1.costmap._inflation import column_gaps, inflation_table
-from daemon.stacks.ros1.costmap._obstacle_layer import SensedScan, observe, polygon_spans
-from daemon.stacks.ros1.costmap._parameters import CostmapParameters, ObservationSource
+from daemon.stacks.ros1.costmap._inflation import InflationTable, column_gaps, inflation_table
+from daemon.stacks.ros1.costmap._layers import (
+    InflationLayer,
+    LayeredCostmap,
+    ObservationSource,
+    ObstacleLayer,
+    StaticLayer,
+    VoxelColumn,
+)
+from daemon.stacks.ros1.costmap._live_layers import (
+    NOWHERE,
+    InflatingLayer,
+    LiveLayer,
+    MapLayer,
+    SensedLayer,
+    Workspace,
+    merged_start,
+    shift_cells,
+)
+from daemon.stacks.ros1.costmap._observations import Hears, PackedScans, SensedScan
+from daemon.stacks.ros1.costmap._obstacle_layer import Cells, polygon_spans
+from daemon.stacks.ros1.costmap._static_layer import placed, show_map
+from daemon.stacks.ros1.costmap._voxel_layer import UNKNOWN_COLUMN
 from daemon.stacks.ros1.costmap.master_grid import (
-    cycle_window,
+    bounds_to_window,
+    inflate_window,
     inflated_map,
-    static_layer,
-    unknown_value,
+    merge_window,
     update_changed_cells,
-    update_whole_window,
 )
 from daemon.stacks.ros1.quirks import ORIGINAL, Quirks
 from grammars.model.geometry import Floats, Pose2
 from grammars.model.grid import OccupancyGrid
 
+_NO_CELLS: Final = np.array((1 << 30, 1 << 30, -1, -1), dtype=np.int32)
+_IN_PLACE: Final = Pose2()
 
-def grid_shape(parameters: CostmapParameters) -> tuple[int, int]:
+
+def grid_shape(parameters: LayeredCostmap) -> tuple[int, int]:
     """Return (rows, columns); raises ``ValueError`` for a grid without cells."""
     shape = (
         int(parameters.height / parameters.resolution),
@@ -39,37 +62,22 @@ def grid_shape(parameters: CostmapParameters) -> tuple[int, int]:
     return shape
 
 
-def shift_cells(cells: npt.NDArray[np.uint8], right: int, up: int, default: int) -> None:
-    """Move the content of ``cells`` so that its window goes ``right`` and ``up`` [cells]."""
-    rows, columns = cells.shape
-    old = cells.copy()
-    cells[:] = default
-    if abs(up) >= rows or abs(right) >= columns:
-        return
-    target = (
-        slice(max(0, -up), rows - max(0, up)),
-        slice(max(0, -right), columns - max(0, right)),
-    )
-    source = (
-        slice(max(0, up), rows - max(0, -up)),
-        slice(max(0, right), columns - max(0, -right)),
-    )
-    cells[target] = old[source]
+@dataclass(frozen=True, slots=True)
+class _Merge:
+    """Rows of cells to merge over the master, or ``anew`` over what it is without layers."""
 
-
-_NOWHERE: Final = (1e30, 1e30, -1e30, -1e30)
-_NO_CELLS: Final = (1 << 30, 1 << 30, -1, -1)
-_NO_RANGES: Final = np.empty(0, dtype=np.float32)
-_NO_SOURCES: Final = np.empty((0, 5))
-_NO_FOOTPRINT: Final = np.empty((0, 2))
+    begin: int
+    end: int
+    anew: bool
 
 
 class Costmap:
-    """A master grid that follows what the robot's laser sees.
+    """A master grid that follows what the robot's lasers see.
 
     The cycle is costmap_2d's: each layer extends the bounds of what is to be redone, the cells
-    there are reset, merged from the layers and inflated; cells outside keep their costs. A grid
-    that stands still does that by following changes only, which leaves the same cells.
+    there are reset and the layers merged and inflated in their order; cells outside keep their
+    costs. A grid that stands still, with no layer above its inflation, does that by following
+    changes only, which leaves the same cells.
 
     Attributes:
         grid: the master grid. Others may set cells of it free, as move_base and navfn do, if they
@@ -78,116 +86,140 @@ class Costmap:
 
     def __init__(
         self,
-        parameters: CostmapParameters,
+        parameters: LayeredCostmap,
         footprint: Floats,
         quirks: Quirks,
         static: OccupancyGrid | None = None,
+        hears: Hears | None = None,
     ) -> None:
         """Prepare the layers; ``footprint`` (k, 2) [m] is padded already.
 
-        ``static`` is the map, needed with ``static_map``: the planner's costmap has one, that of
-        the controller rolls along with the robot. Raises ``ValueError`` for an inflation radius
-        of more than 250 cells, or without the map that is asked for.
+        ``static`` is the map, needed by static layers: a grid that stands still gets its size from
+        it and lies where the map lies, whatever its frame. ``hears`` tells from a topic which
+        lasers are published on it; without it every source hears every laser. Raises ``ValueError``
+        for an inflation radius of more than 250 cells, for voxels the original cannot make, and
+        without the map that is asked for.
         """
-        if parameters.static_map and static is None:
-            raise ValueError("static_map is true, but the costmap was given no map")
-        self._parameters, self._quirks = parameters, quirks
-        tracked = bool(parameters.track_unknown_space)
-        if parameters.static_map and static is not None:
+        self._rolling, self._quirks = parameters.rolling_window, quirks
+        self._default = NO_INFORMATION if parameters.track_unknown_space else FREE_SPACE
+        shows_map = any(isinstance(layer, StaticLayer) for layer in parameters.layers)
+        if shows_map and static is None:
+            raise ValueError("a static layer shows the map, but the costmap was given no map")
+        if static is not None and shows_map and not self._rolling:
             frame = (static.x, static.y, static.resolution)
             shape = (int(static.cells.shape[0]), int(static.cells.shape[1]))
-            below = static_layer(static.cells, unknown_value(parameters.track_unknown_space))
-            # The layer above the map lets unknown cells show only if it tracks them itself.
-            tracked = tracked or not quirks.unknown_becomes_free
         else:
             frame = (parameters.origin_x, parameters.origin_y, parameters.resolution)
             shape = grid_shape(parameters)
-            unknown = NO_INFORMATION if tracked else FREE_SPACE
-            below = np.full(shape[0] * shape[1], unknown, dtype=np.uint8)
-        self._shape, self._frame = shape, np.array(frame)
-        self._default = NO_INFORMATION if tracked else FREE_SPACE
-        self._set_up_inflation(footprint)
-        below.flags.writeable = False
-        start = inflated_map(below, shape, self._layer_default, self._table)
-        self._static, self._master = start.static, start.master.copy()
-        self._gaps = start.gaps if parameters.rolling_window else start.gaps.copy()
+        size = shape[0] * shape[1]
+        self._work = Workspace(
+            shape, np.array(frame), np.zeros(size, dtype=np.uint8), np.empty(size, dtype=np.int32)
+        )
+        self._packed = PackedScans()
+        inscribed, _ = radii(footprint)
+        layers: list[LiveLayer] = []
+        for layer in parameters.layers:
+            if isinstance(layer, InflationLayer):
+                table = _table(layer, inscribed, frame[2])
+                layers.append(InflatingLayer(layer.name, layer.inflation_radius, table))
+            elif isinstance(layer, ObstacleLayer):
+                # With the quirk, a layer above the map hides unknown cells unless it tracks them.
+                tracks = layer.track_unknown_space or (
+                    shows_map and not quirks.unknown_becomes_free
+                )
+                default = NO_INFORMATION if tracks else FREE_SPACE
+                layers.append(SensedLayer(layer, default, footprint, hears))
+            elif static is not None:
+                layers.append(MapLayer(layer, static, rolling=self._rolling))
+        self._layers = tuple(layers)
+        self._window = np.zeros(4, dtype=np.int32)
+        self._changed, self._disturbed = np.zeros(4, dtype=np.int32), np.zeros(4, dtype=np.int32)
+        self._follows_changes = self._can_follow_changes()
+        self._start(size)
         self.grid = CostGrid(frame[2], frame[0], frame[1], self._master.reshape(shape))
         self.grid.touch((0, 0, shape[1], shape[0]))
         self.grid.disturbed = EMPTY_WINDOW
-        self._set_up_layer(footprint)
 
-    def _set_up_inflation(self, footprint: Floats) -> None:
-        parameters = self._parameters
-        inscribed, _ = radii(footprint)
-        self._radius = parameters.inflation_radius if parameters.inflation_layer else 0.0
-        self._table = inflation_table(
-            self._radius,
-            parameters.cost_scaling_factor,
-            inscribed,
-            float(self._frame[2]),
-            over_unknown=parameters.inflate_unknown,
-        )
-        self._last = np.array(_NOWHERE)
-        self._to_inflate = parameters.inflation_layer
+    def _can_follow_changes(self) -> bool:
+        """Tell whether the grid stands still, begins as a whole and nothing lies over inflation."""
+        inflating = [isinstance(layer, InflatingLayer) for layer in self._layers]
+        whole = any(inflating) or any(isinstance(layer, MapLayer) for layer in self._layers)
+        return not self._rolling and whole and not any(inflating[:-1])
 
-    def _set_up_layer(self, footprint: Floats) -> None:
-        parameters, count = self._parameters, self._master.size
-        cleared = footprint if parameters.footprint_clearing_enabled else _NO_FOOTPRINT
-        self._footprint = np.ascontiguousarray(cleared, dtype=np.float64)
-        self._now = np.zeros(8)
-        self._layer = np.full(count, self._layer_default, dtype=np.uint8)
-        self._flags = np.zeros(count, dtype=np.uint8)
-        self._queue = np.empty(count, dtype=np.int32)
-        self._left = 0
-        self._new_map, self._reset = parameters.static_map, False
-        self._sources = tuple(
-            source
-            for source in (parameters.sources if parameters.obstacle_layer else ())
-            if source.data_type == "LaserScan"
-        )
-        self._tables: dict[float, Floats] = {}
-        self._angles = np.empty(0)
-        self._directions = np.empty((0, 2))
-        self._points = np.empty((0, 2), dtype=np.float32)
-        self._bounds, self._window = np.empty(4), np.zeros(4, dtype=np.int32)
-        self._changed, self._disturbed = np.zeros(4, dtype=np.int32), np.zeros(4, dtype=np.int32)
-        columns = self._shape[1]
-        self._first, self._final = np.zeros(columns, dtype=np.int32), np.zeros(columns, np.int32)
+    def _start(self, size: int) -> None:
+        """Lay the merged layers out, and the master as it is before the first cycle."""
+        own = [
+            layer
+            for layer in self._layers
+            if isinstance(layer, SensedLayer) or (isinstance(layer, MapLayer) and not self._rolling)
+        ]
+        self._rows: Cells = np.empty((len(own), size), dtype=np.uint8)
+        self._methods = np.array([layer.method for layer in own], dtype=np.int32)
+        for row, layer in zip(self._rows, own, strict=True):
+            if isinstance(layer, SensedLayer):
+                layer.attach(row)
+            else:
+                row[:] = layer.cells
+                layer.cells = row
+        self._left, self._reset = 0, False
+        last = self._layers[-1] if self._layers else None
+        self._table = last.table if isinstance(last, InflatingLayer) else _no_inflation()
+        if self._follows_changes:
+            below = merged_start(self._layers, size, self._default)
+            self._values: Cells = np.empty(size, dtype=np.uint8)
+            start = inflated_map(below, self._work.shape, self._table)
+            self._master, self._gaps = start.master.copy(), start.gaps.copy()
+        else:
+            self._master = np.full(size, self._default, dtype=np.uint8)
+            self._steps = self._plan_steps()
 
-    @property
-    def _layer_default(self) -> int:
-        """What the obstacle layer says of a cell it never saw; without the layer, nothing."""
-        return self._default if self._parameters.obstacle_layer else NO_INFORMATION
+    def _plan_steps(self) -> list[_Merge | InflatingLayer | MapLayer]:
+        """Return what is done to a window, in order; neighbouring rows are merged in one go."""
+        steps: list[_Merge | InflatingLayer | MapLayer] = [_Merge(0, 0, True)]
+        row = 0
+        for layer in self._layers:
+            last = steps[-1]
+            if isinstance(layer, InflatingLayer) or (isinstance(layer, MapLayer) and self._rolling):
+                steps.append(layer)
+                continue
+            if isinstance(last, _Merge):
+                steps[-1] = _Merge(last.begin, row + 1, last.anew)
+            else:
+                steps.append(_Merge(row, row + 1, False))
+            row += 1
+        return steps
 
-    def update(self, base: Pose2, scan: SensedScan | None) -> None:
-        """Run one cycle (``updateMap``) with the robot at ``base`` in the global frame.
+    def update(
+        self, base: Pose2, scans: Sequence[SensedScan] = (), frame_in_map: Pose2 = _IN_PLACE
+    ) -> None:
+        """Run one cycle (``updateMap``) with the robot at ``base`` in the costmap's frame.
 
-        ``scan`` is the latest scan received, the same as last time if none came since, or ``None``
-        if none ever came. Raises ``ValueError`` for a scan with more or fewer ranges than angles.
+        ``scans`` are those received, the oldest first, as far back as any source remembers them;
+        the same as last time if none came since. ``frame_in_map`` is the pose of the costmap's
+        frame in map, which static layers of a rolling window need. Raises ``ValueError`` for a scan
+        with more or fewer ranges than angles.
         """
+        work = self._work
         # The window rolls first: bounds are in the frame of the moved grid (``updateMap``).
-        if self._parameters.rolling_window:
+        if self._rolling:
             self._shift(base)
-        self._bounds[:] = _NOWHERE
-        if self._new_map or self._reset:
-            self._extend_to_the_map()
-        listed = self._observe(base, scan) if self._parameters.obstacle_layer else 0
-        cycle_window(
-            self._bounds,
-            self._last,
-            self._radius,
-            self._parameters.inflation_layer,
-            self._to_inflate,
-            self._shape,
-            self._frame,
-            self._window,
-        )
+        work.base[:] = base.x, base.y, base.yaw
+        work.bounds[:] = NOWHERE
+        self._packed.take(scans)
+        listed = 0
+        for layer in self._layers:
+            if isinstance(layer, SensedLayer):
+                listed = layer.extend_bounds(work, self._packed, listed)
+            else:
+                layer.extend_bounds(work)
+        bounds_to_window(work.bounds, work.shape, work.frame, self._window)
         self._changed[:] = _NO_CELLS
-        if self._parameters.rolling_window or self._reset:
-            self._redo(listed)
+        if not self._follows_changes:
+            self._redo(listed, frame_in_map)
+        elif self._reset:
+            self._begin_anew()
         else:
             self._settle(listed)
-        self._new_map = self._reset = self._to_inflate = False
         if self._changed[2] >= 0:
             x0, y0, x1, y1 = self._changed.tolist()
             self.grid.touch((x0, y0, x1, y1))
@@ -199,7 +231,7 @@ class Costmap:
         The layers keep their obstacles (move_base ``clearCostmapWindows``). Nothing happens when a
         corner lies off the grid.
         """
-        x, y = base.x, base.y
+        x, y, work = base.x, base.y, self._work
         corners = np.array(
             [
                 (x - half, y - half),
@@ -208,43 +240,42 @@ class Costmap:
                 (x - half, y + half),
             ]
         )
-        begin, end = polygon_spans(corners, self._shape, self._frame, self._first, self._final)
+        begin, end = polygon_spans(corners, work.shape, work.frame, work.first, work.last)
         if begin >= end:
             return
-        low, high = int(self._first[begin]), int(self._final[begin]) + 1
+        low, high = int(work.first[begin]), int(work.last[begin]) + 1
         self.grid.cells[low:high, begin:end] = FREE_SPACE
         self.grid.touch((begin, low, end, high))
 
-    def clear_obstacles_outside(self, base: Pose2, side: float) -> None:
-        """Forget obstacles outside a square of ``side`` [m] around ``base``; the map stays.
+    def clear_layers(
+        self, base: Pose2, side: float, names: Collection[str] | None, *, inside: bool = False
+    ) -> tuple[str, ...]:
+        """Forget what layers know outside (or ``inside``) a square of ``side`` [m] at ``base``.
 
-        This is what the reset recoveries do where they find the layer (clear_costmap_recovery with
-        ``reset_distance``). The master follows with the next update.
+        Those called as ``names`` say, static ones as well, or without names all that lasers fill;
+        an inflation layer has nothing to forget. Returns the names of the layers cleared; the
+        master follows with the next update (clear_costmap_recovery).
         """
-        left, low, resolution = self._frame.tolist()
-        x0, y0 = base.x - side / 2.0, base.y - side / 2.0
-        columns = range(int((x0 - left) / resolution) + 1, int((x0 + side - left) / resolution))
-        rows = range(int((y0 - low) / resolution) + 1, int((y0 + side - low) / resolution))
-        layer = self._layer.reshape(self._shape)
-        inside = (
-            slice(max(0, rows.start), max(0, rows.stop)),
-            slice(max(0, columns.start), max(0, columns.stop)),
-        )
-        kept = layer[inside].copy()
-        # Unknown in the layer lets the map below show through; free would hide its walls.
-        layer[:] = NO_INFORMATION
-        layer[inside] = kept
-        self._reset = True
-
-    def _extend_to_the_map(self) -> None:
-        left, low, resolution = self._frame.tolist()
-        rows, columns = self._shape
-        self._bounds[:] = (left, low, left + columns * resolution, low + rows * resolution)
+        cleared = []
+        for layer in self._layers:
+            name = layer.name.rsplit("/", 1)[-1]
+            if isinstance(layer, InflatingLayer) or (names is not None and name not in names):
+                continue
+            if isinstance(layer, SensedLayer):
+                layer.clear(self._work, base, side, inside=inside)
+            elif names is None:
+                continue
+            else:
+                layer.clear(base, side, inside=inside)
+            cleared.append(name)
+            self._reset = True
+        return tuple(cleared)
 
     def _shift(self, base: Pose2) -> None:
         """Move the window by whole cells, keep what lies in both."""
-        left, low, resolution = self._frame.tolist()
-        rows, columns = self._shape
+        work = self._work
+        left, low, resolution = work.frame.tolist()
+        rows, columns = work.shape
         # Half of what costmap_2d takes for the size: the centre of the last cell.
         x = base.x - (columns - 0.5) * resolution / 2.0
         y = base.y - (rows - 0.5) * resolution / 2.0
@@ -252,132 +283,103 @@ class Costmap:
         right, up = whole((x - left) / resolution), whole((y - low) / resolution)
         if right == 0 and up == 0:
             return
-        for cells, default in (
-            (self._master, int(self._static[0])),
-            (self._layer, self._layer_default),
-        ):
-            shift_cells(cells.reshape(self._shape), right, up, default)
-        self._frame[:2] = left + right * resolution, low + up * resolution
-        self.grid.x, self.grid.y = float(self._frame[0]), float(self._frame[1])
+        shift_cells(self._master, work.shape, right, up, self._default)
+        for layer in self._layers:
+            if isinstance(layer, SensedLayer):
+                shift_cells(layer.cells, work.shape, right, up, layer.default)
+                if layer.voxels.size:
+                    shift_cells(layer.voxels, work.shape, right, up, UNKNOWN_COLUMN)
+        work.frame[:2] = left + right * resolution, low + up * resolution
+        self.grid.x, self.grid.y = float(work.frame[0]), float(work.frame[1])
         self.grid.touch((0, 0, columns, rows))
 
-    def _observe(self, base: Pose2, scan: SensedScan | None) -> int:
-        """Bring the obstacle layer up to date, return how many of its cells changed."""
-        sources, ranges, now = _NO_SOURCES, _NO_RANGES, self._now
-        now[0], now[1], now[2] = base.x, base.y, base.yaw
-        if scan is not None and self._sources:
-            sources, ranges, laser = self._table_for(scan.height), scan.ranges, scan.pose
-            now[3], now[4], now[5] = laser.x, laser.y, laser.yaw
-            now[6], now[7] = scan.range_min, scan.range_max
-            if scan.angles is not self._angles:
-                self._take_angles(scan.angles)
-            if len(ranges) != len(self._angles):
-                raise ValueError(f"{len(ranges)} ranges at {len(self._angles)} angles are no scan")
-        return observe(
-            self._layer,
-            self._shape,
-            self._frame,
-            ranges,
-            self._directions,
-            now,
-            sources,
-            self._points,
-            self._footprint,
-            self._first,
-            self._final,
-            self._bounds,
-            self._flags,
-            self._queue,
-        )
+    def _redo(self, listed: int, frame_in_map: Pose2) -> None:
+        """Do the window over, layer by layer; the list of changes is not needed."""
+        work, window = self._work, self._window
+        work.flags[work.queue[:listed]] = 0
+        x0, y0, x1, y1 = window.tolist()
+        if not self._layers or x0 >= x1 or y0 >= y1:
+            return
+        for step in self._steps:
+            if isinstance(step, _Merge):
+                merge_window(
+                    self._master, self._rows, self._methods, step.begin, step.end, self._default,
+                    step.anew, work.shape[1], window,
+                )  # fmt: skip
+            elif isinstance(step, InflatingLayer):
+                table = step.table
+                inflate_window(
+                    self._master, work.shape, window, table.costs, table.widths, table.least,
+                    self._changed,
+                )  # fmt: skip
+            else:
+                show_map(
+                    self._master, work.shape, work.frame, window, step.cells, step.shape,
+                    step.frame, placed(frame_in_map), step.maximum,
+                )  # fmt: skip
+        self._changed[:2] = np.minimum(self._changed[:2], window[:2])
+        self._changed[2:] = np.maximum(self._changed[2:], window[2:])
 
-    def _take_angles(self, angles: Floats) -> None:
-        self._angles = angles
-        self._directions = np.column_stack((np.cos(angles), np.sin(angles)))
-        self._points = np.empty((len(angles), 2), dtype=np.float32)
-
-    def _table_for(self, height: float) -> Floats:
-        """Return the rows of the sources that take a laser at ``height`` [m]."""
-        if height not in self._tables:
-            rows = [
-                self._row(source, height)
-                for source in self._sources
-                if source.min_obstacle_height <= height <= source.max_obstacle_height
-            ]
-            self._tables[height] = np.array(rows, dtype=np.float64).reshape(len(rows), 5)
-        return self._tables[height]
-
-    def _row(self, source: ObservationSource, height: float) -> tuple[float, ...]:
-        parameters = self._parameters
-        marking, clearing = source.obstacle_range, source.raytrace_range
-        return (
-            parameters.obstacle_range if marking is None else marking,
-            parameters.raytrace_range if clearing is None else clearing,
-            float(source.marking and height <= parameters.max_obstacle_height),
-            float(source.clearing),
-            float(source.inf_is_valid),
-        )
-
-    def _redo(self, listed: int) -> None:
-        """Do the window over; the list of changes is not needed."""
-        self._flags[self._queue[:listed]] = 0
-        table = self._table
-        update_whole_window(
-            self._master,
-            self._static,
-            self._layer,
-            self._shape,
-            self._window,
-            table.costs,
-            table.widths,
-            table.least,
+    def _begin_anew(self) -> None:
+        """Merge and inflate the window, which is the whole grid after a reset."""
+        work, table = self._work, self._table
+        merge_window(
+            self._master, self._rows, self._methods, 0, len(self._rows), self._default, True,
+            work.shape[1], self._window,
+        )  # fmt: skip
+        inflate_window(
+            self._master, work.shape, self._window, table.costs, table.widths, table.least,
             self._changed,
-        )
-        if not self._parameters.rolling_window:
-            column_gaps(self._master, self._shape, table.radius, self._gaps)
-            self._flags[:] = 0
-            self._left = 0
+        )  # fmt: skip
+        column_gaps(self._master, work.shape, table.radius, self._gaps)
+        work.flags[:] = 0
+        self._left, self._reset = 0, False
 
     def _settle(self, listed: int) -> None:
         """Follow the listed changes."""
+        work, table = self._work, self._table
         self._disturbed[:] = self.grid.disturbed
-        table = self._table
         self._left = update_changed_cells(
-            self._master,
-            self._static,
-            self._layer,
-            self._gaps,
-            self._shape,
-            self._window,
-            self._disturbed,
-            table.costs,
-            table.widths,
-            table.least,
-            self._flags,
-            self._queue,
-            listed,
-            self._left,
-            self._changed,
-        )
+            self._master, self._rows, self._methods, self._default, self._gaps, work.shape,
+            self._window, self._disturbed, table.costs, table.widths, table.least, work.flags,
+            work.queue, self._values, listed, self._left, self._changed,
+        )  # fmt: skip
+
+
+def _table(layer: InflationLayer, inscribed: float, resolution: float) -> InflationTable:
+    return inflation_table(
+        layer.inflation_radius,
+        layer.cost_scaling_factor,
+        inscribed,
+        resolution,
+        over_unknown=layer.inflate_unknown,
+    )
+
+
+def _no_inflation() -> InflationTable:
+    return inflation_table(0.0, 1.0, 0.0, 1.0, over_unknown=False)
 
 
 def warm_up() -> None:
-    """Update, clear and reset a small global and a small local costmap."""
-    source = ObservationSource(data_type="LaserScan", clearing=True)
-    still = CostmapParameters(static_map=True, sources=(source,))
-    moving = CostmapParameters(rolling_window=True, width=2.0, height=2.0, sources=(source,))
+    """Update, clear and reset small costmaps of every sort."""
+    source = ObservationSource("scan", "/scan", clearing=True)
+    map_below, inflation = StaticLayer(), InflationLayer()
+    seen = ObstacleLayer(sources=(source,))
+    voxels = ObstacleLayer("voxel_layer", sources=(source,), voxels=VoxelColumn())
+    still = LayeredCostmap((map_below, seen, voxels, inflation))
+    moving = LayeredCostmap(
+        (map_below, seen, voxels, inflation), rolling_window=True, width=2.0, height=2.0
+    )
     cells = np.zeros((40, 40), dtype=np.int8)
     cells[30] = 100
-    footprint = still.padded_footprint()
-    scan = SensedScan(
-        Pose2(1.0, 1.0), np.ones(3, dtype=np.float32), np.array([-0.1, 0.0, 0.1]), 0.05, 5.6
-    )
-    for costmap in (
-        Costmap(still, footprint, ORIGINAL, OccupancyGrid(0.05, 0.0, 0.0, cells)),
-        Costmap(moving, footprint, ORIGINAL),
-    ):
-        for sensed in (None, scan):
-            costmap.update(Pose2(1.0, 1.0), sensed)
+    world = OccupancyGrid(0.05, 0.0, 0.0, cells)
+    angles = np.array([-0.1, 0.0, 0.1])
+    scan = SensedScan(Pose2(1.0, 1.0), np.ones(3, dtype=np.float32), angles, 0.05, 5.6)
+    for parameters in (still, moving):
+        costmap = Costmap(parameters, parameters.padded_footprint(), ORIGINAL, world)
+        for scans in ((), (scan,)):
+            costmap.update(Pose2(1.0, 1.0), scans)
         costmap.clear_square(Pose2(1.0, 1.0), 0.2)
-        costmap.update(Pose2(1.0, 1.0), scan)
-        costmap.clear_obstacles_outside(Pose2(1.0, 1.0), 0.5)
-        costmap.update(Pose2(1.0, 1.0), scan)
+        costmap.update(Pose2(1.0, 1.0), (scan,))
+        costmap.clear_layers(Pose2(1.0, 1.0), 0.5, None)
+        costmap.update(Pose2(1.0, 1.0), (scan,))

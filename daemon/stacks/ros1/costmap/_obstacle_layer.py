@@ -1,14 +1,16 @@
 """The obstacle layer: rays clear, returns mark, the footprint is free.
 
 Cells are flat, row by row. Every cell whose value changes is put on a list once (``flags``), for
-the master grid to follow. Formulas are those of costmap_2d's ``obstacle_layer`` and of
-``raytraceLine`` and ``convexFillCells`` in ``costmap_2d.h``.
+the master grid to follow; several layers of a costmap share the list. Formulas are those of
+costmap_2d's ``obstacle_layer`` and of ``raytraceLine`` and ``convexFillCells`` in ``costmap_2d.h``.
+
+What a layer has heard is a table with a row for each scan of each source, in the order in which
+the original goes through its buffers (:mod:`daemon.stacks.ros1.costmap._observations`).
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import TypeAlias
 
 import numpy as np
@@ -17,30 +19,7 @@ import numpy.typing as npt
 from daemon.model.kernels import kernel
 from daemon.stacks.kernels import Integers, Singles
 from daemon.stacks.ros1.cost_grid import LETHAL
-from grammars.model.geometry import Floats, Pose2
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class SensedScan:
-    """A scan as a costmap sees it.
-
-    ``pose`` is the laser's in the costmap's global frame at the stamp of the scan, ``ranges``
-    (rays,) and ``angles`` (rays,) [m, rad] count from its x axis. Rays outside [``range_min``,
-    ``range_max``), infinite or nan, tell nothing. ``height`` is the laser's [m], ``laser`` its
-    name, which a robot's only one may not have. ``time`` is the stamp [s]; ``received`` is when
-    the scan reached the costmap [s], not given: at its stamp.
-    """
-
-    pose: Pose2
-    ranges: Singles
-    angles: Floats
-    range_min: float
-    range_max: float
-    height: float = 0.0
-    laser: str = ""
-    time: float = 0.0
-    received: float | None = None
-
+from grammars.model.geometry import Floats
 
 Cells: TypeAlias = npt.NDArray[np.uint8]
 
@@ -50,8 +29,10 @@ LOW = 2
 """Flag: somebody else wrote the master's value, which may be too low."""
 LISTED = 128
 """Flag: on the list of this update."""
-OBSTACLE_RANGE, RAYTRACE_RANGE, MARKING, CLEARING, INFINITE = 0, 1, 2, 3, 4
-"""Columns of the sources' table."""
+NEAREST, FARTHEST, HEIGHT, FIRST_RAY, RAYS, FIRST_DIRECTION = 3, 4, 5, 6, 7, 8
+"""Columns of the table of scans; the first three are the pose of the laser."""
+SCAN, OBSTACLE_RANGE, RAYTRACE_RANGE, MARKING, CLEARING, INFINITE, HEARD = 0, 1, 2, 3, 4, 5, 6
+"""Columns of the table of what was heard: of a scan by a source."""
 _BELOW_MAX_RANGE = np.float32(0.0001)
 
 
@@ -62,7 +43,7 @@ def cell_value(cells: Cells, cell: int) -> int:
 
 
 @kernel
-def _set_cell(
+def set_cell(
     layer: Cells, cell: int, value: int, flags: Cells, queue: Integers, queued: int
 ) -> int:
     """Set a cell of the layer; list it if that changes it. Returns how many are listed."""
@@ -79,7 +60,7 @@ def _set_cell(
 
 
 @kernel
-def _grow_bounds(bounds: Floats, x: float, y: float) -> None:
+def grow_bounds(bounds: Floats, x: float, y: float) -> None:
     bounds[0], bounds[1] = min(bounds[0], x), min(bounds[1], y)
     bounds[2], bounds[3] = max(bounds[2], x), max(bounds[3], y)
 
@@ -143,14 +124,14 @@ def _clear_line(
     error = long // 2
     for _ in range(int(scale * long)):
         if layer[cell] != 0:
-            queued = _set_cell(layer, cell, 0, flags, queue, queued)
+            queued = set_cell(layer, cell, 0, flags, queue, queued)
         cell += step_long
         error += short
         if error >= long:
             cell += step_short
             error -= long
     if layer[cell] != 0:
-        queued = _set_cell(layer, cell, 0, flags, queue, queued)
+        queued = set_cell(layer, cell, 0, flags, queue, queued)
     return queued
 
 
@@ -179,7 +160,7 @@ def _clear_rays(
         return queued
     right, high = left + columns * resolution, low + rows * resolution
     most = int(max(0.0, math.ceil(reach / resolution)))
-    _grow_bounds(bounds, ox, oy)
+    grow_bounds(bounds, ox, oy)
     for i in range(count):
         wx, wy = float(points[i, 0]), float(points[i, 1])
         a, b = wx - ox, wy - oy
@@ -199,7 +180,7 @@ def _clear_rays(
         queued = _clear_line(layer, columns, x0, y0, x1, y1, most, flags, queue, queued)
         length = math.hypot(wx - ox, wy - oy)
         part = 1.0 if length == 0.0 else min(1.0, reach / length)
-        _grow_bounds(bounds, ox + (wx - ox) * part, oy + (wy - oy) * part)
+        grow_bounds(bounds, ox + (wx - ox) * part, oy + (wy - oy) * part)
     return queued
 
 
@@ -228,8 +209,8 @@ def _mark(
         x, y = int((px - left) / resolution), int((py - low) / resolution)
         if x >= columns or y >= rows:
             continue
-        queued = _set_cell(layer, y * columns + x, LETHAL, flags, queue, queued)
-        _grow_bounds(bounds, px, py)
+        queued = set_cell(layer, y * columns + x, LETHAL, flags, queue, queued)
+        grow_bounds(bounds, px, py)
     return queued
 
 
@@ -285,8 +266,64 @@ def _transform_corners(corners: Floats, x: float, y: float, yaw: float, bounds: 
     for k in range(corners.shape[0]):
         placed[k, 0] = x + (corners[k, 0] * c - corners[k, 1] * s)
         placed[k, 1] = y + (corners[k, 0] * s + corners[k, 1] * c)
-        _grow_bounds(bounds, placed[k, 0], placed[k, 1])
+        grow_bounds(bounds, placed[k, 0], placed[k, 1])
     return placed
+
+
+@kernel
+def project_row(
+    ranges: Singles, directions: Floats, scans: Floats, heard: Floats, k: int, points: Singles
+) -> int:
+    """Write the end points of the rays of row ``k`` that count, return how many."""
+    if heard[k, HEARD] == 0.0:
+        return 0
+    scan = scans[int(heard[k, SCAN])]
+    first, towards, rays = int(scan[FIRST_RAY]), int(scan[FIRST_DIRECTION]), int(scan[RAYS])
+    return project(
+        ranges[first : first + rays],
+        directions[towards : towards + rays],
+        scan[0:3],
+        scan[NEAREST],
+        scan[FARTHEST],
+        heard[k, INFINITE] > 0.0,
+        points,
+    )
+
+
+@kernel
+def same_points(heard: Floats, k: int, other: int) -> bool:
+    """Tell whether two rows are of the same scan and end their rays at the same points."""
+    return (
+        other >= 0
+        and heard[k, SCAN] == heard[other, SCAN]
+        and heard[k, INFINITE] == heard[other, INFINITE]
+        and heard[k, HEARD] == heard[other, HEARD]
+    )
+
+
+@kernel
+def free_footprint(
+    layer: Cells,
+    shape: tuple[int, int],
+    frame: Floats,
+    base: Floats,
+    footprint: Floats,
+    first: Integers,
+    last: Integers,
+    bounds: Floats,
+    flags: Cells,
+    queue: Integers,
+    queued: int,
+) -> int:
+    """Free the cells under the footprint with the robot at ``base`` (x, y, yaw)."""
+    if footprint.shape[0] == 0:
+        return queued
+    corners = _transform_corners(footprint, base[0], base[1], base[2], bounds)
+    begin, end = polygon_spans(corners, shape, frame, first, last)
+    for x in range(begin, end):
+        for y in range(first[x], last[x] + 1):
+            queued = set_cell(layer, y * shape[1] + x, 0, flags, queue, queued)
+    return queued
 
 
 @kernel
@@ -296,8 +333,9 @@ def observe(
     frame: Floats,
     ranges: Singles,
     directions: Floats,
-    now: Floats,
-    sources: Floats,
+    base: Floats,
+    scans: Floats,
+    heard: Floats,
     points: Singles,
     footprint: Floats,
     first: Integers,
@@ -305,41 +343,36 @@ def observe(
     bounds: Floats,
     flags: Cells,
     queue: Integers,
+    queued: int,
 ) -> int:
-    """Bring the layer up to date; return how many cells changed and are listed in ``queue``.
+    """Bring the layer up to date; return how many cells are listed in ``queue`` now.
 
-    ``now`` (8,) holds the poses of base and laser and the scan's least and greatest range [m].
-    ``sources`` has no rows when nothing was received, ``footprint`` (corners in the base frame) has
-    none when the layer does not clear it. ``bounds`` (x0, y0, x1, y1) [m] grow around all that was
-    looked at.
+    ``base`` is the pose of the base; ``heard`` has a row for each of the ``scans`` that a source
+    knows of, ``footprint`` (corners in the base frame) none when the layer does not clear it.
+    ``bounds`` (x0, y0, x1, y1) [m] grow around all that was looked at.
     """
-    queued, count, projected = 0, 0, -1
-    laser = now[3:6]
+    count, projected = 0, -1
     # All sources clear before any marks, as in ``updateBounds``: marked cells survive the rays of
     # other sources.
     for task in (CLEARING, MARKING):
-        for k in range(sources.shape[0]):
-            if sources[k, task] == 0.0:
+        for k in range(heard.shape[0]):
+            if heard[k, task] == 0.0:
                 continue
-            infinite = int(sources[k, INFINITE])
-            if infinite != projected:
-                count = project(ranges, directions, laser, now[6], now[7], infinite > 0, points)
-                projected = infinite
+            if not same_points(heard, k, projected):
+                count = project_row(ranges, directions, scans, heard, k, points)
+                projected = k
+            laser = scans[int(heard[k, SCAN]), 0:3]
             if task == CLEARING:
-                reach = sources[k, RAYTRACE_RANGE]
+                reach = heard[k, RAYTRACE_RANGE]
                 queued = _clear_rays(
                     layer, shape, frame, laser, points, count, reach, bounds, flags, queue, queued
                 )
             else:
-                reach = sources[k, OBSTACLE_RANGE]
+                reach = heard[k, OBSTACLE_RANGE]
                 queued = _mark(
                     layer, shape, frame, laser, points, count, reach, bounds, flags, queue, queued
                 )
     # The footprint last: where the robot stands is free, whatever was marked there.
-    if footprint.shape[0] > 0:
-        corners = _transform_corners(footprint, now[0], now[1], now[2], bounds)
-        begin, end = polygon_spans(corners, shape, frame, first, last)
-        for x in range(begin, end):
-            for y in range(first[x], last[x] + 1):
-                queued = _set_cell(layer, y * shape[1] + x, 0, flags, queue, queued)
-    return queued
+    return free_footprint(
+        layer, shape, frame, base, footprint, first, last, bounds, flags, queue, queued
+    )

@@ -1,8 +1,9 @@
 """Kernels that bring a master grid up to date: in full inside its bounds, or only what changed.
 
-Both leave the same cells. What an update of costmap_2d does to a cell inside the bounds depends
-on the layers and on the lethal cells within the inflation radius of it; outside, costs only
-rise.
+Both leave the same cells. Layers are merged cell by cell, in their order; what an update of
+costmap_2d does to a cell inside the bounds then depends on the merged value and on the lethal cells
+within the inflation radius of it; outside, costs only rise. Only what changed can be followed where
+nothing is merged after the inflation.
 
 The inflated map, from which every run starts, is worked out once per process for equal maps
 and parameters.
@@ -19,7 +20,7 @@ import numpy as np
 
 from daemon.model.kernels import kernel
 from daemon.stacks.kernels import Integers
-from daemon.stacks.ros1.cost_grid import FREE_SPACE, LETHAL, NO_INFORMATION
+from daemon.stacks.ros1.cost_grid import LETHAL, NO_INFORMATION
 from daemon.stacks.ros1.costmap._inflation import (
     InflationTable,
     close_gaps,
@@ -33,8 +34,6 @@ from daemon.stacks.ros1.costmap._inflation import (
 )
 from daemon.stacks.ros1.costmap._obstacle_layer import LISTED, LOW, STALE, Cells, cell_value
 from grammars.model.geometry import Floats
-from grammars.model.grid import OCCUPIED
-from grammars.model.grid import UNKNOWN as UNKNOWN_IN_MAP
 
 EVERYWHERE = float(np.finfo(np.float32).max)
 """Bounds of a map that is to be redone as a whole [m] (costmap_2d uses the same number)."""
@@ -62,24 +61,13 @@ def bounds_to_window(
 
 
 @kernel
-def cycle_window(
-    bounds: Floats,
-    last: Floats,
-    radius: float,
-    inflating: bool,
-    everything: bool,
-    shape: tuple[int, int],
-    frame: Floats,
-    window: Integers,
-) -> None:
-    """Let the inflation layer extend ``bounds`` [m] and write the window of cells to redo.
+def extend_for_inflation(bounds: Floats, last: Floats, radius: float, everything: bool) -> None:
+    """Let an inflation layer extend ``bounds`` [m].
 
     It unites them with those of the ``last`` cycle and adds ``radius`` [m] on all sides; on
     ``everything`` it asks for the whole grid.
     """
     for k in range(4):
-        if not inflating:
-            break
         own = bounds[k]
         if everything:
             bounds[k] = -EVERYWHERE if k < 2 else EVERYWHERE
@@ -88,22 +76,62 @@ def cycle_window(
         else:
             bounds[k] = max(last[k], own) + radius
         last[k] = own
-    bounds_to_window(bounds, shape, frame, window)
+
+
+# What a layer does to the cells below it; numbers as in ``combination_method``.
+OVERWRITE, MAXIMUM, NOTHING, REPLACE = 0, 1, 2, 3
 
 
 @kernel
-def _merge_layers(static: int, obstacle: int) -> int:
-    """Return the layers' maximum, of which unknown is the least."""
-    if obstacle == NO_INFORMATION:
-        return static
-    return obstacle if static == NO_INFORMATION else max(static, obstacle)
+def merge_cell(below: int, own: int, method: int) -> int:
+    """Return a cell's value after a layer with the value ``own`` was merged over it.
+
+    Unknown is the least value of a maximum, and writes over nothing; what replaces does so even
+    where it is unknown (``CostmapLayer::updateWithMax``, ``updateWithOverwrite``,
+    ``updateWithTrueOverwrite``).
+    """
+    if method == REPLACE:
+        return own
+    if own == NO_INFORMATION or method == NOTHING:
+        return below
+    if method == OVERWRITE or below == NO_INFORMATION:
+        return own
+    return max(below, own)
 
 
 @kernel
-def update_whole_window(
+def merged_value(layers: Cells, methods: Integers, default: int, cell: int) -> int:
+    """Return what all ``layers`` (n, cells), the lowest first, make of one cell."""
+    value = default
+    for n in range(methods.shape[0]):
+        value = merge_cell(value, int(np.int64(layers[n, cell])), methods[n])
+    return value
+
+
+@kernel
+def merge_window(
+    cells: Cells,
+    layers: Cells,
+    methods: Integers,
+    begin: int,
+    end: int,
+    default: int,
+    anew: bool,
+    columns: int,
+    window: Integers,
+) -> None:
+    """Merge ``layers[begin:end]`` over a window of ``cells``, or ``anew`` over the default."""
+    for r in range(window[1], window[3]):
+        for cell in range(r * columns + window[0], r * columns + window[2]):
+            value = default if anew else cell_value(cells, cell)
+            for n in range(begin, end):
+                value = merge_cell(value, int(np.int64(layers[n, cell])), methods[n])
+            cells[cell] = value
+
+
+@kernel
+def inflate_window(
     master: Cells,
-    static: Cells,
-    layer: Cells,
     shape: tuple[int, int],
     window: Integers,
     costs: Cells,
@@ -111,18 +139,11 @@ def update_whole_window(
     least: int,
     changed: Integers,
 ) -> None:
-    """Reset the window, merge the layers there and inflate around it, as costmap_2d does.
-
-    ``static`` is what is there before the obstacle layer: the map, or the master's default.
-    ``changed`` grows to the window and what was written around it.
-    """
+    """Inflate in a window and around it; ``changed`` grows to the window and what was written."""
     rows, columns = shape
     x0, y0, x1, y1 = window[0], window[1], window[2], window[3]
     if x0 >= x1 or y0 >= y1:
         return
-    for r in range(y0, y1):
-        for cell in range(r * columns + x0, r * columns + x1):
-            master[cell] = _merge_layers(cell_value(static, cell), cell_value(layer, cell))
     grow_window(changed, x0, y0)
     grow_window(changed, x1 - 1, y1 - 1)
     radius = widths.shape[0] - 1
@@ -199,8 +220,9 @@ def _cost_from(
 @kernel
 def update_changed_cells(
     master: Cells,
-    static: Cells,
-    layer: Cells,
+    layers: Cells,
+    methods: Integers,
+    default: int,
     gaps: Cells,
     shape: tuple[int, int],
     window: Integers,
@@ -210,13 +232,14 @@ def update_changed_cells(
     least: int,
     flags: Cells,
     queue: Integers,
+    values: Cells,
     queued: int,
     left: int,
     changed: Integers,
 ) -> int:
-    """Do what :func:`update_whole_window` does, in the time that changes take.
+    """Do what merging and inflating the window does, in the time that changes take.
 
-    ``queue[:queued]`` lists the cells whose layer value changed, ``disturbed`` is the window in
+    ``queue[:queued]`` lists the cells in which a layer changed, ``disturbed`` is the window in
     which others wrote the master, ``gaps`` are the column distances to the master's lethal cells.
     ``left`` cells keep a flag from earlier updates because they lay outside the bounds; returns
     how many do now. ``changed`` grows tightly around cells whose cost changed.
@@ -260,7 +283,8 @@ def update_changed_cells(
         y, x = cell // columns, cell % columns
         if x < x0 or x >= x1 or y < y0 or y >= y1:
             continue
-        lethal = _merge_layers(cell_value(static, cell), cell_value(layer, cell)) == LETHAL
+        values[done - 1] = merged_value(layers, methods, default, cell)
+        lethal = values[done - 1] == LETHAL
         if lethal and gaps[cell] != 0:
             close_gaps(gaps, shape, x, y, radius)
             stamp_costs(master, shape, x, y, costs, widths, least, changed)
@@ -276,8 +300,9 @@ def update_changed_cells(
         old = cell_value(master, cell)
         if x0 <= x < x1 and y0 <= y < y1:
             flags[cell] = 0
-            new = _merge_layers(cell_value(static, cell), cell_value(layer, cell))
-            new = combine_costs(new, cost_at(gaps, shape, x, y, costs, radius), least)
+            new = combine_costs(
+                cell_value(values, k), cost_at(gaps, shape, x, y, costs, radius), least
+            )
         else:
             flags[cell] = flags[cell] & ~np.uint8(LISTED)
             left += 1
@@ -296,53 +321,31 @@ _CACHE: OrderedDict[bytes, InflatedMap] = OrderedDict()
 
 @dataclass(frozen=True, slots=True, eq=False)
 class InflatedMap:
-    """Flat, read-only: the ``static`` layer, the ``master`` it makes alone, its column ``gaps``."""
+    """Flat, read-only: the ``master`` that the cells below the inflation make, its ``gaps``."""
 
-    static: Cells
     master: Cells
     gaps: Cells
 
 
-def static_layer(cells: np.ndarray, unknown: int) -> Cells:
-    """Return flat costs of map cells: occupied is lethal, unknown ``unknown``, the rest free."""
-    costs = np.zeros(cells.shape, dtype=np.uint8)
-    costs[cells == OCCUPIED] = LETHAL
-    costs[cells == UNKNOWN_IN_MAP] = unknown
-    return costs.ravel()
-
-
-def inflated_map(
-    static: Cells, shape: tuple[int, int], default: int, table: InflationTable
-) -> InflatedMap:
-    """Return what the master shows while the obstacle layer is full of ``default``."""
-    digest = hashlib.blake2b(static.tobytes(), digest_size=16)
-    digest.update(repr((shape, default, table.radius, table.least)).encode())
+def inflated_map(below: Cells, shape: tuple[int, int], table: InflationTable) -> InflatedMap:
+    """Return the inflated master over the merged cells ``below``."""
+    digest = hashlib.blake2b(below.tobytes(), digest_size=16)
+    digest.update(repr((shape, table.radius, table.least)).encode())
     digest.update(table.costs.tobytes())
     key = digest.digest()
     if key not in _CACHE:
-        _CACHE[key] = _inflate_map(static, shape, default, table)
+        _CACHE[key] = _inflate_map(below, shape, table)
         if len(_CACHE) > _KEPT_MAPS:
             _CACHE.popitem(last=False)
     _CACHE.move_to_end(key)
     return _CACHE[key]
 
 
-def _inflate_map(
-    static: Cells, shape: tuple[int, int], default: int, table: InflationTable
-) -> InflatedMap:
-    master, gaps = np.zeros(static.size, np.uint8), np.empty(static.size, np.uint8)
-    layer = np.full(static.size, default, dtype=np.uint8)
+def _inflate_map(below: Cells, shape: tuple[int, int], table: InflationTable) -> InflatedMap:
+    master, gaps = below.copy(), np.empty(below.size, np.uint8)
     whole = np.array([0, 0, shape[1], shape[0]], dtype=np.int32)
-    changed = whole.copy()
-    update_whole_window(
-        master, static, layer, shape, whole, table.costs, table.widths, table.least, changed
-    )
+    inflate_window(master, shape, whole, table.costs, table.widths, table.least, whole.copy())
     column_gaps(master, shape, table.radius, gaps)
     for array in (master, gaps):
         array.flags.writeable = False
-    return InflatedMap(static, master, gaps)
-
-
-def unknown_value(tracked: bool | None) -> int:
-    """Return what unknown cells of the map cost: the static layer tracks them unless told not."""
-    return FREE_SPACE if tracked is False else NO_INFORMATION
+    return InflatedMap(master, gaps)

@@ -4,15 +4,25 @@ from __future__ import annotations
 
 import heapq
 import math
+from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
 
-from daemon.stacks.ros1.costmap import CostmapParameters, SensedScan, radii
+from daemon.stacks.ros1.costmap import (
+    InflationLayer,
+    LayeredCostmap,
+    ObservationSource,
+    ObstacleLayer,
+    SensedScan,
+    StaticLayer,
+    radii,
+)
 from daemon.stacks.ros1.quirks import Quirks
 from grammars.model.geometry import Floats, Pose2
 from grammars.model.grid import OccupancyGrid
 
 LETHAL, UNKNOWN, INSCRIBED = 254, 255, 253
+Window = tuple[int, int, int, int]
 
 
 def line(x0: int, y0: int, x1: int, y1: int, most: float = math.inf) -> list[tuple[int, int]]:
@@ -34,12 +44,12 @@ def line(x0: int, y0: int, x1: int, y1: int, most: float = math.inf) -> list[tup
     return cells
 
 
-def cost(distance: float, parameters: CostmapParameters, inscribed: float, res: float) -> int:
+def cost(distance: float, layer: InflationLayer, inscribed: float, res: float) -> int:
     if distance == 0:
         return LETHAL
     if distance * res <= inscribed:
         return INSCRIBED
-    fall = math.exp(-parameters.cost_scaling_factor * (distance * res - inscribed))
+    fall = math.exp(-layer.cost_scaling_factor * (distance * res - inscribed))
     return int((INSCRIBED - 1) * fall)
 
 
@@ -63,38 +73,13 @@ def by_queue(lethal: list[tuple[int, int]], shape: tuple[int, int], radius: int)
     return away
 
 
-class PlainCostmap:
-    """Reference for :class:`Costmap`: same arguments, ``cells`` instead of ``grid``."""
+class PlainGrid:
+    """Cells at a place; ``voxels`` of a layer that has them: a set of levels by state."""
 
-    def __init__(
-        self,
-        parameters: CostmapParameters,
-        footprint: Floats,
-        quirks: Quirks,
-        static: OccupancyGrid | None = None,
-    ) -> None:
-        self.parameters, self.footprint, self.quirks = parameters, footprint, quirks
-        tracked = bool(parameters.track_unknown_space)
-        self.static = None
-        if static is not None:
-            self.x, self.y, self.res = static.x, static.y, static.resolution
-            shown = UNKNOWN if parameters.track_unknown_space is not False else 0
-            self.static = np.where(
-                static.cells == 100, LETHAL, np.where(static.cells == -1, shown, 0)
-            )
-            shape = static.cells.shape
-        else:
-            self.x, self.y, self.res = 0.0, 0.0, parameters.resolution
-            shape = (int(parameters.height / self.res), int(parameters.width / self.res))
-        free = UNKNOWN if tracked else 0
-        self.reset_value = free
-        remembers = tracked or (static is not None and not quirks.unknown_becomes_free)
-        self.layer_value = UNKNOWN if remembers else 0
+    def __init__(self, x: float, y: float, res: float, shape: tuple[int, int], free: int) -> None:
+        self.x, self.y, self.res, self.free = x, y, res, free
         self.cells = np.full(shape, free)
-        self.layer = np.full(shape, self.layer_value)
-        self.first = self.new_map = True
-        self.reset = False
-        self.last = (1e30, 1e30, -1e30, -1e30)
+        self.extra: tuple[float, float, float, float] | None = None
 
     def cell(self, x: float, y: float) -> tuple[int, int] | None:
         if x < self.x or y < self.y:
@@ -102,45 +87,68 @@ class PlainCostmap:
         i, j = int((x - self.x) / self.res), int((y - self.y) / self.res)
         return (i, j) if i < self.cells.shape[1] and j < self.cells.shape[0] else None
 
-    def shift(self, base: Pose2) -> None:
+    def moved(self, array: np.ndarray, dx: int, dy: int, free: int) -> np.ndarray:
         rows, columns = self.cells.shape
-        whole = int if self.quirks.truncated_window_shift else round
-        dx = whole((base.x - (columns - 0.5) * self.res / 2 - self.x) / self.res)
-        dy = whole((base.y - (rows - 0.5) * self.res / 2 - self.y) / self.res)
-        cells, layer = (
-            np.full_like(self.cells, self.reset_value),
-            np.full_like(self.layer, self.layer_value),
-        )
+        new = np.full_like(array, free)
         for r in range(rows):
             for c in range(columns):
                 if 0 <= r + dy < rows and 0 <= c + dx < columns:
-                    cells[r, c] = self.cells[r + dy, c + dx]
-                    layer[r, c] = self.layer[r + dy, c + dx]
-        self.cells, self.layer = cells, layer
+                    new[r, c] = array[r + dy, c + dx]
+        return new
+
+    def shift(self, dx: int, dy: int) -> None:
+        self.cells = self.moved(self.cells, dx, dy, self.free)
         self.x, self.y = self.x + dx * self.res, self.y + dy * self.res
 
-    def touch(self, x: float, y: float) -> None:
-        b = self.bounds
-        self.bounds = (min(b[0], x), min(b[1], y), max(b[2], x), max(b[3], y))
+    def clear_area(self, base: Pose2, side: float, *, inside: bool) -> None:
+        x0, y0 = base.x - side / 2, base.y - side / 2
+        a, b = int((x0 - self.x) / self.res), int((y0 - self.y) / self.res)
+        c, d = int((x0 + side - self.x) / self.res), int((y0 + side - self.y) / self.res)
+        rows, columns = self.cells.shape
+        for y in range(rows):
+            for x in range(columns):
+                if (a < x < c and b < y < d) == inside:
+                    self.cells[y, x] = UNKNOWN
+        width, height = (columns - 0.5) * self.res, (rows - 0.5) * self.res
+        self.extra = (self.x, self.y, self.x + width, self.y + height)
 
-    def points(self, scan: SensedScan) -> np.ndarray:
+
+class PlainObstacles(PlainGrid):
+    """An obstacle layer, or a voxel layer."""
+
+    def __init__(self, master: PlainGrid, layer: ObstacleLayer, free: int) -> None:
+        super().__init__(master.x, master.y, master.res, master.cells.shape, free)
+        self.layer = layer
+        self.columns = np.full(master.cells.shape, 0xFFFF, dtype=np.int64)
+
+    def shift(self, dx: int, dy: int) -> None:
+        self.columns = self.moved(self.columns, dx, dy, 0xFFFF)
+        super().shift(dx, dy)
+
+    def points(self, source: ObservationSource, scan: SensedScan) -> list[tuple[float, float]]:
+        z = float(np.float32(scan.height))
+        if not source.min_obstacle_height <= z <= source.max_obstacle_height:
+            return []
         nearest, farthest = np.float32(scan.range_min), np.float32(scan.range_max)
-        good = (scan.ranges >= nearest) & (scan.ranges < farthest)
-        r, a = scan.ranges[good].astype(float), scan.angles[good]
-        x, y = (r * np.cos(a)).astype(np.float32), (r * np.sin(a)).astype(np.float32)
+        r = scan.ranges.copy()
+        if source.inf_is_valid:
+            r[r == np.inf] = farthest - np.float32(0.0001)
+        good = (r >= nearest) & (r < farthest)
+        r, a = r[good].astype(float), scan.angles[good]
+        x, y = ((r * f(a)).astype(np.float32).astype(float) for f in (np.cos, np.sin))
         c, s = math.cos(scan.pose.yaw), math.sin(scan.pose.yaw)
         points = np.column_stack((scan.pose.x + c * x - s * y, scan.pose.y + s * x + c * y))
-        return points.astype(np.float32).astype(float)
+        return [(x, y) for x, y in points.astype(np.float32).astype(float).tolist()]
 
-    def clear(self, scan: SensedScan, reach: float) -> None:
+    def clear(self, scan: SensedScan, points: list[tuple[float, float]], reach: float) -> Touched:
         ox, oy = scan.pose.x, scan.pose.y
         start = self.cell(ox, oy)
         if start is None:
-            return
+            return []
         rows, columns = self.cells.shape
         right, high = self.x + columns * self.res, self.y + rows * self.res
-        self.touch(ox, oy)
-        for wx, wy in self.points(scan).tolist():
+        touched = [(ox, oy)]
+        for wx, wy in points:
             a, b = wx - ox, wy - oy
             if wx < self.x:
                 wx, wy = self.x, oy + b * (self.x - ox) / a
@@ -154,19 +162,168 @@ class PlainCostmap:
             if end is None:
                 continue
             for x, y in line(*start, *end, math.ceil(reach / self.res)):
-                self.layer[y, x] = 0
-            part = min(1.0, reach / (math.hypot(wx - ox, wy - oy) or 1.0))
-            self.touch(ox + (wx - ox) * part, oy + (wy - oy) * part)
+                self.cells[y, x] = 0
+            touched.append(cut_off(ox, oy, wx, wy, reach))
+        return touched
 
-    def mark(self, scan: SensedScan, reach: float) -> None:
-        for x, y in self.points(scan).tolist():
+    def clear_voxels(
+        self, scan: SensedScan, points: list[tuple[float, float]], reach: float
+    ) -> Touched:
+        voxels, top = self.layer.voxels, self.layer.max_obstacle_height
+        assert voxels is not None
+        bottom, step = voxels.origin_z, voxels.z_resolution
+        rows, columns = self.cells.shape
+        sizes = (columns, rows, voxels.z_voxels)
+        low = (self.x, self.y, bottom)
+        high = (self.x + (columns - 0.5) * self.res, self.y + (rows - 0.5) * self.res)
+        origin = (scan.pose.x, scan.pose.y, scan.height)
+
+        def in_cells(p: Sequence[float]) -> list[float] | None:
+            if any(p[k] < low[k] for k in range(3)):
+                return None
+            units = (self.res, self.res, step)
+            q = [(p[k] - low[k]) / units[k] for k in range(3)]
+            return q if all(q[k] < sizes[k] for k in range(3)) else None
+
+        touched: Touched = []
+        begin = in_cells(origin)
+        if begin is None:
+            return touched
+        z = float(np.float32(scan.height))
+        for x, y in points:
+            w = [x, y, z]
+            away = math.sqrt(sum((w[k] - origin[k]) ** 2 for k in range(3)))
+            share = max(min(1.0, (away - 2 * self.res) / away), 0.0) if away > 0 else 0.0
+            w = [share * (w[k] - origin[k]) + origin[k] for k in range(3)]
+            way = [w[k] - origin[k] for k in range(3)]
+            t = 1.0
+            with np.errstate(divide="ignore", invalid="ignore"):
+                if w[2] > top:
+                    t = max(0.0, min(t, float(np.float64(top - 0.01 - origin[2]) / way[2])))
+                elif w[2] < bottom:
+                    t = min(t, float(np.float64(bottom - origin[2]) / way[2]))
+                for k in range(2):
+                    if w[k] < low[k]:
+                        t = min(t, float(np.float64(low[k] - origin[k]) / way[k]))
+                    if w[k] > high[k]:
+                        t = min(t, float(np.float64(high[k] - origin[k]) / way[k]))
+                w = [origin[k] + way[k] * t for k in range(3)]
+            end = in_cells(w)
+            if end is None:
+                continue
+            most = math.ceil(reach / self.res)
+            for i, j, k in line_in_space(begin, end, most):
+                self.columns[j, i] &= ~(0x10001 << k)
+                marked, known = self.columns[j, i] >> 16, self.columns[j, i] & 0xFFFF
+                if int(marked).bit_count() <= voxels.mark_threshold:
+                    unknown = int(marked ^ known).bit_count()
+                    limit = voxels.unknown_threshold + 16 - voxels.z_voxels
+                    self.cells[j, i] = 0 if unknown <= limit else UNKNOWN
+            touched.append(cut_off(origin[0], origin[1], w[0], w[1], reach))
+        return touched
+
+    def mark(self, scan: SensedScan, points: list[tuple[float, float]], reach: float) -> Touched:
+        z, touched, voxels = float(np.float32(scan.height)), [], self.layer.voxels
+        if z > self.layer.max_obstacle_height:
+            return []
+        for x, y in points:
             found = self.cell(x, y)
-            if math.hypot(x - scan.pose.x, y - scan.pose.y) < reach and found is not None:
-                self.layer[found[1], found[0]] = LETHAL
-                self.touch(x, y)
+            away2 = (x - scan.pose.x) ** 2 + (y - scan.pose.y) ** 2
+            if away2 >= reach * reach or found is None:
+                continue
+            if voxels is not None:
+                level = int((max(z, voxels.origin_z) - voxels.origin_z) / voxels.z_resolution)
+                if level >= voxels.z_voxels:
+                    continue
+                self.columns[found[1], found[0]] |= 0x10001 << level
+                marked = int(self.columns[found[1], found[0]] >> 16).bit_count()
+                if marked <= voxels.mark_threshold:
+                    continue
+            self.cells[found[1], found[0]] = LETHAL
+            touched.append((x, y))
+        return touched
+
+
+Touched = list[tuple[float, float]]
+
+
+def cut_off(ox: float, oy: float, wx: float, wy: float, reach: float) -> tuple[float, float]:
+    part = min(1.0, reach / (math.hypot(wx - ox, wy - oy) or 1e-300))
+    return ox + (wx - ox) * part, oy + (wy - oy) * part
+
+
+def line_in_space(
+    begin: Sequence[float], end: Sequence[float], most: float
+) -> list[tuple[int, int, int]]:
+    """Bresenham along the axis with the most steps, of equals the first of x, y, z."""
+    at = [int(b) for b in begin]
+    steps = [int(e) - int(b) for b, e in zip(begin, end, strict=True)]
+    sizes = [abs(s) for s in steps]
+    lead = sizes.index(max(sizes))
+    away = math.dist(begin, end)
+    errors = [sizes[lead] // 2] * 3
+    cells = [(at[0], at[1], at[2])]
+    for _ in range(int(sizes[lead] * (1.0 if away == 0 else min(1.0, most / away)))):
+        for k in range(3):
+            errors[k] += sizes[k]
+            if k == lead or errors[k] >= sizes[lead]:
+                at[k] += 1 if steps[k] > 0 else -1
+                errors[k] -= sizes[lead]
+        cells.append((at[0], at[1], at[2]))
+    return cells
+
+
+class PlainCostmap:
+    """Reference for :class:`Costmap`: same arguments, ``cells`` instead of ``grid``."""
+
+    def __init__(
+        self,
+        parameters: LayeredCostmap,
+        footprint: Floats,
+        quirks: Quirks,
+        static: OccupancyGrid | None = None,
+        hears: Mapping[str, Collection[str]] | None = None,
+    ) -> None:
+        self.parameters, self.footprint, self.quirks = parameters, footprint, quirks
+        self.hears = hears
+        p = parameters
+        shows_map = any(isinstance(layer, StaticLayer) for layer in p.layers)
+        free = UNKNOWN if p.track_unknown_space else 0
+        if static is not None and shows_map and not p.rolling_window:
+            self.master = PlainGrid(static.x, static.y, static.resolution, static.cells.shape, free)
+        else:
+            shape = (int(p.height / p.resolution), int(p.width / p.resolution))
+            self.master = PlainGrid(p.origin_x, p.origin_y, p.resolution, shape, free)
+        self.grids: list[PlainGrid | None] = []
+        for layer in p.layers:
+            if isinstance(layer, StaticLayer):
+                assert static is not None
+                grid = PlainGrid(static.x, static.y, static.resolution, static.cells.shape, 0)
+                shown = UNKNOWN if layer.track_unknown_space else 0
+                grid.cells = np.where(
+                    static.cells == 100, LETHAL, np.where(static.cells == -1, shown, 0)
+                )
+                self.grids.append(grid)
+            elif isinstance(layer, ObstacleLayer):
+                spared = shows_map and not quirks.unknown_becomes_free
+                remembers = layer.track_unknown_space or spared
+                self.grids.append(PlainObstacles(self.master, layer, UNKNOWN if remembers else 0))
+            else:
+                self.grids.append(None)
+        self.first = True
+        nowhere = (1e30, 1e30, -1e30, -1e30)
+        self.last = dict.fromkeys(range(len(p.layers)), nowhere)
+
+    @property
+    def cells(self) -> np.ndarray:
+        return self.master.cells
+
+    def touch(self, x: float, y: float) -> None:
+        b = self.bounds
+        self.bounds = (min(b[0], x), min(b[1], y), max(b[2], x), max(b[3], y))
 
     def polygon(self, corners: list[tuple[float, float]]) -> list[tuple[int, int]]:
-        cells = [self.cell(x, y) for x, y in corners]
+        cells = [self.master.cell(x, y) for x, y in corners]
         if None in cells:
             return []
         ring = [c for c in cells if c is not None]
@@ -181,71 +338,152 @@ class PlainCostmap:
         x, y = base.x, base.y
         square = [(-half, -half), (half, -half), (half, half), (-half, half)]
         for i, j in self.polygon([(x + u, y + v) for u, v in square]):
-            self.cells[j, i] = 0
+            self.master.cells[j, i] = 0
 
-    def clear_obstacles_outside(self, base: Pose2, side: float) -> None:
-        x0, y0 = base.x - side / 2, base.y - side / 2
-        a, b = int((x0 - self.x) / self.res), int((y0 - self.y) / self.res)
-        c, d = int((x0 + side - self.x) / self.res), int((y0 + side - self.y) / self.res)
-        for y in range(self.cells.shape[0]):
-            for x in range(self.cells.shape[1]):
-                if not (a < x < c and b < y < d):
-                    self.layer[y, x] = UNKNOWN
-        self.reset = True
+    def clear_layers(
+        self, base: Pose2, side: float, names: Collection[str], *, inside: bool = False
+    ) -> None:
+        for layer, grid in zip(self.parameters.layers, self.grids, strict=True):
+            if grid is not None and layer.name in names:
+                grid.clear_area(base, side, inside=inside)
 
-    def update(self, base: Pose2, scan: SensedScan | None) -> None:
+    def observations(
+        self, source: ObservationSource, scans: Sequence[SensedScan]
+    ) -> list[SensedScan]:
+        """What the source's buffer holds, the newest first."""
+        lasers = None if self.hears is None else self.hears[source.topic]
+        buffer = [s for s in reversed(scans) if lasers is None or s.laser in lasers]
+        if source.observation_persistence == 0.0 or not buffer:
+            return buffer[:1]
+        updated = buffer[0].time if buffer[0].received is None else buffer[0].received
+        kept = []
+        for scan in buffer:
+            if round(updated - scan.time, 9) > round(source.observation_persistence, 9):
+                break
+            kept.append(scan)
+        return kept
+
+    def update(self, base: Pose2, scans: Sequence[SensedScan], frame_in_map: Pose2) -> None:
         p = self.parameters
         rows, columns = self.cells.shape
         if p.rolling_window:
-            self.shift(base)
+            res, whole = self.master.res, int if self.quirks.truncated_window_shift else round
+            dx = whole((base.x - (columns - 0.5) * res / 2 - self.master.x) / res)
+            dy = whole((base.y - (rows - 0.5) * res / 2 - self.master.y) / res)
+            self.master.shift(dx, dy)
+            for grid in self.grids:
+                if isinstance(grid, PlainObstacles):
+                    grid.shift(dx, dy)
+        if not p.layers:
+            return
         self.bounds = (1e30, 1e30, -1e30, -1e30)
-        if (self.static is not None and self.new_map) or self.reset:
-            self.touch(self.x, self.y)
-            self.touch(self.x + columns * self.res, self.y + rows * self.res)
-        if scan is not None:
-            for source in p.sources:
-                if source.clearing:
-                    self.clear(scan, p.raytrace_range)
-            for source in p.sources:
-                if source.marking:
-                    self.mark(scan, p.obstacle_range)
         corners = [base.apply((x, y)) for x, y in self.footprint.tolist()]
-        for x, y in corners:
-            self.touch(x, y)
-        raw = self.bounds
-        if self.first:
-            window = (0, 0, columns, rows)
-        else:
-            big, last = p.inflation_radius, self.last
-            x0, y0 = (
-                int(max(0.0, min(raw[k], last[k]) - big - o) / self.res)
-                for k, o in ((0, self.x), (1, self.y))
-            )
-            x1, y1 = (
-                min(n, int((max(raw[k], last[k]) + big - o) / self.res) + 1)
-                for k, o, n in ((2, self.x, columns), (3, self.y, rows))
-            )
-            window = (min(x0, columns - 1), min(y0, rows - 1), max(1, x1), max(1, y1))
-        self.last = raw
-        self.first = self.new_map = self.reset = False
-        for x, y in self.polygon(corners):
-            self.layer[y, x] = 0
-        self.merge(window)
-        self.inflate(window)
-
-    def merge(self, window: tuple[int, int, int, int]) -> None:
+        for index, (layer, grid) in enumerate(zip(p.layers, self.grids, strict=True)):
+            cleared = grid is not None and grid.extra is not None
+            if grid is not None and grid.extra is not None:
+                self.touch(*grid.extra[:2])
+                self.touch(*grid.extra[2:])
+                grid.extra = None
+            if isinstance(layer, InflationLayer):
+                self.bounds_of_inflation(index, layer)
+            elif isinstance(grid, PlainObstacles):
+                self.observe(layer, grid, scans)
+                for x, y in corners if layer.footprint_clearing_enabled else ():
+                    self.touch(x, y)
+            elif grid is not None and (self.first or cleared or p.rolling_window):
+                height, width = grid.cells.shape
+                self.touch(grid.x + 0.5 * grid.res, grid.y + 0.5 * grid.res)
+                self.touch(grid.x + (width + 0.5) * grid.res, grid.y + (height + 0.5) * grid.res)
+        self.first = False
+        window = self.window()
+        if window[2] < window[0] or window[3] < window[1]:
+            return
         for y in range(window[1], window[3]):
             for x in range(window[0], window[2]):
-                value = self.reset_value if self.static is None else int(self.static[y, x])
-                seen = int(self.layer[y, x])
-                if seen != UNKNOWN and (value == UNKNOWN or value < seen):
-                    value = seen
-                self.cells[y, x] = value
+                self.cells[y, x] = self.master.free
+        under = self.polygon(corners)
+        for layer, grid in zip(p.layers, self.grids, strict=True):
+            if isinstance(layer, InflationLayer):
+                self.inflate(layer, window)
+            elif isinstance(layer, ObstacleLayer):
+                assert grid is not None
+                for x, y in under if layer.footprint_clearing_enabled else ():
+                    grid.cells[y, x] = 0
+                self.merge(grid, window, {0: "over", 1: "max"}.get(layer.combination_method, ""))
+            elif p.rolling_window:
+                assert grid is not None
+                self.show(grid, window, frame_in_map, maximum=layer.use_maximum)
+            else:
+                assert grid is not None
+                self.merge(grid, window, "max" if layer.use_maximum else "true")
 
-    def inflate(self, window: tuple[int, int, int, int]) -> None:
-        p = self.parameters
+    def observe(
+        self, layer: ObstacleLayer, grid: PlainObstacles, scans: Sequence[SensedScan]
+    ) -> None:
+        for task in ("clearing", "marking"):
+            for source in layer.sources:
+                for scan in self.observations(source, scans) if getattr(source, task) else ():
+                    points = grid.points(source, scan)
+                    if task == "marking":
+                        touched = grid.mark(scan, points, source.obstacle_range)
+                    elif layer.voxels is None:
+                        touched = grid.clear(scan, points, source.raytrace_range)
+                    else:
+                        touched = grid.clear_voxels(scan, points, source.raytrace_range)
+                    for x, y in touched:
+                        self.touch(x, y)
+
+    def bounds_of_inflation(self, index: int, layer: InflationLayer) -> None:
+        own, last, by = self.bounds, self.last[index], layer.inflation_radius
+        self.last[index] = own
+        most = float(np.finfo(np.float32).max)
+        if self.first:
+            self.bounds = (-most, -most, most, most)
+            return
+        low = [min(last[k], own[k]) - by for k in (0, 1)]
+        high = [max(last[k], own[k]) + by for k in (2, 3)]
+        self.bounds = (low[0], low[1], high[0], high[1])
+
+    def window(self) -> Window:
+        rows, columns = self.cells.shape
+        found = []
+        for k, value in enumerate(self.bounds):
+            size = (columns, rows)[k % 2]
+            origin = (self.master.x, self.master.y)[k % 2]
+            if value < origin:
+                found.append(0)
+            elif value >= self.master.res * size + origin:
+                found.append(size - 1)
+            else:
+                found.append(int((value - origin) / self.master.res))
+        return found[0], found[1], min(columns, found[2] + 1), min(rows, found[3] + 1)
+
+    def merge(self, grid: PlainGrid, window: Window, method: str) -> None:
+        for y in range(window[1], window[3]):
+            for x in range(window[0], window[2]):
+                own, old = int(grid.cells[y, x]), int(self.cells[y, x])
+                if method == "true":
+                    self.cells[y, x] = own
+                elif own == UNKNOWN or not method:
+                    continue
+                elif method == "over" or old == UNKNOWN or old < own:
+                    self.cells[y, x] = own
+
+    def show(self, grid: PlainGrid, window: Window, frame_in_map: Pose2, *, maximum: bool) -> None:
+        for y in range(window[1], window[3]):
+            for x in range(window[0], window[2]):
+                centre = [
+                    origin + (k + 0.5) * self.master.res
+                    for k, origin in ((x, self.master.x), (y, self.master.y))
+                ]
+                found = grid.cell(*frame_in_map.apply((centre[0], centre[1])))
+                if found is not None:
+                    own = int(grid.cells[found[1], found[0]])
+                    self.cells[y, x] = max(own, int(self.cells[y, x])) if maximum else own
+
+    def inflate(self, layer: InflationLayer, window: Window) -> None:
         inscribed, _ = radii(self.footprint)
-        radius = math.ceil(p.inflation_radius / self.res)
+        radius = math.ceil(layer.inflation_radius / self.master.res)
         rows, columns = self.cells.shape
         if radius == 0:
             return
@@ -261,9 +499,9 @@ class PlainCostmap:
         away2 = (ys[..., None] - found[:, 0]) ** 2 + (xs[..., None] - found[:, 1]) ** 2
         nearest = away2.min(axis=-1)
         for y, x in np.argwhere(nearest <= radius * radius).tolist():
-            value = cost(math.sqrt(nearest[y, x]), p, inscribed, self.res)
+            value = cost(math.sqrt(nearest[y, x]), layer, inscribed, self.master.res)
             old = int(self.cells[y, x])
-            least = 1 if p.inflate_unknown else INSCRIBED
+            least = 1 if layer.inflate_unknown else INSCRIBED
             if old == UNKNOWN:
                 self.cells[y, x] = value if value >= least else old
             else:

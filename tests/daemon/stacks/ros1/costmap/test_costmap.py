@@ -3,12 +3,23 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
 
-from daemon.stacks.ros1.costmap import Costmap, CostmapParameters, ObservationSource, SensedScan
+from daemon.stacks.ros1.costmap import (
+    Costmap,
+    InflationLayer,
+    Layer,
+    LayeredCostmap,
+    ObservationSource,
+    ObstacleLayer,
+    SensedScan,
+    StaticLayer,
+)
 from daemon.stacks.ros1.quirks import FIXED, ORIGINAL, Quirks
 from grammars.model.geometry import Pose2
 from grammars.model.grid import OccupancyGrid
@@ -17,12 +28,13 @@ from tests.daemon.stacks.ros1.costmap.plain import by_queue
 A2S = ((-0.08, -0.075), (-0.08, 0.075), (0.105, 0.075), (0.105, -0.075))
 DIFF = ((-0.35, -0.233), (-0.35, 0.233), (0.35, 0.233), (0.35, -0.233))
 OMNI = ((-0.35, -0.22), (-0.35, 0.22), (0.35, 0.22), (0.35, -0.22))
-LASER = ObservationSource(data_type="LaserScan", clearing=True)
-STILL = CostmapParameters(
-    static_map=True, footprint=A2S, sources=(LASER,), inflation_radius=0.5,
-    cost_scaling_factor=3.0, obstacle_range=3.0, raytrace_range=3.5,
-)  # fmt: skip
-ROLLING = replace(STILL, static_map=False, rolling_window=True, width=3.0, height=3.0)
+LASER = ObservationSource("scan", "/scan", clearing=True, obstacle_range=3.0, raytrace_range=3.5)
+OBSTACLES = ObstacleLayer(sources=(LASER,))
+INFLATION = InflationLayer(inflation_radius=0.5, cost_scaling_factor=3.0)
+STILL = LayeredCostmap((StaticLayer(), OBSTACLES, INFLATION), footprint=A2S)
+ROLLING = LayeredCostmap(
+    (OBSTACLES, INFLATION), "odom", footprint=A2S, rolling_window=True, width=3.0, height=3.0
+)
 FAR_AWAY = Pose2(9.0, 1.0)
 
 
@@ -30,15 +42,33 @@ def world(rows: int = 60, columns: int = 200) -> OccupancyGrid:
     return OccupancyGrid(0.05, 0.0, 0.0, np.zeros((rows, columns), dtype=np.int8))
 
 
+def layered(
+    parameters: LayeredCostmap = STILL,
+    *,
+    static: Mapping[str, Any] | None = None,
+    obstacles: Mapping[str, Any] | None = None,
+    source: Mapping[str, Any] | None = None,
+    inflation: Mapping[str, Any] | None = None,
+) -> LayeredCostmap:
+    """Return the costmap with values of its layers changed."""
+
+    def changed(layer: Layer) -> Layer:
+        if isinstance(layer, StaticLayer):
+            return replace(layer, **(static or {}))
+        if isinstance(layer, InflationLayer):
+            return replace(layer, **(inflation or {}))
+        sources = tuple(replace(each, **(source or {})) for each in layer.sources)
+        return replace(layer, **{"sources": sources, **(obstacles or {})})
+
+    return replace(parameters, layers=tuple(changed(layer) for layer in parameters.layers))
+
+
 def build(
-    parameters: CostmapParameters = STILL,
+    parameters: LayeredCostmap = STILL,
     grid: OccupancyGrid | None = None,
     quirks: Quirks = ORIGINAL,
 ) -> Costmap:
-    footprint = parameters.padded_footprint()
-    if parameters.static_map:
-        return Costmap(parameters, footprint, quirks, grid or world())
-    return Costmap(parameters, footprint, quirks)
+    return Costmap(parameters, parameters.padded_footprint(), quirks, grid or world())
 
 
 def looking(away: float, x: float = 1.025, y: float = 1.025) -> SensedScan:
@@ -71,9 +101,8 @@ def test_costs_fall_with_the_distance_from_a_wall(
 ) -> None:
     grid = world()
     grid.cells[:, 100] = 100
-    parameters = replace(
-        STILL, footprint=footprint, inflation_radius=radius, cost_scaling_factor=scaling
-    )
+    inflation = {"inflation_radius": radius, "cost_scaling_factor": scaling}
+    parameters = replace(layered(inflation=inflation), footprint=footprint)
     costmap = build(parameters, grid)
     for away, cost in costs.items():
         assert value(costmap, 5.025 + away, 1.5) == cost
@@ -88,129 +117,125 @@ def test_unknown_cells_become_free() -> None:
 
 @pytest.mark.parametrize(
     ("parameters", "quirks"),
-    [(STILL, FIXED), (replace(STILL, track_unknown_space=True), ORIGINAL)],
+    [(STILL, FIXED), (layered(obstacles={"track_unknown_space": True}), ORIGINAL)],
 )
 def test_unknown_cells_stay_unknown_until_a_ray_crosses_them(
-    parameters: CostmapParameters, quirks: Quirks
+    parameters: LayeredCostmap, quirks: Quirks
 ) -> None:
     grid = world()
     grid.cells[:, 30:] = -1
     costmap = build(parameters, grid, quirks)
     for _ in range(4):
-        costmap.update(Pose2(1.0, 1.0), looking(3.2))
+        costmap.update(Pose2(1.0, 1.0), (looking(3.2),))
     assert value(costmap, 2.0, 1.025) == 0
     assert value(costmap, 2.0, 1.6) == 255
 
 
 def test_a_return_marks_and_a_longer_ray_clears() -> None:
     costmap = build()
-    costmap.update(Pose2(1.0, 1.0), looking(1.5))
+    costmap.update(Pose2(1.0, 1.0), (looking(1.5),))
     assert value(costmap, 2.525, 1.025) == 254
     assert value(costmap, 2.525, 1.475) > 0
-    costmap.update(Pose2(1.0, 1.0), looking(2.5))
+    costmap.update(Pose2(1.0, 1.0), (looking(2.5),))
     assert value(costmap, 2.525, 1.475) == 0
     assert value(costmap, 3.525, 1.025) == 254
 
 
 def test_a_ray_without_return_neither_marks_nor_clears() -> None:
     costmap = build()
-    costmap.update(Pose2(1.0, 1.0), looking(1.5))
+    costmap.update(Pose2(1.0, 1.0), (looking(1.5),))
     for lost in (math.inf, math.nan, 5.6, 0.04):
-        costmap.update(Pose2(1.0, 1.0), looking(lost))
+        costmap.update(Pose2(1.0, 1.0), (looking(lost),))
         assert value(costmap, 2.525, 1.025) == 254
 
 
 def test_with_inf_is_valid_a_ray_without_return_clears() -> None:
-    costmap = build(replace(STILL, sources=(replace(LASER, inf_is_valid=True),)))
-    costmap.update(Pose2(1.0, 1.0), looking(1.5))
-    costmap.update(Pose2(1.0, 1.0), looking(math.inf))
+    costmap = build(layered(source={"inf_is_valid": True}))
+    costmap.update(Pose2(1.0, 1.0), (looking(1.5),))
+    costmap.update(Pose2(1.0, 1.0), (looking(math.inf),))
     assert not costmap.grid.cells.any()
 
 
 def test_rays_clear_farther_than_they_mark() -> None:
-    costmap = build(replace(STILL, obstacle_range=6.0))
-    costmap.update(Pose2(1.0, 1.0), looking(3.2))
+    costmap = build(layered(source={"obstacle_range": 6.0}))
+    costmap.update(Pose2(1.0, 1.0), (looking(3.2),))
     assert value(costmap, 4.225, 1.025) == 254
     costmap = build()
-    costmap.update(Pose2(1.0, 1.0), looking(3.2))
+    costmap.update(Pose2(1.0, 1.0), (looking(3.2),))
     assert not costmap.grid.cells.any()
-    costmap.update(Pose2(1.0, 1.0), looking(2.9))
+    costmap.update(Pose2(1.0, 1.0), (looking(2.9),))
     assert value(costmap, 3.925, 1.025) == 254
-    costmap.update(Pose2(1.0, 1.0), looking(5.0))
+    costmap.update(Pose2(1.0, 1.0), (looking(5.0),))
     assert not costmap.grid.cells.any()
 
 
 def test_beyond_the_raytrace_range_nothing_is_cleared() -> None:
-    costmap = build(replace(STILL, obstacle_range=5.0))
-    costmap.update(Pose2(1.0, 1.0), looking(4.5))
-    costmap.update(Pose2(1.0, 1.0), looking(4.9))
+    costmap = build(layered(source={"obstacle_range": 5.0}))
+    costmap.update(Pose2(1.0, 1.0), (looking(4.5),))
+    costmap.update(Pose2(1.0, 1.0), (looking(4.9),))
     assert value(costmap, 5.525, 1.025) == 254
 
 
 def test_an_old_scan_is_applied_again() -> None:
     costmap = build()
     scan = looking(1.5)
-    costmap.update(Pose2(1.0, 1.0), scan)
-    costmap.update(Pose2(2.525, 1.025), None)
+    costmap.update(Pose2(1.0, 1.0), (scan,))
+    costmap.update(Pose2(2.525, 1.025))
     assert value(costmap, 2.525, 1.025) == 0
-    costmap.update(FAR_AWAY, scan)
+    costmap.update(FAR_AWAY, (scan,))
     assert value(costmap, 2.525, 1.025) == 254
 
 
 def test_the_footprint_is_free_of_obstacles_but_not_of_walls() -> None:
     grid = world()
     grid.cells[20, 20] = 100
-    costmap = build(replace(STILL, inflation_radius=0.0), grid)
-    costmap.update(FAR_AWAY, looking(1.5))
+    costmap = build(layered(inflation={"inflation_radius": 0.0}), grid)
+    costmap.update(FAR_AWAY, (looking(1.5),))
     assert value(costmap, 2.525, 1.025) == 254
-    costmap.update(Pose2(2.5, 1.0), None)
+    costmap.update(Pose2(2.5, 1.0))
     assert value(costmap, 2.525, 1.025) == 0
-    costmap.update(Pose2(1.0, 1.0), None)
+    costmap.update(Pose2(1.0, 1.0))
     assert value(costmap, 1.025, 1.025) == 254
 
 
 def test_without_a_source_the_map_is_all_there_is() -> None:
     grid = world()
     grid.cells[:, 100] = 100
-    deaf = Costmap(replace(STILL, sources=()), STILL.padded_footprint(), ORIGINAL, grid)
+    deaf = build(layered(obstacles={"sources": ()}), grid)
     before = deaf.grid.cells.copy()
     blind = Costmap(ROLLING, ROLLING.padded_footprint(), ORIGINAL)
     for costmap in (deaf, blind):
-        costmap.update(Pose2(1.0, 1.0), looking(1.0) if costmap is deaf else None)
+        costmap.update(Pose2(1.0, 1.0), (looking(1.0),) if costmap is deaf else ())
     np.testing.assert_array_equal(deaf.grid.cells, before)
     assert not blind.grid.cells.any()
 
 
-def test_a_source_of_another_height_or_kind_is_not_heard() -> None:
-    for source in (
-        replace(LASER, data_type="PointCloud2"),
-        replace(LASER, min_obstacle_height=0.5),
-        replace(LASER, marking=False),
-    ):
-        costmap = build(replace(STILL, sources=(source,)))
-        costmap.update(Pose2(1.0, 1.0), looking(1.5))
+def test_a_source_of_another_height_or_without_marking_marks_nothing() -> None:
+    for source in ({"min_obstacle_height": 0.5}, {"max_obstacle_height": -0.1}, {"marking": False}):
+        costmap = build(layered(source=source))
+        costmap.update(Pose2(1.0, 1.0), (looking(1.5),))
         assert not costmap.grid.cells.any()
 
 
 def test_the_window_moves_by_whole_cells_toward_zero_and_keeps_what_it_knows() -> None:
-    costmap = build(replace(ROLLING, footprint_clearing_enabled=False))
-    costmap.update(Pose2(0.0, 0.0), looking(1.0, 0.0, 0.0))
+    costmap = build(layered(ROLLING, obstacles={"footprint_clearing_enabled": False}))
+    costmap.update(Pose2(0.0, 0.0), (looking(1.0, 0.0, 0.0),))
     x = costmap.grid.x
     assert value(costmap, 1.0, 0.0) == 254
-    costmap.update(Pose2(0.049, -0.049), None)
+    costmap.update(Pose2(0.049, -0.049))
     assert costmap.grid.x == x
-    costmap.update(Pose2(0.151, 0.0), None)
+    costmap.update(Pose2(0.151, 0.0))
     assert costmap.grid.x == pytest.approx(x + 0.1)
     assert value(costmap, 1.0, 0.0) == 254
-    costmap.update(Pose2(4.0, 0.0), None)
+    costmap.update(Pose2(4.0, 0.0))
     assert not costmap.grid.cells.any()
 
 
 def test_without_the_quirk_the_window_moves_to_the_nearest_cell() -> None:
     costmap = build(ROLLING, quirks=FIXED)
-    costmap.update(Pose2(0.0, 0.0), None)
+    costmap.update(Pose2(0.0, 0.0))
     centre = costmap.grid.x
-    costmap.update(Pose2(0.049, 0.0), None)
+    costmap.update(Pose2(0.049, 0.0))
     assert costmap.grid.x == pytest.approx(centre + 0.05)
 
 
@@ -219,11 +244,11 @@ def test_a_cleared_square_comes_back_with_the_next_update() -> None:
     grid.cells[:, 22] = 100
     costmap = build(STILL, grid)
     for _ in range(3):
-        costmap.update(Pose2(1.0, 1.0), None)
+        costmap.update(Pose2(1.0, 1.0))
     before = costmap.grid.cells.copy()
     costmap.clear_square(Pose2(1.0, 1.0), 0.46)
     assert value(costmap, 1.125, 1.025) == 0
-    costmap.update(Pose2(1.0, 1.0), None)
+    costmap.update(Pose2(1.0, 1.0))
     np.testing.assert_array_equal(costmap.grid.cells, before)
 
 
@@ -232,19 +257,19 @@ def test_a_cleared_square_out_of_sight_stays_clear() -> None:
     grid.cells[:, 22] = 100
     costmap = build(STILL, grid)
     for _ in range(3):
-        costmap.update(FAR_AWAY, None)
+        costmap.update(FAR_AWAY)
     costmap.clear_square(Pose2(1.0, 1.0), 0.46)
-    costmap.update(FAR_AWAY, None)
+    costmap.update(FAR_AWAY)
     assert value(costmap, 1.125, 1.025) == 0
 
 
 def test_a_working_reset_forgets_obstacles_far_from_the_robot() -> None:
     costmap = build()
     for away in (0.5, 2.5):
-        costmap.update(FAR_AWAY, replace(looking(away), pose=Pose2(1.025, 0.525 + away / 3)))
+        costmap.update(FAR_AWAY, (replace(looking(away), pose=Pose2(1.025, 0.525 + away / 3)),))
     assert (costmap.grid.cells == 254).sum() == 2
-    costmap.clear_obstacles_outside(Pose2(1.0, 1.0), 3.0)
-    costmap.update(FAR_AWAY, None)
+    assert costmap.clear_layers(Pose2(1.0, 1.0), 3.0, ("obstacle_layer",)) == ("obstacle_layer",)
+    costmap.update(FAR_AWAY)
     assert (costmap.grid.cells == 254).sum() == 1
     assert value(costmap, 1.525, 0.7) == 254
 
@@ -252,18 +277,18 @@ def test_a_working_reset_forgets_obstacles_far_from_the_robot() -> None:
 def test_what_changed_is_told_tightly() -> None:
     costmap = build()
     scan = looking(1.5)
-    costmap.update(Pose2(1.0, 1.0), scan)
+    costmap.update(Pose2(1.0, 1.0), (scan,))
     costmap.grid.take_changed()
     version = costmap.grid.version
-    costmap.update(Pose2(1.0, 1.0), scan)
+    costmap.update(Pose2(1.0, 1.0), (scan,))
     assert costmap.grid.version == version
-    costmap.update(Pose2(1.0, 1.0), looking(1.55))
+    costmap.update(Pose2(1.0, 1.0), (looking(1.55),))
     assert costmap.grid.take_changed() == (40, 10, 62, 31)
 
 
 def test_costmaps_of_one_map_do_not_share_their_cells() -> None:
     one, other = build(), build()
-    one.update(Pose2(1.0, 1.0), looking(1.5))
+    one.update(Pose2(1.0, 1.0), (looking(1.5),))
     assert not other.grid.cells.any()
 
 
@@ -271,7 +296,7 @@ def test_the_nearest_obstacle_counts_and_the_original_hardly_ever_misses_it() ->
     rng = np.random.default_rng(3)
     grid = world(60, 60)
     grid.cells[:] = np.where(rng.random((60, 60)) < 0.02, 100, 0)
-    costmap = build(replace(STILL, cost_scaling_factor=0.0), grid)
+    costmap = build(layered(inflation={"cost_scaling_factor": 0.0}), grid)
     lethal = [(int(x), int(y)) for y, x in np.argwhere(grid.cells == 100)]
     away = by_queue(lethal, grid.cells.shape, 10)
     reached = costmap.grid.cells > 0
@@ -282,11 +307,11 @@ def test_the_nearest_obstacle_counts_and_the_original_hardly_ever_misses_it() ->
 @pytest.mark.parametrize(
     ("parameters", "message"),
     [
-        (replace(STILL, inflation_radius=20.0), "inflation_radius 20 m is 400 cells"),
+        (layered(inflation={"inflation_radius": 20.0}), "inflation_radius 20 m is 400 cells"),
         (replace(ROLLING, width=0.01), "has no cell"),
     ],
 )
-def test_impossible_costmaps_are_refused(parameters: CostmapParameters, message: str) -> None:
+def test_impossible_costmaps_are_refused(parameters: LayeredCostmap, message: str) -> None:
     with pytest.raises(ValueError, match=message):
         build(parameters)
 
@@ -299,4 +324,4 @@ def test_a_static_costmap_needs_a_map() -> None:
 def test_a_scan_has_as_many_ranges_as_angles() -> None:
     scan = replace(looking(1.0), ranges=np.ones(2, dtype=np.float32))
     with pytest.raises(ValueError, match="2 ranges at 1 angles"):
-        build().update(Pose2(1.0, 1.0), scan)
+        build().update(Pose2(1.0, 1.0), (scan,))

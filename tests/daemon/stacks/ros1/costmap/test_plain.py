@@ -9,16 +9,27 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from daemon.stacks.ros1.costmap import Costmap, CostmapParameters, ObservationSource, SensedScan
+from daemon.stacks.ros1.costmap import (
+    Costmap,
+    InflationLayer,
+    Layer,
+    LayeredCostmap,
+    ObservationSource,
+    ObstacleLayer,
+    SensedScan,
+    StaticLayer,
+    VoxelColumn,
+)
 from daemon.stacks.ros1.quirks import FIXED, ORIGINAL
 from grammars.model.geometry import Pose2
 from grammars.model.grid import OccupancyGrid
 from tests.daemon.stacks.ros1.costmap.plain import PlainCostmap
 
 ROWS, COLUMNS = 22, 30
-ANGLES = np.linspace(-2.0, 2.0, 23)
+ANGLES = {"front": np.linspace(-2.0, 2.0, 23), "rear": np.linspace(-1.0, 1.5, 11)}
+MOUNTS = {"front": Pose2(0.05, 0.0), "rear": Pose2(-0.05, 0.01, 3.0)}
+HEARS = {"/scan": ("front",), "/rear": ("rear",), "/both": ("front", "rear"), "/none": ()}
 RING = np.array([[-0.08, -0.06], [0.1, -0.06], [0.1, 0.06], [-0.08, 0.06]])
-BOTH = ObservationSource(data_type="LaserScan", clearing=True)
 
 
 def random_map(rng: np.random.Generator) -> OccupancyGrid:
@@ -27,34 +38,120 @@ def random_map(rng: np.random.Generator) -> OccupancyGrid:
     return OccupancyGrid(0.05, -0.3, -0.2, cells)
 
 
-def random_scan(rng: np.random.Generator, base: Pose2) -> SensedScan:
-    ranges = rng.uniform(0.02, 1.1, ANGLES.size).astype(np.float32)
-    ranges[rng.random(ANGLES.size) < 0.2] = np.inf
-    return SensedScan(base @ Pose2(0.05, 0.0), ranges, ANGLES, 0.05, 1.0)
+class RandomLasers:
+    """Two lasers that see anything, ten times a second, each at a height of its own."""
+
+    def __init__(self, rng: np.random.Generator) -> None:
+        self.rng, self.now, self.scans = rng, 0.0, list[SensedScan]()
+        heights = rng.choice([0.0, 0.1, 0.3, 0.6, 0.7, 1.9, 2.0, 2.3], 2).tolist()
+        self.heights = dict(zip(ANGLES, heights, strict=True))
+
+    def look(self, base: Pose2) -> tuple[SensedScan, ...]:
+        """Maybe scan from ``base``; return the last seven scans."""
+        for name, angles in ANGLES.items():
+            if self.rng.random() < 0.7:
+                ranges = self.rng.uniform(0.02, 1.1, angles.size).astype(np.float32)
+                ranges[self.rng.random(angles.size) < 0.2] = np.inf
+                pose, height = base @ MOUNTS[name], self.heights[name]
+                stamps = (self.now, self.now + 0.051)
+                scan = SensedScan(pose, ranges, angles, 0.05, 1.0, height, name, *stamps)
+                self.scans.append(scan)
+        self.now += 0.1
+        return tuple(self.scans[-7:])
 
 
 def random_pose(rng: np.random.Generator) -> Pose2:
     return Pose2(*rng.uniform((-0.35, -0.25, -3.0), (1.3, 1.0, 3.0)).tolist())
 
 
-def random_parameters(rng: np.random.Generator) -> CostmapParameters:
-    return CostmapParameters(
-        sources=(BOTH,),
-        inflation_radius=float(rng.choice([0.0, 0.1, 0.13, 0.15, 0.22, 0.3])),
-        cost_scaling_factor=float(rng.choice([1.0, 8.0])),
+def random_source(rng: np.random.Generator) -> ObservationSource:
+    return ObservationSource(
+        "source",
+        str(rng.choice(["/scan", "/scan", "/rear", "/both", "/none"])),
+        marking=bool(rng.random() < 0.9),
+        clearing=bool(rng.random() < 0.9),
         obstacle_range=float(rng.uniform(0.2, 1.0)),
         raytrace_range=float(rng.uniform(0.2, 1.0)),
-        track_unknown_space=(None, True, False)[int(rng.integers(3))],
-        inflate_unknown=bool(rng.random() < 0.3),
+        min_obstacle_height=float(rng.choice([0.0, 0.0, 0.3])),
+        inf_is_valid=bool(rng.random() < 0.3),
+        observation_persistence=float(rng.choice([0.0, 0.0, 0.0, 0.04, 0.15, 0.3])),
     )
 
 
-def compare(costmap: Costmap, plain: PlainCostmap, rng: np.random.Generator, steps: int) -> None:
-    scan = None
+def random_obstacles(
+    rng: np.random.Generator, name: str, methods: tuple[int, ...]
+) -> ObstacleLayer:
+    column = VoxelColumn(
+        origin_z=float(rng.choice([0.0, 0.1])),
+        z_resolution=float(rng.choice([0.1, 0.2])),
+        z_voxels=int(rng.choice([3, 10, 16])),
+        unknown_threshold=int(rng.choice([15, 2, 9])),
+        mark_threshold=int(rng.choice([0, 0, 1])),
+    )
+    return ObstacleLayer(
+        name,
+        tuple(random_source(rng) for _ in range(int(rng.integers(1, 3)))),
+        footprint_clearing_enabled=bool(rng.random() < 0.8),
+        combination_method=int(rng.choice(methods)),
+        track_unknown_space=bool(rng.random() < 0.4),
+        voxels=column if rng.random() < 0.4 else None,
+    )
+
+
+def random_inflation(rng: np.random.Generator, name: str = "inflation") -> InflationLayer:
+    return InflationLayer(
+        name,
+        float(rng.choice([0.0, 0.1, 0.13, 0.15, 0.22, 0.3])),
+        float(rng.choice([1.0, 8.0])),
+        bool(rng.random() < 0.3),
+    )
+
+
+def random_static(rng: np.random.Generator, name: str = "map") -> StaticLayer:
+    return StaticLayer(name, bool(rng.random() < 0.6), bool(rng.random() < 0.3))
+
+
+def common_layers(rng: np.random.Generator, *, static: bool) -> tuple[Layer, ...]:
+    """What people have: perhaps the map, layers of obstacles, inflation at last."""
+    methods = (1,) if rng.random() < 0.6 else (0, 1, 2)
+    count = int(rng.integers(1, 4))
+    seen = [random_obstacles(rng, f"seen{k}", methods) for k in range(count)]
+    below: list[Layer] = [random_static(rng)] if static else []
+    above: list[Layer] = [random_inflation(rng)] if rng.random() < 0.9 else []
+    return (*below, *seen, *above)
+
+
+def any_layers(rng: np.random.Generator) -> tuple[Layer, ...]:
+    """Layers of every sort in any order."""
+    layers: list[Layer] = [
+        random_static(rng),
+        random_obstacles(rng, "seen0", (0, 1, 2)),
+        random_obstacles(rng, "seen1", (0, 1, 2)),
+        random_inflation(rng),
+        random_inflation(rng, "more"),
+        random_static(rng, "again"),
+    ]
+    rng.shuffle(layers)
+    return tuple(layers[: int(rng.integers(0, len(layers) + 1))])
+
+
+def random_costmap(rng: np.random.Generator, layers: tuple[Layer, ...]) -> LayeredCostmap:
+    return LayeredCostmap(
+        layers, width=1.2, height=0.9, track_unknown_space=bool(rng.random() < 0.5)
+    )
+
+
+def compare(
+    parameters: LayeredCostmap, rng: np.random.Generator, steps: int, *, fixed: bool = False
+) -> None:
+    world, quirks = random_map(rng), FIXED if fixed else ORIGINAL
+    costmap = Costmap(parameters, RING, quirks, world, HEARS.__getitem__)
+    plain = PlainCostmap(parameters, RING, quirks, world, HEARS)
+    lasers = RandomLasers(rng)
+    frame = Pose2()
     for _ in range(steps):
         base = random_pose(rng)
-        if rng.random() < 0.8:
-            scan = random_scan(rng, base)
+        scans = lasers.look(base)
         what = rng.random()
         if what < 0.2:
             half = float(rng.uniform(0.05, 0.5))
@@ -65,42 +162,61 @@ def compare(costmap: Costmap, plain: PlainCostmap, rng: np.random.Generator, ste
             x, y = int(rng.integers(plain.cells.shape[1])), int(rng.integers(plain.cells.shape[0]))
             costmap.grid.cells[y, x] = plain.cells[y, x] = 0
             costmap.grid.touch((x, y, x + 1, y + 1))
-        elif what < 0.45:
-            costmap.clear_obstacles_outside(base, 0.5)
-            plain.clear_obstacles_outside(base, 0.5)
+        elif what < 0.5:
+            names = rng.choice(["seen0", "seen1", "map", "inflation"], 2).tolist()
+            inside = bool(rng.random() < 0.5)
+            costmap.clear_layers(base, 0.5, names, inside=inside)
+            plain.clear_layers(base, 0.5, names, inside=inside)
+        if parameters.frame == "odom":
+            frame = Pose2(*rng.uniform(-0.1, 0.1, 2).tolist(), float(rng.uniform(-0.2, 0.2)))
         before = costmap.grid.cells.copy()
-        where = (costmap.grid.x, costmap.grid.y)
+        where_before = (costmap.grid.x, costmap.grid.y)
         costmap.grid.take_changed()
-        costmap.update(base, scan)
-        plain.update(base, scan)
-        assert (costmap.grid.x, costmap.grid.y) == pytest.approx((plain.x, plain.y))
+        costmap.update(base, scans, frame)
+        plain.update(base, scans, frame)
+        place = (plain.master.x, plain.master.y)
+        assert (costmap.grid.x, costmap.grid.y) == pytest.approx(place)
         np.testing.assert_array_equal(costmap.grid.cells, plain.cells)
         x0, y0, x1, y1 = costmap.grid.take_changed()
         same = before == costmap.grid.cells
         same[y0:y1, x0:x1] = True
-        assert same.all() or where != (costmap.grid.x, costmap.grid.y)
+        assert same.all() or where_before != (costmap.grid.x, costmap.grid.y)
 
 
-@settings(deadline=None, max_examples=40)
+@settings(deadline=None, max_examples=60)
 @given(seed=st.integers(0, 2**32 - 1), fixed=st.booleans())
 def test_a_grid_that_follows_changes_shows_what_the_plain_cycle_shows(
     seed: int, fixed: bool
 ) -> None:
     rng = np.random.default_rng(seed)
-    parameters = replace(random_parameters(rng), static_map=True)
-    world, quirks = random_map(rng), FIXED if fixed else ORIGINAL
-    costmap = Costmap(parameters, RING, quirks, world)
-    compare(costmap, PlainCostmap(parameters, RING, quirks, world), rng, 8)
+    compare(random_costmap(rng, common_layers(rng, static=True)), rng, 8, fixed=fixed)
 
 
-@settings(deadline=None, max_examples=20)
+@settings(deadline=None, max_examples=30)
 @given(seed=st.integers(0, 2**32 - 1), fixed=st.booleans(), rolling=st.booleans())
 def test_a_grid_without_a_map_shows_what_the_plain_cycle_shows(
     seed: int, fixed: bool, rolling: bool
 ) -> None:
     rng = np.random.default_rng(seed)
-    size = {"width": 1.2, "height": 0.9, "rolling_window": rolling}
-    parameters = replace(random_parameters(rng), **size)
-    quirks = FIXED if fixed else ORIGINAL
-    costmap = Costmap(parameters, RING, quirks)
-    compare(costmap, PlainCostmap(parameters, RING, quirks), rng, 6)
+    parameters = random_costmap(rng, common_layers(rng, static=False))
+    compare(replace(parameters, rolling_window=rolling), rng, 6, fixed=fixed)
+
+
+@settings(deadline=None, max_examples=30)
+@given(seed=st.integers(0, 2**32 - 1), rolling=st.booleans(), odom=st.booleans())
+def test_layers_in_any_order_show_what_the_plain_cycle_shows(
+    seed: int, rolling: bool, odom: bool
+) -> None:
+    rng = np.random.default_rng(seed)
+    parameters = random_costmap(rng, any_layers(rng))
+    frame = "odom" if odom and rolling else "map"
+    compare(replace(parameters, rolling_window=rolling, frame=frame), rng, 6)
+
+
+@settings(deadline=None, max_examples=20)
+@given(seed=st.integers(0, 2**32 - 1))
+def test_a_window_that_rolls_over_the_map_shows_what_the_plain_cycle_shows(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    parameters = random_costmap(rng, common_layers(rng, static=True))
+    frame = "odom" if rng.random() < 0.7 else "map"
+    compare(replace(parameters, rolling_window=True, frame=frame), rng, 6)

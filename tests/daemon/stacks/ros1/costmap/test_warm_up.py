@@ -24,9 +24,9 @@ def test_after_warming_up_a_run_compiles_nothing() -> None:
     package.warm_up()
     before = compiled()
     for costmap in (build(), build(ROLLING)):
-        for scan in (None, looking(1.0), looking(0.5)):
-            costmap.update(Pose2(1.0, 1.0), scan)
+        for scans in ((), (looking(1.0),), (looking(0.5),)):
+            costmap.update(Pose2(1.0, 1.0), scans)
             costmap.clear_square(Pose2(1.0, 1.0), 0.46)
-        costmap.clear_obstacles_outside(Pose2(1.0, 1.0), 3.0)
-        costmap.update(Pose2(1.5, 1.0), looking(0.5))
+        costmap.clear_layers(Pose2(1.0, 1.0), 3.0, ("obstacle_layer",))
+        costmap.update(Pose2(1.5, 1.0), (looking(0.5),))
     assert compiled() == before
