@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from daemon.stacks.ros1.costmap import CostmapParameters, padded_footprint, radii
+from daemon.stacks.ros1.costmap import LayeredCostmap, padded_footprint, radii
 from tests.daemon.stacks.ros1.costmap.test_costmap import A2S, DIFF, OMNI
 
 
@@ -32,7 +32,7 @@ def test_a_footprint_beside_the_origin_has_an_inscribed_radius_all_the_same() ->
 
 
 def test_a_radius_stands_for_sixteen_corners() -> None:
-    corners = CostmapParameters(robot_radius=0.3, footprint_padding=0.0).padded_footprint()
+    corners = LayeredCostmap(robot_radius=0.3, footprint_padding=0.0).padded_footprint()
     assert corners.shape == (16, 2)
     assert radii(corners) == pytest.approx((0.3 * math.cos(math.pi / 16), 0.3))
 
