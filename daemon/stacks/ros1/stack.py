@@ -36,7 +36,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Collection, Sequence
+from collections.abc import Collection
 from typing import Final
 
 import numpy as np
@@ -57,6 +57,7 @@ from daemon.stacks.ros1.cost_grid import CostGrid
 from daemon.stacks.ros1.costmap import Costmap, SensedScan
 from daemon.stacks.ros1.costmap_sources import laser_sources
 from daemon.stacks.ros1.dwa import Dwa
+from daemon.stacks.ros1.frames import CostmapFrame
 from daemon.stacks.ros1.move_base import (
     ClearTarget,
     ClearTargets,
@@ -85,24 +86,30 @@ class _DwaController:
     """The controller with what it needs to know at hand; keeps the trajectory it chose last."""
 
     def __init__(
-        self, dwa: Dwa | TrajectoryPlanner, transforms: TransformBuffer, local: CostGrid
+        self,
+        dwa: Dwa | TrajectoryPlanner,
+        transforms: TransformBuffer,
+        local: CostGrid,
+        local_frame: CostmapFrame,
+        plan_frame: CostmapFrame,
     ) -> None:
         self._dwa, self._transforms, self._local = dwa, transforms, local
+        self._frame, self._plan_frame = local_frame, plan_frame
         self.trajectory: Floats | None = None
 
     def set_plan(self, plan: Floats) -> None:
-        """Take a new global plan (n, 3) in map."""
+        """Take a new global plan (n, 3) in the frame of the global costmap."""
         self._dwa.set_plan(plan)
 
     def goal_reached(self) -> bool:
         """Tell whether the robot is at the goal of the plan, and stands."""
-        t = self._transforms
-        return self._dwa.goal_reached(t.odom_to_base, t.twist, t.map_to_odom)
+        frame, twist = self._frame, self._transforms.twist
+        return self._dwa.goal_reached(frame.base, twist, frame.pose_in(self._plan_frame))
 
     def command(self) -> Twist2 | None:
         """Return a velocity command, ``None`` when there is no valid one."""
-        t = self._transforms
-        answer = self._dwa.command(t.odom_to_base, t.twist, t.map_to_odom, self._local)
+        frame, twist = self._frame, self._transforms.twist
+        answer = self._dwa.command(frame.base, twist, frame.pose_in(self._plan_frame), self._local)
         self.trajectory = answer.local_plan
         return answer.twist if answer.ok else None
 
@@ -131,33 +138,42 @@ class Navigation:
         self._set_up_costmaps(briefing)
         self._set_up_move_base(briefing)
         self._plans, self._local_plans = PlanRecorder(), LocalPlanRecorder()
-        self._costmaps = CostmapRecorder(parameters.local_costmap.publish_frequency)
+        near = parameters.local_costmap
+        self._costmaps = CostmapRecorder(near.publish_frequency, near.frame)
         self._estimates = EstimateRecorder(_start_covariance(parameters.amcl))
         self._events = _describe_findings(parameters)
 
     def _set_up_costmaps(self, briefing: Briefing) -> None:
-        quirks = self._parameters.quirks
+        quirks, topics = self._parameters.quirks, self._parameters.topics
         wide, near = self._parameters.global_costmap, self._parameters.local_costmap
-        self._global = Costmap(wide, wide.padded_footprint(), quirks, briefing.map)
-        self._local = Costmap(near, near.padded_footprint(), quirks)
+        lasers = [laser.name for laser in briefing.robot.lasers]
+
+        def hears(topic: str) -> Collection[str]:
+            return topics.lasers_on(topic, lasers)
+
+        self._global = Costmap(wide, wide.padded_footprint(), quirks, briefing.map, hears)
+        self._local = Costmap(near, near.padded_footprint(), quirks, briefing.map, hears)
+        self._global_frame = CostmapFrame(wide.frame, self._transforms)
+        self._local_frame = CostmapFrame(near.frame, self._transforms)
         self._global_timer = UpdateTimer(wide.update_frequency)
         self._local_timer = UpdateTimer(near.update_frequency)
 
     def _set_up_move_base(self, briefing: Briefing) -> None:
         p = self._parameters
-        wide, near = p.global_costmap, p.local_costmap
-        footprint = near.padded_footprint()
+        footprint = p.local_costmap.padded_footprint()
         self._navfn = make_global_planner(p.global_planner, p.quirks)
         dwa = make_local_planner(
             p.local_planner, p.quirks, footprint, 1.0 / p.move_base.controller_frequency,
             latch_goal=p.move_base.latch_xy_goal_tolerance,
         )  # fmt: skip
-        self._controller = _DwaController(dwa, self._transforms, self._local.grid)
+        self._controller = _DwaController(
+            dwa, self._transforms, self._local.grid, self._local_frame, self._global_frame
+        )
         recoveries = make_recoveries(
             p.move_base, p.rotate_recovery, p.resets, p.quirks, footprint, self._local.grid,
             ClearTargets(
-                ClearTarget(wide.obstacle_layer_name, self._global.clear_obstacles_outside),
-                ClearTarget(near.obstacle_layer_name, self._local.clear_obstacles_outside),
+                ClearTarget(self._global.clear_layers, self._update_global),
+                ClearTarget(self._local.clear_layers, self._update_local),
             ),
         )  # fmt: skip
         self._status = MoveBaseStatus()
@@ -210,19 +226,30 @@ class Navigation:
         return found
 
     def _update_costmaps(self, now: float) -> None:
-        wiring, transforms = self._wiring, self._transforms
         if self._global_timer.due(now):
-            scan = _newest_heard(self._scans.in_map(), wiring.global_costmap)
-            self._global.update(transforms.base_in_map(), scan)
+            self._update_global()
         if self._local_timer.due(now):
-            scan = _newest_heard(self._scans.in_odom(), wiring.local_costmap)
-            self._local.update(transforms.odom_to_base, scan)
+            self._update_local()
+
+    def _update_global(self) -> None:
+        frame = self._global_frame
+        scans = self._scans_in(frame, self._wiring.global_costmap)
+        self._global.update(frame.base, scans, frame.in_map)
+
+    def _update_local(self) -> None:
+        frame = self._local_frame
+        scans = self._scans_in(frame, self._wiring.local_costmap)
+        self._local.update(frame.base, scans, frame.in_map)
+
+    def _scans_in(self, frame: CostmapFrame, heard: Collection[str]) -> list[SensedScan]:
+        scans = self._scans.in_map() if frame.name == "map" else self._scans.in_odom()
+        return [scan for scan in scans if scan.laser in heard]
 
     def _plan(self, goal: Pose2) -> Floats | None:
-        return self._navfn.plan(self._global.grid, self._transforms.base_in_map(), goal)
+        return self._navfn.plan(self._global.grid, self._global_frame.base, goal)
 
     def _robot_poses(self) -> RobotPoses:
-        return RobotPoses(self._transforms.odom_to_base, self._transforms.base_in_map())
+        return RobotPoses(self._local_frame.base, self._global_frame.base)
 
     def _make_plan(self, start: Pose2, goal: Pose2) -> None:
         """Serve make_plan: nobody wants the plan, its side effects stay (``planService``)."""
@@ -230,9 +257,11 @@ class Navigation:
         square = parameters.quirks.dispatcher_clears_square
         if square and parameters.move_base.make_plan_clear_costmap:
             around, half = self._robot_poses(), parameters.move_base.clearing_radius
-            self._global.clear_square(around.map, half)
-            self._local.clear_square(around.odom, half)
-        self._navfn.plan(self._global.grid, start, goal)
+            self._global.clear_square(around.global_, half)
+            self._local.clear_square(around.local, half)
+        # The service passes start and goal on as they are, and planners refuse other frames.
+        if self._global_frame.name == "map":
+            self._navfn.plan(self._global.grid, start, goal)
 
     def _dispatch(self, now: float) -> None:
         self._collect_log()
@@ -249,7 +278,8 @@ class Navigation:
         if goal is not None:
             number = after.reached + 1
             self._events.append(f"goal {number} sent: {goal.x:.2f}, {goal.y:.2f}, {goal.yaw:.2f}")
-            self._move_base.accept(now, goal)
+            # In odom the goal is put where it is now, and stays there (``goalToGlobalFrame``).
+            self._move_base.accept(now, self._global_frame.take(goal))
             self._collect_log()
 
     def _collect_log(self) -> None:
@@ -270,14 +300,16 @@ class Navigation:
                 transforms.time, transforms.map_to_odom, transforms.odom_to_base
             )
         events, self._events = tuple(self._events), []
+        wide = self._global_frame
+        plan_frame = None if wide.name == "map" else wide.in_map
         trajectory = self._controller.trajectory
         return Decision(
             command=self._move_base.take_command(),
             progress=self._dispatcher.progress,
             estimate=estimate,
             cloud=cloud,
-            plan=self._plans.take(now, self._status.plan),
-            local_plan=self._local_plans.take(now, trajectory, transforms.map_to_odom),
+            plan=self._plans.take(now, self._status.plan, plan_frame),
+            local_plan=self._local_plans.take(now, trajectory, self._local_frame.in_map),
             events=events,
             particles=particles,
             costmap=self._costmaps.take(now, self._local.grid),
@@ -289,10 +321,6 @@ def _longest_kept(parameters: RosParameters) -> float:
     costmaps = (parameters.global_costmap, parameters.local_costmap)
     sources = [source for costmap in costmaps for source in laser_sources(costmap)]
     return max((source.observation_persistence for source in sources), default=0.0)
-
-
-def _newest_heard(scans: Sequence[SensedScan], heard: Collection[str]) -> SensedScan | None:
-    return next((scan for scan in reversed(scans) if scan.laser in heard), None)
 
 
 def _start_covariance(parameters: AmclParameters) -> Floats:

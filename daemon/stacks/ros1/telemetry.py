@@ -14,7 +14,7 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Final, Literal
 
 import numpy as np
 
@@ -83,11 +83,14 @@ class PlanRecorder:
         self._last = np.empty((0, 2))
         self._seen: Floats | None = None
 
-    def take(self, now: float, plan: Floats | None) -> Floats | None:
+    def take(
+        self, now: float, plan: Floats | None, frame_in_map: Pose2 | None = None
+    ) -> Floats | None:
         """Return the points (n, 2) to record of ``plan`` (n, 3), from start to goal, or ``None``.
 
-        Points are taken from the goal backwards, so that two plans along the same way have the
-        same points but for those the robot has left behind.
+        ``frame_in_map`` is the pose in map of the frame the plan is in, if it is not map. Points
+        are taken from the goal backwards, so that two plans along the same way have the same points
+        but for those the robot has left behind.
         """
         if plan is None or plan is self._seen or not self._interval.is_over(now):
             return None
@@ -96,6 +99,8 @@ class PlanRecorder:
         self._interval.restart(now)
         room = np.empty((len(plan) + 1, 2))
         thin = room[: thin_plan(plan, _PLAN_SPACING, room)]
+        if frame_in_map is not None:
+            thin = _placed(thin, frame_in_map)
         # Its last point is the start, wherever that lies.
         longer = len(thin) > len(self._last)
         if not longer and largest_deviation(thin[:-1], self._last) <= _PLAN_TOLERANCE:
@@ -104,27 +109,36 @@ class PlanRecorder:
         return np.ascontiguousarray(thin[::-1])
 
 
+def _placed(points: Floats, frame: Pose2) -> Floats:
+    """Return ``points`` (n, 2) of a frame at the pose ``frame`` in the frame around it."""
+    c, s = math.cos(frame.yaw), math.sin(frame.yaw)
+    moved: Floats = points @ np.array(((c, s), (-s, c)))
+    moved += (frame.x, frame.y)
+    return moved
+
+
 class LocalPlanRecorder:
-    """Brings the trajectories of DWA into the map frame, a few times a second."""
+    """Brings the trajectories of the controller into the map frame, a few times a second."""
 
     def __init__(self) -> None:
         self._interval = MinimumInterval(_LOCAL_PLAN_PERIOD)
 
-    def take(self, now: float, points: Floats | None, map_to_odom: Pose2) -> Floats | None:
-        """Return ``points`` (n, 2) of the odom frame in map when it is time to, or ``None``."""
+    def take(self, now: float, points: Floats | None, frame_in_map: Pose2) -> Floats | None:
+        """Return ``points`` (n, 2) of a frame at a pose in map there when it is time to."""
         if points is None or len(points) == 0 or not self._interval.is_over(now):
             return None
         self._interval.restart(now)
-        c, s = math.cos(map_to_odom.yaw), math.sin(map_to_odom.yaw)
-        moved: Floats = points @ np.array(((c, s), (-s, c)))
-        moved += (map_to_odom.x, map_to_odom.y)
-        return moved
+        return _placed(points, frame_in_map)
 
 
 class CostmapRecorder:
-    """Pictures of the local costmap, ``rate`` [Hz] of them, at most one a second; none with 0."""
+    """Pictures of the local costmap, ``rate`` [Hz] of them, at most one a second; none with 0.
 
-    def __init__(self, rate: float) -> None:
+    ``frame`` is the frame it is in.
+    """
+
+    def __init__(self, rate: float, frame: Literal["map", "odom"] = "odom") -> None:
+        self._frame = frame
         period = 1.0 / min(rate, _COSTMAP_RATE) if rate > 0.0 else math.inf
         self._interval = MinimumInterval(period, due=0.0 if rate > 0.0 else math.inf)
 
@@ -133,7 +147,7 @@ class CostmapRecorder:
         if not self._interval.is_over(now):
             return None
         self._interval.restart(now)
-        return CostmapPicture(now, "odom", grid.resolution, grid.x, grid.y, grid.cells.copy())
+        return CostmapPicture(now, self._frame, grid.resolution, grid.x, grid.y, grid.cells.copy())
 
 
 class EstimateRecorder:

@@ -27,6 +27,7 @@ from daemon.stacks.ros1.move_base._parameters import (
 )
 from daemon.stacks.ros1.move_base._recoveries import (
     ClearCostmapRecovery,
+    ClearLayers,
     ClearTarget,
     ClearTargets,
     Recovery,
@@ -46,6 +47,7 @@ __all__ = [
     "ROTATE",
     "ClearCostmapParameters",
     "ClearCostmapRecovery",
+    "ClearLayers",
     "ClearTarget",
     "ClearTargets",
     "Controller",

@@ -249,7 +249,7 @@ class MoveBase:
             self._recover(now)
 
     def _notice_motion(self, now: float) -> None:
-        pose = self._robot_poses().map
+        pose = self._robot_poses().global_
         away = math.hypot(pose.x - self._anchor[0], pose.y - self._anchor[1])
         if away >= self._parameters.oscillation_distance:
             self._timers.oscillation = now

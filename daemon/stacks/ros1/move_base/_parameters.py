@@ -106,11 +106,11 @@ class ClearCostmapParameters:
     """Clear inside of the square instead of outside."""
     affected_maps: Literal["both", "local", "global"] = "both"
     """Which costmaps are cleared."""
+    force_updating: bool = False
+    """Update each costmap as soon as it is cleared, instead of at its own rate."""
 
 
-CLEAR_COSTMAP_WITHOUT_EFFECT: Final[Mapping[str, str]] = {
-    "force_updating": "costmaps are updated at their own rate",
-}
+CLEAR_COSTMAP_WITHOUT_EFFECT: Final[Mapping[str, str]] = {}
 
 
 @dataclass(frozen=True, slots=True, config=_CONFIG)

@@ -1,7 +1,7 @@
 """What move_base tries before it gives a goal up.
 
-Resets clear obstacle layers of the costmaps outside a square around the robot, at once; with the
-parameters people have they clear nothing (:attr:`Quirks.resets_clear_nothing`). The turn on the
+Resets clear layers of the costmaps outside a square around the robot, at once; with the parameters
+people have they clear nothing (:attr:`Quirks.resets_clear_nothing`). The turn on the
 spot takes its time: it commands at its own rate until the robot has turned once, and blocks the
 control loop meanwhile.
 """
@@ -9,7 +9,7 @@ control loop meanwhile.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 from typing import Final, Protocol
 
@@ -36,10 +36,10 @@ _CIRCUMSCRIBED: Final = 0.46
 
 @dataclass(frozen=True, slots=True)
 class RobotPoses:
-    """Where the robot is when a recovery looks: the base in odom and in map (delayed)."""
+    """Where the base is, in the frames of the local and of the global costmap."""
 
-    odom: Pose2
-    map: Pose2
+    local: Pose2
+    global_: Pose2
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,16 +69,24 @@ class Recovery(Protocol):
         """Go on."""
 
 
+class ClearLayers(Protocol):
+    """Makes layers of a costmap forget; returns the names of those that had something to forget."""
+
+    def __call__(
+        self, base: Pose2, side: float, names: Collection[str] | None, *, inside: bool
+    ) -> tuple[str, ...]:
+        """Clear those called as ``names`` say, or without names all that lasers fill.
+
+        Outside (or ``inside``) a square of ``side`` [m] around ``base`` in the costmap's frame.
+        """
+
+
 @dataclass(frozen=True, slots=True)
 class ClearTarget:
-    """How one costmap is cleared of obstacles outside a square.
+    """A costmap that a reset may clear, and may ``update`` at once."""
 
-    ``layer`` is the name of its obstacle layer; ``clear`` takes the pose of the base in the
-    costmap's frame and the side of the square [m].
-    """
-
-    layer: str
-    clear: Callable[[Pose2, float], None]
+    clear: ClearLayers
+    update: Callable[[], None]
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,10 +98,10 @@ class ClearTargets:
 
 
 class ClearCostmapRecovery:
-    """Clears obstacles outside a square of ``distance`` [m] around the robot, or nothing.
+    """Clears named layers outside (or inside) a square of ``distance`` [m] around the robot.
 
-    With :attr:`Quirks.resets_clear_nothing` it works only where a layer is called as its
-    ``layer_names`` say.
+    Without :attr:`Quirks.resets_clear_nothing` it clears all layers that lasers fill where it finds
+    none of those named.
     """
 
     period = 0.0
@@ -107,29 +115,35 @@ class ClearCostmapRecovery:
         targets: ClearTargets,
     ) -> None:
         self.name = name
-        self._distance, self._maps = distance, parameters.affected_maps
-        named = frozenset(parameters.layer_names)
-        works = not quirks.resets_clear_nothing
-        self._global = targets.global_ if works or targets.global_.layer in named else None
-        self._local = targets.local if works or targets.local.layer in named else None
+        self._distance, self._parameters, self._targets = distance, parameters, targets
+        self._names = frozenset(parameters.layer_names)
+        self._finds_any = not quirks.resets_clear_nothing
 
     def start(self, around: RobotPoses) -> None:
         """Nothing to prepare."""
 
     def step(self, around: RobotPoses) -> RecoveryStep:
         """Clear, and be done."""
-        cleared = []
-        if self._global is not None and self._maps in ("both", "global"):
-            self._global.clear(around.map, self._distance)
+        maps, cleared = self._parameters.affected_maps, []
+        if maps in ("both", "global") and self._clear(self._targets.global_, around.global_):
             cleared.append("global")
-        if self._local is not None and self._maps in ("both", "local"):
-            self._local.clear(around.odom, self._distance)
+        if maps in ("both", "local") and self._clear(self._targets.local, around.local):
             cleared.append("local")
         if not cleared:
             return RecoveryStep(None, True, f"{self.name} finds no layer to clear")
-        maps = " and ".join(cleared)
-        what = f"the {maps} costmap outside a square of {self._distance:.2f} m"
+        where = "inside" if self._parameters.invert_area_to_clear else "outside"
+        what = f"the {' and '.join(cleared)} costmap {where} a square of {self._distance:.2f} m"
         return RecoveryStep(None, True, f"{self.name} cleared {what}")
+
+    def _clear(self, target: ClearTarget, base: Pose2) -> bool:
+        """Clear one costmap; tell whether it had a layer to clear."""
+        inside = self._parameters.invert_area_to_clear
+        cleared = target.clear(base, self._distance, self._names, inside=inside)
+        if not cleared and self._finds_any:
+            cleared = target.clear(base, self._distance, None, inside=inside)
+        if self._parameters.force_updating:
+            target.update()
+        return bool(cleared)
 
 
 def make_recoveries(
@@ -224,7 +238,7 @@ class RotateRecovery:
 
     def start(self, around: RobotPoses) -> None:
         """Remember the heading to come back to."""
-        self._begun = self._heading = around.odom.yaw
+        self._begun = self._heading = around.local.yaw
         self._halfway = False
 
     def step(self, around: RobotPoses) -> RecoveryStep:
@@ -232,7 +246,7 @@ class RotateRecovery:
         parameters = self._parameters
         if self._halfway and self._away(self._begun) <= parameters.yaw_goal_tolerance:
             return RecoveryStep(self._at_the_end, True, f"{self.name} has turned once")
-        pose = around.odom
+        pose = around.local
         self._heading = pose.yaw
         left = self._left()
         grid = self._local

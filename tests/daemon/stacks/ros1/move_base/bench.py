@@ -99,7 +99,7 @@ class Bench:
         return PLAN if self.plans(self.now) else None
 
     def _look(self) -> RobotPoses:
-        return RobotPoses(odom=self.pose, map=self.pose)
+        return RobotPoses(self.pose, self.pose)
 
     def accept(self) -> None:
         self.move_base.accept(self.now, GOAL)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Collection
 from typing import Any
 
 import numpy as np
@@ -42,10 +43,21 @@ def make(
     **parameters: Any,
 ) -> tuple[tuple[Recovery, ...], list[tuple[str, float]]]:
     cleared: list[tuple[str, float]] = []
-    targets = ClearTargets(
-        ClearTarget("obstacle_layer", lambda pose, side: cleared.append(("global", side))),
-        ClearTarget("obstacle_layer", lambda pose, side: cleared.append(("local", side))),
-    )
+
+    def target(costmap: str) -> ClearTarget:
+        """A costmap with one layer that lasers fill, called obstacle_layer."""
+
+        def clear(
+            base: Pose2, side: float, names: Collection[str] | None, *, inside: bool
+        ) -> tuple[str, ...]:
+            if names is not None and "obstacle_layer" not in names:
+                return ()
+            cleared.append((f"inside {costmap}" if inside else costmap, side))
+            return ("obstacle_layer",)
+
+        return ClearTarget(clear, lambda: cleared.append((f"{costmap} updated", 0.0)))
+
+    targets = ClearTargets(target("global"), target("local"))
     made = make_recoveries(
         MoveBaseParameters(**parameters), RotateRecoveryParameters(), resets or {}, quirks, RING,
         grid or empty(), targets,
@@ -54,7 +66,7 @@ def make(
 
 
 def around(yaw: float = 0.0) -> RobotPoses:
-    return RobotPoses(odom=Pose2(0.0, 0.0, yaw), map=Pose2(3.0, 4.0, yaw))
+    return RobotPoses(Pose2(0.0, 0.0, yaw), Pose2(3.0, 4.0, yaw))
 
 
 def test_the_default_behaviours_are_those_of_move_base() -> None:
@@ -90,6 +102,20 @@ def test_naming_the_layer_right_makes_a_reset_work_in_the_original() -> None:
     recoveries, cleared = make(resets={"mine": reset}, recovery_behaviors=(own,))
     recoveries[0].step(around())
     assert cleared == [("local", 2.0)]
+
+
+def test_a_reset_can_clear_inside_its_square_and_update_the_costmap_at_once() -> None:
+    own = RecoveryBehavior("mine", CLEAR)
+    reset = ClearCostmapParameters(
+        2.0, layer_names=("obstacle_layer",), invert_area_to_clear=True, force_updating=True
+    )
+    recoveries, cleared = make(resets={"mine": reset}, recovery_behaviors=(own,))
+    advance = recoveries[0].step(around())
+    assert advance.log == "mine cleared the global and local costmap inside a square of 2.00 m"
+    assert cleared == [
+        ("inside global", 2.0), ("global updated", 0.0), ("inside local", 2.0),
+        ("local updated", 0.0),
+    ]  # fmt: skip
 
 
 def test_the_turn_goes_once_round_to_the_left_and_slows_down_at_its_end() -> None:
