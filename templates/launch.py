@@ -51,7 +51,7 @@ def write_launch(job: ExportJob) -> tuple[Path, ...]:
 
 def write_layout(job: ExportJob) -> tuple[Path, ...]:
     """Write ``<world>.foxglove.json``: top view, localisation, speed, joints, events."""
-    scene = job.world.scene
+    scene, robot = job.world.scene, job.world.robot
     corners = [corner for region in scene.regions for corner in region.outline]
     corners = corners or [corner for solid in scene.solids for corner in solid.polygon]
     xs, ys = [c[0] for c in corners] or [0.0], [c[1] for c in corners] or [0.0]
@@ -60,6 +60,7 @@ def write_layout(job: ExportJob) -> tuple[Path, ...]:
         centre=((min(xs) + max(xs)) / 2.0, (min(ys) + max(ys)) / 2.0),
         extent=max(max(xs) - min(xs), max(ys) - min(ys), 1.0),
         joints=list(scene.joint_names),
+        scans=[f"/{laser.topic}" for laser in robot.lasers] if robot else ["/scan"],
         colours=_COLOURS,
     )
     try:

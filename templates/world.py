@@ -82,7 +82,7 @@ class ArtefactWorld:
 class ExportSettings:
     """What people may choose about artefacts.
 
-    ``laser_height`` [m] defaults to the robot's laser, ``resolution`` [m] to the campaign's.
+    ``laser_height`` [m] defaults to the robot's first laser, ``resolution`` [m] to the campaign's.
     Waypoints keep ``distance`` [m] from the walls, begin with number ``first``, run ``forward``
     through the corners of a space or backward, end where they began when ``closed``, and look
     along the way or (``zero``) east. ``timestamp`` (ISO 8601) is put into the provenance, which

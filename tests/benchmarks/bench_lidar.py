@@ -16,7 +16,7 @@ import pymunk
 
 from daemon.simulator import World, warm_up
 from grammars.model.geometry import Floats, Pose2
-from tests.benchmarks.corridor import LENGTH, build_world, robot
+from tests.benchmarks.corridor import LENGTH, build_world, robot, robot_with_two_lasers, scene
 from tests.daemon.simulator.reference import cast_by_broadcast, near_an_end, world_segments
 
 POSES = 40
@@ -95,10 +95,24 @@ def main() -> None:
             same = np.array_equal(hits, np.isfinite(other))
             difference = float(np.abs(ranges[hits] - other[hits]).max()) if same else math.inf
             worst[name] = max(worst[name], difference)
+    pair = World(scene(), robot_with_two_lasers(), Pose2(), (), np.random.SeedSequence(1))
+
+    def one_of(_: Pose2) -> None:
+        # By the world, as a run asks: with the true pose and where all bodies are.
+        world.tick += 1
+        world.scan()
+
+    def both(_: Pose2) -> None:
+        pair.tick += 1
+        pair.scan("front")
+        pair.scan("rear")
+
     rows: dict[str, list[float]] = {}
     for _ in range(REPEATS):
         rows.setdefault("kernel", []).append(_timed(kernel, where * 50))
         rows.setdefault("scan", []).append(_timed(scan, where * 50))
+        rows.setdefault("one", []).append(_timed(one_of, where * 50))
+        rows.setdefault("both", []).append(_timed(both, where * 50))
         rows.setdefault("numpy", []).append(_timed(broadcast, where))
         rows.setdefault("pymunk", []).append(_timed(query, where))
     median = {name: statistics.median(times) for name, times in rows.items()}
@@ -111,6 +125,9 @@ def main() -> None:
     ):
         ratio = median[name] / median["kernel"]
         print(f"{label:34} {median[name]:9.1f} us per scan {ratio:8.1f} x kernel")
+    for name, label in (("one", "one laser of a world"), ("both", "two lasers at one instant")):
+        ratio = median[name] / median["one"]
+        print(f"{label:34} {median[name]:9.1f} us per instant {ratio:5.2f} x one laser")
     print(
         f"largest difference over {compared} rays: "
         f"pymunk {worst['pymunk']:.1e} m, numpy {worst['numpy']:.1e} m"

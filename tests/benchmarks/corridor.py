@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 
@@ -71,6 +72,13 @@ def robot(noise: float = 0.01) -> Robot:
         ),
         OdometryNoise(20.0, 0.01, 0.01, 0.01),
     )  # fmt: skip
+
+
+def robot_with_two_lasers() -> Robot:
+    """Return the robot with a second laser of the same kind at its rear, looking back."""
+    one = robot()
+    rear = replace(one.laser, name="rear", mount=Pose2(-0.3, 0.0, math.pi))
+    return replace(one, laser=replace(one.laser, name="front"), other_lasers=(rear,))
 
 
 def build_world(behaviours: tuple[Behaviour, ...] = (), noise: float = 0.01) -> World:

@@ -13,6 +13,7 @@ from daemon.model.sut import Estimate, Progress
 from daemon.trace import TraceWriter
 from grammars.model.geometry import Pose2, Twist2
 from grammars.model.grid import OccupancyGrid
+from grammars.model.robot import Robot
 from tests.scenario_tui.fake import ROBOT, make_row, make_scene, make_spec
 
 WORLD = make_scene()
@@ -30,7 +31,12 @@ def make_run(index: int = 5) -> RunSpec:
 
 
 def record_run(
-    path: Path, *, index: int = 5, speed: float = 0.5, outputs: Mapping[str, bytes] | None = None
+    path: Path,
+    *,
+    index: int = 5,
+    speed: float = 0.5,
+    outputs: Mapping[str, bytes] | None = None,
+    robot: Robot = ROBOT,
 ) -> Path:
     """Drive from (1, 2) to (6, 2) in 10 s while the door turns; everything at 20 Hz.
 
@@ -38,7 +44,7 @@ def record_run(
     that printed them, whose planner said something.
     """
     path.parent.mkdir(parents=True, exist_ok=True)
-    with TraceWriter(path, make_run(index), WORLD) as trace:
+    with TraceWriter(path, replace(make_run(index), robot=robot), WORLD) as trace:
         trace.static(OccupancyGrid(0.5, 0.0, 0.0, np.zeros((8, 24), np.int8)))
         trace.plan(0.0, np.array([(1.0, 2.0), (4.0, 2.0)]))
         trace.plan(5.0, np.array([(4.0, 2.0), (8.0, 1.0)]))
@@ -49,7 +55,8 @@ def record_run(
             trace.ground_truth(now, pose, Twist2(speed, 0.0, turning))
             trace.joints(now, np.array([-0.1 * now]), np.array([-0.1]))
             if step % 20 == 0:
-                trace.scan(now, np.full(ROBOT.laser.rays, 1.5, np.float32))
+                for laser in robot.lasers:
+                    trace.scan(now, np.full(laser.rays, 1.5, np.float32), laser.name)
                 trace.estimate(Estimate(now, Pose2(pose.x + 0.2, pose.y), np.eye(3)))
             if abs(now - HIT) < 0.01:
                 front = (pose.x + 0.35, 2.0)

@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+from dataclasses import replace
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -108,6 +109,16 @@ def test_the_layout_shows_topics_that_traces_have(tmp_path: Path) -> None:
         return [str(node)]
 
     assert sorted(leaves(layout["layout"])) == sorted(panels)
+
+
+def test_the_layout_shows_every_laser(tmp_path: Path) -> None:
+    one = robot()
+    rear = replace(one.laser, name="rear")
+    both = replace(one, laser=replace(one.laser, name="front"), other_lasers=(rear,))
+    export(world(robot=both), ["foxglove"], tmp_path)
+    layout = json.loads((tmp_path / "errand.foxglove.json").read_text())
+    shown = [name for name in layout["configById"]["3D!top"]["topics"] if "scan" in name]
+    assert shown == ["/scan_front", "/scan_rear"]
 
 
 @pytest.mark.filterwarnings("ignore:ConjunctiveGraph is deprecated:DeprecationWarning")

@@ -13,7 +13,7 @@ from typing import Final, Literal
 from daemon.model.sut import Briefing, Decision, Observation, Progress
 from daemon.stacks.pilot._parameters import PilotParameters
 from daemon.stacks.pilot._sensing import Sensing
-from daemon.stacks.pilot.guard import STILL, CollisionGuard, Escape, find_escape, half_planes
+from daemon.stacks.pilot.guard import STILL, CollisionGuard, EscapeMotion, find_escape, half_planes
 from daemon.stacks.pilot.map_field import MapField, map_field
 from daemon.stacks.pilot.planner import SPACING, PlannedPath, Planner
 from daemon.stacks.pilot.pursuit import DriveLimits, Pursuit
@@ -172,7 +172,7 @@ class Driver:
         self._new_plan: Floats | None = None
         self._blockage: _Blockage | None = None
         self._waited, self._watched, self._closest = 0.0, 0.0, math.inf
-        self._escape: Escape | None = None
+        self._escape: EscapeMotion | None = None
         self._nearest = math.inf
         self._arrival = GoalChecker(parameters.goal_tolerance, parameters.yaw_tolerance)
         self._motion = ProgressChecker(briefing.start)

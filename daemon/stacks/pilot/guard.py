@@ -333,7 +333,7 @@ _SPEED, _SIDEWAYS, _TURN = 0.15, 0.12, 0.5
 
 
 @dataclass(frozen=True, slots=True)
-class Escape:
+class EscapeMotion:
     """A motion to keep up until a time [s]; ``name`` completes "stuck, ..."."""
 
     name: str
@@ -351,7 +351,7 @@ def find_escape(
     longest: float = 2.5,
     hurry: float = 1.0,
     turns: bool = True,
-) -> Escape | None:
+) -> EscapeMotion | None:
     """Return the motion that stays free longest, backing off first among equals, or ``None``.
 
     It lasts up to ``longest`` [s] and is ``hurry`` times as fast as usual. Turns on the
@@ -364,12 +364,12 @@ def find_escape(
     if turns:
         choices.append(("turning left", Twist2(0.0, 0.0, _TURN)))
         choices.append(("turning right", Twist2(0.0, 0.0, -_TURN)))
-    best: Escape | None = None
+    best: EscapeMotion | None = None
     best_time = _SHORTEST
     for name, usual in choices:
         command = Twist2(hurry * usual.vx, hurry * usual.vy, hurry * usual.wz)
         walls, others, _ = guard.free(command, pose, around, longest, _MARGIN)
         free = min(walls, others)
         if free > best_time:
-            best, best_time = Escape(name, command, now + free), free
+            best, best_time = EscapeMotion(name, command, now + free), free
     return best

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Callable, Mapping
 from typing import Annotated, Any, Final, Literal, TypeAlias
 
 from pydantic import AfterValidator, BeforeValidator, ConfigDict, Field
@@ -117,6 +118,34 @@ def _period(value: float) -> float:
     return value
 
 
+def _by_laser(value: Any, check: Callable[[str], str]) -> Any:
+    """Check a name, or names by laser, one type of two for which messages are about one."""
+    if value is None:
+        return None
+    if not isinstance(value, Mapping):
+        return check(_text(value))
+    if not value:
+        raise ValueError("names no laser: write a name, or one for each laser, {front: ...}")
+    for laser in value:
+        if not isinstance(laser, str) or not re.fullmatch(LASER_NAME, laser):
+            raise ValueError(f'"{laser}" is no name of a laser: write a-z, 0-9 and _')
+    return {laser: check(_text(name)) for laser, name in value.items()}
+
+
+def _text(value: Any) -> str:
+    if not isinstance(value, str):
+        raise ValueError(f"{value!r} is neither a name nor names by laser")
+    return value
+
+
+def _scan_topics(value: Any) -> Any:
+    return _by_laser(value, _ros_name)
+
+
+def _laser_frames(value: Any) -> Any:
+    return _by_laser(value, _frame)
+
+
 def _as_list(value: Any) -> Any:
     return [value] if isinstance(value, str) else value
 
@@ -124,7 +153,13 @@ def _as_list(value: Any) -> Any:
 _Name: TypeAlias = Annotated[str, AfterValidator(_ros_name)]
 _Variable: TypeAlias = Annotated[str, AfterValidator(_variable)]
 _Frame: TypeAlias = Annotated[str, AfterValidator(_frame)]
-_LaserName: TypeAlias = Annotated[str, Field(pattern=LASER_NAME)]
+_NamesByLaser: TypeAlias = dict[Annotated[str, Field(pattern=LASER_NAME)], str]
+_ScanTopics: TypeAlias = Annotated[
+    Any, BeforeValidator(_scan_topics, json_schema_input_type=_Name | _NamesByLaser)
+]
+_LaserFrames: TypeAlias = Annotated[
+    Any, BeforeValidator(_laser_frames, json_schema_input_type=_Frame | _NamesByLaser)
+]
 _Names: TypeAlias = Annotated[
     list[_Name], BeforeValidator(_as_list, json_schema_input_type=str | list[str])
 ]
@@ -177,7 +212,7 @@ class _Ros2EnvironmentText(StrictModel):
 class _Ros2TopicsText(StrictModel):
     """Topics under other names than the usual ones; without a slash they are in the namespace."""
 
-    scan: _Name | dict[_LaserName, _Name] | None = None
+    scan: _ScanTopics = None
     """The laser scan is published here; scan when left out. A laser with a name is published with
     _NAME behind it, scan_front, or where it is said by its name: {front: front/scan}."""
     odom: _Name | None = None
@@ -220,7 +255,7 @@ class _Ros2FramesText(StrictModel):
     """odom when left out."""
     base: _Frame | None = None
     """base_link when left out; also the frame of odometry twists."""
-    laser: _Frame | dict[_LaserName, _Frame] | None = None
+    laser: _LaserFrames = None
     """laser when left out; the frame of scans. That of a laser with a name has _NAME behind it,
     laser_front, or is said by its name: {front: front_laser_link}."""
 

@@ -12,6 +12,7 @@ import pytest
 pytest.importorskip("foxglove")
 pytest.importorskip("websockets")
 
+from daemon.campaign import expand, load_campaign
 from daemon.live.foxglove_server import FoxgloveServer, OutletError, read_twist
 from daemon.live.simulation import LiveSimulation
 from daemon.model import ros_messages as ros
@@ -49,6 +50,24 @@ def test_the_topics_of_a_trace_are_there(server: FoxgloveServer) -> None:
                 assert channel["schema"] == ros.schema(topic.kind)
         assert set(client.info["capabilities"]) >= {"clientPublish", "time", "services"}
         assert "busy-house" in client.info["name"]
+
+
+def test_each_laser_has_a_topic(campaigns: Path) -> None:
+    two = expand(load_campaign(campaigns / "demo" / "two_lasers.yaml"))
+    simulation = LiveSimulation(*demo_spec(two), speed=2.0)
+    served = FoxgloveServer(simulation, port=0)
+    try:
+        with simulation.running(), foxglove_client(served.port) as client:
+            assert {name for name in client.channels if name.startswith("/scan")} == {
+                "/scan_front",
+                "/scan_rear",
+            }
+            client.subscribe("/scan_rear")
+            client.until(lambda: len(client.heard("/scan_rear")) > 3)
+            frames = {scan.header.frame_id for scan in client.heard("/scan_rear")}
+            assert frames == {"laser_rear"}
+    finally:
+        served.close()
 
 
 def test_what_is_heard_is_the_world(server: FoxgloveServer) -> None:

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from daemon.trace import TraceError
+from grammars.model.geometry import Pose2
 from scenario_tui.dashboard.playback import Playback, open_playback, render_frame, timeline_bar
 from scenario_tui.dashboard.signal_strips import (
     SPEEDS,
@@ -18,6 +20,7 @@ from scenario_tui.dashboard.signal_strips import (
 )
 from scenario_tui.dashboard.widgets.top_view import draw_view
 from scenario_tui.text.run_text import verdict_lines
+from tests.scenario_tui.fake import ROBOT
 from tests.scenario_tui.recorded import HIT, TURNED, record_run
 
 
@@ -48,6 +51,18 @@ def test_laser_returns_stand_around_the_mount_of_the_laser(playback: Playback) -
     eye = (3.0 + 0.2, 2.0)
     assert all(math.dist(eye, p) == pytest.approx(1.5, abs=1e-6) for p in view.returns)
     assert view.returns[0] == (pytest.approx(3.2), pytest.approx(0.5))
+
+
+def test_returns_of_every_laser_are_shown(playback: Playback, tmp_path: Path) -> None:
+    rear = replace(ROBOT.laser, name="rear", mount=Pose2(-1.0, 0.0, math.pi))
+    robot = replace(ROBOT, laser=replace(ROBOT.laser, name="front"), other_lasers=(rear,))
+    both = open_playback(record_run(tmp_path / "run.mcap", robot=robot)).view(4.9).returns
+    front = playback.view(4.9).returns
+    assert both[: len(front)] == front
+    eye = (3.0 - 1.0, 2.0)
+    behind = both[len(front) :]
+    assert len(behind) == len(front)
+    assert all(math.dist(eye, p) == pytest.approx(1.5, abs=1e-6) for p in behind)
 
 
 def test_contacts_flash_for_a_moment(playback: Playback) -> None:

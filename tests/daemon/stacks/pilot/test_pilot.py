@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -8,8 +9,9 @@ import pytest
 from daemon.model.sut import Observation
 from daemon.stacks import make_pilot
 from grammars.model.geometry import Pose2, wrap_angle
+from grammars.model.robot import OdometryNoise, Robot
 from tests.daemon.stacks.pilot.plans import DOOR, ONE_DOORWAY, SIZE, TWO_DOORWAYS
-from tests.daemon.stacks.pilot.world import Box, a_robot, drive
+from tests.daemon.stacks.pilot.world import Box, Log, a_robot, drive
 
 START = Pose2(1.2, 3.6, 0.0)
 ACROSS = (7.6, 1.5)
@@ -135,3 +137,44 @@ def test_it_goes_on_when_what_boxed_it_in_is_taken_away() -> None:
 def test_it_must_be_started() -> None:
     with pytest.raises(RuntimeError, match="not started"):
         make_pilot({}).update(Observation(0.0, (), ()))
+
+
+def short_sighted(*, z: float = 0.3, kind: str = "omnidirectional") -> Robot:
+    """A robot whose first laser sees half a metre far; a slower one sees far and behind."""
+    robot = a_robot(kind)
+    near = replace(robot.laser, name="near", range_max=0.5)
+    far = replace(
+        robot.laser, name="far", mount=Pose2(), z=z, rate=5.0,
+        angle_min=-math.pi, angle_max=math.pi, rays=240,
+    )  # fmt: skip
+    return replace(robot, laser=near, other_lasers=(far,))
+
+
+def worst_error(log: Log) -> float:
+    return max(math.hypot(t.x - e.pose.x, t.y - e.pose.y) for t, e in log.estimates)
+
+
+def test_every_laser_at_the_height_of_the_map_tells_where_it_is() -> None:
+    log = drive(ONE_DOORWAY, SIZE, START, [ACROSS, (1.2, 3.6)], robot=short_sighted())
+    assert log.state == "succeeded"
+    assert not log.collided
+    assert worst_error(log) < 0.1
+    # One at another height would meet other walls; the map is not held against what it sees.
+    above = drive(ONE_DOORWAY, SIZE, START, [ACROSS, (1.2, 3.6)], robot=short_sighted(z=1.0))
+    assert worst_error(above) > worst_error(log)
+
+
+@pytest.mark.parametrize("localisation", ["scan-matching", "noisy-ground-truth"])
+def test_what_any_laser_sees_is_in_the_way(localisation: str) -> None:
+    robot = short_sighted(z=1.0)
+    log = drive(
+        TWO_DOORWAYS, SIZE, Pose2(1.2, 1.5), [ACROSS], doors={DOOR: lambda now: now > 1.0},
+        robot=replace(robot, odometry=OdometryNoise(20.0, 0.0, 0.0, 0.0)),
+        localisation=localisation,
+    )  # fmt: skip
+    assert log.state == "succeeded"
+    assert not log.collided
+    replanned = log.said("replanning around an obstacle")
+    assert replanned is not None
+    # From far away, as the first laser could not.
+    assert 4.47 - log.poses[round(replanned / 0.05)].x > 1.0

@@ -142,7 +142,6 @@ def drive(
     grid = draw(walls, size)
     mission = Mission("test", start, goals)
     pilot.start(Briefing(robot, grid, mission, start, np.random.SeedSequence(seed)))
-    angles = np.linspace(robot.laser.angle_min, robot.laser.angle_max, robot.laser.rays)
     solid = np.vstack([edges(box) for box in walls])
     true, odom, twist = start, Pose2(), Twist2()
     log = Log()
@@ -151,13 +150,15 @@ def drive(
         log.time = now = tick * TICK
         there = [edges(box) for box, closed in doors.items() if closed(now)]
         segments = np.vstack([solid, *there])
-        scans: tuple[LaserScan, ...] = ()
-        if tick % 2 == 0:
-            ranges = cast(segments, true @ robot.laser.mount, angles, robot.laser.range_max)
-            ranges += robot.laser.noise * random.standard_normal(len(ranges))
-            scans = (LaserScan(now, ranges.astype(np.float32)),)
+        scans = []
+        for laser in robot.lasers:
+            if tick % round(1.0 / (TICK * laser.rate)) == 0:
+                angles = np.linspace(laser.angle_min, laser.angle_max, laser.rays)
+                ranges = cast(segments, true @ laser.mount, angles, laser.range_max)
+                ranges += laser.noise * random.standard_normal(len(ranges))
+                scans.append(LaserScan(now, ranges.astype(np.float32), laser.name))
         truth = true if pilot.needs_ground_truth else None
-        seen = Observation(now, (Odometry(now, odom, twist),), scans, truth)
+        seen = Observation(now, (Odometry(now, odom, twist),), tuple(scans), truth)
         decision = log.last = pilot.update(seen)
         assert decision.command is not None
         twist = decision.command

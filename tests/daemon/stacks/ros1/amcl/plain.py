@@ -239,15 +239,18 @@ class PlainAmcl:
         self.last: Pose2 | None = None
         self.updates = 0
 
-    def update(self, ranges: Singles, odom: Pose2) -> bool:
-        """Take a scan; tell whether particles were resampled. Every scan counts as a motion."""
+    def update(self, ranges: Singles, odom: Pose2, laser: Laser | None = None) -> bool:
+        """Take a scan; tell whether particles were resampled. Every scan counts as a motion.
+
+        ``laser`` is another one than the filter's own.
+        """
         p = self.parameters
         if self.last is not None:
             normals = self.random.standard_normal(3 * len(self.poses)).reshape(3, -1)
             self.poses = moved(p, self.poses, self.last, odom, normals)
         self.last = odom
         self.weights = self.weights * likelihood(
-            p, self.grid, self.field, self.laser, self.poses, ranges
+            p, self.grid, self.field, laser or self.laser, self.poses, ranges
         )
         self.weights /= self.weights.sum()
         self.updates += 1

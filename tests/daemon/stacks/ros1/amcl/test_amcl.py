@@ -10,6 +10,7 @@ import pytest
 from daemon.stacks.ros1.amcl import Amcl, AmclParameters, AmclPose
 from daemon.stacks.ros1.quirks import ORIGINAL
 from grammars.model.geometry import Floats, Pose2, wrap_angle
+from grammars.model.robot import Laser
 from tests.daemon.stacks.pilot.world import Box
 from tests.daemon.stacks.ros1.amcl import plain
 from tests.daemon.stacks.ros1.amcl.world import LASER, PUBLISHED, a_room, map_of, see
@@ -289,3 +290,65 @@ def test_the_beam_model_localises_too() -> None:
     poses = a_loop(60)[:20]
     published = drive(an_amcl(p, start=poses[0]), poses)[4:]
     assert np.mean([off(answer.pose, truth) for truth, answer in published]) < 0.2
+
+
+FRONT = replace(LASER, name="front")
+REAR = replace(LASER, name="rear", mount=Pose2(-0.3, 0.1, math.pi), rays=90, range_max=4.0)
+NO_RETURN = np.full(REAR.rays, np.inf, dtype=np.float32)
+
+
+def two_lasers(p: AmclParameters = PUBLISHED, seed: int = 0) -> Amcl:
+    seeds = np.random.SeedSequence(seed)
+    return Amcl(p, ORIGINAL, map_of(WALLS), (FRONT, REAR), START, seeds)
+
+
+def test_each_laser_weighs_once_for_each_motion() -> None:
+    p = replace(PUBLISHED, resample_interval=100)
+    amcl = two_lasers(p)
+
+    def weighs(laser: Laser, odom: Pose2) -> bool:
+        before = amcl.weights.copy()
+        amcl.scan(0.0, see(WALLS, START @ odom, laser=laser), odom, laser.name)
+        return not np.array_equal(before, amcl.weights)
+
+    # Its first scan counts for each, then none until the robot has moved.
+    assert weighs(FRONT, Pose2())
+    assert not weighs(FRONT, Pose2())
+    assert weighs(REAR, Pose2())
+    assert not weighs(REAR, Pose2(0.09))
+    # Whichever laser sees the motion first, it is due for both, also when that is used up.
+    assert weighs(REAR, Pose2(0.11))
+    assert not weighs(REAR, Pose2(0.11))
+    assert weighs(FRONT, Pose2(0.11))
+    assert not weighs(FRONT, Pose2(0.2))
+    # Motion counts from the last scan that weighed, of whatever laser.
+    assert weighs(FRONT, Pose2(0.22))
+    assert weighs(REAR, Pose2(0.31))
+    assert not weighs(FRONT, Pose2(0.4))
+    assert weighs(FRONT, Pose2(0.42))
+
+
+def test_two_lasers_update_as_the_plain_version(field: Floats) -> None:
+    p = replace(PUBLISHED, min_particles=50, max_particles=300, resample_interval=3)
+    amcl = two_lasers(p, seed=5)
+    reference = plain.PlainAmcl(p, map_of(WALLS), FRONT, START, 5, field)
+    pose = START
+    for k in range(6):
+        for laser in (FRONT, REAR):
+            ranges = see(WALLS, pose, laser=laser)
+            published = amcl.scan(0.1 * k, ranges, pose, laser.name)
+            resampled = reference.update(ranges, pose, laser)
+            assert (published is not None) == (resampled or (k == 0 and laser is FRONT))
+            np.testing.assert_allclose(amcl.particles, reference.poses, atol=1e-9)
+            np.testing.assert_allclose(amcl.weights, reference.weights, rtol=1e-9)
+            # The second one sees the first half of the next way.
+            pose = pose @ Pose2(0.02, 0.0, 0.01)
+        pose = pose @ Pose2(0.15, 0.02, 0.1)
+
+
+def test_a_scan_has_as_many_rays_as_its_own_laser() -> None:
+    amcl = two_lasers()
+    amcl.scan(0.0, NOTHING, SAME, "front")
+    amcl.scan(0.0, NO_RETURN, SAME, "rear")
+    with pytest.raises(ValueError, match="the laser has 90 rays"):
+        amcl.scan(0.1, NOTHING, SAME, "rear")

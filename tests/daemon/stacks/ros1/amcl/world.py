@@ -38,11 +38,16 @@ def map_of(walls: list[Box]) -> OccupancyGrid:
     return draw(walls, (max(box[2] for box in walls) + 0.1, max(box[3] for box in walls) + 0.1))
 
 
-def see(walls: list[Box], pose: Pose2, random: np.random.Generator | None = None) -> Singles:
-    """What the laser measures at ``pose``, float32, with noise when ``random`` is given."""
+def see(
+    walls: list[Box],
+    pose: Pose2,
+    random: np.random.Generator | None = None,
+    laser: Laser = LASER,
+) -> Singles:
+    """What a laser measures at ``pose``, float32, with noise when ``random`` is given."""
     segments = np.vstack([edges(box) for box in walls])
-    angles = np.linspace(LASER.angle_min, LASER.angle_max, LASER.rays)
-    ranges = cast(segments, pose @ LASER.mount, angles, LASER.range_max)
+    angles = np.linspace(laser.angle_min, laser.angle_max, laser.rays)
+    ranges = cast(segments, pose @ laser.mount, angles, laser.range_max)
     if random is not None:
-        ranges += LASER.noise * random.standard_normal(len(ranges))
+        ranges += laser.noise * random.standard_normal(len(ranges))
     return ranges.astype(np.float32)

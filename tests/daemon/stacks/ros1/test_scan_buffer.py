@@ -1,0 +1,105 @@
+"""Which scans the costmaps have, of which laser, and where they lie."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from daemon.model.sut import LaserScan, Odometry
+from daemon.stacks.ros1.costmap import SensedScan
+from daemon.stacks.ros1.move_base import TransformBuffer
+from daemon.stacks.ros1.scan_buffer import ScanBuffer
+from grammars.model.geometry import Pose2, Twist2
+from grammars.model.robot import Laser
+
+FRONT = Laser(
+    Pose2(0.5), 0.3, -1.0, 1.0, 5, 0.05, 5.0, 10.0, 0.0, 0.0, name="front"
+)  # fmt: skip
+REAR = replace(FRONT, name="rear", mount=Pose2(-0.5), z=0.6, rays=3, range_max=3.0)
+
+
+class Robot:
+    """Drives along x at 1 m/s; every scan reads the second it was taken at."""
+
+    def __init__(self, *lasers: Laser, keep: float = 0.0, delayed: bool = True) -> None:
+        self.transforms = TransformBuffer(Pose2(), 0.5, delayed=delayed)
+        self.buffer = ScanBuffer(lasers, self.transforms, keep=keep)
+
+    def drive(self, until: float) -> None:
+        """Take odometry, 20 times a second, up to ``until`` [s]."""
+        begin = self.transforms.time
+        for tick in range(round(begin * 20) + 1 if begin >= 0.0 else 0, round(until * 20) + 1):
+            now = tick / 20
+            self.transforms.move(Odometry(now, Pose2(now), Twist2(1.0)))
+        self.buffer.release_known(until)
+
+    def scan(self, time: float, laser: Laser) -> None:
+        ranges = np.full(laser.rays, time, dtype=np.float32)
+        self.buffer.queue(LaserScan(time, ranges, laser.name))
+
+
+def told(scans: list[SensedScan]) -> list[tuple[str, float]]:
+    return [(scan.laser, scan.time) for scan in scans]
+
+
+def test_a_scan_is_seen_from_its_own_laser() -> None:
+    robot = Robot(FRONT, REAR)
+    robot.scan(1.0, FRONT)
+    robot.scan(1.0, REAR)
+    robot.drive(2.0)
+    front, rear = robot.buffer.in_odom()
+    assert (front.pose.x, rear.pose.x) == (pytest.approx(1.5), pytest.approx(0.5))
+    assert (front.height, rear.height) == (0.3, 0.6)
+    assert (len(front.angles), len(rear.angles)) == (5, 3)
+    assert (front.range_max, rear.range_max) == (5.0, 3.0)
+    assert rear.received == 2.0
+
+
+def test_a_scan_waits_until_transforms_reach_beyond_it() -> None:
+    robot = Robot(FRONT, REAR)
+    robot.scan(1.0, FRONT)
+    robot.drive(1.0)
+    assert robot.buffer.in_odom() == []
+    robot.drive(1.05)
+    assert told(robot.buffer.in_odom()) == [("front", 1.0)]
+
+
+def test_without_persistence_only_the_newest_of_each_laser_is_there() -> None:
+    robot = Robot(FRONT, REAR)
+    for time in (0.1, 0.2, 0.3):
+        robot.scan(time, FRONT)
+    robot.scan(0.2, REAR)
+    robot.drive(1.0)
+    assert told(robot.buffer.in_odom()) == [("rear", 0.2), ("front", 0.3)]
+    assert told(robot.buffer.in_map()) == told(robot.buffer.in_odom())
+
+
+def test_scans_stay_as_long_as_they_are_wanted_oldest_first() -> None:
+    robot = Robot(FRONT, REAR, keep=0.5)
+    for tick in range(1, 11):
+        robot.scan(tick / 10, FRONT)
+        if tick in (4, 8):
+            robot.scan(tick / 10, REAR)
+        robot.drive(tick / 10 + 0.05)
+    # Whatever is older than half a second when another one of its laser arrives is gone.
+    expected = [(laser, tick / 10) for tick in range(6, 11) for laser in ("front", "rear")
+                if laser == "front" or tick == 8]  # fmt: skip
+    assert told(robot.buffer.in_odom()) == [("rear", 0.4), *expected]
+    assert [s.ranges[0] for s in robot.buffer.in_odom()] == pytest.approx(
+        [0.4, *(time for _, time in expected)]
+    )
+
+
+def test_what_is_kept_stays_where_it_was_and_the_newest_follows_the_correction() -> None:
+    robot = Robot(FRONT, keep=2.0, delayed=False)
+    robot.scan(0.5, FRONT)
+    robot.drive(0.6)
+    robot.scan(0.8, FRONT)
+    robot.drive(1.0)
+    robot.transforms.correct(1.0, Pose2(0.0, 3.0))
+    old, new = robot.buffer.in_map()
+    assert (old.pose.x, old.pose.y) == (pytest.approx(1.0), 0.0)
+    assert (new.pose.x, new.pose.y) == (pytest.approx(1.3), 3.0)
+    assert [s.pose.y for s in robot.buffer.in_odom()] == [0.0, 0.0]
