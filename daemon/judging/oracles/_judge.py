@@ -45,6 +45,7 @@ from grammars.oracle import (
 )
 from grammars.text.diagnostics import InputError, Where
 
+
 def judge(
     trace: Trace, oracles: Sequence[OracleText], *, sampler: SignalSampler | None = None
 ) -> tuple[Verdict, ...]:
