@@ -26,6 +26,20 @@ SHORTEST_SPARE: Final = 2.0
 _LONGEST_SPARE: Final = 30.0
 
 
+_STOPPED: Final = "stopped after {:g} s of wall clock time"
+
+
+def stopped_after(seconds: float) -> str:
+    """Say that a run was ended by the wall clock."""
+    return _STOPPED.format(seconds)
+
+
+def was_stopped(note: str) -> bool:
+    """Whether the note of a run says that the wall clock ended it, so that it says nothing else."""
+    head, tail = _STOPPED.split("{:g}")
+    return note.startswith(head) and tail in note
+
+
 class OutOfTime(BaseException):
     """The wall clock limit has passed; the message says so, and where.
 
@@ -67,7 +81,7 @@ class _Limits:
 
     def reason(self) -> str:
         """Say which limit is over."""
-        return f"stopped after {self.passed:g} s of wall clock time"
+        return stopped_after(self.passed)
 
 
 _limits: Final = _Limits()

@@ -27,7 +27,7 @@ from daemon.batch import run_process
 from daemon.batch.errors import WorkerBroken
 from daemon.batch.run_process import RunTask
 from daemon.batch.worker._attempts import Attempt, AttemptEnd, Waitable
-from daemon.model.deadline import spare_time
+from daemon.model.deadline import spare_time, stopped_after
 from daemon.model.execution import EXECUTOR_VARIABLE, RunLimits, safe_fork_server
 
 
@@ -83,7 +83,7 @@ class ForkedExecution:
         with suppress(EOFError):  # it is gone: its end is noticed by its process
             self._read()
         if time.monotonic() > self.deadline and self.end is None:
-            self.kill(f"stopped after {self.limit:g} s of wall clock time")
+            self.kill(stopped_after(self.limit))
 
     def _read(self) -> None:
         while self.wire.poll():

@@ -33,7 +33,8 @@ def test_other_bytes_are_a_finding(tmp_path: Path, capsys: pytest.CaptureFixture
     path.write_bytes(data.replace(b"scenario", b"Scenario", 1))
     assert invoke(["verify", str(path)]) == 1
     out = capsys.readouterr().out
-    assert f"{run.label}: not the same bytes, 0 of 1 executions left them" in out
+    assert f"{run.label}: not the same bytes, 0 of 2 executions left them; they part " in out
+    assert "executions agree with each other: the recording is of other code" in out
     assert "path driven" in out
 
 
