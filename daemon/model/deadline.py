@@ -61,12 +61,15 @@ class _Limits:
         """Seconds of the limit that is over, 0 while none is."""
         self.call = ""
         self.since = 0.0
+        self.said = ""
+        """What was said when a call was interrupted, which is more than that time is up."""
 
     def arm(self) -> None:
         """Set the timer to the nearest end, or switch it off."""
         now = time.monotonic()
         left = min((end - now for _, end in self.held), default=None)
         self.passed = next((seconds for seconds, end in self.held if end <= now), 0.0)
+        self.said = self.said if self.passed else ""
         signal.setitimer(signal.ITIMER_REAL, 0.0 if left is None else max(left, 1e-3), _AGAIN)
 
     def on_alarm(self, _: int, frame: FrameType | None) -> None:
@@ -75,13 +78,9 @@ class _Limits:
         self.passed = next((seconds for seconds, end in self.held if end <= now), 0.0)
         if self.passed and self.call:
             spent, place = now - self.since, _place(frame)
-            raise OutOfTime(
-                f"{self.reason()}, {spent:.1f} s of them in one call of {self.call}{place}"
-            )
-
-    def reason(self) -> str:
-        """Say which limit is over."""
-        return stopped_after(self.passed)
+            spent_there = f"{spent:.1f} s of them in one call of {self.call}{place}"
+            self.said = f"{stopped_after(self.passed)}, {spent_there}"
+            raise OutOfTime(self.said)
 
 
 _limits: Final = _Limits()
@@ -121,7 +120,7 @@ def interruptible(call: str) -> Iterator[None]:
 def check_wall_clock() -> None:
     """Raise :class:`OutOfTime` when a limit has passed."""
     if _limits.passed:
-        raise OutOfTime(_limits.reason())
+        raise OutOfTime(_limits.said or stopped_after(_limits.passed))
 
 
 def _place(frame: FrameType | None) -> str:
