@@ -31,6 +31,8 @@ PATIENCE: Final = 10.0
 """Seconds of wall clock in which it has to be made."""
 _LOOK: Final = 0.5
 """So long before the end [s] it is written down where the child is."""
+_END: Final = 5.0
+"""Seconds in which a child ends that has closed its pipe."""
 _LONGEST_LINE: Final = 60
 _SHOWN_OUTPUT: Final = 64 * 1024
 _FRAME: Final = re.compile(r'^  File "(?P<file>[^"]+)", line (?P<line>\d+) in ', re.MULTILINE)
@@ -79,8 +81,11 @@ def check_plugged(
             process.start()
         theirs.close()
         try:
-            wait([ours, process.sentinel], patience)
+            ready = wait([ours, process.sentinel], patience)
             answer = _read_answer(ours)
+            if ready and answer is None:
+                # Its end of the pipe is closed before it has ended, by that very end.
+                wait([process.sentinel], _END)
         finally:
             code = _end(process)
             ours.close()
@@ -136,12 +141,14 @@ def _read_answer(wire: Connection) -> ProbeAnswer | None:
 
 def _end(process: BaseProcess) -> int | None:
     """End the child with all it has started; return its exit code, ``None`` if it still ran."""
-    process.join(0.0)
-    code = process.exitcode
+    assert process.pid is not None
+    # Looked at without taking notice of its end: until then its number is nobody else's.
+    ended = os.waitid(os.P_PID, process.pid, os.WEXITED | os.WNOHANG | os.WNOWAIT) is not None
     with suppress(ProcessLookupError, PermissionError):
-        os.killpg(process.pid or 0, signal.SIGKILL)
+        os.killpg(process.pid, signal.SIGKILL)
     process.kill()
     process.join()
+    code = process.exitcode if ended else None
     process.close()
     return code
 
