@@ -13,6 +13,7 @@ import signal
 import sys
 import sysconfig
 import tempfile
+import time
 import warnings
 from collections.abc import Callable, Mapping
 from contextlib import suppress
@@ -33,6 +34,7 @@ _LOOK: Final = 0.5
 """So long before the end [s] it is written down where the child is."""
 _END: Final = 5.0
 """Seconds in which a child ends that has closed its pipe."""
+_POLL: Final = 0.005
 _LONGEST_LINE: Final = 60
 _SHOWN_OUTPUT: Final = 64 * 1024
 _FRAME: Final = re.compile(r'^  File "(?P<file>[^"]+)", line (?P<line>\d+) in ', re.MULTILINE)
@@ -83,14 +85,14 @@ def check_plugged(
         try:
             ready = wait([ours, process.sentinel], patience)
             answer = _read_answer(ours)
-            if ready and answer is None:
-                # Its end of the pipe is closed before it has ended, by that very end.
-                wait([process.sentinel], _END)
+            # What ends closes its pipe first: only then can it be said how it ended.
+            ended = answer is None and bool(ready) and _ends(process)
         finally:
             code = _end(process)
             ours.close()
         if answer is None:
-            raise ValueError(f"{name} {_silence(code, patience, _place(places))}")
+            silence = _silence(code if ended else None, patience, _place(places))
+            raise ValueError(f"{name} {silence}")
         said = _lines(output)
     if answer.missing:
         raise SutMissing(answer.missing)
@@ -139,18 +141,28 @@ def _read_answer(wire: Connection) -> ProbeAnswer | None:
         return None
 
 
-def _end(process: BaseProcess) -> int | None:
-    """End the child with all it has started; return its exit code, ``None`` if it still ran."""
+def _ends(process: BaseProcess) -> bool:
+    """Whether a child that has closed its pipe has ended, or does so at once."""
     assert process.pid is not None
-    # Looked at without taking notice of its end: until then its number is nobody else's.
-    ended = os.waitid(os.P_PID, process.pid, os.WEXITED | os.WNOHANG | os.WNOWAIT) is not None
+    deadline = time.monotonic() + _END
+    # Looked at without taking notice of it: until then its number is nobody else's.
+    while os.waitid(os.P_PID, process.pid, os.WEXITED | os.WNOHANG | os.WNOWAIT) is None:
+        if time.monotonic() > deadline:
+            return False
+        time.sleep(_POLL)
+    return True
+
+
+def _end(process: BaseProcess) -> int:
+    """End the child with all it has started; return its exit code, SIGKILL's if it still ran."""
+    assert process.pid is not None
     with suppress(ProcessLookupError, PermissionError):
         os.killpg(process.pid, signal.SIGKILL)
     process.kill()
     process.join()
-    code = process.exitcode if ended else None
+    code = process.exitcode
     process.close()
-    return code
+    return code or 0
 
 
 def _silence(code: int | None, patience: float, place: str) -> str:

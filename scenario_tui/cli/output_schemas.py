@@ -60,7 +60,7 @@ _OUTPUTS: Final[tuple[type[Output], ...]] = (
     recorded_runs.FetchOutput,
     judge.JudgeOutput,
     verify.VerifyOutput,
-    verify.VerifyCampaignOutput,
+    verify.VerificationsOutput,
     compare.CompareOutput,
     report.ReportOutput,
     report.PictureOutput,

@@ -68,7 +68,7 @@ class VerifyOutput(VerifiedRun, Output, schema="verify"):
     """What executions of one specification left."""
 
 
-class VerifyCampaignOutput(Output, schema="verify-campaign"):
+class VerificationsOutput(Output, schema="verifications"):
     """Several runs and executions of their specifications; ``runs`` as of one run."""
 
     runs: tuple[VerifiedRun, ...]
@@ -150,7 +150,7 @@ def verify(
         if not as_json:
             _print(found, details=False)
     if as_json:
-        VerifyCampaignOutput(tuple(VerifiedRun(*_fields(one)) for one in several)).emit()
+        VerificationsOutput(tuple(VerifiedRun(*_fields(one)) for one in several)).emit()
     else:
         _print_remedy(several)
     raise typer.Exit(_code(several))
