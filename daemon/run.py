@@ -18,8 +18,16 @@ from typing import Final, Literal
 import numpy as np
 
 from daemon.judging import oracles
+from daemon.model.deadline import OutOfTime, check_wall_clock
 from daemon.model.live_view import LiveView
-from daemon.model.spec import RunEnding, RunResult, RunSpec, Snapshot, Timing, package_versions
+from daemon.model.spec import (
+    RunEnding,
+    RunResult,
+    RunSpec,
+    Snapshot,
+    Timing,
+    package_versions,
+)
 from daemon.model.sut import (
     TICK_RATE,
     Briefing,
@@ -31,14 +39,13 @@ from daemon.model.sut import (
     Observation,
     Odometry,
     SutEvent,
-    SutFailure,
     SystemUnderTest,
 )
 from daemon.simulator import World
 from daemon.simulator import warm_up as warm_up_simulator
-from daemon.stacks.registry import make_sut
+from daemon.stacks.calls import SutError, check_decision, make_in_time, sut_call
 from daemon.trace import Recorder, TraceWriter, read_trace
-from grammars.model.geometry import Floats, Pose2
+from grammars.model.geometry import Floats
 from grammars.model.scene import Scene
 from grammars.text.codec import warm_up as warm_up_codec
 from templates.occupancy import occupancy_grid
@@ -164,7 +171,7 @@ class RunLoop:
             laser_height=spec.robot.laser.z,
             joints=joints if spec.map.doors == "initial" else None,
         )
-        self._sut = sut or make_sut(spec.sut.kind, spec.sut.parameters)
+        self._sut = sut or make_in_time(spec.sut.kind, spec.sut.parameters)
         self._external = self._sut if isinstance(self._sut, ExternalSystem) else None
         self._waiting = ""
         self._odometry: list[Odometry] = []
@@ -223,6 +230,10 @@ class RunLoop:
             finished = self._tick()
             if finished or world.tick >= last:
                 return finished
+            try:
+                check_wall_clock()
+            except OutOfTime as error:
+                raise SutError(error) from error
             # In one go to the next tick that anything is due at: Python is entered a few
             # dozen times per simulated second and not a hundred times for each timer.
             world.advance(min(self.next_due(), last) - world.tick)
@@ -232,29 +243,29 @@ class RunLoop:
         briefing = Briefing(
             spec.robot, self._grid, spec.mission, spec.mission.start, self._sut_seed
         )
-        try:
+        with sut_call("start()"):
             sut.start(briefing)
-        except Exception as error:
-            raise SutError(error) from error
 
     def _bring_up(self, first: Observation) -> None:
         """Wait for an external system, and tell those who watch what it still lacks."""
         if self._external is None:
             return
-        try:
-            for waiting in self._external.bring_up(first):
-                self._waiting = _one_line(waiting)
-                self._publish_snapshot(first.time)
-        except Exception as error:
-            raise SutError(error) from error
+        with sut_call("bring_up()"):
+            steps = self._external.bring_up(first)
+        while True:
+            # Never while a snapshot is sent: whoever gets half of one waits for the rest.
+            with sut_call("bring_up()"):
+                waiting = next(steps, None)
+            if waiting is None:
+                break
+            self._waiting = _one_line(waiting)
+            self._publish_snapshot(first.time)
         self._waiting = ""
 
     def _finish_sut(self) -> None:
         if self._external is not None:
-            try:
+            with sut_call("finish()"):
                 self._external.finish()
-            except Exception as error:
-                raise SutError(error) from error
 
     def close(self) -> Mapping[str, bytes]:
         """End an external system; return what it printed, by name."""
@@ -336,11 +347,9 @@ class RunLoop:
         self._scans.clear()
         if self._decision is None:
             self._bring_up(observation)
-        try:
+        with sut_call("update()"):
             decision = self._sut.update(observation)
-            _check_decision(decision)
-        except Exception as error:
-            raise SutError(error) from error
+            check_decision(decision)
         try:
             # Recorded before it is carried out: what the trace refuses (a plan of another shape)
             # must not have moved the robot.
@@ -415,43 +424,7 @@ class RunLoop:
         )
 
 
-def _check_decision(decision: object) -> None:
-    """Raise for an answer that is no decision or has numbers that are none."""
-    if not isinstance(decision, Decision):
-        raise TypeError(f"update() must return a Decision, not {type(decision).__name__}")
-    if decision.estimate is not None:
-        pose, covariance = decision.estimate.pose, decision.estimate.covariance
-        _check_finite("estimate", pose, covariance)
-    if decision.cloud is not None:
-        _check_finite("particle cloud", decision.cloud.mean, decision.cloud.covariance)
-
-
-def _check_finite(what: str, pose: Pose2, covariance: Floats) -> None:
-    if not (math.isfinite(pose.x + pose.y + pose.yaw) and math.isfinite(float(np.sum(covariance)))):
-        raise ValueError(f"its {what} has values that are not finite")
-
-
 def _one_line(waiting: str) -> str:
     """Return what is waited for as a line that any terminal and any JSON can hold."""
     line = " ".join(waiting[: 2 * _WAITING_LENGTH].split())[:_WAITING_LENGTH]
     return "".join(sign if sign.isprintable() else "?" for sign in line)
-
-
-class SutError(Exception):
-    """The system under test raised; ``note`` says what, for the result and the trace."""
-
-    def __init__(self, error: Exception) -> None:
-        # The innermost frame: where in the system under test it happened. Not
-        # ``grammars.text.plugins``, whose sentence differs: this one stands in recorded traces.
-        where = error.__traceback__
-        while where is not None and where.tb_next is not None:
-            where = where.tb_next
-        place = (
-            f" ({Path(where.tb_frame.f_code.co_filename).name}:{where.tb_lineno})" if where else ""
-        )
-        self.note = f"the system under test crashed: {type(error).__name__}: {error}{place}"
-        if isinstance(error, SutFailure):
-            self.note = str(error)
-        # It may quote what a program printed, and that may be no text at all.
-        self.note = self.note.encode("utf-8", "backslashreplace").decode()
-        super().__init__(self.note)

@@ -13,9 +13,9 @@ import sys
 import tempfile
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Final
+from typing import Final, TypeAlias
 
 import numpy as np
 
@@ -23,15 +23,19 @@ from daemon.batch.paths import StatePaths
 from daemon.batch.stores import file_sha256
 from daemon.judging import oracles
 from daemon.model.attachments import FILES_VARIABLE, attached_digests, user_files_folder
+from daemon.model.deadline import spare_time, stopped_after, wall_clock_limit, was_stopped
 from daemon.model.execution import RunLimits
 from daemon.model.spec import ENGINE_VERSION, RunResult, RunSpec, package_versions
 from daemon.model.verdicts import Outcome, Verdict
 from daemon.run import execute, warm_up
-from daemon.trace import Trace, TraceError, read_trace
+from daemon.trace import Trace, TraceDifference, TraceError, first_difference, read_trace
+from grammars.model.scene import Scene
 from grammars.text import codec
 from grammars.text.files import write_atomically
 
 _NICENESS: Final = 10
+_TRACE: Final = "trace.mcap"
+_EXECUTION: Final = "execution.json"
 DURATION: Final = "duration"
 PATH: Final = "path driven"
 
@@ -41,8 +45,8 @@ class ExecutedRun:
     """What one execution left: outcome, SHA-256 of its trace, and what was measured.
 
     ``values`` are by name: the simulated duration [s], the true path [m], the margin of each oracle
-    and the value of each measure, in the units of :attr:`Verification.units`. ``problem`` says why
-    there is nothing else.
+    and the value of each measure, in the units of :attr:`Verification.units`. ``difference`` is
+    where its trace parts from the recorded one. ``problem`` says why there is nothing else.
     """
 
     outcome: Outcome = Outcome.ERROR
@@ -51,6 +55,7 @@ class ExecutedRun:
     sha256: str = ""
     values: Mapping[str, float] = field(default_factory=dict)
     problem: str = ""
+    difference: TraceDifference | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,12 +89,23 @@ class Verification:
     @property
     def all_executed(self) -> bool:
         """Whether every execution left a trace."""
-        return not any(execution.problem for execution in self.executions)
+        return not any(one.problem for one in (self.recorded, *self.executions))
 
     @property
     def same_bytes(self) -> int:
         """How many executions left the bytes of the recording."""
         return sum(execution.sha256 == self.recorded.sha256 for execution in self.executions)
+
+    @property
+    def nondeterministic(self) -> bool:
+        """Whether executions here, of one code on one machine, left different bytes."""
+        return len({one.sha256 for one in self.executions if not one.problem}) > 1
+
+    @property
+    def first_difference(self) -> TraceDifference | None:
+        """The earliest place where an execution parts from the recording."""
+        found = [one.difference for one in self.executions if one.difference is not None]
+        return min(found, key=lambda one: (not one.topic, one.time), default=None)
 
     @property
     def outcomes(self) -> dict[str, int]:
@@ -112,18 +128,24 @@ class Verification:
         return tuple(one for one in (self.recorded, *self.executions) if not one.problem)
 
 
+ExecuteRun: TypeAlias = Callable[..., RunResult]
+WatchExecutions: TypeAlias = Callable[[Iterator[ExecutedRun], int], Sequence[ExecutedRun]]
+
+
 def verify(
     path: Path,
     repeats: int,
     *,
     places: StatePaths,
-    execute_run: Callable[..., RunResult] = execute,
-    watch: Callable[[Iterator[ExecutedRun], int], Sequence[ExecutedRun]] | None = None,
+    wall: float = 0.0,
+    execute_run: ExecuteRun = execute,
+    watch: WatchExecutions | None = None,
 ) -> Verification:
     """Execute the specification in the trace at ``path`` again, ``repeats`` times one by one.
 
-    Each in a process of its own. ``watch`` gets the executions as they come and returns them all.
-    Files of a system under test are those of this user, else of the state directory ``places``.
+    Each in a process of its own, for ``wall`` seconds of wall clock at most (0: as always).
+    ``watch`` gets the executions as they come and returns them all. Files of a system under test
+    are those of this user, else of the state directory ``places``.
     Raises :class:`~daemon.trace.TraceError` for a trace that cannot be read or was made by another
     engine.
     """
@@ -136,7 +158,8 @@ def verify(
     oracles.warm_up()
     recorded, units = _measure(trace)
     warm_up()
-    found = _executions(trace, repeats, _files_folder(spec, places), execute_run)
+    task = _Task(spec, trace.scene, wall, _files_folder(spec, places), execute_run, path)
+    found = _executions(task, repeats)
     executions = tuple(found) if watch is None else tuple(watch(found, repeats))
     now = package_versions()
     return Verification(
@@ -153,6 +176,45 @@ def verify(
             for name, then in trace.versions.items()
             if now.get(name, then) != then
         },
+    )
+
+
+def verify_spec(
+    spec: RunSpec,
+    scene: Scene,
+    repeats: int,
+    *,
+    places: StatePaths,
+    wall: float = 0.0,
+    execute_run: ExecuteRun = execute,
+) -> Verification:
+    """Execute a specification nobody has recorded, ``repeats`` times; the first is the recording.
+
+    Otherwise as :func:`verify`. A first execution that leaves no trace is the only one.
+    """
+    warm_up()
+    task = _Task(spec, scene, wall, _files_folder(spec, places), execute_run)
+    with tempfile.TemporaryDirectory(prefix="scenario-verify-") as name:
+        first = _execute_in_child(task, Path(name))
+        if not first.problem:
+            found = verify(
+                Path(name) / _TRACE,
+                max(repeats - 1, 1),
+                places=places,
+                wall=wall,
+                execute_run=execute_run,
+            )
+            return replace(found, trace="")
+    return Verification(
+        trace="",
+        run=spec.label,
+        sut=spec.sut.name,
+        digest=spec.digest,
+        repeatable=spec.sut.repeatable,
+        recorded=first,
+        executions=(),
+        units={},
+        versions={},
     )
 
 
@@ -190,47 +252,74 @@ def _files_folder(spec: RunSpec, places: StatePaths) -> Path | None:
     return places.files if all((places.files / digest).is_file() for digest in digests) else None
 
 
-def _executions(
-    trace: Trace, repeats: int, files: Path | None, execute_run: Callable[..., RunResult]
-) -> Iterator[ExecutedRun]:
-    context = multiprocessing.get_context("fork")
-    seconds = RunLimits().wall_of(trace.spec.limit)
+@dataclass(frozen=True, slots=True)
+class _Task:
+    """What a child executes, and the trace that its own is held against, if there is one."""
+
+    spec: RunSpec
+    scene: Scene
+    wall: float
+    files: Path | None
+    execute_run: ExecuteRun
+    against: Path | None = None
+
+    @property
+    def limit(self) -> float:
+        """Wall clock limit [s]."""
+        return self.wall or RunLimits().wall_of(self.spec.limit)
+
+
+def _executions(task: _Task, repeats: int) -> Iterator[ExecutedRun]:
     for _ in range(repeats):
         with tempfile.TemporaryDirectory(prefix="scenario-verify-") as name:
-            folder = Path(name)
-            process = context.Process(
-                target=_execute, args=(trace, folder, files, execute_run), daemon=True
-            )
-            process.start()
-            try:
-                process.join(seconds)
-            finally:
-                if process.is_alive():
-                    process.kill()
-                process.join()
-            yield _read_execution(folder)
+            yield _execute_in_child(task, Path(name))
 
 
-def _execute(
-    trace: Trace, folder: Path, files: Path | None, execute_run: Callable[..., RunResult]
-) -> None:
+def _execute_in_child(task: _Task, folder: Path) -> ExecutedRun:
+    process = multiprocessing.get_context("fork").Process(
+        target=_execute, args=(task, folder), daemon=True
+    )
+    process.start()
+    try:
+        process.join(task.limit + spare_time(task.limit))
+        late = process.is_alive()
+    finally:
+        if process.is_alive():
+            process.kill()
+        process.join()
+    file = folder / _EXECUTION
+    if file.is_file():
+        return codec.from_json(ExecutedRun, file.read_bytes())
+    if late:
+        return ExecutedRun(problem=stopped_after(task.limit))
+    return ExecutedRun(problem=f"its process died with code {process.exitcode}")
+
+
+def _execute(task: _Task, folder: Path) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent tells when to end
     os.setpriority(os.PRIO_PROCESS, 0, max(_NICENESS, os.getpriority(os.PRIO_PROCESS, 0)))
+    # By descriptors too: what a system under test starts prints to those.
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    for descriptor in (1, 2):
+        os.dup2(nowhere, descriptor)
     sys.stdout = sys.stderr = open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115, PTH123
-    if files is not None:
-        os.environ[FILES_VARIABLE] = str(files)
+    # Python's random is seeded anew in a child, numpy's is not: two executions would draw the same
+    # numbers from what nobody has seeded.
+    np.random.seed()
+    if task.files is not None:
+        os.environ[FILES_VARIABLE] = str(task.files)
+    trace = folder / _TRACE
     try:
-        execute_run(trace.spec, trace.scene, trace_path=folder / "trace.mcap")
+        with wall_clock_limit(task.limit):
+            task.execute_run(task.spec, task.scene, trace_path=trace)
     except Exception as error:
         problem = ExecutedRun(problem=f"{type(error).__name__}: {error}")
-        write_atomically(folder / "execution.json", codec.to_json(problem))
+        write_atomically(folder / _EXECUTION, codec.to_json(problem))
         return
-    execution, _ = _measure(read_trace(folder / "trace.mcap"))
-    write_atomically(folder / "execution.json", codec.to_json(execution))
-
-
-def _read_execution(folder: Path) -> ExecutedRun:
-    file = folder / "execution.json"
-    if not file.is_file():
-        return ExecutedRun(problem="its process died, or took longer than a run may")
-    return codec.from_json(ExecutedRun, file.read_bytes())
+    execution, _ = _measure(read_trace(trace))
+    if was_stopped(execution.note):
+        # When the clock stops a run differs every time: there is nothing to compare.
+        execution = ExecutedRun(problem=execution.note)
+    elif task.against is not None:
+        execution = replace(execution, difference=first_difference(task.against, trace))
+    write_atomically(folder / _EXECUTION, codec.to_json(execution))

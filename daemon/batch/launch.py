@@ -66,9 +66,16 @@ def ensure_daemon(
 
 @contextmanager
 def embedded_daemon(
-    state: Path, *, slots: int | None = None, executor: str = DEFAULT_EXECUTOR
+    state: Path,
+    *,
+    slots: int | None = None,
+    executor: str = DEFAULT_EXECUTOR,
+    wall: float = 0.0,
+    attempts: int | None = None,
 ) -> Iterator[str]:
     """Run a daemon and its worker for the duration of a ``with`` block; yields its endpoint.
+
+    ``wall`` is the limit of a run [s]; what is 0 or ``None`` is as always.
 
     Afterwards no process is left, also when this process is killed: the daemon, its worker and
     their children hang on a pipe that we hold.
@@ -78,6 +85,8 @@ def embedded_daemon(
     paths = StatePaths.find(state)
     paths.make_folders()
     command = [*_command(paths, slots, executor), "--tether"]
+    command += ["--wall", f"{wall}"] if wall else []
+    command += ["--attempts", f"{attempts}"] if attempts else []
     with tempfile.TemporaryFile() as output:
         process = subprocess.Popen(
             command,

@@ -25,6 +25,7 @@ from pathlib import Path
 from typing import Final, Literal, NoReturn
 
 from daemon.model.attachments import FILES_VARIABLE, SutMissing
+from daemon.model.deadline import spare_time, wall_clock_limit
 from daemon.model.messages import Lease
 from daemon.model.spec import RunResult, Snapshot
 from daemon.model.status import LiveSnapshot
@@ -61,14 +62,15 @@ and before what people work with beside it."""
 
 @dataclass(frozen=True, slots=True)
 class RunTask:
-    """What a child is told: its attempt's folder, the scene's file, memory limit [B] or 0, and
-    how far it steps back behind other processes.
+    """What a child is told: its attempt's folder, the scene's file, memory limit [B] or 0,
+    how far it steps back behind other processes, and its wall clock limit [s].
     """
 
     folder: Path
     scene: Path
     memory: int
     nice: int
+    wall: float
 
 
 def report_readiness(wire: Connection) -> None:
@@ -93,9 +95,14 @@ def run_attempt(task: RunTask, wire: Connection) -> None:
         scene = codec.from_json(Scene, task.scene.read_bytes())
         trace = task.folder / TRACE
         reporter = SnapshotSender(lease.run, wire, task.folder / WATCHED)
-        result: RunResult = forkserver_preload.execute(
-            lease.spec, scene, trace_path=trace, on_progress=reporter, interest=reporter.interest
-        )
+        with wall_clock_limit(task.wall):
+            result: RunResult = forkserver_preload.execute(
+                lease.spec,
+                scene,
+                trace_path=trace,
+                on_progress=reporter,
+                interest=reporter.interest,
+            )
         _write_result(result, trace, task.folder)
     except SutMissing as error:
         wire.send_bytes(SUT_MISSING + str(error).encode())
@@ -138,6 +145,8 @@ def _prepare_process(task: RunTask) -> None:
     if (task.folder / FILES).exists():
         os.environ[FILES_VARIABLE] = str(task.folder / FILES)
     faulthandler.enable()
+    # Where it was, for compiled code that cannot be interrupted: just before its worker ends it.
+    faulthandler.dump_traceback_later(task.wall + 0.9 * spare_time(task.wall))
     # Ctrl-C goes to the whole foreground group: what becomes of runs then, the worker decides.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     # With all cores full of runs a question to the daemon takes 15.6 ms at nice 0, 4.0 at 10, 0.26

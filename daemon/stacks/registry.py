@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
+from functools import partial
 from importlib.metadata import EntryPoint, entry_points
 from typing import Any, Final, TypeAlias
 
@@ -17,6 +18,7 @@ from daemon.model.attachments import SutMissing, resolve_paths
 from daemon.model.sut import SystemUnderTest
 from daemon.stacks.findings import ParameterFindings
 from daemon.stacks.pilot import make_idle, make_pilot
+from daemon.stacks.probe import check_plugged
 from daemon.stacks.ros1 import make_ros
 from daemon.stacks.ros2.factory import make_ros2
 from grammars.text.diagnostics import did_you_mean
@@ -70,7 +72,8 @@ def check_parameters(kind: str, parameters: Mapping[str, Any]) -> ParameterFindi
 
     Raises ``ValueError`` for what it does not take; its subclass
     :class:`daemon.stacks.findings.ParameterError`, which plug-ins may raise as well,
-    says where in the tree each problem stands.
+    says where in the tree each problem stands. What plugs in is tried in a child process, so that
+    it may hang or crash: see :mod:`daemon.stacks.probe`.
     """
     if kind == "ros":
         # Loads a compiler, which nobody needs who tests another stack.
@@ -81,16 +84,16 @@ def check_parameters(kind: str, parameters: Mapping[str, Any]) -> ParameterFindi
         from daemon.stacks.ros2.advice import check_settings
 
         return check_settings(parameters)
-    make_sut(kind, parameters)
-    return ParameterFindings()
+    if is_built_in(kind):
+        make_sut(kind, parameters)
+        return ParameterFindings()
+    entry = _find_entry(kind)
+    return check_plugged(partial(make_sut, kind), _name(entry), parameters)
 
 
 def _make_plugged(kind: str, parameters: Mapping[str, Any]) -> SystemUnderTest:
     """Call the factory of a plug-in: code of other people, of which anything may come."""
-    entry = next(iter(entry_points(group=ENTRY_POINT_GROUP, name=kind)), None)
-    if entry is None:
-        hint = did_you_mean(kind, sut_kinds())
-        raise SutMissing(f'no system under test of kind "{kind}": {hint}')
+    entry = _find_entry(kind)
     # What cannot be loaded is missing here and may be there on another worker; what cannot be made
     # of these parameters is wrong everywhere.
     try:
@@ -105,9 +108,21 @@ def _make_plugged(kind: str, parameters: Mapping[str, Any]) -> SystemUnderTest:
         raise ValueError(_cannot("made", entry, error)) from error
 
 
+def _find_entry(kind: str) -> EntryPoint:
+    """Return the entry point of a kind; raises :class:`SutMissing` when there is none."""
+    entry = next(iter(entry_points(group=ENTRY_POINT_GROUP, name=kind)), None)
+    if entry is None:
+        hint = did_you_mean(kind, sut_kinds())
+        raise SutMissing(f'no system under test of kind "{kind}": {hint}')
+    return entry
+
+
+def _name(entry: EntryPoint) -> str:
+    return f'the system under test "{entry.name}" ({plugin_origin(entry)})'
+
+
 def _cannot(what: str, entry: EntryPoint, error: BaseException) -> str:
-    name = f'the system under test "{entry.name}" ({plugin_origin(entry)})'
-    return explain_plugin_error(f"{name} cannot be {what}", error, __file__)
+    return explain_plugin_error(f"{_name(entry)} cannot be {what}", error, __file__)
 
 
 def _unlike_protocol(made: object) -> str:

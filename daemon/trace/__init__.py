@@ -1,5 +1,6 @@
 """MCAP traces: ROS 2 messages in CDR, written and read back."""
 
+from daemon.trace._difference import TraceDifference, first_difference
 from daemon.trace._model import (
     CommandTrack,
     ContactRecord,
@@ -39,11 +40,13 @@ __all__ = [
     "Recorder",
     "ScanTrack",
     "Trace",
+    "TraceDifference",
     "TraceError",
     "TraceWriter",
     "decode_path",
     "encode_path",
     "encode_poses",
+    "first_difference",
     "read_outputs",
     "read_scene",
     "read_spec",

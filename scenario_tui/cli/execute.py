@@ -40,12 +40,19 @@ _MAX_TROUBLE: Final = 20.0
 
 
 def run_here(
-    submission: Submission, folder: Path | None, slots: int | None, as_json: bool
+    submission: Submission,
+    folder: Path | None,
+    slots: int | None,
+    as_json: bool,
+    *,
+    wall: float = 0.0,
+    attempts: int | None = None,
 ) -> CampaignResults:
     """Run every run of ``submission``, print the summary unless it is for JSON, return the results.
 
-    Traces end up in ``folder``; everything else the daemon needed is removed, also when the
-    command is interrupted.
+    ``wall`` [s] and ``attempts`` are those of the daemon, whose defaults hold without. Traces end
+    up in ``folder``; everything else the daemon needed is removed, also when the command is
+    interrupted.
     """
     target = (folder or Path("scenario-results") / submission.campaign).absolute()
     target.mkdir(parents=True, exist_ok=True)
@@ -54,7 +61,7 @@ def run_here(
     started = time.perf_counter()
     with (
         _temporary_state(target, submission.campaign) as state,
-        embedded_daemon(state, slots=slots) as endpoint,
+        embedded_daemon(state, slots=slots, wall=wall, attempts=attempts) as endpoint,
     ):
         opened = partial(Client.open, endpoint)
         with opened() as daemon:

@@ -13,7 +13,15 @@ import typer
 
 from daemon.model.execution import DaskScheduler, RunLimits, decide_on_commands
 from scenario_tui.cli.exit_codes import ExitCode, wrong_usage
-from scenario_tui.cli.options import Connect, Keys, State, check_endpoint, read_duration, read_size
+from scenario_tui.cli.options import (
+    Connect,
+    Keys,
+    State,
+    Wall,
+    check_endpoint,
+    read_size,
+    read_wall,
+)
 from scenario_tui.cli.output import plain_table, say, stdout_console
 
 Commands: TypeAlias = Annotated[
@@ -267,14 +275,7 @@ def worker(
         str,
         typer.Option("--memory", metavar="SIZE", help="Address space of a run; 0B: no limit."),
     ] = "4GiB",
-    wall: Annotated[
-        str,
-        typer.Option(
-            "--wall", metavar="TIME",
-            help="Wall clock limit of a run, 10min. Default: ten times its simulated limit, at "
-            "least 5min.",
-        ),
-    ] = "",
+    wall: Wall = "",
     nice: Annotated[
         int | None,
         typer.Option(
@@ -301,7 +302,7 @@ def worker(
     # Limits guard runs; how far the worker itself steps back is another matter, said to work().
     usual = RunLimits()
     limits = RunLimits(
-        read_duration(wall) if wall else usual.wall,
+        read_wall(wall) or usual.wall,
         read_size(memory),
         usual.nice if nice is None else nice,
     )

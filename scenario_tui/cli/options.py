@@ -29,6 +29,19 @@ def read_duration(text: str) -> float:
     return _read_amount(lambda: parse_time(text, "a time", "10min"))
 
 
+def read_wall(text: str) -> float:
+    """Return a wall clock limit in seconds: ``90``, ``90s`` or ``2min``; 0 for nothing written.
+
+    Raises :class:`typer.BadParameter`.
+    """
+    if not text:
+        return 0.0
+    seconds = read_duration(f"{text}s" if text.strip().replace(".", "", 1).isdigit() else text)
+    if seconds <= 0.0:
+        raise typer.BadParameter("a limit is longer than 0 s")
+    return seconds
+
+
 def read_size(text: str) -> int:
     """Return ``20GiB`` in bytes; raises :class:`typer.BadParameter`."""
     return _read_amount(lambda: parse_size(text))
@@ -89,6 +102,24 @@ AsJson: TypeAlias = Annotated[
 Slots: TypeAlias = Annotated[
     int | None,
     typer.Option("--slots", "-j", min=1, max=1024, help="Runs at a time. Default: one per core."),
+]
+Wall: TypeAlias = Annotated[
+    str,
+    typer.Option(
+        "--wall",
+        metavar="TIME",
+        help="Wall clock limit of a run, 90s or 10min: what has not ended by then ends as an error "
+        "that says so. Default: ten times its simulated limit, at least 5min.",
+    ),
+]
+Attempts: TypeAlias = Annotated[
+    int | None,
+    typer.Option(
+        "--attempts",
+        min=1,
+        max=100,
+        help="How often a run is tried whose process dies without a result. Default: 3.",
+    ),
 ]
 Processes: TypeAlias = Annotated[
     int | None,

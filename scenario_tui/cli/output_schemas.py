@@ -60,6 +60,7 @@ _OUTPUTS: Final[tuple[type[Output], ...]] = (
     recorded_runs.FetchOutput,
     judge.JudgeOutput,
     verify.VerifyOutput,
+    verify.VerificationsOutput,
     compare.CompareOutput,
     report.ReportOutput,
     report.PictureOutput,

@@ -13,12 +13,15 @@ from scenario_tui.cli.completion import layer_files
 from scenario_tui.cli.exit_codes import ExitCode
 from scenario_tui.cli.options import (
     AsJson,
+    Attempts,
     CampaignFile,
     CampaignName,
     Connect,
     Slots,
     State,
+    Wall,
     read_age,
+    read_wall,
 )
 from scenario_tui.cli.output import Output, report_diagnostics, say, stdout_console
 
@@ -69,6 +72,8 @@ def run(
     worse_by: WorseBy = None,
     out: Out = None,
     slots: Slots = None,
+    wall: Wall = "",
+    attempts: Attempts = None,
     as_json: AsJson = False,
 ) -> None:
     """Run a campaign here and now, without a daemon.
@@ -80,7 +85,9 @@ def run(
     from scenario_tui.cli.execute import run_here, typed_path
     from scenario_tui.cli.results import emit_results, print_commands
 
-    found = run_here(_prepare_submission(campaign), out, slots, as_json)
+    limit = read_wall(wall)
+    submission = _prepare_submission(campaign)
+    found = run_here(submission, out, slots, as_json, wall=limit, attempts=attempts)
     between = compare_with_baseline(found, baseline, worse_by, None)
     if as_json:
         emit_results(found, comparison=between)

@@ -1,28 +1,52 @@
-"""The command that runs a recorded specification again."""
+"""The command that runs specifications again and holds the recordings against each other."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from typing import TYPE_CHECKING, Annotated, Final
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Final, TypeAlias
 
 import typer
 
+from scenario_tui.cli import completion
 from scenario_tui.cli.exit_codes import ExitCode
-from scenario_tui.cli.options import AsJson, Connect, RunOrTrace, State
-from scenario_tui.cli.output import Output, plain_table, stdout_console, track_progress
+from scenario_tui.cli.options import AsJson, Connect, State, Wall, read_wall
+from scenario_tui.cli.output import (
+    Output,
+    OutputPart,
+    plain_table,
+    report_diagnostics,
+    stdout_console,
+    track_progress,
+)
 
 if TYPE_CHECKING:
     from daemon.analysis.verification import ExecutedRun, Spread, Verification
+    from daemon.model.spec import RunSpec
+    from daemon.trace import TraceDifference
+    from scenario_tui.cli.target import DaemonTarget
 
-_REPEATABLE: Final = 1
+_REPEATABLE: Final = 2
 _EXTERNAL: Final = 5
+_REMEDY: Final = (
+    "what is random in a system under test has to come from briefing.seed, as in "
+    "numpy.random.default_rng(briefing.seed); nothing from the clock, from threads, or from the "
+    "order of a set"
+)
+
+_OTHER_CODE: Final = (
+    "executions agree with each other: the recording is of other code, packages or another machine"
+)
 
 
-class VerifyOutput(Output, schema="verify"):
+class VerifiedRun(OutputPart):
     """A recorded run and executions of its specification.
 
     ``same_bytes`` of the ``executions`` left the bytes of the recording; ``outcomes`` and
     ``spreads`` count the recording too. ``versions`` of packages are those that differ: then, now.
+    ``nondeterministic`` is a system whose executions here differ; the traces first part at
+    ``first_difference``. Without a ``trace`` the recording is the first execution.
     """
 
     trace: str
@@ -36,27 +60,49 @@ class VerifyOutput(Output, schema="verify"):
     outcomes: dict[str, int]
     spreads: tuple[Spread, ...]
     versions: dict[str, tuple[str, str]]
+    nondeterministic: bool
+    first_difference: TraceDifference | None
 
-    @classmethod
-    def of(cls, found: Verification) -> VerifyOutput:
-        """Return what was found."""
-        return cls(
-            found.trace,
-            found.run,
-            found.sut,
-            found.digest,
-            found.repeatable,
-            found.same_bytes,
-            found.recorded,
-            found.executions,
-            found.outcomes,
-            found.spreads,
-            dict(found.versions),
-        )
+
+class VerifyOutput(VerifiedRun, Output, schema="verify"):
+    """What executions of one specification left."""
+
+
+class VerificationsOutput(Output, schema="verifications"):
+    """Several runs and executions of their specifications; ``runs`` as of one run."""
+
+    runs: tuple[VerifiedRun, ...]
+
+
+def _fields(found: Verification) -> tuple[Any, ...]:
+    """Return the values of a :class:`VerifiedRun`, in order."""
+    return (
+        found.trace,
+        found.run,
+        found.sut,
+        found.digest,
+        found.repeatable,
+        found.same_bytes,
+        found.recorded,
+        found.executions,
+        found.outcomes,
+        found.spreads,
+        dict(found.versions),
+        _is_nondeterministic(found),
+        found.first_difference,
+    )
 
 
 def verify(
-    run: RunOrTrace,
+    named: Annotated[
+        list[str],
+        typer.Argument(
+            metavar="RUN|CAMPAIGN...",
+            help="Runs, traces (.mcap), folders of traces, campaigns, or campaign files, whose "
+            "specifications nobody has to have run before.",
+            autocompletion=completion.campaign_files_or_recorded,
+        ),
+    ],
     repeats: Annotated[
         int | None,
         typer.Option(
@@ -68,51 +114,160 @@ def verify(
             "repeatable.",
         ),
     ] = None,
+    every: Annotated[
+        bool,
+        typer.Option(
+            "--all", help="Every run of a campaign, not only one of each scenario and system."
+        ),
+    ] = False,
+    wall: Wall = "",
     connect: Connect = "",
     state: State = None,
     as_json: AsJson = False,
 ) -> None:
-    """Run a recorded specification again and say whether the bytes are the same.
+    """Run specifications twice and say whether the bytes are the same, or where they part.
 
-    Of a system under test that is not repeatable, an external stack, it says how far outcomes,
-    margins, path and duration spread. Results of the ledger stay as they are.
+    Recorded runs are held against their recording. Of a system under test that is not repeatable,
+    an external stack, it says how far outcomes, margins, path and duration spread. Results of the
+    ledger stay as they are.
     """
-    from daemon.analysis.verification import verify as execute_again
-    from daemon.trace import read_spec
-    from scenario_tui.cli.target import DaemonTarget, one_trace
+    from scenario_tui.cli.target import DaemonTarget
 
     target = DaemonTarget(connect, state)
-    path = one_trace(run, target, "RUN")
-    count = repeats or (_REPEATABLE if read_spec(path).sut.repeatable else _EXTERNAL)
-    found = execute_again(path, count, places=target.paths, watch=_watch)
+    jobs = _jobs(named, target, every)
+    limit = read_wall(wall)
+    if len(jobs) == 1:
+        (found,) = (job(repeats, limit, _watch) for job in jobs)
+        if as_json:
+            VerifyOutput(*_fields(found)).emit()
+        else:
+            _print(found)
+        raise typer.Exit(_code([found]))
+    several = []
+    for job in track_progress(jobs, len(jobs), "running again"):
+        found = job(repeats, limit, None)
+        several.append(found)
+        if not as_json:
+            _print(found, details=False)
     if as_json:
-        VerifyOutput.of(found).emit()
+        VerificationsOutput(tuple(VerifiedRun(*_fields(one)) for one in several)).emit()
     else:
-        _print(found)
-    raise typer.Exit(_code(found))
+        _print_remedy(several)
+    raise typer.Exit(_code(several))
+
+
+_Watch: TypeAlias = "Callable[[Iterator[ExecutedRun], int], Sequence[ExecutedRun]] | None"
+_Job: TypeAlias = "Callable[[int | None, float, _Watch], Verification]"
+
+
+def _jobs(named: Sequence[str], target: DaemonTarget, every: bool) -> list[_Job]:
+    """Return what executes each specification that is meant, one of each cell unless ``every``."""
+    from daemon.trace import read_spec
+    from scenario_tui.cli.target import all_traces
+
+    files = [Path(name) for name in named if _is_campaign_file(name)]
+    recorded = [name for name in named if not _is_campaign_file(name)]
+    jobs: list[_Job] = []
+    for name in recorded:
+        traces = {path: read_spec(path) for path in all_traces([name], target, "RUN|CAMPAIGN")}
+        cells = _one_of_each(traces.values()) if len(traces) > 1 and not every else traces.values()
+        chosen = {spec.digest for spec in cells}
+        jobs += [
+            partial(_verify_trace, path, spec, target)
+            for path, spec in traces.items()
+            if spec.digest in chosen
+        ]
+    for file in files:
+        jobs += _campaign_jobs(file, target, every)
+    return jobs
+
+
+def _is_campaign_file(name: str) -> bool:
+    return Path(name).suffix in (".yaml", ".yml") and Path(name).is_file()
+
+
+def _one_of_each(specs: Iterable[RunSpec]) -> list[RunSpec]:
+    """Return the first run of each scenario and system under test."""
+    found: dict[tuple[str, str], RunSpec] = {}
+    for spec in specs:
+        found.setdefault((spec.scenario, spec.sut.name), spec)
+    return list(found.values())
+
+
+def _verify_trace(
+    path: Path, spec: RunSpec, target: DaemonTarget, repeats: int | None, wall: float, watch: _Watch
+) -> Verification:
+    from daemon.analysis.verification import verify as execute_again
+
+    count = _count(spec, repeats)
+    return execute_again(path, count, places=target.paths, wall=wall, watch=watch)
+
+
+def _campaign_jobs(file: Path, target: DaemonTarget, every: bool) -> list[_Job]:
+    from daemon.analysis.verification import verify_spec
+    from scenario_tui.submission import prepare_submission
+
+    submission, warnings = prepare_submission(file)
+    report_diagnostics(warnings)
+    scenes = {scene.digest: scene for scene in submission.scenes}
+
+    def job(spec: RunSpec, repeats: int | None, wall: float, _: _Watch) -> Verification:
+        count = _count(spec, repeats)
+        return verify_spec(spec, scenes[spec.scene], count, places=target.paths, wall=wall)
+
+    runs = submission.runs if every else _one_of_each(submission.runs)
+    return [partial(job, spec) for spec in runs]
+
+
+def _count(spec: RunSpec, repeats: int | None) -> int:
+    return repeats or (_REPEATABLE if spec.sut.repeatable else _EXTERNAL)
 
 
 def _watch(executions: Iterator[ExecutedRun], count: int) -> Sequence[ExecutedRun]:
     return tuple(track_progress(executions, count, "running again"))
 
 
-def _code(found: Verification) -> ExitCode:
-    if not found.all_executed:
-        return ExitCode.INFRASTRUCTURE
+def _code(verified: Sequence[Verification]) -> ExitCode:
     # Nobody can say what an external system should have given.
-    same = not found.repeatable or found.same_bytes == len(found.executions)
-    return ExitCode.EXPECTED if same else ExitCode.UNEXPECTED
+    differing = any(
+        found.repeatable and any(one.difference is not None for one in found.executions)
+        for found in verified
+    )
+    # A finding stays one when other runs could not be executed.
+    if differing:
+        return ExitCode.UNEXPECTED
+    if all(found.all_executed for found in verified):
+        return ExitCode.EXPECTED
+    return ExitCode.INFRASTRUCTURE
 
 
-def _print(found: Verification) -> None:
+def _print(found: Verification, *, details: bool = True) -> None:
     console = stdout_console()
     count = len(found.executions)
     console.print(_headline(found, count), markup=False, soft_wrap=True)
-    for number, execution in enumerate(found.executions, 1):
-        if execution.problem:
-            console.print(f"execution {number}: {execution.problem}", markup=False, style="yellow")
-    if found.repeatable and found.same_bytes == count:
+    problems = [("the first execution", found.recorded.problem)] if not found.trace else []
+    problems += [
+        (f"execution {number}", execution.problem)
+        for number, execution in enumerate(found.executions, 1)
+    ]
+    for which, problem in problems:
+        if problem:
+            console.print(f"{which}: {problem}", markup=False, style="yellow", soft_wrap=True)
+    agreeing = found.all_executed and not found.nondeterministic and not found.same_bytes
+    if found.repeatable and found.trace and count > 1 and agreeing:
+        console.print(_OTHER_CODE, markup=False)
+    done = any(not execution.problem for execution in found.executions)
+    if not details or (found.repeatable and found.same_bytes == count) or not done:
         return
+    _print_spreads(found)
+    if found.repeatable and found.versions:
+        listed = ", ".join(f"{n} {then} ({now} here)" for n, (then, now) in found.versions.items())
+        console.print(f"recorded with {listed}", markup=False, soft_wrap=True)
+    _print_remedy([found])
+
+
+def _print_spreads(found: Verification) -> None:
+    console = stdout_console()
     outcomes = ", ".join(f"{number} {word}" for word, number in found.outcomes.items())
     console.print(f"with the recorded one: {outcomes}", markup=False)
     table = plain_table("", "recorded", "least", "most", "of", figures=True)
@@ -126,20 +281,39 @@ def _print(found: Verification) -> None:
             str(spread.count),
         )
     console.print(table)
-    if found.repeatable and found.versions:
-        listed = ", ".join(f"{n} {then} ({now} here)" for n, (then, now) in found.versions.items())
-        console.print(f"recorded with {listed}", markup=False, soft_wrap=True)
+
+
+def _print_remedy(verified: Sequence[Verification]) -> None:
+    """Say what to do about executions that differ from one another."""
+    if any(_is_nondeterministic(found) for found in verified):
+        stdout_console().print(_REMEDY, markup=False)
+
+
+def _is_nondeterministic(found: Verification) -> bool:
+    """Whether executions of one code on one machine differ; a recording may be of other code."""
+    fresh = not found.trace and found.first_difference is not None
+    return found.repeatable and (found.nondeterministic or fresh)
 
 
 def _headline(found: Verification, count: int) -> str:
+    executed = count + (0 if found.trace else 1)
+    if all(execution.problem for execution in found.executions):
+        return f"{found.run}: could not be executed"
     if not found.repeatable:
         return (
             f"{found.run}: {found.sut} is not repeatable; {count} more executions, "
             f"{found.same_bytes} of them with the same bytes"
         )
-    if found.same_bytes == count:
-        return f"{found.run}: {count} of {count} executions left the same bytes"
-    return f"{found.run}: not the same bytes, {found.same_bytes} of {count} executions left them"
+    where = found.first_difference
+    if where is None and found.same_bytes == count:
+        same = count if found.trace else executed
+        return f"{found.run}: {same} of {same} executions left the same bytes"
+    if where is None:
+        return f"{found.run}: {found.same_bytes} of {count} executions left the same bytes"
+    if _is_nondeterministic(found):
+        return f"{found.run}: {found.sut} is not deterministic, executions part {where}"
+    said = f"not the same bytes, {found.same_bytes} of {count} executions left them"
+    return f"{found.run}: {said}; they part {where}"
 
 
 def _text(value: float, unit: str) -> str:

@@ -274,6 +274,12 @@ def remove_result(db: sqlite3.Connection, run: str) -> None:
     )
 
 
+def note_of_result(db: sqlite3.Connection, run: str) -> str:
+    """Return why a run ended as it did, empty when there is nothing to say or no result."""
+    row = db.execute("SELECT body FROM result WHERE run = ?", (run,)).fetchone()
+    return codec.from_json(RunResult, row[0]).note if row else ""
+
+
 def deciding_verdict(result: RunResult) -> Verdict | None:
     """The verdict a list shows: the first failing one, else the one with the smallest margin."""
     judged = [v for v in result.verdicts if v.outcome is not Outcome.MEASURE]

@@ -13,11 +13,13 @@ from daemon.batch.ledger._connection import connect
 from daemon.batch.ledger._leases import LeaseUpdates
 from daemon.batch.ledger._results import (
     insert_runs,
+    note_of_result,
     remove_result,
     reuse_results,
     store_reserve,
 )
 from daemon.batch.ledger.transitions import Cancelled, Retried
+from daemon.model.deadline import was_stopped
 from daemon.model.messages import RetryRequest
 from daemon.model.packed_submission import Fingerprint, fingerprint
 from daemon.model.status import Submission, SubmissionReceipt
@@ -165,7 +167,8 @@ class LedgerWriter(LeaseUpdates):
     def retry(self, request: RetryRequest, now: float) -> int:
         """Queue runs again by state (lost, cancelled), by outcome, or ``all`` that rest.
 
-        The result of a run that is not repeatable is forgotten: the next one takes its place.
+        The result of a run that is not repeatable, or that the wall clock ended, is forgotten:
+        the next one takes its place.
         """
         self._require_campaign(request.campaign)
         words = _retry_words(request.only)
@@ -175,9 +178,10 @@ class LedgerWriter(LeaseUpdates):
             (request.campaign,),
         ).fetchall()
         chosen = [row for row in rows if {row[1], row[2]} & words or "all" in words]
-        for run, _, _, repeatable in chosen:
-            self._apply(run, Retried(), now, quiet=True)
-            if not repeatable:
+        for run, _, outcome, repeatable in chosen:
+            stopped = outcome == Outcome.ERROR and was_stopped(note_of_result(self._db, run))
+            self._apply(run, Retried(stopped), now, quiet=True)
+            if stopped or not repeatable:
                 remove_result(self._db, run)
         if chosen:
             self._db.execute(

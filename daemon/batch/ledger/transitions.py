@@ -80,7 +80,9 @@ class Cancelled:
 
 @dataclass(frozen=True, slots=True)
 class Retried:
-    """Somebody wants the run executed again."""
+    """Somebody wants the run executed again; ``stopped`` is one that the wall clock ended."""
+
+    stopped: bool = False
 
 
 RunEvent: TypeAlias = Leased | Renewed | Completed | Released | Cancelled | Retried
@@ -118,11 +120,11 @@ def advance(run: ExecutionState, event: RunEvent, *, attempts: int) -> RunTransi
                 return RunTransition(run, LedgerAnswer.STALE)
             state = RunState.DONE if run.result else RunState.CANCELLED
             return RunTransition(_at_rest(run, state, "cancelled"), LedgerAnswer.DONE)
-        case Retried():
+        case Retried(stopped):
             if run.state in (RunState.QUEUED, RunState.RUNNING):
                 return RunTransition(run, LedgerAnswer.STALE)
             # What comes is another result, not the same again: it takes the place of the first.
-            result = run.result if run.repeatable else ""
+            result = run.result if run.repeatable and not stopped else ""
             queued = replace(_at_rest(run, RunState.QUEUED, ""), strikes=0, result=result)
             return RunTransition(queued, LedgerAnswer.DONE)
 

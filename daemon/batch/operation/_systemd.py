@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Final
 
 from daemon.batch.server import STOP_MARGIN, DaemonSettings
+from daemon.model.deadline import spare_time
 from daemon.model.execution import RunLimits
 
 # Seconds on top of what the process says it needs: past TimeoutStopSec systemd kills the runs.
@@ -87,6 +88,7 @@ def worker_unit(
     back as far as runs do. ``options`` are more words for its command.
     """
     limits = limits or RunLimits()
+    longest = limits.wall_of(0.0)
     words = [str(command), "worker"]
     words += ["--connect", connect] if connect else []
     words += ["--state", str(state)] if state else []
@@ -95,7 +97,7 @@ def worker_unit(
         command=_command((*words, *options), slots),
         restart="always",
         pause=5,
-        patience=limits.wall_of(0.0) + _MARGIN,
+        patience=longest + spare_time(longest) + _MARGIN,
         more=f"Nice={limits.nice}\n",
     )
 

@@ -27,6 +27,7 @@ from daemon.batch import run_process
 from daemon.batch.errors import WorkerBroken
 from daemon.batch.run_process import RunTask
 from daemon.batch.worker._attempts import Attempt, AttemptEnd, Waitable
+from daemon.model.deadline import spare_time, stopped_after
 from daemon.model.execution import EXECUTOR_VARIABLE, RunLimits, safe_fork_server
 
 
@@ -82,7 +83,7 @@ class ForkedExecution:
         with suppress(EOFError):  # it is gone: its end is noticed by its process
             self._read()
         if time.monotonic() > self.deadline and self.end is None:
-            self.kill(f"stopped after {self.limit:g} s of wall clock time")
+            self.kill(stopped_after(self.limit))
 
     def _read(self) -> None:
         while self.wire.poll():
@@ -166,10 +167,13 @@ class ForkServerPool:
         """Start the process of an attempt; raises ``OSError`` or ``EOFError`` when there is none
         to be had.
         """
-        task = RunTask(attempt.folder, scene, limits.memory, limits.nice)
-        process, wire = self._fork(run_process.run_attempt, task)
         limit = limits.wall_of(attempt.lease.spec.limit)
-        return ForkedExecution(attempt, process, wire, limit, time.monotonic() + limit)
+        task = RunTask(attempt.folder, scene, limits.memory, limits.nice, limit)
+        process, wire = self._fork(run_process.run_attempt, task)
+        # The run ends itself at its limit, and has a trace and a result that say so. Only what
+        # cannot be interrupted is ended from here.
+        deadline = time.monotonic() + limit + spare_time(limit)
+        return ForkedExecution(attempt, process, wire, limit, deadline)
 
     def _fork(
         self, target: Callable[..., None], *task: RunTask

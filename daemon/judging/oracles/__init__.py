@@ -10,9 +10,10 @@ from typing import TYPE_CHECKING, Final
 
 if TYPE_CHECKING:
     from daemon.judging.oracles._clearance import ObstaclePolygons
-    from daemon.judging.oracles._judge import judge, overall_outcome, trace_problems, warm_up
+    from daemon.judging.oracles._judge import judge, overall_outcome, warm_up
     from daemon.judging.oracles._oracle_timeline import OracleTimeline, oracle_timeline
     from daemon.judging.oracles._sampler import SignalSampler
+    from daemon.judging.oracles._validity import trace_problems
 
 __all__ = [
     "ObstaclePolygons",
@@ -30,6 +31,7 @@ _MODULES: Final = {
     "OracleTimeline": "_oracle_timeline",
     "SignalSampler": "_sampler",
     "oracle_timeline": "_oracle_timeline",
+    "trace_problems": "_validity",
 }
 
 

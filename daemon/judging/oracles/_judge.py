@@ -1,8 +1,7 @@
 """From trace and oracles to verdicts: live, after the run and years later, one function.
 
-A trace that says nothing about the robot (impossible clocks, numbers, motion) is an error of the
-simulation, the recording or the set-up, never a failure of the robot, whatever its oracles would
-say.
+A trace that says nothing about the robot (``_validity.py``) is an error of the simulation, the
+recording or the set-up, never a failure of the robot, whatever its oracles would say.
 """
 
 from __future__ import annotations
@@ -10,8 +9,7 @@ from __future__ import annotations
 import functools
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
-from typing import Final
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -26,8 +24,9 @@ from daemon.judging.oracles._operators import (
 )
 from daemon.judging.oracles._predicate import unit_of_margin
 from daemon.judging.oracles._sampler import PluginError, SignalSampler, judge_by_plugin, plugin_unit
+from daemon.judging.oracles._validity import standstill_note, trace_problems
 from daemon.model.spec import OracleText
-from daemon.model.verdicts import Evidence, MarginInterval, Outcome, Verdict, combine
+from daemon.model.verdicts import Evidence, MarginInterval, Outcome, Verdict, combine, join_notes
 from daemon.trace import Trace
 from grammars.model.mission import Mission
 from grammars.model.scene import Scene
@@ -45,105 +44,6 @@ from grammars.oracle import (
     parse_oracle,
 )
 from grammars.text.diagnostics import InputError, Where
-
-_SHORTEST_LEAP: Final = 0.5
-"""Shortest step [m] between two samples that may be an explosion of the physics: ten times the way
-of a fast robot (1 m/s) between two samples."""
-_LEAP_SPEED_FACTOR: Final = 5.0
-_FASTEST_ROBOT: Final = 20.0
-"""A step is impossible when it is so many times faster than the robot can drive, or as fast [m/s]
-when nothing limits its drive."""
-MOVED_DISTANCE: Final = 0.01
-MOVED_ANGLE: Final = 0.05
-"""A robot that has not left a circle of this radius [m], nor turned by this angle [rad], has never
-moved; a door or a person may have pushed it a little. One that turns on the spot and goes nowhere
-is alive, and fails."""
-AT_START_DISTANCE: Final = 0.1
-"""A mission asks a robot to move when a waypoint is farther [m] than this from where it starts."""
-
-
-def trace_problems(trace: Trace) -> tuple[str, ...]:
-    """Return why ``trace`` cannot be trusted, in words; empty when it can.
-
-    What its reader found; numbers that are none; clocks that run backwards; leaps no robot can
-    make; a robot that never moved during a whole run although its mission asked it to.
-    """
-    # From what makes the next question meaningless to what only a sound recording can be asked.
-    found = [*trace.problems, *_not_finite(trace)]
-    if not found:
-        found += [*_clock(trace), *_leaps(trace)]
-    if not found:
-        found += _standstill(trace)
-    return tuple(found)
-
-
-def _not_finite(trace: Trace) -> list[str]:
-    truth, command = trace.ground_truth, trace.command
-    channels = {
-        "the ground truth": (truth.time, truth.x, truth.y, truth.yaw, truth.vx, truth.vy, truth.wz),
-        "a command": (command.time, command.vx, command.vy, command.wz),
-        "the joint states": (trace.joints.time, trace.joints.position),
-    }
-    for name, track in (("the estimate", trace.estimate), ("the particle cloud", trace.cloud)):
-        channels[name] = (track.time, track.x, track.y, track.yaw, track.covariance)
-    return [
-        f"{name} is not finite"
-        for name, arrays in channels.items()
-        if not all(np.isfinite(array).all() for array in arrays)
-    ]
-
-
-def _clock(trace: Trace) -> list[str]:
-    time = trace.ground_truth.time
-    backwards = len(time) > 1 and float(np.diff(time).min()) < 0.0
-    return ["the clock runs backwards"] if backwards else []
-
-
-def _leaps(trace: Trace) -> list[str]:
-    truth, drive = trace.ground_truth, trace.spec.robot.drive
-    if len(truth.time) < 2:
-        return []
-    steps = np.hypot(np.diff(truth.x), np.diff(truth.y))
-    # Generously: a robot that a door pushes may be faster than it can drive.
-    fastest = min(_FASTEST_ROBOT, _LEAP_SPEED_FACTOR * float(np.hypot(drive.max_vx, drive.max_vy)))
-    leaps = np.flatnonzero(steps > np.maximum(_SHORTEST_LEAP, fastest * np.diff(truth.time)))
-    if not len(leaps):
-        return []
-    first = int(leaps[0])
-    return [f"the robot leaps {steps[first]:.2f} m at {truth.time[first + 1]:.2f} s"]
-
-
-def _standstill(trace: Trace) -> list[str]:
-    """Judge whole runs only: as long as a run goes on, the robot may still set off."""
-    truth, waypoints = trace.ground_truth, trace.spec.mission.waypoints
-    if not trace.complete or not len(truth.time):
-        return []
-    # A stack of its user's that gives up before it sets off, for want of a way, has said so: that
-    # is a failure of the robot, not a recording that means nothing.
-    if not trace.spec.sut.repeatable and trace.progress and trace.progress[-1].state == "aborted":
-        return []
-    x, y = truth.x - truth.x[0], truth.y - truth.y[0]
-    turned = float(np.ptp(np.unwrap(truth.yaw)))
-    farthest = max((np.hypot(w.x - truth.x[0], w.y - truth.y[0]) for w in waypoints), default=0.0)
-    if (
-        farthest <= AT_START_DISTANCE
-        or turned > MOVED_ANGLE
-        or float(np.hypot(x, y).max()) > MOVED_DISTANCE
-    ):
-        return []
-    return [f"the robot never moved, though its mission asks it to; {_command_summary(trace)}"]
-
-
-def _command_summary(trace: Trace) -> str:
-    """Say what the robot was told to do, which is where to look for the reason."""
-    command = trace.command
-    if not len(command.time):
-        return "no command was recorded"
-    fastest = float(np.hypot(command.vx, command.vy).max())
-    turning = float(np.abs(command.wz).max())
-    if fastest == 0.0 and turning == 0.0:
-        return "every command was zero"
-    return f"it was commanded up to {fastest:.2f} m/s and {turning:.2f} rad/s"
 
 
 def judge(
@@ -184,6 +84,10 @@ def _judge_one(written: OracleText, sampler: SignalSampler) -> Verdict:
         return _error_verdict(written, "; ".join(d.message for d in error.diagnostics))
     except PluginError as error:
         return _error_verdict(written, str(error))
+    evidence = interval.evidence
+    if isinstance(oracle.judgement, Reached) and interval.outcome is Outcome.FAIL:
+        why = standstill_note(sampler.trace)
+        evidence = replace(evidence, note=join_notes(evidence.note, why))
     return Verdict(
         written.name,
         written.text,
@@ -191,7 +95,7 @@ def _judge_one(written: OracleText, sampler: SignalSampler) -> Verdict:
         _bound_or_none(interval.lower),
         _bound_or_none(interval.upper),
         _unit(oracle),
-        interval.evidence,
+        evidence,
     )
 
 

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import random
+import sys
+from collections.abc import Iterator
 from dataclasses import replace
 from importlib.metadata import EntryPoint
 from pathlib import Path
@@ -10,7 +12,7 @@ from typing import Any
 
 import pytest
 
-from daemon.analysis.verification import DURATION, PATH, verify
+from daemon.analysis.verification import DURATION, PATH, verify, verify_spec
 from daemon.batch.paths import StatePaths
 from daemon.model.spec import OracleText, RunSpec, SutReference
 from daemon.model.sut import Decision, Progress
@@ -19,6 +21,7 @@ from daemon.stacks import registry
 from daemon.trace import TraceError
 from grammars.model.geometry import Twist2
 from tests.daemon.analysis.old_runs import WORLD, spec
+from tests.plugins import MODULE, install_plugins
 
 MEASURE = OracleText("far", "final(path.length)")
 EXTERNAL = SutReference("theirs", "erratic", {"repeatable": False})
@@ -121,3 +124,55 @@ def test_a_trace_of_another_engine_is_refused(tmp_path: Path) -> None:
     path, _ = recorded(tmp_path, sut=idle(), engine="1")
     with pytest.raises(TraceError, match="is of engine 1, this is engine"):
         verify(path, 1, places=StatePaths(tmp_path))
+
+
+@pytest.fixture
+def plugged(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    folder = tmp_path / "packages"
+    folder.mkdir()
+    install_plugins(folder, monkeypatch)
+    yield
+    sys.modules.pop(MODULE, None)
+
+
+def plugin(kind: str) -> SutReference:
+    return SutReference(kind, kind, {})
+
+
+@pytest.mark.parametrize("kind", ["random", "numpy-random"])
+def test_what_nobody_has_seeded_is_nondeterminism_with_its_place(
+    tmp_path: Path, plugged: None, kind: str
+) -> None:
+    path, _ = recorded(tmp_path, sut=plugin(kind), limit=3.0)
+    found = verify(path, 2, places=StatePaths(tmp_path))
+    assert (found.repeatable, found.same_bytes, found.nondeterministic) == (True, 0, True)
+    where = found.first_difference
+    assert where is not None
+    assert (where.topic, where.time) == ("/cmd_vel", pytest.approx(1.0))
+
+
+def test_what_draws_from_the_seed_of_its_briefing_leaves_the_same_bytes(
+    tmp_path: Path, plugged: None
+) -> None:
+    path, _ = recorded(tmp_path, sut=plugin("seeded"), limit=3.0)
+    found = verify(path, 2, places=StatePaths(tmp_path))
+    assert (found.same_bytes, found.nondeterministic) == (2, False)
+    assert found.first_difference is None
+
+
+def test_a_specification_nobody_has_recorded_is_held_against_its_first_execution(
+    tmp_path: Path, plugged: None
+) -> None:
+    places = StatePaths(tmp_path)
+    same = verify_spec(spec(limit=3.0, sut=plugin("seeded")), WORLD, 2, places=places)
+    assert (same.trace, len(same.executions), same.same_bytes) == ("", 1, 1)
+    other = verify_spec(spec(limit=3.0, sut=plugin("random")), WORLD, 2, places=places)
+    assert other.first_difference is not None
+    assert other.first_difference.topic == "/cmd_vel"
+
+
+def test_what_the_wall_clock_ends_is_no_execution(tmp_path: Path, plugged: None) -> None:
+    run = spec(limit=3.0, sut=plugin("hangs"))
+    found = verify_spec(run, WORLD, 2, places=StatePaths(tmp_path), wall=1.0)
+    assert (found.executions, found.all_executed) == ((), False)
+    assert found.recorded.problem.startswith("stopped after 1 s of wall clock time")

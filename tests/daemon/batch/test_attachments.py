@@ -33,6 +33,7 @@ from daemon.model.messages import (
 )
 from daemon.model.spec import SutReference
 from daemon.stacks import registry
+from daemon.stacks.registry import make_sut
 from grammars.text.diagnostics import InputError
 from tests.daemon.batch.harness import daemon_at, eventually, finished, worker_for
 from tests.daemon.batch.samples import make_spec, submission_of
@@ -92,6 +93,8 @@ def test_a_sut_file_names_files_and_the_specification_their_digests(
     sut = load_sut(sut_file(here, text), lambda *_: here)
     assert sut.reference.parameters == {"speed": 0.5, "files": {"model": f"sha256:{DIGEST}"}}
     assert attached_digests(sut.reference.parameters) == {"model": DIGEST}
+    # What was checked in another process is made here, as a run makes it.
+    make_sut("learned", sut.reference.parameters)
     (parameters,) = plugged
     assert parameters["speed"] == 0.5
     model = Path(parameters["files"]["model"])

@@ -118,7 +118,7 @@ def test_a_campaign_run_here_is_held_against_a_file(
     path = tmp_path / "before.json"
     path.write_text(scenario("results", OLD, "--json").out)
     found = gather_results(two, two.campaigns()[0])
-    monkeypatch.setattr(execute, "run_here", lambda *_: found)
+    monkeypatch.setattr(execute, "run_here", lambda *_, **__: found)
     demo = str(campaigns / "demo" / "campaign.yaml")
     said = scenario("run", demo, "--json", "--baseline", str(path), "--worse-by", allowed)
     assert said.code == code
@@ -130,7 +130,7 @@ def test_a_campaign_run_here_knows_no_others(scenario, two, campaigns, monkeypat
         gather_results(two, two.campaigns()[0]),
         declared=AssessmentRules(gate=RegressionGate("last-green", 0)),
     )
-    monkeypatch.setattr(execute, "run_here", lambda *_: found)
+    monkeypatch.setattr(execute, "run_here", lambda *_, **__: found)
     said = scenario("run", str(campaigns / "demo" / "campaign.yaml"))
     assert "not compared with last-green: without a daemon give a file of results" in said.err
     assert said.code == 0

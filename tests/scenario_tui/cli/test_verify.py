@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+import sys
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
+from daemon.model.spec import SutReference
 from daemon.stacks import registry
 from scenario_tui.cli import invoke
 from tests.daemon.analysis.test_verification import EXTERNAL, erratic, idle, recorded
+from tests.plugins import MODULE, install_plugins
 from tests.scenario_tui.cli.outputs import declared
+from tests.scenario_tui.cli.test_run_limits import campaign
 
 __all__ = ["erratic"]
 
@@ -33,7 +38,8 @@ def test_other_bytes_are_a_finding(tmp_path: Path, capsys: pytest.CaptureFixture
     path.write_bytes(data.replace(b"scenario", b"Scenario", 1))
     assert invoke(["verify", str(path)]) == 1
     out = capsys.readouterr().out
-    assert f"{run.label}: not the same bytes, 0 of 1 executions left them" in out
+    assert f"{run.label}: not the same bytes, 0 of 2 executions left them; they part " in out
+    assert "executions agree with each other: the recording is of other code" in out
     assert "path driven" in out
 
 
@@ -75,3 +81,48 @@ def test_a_system_that_is_not_here_is_infrastructure(
 
 def test_a_trace_that_is_not_there_is_wrong_usage(tmp_path: Path) -> None:
     assert invoke(["verify", str(tmp_path / "none.mcap")]) == 2
+
+
+@pytest.fixture
+def plugged(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    folder = tmp_path / "packages"
+    folder.mkdir()
+    install_plugins(folder, monkeypatch)
+    yield
+    sys.modules.pop(MODULE, None)
+
+
+def test_nondeterminism_is_told_with_its_place_and_what_to_do(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], plugged: None
+) -> None:
+    path, run = recorded(tmp_path, sut=SutReference("mine", "random", {}), limit=3.0)
+    assert invoke(["verify", str(path)]) == 1
+    out = " ".join(capsys.readouterr().out.split())
+    said = f"{run.label}: mine is not deterministic, executions part on /cmd_vel at 1.00 s"
+    assert said in out
+    assert "has to come from briefing.seed" in out
+    assert invoke(["verify", str(path), "--json"]) == 1
+    body = declared(capsys.readouterr().out)
+    assert body["nondeterministic"]
+    assert body["first_difference"]["topic"] == "/cmd_vel"
+
+
+def test_campaign_files_and_folders_are_verified_whole(
+    tmp_path: Path, campaigns: Path, capsys: pytest.CaptureFixture[str], plugged: None
+) -> None:
+    file = campaign(tmp_path, campaigns, "seeded", "random")
+    assert invoke(["verify", str(file)]) == 1
+    out = capsys.readouterr().out
+    assert "house/seeded/0: 2 of 2 executions left the same bytes\n" in out
+    assert "house/random/0: random is not deterministic, executions part on /cmd_vel" in out
+    traces = tmp_path / "traces"
+    for name, kind in (("one", "seeded"), ("two", "plain")):
+        (traces / name).mkdir(parents=True)
+        recorded(traces / name, sut=SutReference(kind, kind, {}))
+    assert invoke(["verify", str(traces), "--json"]) == 0
+    body = declared(capsys.readouterr().out)
+    assert body["schema"] == "scenario/verifications/1"
+    assert [(run["sut"], run["same_bytes"]) for run in body["runs"]] == [
+        ("seeded", 2),
+        ("plain", 2),
+    ]

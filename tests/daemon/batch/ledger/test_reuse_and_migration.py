@@ -372,6 +372,16 @@ def test_executed_again_on_request_it_has_the_new_result(ledger: Ledger) -> None
     assert ledger.row("first").passed == 1
 
 
+def test_what_the_wall_clock_ended_may_come_out_otherwise_on_request(ledger: Ledger) -> None:
+    ledger.submit("first", *specs(1))
+    note = "stopped after 5 s of wall clock time, 4.9 s of them in one call of update() (a.py:1)"
+    ledger.work(lambda spec: replace(make_result(spec, outcome=Outcome.ERROR), note=note))
+    assert ledger.book.retry(RetryRequest("first", ("error",)), NOW) == 1
+    ledger.work()
+    (row,) = ledger.rows("first")
+    assert (row.outcome, row.nondeterministic) == (Outcome.PASS, False)
+
+
 def test_repeats_in_reserve_are_held_to_the_same_rules(tmp_path: Path) -> None:
     places = StatePaths(tmp_path)
     places.make_folders()

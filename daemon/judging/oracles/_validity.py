@@ -1,0 +1,169 @@
+"""Whether a trace can be trusted: what is wrong with one is an error, never the robot's failure.
+
+Invalid is what says nothing about the robot: a damaged recording, clocks, numbers and motion that
+cannot be, a simulator that did not simulate. A stack that gave up before it set off, claimed
+success at once or never commanded anything has been tested, and is judged.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+
+from daemon.trace import CommandTrack, Trace
+from grammars.model.geometry import Floats
+from grammars.model.robot import Drive
+
+_SHORTEST_LEAP: Final = 0.5
+"""Shortest step [m] between two samples that may be an explosion of the physics: ten times the way
+of a fast robot (1 m/s) between two samples."""
+_LEAP_SPEED_FACTOR: Final = 5.0
+_FASTEST_ROBOT: Final = 20.0
+"""A step is impossible when it is so many times faster than the robot can drive, or as fast [m/s]
+when nothing limits its drive."""
+MOVED_DISTANCE: Final = 0.01
+MOVED_ANGLE: Final = 0.05
+"""A robot that has not left a circle of this radius [m], nor turned by this angle [rad], has never
+moved; a door or a person may have pushed it a little."""
+AT_START_DISTANCE: Final = 0.1
+"""A mission asks a robot to move when a waypoint is farther [m] than this from where it starts."""
+_CLEAR_FACTOR: Final = 10.0
+"""A command is clear when it asks for so many times the way that counts as having moved: what a
+drive takes to follow it, and what friction takes away, is less than that."""
+
+
+def trace_problems(trace: Trace) -> tuple[str, ...]:
+    """Return why ``trace`` cannot be trusted, in words; empty when it can.
+
+    What its reader found; numbers that are none; clocks that run backwards; leaps no robot can
+    make; a robot that did not move during a whole run although it was told to and nothing was in
+    its way.
+    """
+    # From what makes the next question meaningless to what only a sound recording can be asked.
+    found = [*trace.problems, *_not_finite(trace)]
+    if not found:
+        found += [*_clock(trace), *_leaps(trace)]
+    if not found:
+        found += _without_effect(trace)
+    return tuple(found)
+
+
+def _not_finite(trace: Trace) -> list[str]:
+    truth, command = trace.ground_truth, trace.command
+    channels = {
+        "the ground truth": (truth.time, truth.x, truth.y, truth.yaw, truth.vx, truth.vy, truth.wz),
+        "a command": (command.time, command.vx, command.vy, command.wz),
+        "the joint states": (trace.joints.time, trace.joints.position),
+    }
+    for name, track in (("the estimate", trace.estimate), ("the particle cloud", trace.cloud)):
+        channels[name] = (track.time, track.x, track.y, track.yaw, track.covariance)
+    return [
+        f"{name} is not finite"
+        for name, arrays in channels.items()
+        if not all(np.isfinite(array).all() for array in arrays)
+    ]
+
+
+def _clock(trace: Trace) -> list[str]:
+    time = trace.ground_truth.time
+    backwards = len(time) > 1 and float(np.diff(time).min()) < 0.0
+    return ["the clock runs backwards"] if backwards else []
+
+
+def _leaps(trace: Trace) -> list[str]:
+    truth, drive = trace.ground_truth, trace.spec.robot.drive
+    if len(truth.time) < 2:
+        return []
+    steps = np.hypot(np.diff(truth.x), np.diff(truth.y))
+    # Generously: a robot that a door pushes may be faster than it can drive.
+    fastest = min(_FASTEST_ROBOT, _LEAP_SPEED_FACTOR * float(np.hypot(drive.max_vx, drive.max_vy)))
+    leaps = np.flatnonzero(steps > np.maximum(_SHORTEST_LEAP, fastest * np.diff(truth.time)))
+    if not len(leaps):
+        return []
+    first = int(leaps[0])
+    return [f"the robot leaps {steps[first]:.2f} m at {truth.time[first + 1]:.2f} s"]
+
+
+def _without_effect(trace: Trace) -> list[str]:
+    """Tell commands that moved nothing: then the world stood still, not the robot's stack."""
+    if not _never_moved(trace) or trace.contacts or not _was_told_to_move(trace):
+        return []
+    return [f"the robot never moved and touched nothing, though {_command_summary(trace)}"]
+
+
+def _never_moved(trace: Trace) -> bool:
+    """Judge whole runs only: as long as a run goes on, the robot may still set off."""
+    truth, waypoints = trace.ground_truth, trace.spec.mission.waypoints
+    if not trace.complete or not len(truth.time):
+        return False
+    x, y = truth.x - truth.x[0], truth.y - truth.y[0]
+    turned = float(np.ptp(np.unwrap(truth.yaw)))
+    farthest = max((np.hypot(w.x - truth.x[0], w.y - truth.y[0]) for w in waypoints), default=0.0)
+    moved = turned > MOVED_ANGLE or float(np.hypot(x, y).max()) > MOVED_DISTANCE
+    return bool(farthest > AT_START_DISTANCE) and not moved
+
+
+def _was_told_to_move(trace: Trace) -> bool:
+    """Whether a command held long enough that any robot with this drive must have moved."""
+    command, drive = trace.command, trace.spec.robot.drive
+    lasts = _durations(command, drive, float(trace.ground_truth.time[-1]))
+    way, angle = _CLEAR_FACTOR * MOVED_DISTANCE, _CLEAR_FACTOR * MOVED_ANGLE
+    sideways = drive.kind == "omnidirectional"
+    loss, spin = drive.friction_loss, drive.turning_loss
+    return (
+        _farthest(command.vx, lasts, drive.max_vx, drive.max_ax, loss) >= way
+        or (sideways and _farthest(command.vy, lasts, drive.max_vy, drive.max_ay, loss) >= way)
+        or _farthest(command.wz, lasts, drive.max_wz, drive.max_az, spin) >= angle
+    )
+
+
+def _durations(command: CommandTrack, drive: Drive, end: float) -> Floats:
+    """Return for how long [s] each command moves the base: until the next one, or its timeout."""
+    lasts = np.diff(command.time, append=end)
+    return np.minimum(lasts, drive.timeout) if drive.timeout > 0.0 else lasts
+
+
+def _farthest(
+    speed: Floats, lasts: Floats, fastest: float, acceleration: float, loss: float
+) -> float:
+    """Return the way that one unbroken series of commands in one direction asks for at least.
+
+    The unit is that of ``speed`` times seconds; a base at rest needs part of it to get going.
+    """
+    best = way = elapsed = direction = 0.0
+    for value, duration in zip(speed.tolist(), lasts.tolist(), strict=True):
+        left = max(min(abs(value), fastest) - loss, 0.0)
+        sign = float(np.sign(value)) if left else 0.0
+        if sign != direction:
+            way = elapsed = 0.0
+            direction = sign
+        way += left * duration
+        elapsed += duration
+        best = max(best, min(way, 0.5 * acceleration * elapsed**2))
+    return best
+
+
+def _command_summary(trace: Trace) -> str:
+    """Say what the robot was told to do, which is where to look for the reason."""
+    command = trace.command
+    if not len(command.time):
+        return "no command was given"
+    fastest = float(np.hypot(command.vx, command.vy).max())
+    turning = float(np.abs(command.wz).max())
+    if fastest == 0.0 and turning == 0.0:
+        return "every command was zero"
+    return f"it was commanded up to {fastest:.2f} m/s and {turning:.2f} rad/s"
+
+
+def standstill_note(trace: Trace) -> str:
+    """Say why a robot that never moved did not, as far as its stack said; empty for any other."""
+    if not _never_moved(trace):
+        return ""
+    said = f"the robot never moved: {_command_summary(trace)}"
+    last = trace.progress[-1] if trace.progress else None
+    if last is not None and last.state == "aborted":
+        said += f", the mission was given up at {last.time:.2f} s"
+    elif last is not None and last.state == "succeeded":
+        said += f", the mission was called done at {last.time:.2f} s"
+    return said

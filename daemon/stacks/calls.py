@@ -1,0 +1,98 @@
+"""Calling a system under test: whatever goes wrong in it comes back as one kind of error."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from daemon.model.deadline import OutOfTime, interruptible, wall_clock_limit
+from daemon.model.sut import Briefing, Decision, Observation, SutFailure, SystemUnderTest
+from daemon.stacks.registry import make_sut
+from grammars.model.geometry import Floats, Pose2
+
+_MAKING_LIMIT: Final = 60.0
+"""Seconds of wall clock in which a system under test has to be made for a run. Longer than what a
+check of a campaign allows, for machines that are full of runs."""
+
+
+class SutError(Exception):
+    """The system under test raised; ``note`` says what, for the result and the trace."""
+
+    def __init__(self, error: BaseException) -> None:
+        # The innermost frame: where in the system under test it happened. Not
+        # ``grammars.text.plugins``, whose sentence differs: this one stands in recorded traces.
+        where = error.__traceback__
+        while where is not None and where.tb_next is not None:
+            where = where.tb_next
+        place = (
+            f" ({Path(where.tb_frame.f_code.co_filename).name}:{where.tb_lineno})" if where else ""
+        )
+        self.note = f"the system under test crashed: {type(error).__name__}: {error}{place}"
+        if isinstance(error, SutFailure | OutOfTime):
+            self.note = str(error)
+        # It may quote what a program printed, and that may be no text at all.
+        self.note = self.note.encode("utf-8", "backslashreplace").decode()
+        super().__init__(self.note)
+
+
+@contextmanager
+def sut_call(name: str) -> Iterator[None]:
+    """Raise :class:`SutError` for what a call of a system under test raises.
+
+    Also for leaving the interpreter, and for not returning before the wall clock limit of
+    :mod:`daemon.model.deadline`.
+    """
+    try:
+        with interruptible(name):
+            yield
+    except (Exception, SystemExit, OutOfTime) as error:
+        raise SutError(error) from error
+
+
+class _NeverMade:
+    """Stands for a system under test whose factory did not return: it ends its run at once."""
+
+    period = 1.0
+    needs_ground_truth = False
+
+    def __init__(self, why: str) -> None:
+        self._why = why
+
+    def start(self, briefing: Briefing) -> None:
+        raise SutFailure(self._why)
+
+    def update(self, observation: Observation) -> Decision:
+        raise SutFailure(self._why)
+
+
+def make_in_time(kind: str, parameters: Mapping[str, Any]) -> SystemUnderTest:
+    """Make a system under test; of one that is not made in time the run says so, by its trace.
+
+    Raises ``ValueError`` as :func:`daemon.stacks.registry.make_sut` does.
+    """
+    try:
+        with wall_clock_limit(_MAKING_LIMIT), interruptible("its factory"):
+            return make_sut(kind, parameters)
+    except OutOfTime as error:
+        return _NeverMade(str(error))
+
+
+def check_decision(decision: object) -> None:
+    """Raise for an answer that is no decision or has numbers that are none."""
+    if not isinstance(decision, Decision):
+        raise TypeError(f"update() must return a Decision, not {type(decision).__name__}")
+    if decision.estimate is not None:
+        pose, covariance = decision.estimate.pose, decision.estimate.covariance
+        _check_finite("estimate", pose, covariance)
+    if decision.cloud is not None:
+        _check_finite("particle cloud", decision.cloud.mean, decision.cloud.covariance)
+
+
+def _check_finite(what: str, pose: Pose2, covariance: Floats) -> None:
+    if not (math.isfinite(pose.x + pose.y + pose.yaw) and math.isfinite(float(np.sum(covariance)))):
+        raise ValueError(f"its {what} has values that are not finite")

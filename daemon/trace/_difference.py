@@ -1,0 +1,108 @@
+"""Where two recordings of one specification part: the first message that differs."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator
+from dataclasses import dataclass
+from itertools import zip_longest
+from pathlib import Path
+from typing import Final
+
+from daemon.trace._mcap_reader import McapContents, read_mcap
+from daemon.trace.layouts import HEADER, ByteArray
+
+_FIRST: Final = (
+    "/odom",
+    "/scan",
+    "/ground_truth",
+    "/joint_states",
+    "/contacts",
+    "/pose",
+    "/plan",
+    "/cmd_vel",
+    "/mission/status",
+    "/events",
+)
+"""Of several that part at one instant, the cause: what a stack is given before what it answers,
+and that before what follows from it."""
+
+
+@dataclass(frozen=True, slots=True)
+class TraceDifference:
+    """The first difference: its ``topic`` and simulated ``time`` [s].
+
+    Where all messages are the same, ``topic`` is empty and ``what`` says what differs.
+    """
+
+    topic: str = ""
+    time: float = 0.0
+    what: str = ""
+
+    def __str__(self) -> str:
+        return f"on {self.topic} at {self.time:.2f} s" if self.topic else self.what
+
+
+class _EveryTopic(Collection[str]):
+    """All topics there may be, those of robots with many lasers too."""
+
+    def __contains__(self, topic: object) -> bool:
+        return True
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(())
+
+    def __len__(self) -> int:
+        return 0
+
+
+def first_difference(one: Path, other: Path) -> TraceDifference | None:
+    """Return where two traces part, ``None`` for those with the same bytes.
+
+    Raises :class:`~daemon.trace.TraceError` for a file that is no trace.
+    """
+    if one.read_bytes() == other.read_bytes():
+        return None
+    first, second = read_mcap(one, _EveryTopic()), read_mcap(other, _EveryTopic())
+    topics = sorted(first.runs.keys() | second.runs.keys())
+    found = [
+        (time, _FIRST.index(topic) if topic in _FIRST else len(_FIRST), topic)
+        for topic in topics
+        if (time := _parting(first.runs.get(topic, []), second.runs.get(topic, []))) is not None
+    ]
+    if found:
+        time, _, topic = min(found)
+        return TraceDifference(topic, time / 1e9)
+    return TraceDifference(what=_besides_messages(first, second))
+
+
+def _parting(one: list[ByteArray], other: list[ByteArray]) -> int | None:
+    """Return the earlier time [ns] of the first two messages that differ."""
+    for mine, theirs in zip_longest(_messages(one), _messages(other)):
+        if mine != theirs:
+            return min(_time(message) for message in (mine, theirs) if message is not None)
+    return None
+
+
+def _messages(runs: list[ByteArray]) -> Iterator[bytes]:
+    for rows in runs:
+        for row in rows:
+            yield row.tobytes()
+
+
+def _time(message: bytes) -> int:
+    time: int = HEADER.unpack_from(message)[4]
+    return time
+
+
+def _besides_messages(one: McapContents, other: McapContents) -> str:
+    """Name what differs in files whose messages are the same."""
+    names = [
+        f"{kind} {name}"
+        for kind, mine, theirs in (
+            ("metadata", one.metadata, other.metadata),
+            ("attachment", one.attachments, other.attachments),
+        )
+        for name in sorted(mine.keys() | theirs.keys())
+        if mine.get(name) != theirs.get(name)
+    ]
+    return f"in {', '.join(names)}" if names else "in the bytes around the messages"

@@ -1,0 +1,176 @@
+"""Robots that go nowhere, through whole runs: a stack that gives up or does nothing has failed.
+
+What remains an error is a stack that crashed, left or hung.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from daemon.campaign import expand, load_campaign
+from daemon.judging import oracles
+from daemon.model.deadline import OutOfTime, interruptible, wall_clock_limit, was_stopped
+from daemon.model.spec import RunResult, RunSpec, SutReference
+from daemon.model.verdicts import Outcome
+from daemon.run import execute
+from daemon.trace import read_trace
+from grammars.model.mission import Waypoint
+from grammars.model.scene import Scene
+from tests.plugins import MODULE, install_plugins, place_of
+
+OUTSIDE = (Waypoint("outside", 100.0, 100.0),)
+
+
+@pytest.fixture(scope="module")
+def demo(campaigns: Path) -> tuple[RunSpec, Scene]:
+    found = expand(load_campaign(campaigns / "demo" / "campaign.yaml"))
+    spec = next(spec for spec in found.runs if spec.scenario == "open-house")
+    return spec, found.scenes[0]
+
+
+@pytest.fixture
+def plugged(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    folder = tmp_path / "packages"
+    folder.mkdir()
+    install_plugins(folder, monkeypatch)
+    yield
+    sys.modules.pop(MODULE, None)
+
+
+def executed(
+    demo: tuple[RunSpec, Scene],
+    path: Path,
+    kind: str,
+    parameters: dict[str, Any] | None = None,
+    *,
+    goals: tuple[Waypoint, ...] = (),
+    limit: float = 30.0,
+) -> RunResult:
+    spec, scene = demo
+    mission = replace(spec.mission, waypoints=goals or spec.mission.waypoints)
+    sut = SutReference(kind, kind, parameters or {})
+    return execute(replace(spec, sut=sut, limit=limit, mission=mission), scene, trace_path=path)
+
+
+def assert_failed(result: RunResult, path: Path, why: str) -> None:
+    """The mission has failed and the rest is judged, now and when it is judged again."""
+    verdicts = {verdict.oracle: verdict for verdict in result.verdicts}
+    assert result.outcome is Outcome.FAIL
+    assert verdicts["reached"].outcome is Outcome.FAIL
+    assert f"the robot never moved: {why}" in verdicts["reached"].evidence.note
+    assert verdicts["no-contact"].outcome is Outcome.PASS
+    trace = read_trace(path)
+    assert oracles.trace_problems(trace) == ()
+    assert oracles.judge(trace, trace.spec.oracles) == result.verdicts
+
+
+@pytest.mark.parametrize(
+    ("kind", "parameters", "goals", "ended", "why"),
+    [
+        ("idle", {}, (), "limit", "every command was zero"),
+        ("plain", {}, (), "limit", "no command was given"),
+        (
+            "gives-up", {}, (), "finished",
+            "every command was zero, the mission was given up at 0.00 s",
+        ),
+        (
+            "says-done", {}, (), "finished",
+            "every command was zero, the mission was called done at 0.00 s",
+        ),
+        ("pilot", {}, OUTSIDE, "finished", "every command was zero, the mission was given up at"),
+        (
+            "ros", {"move_base": {"planner_patience": 1.0, "recovery_behavior_enabled": False}},
+            OUTSIDE, "finished", "every command was zero, the mission was given up at",
+        ),
+    ],
+    ids=["idle", "never commands", "gives up at once", "claims success", "pilot", "ros"],
+)  # fmt: skip
+def test_a_robot_that_never_moved_has_failed(
+    demo: tuple[RunSpec, Scene],
+    tmp_path: Path,
+    plugged: None,
+    kind: str,
+    parameters: dict[str, Any],
+    goals: tuple[Waypoint, ...],
+    ended: str,
+    why: str,
+) -> None:
+    path = tmp_path / "run.mcap"
+    result = executed(demo, path, kind, parameters, goals=goals)
+    assert result.ended == ended
+    assert_failed(result, path, why)
+
+
+def test_leaving_the_interpreter_is_a_crash(
+    demo: tuple[RunSpec, Scene], tmp_path: Path, plugged: None
+) -> None:
+    result = executed(demo, tmp_path / "run.mcap", "leaves")
+    assert (result.ended, result.outcome) == ("crashed", Outcome.ERROR)
+    assert f"the system under test crashed: SystemExit: 3 ({MODULE}.py:" in result.note
+
+
+def test_an_endless_update_is_ended_by_the_wall_clock(
+    demo: tuple[RunSpec, Scene], tmp_path: Path, plugged: None
+) -> None:
+    path = tmp_path / "run.mcap"
+    with wall_clock_limit(3.0):
+        result = executed(demo, path, "hangs")
+    assert (result.ended, result.outcome) == ("crashed", Outcome.ERROR)
+    assert was_stopped(result.note)
+    assert result.note.startswith("stopped after 3 s of wall clock time, ")
+    assert "of them in one call of update() (" in result.note
+    trace = read_trace(path)
+    assert (trace.complete, trace.note) == (True, result.note)
+    assert trace.ground_truth.time[-1] == pytest.approx(1.0)
+    assert trace.ground_truth.x[-1] > 0.0
+
+
+def test_a_factory_that_hangs_in_a_run_ends_it_with_a_trace(
+    demo: tuple[RunSpec, Scene], tmp_path: Path, plugged: None
+) -> None:
+    path = tmp_path / "run.mcap"
+    with wall_clock_limit(0.5):
+        result = executed(demo, path, "factory-hangs-in-a-run", {"hang": True})
+    assert (result.ended, result.outcome) == ("crashed", Outcome.ERROR)
+    assert "of them in one call of its factory" in result.note
+    assert read_trace(path).note == result.note
+
+
+def test_a_run_that_is_merely_slow_is_ended_between_two_steps(
+    demo: tuple[RunSpec, Scene], tmp_path: Path
+) -> None:
+    with wall_clock_limit(0.2):
+        result = executed(demo, tmp_path / "run.mcap", "idle", limit=1e6)
+    assert (result.ended, result.outcome) == ("crashed", Outcome.ERROR)
+    assert was_stopped(result.note)
+    assert read_trace(tmp_path / "run.mcap").complete
+
+
+def loop_for(seconds: float) -> None:
+    with wall_clock_limit(seconds), interruptible("a loop"):
+        while True:
+            pass
+
+
+def test_the_nearest_limit_holds_and_nothing_is_left_of_it() -> None:
+    with wall_clock_limit(60.0):
+        with pytest.raises(OutOfTime, match=r"stopped after 0.05 s .* in one call of a loop"):
+            loop_for(0.05)
+        with interruptible("what comes next"):
+            pass
+    with interruptible("what comes after"):
+        pass
+
+
+def test_where_it_hung_is_said(demo: tuple[RunSpec, Scene], tmp_path: Path, plugged: None) -> None:
+    with wall_clock_limit(2.0):
+        result = executed(demo, tmp_path / "run.mcap", "hangs")
+    hanging = place_of("here it hangs")
+    line = int(hanging.rpartition(":")[2])
+    assert any(f"{MODULE}.py:{number}" in result.note for number in (line - 1, line))

@@ -1,0 +1,177 @@
+"""A package of somebody's with systems under test of all sorts, installed for one test."""
+
+from __future__ import annotations
+
+import os
+import sys
+from pathlib import Path
+from typing import Final
+
+import pytest
+
+MODULE: Final = "stacks_of_others"
+
+SOURCE: Final = """
+import ctypes
+import os
+import random
+import sys
+import time
+
+import numpy as np
+
+from scenario_tui.sut import Decision, Progress, Twist2
+
+
+class Stack:
+    period = 0.1
+    needs_ground_truth = False
+
+    def __init__(self, parameters):
+        self.parameters = dict(parameters)
+
+    def start(self, briefing):
+        self.briefing = briefing
+        self.count = len(briefing.mission.waypoints)
+
+    def update(self, observation):
+        return Decision(None, Progress(0, 0, "active"))
+
+
+class SaysDone(Stack):
+    def update(self, observation):
+        return Decision(Twist2(), Progress(self.count, self.count, "succeeded"))
+
+
+class GivesUp(Stack):
+    def update(self, observation):
+        return Decision(Twist2(), Progress(0, 0, "aborted"))
+
+
+class Leaves(Stack):
+    def update(self, observation):
+        sys.exit(3)
+
+
+class Hangs(Stack):
+    def update(self, observation):
+        while observation.time >= 1.0:
+            pass  # here it hangs
+        return Decision(Twist2(0.2), Progress(0, 0, "active"))
+
+
+class HangsForGood(Stack):
+    def update(self, observation):
+        while observation.time >= 12.0:
+            try:
+                while True:
+                    time.sleep(1.0)
+            except BaseException:
+                continue
+        return Decision(None, Progress(0, 0, "active"))
+
+
+class Crashes(Stack):
+    def update(self, observation):
+        ctypes.string_at(0)
+
+
+class Random(Stack):
+    draw = staticmethod(random.random)
+
+    def update(self, observation):
+        over = observation.time >= 2.0
+        turn = self.draw() if observation.time >= 1.0 else 0.5
+        return Decision(Twist2(0.1, 0.0, turn), Progress(0, 0, "aborted" if over else "active"))
+
+
+class NumpyRandom(Random):
+    draw = staticmethod(np.random.random)
+
+
+class Seeded(Random):
+    def start(self, briefing):
+        super().start(briefing)
+        self.draw = np.random.default_rng(briefing.seed).random
+
+
+def hangs(parameters):
+    while True:
+        pass  # its factory hangs
+
+
+def hangs_in_a_run(parameters):
+    if "hang" in parameters:
+        time.sleep(1e6)
+    return Stack(parameters)
+
+
+def leaves(parameters):
+    sys.exit(2)
+
+
+def leaves_at_once(parameters):
+    os._exit(5)
+
+
+def crashes(parameters):
+    ctypes.string_at(0)
+
+
+def prints(parameters):
+    print("loading weights")
+    os.system("echo loaded")
+    return Stack(parameters)
+
+
+def has_no_words(parameters):
+    raise ValueError
+
+
+def refuses(parameters):
+    raise ValueError('"speed" must be positive')
+"""
+
+_KINDS: Final = {
+    "plain": "Stack",
+    "says-done": "SaysDone",
+    "gives-up": "GivesUp",
+    "leaves": "Leaves",
+    "hangs": "Hangs",
+    "hangs-for-good": "HangsForGood",
+    "crashes": "Crashes",
+    "random": "Random",
+    "numpy-random": "NumpyRandom",
+    "seeded": "Seeded",
+    "factory-hangs": "hangs",
+    "factory-hangs-in-a-run": "hangs_in_a_run",
+    "factory-leaves": "leaves",
+    "factory-leaves-at-once": "leaves_at_once",
+    "factory-crashes": "crashes",
+    "factory-prints": "prints",
+    "factory-has-no-words": "has_no_words",
+    "factory-refuses": "refuses",
+}
+
+
+def install_plugins(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Install the package into ``folder`` and let this process and its children find it."""
+    (folder / f"{MODULE}.py").write_text(SOURCE)
+    (folder / "slow_to_import.py").write_text("import time\ntime.sleep(1e6)\n")
+    info = folder / "stacks_of_others-1.0.dist-info"
+    info.mkdir()
+    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: stacks-of-others\nVersion: 1.0\n")
+    lines = [f"{kind} = {MODULE}:{name}" for kind, name in _KINDS.items()]
+    lines.append("import-hangs = slow_to_import:make")
+    (info / "entry_points.txt").write_text("\n".join(["[scenario.suts]", *lines, ""]))
+    monkeypatch.syspath_prepend(str(folder))
+    paths = [str(folder), *filter(None, [os.environ.get("PYTHONPATH")])]
+    monkeypatch.setenv("PYTHONPATH", os.pathsep.join(paths))
+    monkeypatch.delitem(sys.modules, MODULE, raising=False)
+
+
+def place_of(comment: str) -> str:
+    """Return ``file:line`` of the line with that comment."""
+    lines = SOURCE.splitlines()
+    number = next(n for n, line in enumerate(lines, start=1) if comment in line)
+    return f"{MODULE}.py:{number}"

@@ -1,0 +1,105 @@
+"""``scenario run --wall --attempts``, and ``check``, with stacks that hang, die and give up."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from daemon.trace import read_trace
+from scenario_tui.cli import invoke
+from tests.plugins import MODULE, install_plugins
+from tests.scenario_tui.cli.outputs import declared
+
+CAMPAIGN = """
+campaign: limits
+seed: 7
+limit: 20 s
+robot: courier
+oracles: navigation
+matrix: {sut: [%s]}
+scenarios:
+  house:
+    floorplan: flat
+    objects: doors
+    behaviours: doors_open
+    mission: courier
+    oracles: [reached, no-contact]
+"""
+
+
+@pytest.fixture(autouse=True)
+def plugged(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    folder = tmp_path / "packages"
+    folder.mkdir()
+    install_plugins(folder, monkeypatch)
+    monkeypatch.setenv("SCENARIO_STATE", str(tmp_path / "state"))
+    yield
+    sys.modules.pop(MODULE, None)
+
+
+def campaign(folder: Path, campaigns: Path, *suts: str) -> Path:
+    """Write a campaign in the demo's flat with those systems under test."""
+    for layer in (campaigns / "demo").iterdir():
+        (folder / layer.name).symlink_to(layer)
+    (folder / "robots").symlink_to(campaigns / "robots")
+    (folder / "suts").symlink_to(campaigns / "suts")
+    path = folder / "limits.yaml"
+    path.write_text(CAMPAIGN % ", ".join(suts))
+    return path
+
+
+def test_what_hangs_dies_or_gives_up_is_told_apart(
+    tmp_path: Path, campaigns: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    file = campaign(tmp_path, campaigns, "hangs", "crashes", "gives-up", "hangs-for-good")
+    out = tmp_path / "traces"
+    options = ["--wall", "4", "--attempts", "1", "--out", str(out), "--json"]
+    assert invoke(["run", str(file), *options]) == 1  # the one that gave up has failed
+    body = declared(capfd.readouterr().out)
+    rows = {row["sut"]: row for row in body["runs"]}
+    assert {sut: (row["state"], row["outcome"]) for sut, row in rows.items()} == {
+        "hangs": ("done", "error"),
+        "crashes": ("lost", None),
+        "gives-up": ("done", "fail"),
+        "hangs-for-good": ("lost", None),
+    }
+    assert "killed by SIGSEGV" in rows["crashes"]["reason"]
+    assert "stopped after 4 s of wall clock time" in rows["hangs-for-good"]["reason"]
+    trace = read_trace(Path(rows["hangs"]["trace"]))
+    assert trace.complete
+    assert trace.note.startswith("stopped after 4 s of wall clock time")
+    assert f"in one call of update() ({MODULE}.py:" in trace.note
+
+
+def test_a_limit_is_a_time_longer_than_none(capfd: pytest.CaptureFixture[str]) -> None:
+    for wall in ("soon", "0", "-1s"):
+        assert invoke(["run", "campaign.yaml", "--wall", wall]) == 2
+    assert invoke(["run", "campaign.yaml", "--attempts", "0"]) == 2
+
+
+@pytest.mark.parametrize(
+    ("kind", "words", "code"),
+    [
+        ("factory-leaves-at-once", "ended its process with code 5 while it was made", 2),
+        ("factory-prints", 'prints while it is made: "loading weights" and 1 more', 0),
+    ],
+)
+def test_a_factory_is_checked_in_a_child(
+    tmp_path: Path,
+    campaigns: Path,
+    capfd: pytest.CaptureFixture[str],
+    kind: str,
+    words: str,
+    code: int,
+) -> None:
+    file = campaign(tmp_path, campaigns, kind)
+    assert invoke(["check", str(file), "--json"]) == code
+    body: dict[str, Any] = json.loads(capfd.readouterr().out)
+    (found,) = body["files"][str(file)]
+    assert words in found["message"]
+    assert found["where"]["line"] == 7
