@@ -68,6 +68,15 @@ def run(
     baseline: Baseline = "",
     worse_by: WorseBy = None,
     out: Out = None,
+    junit: Annotated[
+        Path | None,
+        typer.Option(
+            "--junit",
+            metavar="FILE",
+            dir_okay=False,
+            help="Write verdicts as JUnit XML, for build servers.",
+        ),
+    ] = None,
     slots: Slots = None,
     as_json: AsJson = False,
 ) -> None:
@@ -81,6 +90,10 @@ def run(
     from scenario_tui.cli.results import emit_results, print_commands
 
     found = run_here(_prepare_submission(campaign), out, slots, as_json)
+    if junit is not None:
+        from daemon.analysis.report import write_junit
+
+        write_junit(found.row.name, found.assessment, found.records, junit)
     between = compare_with_baseline(found, baseline, worse_by, None)
     if as_json:
         emit_results(found, comparison=between)
