@@ -7,15 +7,14 @@ from __future__ import annotations
 
 import csv
 from collections.abc import Iterator, Sequence
-from importlib import import_module
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 from daemon.analysis.report._data import ReportData
 from daemon.analysis.report._tracks import MEASURES, RunTracks
 from daemon.model.assessments import RunRecord
 from daemon.model.verdicts import Outcome
-from grammars.text.diagnostics import Diagnostic, InputError, Where
+from grammars.text.extras import load_extra
 
 COLUMNS: Final = (
     "campaign", "scenario", "sut", "repeat", "run", "digest", "outcome",
@@ -74,14 +73,14 @@ def write_csv(data: ReportData, path: Path) -> None:
 
 
 def write_parquet(data: ReportData, path: Path) -> None:
-    """Write the table as Parquet; raises :class:`InputError` without the extra ``report``."""
-    try:
-        arrow: Any = import_module("pyarrow")
-        parquet: Any = import_module("pyarrow.parquet")
-    except ImportError as error:
-        message = "a Parquet file takes the library pyarrow, which is not installed"
-        hint = 'install it with: pip install "scenario-tui[report]"; CSV takes nothing more'
-        raise InputError(Diagnostic(Where("scenario report"), message, hint)) from error
+    """Write the table as Parquet.
+
+    Raises :class:`grammars.text.extras.MissingExtraError` without the extra ``report``.
+    """
+    arrow, parquet = (
+        load_extra(module, "report", "a Parquet file", "scenario report")
+        for module in ("pyarrow", "pyarrow.parquet")
+    )
     columns: Sequence[tuple[str | int | float | None, ...]] = tuple(
         zip(*table_rows(data), strict=True)
     ) or ((),) * len(COLUMNS)
