@@ -127,24 +127,6 @@ def test_units_of_plans_are_those_of_every_other_file(unit: str) -> None:
 _BASE_UNITS = ("m", "cm", "mm", "km", "s", "ms", "min", "h", "rad", "deg", "kg", "g", "N", "Hz")
 
 
-    "m",
-    "cm",
-    "mm",
-    "km",
-    "s",
-    "ms",
-    "min",
-    "h",
-    "rad",
-    "deg",
-    "°",
-    "kg",
-    "g",
-    "N",
-    "Hz",
-]
-
-
 def test_units_are_what_pint_makes_of_them() -> None:
     """An independent library, held to our dimension of angles by leaving angles as they are."""
     registry = pint.UnitRegistry(autoconvert_offset_to_baseunit=False)
