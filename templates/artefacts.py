@@ -1,7 +1,7 @@
 """The artefacts there are, by name, and the one way in which they are made, singly or all at once.
 
-A kind that cannot be made of what is given (a plan has no doors that move) is an error when it is
-asked for by name and left out when all are asked for.
+A kind that cannot be made of what is given (a plan has no doors that move), or takes a library that
+is not installed, is an error when it is asked for by name and left out when all are asked for.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Final, Literal, TypeAlias
 
 from grammars.text.diagnostics import Diagnostic, InputError, Where, did_you_mean
+from grammars.text.extras import MissingExtraError
 from templates.rendering import Templates
 from templates.world import ArtefactWorld, ExportJob, ExportSettings
 
@@ -65,14 +66,20 @@ def export(
     """Make artefacts of ``kinds`` (names, or ``all``) of ``world`` in ``folder``.
 
     Provenance comes last, whatever the order asked for. Same input, same bytes. Raises
-    :class:`InputError` for unknown kinds, for kinds ``world`` has not the parts of, and for
-    templates that cannot be used.
+    :class:`InputError` for unknown kinds, for kinds ``world`` has not the parts of, for libraries
+    that are not installed, and for templates that cannot be used.
     """
-    chosen = choose_kinds(world, kinds)
+    wanted = tuple(kinds)
+    chosen = choose_kinds(world, wanted)
     job = ExportJob(world, folder, settings or ExportSettings(), templates or Templates())
     folder.mkdir(parents=True, exist_ok=True)
     for kind in chosen:
-        job.made[kind.name] = kind.make(job)
+        try:
+            job.made[kind.name] = kind.make(job)
+        except MissingExtraError as error:
+            if kind.name in wanted:
+                raise
+            job.notes += (f"{d.message}; {d.hint}" for d in error.diagnostics)
     return ExportResult(job.made, tuple(dict.fromkeys(job.notes)))
 
 

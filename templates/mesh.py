@@ -8,7 +8,6 @@ no cracks, slivers or inner faces. Uniting the prisms directly would leave faces
 
 from __future__ import annotations
 
-import importlib
 import itertools
 from dataclasses import dataclass
 from pathlib import Path
@@ -21,7 +20,7 @@ from shapely.geometry.polygon import orient
 
 from grammars.model.geometry import Floats
 from grammars.model.scene import Scene
-from grammars.text.diagnostics import InputError, Where
+from grammars.text.extras import load_extra
 from templates.world import ExportJob
 
 _GRID: Final = 1e-6
@@ -50,8 +49,8 @@ class WallMesh:
 def wall_mesh(scene: Scene) -> WallMesh:
     """Return the union of all solids of ``scene`` as a closed 2-manifold with outward faces.
 
-    Raises :class:`ValueError` when nothing stands in the scene, and :class:`InputError` when the
-    extra ``mesh`` is not installed.
+    Raises :class:`ValueError` when nothing stands in the scene, and
+    :class:`grammars.text.extras.MissingExtraError` when the extra ``mesh`` is not installed.
     """
     m3 = _library("manifold3d")
     layers = [_extruded(m3, *layer) for layer in _layers(scene)]
@@ -103,11 +102,7 @@ def write_glb(mesh: WallMesh, path: Path, *, name: str) -> Path:
 
 
 def _library(name: str) -> Any:
-    try:
-        return importlib.import_module(name)
-    except ImportError as error:
-        hint = 'pip install "scenario-tui[mesh]"'
-        raise InputError.at(Where("mesh"), f"{name} is not installed", hint) from error
+    return load_extra(name, "mesh", "a mesh", "mesh")
 
 
 def _layers(scene: Scene) -> list[tuple[float, float, Any]]:

@@ -2,9 +2,8 @@
 
 Rates come from counts by the exact interval of Clopper and Pearson (Biometrika 26, 1934): its
 bounds are quantiles of beta distributions; it covers at least as often as it says, for any number
-of runs, which is what a test of a robot with five repeats needs. Only the quantiles come from
-scipy (``scipy.special``, which loads fast enough for a command line); the rest is a line of a
-definition each, held by tests to ``scipy.stats``.
+of runs, which is what a test of a robot with five repeats needs. Everything is a line of a
+definition, held by tests to ``scipy.stats``.
 """
 
 from __future__ import annotations
@@ -13,6 +12,8 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final, Literal, TypeVar
+
+from daemon.judging._quantiles import beta_quantile, t_probability, t_quantile
 
 Key = TypeVar("Key", bound=tuple[Any, ...])
 
@@ -29,7 +30,7 @@ def at_least(passed: int, n: int, confidence: float = CONFIDENCE) -> float:
     _check(passed, n)
     if passed == 0:
         return 0.0
-    return _beta_quantile(passed, n - passed + 1, 1.0 - confidence)
+    return beta_quantile(passed, n - passed + 1, 1.0 - confidence)
 
 
 def at_most(passed: int, n: int, confidence: float = CONFIDENCE) -> float:
@@ -76,12 +77,6 @@ def _check(passed: int, n: int) -> None:
         raise ValueError(f"{passed} of {n} runs cannot have passed")
 
 
-def _beta_quantile(a: float, b: float, q: float) -> float:
-    from scipy.special import betaincinv
-
-    return float(betaincinv(a, b, q))
-
-
 @dataclass(frozen=True, slots=True)
 class MeanInterval:
     """A mean of ``n`` values, their standard deviation, the two-sided t interval of the mean.
@@ -117,14 +112,14 @@ class MeanDifference:
         """Return the one-sided p value for "the mean difference is above ``limit``"."""
         if self.error == 0.0:
             return 0.0 if self.mean > limit else 1.0
-        return _t_cdf((limit - self.mean) / self.error, self.freedom)
+        return t_probability((limit - self.mean) / self.error, self.freedom)
 
     @property
     def p_different(self) -> float:
         """Return the two-sided p value for "there is a difference"."""
         if self.error == 0.0:
             return 1.0 if self.mean == 0.0 else 0.0
-        return 2.0 * _t_cdf(-abs(self.mean / self.error), self.freedom)
+        return 2.0 * t_probability(-abs(self.mean / self.error), self.freedom)
 
 
 def mean_interval(values: Sequence[float], confidence: float = CONFIDENCE) -> MeanInterval:
@@ -136,7 +131,7 @@ def mean_interval(values: Sequence[float], confidence: float = CONFIDENCE) -> Me
     if n == 1:
         return MeanInterval(1, mean, None, None, None)
     std = _deviation(values)
-    half = _t_quantile(0.5 * (1.0 + confidence), n - 1) * std / math.sqrt(n)
+    half = t_quantile(0.5 * (1.0 + confidence), n - 1) * std / math.sqrt(n)
     return MeanInterval(n, mean, std, mean - half, mean + half)
 
 
@@ -198,7 +193,7 @@ def _difference(
     confidence: float,
     method: Literal["paired", "welch"],
 ) -> MeanDifference:
-    half = _t_quantile(confidence, freedom) * error
+    half = t_quantile(confidence, freedom) * error
     return MeanDifference(n, mean, mean - half, mean + half, error, freedom, method)
 
 
@@ -210,18 +205,6 @@ def _deviation(values: Sequence[float]) -> float:
     import numpy as np
 
     return float(np.std(np.asarray(values, dtype=float), ddof=1))
-
-
-def _t_quantile(q: float, freedom: float) -> float:
-    from scipy.special import stdtrit
-
-    return float(stdtrit(freedom, q))
-
-
-def _t_cdf(t: float, freedom: float) -> float:
-    from scipy.special import stdtr
-
-    return float(stdtr(freedom, t))
 
 
 def cliffs_delta(left: Sequence[float], right: Sequence[float]) -> float:

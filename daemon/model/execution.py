@@ -22,14 +22,24 @@ _SAFE_PATH_VARIABLE: Final = "PYTHONSAFEPATH"
 _FOR_FORK_SERVER: Final = "scenario fork server"
 
 
-def python_command(*words: str) -> list[str]:
-    """Return the command of a child process that imports our modules.
+IMPORT_FIRST: Final = "scenario_tui"
+"""Who imports this first finds our packages, whoever else has one of their names."""
+_RUN_MODULE: Final = (
+    f"import {IMPORT_FIRST}, runpy, sys; "
+    "runpy.run_module(sys.argv.pop(1), run_name='__main__', alter_sys=True)"
+)
 
-    ``-P`` keeps the current folder off the modules' path: else ``python -m daemon`` in a folder
-    with somebody's ``daemon.py`` would be that. It does not keep PYTHONPATH off; when something
-    there, or another package, has one of our names, ``scenario doctor`` says so.
+
+def python_command(option: str, what: str, *words: str) -> list[str]:
+    """Return the command of a child process that imports our modules: ``-m`` or ``-c``, and what.
+
+    ``-P`` keeps the current folder off the modules' path, in which there may be somebody's
+    ``daemon.py``. It does not keep PYTHONPATH off, nor what other projects install: importing
+    :data:`IMPORT_FIRST` makes our names mean ours.
     """
-    return [sys.executable, "-P", *words]
+    if option == "-m":
+        return [sys.executable, "-P", "-c", _RUN_MODULE, what, *words]
+    return [sys.executable, "-P", "-c", f"import {IMPORT_FIRST}\n{what}", *words]
 
 
 @contextmanager

@@ -21,6 +21,7 @@ from grammars.jsonld.vocabulary import FP, ITEMS, SCN
 from grammars.scenery import SceneryLayer
 from grammars.text.diagnostics import Diagnostic, InputError, Severity, Where
 from grammars.text.documents import read_text
+from grammars.text.extras import MissingExtraError, load_extra
 
 if TYPE_CHECKING:
     from rdflib import Graph
@@ -53,12 +54,32 @@ def composed_nodes(plan: FloorPlan, layers: Sequence[SceneryLayer] = ()) -> Node
     return nodes
 
 
+def _require_rdf() -> None:
+    """Raise :class:`grammars.text.extras.MissingExtraError` without the extra ``rdf``."""
+    load_extra("pyshacl", "rdf", "a graph held to the SHACL shapes", "JSON-LD")
+
+
+def _check_shapes(nodes: NodeGraph, path: str | Path) -> tuple[Diagnostic, ...]:
+    try:
+        _require_rdf()
+    except MissingExtraError as error:
+        # Everything that would make it unreadable has been checked by other means.
+        return tuple(
+            Diagnostic(Where(str(path)), d.message, d.hint, Severity.WARNING)
+            for d in error.diagnostics
+        )
+    from grammars.jsonld.rdf import check_shapes, graph_of
+
+    return check_shapes(graph_of(nodes), nodes.places)
+
+
 def compose(plan: FloorPlan, layers: Sequence[SceneryLayer] = ()) -> ModelGraph:
     """Return a plan and scenery layers, in order, as one rdflib graph.
 
     The graph knows where its nodes were written (``graph.places``). Raises
     :class:`grammars.text.diagnostics.InputError` for objects that cannot be placed.
     """
+    _require_rdf()
     from grammars.jsonld.rdf import graph_of
 
     return graph_of(composed_nodes(plan, layers))
@@ -70,6 +91,7 @@ def decompose(graph: Graph) -> tuple[FloorPlan, tuple[SceneryLayer, ...]]:
     Also of a graph others composed. Raises :class:`grammars.text.diagnostics.InputError` with
     everything that cannot be read.
     """
+    _require_rdf()
     from grammars.jsonld.rdf import nodes_of
 
     nodes = replace_legacy_terms(nodes_of(graph))
@@ -81,6 +103,7 @@ def validate(graph: Graph) -> tuple[Diagnostic, ...]:
 
     Every diagnostic names its element, with its place in the text where the graph knows it.
     """
+    _require_rdf()
     from grammars.jsonld.rdf import check_shapes, graph_of, nodes_of
 
     nodes = nodes_of(graph)
@@ -162,17 +185,16 @@ def load_scenery_jsonld(path: str | Path, warnings: list[Diagnostic] | None = No
 def check_jsonld(path: str | Path) -> tuple[Diagnostic, ...]:
     """Return everything that is wrong with a JSON-LD file or folder, errors and warnings.
 
-    A floor plan is held to the SHACL shapes as well; a scenery file alone is not a whole graph.
-    Raises :class:`InputError` when it cannot be read at all.
+    A floor plan is held to the SHACL shapes as well, with a warning where the extra ``rdf`` is
+    missing; a scenery file alone is not a whole graph. Raises :class:`InputError` when it cannot be
+    read at all.
     """
-    from grammars.jsonld.rdf import check_shapes, graph_of
-
     nodes = load_nodes(path)
     # A layer alone refers to frames that are elsewhere: SHACL would refuse every one of them.
     whole = bool(nodes.of_type(FP["FloorPlan"]))
     found = [*nodes.diagnostics, *check_structure(nodes, partial=not whole)]
     if whole:
-        found += check_shapes(graph_of(nodes), nodes.places)
+        found += _check_shapes(nodes, path)
     if not any(d.severity is Severity.ERROR for d in found):
         try:
             if whole:

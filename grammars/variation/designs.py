@@ -12,14 +12,18 @@ from collections.abc import Callable, Iterator, Sequence
 from typing import Any, Final, Literal, TypeAlias, get_args
 
 import numpy as np
+import numpy.typing as npt
 
 from grammars.text.diagnostics import InputError, Where
+from grammars.text.extras import load_extra
 from grammars.variation._distributions import Distribution
 
 Method: TypeAlias = Literal["random", "grid", "halton", "lhs", "pairwise"]
 METHODS: Final[tuple[str, ...]] = get_args(Method)
 MAX_POINTS: Final = 100_000
 """Points a design may have."""
+_BLOCK: Final = 64
+"""Points of a sequence that are made at a time."""
 
 Point: TypeAlias = tuple[float, ...]
 
@@ -41,21 +45,30 @@ def halton(distributions: Sequence[Distribution], seed: int) -> Iterator[Point]:
     """Return points of a scrambled Halton sequence, without an end.
 
     Halton, J. H.: On the efficiency of certain quasi-random sequences of points, Numerische
-    Mathematik 2 (1960); scrambling after Owen (2017), as in :class:`scipy.stats.qmc.Halton`.
+    Mathematik 2 (1960); the digits are permuted after Owen, A randomized Halton algorithm in R
+    (2017). The points are those of :class:`scipy.stats.qmc.Halton` with the same generator.
     """
-    engine = _qmc().Halton(len(distributions), scramble=True, **_rng(seed))
-    while True:
-        yield from _points_at(distributions, engine.random(64))
+    rng = _generator(seed)
+    digits = [_permuted_digits(base, rng) for base in _primes(len(distributions))]
+    for first in itertools.count(0, _BLOCK):
+        numbers = np.arange(first, first + _BLOCK)
+        axes = [_radical_inverse(numbers, permutations) for permutations in digits]
+        yield from _points_at(distributions, np.column_stack(axes))
 
 
 def latin_hypercube(distributions: Sequence[Distribution], n: int, seed: int) -> Iterator[Point]:
     """Return ``n`` points with one in each of ``n`` equally likely slices of every draw.
 
     McKay, Beckman, Conover: A comparison of three methods for selecting values of input variables
-    in the analysis of output from a computer code, Technometrics 21 (1979).
+    in the analysis of output from a computer code, Technometrics 21 (1979). The points are those
+    of :class:`scipy.stats.qmc.LatinHypercube` with the same generator.
     """
-    engine = _qmc().LatinHypercube(len(distributions), **_rng(seed))
-    return _points_at(distributions, engine.random(n))
+    rng = _generator(seed)
+    within = rng.uniform(size=(n, len(distributions)))
+    slices = np.tile(np.arange(1, n + 1), (len(distributions), 1))
+    for axis in slices:
+        rng.shuffle(axis)
+    return _points_at(distributions, (slices.T - within) / n)
 
 
 def pairwise(
@@ -91,26 +104,44 @@ def _points_at(distributions: Sequence[Distribution], quantiles: Any) -> Iterato
         yield tuple(d.at(share) for d, share in zip(distributions, row, strict=True))
 
 
-def _rng(seed: int) -> dict[str, Any]:
-    return {"rng": np.random.default_rng(np.random.SeedSequence(seed))}
+def _generator(seed: int) -> np.random.Generator:
+    # A child of the seed's sequence, as scipy has it: what was drawn before is drawn again.
+    return np.random.default_rng(np.random.SeedSequence(seed).spawn(1)[0])
 
 
-def _qmc() -> Any:
-    try:
-        from scipy.stats import qmc
-    except ImportError as error:
-        raise _missing_package("scipy") from error
-    return qmc
+def _primes(n: int) -> list[int]:
+    """Return the first ``n`` prime numbers."""
+    found: list[int] = []
+    for number in itertools.count(2):
+        if len(found) == n:
+            return found
+        if all(number % prime for prime in found):
+            found.append(number)
+    raise AssertionError("there is always another prime")
+
+
+def _permuted_digits(base: int, rng: np.random.Generator) -> npt.NDArray[np.int64]:
+    """Return what stands for each digit at each place, (places, base)."""
+    # As many places as a float has bits for.
+    places = math.ceil(54 / math.log2(base)) - 1
+    permutations = np.tile(np.arange(base), (places, 1))
+    for permutation in permutations:
+        rng.shuffle(permutation)
+    return permutations
+
+
+def _radical_inverse(
+    numbers: npt.NDArray[np.int64], permutations: npt.NDArray[np.int64]
+) -> npt.NDArray[np.float64]:
+    """Return numbers with their digits, permuted, mirrored at the point: between 0 and 1."""
+    base = permutations.shape[1]
+    mirrored, weight = np.zeros(len(numbers)), 1.0 / base
+    for digits in permutations:
+        numbers, last = np.divmod(numbers, base)
+        mirrored += digits[last] * weight
+        weight /= base
+    return mirrored
 
 
 def _allpairs() -> Any:
-    try:
-        from allpairspy import AllPairs
-    except ImportError as error:
-        raise _missing_package("allpairspy") from error
-    return AllPairs
-
-
-def _missing_package(package: str) -> InputError:
-    hint = 'install it with: pip install "scenario-tui[sampling]"'
-    return InputError.at(Where("scenario vary"), f"this design needs {package}", hint)
+    return load_extra("allpairspy", "sampling", "a pairwise design", "scenario vary").AllPairs

@@ -66,7 +66,9 @@ def report(
     ] = None,
     junit: Annotated[
         Path | None,
-        typer.Option("--junit", metavar="FILE", help="Write verdicts as JUnit XML."),
+        typer.Option(
+            "--junit", metavar="FILE", dir_okay=False, help="Write verdicts as JUnit XML."
+        ),
     ] = None,
     csv: Annotated[
         Path | None,
@@ -117,7 +119,10 @@ def report(
     if page is not None:
         text = write_page(material, _run_commands(), processes=processes)
         page.write_text(text, encoding="utf-8")
-    for writer, path in ((write_junit, junit), (write_csv, csv), (write_parquet, parquet)):
+    if junit is not None:
+        records = tuple(run.record for run in material.runs)
+        write_junit(material.input.name, material.assessment, records, junit)
+    for writer, path in ((write_csv, csv), (write_parquet, parquet)):
         if path is not None:
             writer(material, path)
     written = {"page": page} | tables

@@ -71,6 +71,15 @@ def run(
     baseline: Baseline = "",
     worse_by: WorseBy = None,
     out: Out = None,
+    junit: Annotated[
+        Path | None,
+        typer.Option(
+            "--junit",
+            metavar="FILE",
+            dir_okay=False,
+            help="Write verdicts as JUnit XML, for build servers.",
+        ),
+    ] = None,
     slots: Slots = None,
     wall: Wall = "",
     attempts: Attempts = None,
@@ -88,6 +97,10 @@ def run(
     limit = read_wall(wall)
     submission = _prepare_submission(campaign)
     found = run_here(submission, out, slots, as_json, wall=limit, attempts=attempts)
+    if junit is not None:
+        from daemon.analysis.report import write_junit
+
+        write_junit(found.row.name, found.assessment, found.records, junit)
     between = compare_with_baseline(found, baseline, worse_by, None)
     if as_json:
         emit_results(found, comparison=between)

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from grammars.text.extras import MissingExtraError
 from templates.picture._compose import PNG_SCALE, draw_world, write_png
 from templates.picture._drawing import Drawing
 from templates.picture._mission import RunOverlay
@@ -16,8 +17,12 @@ __all__ = ["PNG_SCALE", "Drawing", "RunOverlay", "draw_world", "write_picture", 
 
 
 def write_picture(job: ExportJob) -> tuple[Path, ...]:
-    """Write ``<world>.svg`` and ``<world>.png``."""
+    """Write ``<world>.svg`` and, where its libraries are, ``<world>.png``."""
     figure = draw_world(job.world)
     svg = job.templates.render("picture.svg.j2", figure=figure)
     path = job.write(job.path(f"{job.name}.svg"), svg)
-    return path, write_png(figure, job.path(f"{job.name}.png"))
+    try:
+        return path, write_png(figure, job.path(f"{job.name}.png"))
+    except MissingExtraError as error:
+        job.notes += (f"{d.message}; {d.hint}" for d in error.diagnostics)
+        return (path,)

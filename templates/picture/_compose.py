@@ -9,6 +9,7 @@ from typing import Final
 
 from grammars.model.behaviour import start_positions
 from grammars.model.geometry import Point2
+from grammars.text.extras import load_extra
 from templates.picture import _mission, _page, _scene
 from templates.picture._drawing import Drawing, DrawingGroup, DrawingItem, Labels, TextLabel
 from templates.picture._mission import RunOverlay
@@ -99,12 +100,16 @@ _BOLD: Final = 0.7
 
 
 def write_png(figure: Drawing, path: Path) -> Path:
-    """Write the figure, :data:`PNG_SCALE` times as large as its page, and return the path."""
-    import resvg_py
-    from PIL import ImageFont
+    """Write the figure, :data:`PNG_SCALE` times as large as its page, and return the path.
 
-    font = ImageFont.load_default(16)
-    if not isinstance(font, ImageFont.FreeTypeFont):
+    Raises :class:`grammars.text.extras.MissingExtraError` without the extra ``png``.
+    """
+    resvg_py, fonts = (
+        load_extra(module, "png", "a PNG picture", "picture")
+        for module in ("resvg_py", "PIL.ImageFont")
+    )
+    font = fonts.load_default(16)
+    if not isinstance(font, fonts.FreeTypeFont):
         raise RuntimeError("Pillow was built without FreeType, it brings no font")
     with tempfile.TemporaryDirectory() as folder:
         # The one face Pillow carries, and no other: resvg leaves out every text without a word

@@ -3,6 +3,7 @@ from __future__ import annotations
 import hashlib
 import json
 from dataclasses import replace
+import sys
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -196,6 +197,20 @@ def test_pictures_have_everything_in_them(tmp_path: Path) -> None:
         (0x2F, 0x9E, 0x6E),
     )
     assert {wall, door, route, cart} <= shown
+
+
+def test_what_takes_a_library_that_is_missing_is_left_out_of_all_and_said(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for module in ("manifold3d", "resvg_py"):
+        monkeypatch.setitem(sys.modules, module, None)
+    found = export(world(), ["all"], tmp_path)
+    assert "mesh" not in found.made
+    assert [path.name for path in found.made["picture"]] == ["errand.svg"]
+    for extra in ("mesh", "png"):
+        assert any(f'pip install "scenario-tui[{extra}]"' in note for note in found.notes)
+    with pytest.raises(InputError, match="a mesh takes the library manifold3d"):
+        export(world(), ["mesh"], tmp_path)
 
 
 def test_a_picture_of_a_bare_plan_needs_no_mission(tmp_path: Path) -> None:

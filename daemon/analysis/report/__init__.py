@@ -16,12 +16,13 @@ from daemon.analysis.report._input import (
 
 if TYPE_CHECKING:
     from daemon.analysis.report._data import ReportData, ReportRun, read_report_data
-    from daemon.analysis.report._exports import COLUMNS, write_csv, write_junit, write_parquet
+    from daemon.analysis.report._exports import COLUMNS, write_csv, write_parquet
     from daemon.analysis.report._formatting import (
         format_quantity,
         mean_and_deviation,
         verdict_details,
     )
+    from daemon.analysis.report._junit import write_junit
     from daemon.analysis.report._page import SuggestedCommand, headline, write_page
     from daemon.analysis.report._run_picture import draw_run
     from daemon.analysis.report._safety_buffer import oracle_limit, safety_buffer
@@ -56,8 +57,9 @@ __all__ = [
 
 _MODULES: Final = {
     "_data": ("ReportData", "ReportRun", "read_report_data"),
-    "_exports": ("COLUMNS", "write_csv", "write_junit", "write_parquet"),
+    "_exports": ("COLUMNS", "write_csv", "write_parquet"),
     "_formatting": ("format_quantity", "mean_and_deviation", "verdict_details"),
+    "_junit": ("write_junit",),
     "_page": ("SuggestedCommand", "headline", "write_page"),
     "_run_picture": ("draw_run",),
     "_safety_buffer": ("oracle_limit", "safety_buffer"),

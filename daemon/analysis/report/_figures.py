@@ -6,16 +6,16 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Final, Literal, TypeAlias
+from typing import Final, Literal, TypeAlias
 
 import numpy as np
 
 from daemon.analysis.parallel_map import parallel_map
 from daemon.analysis.report import _plots
+from daemon.analysis.report._axes import Axes, Sheet
 from daemon.analysis.report._data import ReportData
-from daemon.analysis.report._exports import require_extra
 from daemon.analysis.report._safety_buffer import oracle_limit, outlines_near, transform_points
-from daemon.analysis.report._svg import BAD, BODY, LINE, SECOND, SOFT, WALL, new_figure, to_svg
+from daemon.analysis.report._svg import BAD, BODY, LINE, SECOND, SOFT, WALL
 from daemon.analysis.report._tracks import RunTracks, TriggerEncounter
 from daemon.judging.oracles import SignalSampler
 from daemon.model.assessments import CellVerdict
@@ -23,10 +23,6 @@ from daemon.model.verdicts import Outcome
 from daemon.trace import TraceError, read_scene, read_trace
 from grammars.model.geometry import Floats, Point2
 from grammars.model.scene import Scene
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 FigureKind: TypeAlias = Literal[
     "moment", "localisation", "distance", "way", "inside", "worst-localisation", "boxes", "trigger"
@@ -41,7 +37,7 @@ _WAY_SHOWN: Final = 10.0
 """Seconds of the way there that are shown."""
 
 
-def plot_moment(trace: Path, time: float, involved: str, buffer: Point2) -> Figure | None:
+def plot_moment(trace: Path, time: float, involved: str, buffer: Point2) -> Sheet | None:
     """Return the place at ``time`` [s] of a run, the object ``involved`` in red.
 
     ``None`` if the trace cannot be read any more.
@@ -54,19 +50,17 @@ def plot_moment(trace: Path, time: float, involved: str, buffer: Point2) -> Figu
     stamps = sampler.time_base.time
     index = min(int(np.searchsorted(stamps, time)), len(stamps) - 1)
     pose = sampler.poses[index]
-    sheet, axes = new_figure(3.5, 3.5 * _HIGH / _WIDE, bare=True)
+    sheet = Sheet(3.5, 3.5 * _HIGH / _WIDE, bare=True)
+    (axes,) = sheet.axes
     for owner, moves, ring in outlines_near(sampler, index, float(np.hypot(_WIDE, _HIGH))):
         colour = BAD if owner == involved else SECOND if moves else WALL
-        axes.fill(ring[:, 0], ring[:, 1], facecolor=colour, edgecolor=colour, lw=0.5)
+        axes.shapes([ring], fill=colour, edge=colour, width=0.5)
     first = int(np.searchsorted(stamps, time - _WAY_SHOWN))
-    axes.plot(sampler.x[first : index + 1], sampler.y[first : index + 1], color=LINE, lw=1.2)
+    axes.line(sampler.x[first : index + 1], sampler.y[first : index + 1], LINE, 1.2)
     _draw_robot(axes, np.array(recorded.spec.robot.footprint), pose, buffer)
-    axes.set(
-        xlim=(pose[0] - _WIDE, pose[0] + _WIDE),
-        ylim=(pose[1] - _HIGH, pose[1] + _HIGH),
-        aspect="equal",
-    )
-    axes.set_axis_off()
+    axes.x_limits = (float(pose[0]) - _WIDE, float(pose[0]) + _WIDE)
+    axes.y_limits = (float(pose[1]) - _HIGH, float(pose[1]) + _HIGH)
+    axes.equal = True
     return sheet
 
 
@@ -77,9 +71,9 @@ def _draw_robot(axes: Axes, footprint: Floats, pose: Floats, buffer: Point2) -> 
     around, body, nose = (
         transform_points(points, pose[None]) for points in (box, footprint, ahead)
     )
-    axes.plot(around[:, 0], around[:, 1], color=SOFT, lw=0.9, ls=(0, (4, 3)))
-    axes.fill(body[:, 0], body[:, 1], facecolor=BODY, edgecolor=BODY, alpha=0.55)
-    axes.plot(nose[:, 0], nose[:, 1], color=BODY, lw=2.0)
+    axes.line(around[:, 0], around[:, 1], SOFT, 0.9, dashes="4 3")
+    axes.shapes([body], fill=BODY, edge=BODY, width=1.0, alpha=0.55)
+    axes.line(nose[:, 0], nose[:, 1], BODY, 2.0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,14 +94,11 @@ class _FigureTask:
 
     figure: ReportFigure
     label: str
-    draw: Callable[[], Figure | None]
+    draw: Callable[[], Sheet | None]
 
 
 def draw_figures(data: ReportData, *, processes: int | None = None) -> tuple[ReportFigure, ...]:
-    """Draw every figure of a report; raises :class:`InputError` without the extra ``report``."""
-    # Loaded here, before processes are forked that need it.
-    require_extra("matplotlib.figure", "a report with figures")
-    require_extra("matplotlib.backends.backend_svg", "a report with figures")
+    """Draw every figure of a report."""
     drawn = (*_moments(data), *_of_cells(data), *_of_campaign(data))
     tasks = tuple(enumerate(drawn))
     return tuple(parallel_map(_draw_task, tasks, doing="that draws figures", processes=processes))
@@ -116,7 +107,7 @@ def draw_figures(data: ReportData, *, processes: int | None = None) -> tuple[Rep
 def _draw_task(numbered: tuple[int, _FigureTask]) -> ReportFigure:
     number, task = numbered
     drawn = task.draw()
-    svg = "" if drawn is None else to_svg(drawn, f"f{number}", task.label)
+    svg = "" if drawn is None else drawn.svg(f"f{number}", task.label)
     return replace(task.figure, svg=svg)
 
 

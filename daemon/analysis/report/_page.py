@@ -81,10 +81,7 @@ class SuggestedCommand:
 def write_page(
     data: ReportData, commands: Sequence[SuggestedCommand], *, processes: int | None = None
 ) -> str:
-    """Return the report as HTML; ``commands`` are what people can type about a run.
-
-    Raises :class:`InputError` without the extra ``report``.
-    """
+    """Return the report as HTML; ``commands`` are what people can type about a run."""
     figures = draw_figures(data, processes=processes)
     assessment = data.assessment
     scenarios = tuple(dict.fromkeys(cell.scenario for cell in assessment.cells))

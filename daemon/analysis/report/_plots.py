@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 import numpy as np
 
+from daemon.analysis.report._axes import Axes, Sheet
 from daemon.analysis.report._svg import (
     BAD,
     BODY,
@@ -15,23 +16,14 @@ from daemon.analysis.report._svg import (
     INK,
     LINE,
     NEAR,
-    RULE,
     SECOND,
     SERIES,
     SOFT,
     WALL,
-    add_legend,
-    escape_mathtext,
-    new_figure,
-    title_axes,
 )
 from daemon.analysis.report._tracks import AFTER, BEFORE, RunTracks, TriggerEncounter
 from grammars.model.kinematics import object_rings, solid_rings
 from grammars.model.scene import Scene
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 WIDTH: Final = 3.5
 """Width of a panel [inches]."""
@@ -40,6 +32,10 @@ REPEATS: Final = 10
 _CUT: Final = 0.3
 """Height [m] at which the map is cut: about where lasers look."""
 _BINS: Final = 64
+_DASHED: Final = "4 3"
+_DOTTED: Final = "1 1.6"
+_HEAT: Final = ("#fed976", "#feb24c", "#fd8d3c", "#fc4e2a", "#e31a1c", "#bd0026", "#800026")
+"""From few to many: the colours of ColorBrewer's YlOrRd (Brewer, Harrower, 2003)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,9 +70,9 @@ def plot_limits(runs: Sequence[RunTracks]) -> PlotLimits:
     )
 
 
-def _line_style(runs: Sequence[RunTracks]) -> dict[str, float]:
-    """Return how to draw a line of one repeat, so that many of them stay apart."""
-    return {"lw": 0.7, "alpha": 0.6} if len(runs) > 1 else {"lw": 1.0, "alpha": 1.0}
+def _line_look(runs: Sequence[RunTracks]) -> tuple[float, float]:
+    """Return width and opacity of a line of one repeat, so that many of them stay apart."""
+    return (0.7, 0.6) if len(runs) > 1 else (1.0, 1.0)
 
 
 def _top(values: Sequence[Any]) -> float:
@@ -84,70 +80,70 @@ def _top(values: Sequence[Any]) -> float:
     return 1.05 * max(known, default=1.0) or 1.0
 
 
-def plot_localisation(runs: Sequence[RunTracks], frame: PlotLimits, limit: float | None) -> Figure:
+def plot_localisation(runs: Sequence[RunTracks], frame: PlotLimits, limit: float | None) -> Sheet:
     """Return the localisation error and the spread of the estimate over time (figure 8)."""
-    sheet, (above, below) = new_figure(WIDTH, 2.6, 2, 1, sharex=True)
+    sheet = Sheet(WIDTH, 2.6, 2)
+    above, below = sheet.axes
+    width, alpha = _line_look(runs)
     for run in runs[:REPEATS]:
-        above.plot(run.time, run.error, color=LINE, **_line_style(runs))
-        below.plot(run.time, run.sigma_x, color=LINE, **_line_style(runs))
-        below.plot(run.time, run.sigma_y, color=SECOND, **_line_style(runs))
+        above.line(run.time, run.error, LINE, width, alpha=alpha)
+        below.line(run.time, run.sigma_x, LINE, width, alpha=alpha)
+        below.line(run.time, run.sigma_y, SECOND, width, alpha=alpha)
     top = frame.error
     # A limit far above the curve would press it flat against the axis.
     if limit is not None and limit < 4.0 * frame.error:
-        above.axhline(limit, color=BAD, lw=0.9, ls=(0, (4, 3)))
+        above.across(limit, BAD, 0.9, dashes=_DASHED)
         top = max(top, 1.1 * limit)
-    above.set(xlim=(0.0, frame.time), ylim=(0.0, top))
-    below.set(ylim=(0.0, frame.sigma), xlabel="time [s]")
-    title_axes(above, "error [m]")
-    title_axes(below, "spread [m]")
-    below.plot([], [], color=LINE, lw=1.2, label="σ along x")
-    below.plot([], [], color=SECOND, lw=1.2, label="σ along y")
-    add_legend(below)
+    above.x_limits = below.x_limits = (0.0, frame.time)
+    above.y_limits, below.y_limits = (0.0, top), (0.0, frame.sigma)
+    above.title, below.title, below.x_label = "error [m]", "spread [m]", "time [s]"
+    below.legend_only("σ along x", LINE)
+    below.legend_only("σ along y", SECOND)
     return sheet
 
 
-def plot_clearance(runs: Sequence[RunTracks], frame: PlotLimits) -> Figure:
+def plot_clearance(runs: Sequence[RunTracks], frame: PlotLimits) -> Sheet:
     """Return the distance to the nearest obstacle over time, triggers dotted (figure 12)."""
-    sheet, axes = new_figure(WIDTH, 1.9)
+    sheet = Sheet(WIDTH, 1.9)
+    (axes,) = sheet.axes
     limit = runs[0].limit
     low = min(-0.05, *(float(np.nanmin(r.clearance)) for r in runs if len(r.clearance)), 0.0)
     if limit > 0.0:
-        axes.axhspan(min(low, 0.0), limit, color=NEAR, alpha=0.13, lw=0)
-    axes.axhline(0.0, color=BAD, lw=0.9)
+        axes.band(min(low, 0.0), limit, NEAR, 0.13)
+    axes.across(0.0, BAD, 0.9)
+    width, alpha = _line_look(runs)
     for run in runs[:REPEATS]:
-        axes.plot(run.time, run.clearance, color=LINE, **_line_style(runs))
+        axes.line(run.time, run.clearance, LINE, width, alpha=alpha)
         for encounter in run.encounters:
             if encounter.fired:
-                axes.axvline(encounter.time, color=INK, lw=0.8, ls=":", alpha=0.6)
-    axes.set(
-        xlim=(0.0, frame.time),
-        ylim=(low, frame.clearance),
-        xlabel="time [s]",
-    )
-    title_axes(axes, "clearance [m]")
+                axes.upright(encounter.time, INK, 0.8, dashes=_DOTTED, alpha=0.6)
+    axes.x_limits, axes.y_limits = (0.0, frame.time), (low, frame.clearance)
+    axes.title, axes.x_label = "clearance [m]", "time [s]"
     return sheet
 
 
-def plot_way(runs: Sequence[RunTracks], frame: PlotLimits, scene: Scene) -> Figure:
+def plot_way(runs: Sequence[RunTracks], frame: PlotLimits, scene: Scene) -> Sheet:
     """Return the ways driven on the map, coloured by the distance to obstacles (figure 10)."""
     wide, high = frame.east - frame.west, frame.north - frame.south
-    sheet, axes = new_figure(WIDTH, min(max(WIDTH * high / wide, 1.2), 4.4), bare=True)
+    sheet = Sheet(WIDTH, min(max(WIDTH * high / wide, 1.2), 4.4), bare=True)
+    (axes,) = sheet.axes
     draw_map(axes, scene, frame)
     limit = runs[0].limit if runs[0].limit > 0.0 else 0.2
     for run in runs[:REPEATS]:
         # Far, near, inside of the buffer, inside of the box around the footprint.
-        for low, top, colour, lw in (
+        for low, top, colour, width in (
             (2.0 * limit, np.inf, LINE, 0.6),
             (limit, 2.0 * limit, GOOD, 0.8),
             (0.0, limit, NEAR, 1.2),
             (-np.inf, 0.0, BAD, 2.0),
         ):
             x, y = _way_pieces(run, (run.clearance >= low) & (run.clearance < top))
-            axes.plot(x, y, color=colour, lw=lw, alpha=0.75)
+            axes.line(x, y, colour, width, alpha=0.75)
     touched = [(x, y) for run in runs[:REPEATS] for _, _, x, y in run.contacts]
     if touched:
-        axes.plot(*zip(*touched, strict=True), "x", color=BAD, ms=4.0, mew=1.1)
-    axes.plot(runs[0].x[:1], runs[0].y[:1], "o", color=INK, ms=3.0)
+        xs, ys = zip(*touched, strict=True)
+        axes.crosses(xs, ys, BAD, 4.0)
+    axes.dots(runs[0].x[:1], runs[0].y[:1], INK, 3.0)
     return sheet
 
 
@@ -160,22 +156,13 @@ def _way_pieces(run: RunTracks, shown: Any) -> tuple[Any, Any]:
 
 def draw_map(axes: Axes, scene: Scene, frame: PlotLimits) -> None:
     """Draw what the scene has at laser height, doors as they start, within ``frame``."""
-    from matplotlib.patches import PathPatch
-    from matplotlib.path import Path as Outline
-
     walls, things = solid_rings(scene, _CUT), object_rings(scene, _CUT)
     for rings, colour in ((walls, WALL), (things, SECOND)):
         near = [ring for ring in rings if _touches(ring, frame)]
         if near:
-            outline = Outline.make_compound_path(
-                *(Outline([*ring, ring[0]], closed=True) for ring in near)
-            )
-            axes.add_patch(PathPatch(outline, facecolor=colour, edgecolor=colour, lw=0.3))
-    axes.set(xlim=(frame.west, frame.east), ylim=(frame.south, frame.north), aspect="equal")
-    axes.grid(visible=False)
-    axes.set_xticks([])
-    axes.set_yticks([])
-    axes.spines[:].set_visible(False)
+            axes.shapes(near, fill=colour, edge=colour, width=0.3)
+    axes.x_limits, axes.y_limits = (frame.west, frame.east), (frame.south, frame.north)
+    axes.equal = axes.bare = True
     _scale_bar(axes, frame)
 
 
@@ -185,8 +172,8 @@ def _scale_bar(axes: Axes, frame: PlotLimits) -> None:
         step for step in (0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0) if step <= wide / 4 or step == 0.5
     )
     left, low = frame.west + 0.02 * wide, frame.south + 0.02 * wide
-    axes.plot([left, left + length], [low, low], color=INK, lw=1.6, solid_capstyle="butt")
-    axes.text(left, low + 0.015 * wide, f"{length:g} m", color=SOFT, fontsize=6.5, va="bottom")
+    axes.line([left, left + length], [low, low], INK, 1.6, flat=True)
+    axes.words(left, low + 0.015 * wide, f"{length:g} m")
 
 
 def _touches(ring: Any, frame: PlotLimits) -> bool:
@@ -199,12 +186,11 @@ def _touches(ring: Any, frame: PlotLimits) -> bool:
     )
 
 
-def plot_buffer(runs: Sequence[RunTracks]) -> Figure:
+def plot_buffer(runs: Sequence[RunTracks]) -> Sheet:
     """Return where obstacles were inside the buffer, seen from the robot (figure 11)."""
-    from matplotlib.patches import Polygon, Rectangle
-
     first = runs[0]
-    sheet, axes = new_figure(2.3, 1.9)
+    sheet = Sheet(2.3, 1.9)
+    (axes,) = sheet.axes
     hx, hy = first.buffer
     reach = 1.12 * max(hx, hy)
     points = np.concatenate([run.inside for run in runs[:REPEATS]])
@@ -213,20 +199,16 @@ def plot_buffer(runs: Sequence[RunTracks]) -> Figure:
             points[:, 0], points[:, 1], bins=_BINS, range=((-reach, reach), (-reach, reach))
         )
         # Roots, since a wall driven along has many times the counts of a corner passed.
-        shown = np.ma.masked_equal(counts.T, 0.0)
-        axes.imshow(
-            np.sqrt(shown), extent=(-reach, reach, -reach, reach), origin="lower",
-            cmap="YlOrRd", vmin=-0.4 * float(np.sqrt(shown.max())), interpolation="nearest",
-        )  # fmt: skip
-    axes.add_patch(Polygon(first.footprint, closed=True, fill=False, edgecolor=BODY, lw=1.2))
-    axes.add_patch(
-        Rectangle((-hx, -hy), 2 * hx, 2 * hy, fill=False, edgecolor=SOFT, lw=0.8, ls=(0, (4, 3)))
-    )
-    axes.annotate("", (0.6 * first.body[0], 0.0), (-0.3 * first.body[0], 0.0),
-                  arrowprops={"arrowstyle": "->", "color": BODY, "lw": 1.0})  # fmt: skip
-    axes.set(xlim=(-reach, reach), ylim=(-reach, reach), aspect="equal", xlabel="ahead [m]")
-    title_axes(axes, "left [m]")
-    axes.grid(color=RULE)
+        share = np.sqrt(counts / max(counts.max(), 1.0))
+        levels = np.ceil(share * len(_HEAT)).astype(int) - 1
+        axes.cells(levels, reach, _HEAT)
+    axes.shapes([first.footprint], edge=BODY, width=1.2)
+    box = [(-hx, -hy), (hx, -hy), (hx, hy), (-hx, hy)]
+    axes.shapes([box], edge=SOFT, width=0.8, dashes=_DASHED)
+    axes.arrow((-0.3 * first.body[0], 0.0), (0.6 * first.body[0], 0.0), BODY)
+    axes.x_limits = axes.y_limits = (-reach, reach)
+    axes.equal = True
+    axes.title, axes.x_label = "left [m]", "ahead [m]"
     return sheet
 
 
@@ -237,46 +219,45 @@ _PEAK_MAP_HALF: Final = 6.0
 """Half the width of the map around it [m]."""
 
 
-def plot_error_peak(run: RunTracks, limit: float | None) -> Figure:
+def plot_error_peak(run: RunTracks, limit: float | None) -> Sheet:
     """Return the localisation error of a run around its peak (figure 9)."""
     peak = int(np.nanargmax(run.error))
     at = float(run.time[peak])
-    sheet, axes = new_figure(WIDTH, 2.4)
+    sheet = Sheet(WIDTH, 2.4)
+    (axes,) = sheet.axes
     around = np.abs(run.time - at) <= _AROUND
     time = run.time[around]
     # Two deviations: the band that the paper's confidence oracle asks the true pose to be in.
     spread = 2.0 * np.hypot(run.sigma_x, run.sigma_y)[around]
-    axes.fill_between(time, spread, color=SECOND, alpha=0.15, lw=0, label="2 σ")
-    axes.plot(time, run.error[around], color=LINE, lw=1.2, label="error")
-    axes.plot([at], [run.error[peak]], "o", color=BAD, ms=4.0)
+    axes.area(time, 0.0, spread, SECOND, 0.15, label="2 σ")
+    axes.line(time, run.error[around], LINE, 1.2, label="error")
+    axes.dots([at], [run.error[peak]], BAD, 4.0)
     if limit is not None and limit < 4.0 * float(run.error[peak]):
-        axes.axhline(limit, color=BAD, lw=0.9, ls=(0, (4, 3)), label="limit")
-    axes.set(xlabel="time [s]", xlim=(time[0], time[-1]))
-    axes.set_ylim(bottom=0.0)
-    title_axes(axes, "error [m]")
-    add_legend(axes)
+        axes.across(limit, BAD, 0.9, dashes=_DASHED, label="limit")
+    axes.x_limits, axes.y_limits = (float(time[0]), float(time[-1])), (0.0, None)
+    axes.title, axes.x_label = "error [m]", "time [s]"
     return sheet
 
 
-def plot_peak_map(run: RunTracks, scene: Scene) -> Figure:
+def plot_peak_map(run: RunTracks, scene: Scene) -> Sheet:
     """Return the map around the place with the largest localisation error of a run (figure 9)."""
     peak = int(np.nanargmax(run.error))
     x, y = float(run.x[peak]), float(run.y[peak])
     high = _PEAK_MAP_HALF * 2.2 / WIDTH
-    sheet, axes = new_figure(WIDTH, 2.4)
+    sheet = Sheet(WIDTH, 2.4)
+    (axes,) = sheet.axes
     draw_map(
         axes,
         scene,
         PlotLimits(0, 0, 0, 0, x - _PEAK_MAP_HALF, y - high, x + _PEAK_MAP_HALF, y + high),
     )
-    axes.plot(run.x, run.y, color=LINE, lw=0.9, alpha=0.8)
+    axes.line(run.x, run.y, LINE, 0.9, alpha=0.8)
     large = run.error > 0.5 * run.error[peak]
-    axes.plot(
-        np.where(large, run.x, np.nan), np.where(large, run.y, np.nan), color=NEAR, lw=2.0,
+    axes.line(
+        np.where(large, run.x, np.nan), np.where(large, run.y, np.nan), NEAR, 2.0,
         label="over half of the peak",
     )  # fmt: skip
-    axes.plot([x], [y], "o", color=BAD, ms=4.0, label="largest error")
-    add_legend(axes)
+    axes.dots([x], [y], BAD, 4.0, label="largest error")
     return sheet
 
 
@@ -284,14 +265,16 @@ def plot_boxes(
     values: Sequence[tuple[str, Sequence[tuple[str, Sequence[float]]]]],
     suts: Sequence[str],
     axis: str,
-) -> Figure:
+) -> Sheet:
     """Return boxplots of one measure, SUTs side by side for each scenario (figure 13).
 
     Boxes show the quartiles, whiskers everything, dots each repeat.
     """
     groups = len(values)
-    sheet, axes = new_figure(WIDTH, 2.4)
+    sheet = Sheet(WIDTH, 2.4)
+    (axes,) = sheet.axes
     width = 0.8 / len(suts)
+    everything = [value for _, cells in values for _, found in cells for value in found]
     for place, (_, cells) in enumerate(values):
         for sut, found in cells:
             if not found:
@@ -300,35 +283,35 @@ def plot_boxes(
             colour = SERIES[index % len(SERIES)]
             x = place + (index - (len(suts) - 1) / 2.0) * width
             _draw_box(axes, x, np.asarray(found, dtype=np.float64), 0.36 * width, colour)
-    axes.set_xticks(range(groups), [escape_mathtext(scenario) for scenario, _ in values])
-    if max((len(s) for s, _ in values), default=0) * groups > 48:
-        axes.tick_params(axis="x", labelrotation=25)
-    axes.set_xlim(-0.6, groups - 0.4)
-    title_axes(axes, axis)
-    axes.set_ylim(bottom=min(0.0, axes.get_ylim()[0]))
-    axes.grid(visible=False, axis="x")
+    # From 0 on, unless that would hide a line at 0.
+    lowest = 0.0 if min(everything) > 0.0 else None
+    axes.x_names = [scenario for scenario, _ in values]
+    axes.turned_names = max((len(s) for s, _ in values), default=0) * groups > 48
+    axes.x_limits, axes.y_limits = (-0.6, groups - 0.4), (lowest, None)
+    axes.title = axis
     return sheet
 
 
-def _draw_box(axes: Any, x: float, values: Any, half: float, colour: str) -> None:
+def _draw_box(axes: Axes, x: float, values: Any, half: float, colour: str) -> None:
     low, lower, median, upper, high = np.percentile(values, (0, 25, 50, 75, 100))
-    axes.plot([x, x], [low, high], color=colour, lw=0.8)
-    axes.fill_between([x - half, x + half], lower, upper, color=colour, alpha=0.25, lw=0)
-    axes.plot([x - half, x + half], [median, median], color=colour, lw=1.4)
-    axes.plot(np.full(len(values), x), values, "o", color=colour, ms=2.2, alpha=0.8, mew=0)
+    axes.line([x, x], [low, high], colour, 0.8)
+    axes.area([x - half, x + half], lower, upper, colour, 0.25)
+    axes.line([x - half, x + half], [median, median], colour, 1.4)
+    axes.dots(np.full(len(values), x), values, colour, 2.2, alpha=0.8)
 
 
-def plot_triggers(scenarios: Sequence[tuple[int, Sequence[TriggerEncounter]]]) -> Figure:
+def plot_triggers(scenarios: Sequence[tuple[int, Sequence[TriggerEncounter]]]) -> Sheet:
     """Return speed and turning speed around one trigger with one SUT (figure 14).
 
     ``scenarios`` are the numbers of their colours and what happened in each repeat. Means over the
     repeats, bands from the least to the most; dashed where the door stays as it is.
     """
-    sheet, (above, below) = new_figure(3.5, 2.7, 2, 1, sharex=True)
+    sheet = Sheet(3.5, 2.7, 2)
+    above, below = sheet.axes
     grid = np.arange(-BEFORE, AFTER + 0.5 * _STEP, _STEP)
     for number, found in scenarios:
         colour = SERIES[number % len(SERIES)]
-        dashes = "-" if found[0].fired else (0, (4, 2))
+        dashes = "" if found[0].fired else "4 2"
         for axes, kind in ((above, "speed"), (below, "turning")):
             lines = np.stack([_resample(grid, p, kind) for p in found])
             known = ~np.isnan(lines).any(axis=0)
@@ -336,16 +319,14 @@ def plot_triggers(scenarios: Sequence[tuple[int, Sequence[TriggerEncounter]]]) -
             lines = lines[:, known]
             if not known.any():
                 continue
-            axes.fill_between(grid[known], lines.min(axis=0), lines.max(axis=0), color=colour,
-                              alpha=0.1, lw=0)  # fmt: skip
-            axes.plot(grid[known], lines.mean(axis=0), color=colour, lw=1.0, ls=dashes)
+            axes.area(grid[known], lines.min(axis=0), lines.max(axis=0), colour, 0.1)
+            axes.line(grid[known], lines.mean(axis=0), colour, 1.0, dashes=dashes)
     for axes in (above, below):
-        axes.axvline(0.0, color=INK, lw=0.8, ls=":")
-    above.set_xlim(-BEFORE, AFTER)
-    above.set_ylim(bottom=0.0)
-    below.set_xlabel("time from the trigger [s]")
-    title_axes(above, "speed [m/s]")
-    title_axes(below, "turning [rad/s]")
+        axes.upright(0.0, INK, 0.8, dashes=_DOTTED)
+        axes.x_limits = (-BEFORE, AFTER)
+    above.y_limits = (0.0, None)
+    above.title, below.title = "speed [m/s]", "turning [rad/s]"
+    below.x_label = "time from the trigger [s]"
     return sheet
 
 

@@ -8,7 +8,7 @@ import stat
 import time
 from collections.abc import Iterator
 from importlib.machinery import PathFinder
-from importlib.metadata import packages_distributions, version
+from importlib.metadata import version
 from pathlib import Path
 from typing import Final
 
@@ -36,12 +36,12 @@ from daemon.batch.paths import (
     is_local,
 )
 from daemon.batch.security import keys_folder
-from daemon.model.execution import available_cores
+from daemon.model.execution import IMPORT_FIRST, available_cores
 from daemon.model.spec import ENGINE_VERSION
 from daemon.model.status import DaemonOverview, DiskUsage, WorkerRow
 
 _PACKAGES: Final = ("eclipse-zenoh", "numpy", "numba", "pymunk", "pydantic", "mcap", "textual")
-_OWN_PACKAGES: Final = ("daemon", "grammars", "templates", "scenario_tui")
+_OWN_PACKAGES: Final = ("daemon", "grammars", "templates", "campaigns")
 # A lease: a worker that has not asked for anything in that time has lost its runs.
 _SILENCE: Final = 30.0
 # Seconds. Leases are measured by the daemon's clock alone; this is about times people compare.
@@ -79,32 +79,20 @@ def _versions() -> Iterator[DoctorFinding]:
 
 
 def _packages() -> Iterator[DoctorFinding]:
-    """Look whether our packages' names are ours: short words that others have thought of too."""
+    """Look who else has the names of our packages: short words that others have thought of too."""
     root = Path(daemon.__file__).parents[1]
-    installed = packages_distributions()
-    sound = True
+    yield ok("packages", f"{', '.join(_OWN_PACKAGES)} are those of {root}")
     for name in _OWN_PACKAGES:
-        # Not what is imported here, but what a new process finds first.
+        # Not what is imported here, but what a program finds that knows nothing of us.
         spec = PathFinder.find_spec(name)
         found = Path(spec.origin) if spec is not None and spec.origin else None
         if found is not None and found != root / name / "__init__.py":
-            sound = False
-            yield problem(
-                "packages",
-                f"{found} is found in place of our package {name}",
-                f"take {found.parent} off PYTHONPATH, or rename what is there",
-            )
-        # python-daemon, say, has a package "daemon": whoever is installed last has __init__.py.
-        others = sorted(set(installed.get(name, ())) - {"scenario-tui"})
-        if others:
-            sound = False
             yield warning(
                 "packages",
-                f"{', '.join(others)} has a package {name} too, in the same place",
-                "install scenario-tui in an environment of its own",
+                f"{found} has the name of our package {name}: found by programs other than ours",
+                f"scripts that need ours import {IMPORT_FIRST} first; a Dask cluster needs an "
+                "environment without it",
             )
-    if sound:
-        yield ok("packages", f"{', '.join(_OWN_PACKAGES)} are those of {root}")
 
 
 def _kernels(paths: StatePaths) -> Iterator[DoctorFinding]:

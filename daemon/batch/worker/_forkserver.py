@@ -28,7 +28,12 @@ from daemon.batch.errors import WorkerBroken
 from daemon.batch.run_process import RunTask
 from daemon.batch.worker._attempts import Attempt, AttemptEnd, Waitable
 from daemon.model.deadline import spare_time, stopped_after
-from daemon.model.execution import EXECUTOR_VARIABLE, RunLimits, safe_fork_server
+from daemon.model.execution import (
+    EXECUTOR_VARIABLE,
+    IMPORT_FIRST,
+    RunLimits,
+    safe_fork_server,
+)
 
 
 def prepare_environment(executor: str) -> None:
@@ -140,7 +145,7 @@ class ForkServerPool:
         self.slots = slots
         self._context: ForkServerContext = multiprocessing.get_context("forkserver")
         self._context.set_forkserver_preload(
-            ["daemon.batch.run_process", "daemon.batch.forkserver_preload"]
+            [IMPORT_FIRST, "daemon.batch.run_process", "daemon.batch.forkserver_preload"]
         )
 
     def listen(self) -> None:

@@ -45,6 +45,15 @@ def test_the_interval_is_that_of_clopper_and_pearson(count: tuple[int, int], lev
     assert at_least(passed, n, level) == pytest.approx(low, abs=1e-9)
 
 
+def test_bounds_are_those_of_published_tables() -> None:
+    """Clopper and Pearson for 8 of 10; Student's t for 10 degrees of freedom, two-sided 95 %."""
+    assert proportion_interval(8, 10) == pytest.approx((0.443905, 0.974789), abs=1e-6)
+    assert at_least(1_000_000, 1_000_000) == pytest.approx(0.05**1e-6, abs=1e-13)
+    eleven = mean_interval([float(n) for n in range(11)])
+    assert eleven.high is not None
+    assert eleven.high - 5.0 == pytest.approx(2.228139, abs=1e-6)
+
+
 @modest
 @given(counts)
 def test_a_one_sided_bound_is_where_the_binomial_tail_is_as_likely_as_allowed(

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import sys
-from itertools import combinations, product
+from itertools import combinations, islice, product
 from pathlib import Path
 
+import numpy as np
 import pytest
+from scipy.stats import qmc
 
 from grammars.text.diagnostics import InputError
 from grammars.variation import Normal, Range, Variation, sample
@@ -125,12 +127,31 @@ def test_an_enormous_grid_is_refused(tmp_path: Path) -> None:
         sample(vary(tmp_path, statements), seed=0, method="grid", levels=100)
 
 
-@pytest.mark.parametrize(
-    ("method", "package"), [("lhs", "scipy.stats"), ("pairwise", "allpairspy")]
-)
 def test_a_missing_package_is_named_with_its_extra(
-    variation: Variation, method: str, package: str, monkeypatch: pytest.MonkeyPatch
+    variation: Variation, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setitem(sys.modules, package, None)
-    with pytest.raises(InputError, match=r"scenario-tui\[sampling\]"):
-        sample(variation, 5, seed=0, method=method)
+    monkeypatch.setitem(sys.modules, "allpairspy", None)
+    with pytest.raises(InputError, match="allpairspy, which is not installed") as caught:
+        sample(variation, 5, seed=0, method="pairwise")
+    assert "scenario-tui[sampling]" in caught.value.diagnostics[0].hint
+
+
+class _Share:
+    """A draw whose value is its quantile, unrounded."""
+
+    def at(self, quantile: float) -> float:
+        return quantile
+
+
+@pytest.mark.parametrize("dimensions", [1, 2, 7, 12])
+@pytest.mark.parametrize("seed", [0, 41])
+def test_space_filling_designs_are_those_of_scipy(dimensions: int, seed: int) -> None:
+    def generator() -> np.random.Generator:
+        return np.random.default_rng(np.random.SeedSequence(seed))
+
+    draws = [_Share()] * dimensions
+    engine = qmc.Halton(dimensions, rng=generator())
+    found = np.array(list(islice(halton(draws, seed), 200)))
+    assert np.array_equal(found, engine.random(200))
+    engine = qmc.LatinHypercube(dimensions, rng=generator())
+    assert np.array_equal(list(latin_hypercube(draws, 33, seed)), engine.random(33))

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import csv
+import xml.etree.ElementTree as ET
 from dataclasses import replace
 from pathlib import Path
 
 import junitparser
 import pyarrow.parquet
 import pytest
+from lxml import etree
 
 from daemon.analysis.report import (
     COLUMNS,
@@ -19,6 +21,7 @@ from daemon.analysis.report import (
     write_parquet,
 )
 from daemon.model.assessments import Assessment, CellAssessment, CellVerdict
+from daemon.model.spec import Timing
 from daemon.model.verdicts import Outcome
 from tests.daemon.analysis.report.recordings import OPEN_SHOWN, SHUT, SUTS, WHY
 
@@ -57,9 +60,13 @@ def test_parquet_is_the_same_table_with_types(data: ReportData, tmp_path: Path) 
         assert {k: "" if v is None else str(v) for k, v in one.items()} == other
 
 
+def write(data: ReportData, path: Path) -> None:
+    write_junit(data.input.name, data.assessment, [run.record for run in data.runs], path)
+
+
 def cases(data: ReportData, folder: Path) -> dict[tuple[str, str], junitparser.TestCase]:
     path = folder / "results.xml"
-    write_junit(data, path)
+    write(data, path)
     return {
         (suite.name, case.name): case
         for suite in junitparser.JUnitXml.fromfile(str(path))
@@ -131,3 +138,37 @@ def test_names_no_xml_can_hold_are_made_holdable(data: ReportData, tmp_path: Pat
     assert isinstance(oracle, CellVerdict)
     cell = replace(data.assessment.cells[0], oracles=(oracle,), scenario="\x00")
     assert [name for _, name in cases(with_cell(data, cell), tmp_path)] == ["bell \ufffd"]
+
+
+def test_a_junit_file_is_valid_and_tells_times(data: ReportData, tmp_path: Path) -> None:
+    timed = replace(
+        data,
+        runs=tuple(
+            replace(run, record=replace(run.record, timing=Timing(2.5, 2.0, 40.0)))
+            for run in data.runs
+        ),
+    )
+    path = tmp_path / "deep" / "results.xml"
+    write(timed, path)
+    schema = etree.XMLSchema(etree.parse(str(Path(__file__).with_name("junit.xsd"))))
+    schema.assertValid(etree.parse(str(path)))
+    root = ET.parse(path).getroot()
+    suites = root.findall("testsuite")
+    assert float(root.get("time", "")) == pytest.approx(2.5 * len(data.runs))
+    for suite, cell in zip(suites, data.assessment.cells, strict=False):
+        assert float(suite.get("time", "")) == pytest.approx(2.5 * len(cell.runs))
+        times = [float(case.get("time", "")) for case in suite.findall("testcase")]
+        assert sum(times) == pytest.approx(float(suite.get("time", "")), abs=0.01)
+        assert suite.find("properties/property[@name='time']").get("value") == "wall clock"
+    for key in ("tests", "failures", "errors"):
+        assert int(root.get(key, "")) == sum(int(suite.get(key, "")) for suite in suites)
+
+
+def test_of_traces_alone_the_time_is_what_they_simulated(data: ReportData, tmp_path: Path) -> None:
+    write(data, tmp_path / "results.xml")
+    suite = ET.parse(tmp_path / "results.xml").getroot().find("testsuite")
+    assert suite is not None
+    assert suite.find("properties/property[@name='time']").get("value") == "simulated"
+    cell = data.assessment.cells[0]
+    simulated = [r.record.timing.simulated for r in data.runs if r.record.id in cell.runs]
+    assert float(suite.get("time", "")) == pytest.approx(sum(simulated), abs=0.01)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import itertools
 import re
 from dataclasses import replace
 from xml.etree.ElementTree import Element
@@ -167,6 +169,37 @@ def test_every_figure_of_the_paper_is_there_and_has_a_name(tree: Element) -> Non
         "Speed and turning speed around the trigger",
     ):
         assert any(label.startswith(start) for label in labels), start
+
+
+def test_figures_are_drawn_with_numbers_and_names_of_their_own(page: str) -> None:
+    drawn = re.findall(r"<svg viewBox.*?</svg>", page, re.DOTALL)
+    assert len(drawn) >= 8
+    ids = re.findall(r'id="(f\d+-\d+)"', "".join(drawn))
+    assert len(ids) == len(set(ids)) >= len(drawn)
+    for figure in drawn:
+        paths = re.findall(r' d="([^"]*)"', figure)
+        assert paths
+        for path in paths:
+            assert re.fullmatch(r"(?:M-?[\d.]+ -?[\d.]+(?: -?[\d.]+)*z?)+", path), path[:80]
+
+
+def test_axes_have_round_numbers(tree: Element) -> None:
+    """Every figure with axes has at least two numbers along each, evenly apart."""
+    figures = [e for e in tree.iter() if str(e.tag).endswith("}svg")]
+    titled = ("Localisation error and", "Clearance over time", "Speed and turning")
+    for figure in figures:
+        if not str(figure.get("aria-label")).startswith(titled):
+            continue
+        rows: dict[str, list[float]] = {}
+        for text in figure.iter():
+            if str(text.tag).endswith("}text") and "middle" in str(text.get("style")):
+                with contextlib.suppress(ValueError):
+                    value = float(words(text).replace("\N{MINUS SIGN}", "-"))
+                    rows.setdefault(str(text.get("y")), []).append(value)
+        (numbers,) = rows.values()
+        steps = {round(b - a, 9) for a, b in itertools.pairwise(numbers)}
+        assert len(numbers) >= 2
+        assert len(steps) == 1
 
 
 def test_the_same_runs_give_the_same_page(data: ReportData, page: str) -> None:

@@ -1,0 +1,145 @@
+"""What an installation is made of, and that our short names mean ours wherever it is used."""
+
+from __future__ import annotations
+
+import ast
+import os
+import re
+import shutil
+import subprocess
+import sys
+import tomllib
+from importlib.metadata import packages_distributions
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from daemon.model.execution import python_command
+from scenario_tui._own_packages import OWN_PACKAGES
+
+ROOT = Path(__file__).parents[2]
+EXTRAS = {
+    "distributed": "dask",
+    "foxglove": "foxglove",
+    "pyshacl": "rdf",
+    "rdflib": "rdf",
+}
+"""Libraries that modules import which are loaded only where an extra is asked for."""
+FOREIGN = "raise SystemExit('somebody else')"
+
+
+@pytest.fixture(scope="module")
+def project() -> dict[str, Any]:
+    return tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))
+
+
+def names(requirements: list[str]) -> set[str]:
+    return {re.split(r"[\[>=<;]", text)[0].lower().replace("_", "-") for text in requirements}
+
+
+def imported(folder: Path) -> set[str]:
+    """Return the first names of everything modules import, wherever in them it stands."""
+    found: set[str] = set()
+    for path in folder.rglob("*.py"):
+        for node in ast.walk(ast.parse(path.read_text("utf-8"))):
+            if isinstance(node, ast.Import):
+                found |= {alias.name.partition(".")[0] for alias in node.names}
+            elif isinstance(node, ast.ImportFrom) and node.level == 0 and node.module:
+                found.add(node.module.partition(".")[0])
+    return found
+
+
+def test_what_is_imported_is_declared_and_nothing_else(project: dict[str, Any]) -> None:
+    rooms = [ROOT / name for name in (*OWN_PACKAGES, "scenario_tui")]
+    modules = set().union(*(imported(room) for room in rooms))
+    theirs = modules - set(sys.stdlib_module_names) - {room.name for room in rooms}
+    # Of a ROS 2 installation: imported by the relay, which runs there.
+    theirs -= {"rclpy", "rosidl_runtime_py", "tf2_msgs", "rosgraph_msgs", "builtin_interfaces"}
+    declared = names(project["project"]["dependencies"])
+    optional = project["project"]["optional-dependencies"]
+    owners = packages_distributions()
+    # Parts of pydantic and of jinja2, whose faces lead to them.
+    theirs -= {"pydantic_core", "markupsafe"}
+    used: set[str] = set()
+    for module in theirs:
+        if module in owners:
+            owner = {name.lower().replace("_", "-") for name in owners[module]}
+            extra = EXTRAS.get(module)
+            expected = names(optional[extra]) if extra else declared
+            assert owner & expected, f"{module} of {owner} is not declared"
+            used |= owner
+    assert declared <= used, declared - used
+
+
+def test_our_packages_are_installed_below_one_name(project: dict[str, Any]) -> None:
+    wheel = project["tool"]["hatch"]["build"]["targets"]["wheel"]
+    assert set(wheel["only-include"]) == {*OWN_PACKAGES, "scenario_tui"}
+    assert wheel["sources"] == {name: f"scenario_tui/_import_root/{name}" for name in OWN_PACKAGES}
+    assert (ROOT / "scenario_tui" / "import_root.pth").read_text() == "scenario_tui/_import_root\n"
+
+
+@pytest.fixture
+def installed(tmp_path: Path) -> Path:
+    """A folder like that of installed packages, with ours and with others of their names."""
+    site = tmp_path / "site"
+    shutil.copytree(
+        ROOT / "scenario_tui", site / "scenario_tui", ignore=shutil.ignore_patterns("__pycache__")
+    )
+    root = site / "scenario_tui" / "_import_root"
+    root.mkdir()
+    for name in OWN_PACKAGES:
+        (root / name).symlink_to(ROOT / name)
+        (site / name).mkdir()
+        (site / name / "__init__.py").write_text("whose = 'theirs'\n")
+    return site
+
+
+def environment(*folders: Path) -> dict[str, str]:
+    return os.environ | {"PYTHONPATH": os.pathsep.join(map(str, folders))}
+
+
+def run(command: list[str], where: Path, *folders: Path) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        command, cwd=where, env=environment(*folders), capture_output=True, text=True, check=False
+    )
+
+
+def test_names_mean_ours_whoever_else_has_them(installed: Path, tmp_path: Path) -> None:
+    program = f"import scenario_tui, {', '.join(OWN_PACKAGES)}\n"
+    program += f"print(*(m.__file__ for m in ({', '.join(OWN_PACKAGES)})), sep='\\n')"
+    done = run([sys.executable, "-c", program], tmp_path, installed)
+    root = installed / "scenario_tui" / "_import_root"
+    assert done.stdout.split() == [str(root / name / "__init__.py") for name in OWN_PACKAGES]
+    theirs = run([sys.executable, "-c", "import daemon; print(daemon.whose)"], tmp_path, installed)
+    assert theirs.stdout == "theirs\n"
+
+
+def test_a_name_that_is_taken_already_is_said_with_whose_it_is(
+    installed: Path, tmp_path: Path
+) -> None:
+    done = run([sys.executable, "-c", "import daemon, scenario_tui"], tmp_path, installed)
+    assert f"{installed}/daemon/__init__.py was imported as 'daemon' before" in done.stderr
+    assert "import scenario_tui first" in done.stderr
+
+
+IMPORTING = "import daemon.batch.paths; print('serve')"
+
+
+@pytest.mark.parametrize("words", [("-m", "daemon", "serve", "--help"), ("-c", IMPORTING)])
+def test_children_are_ours_whatever_pythonpath_says(tmp_path: Path, words: Any) -> None:
+    for name in OWN_PACKAGES:
+        (tmp_path / f"{name}.py").write_text(FOREIGN)
+    done = run(python_command(*words), tmp_path, Path(), tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert "serve" in done.stdout
+
+
+def test_the_command_is_ours_whatever_pythonpath_says(tmp_path: Path) -> None:
+    """With an empty entry, too, which stands for the current folder."""
+    for name in OWN_PACKAGES:
+        (tmp_path / f"{name}.py").write_text(FOREIGN)
+    program = Path(sys.executable).with_name("scenario")
+    campaign = str(ROOT / "campaigns" / "demo" / "campaign.yaml")
+    done = run([str(program), "check", campaign], tmp_path, Path(), tmp_path)
+    assert (done.returncode, done.stderr) == (0, f"{campaign}: 3 scenarios, 15 runs, no problems\n")
