@@ -2,8 +2,8 @@ from __future__ import annotations
 
 import hashlib
 import json
-from dataclasses import replace
 import sys
+from dataclasses import replace
 from pathlib import Path
 from xml.etree import ElementTree
 
