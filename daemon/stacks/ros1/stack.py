@@ -82,34 +82,36 @@ from daemon.stacks.ros1.trajectory_planner import TrajectoryPlanner
 from grammars.model.geometry import Floats, Pose2, Twist2
 
 
-class _DwaController:
+class _LocalController:
     """The controller with what it needs to know at hand; keeps the trajectory it chose last."""
 
     def __init__(
         self,
-        dwa: Dwa | TrajectoryPlanner,
+        planner: Dwa | TrajectoryPlanner,
         transforms: TransformBuffer,
         local: CostGrid,
         local_frame: CostmapFrame,
         plan_frame: CostmapFrame,
     ) -> None:
-        self._dwa, self._transforms, self._local = dwa, transforms, local
+        self._planner, self._transforms, self._local = planner, transforms, local
         self._frame, self._plan_frame = local_frame, plan_frame
         self.trajectory: Floats | None = None
 
     def set_plan(self, plan: Floats) -> None:
         """Take a new global plan (n, 3) in the frame of the global costmap."""
-        self._dwa.set_plan(plan)
+        self._planner.set_plan(plan)
 
     def goal_reached(self) -> bool:
         """Tell whether the robot is at the goal of the plan, and stands."""
         frame, twist = self._frame, self._transforms.twist
-        return self._dwa.goal_reached(frame.base, twist, frame.pose_in(self._plan_frame))
+        return self._planner.goal_reached(frame.base, twist, frame.pose_in(self._plan_frame))
 
     def command(self) -> Twist2 | None:
         """Return a velocity command, ``None`` when there is no valid one."""
         frame, twist = self._frame, self._transforms.twist
-        answer = self._dwa.command(frame.base, twist, frame.pose_in(self._plan_frame), self._local)
+        answer = self._planner.command(
+            frame.base, twist, frame.pose_in(self._plan_frame), self._local
+        )
         self.trajectory = answer.local_plan
         return answer.twist if answer.ok else None
 
@@ -161,13 +163,13 @@ class Navigation:
     def _set_up_move_base(self, briefing: Briefing) -> None:
         p = self._parameters
         footprint = p.local_costmap.padded_footprint()
-        self._navfn = make_global_planner(p.global_planner, p.quirks)
-        dwa = make_local_planner(
+        self._global_planner = make_global_planner(p.global_planner, p.quirks)
+        local_planner = make_local_planner(
             p.local_planner, p.quirks, footprint, 1.0 / p.move_base.controller_frequency,
             latch_goal=p.move_base.latch_xy_goal_tolerance,
         )  # fmt: skip
-        self._controller = _DwaController(
-            dwa, self._transforms, self._local.grid, self._local_frame, self._global_frame
+        self._controller = _LocalController(
+            local_planner, self._transforms, self._local.grid, self._local_frame, self._global_frame
         )
         recoveries = make_recoveries(
             p.move_base, p.rotate_recovery, p.resets, p.quirks, footprint, self._local.grid,
@@ -246,7 +248,7 @@ class Navigation:
         return [scan for scan in scans if scan.laser in heard]
 
     def _plan(self, goal: Pose2) -> Floats | None:
-        return self._navfn.plan(self._global.grid, self._global_frame.base, goal)
+        return self._global_planner.plan(self._global.grid, self._global_frame.base, goal)
 
     def _robot_poses(self) -> RobotPoses:
         return RobotPoses(self._local_frame.base, self._global_frame.base)
@@ -261,7 +263,7 @@ class Navigation:
             self._local.clear_square(around.local, half)
         # The service passes start and goal on as they are, and planners refuse other frames.
         if self._global_frame.name == "map":
-            self._navfn.plan(self._global.grid, start, goal)
+            self._global_planner.plan(self._global.grid, start, goal)
 
     def _dispatch(self, now: float) -> None:
         self._collect_log()

@@ -63,6 +63,15 @@ class MoveBaseStatus:
     log: list[str] = field(default_factory=list)
 
 
+_WAKING: Final = 0.001
+"""What the planner thread loses of every period to being woken [s].
+
+Its timer is set anew from when it began to plan, so it falls behind the control loop, which makes
+up for every delay. With equal frequencies that is all there is between a new plan in every control
+cycle and one cycle without, now and then. TrajectoryPlannerROS forgets with every plan that it has
+arrived: where both are 20 Hz, as on the Jackal, it would never finish without that cycle. With
+other ratios the phase decides nothing, and simulated time stays on its grid.
+"""
 MakePlan: TypeAlias = Callable[[Pose2], Floats | None]
 """From a goal (map) to a plan (n, 3) from where the robot is now, or ``None``."""
 
@@ -71,8 +80,9 @@ class PlannerThread:
     """Plans at ``planner_frequency`` from the start of one plan to the start of the next.
 
     The control loop wakes it early whenever it waits for a plan. Planning takes no simulated
-    time. With a frequency of 0 it plans once when asked, and after a failure again at every step
-    of the stack, where the original tries as fast as it can.
+    time; being woken by its timer does where that decides (``_WAKING``). With a frequency of 0
+    it plans once when asked, and after a failure again at every step of the stack, where the
+    original tries as fast as it can.
     """
 
     def __init__(
@@ -84,6 +94,8 @@ class PlannerThread:
     ) -> None:
         rate = parameters.planner_frequency
         self._period = 1.0 / rate if rate > 0.0 else 0.0
+        together = math.isclose(rate, parameters.controller_frequency)
+        self._waking = _WAKING if together else 0.0
         self._patience = parameters.planner_patience
         retries = parameters.max_planning_retries
         self._retries = retries if retries >= 0 else math.inf
@@ -101,7 +113,8 @@ class PlannerThread:
         status = self._status
         if not status.planner_runs or status.goal is None or now < self._due - TIME_TOLERANCE:
             return
-        self._due = now + self._period
+        begun = self._due if self._waking and now - self._due < self._period else now
+        self._due = begun + self._period + self._waking
         plan = self._make_plan(status.goal)
         if plan is not None and len(plan):
             self._succeed(now, plan)

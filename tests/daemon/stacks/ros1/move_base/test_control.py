@@ -26,6 +26,16 @@ def test_plans_are_made_at_the_planner_s_frequency_from_start_to_start() -> None
     assert bench.controller.plans == len(bench.planned)
 
 
+def test_planning_as_often_as_controlling_leaves_a_cycle_without_a_new_plan_now_and_then() -> None:
+    bench = Bench(parameters={"controller_frequency": 20.0, "planner_frequency": 20.0})
+    bench.accept()
+    bench.run(60.0)
+    cycles = len(bench.commands)
+    assert cycles == pytest.approx(1199, abs=1)
+    # A millisecond in fifty is lost to being woken: of fifty-one cycles one has the old plan.
+    assert cycles - bench.controller.plans == pytest.approx(cycles / 51, abs=2)
+
+
 def test_with_a_planner_frequency_of_zero_there_is_one_plan_per_request() -> None:
     bench = Bench(works=lambda now: now < 1.0 or now > 1.35, parameters={"planner_frequency": 0.0})
     bench.accept()
