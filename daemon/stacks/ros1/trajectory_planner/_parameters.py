@@ -112,16 +112,15 @@ class TrajectoryPlannerParameters:
     """[Hz] Of the dynamic window only; without it that of move_base counts."""
 
 
-_RENAMED: Final = "TrajectoryPlannerROS reads {}, and only rotate_recovery this name"
-_MISSPELT: Final = "TrajectoryPlannerROS reads {}, and warns of this name"
+_RENAMED: Final = "TrajectoryPlannerROS reads {} instead"
 _NO_STRAFE_LIMITS: Final = "TrajectoryPlannerROS knows no limits of strafing, only y_vels"
 _DEBUG: Final = "it only publishes a debug point cloud"
 
 WITHOUT_EFFECT: Final[Mapping[str, str]] = {
     "acc_lim_th": _RENAMED.format("acc_lim_theta"),
-    "acc_limit_th": _MISSPELT.format("acc_lim_theta"),
-    "acc_limit_x": _MISSPELT.format("acc_lim_x"),
-    "acc_limit_y": _MISSPELT.format("acc_lim_y"),
+    "acc_limit_th": _RENAMED.format("acc_lim_theta"),
+    "acc_limit_x": _RENAMED.format("acc_lim_x"),
+    "acc_limit_y": _RENAMED.format("acc_lim_y"),
     "backup_vel": "TrajectoryPlannerROS reads it and puts escape_vel in its place at once",
     "global_frame_id": "it only names the frame of a debug point cloud",
     "max_vel_y": _NO_STRAFE_LIMITS,
