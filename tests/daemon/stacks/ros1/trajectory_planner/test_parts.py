@@ -20,7 +20,7 @@ from daemon.stacks.ros1.trajectory_planner import (
     WITHOUT_EFFECT,
     TrajectoryPlannerParameters,
     contradictions,
-    not_as_written,
+    doubts,
 )
 from daemon.stacks.ros1.trajectory_planner._cycle import add_footprint_cells
 from daemon.stacks.ros1.trajectory_planner._parameters import strafe_speeds
@@ -107,10 +107,11 @@ def test_strafe_speeds_are_read_as_c_reads_numbers(text: str, speeds: tuple[floa
         ({"vx_samples": 0}, "1 counts"),
         ({"y_vels": (-0.3, 0.3)}, "y_vels is a list"),
         ({"y_vels": "[-0.3, 0.3]"}, "not all numbers"),
+        ({"meter_scoring": True}, "per metre"),
     ],
 )
-def test_what_is_not_taken_as_written_is_named(wrong: dict[str, object], words: str) -> None:
-    found = not_as_written(replace(DEFAULT, **wrong))  # type: ignore[arg-type]
+def test_what_may_not_be_taken_as_written_is_named(wrong: dict[str, object], words: str) -> None:
+    found = doubts(replace(DEFAULT, **wrong))  # type: ignore[arg-type]
     assert [words in entry.text for entry in found] == [True]
     assert found[0].names == tuple(wrong)
 
@@ -134,9 +135,10 @@ def test_contradictions_are_named(wrong: dict[str, float], word: str) -> None:
 
 
 def test_published_configurations_contradict_nothing_and_are_taken_as_written() -> None:
+    assert doubts(DEFAULT) == ()
     for robot in ROBOTS.values():
         assert contradictions(robot.parameters) == ()
-        assert not_as_written(robot.parameters) == ()
+        assert [found.names for found in doubts(robot.parameters)] == [("meter_scoring",)]
 
 
 PUBLISHED = (
