@@ -7,7 +7,7 @@ Costs are those of ``DijkstraExpansion::getCost``, the wave that of its ``calcul
 Arrays are flat with ``MARGIN`` rows before the first and behind the last one, which are lethal
 and never reached. The original looks there, off its arrays, wherever the map has no
 outline: what it finds is undefined, here there is nothing. Beside the first and the last column
-it looks into the row before or after, which is no mistake of ours and kept.
+it looks into the row before or after, which is well defined and kept.
 """
 
 from __future__ import annotations
@@ -82,9 +82,8 @@ def copy_window(
 ) -> bool:
     """Renew the states of a half-open window; return whether any changed.
 
-    ``guide`` takes their costs as navfn knows them, from a table of 256.
-
-    With ``outline`` the outermost cells are lethal whatever the costmap says.
+    ``guide`` takes their costs as navfn knows them, from a table of 256. With ``outline`` the
+    outermost cells are lethal whatever the costmap says.
     """
     rows, columns = cells.shape
     offset = MARGIN * columns
