@@ -180,7 +180,9 @@ def _field_docs(owner: type[Any]) -> dict[str, str]:
     """Return the strings written below the fields of a class and those it inherits."""
     docs: dict[str, str] = {}
     for base in owner.__bases__:
-        if base is not BaseModel and issubclass(base, BaseModel):
+        if base is not BaseModel and (
+            issubclass(base, BaseModel) or dataclasses.is_dataclass(base)
+        ):
             docs |= _field_docs(base)
     (body,) = ast.parse(textwrap.dedent(inspect.getsource(owner))).body
     assert isinstance(body, ast.ClassDef)

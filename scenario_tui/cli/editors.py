@@ -58,9 +58,12 @@ def schema_of(kind: FileKind) -> dict[str, Any]:
 
 
 Schema = dict[str, Any]
-
-_COMPUTED_FIELDS: Final = ("sources", "obstacle_layer", "obstacle_layer_name", "inflation_layer")
-"""Fields of a costmap's model that nobody writes."""
+_LAYER_TYPES: Final = [
+    "costmap_2d::StaticLayer",
+    "costmap_2d::ObstacleLayer",
+    "costmap_2d::VoxelLayer",
+    "costmap_2d::InflationLayer",
+]
 
 
 def sut_schema(title: str) -> Schema:
@@ -117,16 +120,18 @@ def ros_definitions() -> dict[str, Schema]:
     Names that no node knows are left to ``scenario check``, which warns of them; ``null`` takes
     an inherited value away.
     """
-    from daemon.stacks.ros1 import amcl, costmap, dwa, move_base, navfn
+    from daemon.stacks.ros1 import amcl, costmap, move_base
+    from daemon.stacks.ros1.planners import GLOBAL, LOCAL, namespace_of
     from daemon.stacks.ros1.quirks import Quirks
     from daemon.stacks.ros1.topics import TopicParameters
 
     found: dict[str, Schema] = {}
     _add_section(found, "amcl", amcl.AmclParameters, amcl.WITHOUT_EFFECT)
-    _add_section(found, "costmap", costmap.CostmapParameters, costmap.WITHOUT_EFFECT)
-    _add_section(found, "source", costmap.ObservationSource, costmap.SOURCE_WITHOUT_EFFECT)
-    _add_section(found, "dwa", dwa.DwaParameters, dwa.WITHOUT_EFFECT)
-    _add_section(found, "navfn", navfn.NavfnParameters, navfn.WITHOUT_EFFECT)
+    for name, (model, without_effect) in costmap.WRITTEN_SECTIONS.items():
+        _add_section(found, name, model, without_effect)
+    planners = {namespace_of(plugin): entry for plugin, entry in {**GLOBAL, **LOCAL}.items()}
+    for name, planner in planners.items():
+        _add_section(found, name, planner.model, planner.without_effect)
     _add_section(
         found, "move_base", move_base.MoveBaseParameters, move_base.MOVE_BASE_WITHOUT_EFFECT
     )
@@ -138,12 +143,15 @@ def ros_definitions() -> dict[str, Schema]:
         "description": "The profile the switches change.",
         "enum": ["original", "fixed"],
     }
-    _name_costmap_sources(found)
+    _complete_costmap(found)
+    names = {"base_global_planner": GLOBAL, "base_local_planner": LOCAL}
+    for name, plugins in names.items():
+        found["move_base"]["properties"][name]["examples"] = list(plugins)
     found["move_base"]["properties"] |= {
         "global_costmap": _reference("costmap"),
         "local_costmap": _reference("costmap"),
-        "DWAPlannerROS": _reference("dwa"),
-        "NavfnROS": _reference("navfn"),
+        **{name: _reference(name) for name in planners},
+        **found["body"]["properties"],
         "rotate_recovery": _reference("rotation"),
     }
     return found | {"ros": _ros_tree()}
@@ -190,20 +198,39 @@ def _nullable(body: Schema) -> Schema:
     return changed
 
 
-def _name_costmap_sources(found: dict[str, Schema]) -> None:
-    """Write a costmap as people do: sources by name, not as a list."""
+def _complete_costmap(found: dict[str, Schema]) -> None:
+    """Add to a costmap what files without ``plugins`` write flat, and the layers themselves."""
     costmap = found["costmap"]["properties"]
-    for name in _COMPUTED_FIELDS:
-        del costmap[name]
-    del found["source"]["properties"]["name"]
-    found.pop("observationsource", None)
-    costmap["observation_sources"] = {
-        "type": ["string", "null"],
-        "description": "Names of sources with spaces between them; each is described under its "
-        "name.",
+    layers = ("static_layer", "obstacle_layer", "inflation_layer")
+    for name in ("body", *layers):
+        costmap |= {
+            key: body for key, body in found[name]["properties"].items() if key != "enabled"
+        }
+    costmap["static_map"] = {
+        "type": ["boolean", "object", "null"],
+        "description": "Without plugins: whether there is a static layer. Or a layer of that name.",
     }
-    # The name of a source is free; "scan" is the one in the files we ship, so it gets help.
-    costmap["scan"] = _reference("source")
+    costmap["map_type"] = {
+        "enum": ["costmap", "voxel", None],
+        "description": "Without plugins: whether the obstacle layer is a voxel layer.",
+    }
+    plugin = {
+        "type": "object",
+        "properties": {
+            "name": {"type": "string", "description": "Also the namespace of its parameters."},
+            "type": {"type": "string", "examples": _LAYER_TYPES},
+        },
+        "required": ["name", "type"],
+    }
+    costmap["plugins"] = {
+        "type": ["array", "null"],
+        "items": plugin,
+        "description": "The layers, the lowest first; each is described under its name.",
+    }
+    # Names of layers and sources are free; these are the ones without plugins, and in the files
+    # that ship, so they get help.
+    costmap |= {name: _reference(name) for name in layers}
+    costmap["scan"] = found["obstacle_layer"]["properties"]["scan"] = _reference("source")
 
 
 def _reference(name: str) -> Schema:

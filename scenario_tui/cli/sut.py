@@ -6,11 +6,11 @@ import dataclasses
 import json
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Final
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from scenario_tui.cli import completion
+from scenario_tui.cli import completion, sut_ros
 from scenario_tui.cli.completion import sut_files
 from scenario_tui.cli.options import AsJson, PlainFlagsCommand, PlainFlagsGroup
 from scenario_tui.cli.output import Output, plain_table, report_diagnostics, stdout_console
@@ -20,11 +20,6 @@ if TYPE_CHECKING:
     from daemon.campaign import LoadedSut
     from daemon.stacks.ros1.configuration import RosParameters
     from grammars.text.diagnostics import Diagnostic
-
-_NOT_ROS_PARAMETERS: Final = frozenset(
-    {"sources", "obstacle_layer", "obstacle_layer_name", "inflation_layer", "recovery_behaviors"}
-)
-"""Fields of the models that are no parameters, or say nothing when they are not given."""
 
 
 class _ShowsByDefault(PlainFlagsGroup):
@@ -68,6 +63,8 @@ class SutOutput(Output, schema="sut"):
     wiring: dict[str, bool] | None
     without_effect: dict[str, str]
     warnings: tuple[Diagnostic, ...]
+    planners: dict[str, str] | None = None
+    costmaps: dict[str, dict[str, Any]] | None = None
 
     @classmethod
     def of(cls, found: LoadedSut, read: RosParameters | None) -> SutOutput:
@@ -86,11 +83,8 @@ class SutOutput(Output, schema="sut"):
             else {k: bool(v) for k, v in dataclasses.asdict(read.wiring).items()},
             {"/".join(map(str, f.path)): f.message for f in unused},
             found.warnings,
+            **({} if read is None else sut_ros.described(read)),
         )
-
-
-def _hearing(read: RosParameters) -> dict[str, bool]:
-    return {name: bool(lasers) for name, lasers in dataclasses.asdict(read.wiring).items()}
 
 
 @sut_app.command(cls=PlainFlagsCommand)
@@ -107,8 +101,9 @@ def show(
 ) -> None:
     """Show a system under test: its parameters and where each was written.
 
-    For the ROS stack also the defaults that apply, what has no effect here, and who hears the
-    laser; for a ROS 2 stack the defaults that apply. Nothing is started.
+    For the ROS stack also the defaults that apply, what has no effect here, the planners, the
+    layers of both costmaps and who hears which laser; for a ROS 2 stack the defaults that apply.
+    Nothing is started.
     """
     from daemon.campaign import LayerLibrary
 
@@ -122,8 +117,9 @@ def show(
     _print_files(found)
     _print_defaults(_all_defaults(found, read))
     if read is not None:
-        _print_quirks(read)
-        _print_wiring(read)
+        sut_ros.print_costmaps(read)
+        sut_ros.print_quirks(read)
+        sut_ros.print_wiring(read)
     report_diagnostics(w for w in found.warnings if w not in found.idle)
 
 
@@ -156,46 +152,7 @@ def _all_defaults(found: LoadedSut, read: RosParameters | None) -> dict[str, dic
         from daemon.stacks.ros2.defaults import settings_not_written
 
         return settings_not_written(found.reference.parameters)
-    return {} if read is None else _defaults(found, read)
-
-
-def _defaults(found: LoadedSut, read: RosParameters) -> dict[str, dict[str, Any]]:
-    """Return the values nobody wrote, by namespace."""
-    from daemon.stacks.ros1 import navfn
-
-    namespaces: dict[str, Any] = {
-        "amcl": read.amcl,
-        "move_base": read.move_base,
-        "move_base/global_costmap": read.global_costmap,
-        "move_base/local_costmap": read.local_costmap,
-        "move_base/NavfnROS": read.global_planner,
-        "move_base/DWAPlannerROS": read.local_planner,
-        "move_base/rotate_recovery": read.rotate_recovery,
-        "dispatcher": read.dispatcher,
-    }
-    left_out = {*_NOT_ROS_PARAMETERS, *navfn.WITHOUT_EFFECT}
-    return {
-        namespace: {
-            field.name: getattr(model, field.name)
-            for field in dataclasses.fields(model)
-            if field.name not in left_out | _written_names(found, namespace)
-        }
-        for namespace, model in namespaces.items()
-    }
-
-
-def _written_names(found: LoadedSut, namespace: str) -> set[str]:
-    """Return the names somebody wrote in a namespace, or in the layers of a costmap."""
-    above = tuple(namespace.split("/"))
-    # A costmap keeps what its layers read one level deeper, obstacle_layer/max_obstacle_height.
-    deepest = len(above) + (2 if namespace.endswith("costmap") else 1)
-    spaces = [above]
-    if namespace.endswith("rotate_recovery"):
-        # rotate_recovery takes its speeds from there (rotate_recovery.cpp, initialize).
-        spaces.append(("move_base", "TrajectoryPlannerROS"))
-    return {
-        path[-1] for path in found.settings if path[: len(above)] in spaces and len(path) <= deepest
-    }
+    return {} if read is None else sut_ros.defaults(found, read)
 
 
 def _print_head(found: LoadedSut) -> None:
@@ -259,28 +216,3 @@ def _print_defaults(defaults: dict[str, dict[str, Any]]) -> None:
         if values:
             listed = ", ".join(f"{name} {_yaml_text(value)}" for name, value in values.items())
             stdout_console().print(f"  {namespace}: {listed}", markup=False, soft_wrap=True)
-
-
-def _print_quirks(read: RosParameters) -> None:
-    off = [name for name, on in dataclasses.asdict(read.quirks).items() if not on]
-    if off:
-        stdout_console().print("\noddities of the original that are off", style="bold")
-        stdout_console().print(f"  {', '.join(off)}", markup=False, soft_wrap=True)
-
-
-def _print_wiring(read: RosParameters) -> None:
-    console = stdout_console()
-    console.print(f"\nthe scan comes on {read.topics.published}", style="bold")
-    listeners = {
-        "amcl": ((read.topics.amcl,), read.wiring.amcl),
-        "global costmap": (read.topics.global_costmap, read.wiring.global_costmap),
-        "local costmap": (read.topics.local_costmap, read.wiring.local_costmap),
-    }
-    for name, (topics, hears) in listeners.items():
-        answer = "hears it" if hears else "does not hear it"
-        listens = ", ".join(topics) or "nothing"
-        console.print(
-            f"  {name} listens to {listens}: {answer}",
-            markup=False,
-            style="" if hears else "yellow",
-        )

@@ -124,8 +124,20 @@ parameters:
     footprint: [[0.3, 0.2], [-0.3, 0.2], [0, -0.2]]
     scan: {topic: scan, marking: true}
   move_base:
+    base_local_planner: base_local_planner/TrajectoryPlannerROS
+    robot_radius: 0.3
     DWAPlannerROS: {sim_time: 2, controller_frequency: null}
-  topics: {remap: {/a: /b}}
+    TrajectoryPlannerROS: {holonomic_robot: false}
+    GlobalPlanner: {use_dijkstra: false}
+    local_costmap:
+      plugins: [{name: seen, type: "costmap_2d::VoxelLayer"}]
+      seen: {observation_sources: front, front: {data_type: LaserScan}, z_voxels: 8}
+    global_costmap: {static_map: {use_maximum: true}, obstacle_layer: {enabled: false}}
+  topics:
+    remap: {/a: /b}
+    scan: {front: /scan_front, rear: [/scan_rear, /scan]}
+    nodes: {amcl: {name: /robot1/amcl, remap: {scan: /a}}}
+    maps: [/map]
   quirks: {like: fixed, strafe_leaks: true}
 """
 
@@ -142,7 +154,18 @@ def test_parameters_of_ros_are_known_by_section() -> None:
         ("sim_time: 2", "sim_time: long", "$.parameters.move_base.DWAPlannerROS.sim_time"),
         (", [0, -0.2]]", "]", "$.parameters.costmap_common.footprint"),
         ("marking: true", "marking: 3", "$.parameters.costmap_common.scan.marking"),
-        ("remap:", "remaps:", "$.parameters.topics"),
+        ("remap: {/a: /b}", "remaps: {}", "$.parameters.topics"),
+        (
+            "use_dijkstra: false",
+            "use_dijkstra: 1",
+            "$.parameters.move_base.GlobalPlanner.use_dijkstra",
+        ),
+        (
+            "enabled: false",
+            "enabled: 2",
+            "$.parameters.move_base.global_costmap.obstacle_layer.enabled",
+        ),
+        ("[/map]", "/map", "$.parameters.topics.maps"),
         ("kind: ros\n", "", "$"),
     ],
 )

@@ -14,8 +14,10 @@ from daemon.stacks.ros1.costmap._layers import (
 from daemon.stacks.ros1.costmap._namespaces import Namespace
 from daemon.stacks.ros1.costmap._observations import SensedScan, hears_height
 from daemon.stacks.ros1.costmap._reading import CostmapContext, read_costmap
+from daemon.stacks.ros1.costmap._sections import WRITTEN_SECTIONS
 
 __all__ = [
+    "WRITTEN_SECTIONS",
     "Costmap",
     "CostmapContext",
     "InflationLayer",

@@ -1,7 +1,7 @@
 """What a costmap is made of: its layers in the order of ``plugins``, and what they listen to.
 
 Values only, complete and resolved: whatever a file leaves out, or says in the namespace above, has
-been decided by whoever reads the file (:mod:`daemon.stacks.ros1.costmap._parameters`). Names and
+been decided by whoever reads the file (:mod:`daemon.stacks.ros1.costmap._reading`). Names and
 defaults are those of costmap_2d in ROS Noetic.
 """
 

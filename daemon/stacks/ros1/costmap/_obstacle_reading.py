@@ -12,7 +12,6 @@ from daemon.stacks.ros1.costmap._namespaces import OBSTACLE, VOXEL, Namespace, P
 from daemon.stacks.ros1.costmap._sections import (
     FETCH_WITHOUT_EFFECT,
     OBSTACLE_WITHOUT_EFFECT,
-    SOURCE_WITHOUT_EFFECT,
     VOXEL_WITHOUT_EFFECT,
     ObstacleSection,
     RangeSection,
@@ -44,7 +43,7 @@ class Hearing:
 
 def looks_like_source(value: object) -> bool:
     """Whether a namespace holds nothing but parameters of an observation source."""
-    known = {f.name for f in fields(SourceSection)} | set(SOURCE_WITHOUT_EFFECT)
+    known = {f.name for f in fields(SourceSection)}
     return isinstance(value, Mapping) and bool(value) and set(value) <= known
 
 
@@ -137,13 +136,7 @@ class _SourceReader:
             self.report.fatal.append(ParameterFinding(written.place, message))
             return None
         space = self.layer.below(name)
-        read = read_section(
-            SourceSection,
-            space.values(),
-            space.path,
-            self.report,
-            without_effect=SOURCE_WITHOUT_EFFECT,
-        )
+        read = read_section(SourceSection, space.values(), space.path, self.report)
         topic = self.hearing.resolve(read.topic or name)
         laser = read.data_type == _LASER_SCAN
         self._check_rate(name, space, read, topic)

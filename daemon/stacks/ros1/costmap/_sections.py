@@ -7,7 +7,7 @@ costmap_2d. What they come to together, :mod:`daemon.stacks.ros1.costmap._readin
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Annotated, Final, TypeAlias
+from typing import Annotated, Any, Final, TypeAlias
 
 from pydantic import ConfigDict, Field
 from pydantic.dataclasses import dataclass
@@ -67,15 +67,21 @@ class SourceSection:
     data_type: str = "PointCloud"
     """LaserScan, PointCloud or PointCloud2."""
     marking: bool = True
+    """Returns make their cells lethal."""
     clearing: bool = False
+    """Rays clear the cells before their returns."""
     obstacle_range: NotNegative | None = None
     """[m] Searched for upwards when it is not here; 2.5 in the end."""
     raytrace_range: NotNegative | None = None
     """[m] Searched for upwards when it is not here; 3.0 in the end."""
     min_obstacle_height: Finite = 0.0
+    """[m] A laser mounted lower than this is not heard."""
     max_obstacle_height: Finite = 2.0
+    """[m] Nor one mounted higher."""
     inf_is_valid: bool = False
+    """Rays without return clear, as if they ended just before the greatest range."""
     observation_persistence: NotNegative = 0.0
+    """[s] Scans count for so long; 0: only the latest."""
     expected_update_rate: NotNegative = 0.0
     """[s] The robot stops when the source was silent for longer; 0: never."""
     sensor_frame: str = ""
@@ -87,7 +93,9 @@ class RangeSection:
     """Ranges in a namespace that sources search through."""
 
     obstacle_range: NotNegative | None = None
+    """[m] Returns farther than this do not mark."""
     raytrace_range: NotNegative | None = None
+    """[m] Rays clear up to here."""
 
 
 @dataclass(frozen=True, slots=True, config=_CONFIG)
@@ -95,9 +103,13 @@ class StaticSection:
     """Namespace of a ``costmap_2d::StaticLayer``."""
 
     enabled: bool = True
+    """Whether there is the layer."""
     map_topic: str = "map"
+    """Where it listens to the map; only the map of the run is there."""
     track_unknown_space: bool = True
+    """Unknown cells of the map are unknown here; otherwise free."""
     use_maximum: bool = False
+    """Merge by the maximum with the layers below instead of writing over them."""
     lethal_cost_threshold: int = 100
     """Occupancy from which on a cell of the map is lethal."""
     unknown_cost_value: int = -1
@@ -109,15 +121,21 @@ class ObstacleSection:
     """Namespace of a ``costmap_2d::ObstacleLayer``."""
 
     enabled: bool = True
+    """Whether there is the layer."""
     observation_sources: str = ""
-    """Names with spaces between them."""
+    """Names of sources with spaces between them; each is described under its name."""
     max_obstacle_height: _Height = 2.0
+    """[m] A laser mounted higher than this marks nothing."""
     footprint_clearing_enabled: bool = True
+    """The layer is free under the footprint."""
     combination_method: int = 1
+    """0: writes over the layers below; 1: the maximum with them; others: merges nothing."""
     track_unknown_space: bool | None = None
-    """That of the costmap when it is not here."""
+    """Cells nobody has looked at are unknown; as in the costmap when it is not here."""
     obstacle_range: NotNegative | None = None
+    """[m] Of sources that have none of their own."""
     raytrace_range: NotNegative | None = None
+    """[m] Of sources that have none of their own."""
 
 
 @dataclass(frozen=True, slots=True, config=_CONFIG)
@@ -125,11 +143,15 @@ class VoxelSection(ObstacleSection):
     """Namespace of a ``costmap_2d::VoxelLayer``."""
 
     origin_z: _Height = 0.0
-    """[m] Not below zero (dynamic reconfigure)."""
+    """[m] Height of the lowest voxel's lower face, not below zero (dynamic reconfigure)."""
     z_resolution: Annotated[float, Field(gt=0.0, le=50.0, allow_inf_nan=False)] = 0.2
+    """[m] Height of a voxel."""
     z_voxels: Annotated[int, Field(ge=1, le=16)] = 10
+    """Voxels in a column."""
     unknown_threshold: _Voxels = 15
+    """A column with more unknown voxels than this is unknown."""
     mark_threshold: _Voxels = 0
+    """A column with more marked voxels than this is lethal."""
 
 
 @dataclass(frozen=True, slots=True, config=_CONFIG)
@@ -137,9 +159,13 @@ class InflationSection:
     """Namespace of a ``costmap_2d::InflationLayer``."""
 
     enabled: bool = True
+    """Whether there is the layer."""
     inflation_radius: Annotated[float, Field(ge=0.0, le=50.0, allow_inf_nan=False)] = 0.55
+    """[m]"""
     cost_scaling_factor: Annotated[float, Field(ge=0.0, le=100.0, allow_inf_nan=False)] = 10.0
+    """[1/m] How fast costs fall with the distance."""
     inflate_unknown: bool = False
+    """Write costs over unknown cells, too."""
 
 
 _DISPLAY: Final = "only for display"
@@ -173,7 +199,6 @@ VOXEL_WITHOUT_EFFECT: Final[Mapping[str, str]] = {
 INFLATION_WITHOUT_EFFECT: Final[Mapping[str, str]] = {
     "restore_defaults": COSTMAP_WITHOUT_EFFECT["restore_defaults"],
 }
-SOURCE_WITHOUT_EFFECT: Final[Mapping[str, str]] = {}
 
 _NO_CAMERA: Final = "there is no depth camera here"
 FETCH_WITHOUT_EFFECT: Final[Mapping[str, str]] = {
@@ -190,3 +215,13 @@ FETCH_WITHOUT_EFFECT: Final[Mapping[str, str]] = {
     ),
 }
 """A ``costmap_2d::FetchDepthLayer``: a voxel layer with sources of its own besides."""
+
+WRITTEN_SECTIONS: Final[Mapping[str, tuple[type[Any], Mapping[str, str]]]] = {
+    "costmap": (CostmapSection, COSTMAP_WITHOUT_EFFECT),
+    "body": (BodySection, {}),
+    "source": (SourceSection, {}),
+    "static_layer": (StaticSection, STATIC_WITHOUT_EFFECT),
+    "obstacle_layer": (VoxelSection, VOXEL_WITHOUT_EFFECT),
+    "inflation_layer": (InflationSection, INFLATION_WITHOUT_EFFECT),
+}
+"""The models of what people write, and the names that change nothing, for editors."""

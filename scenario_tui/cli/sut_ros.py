@@ -1,0 +1,165 @@
+"""What the ROS stack makes of a configuration: planners, layers, who hears which laser."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import TYPE_CHECKING, Any, Final
+
+from scenario_tui.cli.output import stdout_console
+
+if TYPE_CHECKING:
+    from daemon.campaign import LoadedSut
+    from daemon.stacks.ros1.configuration import RosParameters
+    from daemon.stacks.ros1.costmap import Layer, LayeredCostmap, ObservationSource
+
+_NOT_ROS_PARAMETERS: Final = frozenset({"layers", "frame", "recovery_behaviors"})
+"""Fields of the models that are no parameters, or say nothing when they are not given."""
+_SEARCHED: Final = frozenset({"footprint", "robot_radius"})
+"""What costmaps find in the namespace of move_base as well."""
+_KINDS: Final = {"StaticLayer": "map", "ObstacleLayer": "obstacles", "InflationLayer": "inflation"}
+
+
+def described(read: RosParameters) -> dict[str, Any]:
+    """Return planners and costmaps of a configuration for scripts."""
+    return {
+        "planners": {
+            "global": read.move_base.base_global_planner,
+            "local": read.move_base.base_local_planner,
+        },
+        "costmaps": {
+            name: _costmap_values(getattr(read, name))
+            for name in ("global_costmap", "local_costmap")
+        },
+    }
+
+
+def _costmap_values(costmap: LayeredCostmap) -> dict[str, Any]:
+    layers = [{"kind": _KINDS[type(x).__name__], **dataclasses.asdict(x)} for x in costmap.layers]
+    return {**dataclasses.asdict(costmap), "layers": layers}
+
+
+def defaults(found: LoadedSut, read: RosParameters) -> dict[str, dict[str, Any]]:
+    """Return the values nobody wrote, by namespace."""
+    from daemon.stacks.ros1.planners import GLOBAL, LOCAL, namespace_of
+
+    planners = read.move_base.base_global_planner, read.move_base.base_local_planner
+    wide, near = (f"move_base/{namespace_of(name)}" for name in planners)
+    namespaces: dict[str, Any] = {
+        "amcl": read.amcl,
+        "move_base": read.move_base,
+        "move_base/global_costmap": read.global_costmap,
+        "move_base/local_costmap": read.local_costmap,
+        wide: read.global_planner,
+        near: read.local_planner,
+        "move_base/rotate_recovery": read.rotate_recovery,
+        "dispatcher": read.dispatcher,
+    }
+    left_out = {*_NOT_ROS_PARAMETERS}
+    for name, planner in zip(planners, (GLOBAL, LOCAL), strict=True):
+        left_out |= set(planner[name].without_effect)
+    return {
+        namespace: {
+            field.name: getattr(model, field.name)
+            for field in dataclasses.fields(model)
+            if field.name not in left_out | _written_names(found, namespace)
+        }
+        for namespace, model in namespaces.items()
+    }
+
+
+def _written_names(found: LoadedSut, namespace: str) -> set[str]:
+    """Return the names somebody wrote in a namespace, or where it is looked for besides."""
+    above = tuple(namespace.split("/"))
+    spaces = [above]
+    if namespace.endswith("rotate_recovery"):
+        # rotate_recovery takes its speeds from there (rotate_recovery.cpp, initialize).
+        spaces.append(("move_base", "TrajectoryPlannerROS"))
+    names = {path[-1] for path in found.settings if path[:-1] in spaces}
+    if namespace.endswith("costmap"):
+        names |= {name for name in _SEARCHED if ("move_base", name) in found.settings}
+    return names
+
+
+def print_costmaps(read: RosParameters) -> None:
+    """Print the planners, and the layers of both costmaps from the lowest up."""
+    console = stdout_console()
+    move_base = read.move_base
+    console.print("\nplanners and costmaps", style="bold")
+    plan, drive = move_base.base_global_planner, move_base.base_local_planner
+    console.print(f"  {plan} plans, {drive} drives", markup=False, soft_wrap=True)
+    for name in ("global_costmap", "local_costmap"):
+        costmap: LayeredCostmap = getattr(read, name)
+        title = name.replace("_", " ")
+        rolls = ", rolling" if costmap.rolling_window else ""
+        unknown = ", unknown space tracked" if costmap.track_unknown_space else ""
+        console.print(
+            f"  {title} in {costmap.frame}, {costmap.update_frequency:g} Hz{rolls}{unknown}",
+            markup=False,
+            soft_wrap=True,
+        )
+        for layer in costmap.layers:
+            console.print(f"    {_layer_text(layer)}", markup=False, soft_wrap=True)
+
+
+def _layer_text(layer: Layer) -> str:
+    from daemon.stacks.ros1.costmap import InflationLayer, StaticLayer
+
+    if isinstance(layer, StaticLayer):
+        unknown = "" if layer.track_unknown_space else ", unknown cells free"
+        return f"{layer.name}: the map{unknown}{', by maximum' if layer.use_maximum else ''}"
+    if isinstance(layer, InflationLayer):
+        falls = f"cost_scaling_factor {layer.cost_scaling_factor:g}"
+        return f"{layer.name}: inflates by {layer.inflation_radius:g} m, {falls}"
+    parts = [_source_text(source) for source in layer.sources] or ["no laser"]
+    if layer.voxels is not None:
+        voxels = layer.voxels
+        parts.insert(0, f"{voxels.z_voxels} voxels of {voxels.z_resolution:g} m")
+    return f"{layer.name}: {'; '.join(parts)}"
+
+
+def _source_text(source: ObservationSource) -> str:
+    does = []
+    if source.marking:
+        does.append(f"marks to {source.obstacle_range:g} m")
+    if source.clearing:
+        does.append(f"clears to {source.raytrace_range:g} m")
+    keeps = source.observation_persistence
+    kept = f", keeps {keeps:g} s" if keeps > 0.0 else ""
+    return f"{source.name} on {source.topic} {' and '.join(does) or 'does nothing'}{kept}"
+
+
+def print_quirks(read: RosParameters) -> None:
+    """Print the oddities of the original that are turned off."""
+    off = [name for name, on in dataclasses.asdict(read.quirks).items() if not on]
+    if off:
+        stdout_console().print("\noddities of the original that are off", style="bold")
+        stdout_console().print(f"  {', '.join(off)}", markup=False, soft_wrap=True)
+
+
+def print_wiring(read: RosParameters) -> None:
+    """Print where lasers come on, and who hears them."""
+    console = stdout_console()
+    topics = read.topics
+    if topics.by_laser:
+        console.print("\nlasers come on", style="bold")
+        for laser, named in topics.by_laser.items():
+            console.print(f"  {laser}: {', '.join(named)}", markup=False, soft_wrap=True)
+    else:
+        console.print(f"\nthe scan comes on {topics.published}", style="bold")
+    lasers = tuple(topics.by_laser) or ("",)
+    wiring = dataclasses.asdict(topics.heard(lasers))
+    listeners = {
+        "amcl": (topics.amcl,),
+        "global costmap": topics.global_costmap,
+        "local costmap": topics.local_costmap,
+    }
+    for name, listens in listeners.items():
+        heard = wiring[name.replace(" ", "_")]
+        answer = "hears it" if heard else "does not hear it"
+        if topics.by_laser:
+            answer = f"hears {', '.join(heard)}" if heard else "hears no laser"
+        console.print(
+            f"  {name} listens to {', '.join(listens) or 'nothing'}: {answer}",
+            markup=False,
+            style="" if heard else "yellow",
+        )
