@@ -69,13 +69,18 @@ def merge_parameters(base: ParameterValues, over: ParameterValues) -> ParameterV
     # Checked against the base, not the result: two lines of one file may each take something away.
     result = dict(base)
     for path, setting in over.items():
-        if setting.value is None and not any(_shares(path, old) for old in base):
+        if setting.value is None and not is_inherited(path, base):
             message = f"{path[-1]}: null takes an inherited value away, and there is none"
             raise InputError(Diagnostic(setting.where, message, "write a value or leave it out"))
         _put(result, path, setting)
         if setting.value is None:
             del result[path]
     return result
+
+
+def is_inherited(path: ParameterPath, base: ParameterValues) -> bool:
+    """Say whether there is something at ``path``, above it or below it."""
+    return any(_shares(path, old) for old in base)
 
 
 def _put(settings: ParameterValues, path: ParameterPath, setting: ParameterValue) -> None:

@@ -121,10 +121,15 @@ def test_files_and_parameters_go_on_top(folder: Path) -> None:
     (folder / "mine.yaml.txt").write_text("odom_alpha1: 0.7\nodom_alpha2: 0.7\n")
     text = (
         "  args: {model: burger}\nfiles: {amcl: mine.yaml.txt}\n"
-        "parameters: {amcl: {odom_alpha2: 0.9}, costmap_common: {inflation_radius: 0.7}}\n"
+        "parameters: {amcl: {odom_alpha2: 0.9}, costmap_common: {inflation_radius: 0.7,\n"
+        "  scan: {topic: other, marking: null}, static_map: null}}\n"
     )
     write(folder, "robot", SUT + text)
     parameters = tree(folder, "robot")
+    for costmap in ("global_costmap", "local_costmap"):
+        found = parameters["move_base"][costmap]
+        assert found["scan"] == {"data_type": "LaserScan", "topic": "other", "clearing": True}
+        assert "static_map" not in found
     assert parameters["amcl"] == {"odom_alpha1": 0.7, "odom_alpha2": 0.9}
     assert parameters["move_base"]["local_costmap"]["inflation_radius"] == 0.7
 
