@@ -44,7 +44,7 @@ def refuse_nav2(document: YamlDocument) -> None:
     other = [name for name in names if name and name not in _COUNTERPARTS]
     hints = ['Nav2 itself is tested as an external system: "kind: ros2" (docs/ros2.md)']
     if known:
-        hints.append(f"this stack could have, written anew for ROS 1: {'; '.join(known)}")
+        hints.append(f"the reference stack has, under names of ROS 1: {'; '.join(known)}")
     if other:
         hints.append(f"nothing here corresponds to {', '.join(other)}")
     message = f"is a parameter file of ROS 2 ({_ROS2_MARK}), of which move_base reads nothing"

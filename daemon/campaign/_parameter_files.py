@@ -14,6 +14,7 @@ from daemon.campaign._foreign_files import is_of_ros2, refuse_nav2
 from daemon.campaign._parameters import (
     ParameterValues,
     flatten_parameters,
+    is_inherited,
     merge_parameters,
     under_namespace,
 )
@@ -182,6 +183,23 @@ def apply_common_costmap(settings: ParameterValues) -> ParameterValues:
     for costmap in COSTMAPS:
         spread |= under_namespace(common, costmap)
     return merge_parameters(spread, own)
+
+
+def spread_common(found: ParameterValues, base: ParameterValues) -> ParameterValues:
+    """Return ``found``, what it says of both costmaps said of each, to be put over ``base``.
+
+    Over launch files, which load what is common into each costmap themselves, it would else lie
+    below what it is to change.
+    """
+    common = {path[1:]: s for path, s in found.items() if path[0] == COMMON and len(path) > 1}
+    spread: ParameterValues = {}
+    for path, setting in common.items():
+        places = [(*costmap, *path) for costmap in COSTMAPS]
+        if setting.value is None:
+            # What only one of them has can be taken away from that one alone.
+            places = [one for one in places if is_inherited(one, base)] or places
+        spread |= dict.fromkeys(places, setting)
+    return spread | {path: s for path, s in found.items() if path[0] != COMMON}
 
 
 def _first_name(name: str) -> str:

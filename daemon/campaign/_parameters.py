@@ -5,7 +5,7 @@ A later layer changes what it names and leaves the rest; ``null`` takes an inher
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any, TypeAlias
 
@@ -40,10 +40,11 @@ def flatten_parameters(
     With ``namespaces`` a name such as ``move_base/global_costmap`` means two levels.
     """
     found: ParameterValues = {}
+    above: set[ParameterPath] = set()
     for written, value in _leaves(tree, ()):
         path = tuple(p for name in written for p in name.split("/") if p) if namespaces else written
         inside = {below: where((*written, *below)) for below in paths_inside(value)}
-        _put(found, path, ParameterValue(value, where(written), inside=inside))
+        _put(found, above, path, ParameterValue(value, where(written), inside=inside))
     return found
 
 
@@ -68,25 +69,49 @@ def merge_parameters(base: ParameterValues, over: ParameterValues) -> ParameterV
     """
     # Checked against the base, not the result: two lines of one file may each take something away.
     result = dict(base)
+    namespaces = _namespaces(base)
     for path, setting in over.items():
-        if setting.value is None and not any(_shares(path, old) for old in base):
+        if setting.value is None and not is_inherited(path, base):
             message = f"{path[-1]}: null takes an inherited value away, and there is none"
             raise InputError(Diagnostic(setting.where, message, "write a value or leave it out"))
-        _put(result, path, setting)
+        _put(result, namespaces, path, setting)
         if setting.value is None:
             del result[path]
     return result
 
 
-def _put(settings: ParameterValues, path: ParameterPath, setting: ParameterValue) -> None:
-    """Set one value in place of what stands at its path, above it or below it."""
-    related = [old for old in settings if old != path and _shares(old, path)]
+def is_inherited(path: ParameterPath, base: ParameterValues) -> bool:
+    """Say whether there is something at ``path``, above it or below it."""
+    return any(_shares(path, old) for old in base)
+
+
+def _namespaces(paths: Iterable[ParameterPath]) -> set[ParameterPath]:
+    """Return everything that leads to one of the paths."""
+    return {path[:length] for path in paths for length in range(1, len(path))}
+
+
+def _put(
+    settings: ParameterValues,
+    namespaces: set[ParameterPath],
+    path: ParameterPath,
+    setting: ParameterValue,
+) -> None:
+    """Set one value in place of what stands at its path, above it or below it.
+
+    ``namespaces`` are those of the settings and maybe some more; looking through all settings for
+    each value would take minutes for the largest files.
+    """
+    below: list[ParameterPath] = []
+    if path in namespaces:
+        below = [old for old in settings if len(old) > len(path) and _shares(old, path)]
     # An empty mapping in a file says nothing: it takes nothing away from what stands below it.
-    if setting.value == {} and any(len(old) > len(path) for old in related):
+    if setting.value == {} and below:
         return
-    for old in related:
+    above = [path[:length] for length in range(1, len(path)) if path[:length] in settings]
+    for old in (*above, *below):
         del settings[old]
     settings[path] = setting
+    namespaces |= _namespaces([path])
 
 
 def _shares(one: ParameterPath, other: ParameterPath) -> bool:

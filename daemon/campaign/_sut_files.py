@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any, Final, TypeAlias
 
@@ -21,6 +22,7 @@ from daemon.campaign._parameter_files import (
     apply_common_costmap,
     load_package_folder,
     load_parameter_files,
+    spread_common,
 )
 from daemon.campaign._parameters import (
     ParameterValues,
@@ -125,6 +127,8 @@ class _SutLayer:
     attached: dict[str, Path] = field(default_factory=dict)
     parameter_files: tuple[str, ...] = ()
     """ROS parameter files that people named, or that were found in a folder they named."""
+    launched: bool = False
+    """Whether there are launch files below."""
 
 
 def load_sut(path: Path, find: FindSutFile) -> LoadedSut:
@@ -199,29 +203,39 @@ def _load(
         message = f"files: {kind} needs none"
         raise InputError(Diagnostic(document.where(("files",)), message))
     _refuse_keys_of_others(document, kind)
-    if text.ros is None or is_change(text.ros):
-        if base is None:
-            refuse_lone_changes(changes)
-    elif text.ros.launch:
+    launched = base is not None and base.launched
+    if text.ros is not None and text.ros.launch:
         plan = plan_launch(LaunchChange(text.ros, document, path.parent), changes)
         settings = merge_parameters(settings, load_launched(plan, path.parent, warnings))
-    elif text.ros.folder:
+        launched = True
+    elif base is None or (text.ros is not None and text.ros.folder):
         refuse_lone_changes(changes)
+    over = partial(_merge_over, launched=launched)
+    if text.ros is not None and text.ros.folder:
         where = document.where(("ros", "folder"))
         folder = path.parent / text.ros.folder
         found = load_package_folder(folder, where, warnings, whole=base is None)
-        settings = merge_parameters(settings, found)
+        settings = over(settings, found)
         loaded |= _files_of(found)
     attached = {} if base is None else base.attached
     if kind == ROS:
         found = load_parameter_files(_named_files(path, document, text), warnings)
-        settings = merge_parameters(settings, found)
+        settings = over(settings, found)
         loaded |= _files_of(found)
     else:
         attached = attached | _attached(path, document, text)
-    settings = merge_parameters(settings, _written(document, text, kind))
+    settings = over(settings, _written(document, text, kind))
     files = (str(path), *(() if base is None else base.files))
-    return _SutLayer(text, kind, settings, files, tuple(warnings), attached, tuple(loaded))
+    return _SutLayer(
+        text, kind, settings, files, tuple(warnings), attached, tuple(loaded), launched
+    )
+
+
+def _merge_over(
+    settings: ParameterValues, found: ParameterValues, *, launched: bool
+) -> ParameterValues:
+    """Return settings, from launch files or not, changed by what was found above them."""
+    return merge_parameters(settings, spread_common(found, settings) if launched else found)
 
 
 def _files_of(settings: ParameterValues) -> dict[str, None]:

@@ -102,6 +102,11 @@ class LaunchReader:
                 self._child(child, scope, depth)
             except InputError as error:
                 self.errors += error.diagnostics
+                name = child.attributes.get("name")
+                if child.tag == "arg" and name:
+                    # Whoever uses it lacks it for the same reason, which is said once.
+                    unknown = Substituted(f"$(arg {name})", error.diagnostics)
+                    scope.args.setdefault(name, unknown)
 
     def _child(self, element: XmlElement, scope: Scope, depth: int) -> None:
         if element.tag in _IGNORED or not self._known(element) or not self._applies(element, scope):

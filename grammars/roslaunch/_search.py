@@ -14,24 +14,25 @@ _LARGEST: Final = 2**20
 
 
 def launch_files_starting(package: str, around: Path) -> list[Path]:
-    """Return the launch files beside ``around``, in its package, that start a node of ``package``.
+    """Return the launch files that start a node of ``package``, in the package of ``around``.
 
-    Their paths are absolute.
+    Where that is part of no package its folder is looked through. The paths are absolute.
 
     They are only searched for the name, not read: what they need to be read is not known.
     """
-    top = next(
-        (one for one in around.absolute().parents if (one / "package.xml").is_file()),
-        around.absolute().parent,
-    )
+    beside = around.absolute().parent
+    packages = (one for one in around.absolute().parents if (one / "package.xml").is_file())
+    top = next(packages, None)
     wanted = re.compile(rf"<node\b[^>]*\bpkg\s*=\s*[\"']{re.escape(package)}[\"']")
-    return sorted(path for path in _launch_files(top) if wanted.search(_text(path)))
+    return sorted(
+        path for path in _launch_files(top or beside, top is not None) if wanted.search(_text(path))
+    )
 
 
-def _launch_files(top: Path) -> Iterator[Path]:
+def _launch_files(top: Path, deep: bool) -> Iterator[Path]:
     count = 0
     for folder, below, names in os.walk(top):
-        below[:] = sorted(name for name in below if not name.startswith("."))
+        below[:] = sorted(name for name in below if deep and not name.startswith("."))
         for name in names:
             if name.endswith(_ENDINGS) and name != "package.xml":
                 count += 1

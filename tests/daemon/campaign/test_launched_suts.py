@@ -121,10 +121,15 @@ def test_files_and_parameters_go_on_top(folder: Path) -> None:
     (folder / "mine.yaml.txt").write_text("odom_alpha1: 0.7\nodom_alpha2: 0.7\n")
     text = (
         "  args: {model: burger}\nfiles: {amcl: mine.yaml.txt}\n"
-        "parameters: {amcl: {odom_alpha2: 0.9}, costmap_common: {inflation_radius: 0.7}}\n"
+        "parameters: {amcl: {odom_alpha2: 0.9}, costmap_common: {inflation_radius: 0.7,\n"
+        "  scan: {topic: other, marking: null}, static_map: null}}\n"
     )
     write(folder, "robot", SUT + text)
     parameters = tree(folder, "robot")
+    for costmap in ("global_costmap", "local_costmap"):
+        found = parameters["move_base"][costmap]
+        assert found["scan"] == {"data_type": "LaserScan", "topic": "other", "clearing": True}
+        assert "static_map" not in found
     assert parameters["amcl"] == {"odom_alpha1": 0.7, "odom_alpha2": 0.9}
     assert parameters["move_base"]["local_costmap"]["inflation_radius"] == 0.7
 
@@ -346,3 +351,41 @@ def test_the_same_launch_files_elsewhere_are_the_same_system(folder: Path) -> No
     after = load(moved, "robot").reference
     assert codec.digest(after) == codec.digest(before)
     assert after.parameters["move_base"]["map"] == "$(find nav)/launch/a.yaml"
+
+
+PUBLISHED = {
+    "fetch": ("/amcl", "/base_scan", "/move_base", ["/map"]),
+    "husky": ("/amcl", "/front/scan", "/move_base", ["/map"]),
+    "husky-trajectory": ("/amcl", "/front/scan", "/move_base", None),
+    "jackal": ("/amcl", "/front/scan", "/move_base", ["/map"]),
+    "mir100-dwa": ("/amcl", "/scan", "/move_base_node", ["/map"]),
+    "mir100": ("/amcl", "/scan", "/move_base_node", ["/map", "/virtual_walls/map"]),
+    "robile-amr": ("/amcl", "/scan_front", "/move_base", ["/map"]),
+    "tiago-dwa": ("/amcl", "/scan", "/move_base", None),
+    "turtlebot2": ("/amcl", "/scan", "/move_base", ["/map"]),
+    "turtlebot3-burger": ("/amcl", "/scan", "/move_base", ["/map"]),
+}
+"""For each: amcl, where it hears the laser, move_base, the topics of the map."""
+
+
+@pytest.mark.parametrize("name", PUBLISHED)
+def test_published_robots_become_sections(tmp_path: Path, reference_data: Path, name: str) -> None:
+    described = Path(__file__).parents[2] / "published_robots" / "suts" / f"{name}.yaml"
+    text = described.read_text().replace("ROBOTS/", f"{reference_data / 'robots'}/")
+    (tmp_path / f"{name}.yaml").write_text(text)
+    try:
+        settings = load(tmp_path, name).settings
+    except RefusedSutError as refused:
+        # What of it the stack can do is said elsewhere.
+        settings = refused.settings
+    amcl, scan, move_base, maps = PUBLISHED[name]
+    values = {path: setting.value for path, setting in settings.items()}
+    nodes = ("topics", "nodes")
+    assert values[(*nodes, "amcl", "name")] == amcl
+    assert values.get((*nodes, "amcl", "remap", "/scan"), "/scan") == scan
+    assert values[(*nodes, "move_base", "name")] == move_base
+    assert values.get(("topics", "maps")) == maps
+    assert values["move_base", "base_local_planner"]
+    assert len([path for path in values if path[0] == "amcl"]) >= 3
+    # Nothing that launch files fill in is left over.
+    assert not any("$(arg" in str(v) or "$(env" in str(v) for v in values.values())

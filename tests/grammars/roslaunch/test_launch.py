@@ -290,6 +290,15 @@ def test_every_mistake_is_reported_at_once_and_each_only_once(tmp_path: Path) ->
     assert 'or give the arg a under "args"' in message
 
 
+def test_an_arg_without_a_value_is_not_blamed_again_where_it_is_used(tmp_path: Path) -> None:
+    arg = '<arg name="a" value="x" if="$(arg on)"/><arg name="on" default="yes"/>'
+    use = AMCL.format('<rosparam file="$(arg a).yaml"/><param name="b" value="$(arg a)"/>')
+    switch = '<arg name="on" default="yes"/>'
+    (message,) = errors(tmp_path, f'{switch}<arg name="a" value="x" if="$(arg on)"/>{use}')
+    assert 'if: "yes" is neither true nor false' in message
+    assert len(errors(tmp_path, arg + use)) == 1
+
+
 def test_args_that_an_included_file_does_not_have_are_refused_as_roslaunch_does(
     tmp_path: Path,
 ) -> None:
