@@ -86,21 +86,25 @@ def read_ros(parameters: Mapping[str, Any]) -> RosParameters:
     _refuse_unknown_sections(parameters, report)
     tree = ParameterTree(parameters, report)
     quirks = read_quirks(parameters.get("quirks", "original"), ("quirks",), report)
+    move_base = _read_move_base(tree)
+    local_planner = read_local_planner(
+        tree, move_base.base_local_planner, move_base.controller_frequency
+    )
+    given = read_section(TopicParameters, tree.at("topics"), ("topics",), report, strict=True)
+    # Read before the costmaps, which need its frames. Findings stand in traces: what is said of it
+    # has always come after the costmaps there.
+    later = FindingCollector()
     localisation = read_section(
         AmclParameters,
         tree.at("amcl"),
         ("amcl",),
-        report,
-        without_effect=amcl.WITHOUT_EFFECT,
+        later,
+        without_effect=amcl.without_effect(tree.at("amcl")),
     )
-    move_base = _read_move_base(tree)
-    global_planner = read_global_planner(tree, move_base.base_global_planner)
-    local_planner = read_local_planner(
-        tree, move_base.base_local_planner, move_base.controller_frequency
-    )
-    say_unread(tree, (move_base.base_global_planner, move_base.base_local_planner))
-    given = read_section(TopicParameters, tree.at("topics"), ("topics",), report, strict=True)
     costmaps, topics = read_costmaps(tree, given, localisation)
+    report.add(later)
+    global_planner = read_global_planner(tree, move_base.base_global_planner)
+    say_unread(tree, (move_base.base_global_planner, move_base.base_local_planner))
     return RosParameters(
         amcl=localisation,
         move_base=move_base,

@@ -94,11 +94,14 @@ def read_costmap(
     costmap = Namespace.of(given, path)
     planned, moved = plan_layers(costmap, report)
     own = Namespace(path, {n: w for n, w in costmap.entries.items() if n not in moved})
-    section = _read_own(own, planned, report)
-    _check_old_parameters(own, planned, report)
-    body = _read_body(own, context.above, report)
+    # Findings stand in traces: what is said of sources has always come first there.
+    later = FindingCollector()
+    section = _read_own(own, planned, later)
     reader = _LayerReader(section, (own, context.above), context, report)
     layers = tuple(layer for one in planned if (layer := reader.read(one)) is not None)
+    report.add(later)
+    _check_old_parameters(own, planned, report)
+    body = _read_body(own, context.above, report)
     sized = not section.rolling_window and any(one.type == STATIC for one in planned)
     if sized:
         _say_idle(own, _SIZE, "the map gives the grid its size, its cells and its origin", report)
