@@ -161,6 +161,10 @@ def test_all_errors_are_reported_together() -> None:
             "move_base/footprint_padding: costmap_2d looks for it in the namespaces of the costmap",
         ),
         (
+            {"move_base": {"conservative_reset": {"layer_names": ["obstacles"]}}},
+            "conservative_reset/layer_names: no costmap has a layer of these names",
+        ),
+        (
             {"move_base": {"search_alternative_goals": True}},
             'nothing reads a parameter "search_alternative_goals"',
         ),
