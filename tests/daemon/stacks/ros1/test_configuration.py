@@ -346,9 +346,32 @@ _JUNK = st.one_of(
     ),
     st.floats(),
     st.lists(st.dictionaries(st.sampled_from(["name", "type"]), st.text(max_size=3)), max_size=2),
+    st.lists(
+        st.fixed_dictionaries(
+            {
+                "name": st.sampled_from(["a", "scan", "static_map", "footprint"]),
+                "type": st.sampled_from(
+                    [f"costmap_2d::{kind}Layer" for kind in ("Static", "Obstacle", "Voxel", "X")]
+                ),
+            }
+        ),
+        max_size=3,
+    ),
+    st.sampled_from([{"enabled": False}, {"observation_sources": "a b"}, {"a": {"topic": 3}}]),
 )
 _PLACES = st.sampled_from(
     [("topics",), ("quirks",), ("dispatcher",), ("topics", "remap"), ("amcl", "kld_err")]
+    + [("topics", name) for name in ("scan", "nodes", "maps")]
+    + [("amcl", "odom_frame_id"), ("topics", "nodes", "amcl"), ("topics", "scan", "front")]
+    + [
+        ("move_base", name)
+        for name in ("footprint", "robot_radius", "base_local_planner", "base_global_planner")
+    ]
+    + [
+        ("move_base", "local_costmap", "obstacle_layer", name)
+        for name in ("enabled", "observation_sources", "scan", "obstacle_range", "z_voxels")
+    ]
+    + [("move_base", "global_costmap", name) for name in ("static_map", "map_type", "map_topic")]
     + [("move_base", name) for name in ("recovery_behaviors", "conservative_reset", "scan", "x")]
     + [
         ("move_base", costmap, name)
@@ -368,7 +391,7 @@ _PLACES = st.sampled_from(
 
 
 @given(st.lists(st.tuples(_PLACES, _JUNK), min_size=1, max_size=3))
-@settings(max_examples=150)
+@settings(max_examples=200)
 def test_whatever_is_written_is_read_or_refused_in_words(
     changes: list[tuple[tuple[str, ...], Any]],
 ) -> None:
