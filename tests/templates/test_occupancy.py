@@ -157,7 +157,7 @@ def test_cells_agree_with_polygon_clipping(points: list[Point2], resolution: flo
 def test_a_star_shaped_room_is_free_where_cell_centres_lie_in_it(
     tips: int, turn: float, x: float, y: float
 ) -> None:
-    radius = (2.0, 0.7)
+    radius = (1.0, 0.35)
     outline = tuple(
         (
             x + radius[k % 2] * math.sin(turn + math.pi * k / tips),

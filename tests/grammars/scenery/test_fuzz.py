@@ -13,6 +13,8 @@ from tests.grammars.scenery.samples import PEOPLE_AND_ALL as EVERYTHING
 
 TOKENS = re.findall(r"\w+|[^\w\s]", EVERYTHING)
 
+LAYER = parse_scenery(EVERYTHING, "fuzz.scenery")
+
 
 def read(text: str) -> None:
     try:
@@ -59,8 +61,7 @@ def test_one_word_replaced_by_another(index: int, word: str) -> None:
 )
 @settings(max_examples=70, deadline=None)
 def test_any_override(overrides: dict[str, object]) -> None:
-    layer = parse_scenery(EVERYTHING, "fuzz.scenery")
     try:
-        configure(layer, overrides)
+        configure(LAYER, overrides)
     except InputError as error:
         assert error.diagnostics

@@ -42,6 +42,23 @@ STRAYS = [
     "shape.width", "location.translation.y", "\N{ARABIC-INDIC DIGIT THREE}", "@", "let x = ",
 ]  # fmt: skip
 METHODS: tuple[Method, ...] = ("random", "lhs", "halton")
+NAMED = """
+Floor plan: house
+    Defaults: walls: thickness: 0.2 m height: 2.5 m
+    var turn = 30.0 deg
+    var gap = 0.9 m
+    Space hall:
+        shape: Rectangle width=6 m, length=4.0 m
+        location: wrt: world of: this rotation: z: turn
+        features: Column pillar: shape: Circle radius=0.2 m height: 2.5
+            location: wrt: this.walls[1] translation: y: -1.0 m
+    Space room:
+        shape: Rectangle width=3.0 m, length=gap
+        location: wrt: hall.walls[1] of: this.walls[3] translation: x: 0.25 m spaced
+    Entryway door: shape: Rectangle width=gap, height=2 m
+        location: in: hall.walls[1] and room.walls[3]
+"""
+"""What the seed names of the house, and no more: read twice for each mutation of the seed."""
 PLAN_TOKENS = re.findall(r"\w+(?:\.\w+)?|\s+|[^\w\s]", HOUSE)
 
 
@@ -97,7 +114,7 @@ def answers(text: str, folder: Path) -> bool:
 
 
 def check(rng: random.Random, damages: int, folder: Path) -> bool:
-    (folder / "plan.fpm").write_bytes(HOUSE.encode())
+    (folder / "plan.fpm").write_bytes(NAMED.encode())
     return answers(damaged(rng, TOKENS, damages), folder)
 
 
@@ -111,8 +128,9 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return tmp_path_factory.mktemp("fuzz")
 
 
-def test_the_seed_of_the_mutations_gives_variants(folder: Path) -> None:
-    (folder / "plan.fpm").write_text(HOUSE)
+@pytest.mark.parametrize("plan", [HOUSE, NAMED])
+def test_the_seed_of_the_mutations_gives_variants(folder: Path, plan: str) -> None:
+    (folder / "plan.fpm").write_text(plan)
     assert len(sample(parse_variation(SEED, "seed.variation", folder), 3, seed=0)) == 3
 
 
@@ -131,5 +149,5 @@ def test_a_damaged_plan_is_answered(folder: Path, rng: random.Random, damages: i
 @settings(max_examples=40)
 @given(text=st.text(max_size=60), at=st.integers(0, len(SEED)))
 def test_any_text_in_a_variation_is_answered(folder: Path, text: str, at: int) -> None:
-    (folder / "plan.fpm").write_bytes(HOUSE.encode())
+    (folder / "plan.fpm").write_bytes(NAMED.encode())
     answers(SEED[:at] + text + SEED[at:], folder)
