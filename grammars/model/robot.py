@@ -79,8 +79,8 @@ class Laser:
     name: Annotated[str, Field(exclude_if=operator.not_)] = ""
 
     def __post_init__(self) -> None:
-        fits = re.match(LASER_NAME, self.name) and len(self.name) <= LONGEST_LASER_NAME
-        if self.name and (not fits or "\n" in self.name):
+        fits = re.fullmatch(LASER_NAME, self.name) and len(self.name) <= LONGEST_LASER_NAME
+        if self.name and not fits:
             raise ValueError(f"{self.name!r} is no name of a laser: write a-z, 0-9 and _")
 
     @property

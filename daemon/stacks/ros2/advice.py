@@ -60,7 +60,8 @@ def _about_lasers(settings: Ros2Settings, robot: Robot) -> Iterator[ParameterFin
         for name in given:
             if name not in names:
                 message = f'robot {robot.name} has no laser "{name}": it {has}'
-                yield ParameterFinding((*path, name), message, did_you_mean(name, names))
+                hint = did_you_mean(name, filter(None, names))
+                yield ParameterFinding((*path, name), message, hint)
 
 
 def _is_whole(ratio: float) -> bool:

@@ -132,10 +132,11 @@ def run(
     limit: float = 60.0,
     seed: int = 1,
     oracle: str = "reached(mission, 0.35 m)",
+    robot: Robot = ROBOT,
 ) -> tuple[RunResult, Trace]:
     """Run the stack in ``scene`` from ``start`` and return what came of it."""
     spec = RunSpec(
-        "test", "short", SutReference("ros", "ros", dict(parameters)), 0, scene.digest, ROBOT,
+        "test", "short", SutReference("ros", "ros", dict(parameters)), 0, scene.digest, robot,
         Mission("short", start, waypoints), behaviours, (OracleText("reached", oracle),),
         MapSettings(), seed, limit,
     )  # fmt: skip

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -98,6 +99,21 @@ def test_without_scans_amcl_believes_odometry(tmp_path: Path) -> None:
     assert len(trace.estimate.time) > 3
     truth = np.interp(trace.estimate.time, trace.ground_truth.time, trace.ground_truth.x)
     assert np.abs(trace.estimate.x - truth).max() < 0.02, "the odometry of this robot is true"
+
+
+def test_amcl_weighs_by_the_lasers_on_its_topic(tmp_path: Path) -> None:
+    rear = replace(ROBOT.laser, name="rear", mount=Pose2(-0.3, 0.0, math.pi), rays=91)
+    robot = replace(ROBOT, laser=replace(ROBOT.laser, name="front"), other_lasers=(rear,))
+    clouds = {}
+    for front, back in (("/scan", "/scan"), ("/other", "/scan"), ("/other", "/back")):
+        wired = configured(topics={"amcl": "/scan", "scan": {"front": front, "rear": back}})
+        result, trace = run(
+            tmp_path, room(), (Waypoint("there", 2.0, 2.0, 0.0),), wired, robot=robot
+        )
+        assert result.outcome is Outcome.PASS
+        clouds[front, back] = len(trace.cloud.time)
+    # Both weigh at every motion, and every second weighing is published.
+    assert clouds["/scan", "/scan"] > clouds["/other", "/scan"] > clouds["/other", "/back"] == 0
 
 
 @pytest.mark.parametrize(

@@ -130,7 +130,9 @@ def test_the_robot_is_held_against_what_is_written() -> None:
         "some cycles have a sample more than others",
     ]
     alone = replace(ROBOT, laser=replace(FRONT, name=""), other_lasers=())
-    told = [finding.message for finding in advise_for_robot(found, alone)]
+    (found_topic, *_) = findings = list(advise_for_robot(found, alone))
+    told = [finding.message for finding in findings]
+    assert found_topic.hint == ""
     assert told[0] == 'robot shuttle has no laser "left": it has one laser, which has no name'
 
 
