@@ -112,12 +112,20 @@ def load_mission(path: str | Path) -> tuple[Mission, YamlDocument]:
     return Mission(name, start, waypoints), document
 
 
+_ROUND: Final = 32
+"""Corners of a round robot: the polygon lies within 0.5 % of the radius of the circle."""
+
+
 class FootprintText(StrictModel):
-    """The robot from above, in base_link: a centred box, or a convex outline by its corners."""
+    """The robot from above, in base_link: a centred box, a circle, or a convex outline."""
 
     model_config = ConfigDict(
         json_schema_extra={
-            "oneOf": [{"required": ["length", "width"]}, {"required": ["corners"]}],
+            "oneOf": [
+                {"required": ["length", "width"]},
+                {"required": ["radius"]},
+                {"required": ["corners"]},
+            ],
         }
     )
 
@@ -125,14 +133,17 @@ class FootprintText(StrictModel):
     """Along x, the way the robot looks."""
     width: Length | None = None
     """Along y."""
+    radius: Length | None = Field(default=None, gt=0)
+    """Of a round robot; simulated as a regular polygon of 32 corners on the circle."""
     corners: list[tuple[Length, Length]] | None = Field(default=None, min_length=3, max_length=64)
     """The corners in order around the robot, each as [x, y]; the outline must be convex."""
 
     @model_validator(mode="after")
     def _either(self) -> FootprintText:
         box = self.length is not None and self.width is not None
-        if box == (self.corners is not None):
-            raise ValueError('give "length" and "width", or "corners"')
+        half_a_box = box != (self.length is not None or self.width is not None)
+        if half_a_box or box + (self.radius is not None) + (self.corners is not None) != 1:
+            raise ValueError('give "length" and "width", or "radius", or "corners"')
         if box and min(self.length or 0.0, self.width or 0.0) <= 0.0:
             raise ValueError("length and width must be greater than 0 m")
         return self
@@ -141,6 +152,9 @@ class FootprintText(StrictModel):
         """Return the outline as written."""
         if self.corners is not None:
             return tuple(self.corners)
+        if self.radius is not None:
+            angles = [math.tau * k / _ROUND for k in range(_ROUND)]
+            return tuple((self.radius * math.cos(a), self.radius * math.sin(a)) for a in angles)
         hx, hy = (self.length or 0.0) / 2, (self.width or 0.0) / 2
         return ((hx, hy), (-hx, hy), (-hx, -hy), (hx, -hy))
 

@@ -81,10 +81,16 @@ class SutOutput(Output, schema="sut"):
             {"/".join(path): str(s.where) for path, s in found.settings.items()},
             _all_defaults(found, read),
             None if read is None else dataclasses.asdict(read.topics),
-            None if read is None else dataclasses.asdict(read.wiring),
+            None
+            if read is None
+            else {k: bool(v) for k, v in dataclasses.asdict(read.wiring).items()},
             {"/".join(map(str, f.path)): f.message for f in unused},
             found.warnings,
         )
+
+
+def _hearing(read: RosParameters) -> dict[str, bool]:
+    return {name: bool(lasers) for name, lasers in dataclasses.asdict(read.wiring).items()}
 
 
 @sut_app.command(cls=PlainFlagsCommand)

@@ -36,7 +36,14 @@ from daemon.stacks.ros1.move_base import (
 from daemon.stacks.ros1.navfn import NavfnParameters
 from daemon.stacks.ros1.parameters import read_section
 from daemon.stacks.ros1.quirks import Quirks, read_quirks
-from daemon.stacks.ros1.topics import TopicParameters, Topics, Wiring, resolve_name, resolve_topics
+from daemon.stacks.ros1.topics import (
+    ONE_LASER,
+    TopicParameters,
+    Topics,
+    Wiring,
+    resolve_name,
+    resolve_topics,
+)
 from grammars.text.diagnostics import did_you_mean
 
 _SECTIONS: Final = ("amcl", "move_base", "dispatcher", "topics", "quirks")
@@ -113,7 +120,7 @@ def read_ros(parameters: Mapping[str, Any]) -> RosParameters:
             DispatcherParameters, tree.at("dispatcher"), ("dispatcher",), report, strict=True
         ),
         topics=topics,
-        wiring=topics.wiring,
+        wiring=topics.heard(ONE_LASER),
         quirks=quirks,
         findings=report.findings(),
     )
@@ -219,7 +226,7 @@ def _connect_topics(
     topics = resolve_topics(
         given, *([source.topic for source in lasers[name]] for name in _COSTMAPS)
     )
-    if not topics.wiring.amcl:
+    if not topics.heard(ONE_LASER).amcl and not topics.by_laser:
         message = f"amcl listens to {topics.amcl}, the scan comes on {topics.published}"
         hint = "amcl never corrects odometry: set topics/amcl or topics/remap"
         report.problems.append(ParameterFinding(("topics",), message, hint))

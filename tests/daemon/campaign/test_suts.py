@@ -20,7 +20,7 @@ from daemon.campaign import (
 )
 from daemon.model.spec import SutReference
 from daemon.stacks.ros1.configuration import read_ros
-from daemon.stacks.ros1.topics import Wiring
+from daemon.stacks.ros1.topics import ONE_LASER, Wiring
 from grammars.text import codec
 from grammars.text.diagnostics import InputError, Severity, Where
 from grammars.text.ros_yaml import load_ros_yaml
@@ -302,7 +302,7 @@ def test_files_with_plugins_one_section_each_and_no_section_names_are_understood
     sut, warnings = load(folder, "robot")
     assert [w for w in warnings if "without effect here: local_costmap/static" not in w] == []
     read = read_ros(sut.parameters)
-    assert read.wiring == Wiring(amcl=True, global_costmap=True, local_costmap=True)
+    assert read.wiring == Wiring(amcl=ONE_LASER, global_costmap=ONE_LASER, local_costmap=ONE_LASER)
     assert (read.global_costmap.static_map, read.local_costmap.static_map) == (True, False)
     assert read.local_costmap.inflation_radius == 1.0
 
@@ -338,7 +338,11 @@ def test_only_the_blind_costmaps_do_not_hear_the_scan(
     campaigns: Path, name: str, hears: bool
 ) -> None:
     read = read_ros(load(campaigns, name)[0].parameters)
-    assert read.wiring == Wiring(amcl=True, global_costmap=hears, local_costmap=hears)
+    assert read.wiring == Wiring(
+        amcl=ONE_LASER,
+        global_costmap=ONE_LASER if hears else (),
+        local_costmap=ONE_LASER if hears else (),
+    )
     unheard = [f for f in read.findings.problems if "listens to" in f.message]
     assert len(unheard) == len(read.findings.problems) == (0 if hears else 2)
 

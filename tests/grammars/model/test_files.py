@@ -36,6 +36,14 @@ def test_a_robot_file_is_read_into_si_units(tmp_path: Path) -> None:
     assert robot.drive.timeout == 0.0
 
 
+def test_a_round_robot_is_a_polygon_on_its_circle(tmp_path: Path) -> None:
+    text = ROBOT.replace("length: 0.6 m, width: 0.4 m", "radius: 0.3 m")
+    ring = load_robot(write(tmp_path, text)).footprint
+    assert ring[0] == (0.3, 0.0)
+    assert all(math.isclose(math.hypot(x, y), 0.3) for x, y in ring)
+    assert len(set(ring)) == 32
+
+
 def test_footprint_corners_come_out_counter_clockwise(tmp_path: Path) -> None:
     corners = "corners: [[0 m, 0 m], [0 m, 1 m], [1 m, 1 m], [1 m, 0 m]]"
     text = ROBOT.replace("length: 0.6 m, width: 0.4 m", corners)
@@ -50,7 +58,8 @@ def test_footprint_corners_come_out_counter_clockwise(tmp_path: Path) -> None:
         ("rays: 181", "rays: 1", "rays: must be greater than or equal to 2"),
         ("kind: differential", "kind: tracked", "'omnidirectional' or 'differential'"),
         ("max_vx: 1 m/s", "max_vx: 1 m", "max_vx: .* expected a speed"),
-        ("width: 0.4 m", "", "length.*width.*corners"),
+        ("width: 0.4 m", "", "length.*width.*radius.*corners"),
+        ("width: 0.4 m", "radius: 0.3 m", "length.*width.*radius.*corners"),
         ("angle_max: 90 deg", "angle_max: -91 deg", "angle_max must be above"),
         ("range_max: 10 m", "range_max: 1 cm", "range_max must be above"),
         ("robot: box", "robot: ../box", "robot: must be letters"),

@@ -8,9 +8,10 @@ import numpy as np
 import numpy.typing as npt
 
 from daemon.stacks.ros1.cost_grid import EMPTY_WINDOW, FREE_SPACE, NO_INFORMATION, CostGrid
+from daemon.stacks.ros1.costmap._footprint import radii
 from daemon.stacks.ros1.costmap._inflation import column_gaps, inflation_table
 from daemon.stacks.ros1.costmap._obstacle_layer import SensedScan, observe, polygon_spans
-from daemon.stacks.ros1.costmap._parameters import CostmapParameters, ObservationSource, radii
+from daemon.stacks.ros1.costmap._parameters import CostmapParameters, ObservationSource
 from daemon.stacks.ros1.costmap.master_grid import (
     cycle_window,
     inflated_map,

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from daemon.stacks.findings import ParameterError
 from daemon.stacks.ros1.configuration import RosParameters, read_ros
 from daemon.stacks.ros1.quirks import FIXED, ORIGINAL
-from daemon.stacks.ros1.topics import Wiring
+from daemon.stacks.ros1.topics import ONE_LASER, Wiring
 
 LASER = {"data_type": "LaserScan", "topic": "scan", "marking": True, "clearing": True}
 BOX = [[0.3, 0.2], [0.3, -0.2], [-0.3, -0.2], [-0.3, 0.2]]
@@ -49,7 +49,7 @@ def test_a_sound_tree_has_nothing_to_say_about_it() -> None:
     read = read_ros(tree())
     assert problems(read) == []
     assert read.findings.without_effect == ()
-    assert read.wiring == Wiring(amcl=True, global_costmap=True, local_costmap=True)
+    assert read.wiring == Wiring(amcl=ONE_LASER, global_costmap=ONE_LASER, local_costmap=ONE_LASER)
     assert read.quirks == ORIGINAL
 
 
@@ -154,7 +154,7 @@ def test_a_costmap_keeps_only_the_sources_that_hear_the_scan() -> None:
     assert read.topics.local_costmap == ("/scan", "/r")
     deaf = read_ros(tree(topics={"scan": "/front", "amcl": "/front"}))
     assert deaf.local_costmap.sources == ()
-    assert deaf.wiring == Wiring(amcl=True, global_costmap=False, local_costmap=False)
+    assert deaf.wiring == Wiring(amcl=ONE_LASER, global_costmap=(), local_costmap=())
 
 
 def test_the_turn_on_the_spot_reads_the_limits_of_a_planner_that_does_not_run() -> None:

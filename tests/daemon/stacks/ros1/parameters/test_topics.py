@@ -4,7 +4,13 @@ from __future__ import annotations
 
 import pytest
 
-from daemon.stacks.ros1.topics import TopicParameters, Wiring, resolve_name, resolve_topics
+from daemon.stacks.ros1.topics import (
+    ONE_LASER,
+    TopicParameters,
+    Wiring,
+    resolve_name,
+    resolve_topics,
+)
 
 LAUNCH = {"/robile_john/scan_front": "/scan_front"}
 GAZEBO, DRIVER = "/robile_john/scan_front", "/scan_front"
@@ -28,12 +34,16 @@ def test_the_wrong_scan_topic_is_wrong_only_without_the_launch_wide_remap(
 ) -> None:
     given = TopicParameters(scan=published, amcl="/scan_front", remap=remap)
     topics = resolve_topics(given, [source], [source])
-    assert topics.wiring == Wiring(amcl, costmaps, costmaps)
+    assert topics.heard(ONE_LASER) == Wiring(
+        *(ONE_LASER if hears else () for hears in (amcl, costmaps, costmaps))
+    )
 
 
 def test_each_costmap_listens_for_itself_and_to_any_of_its_sources() -> None:
     topics = resolve_topics(TopicParameters(scan="/scan"), ["sonar", "scan"], ["sonar"])
-    assert topics.wiring == Wiring(amcl=True, global_costmap=True, local_costmap=False)
+    assert topics.heard(ONE_LASER) == Wiring(
+        amcl=ONE_LASER, global_costmap=ONE_LASER, local_costmap=()
+    )
     assert topics.local_costmap == ("/sonar",)
 
 
@@ -57,6 +67,6 @@ def test_names_are_resolved_in_their_namespace_and_remapped_once(
 
 def test_what_the_launch_file_of_amcl_maps_to_is_not_mapped_again() -> None:
     given = TopicParameters(scan=GAZEBO, amcl=GAZEBO, remap=LAUNCH)
-    assert not resolve_topics(given, [], []).wiring.amcl
+    assert not resolve_topics(given, [], []).heard(ONE_LASER).amcl
     unmapped = TopicParameters(scan="/scan", remap={"/scan": "/other"})
-    assert resolve_topics(unmapped, [], []).wiring.amcl
+    assert resolve_topics(unmapped, [], []).heard(ONE_LASER).amcl

@@ -1,0 +1,67 @@
+"""A campaign folder for one published robot."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+from typing import Final
+
+HERE: Final = Path(__file__).parent
+SUTS: Final = HERE / "suts"
+DEMO: Final = HERE.parents[1] / "campaigns" / "demo"
+_ROBOTS: Final = {
+    "husky-trajectory": "husky",
+    "mir100-dwa": "mir100",
+    "mir100-base": "mir100",
+    "tiago-dwa": "tiago",
+    "tiago-trajectory": "tiago",
+}
+"""The description of the robot where it is not called as the system under test."""
+
+
+def robot_of(name: str) -> str:
+    """Return the name of the robot's description."""
+    return _ROBOTS.get(name, name)
+
+
+def write_campaign(folder: Path, name: str, packages: Path) -> Path:
+    """Write a campaign of one robot into ``folder``, its packages below ``packages``; return it.
+
+    Two scenarios: the flat of the demonstration with its doors open, and a corridor.
+    """
+    for path in (*DEMO.glob("flat.fpm"), *DEMO.glob("courier.mission.yaml")):
+        shutil.copy(path, folder)
+    for path in (DEMO / "doors.scenery", DEMO / "doors_open.scenery"):
+        shutil.copy(path, folder)
+    for path in HERE.glob("corridor*"):
+        shutil.copy(path, folder)
+    shutil.copy(HERE / "navigation.oracles.yaml", folder / "navigation.oracles.yaml")
+    robot = robot_of(name)
+    (folder / "robots").mkdir(exist_ok=True)
+    shutil.copy(HERE / "robots" / f"{robot}.yaml", folder / "robots")
+    (folder / "suts").mkdir(exist_ok=True)
+    sut = (SUTS / f"{name}.yaml").read_text("utf-8").replace("ROBOTS/", f"{packages}/")
+    (folder / "suts" / f"{name}.yaml").write_text(sut, "utf-8")
+    campaign = folder / f"{name}.campaign.yaml"
+    campaign.write_text(_CAMPAIGN.format(name=name, robot=robot), "utf-8")
+    return campaign
+
+
+_CAMPAIGN: Final = """\
+campaign: {name}
+about: A published robot in the flat of the demonstration and in a corridor of its size.
+seed: 1
+repeats: 1
+limit: 10 min
+robot: {robot}
+oracles: navigation
+matrix: {{sut: [{name}]}}
+scenarios:
+  flat:
+    floorplan: flat
+    objects: doors
+    behaviours: doors_open
+    mission: courier
+    oracles: [reached, no-contact, localised]
+  corridor: {{floorplan: corridor, mission: corridor, oracles: [reached, no-contact, localised]}}
+"""
