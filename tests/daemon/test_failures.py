@@ -5,6 +5,7 @@ What remains an error is a stack that crashed, left or hung.
 
 from __future__ import annotations
 
+import signal
 import sys
 from collections.abc import Iterator
 from dataclasses import replace
@@ -166,6 +167,20 @@ def test_the_nearest_limit_holds_and_nothing_is_left_of_it() -> None:
             pass
     with interruptible("what comes after"):
         pass
+
+
+def test_the_timer_of_others_goes_on() -> None:
+    before = signal.signal(signal.SIGALRM, signal.SIG_IGN)
+    signal.setitimer(signal.ITIMER_REAL, 1000.0)
+    try:
+        with wall_clock_limit(60.0):
+            pass
+        left, _ = signal.getitimer(signal.ITIMER_REAL)
+        assert 60.0 < left <= 1000.0
+        assert signal.getsignal(signal.SIGALRM) is signal.SIG_IGN
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
+        signal.signal(signal.SIGALRM, before)
 
 
 def test_where_it_hung_is_said(demo: tuple[RunSpec, Scene], tmp_path: Path, plugged: None) -> None:
