@@ -63,7 +63,7 @@ LOCAL: Final[Mapping[str, _Planner[Any]]] = {
         TrajectoryPlannerParameters,
         trajectory_planner.WITHOUT_EFFECT,
         contradictions=trajectory_planner.contradictions,
-        remarks=trajectory_planner.not_as_written,
+        remarks=trajectory_planner.doubts,
     ),
 }
 

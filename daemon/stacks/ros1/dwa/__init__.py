@@ -4,7 +4,6 @@ Samples velocities the robot can reach within one control period, follows each f
 and takes the one whose trajectory costs least, by distances on the local costmap.
 """
 
-from daemon.stacks.ros1.base_local_planner import footprint_cost
 from daemon.stacks.ros1.dwa._dwa import Dwa, Oscillation, warm_up
 from daemon.stacks.ros1.dwa._parameters import (
     RENAMED,
@@ -25,7 +24,6 @@ __all__ = [
     "DwaSettings",
     "Oscillation",
     "contradictions",
-    "footprint_cost",
     "longest_trajectory",
     "remarks",
     "settings_of",

@@ -17,8 +17,8 @@ import numpy as np
 import numpy.typing as npt
 
 from daemon.model.kernels import kernel
+from daemon.stacks.ros1.base_local_planner import footprint_cost
 from daemon.stacks.ros1.cost_grid import CostGrid
-from daemon.stacks.ros1.dwa import footprint_cost
 from daemon.stacks.ros1.move_base._parameters import (
     CLEAR,
     ROTATE,

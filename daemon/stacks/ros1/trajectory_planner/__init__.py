@@ -8,7 +8,7 @@ from daemon.stacks.ros1.trajectory_planner._parameters import (
     WITHOUT_EFFECT,
     TrajectoryPlannerParameters,
     contradictions,
-    not_as_written,
+    doubts,
 )
 from daemon.stacks.ros1.trajectory_planner._trajectory_planner import TrajectoryPlanner, warm_up
 
@@ -17,6 +17,6 @@ __all__ = [
     "TrajectoryPlanner",
     "TrajectoryPlannerParameters",
     "contradictions",
-    "not_as_written",
+    "doubts",
     "warm_up",
 ]

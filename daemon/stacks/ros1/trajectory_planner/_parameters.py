@@ -89,7 +89,8 @@ class TrajectoryPlannerParameters:
     """Older name of ``goal_distance_bias``; not written either: 0.8."""
     meter_scoring: bool = False
     """Both weights are per metre, not per cell. Noetic chooses between them by memory that it
-    never writes (``TrajectoryPlanner::meter_scoring_``); here what is written counts."""
+    never writes (``TrajectoryPlanner::meter_scoring_``, which only ``reconfigure`` reads); here
+    what is written counts. Per metre, costs under the footprint weigh the more."""
     occdist_scale: Finite = 0.01
     """Weight of the highest cost under the footprint."""
     heading_lookahead: Finite = 0.325
@@ -112,16 +113,15 @@ class TrajectoryPlannerParameters:
     """[Hz] Of the dynamic window only; without it that of move_base counts."""
 
 
-_RENAMED: Final = "TrajectoryPlannerROS reads {}, and only rotate_recovery this name"
-_MISSPELT: Final = "TrajectoryPlannerROS reads {}, and warns of this name"
+_RENAMED: Final = "TrajectoryPlannerROS reads {} instead"
 _NO_STRAFE_LIMITS: Final = "TrajectoryPlannerROS knows no limits of strafing, only y_vels"
 _DEBUG: Final = "it only publishes a debug point cloud"
 
 WITHOUT_EFFECT: Final[Mapping[str, str]] = {
     "acc_lim_th": _RENAMED.format("acc_lim_theta"),
-    "acc_limit_th": _MISSPELT.format("acc_lim_theta"),
-    "acc_limit_x": _MISSPELT.format("acc_lim_x"),
-    "acc_limit_y": _MISSPELT.format("acc_lim_y"),
+    "acc_limit_th": _RENAMED.format("acc_lim_theta"),
+    "acc_limit_x": _RENAMED.format("acc_lim_x"),
+    "acc_limit_y": _RENAMED.format("acc_lim_y"),
     "backup_vel": "TrajectoryPlannerROS reads it and puts escape_vel in its place at once",
     "global_frame_id": "it only names the frame of a debug point cloud",
     "max_vel_y": _NO_STRAFE_LIMITS,
@@ -136,6 +136,10 @@ WITHOUT_EFFECT: Final[Mapping[str, str]] = {
 }
 """Names that change nothing here, with the reason."""
 
+_METER_SCORING: Final = (
+    "whether weights count per metre is up to memory that ROS never writes; here they do, and with "
+    "meter_scoring: false the robot drives as with a zero there"
+)
 _RANGES: Final[Mapping[str, tuple[float, float]]] = {
     "acc_lim_x": (0.0, 20.0),
     "acc_lim_y": (0.0, 20.0),
@@ -211,8 +215,8 @@ def strafe_speeds(parameters: TrajectoryPlannerParameters) -> tuple[float, ...]:
     return tuple(float(number.group()) if number else 0.0 for number in found)
 
 
-def not_as_written(parameters: TrajectoryPlannerParameters) -> tuple[Contradiction, ...]:
-    """Return what the controller takes differently from how it is written: worth a warning."""
+def doubts(parameters: TrajectoryPlannerParameters) -> tuple[Contradiction, ...]:
+    """Return what the original takes, or may take, differently from how it is written."""
     found = []
     for name, (low, high) in _RANGES.items():
         value = getattr(parameters, name)
@@ -226,6 +230,8 @@ def not_as_written(parameters: TrajectoryPlannerParameters) -> tuple[Contradicti
     elif any(speed == 0.0 for speed in strafe_speeds(parameters)):
         text = f'y_vels "{parameters.y_vels}" is not all numbers: the rest is never tried'
         found.append(Contradiction(("y_vels",), text))
+    if parameters.meter_scoring:
+        found.append(Contradiction(("meter_scoring",), _METER_SCORING))
     return tuple(found)
 
 

@@ -34,9 +34,9 @@ from grammars.model.geometry import Floats
 
 NUDGE: Final = 0.1
 """[m/s] Speed ahead and sideways of the two arcs that strafe a little."""
-STUCK_LEFT, STUCK_RIGHT, STUCK_LEFT_STRAFE, STUCK_RIGHT_STRAFE = range(4)
-"""Places of what oscillation forbids: turns to the right and to the left, then strafing to the
-left and to the right (the original's names, whose sides differ for turns)."""
+NO_RIGHT_TURN, NO_LEFT_TURN, NO_LEFT_STRAFE, NO_RIGHT_STRAFE = range(4)
+"""Places of what oscillation forbids (the original's flags ``stuck_left``, ``stuck_right``,
+``stuck_left_strafe`` and ``stuck_right_strafe``)."""
 VX, VY, WZ, COST, AHEAD = range(5)
 """Places in what is known of the best trajectory; the last is the distance to the goal from where
 it looks."""
@@ -219,7 +219,7 @@ def find_best(
     plan: Floats,
     m: int,
     escaping: bool,
-    stuck: Integers,
+    forbidden: Integers,
     strafes: Floats,
     s: RolloutSettings,
     f: RolloutGrid,
@@ -228,8 +228,8 @@ def find_best(
     """Write the best trajectory to ``r.best`` and ``r.points``; return its number of points.
 
     0 when none is legal. ``r.window`` is the dynamic window, ``plan`` (m, 2) the plan near the
-    robot, ``stuck`` (4,) what oscillation forbids, ``strafes`` the speeds to strafe with; a robot
-    that is ``escaping`` drives no arcs.
+    robot, ``forbidden`` (4,) what oscillation forbids, ``strafes`` the speeds to strafe with; a
+    robot that is ``escaping`` drives no arcs.
     """
     best, window = r.best, r.window
     best[:] = 0.0
@@ -242,15 +242,15 @@ def find_best(
     for _ in range(s.theta_samples):
         # Slow turns are left out before they are raised to the slowest possible one.
         if wz > turn or wz < -turn:
-            if wz < 0.0 and not stuck[STUCK_LEFT]:
+            if wz < 0.0 and not forbidden[NO_RIGHT_TURN]:
                 _try_on_the_spot(state, 0.0, min(wz, -s.slowest_turn), plan, m, s, f, r)
-            elif wz > 0.0 and not stuck[STUCK_RIGHT]:
+            elif wz > 0.0 and not forbidden[NO_LEFT_TURN]:
                 _try_on_the_spot(state, 0.0, max(wz, s.slowest_turn), plan, m, s, f, r)
         wz += turn
     if best[COST] < 0.0 and s.holonomic:
         for vy in strafes:
-            if (vy > 0.0 and not stuck[STUCK_LEFT_STRAFE]) or (
-                vy < 0.0 and not stuck[STUCK_RIGHT_STRAFE]
+            if (vy > 0.0 and not forbidden[NO_LEFT_STRAFE]) or (
+                vy < 0.0 and not forbidden[NO_RIGHT_STRAFE]
             ):
                 _try_on_the_spot(state, vy, 0.0, plan, m, s, f, r)
     if best[COST] < 0.0:

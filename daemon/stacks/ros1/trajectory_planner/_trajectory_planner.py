@@ -7,6 +7,7 @@ is backing out of where nothing was legal, and what it does within tolerance of 
 from __future__ import annotations
 
 import math
+from typing import Final
 
 import numpy as np
 
@@ -42,10 +43,10 @@ from daemon.stacks.ros1.trajectory_planner._rollout import (
     simulate_trajectory,
 )
 from daemon.stacks.ros1.trajectory_planner._search import (
-    STUCK_LEFT,
-    STUCK_LEFT_STRAFE,
-    STUCK_RIGHT,
-    STUCK_RIGHT_STRAFE,
+    NO_LEFT_STRAFE,
+    NO_LEFT_TURN,
+    NO_RIGHT_STRAFE,
+    NO_RIGHT_TURN,
     RolloutBuffers,
     find_best,
     velocity_window,
@@ -57,7 +58,7 @@ from daemon.stacks.ros1.trajectory_planner._settings import (
 )
 from grammars.model.geometry import Floats, Pose2, Twist2, wrap_angle
 
-_STOPPED = 1e-2
+_STOPPED: Final = 1e-2
 """[m/s] and [rad/s] The robot stands below this (``rot_stopped_velocity_``)."""
 
 
@@ -69,14 +70,14 @@ def _length(x: float, y: float) -> float:
 class OscillationFlags:
     """Turns and strafes that are forbidden until the robot has moved ``distance`` [m].
 
-    ``stuck`` (4,) are flags as in :mod:`._search`. The second turn in a row to the same side
-    forbids the other side; a strafe forbids the other side when the robot comes back to its own.
+    ``forbidden`` (4,) holds flags as :mod:`._search` reads them. The second turn in a row to one
+    side forbids those to the other; a strafe forbids going back to the side before.
     """
 
     def __init__(self, distance: float) -> None:
-        self.stuck: Integers = np.zeros(4, dtype=np.int32)
-        self._rotating_left = self._rotating_right = False
-        self._strafe_left = self._strafe_right = False
+        self.forbidden: Integers = np.zeros(4, dtype=np.int32)
+        self._turned_left = self._turned_right = False
+        self._strafed_left = self._strafed_right = False
         self._distance = distance
         self._at = (0.0, 0.0)
 
@@ -84,9 +85,9 @@ class OscillationFlags:
         """Take in the velocity that was chosen at ``at``; driving ahead is no oscillation."""
         if not vx > 0.0:
             if wz != 0.0:
-                self._turned(wz)
+                self._turn(wz)
             elif vy != 0.0:
-                self._strafed(vy)
+                self._strafe(vy)
             self._at = at
         self.release(at)
 
@@ -94,34 +95,28 @@ class OscillationFlags:
         """Forget everything when the robot has moved far enough."""
         if _length(at[0] - self._at[0], at[1] - self._at[1]) <= self._distance:
             return
-        self.stuck[:] = 0
-        self._rotating_left = self._rotating_right = False
-        self._strafe_left = self._strafe_right = False
+        self.forbidden[:] = 0
+        self._turned_left = self._turned_right = False
+        self._strafed_left = self._strafed_right = False
 
-    # Left and right are not the original's sides but its names of the flags.
-
-    def _turned(self, wz: float) -> None:
+    def _turn(self, wz: float) -> None:
         if wz < 0.0:
-            if self._rotating_right:
-                self.stuck[STUCK_RIGHT] = 1
-            self._rotating_right = True
+            self.forbidden[NO_LEFT_TURN] |= self._turned_right
+            self._turned_right = True
         else:
-            if self._rotating_left:
-                self.stuck[STUCK_LEFT] = 1
-            self._rotating_left = True
+            self.forbidden[NO_RIGHT_TURN] |= self._turned_left
+            self._turned_left = True
 
-    def _strafed(self, vy: float) -> None:
+    def _strafe(self, vy: float) -> None:
         if vy > 0.0:
-            if self._strafe_right:
-                self.stuck[STUCK_RIGHT_STRAFE] = 1
-            self._strafe_left = True
+            self.forbidden[NO_RIGHT_STRAFE] |= self._strafed_right
+            self._strafed_left = True
         else:
-            if self._strafe_left:
-                self.stuck[STUCK_LEFT_STRAFE] = 1
-            self._strafe_right = True
+            self.forbidden[NO_LEFT_STRAFE] |= self._strafed_left
+            self._strafed_right = True
 
 
-class Escape:
+class EscapeMode:
     """Whether the robot backs out of where nothing was legal.
 
     It does until it is ``distance`` [m] or ``angle`` [rad] from where it began.
@@ -133,7 +128,7 @@ class Escape:
         self._x = self._y = self._yaw = 0.0
 
     def begin(self, state: Floats) -> None:
-        """Begin at the pose in ``state``, unless the robot is at it already."""
+        """Begin at the pose in ``state`` unless it has begun already."""
         if not self.active:
             self._x, self._y, self._yaw = state[:3].tolist()
             self.active = True
@@ -170,7 +165,7 @@ class TrajectoryPlanner:
         self._period_default = control_period_default
         self._strafes: Floats = np.array(strafe_speeds(parameters))
         self._flags = OscillationFlags(in_range(parameters, "oscillation_reset_dist"))
-        self._escape = Escape(
+        self._escape = EscapeMode(
             in_range(parameters, "escape_reset_dist"), in_range(parameters, "escape_reset_theta")
         )
         self._plan = FollowedPlan()
@@ -245,7 +240,15 @@ class TrajectoryPlanner:
         velocity_window(state, _length(end_x - x, end_y - y), s, room.window)
         fill_distances(state, window, m, self._strafes, s, grid, room)
         n = find_best(
-            state, window, m, self._escape.active, self._flags.stuck, self._strafes, s, grid, room
+            state,
+            window,
+            m,
+            self._escape.active,
+            self._flags.forbidden,
+            self._strafes,
+            s,
+            grid,
+            room,
         )
         if n == 0:
             return self._back_up(window, s)

@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
+from daemon.stacks.ros1.base_local_planner import footprint_cost
 from daemon.stacks.ros1.base_local_planner.controller import transform_plan_window
 from daemon.stacks.ros1.dwa import (
     WITHOUT_EFFECT,
     DwaParameters,
     Oscillation,
     contradictions,
-    footprint_cost,
 )
 from daemon.stacks.ros1.dwa.samples import (
     count_points,

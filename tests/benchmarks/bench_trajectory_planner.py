@@ -1,0 +1,78 @@
+"""TrajectoryPlannerROS of the ROS stack: whole calls of the fast version against the plain one.
+
+The same cycles of five published robots in a bend beside two boxes, command by command; the plain
+version tries every trajectory in turn, in Python with compiled footprints and distances.
+"""
+
+from __future__ import annotations
+
+import statistics
+import time
+from collections.abc import Callable
+
+import numpy as np
+
+from daemon.stacks.ros1.quirks import ORIGINAL
+from daemon.stacks.ros1.trajectory_planner import TrajectoryPlanner, warm_up
+from daemon.stacks.ros1.trajectory_planner._parameters import strafe_speeds
+from daemon.stacks.ros1.trajectory_planner._settings import settings_of
+from grammars.model.geometry import Pose2, Twist2
+from tests.daemon.stacks.ros1.trajectory_planner.helpers import ROBOTS, Robot, costs_around
+from tests.daemon.stacks.ros1.trajectory_planner.plain import PlainPlanner
+
+CYCLES = 6
+REPEATS = 5
+BOXES = ((1.0, -1.6, 1.4, -0.9), (0.6, 1.0, 1.2, 1.5))
+
+
+def _timed(work: Callable[[], object], rounds: int) -> float:
+    """Return CPU microseconds per call."""
+    begin = time.thread_time()
+    for _ in range(rounds):
+        work()
+    return (time.thread_time() - begin) / rounds * 1e6
+
+
+def _cycle(robot: Robot, k: int) -> tuple[Callable[[], object], Callable[[], object], bool]:
+    """Return a cycle of either version, and whether they command the same."""
+    pose, twist = Pose2(0.01 * k, 0.02, 0.1 * k), Twist2(0.2, 0.0, 0.05 * k)
+    local = costs_around(pose, robot.cells, robot.resolution, *BOXES)
+    along = np.arange(0.0, 1.2, 0.05)
+    plan = np.column_stack([along, 0.3 * np.sin(along), np.zeros(len(along))])
+    p, period = robot.parameters, 1.0 / robot.frequency
+    fast = TrajectoryPlanner(p, ORIGINAL, robot.outline, period)
+    fast.set_plan(plan)
+    s = settings_of(p, ORIGINAL, robot.resolution, period)
+    plain = PlainPlanner(s, strafe_speeds(p), robot.outline)
+    row = (pose.x, pose.y, pose.yaw, twist.vx, twist.vy, twist.wz)
+    state = np.array(row, dtype=np.float32).astype(np.float64)
+    found, expected = (
+        fast.command(pose, twist, Pose2(), local),
+        plain.best(state, plan[:, :2], local),
+    )
+    same = (found.twist.vx, found.twist.vy, found.twist.wz) == expected.velocity
+    return (
+        lambda: fast.command(pose, twist, Pose2(), local),
+        lambda: plain.best(state, plan[:, :2], local),
+        same,
+    )
+
+
+def main() -> None:
+    """Print the table."""
+    warm_up()
+    for name, robot in ROBOTS.items():
+        cycles = [_cycle(robot, k) for k in range(CYCLES)]
+        fast = statistics.median(
+            statistics.mean(_timed(cycle[0], 20) for cycle in cycles) for _ in range(REPEATS)
+        )
+        plain = statistics.mean(_timed(cycle[1], 1) for cycle in cycles)
+        same = sum(cycle[2] for cycle in cycles)
+        print(
+            f"{name:10} fast {fast:7.1f} us   plain {plain:9.1f} us   {plain / fast:7.1f} x   "
+            f"same command {same}/{CYCLES}"
+        )
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,301 @@
+"""Parameters, the velocity window, trajectories, the cells under the robot and the memories."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from pydantic import ValidationError
+from ruamel.yaml import YAML
+
+from daemon.stacks.findings import FindingCollector
+from daemon.stacks.kernels import Integers
+from daemon.stacks.ros1.base_local_planner.map_grid import contains_cell, empty_set
+from daemon.stacks.ros1.parameters import read_section
+from daemon.stacks.ros1.quirks import ORIGINAL
+from daemon.stacks.ros1.trajectory_planner import (
+    WITHOUT_EFFECT,
+    TrajectoryPlannerParameters,
+    contradictions,
+    doubts,
+)
+from daemon.stacks.ros1.trajectory_planner._cycle import add_footprint_cells
+from daemon.stacks.ros1.trajectory_planner._parameters import strafe_speeds
+from daemon.stacks.ros1.trajectory_planner._rollout import (
+    count_points,
+    normalize_angle,
+    simulate_trajectory,
+)
+from daemon.stacks.ros1.trajectory_planner._search import (
+    NO_LEFT_STRAFE,
+    NO_LEFT_TURN,
+    NO_RIGHT_STRAFE,
+    NO_RIGHT_TURN,
+    list_arcs,
+    velocity_window,
+)
+from daemon.stacks.ros1.trajectory_planner._settings import (
+    RolloutSettings,
+    longest_trajectory,
+    settings_of,
+)
+from daemon.stacks.ros1.trajectory_planner._trajectory_planner import EscapeMode, OscillationFlags
+from grammars.model.geometry import Floats, wrap_angle
+from tests.daemon.stacks.ros1.trajectory_planner import plain
+from tests.daemon.stacks.ros1.trajectory_planner.helpers import ROBOTS, rectangle
+
+DEFAULT = TrajectoryPlannerParameters()
+HUSKY = ROBOTS["husky"].parameters
+
+
+def settings(parameters: TrajectoryPlannerParameters = DEFAULT) -> RolloutSettings:
+    return settings_of(parameters, ORIGINAL, 0.05, 0.1)
+
+
+def state(*values: float) -> Floats:
+    return np.array(values)
+
+
+def test_defaults_are_those_of_dynamic_reconfigure() -> None:
+    s = settings()
+    assert (s.max_x, s.min_x, s.left, s.right, s.slowest_turn) == (0.55, 0.0, 1.0, -1.0, 0.4)
+    assert (s.path_scale, s.goal_scale, s.obstacle_scale) == (0.6, 0.8, 0.01)
+    assert (s.sim_time, s.x_samples, s.theta_samples, s.dwa) == (1.7, 20, 20, False)
+    assert strafe_speeds(DEFAULT) == (-0.3, -0.1, 0.1, -0.3)
+
+
+def test_weights_are_per_metre_when_asked_and_go_by_older_names() -> None:
+    s = settings(HUSKY)
+    assert (s.path_scale, s.goal_scale) == (0.75 * 0.05, 1.0 * 0.05)
+    assert s.obstacle_scale == 0.1
+    both = replace(HUSKY, path_distance_bias=2.0, meter_scoring=False)
+    assert settings(both).path_scale == 2.0
+    assert settings(replace(DEFAULT, gdist_scale=9.0)).goal_scale == 5.0
+
+
+def test_the_older_name_of_the_slowest_turn_is_heard_at_the_goal_only() -> None:
+    from daemon.stacks.ros1.trajectory_planner._parameters import slowest_turn_at_goal
+
+    older = replace(DEFAULT, min_in_place_rotational_vel=0.7)
+    assert (settings(older).slowest_turn, slowest_turn_at_goal(older)) == (0.4, 0.7)
+    both = replace(older, min_in_place_vel_theta=0.2)
+    assert (settings(both).slowest_turn, slowest_turn_at_goal(both)) == (0.2, 0.2)
+
+
+@pytest.mark.parametrize(
+    ("text", "speeds"),
+    [
+        ("0.2, -0.2", (0.2, -0.2)),
+        ("[-0.3, 1e-1]", (0.0, 0.1)),
+        ("0.1 ,, x", (0.1, 0.0)),
+        ("", (0.0,)),
+    ],
+)
+def test_strafe_speeds_are_read_as_c_reads_numbers(text: str, speeds: tuple[float, ...]) -> None:
+    assert strafe_speeds(replace(DEFAULT, y_vels=text)) == speeds
+
+
+@pytest.mark.parametrize(
+    ("wrong", "words"),
+    [
+        ({"min_vel_x": -0.2}, "min_vel_x -0.2 is beyond what the controller takes: 0 counts"),
+        ({"min_vel_theta": 0.4}, "min_vel_theta 0.4"),
+        ({"pdist_scale": 32.0}, "5 counts"),
+        ({"vx_samples": 0}, "1 counts"),
+        ({"y_vels": (-0.3, 0.3)}, "y_vels is a list"),
+        ({"y_vels": "[-0.3, 0.3]"}, "not all numbers"),
+        ({"meter_scoring": True}, "per metre"),
+    ],
+)
+def test_what_may_not_be_taken_as_written_is_named(wrong: dict[str, object], words: str) -> None:
+    found = doubts(replace(DEFAULT, **wrong))  # type: ignore[arg-type]
+    assert [words in entry.text for entry in found] == [True]
+    assert found[0].names == tuple(wrong)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "word"),
+    [
+        ({"max_vel_x": 0.0}, "never drive"),
+        ({"min_vel_x": 0.7}, "no speed between"),
+        ({"sim_time": 0.0}, "sim_time"),
+        ({"vx_samples": 1}, "vx_samples"),
+        ({"vtheta_samples": 1}, "cannot turn"),
+        ({"acc_lim_x": 0.0}, "acc_lim_x"),
+        ({"acc_lim_theta": 0.0}, "acc_lim_theta"),
+        ({"heading_scoring": True, "heading_scoring_timestep": 0.8, "sim_time": 0.7}, "path nor"),
+    ],
+)
+def test_contradictions_are_named(wrong: dict[str, float], word: str) -> None:
+    assert contradictions(DEFAULT) == ()
+    assert any(word in found.text for found in contradictions(replace(DEFAULT, **wrong)))  # type: ignore[arg-type]
+
+
+def test_published_configurations_contradict_nothing_and_are_taken_as_written() -> None:
+    assert doubts(DEFAULT) == ()
+    for robot in ROBOTS.values():
+        assert contradictions(robot.parameters) == ()
+        assert [found.names for found in doubts(robot.parameters)] == [("meter_scoring",)]
+
+
+PUBLISHED = (
+    ("husky/husky_navigation/config/planner.yaml",),
+    ("jackal/jackal_navigation/params/base_local_planner_params.yaml",),
+    (
+        "fetch/fetch_navigation/config/move_base.yaml",
+        "fetch/fetch_navigation/config/fetch/move_base.yaml",
+    ),
+    ("mir/mir_navigation/config/base_local_planner_params.yaml",),
+    ("robile_amr/config/base_local_planner_params.yaml",),
+)
+
+
+@pytest.mark.parametrize(("files", "name"), list(zip(PUBLISHED, ROBOTS, strict=True)))
+def test_published_files_are_read(files: tuple[str, ...], name: str, reference_data: Path) -> None:
+    given: dict[str, object] = {}
+    for file in files:
+        text = (reference_data / "robots" / file).read_text("utf-8")
+        given |= YAML(typ="safe", pure=True).load(text)["TrajectoryPlannerROS"]
+    report = FindingCollector()
+    read = read_section(
+        TrajectoryPlannerParameters, given, ("x",), report, without_effect=WITHOUT_EFFECT
+    )
+    assert (report.fatal, report.problems) == ([], [])
+    assert settings(read) == settings(ROBOTS[name].parameters)
+    assert read.xy_goal_tolerance == ROBOTS[name].parameters.xy_goal_tolerance
+    assert read.latch_xy_goal_tolerance == ROBOTS[name].parameters.latch_xy_goal_tolerance
+
+
+def test_values_out_of_range_and_unknown_names_are_refused() -> None:
+    for wrong in ({"sim_granularity": 0.0}, {"sim_time": math.nan}, {"backup_vel": -0.2}):
+        with pytest.raises(ValidationError):
+            TrajectoryPlannerParameters(**wrong)
+    assert "backup_vel" in WITHOUT_EFFECT
+    assert "escape_vel" not in WITHOUT_EFFECT
+
+
+def window(parameters: TrajectoryPlannerParameters, vx: float, wz: float, way: float) -> Floats:
+    out = np.zeros((2, 2))
+    velocity_window(state(0, 0, 0, vx, 0, wz), way, settings(parameters), out)
+    return out
+
+
+def test_the_window_is_one_period_or_the_whole_simulation() -> None:
+    np.testing.assert_allclose(window(HUSKY, 0.5, 0.1, 9.0), [[0.375, 0.625], [-0.06, 0.26]])
+    np.testing.assert_allclose(
+        window(replace(HUSKY, dwa=False), 0.5, 0.1, 9.0), [[0.0, 1.0], [-1.0, 1.0]]
+    )
+
+
+def test_near_the_end_of_the_plan_the_robot_slows_down_but_not_below_its_slowest() -> None:
+    assert window(HUSKY, 0.2, 0.0, 0.5)[0, 1] == 0.25
+    assert window(replace(HUSKY, min_vel_x=0.3), 0.2, 0.0, 0.5)[0].tolist() == [0.3, 0.3]
+
+
+def test_arcs_are_straight_first_and_leave_the_highest_turn_out() -> None:
+    few = replace(HUSKY, vx_samples=2, vtheta_samples=3)
+    out = np.zeros((20, 3))
+    edges = np.array([[0.2, 0.4], [-0.1, 0.3]])
+    n = list_arcs(edges, settings(few), out)
+    arcs = [(0.2, 0.0), (0.2, -0.1), (0.2, 0.1), (0.4, 0.0), (0.4, -0.1), (0.4, 0.1)]
+    np.testing.assert_allclose(out[:n, [0, 2]], arcs, atol=1e-12)
+    n = list_arcs(edges, settings(replace(few, holonomic_robot=True)), out)
+    assert out[n - 2 : n].tolist() == [[0.1, 0.1, 0.0], [0.1, -0.1, 0.0]]
+
+
+def test_numbers_of_points() -> None:
+    s = settings(HUSKY)
+    assert count_points(1.0, 0.0, 0.0, s) == 100
+    assert count_points(0.0, 0.0, 0.0, s) == 1
+    # Not times the two seconds of the simulation.
+    assert count_points(0.0, 0.0, 1.0, s) == 50
+    assert count_points(0.0, 0.0, 0.0, settings(ROBOTS["fetch"].parameters)) == 40
+
+
+def test_trajectories_accelerate_and_leave_their_end_out() -> None:
+    p = replace(HUSKY, sim_time=1.0, sim_granularity=0.25, acc_lim_x=2.0)
+    points = np.zeros((10, 5))
+    assert simulate_trajectory(state(1, 2, 0, 0, 0, 0), 1.0, 0.0, 0.0, settings(p), points) == 4
+    np.testing.assert_allclose(points[:4, 0], [1.0, 1.125, 1.375, 1.625])
+    assert points[:4, 1].tolist() == [2.0] * 4
+
+
+def test_no_trajectory_is_longer_than_there_is_room() -> None:
+    for robot in ROBOTS.values():
+        p, s = robot.parameters, settings(robot.parameters)
+        for vx, wz in ((0.0, 0.0), (0.9, 2.0), (-0.4, -3.0)):
+            most = longest_trajectory(p, s, (vx, 0.0, wz))
+            edges = window(p, vx, wz, 9.0)
+            for sample in (*edges[1].tolist(), -s.slowest_turn, 1.0):
+                for speed in (*edges[0].tolist(), s.escape):
+                    assert count_points(speed, 0.0, sample, s) <= most
+
+
+def test_angles_are_wrapped_as_others_do_but_for_rounding() -> None:
+    for angle in np.linspace(-9.0, 9.0, 181).tolist():
+        assert normalize_angle(angle) == pytest.approx(wrap_angle(angle), abs=1e-14)
+        assert normalize_angle(angle) == plain.between(0.0, angle)
+
+
+@pytest.mark.parametrize("at", [(1.5, 1.5, 0.4), (0.1, 1.5, 2.0), (-0.5, 1.0, 0.0)])
+@pytest.mark.parametrize("corners", [4, 3, 2])
+def test_the_cells_under_the_robot(at: tuple[float, float, float], corners: int) -> None:
+    outline, frame = rectangle(-0.4, 0.6, 0.3)[:corners], np.array((0.0, 0.0, 0.05))
+    cells = np.zeros((60, 64), dtype=np.uint8)
+    found, spans = empty_set(cells.shape), np.zeros((64, 2), dtype=np.int32)
+    add_footprint_cells(np.array(at), outline, frame, cells.shape, spans, found)
+    got = {(r, c) for r in range(60) for c in range(64) if contains_cell(found, r, c)}
+    assert got == plain.under_robot(np.array(at), outline, cells, frame)
+
+
+def test_without_a_footprint_the_robot_covers_its_cell() -> None:
+    found, spans = empty_set((60, 60)), np.zeros((60, 2), dtype=np.int32)
+    frame, none = np.array((0.0, 0.0, 0.05)), np.zeros((1, 2))
+    for x, covers in ((1.51, True), (-1.0, False)):
+        found[:] = 0
+        add_footprint_cells(np.array((x, 0.77, 0.0)), none, frame, (60, 60), spans, found)
+        assert contains_cell(found, 15, 30) is covers
+
+
+def forbidden(*places: int) -> Integers:
+    out = np.zeros(4, dtype=np.int32)
+    out[list(places)] = 1
+    return out
+
+
+def test_the_second_turn_in_a_row_forbids_the_other_side_until_the_robot_has_moved() -> None:
+    for wz, other in ((0.5, NO_RIGHT_TURN), (-0.5, NO_LEFT_TURN)):
+        flags = OscillationFlags(0.05)
+        flags.chosen((1.0, 1.0), 0.0, 0.0, wz)
+        assert not flags.forbidden.any()
+        flags.chosen((1.0, 1.0), 0.0, 0.0, wz)
+        np.testing.assert_array_equal(flags.forbidden, forbidden(other))
+        flags.chosen((1.04, 1.0), 0.3, 0.0, 0.2)
+        assert flags.forbidden.any()
+        flags.chosen((1.06, 1.0), 0.3, 0.0, 0.2)
+        assert not flags.forbidden.any()
+
+
+def test_a_strafe_forbids_going_back() -> None:
+    for vy, back in ((0.1, NO_LEFT_STRAFE), (-0.1, NO_RIGHT_STRAFE)):
+        flags = OscillationFlags(0.05)
+        flags.chosen((0.0, 0.0), 0.0, vy, 0.0)
+        assert not flags.forbidden.any()
+        flags.chosen((0.0, 0.0), 0.0, -vy, 0.0)
+        np.testing.assert_array_equal(flags.forbidden, forbidden(back))
+
+
+def test_an_escape_ends_far_enough_from_where_it_began() -> None:
+    escape = EscapeMode(0.1, 0.5)
+    escape.begin(state(1, 1, 3.1, 0, 0, 0))
+    escape.begin(state(1.09, 1, 3.1, 0, 0, 0))
+    escape.release(state(1.09, 1, -3.1, 0, 0, 0))
+    assert escape.active
+    escape.release(state(1.11, 1, 3.1, 0, 0, 0))
+    assert not escape.active
+    escape.begin(state(0, 0, 0, 0, 0, 0))
+    escape.release(state(0, 0, 0.51, 0, 0, 0))
+    assert not escape.active
