@@ -86,21 +86,28 @@ def read_ros(parameters: Mapping[str, Any]) -> RosParameters:
     _refuse_unknown_sections(parameters, report)
     tree = ParameterTree(parameters, report)
     quirks = read_quirks(parameters.get("quirks", "original"), ("quirks",), report)
+    move_base = _read_move_base(tree)
+    local_planner = read_local_planner(
+        tree, move_base.base_local_planner, move_base.controller_frequency
+    )
+    given = read_section(TopicParameters, tree.at("topics"), ("topics",), report, strict=True)
+    # Read before the costmaps, which need its frames. Findings stand in traces: what is said of it
+    # has always come after the costmaps there.
+    later = FindingCollector()
     localisation = read_section(
         AmclParameters,
         tree.at("amcl"),
         ("amcl",),
-        report,
-        without_effect=amcl.WITHOUT_EFFECT,
+        later,
+        without_effect=amcl.without_effect(tree.at("amcl")),
     )
-    move_base = _read_move_base(tree)
-    global_planner = read_global_planner(tree, move_base.base_global_planner)
-    local_planner = read_local_planner(
-        tree, move_base.base_local_planner, move_base.controller_frequency
-    )
-    say_unread(tree, (move_base.base_global_planner, move_base.base_local_planner))
-    given = read_section(TopicParameters, tree.at("topics"), ("topics",), report, strict=True)
     costmaps, topics = read_costmaps(tree, given, localisation)
+    report.add(later)
+    resets = {name: _read_reset(tree, name) for name in _resets(move_base)}
+    for name, reset in resets.items():
+        _check_layer_names(tree, name, reset, costmaps)
+    global_planner = read_global_planner(tree, move_base.base_global_planner)
+    say_unread(tree, (move_base.base_global_planner, move_base.base_local_planner))
     return RosParameters(
         amcl=localisation,
         move_base=move_base,
@@ -109,7 +116,7 @@ def read_ros(parameters: Mapping[str, Any]) -> RosParameters:
         global_planner=global_planner,
         local_planner=local_planner,
         rotate_recovery=_read_rotation(tree, move_base, local_planner, quirks),
-        resets={name: _read_reset(tree, name) for name in _resets(move_base)},
+        resets=resets,
         dispatcher=read_section(
             DispatcherParameters, tree.at("dispatcher"), ("dispatcher",), report, strict=True
         ),
@@ -173,6 +180,21 @@ def _read_reset(tree: ParameterTree, name: str) -> ClearCostmapParameters:
         tree.report,
         without_effect=CLEAR_COSTMAP_WITHOUT_EFFECT,
     )
+
+
+def _check_layer_names(
+    tree: ParameterTree,
+    name: str,
+    reset: ClearCostmapParameters,
+    costmaps: Mapping[str, LayeredCostmap],
+) -> None:
+    """Say of a reset whose layers were written that neither costmap has one of them."""
+    there = {layer.name for costmap in costmaps.values() for layer in costmap.layers}
+    if "layer_names" in tree.at("move_base", name) and not there & set(reset.layer_names):
+        message = f"no costmap has a layer of these names, so {name} clears nothing"
+        hint = f"their layers are {', '.join(sorted(there))}"
+        place = ("move_base", name, "layer_names")
+        tree.report.problems.append(ParameterFinding(place, message, hint))
 
 
 def _read_rotation(

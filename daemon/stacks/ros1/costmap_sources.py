@@ -11,9 +11,9 @@ from daemon.stacks.ros1.amcl import AmclParameters
 from daemon.stacks.ros1.costmap import (
     CostmapContext,
     LayeredCostmap,
-    Namespace,
     ObservationSource,
     ObstacleLayer,
+    ParameterNamespace,
     read_costmap,
 )
 from daemon.stacks.ros1.parameters import ParameterTree
@@ -33,7 +33,7 @@ def read_costmaps(
         hint = "amcl never corrects odometry: set topics/amcl or topics/remap"
         tree.report.problems.append(ParameterFinding(("topics",), message, hint))
     context = CostmapContext(
-        above=Namespace.of(tree.at("move_base"), ("move_base",)),
+        above=ParameterNamespace.of(tree.at("move_base"), ("move_base",)),
         frames={
             localisation.global_frame_id.strip("/"): "map",
             localisation.odom_frame_id.strip("/"): "odom",

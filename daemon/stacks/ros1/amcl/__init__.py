@@ -9,12 +9,12 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from daemon.stacks.ros1.amcl._parameters import WITHOUT_EFFECT, AmclParameters
+from daemon.stacks.ros1.amcl._parameters import WITHOUT_EFFECT, AmclParameters, without_effect
 
 if TYPE_CHECKING:
     from daemon.stacks.ros1.amcl._amcl import Amcl, AmclPose
 
-__all__ = ["WITHOUT_EFFECT", "Amcl", "AmclParameters", "AmclPose", "warm_up"]
+__all__ = ["WITHOUT_EFFECT", "Amcl", "AmclParameters", "AmclPose", "warm_up", "without_effect"]
 
 
 def __getattr__(name: str) -> Any:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import Annotated, Final, Literal, Self, TypeAlias
+from typing import Annotated, Any, Final, Literal, Self, TypeAlias
 
 from pydantic import ConfigDict, Field, model_validator
 from pydantic.dataclasses import dataclass
@@ -139,3 +139,17 @@ WITHOUT_EFFECT: Final[Mapping[str, str]] = {
     "std_warn_level_yaw": "only for the node's diagnostics",
 }
 """Parameters of the original that change nothing here, each with the reason."""
+
+_USUAL_NAMES: Final = {"global_frame_id": "map", "odom_frame_id": "odom"}
+
+
+def without_effect(given: Mapping[str, Any]) -> dict[str, str]:
+    """Return the names that change nothing in what is ``given``, each with the reason.
+
+    Names of frames belong to them where they are the usual ones.
+    """
+    found = dict(WITHOUT_EFFECT)
+    for name, usual in _USUAL_NAMES.items():
+        if str(given.get(name)).strip("/") == usual:
+            found[name] = f"costmaps call this frame {usual} anyway"
+    return found

@@ -2,6 +2,7 @@
 
 from daemon.stacks.ros1.costmap._costmap import Costmap, warm_up
 from daemon.stacks.ros1.costmap._footprint import footprint_of_radius, padded_footprint, radii
+from daemon.stacks.ros1.costmap._layer_reading import CostmapContext
 from daemon.stacks.ros1.costmap._layers import (
     InflationLayer,
     Layer,
@@ -11,9 +12,9 @@ from daemon.stacks.ros1.costmap._layers import (
     StaticLayer,
     VoxelColumn,
 )
-from daemon.stacks.ros1.costmap._namespaces import Namespace
+from daemon.stacks.ros1.costmap._namespaces import ParameterNamespace
 from daemon.stacks.ros1.costmap._observations import SensedScan, hears_height, point_height
-from daemon.stacks.ros1.costmap._reading import CostmapContext, read_costmap
+from daemon.stacks.ros1.costmap._reading import read_costmap
 from daemon.stacks.ros1.costmap._sections import WRITTEN_SECTIONS
 
 __all__ = [
@@ -23,9 +24,9 @@ __all__ = [
     "InflationLayer",
     "Layer",
     "LayeredCostmap",
-    "Namespace",
     "ObservationSource",
     "ObstacleLayer",
+    "ParameterNamespace",
     "SensedScan",
     "StaticLayer",
     "VoxelColumn",

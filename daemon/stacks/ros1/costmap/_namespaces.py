@@ -41,23 +41,23 @@ class Written:
 
 
 @dataclass(slots=True)
-class Namespace:
+class ParameterNamespace:
     """The parameters of one namespace by name; values of namespaces below it are mappings."""
 
     path: ParameterLocation
     entries: dict[str, Written] = field(default_factory=dict)
 
     @classmethod
-    def of(cls, given: Mapping[str, Any], path: ParameterLocation) -> Namespace:
+    def of(cls, given: Mapping[str, Any], path: ParameterLocation) -> ParameterNamespace:
         """Return the namespace that stands at ``path``."""
         return cls(path, {name: Written(value, (*path, name)) for name, value in given.items()})
 
-    def below(self, name: str) -> Namespace:
+    def below(self, name: str) -> ParameterNamespace:
         """Return the namespace ``name`` in this one; empty when there is none."""
         written = self.entries.get(name)
         if written is None or not isinstance(written.value, Mapping):
-            return Namespace((*self.path, name))
-        return Namespace.of(written.value, written.place)
+            return ParameterNamespace((*self.path, name))
+        return ParameterNamespace.of(written.value, written.place)
 
     def values(self, names: Iterable[str] | None = None) -> dict[str, Any]:
         """Return the values of ``names``, all when none are given, as far as they are there."""
@@ -76,11 +76,11 @@ class PlannedLayer:
     name: str
     type: str
     place: ParameterLocation
-    namespace: Namespace
+    namespace: ParameterNamespace
 
 
 def plan_layers(
-    costmap: Namespace, report: FindingCollector
+    costmap: ParameterNamespace, report: FindingCollector
 ) -> tuple[tuple[PlannedLayer, ...], frozenset[str]]:
     """Return the layers of a costmap, lowest first, and the names taken out of its namespace.
 
@@ -118,8 +118,8 @@ def _listed(plugins: Written, report: FindingCollector) -> list[tuple[str, str, 
 
 
 def _load_old_parameters(
-    costmap: Namespace, report: FindingCollector
-) -> tuple[list[tuple[str, str, ParameterLocation]], dict[str, Namespace], frozenset[str]]:
+    costmap: ParameterNamespace, report: FindingCollector
+) -> tuple[list[tuple[str, str, ParameterLocation]], dict[str, ParameterNamespace], frozenset[str]]:
     """Return the layers of a costmap without ``plugins``, and what is moved into them."""
     entries = costmap.entries
     spaces = {n: costmap.below(n) for n in ("static_layer", "obstacle_layer", "inflation_layer")}
@@ -153,7 +153,9 @@ def _of(entries: Mapping[str, Written], names: Iterable[str]) -> dict[str, Writt
     return {name: entries[name] for name in names if name in entries}
 
 
-def _put(layer: Namespace, entries: Mapping[str, Written], report: FindingCollector) -> None:
+def _put(
+    layer: ParameterNamespace, entries: Mapping[str, Written], report: FindingCollector
+) -> None:
     """Write ``entries`` into a layer's namespace in place of what stands there."""
     for name, written in entries.items():
         before = layer.entries.get(name)

@@ -8,7 +8,7 @@ from typing import Any, Final, cast
 
 from daemon.stacks.findings import FindingCollector, ParameterFinding
 from daemon.stacks.ros1.costmap._layers import ObservationSource, ObstacleLayer, VoxelColumn
-from daemon.stacks.ros1.costmap._namespaces import OBSTACLE, VOXEL, Namespace, PlannedLayer
+from daemon.stacks.ros1.costmap._namespaces import OBSTACLE, VOXEL, ParameterNamespace, PlannedLayer
 from daemon.stacks.ros1.costmap._sections import (
     FETCH_WITHOUT_EFFECT,
     OBSTACLE_WITHOUT_EFFECT,
@@ -49,7 +49,7 @@ def looks_like_source(value: object) -> bool:
 
 def read_obstacle_layer(
     planned: PlannedLayer,
-    around: tuple[Namespace, ...],
+    around: tuple[ParameterNamespace, ...],
     hearing: Hearing,
     report: FindingCollector,
     *,
@@ -92,7 +92,7 @@ def read_obstacle_layer(
     )
 
 
-def _source_names(space: Namespace, report: FindingCollector) -> frozenset[str]:
+def _source_names(space: ParameterNamespace, report: FindingCollector) -> frozenset[str]:
     """Return the namespaces of sources in a layer's; those that are not listed are said to be."""
     written = space.entries.get("observation_sources")
     listed = written.value.split() if written and isinstance(written.value, str) else []
@@ -123,8 +123,8 @@ def _column(read: ObstacleSection) -> VoxelColumn | None:
 class _SourceReader:
     """Reads the sources of a layer; ``search`` are the namespaces above a source's, upwards."""
 
-    layer: Namespace
-    search: tuple[Namespace, ...]
+    layer: ParameterNamespace
+    search: tuple[ParameterNamespace, ...]
     hearing: Hearing
     report: FindingCollector
 
@@ -160,7 +160,7 @@ class _SourceReader:
             expected_update_rate=read.expected_update_rate if self.hearing.stops_robot else 0.0,
         )
 
-    def _range(self, name: str, space: Namespace, read: SourceSection) -> float:
+    def _range(self, name: str, space: ParameterNamespace, read: SourceSection) -> float:
         """Return a range [m] from the nearest namespace upwards that has it (``searchParam``)."""
         own: float | None = getattr(read, name)
         if own is not None or name in space.entries:
@@ -179,7 +179,9 @@ class _SourceReader:
                 return _RANGES[name] if given is None else given
         return _RANGES[name]
 
-    def _check_rate(self, name: str, space: Namespace, read: SourceSection, topic: str) -> None:
+    def _check_rate(
+        self, name: str, space: ParameterNamespace, read: SourceSection, topic: str
+    ) -> None:
         """Say what becomes of a source that is expected to speak every so many seconds."""
         if "expected_update_rate" not in space.entries:
             return
@@ -197,7 +199,9 @@ class _SourceReader:
             reason = "a late source stops the robot only if it is one of the local costmap"
             self.report.without_effect.append(ParameterFinding(place, reason))
 
-    def _say_unheard(self, name: str, space: Namespace, read: SourceSection, topic: str) -> None:
+    def _say_unheard(
+        self, name: str, space: ParameterNamespace, read: SourceSection, topic: str
+    ) -> None:
         places = space.places()
         place = places.get("data_type", places.get("topic", space.path))
         if read.data_type not in _CLOUDS:
@@ -211,7 +215,7 @@ class _SourceReader:
         hint = "nobody publishes one here, there are only lasers: nothing comes from it"
         self.report.problems.append(ParameterFinding(place, message, hint))
 
-    def _check_sensor_frame(self, space: Namespace, read: SourceSection) -> None:
+    def _check_sensor_frame(self, space: ParameterNamespace, read: SourceSection) -> None:
         place = space.entries["sensor_frame"].place
         base = [
             above.entries["robot_base_frame"].value

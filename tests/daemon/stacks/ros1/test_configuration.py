@@ -12,8 +12,11 @@ from hypothesis import strategies as st
 from daemon.stacks.findings import ParameterError
 from daemon.stacks.ros1.configuration import RosParameters, read_ros
 from daemon.stacks.ros1.costmap import InflationLayer, ObstacleLayer
+from daemon.stacks.ros1.dwa import DwaParameters
+from daemon.stacks.ros1.global_planner import GlobalPlannerParameters
 from daemon.stacks.ros1.quirks import FIXED, ORIGINAL
 from daemon.stacks.ros1.topics import ONE_LASER, Wiring
+from daemon.stacks.ros1.trajectory_planner import TrajectoryPlannerParameters
 
 LASER = {"data_type": "LaserScan", "topic": "scan", "marking": True, "clearing": True}
 BOX = [[0.3, 0.2], [0.3, -0.2], [-0.3, -0.2], [-0.3, 0.2]]
@@ -154,6 +157,26 @@ def test_all_errors_are_reported_together() -> None:
         ({"move_base": {"DWAPlanerROS": {}}}, 'did you mean "DWAPlannerROS"?'),
         ({"amlc": {}}, 'did you mean "amcl"?'),
         (
+            {"move_base": {"footprint_padding": 0.0}},
+            "move_base/footprint_padding: costmap_2d looks for it in the namespaces of the costmap",
+        ),
+        (
+            {"move_base": {"conservative_reset": {"layer_names": ["obstacles"]}}},
+            "conservative_reset/layer_names: no costmap has a layer of these names",
+        ),
+        (
+            {"move_base": {"search_alternative_goals": True}},
+            'nothing reads a parameter "search_alternative_goals"',
+        ),
+        (
+            {"local_costmap": costmap(rolling_window=True)},
+            "global_frame is not given: ROS takes map",
+        ),
+        (
+            {"global_costmap": {"plugins": []}},
+            "move_base/global_costmap/plugins: the global costmap has no obstacle layer",
+        ),
+        (
             {"topics": {"amcl": "/other", "scan": "/scan"}},
             "amcl listens to /other, the scan comes on /scan",
         ),
@@ -167,6 +190,100 @@ def test_all_errors_are_reported_together() -> None:
 def test_what_is_probably_a_slip_is_a_warning(sections: dict[str, Any], expected: str) -> None:
     found = problems(read_ros(tree(**sections)))
     assert any(expected in problem for problem in found), found
+
+
+def test_the_six_parameters_that_dwa_renamed_are_named_with_their_new_names() -> None:
+    # husky_navigation, turtlebot_navigation and mir_navigation write them; Noetic only warns.
+    old = {
+        "max_trans_vel": "max_vel_trans", "min_trans_vel": "min_vel_trans",
+        "max_rot_vel": "max_vel_theta", "min_rot_vel": "min_vel_theta",
+        "rot_stopped_vel": "theta_stopped_vel",
+    }  # fmt: skip
+    read = read_ros(tree(DWAPlannerROS=dict.fromkeys((*old, "acc_limit_trans"), 0.3)))
+    said = problems(read)
+    for name, new in old.items():
+        text = f"{name}: ROS Noetic calls it {new} and ignores {name}: {new} has its default"
+        assert any(f"DWAPlannerROS/{text}; write {new}" in problem for problem in said)
+    assert len(said) == len(old)
+    (idle,) = read.findings.without_effect
+    assert "ROS Noetic calls it acc_lim_trans" in idle.message
+    assert isinstance(read.local_planner, DwaParameters)
+    assert read.local_planner.max_vel_trans == 0.55
+    both = read_ros(tree(DWAPlannerROS={"max_rot_vel": 0.3, "max_vel_theta": 1.5}))
+    assert problems(both) == []
+
+
+def test_without_a_name_the_local_planner_is_that_of_ros() -> None:
+    given = tree(DWAPlannerROS={"max_vel_x": 0.3}, TrajectoryPlannerROS={"max_vel_x": 0.4})
+    del given["move_base"]["base_local_planner"]
+    read = read_ros(given)
+    assert isinstance(read.local_planner, TrajectoryPlannerParameters)
+    assert (read.local_planner.max_vel_x, read.local_planner.controller_frequency) == (0.4, 20.0)
+    assert any("base_local_planner is not given: ROS takes" in text for text in problems(read))
+    (idle,) = read.findings.without_effect
+    assert str(idle) == (
+        "move_base/DWAPlannerROS/max_vel_x: the planners are navfn/NavfnROS and "
+        "base_local_planner/TrajectoryPlannerROS"
+    )
+
+
+def test_only_the_planners_that_are_chosen_are_read_strictly() -> None:
+    read = read_ros(
+        tree(
+            move_base={"base_global_planner": "global_planner/GlobalPlanner"},
+            GlobalPlanner={"use_dijkstra": False},
+            NavfnROS={"default_tolerance": "far"},
+        )
+    )
+    assert read.global_planner == GlobalPlannerParameters(use_dijkstra=False)
+    assert [str(f.path[-1]) for f in read.findings.without_effect] == ["default_tolerance"]
+    found = fatal(tree(move_base={"base_global_planner": "global_planner/GlobalPlanner"},
+                       GlobalPlanner={"use_dijkstra": 1}))  # fmt: skip
+    assert "GlobalPlanner/use_dijkstra: must be true or false" in found[0]
+
+
+def test_of_two_names_of_a_limit_the_turn_on_the_spot_takes_the_newer_one() -> None:
+    # tiago_2dnav writes both; nav_core loadParameterWithDeprecation.
+    limits = {"acc_lim_theta": 1.0, "acc_lim_th": 2.0, "max_rotational_vel": 0.5}
+    for written in (limits, dict(reversed(limits.items()))):
+        turn = read_ros(tree(TrajectoryPlannerROS=written)).rotate_recovery
+        assert (turn.acc_lim_theta, turn.max_vel_theta) == (1.0, 0.5)
+
+
+def test_a_robot_that_can_never_start_is_warned_of() -> None:
+    slow = {"acc_lim_x": 0.5, "acc_lim_theta": 1.0, "acc_lim_y": 0.0, "min_vel_theta": 0.4}
+    read = read_ros(tree(DWAPlannerROS=slow))
+    (said,) = problems(read)
+    assert (
+        "a standing robot never starts: within 0.05 s it reaches 0.025 m/s and 0.05 rad/s" in said
+    )
+    assert said.startswith("move_base/DWAPlannerROS/acc_lim_x")
+    for enough in ({"min_vel_trans": 0.02}, {"min_vel_theta": 0.05}, {"controller_frequency": 5.0}):
+        assert problems(read_ros(tree(DWAPlannerROS=slow | enough))) == []
+
+
+def test_one_error_does_not_blame_the_defaults_in_its_place() -> None:
+    # 600 is more than the default of max_particles would allow, which nobody asked for.
+    found = fatal(tree(amcl={"max_particles": "many", "min_particles": 6000}))
+    assert found == ["amcl/max_particles: must be a whole number (given: 'many')"]
+    slow = {"max_vel_trans": "fast", "min_vel_trans": 0.7}
+    assert len(fatal(tree(DWAPlannerROS=slow))) == 1
+
+
+def test_messages_speak_no_pydantic() -> None:
+    found = fatal(
+        tree(
+            topics={"scan": {"front": ["/a", "b c"]}, "nodes": {"amcl": {"nam": "/x"}}},
+            move_base={"recovery_behaviors": [{"name": "slow", "type": "move_slow_and_clear/X"}]},
+        )
+    )
+    assert found == [
+        "move_base/recovery_behaviors/type[0]: this recovery is not built in, "
+        "clear_costmap_recovery/ClearCostmapRecovery and rotate_recovery/RotateRecovery are: take "
+        "it out of the list (given: 'move_slow_and_clear/X')",
+        "topics/scan/front[1]: must be a name such as /scan (given: 'b c')",
+        "topics/nodes/amcl/nam: nothing reads this (given: '/x')",
+    ]
 
 
 def test_names_without_effect_are_listed_with_the_reason() -> None:
@@ -229,9 +346,32 @@ _JUNK = st.one_of(
     ),
     st.floats(),
     st.lists(st.dictionaries(st.sampled_from(["name", "type"]), st.text(max_size=3)), max_size=2),
+    st.lists(
+        st.fixed_dictionaries(
+            {
+                "name": st.sampled_from(["a", "scan", "static_map", "footprint"]),
+                "type": st.sampled_from(
+                    [f"costmap_2d::{kind}Layer" for kind in ("Static", "Obstacle", "Voxel", "X")]
+                ),
+            }
+        ),
+        max_size=3,
+    ),
+    st.sampled_from([{"enabled": False}, {"observation_sources": "a b"}, {"a": {"topic": 3}}]),
 )
 _PLACES = st.sampled_from(
     [("topics",), ("quirks",), ("dispatcher",), ("topics", "remap"), ("amcl", "kld_err")]
+    + [("topics", name) for name in ("scan", "nodes", "maps")]
+    + [("amcl", "odom_frame_id"), ("topics", "nodes", "amcl"), ("topics", "scan", "front")]
+    + [
+        ("move_base", name)
+        for name in ("footprint", "robot_radius", "base_local_planner", "base_global_planner")
+    ]
+    + [
+        ("move_base", "local_costmap", "obstacle_layer", name)
+        for name in ("enabled", "observation_sources", "scan", "obstacle_range", "z_voxels")
+    ]
+    + [("move_base", "global_costmap", name) for name in ("static_map", "map_type", "map_topic")]
     + [("move_base", name) for name in ("recovery_behaviors", "conservative_reset", "scan", "x")]
     + [
         ("move_base", costmap, name)
@@ -251,7 +391,7 @@ _PLACES = st.sampled_from(
 
 
 @given(st.lists(st.tuples(_PLACES, _JUNK), min_size=1, max_size=3))
-@settings(max_examples=150)
+@settings(max_examples=200)
 def test_whatever_is_written_is_read_or_refused_in_words(
     changes: list[tuple[tuple[str, ...], Any]],
 ) -> None:

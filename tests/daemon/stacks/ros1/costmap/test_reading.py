@@ -11,9 +11,9 @@ from daemon.stacks.ros1.costmap import (
     CostmapContext,
     InflationLayer,
     LayeredCostmap,
-    Namespace,
     ObservationSource,
     ObstacleLayer,
+    ParameterNamespace,
     StaticLayer,
     VoxelColumn,
     read_costmap,
@@ -31,7 +31,7 @@ OBSTACLES = {"observation_sources": "scan", "scan": SCAN}
 
 
 def context(**options: Any) -> CostmapContext:
-    above = Namespace.of(options.pop("above", {}), ("move_base",))
+    above = ParameterNamespace.of(options.pop("above", {}), ("move_base",))
     return CostmapContext(above=above, **options)
 
 

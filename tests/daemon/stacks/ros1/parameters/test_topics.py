@@ -6,6 +6,7 @@ import pytest
 
 from daemon.stacks.ros1.topics import (
     ONE_LASER,
+    NodeNames,
     TopicParameters,
     Wiring,
     resolve_name,
@@ -45,6 +46,33 @@ def test_each_costmap_listens_for_itself_and_to_any_of_its_sources() -> None:
         amcl=ONE_LASER, global_costmap=ONE_LASER, local_costmap=()
     )
     assert topics.local_costmap == ("/sonar",)
+
+
+def test_names_are_resolved_beside_their_nodes_with_remaps_of_their_own() -> None:
+    # As a launch file in <group ns="robot1"> makes them.
+    nodes = {
+        "amcl": NodeNames("/robot1/amcl", {"scan": "front/scan"}),
+        "move_base": NodeNames("/robot1/move_base_node", {"scan": "/far"}),
+    }
+    given = TopicParameters(remap={"scan": "near"}, nodes=nodes)  # type: ignore[arg-type]
+    assert given.resolve("amcl", "scan") == "/robot1/front/scan"
+    assert given.resolve("move_base", "scan") == "/far"
+    assert given.resolve("move_base", "~scan") == "/robot1/move_base_node/scan"
+    topics = resolve_topics(given, ["scan"], ["front/scan"])
+    assert topics.published == "/robot1/front/scan"
+    assert topics.heard(ONE_LASER) == Wiring(ONE_LASER, (), ONE_LASER)
+    assert given.resolved_maps() == ("/robot1/map",)
+    assert TopicParameters(maps=("walls", "/map")).resolved_maps() == ("/walls", "/map")
+
+
+def test_a_topic_may_carry_any_laser_it_could_be_of() -> None:
+    one = resolve_topics(TopicParameters(scan="/scan"), [], [])
+    assert [one.may_carry_scan(t) for t in ("/scan", "/scan_rear", "/scanner")] == [
+        True, True, False,
+    ]  # fmt: skip
+    several = resolve_topics(TopicParameters(scan={"front": ("/a", "/b"), "rear": "/b"}), [], [])
+    assert several.lasers_on("/b", ("front", "rear")) == ("front", "rear")
+    assert [several.may_carry_scan(t) for t in ("/a", "/b", "/c")] == [True, True, False]
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,129 @@
+"""What the files of published robots come to: the layers move_base would make of each."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from daemon.campaign import LayerLibrary
+from daemon.stacks.ros1.configuration import RosParameters, read_ros
+from daemon.stacks.ros1.costmap import InflationLayer, LayeredCostmap, ObstacleLayer, StaticLayer
+from daemon.stacks.ros1.dwa import DwaParameters
+from daemon.stacks.ros1.trajectory_planner import TrajectoryPlannerParameters
+from grammars.text.diagnostics import InputError
+from tests.published_robots.folder import SUTS
+
+
+def load(reference_data: Path, folder: Path, name: str, more: str = "") -> RosParameters:
+    text = (SUTS / f"{name}.yaml").read_text("utf-8")
+    path = folder / f"{name}.yaml"
+    path.write_text(text.replace("ROBOTS/", f"{reference_data / 'robots'}/") + more, "utf-8")
+    return read_ros(LayerLibrary(folder).sut_file(path).reference.parameters)
+
+
+def layers(costmap: LayeredCostmap) -> list[str]:
+    words = []
+    for layer in costmap.layers:
+        kind = {StaticLayer: "map", InflationLayer: "inflation"}.get(type(layer), "obstacles")
+        if isinstance(layer, ObstacleLayer):
+            kind = "voxels" if layer.voxels else "obstacles"
+        words.append(f"{layer.name} ({kind})")
+    return words
+
+
+@pytest.mark.parametrize(
+    ("name", "planner", "wide", "near", "frames"),
+    [
+        ("fetch", TrajectoryPlannerParameters,
+         ["static_map (map)", "obstacles (voxels)", "inflater (inflation)"],
+         ["obstacles (voxels)", "inflater (inflation)"], ("map", "odom")),
+        ("husky", DwaParameters,
+         ["static (map)", "inflation (inflation)"],
+         ["obstacles_laser (obstacles)", "inflation (inflation)"], ("map", "odom")),
+        ("husky-trajectory", TrajectoryPlannerParameters,
+         ["static (map)", "inflation (inflation)"],
+         ["obstacles_laser (obstacles)", "inflation (inflation)"], ("map", "odom")),
+        ("jackal", TrajectoryPlannerParameters,
+         ["static_layer (map)", "obstacles_layer (obstacles)", "inflater_layer (inflation)"],
+         ["obstacles_layer (obstacles)", "inflater_layer (inflation)"], ("map", "map")),
+        ("mir100-dwa", DwaParameters,
+         ["navigation_map (map)", "obstacles (voxels)", "inflation (inflation)"],
+         ["obstacles (voxels)", "inflation (inflation)"], ("map", "odom")),
+        ("robile-amr", TrajectoryPlannerParameters,
+         ["static_layer (map)", "obstacle_layer (obstacles)", "inflation_layer (inflation)"],
+         ["obstacle_layer (obstacles)", "inflation_layer (inflation)"], ("map", "map")),
+        ("turtlebot2", DwaParameters,
+         ["static_layer (map)", "obstacle_layer (voxels)", "inflation_layer (inflation)"],
+         ["obstacle_layer (voxels)", "inflation_layer (inflation)"], ("map", "odom")),
+        ("turtlebot3-burger", DwaParameters,
+         ["static_layer (map)", "obstacle_layer (obstacles)", "inflation_layer (inflation)"],
+         ["obstacle_layer (obstacles)", "inflation_layer (inflation)"], ("map", "odom")),
+    ],
+)  # fmt: skip
+def test_published_robots_have_the_layers_their_files_describe(
+    reference_data: Path,
+    tmp_path: Path,
+    name: str,
+    planner: type,
+    wide: list[str],
+    near: list[str],
+    frames: tuple[str, str],
+) -> None:
+    read = load(reference_data, tmp_path, name)
+    assert isinstance(read.local_planner, planner)
+    assert layers(read.global_costmap) == wide
+    assert layers(read.local_costmap) == near
+    assert (read.global_costmap.frame, read.local_costmap.frame) == frames
+
+
+def test_mir_finds_its_footprint_upwards_and_its_ranges_per_costmap(
+    reference_data: Path, tmp_path: Path
+) -> None:
+    read = load(reference_data, tmp_path, "mir100-dwa")
+    for costmap, reach in ((read.global_costmap, 2.0), (read.local_costmap, 6.0)):
+        assert costmap.footprint == ((0.506, -0.32), (0.506, 0.32), (-0.454, 0.32), (-0.454, -0.32))
+        (seen,) = (layer for layer in costmap.layers if isinstance(layer, ObstacleLayer))
+        assert {source.raytrace_range for source in seen.sources} == {reach}
+        assert {source.topic for source in seen.sources} == {"/b_scan_rep117", "/f_scan_rep117"}
+
+
+def test_tiago_keeps_every_layer_that_is_on(reference_data: Path, tmp_path: Path) -> None:
+    with pytest.raises(InputError) as caught:
+        load(reference_data, tmp_path, "tiago-dwa")
+    found = [str(problem) for problem in caught.value.diagnostics]
+    assert len(found) == 2
+    assert "the static layer listens to /vo_map, the map of the run is on /map" in found[0]
+    assert "nothing is published on /rgbd_scan here" in found[1]
+    more = (
+        "parameters:\n"
+        "  topics: {maps: [/vo_map]}\n"
+        "  move_base: {local_costmap: {obstacle_rgbd_layer: {enabled: false}}}\n"
+    )
+    read = load(reference_data, tmp_path, "tiago-dwa", more)
+    assert layers(read.local_costmap) == [
+        "obstacle_laser_layer (obstacles)",
+        "inflation_layer (inflation)",
+    ]
+    assert layers(read.global_costmap) == [
+        "static_layer (map)",
+        "obstacle_laser_layer (obstacles)",
+        "obstacle_rgbd_layer (obstacles)",
+        "inflation_layer (inflation)",
+    ]
+
+
+@pytest.mark.parametrize(
+    ("name", "refused"),
+    [("mir100", ["SBPLLatticePlanner", "nav_core_adapter::LocalPlannerAdapter"]),
+     ("tiago", ["pal_local_planner/PalLocalPlanner"])],
+)  # fmt: skip
+def test_planners_of_others_are_refused_by_name_at_their_lines(
+    reference_data: Path, tmp_path: Path, name: str, refused: list[str]
+) -> None:
+    with pytest.raises(InputError) as caught:
+        load(reference_data, tmp_path, name)
+    found = [str(problem) for problem in caught.value.diagnostics]
+    for plugin in refused:
+        assert any(plugin in problem for problem in found), found
+    assert all(".yaml:" in problem or ".launch:" in problem for problem in found)
