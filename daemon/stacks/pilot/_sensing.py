@@ -11,7 +11,7 @@ from daemon.stacks.pilot._parameters import PilotParameters
 from daemon.stacks.pilot.guard import Surroundings
 from daemon.stacks.pilot.localisation import Localiser, NoisyTruth, project
 from daemon.stacks.pilot.map_field import MapField
-from daemon.stacks.pilot.obstacles import ObstacleLayer
+from daemon.stacks.pilot.obstacles import ObstacleCells
 from grammars.model.geometry import Floats, Pose2
 from grammars.model.robot import Laser
 
@@ -82,7 +82,7 @@ class Sensing:
             self._localiser = Localiser(
                 field, robot.lasers, robot.odometry, briefing.start, parameters
             )
-        self.obstacles = ObstacleLayer(
+        self.obstacles = ObstacleCells(
             field,
             explained=parameters.explained_distance,
             reach=parameters.obstacle_range,

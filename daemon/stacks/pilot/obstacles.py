@@ -225,7 +225,7 @@ def select_map_returns(
     return kept
 
 
-class ObstacleLayer:
+class ObstacleCells:
     """Cells of the map that scans found occupied although the map says free."""
 
     def __init__(self, field: MapField, *, explained: float, reach: float, memory: int) -> None:

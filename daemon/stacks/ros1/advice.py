@@ -11,7 +11,12 @@ from typing import Final
 
 from daemon.stacks.findings import ParameterFinding, ParameterLocation
 from daemon.stacks.ros1.configuration import RosParameters
-from daemon.stacks.ros1.costmap import LayeredCostmap, ObservationSource, ObstacleLayer
+from daemon.stacks.ros1.costmap import (
+    LayeredCostmap,
+    ObservationSource,
+    ObstacleLayer,
+    point_height,
+)
 from daemon.stacks.ros1.costmap_sources import COSTMAPS
 from grammars.model.robot import Laser, Robot
 
@@ -104,16 +109,16 @@ def _about_height(
     title: str,
 ) -> Iterator[ParameterFinding]:
     """Yield the limit that leaves a laser out: of the source, of the layer, of its voxels."""
-    at = f"the {laser.label} at {laser.z:g} m"
-    if laser.z < source.min_obstacle_height:
+    at, height = f"the {laser.label} at {laser.z:g} m", point_height(laser.z)
+    if height < source.min_obstacle_height:
         message = f"the {title} ignores {at}, below {source.min_obstacle_height:g} m"
         yield ParameterFinding((*place, "min_obstacle_height"), message)
-    elif laser.z > source.max_obstacle_height:
+    elif height > source.max_obstacle_height:
         message = f"the {title} ignores {at}, above {source.max_obstacle_height:g} m"
         yield ParameterFinding((*place, "max_obstacle_height"), message)
     elif not source.marking:
         return
-    elif laser.z > layer.max_obstacle_height:
+    elif height > layer.max_obstacle_height:
         message = (
             f"{at} marks nothing in the layer {layer.name} of the {title}, whose limit is "
             f"{layer.max_obstacle_height:g} m"
@@ -122,7 +127,7 @@ def _about_height(
     elif layer.voxels is not None:
         voxels = layer.voxels
         top = voxels.origin_z + voxels.z_voxels * voxels.z_resolution
-        if laser.z >= top:
+        if height >= top:
             message = (
                 f"{at} marks nothing in the layer {layer.name} of the {title}, whose voxels end "
                 f"at {top:g} m"

@@ -13,7 +13,7 @@ from daemon.stacks.ros1.costmap._layers import (
     VoxelColumn,
 )
 from daemon.stacks.ros1.costmap._namespaces import ParameterNamespace
-from daemon.stacks.ros1.costmap._observations import SensedScan, hears_height
+from daemon.stacks.ros1.costmap._observations import SensedScan, hears_height, point_height
 from daemon.stacks.ros1.costmap._reading import read_costmap
 from daemon.stacks.ros1.costmap._sections import WRITTEN_SECTIONS
 
@@ -33,6 +33,7 @@ __all__ = [
     "footprint_of_radius",
     "hears_height",
     "padded_footprint",
+    "point_height",
     "radii",
     "read_costmap",
     "warm_up",

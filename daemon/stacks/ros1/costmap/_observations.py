@@ -128,7 +128,7 @@ class ObservationTable:
         source = self._sources[index][0]
         return (
             *(float(number), source.obstacle_range, source.raytrace_range),
-            float(source.marking and _single(height) <= self._max_height),
+            float(source.marking and point_height(height) <= self._max_height),
             *(float(source.clearing), float(source.inf_is_valid)),
             float(hears_height(source, height)),
         )
@@ -168,8 +168,9 @@ def hears_height(source: ObservationSource, height: float) -> bool:
 
     Points have single precision: 0.3 m is a little more, and above a limit of 0.3.
     """
-    return source.min_obstacle_height <= _single(height) <= source.max_obstacle_height
+    return source.min_obstacle_height <= point_height(height) <= source.max_obstacle_height
 
 
-def _single(height: float) -> float:
+def point_height(height: float) -> float:
+    """Return the height [m] of the points of a level laser at ``height``: in single precision."""
     return float(np.float32(height))

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from daemon.stacks.pilot.map_field import map_field
-from daemon.stacks.pilot.obstacles import ObstacleLayer
+from daemon.stacks.pilot.obstacles import ObstacleCells
 from grammars.model.geometry import Pose2
 from grammars.model.robot import Laser
 from tests.daemon.stacks.pilot.plans import DOOR, ONE_DOORWAY, SIZE
@@ -20,7 +20,7 @@ class Watcher:
 
     def __init__(self, memory: int = 100) -> None:
         field = map_field(draw(ONE_DOORWAY, SIZE))
-        self.layer = ObstacleLayer(field, explained=0.15, reach=4.0, memory=memory)
+        self.layer = ObstacleCells(field, explained=0.15, reach=4.0, memory=memory)
         self.known = np.zeros(LASER.rays, dtype=np.uint8)
 
     def look(self, *extra: Box, at: Pose2 = HERE) -> int:

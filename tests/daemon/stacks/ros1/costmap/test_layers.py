@@ -1,0 +1,298 @@
+"""Layers beside and over each other, heights, several lasers, scans that are kept, resets."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from daemon.stacks.ros1.costmap import (
+    Costmap,
+    InflationLayer,
+    Layer,
+    LayeredCostmap,
+    ObservationSource,
+    ObstacleLayer,
+    SensedScan,
+    StaticLayer,
+    VoxelColumn,
+    hears_height,
+)
+from daemon.stacks.ros1.quirks import ORIGINAL
+from grammars.model.geometry import Pose2
+from grammars.model.grid import OccupancyGrid
+from tests.daemon.stacks.ros1.costmap.test_costmap import (
+    A2S,
+    FAR_AWAY,
+    INFLATION,
+    LASER,
+    OBSTACLES,
+    looking,
+    value,
+    world,
+)
+
+HERE = Pose2(1.0, 1.0)
+TOPICS = {"/scan": ("front",), "/rear": ("rear",), "/both": ("front", "rear")}
+REAR = replace(LASER, name="rear", topic="/rear")
+FLAT = InflationLayer(inflation_radius=0.0)
+"""Inflation that writes nothing: the cells are those of the layers."""
+
+
+def build(*layers: Layer, grid: OccupancyGrid | None = None, **values: object) -> Costmap:
+    parameters = replace(LayeredCostmap(layers, footprint=A2S), **values)
+    footprint = parameters.padded_footprint()
+    return Costmap(parameters, footprint, ORIGINAL, grid or world(), TOPICS.__getitem__)
+
+
+def seen(
+    laser: str, away: float, *, height: float = 0.3, time: float = 0.0, y: float = 1.025
+) -> SensedScan:
+    return replace(looking(away, y=y), laser=laser, height=height, time=time)
+
+
+def wall(x: float) -> OccupancyGrid:
+    grid = world()
+    grid.cells[:, int(x / 0.05)] = 100
+    return grid
+
+
+def test_several_obstacle_layers_are_all_kept() -> None:
+    """As in TIAGo's files, where the laser is in the first layer of four."""
+    front = replace(OBSTACLES, name="obstacle_laser_layer")
+    rear = replace(OBSTACLES, name="obstacle_rear_layer", sources=(REAR,))
+    deaf = ObstacleLayer("obstacle_vo_layer")
+    costmap = build(StaticLayer(), front, rear, deaf, INFLATION)
+    costmap.update(HERE, (seen("front", 1.5), seen("rear", 1.0, y=1.525)))
+    assert value(costmap, 2.525, 1.025) == 254
+    assert value(costmap, 2.025, 1.525) == 254
+    costmap.update(HERE, (seen("front", 2.5), seen("rear", 1.0, y=1.525)))
+    assert value(costmap, 2.525, 1.025) < 254
+    assert value(costmap, 2.025, 1.525) == 254
+
+
+def test_what_one_layer_cleared_another_one_still_shows() -> None:
+    rear = replace(OBSTACLES, name="rear", sources=(REAR,))
+    costmap = build(StaticLayer(), OBSTACLES, rear, FLAT)
+    costmap.update(HERE, (seen("rear", 1.0),))
+    costmap.update(HERE, (seen("front", 2.0),))
+    assert value(costmap, 2.025, 1.025) == 254
+
+
+@pytest.mark.parametrize(("method", "cost"), [(0, 0), (1, 254), (2, 254)])
+def test_only_a_layer_that_overwrites_clears_walls_of_the_map(method: int, cost: int) -> None:
+    layer = replace(OBSTACLES, combination_method=method, track_unknown_space=True)
+    costmap = build(StaticLayer(), layer, FLAT, grid=wall(2.025))
+    costmap.update(HERE, (seen("front", 2.5),))
+    assert value(costmap, 2.025, 1.025) == cost
+    assert value(costmap, 2.025, 2.0) == 254
+    assert value(costmap, 3.525, 1.025) == (0 if method == 2 else 254)
+
+
+def test_a_map_over_the_obstacles_hides_them_unless_it_takes_the_maximum() -> None:
+    for maximum, cost in ((False, 0), (True, 254)):
+        costmap = build(OBSTACLES, StaticLayer(use_maximum=maximum), FLAT)
+        costmap.update(HERE, (seen("front", 1.5),))
+        assert value(costmap, 2.525, 1.025) == cost
+
+
+def test_only_what_lies_below_is_inflated() -> None:
+    costmap = build(StaticLayer(), INFLATION, OBSTACLES, grid=wall(5.025))
+    costmap.update(HERE, (seen("front", 1.5),))
+    assert value(costmap, 5.225, 1.0) > 0
+    assert value(costmap, 2.525, 1.025) == 254
+    assert value(costmap, 2.525, 1.075) == 0
+    twice = build(StaticLayer(), INFLATION, replace(INFLATION, inflation_radius=0.3))
+    twice.update(HERE)
+    assert not twice.grid.cells.any()
+
+
+def test_a_source_hears_the_lasers_on_its_topic() -> None:
+    both = replace(LASER, topic="/both")
+    for source, marked in ((LASER, True), (REAR, False), (both, True)):
+        costmap = build(replace(OBSTACLES, sources=(source,)), FLAT)
+        costmap.update(HERE, (seen("front", 1.5),))
+        assert (value(costmap, 2.525, 1.025) == 254) == marked
+
+
+def test_of_two_lasers_on_one_topic_only_the_latest_scan_counts() -> None:
+    costmap = build(replace(OBSTACLES, sources=(replace(LASER, topic="/both"),)), FLAT)
+    costmap.update(HERE, (seen("front", 1.5), seen("rear", 1.0, y=1.525, time=0.05)))
+    assert value(costmap, 2.525, 1.025) == 0
+    assert value(costmap, 2.025, 1.525) == 254
+
+
+def test_all_sources_clear_before_any_marks() -> None:
+    layer = replace(OBSTACLES, sources=(LASER, REAR))
+    costmap = build(layer, FLAT)
+    costmap.update(HERE, (seen("front", 1.5), seen("rear", 2.5)))
+    assert value(costmap, 2.525, 1.025) == 254
+    assert value(costmap, 3.525, 1.025) == 254
+
+
+def test_scans_are_kept_as_long_as_they_persist() -> None:
+    lasting = replace(LASER, observation_persistence=0.25, clearing=False)
+    costmap = build(replace(OBSTACLES, sources=(lasting,)), FLAT)
+    scans = [seen("front", 1.0 + 0.5 * k, time=0.1 * k) for k in range(4)]
+    costmap.update(HERE, scans)
+    shown = [value(costmap, 2.025 + 0.5 * k, 1.025) for k in range(4)]
+    assert shown == [0, 254, 254, 254], "the first is older than 0.25 s when the last is received"
+
+
+def test_a_laser_that_fell_silent_leaves_its_scans() -> None:
+    lasting = replace(LASER, observation_persistence=0.25)
+    costmap = build(replace(OBSTACLES, sources=(lasting,)), FLAT)
+    costmap.update(HERE, (seen("front", 1.5),))
+    costmap.update(Pose2(2.525, 1.025))
+    assert value(costmap, 2.525, 1.025) == 0
+    costmap.update(FAR_AWAY, (seen("front", 1.5),))
+    assert value(costmap, 2.525, 1.025) == 254
+
+
+def test_lasers_at_two_heights_do_not_clear_what_the_other_one_sees() -> None:
+    """A table top, seen by the upper laser; the lower one looks through below it."""
+    both = replace(OBSTACLES, sources=(LASER, REAR), voxels=VoxelColumn())
+    costmap = build(both, FLAT)
+    high, low = seen("front", 1.5, height=0.7), seen("rear", 2.5, height=0.3)
+    costmap.update(HERE, (high, low))
+    assert value(costmap, 2.525, 1.025) == 254
+    costmap.update(HERE, (low,))
+    assert value(costmap, 2.525, 1.025) == 254
+    costmap.update(HERE, (seen("front", 2.5, height=0.7),))
+    assert value(costmap, 2.525, 1.025) == 0
+    plain = build(replace(both, voxels=None), FLAT)
+    plain.update(HERE, (high,))
+    plain.update(HERE, (low,))
+    assert value(plain, 2.525, 1.025) == 0
+
+
+def test_rays_of_a_voxel_layer_end_two_cells_before_their_return() -> None:
+    for voxels, cost in ((None, 0), (VoxelColumn(), 254)):
+        costmap = build(replace(OBSTACLES, voxels=voxels), FLAT)
+        costmap.update(HERE, (seen("front", 1.5),))
+        costmap.update(HERE, (seen("front", 1.54),))
+        assert value(costmap, 2.525, 1.025) == cost
+        costmap.update(HERE, (seen("front", 1.65),))
+        assert value(costmap, 2.525, 1.025) == 0
+
+
+def test_a_column_is_lethal_when_enough_of_its_voxels_are_marked() -> None:
+    two = replace(OBSTACLES, sources=(LASER, REAR), voxels=VoxelColumn(mark_threshold=1))
+    costmap = build(two, FLAT)
+    costmap.update(HERE, (seen("front", 1.5, height=0.3),))
+    assert value(costmap, 2.525, 1.025) == 0
+    costmap.update(HERE, (seen("rear", 1.5, height=0.7),))
+    assert value(costmap, 2.525, 1.025) == 254
+
+
+def test_a_column_is_unknown_while_too_many_of_its_voxels_are() -> None:
+    column = VoxelColumn(z_resolution=1.0, z_voxels=2, unknown_threshold=0)
+    sources = (LASER, REAR)
+    layer = replace(OBSTACLES, sources=sources, voxels=column, track_unknown_space=True)
+    costmap = build(layer, FLAT, track_unknown_space=True)
+    costmap.update(HERE, (seen("front", 2.0, height=0.3),))
+    assert value(costmap, 2.025, 1.025) == 255
+    costmap.update(HERE, (seen("rear", 2.0, height=1.3),))
+    assert value(costmap, 2.025, 1.025) == 0
+
+
+@pytest.mark.parametrize(
+    ("height", "column", "marks"),
+    [(1.9, VoxelColumn(), True), (2.3, VoxelColumn(), False), (0.3, VoxelColumn(0.5), True),
+     (1.9, VoxelColumn(z_voxels=5), False)],
+)  # fmt: skip
+def test_heights_beyond_a_column_are_not_marked(
+    height: float, column: VoxelColumn, marks: bool
+) -> None:
+    everything = replace(LASER, max_obstacle_height=5.0)
+    layer = replace(OBSTACLES, sources=(everything,), voxels=column)
+    costmap = build(layer, FLAT)
+    costmap.update(HERE, (seen("front", 1.5, height=height),))
+    assert (value(costmap, 2.525, 1.025) == 254) == marks
+
+
+def test_points_have_single_precision_so_a_limit_may_be_passed_by_its_own_height() -> None:
+    low = ObservationSource("scan", "/scan", max_obstacle_height=0.3)
+    assert not hears_height(low, 0.3)
+    assert hears_height(replace(low, max_obstacle_height=0.5), 0.5)
+    assert not hears_height(replace(low, min_obstacle_height=0.7, max_obstacle_height=1.0), 0.7)
+
+
+@pytest.mark.parametrize(
+    ("column", "message"),
+    [(VoxelColumn(z_voxels=17), "z_voxels 17 of obstacle_layer"),
+     (VoxelColumn(z_resolution=0.0), "z_resolution 0 of obstacle_layer")],
+)  # fmt: skip
+def test_impossible_columns_are_refused(column: VoxelColumn, message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        build(replace(OBSTACLES, voxels=column), FLAT)
+
+
+def test_a_window_that_rolls_shows_the_map_where_it_lies() -> None:
+    rolling = {"rolling_window": True, "width": 3.0, "height": 3.0, "frame": "odom"}
+    costmap = build(StaticLayer(), OBSTACLES, FLAT, grid=wall(2.025), **rolling)
+    # The robot is at (1, 1) in odom; odom lies 0.5 m ahead in the map, so the wall is nearer.
+    costmap.update(HERE, (), Pose2(0.5, 0.0))
+    assert value(costmap, 1.525, 1.0) == 254
+    assert value(costmap, 2.025, 1.0) == 0
+    costmap.update(HERE, (), Pose2(0.5, 0.0, math.pi / 2))
+    assert value(costmap, 1.525, 1.0) == 0
+
+
+def test_off_the_map_a_rolling_window_keeps_what_lies_below() -> None:
+    rolling = {"rolling_window": True, "width": 3.0, "height": 3.0, "track_unknown_space": True}
+    costmap = build(StaticLayer(), FLAT, **rolling)
+    costmap.update(Pose2(0.0, 0.0))
+    assert value(costmap, 0.5, 0.5) == 0
+    assert value(costmap, -0.5, 0.5) == 255
+
+
+def test_a_window_that_stands_still_has_the_size_that_is_written() -> None:
+    costmap = build(OBSTACLES, INFLATION, width=2.0, height=1.0, origin_x=0.5, origin_y=0.5)
+    assert costmap.grid.cells.shape == (20, 40)
+    costmap.update(HERE, (seen("front", 1.0),))
+    assert value(costmap, 2.025, 1.025) == 254
+    costmap.update(Pose2(30.0, 30.0), (seen("front", 1.0),))
+    assert costmap.grid.x == 0.5
+
+
+def test_resets_forget_the_layers_they_name_the_map_too() -> None:
+    front, rear = replace(OBSTACLES, name="a/front"), replace(OBSTACLES, name="rear")
+    layers = (StaticLayer("map"), front, replace(rear, sources=(REAR,)), INFLATION)
+    costmap = build(*layers, grid=wall(6.025))
+    costmap.update(FAR_AWAY, (seen("front", 2.5), seen("rear", 2.5, y=2.025)))
+    names = ("front", "map", "inflation_layer", "nobody")
+    assert costmap.clear_layers(HERE, 3.0, names) == ("map", "front")
+    costmap.update(FAR_AWAY)
+    assert value(costmap, 3.525, 1.025) == 0
+    assert value(costmap, 3.525, 2.025) == 254
+    assert value(costmap, 6.025, 1.0) != 254
+    assert costmap.clear_layers(HERE, 3.0, ("nobody",)) == ()
+    assert costmap.clear_layers(HERE, 3.0, None) == ("front", "rear")
+
+
+def test_a_reset_can_clear_inside_its_square() -> None:
+    costmap = build(StaticLayer(), OBSTACLES, FLAT)
+    for away in (0.5, 2.5):
+        costmap.update(FAR_AWAY, (replace(seen("front", away, y=0.525 + away / 3)),))
+    costmap.clear_layers(HERE, 3.0, ("obstacle_layer",), inside=True)
+    costmap.update(FAR_AWAY)
+    assert np.argwhere(costmap.grid.cells == 254).tolist() == [[27, 70]]
+
+
+def test_what_a_reset_cleared_in_a_voxel_layer_is_marked_again_when_seen() -> None:
+    costmap = build(StaticLayer(), replace(OBSTACLES, voxels=VoxelColumn()), FLAT)
+    costmap.update(HERE, (seen("front", 2.0),))
+    costmap.clear_layers(HERE, 1.0, ("obstacle_layer",))
+    costmap.update(HERE)
+    assert value(costmap, 3.025, 1.025) == 0
+    costmap.update(HERE, (seen("front", 2.0),))
+    assert value(costmap, 3.025, 1.025) == 254
+
+
+def test_a_costmap_without_layers_stays_as_it_is() -> None:
+    costmap = build(width=2.0, height=2.0, track_unknown_space=True)
+    costmap.update(HERE, (seen("front", 1.0),))
+    assert (costmap.grid.cells == 255).all()
