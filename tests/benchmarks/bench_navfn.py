@@ -24,7 +24,7 @@ HALF = 60
 COMPARED = 50
 
 
-def _disturb(random: np.random.Generator, grid: CostGrid, original: CostGrid, at: tuple[int, int],
+def disturb(random: np.random.Generator, grid: CostGrid, original: CostGrid, at: tuple[int, int],
              ) -> tuple[int, int, int, int]:  # fmt: skip
     """Make inflated costs around the robot noisy; return the window."""
     column, row = at
@@ -62,7 +62,7 @@ def main() -> None:
             columns = cells.shape[1]
             trip = here[1] * columns + here[0], there[1] * columns + there[0]
             if noisy:
-                window = _disturb(random, grids[0], original, here)
+                window = disturb(random, grids[0], original, here)
                 for grid in grids:
                     grid.touch(window)
             found = {}

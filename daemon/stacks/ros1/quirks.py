@@ -47,8 +47,9 @@ class Quirks:
     global_planner_misses_start: bool = True
     """A path traced back has to come within half a cell of the robot's exact position, or into
     the cell that this is cut off to. A*, and Dijkstra with ``use_grid_path``, may lead to a cell
-    beside it: then there is no plan, for most positions inside a cell (GlobalPlanner, "Failed to
-    get a plan from potential when a legal potential was found")."""
+    beside it: then there is no plan, on a free map for 254 of 400 random trips with A* along the
+    gradient and 171 with Dijkstra from cell to cell (GlobalPlanner, "Failed to get a plan from
+    potential when a legal potential was found")."""
     global_planner_repeats_goal: bool = True
     """With ``old_navfn_behavior`` the goal stands twice at the end of the plan (GlobalPlanner)."""
     orientation_blend_overshoots: bool = True

@@ -5,6 +5,9 @@ navfn or by A* towards the goal; the path is traced back from the goal, and a fi
 points their yaws. Update for update as in the original (David V. Lu, Eitan Marder-Eppstein),
 because its result depends on the order.
 
+With Dijkstra, the quadratic potential and gradient paths, waves towards a goal that repeats are
+restricted as those of navfn are, and checked in the same way.
+
 Where the original looks off its arrays (at the border of a map without outline, or around a goal
 there) its result is undefined; here there is nothing to be found: see :mod:`.expansion`.
 """

@@ -16,70 +16,89 @@ from daemon.stacks.ros1.global_planner._parameters import GlobalPlannerParameter
 from daemon.stacks.ros1.global_planner.astar import search_astar
 from daemon.stacks.ros1.global_planner.descent import descend_cells, descend_gradient
 from daemon.stacks.ros1.global_planner.expansion import (
-    BUFFER,
-    UNREACHED,
+    MARGIN,
     copy_window,
     cost_tables,
     fill_around_goal,
-    margin,
+    guide_table,
     propagate_wave,
-    reset_potentials,
     seed_wave,
 )
 from daemon.stacks.ros1.global_planner.orientation import orient
-from daemon.stacks.ros1.navfn.propagation import path_to_poses
+from daemon.stacks.ros1.global_planner.restricted import goal_reads_cut, propagate_towards
+from daemon.stacks.ros1.navfn.guided import MARGINS, WORTHWHILE, GuidedField
+from daemon.stacks.ros1.navfn.propagation import BUFFER, path_to_poses, reset_potentials
 from daemon.stacks.ros1.quirks import ORIGINAL, Quirks
 from grammars.model.geometry import Floats, Pose2
 
 _Point: TypeAlias = tuple[float, float]
 _Cell: TypeAlias = tuple[int, int]
 
-_AROUND_GOAL: Final = 25
-"""Cells whose potential is set around the goal."""
+_NEUTRAL_COSTS: Final = range(30, 101)
+"""For these the margins of navfn, made for 50, are wide enough and do some good."""
 
 
-class _Field:
+class _Field(GuidedField):
     """One costmap as the planner sees it, with a potential and a path over it."""
 
-    def __init__(self, grid: CostGrid, parameters: GlobalPlannerParameters, quirks: Quirks) -> None:
+    def __init__(
+        self,
+        grid: CostGrid,
+        parameters: GlobalPlannerParameters,
+        quirks: Quirks,
+        *,
+        worthwhile: int | None = None,
+    ) -> None:
         rows, columns = grid.cells.shape
-        self.grid = grid
-        self._columns: int = columns
-        self._size: int = rows * columns
-        self._parameters = parameters
+        guided = (
+            parameters.use_dijkstra
+            and parameters.use_quadratic
+            and not parameters.use_grid_path
+            and parameters.outline_map
+            and parameters.neutral_cost in _NEUTRAL_COSTS
+        )
+        super().__init__(
+            (rows + 2 * MARGIN) * columns,
+            columns,
+            cycles=2 * rows * columns,
+            margins=MARGINS if guided else (),
+            worthwhile=WORTHWHILE if worthwhile is None else worthwhile,
+            certified=True,
+        )
+        self.grid, self._parameters = grid, parameters
+        self._area = int(rows * columns)
         self._wrap = quirks.global_planner_costs_wrap
         # Dijkstra along the gradient always comes to the exact start, and so does what rounds it.
         exact = parameters.use_dijkstra and not parameters.use_grid_path
         sure = exact or parameters.old_navfn_behavior
         self._lenient = not (sure or quirks.global_planner_misses_start)
-        self._begin = margin(columns)
-        entries = self._size + 2 * self._begin
-        self._states = np.full(entries, LETHAL, dtype=np.uint16)
-        self._potentials = np.full(entries, UNREACHED, dtype=np.float32)
-        self._costs, self._gains = cost_tables(
-            parameters.lethal_cost,
+        self._states = np.full(self.size, LETHAL, dtype=np.uint16)
+        # A* enters cells up to the lethal cost, Dijkstra only to one less.
+        self._table, self._gains = cost_tables(
+            parameters.lethal_cost + (0 if parameters.use_dijkstra else 1),
             parameters.neutral_cost,
             parameters.cost_factor,
             allow_unknown=parameters.allow_unknown,
         )
-        self._reached = np.empty(self._size + _AROUND_GOAL, dtype=np.int32)
-        self._count = 0
-        heap = 0 if parameters.use_dijkstra else self._size + 1
-        self._cells, self._totals = np.empty(heap, np.int32), np.empty(heap, np.float32)
+        self._guide_table = guide_table(self._table, self._gains)
+        self._costs[MARGIN * columns : -MARGIN * columns] = self._guide_table[LETHAL]
+        heap = 0 if parameters.use_dijkstra else self._area + 1
+        self._heap, self._totals = np.empty(heap, np.int32), np.empty(heap, np.float32)
         self._buffers = np.empty((3, BUFFER if parameters.use_dijkstra else 0), dtype=np.int32)
-        self._path = np.empty((8 * (rows + columns), 2), dtype=np.float32)
+        self._guesses = np.empty((3, BUFFER if guided else 0), dtype=np.float32)
+        self._make_room(8 * (rows + columns))
         self._length = 0
-        self._trip: tuple[_Point, ...] = ()
+        self._boxed_in = False
+        self._start: _Point = (-1.0, -1.0)
+        self._goal: _Point = (-1.0, -1.0)
+        self._goal_cell: _Cell = (0, 0)
         self._freed: _Cell | None = None
         grid.take_changed()
         self._copy((0, 0, columns, rows))
 
     def sees(self, grid: CostGrid) -> bool:
         """Tell whether this is the costmap it was made for, in its size."""
-        return self.grid is grid and grid.cells.shape == (
-            self._size // self._columns,
-            self._columns,
-        )
+        return self.grid is grid and grid.cells.shape == (self._area // self.columns, self.columns)
 
     def path(self, start: _Point, goal: _Point, goal_cell: _Cell, freed: _Cell | None) -> Singles:
         """Return the path from ``goal`` to ``start``, (n, 2) column and row, n may be 0.
@@ -90,13 +109,25 @@ class _Field:
         changed = self._copy(self.grid.take_changed())
         if freed is not None:
             changed = self._free(freed) or changed
-        if changed or self._trip != (start, goal):
-            self._trip = (start, goal)
-            self._length = self._search(start, goal, goal_cell)
+        if changed or (self._start, self._goal) != (start, goal):
+            begin, end = self._entry(start), self._entry(goal)
+            self._repeated = self._entry(self._goal) == end
+            self._start, self._goal, self._goal_cell = start, goal, goal_cell
+            self._length = self._search(begin, end)
         return self._path[: self._length]
 
     def _copy(self, window: tuple[int, int, int, int]) -> bool:
-        return copy_window(self.grid.cells, self._states, self._parameters.outline_map, *window)
+        changed = copy_window(
+            self.grid.cells, self._states, self._costs, self._guide_table,
+            self._parameters.outline_map, *window,
+        )  # fmt: skip
+        if changed:
+            self._follow(window)
+        return changed
+
+    def _follow(self, window: tuple[int, int, int, int]) -> None:
+        x0, y0, x1, y1 = window
+        self._remainder.follow(self._costs, (x0, y0 + MARGIN, x1, y1 + MARGIN))
 
     def _free(self, cell: _Cell) -> bool:
         """See a cell as free, and the one before as the costmap has it; tell of changes."""
@@ -106,61 +137,111 @@ class _Field:
             changed = self._copy((column, row, column + 1, row + 1))
         self._freed = cell
         column, row = cell
-        rows = self._size // self._columns
-        outermost = column in (0, self._columns - 1) or row in (0, rows - 1)
-        n = self._begin + row * self._columns + column
+        rows = self._area // self.columns
+        outermost = column in (0, self.columns - 1) or row in (0, rows - 1)
+        n = self._entry(cell)
         if self._states[n] != FREE_SPACE and not (outermost and self._parameters.outline_map):
             self._states[n] = FREE_SPACE
+            self._costs[n] = self._guide_table[FREE_SPACE]
+            self._follow((column, row, column + 1, row + 1))
             changed = True
         return changed
 
-    def _search(self, start: _Point, goal: _Point, goal_cell: _Cell) -> int:
-        begin, end = self._entry(start), self._entry(goal)
-        reset_potentials(self._potentials, self._reached, self._count)
-        self._count = 0
-        found = self._expand(begin, end, start)
+    def _entry(self, point: _Point) -> int:
+        """Return where a cell stands; what is left of the first column belongs to it."""
+        return (MARGIN + int(point[1])) * self.columns + int(point[0])
+
+    def _make_room(self, points: int) -> None:
+        self._path = np.empty((points, 2), dtype=np.float32)
+        self._cells = np.empty(points, dtype=np.int32)
+
+    def _seeds(self, start: int) -> tuple[int, ...]:
+        """Return the cells that have a potential before the wave spreads."""
+        if self._parameters.old_navfn_behavior or not self._parameters.use_dijkstra:
+            return (start,)
+        return start, start + 1, start + self.columns, start + self.columns + 1
+
+    def _begins_at(self, start: int, goal: int) -> bool:
+        return goal in self._seeds(start)
+
+    def _remaining(self, start: int) -> float:
+        return min(self._remainder.at(n) for n in self._seeds(start))
+
+    def _seed(self, start: int) -> int:
+        parameters, (x, y) = self._parameters, self._start
+        reset_potentials(self._potentials, self._log, self._count)
+        self._count, waiting = seed_wave(
+            self._states, self._potentials, self._gains, self.columns, self._area, start,
+            parameters.neutral_cost, not parameters.old_navfn_behavior, x - int(x), y - int(y),
+            self._buffers[0], self._log,
+        )  # fmt: skip
+        self._boxed_in = waiting == 0
+        return int(waiting)
+
+    def _spread(self, start: int, goal: int) -> int:
+        parameters, fill = self._parameters, 0
+        self.whole += 1
+        if parameters.use_dijkstra:
+            waiting = self._seed(start)
+            self._count, fill = propagate_wave(
+                self._states, self._potentials, self._table, self._gains,
+                parameters.use_quadratic, parameters.lethal_cost, self.columns, goal,
+                self._cycles, self._buffers, waiting, self._log, self._count,
+            )  # fmt: skip
+            return int(fill)
+        reset_potentials(self._potentials, self._log, self._count)
+        self._count = search_astar(
+            self._states, self._potentials, parameters.use_quadratic, parameters.allow_unknown,
+            parameters.lethal_cost, parameters.neutral_cost, self._wrap, self.columns,
+            self._area, start, goal, self._heap, self._totals, self._log,
+        )  # fmt: skip
+        return fill
+
+    def _spread_towards(
+        self, start: int, goal: int, bound: np.float32
+    ) -> tuple[int, int, np.float32]:
+        waiting = self._seed(start)
+        self._count, fill, used, threshold = propagate_towards(
+            self._states, self._potentials, self._table, self._gains, self._remainder.ahead,
+            bound, self._parameters.lethal_cost, self.columns, goal, self._cycles,
+            self._buffers, waiting, self._guesses, self._log, self._count, self._cut, self._epoch,
+        )  # fmt: skip
+        return int(fill), int(used), threshold
+
+    def _goal_reads_cut(self, goal: int, latest: float) -> bool:
+        if self._parameters.old_navfn_behavior:
+            return False
+        return goal_reads_cut(
+            self._costs, self._potentials, self._remainder.ahead, np.float32(latest),
+            self.columns, self._entry(self._goal_cell), self._cut, self._mark, self._epoch,
+        )  # fmt: skip
+
+    def _descend(self, start: int, goal: int) -> int:
         parameters = self._parameters
-        if not found:
+        # A robot boxed in goes nowhere, not even to a goal in its own cell.
+        if parameters.use_dijkstra and self._boxed_in:
             return 0
         if not parameters.old_navfn_behavior:
             self._count = fill_around_goal(
                 self._states, self._potentials, parameters.use_quadratic, parameters.neutral_cost,
-                self._wrap, self._columns, self._size, self._entry(goal_cell), self._reached,
+                self._wrap, self.columns, self._area, self._entry(self._goal_cell), self._log,
                 self._count,
             )  # fmt: skip
-        descend = descend_cells if parameters.use_grid_path else descend_gradient
         while True:
-            length = descend(
-                self._potentials, self._columns, self._size, start, goal, self._lenient, self._path
-            )
+            length = self._trace()
             if length >= 0:
-                return int(length)
-            self._path = np.empty((4 * len(self._path), 2), dtype=np.float32)
+                return length
+            self._make_room(4 * len(self._path))
 
-    def _entry(self, point: _Point) -> int:
-        """Return where a cell stands; what is left of the first column belongs to it."""
-        return self._begin + int(point[0]) + int(point[1]) * self._columns
-
-    def _expand(self, begin: int, end: int, start: _Point) -> bool:
-        parameters = self._parameters
-        if not parameters.use_dijkstra:
-            self._count, found = search_astar(
-                self._states, self._potentials, parameters.use_quadratic, parameters.allow_unknown,
-                parameters.lethal_cost, parameters.neutral_cost, self._wrap, self._columns,
-                self._size, begin, end, self._cells, self._totals, self._reached,
-            )  # fmt: skip
-            return found
-        self._count, waiting = seed_wave(
-            self._states, self._potentials, self._gains, self._columns, self._size, begin,
-            parameters.neutral_cost, not parameters.old_navfn_behavior,
-            start[0] - int(start[0]), start[1] - int(start[1]), self._buffers[0], self._reached,
-        )  # fmt: skip
-        self._count, found = propagate_wave(
-            self._states, self._potentials, self._costs, self._gains, parameters.use_quadratic,
-            parameters.lethal_cost, self._columns, end, 2 * self._size, self._buffers, waiting,
-            self._reached, self._count,
-        )  # fmt: skip
-        return found
+    def _trace(self) -> int:
+        ends = self._start, self._goal, self._lenient
+        if self._parameters.use_grid_path:
+            length = descend_cells(self._potentials, self.columns, self._area, *ends, self._path)
+        else:
+            length = descend_gradient(
+                self._potentials, self.columns, self._area, *ends, self._path, self._cells
+            )
+        return int(length)
 
 
 class GlobalPlanner:
@@ -231,11 +312,17 @@ class GlobalPlanner:
 
 
 def warm_up() -> None:
-    """Plan across a small costmap in every mode of expansion and tracing back."""
-    cells = np.zeros((20, 30), dtype=np.uint8)
+    """Plan across a small costmap in every mode, and restricted while its costs change."""
+    cells = np.zeros((80, 80), dtype=np.uint8)
     for dijkstra, grid_path, old in product((False, True), repeat=3):
         parameters = GlobalPlannerParameters(
             use_dijkstra=dijkstra, use_grid_path=grid_path, old_navfn_behavior=old
         )
         grid = CostGrid(0.05, 0.0, 0.0, cells.copy())
-        GlobalPlanner(parameters, ORIGINAL).plan(grid, Pose2(0.2, 0.2), Pose2(1.2, 0.7))
+        GlobalPlanner(parameters, ORIGINAL).plan(grid, Pose2(0.28, 0.28), Pose2(1.28, 0.78))
+    grid = CostGrid(0.05, 0.0, 0.0, cells.copy())
+    field = _Field(grid, GlobalPlannerParameters(), ORIGINAL, worthwhile=1)
+    for step in range(4):
+        grid.cells[15, 15] = 254 - step
+        grid.touch((15, 15, 16, 16))
+        field.path((5.3, 20.3 + step), (35.3, 20.3), (35, 20), None)

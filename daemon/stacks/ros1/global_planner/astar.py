@@ -13,12 +13,13 @@ from daemon.model.kernels import kernel
 from daemon.stacks.kernels import Integers, Singles
 from daemon.stacks.ros1.cost_grid import NO_INFORMATION
 from daemon.stacks.ros1.global_planner.expansion import (
-    UNREACHED,
+    MARGIN,
     VALUE,
     States,
     byte_cost,
     interpolate_potential,
 )
+from daemon.stacks.ros1.navfn.propagation import UNREACHED
 
 
 @kernel
@@ -72,14 +73,14 @@ def search_astar(
     cells: Integers,
     totals: Singles,
     reached: Integers,
-) -> tuple[int, bool]:
+) -> int:
     """Search from ``start`` to ``goal``; ``cells`` and ``totals`` (size + 1,) are scratch.
 
     What is expected to remain is the distance along rows and columns in free cells. Returns how
-    many cells in ``reached`` have a potential, and whether the goal was taken from the heap.
+    many cells in ``reached`` have a potential; the goal is among them unless there is no way.
     ``wrap``: a cost is one byte and 256 is 0.
     """
-    begin = 3 * columns + 4
+    begin = MARGIN * columns
     goal_row, goal_column = (goal - begin) // columns, (goal - begin) % columns
     cells[0], totals[0] = start, np.float32(0.0)
     potentials[start] = np.float32(0.0)
@@ -91,7 +92,7 @@ def search_astar(
         n = pop_lowest(cells, totals, length)
         length -= 1
         if n == goal:
-            return count, True
+            return count
         for step in (1, -1, columns, -columns):
             m = n + step
             if m < begin or m >= begin + size or potentials[m] < UNREACHED:
@@ -113,4 +114,4 @@ def search_astar(
             away = np.float32(abs(goal_column - column) + abs(goal_row - row))
             _sift_up(cells, totals, length, m, p + away * np.float32(neutral))
             length += 1
-    return count, False
+    return count

@@ -12,8 +12,9 @@ import math
 import numpy as np
 
 from daemon.model.kernels import kernel
-from daemon.stacks.kernels import Singles
-from daemon.stacks.ros1.global_planner.expansion import UNREACHED
+from daemon.stacks.kernels import Integers, Singles
+from daemon.stacks.ros1.global_planner.expansion import MARGIN
+from daemon.stacks.ros1.navfn.propagation import UNREACHED
 
 HALF_CELL = np.float32(0.5)
 
@@ -23,7 +24,7 @@ def _gradient(
     potentials: Singles, n: int, columns: int, size: int
 ) -> tuple[np.float32, np.float32]:
     """Return the normalised gradient at a reached cell, float32; none in the outermost rows."""
-    begin = 3 * columns + 4
+    begin = MARGIN * columns
     if n - begin < columns or n - begin > size - columns:
         return np.float32(0.0), np.float32(0.0)
     here = potentials[n]
@@ -87,9 +88,13 @@ def descend_gradient(
     goal: tuple[float, float],
     lenient: bool,
     path: Singles,
+    cells: Integers,
 ) -> int:
-    """Follow the gradient from ``goal`` to ``start`` (column, row), half a cell at a time."""
-    begin = 3 * columns + 4
+    """Follow the gradient from ``goal`` to ``start`` (column, row), half a cell at a time.
+
+    ``cells``, as long as ``path``, takes the entry that each point was reckoned from.
+    """
+    begin = MARGIN * columns
     n = begin + int(goal[0]) + int(goal[1]) * columns
     dx, dy = np.float32(goal[0] - int(goal[0])), np.float32(goal[1] - int(goal[1]))
     one = np.float32(1.0)
@@ -108,6 +113,7 @@ def descend_gradient(
             return 0
         if count >= path.shape[0]:
             return -1
+        cells[count] = n
         path[count, 0] = np.float32(start[0]) if arrived else x
         path[count, 1] = np.float32(start[1]) if arrived else y
         if arrived:
@@ -177,7 +183,7 @@ def descend_cells(
     The first point is the goal itself, the others are cells. Cell (0, 0) is never gone to: the
     original takes it for the lack of a lowest one.
     """
-    begin = 3 * columns + 4
+    begin = MARGIN * columns
     target = int(start[0]) + int(start[1]) * columns
     x, y = np.float32(goal[0]), np.float32(goal[1])
     # A step depends on the cell alone: the same one as at a power of two, and it never ends

@@ -4,10 +4,10 @@ Costs are those of ``DijkstraExpansion::getCost``, the wave that of its ``calcul
 (blocks of rising priority), the values those of ``QuadraticCalculator`` or
 ``PotentialCalculator``. As in navfn the order of the updates is part of the result.
 
-Arrays are flat with a margin before the first and behind the last cell (:func:`margin`), which
-is lethal and never reached. The original looks there, off its arrays, wherever the map has no
+Arrays are flat with ``MARGIN`` rows before the first and behind the last one, which are lethal
+and never reached. The original looks there, off its arrays, wherever the map has no
 outline: what it finds is undefined, here there is nothing. Beside the first and the last column
-it looks into the row before or after, which is no mistake of ours and kept.
+it looks into the row before or after, which is well defined and kept.
 """
 
 from __future__ import annotations
@@ -21,25 +21,23 @@ import numpy.typing as npt
 from daemon.model.kernels import kernel
 from daemon.stacks.kernels import Integers, Singles
 from daemon.stacks.ros1.cost_grid import LETHAL, NO_INFORMATION
+from daemon.stacks.ros1.navfn.propagation import BLOCKED, UNREACHED
 
 PENDING: Final = 256
 """Flag of a cell that waits in a buffer; added to its costmap value: one look tells both."""
 VALUE: Final = 255
 """Mask of the costmap value."""
-UNREACHED: Final = np.float32(1.0e10)
-BUFFER: Final = 10_000
-"""Cells a priority buffer holds; what does not fit is lost (``PRIORITYBUFSIZE``)."""
 THRESHOLD_STEP: Final = 100.0
 """Twice the neutral cost by default. Another ``neutral_cost`` does not change it: the setter that
 would is hidden from who calls it (``Expander::setNeutralCost`` is not virtual)."""
 
+AROUND_GOAL: Final = 25
+"""Cells whose potential :func:`fill_around_goal` may set."""
+MARGIN: Final = 8
+"""Rows; even of a map one cell wide the neighbours of what is looked at lie within."""
+
 Bytes: TypeAlias = npt.NDArray[np.uint8]
 States: TypeAlias = npt.NDArray[np.uint16]
-
-
-def margin(columns: int) -> int:
-    """Return how many entries lie before the first cell and behind the last one."""
-    return 3 * columns + 4
 
 
 def cost_tables(
@@ -64,16 +62,31 @@ def cost_tables(
     return costs, gains
 
 
+def guide_table(costs: Singles, gains: Singles) -> States:
+    """Return by costmap value the cost that navfn's remainder takes for it, (256,)."""
+    whole = np.minimum(costs[:PENDING], BLOCKED - 1).astype(np.uint16)
+    return np.where(np.isinf(gains[:PENDING]), np.uint16(BLOCKED), whole)
+
+
 @kernel
 def copy_window(
-    cells: Bytes, states: States, outline: bool, x0: int, y0: int, x1: int, y1: int
+    cells: Bytes,
+    states: States,
+    guide: States,
+    guide_costs: States,
+    outline: bool,
+    x0: int,
+    y0: int,
+    x1: int,
+    y1: int,
 ) -> bool:
     """Renew the states of a half-open window; return whether any changed.
 
-    With ``outline`` the outermost cells are lethal whatever the costmap says.
+    ``guide`` takes their costs as navfn knows them, from a table of 256. With ``outline`` the
+    outermost cells are lethal whatever the costmap says.
     """
     rows, columns = cells.shape
-    offset = 3 * columns + 4
+    offset = MARGIN * columns
     changed = False
     for row in range(max(y0, 0), min(y1, rows)):
         for column in range(max(x0, 0), min(x1, columns)):
@@ -84,6 +97,7 @@ def copy_window(
             n = offset + row * columns + column
             if value != states[n]:
                 states[n] = value
+                guide[n] = guide_costs[value]
                 changed = True
     return changed
 
@@ -124,7 +138,7 @@ def seed_wave(
     some of them would lie off it.
     """
     count, waiting = 0, 0
-    begin = 3 * columns + 4
+    begin = MARGIN * columns
     if precise:
         # Rounded to a hundredth, in single precision like floorf.
         u = np.float64(np.float32(math.floor(np.float32(x * 100.0 + 0.5))) / np.float32(100.0))
@@ -174,18 +188,19 @@ def propagate_wave(
     waiting: int,
     reached: Integers,
     count: int,
-) -> tuple[int, bool]:
+) -> tuple[int, int]:
     """Spread the wave from the ``waiting`` cells of the first buffer until ``goal`` is reached.
 
     ``buffers`` of shape (3, size) is scratch; ``count`` cells in ``reached`` have a potential
-    already. Returns how many have one in the end, and whether the goal was reached.
+    already. Returns how many have one in the end, and the fill, which is the largest number of
+    cells that ever waited in one buffer.
     """
     # Event for event the original's loop: its order is the result, so it stays in one piece.
     capacity = buffers.shape[1]
     a, b, c = 0, 1, 2
     now, later, over = waiting, 0, 0
     threshold = np.float32(lethal)
-    found = False
+    fill = 0
     # Unsigned, so that an index is not looked at for being negative.
     one, line = np.uintp(1), np.uintp(columns)
     for _ in range(cycles):
@@ -234,19 +249,19 @@ def propagate_wave(
                     over += 1
                     states[m] = state | PENDING
         a, b = b, a
+        fill = max(fill, later, over)
         now, later = later, 0
         if now == 0:
             threshold += np.float32(THRESHOLD_STEP)
             a, c = c, a
             now, over = over, 0
         if potentials[goal] < UNREACHED:
-            found = True
             break
     for i in range(now):
         states[buffers[a, i]] &= VALUE
     for i in range(over):
         states[buffers[c, i]] &= VALUE
-    return count, found
+    return count, fill
 
 
 @kernel
@@ -268,7 +283,7 @@ def fill_around_goal(
     cost is one byte and 256 is 0. Returns how many cells have a potential now. A cell off the map
     is left out; the original writes there.
     """
-    begin = 3 * columns + 4
+    begin = MARGIN * columns
     for i in range(-2, 3):
         for j in range(-2, 3):
             n = goal + i + columns * j
@@ -292,10 +307,3 @@ def byte_cost(state: int, neutral: int, wrap: bool) -> np.float32:
     """Return costmap value and neutral cost as one byte, which starts again or stays at its end."""
     cost = (state & VALUE) + neutral
     return np.float32(cost & 255 if wrap else min(cost, 255))
-
-
-@kernel
-def reset_potentials(potentials: Singles, reached: Integers, count: int) -> None:
-    """Make the first ``count`` cells of ``reached`` unreached again."""
-    for i in range(count):
-        potentials[reached[i]] = UNREACHED

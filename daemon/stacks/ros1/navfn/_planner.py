@@ -15,8 +15,8 @@ from pydantic.dataclasses import dataclass
 
 from daemon.stacks.kernels import Singles
 from daemon.stacks.ros1.cost_grid import FREE_SPACE, CostGrid
+from daemon.stacks.ros1.navfn.guided import MARGINS, WORTHWHILE, GuidedField
 from daemon.stacks.ros1.navfn.propagation import (
-    BLOCKED,
     BUFFER,
     GAINS,
     UNREACHED,
@@ -27,12 +27,7 @@ from daemon.stacks.ros1.navfn.propagation import (
     translate_costs,
     translation_table,
 )
-from daemon.stacks.ros1.navfn.restricted import (
-    CostToGo,
-    descent_reads_cut,
-    history_reads_cut,
-    propagate_towards,
-)
+from daemon.stacks.ros1.navfn.restricted import propagate_towards
 from daemon.stacks.ros1.quirks import ORIGINAL, Quirks
 from grammars.model.geometry import Floats, Pose2
 
@@ -60,28 +55,11 @@ WITHOUT_EFFECT: Final[Mapping[str, str]] = {
 }
 
 
-MARGINS: Final = (2000.0, 4000.0, 8000.0, 16_000.0)
-"""Detours [cost] that the restricted search looks at, one after the other; 50 is a free cell."""
-WORTHWHILE: Final = 12_000
-"""Cells of a whole wave from which on a restricted one pays."""
 _NO_TRIP: Final = (-1, -1)
-_OUTDATED: Final = 1000.0
-"""Detour [cost] by which changed costs may make the way longer before the remainder is renewed."""
-_EXTRA_REACH: Final = 2500.0
-"""Cost by which the remainder reaches farther than it must."""
-_EPOCHS: Final = 255
-_RETRY: Final = 12
-"""Plans after which a smaller margin is tried again."""
 
 
-class PotentialField:
-    """The planner's own view of a costmap.
-
-    With ``margins`` the wave is restricted to what can matter, and checked afterwards; without it
-    is always whole. ``certified`` paths have their history checked; without it they rest on the
-    margin and on what the descent looked at. ``whole`` and ``restricted`` count the
-    waves that gave an answer.
-    """
+class PotentialField(GuidedField):
+    """The planner's own view of a costmap."""
 
     def __init__(
         self,
@@ -94,23 +72,19 @@ class PotentialField:
     ) -> None:
         rows, columns = grid.cells.shape
         size = rows * columns
-        self.grid, self.columns, self.size = grid, columns, size
-        self.whole, self.restricted = 0, 0
-        self._margins, self._worthwhile, self._certified = margins, worthwhile, certified
-        self._cycles = max(size // 20, rows + columns)
-        self._costs = np.full(size, BLOCKED, dtype=np.uint16)
-        self._potentials = np.full(size, UNREACHED, dtype=np.float32)
+        super().__init__(
+            size,
+            columns,
+            cycles=max(size // 20, rows + columns),
+            margins=margins,
+            worthwhile=worthwhile,
+            certified=certified,
+        )
+        self.grid = grid
         self._table = translation_table(allow_unknown=allow_unknown)
         self._buffers = np.empty((3, BUFFER), dtype=np.int32)
         self._guesses = np.empty((3, BUFFER), dtype=np.float32)
-        self._log = np.empty(2 * size + 1, dtype=np.int32)
-        self._count = 0
-        self._cut, self._mark = np.zeros(size, np.uint8), np.zeros(size, np.uint8)
-        self._epoch, self._level, self._steady = 0, 0, 0
-        self._remainder = CostToGo(size, columns)
-        self._excess, self._usable = 0.0, False
         self._trip = _NO_TRIP
-        self._repeated = False
         self._path = np.empty((4 * columns, 2), dtype=np.float32)
         self._cells = np.empty(4 * columns, dtype=np.int32)
         self._length = 0
@@ -136,129 +110,12 @@ class PotentialField:
         """Return the path from any reached cell down to ``start``, (n, 2)."""
         return self._path[: self._descend(start, cell)]
 
-    def reached(self, cell: int) -> bool:
-        """Tell whether the wave reached a cell."""
-        return bool(self._potentials[cell] < UNREACHED)
-
     def _apply_changes(self) -> bool:
         window = self.grid.take_changed()
         changed = bool(translate_costs(self.grid.cells, self._costs, self._table, *window))
         if changed:
             self._remainder.follow(self._costs, window)
         return changed
-
-    def _search(self, start: int, goal: int) -> int:
-        if goal != start and self._costs[goal] >= BLOCKED:
-            return 0
-        # The restricted search needs a cost to go, which pays from the second plan to a goal on.
-        if self._margins and self._prepare_cost_to_go(start, goal):
-            if self._is_unreachable(start, goal):
-                return 0
-            length = self._search_restricted(start, goal)
-            if length > 0:
-                return length
-        fill = self._spread(start, goal)
-        length = self._descend(start, goal) if self.reached(goal) else 0
-        self._update_cost_to_go(start, goal, fill)
-        return length
-
-    def _prepare_cost_to_go(self, start: int, goal: int) -> bool:
-        """Tell whether the remainder is there for this goal, after making it if that pays."""
-        if start == goal or not self._repeated:
-            return False
-        if self._remainder.goal != goal and self._usable and self._count >= self._worthwhile:
-            reach = float(self._potentials[goal]) + self._margins[0] + _EXTRA_REACH
-            self._usable = self._remainder.renew(self._costs, goal, reach)
-            self._excess = self._surplus(start, goal)
-        return self._remainder.goal == goal
-
-    def _is_unreachable(self, start: int, goal: int) -> bool:
-        """Tell whether the goal is certain to be out of reach."""
-        remainder = self._remainder
-        if remainder.at(start) < UNREACHED:
-            return False
-        if remainder.whole:
-            return True
-        renewed = remainder.renew(self._costs, goal, float(UNREACHED))
-        return renewed and remainder.at(start) >= float(UNREACHED)
-
-    def _bound(self, start: int, goal: int, margin: float) -> float:
-        """Return what the way through a cell may cost; the remainder is made to reach as far."""
-        bound = self._remainder.at(start) + self._excess + margin
-        if bound > self._remainder.limit:
-            self._usable = self._remainder.renew(self._costs, goal, bound + _EXTRA_REACH)
-        return bound
-
-    def _surplus(self, start: int, goal: int) -> float:
-        """Return by how much the last wave took longer than the remainder says."""
-        spent, remaining = float(self._potentials[goal]), self._remainder.at(start)
-        return max(0.0, spent - remaining) if max(spent, remaining) < UNREACHED else 0.0
-
-    def _search_restricted(self, start: int, goal: int) -> int:
-        first = self._level
-        if first > 0 and self._steady >= _RETRY:
-            first, self._steady = first - 1, 0
-        for level in range(first, len(self._margins)):
-            length = self._restricted(start, goal, self._margins[level])
-            if length > 0:
-                self._steady = self._steady + 1 if level == self._level else 0
-                self._level = level
-                self.restricted += 1
-                return length
-        return 0
-
-    def _restricted(self, start: int, goal: int, margin: float) -> int:
-        """Return the length of the path, 0 when it is not certain to be that of the whole wave."""
-        ahead = self._remainder.ahead
-        bound = np.float32(self._bound(start, goal, margin))
-        if self._remainder.goal != goal:
-            return 0
-        reset_potentials(self._potentials, self._log, self._count)
-        self._begin_epoch()
-        self._count, fill, used, threshold = propagate_towards(
-            self._costs, self._potentials, GAINS, ahead, bound, self.columns, start, goal,
-            self._cycles, self._buffers, self._guesses, self._log, self._cut, self._epoch,
-        )  # fmt: skip
-        # A wave that passed through what was left out is later than the bound at the goal.
-        spare = bound - threshold - margin / 4.0
-        if not self.reached(goal) or spare < margin / 4.0:
-            return 0
-        # What is left out takes room in the buffers and cycles too: keep well off both limits.
-        if fill > BUFFER // 2 or used > self._cycles // 4:
-            return 0
-        length = self._descend(start, goal)
-        if length == 0 or descent_reads_cut(
-            self._costs, self._potentials, ahead, np.float32(spare), self.columns, self._cells,
-            length, self._cut, self._mark, self._epoch,
-        ):  # fmt: skip
-            return 0
-        if self._certified and history_reads_cut(
-            self.columns, self._log, self._count, self._mark, self._epoch
-        ):
-            return 0
-        self._excess = self._surplus(start, goal)
-        self._remainder.limit = min(self._remainder.limit, float(bound) + _EXTRA_REACH)
-        return length
-
-    def _begin_epoch(self) -> None:
-        """Make the flags of earlier waves void; flags of one byte take little of the cache."""
-        # Two a wave: history_reads_cut marks with the epoch and with one more.
-        self._epoch += 2
-        if self._epoch >= _EPOCHS:
-            self._cut.fill(0)
-            self._mark.fill(0)
-            self._epoch = 2
-
-    def _update_cost_to_go(self, start: int, goal: int, fill: int) -> None:
-        """Find out from a whole wave whether the next one can be guided, and how well."""
-        # Buffers that run over lose cells anywhere: then nothing may be left out.
-        self._usable = fill <= BUFFER // 2
-        if self._remainder.goal != goal:
-            return
-        excess = self._surplus(start, goal)
-        if not self.reached(goal) or excess > self._excess + _OUTDATED:
-            self._remainder.drop()
-        self._excess = excess
 
     def _spread(self, start: int, goal: int) -> int:
         reset_potentials(self._potentials, self._log, self._count)
@@ -268,6 +125,16 @@ class PotentialField:
         )  # fmt: skip
         self.whole += 1
         return int(fill)
+
+    def _spread_towards(
+        self, start: int, goal: int, bound: np.float32
+    ) -> tuple[int, int, np.float32]:
+        self._count, fill, used, threshold = propagate_towards(
+            self._costs, self._potentials, GAINS, self._remainder.ahead, bound, self.columns,
+            start, goal, self._cycles, self._buffers, self._guesses, self._log, self._cut,
+            self._epoch,
+        )  # fmt: skip
+        return int(fill), int(used), threshold
 
     def _descend(self, start: int, goal: int) -> int:
         return int(

@@ -142,7 +142,7 @@ class CostToGo:
 
 
 @kernel
-def _queue_if_gaining(
+def queue_if_gaining(
     costs: States,
     gains: Singles,
     m: np.uintp,
@@ -241,15 +241,15 @@ def propagate_towards(
                 continue
             potentials[n] = p
             if p < threshold:
-                later = _queue_if_gaining(costs, gains, n - one, left, p, following, later)
-                later = _queue_if_gaining(costs, gains, n + one, right, p, following, later)
-                later = _queue_if_gaining(costs, gains, n - line, up, p, following, later)
-                later = _queue_if_gaining(costs, gains, n + line, down, p, following, later)
+                later = queue_if_gaining(costs, gains, n - one, left, p, following, later)
+                later = queue_if_gaining(costs, gains, n + one, right, p, following, later)
+                later = queue_if_gaining(costs, gains, n - line, up, p, following, later)
+                later = queue_if_gaining(costs, gains, n + line, down, p, following, later)
             else:
-                over = _queue_if_gaining(costs, gains, n - one, left, p, postponed, over)
-                over = _queue_if_gaining(costs, gains, n + one, right, p, postponed, over)
-                over = _queue_if_gaining(costs, gains, n - line, up, p, postponed, over)
-                over = _queue_if_gaining(costs, gains, n + line, down, p, postponed, over)
+                over = queue_if_gaining(costs, gains, n - one, left, p, postponed, over)
+                over = queue_if_gaining(costs, gains, n + one, right, p, postponed, over)
+                over = queue_if_gaining(costs, gains, n - line, up, p, postponed, over)
+                over = queue_if_gaining(costs, gains, n + line, down, p, postponed, over)
         a, b = b, a
         fill = max(fill, later, over)
         now, later = later, 0

@@ -1,0 +1,76 @@
+"""GlobalPlanner and navfn over the same drive of scenario S1, plan by plan side by side.
+
+Starts, goals and costs as in :mod:`.bench_navfn`, with costs that change around the robot. Kinds
+that plan every time with a whole wave are timed for every fiftieth plan only. A* finds no plan
+from many positions, as in the original; from cell to cell it does.
+
+Run with ``python -m tests.benchmarks global_planner``.
+"""
+
+from __future__ import annotations
+
+import time
+
+import numpy as np
+
+from daemon.stacks import warm_up
+from daemon.stacks.ros1.cost_grid import CostGrid
+from daemon.stacks.ros1.global_planner import GlobalPlanner, GlobalPlannerParameters
+from daemon.stacks.ros1.global_planner import warm_up as warm_up_global_planner
+from daemon.stacks.ros1.navfn import Navfn, NavfnParameters
+from daemon.stacks.ros1.quirks import FIXED
+from tests.benchmarks.bench_navfn import COMPARED, STEP, disturb
+from tests.daemon.stacks.ros1.navfn import building
+
+KINDS: dict[str, tuple[GlobalPlannerParameters | None, bool]] = {
+    "navfn": (None, True),
+    "GlobalPlanner": (GlobalPlannerParameters(), True),
+    "  old_navfn_behavior": (GlobalPlannerParameters(old_navfn_behavior=True), True),
+    "  use_quadratic: false": (GlobalPlannerParameters(use_quadratic=False), False),
+    "  A*, use_grid_path": (GlobalPlannerParameters(use_dijkstra=False, use_grid_path=True), False),
+}
+"""Parameters, none for navfn, and whether to time every plan."""
+
+
+def main() -> None:
+    """Print the table."""
+    warm_up()
+    warm_up_global_planner()
+    random = np.random.default_rng(0)
+    original = building.costmap()
+    trips = building.drive(STEP)
+    cells = original.cells.copy()
+    grids = {name: CostGrid(original.resolution, original.x, original.y, cells) for name in KINDS}
+    planners: dict[str, Navfn | GlobalPlanner] = {
+        name: Navfn(NavfnParameters(), FIXED)
+        if parameters is None
+        else GlobalPlanner(parameters, FIXED)
+        for name, (parameters, _) in KINDS.items()
+    }
+    taken: dict[str, list[float]] = {name: [] for name in KINDS}
+    found = dict.fromkeys(KINDS, 0)
+    noise = CostGrid(original.resolution, original.x, original.y, cells)
+    for k, (start, goal) in enumerate(trips):
+        here = original.cell(start.x, start.y)
+        assert here is not None
+        window = disturb(random, noise, original, here)
+        for name, (_, always) in KINDS.items():
+            grids[name].touch(window)
+            if always or k % COMPARED == 0:
+                begin = time.process_time()
+                plan = planners[name].plan(grids[name], start, goal)
+                taken[name].append(time.process_time() - begin)
+                found[name] += plan is not None
+    rows, columns = cells.shape
+    base = np.mean(taken["navfn"])
+    print(f"{len(trips)} plans on {rows} x {columns} cells")
+    for name, times in taken.items():
+        mean = np.mean(times)
+        print(
+            f"  {name:24} {mean * 1e3:6.2f} ms per plan (median {np.median(times) * 1e3:.2f}), "
+            f"{mean / base:5.2f} times navfn; {found[name]} of {len(times)} found"
+        )
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,152 @@
+"""The restricted wave against the whole one, path for path."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from daemon.stacks.ros1.cost_grid import CostGrid
+from daemon.stacks.ros1.global_planner import GlobalPlanner, GlobalPlannerParameters, _planner
+from daemon.stacks.ros1.quirks import FIXED, ORIGINAL, Quirks
+from grammars.model.geometry import Pose2
+from tests.daemon.stacks.ros1.navfn import building
+from tests.daemon.stacks.ros1.navfn.test_identity import disturb, random_cells
+
+
+@contextmanager
+def margins_of(*margins: float, worthwhile: int) -> Iterator[None]:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(_planner, "MARGINS", margins)
+        patch.setattr(_planner, "WORTHWHILE", worthwhile)
+        yield
+
+
+def waves(planner: GlobalPlanner) -> tuple[int, int]:
+    """Return how many restricted and whole waves gave an answer."""
+    field = planner._field
+    assert field is not None
+    return field.restricted, field.whole
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    st.integers(0, 2**32 - 1),
+    st.booleans(),
+    st.sampled_from([ORIGINAL, FIXED]),
+    st.sampled_from([(3.0, 50), (0.55, 66), (1.0, 30)]),
+)
+def test_plans_stay_the_same_while_costs_and_start_change(
+    seed: int, old: bool, quirks: Quirks, costs: tuple[float, int]
+) -> None:
+    random = np.random.default_rng(seed)
+    cells = random_cells(random, 20, 110)
+    grids = [CostGrid(0.05, 0.0, 0.0, cells.copy()) for _ in range(2)]
+    parameters = GlobalPlannerParameters(
+        old_navfn_behavior=old, cost_factor=costs[0], neutral_cost=costs[1]
+    )
+    size = np.array(cells.shape[::-1]) * 0.05
+    goal = Pose2(*(random.random(2) * size).tolist())
+    place = random.random(2) * size
+    planners = [GlobalPlanner(parameters, quirks) for _ in range(2)]
+    chosen = np.sort(random.integers(100, 2500, 3)).astype(float).tolist()
+    for _ in range(10):
+        start = Pose2(*place.tolist())
+        with margins_of(*chosen, worthwhile=1):
+            found = planners[0].plan(grids[0], start, goal)
+        with margins_of(worthwhile=1):
+            expected = planners[1].plan(grids[1], start, goal)
+        assert (found is None) == (expected is None)
+        assert found is None or expected is None or np.array_equal(found, expected)
+        place = np.clip(place + random.normal(size=2) * 0.05, 0.0, size - 1e-6)
+        if random.random() < 0.5:
+            disturb(random, grids[0])
+            grids[1].cells[:] = grids[0].cells
+            grids[1].touch(grids[0].changed)
+    assert waves(planners[1])[0] == 0
+
+
+def test_the_restricted_wave_is_at_work_and_exact_in_the_corridor_of_building_c() -> None:
+    random = np.random.default_rng(1)
+    grid = building.costmap()
+    twin = CostGrid(grid.resolution, grid.x, grid.y, grid.cells)
+    parameters = GlobalPlannerParameters()
+    restricted, whole = (GlobalPlanner(parameters, FIXED) for _ in range(2))
+    for start, goal in building.drive(0.04)[1100:1120]:
+        here = grid.cell(start.x, start.y)
+        assert here is not None
+        window = (here[0] - 60, here[1] - 60, here[0] + 60, here[1] + 60)
+        cells = grid.cells[window[1] : window[3], window[0] : window[2]]
+        inflated = (cells > 20) & (cells < 230) & (random.random(cells.shape) < 0.05)
+        cells[inflated] += random.integers(-20, 20, int(inflated.sum())).astype(np.uint8)
+        grid.touch(window)
+        twin.touch(window)
+        found = restricted.plan(grid, start, goal)
+        with margins_of(worthwhile=1):
+            expected = whole.plan(twin, start, goal)
+        assert found is not None
+        assert expected is not None
+        assert np.array_equal(found, expected)
+    assert waves(restricted)[0] > 12
+    assert waves(whole) == (0, 20)
+
+
+@pytest.mark.parametrize(
+    "given_parameters",
+    [
+        GlobalPlannerParameters(use_dijkstra=False),
+        GlobalPlannerParameters(use_quadratic=False),
+        GlobalPlannerParameters(use_grid_path=True),
+        GlobalPlannerParameters(outline_map=False),
+        GlobalPlannerParameters(neutral_cost=200),
+    ],
+    ids=["A*", "plain potential", "grid path", "no outline", "dear free cells"],
+)
+def test_what_the_margins_are_not_made_for_is_planned_with_whole_waves(
+    given_parameters: GlobalPlannerParameters,
+) -> None:
+    grid = CostGrid(0.05, 0.0, 0.0, np.zeros((130, 130), dtype=np.uint8))
+    planner = GlobalPlanner(given_parameters, ORIGINAL)
+    for step in range(4):
+        assert planner.plan(grid, Pose2(1.53, 1.53 + 0.05 * step), Pose2(5.03, 5.03)) is not None
+    assert waves(planner) == (0, 4)
+
+
+def test_a_goal_walled_in_has_no_plan_until_the_wall_is_gone() -> None:
+    grid = CostGrid(0.05, 0.0, 0.0, np.zeros((150, 150), dtype=np.uint8))
+    twin = CostGrid(0.05, 0.0, 0.0, grid.cells)
+    parameters = GlobalPlannerParameters()
+    planner, whole = GlobalPlanner(parameters, ORIGINAL), GlobalPlanner(parameters, ORIGINAL)
+    goal, wall = Pose2(6.03, 3.78), (110, 65, 131, 86)
+    for step, value in enumerate((0, 0, 0, 254, 254, 254, 0, 0, 0)):
+        grid.cells[65:86, 110:131] = value
+        grid.cells[66:85, 111:130] = 0
+        grid.touch(wall)
+        twin.touch(wall)
+        start = Pose2(1.03 + 0.05 * step, 3.78)
+        found = planner.plan(grid, start, goal)
+        with margins_of(worthwhile=1):
+            expected = whole.plan(twin, start, goal)
+        assert (found is None) is (expected is None) is (value == 254)
+        assert found is None or expected is None or np.array_equal(found, expected)
+    assert waves(planner)[0] > 3
+
+
+def test_a_robot_between_two_areas_is_planned_for_with_whole_waves() -> None:
+    grid = CostGrid(0.05, 0.0, 0.0, np.zeros((150, 150), dtype=np.uint8))
+    grid.cells[:, 75] = 254
+    parameters = GlobalPlannerParameters()
+    planner = GlobalPlanner(parameters, FIXED)
+    for step in range(4):
+        # The exact position is in column 74.3, one of its four cells in the wall.
+        start, goal = Pose2(3.74, 3.03 + 0.05 * step), Pose2(7.03, 6.03)
+        found = planner.plan(grid, start, goal)
+        fresh = GlobalPlanner(parameters, FIXED).plan(grid, start, goal)
+        assert found is not None
+        assert fresh is not None
+        assert np.array_equal(found, fresh)
+    assert waves(planner) == (0, 4)
