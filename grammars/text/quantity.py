@@ -7,12 +7,10 @@ with metres or with a bare number is an error and not a surprise.
 from __future__ import annotations
 
 import functools
-import itertools
 import math
 import re
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Final, Literal, TypeAlias
+from typing import Any, Final, Literal, TypeAlias
 
 from grammars.text.diagnostics import InputError, Where, did_you_mean, with_article
 
@@ -47,45 +45,30 @@ PLAN_UNITS: Final[dict[str, tuple[float, PlanDimension]]] = {
 }
 """The units of floor plans and their variations: factor to SI and dimension.
 
-A table of its own because plans are read a thousand at a time.
+A table of its own because plans are read a thousand at a time, and mostly without need for pint.
 """
 
-_PREFIXES: Final = {
-    "": 1.0, "milli": 1e-3, "m": 1e-3, "centi": 1e-2, "c": 1e-2, "kilo": 1e3, "k": 1e3,
-}  # fmt: skip
-_PREFIX_NAMES: Final = {"m": "milli", "c": "centi", "k": "kilo"}
-_Powers: TypeAlias = Mapping[str, float]
-_UNIT_VALUES: Final[dict[str, tuple[float, _Powers]]] = {
-    "degree": (0.017453292519943295, {"radian": 1}),
-    "minute": (60.0, {"second": 1}),
-    "hour": (3600.0, {"second": 1}),
-    "hertz": (1.0, {"second": -1}),
-    "newton": (1.0, {"kilogram": 1, "metre": 1, "second": -2}),
-    "percent": (0.01, {}),
-}
-"""What a unit is, by its name, in others; those that are missing here are of a dimension each."""
-_UNIT_NAMES: Final = {
-    word: name
-    for name, words in {
-        "metre": "metre m meter",
-        "second": "second s",
-        "gram": "gram g",
-        "radian": "radian rad",
-        "degree": "degree deg",
-        "minute": "minute min",
-        "hour": "hour h",
-        "hertz": "hertz Hz",
-        "newton": "newton N",
-        "percent": "percent pct",
-    }.items()
-    for word in words.split()
-}
-_FACTOR: Final = re.compile(r"(?P<by>[*/]?)\s*(?P<unit>[A-Za-z%°]+|1)(?:\^(?P<power>[\d.]+))?\s*")
+_DEFINITIONS: Final = """\
+milli- = 1e-3 = m-
+centi- = 1e-2 = c-
+kilo- = 1e3 = k-
+metre = [length] = m = meter = metres = meters
+second = [time] = s = seconds
+gram = [mass] = g
+radian = [angle] = rad = radians
+degree = 0.017453292519943295 * radian = deg = degrees
+minute = 60 * second = min = minutes
+hour = 3600 * second = h = hours
+hertz = 1 / second = Hz
+newton = kilogram * metre / second ** 2 = N
+percent = 0.01 = pct
+"""
 
 _PATTERN: Final = re.compile(
     r"\s*(?P<number>[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(?P<unit>[A-Za-z%°][^\n]*?)?\s*"
 )
-# Bounded: nobody writes more, and a file from elsewhere does not make us calculate for minutes.
+# What pint is handed is bounded: it evaluates what it takes for a unit, and a long product or a
+# large power in a file from elsewhere would take it minutes.
 _UNIT: Final = re.compile(r"(?:[A-Za-z%°]+|1)(?:\^[1-4](?:\.\d)?|\^0?\.5)?")
 _UNIT_PRODUCT: Final = re.compile(rf"{_UNIT.pattern}(?:(?:\s*[*/]\s*|\s+){_UNIT.pattern}){{0,5}}")
 _COMMON_UNITS: Final = ("m", "cm", "mm", "s", "min", "rad", "deg", "kg", "N", "Hz", "m/s", "rad/s")
@@ -164,57 +147,30 @@ _NAMES: Final = {dimension: name for name, dimension in DIMENSIONS.items()}
 
 
 @functools.cache
-def _dimensions() -> dict[tuple[tuple[str, float], ...], str]:
-    return {_base_units(_unit_powers(unit))[1]: name for name, unit in _SI_UNITS.items()}
+def _registry() -> Any:
+    import pint
+
+    registry: Any = pint.UnitRegistry(None)
+    registry.load_definitions(_DEFINITIONS.splitlines())
+    return registry
 
 
-def _unit_powers(text: str) -> dict[str, float]:
-    """Return the units of a product such as ``N m/rad``, each with its power.
-
-    Blanks multiply; a power belongs to one unit, a slash to the one behind it. Raises
-    ``ValueError`` for what is no unit.
-    """
-    powers: dict[str, float] = {}
-    for part in _FACTOR.finditer(text):
-        if part["unit"] == "1":
-            continue
-        name = _unit_name(part["unit"].replace("%", "percent").replace("°", "degree"))
-        written = part["power"] or "1"
-        power = float(written) if "." in written else int(written)
-        powers[name] = powers.get(name, 0) + (-power if part["by"] == "/" else power)
-    return {name: power for name, power in powers.items() if power}
+@functools.cache
+def _dimensions() -> dict[Any, str]:
+    return {_dimensionality(unit): name for name, unit in _SI_UNITS.items()}
 
 
-def _unit_name(word: str) -> str:
-    """Return the full name of a unit, prefix included: ``mm`` is ``millimetre``."""
-    for ending, prefix in itertools.product(("", "s"), _PREFIXES):
-        stem = word.removesuffix(ending).removeprefix(prefix)
-        # A plural of one letter would make a millisecond of metres.
-        plural_of_letter = ending != "" and len(stem) == 1
-        if prefix + stem + ending == word and stem in _UNIT_NAMES and not plural_of_letter:
-            return _PREFIX_NAMES.get(prefix, prefix) + _UNIT_NAMES[stem]
-    raise ValueError(f'"{word}" is not a unit')
+def _parse_unit(text: str) -> Any:
+    """Return the pint unit written in ``text``; blanks multiply (``N m``)."""
+    spelled = text.replace("%", "percent").replace("°", "degree").replace("^", "**")
+    spelled = re.sub(r"(?<=[A-Za-z])\s+(?=[A-Za-z])", "*", spelled.strip())
+    return _registry().parse_units("" if spelled == "1" else spelled)
 
 
-def _base_units(powers: _Powers) -> tuple[float, tuple[tuple[str, float], ...]]:
-    """Return the factor from a product of units to base units, and the powers of these."""
-    factor = 1.0
-    found: dict[str, float] = {}
-    left = list(powers.items())
-    while left:
-        name, power = left.pop(0)
-        prefix = next((p for p in ("milli", "centi", "kilo") if name.startswith(p)), "")
-        stem = name.removeprefix(prefix)
-        factor *= _PREFIXES[prefix] ** power
-        if stem in _UNIT_VALUES:
-            scale, others = _UNIT_VALUES[stem]
-            factor *= scale**power
-            left = [(other, of * power) for other, of in others.items()] + left
-        else:
-            found[stem] = found.get(stem, 0) + power
+def _dimensionality(text: str) -> Any:
+    dimensionality = _registry().get_dimensionality(_parse_unit(text))
     # Powers of roots, m/m^0.5, come back with the noise of floating point.
-    rounded = ((name, round(power, 9)) for name, power in found.items())
-    return factor, tuple(sorted((name, power) for name, power in rounded if power))
+    return tuple(sorted((name, round(power, 9)) for name, power in dimensionality.items()))
 
 
 def read_quantity(text: str) -> Quantity:
@@ -234,18 +190,18 @@ def read_quantity(text: str) -> Quantity:
 @functools.cache
 def _unit(unit_text: str) -> tuple[float, str]:
     """Return (factor to SI, dimension) of a unit; raises ``ValueError``."""
+    import pint
+
     try:
-        powers = _unit_powers(unit_text)
-    except ValueError as error:
+        unit = _parse_unit(unit_text)
+        dimension = _dimensions().get(_dimensionality(unit_text))
+    except (pint.PintError, pint.UndefinedUnitError, TypeError, ValueError) as error:
         hint = did_you_mean(unit_text, _COMMON_UNITS)
         raise ValueError(f'"{unit_text}" is not a unit: {hint}') from error
-    dimension = _dimensions().get(_base_units(powers)[1])
     if dimension is None:
         raise ValueError(f'"{unit_text}" is a unit of nothing that is measured here')
-    # What both have in common cancels before anything is multiplied, and so leaves no rounding.
-    for name, power in _unit_powers(_SI_UNITS[dimension]).items():
-        powers[name] = powers.get(name, 0) - power
-    return _base_units({name: power for name, power in powers.items() if power})[0], dimension
+    factor = _registry().Quantity(1.0, unit).to(_parse_unit(_SI_UNITS[dimension])).magnitude
+    return float(factor), dimension
 
 
 def _convert(number: float, unit_text: str) -> Quantity:
