@@ -82,6 +82,10 @@ _OUTPUTS: Final[tuple[type[Output], ...]] = (
 OUTPUTS: Final[dict[str, type[Output]]] = {output.schema: output for output in _OUTPUTS}
 
 
+_LEFT_OUT_WHEN_EMPTY: Final = {"Laser": ("name",), "Robot": ("other_lasers",)}
+"""What JSON leaves out when it is empty, so that robots with one laser stay what they were."""
+
+
 def outputs_schema() -> dict[str, Any]:
     """Return the JSON Schema (draft 2020-12) of every output, told apart by ``schema``."""
     from pydantic import Field
@@ -94,10 +98,11 @@ def outputs_schema() -> dict[str, Any]:
     keys, found = models_json_schema(
         [(model, "serialization") for model in models], by_alias=True, title=SCHEMA_TITLE
     )
-    for body in found["$defs"].values():
+    for name, body in found["$defs"].items():
         if "properties" in body:
-            # Pydantic takes what has a default for optional; we write every field.
-            body["required"] = list(body["properties"])
+            # Pydantic takes what has a default for optional; we write every field but those.
+            left_out = _LEFT_OUT_WHEN_EMPTY.get(name, ())
+            body["required"] = [key for key in body["properties"] if key not in left_out]
     each = [keys[model, "serialization"] for model in models]
     dialect = "https://json-schema.org/draft/2020-12/schema"
     return {"$schema": dialect, "title": SCHEMA_TITLE, "oneOf": each, "$defs": found["$defs"]}

@@ -361,7 +361,7 @@ PUBLISHED = {
     "mir100-dwa": ("/amcl", "/scan", "/move_base_node", ["/map"]),
     "mir100": ("/amcl", "/scan", "/move_base_node", ["/map", "/virtual_walls/map"]),
     "robile-amr": ("/amcl", "/scan_front", "/move_base", ["/map"]),
-    "tiago-dwa": ("/amcl", "/scan", "/move_base", None),
+    "tiago-dwa": ("/amcl", "/scan", "/move_base", ["/vo_map"]),
     "turtlebot2": ("/amcl", "/scan", "/move_base", ["/map"]),
     "turtlebot3-burger": ("/amcl", "/scan", "/move_base", ["/map"]),
 }

@@ -15,10 +15,15 @@ from grammars.text.diagnostics import InputError
 from tests.published_robots.folder import SUTS
 
 
-def load(reference_data: Path, folder: Path, name: str, more: str = "") -> RosParameters:
+def load(
+    reference_data: Path, folder: Path, name: str, parameters: str | None = None
+) -> RosParameters:
+    """Load a robot as it is described, or with other ``parameters`` over its launch files."""
     text = (SUTS / f"{name}.yaml").read_text("utf-8")
+    if parameters is not None:
+        text = text.partition("parameters:\n")[0] + parameters
     path = folder / f"{name}.yaml"
-    path.write_text(text.replace("ROBOTS/", f"{reference_data / 'robots'}/") + more, "utf-8")
+    path.write_text(text.replace("ROBOTS/", f"{reference_data / 'robots'}/"), "utf-8")
     return read_ros(LayerLibrary(folder).sut_file(path).reference.parameters)
 
 
@@ -90,25 +95,17 @@ def test_mir_finds_its_footprint_upwards_and_its_ranges_per_costmap(
 
 def test_tiago_keeps_every_layer_that_is_on(reference_data: Path, tmp_path: Path) -> None:
     with pytest.raises(InputError) as caught:
-        load(reference_data, tmp_path, "tiago-dwa")
+        load(reference_data, tmp_path, "tiago-dwa", "")
     found = [str(problem) for problem in caught.value.diagnostics]
     assert len(found) == 2
     assert "the static layer listens to /vo_map, the map of the run is on /map" in found[0]
     assert "nothing is published on /rgbd_scan here" in found[1]
-    more = (
-        "parameters:\n"
-        "  topics: {maps: [/vo_map]}\n"
-        "  move_base: {local_costmap: {obstacle_rgbd_layer: {enabled: false}}}\n"
-    )
-    read = load(reference_data, tmp_path, "tiago-dwa", more)
-    assert layers(read.local_costmap) == [
-        "obstacle_laser_layer (obstacles)",
-        "inflation_layer (inflation)",
-    ]
+    read = load(reference_data, tmp_path, "tiago-dwa")
+    seen = ["obstacle_laser_layer (obstacles)", "obstacle_rgbd_layer (obstacles)"]
+    assert layers(read.local_costmap) == [*seen, "inflation_layer (inflation)"]
     assert layers(read.global_costmap) == [
         "static_layer (map)",
-        "obstacle_laser_layer (obstacles)",
-        "obstacle_rgbd_layer (obstacles)",
+        *seen,
         "inflation_layer (inflation)",
     ]
 
