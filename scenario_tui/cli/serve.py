@@ -313,25 +313,30 @@ def _why_no_view() -> str:
 def _serve_headless(simulation: LiveSimulation, services: LiveServices, thread: LiveThread) -> None:
     """Say where it is served, then what changes, until the end."""
     import signal
+    import threading
 
-    # Told to end or interrupted: both are the way this ends, and nothing is lost.
-    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
+    # Told to end or interrupted: both are the way this ends, and nothing is lost. An event, as an
+    # exception raised by a signal is lost where Python cannot pass it on (in a weak reference's
+    # callback, say).
+    ended = threading.Event()
+    endings = (signal.SIGINT, signal.SIGTERM)
+    before = [signal.signal(number, lambda *_: ended.set()) for number in endings]
     try:
         for line in services.where():
             say(line)
         say("Ctrl-C ends it")
         told: tuple[str, ...] = ()
-        while thread.is_alive():
-            thread.join(_LOOK)
+        while thread.is_alive() and not ended.wait(_LOOK):
             news = _news(simulation, services)
             for line in news:
                 if line not in told:
                     say(line)
             told = news
-    except KeyboardInterrupt:
-        say("\nthe world has ended")
+        if ended.is_set():
+            say("\nthe world has ended")
     finally:
-        signal.signal(signal.SIGTERM, before)
+        for number, handler in zip(endings, before, strict=True):
+            signal.signal(number, handler)
 
 
 def _news(simulation: LiveSimulation, services: LiveServices) -> tuple[str, ...]:
