@@ -67,12 +67,21 @@ MakePlan: TypeAlias = Callable[[Pose2], Floats | None]
 """From a goal (map) to a plan (n, 3) from where the robot is now, or ``None``."""
 
 
+_WAKING: Final = 0.01
+"""[s] How late a timer wakes the planner thread where that matters: one tick, the least there is."""
+
+
 class PlannerThread:
     """Plans at ``planner_frequency`` from the start of one plan to the start of the next.
 
     The control loop wakes it early whenever it waits for a plan. Planning takes no simulated
     time. With a frequency of 0 it plans once when asked, and after a failure again at every step
     of the stack, where the original tries as fast as it can.
+
+    A planner as fast as the control loop would renew the plan before every cycle, and
+    ``TrajectoryPlannerROS``, which forgets with every plan that it has arrived, would never say so.
+    The original's thread is woken by a timer, a little late each time, so that now and then a
+    cycle has no new plan; with that controller it is woken :data:`_WAKING` late here.
     """
 
     def __init__(
@@ -89,6 +98,9 @@ class PlannerThread:
         self._retries = retries if retries >= 0 else math.inf
         self._ignores_failures = quirks.failed_replanning_ignored
         self._status, self._make_plan = status, make_plan
+        keeps_up = rate >= parameters.controller_frequency
+        forgets = parameters.base_local_planner.endswith("TrajectoryPlannerROS")
+        self._late = _WAKING if keeps_up and forgets else 0.0
         self._due = 0.0
         self._failing_since: float | None = None
 
@@ -101,7 +113,9 @@ class PlannerThread:
         status = self._status
         if not status.planner_runs or status.goal is None or now < self._due - TIME_TOLERANCE:
             return
-        self._due = now + self._period
+        # Woken late, it begins between steps of the stack: its delays add up, not those steps.
+        begun = self._due if self._late and now - self._due < self._period else now
+        self._due = begun + self._period + self._late
         plan = self._make_plan(status.goal)
         if plan is not None and len(plan):
             self._succeed(now, plan)

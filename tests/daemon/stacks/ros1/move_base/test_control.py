@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 
 from grammars.model.geometry import Twist2
-from tests.daemon.stacks.ros1.move_base.bench import FORWARD, Bench, without
+from tests.daemon.stacks.ros1.move_base.bench import FORWARD, STEP, Bench, without
 
 
 def test_a_goal_is_planned_for_and_then_followed() -> None:
@@ -24,6 +26,19 @@ def test_plans_are_made_at_the_planner_s_frequency_from_start_to_start() -> None
     bench.run(2.0)
     assert np.diff(bench.planned) == pytest.approx(0.2)
     assert bench.controller.plans == len(bench.planned)
+
+
+def test_a_planner_as_fast_as_the_control_loop_leaves_cycles_without_a_new_plan() -> None:
+    """Jackal: TrajectoryPlannerROS forgets with every plan that it has arrived."""
+    rates = {"planner_frequency": 20.0, "controller_frequency": 20.0}
+    bench = Bench(parameters=rates)
+    bench.accept()
+    bench.run(1.5)
+    planned = [round(at / STEP) for at in bench.planned]
+    missed = sorted(set(range(1, 31)) - set(planned))
+    # Woken at 0.05 s, then every 0.06 s, seen at steps of 0.05 s: every sixth one is left out.
+    assert [b - a for a, b in pairwise(missed)] == [6] * (len(missed) - 1)
+    assert len(missed) >= 4
 
 
 def test_with_a_planner_frequency_of_zero_there_is_one_plan_per_request() -> None:
