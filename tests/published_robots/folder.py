@@ -16,6 +16,7 @@ _ROBOTS: Final = {
     "robile-hbrs": "robile-amr",
     "mir100-dwa": "mir100",
     "mir100-base": "mir100",
+    "pr2-unchanged": "pr2",
     "tiago-dwa": "tiago",
     "tiago-trajectory": "tiago",
 }

@@ -68,7 +68,7 @@ MakePlan: TypeAlias = Callable[[Pose2], Floats | None]
 
 
 _WAKING: Final = 0.01
-"""[s] How late a timer wakes the planner thread where that matters: one tick, the least there is."""
+"""[s] How late a timer wakes the planner thread where that matters: a tick, the least there is."""
 
 
 class PlannerThread:
