@@ -132,7 +132,7 @@ def _choose_amcl(
         message = f"starts {len(there)} amcl nodes: {names}"
         hint = f"one of them must be in the namespace of {move_base.name}"
         raise InputError.at(plan.where, message, hint)
-    message = "starts no amcl: it localises with amcl's defaults here"
+    message = "starts no amcl: it localises with amcl's defaults here, but for parameters/amcl"
     others = [
         f"{node.name} ({node.package}) {_LOCALISERS[node.package]}, which is not done here"
         for node in launch.nodes

@@ -183,7 +183,7 @@ def _refuse_indirection(text: str, file: str) -> None:
             raise InputError.at(
                 where,
                 "YAML aliases (*name) are not used here",
-                'write "like: <scenario>" to share what another scenario says',
+                'write it out again; a scenario shares what another says with "like: <scenario>"',
             )
         if getattr(event, "value", None) == "<<" and getattr(event, "style", None) is None:
             raise InputError.at(where, "YAML merge keys (<<) are not used here")

@@ -42,7 +42,9 @@ def outcome_of(name: str, packages: Path, folder: Path) -> Outcome:
     """Load and run one robot."""
     campaign = write_campaign(folder, name, packages)
     checked = scenario("check", campaign.name, cwd=folder)
-    complaints = [line.replace(f"{packages}/", "") for line in checked.stdout.splitlines()]
+    # Problems are told on the stream of errors.
+    told = (checked.stderr + checked.stdout).splitlines()
+    complaints = [line.replace(f"{packages}/", "") for line in told]
     if checked.returncode != 0:
         return Outcome(name, False, "", "", "\n".join(complaints))
     ran = scenario("run", campaign.name, "--json", "-o", f"traces-{name}", cwd=folder)

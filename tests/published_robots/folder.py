@@ -11,8 +11,12 @@ SUTS: Final = HERE / "suts"
 DEMO: Final = HERE.parents[1] / "campaigns" / "demo"
 _ROBOTS: Final = {
     "husky-trajectory": "husky",
+    "ridgeback-dwa": "ridgeback",
+    "robile-a2s": "robile-amr",
+    "robile-hbrs": "robile-amr",
     "mir100-dwa": "mir100",
     "mir100-base": "mir100",
+    "pr2-unchanged": "pr2",
     "tiago-dwa": "tiago",
     "tiago-trajectory": "tiago",
 }
