@@ -1,4 +1,4 @@
-"""Try every published robot and print the table of ``docs/robots.md``.
+"""Try every published robot and print the table of ``docs/ros1.md``.
 
 ``SCENARIO_REFERENCE_DATA=FOLDER python -m tests.published_robots [NAME ...]``; the packages are
 expected in FOLDER/robots. Everything is done through the command line, as a user would.
