@@ -20,7 +20,7 @@ from grammars.model.scene import Scene
 
 @pytest.fixture(scope="module")
 def submission(campaigns: Path) -> Submission:
-    return expand(load_campaign(campaigns / "demo" / "two_lasers.yaml"))
+    return expand(load_campaign(campaigns / "two_lasers" / "campaign.yaml"))
 
 
 @pytest.fixture(scope="module")

@@ -53,7 +53,7 @@ def test_the_topics_of_a_trace_are_there(server: FoxgloveServer) -> None:
 
 
 def test_each_laser_has_a_topic(campaigns: Path) -> None:
-    two = expand(load_campaign(campaigns / "demo" / "two_lasers.yaml"))
+    two = expand(load_campaign(campaigns / "two_lasers" / "campaign.yaml"))
     simulation = LiveSimulation(*demo_spec(two), speed=2.0)
     served = FoxgloveServer(simulation, port=0)
     try:

@@ -199,7 +199,7 @@ def test_what_holder_and_supervisor_left_the_next_one_ends(
     assert marked(folder.name)
     assert folder.exists()
     start().release(keep=False)
-    assert marked(folder.name) == []
+    eventually(lambda: marked(folder.name) == [])
     assert not folder.exists()
 
 
