@@ -40,8 +40,8 @@ SECTIONS: Final[Mapping[str, type[Any]]] = {
 """What layers of each type read."""
 _REFUSED: Final[Mapping[str, str]] = {
     "range_sensor_layer::RangeSensorLayer": "there are no range sensors here, only lasers",
-    "social_navigation_layers::ProxemicLayer": "nothing here says where people are, but lasers",
-    "social_navigation_layers::PassingLayer": "nothing here says where people are, but lasers",
+    "social_navigation_layers::ProxemicLayer": "no people are told of here, there are lasers only",
+    "social_navigation_layers::PassingLayer": "no people are told of here, there are lasers only",
     "frontier_exploration::BoundedExploreLayer": "it explores, and here the map is known",
     "spatio_temporal_voxel_layer/SpatioTemporalVoxelLayer": "it needs depth cameras",
 }
