@@ -5,6 +5,9 @@ BIN    := $(VENV)/bin
 INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint requirements.lock
 # Machine code is made once here (about ten seconds), not in the first campaign.
 WARM := $(BIN)/python -c 'from daemon.run import warm_up; warm_up()'
+# Each of the test processes reads every test; without bytecode of the last time that takes twice as
+# long. Some containers switch it off.
+KEEP_BYTECODE := PYTHONDONTWRITEBYTECODE=
 
 .PHONY: demo test test-ros2 test-ros2-short bench chaos lint format lock clean
 
@@ -16,7 +19,7 @@ test: $(VENV)/.installed-test     ## lint, types, import contracts and every tes
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports --no-cache
-	$(BIN)/pytest --ignore tests/ros2 --numprocesses 3 --dist loadfile
+	$(KEEP_BYTECODE) $(BIN)/pytest --ignore tests/ros2 --numprocesses 3 --dist loadfile
 
 test-ros2: $(VENV)/.installed-test ## make ROS 2 environments (about 50 s each), test against them
 	$(BIN)/python -m tests.ros2.environment jazzy kilted

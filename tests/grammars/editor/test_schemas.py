@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import json
 import re
 from collections.abc import Iterator
@@ -23,6 +24,7 @@ SCHEMAS = Path(grammars.editor.__file__).parent / "schemas"
 MODELINE = re.compile(r"# yaml-language-server: \$schema=(\S+)")
 
 
+@functools.cache
 def validator(kind: str) -> Draft202012Validator:
     schema = json.loads((SCHEMAS / f"{kind}.schema.json").read_text(encoding="utf-8"))
     Draft202012Validator.check_schema(schema)

@@ -1,0 +1,36 @@
+"""The command line in a process of its own, and a short campaign for it."""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+COMMAND = [sys.executable, "-c", "from scenario_tui.cli import main; main()"]
+
+
+def call(*arguments: str, state: Path, cwd: Path) -> subprocess.CompletedProcess[str]:
+    environ = {k: v for k, v in os.environ.items() if k != "SCENARIO_CONNECT"}
+    return subprocess.run(
+        [*COMMAND, *arguments],
+        capture_output=True,
+        text=True,
+        cwd=cwd,
+        env=environ | {"SCENARIO_STATE": str(state)},
+        timeout=240,
+    )
+
+
+def short_demo(folder: Path, campaigns: Path) -> Path:
+    """Fill a folder with the demo campaign cut down to two short runs."""
+    for part in ("demo", "robots", "suts"):
+        shutil.copytree(campaigns / part, folder / "campaigns" / part)
+    file = folder / "campaigns" / "demo" / "campaign.yaml"
+    text = file.read_text()
+    text = re.sub(r"^repeats: \d+", "repeats: 2", text, flags=re.M)
+    text = re.sub(r"^limit: [^#\n]+", "limit: 20 s ", text, flags=re.M)
+    file.write_text(text[: text.index("  busy-house:")])
+    return folder
