@@ -28,7 +28,7 @@ from grammars.text.diagnostics import Diagnostic, InputError, Severity, did_you_
 _MOVE_BASE: Final[NodeType] = ("move_base", "move_base")
 _AMCL: Final[NodeType] = ("amcl", "amcl")
 _MAP_SERVER: Final[NodeType] = ("map_server", "map_server")
-_SEARCHED_UPWARDS: Final = ("footprint", "robot_radius", "footprint_padding")
+_SEARCHED_UPWARDS: Final = ("footprint", "robot_radius")
 """What costmaps look for in every namespace above theirs (costmap_2d, footprint.cpp)."""
 _LOCALISERS: Final = {
     "cartographer_ros": "maps while it drives",
