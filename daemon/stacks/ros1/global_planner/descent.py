@@ -14,7 +14,7 @@ import numpy as np
 from daemon.model.kernels import kernel
 from daemon.stacks.kernels import Integers, Singles
 from daemon.stacks.ros1.global_planner.expansion import MARGIN
-from daemon.stacks.ros1.navfn.propagation import UNREACHED
+from daemon.stacks.ros1.navfn.propagation import UNREACHED, at_edge, interpolate_rounded
 
 HALF_CELL = np.float32(0.5)
 
@@ -52,16 +52,6 @@ def _length(x: np.float32, y: np.float32) -> np.float32:
 
 
 @kernel
-def _at_edge(potentials: Singles, n: int, columns: int) -> bool:
-    """Tell whether a cell or one of its eight neighbours was not reached."""
-    for row in range(-1, 2):
-        for column in range(-1, 2):
-            if potentials[n + row * columns + column] >= UNREACHED:
-                return True
-    return False
-
-
-@kernel
 def _lowest(potentials: Singles, n: int, columns: int) -> int:
     """Return the lowest of a cell and its eight neighbours; the lowest so far is rounded to 0."""
     best, value = n, int(potentials[n])
@@ -71,12 +61,6 @@ def _lowest(potentials: Singles, n: int, columns: int) -> int:
             if m != n and potentials[m] < value:
                 best, value = m, int(potentials[m])
     return best
-
-
-@kernel
-def _blend(a: np.float32, b: np.float32, share: np.float32) -> np.float32:
-    """Return a + share (b - a) rounded as in the original, float32."""
-    return np.float32((1.0 - np.float64(share)) * np.float64(a) + np.float64(share * b))
 
 
 @kernel
@@ -125,7 +109,7 @@ def descend_gradient(
             mark, mark_n, mark_dx, mark_dy = count, n, dx, dy
         # Half a cell at a time, every other point is reckoned from the same cells.
         if n != before:
-            before, edge = n, _at_edge(potentials, n, columns)
+            before, edge = n, at_edge(potentials, n, columns)
             if not edge:
                 ax, ay = _gradient(potentials, n, columns, size)
                 bx, by = _gradient(potentials, n + 1, columns, size)
@@ -137,8 +121,12 @@ def descend_gradient(
             if potentials[n] >= UNREACHED:
                 return 0
             continue
-        x = _blend(_blend(ax, bx, dx), _blend(cx, ex, dx), dy)
-        y = _blend(_blend(ay, by, dx), _blend(cy, ey, dx), dy)
+        x = interpolate_rounded(
+            interpolate_rounded(ax, bx, dx), interpolate_rounded(cx, ex, dx), dy
+        )
+        y = interpolate_rounded(
+            interpolate_rounded(ay, by, dx), interpolate_rounded(cy, ey, dx), dy
+        )
         if x == np.float32(0.0) and y == np.float32(0.0):
             return 0
         scale = HALF_CELL / _length(x, y)

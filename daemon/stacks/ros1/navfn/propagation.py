@@ -233,7 +233,7 @@ def _lowest(potentials: Singles, n: int, columns: int) -> int:
 
 
 @kernel
-def _interpolate_rounded(a: np.float32, b: np.float32, share: np.float32) -> np.float32:
+def interpolate_rounded(a: np.float32, b: np.float32, share: np.float32) -> np.float32:
     """Return a + share (b - a) rounded as in the original, float32."""
     return np.float32((1.0 - np.float64(share)) * np.float64(a) + np.float64(share * b))
 
@@ -280,11 +280,11 @@ def descend_gradient(
             n = _lowest(potentials, n, columns)
             dx, dy = np.float32(0.0), np.float32(0.0)
             continue
-        x = _interpolate_rounded(
-            _interpolate_rounded(ax, bx, dx), _interpolate_rounded(cx, ex, dx), dy
+        x = interpolate_rounded(
+            interpolate_rounded(ax, bx, dx), interpolate_rounded(cx, ex, dx), dy
         )
-        y = _interpolate_rounded(
-            _interpolate_rounded(ay, by, dx), _interpolate_rounded(cy, ey, dx), dy
+        y = interpolate_rounded(
+            interpolate_rounded(ay, by, dx), interpolate_rounded(cy, ey, dx), dy
         )
         if x == np.float32(0.0) and y == np.float32(0.0):
             return 0
