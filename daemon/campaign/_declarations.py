@@ -10,8 +10,10 @@ from pathlib import Path
 from typing import Final
 
 from daemon.campaign._file import CampaignFile, ExpectText, ResolvedScenario, repeat_policy
+from daemon.campaign._references import KnownQuantities, read_references
 from daemon.model.assessments import (
     DELAY,
+    DURATION,
     AssessmentRules,
     Expectation,
     RegressionGate,
@@ -75,14 +77,30 @@ def read_declarations(scope: DeclarationScope) -> tuple[AssessmentRules, list[Di
                 f"{Path(where.file).name}:{where.line}",
             )
         )
+    known = _known_quantities(comparisons, scope)
+    references, wrong = read_references(scope.text.reference, scope.document, known)
     gate = scope.text.gate
     declared = AssessmentRules(
         repeat_policy(scope.text.repeats),
         tuple(comparisons),
         tuple(expectations),
         RegressionGate(gate.baseline, gate.worse_by) if gate else None,
+        references,
     )
-    return declared, problems
+    return declared, problems + wrong
+
+
+def _known_quantities(
+    comparisons: Sequence[ScenarioComparison], scope: DeclarationScope
+) -> KnownQuantities:
+    units = {name: _measure_unit(o) if o.is_measure else None for name, o in scope.oracles.items()}
+    # Every run has a duration, whether an oracle of that name measures it or not.
+    return KnownQuantities(
+        {name: (*scope.judged_by(name), DURATION) for name in scope.scenarios},
+        {name: scope.suts_of(name) for name in scope.scenarios},
+        {DURATION: "s"} | units,
+        {comparison.name: comparison.unit for comparison in comparisons},
+    )
 
 
 @dataclass(frozen=True, slots=True)
@@ -196,6 +214,10 @@ def _unit(quantity: str, where: Where, scenarios: tuple[str, str], scope: Declar
         if quantity not in scope.judged_by(scenario):
             hint = f"add it to the oracles of {scenario}"
             raise InputError(Diagnostic(where, f'"{scenario}" does not measure {quantity}', hint))
+    return _measure_unit(oracle)
+
+
+def _measure_unit(oracle: Oracle) -> str:
     match oracle.judgement:
         case Amount(operator=operator):
             return "s" if operator in ("time", "longest") else "1"

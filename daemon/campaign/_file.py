@@ -14,6 +14,7 @@ from typing import Annotated, Any, Final, Literal, TypeAlias
 
 from pydantic import AfterValidator, BeforeValidator, ConfigDict, Field, model_validator
 
+from daemon.campaign._references import ReferenceText
 from daemon.model.assessments import PolicyRule, RepeatPolicy
 from daemon.model.spec import MapSettings
 from grammars.text.diagnostics import Diagnostic, InputError, Where, did_you_mean
@@ -266,6 +267,11 @@ class CampaignFile(StrictModel):
     "on leg NAME" inside for one leg only; a measure's name instead of delay compares that."""
     expect: list[ExpectText] = Field(default_factory=list)
     """What is known to be otherwise than passing, and why; all else must pass."""
+    reference: dict[Annotated[str, Field(pattern=_NAME)], ReferenceText] = Field(
+        default_factory=dict
+    )
+    """What somebody else found of the same, by a short name such as paper: marks in the figures
+    of the report and a column in its tables. No verdict follows from it."""
     gate: GateText | None = None
     """Results that must not get worse than those of another campaign."""
 
