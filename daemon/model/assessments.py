@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import operator
 from dataclasses import dataclass
-from typing import Final, Literal, TypeAlias
+from typing import Annotated, Final, Literal, TypeAlias
+
+from pydantic import Field
 
 from daemon.model.spec import Timing
 from daemon.model.verdicts import Outcome, Verdict
@@ -101,8 +104,8 @@ class RegressionGate:
 class ReferenceValue:
     """What somebody else found of the same, shown beside what is found here; it judges nothing.
 
-    ``name`` is short (``paper``), ``source`` says whose it is. ``scenario`` and ``suts`` are patterns
-    as in an :class:`Expectation`; ``scenario`` is empty when ``oracle`` names a comparison.
+    ``name`` is short (``paper``), ``source`` says whose it is. ``scenario`` and ``suts`` are as in
+    an :class:`Expectation`; ``scenario`` is empty when ``oracle`` names a comparison.
     ``statistic`` is what the source made of its runs: of a measure or comparison ``value`` [SI unit
     ``unit``], perhaps with the standard ``deviation`` of its runs and a range, ``low`` to ``high``;
     of an oracle with a limit the ``rate`` that passed. ``runs`` is how many there were, ``None``
@@ -134,7 +137,8 @@ class AssessmentRules:
     comparisons: tuple[ScenarioComparison, ...] = ()
     expectations: tuple[Expectation, ...] = ()
     gate: RegressionGate | None = None
-    references: tuple[ReferenceValue, ...] = ()
+    # Not written where there are none: campaigns without keep their identifiers.
+    references: Annotated[tuple[ReferenceValue, ...], Field(exclude_if=operator.not_)] = ()
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Final
 
 import typer
 
+from daemon.model.assessments import ReferenceComparison
 from scenario_tui.cli import completion
 from scenario_tui.cli.exit_codes import ExitCode
 from scenario_tui.cli.options import AsJson, Connect, Processes, State
@@ -28,13 +29,17 @@ _RUN_COMMANDS: Final = (
 
 
 class ReportOutput(Output, schema="report"):
-    """What a campaign comes to, and the files ``written`` about it by their kind."""
+    """What a campaign comes to, and the files ``written`` about it by their kind.
+
+    ``references`` are what others found of the same beside what was found here.
+    """
 
     campaign: str
     runs: int
     answer: str
     exit_code: int
     written: dict[str, str]
+    references: tuple[ReferenceComparison, ...] = ()
 
 
 class PictureOutput(Output, schema="picture"):
@@ -190,6 +195,7 @@ def _run_commands() -> tuple[SuggestedCommand, ...]:
 
 def _print_written(material: ReportData, written: dict[str, Path], *, as_json: bool) -> None:
     from daemon.analysis.report import headline
+    from daemon.judging.assessment import reference_comparisons
 
     said = headline(material.assessment, material.runs)
     if as_json:
@@ -199,6 +205,7 @@ def _print_written(material: ReportData, written: dict[str, Path], *, as_json: b
             f"{said.word}. {said.sentence}",
             material.assessment.exit_code,
             {kind: str(path) for kind, path in written.items()},
+            reference_comparisons(material.input.declared.references, material.assessment),
         ).emit()
         return
     console = stdout_console()
