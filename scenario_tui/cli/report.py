@@ -11,7 +11,7 @@ import typer
 
 from daemon.model.assessments import ReferenceComparison
 from scenario_tui.cli import completion
-from scenario_tui.cli.exit_codes import ExitCode
+from scenario_tui.cli.exit_codes import ExitCode, wrong_usage
 from scenario_tui.cli.options import AsJson, Connect, Processes, State
 from scenario_tui.cli.output import Output, stdout_console, track_progress
 
@@ -92,6 +92,16 @@ def report(
             autocompletion=completion.runs_or_traces,
         ),
     ] = "",
+    since: Annotated[
+        float | None,
+        typer.Option(
+            "--from", metavar="SECONDS", help="With --run: draw the run closely, from here on."
+        ),
+    ] = None,
+    until: Annotated[
+        float | None,
+        typer.Option("--until", metavar="SECONDS", help="With --run: the same, up to here."),
+    ] = None,
     exit_status: Annotated[
         bool,
         typer.Option("--exit-status", help="Leave with the code of the verdicts, 1 for a failure."),
@@ -113,8 +123,10 @@ def report(
 
     target = DaemonTarget(connect, state)
     if run:
-        _draw_run(run, campaign, output, target, as_json=as_json)
+        _draw_run(run, campaign, output, target, (since, until), as_json=as_json)
         return
+    if since is not None or until is not None:
+        raise typer.BadParameter("goes with --run only", param_hint="--from, --until")
     tables = {"junit": junit, "csv": csv, "parquet": parquet}
     # Who asks for tables only gets no page besides.
     page = output or (None if any(tables.values()) else _DEFAULT_PAGE)
@@ -220,7 +232,13 @@ def _print_written(material: ReportData, written: dict[str, Path], *, as_json: b
 
 
 def _draw_run(
-    run: str, campaign: str, output: Path | None, target: DaemonTarget, *, as_json: bool
+    run: str,
+    campaign: str,
+    output: Path | None,
+    target: DaemonTarget,
+    part: tuple[float | None, float | None],
+    *,
+    as_json: bool,
 ) -> None:
     from daemon.analysis.report import draw_run
     from scenario_tui.cli.target import one_trace
@@ -231,5 +249,6 @@ def _draw_run(
     if path.suffix not in (".svg", ".png"):
         raise typer.BadParameter(f"{path} must end in .svg or .png", param_hint="--output")
     trace = one_trace(run, target, "--run")
-    draw_run(trace, path)
+    with wrong_usage("--from, --until"):
+        draw_run(trace, path, since=part[0], until=part[1])
     PictureOutput(str(trace), str(path)).show(as_json)
