@@ -234,6 +234,7 @@ class SignalSampler:
             "mission.leg": lambda: self._leg() + 1.0,
             "mission.leg.elapsed": self._leg_elapsed,
             "mission.reached": self._reached,
+            "mission.remaining": self._remaining,
             "mission.distance": self._distance_to_go,
         }
         return SignalSeries(plain[name]())
@@ -299,6 +300,9 @@ class SignalSampler:
 
     def _reached(self) -> Floats:
         return self._progress([float(p.reached) for p in self.trace.progress])
+
+    def _remaining(self) -> Floats:
+        return float(len(self.trace.spec.mission.waypoints)) - self._reached()
 
     def _distance_to_go(self) -> Floats:
         waypoints = self.trace.spec.mission.waypoints
