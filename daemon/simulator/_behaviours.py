@@ -384,6 +384,7 @@ def _check_times(behaviour: KeyFrames | Trigger | Reaction) -> None:
         # Not ``<``: a time that is nan never comes.
         if not all(0.0 <= frame.time < math.inf for frame in behaviour.frames):
             raise ValueError(f"joint {behaviour.joint!r} has a key frame before 0 s, or never")
+        return
     if not isinstance(behaviour, Trigger):
         return
     if behaviour.rearm is not None and behaviour.rearm <= behaviour.distance:

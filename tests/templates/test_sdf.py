@@ -1,6 +1,5 @@
 from __future__ import annotations
 
-import json
 import os
 import shutil
 import subprocess
@@ -116,17 +115,6 @@ def test_a_free_door_starts_where_the_scene_has_it(tmp_path: Path) -> None:
     assert "gz::TimedJointStateChangePlugin" in names
     write_keyframes(job(tmp_path))
     assert '{"position": 0.3, "time": 0.0}' in (tmp_path / "keyframes/other.json").read_text()
-
-
-def test_key_frames_are_written_in_the_order_they_are_played_in(tmp_path: Path) -> None:
-    frames = (KeyFrame(10.0, 0.0), KeyFrame(7.0, 1.0), KeyFrame(98.0, 0.5))
-    draw = BehaviourDraw("", (KeyFrames("slider.rail", frames, Jump()),))
-    write_keyframes(job(tmp_path, "errand", draw))
-    written = json.loads((tmp_path / "keyframes/era/slider.json").read_text())["keyframes"]
-    # The first one is where the scene has the joint: simulators start all joints at zero.
-    assert [(f["time"], f["pose"]) for f in written] == [
-        (0.0, 0.25), (10.0, 0.0), (7.0, 1.0), (98.0, 0.5)
-    ]  # fmt: skip
 
 
 def test_every_draw_of_behaviours_has_its_world_and_files(tmp_path: Path) -> None:

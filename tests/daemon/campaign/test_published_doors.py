@@ -1,4 +1,4 @@
-"""The doors of the published worlds: every scenario of the experiment has those of its own world."""
+"""Every scenario of the published experiment has the doors of its own published world."""
 
 from __future__ import annotations
 
@@ -114,9 +114,7 @@ def test_only_two_doors_tell_an_adversarial_scenario_from_its_static_sibling(
 def test_key_frames_are_those_of_the_publication_in_their_order(published: Campaign) -> None:
     doors = told(published, "S2")
     frames = {name: b.frames for name, b in doors.items() if isinstance(b, KeyFrames)}
-    assert [name for name in frames if len(frames[name]) > 1] == [
-        f"door_{n}" for n in range(1, 11)
-    ]
+    assert [name for name in frames if len(frames[name]) > 1] == [f"door_{n}" for n in range(1, 11)]
     assert {f[0] for name, f in frames.items() if name != "door_11"} == {KeyFrame(10.0, 0.0)}
     assert frames["door_2"][:3] == (KeyFrame(10.0, 0.0), KeyFrame(7.0, 1.0), KeyFrame(98.0, 1.7))
     assert [len(frames[f"door_{n}"]) for n in range(1, 12)] == [
