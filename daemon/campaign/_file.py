@@ -203,8 +203,9 @@ class _ScenarioText(StrictModel):
     """Another scenario of this file: this one is the same except for what is written here."""
     abstract: bool = False
     """Never run itself, only for others to be like."""
-    floorplan: str | None = None
-    """A floor plan: NAME.fpm beside this file or in floorplans/."""
+    floorplan: LayerName | None = None
+    """A floor plan: NAME.fpm beside this file or in floorplans/. NAME: {variable: value} gives
+    variables of the plan other values."""
     objects: _Names | None = None
     """Scenery layers with object models and their places: NAME.scenery here or in scenery/."""
     behaviours: _References | None = None
@@ -401,7 +402,10 @@ def _overlay(
     base: ResolvedScenario, scenario: _ScenarioText, document: YamlDocument, path: tuple[str, ...]
 ) -> ResolvedScenario:
     changes: dict[str, Any] = {}
-    for slot in ("floorplan", "mission", "robot"):
+    if scenario.floorplan is not None:
+        where = document.where((*path, "floorplan"))
+        changes["floorplan"] = _reference(scenario.floorplan, where)
+    for slot in ("mission", "robot"):
         value = getattr(scenario, slot)
         if value is not None:
             changes[slot] = LayerReference(value, {}, document.where((*path, slot)))
@@ -426,18 +430,19 @@ def _overlay(
 def _references(
     values: list[str] | list[LayerName], path: tuple[str, ...], document: YamlDocument
 ) -> tuple[LayerReference, ...]:
-    references = []
-    for index, value in enumerate(values):
-        where = document.where((*path, index))
-        if isinstance(value, str):
-            references.append(LayerReference(value, {}, where))
-            continue
-        if len(value) != 1:
-            hint = "write one list item per layer"
-            raise InputError(Diagnostic(where, "expected one layer with its overrides", hint))
-        ((name, overrides),) = value.items()
-        references.append(LayerReference(name, overrides, where))
-    return tuple(references)
+    return tuple(
+        _reference(value, document.where((*path, index))) for index, value in enumerate(values)
+    )
+
+
+def _reference(value: LayerName, where: Where) -> LayerReference:
+    if isinstance(value, str):
+        return LayerReference(value, {}, where)
+    if len(value) != 1:
+        hint = "write one list item per layer"
+        raise InputError(Diagnostic(where, "expected one layer with its overrides", hint))
+    ((name, overrides),) = value.items()
+    return LayerReference(name, overrides, where)
 
 
 _REQUIRED: Final = {

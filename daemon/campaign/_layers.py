@@ -8,7 +8,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any, Final, TypeVar
 
-from daemon.campaign._file import LayerReference, PlanVariation
+from daemon.campaign._file import LayerReference, Overrides, PlanVariation
 from daemon.campaign._sut_files import LoadedSut, load_sut
 from daemon.model.spec import SutReference
 from daemon.stacks.registry import check_parameters, sut_kinds
@@ -19,7 +19,7 @@ from grammars.model.mission import Mission
 from grammars.model.robot import Robot
 from grammars.oracle import Oracle, load_oracles
 from grammars.scenery import SceneryLayer, load_scenery
-from grammars.text.diagnostics import Diagnostic, InputError, Severity, did_you_mean
+from grammars.text.diagnostics import Diagnostic, InputError, Severity, Where, did_you_mean
 from grammars.text.documents import YamlDocument
 from grammars.variation import floorplan_variants
 
@@ -94,7 +94,11 @@ class LayerLibrary:
     def floorplan(self, reference: LayerReference) -> FloorPlan:
         """Load a floor plan; its warnings are kept once."""
         path = find_layer(self.folder, reference, FLOORPLAN)
-        return self._once("floor plan", path, self._load_floorplan)
+        values = reference.overrides
+        if not values:
+            return self._once("floor plan", path, self._load_floorplan)
+        load = partial(self._load_floorplan, values=values, where=reference.where)
+        return self._once(f"floor plan {values}", path, load)
 
     def variants(self, vary: PlanVariation, radius: float) -> tuple[tuple[str, FloorPlan], ...]:
         """Draw the variants of a floor plan that a robot of ``radius`` [m] can drive through."""
@@ -142,9 +146,16 @@ class LayerLibrary:
         """Load a SUT file and all it stands on; its warnings are kept once."""
         return self._once("sut file", path, self._load_sut)
 
-    def _load_floorplan(self, path: Path) -> FloorPlan:
-        load = load_floorplan_jsonld if path.suffix == ".jsonld" else load_floorplan
-        plan = load(path)
+    def _load_floorplan(
+        self, path: Path, values: Overrides | None = None, where: Where | None = None
+    ) -> FloorPlan:
+        if path.suffix != ".jsonld":
+            plan = load_floorplan(path, values, where)
+        elif values:
+            message = f"{path.name} has no variables, and so none to give another value"
+            raise InputError(Diagnostic(where or Where(str(path)), message, "use a plan in .fpm"))
+        else:
+            plan = load_floorplan_jsonld(path)
         self.warnings.extend(plan.warnings)
         return plan
 

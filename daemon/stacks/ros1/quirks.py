@@ -23,6 +23,10 @@ class Quirks:
     amcl_half_cell_shift: bool = True
     """AMCL looks its likelihood field up half a cell off, a bias of 2.5 cm in x and y (amcl
     map_t: ``MAP_GXWX`` rounds about an origin in the middle of the map)."""
+    amcl_brushfire_distances: bool = True
+    """AMCL's distances to obstacles spread cell by cell: the first obstacle to reach a cell counts,
+    also when another one is nearer, and on a map of 5 cm they end one cell before
+    ``laser_likelihood_max_dist`` (amcl ``map_update_cspace``)."""
     delayed_map_to_odom: bool = True
     """The correction map->odom is stamped ``transform_tolerance`` ahead, so poses looked up at a
     sensor's stamp use the correction of that much earlier (amcl_node)."""

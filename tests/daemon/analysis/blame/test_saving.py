@@ -42,7 +42,7 @@ tom walks along (-1.8 m, -0.9 m), (-1.8 m, 0.9 m), (-0.4 m, 0.9 m) of living_roo
 """
 CLOCK = """
 bedroom_door toggles between closed and open after uniform 3 s to 9 s, from 1 s
-kitchen_door moves to closed at 0 s, to open at 8.3 s, by spring of 0.5 N m/rad
+kitchen_door moves to closed at 9 s, to open at 8.3 s, as listed, by spring of 0.5 N m/rad
 living_room_door stays at 1.1 m
 visitor walks along (6.6 m, 0 m), (1.6 m, 0 m), once, when bedroom_door starts to move
 """
