@@ -1,8 +1,9 @@
 """The tables of ``docs/ortega2024.md``, made from a finished campaign.
 
 ``python -m tests.ortega2024 RESULTS`` prints them; with ``--write`` they take the place of those in
-the page, between its markers. RESULTS is a folder as `scenario run` leaves it, or a campaign of the
-state directory (``--state``) by its name; several are one campaign with the runs of all of them.
+the page, between its markers, and its two pictures are drawn again. RESULTS is a folder as
+`scenario run` leaves it, or a campaign of the state directory (``--state``) by its name; several are
+one campaign with the runs of all of them.
 
 Intervals are 95 %: exact (Clopper, Pearson) of counts, Student's t of means. A run counts as
 finished when the robot says so and has been where it was to go; times are of those.
@@ -20,6 +21,7 @@ from typing import Final
 from daemon.analysis.report import (
     ReportInput,
     ReportRun,
+    draw_run,
     folder_input,
     ledger_input,
     open_ledger,
@@ -28,7 +30,14 @@ from daemon.analysis.report import (
 from daemon.batch.paths import StatePaths
 from daemon.judging.assessment import assess, mission_completed, reference_comparisons
 from daemon.judging.statistics import mean_difference, mean_interval, proportion_interval
-from daemon.model.assessments import Assessment, ReferenceComparison, ReferenceValue
+from daemon.model.assessments import (
+    Assessment,
+    ReferenceComparison,
+    ReferenceValue,
+    RunRecord,
+)
+from daemon.model.verdicts import Outcome, Verdict
+from daemon.trace import read_trace
 from scenario_tui.cli.target import find_campaign
 
 PAGE: Final = Path(__file__).parents[1] / "docs" / "ortega2024.md"
@@ -36,6 +45,10 @@ _BLOCK: Final = re.compile(
     r"(<!-- table (?P<name>[a-z-]+)[^>]*-->\n).*?(<!-- end of table -->)", re.DOTALL
 )
 NOTHING: Final = "–"
+DANCE: Final = PAGE.with_name("dance.svg")
+ABORT: Final = PAGE.with_name("abort.svg")
+_INTO_DANCE, _DANCE_SHOWN, _ABORT_SHOWN = 60.0, 12.0, 30.0
+"""Seconds after the robot came to its goal, of the dance, and before an abort."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -216,9 +229,10 @@ def _delay_text(shut: Cell, still: Cell) -> str:
     return f"{number(found.mean, 1)} ({low} to {high}), n={found.n}"
 
 
-def page_tables(results: Sequence[str], state: Path | None) -> dict[str, str]:
+def page_tables(
+    cells: Sequence[Cell], assessment: Assessment, chosen: ReportInput
+) -> dict[str, str]:
     """Return the tables of the page by name."""
-    cells, assessment, chosen = read_cells(results, state)
     compared = reference_comparisons(chosen.declared.references, assessment)
     of_s1 = [found for found in compared if found.scenario == "S1"]
     pairs = [(c.name, c.left, c.right) for c in chosen.declared.comparisons]
@@ -246,18 +260,46 @@ def page_with(page: str, tables: dict[str, str]) -> str:
     return _BLOCK.sub(lambda found: found[1] + tables[found["name"]] + found[3], page)
 
 
+def draw_pictures(cells: Iterable[Cell]) -> Iterator[str]:
+    """Draw the longest dance at a goal and the first abort of S3.6; say what was drawn."""
+    records = [run.record for cell in cells for run in cell.runs if run.record.trace is not None]
+    dances = [(v.evidence.value or 0.0, r, v) for r in records if (v := _failed(r, "settled"))]
+    if dances:
+        lasted, record, verdict = max(dances, key=lambda found: found[0])
+        since = (verdict.evidence.time or 0.0) + _INTO_DANCE
+        draw_run(Path(str(record.trace)), DANCE, since=since, until=since + _DANCE_SHOWN)
+        yield f"{DANCE.name}: {record.scenario} {record.sut} {record.repeat}, {lasted:.0f} s"
+    aborts = []
+    for record in records:
+        if record.scenario == "S3.6" and record.ended == "finished" and _failed(record, "arrived"):
+            trace = read_trace(Path(str(record.trace)))
+            aborts.append((trace.valid_until, record, trace.progress[-2:][0].time))
+    if aborts:
+        end, record, leg = min(aborts, key=lambda found: found[0])
+        draw_run(Path(str(record.trace)), ABORT, since=max(leg, end - _ABORT_SHOWN))
+        yield f"{ABORT.name}: {record.scenario} {record.sut} {record.repeat}, at {end:.0f} s"
+
+
+def _failed(record: RunRecord, oracle: str) -> Verdict | None:
+    verdict = record.verdict(oracle)
+    return verdict if verdict is not None and verdict.outcome is Outcome.FAIL else None
+
+
 def main() -> None:
     """Print the tables, or write them into the page."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("results", nargs="+", help="a folder of traces, or a campaign by name")
     parser.add_argument("--state", type=Path, default=None, help="state directory of a campaign")
-    parser.add_argument("--write", action="store_true", help="write them into the page")
+    parser.add_argument("--write", action="store_true", help="write them and the pictures")
     options = parser.parse_args()
-    tables = page_tables(options.results, options.state)
+    cells, assessment, chosen = read_cells(options.results, options.state)
+    tables = page_tables(cells, assessment, chosen)
     for name, text in tables.items():
         print(f"{name}:\n\n{text}")
     if options.write:
         PAGE.write_text(page_with(PAGE.read_text("utf-8"), tables), encoding="utf-8")
+        for drawn in draw_pictures(cells):
+            print(drawn)
 
 
 if __name__ == "__main__":

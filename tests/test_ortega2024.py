@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from tests.daemon.analysis.report.recordings import REPEATS, SHUT, SUTS, record, spec
-from tests.ortega2024 import PAGE, count_text, mean_text, number, page_tables, page_with
+from tests.ortega2024 import PAGE, count_text, mean_text, number, page_tables, page_with, read_cells
 
 
 @pytest.fixture(scope="module")
@@ -23,12 +23,12 @@ def folders(tmp_path_factory: pytest.TempPathFactory) -> tuple[str, str]:
 
 def test_every_marker_of_the_page_has_a_table(folders: tuple[str, str]) -> None:
     names = re.findall(r"<!-- table ([a-z-]+)", PAGE.read_text("utf-8"))
-    assert set(names) <= set(page_tables(folders[:1], None))
+    assert set(names) <= set(page_tables(*read_cells(folders[:1], None)))
     assert len(names) == len(set(names)) == PAGE.read_text("utf-8").count("<!-- end of table -->")
 
 
 def test_folders_are_one_campaign_and_a_repeat_counts_once(folders: tuple[str, str]) -> None:
-    _, _, row = page_tables(folders, None)["cells"].splitlines()
+    _, _, row = page_tables(*read_cells(folders, None))["cells"].splitlines()
     columns = [column.strip() for column in row.split("|")[1:-1]]
     # The mission of the recordings is one waypoint that nobody reports; they end, and it is passed.
     assert columns[1:4] == [

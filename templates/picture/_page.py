@@ -33,6 +33,8 @@ HEAD: Final = 92.0
 FOOT: Final = 76.0
 _NARROWEST: Final = 720.0
 _LARGEST_SCALE: Final = 120.0
+_LYING: Final = 1.35
+"""Least width of a page that shows a part of the map, in its heights."""
 CUT: Final = 1.2
 """Height of the horizontal cut a plan shows [m], as architects draw it."""
 
@@ -87,8 +89,8 @@ def page_around(points: tuple[Point2, ...], beside: float) -> Page:
     xs, ys = [p[0] for p in points], [p[1] for p in points]
     west, south = min(xs) - beside, min(ys) - beside
     wide, high = max(xs) + beside - west, max(ys) + beside - south
-    # As wide as high at least: a page for one door that a robot drives straight through is no line.
-    wide = max(wide, high)
+    # Lying, also where a robot drives straight up: a screen is, and so is a page of text.
+    wide = max(wide, _LYING * high)
     scale = (LONGEST - 2 * MARGIN) / wide
     height = high * scale + HEAD + FOOT
     west -= (wide - (max(xs) + beside - west)) / 2.0
