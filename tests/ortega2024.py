@@ -2,8 +2,8 @@
 
 ``python -m tests.ortega2024 RESULTS`` prints them; with ``--write`` they take the place of those in
 the page, between its markers, and its two pictures are drawn again. RESULTS is a folder as
-`scenario run` leaves it, or a campaign of the state directory (``--state``) by its name; several are
-one campaign with the runs of all of them.
+`scenario run` leaves it, or a campaign of the state directory (``--state``) by its name; several
+are one campaign with the runs of all of them.
 
 Intervals are 95 %: exact (Clopper, Pearson) of counts, Student's t of means. A run counts as
 finished when the robot says so and has been where it was to go; times are of those.
