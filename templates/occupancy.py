@@ -2,8 +2,8 @@
 
 ``outline`` draws as the published tool for floor plans does, and is the default. Every corner is
 put into the cell it lies in, and what lies in or on the polygon through these cells is filled
-(:mod:`templates.polygon_cells`). Painted in this order: spaces are *free*, solids *occupied*,
-doorways *free* and solids that stand in a doorway *occupied*.
+(:mod:`templates.polygon_cells`). Painted in this order: spaces are *free*, solids *occupied* (walls
+as if they had no doorways), doorways *free* and solids that stand in a doorway *occupied*.
 
 ``touch`` and ``centre`` paint spaces and doorways free where they hold the centre of a cell, then
 the solids: ``touch`` takes each cell that a solid overlaps, however little, so that a scan that
@@ -25,7 +25,6 @@ from typing import Final
 
 import numpy as np
 import numpy.typing as npt
-import shapely
 
 from grammars.model.geometry import Floats, Ring
 from grammars.model.grid import FREE, OCCUPIED, UNKNOWN, MapRule, OccupancyGrid
@@ -33,6 +32,7 @@ from grammars.model.kinematics import placed_links
 from grammars.model.movers import is_mover
 from grammars.model.scene import Scene
 from grammars.text.diagnostics import did_you_mean
+from templates.outline_parts import standing_in, whole_solids, widened
 from templates.polygon_cells import (
     NOISE,
     CellsOf,
@@ -42,9 +42,6 @@ from templates.polygon_cells import (
     outline_of_convex,
     painted,
 )
-
-_STANDS_IN: Final = 1e-6
-"""A solid stands in a doorway when it covers more of it than this [m²]: less is rounding."""
 
 # A corner is moved by less than a cell and an edge drawn half a cell beside its line, so no cell
 # that a doorway takes from the walls lies further from their true end, which the leaf reaches.
@@ -77,7 +74,7 @@ def occupancy_grid(
     # Both ends count, unlike in pictures (grammars.model.kinematics): what only touches the
     # plane of the laser overlaps it, however little.
     solids = [s.polygon for s in scene.solids if s.z_min <= laser_height <= s.z_max]
-    doorways = [d.footprint for d in scene.doorways if d.z_min <= laser_height <= d.z_max]
+    doorways = [d for d in scene.doorways if d.z_min <= laser_height <= d.z_max]
     objects = [] if joints is None else _object_polygons(scene, laser_height, joints)
     origin, shape = _extent(scene, resolution, margin)
 
@@ -87,13 +84,15 @@ def occupancy_grid(
     cells: npt.NDArray[np.int8] = np.full(shape, UNKNOWN, dtype=np.int8)
     if rule == "outline":
         cells[taken(outline_filled, spaces)] = FREE
-        cells[taken(outline_of_convex, solids)] = OCCUPIED
-        cells[taken(outline_of_convex, doorways)] = FREE
-        cells[taken(outline_of_convex, _standing_in(doorways, solids))] = OCCUPIED
-        leaves = taken(cells_overlapped, objects)
-        cells[leaves | (_grown(leaves, _BESIDE) & taken(cells_overlapped, solids))] = OCCUPIED
+        whole = whole_solids(scene.solids, doorways, laser_height)
+        cells[taken(outline_of_convex, whole)] = OCCUPIED
+        cells[taken(outline_of_convex, [widened(d, resolution) for d in doorways])] = FREE
+        cells[taken(outline_of_convex, standing_in(doorways, solids))] = OCCUPIED
+        if objects:
+            leaves = taken(cells_overlapped, objects)
+            cells[leaves | (_grown(leaves, _BESIDE) & taken(cells_overlapped, solids))] = OCCUPIED
     else:
-        cells[taken(centres_inside, spaces + doorways)] = FREE
+        cells[taken(centres_inside, spaces + [d.footprint for d in doorways])] = FREE
         drawn = cells_overlapped if rule == "touch" else centres_inside
         cells[taken(drawn, solids + objects)] = OCCUPIED
     return OccupancyGrid(resolution, float(origin[0]), float(origin[1]), cells)
@@ -121,17 +120,8 @@ def _corners(rings: Sequence[Ring]) -> Floats:
     return np.array([corner for ring in rings for corner in ring])
 
 
-def _standing_in(doorways: Sequence[Ring], solids: Sequence[Ring]) -> list[Ring]:
-    """Return the solids that truly stand in a doorway: a column, a wall that was not cut."""
-    passages = shapely.unary_union([shapely.Polygon(ring) for ring in doorways])
-    covered = (shapely.area(passages & shapely.Polygon(ring)) for ring in solids)
-    return [ring for ring, area in zip(solids, covered, strict=True) if area > _STANDS_IN]
-
-
 def _grown(cells: npt.NDArray[np.bool_], steps: int) -> npt.NDArray[np.bool_]:
     """Return the cells that are at most ``steps`` away from one of ``cells``, diagonals too."""
-    if not cells.any():
-        return cells
     rows, columns = cells.shape
     near = np.pad(cells, steps)
     shifts = range(2 * steps + 1)

@@ -141,17 +141,17 @@ def _nearest(left: Floats, right: Floats) -> tuple[Floats, Floats]:
 
 
 def painted(parts: Iterable[Spans], shape: tuple[int, int]) -> npt.NDArray[np.bool_]:
-    """Return which cells lie in any span: runs are opened and closed, then summed along rows."""
+    """Return which cells of a grid of ``shape`` (rows, columns) lie in any span."""
     rows, columns = shape
-    change = np.zeros((rows, columns + 1), dtype=np.int32)
-    for part in parts:
-        row, first, last = part[(part[:, 0] >= 0) & (part[:, 0] < rows)].T
-        first, last = np.maximum(first, 0), np.minimum(last, columns - 1)
-        seen = first <= last
-        np.add.at(change, (row[seen], first[seen]), 1)
-        np.add.at(change, (row[seen], last[seen] + 1), -1)
-    inside: npt.NDArray[np.bool_] = change.cumsum(axis=1, dtype=np.int32)[:, :-1] > 0
-    return inside
+    inside = np.zeros(rows * columns, dtype=np.bool_)
+    spans = np.concatenate([np.zeros((0, 3), dtype=np.intp), *parts])
+    row, first, last = spans[(spans[:, 0] >= 0) & (spans[:, 0] < rows)].T
+    first, last = np.maximum(first, 0), np.minimum(last, columns - 1)
+    length = np.maximum(last - first + 1, 0)
+    # The cells of all runs one after the other: each counts on from where its own run begins.
+    done = np.cumsum(length) - length
+    inside[np.arange(length.sum()) + np.repeat(row * columns + first - done, length)] = True
+    return inside.reshape(shape)
 
 
 def _rows(y: Floats) -> tuple[int, int]:

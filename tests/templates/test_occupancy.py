@@ -7,6 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import numpy.typing as npt
 import pytest
 import shapely
 from hypothesis import given, settings
@@ -179,6 +180,40 @@ def test_a_shut_door_closes_its_doorway_without_a_gap(
     drawn = occupancy_grid(scene, rule=rule, joints={}, **keywords)
     assert at(drawn, here) == at(drawn, there) == FREE
     assert not flooded(drawn, here)[cell(drawn, there)]
+
+
+@pytest.mark.parametrize("yaw", [0.0, math.radians(35), -1.0, 2.5])
+def test_a_wall_is_drawn_as_if_it_had_no_doorways(yaw: float) -> None:
+    def drawn(*pieces: tuple[Ring, float, float], doorways: int) -> npt.NDArray[np.bool_]:
+        scene = Scene(
+            "wall",
+            (Region("hall", box(-3.0, -3.0, 3.0, 3.0)),),
+            (Doorway("d", pose, pose.apply_ring(opening), 1.0, 0.0, 2.0),)[:doorways],
+            tuple(wall(pose.apply_ring(r), low, high) for r, low, high in pieces),
+        )
+        return occupancy_grid(scene, laser_height=0.3).cells == OCCUPIED
+
+    pose = Pose2(0.317, -0.123, yaw)
+    opening = box(-0.5, -0.1, 0.5, 0.1)
+    sides = [(box(-2.0, -0.1, -0.5, 0.1), 0.0, 2.5), (box(0.5, -0.1, 2.0, 0.1), 0.0, 2.5)]
+    whole = drawn((box(-2.0, -0.1, 2.0, 0.1), 0.0, 2.5), doorways=0)
+    cut = drawn(*sides, (opening, 2.0, 2.5), doorways=1)
+    # Nothing that the whole wall does not have, and of that nothing but the doorway is missing.
+    assert not (cut & ~whole).any()
+    beside = box(-0.65, -0.3, 0.65, 0.3)
+    missing = whole & ~cut
+    rows, columns = np.nonzero(missing)
+    centres = shapely.points(-4.25 + (columns + 0.5) * 0.05, -4.25 + (rows + 0.5) * 0.05)
+    assert missing.any()
+    assert shapely.contains(shapely.Polygon(pose.apply_ring(beside)), centres).all()
+    # A window is nothing that is freed: the wall beside it is drawn as it stands.
+    window = drawn(*sides, (opening, 1.0, 2.5), doorways=0)
+    assert not window[at_cell(pose.apply((0.0, 0.0)))]
+    assert window[at_cell(pose.apply((1.0, 0.0)))]
+
+
+def at_cell(point: Point2) -> tuple[int, int]:
+    return math.floor((point[1] + 4.25) / 0.05), math.floor((point[0] + 4.25) / 0.05)
 
 
 def test_a_column_stays_in_its_doorway() -> None:

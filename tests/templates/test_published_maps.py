@@ -80,3 +80,15 @@ def test_building_c_lies_where_its_published_map_lies(reference_data: Path) -> N
     grid = occupancy_grid(compile_scene(plan, []), laser_height=0.7)
     assert (grid.x, grid.y) == pytest.approx((-24.8019555, -19.0063712), abs=1e-6)
     assert grid.cells.shape == (1734, 1699)
+
+
+def test_the_map_of_our_building_c_is_the_published_one(
+    reference_data: Path, campaigns: Path
+) -> None:
+    plan = load_floorplan(campaigns / "ortega2024" / "building_c.fpm")
+    grid = occupancy_grid(compile_scene(plan, []), laser_height=0.3)
+    theirs = published(reference_data, "brsu_building_c_dynamic")
+    assert (grid.x, grid.y) == pytest.approx((-24.8019555, -19.0063712), abs=1e-6)
+    assert grid.cells.shape == theirs.shape
+    differing = np.count_nonzero((grid.cells == OCCUPIED) ^ (theirs == 0))
+    assert differing <= 0.02 * np.count_nonzero(theirs == 0)
