@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import functools
+
 from grammars.model.behaviour import Behaviour
 from grammars.model.geometry import Pose2
 from grammars.model.mission import Mission, Waypoint
@@ -9,6 +11,7 @@ from grammars.model.robot import Robot
 from grammars.model.scene import Scene
 from grammars.preflight import check_run
 from grammars.text.diagnostics import Where
+from tests.grammars import plans
 
 DOOR = "d is a hinged_door in kitchen_doorway, hinge left, opening into kitchen\n"
 
@@ -17,6 +20,10 @@ mover person
     link body circle radius 25 cm from 0 m to 1.7 m, mass 75 kg
 v is a person in hall, x -4 m
 """
+
+
+scene_with = functools.cache(plans.scene_with)
+"""The two rooms with objects, compiled once for all tests that ask for the same ones."""
 
 
 def mission(*points: tuple[float, float], start: Pose2 | None = None) -> Mission:

@@ -7,8 +7,7 @@ import pytest
 from grammars.model.behaviour import Hold, Walk
 from grammars.model.geometry import Point2, Pose2
 from grammars.model.robot import Robot
-from tests.grammars.plans import scene_with
-from tests.grammars.preflight.samples import DOOR, PERSON, messages, mission
+from tests.grammars.preflight.samples import DOOR, PERSON, messages, mission, scene_with
 
 TASK = mission((3, -1.5), start=Pose2(-4, -1.5))
 MOVE = "nothing stops a mover but the robot: move the route"

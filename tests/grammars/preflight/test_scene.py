@@ -10,8 +10,8 @@ from grammars.model.scene import Scene
 from grammars.preflight import check_scene, places_of
 from grammars.scenery.composition import compile_scene
 from grammars.text.diagnostics import Where
-from tests.grammars.plans import layer, scene_with, two_rooms
-from tests.grammars.preflight.samples import DOOR, PERSON
+from tests.grammars.plans import layer, two_rooms
+from tests.grammars.preflight.samples import DOOR, PERSON, scene_with
 
 
 def found(scene: Scene) -> list[str]:

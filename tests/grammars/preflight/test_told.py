@@ -19,8 +19,7 @@ from grammars.model.behaviour import (
 )
 from grammars.model.robot import Robot
 from grammars.model.scene import Scene
-from tests.grammars.plans import scene_with
-from tests.grammars.preflight.samples import DOOR, PERSON, messages, mission
+from tests.grammars.preflight.samples import DOOR, PERSON, messages, mission, scene_with
 
 TASK = mission((3, 0))
 FREE = "d is a hinged_door at kitchen\n"

@@ -18,8 +18,8 @@ from grammars.model.behaviour import (
 )
 from grammars.model.robot import Robot
 from grammars.scenery.composition import compile_scene
-from tests.grammars.plans import layer, scene_with, two_rooms
-from tests.grammars.preflight.samples import DOOR, PERSON, messages, mission
+from tests.grammars.plans import layer, two_rooms
+from tests.grammars.preflight.samples import DOOR, PERSON, messages, mission, scene_with
 
 OTHER = "e is a hinged_door in way_out, hinge left, opening inwards\n"
 TASK = mission((3, 0), (4, 0))

@@ -10,8 +10,8 @@ from grammars.model.behaviour import Hold
 from grammars.model.geometry import Pose2
 from grammars.model.robot import Robot
 from grammars.scenery.composition import compile_scene
-from tests.grammars.plans import layer, scene_with, two_rooms
-from tests.grammars.preflight.samples import DOOR, messages, mission
+from tests.grammars.plans import layer, two_rooms
+from tests.grammars.preflight.samples import DOOR, messages, mission, scene_with
 
 SECOND = (
     "Entryway way_out:",

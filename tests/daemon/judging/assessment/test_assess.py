@@ -238,7 +238,8 @@ def test_all_repeats_fail_before_they_are_in_error_and_before_they_are_open() ->
 def test_of_two_failures_the_deeper_one_is_shown_and_an_unknown_margin_last() -> None:
     unknown = replace(verdict(-0.1), upper=None)
     runs = (record(0, unknown), record(1, verdict(-0.1)), record(2, verdict(-0.3)))
-    for records, run in ((runs, 2), (runs[:2], 1), (runs[:1], 0)):
+    passing = cell([0.1, 0.0, 0.2])
+    for records, run in ((runs, 2), (runs[:2], 1), (runs[:1], 0), (passing, 1)):
         worst = only(AssessmentRules(), records).worst
         assert worst is not None
         assert worst.repeat == run
