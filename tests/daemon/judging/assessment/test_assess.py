@@ -76,6 +76,8 @@ def test_the_mean_margin_is_judged_by_its_t_bounds() -> None:
     assert only(MEAN, cell([1.0])).verdict is Outcome.INCONCLUSIVE
     assert only(MEAN, cell([1.0, 1.0, None])).verdict is Outcome.INCONCLUSIVE
     assert only(MEAN, cell([0.1, -0.1, 0.05])).verdict is Outcome.INCONCLUSIVE
+    bound = record(2, replace(verdict(None), lower=1.0))
+    assert only(MEAN, (*cell([1.0, 1.0]), bound)).verdict is Outcome.INCONCLUSIVE
     assert only(MEAN, cell([0.0, 0.0])).verdict is Outcome.PASS
     assert only(MEAN, cell([-0.1, -0.1])).verdict is Outcome.FAIL
 
