@@ -185,6 +185,8 @@ def test_defaults_are_those_of_noetic() -> None:
         (replace(A2S, max_vel_theta=0.5), (-0.35, 0.0, 0.0), math.ceil(0.6 * 60)),
         (replace(A2S, max_vel_theta=0.5, acc_lim_x=0.0), (0.3, -0.4, 0.0), math.ceil(0.5 * 60)),
         (replace(A2S, use_dwa=False, acc_lim_x=0.0), (0.0, 0.0, 1.01), math.ceil(5.81 * 15)),
+        (replace(OMNI, max_vel_theta=0.0, acc_lim_theta=0.0, acc_lim_x=0.0),
+         (0.0, -0.4, 0.0), math.ceil(math.hypot(0.22, 0.4625) * 100)),
         (replace(OMNI, max_vel_theta=0.0, acc_lim_theta=0.0, acc_lim_x=0.0, acc_lim_y=0.0),
          (0.0, 0.0, 0.0), math.ceil(math.hypot(0.22, 0.11) * 100)),
     ],
