@@ -92,7 +92,9 @@ def over_again(costmap: Costmap) -> tuple[float, bool]:
     changed, shape, rows = costmap._changed.copy(), costmap._work.shape, costmap._rows
     begin = time.process_time()
     merge_window(copy, rows, costmap._methods, 0, len(rows), 0, True, shape[1], costmap._window)
-    inflate_window(copy, shape, costmap._window, table.costs, table.widths, table.least, changed)
+    inflate_window(
+        copy, shape, costmap._window, table.costs, table.widths, table.least, False, changed
+    )
     taken = time.process_time() - begin
     return taken, bool(np.array_equal(copy, costmap._master))
 
