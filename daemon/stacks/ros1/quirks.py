@@ -41,9 +41,8 @@ class Quirks:
     inflation_queue_order: bool = False
     """A cell costs what the first obstacle to be passed on to it makes of it, which beside slanted
     walls is not always the nearest (costmap_2d ``InflationLayer::updateCosts``). On the published
-    map of building C that is one inflated cell of 76 to 248, which then costs up to eight units
-    less. Off unless asked for: a run takes 1.3 to 1.5 times as long (scenario S1
-    with a2s)."""
+    maps of building C that is one inflated cell of 72 to 248, which then costs up to nine units
+    less. Off unless asked for: a run takes 1.3 to 1.5 times as long (scenario S1 with a2s)."""
     truncated_window_shift: bool = True
     """The rolling window moves by whole cells truncated toward zero, so it lags by up to one cell
     either way (costmap_2d ``updateOrigin``)."""

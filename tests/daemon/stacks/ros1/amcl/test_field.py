@@ -102,7 +102,7 @@ def test_distances_between_slanted_walls_are_those_of_the_plain_queue(
 
 
 def test_a_cell_nearer_than_the_one_it_is_reached_from_leaves_the_queue_in_its_stead() -> None:
-    """Rare: on the published map of building C it happens to 609 cells, here to one."""
+    """Rare: on a published map of building C it happens to 609 cells, here to one."""
     marks = np.array([list(row) for row in (*["." * 18] * 5, *_A_CELL_IS_SKIPPED)])
     cells = np.where(marks == "#", OCCUPIED, FREE).astype(np.int8)
     grid = OccupancyGrid(0.05, 0.0, 0.0, cells)
