@@ -170,6 +170,7 @@ class RunLoop:
             resolution=spec.map.resolution,
             laser_height=spec.robot.laser.z,
             joints=joints if spec.map.doors == "initial" else None,
+            rule=spec.map.rule,
         )
         self._sut = sut or make_in_time(spec.sut.kind, spec.sut.parameters)
         self._external = self._sut if isinstance(self._sut, ExternalSystem) else None

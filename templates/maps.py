@@ -41,7 +41,13 @@ def write_maps(job: ExportJob) -> tuple[Path, ...]:
         variants |= {file_name(name): start | dict(given) for name, given in job.world.states}
     written: list[Path] = []
     for name, joints in variants.items():
-        grid = occupancy_grid(scene, resolution=job.resolution, laser_height=height, joints=joints)
+        grid = occupancy_grid(
+            scene,
+            resolution=job.resolution,
+            laser_height=height,
+            joints=joints,
+            rule=job.world.rule,
+        )
         path = stem.with_name(f"{stem.name}-{name}" if name else stem.name)
         written += write_map(grid, path, laser_height=height)
     return tuple(written)

@@ -17,6 +17,7 @@ from pydantic import AfterValidator, BeforeValidator, ConfigDict, Field, model_v
 from daemon.campaign._references import ReferenceText
 from daemon.model.assessments import PolicyRule, RepeatPolicy
 from daemon.model.spec import MapSettings
+from grammars.model.grid import MapRule
 from grammars.text.diagnostics import Diagnostic, InputError, Where, did_you_mean
 from grammars.text.documents import Duration, Length, Ratio, StrictModel, YamlDocument, read_model
 from grammars.text.quantity import read_as
@@ -158,9 +159,12 @@ class _MapText(StrictModel):
     """Edge of a cell."""
     doors: Literal["none", "initial"] = "none"
     """none: without objects, as a surveyor would draw it; initial: as they stand at the start."""
+    rule: MapRule = "outline"
+    """Which cells a wall takes. outline: as maps of published plans are drawn, through the cells
+    of its corners; touch: each that it overlaps; centre: those whose centre it covers."""
 
     def settings(self) -> MapSettings:
-        return MapSettings(self.resolution, self.doors)
+        return MapSettings(self.resolution, self.doors, self.rule)
 
 
 _Chance: TypeAlias = Literal["per repeat", "per campaign"]

@@ -14,13 +14,14 @@ from typing import Any, Final, Literal, TypeAlias
 from daemon.model.verdicts import Outcome, Verdict
 from grammars.model.behaviour import Behaviour
 from grammars.model.geometry import Pose2
+from grammars.model.grid import MapRule
 from grammars.model.mission import Mission
 from grammars.model.robot import Robot
 from grammars.text import codec
 
 RunEnding: TypeAlias = Literal["finished", "limit", "crashed"]
 
-ENGINE_VERSION: Final = "2"
+ENGINE_VERSION: Final = "3"
 """Raised whenever a change alters traces of unchanged specifications."""
 
 
@@ -47,11 +48,13 @@ class MapSettings:
     """How the map given to the system under test is drawn.
 
     ``doors``: ``none`` leaves objects out (what a surveyor would keep), ``initial`` draws them
-    in their initial state.
+    in their initial state. ``rule`` says which cells a solid takes (:mod:`templates.occupancy`).
     """
 
     resolution: float = 0.05
     doors: Literal["none", "initial"] = "none"
+    # What was recorded before there was a choice was drawn so; campaigns choose outline.
+    rule: MapRule = "touch"
 
 
 @dataclass(frozen=True, slots=True)

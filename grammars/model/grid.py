@@ -8,7 +8,7 @@ from __future__ import annotations
 import json
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final
+from typing import Final, Literal, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -16,6 +16,9 @@ import numpy.typing as npt
 FREE: Final = 0
 OCCUPIED: Final = 100
 UNKNOWN: Final = -1
+
+MapRule: TypeAlias = Literal["outline", "touch", "centre"]
+"""Which cells a polygon takes in a map that is drawn (:mod:`templates.occupancy`)."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

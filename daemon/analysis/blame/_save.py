@@ -33,7 +33,7 @@ from daemon.campaign import (
     repeat_seed,
 )
 from daemon.model.attachments import FILES_PARAMETER, attached_digests, resolve_paths
-from daemon.model.spec import RunSpec, SutReference
+from daemon.model.spec import MapSettings, RunSpec, SutReference
 from daemon.stacks.ros2.keys import ROS2_KEYS
 from grammars.jsonld import plan_document, scenery_document
 from grammars.scenery import load_scenery
@@ -97,7 +97,7 @@ def save_campaign(case: RunCase, found: BlameResult, path: Path, runner: Candida
         "limit": f"{case.spec.limit!r} s",
         "robot": "robot.yaml",
         "oracles": "minimal.oracles.yaml",
-        "map": {"resolution": f"{case.spec.map.resolution!r} m", "doors": case.spec.map.doors},
+        "map": _map(case.spec.map),
         "scenarios": {SCENARIO: {key: value for key, value in slots.items() if value}},
     }
     name = folder.write("campaign.yaml", _comment(found.story, repeat) + _yaml(head))
@@ -163,6 +163,11 @@ def _behaviours(smallest: Candidate, folder: _Folder) -> list[tuple[str, bool]]:
     return [
         (folder.write("minimal.scenery", behaviour_sentences(behaviours, smallest.scene)), False)
     ]
+
+
+def _map(settings: MapSettings) -> dict[str, str]:
+    resolution = f"{settings.resolution!r} m"
+    return {"resolution": resolution, "doors": settings.doors, "rule": settings.rule}
 
 
 def _mission(spec: RunSpec) -> str:

@@ -11,11 +11,13 @@ from hypothesis import strategies as st
 from scipy import stats
 
 from daemon.judging.statistics import (
+    MeanDifference,
     at_least,
     at_most,
     cliffs_delta,
     effect_magnitude,
     holm_adjusted,
+    mean_difference,
     mean_interval,
     paired_difference,
     proportion_interval,
@@ -99,6 +101,43 @@ def test_the_interval_of_a_mean_is_students(sample: list[float]) -> None:
     assert found.std == pytest.approx(np.std(sample, ddof=1))
 
 
+@pytest.mark.parametrize("confidence", [0.0, 0.1, 0.4, 0.49, 0.51, 0.9, 0.999])
+def test_intervals_of_any_confidence_are_students(confidence: float) -> None:
+    for sample in ([1.0, 2.0], [1.0, 2.0, 4.0], [0.1 * k * k for k in range(30)]):
+        found = mean_interval(sample, confidence)
+        half = stats.t.ppf(0.5 + 0.5 * confidence, len(sample) - 1) * stats.sem(sample)
+        assert found.high is not None
+        assert found.low is not None
+        assert found.high - found.mean == pytest.approx(half, rel=1e-9, abs=1e-12)
+        assert found.mean - found.low == pytest.approx(half, rel=1e-9, abs=1e-12)
+    # A bound that is to hold with less than even odds lies on the other side of the mean.
+    bold = paired_difference([1.0, 2.0, 4.0], [0.0, 0.0, 0.0], 0.5 - 0.5 * confidence)
+    expected = stats.t.ppf(0.5 - 0.5 * confidence, 2) * stats.sem([1.0, 2.0, 4.0])
+    assert bold.high - bold.mean == pytest.approx(expected, rel=1e-9, abs=1e-12)
+
+
+@pytest.mark.parametrize("mean", [0.0, 1e-12, 1e-9, 1e-3, 1.0, 1e3, 1e6, 1e9])
+def test_differences_next_to_nothing_and_beyond_doubt_have_their_p_value(mean: float) -> None:
+    found = MeanDifference(5, mean, 0.0, 0.0, 1.0, 4.0, "paired")
+    assert found.p_above(0.0) == pytest.approx(stats.t.sf(mean, 4), rel=1e-9)
+    assert found.p_above(2.0 * mean) == pytest.approx(stats.t.cdf(mean, 4), rel=1e-9)
+    assert found.p_different == pytest.approx(2.0 * stats.t.sf(mean, 4), rel=1e-9)
+
+
+def test_pairs_are_preferred_and_two_values_on_each_side_needed() -> None:
+    left, right = {(1,): 3.0, (2,): 5.0, (3,): 99.0}, {(1,): 1.0, (2,): 2.0, (4,): -99.0}
+    paired = mean_difference(left, right)
+    assert paired is not None
+    assert (paired.method, paired.n, paired.mean) == ("paired", 2, 2.5)
+    strangers = {(7,): 1.0, (8,): 2.0}
+    welch = mean_difference(left, strangers)
+    assert welch is not None
+    assert (welch.method, welch.n, welch.mean) == ("welch", 2, pytest.approx(107 / 3 - 1.5))
+    assert mean_difference(left, {(1,): 1.0}) is None
+    assert mean_difference(left, {(7,): 1.0}) is None
+    assert mean_difference({(7,): 1.0}, left) is None
+
+
 def test_one_value_has_no_interval() -> None:
     found = mean_interval([4.0])
     assert (found.mean, found.std, found.low, found.high) == (4.0, None, None, None)
@@ -160,6 +199,10 @@ def test_cliffs_delta_counts_who_is_larger(left: list[float], right: list[float]
 def test_magnitudes_have_words() -> None:
     assert [effect_magnitude(d) for d in (0.0, -0.2, 0.4, -1.0)] == [
         "negligible", "small", "medium", "large",
+    ]  # fmt: skip
+    # Romano et al.: 0.147, 0.33 and 0.474 belong to the larger effect.
+    assert [effect_magnitude(d) for d in (0.146, 0.147, -0.33, 0.473, 0.474)] == [
+        "negligible", "small", "medium", "medium", "large",
     ]  # fmt: skip
 
 

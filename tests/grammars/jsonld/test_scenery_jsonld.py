@@ -223,6 +223,21 @@ def test_a_layer_comes_back_from_a_file(campaigns: Path, tmp_path: Path) -> None
     assert compile_scene(plan, back).digest == compile_scene(plan, [doors, mood]).digest
 
 
+def test_graphs_that_do_not_say_how_key_frames_are_ordered_are_read(
+    campaigns: Path, tmp_path: Path
+) -> None:
+    plan = load_floorplan(campaigns / "demo" / "flat.fpm")
+    doors, moving = (
+        load_scenery(campaigns / "demo" / f"{name}.scenery") for name in ("doors", "doors_moving")
+    )
+    text = json.dumps(scenery_document(moving, plan, (doors, moving)))
+    said = ', "scn:listed": false'
+    assert said in text
+    file = tmp_path / "doors_moving.jsonld"
+    file.write_text(text.replace(said, ""))
+    assert load_scenery_jsonld(file).sentences == moving.sentences
+
+
 LIVELY = """
 mover person
     link body circle radius 20 cm from 0 m to 1.7 m, mass 70 kg

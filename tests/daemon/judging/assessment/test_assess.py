@@ -9,18 +9,17 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from daemon.judging.assessment import assess, undecided_cells
+from daemon.judging.assessment import assess, evidence_text, undecided_cells
 from daemon.model.assessments import (
     AssessmentRules,
     CellVerdict,
     Expectation,
     RepeatPolicy,
     RunRecord,
-    ScenarioComparison,
 )
 from daemon.model.verdicts import Evidence, Outcome, Verdict
 from grammars.text import codec
-from tests.daemon.judging.assessment.records import cell, lost, measure, record, timed, verdict
+from tests.daemon.judging.assessment.records import cell, lost, measure, record, verdict
 
 RATE = AssessmentRules(RepeatPolicy(5, "rate", 0.8))
 MEAN = AssessmentRules(RepeatPolicy(5, "mean"))
@@ -76,6 +75,22 @@ def test_the_mean_margin_is_judged_by_its_t_bounds() -> None:
     assert only(MEAN, cell([1.0, -0.9])).verdict is Outcome.INCONCLUSIVE
     assert only(MEAN, cell([1.0])).verdict is Outcome.INCONCLUSIVE
     assert only(MEAN, cell([1.0, 1.0, None])).verdict is Outcome.INCONCLUSIVE
+    assert only(MEAN, cell([0.1, -0.1, 0.05])).verdict is Outcome.INCONCLUSIVE
+    bound = record(2, replace(verdict(None), lower=1.0))
+    assert only(MEAN, (*cell([1.0, 1.0]), bound)).verdict is Outcome.INCONCLUSIVE
+    assert only(MEAN, cell([0.0, 0.0])).verdict is Outcome.PASS
+    assert only(MEAN, cell([-0.1, -0.1])).verdict is Outcome.FAIL
+
+
+def test_a_mean_that_is_looked_at_more_often_needs_more() -> None:
+    # 2.132 and 3.495 are Student's t for 4 degrees of freedom, one-sided 5 % and 1.25 %.
+    margins = [2.8 + d for d in (-2.0, -1.0, 0.0, 1.0, 2.0)]
+    often = AssessmentRules(RepeatPolicy(5, "mean", until_decided=True, at_most=30))
+    for rules, shown in ((MEAN, 2.132 * 0.5**0.5), (often, 3.495 * 0.5**0.5)):
+        barely = [m - 2.8 + shown + 0.01 for m in margins]
+        assert only(rules, cell(barely)).verdict is Outcome.PASS
+        assert only(rules, cell([m - 0.02 for m in barely])).verdict is Outcome.INCONCLUSIVE
+        assert only(rules, cell([-m for m in barely])).verdict is Outcome.FAIL
 
 
 def test_a_repeat_nobody_judged_counts_neither_way() -> None:
@@ -129,7 +144,10 @@ def test_a_surprise_says_where_to_look() -> None:
     (passes,) = assess(expecting("mixed"), cell([0.1, 0.2])).surprises
     assert passes.run == "c.S1-a2s-0"
     assert passes.text == "a2s S1 clear  passes 2 of 2, expected mixed"
-    assert passes.why == "known"
+    assert (passes.why, passes.repeat) == ("known", 0)
+    (all_fail,) = assess(AssessmentRules(), cell([-0.1, -0.012])).surprises
+    assert (all_fail.run, all_fail.repeat) == ("c.S1-a2s-0", 0)
+    assert all_fail.text == "a2s S1 clear  -0.1 m  t=41.3 s  door-17"
 
 
 def test_expectations_are_patterns_and_the_last_one_counts() -> None:
@@ -143,10 +161,112 @@ def test_expectations_are_patterns_and_the_last_one_counts() -> None:
     assert assess(AssessmentRules(expectations=both), failing).exit_code == 1
 
 
+def test_the_passing_run_that_surprises_is_of_the_same_cell_and_oracle() -> None:
+    runs = (
+        *cell([1.0], scenario="S0"),
+        *cell([1.0], sut="b"),
+        record(0, verdict(1.0, "near"), verdict(-1.0)),
+        record(1, verdict(1.0, "near"), verdict(None)),
+        record(2, verdict(1.0, "near"), verdict(1.0)),
+    )
+    (found,) = assess(expecting("fail", suts=("a2s",)), runs).surprises
+    assert (found.run, found.repeat) == ("c.S1-a2s-2", 2)
+    assert (found.scenario, found.sut, found.oracle) == ("S1", "a2s", "clear")
+
+
+def test_evidence_is_told_as_far_as_it_goes() -> None:
+    seen = Evidence(time=12.34, object="door-17", note="last pose")
+    text = "always(...)"
+    full = Verdict("o", text, Outcome.FAIL, -0.25, -0.25, "m", seen)
+    assert evidence_text(full) == "-0.25 m  t=12.3 s  door-17  last pose"
+    assert evidence_text(replace(full, unit="1", evidence=Evidence())) == "-0.25"
+    assert evidence_text(replace(full, unit="", upper=0.5, evidence=Evidence(time=0.0))) == (
+        "+0.5  t=0.0 s"
+    )
+    assert evidence_text(replace(full, upper=None)) == "t=12.3 s  door-17  last pose"
+
+
 @pytest.mark.parametrize(("state", "code"), [("lost", 3), ("cancelled", 4), ("queued", 4)])
 def test_runs_without_a_result_are_not_as_expected(state: str, code: int) -> None:
     assert assess(AssessmentRules(), (record(0, verdict(1.0)), lost(1, state))).exit_code == code
     assert assess(AssessmentRules(), (record(0, verdict(-1.0)), lost(1, state))).exit_code == 1
+
+
+def test_a_cell_without_oracles_is_as_its_runs_were() -> None:
+    (broken,) = assess(AssessmentRules(), (record(0, measure(1.0)), lost(1))).cells
+    assert broken.verdict is Outcome.ERROR
+    error = record(1, measure(1.0), outcome=Outcome.ERROR)
+    assert assess(AssessmentRules(), (record(0, measure(1.0)), error)).cells[0].verdict == "error"
+    (silent,) = assess(AssessmentRules(), (record(0, measure(1.0)), lost(1, "queued"))).cells
+    assert silent.verdict is Outcome.INCONCLUSIVE
+
+
+def test_a_silent_cell_beside_one_that_passes_decides_nothing() -> None:
+    spoken, silent = cell([1.0]), (record(0, measure(1.0), scenario="S2"),)
+    assert assess(AssessmentRules(), spoken).exit_code == 0
+    assert assess(AssessmentRules(), (*spoken, *silent)).exit_code == 4
+
+
+def test_a_cell_is_called_by_its_gravest_oracle() -> None:
+    error = Verdict("seen", "always(...)", Outcome.ERROR, None, None, "m", Evidence())
+    good, bad, open_yet = verdict(1.0, "a"), verdict(-1.0, "b"), verdict(None, "c")
+    for verdicts, expected in (
+        ((good, error, bad, open_yet), Outcome.FAIL),
+        ((good, open_yet, error), Outcome.ERROR),
+        ((good, open_yet), Outcome.INCONCLUSIVE),
+        ((good, verdict(0.0, "d")), Outcome.PASS),
+    ):
+        (found,) = assess(AssessmentRules(), (record(0, *verdicts),)).cells
+        assert found.verdict is expected
+        assert [o.oracle for o in found.oracles] == [v.oracle for v in verdicts]
+
+
+def test_all_repeats_fail_before_they_are_in_error_and_before_they_are_open() -> None:
+    error = Verdict("clear", "always(...)", Outcome.ERROR, None, None, "m", Evidence())
+    repeats = [record(0, verdict(1.0)), record(1, verdict(None)), record(2, error)]
+    counted = only(AssessmentRules(), tuple(repeats))
+    assert (counted.verdict, counted.passed, counted.errors) == (Outcome.ERROR, 1, 1)
+    assert (counted.inconclusive, counted.failed, counted.missing) == (1, 0, 0)
+    assert counted.worst is not None
+    assert counted.worst.repeat == 2
+    assert only(AssessmentRules(), (*repeats, record(3, verdict(-1.0)))).verdict is Outcome.FAIL
+    # What is shown is shown, whatever the broken repeats would have been.
+    enough = (*cell([0.1] * 29), record(29, error))
+    assert only(RATE, enough).verdict is Outcome.PASS
+    assert only(RATE, enough[24:]).verdict is Outcome.ERROR
+    assert only(MEAN, enough).verdict is Outcome.ERROR
+
+
+def test_of_two_failures_the_deeper_one_is_shown_and_an_unknown_margin_last() -> None:
+    unknown = replace(verdict(-0.1), upper=None)
+    runs = (record(0, unknown), record(1, verdict(-0.1)), record(2, verdict(-0.3)))
+    passing = cell([0.1, 0.0, 0.2])
+    for records, run in ((runs, 2), (runs[:2], 1), (runs[:1], 0), (passing, 1)):
+        worst = only(AssessmentRules(), records).worst
+        assert worst is not None
+        assert worst.repeat == run
+
+
+def test_pass_rates_are_bounded_from_both_sides() -> None:
+    # Clopper and Pearson for 8 of 10: 0.4439 to 0.9748, two-sided; 0.4931 at least, one-sided.
+    found = only(RATE, cell([0.1] * 8 + [-0.1] * 2))
+    assert (found.low, found.high) == (
+        pytest.approx(0.443905, abs=1e-6),
+        pytest.approx(0.974789, abs=1e-6),
+    )
+    assert found.at_least == pytest.approx(0.493099, abs=1e-6)
+    assert only(AssessmentRules(), cell([0.1] * 5)).needed is None
+
+
+def test_statements_say_what_is_shown_and_what_is_missing() -> None:
+    for passed, failed, statement in (
+        (1, 9, "1 of 10 shows at least 0.5 %, at most 39.4 %: less than 80 %"),
+        (13, 0, "13 of 13 shows at least 79.4 %, 1 more run needed for 80 %"),
+        (14, 0, "14 of 14 shows at least 80.7 %"),
+    ):
+        found = only(RATE, cell([0.1] * passed + [-0.1] * failed))
+        assert found.statement == statement
+    assert only(AssessmentRules(), cell([-1.0] * 5)).statement == "0 of 5 shows at most 45 %"
 
 
 def test_a_campaign_that_judges_nothing_decides_nothing() -> None:
@@ -161,74 +281,25 @@ def test_measures_are_told_with_their_interval() -> None:
     assert buffer.std == pytest.approx(2**0.5)
     assert buffer.low == pytest.approx(3.0 - 12.706, abs=1e-3)
     assert (duration.oracle, duration.unit, duration.values) == ("duration", "s", (70.0, 71.0))
+    assert (buffer.unit, buffer.repeats, duration.repeats) == ("s", (0, 1), (0, 1))
 
 
-def delay(limit: float = 30.0, op: str = "<=", quantity: str = "delay") -> AssessmentRules:
-    text = f"{quantity}(A vs B) {op} {limit:g} s"
-    sentence = ScenarioComparison("d", quantity, "A", "B", None, op, limit, "s", text)  # type: ignore[arg-type]
-    return AssessmentRules(comparisons=(sentence,))
-
-
-def compared(declared: AssessmentRules, *sides: tuple[RunRecord, ...]):
-    (found,) = assess(declared, sum(sides, ())).comparisons
-    return found
-
-
-def test_delays_are_paired_by_repeat() -> None:
-    # Each side varies by much more than their differences do.
-    found = compared(delay(), timed("A", [108, 209, 311]), timed("B", [100, 200, 300]))
-    assert (found.method, found.n, found.differences) == ("paired", 3, (8.0, 9.0, 11.0))
-    assert found.verdict is Outcome.PASS
-    assert found.high is not None
-    assert found.high < 30.0
-    assert compared(delay(5), timed("A", [108, 209, 311]), timed("B", [100, 200, 300])).verdict == (
-        Outcome.FAIL
+def test_only_runs_that_have_a_value_are_measured() -> None:
+    runs = (
+        record(0, measure(2.0), verdict(1.0, "far"), ended="crashed"),
+        record(1, verdict(1.0, "far")),
+        record(2, measure(4.0), timing=None),
+        lost(3),
+        record(4, measure(5.0), outcome=None),
     )
-    assert compared(delay(10), timed("A", [90, 140]), timed("B", [100, 100])).verdict == (
-        Outcome.INCONCLUSIVE
-    )
-
-
-def test_without_pairs_the_means_are_compared() -> None:
-    other = tuple(replace(r, seed=r.seed + 100) for r in timed("B", [100, 101, 102]))
-    found = compared(delay(), timed("A", [108, 109, 110]), other)
-    assert (found.method, found.n, found.mean) == ("welch", 3, pytest.approx(8.0))
-    assert found.verdict is Outcome.PASS
-
-
-def test_a_robot_that_never_arrives_has_no_short_delay() -> None:
-    stuck = replace(timed("A", [0, 0, 120])[2], ended="limit")
-    left = (*timed("A", [108, 109]), stuck)
-    found = compared(delay(), left, timed("B", [100, 100, 100]))
-    assert (found.verdict, found.left_out, found.n) == (Outcome.INCONCLUSIVE, 1, 2)
-    assert found.note == "1 run did not end the mission"
-    gave_up = record(2, verdict(-1.0, "reached", "reached(mission, 0.25 m)"), scenario="A")
-    assert (
-        compared(delay(), (*timed("A", [108, 109]), gave_up), timed("B", [100] * 3)).left_out == 1
-    )
-
-
-def test_one_pair_decides_nothing() -> None:
-    found = compared(delay(), timed("A", [101]), timed("B", [100]))
-    assert (found.verdict, found.note) == (Outcome.INCONCLUSIVE, "only one pair")
-    assert found.mean == 1.0
-
-
-def test_measures_are_compared_by_their_name() -> None:
-    def side(name: str, values: list[float]) -> tuple[RunRecord, ...]:
-        return tuple(record(i, measure(v), scenario=name) for i, v in enumerate(values))
-
-    found = compared(delay(0, ">=", "buffer-time"), side("A", [5, 6.1]), side("B", [4, 5]))
-    assert (found.verdict, found.mean) == (Outcome.PASS, pytest.approx(1.05))
-
-
-def test_comparisons_have_expectations_too() -> None:
-    sides = (*timed("A", [200, 201]), *timed("B", [100, 100]))
-    unknown = assess(delay(), sides)
-    assert unknown.exit_code == 1
-    assert unknown.surprises[0].text.startswith("a2s d  +100 s  fail, n=2: delay(A vs B)")
-    known = Expectation("A", "d", (), "fail", "the detour is long")
-    assert assess(replace(delay(), expectations=(known,)), sides).exit_code == 0
+    found = {
+        m.oracle: (m.repeats, m.values) for m in assess(AssessmentRules(), runs).cells[0].measures
+    }
+    assert found == {"buffer-time": ((2,), (4.0,)), "duration": ((1,), (60.0,))}
+    # A measure of this name takes the place of the one that every run has.
+    own = record(0, measure(7.0, "duration", "1"), took=60.0)
+    (only_one,) = assess(AssessmentRules(), (own,)).cells[0].measures
+    assert (only_one.unit, only_one.values) == ("1", (7.0,))
 
 
 def test_only_cells_that_more_repeats_can_decide_are_repeated() -> None:
@@ -236,6 +307,10 @@ def test_only_cells_that_more_repeats_can_decide_are_repeated() -> None:
     assert undecided_cells(RATE, cell([0.1] * 14)) == ()
     assert undecided_cells(RATE, (*cell([0.1] * 4), lost(4))) == ()
     assert undecided_cells(RATE, cell([0.1] * 4 + [None])) == ()
+    assert undecided_cells(RATE, (*cell([0.1] * 14), *cell([0.1] * 3, scenario="S2"))) == (
+        ("S2", "a2s"),
+    )
+    assert undecided_cells(AssessmentRules(), cell([0.1, -0.1])) == ()
     nobody_cares = replace(expecting("any"), policy=RATE.policy)
     assert undecided_cells(nobody_cares, cell([0.1] * 5)) == ()
 

@@ -110,3 +110,54 @@ def test_cells_of_one_side_only_are_named() -> None:
     found = between(cell([1.0], scenario="S1"), cell([1.0], scenario="S2"))
     assert (found.only_before, found.only_after) == ((("S1", "a2s"),), (("S2", "a2s"),))
     assert found.shifts == ()
+
+
+def test_only_a_verdict_that_was_there_and_no_failure_gets_worse() -> None:
+    for before, after, worse in ((None, -1.0, True), (1.0, None, False), (-1.0, None, False)):
+        (change,) = between(cell([before]), cell([after])).verdicts
+        assert change.worse is worse
+    added = [record(0, verdict(1.0), verdict(-1.0, "new"))]
+    (change,) = between(cell([1.0]), added).verdicts
+    assert (change.oracle, change.before, change.after) == ("new", None, "fail")
+    assert (change.passed_before, change.passed_after, change.worse) == ("", "0/1", False)
+    (gone,) = between(added, cell([1.0])).verdicts
+    assert (gone.after, gone.passed_before, gone.passed_after) == (None, "0/1", "")
+
+
+def test_shifts_say_both_means_and_the_interval_of_their_difference() -> None:
+    found = shift(between(cell([0.1, 0.5, 0.9]), cell([0.05, 0.44, 0.86])), "clear")
+    assert (found.before, found.after) == (pytest.approx(0.5), pytest.approx(0.45))
+    # Differences -0.05, -0.06, -0.04: standard error 0.01/sqrt 3, t 4.303 for 2 degrees of freedom.
+    assert found.low == pytest.approx(-0.05 - 4.303 * 0.01 / 3**0.5, abs=1e-5)
+    assert found.high == pytest.approx(-0.05 + 4.303 * 0.01 / 3**0.5, abs=1e-5)
+    assert found.unit == "m"
+
+
+def test_a_margin_below_zero_may_get_worse_by_its_share_too() -> None:
+    before, after = cell([-0.5, -0.5, -0.5]), cell([-0.54, -0.54, -0.54])
+    assert shift(between(before, after, 0.07), "clear").worse
+    assert not shift(between(before, after, 0.09), "clear").worse
+    slow = [record(i, verdict(1.0), took=107.0) for i in range(3)]
+    quick = [record(i, verdict(1.0), took=100.0) for i in range(3)]
+    assert shift(between(quick, slow, 0.06), "duration").worse
+    assert not shift(between(quick, slow, 0.08), "duration").worse
+
+
+def test_margins_that_nobody_judged_are_no_values() -> None:
+    bound = replace(verdict(None), lower=9.0)
+    before = [record(0, verdict(0.1)), record(1, bound), record(2, verdict(0.3), ended="crashed")]
+    found = shift(between(before, cell([0.2, 0.2, 0.2])), "clear")
+    assert (found.before, found.after, found.n) == (0.1, pytest.approx(0.2), 1)
+    assert (found.method, found.delta, found.changed, found.worse) == ("", None, False, False)
+    measured = between([record(0, measure(5.0))], [record(0, measure(8.0))], 0.1)
+    assert (shift(measured, "buffer-time").mean, shift(measured, "buffer-time").kind) == (
+        3.0,
+        "measure",
+    )
+
+
+def test_a_difference_is_no_change_when_it_is_as_likely_as_not() -> None:
+    # Differences of 0.1 and 0.3: t = 2 for 1 degree of freedom, two-sided p = 0.2952; twice that
+    # after Holm, for the duration is tested as well.
+    found = shift(between(cell([0.5, 0.5]), cell([0.6, 0.8])), "clear")
+    assert (found.p, found.changed) == (pytest.approx(2 * 0.29517, abs=1e-4), False)

@@ -135,10 +135,14 @@ class PlainObstacles(PlainGrid):
             r[r == np.inf] = farthest - np.float32(0.0001)
         good = (r >= nearest) & (r < farthest)
         r, a = r[good].astype(float), scan.angles[good]
-        x, y = ((r * f(a)).astype(np.float32).astype(float) for f in (np.cos, np.sin))
-        c, s = math.cos(scan.pose.yaw), math.sin(scan.pose.yaw)
-        points = np.column_stack((scan.pose.x + c * x - s * y, scan.pose.y + s * x + c * y))
-        return [(x, y) for x, y in points.astype(np.float32).astype(float).tolist()]
+        x, y = ((r * f(a)).astype(np.float32) for f in (np.cos, np.sin))
+        half = scan.pose.yaw / 2.0
+        turn, w = np.float32(math.sin(half)), np.float32(math.cos(half))
+        c, s = 1 - 2 * turn * turn, 2 * turn * w
+        place = np.float32(scan.pose.x), np.float32(scan.pose.y)
+        points = np.column_stack((c * x - s * y + place[0], s * x + c * y + place[1]))
+        assert points.dtype == np.float32
+        return [(x, y) for x, y in points.astype(float).tolist()]
 
     def clear(self, scan: SensedScan, points: list[tuple[float, float]], reach: float) -> Touched:
         ox, oy = scan.pose.x, scan.pose.y

@@ -11,7 +11,12 @@ from daemon.stacks.kernels import Integers
 from daemon.stacks.ros1.base_local_planner.map_grid import Cells, passable_cells
 from daemon.stacks.ros1.cost_grid import CostGrid
 from daemon.stacks.ros1.dwa import DwaParameters, DwaSettings, longest_trajectory, settings_of
-from daemon.stacks.ros1.dwa.cycle import allocate_buffers, allocate_scoring_grid, choose_trajectory
+from daemon.stacks.ros1.dwa.cycle import (
+    SearchBuffers,
+    allocate_buffers,
+    allocate_scoring_grid,
+    choose_trajectory,
+)
 from daemon.stacks.ros1.quirks import ORIGINAL, Quirks
 from grammars.model.geometry import Floats
 from tests.daemon.stacks.ros1.dwa import plain
@@ -79,8 +84,8 @@ class Problem:
     outline: Floats
     banned: Integers
 
-    def fast(self) -> tuple[int, float, Floats, Floats]:
-        """Return place, cost, velocity and trajectory of the winner; place -1 for none."""
+    def search(self) -> tuple[int, SearchBuffers]:
+        """Return the number of points of the winner, 0 for none, and what the search wrote."""
         field = allocate_scoring_grid(self.local, self.outline, self.banned)
         most = longest_trajectory(self.settings, *self.state[3:].tolist())
         room = allocate_buffers(self.local.cells.shape, self.settings, most)
@@ -95,15 +100,20 @@ class Problem:
             field,
             room,
         )
+        return n, room
+
+    def fast(self) -> tuple[int, float, Floats, Floats]:
+        """Return place, cost, velocity and trajectory of the winner; place -1 for none."""
+        n, room = self.search()
         if n == 0:
             return -1, -1.0, np.zeros(3), np.empty((0, 3))
         answer = room.answer
         return int(answer[4]), float(answer[3]), answer[:3].copy(), room.points[:n, :3].copy()
 
-    def plain(self) -> tuple[int, float, Floats, int]:
-        """Return place, cost and velocity of the winner, and how many samples were legal."""
+    def costs(self) -> Floats:
+        """Return the cost of every sample by the plain version, infinite where it is illegal."""
         frame = np.array((self.local.x, self.local.y, self.local.resolution))
-        return plain.cycle(
+        return plain.costs(
             self.state,
             self.plan,
             self.front_end,
@@ -114,6 +124,20 @@ class Problem:
             self.outline,
             self.banned,
         )
+
+    def samples(self) -> Floats:
+        """Return every sample, shape (samples, 3), by the plain version."""
+        distance = math.hypot(*(self.plan[-1] - self.state[:2]).tolist())
+        return plain.raw_samples(self.state, distance, self.settings)
+
+    def plain(self) -> tuple[int, float, Floats]:
+        """Return place, cost and velocity of the winner; place -1 for none."""
+        costs = self.costs()
+        place = int(np.argmin(costs))
+        if costs[place] == np.inf:
+            return -1, -1.0, np.zeros(3)
+        velocity = plain.trajectory(self.state, self.samples()[place], self.settings)[1]
+        return place, float(costs[place]), velocity
 
 
 def blobs(rng: np.random.Generator, shape: tuple[int, int], number: int, unknown: float) -> Cells:

@@ -303,7 +303,7 @@ def on_grid(
 
 
 @kernel
-def cycle(
+def costs(
     state: Floats,
     plan: Floats,
     front_end: Floats,
@@ -313,8 +313,8 @@ def cycle(
     frame: Floats,
     outline: Floats,
     banned: Integers,
-) -> tuple[int, float, Floats, int]:
-    """Return place, cost and velocity of the winner, place -1 for none, and the legal samples."""
+) -> Floats:
+    """Return the cost of every sample, infinite where it is illegal."""
     seeds = seeds_of(plan, cells, frame)
     path = distances(seeds, cells)
     goal = distances(seeds[-1:], cells)
@@ -322,38 +322,34 @@ def cycle(
     front_plan[-1] = front_end
     front = distances(seeds_of(front_plan, cells, frame)[-1:], cells)
     distance = math.hypot(plan[-1, 0] - state[0], plan[-1, 1] - state[1])
-    winner, cheapest, command, tried = -1, -1.0, np.zeros(3), 0
     samples = raw_samples(state, distance, s)
+    out = np.full(len(samples), np.inf)
     for index in range(len(samples)):
         points, velocity = trajectory(state, samples[index], s)
-        if len(points) == 0:
+        if len(points) == 0 or oscillates(banned, velocity):
             continue
-        tried += 1
-        if oscillates(banned, velocity):
-            continue
-        costs = np.zeros(6)
+        terms = np.zeros(6)
         scales = np.zeros(6)
         scales[0], scales[1], scales[2] = s.obstacle_scale, s.goal_scale, s.path_scale
         scales[3], scales[4], scales[5] = s.path_scale, s.goal_scale, s.twirling_scale
         if not aligned:
             scales[2] = 0.0
         if scales[0] != 0:
-            costs[0] = obstacle(points, velocity, outline, cells, frame, s)
+            terms[0] = obstacle(points, velocity, outline, cells, frame, s)
         if scales[1] != 0:
-            costs[1] = on_grid(points, front, cells, frame, s.forward, False)
+            terms[1] = on_grid(points, front, cells, frame, s.forward, False)
         if scales[2] != 0:
-            costs[2] = on_grid(points, path, cells, frame, s.forward, False)
+            terms[2] = on_grid(points, path, cells, frame, s.forward, False)
         if scales[3] != 0:
-            costs[3] = on_grid(points, path, cells, frame, 0.0, True)
+            terms[3] = on_grid(points, path, cells, frame, 0.0, True)
         if scales[4] != 0:
-            costs[4] = on_grid(points, goal, cells, frame, 0.0, True)
-        costs[5] = abs(velocity[2])
-        if costs.min() < 0.0:
+            terms[4] = on_grid(points, goal, cells, frame, 0.0, True)
+        terms[5] = abs(velocity[2])
+        if terms.min() < 0.0:
             continue
         total = 0.0
         for k in range(6):
             if scales[k] != 0:
-                total += costs[k] * scales[k]
-        if winner < 0 or total < cheapest:
-            winner, cheapest, command = index, total, velocity
-    return winner, cheapest, command, tried
+                total += terms[k] * scales[k]
+        out[index] = total
+    return out

@@ -12,7 +12,7 @@ from daemon.stacks.ros1.cost_grid import CostGrid
 from daemon.stacks.ros1.dwa import Dwa, DwaParameters
 from daemon.stacks.ros1.quirks import FIXED, ORIGINAL, Quirks
 from grammars.model.geometry import Floats, Pose2, Twist2
-from tests.daemon.stacks.ros1.dwa.helpers import A2S, OMNI, SMALL
+from tests.daemon.stacks.ros1.dwa.helpers import A2S, OMNI, SMALL, Problem, settings, singles
 
 
 def controller(
@@ -101,10 +101,60 @@ def test_it_slows_down_before_it_turns() -> None:
     assert (twist.vx, twist.wz) == (0.0, pytest.approx(0.68))
 
 
+def test_a_stop_is_legal_though_it_is_slower_than_both_smallest_speeds() -> None:
+    assert at_goal(1.0, Twist2(0.22, 0.0, 0.0)) == (True, Twist2())
+
+
+def test_each_axis_slows_down_by_what_it_can() -> None:
+    strafing = replace(OMNI, yaw_goal_tolerance=0.5)
+    dwa = controller(strafing)
+    dwa.set_plan(straight(1.0))
+    twist = Twist2(-0.2, -0.1, 0.9)
+    slower = dwa.command(Pose2(1.0, 0.0, -1.0), twist, Pose2(), empty(1.0)).twist
+    # Within 0.05 s: 0.125 m/s, 0.0625 m/s and 0.16 rad/s less.
+    assert (slower.vx, slower.vy, slower.wz) == pytest.approx((-0.075, -0.0375, 0.74))
+
+
 def test_turning_is_raised_to_the_minimum_after_it_was_limited() -> None:
     assert at_goal(2.0, Twist2())[1].wz == pytest.approx(1.37)
     assert at_goal(-2.0, Twist2())[1].wz == pytest.approx(-1.37)
     assert at_goal(2.0, Twist2(), FIXED)[1].wz == pytest.approx(0.32)
+
+
+def turning(error: float, wz: float, parameters: DwaParameters = A2S) -> float:
+    """Return the turning speed at the goal of a robot that turns already."""
+    dwa = controller(parameters)
+    dwa.set_plan(straight(1.0))
+    at = math.copysign(1.0, error)
+    assert dwa.command(Pose2(1.0, 0.0, -at), Twist2(), Pose2(), empty(1.0)).ok
+    return dwa.command(Pose2(1.0, 0.0, -error), Twist2(0, 0, wz), Pose2(), empty(1.0)).twist.wz
+
+
+@pytest.mark.parametrize(
+    ("error", "wz", "expected"),
+    [
+        (2.5, 2.4, 2.5),  # as fast as the error is large,
+        (2.5, 2.0, 2.32),  # by 3.2 rad/s^2 * 0.1 s faster at most,
+        (1.4, 2.0, 1.68),  # or slower,
+        (0.6, 2.7, math.sqrt(2.0 * 3.2 * 0.6)),  # so that it can stop in time,
+        (3.1, 2.7, 2.75),  # never beyond max_vel_theta,
+        (3.1, 3.14, 2.75),
+        (0.6, 1.0, 1.37),  # nor below min_vel_theta.
+    ],
+)
+def test_the_speed_of_a_turn_at_the_goal(error: float, wz: float, expected: float) -> None:
+    assert turning(error, wz) == pytest.approx(expected)
+    assert turning(-error, -wz) == pytest.approx(-expected)
+
+
+def test_after_it_has_turned_far_enough_it_stops_before_it_turns_again() -> None:
+    dwa = controller()
+    dwa.set_plan(straight(1.0))
+    answers = [
+        dwa.command(Pose2(1.0, 0.0, -yaw), Twist2(0.0, 0.0, wz), Pose2(), empty(1.0)).twist.wz
+        for yaw, wz in ((1.0, 0.0), (0.4, 1.37), (1.0, 1.37), (1.0, 0.0))
+    ]
+    assert answers == pytest.approx([1.37, 0.0, 1.05, 1.37])
 
 
 def test_a_turn_in_collision_is_refused() -> None:
@@ -140,8 +190,26 @@ def test_the_goal_is_reached_when_near_turned_and_standing() -> None:
     assert dwa.goal_reached(Pose2(0.91, 0.0, 0.49), Twist2(0.1, 0.0, 0.1), Pose2())
     assert not dwa.goal_reached(Pose2(0.89, 0.0, 0.0), Twist2(), Pose2())
     assert not dwa.goal_reached(Pose2(1.0, 0.0, 0.51), Twist2(), Pose2())
-    assert not dwa.goal_reached(Pose2(1.0, 0.0, 0.0), Twist2(0.11, 0.0, 0.0), Pose2())
+    for moving in (Twist2(0.11), Twist2(-0.11), Twist2(0.0, -0.11), Twist2(0.0, 0.0, -0.11)):
+        assert not dwa.goal_reached(Pose2(1.0, 0.0, 0.0), moving, Pose2())
+    assert dwa.goal_reached(Pose2(1.0, 0.09, 0.0), Twist2(-0.1, -0.1, -0.1), Pose2())
+    assert not dwa.goal_reached(Pose2(1.0, 0.11, 0.0), Twist2(), Pose2())
     assert not dwa.goal_reached(Pose2(1.0, 0.0, 0.0), Twist2(), Pose2(0.2, 0.0, 0.0))
+
+
+def test_tolerances_belong_to_the_goal() -> None:
+    dwa = controller(replace(A2S, xy_goal_tolerance=0.5, yaw_goal_tolerance=0.25))
+    dwa.set_plan(straight(1.0))
+    assert dwa.goal_reached(Pose2(0.5, 0.0, -0.25), Twist2(), Pose2())
+    assert not dwa.goal_reached(Pose2(0.499, 0.0, -0.25), Twist2(), Pose2())
+    assert not dwa.goal_reached(Pose2(0.5, 0.0, -0.251), Twist2(), Pose2())
+
+
+def test_a_latch_holds_what_was_reached_and_nothing_else() -> None:
+    dwa = controller(latch=True)
+    dwa.set_plan(straight(1.0))
+    for x, reached in ((0.8, False), (0.8, False), (0.95, True), (0.8, True), (0.5, True)):
+        assert dwa.goal_reached(Pose2(x, 0.0, 0.0), Twist2(), Pose2()) is reached
 
 
 def test_a_latched_goal_stays_reached_until_the_next_plan() -> None:
@@ -174,6 +242,66 @@ def test_pruning_forgets_the_plan_behind_the_robot() -> None:
         dwa.set_plan(plan)
         dwa.command(Pose2(1.2, 0.0, 0.0), Twist2(), Pose2(), empty(1.2))
         assert dwa._plan.forgotten == (9 if prune else 0)
+
+
+def chosen(pose: Pose2, plan: Floats, aligned: bool, end: tuple[float, float]) -> Twist2:
+    """Return what the plain version chooses, with the end of the plan pushed ahead to ``end``."""
+    state, few = singles(pose.x, pose.y, pose.yaw, 0.1, 0.0, 0.0), settings(FEW)
+    none = np.zeros(6, dtype=np.int32)
+    poses = np.ascontiguousarray(plan[:, :2])
+    problem = Problem(state, poses, np.array(end), aligned, few, empty(), SMALL, none)
+    return Twist2(*problem.plain()[2].tolist())
+
+
+FEW = replace(A2S, vx_samples=6, vth_samples=9)
+
+
+def test_the_nose_counts_until_the_end_of_the_plan_is_near() -> None:
+    plan = straight(0.5)
+    answers = []
+    for yaw in (-2.0, -1.2, -0.4, 0.4, 1.2, 2.0):
+        pose = Pose2(0.0, 0.1, yaw)
+        # The way from the robot to the end, 0.5 m along and 0.1 m down, 0.325 m beyond it.
+        way = math.atan2(-0.1, 0.5)
+        end = (0.5 + 0.325 * math.cos(way), 0.325 * math.sin(way))
+        # 0.26 m^2 is its square: further than 0.325 m times the root of 2, not times that of 3.
+        for factor, aligned in ((2.0, True), (3.0, False)):
+            dwa = controller(replace(FEW, cheat_factor=factor))
+            dwa.set_plan(plan)
+            answer = dwa.command(pose, Twist2(0.1, 0.0, 0.0), Pose2(), empty())
+            assert answer.twist == chosen(pose, plan, aligned, end)
+            answers.append(answer.twist)
+    assert answers[::2] != answers[1::2]
+
+
+def test_a_robot_that_turns_faster_than_its_limit_is_followed() -> None:
+    dwa = controller(replace(A2S, max_vel_theta=1.0, min_vel_theta=0.4))
+    dwa.set_plan(straight())
+    answer = dwa.command(Pose2(), Twist2(0.0, 0.0, 3.0), Pose2(), empty())
+    # 3 rad/s less 0.32 rad/s is the slowest turn within reach.
+    assert answer.ok
+    assert 1.0 <= answer.twist.wz <= 2.68 + 1e-6
+    assert len(answer.local_plan) == math.ceil(answer.twist.wz * 15.0)
+
+
+def test_a_costmap_of_another_size_or_place_takes_the_place_of_the_last() -> None:
+    dwa = controller()
+    dwa.set_plan(straight())
+    twist = Twist2(0.1, 0.0, 0.0)
+    expected = controller()
+    expected.set_plan(straight())
+    free = expected.command(Pose2(), twist, Pose2(), empty()).twist
+    assert dwa.command(Pose2(), twist, Pose2(), empty()).twist == free
+    walled = empty()
+    walled.cells[:, 31] = 254
+    assert not dwa.command(Pose2(), twist, Pose2(), walled).ok
+    larger = CostGrid(0.05, -2.0, -2.0, np.zeros((80, 80), dtype=np.uint8))
+    larger.cells[:, 41] = 254
+    assert not dwa.command(Pose2(), twist, Pose2(), larger).ok
+    larger.cells[:, 41] = 0
+    larger.touch((0, 0, 80, 80))
+    assert dwa.command(Pose2(), twist, Pose2(), larger).ok
+    assert dwa.command(Pose2(), twist, Pose2(), empty()).ok
 
 
 @pytest.mark.parametrize("parameters", [A2S, OMNI])

@@ -15,7 +15,6 @@ from daemon.stacks.ros1.dwa import (
     WITHOUT_EFFECT,
     DwaParameters,
     Oscillation,
-    contradictions,
 )
 from daemon.stacks.ros1.dwa.samples import (
     count_points,
@@ -160,33 +159,49 @@ def test_a_change_of_direction_is_final_until_the_robot_has_moved() -> None:
     assert not memory.banned.any()
 
 
+def ruled_out(*twists: Twist2, at: Pose2 | None = None) -> list[int]:
+    """Return what is ruled out after commands at one place and, maybe, the last one again."""
+    memory = Oscillation(0.5, 0.25)
+    for twist in twists:
+        memory.chosen(Pose2(3.0, -2.0, 1.0), twist, 0.125)
+    if at is not None:
+        memory.chosen(at, twists[-1], 0.125)
+    return memory.banned.tolist()
+
+
 def test_turning_and_strafing_are_remembered_only_when_slow() -> None:
-    memory, here = Oscillation(0.05, 0.2), Pose2()
-    for wz in (0.3, -0.3):
-        memory.chosen(here, Twist2(0.2, 0.0, wz), 0.11)
+    for vx, remembered in ((0.2, False), (-0.2, False), (0.125, True), (-0.125, True)):
+        turned = ruled_out(Twist2(vx, 0.0, 0.3), Twist2(vx, 0.0, -0.3))
+        assert turned == [0, 0, 0, 0, 0, int(remembered)]
+        strafed = ruled_out(Twist2(vx, -0.1, 0.0), Twist2(vx, 0.1, 0.0))
+        assert strafed == [0, 0, int(remembered), 0, 0, 0]
+
+
+def test_the_sign_before_a_stop_counts() -> None:
+    assert ruled_out(Twist2(-0.2), Twist2(), Twist2(0.2)) == [1, 0, 0, 0, 0, 0]
+    assert ruled_out(Twist2(0.2), Twist2(), Twist2(0.2)) == [0] * 6
+
+
+def test_what_is_ruled_out_is_free_again_beyond_the_distance_or_the_angle() -> None:
+    turn_round = (Twist2(0.2), Twist2(-0.2))
+    for dx, dy, dyaw, free in (
+        (0.5, 0.0, 0.0, False),
+        (0.0, -0.5, 0.0, False),
+        (0.0, 0.0, -0.25, False),
+        (0.501, 0.0, 0.0, True),
+        (0.0, -0.501, 0.0, True),
+        (0.36, 0.36, 0.0, True),
+        (0.0, 0.0, 0.251, True),
+    ):
+        at = Pose2(3.0 + dx, -2.0 + dy, 1.0 + dyaw)
+        assert (ruled_out(*turn_round, at=at) == [0] * 6) is free
+    # Free again, the robot may turn round once more before that is ruled out.
+    memory = Oscillation(0.5, 0.25)
+    for x, vx in ((0.0, 0.2), (0.0, -0.2), (1.0, -0.2), (1.0, 0.2)):
+        memory.chosen(Pose2(x), Twist2(vx), 0.125)
     assert not memory.banned.any()
-
-
-@pytest.mark.parametrize(
-    ("wrong", "word"),
-    [
-        ({"min_vel_trans": 0.3}, "min_vel_trans"),
-        ({"max_vel_trans": 0.0}, "never drive"),
-        ({"min_vel_x": 0.3}, "min_vel_x"),
-        ({"min_vel_y": 0.3}, "min_vel_y"),
-        ({"min_vel_theta": 3.0}, "min_vel_theta"),
-        ({"sim_time": 0.0}, "sim_time"),
-        ({"min_vel_x": 0.3, "max_vel_x": 0.4}, "beyond max_vel_trans"),
-        ({"acc_lim_x": 0.0}, "acc_lim_x"),
-        ({"acc_lim_theta": 0.0}, "acc_lim_theta"),
-        ({"scaling_speed": 0.22}, "scaling_speed"),
-    ],
-)
-def test_contradictions_are_named(wrong: dict[str, float], word: str) -> None:
-    assert contradictions(A2S) == ()
-    assert contradictions(OMNI) == ()
-    assert contradictions(DwaParameters()) == ()
-    assert any(word in found.text for found in contradictions(replace(A2S, **wrong)))
+    memory.chosen(Pose2(1.0), Twist2(-0.2), 0.125)
+    assert memory.banned.tolist() == [0, 1, 0, 0, 0, 0]
 
 
 def test_values_out_of_range_and_unknown_names_are_refused() -> None:

@@ -41,23 +41,21 @@ VARIANTS = (
     replace(FEW_OMNI, scaling_speed=0.1, max_scaling_factor=0.8),
     replace(FEW_DIFF, angular_sim_granularity=2.0),
     replace(FEW_DIFF, min_vel_trans=0.0, min_vel_theta=0.0),
+    replace(FEW_DIFF, occdist_scale=0.0, path_distance_bias=0.0),
+    replace(FEW_DIFF, occdist_scale=0.0, path_distance_bias=0.0, goal_distance_bias=0.0),
 )
 
 
 def assert_same(problem: Problem) -> int:
     """Compare place, cost, velocity and trajectory; return the place."""
     place, cost, velocity, points = problem.fast()
-    expected, least, command, _ = problem.plain()
+    expected, least, command = problem.plain()
     assert place == expected
     if place >= 0:
         assert cost == least
         np.testing.assert_array_equal(velocity, command)
-        samples = plain.raw_samples(
-            problem.state,
-            float(np.hypot(*(problem.plan[-1] - problem.state[:2]))),
-            problem.settings,
-        )
-        drawn, _ = plain.trajectory(problem.state, samples[place], problem.settings)
+        sample = problem.samples()[place]
+        drawn, _ = plain.trajectory(problem.state, sample, problem.settings)
         np.testing.assert_array_equal(points, drawn)
     return place
 

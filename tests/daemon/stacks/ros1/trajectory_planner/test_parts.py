@@ -117,21 +117,50 @@ def test_what_may_not_be_taken_as_written_is_named(wrong: dict[str, object], wor
 
 
 @pytest.mark.parametrize(
-    ("wrong", "word"),
+    ("wrong", "names", "word"),
     [
-        ({"max_vel_x": 0.0}, "never drive"),
-        ({"min_vel_x": 0.7}, "no speed between"),
-        ({"sim_time": 0.0}, "sim_time"),
-        ({"vx_samples": 1}, "vx_samples"),
-        ({"vtheta_samples": 1}, "cannot turn"),
-        ({"acc_lim_x": 0.0}, "acc_lim_x"),
-        ({"acc_lim_theta": 0.0}, "acc_lim_theta"),
-        ({"heading_scoring": True, "heading_scoring_timestep": 0.8, "sim_time": 0.7}, "path nor"),
+        ({"max_vel_x": 0.0}, "max_vel_x", "never drive"),
+        ({"min_vel_x": 0.7}, "min_vel_x max_vel_x", "no speed between"),
+        ({"sim_time": 0.0}, "sim_time", "lead nowhere"),
+        ({"vx_samples": 1}, "vx_samples min_vel_x", "only min_vel_x"),
+        ({"vtheta_samples": 1}, "vtheta_samples", "cannot turn"),
+        ({"acc_lim_x": 0.0}, "acc_lim_x", "no other speed"),
+        ({"acc_lim_theta": 0.0}, "acc_lim_theta", "no other turning speed"),
+        # The last of 28 points of a trajectory of 0.7 s is at 0.675 s.
+        (
+            {"heading_scoring": True, "heading_scoring_timestep": 0.676, "sim_time": 0.7},
+            "heading_scoring_timestep sim_time",
+            "path nor",
+        ),
     ],
 )
-def test_contradictions_are_named(wrong: dict[str, float], word: str) -> None:
-    assert contradictions(DEFAULT) == ()
-    assert any(word in found.text for found in contradictions(replace(DEFAULT, **wrong)))  # type: ignore[arg-type]
+def test_each_contradiction_is_named_alone(wrong: dict[str, float], names: str, word: str) -> None:
+    (found,) = contradictions(replace(DEFAULT, **wrong))  # type: ignore[arg-type]
+    assert found.names == tuple(names.split())
+    assert word in found.text
+
+
+@pytest.mark.parametrize(
+    "sound",
+    [
+        {},
+        {"min_vel_x": 0.55},
+        {"vx_samples": 2},
+        {"vx_samples": 1, "min_vel_x": 0.1},
+        {"vtheta_samples": 2},
+        {"acc_lim_x": 0.0, "min_vel_x": 0.1},
+        {"heading_scoring": True, "heading_scoring_timestep": 0.675, "sim_time": 0.7},
+        {"heading_scoring_timestep": 0.8, "sim_time": 0.7},
+    ],
+)
+def test_what_only_looks_like_a_contradiction_is_none(sound: dict[str, float]) -> None:
+    assert contradictions(replace(DEFAULT, **sound)) == ()  # type: ignore[arg-type]
+
+
+def test_the_ends_of_a_range_are_taken_as_written() -> None:
+    for name, low, high in (("sim_time", 0.0, 10.0), ("min_vel_theta", -20.0, 0.0)):
+        for value, doubted in ((low, 0), (high, 0), (low - 0.1, 1), (high + 0.1, 1)):
+            assert len(doubts(replace(DEFAULT, **{name: value}))) == doubted  # type: ignore[arg-type]
 
 
 def test_published_configurations_contradict_nothing_and_are_taken_as_written() -> None:
