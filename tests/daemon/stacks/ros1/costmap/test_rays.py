@@ -119,6 +119,9 @@ def test_an_edge_below_and_left_belongs_to_the_grid_and_one_above_and_right_does
         costmap = build(12, 8, obstacle_range=20.0)
         costmap.update(HERE, (rays((8.5, 4.5), end),))
         assert free(costmap) == marked(costmap) == set()
+        # Nor at the other end of the grid, as this ray shows: its bounds hold columns 0 to 8.
+        costmap.update(HERE, (rays((8.5, 4.5), (0.5, 6.5)),))
+        assert marked(costmap) == {(0, 6)}
     costmap = build(12, 8)
     costmap.update(HERE, (rays((3.5, 4.5), (0.0, 4.5)),))
     assert free(costmap) == {(x, 4) for x in range(4)}
