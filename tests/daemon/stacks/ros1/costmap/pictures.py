@@ -55,12 +55,14 @@ def build(
     return Costmap(parameters, np.array(under or SMALL, dtype=float), ORIGINAL)
 
 
-def rays(begin: Point2, *ends: Point2, nearest: float = 0.05, farthest: float = 60.0) -> SensedScan:
-    """Return a scan of rays from ``begin`` to each of ``ends``."""
+def rays(
+    begin: Point2, *ends: Point2, yaw: float = 0.0, nearest: float = 0.05, farthest: float = 60.0
+) -> SensedScan:
+    """Return a scan of rays from ``begin`` to each of ``ends``; the laser looks to ``yaw``."""
     ways = [(x - begin[0], y - begin[1]) for x, y in ends]
     ranges = np.array([math.hypot(x, y) for x, y in ways], dtype=np.float32)
-    angles = np.array([math.atan2(y, x) for x, y in ways])
-    return SensedScan(Pose2(*begin), ranges, angles, nearest, farthest)
+    angles = np.array([math.atan2(y, x) - yaw for x, y in ways])
+    return SensedScan(Pose2(*begin, yaw), ranges, angles, nearest, farthest)
 
 
 def drawn(costmap: Costmap) -> list[str]:

@@ -42,13 +42,15 @@ Cells = list[tuple[int, int]]
         ((2, 6), (2, 3), [(2, 6), (2, 5), (2, 4), (2, 3)]),
     ],
 )
-@pytest.mark.parametrize("origin", [(0.0, 0.0), (-5.0, -3.0), (40.0, -60.0)])
+@pytest.mark.parametrize(
+    ("origin", "yaw"), [((0.0, 0.0), 0.0), ((-5.0, -3.0), 2.5), ((40.0, -60.0), -0.7)]
+)
 def test_a_ray_clears_the_cells_of_a_line_with_both_its_ends(
-    begin: tuple[int, int], end: tuple[int, int], cells: Cells, origin: Point2
+    begin: tuple[int, int], end: tuple[int, int], cells: Cells, origin: Point2, yaw: float
 ) -> None:
     costmap = build(12, 8, origin=origin)
     near, far = ((origin[0] + x + 0.4, origin[1] + y + 0.4) for x, y in (begin, end))
-    costmap.update(HERE, (rays(near, (far[0] + 0.2, far[1] + 0.2)),))
+    costmap.update(HERE, (rays(near, (far[0] + 0.2, far[1] + 0.2), yaw=yaw),))
     assert free(costmap) == set(cells)
 
 
@@ -111,12 +113,15 @@ def test_a_ray_that_leaves_the_grid_ends_at_its_edge(end: Point2, cells: Cells) 
 
 def test_an_edge_below_and_left_belongs_to_the_grid_and_one_above_and_right_does_not() -> None:
     # worldToMap: not below the origin, and a whole part less than the size. A ray that ends on the
-    # far edge is not beyond it either, so it is not cut off, has no cell to end in and clears
-    # nothing.
+    # far edge is not beyond it either, so it is not cut off, has no cell to end in, clears nothing
+    # and marks nothing.
     for end in ((12.0, 4.5), (8.5, 8.0)):
-        costmap = build(12, 8)
+        costmap = build(12, 8, obstacle_range=20.0)
         costmap.update(HERE, (rays((8.5, 4.5), end),))
-        assert free(costmap) == set()
+        assert free(costmap) == marked(costmap) == set()
+        # Nor at the other end of the grid, as this ray shows: its bounds hold columns 0 to 8.
+        costmap.update(HERE, (rays((8.5, 4.5), (0.5, 6.5)),))
+        assert marked(costmap) == {(0, 6)}
     costmap = build(12, 8)
     costmap.update(HERE, (rays((3.5, 4.5), (0.0, 4.5)),))
     assert free(costmap) == {(x, 4) for x in range(4)}
@@ -209,8 +214,8 @@ def test_points_are_moved_in_single_precision() -> None:
 # the highest of their cells.
 def test_the_footprint_frees_its_outline_and_what_lies_in_each_column_between() -> None:
     corners = ((2.5, 1.5), (8.5, 1.5), (5.5, 6.5))
-    costmap = build(10, 8, under=corners)
-    costmap.update(Pose2())
+    costmap = build(10, 8, under=corners, origin=(-7.0, 30.0))
+    costmap.update(Pose2(-7.0, 30.0))
     # (8, 1) to (5, 6) as in the table of lines; back to (2, 1): dx -3, dy -5, error 2, then 5-5, 3,
     # 6-5, 4, 7-5: (5, 6), (4, 5), (4, 4), (3, 3), (3, 2), (2, 1).
     assert drawn(costmap) == [

@@ -12,7 +12,7 @@ from collections.abc import Callable
 
 import pytest
 
-from grammars.model.geometry import Twist2
+from grammars.model.geometry import Pose2, Twist2
 from tests.daemon.stacks.ros1.move_base.bench import FORWARD, Bench
 
 STILL = Twist2()
@@ -120,6 +120,7 @@ def test_the_planner_gives_up_after_its_patience_or_its_retries(
     assert (round(given_up + 0.05, 2), "plann") in states(bench)
     assert bench.planned[-1] == pytest.approx(given_up + 0.2)
     assert bench.planned[-2] == pytest.approx(given_up)
+    assert [time for time in still(bench) if time < given_up + 0.15] == [given_up]
 
 
 def test_retries_are_counted_anew_after_a_recovery_and_a_plan() -> None:
@@ -218,6 +219,30 @@ def test_a_plan_between_two_cycles_delays_the_recovery_of_a_robot_that_does_not_
         (1.25, "contr"),
     ]  # fmt: skip
     assert tried(bench) == [(1.2, "r0")]
+
+
+@pytest.mark.parametrize(
+    ("steps", "recovers"),
+    [
+        # 0.2 m in any direction count, at 0.4, 0.7, 1.0 and 1.3: it has until 2.3. Less does not,
+        # and counts from where it last was enough: from (3, 4), as it began 5 m from (0, 0).
+        ([(3.2, 4.0), (3.2, 3.8), (3.0, 3.8), (3.13, 3.96)], 2.5),
+        ([(3.1, 4.1), (3.0, 4.19), (2.9, 3.9), (3.0, 3.81)], 1.2),
+        ([(3.15, 4.15), (3.0, 4.0), (2.85, 3.85), (3.0, 4.0)], 2.5),
+    ],
+)
+def test_to_get_on_is_to_leave_the_place_where_it_last_did(
+    steps: list[tuple[float, float]], recovers: float
+) -> None:
+    parameters = {"oscillation_timeout": 1.0, "planner_frequency": 0.0}
+    bench = Bench(speed=0.0, parameters=parameters)
+    bench.pose = Pose2(3.0, 4.0)
+    bench.accept()
+    for number, (x, y) in enumerate(steps):
+        bench.run(0.3 * (number + 1) + 0.05)
+        bench.pose = Pose2(x, y)
+    bench.run(4.0)
+    assert tried(bench)[0] == (recovers, "r0")
 
 
 @pytest.mark.parametrize(("begin", "timeout"), [(0.1, 0.7), (0.2, 0.7), (0.6, 0.3)])
