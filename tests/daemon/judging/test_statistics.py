@@ -121,6 +121,8 @@ def test_differences_next_to_nothing_and_beyond_doubt_have_their_p_value(mean: f
     found = MeanDifference(5, mean, 0.0, 0.0, 1.0, 4.0, "paired")
     assert found.p_above(0.0) == pytest.approx(stats.t.sf(mean, 4), rel=1e-9)
     assert found.p_above(2.0 * mean) == pytest.approx(stats.t.cdf(mean, 4), rel=1e-9)
+    assert found.p_below(0.0) == pytest.approx(stats.t.cdf(mean, 4), rel=1e-9)
+    assert found.p_below(2.0 * mean) == pytest.approx(stats.t.sf(mean, 4), rel=1e-9)
     assert found.p_different == pytest.approx(2.0 * stats.t.sf(mean, 4), rel=1e-9)
 
 
@@ -176,6 +178,7 @@ def test_a_difference_that_never_varies_is_known_exactly() -> None:
     found = paired_difference([3.0, 4.0, 5.0], [1.0, 2.0, 3.0])
     assert (found.low, found.mean, found.high) == (2.0, 2.0, 2.0)
     assert (found.p_above(1.9), found.p_above(2.0), found.p_different) == (0.0, 1.0, 0.0)
+    assert (found.p_below(2.1), found.p_below(2.0)) == (0.0, 1.0)
     assert paired_difference([1.0, 2.0], [1.0, 2.0]).p_different == 1.0
     assert welch_difference([1.0, 1.0], [1.0, 1.0]).high == 0.0
 
