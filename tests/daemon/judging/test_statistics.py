@@ -80,7 +80,7 @@ def test_the_runs_needed_are_enough_and_one_less_is_not(
 ) -> None:
     passed, n = count
     more = runs_needed(passed, n, rate)
-    assert more is not None
+    assert isinstance(more, int)
     assert at_least(passed + more, n + more) >= rate
     assert more == 0 or at_least(passed + more - 1, n + more - 1) < rate
 
@@ -197,6 +197,13 @@ def test_cliffs_delta_counts_who_is_larger(left: list[float], right: list[float]
     expected = sum((a > b) - (a < b) for a, b in pairs) / len(pairs)
     assert cliffs_delta(left, right) == pytest.approx(expected)
     assert cliffs_delta(right, left) == pytest.approx(-expected)
+
+
+def test_nothing_is_larger_than_nothing() -> None:
+    for left, right in (([], [1.0]), ([1.0], []), ([], [])):
+        with pytest.raises(ValueError, match="both sides"):
+            cliffs_delta(left, right)
+    assert holm_adjusted([]) == ()
 
 
 def test_magnitudes_have_words() -> None:
