@@ -114,6 +114,12 @@ class MeanDifference:
             return 0.0 if self.mean > limit else 1.0
         return t_probability((limit - self.mean) / self.error, self.freedom)
 
+    def p_below(self, limit: float) -> float:
+        """Return the one-sided p value for "the mean difference is below ``limit``"."""
+        if self.error == 0.0:
+            return 0.0 if self.mean < limit else 1.0
+        return t_probability((self.mean - limit) / self.error, self.freedom)
+
     @property
     def p_different(self) -> float:
         """Return the two-sided p value for "there is a difference"."""

@@ -245,11 +245,10 @@ def _p_worse(
         return None
     # Measures are not gated: nobody said whether more of them is worse. ``before`` may be negative.
     allowed = worse_by * abs(before)
+    # A margin gets worse downwards.
     if kind == "duration":
         return difference.p_above(allowed)
-    # A margin gets worse downwards: the same question about the negated difference.
-    down = replace(difference, mean=-difference.mean, low=-difference.high, high=-difference.low)
-    return down.p_above(allowed)
+    return difference.p_below(-allowed)
 
 
 def _adjust_together(tested: Sequence[_TestedChange]) -> tuple[QuantityChange, ...]:

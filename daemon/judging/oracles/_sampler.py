@@ -295,8 +295,9 @@ class SignalSampler:
         begun: dict[float, float] = {}
         for now, value in zip(time.tolist(), leg.tolist(), strict=True):
             begun.setdefault(value, now)
-        since = [begun[value] for value in leg.tolist()]
-        return np.where(np.isnan(leg), np.nan, time - np.array(since))
+        # Before the first report there is no leg; a NaN is not found again, not even by itself.
+        since = [begun.get(value, math.nan) for value in leg.tolist()]
+        return time - np.array(since)
 
     def _reached(self) -> Floats:
         return self._progress([float(p.reached) for p in self.trace.progress])

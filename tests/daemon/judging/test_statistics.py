@@ -80,7 +80,7 @@ def test_the_runs_needed_are_enough_and_one_less_is_not(
 ) -> None:
     passed, n = count
     more = runs_needed(passed, n, rate)
-    assert more is not None
+    assert isinstance(more, int)
     assert at_least(passed + more, n + more) >= rate
     assert more == 0 or at_least(passed + more - 1, n + more - 1) < rate
 
@@ -121,6 +121,8 @@ def test_differences_next_to_nothing_and_beyond_doubt_have_their_p_value(mean: f
     found = MeanDifference(5, mean, 0.0, 0.0, 1.0, 4.0, "paired")
     assert found.p_above(0.0) == pytest.approx(stats.t.sf(mean, 4), rel=1e-9)
     assert found.p_above(2.0 * mean) == pytest.approx(stats.t.cdf(mean, 4), rel=1e-9)
+    assert found.p_below(0.0) == pytest.approx(stats.t.cdf(mean, 4), rel=1e-9)
+    assert found.p_below(2.0 * mean) == pytest.approx(stats.t.sf(mean, 4), rel=1e-9)
     assert found.p_different == pytest.approx(2.0 * stats.t.sf(mean, 4), rel=1e-9)
 
 
@@ -176,6 +178,7 @@ def test_a_difference_that_never_varies_is_known_exactly() -> None:
     found = paired_difference([3.0, 4.0, 5.0], [1.0, 2.0, 3.0])
     assert (found.low, found.mean, found.high) == (2.0, 2.0, 2.0)
     assert (found.p_above(1.9), found.p_above(2.0), found.p_different) == (0.0, 1.0, 0.0)
+    assert (found.p_below(2.1), found.p_below(2.0)) == (0.0, 1.0)
     assert paired_difference([1.0, 2.0], [1.0, 2.0]).p_different == 1.0
     assert welch_difference([1.0, 1.0], [1.0, 1.0]).high == 0.0
 
@@ -194,6 +197,13 @@ def test_cliffs_delta_counts_who_is_larger(left: list[float], right: list[float]
     expected = sum((a > b) - (a < b) for a, b in pairs) / len(pairs)
     assert cliffs_delta(left, right) == pytest.approx(expected)
     assert cliffs_delta(right, left) == pytest.approx(-expected)
+
+
+def test_nothing_is_larger_than_nothing() -> None:
+    for left, right in (([], [1.0]), ([1.0], []), ([], [])):
+        with pytest.raises(ValueError, match="both sides"):
+            cliffs_delta(left, right)
+    assert holm_adjusted([]) == ()
 
 
 def test_magnitudes_have_words() -> None:

@@ -423,3 +423,12 @@ def test_a_trace_without_samples_is_inconclusive() -> None:
     texts = ("never(contact)", "reached(mission, 1 m)", "time(contact) < 1 s", "max(speed) > 0 m/s")
     for text in texts:
         assert verdict(nothing, text).outcome is Outcome.INCONCLUSIVE
+
+
+@pytest.mark.parametrize(
+    ("guard", "counts"), [("speed >= 0.5 m/s", True), ("speed > 0.5 m/s", False)]
+)
+def test_a_visit_counts_where_its_guard_just_holds(guard: str, counts: bool) -> None:
+    trace = make_trace(along(times(10.0)), goal=mission((2.0, 0.0)))
+    found = verdict(trace, f"reached(mission, 0.1 m) when {guard}")
+    assert found.outcome is (Outcome.PASS if counts else Outcome.INCONCLUSIVE)

@@ -16,6 +16,7 @@ from tests.daemon.judging.oracles.traces import (
     along,
     cut,
     make_trace,
+    mission,
     times,
     track,
     verdict,
@@ -102,6 +103,56 @@ def test_estimates_and_true_poses_can_be_compared() -> None:
     assert value(trace, "max(abs(estimate.y - pose.y))") == pytest.approx(0.2)
     assert value(trace, "max(loc.sigma.yaw)") == pytest.approx(0.1)
     assert value(trace, "min(estimate.particles)") == 500.0
+
+
+def test_the_mission_is_told_by_leg_time_and_distance() -> None:
+    reports = ((1.0, 0), (4.0, 1), (8.0, 2))
+    progress = tuple(ProgressRecord(t, n, n, "active") for t, n in reports)
+    trace = make_trace(along(times(10.0)), goal=mission((2.0, 0.0), (2.5, 3.0)), progress=progress)
+    sampler = SignalSampler(trace)
+
+    def at(name: str, time: float) -> float:
+        return float(sampler.sample(Signal(name)).values[round(time * 20)])
+
+    for name in ("mission.leg", "mission.leg.elapsed", "mission.distance"):
+        assert np.isnan(at(name, 0.5))
+    assert [at("mission.leg", t) for t in (1.0, 3.95, 4.0, 9.0)] == [1.0, 1.0, 2.0, 2.0]
+    elapsed = [at("mission.leg.elapsed", t) for t in (1.0, 3.5, 4.0, 9.0)]
+    assert elapsed == pytest.approx([0.0, 2.5, 0.0, 5.0])
+    # At 0.5 m/s along x: 1.25 m from the first at 1.5 s, then 3 m beside the second at 5 s.
+    assert at("mission.distance", 1.5) == pytest.approx(1.25)
+    assert at("mission.distance", 5.0) == pytest.approx(3.0)
+    assert at("mission.distance", 9.0) == pytest.approx(13**0.5)
+    assert at("path.length", 9.0) == pytest.approx(4.5)
+    assert at("elapsed", 9.0) == pytest.approx(9.0)
+
+
+def test_the_distance_of_an_object_is_that_from_the_foot_of_its_joint() -> None:
+    motion = along(times(10.0))
+    trace = make_trace(replace(motion, y=np.full(len(motion.time), -0.5)))
+    distance = SignalSampler(trace).sample(Signal("door-17.hinge.distance")).values
+    # The door hangs at (8, 1).
+    assert distance[0] == pytest.approx(np.hypot(8.0, 1.5))
+    assert distance[-1] == pytest.approx(np.hypot(3.0, 1.5))
+
+
+def test_of_contacts_between_two_samples_the_deepest_counts() -> None:
+    touches = tuple(
+        ContactRecord(time, first, second, (1.5, 0.2), (0.0, 1.0), depth)
+        for time, first, second, depth in (
+            (3.01, "robot", "wall-north", 0.004),
+            (3.02, "door-17.leaf", "robot", 0.009),
+            (3.03, "robot", "wall-south", 0.002),
+            (3.04, "door-17.leaf", "wall-north", 0.5),
+            (99.0, "robot", "wall-south", 0.7),
+        )
+    )
+    trace = make_trace(along(times(10.0)), contacts=touches)
+    deepest = verdict(trace, "max(contact.depth)")
+    assert deepest.evidence.value == 0.009
+    assert (deepest.evidence.object, deepest.evidence.time) == ("door-17.leaf", pytest.approx(3.05))
+    assert value(trace, "count(contact)") == 1.0
+    assert value(trace, "max(contact.depth(wall-north))") == 0.004
 
 
 def test_driving_backwards_has_a_sign() -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import numpy as np
@@ -65,6 +65,21 @@ def test_defaults_are_those_of_dynamic_reconfigure() -> None:
     assert (s.path_scale, s.goal_scale, s.obstacle_scale) == (0.6, 0.8, 0.01)
     assert (s.sim_time, s.x_samples, s.theta_samples, s.dwa) == (1.7, 20, 20, False)
     assert strafe_speeds(DEFAULT) == (-0.3, -0.1, 0.1, -0.3)
+    assert asdict(DEFAULT) == dict.fromkeys(
+        ("path_distance_bias", "pdist_scale", "goal_distance_bias", "gdist_scale",
+         "min_in_place_vel_theta", "min_in_place_rotational_vel", "controller_frequency")
+    ) | {
+        "acc_lim_x": 2.5, "acc_lim_y": 2.5, "acc_lim_theta": 3.2, "max_vel_x": 0.55,
+        "min_vel_x": 0.0, "max_vel_theta": 1.0, "min_vel_theta": -1.0, "max_rotational_vel": 1.0,
+        "holonomic_robot": True, "y_vels": "-0.3,-0.1,0.1,-0.3", "escape_vel": -0.1,
+        "yaw_goal_tolerance": 0.05, "xy_goal_tolerance": 0.1, "latch_xy_goal_tolerance": False,
+        "prune_plan": True, "sim_time": 1.7, "sim_granularity": 0.025,
+        "angular_sim_granularity": 0.025, "vx_samples": 20, "vtheta_samples": 20,
+        "meter_scoring": False, "occdist_scale": 0.01, "heading_lookahead": 0.325,
+        "heading_scoring": False, "heading_scoring_timestep": 0.1, "dwa": False,
+        "simple_attractor": False, "oscillation_reset_dist": 0.05, "escape_reset_dist": 0.1,
+        "escape_reset_theta": math.pi / 2.0,
+    }  # fmt: skip
 
 
 def test_weights_are_per_metre_when_asked_and_go_by_older_names() -> None:
