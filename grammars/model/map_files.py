@@ -24,7 +24,6 @@ from grammars.model.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 from grammars.text import codec
 from grammars.text.diagnostics import InputError, Where
 from grammars.text.documents import (
-    QuantityField,
     StrictModel,
     YamlDocument,
     load_yaml,
@@ -39,8 +38,6 @@ _GREY: Final = 255
 # and exactly one white space after the last (netpbm).
 _HEADER: Final = re.compile(rb"(P[25])" + rb"(?:\s|#[^\n]*\n)+(\d{1,9})" * 3 + rb"\s", re.DOTALL)
 
-_Metres = Annotated[float, QuantityField("length", plain=True)]
-_Radians = Annotated[float, QuantityField("angle", plain=True)]
 _Share = Annotated[float, Field(ge=0.0, le=1.0)]
 
 
@@ -50,8 +47,8 @@ class _MapKeys(StrictModel):
     model_config = StrictModel.model_config | {"extra": "ignore"}
 
     image: str = Field(min_length=1)
-    resolution: Annotated[float, QuantityField("length", plain=True), Field(ge=0.001, le=10.0)]
-    origin: tuple[_Metres, _Metres, _Radians]
+    resolution: Annotated[float, Field(ge=0.001, le=10.0)]
+    origin: Annotated[list[float], Field(min_length=3, max_length=3)]
     negate: Annotated[int, Field(ge=0, le=1)]
     occupied_thresh: _Share
     free_thresh: _Share
