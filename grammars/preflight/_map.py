@@ -9,7 +9,7 @@ import numpy as np
 import shapely
 
 from grammars.model.geometry import Point2
-from grammars.model.grid import OCCUPIED, UNKNOWN, OccupancyGrid
+from grammars.model.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 from grammars.model.mission import Mission
 from grammars.model.scene import Scene
 from grammars.text.diagnostics import Diagnostic, Severity, Where
@@ -34,8 +34,9 @@ def check_map(
 ) -> list[Diagnostic]:
     """Return warnings about a map that is given as it is; ``where`` is its name's place.
 
-    They are about a start or a waypoint on a cell that is not free, and about a map whose occupied
-    cells mostly lie away from what stands in the scene at ``laser_height`` [m].
+    They are about a start or a waypoint on a cell that is not free, about values that stacks do not
+    tell apart, and about a map whose occupied cells mostly lie away from what stands in the scene
+    at ``laser_height`` [m].
     """
     spots = [("the start", "start", (mission.start.x, mission.start.y))]
     spots += [(f"waypoint {w.id}", w.id, (w.x, w.y)) for w in mission.waypoints]
@@ -49,8 +50,8 @@ def check_map(
         for label, key, point in spots
         if (state := _not_free(grid, point))
     ]
-    beside = _beside(grid, scene, laser_height, where)
-    return [*found, *([beside] if beside else [])]
+    whole = (_between(grid, where), _beside(grid, scene, laser_height, where))
+    return [*found, *(one for one in whole if one is not None)]
 
 
 def _not_free(grid: OccupancyGrid, point: Point2) -> str:
@@ -64,6 +65,19 @@ def _not_free(grid: OccupancyGrid, point: Point2) -> str:
     if value == OCCUPIED:
         return "on an occupied cell of"
     return "on an unknown cell of" if value == UNKNOWN else ""
+
+
+def _between(grid: OccupancyGrid, where: Where) -> Diagnostic | None:
+    count = int(np.count_nonzero((grid.cells > FREE) & (grid.cells < OCCUPIED)))
+    if not count:
+        return None
+    return Diagnostic(
+        where,
+        f"{count} cells of the map are neither free nor occupied nor unknown, but in between",
+        "the stacks here see three kinds, as costmap_2d and amcl do unless told otherwise: "
+        "costmaps take these for free, amcl for unknown",
+        Severity.WARNING,
+    )
 
 
 def _beside(

@@ -190,6 +190,10 @@ def test_a_map_that_lies_beside_the_building_is_told(folder: Path) -> None:
     (beside,) = [one for one in found if "of the occupied cells" in one]
     assert beside.startswith("campaign.yaml:8:7: warning: 0% of the occupied cells of the map lie")
     assert f"what stands in {scene.name}" in beside
+    cells = grid.cells.copy()
+    cells[cells == FREE] = 40
+    write_map(replace(grid, cells=cells), folder / "own", laser_height=0.2)
+    assert any("but in between" in one for one in warnings(folder))
     empty = np.full_like(grid.cells, FREE)
     write_map(replace(grid, cells=empty), folder / "own", laser_height=0.2)
     assert any("no cell of the map is occupied" in one for one in warnings(folder))
