@@ -12,7 +12,7 @@ from typing import Any, Final, Literal, TypeAlias, TypeVar
 
 from grammars.floorplan import FloorPlan
 from grammars.model.behaviour import Behaviour
-from grammars.model.grid import MapRule
+from grammars.model.grid import MapRule, OccupancyGrid
 from grammars.model.kinematics import WORLD
 from grammars.model.mission import Mission
 from grammars.model.robot import Robot
@@ -65,7 +65,7 @@ class ArtefactWorld:
     ``states`` are named joint states of the objects: joint positions [rad or m] by scene-wide
     joint name. ``layers`` are the scenery layers the scene was composed of, in order.
     ``sources`` are the files all of it was written in. ``resolution`` [m] and ``rule`` are those
-    of the campaign's maps.
+    of the campaign's maps; ``given_map`` is the map that it gives instead of a drawn one.
     """
 
     name: str
@@ -78,6 +78,7 @@ class ArtefactWorld:
     sources: tuple[Path, ...] = ()
     resolution: float = DEFAULT_RESOLUTION
     rule: MapRule = DEFAULT_RULE
+    given_map: OccupancyGrid | None = None
     layers: tuple[SceneryLayer, ...] = ()
 
 

@@ -162,6 +162,17 @@ class _MapText(StrictModel):
     rule: MapRule = "outline"
     """Which cells a wall takes. outline: as maps of published plans are drawn, through the cells
     of its corners; touch: each that it overlaps; centre: those whose centre it covers."""
+    file: str = Field(default="", min_length=1)
+    """A map of one's own instead: its map_server YAML, relative to the campaign file."""
+
+    @model_validator(mode="after")
+    def _drawn_or_given(self) -> _MapText:
+        drawing = sorted(self.model_fields_set - {"file"})
+        if self.file and drawing:
+            raise ValueError(
+                f'"file" gives a map as it is, "{drawing[0]}" is about drawing one: leave one out'
+            )
+        return self
 
     def settings(self) -> MapSettings:
         return MapSettings(self.resolution, self.doors, self.rule)
@@ -304,7 +315,8 @@ class PlanVariation:
 class ResolvedScenario:
     """A scenario after inheritance: every slot filled, nothing loaded yet.
 
-    ``chance`` says whether random behaviours are drawn anew for each repeat or once.
+    ``chance`` says whether random behaviours are drawn anew for each repeat or once. With a
+    ``map_file`` the map is that file's, else it is drawn as ``map`` says.
     """
 
     name: str
@@ -318,6 +330,7 @@ class ResolvedScenario:
     suts: tuple[LayerReference, ...] = ()
     oracles: tuple[LayerReference, ...] = ()
     map: MapSettings = field(default_factory=MapSettings)
+    map_file: LayerReference | None = None
     vary: PlanVariation | None = None
     chance: _Chance = "per repeat"
     limit: float = 0.0
@@ -380,6 +393,7 @@ def _defaults(
         robot=robot,
         suts=suts,
         map=text.map.settings(),
+        map_file=_map_file(text.map, ("map", "file"), document),
         vary=_vary(text.vary, ("vary",), text, document),
         chance=text.chance,
         limit=text.limit,
@@ -425,10 +439,17 @@ def _overlay(
         changes[slot] = inherited + _references(more, (*path, f"{slot}+"), document)
     if scenario.map is not None:
         changes["map"] = scenario.map.settings()
+        changes["map_file"] = _map_file(scenario.map, (*path, "map", "file"), document)
     for slot in ("limit", "chance", "about"):
         if getattr(scenario, slot):
             changes[slot] = getattr(scenario, slot)
     return replace(base, **changes)
+
+
+def _map_file(
+    written: _MapText, path: tuple[str, ...], document: YamlDocument
+) -> LayerReference | None:
+    return LayerReference(written.file, {}, document.where(path)) if written.file else None
 
 
 def _references(

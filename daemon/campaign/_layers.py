@@ -10,11 +10,14 @@ from typing import Any, Final, TypeVar
 
 from daemon.campaign._file import LayerReference, Overrides, PlanVariation
 from daemon.campaign._sut_files import LoadedSut, load_sut
-from daemon.model.spec import SutReference
+from daemon.model.attachments import store_data
+from daemon.model.spec import MapSettings, SutReference
 from daemon.stacks.registry import check_parameters, sut_kinds
 from grammars.floorplan import FloorPlan, load_floorplan
 from grammars.jsonld import load_floorplan_jsonld, load_scenery_jsonld
 from grammars.model.files import load_mission, load_robot
+from grammars.model.grid import OccupancyGrid
+from grammars.model.map_files import pack_map, read_map
 from grammars.model.mission import Mission
 from grammars.model.robot import Robot
 from grammars.oracle import Oracle, load_oracles
@@ -83,6 +86,25 @@ def _names_in(place: Path, kind: LayerKind) -> list[str]:
     return [name for name in names if "." not in name]
 
 
+@dataclass(frozen=True, slots=True)
+class GivenMap:
+    """A map of one's own: what runs say of it, and what it shows."""
+
+    settings: MapSettings
+    grid: OccupancyGrid
+
+
+def _load_map(path: Path) -> GivenMap:
+    grid = read_map(path)
+    try:
+        digest = store_data(pack_map(grid))
+    except OSError as error:
+        raise InputError.at(
+            Where(str(path)), f"the map cannot be kept for runs: {error}"
+        ) from error
+    return GivenMap(MapSettings(resolution=grid.resolution, file=digest), grid)
+
+
 @dataclass(slots=True)
 class LayerLibrary:
     """The layers of one campaign, each file read once, findings kept."""
@@ -130,6 +152,14 @@ class LayerLibrary:
             path = find_layer(self.folder, reference, ORACLES)
             found |= self._once("oracles", path, load_oracles)
         return found
+
+    def map(self, reference: LayerReference) -> GivenMap:
+        """Load a map of one's own and keep it where runs find it by its digest."""
+        path = self.folder / reference.name
+        if not path.is_file():
+            hint = "name the YAML file of a map, relative to the campaign file"
+            raise InputError(Diagnostic(reference.where, f'no file "{reference.name}"', hint))
+        return self._once("map", path, _load_map)
 
     def sut(self, reference: LayerReference) -> SutReference:
         """Load a SUT file, or take a kind by its name with default parameters."""

@@ -76,6 +76,7 @@ def _world_of_cell(campaign: Campaign, cell: CampaignCell, repeats: int | None) 
         sources=_sources(campaign, cell),
         resolution=cell.map.resolution,
         rule=cell.map.rule,
+        given_map=cell.given_map,
         layers=cell.layers,
     )
 

@@ -16,7 +16,8 @@ from PIL import Image
 from ruamel.yaml import YAML
 
 from grammars.model.geometry import Point2, Pose2, Ring
-from grammars.model.grid import FREE, OCCUPIED, UNKNOWN, MapRule, OccupancyGrid, write_map
+from grammars.model.grid import FREE, OCCUPIED, UNKNOWN, MapRule, OccupancyGrid
+from grammars.model.map_files import write_map
 from grammars.model.scene import Doorway, Joint, Link, Region, Scene, SceneObject, Solid
 from templates.occupancy import occupancy_grid
 from tests.templates.cells import cell, flooded
