@@ -297,7 +297,8 @@ class SignalSampler:
             begun.setdefault(value, now)
         # Before the first report there is no leg; a NaN is not found again, not even by itself.
         since = [begun.get(value, math.nan) for value in leg.tolist()]
-        return time - np.array(since)
+        elapsed: Floats = time - np.array(since)
+        return elapsed
 
     def _reached(self) -> Floats:
         return self._progress([float(p.reached) for p in self.trace.progress])
