@@ -88,7 +88,9 @@ def test_scenarios_that_look_the_same_share_a_folder(
 def test_maps_are_those_that_the_campaign_declares(campaigns: Path, tmp_path: Path) -> None:
     shutil.copytree(campaigns, tmp_path / "campaigns")
     demo = tmp_path / "campaigns" / "demo" / "campaign.yaml"
-    text = demo.read_text()
+    text = "".join(
+        line for line in demo.read_text().splitlines(keepends=True) if not line.startswith("map:")
+    )
     plan = tmp_path / "campaigns" / "demo" / "flat.fpm"
     scene = compile_scene(load_floorplan(plan), [])
 
