@@ -23,7 +23,7 @@ from grammars.model.mission import Mission
 from grammars.oracle import Amount, Leg, Oracle, Statistic, kind_of, leg_number, parse_oracle
 from grammars.text.diagnostics import Diagnostic, InputError, Where, did_you_mean
 from grammars.text.documents import YamlDocument
-from grammars.text.quantity import read_quantity
+from grammars.text.quantity import parse_in
 
 # A sentence and not keys of YAML: a value that begins with ">" or "<" means something else there.
 _NAME: Final = r"[A-Za-z0-9][A-Za-z0-9._-]*"
@@ -175,7 +175,7 @@ def _comparison(name: str, sentence: str, scope: DeclarationScope) -> ScenarioCo
         message = f'"on leg" goes with delay; let the measure "{quantity}" say "on leg {leg}"'
         raise InputError(Diagnostic(at("leg"), message))
     unit = "s" if quantity == DELAY else _unit(quantity, at("quantity"), (left, right), scope)
-    limit = _limit(found["limit"], unit, quantity, at("limit"))
+    limit = parse_in(found["limit"], unit, quantity, at("limit"))
     return ScenarioComparison(
         name=name,
         quantity=quantity,
@@ -226,18 +226,6 @@ def _measure_unit(oracle: Oracle) -> str:
             return kind.unit if kind is not None else "1"
         case _:
             return "1"
-
-
-def _limit(text: str, unit: str, quantity: str, where: Where) -> float:
-    try:
-        found = read_quantity(text)
-    except ValueError as error:
-        raise InputError(Diagnostic(where, str(error))) from error
-    if found.unit != unit:
-        given = "has no unit" if found.unit == "1" else f"is in {found.unit}"
-        wanted = "a plain number" if unit == "1" else unit
-        raise InputError(Diagnostic(where, f'"{text}" {given}, {quantity} is in {wanted}'))
-    return found.value
 
 
 def _unmatched_expectation(

@@ -17,7 +17,7 @@ from pydantic import BeforeValidator, Field
 from daemon.model.assessments import ReferenceValue
 from grammars.text.diagnostics import Diagnostic, InputError, Where, did_you_mean
 from grammars.text.documents import KeyPath, StrictModel, YamlDocument
-from grammars.text.quantity import read_quantity
+from grammars.text.quantity import parse_in
 
 _COUNT: Final = re.compile(r"\s*(?P<passed>\d{1,6})\s+of\s+(?P<runs>\d{1,6})\s*")
 
@@ -125,16 +125,16 @@ def _reference(
     }  # fmt: skip
     if unit is None:
         return ReferenceValue(**common, **_rate(text, place))
-    value = _amount(text.value, unit, text.oracle, place.at("value"))
+    value = parse_in(text.value, unit, text.oracle, place.at("value"))
     words, deviation, low, high = text.value.strip(), None, None, None
     if text.deviation is not None:
-        deviation = _amount(text.deviation, unit, text.oracle, place.at("deviation"))
+        deviation = parse_in(text.deviation, unit, text.oracle, place.at("deviation"))
         if deviation < 0.0:
             raise InputError(Diagnostic(place.at("deviation"), "a deviation is never negative"))
         words += f" ± {text.deviation.strip()}"
     if text.range is not None:
         bounds = enumerate(text.range)
-        low, high = (_amount(b, unit, text.oracle, place.at("range", i)) for i, b in bounds)
+        low, high = (parse_in(b, unit, text.oracle, place.at("range", i)) for i, b in bounds)
         if low > high:
             raise InputError(Diagnostic(place.at("range"), "write the smaller value first"))
         words += f" ({text.range[0].strip()} to {text.range[1].strip()})"
@@ -202,18 +202,6 @@ def _forbidden(text: _ValueText) -> Iterator[str]:
     for key in ("statistic", "deviation", "range", "runs"):
         if key in text.model_fields_set:
             yield key
-
-
-def _amount(text: str, unit: str, oracle: str, where: Where) -> float:
-    try:
-        found = read_quantity(text)
-    except ValueError as error:
-        raise InputError(Diagnostic(where, str(error))) from error
-    if found.unit != unit:
-        given = "has no unit" if found.unit == "1" else f"is in {found.unit}"
-        wanted = "a plain number" if unit == "1" else f"in {unit}"
-        raise InputError(Diagnostic(where, f'"{text}" {given}, {oracle} is {wanted}'))
-    return found.value
 
 
 def _matching(pattern: str, names: Iterable[str]) -> list[str]:
