@@ -231,6 +231,17 @@ def test_a_usual_file_that_is_missing_is_worth_a_warning(folder: Path) -> None:
     assert sum("ROS defaults apply" in w for w in load(folder, "mine")[1]) == 1
 
 
+def test_of_two_names_for_a_file_the_usual_one_is_read(folder: Path) -> None:
+    (folder / "robot" / "amcl_params.yaml").write_text("odom_alpha1: 0.7\n")
+    sut, warnings = load(folder, "robot")
+    assert sut.parameters["amcl"] == {"odom_alpha1": 0.1}
+    assert any("not read in robot: amcl_params.yaml" in w for w in warnings)
+    (folder / "robot" / "amcl.yaml").unlink()
+    sut, warnings = load(folder, "robot")
+    assert sut.parameters["amcl"] == {"odom_alpha1": 0.7}
+    assert not any("not read" in w for w in warnings)
+
+
 def test_what_is_wrong_in_several_files_is_reported_at_once(folder: Path) -> None:
     (folder / "robot" / "amcl.yaml").write_text("- 1\n")
     (folder / "robot" / "move_base_params.yaml").write_text("a: [\n")

@@ -7,10 +7,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from grammars.model.behaviour import Hold
+from grammars.model.behaviour import Hold, KeyFrame, KeyFrames, Servo
 from grammars.model.geometry import Pose2, Twist2
 from grammars.model.kinematics import link_poses
-from tests.daemon.simulator.scenes import door, folding, sliding_door, wall, world
+from grammars.model.scene import Joint, Link, SceneObject
+from tests.daemon.simulator.scenes import box, door, folding, sliding_door, wall, world
 
 AHEAD = Pose2(1.0, 0.5, math.pi)
 """A closed door across the robot's way, opening away from it."""
@@ -172,6 +173,28 @@ def test_velocities_are_the_rate_of_positions() -> None:
         moved |= {i for i in range(4) if abs(velocity[i]) > 0.1}
     assert {0, 2, 3} <= moved
     assert exact > 300
+
+
+def test_the_velocity_of_what_slides_on_a_turning_leaf_is_its_own() -> None:
+    # The drawer is heavy beside its rail, so that its centre turns with the leaf at another speed.
+    leaf = Link("leaf", (box(-0.02, 0.0, 0.02, 0.9),), 8.0, 0.0, 2.0)
+    drawer = Link("drawer", (box(0.1, 0.2, 0.5, 0.4),), 3.0, 0.0, 2.0)
+    hinge = Joint("hinge", "revolute", "world", "leaf", (0.0, 0.0), (0.0, 0.0), -2.0, 2.0)
+    rail = Joint("rail", "prismatic", "leaf", "drawer", (0.0, 0.0), (0.6, 0.8), -0.5, 0.5)
+    cabinet = SceneObject(
+        "c", "cabinet", Pose2(3.0, 1.0, 0.7), (leaf, drawer), (hinge, rail), (0.0, 0.0)
+    )
+    swing = KeyFrames("c.hinge", (KeyFrame(0.0, 0.0), KeyFrame(0.1, 1.5)), Servo(1.5, 400.0))
+    simulated = world(cabinet, behaviours=(swing,))
+    simulated.advance(20)
+    slid = 0.0
+    for _ in range(60):
+        before = simulated.joint_positions()
+        simulated.advance(1)
+        now, velocity = simulated.joint_positions(), simulated.joint_velocities()
+        assert (now - before) * 100.0 == pytest.approx(velocity, abs=0.02)
+        slid = max(slid, abs(velocity[1]))
+    assert slid > 0.1
 
 
 def test_sleeping_doors_do_not_change_the_outcome() -> None:
