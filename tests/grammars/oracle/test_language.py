@@ -237,6 +237,10 @@ def test_a_finding_points_at_the_offending_part() -> None:
     assert refusal(text).where == Where(HERE.file, 4, 12 + text.index("0.35"))
 
 
+def test_a_finding_in_a_text_of_several_lines_points_at_its_beginning() -> None:
+    assert refusal("always(\n  loc.error <= 0.35 s)").where == HERE
+
+
 def test_findings_in_judgement_and_guard_are_reported_together() -> None:
     with pytest.raises(InputError) as caught:
         parse("always(loc.eror <= 1 m) when sped > 1 m/s")
