@@ -76,3 +76,20 @@ def test_waypoints_of_one_place_share_a_disc() -> None:
     (items,) = (g.items for g in draw_world(world()).groups if g.name == "waypoints")
     discs = [item.centre for item in items if isinstance(item, Disc)]
     assert discs == [pytest.approx(page(1.5, 1.5)), pytest.approx(page(3.8, 1.7))]
+
+
+def test_robot_and_waypoints_show_where_they_look() -> None:
+    figure = draw_world(world())
+    body, arrow = shapes(figure, "robot")
+    nose, left, right = arrow.rings[0]
+    assert len(body.rings[0]) == 4
+    c, s = math.cos(0.7), math.sin(0.7)
+    assert nose == pytest.approx(page(0.4 + 0.2 * c, 0.3 + 0.2 * s), abs=0.01)
+    assert ((left[0] + right[0]) / 2, (left[1] + right[1]) / 2) == (
+        pytest.approx(page(0.4 - 0.07 * c, 0.3 - 0.07 * s), abs=0.01)
+    )
+    # The second waypoint is to be reached at 0.5 rad, the others any way round.
+    (look,) = shapes(figure, "waypoints")
+    at, ahead = look.rings[0]
+    assert at == pytest.approx(page(3.8, 1.7))
+    assert math.atan2(at[1] - ahead[1], ahead[0] - at[0]) == pytest.approx(0.5, abs=1e-3)

@@ -295,8 +295,8 @@ class SignalSampler:
         for now, value in zip(time.tolist(), leg.tolist(), strict=True):
             begun.setdefault(value, now)
         # Before the first report there is no leg; a NaN is not found again, not even by itself.
-        since = [begun.get(value, math.nan) for value in leg.tolist()]
-        return time - np.array(since)
+        since: Floats = np.array([begun.get(value, math.nan) for value in leg.tolist()])
+        return time - since
 
     def _reached(self) -> Floats:
         return self._progress([float(p.reached) for p in self.trace.progress])
