@@ -260,11 +260,11 @@ def test_the_nose_counts_until_the_end_of_the_plan_is_near() -> None:
     plan = straight(0.5)
     answers = []
     for yaw in (-2.0, -1.2, -0.4, 0.4, 1.2, 2.0):
-        pose = Pose2(0.0, 0.1, yaw)
-        # The way from the robot to the end, 0.5 m along and 0.1 m down, 0.325 m beyond it.
-        way = math.atan2(-0.1, 0.5)
+        pose = Pose2(-0.05, 0.1, yaw)
+        # The way from the robot to the end, 0.55 m along and 0.1 m down, 0.325 m beyond it.
+        way = math.atan2(-0.1, 0.55)
         end = (0.5 + 0.325 * math.cos(way), 0.325 * math.sin(way))
-        # 0.26 m^2 is its square: further than 0.325 m times the root of 2, not times that of 3.
+        # 0.3125 m^2 is its square: further than 0.325 m times the root of 2, not times that of 3.
         for factor, aligned in ((2.0, True), (3.0, False)):
             dwa = controller(replace(FEW, cheat_factor=factor))
             dwa.set_plan(plan)
